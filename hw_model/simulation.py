@@ -11,7 +11,7 @@ from hw_model.accounting.activity import StepActivity, count_steps, count_totals
 from hw_model.description.counts import Counts, total
 from hw_model.engine.playing import Player, Spikes, length_of, play, read_streams
 from hw_model.engine.probes import KINDS, Kind, PhaseProbes, Probe, hull, read_probes
-from hw_model.engine.trace import EVENTS, PhaseInput, PhaseTrace, Register, Window
+from hw_model.engine.trace import EVENTS, TOTALS, PhaseInput, PhaseTrace, Register, Window
 from hw_model.errors import InputError, check_known, check_most
 from hw_model.io.given import checked
 from hw_model.mapping.graph import largest
@@ -22,6 +22,7 @@ from hw_model.values import AnyArray, ByteArray, FloatArray, IntArray, Shown
 Engine = Literal["fast", "reference"]
 ENGINES: tuple[Engine, ...] = get_args(Engine)
 
+_EVENTS = slice(TOTALS.index(EVENTS[0]), TOTALS.index(EVENTS[-1]) + 1)
 MAX_TOGETHER = 1 << 26
 """Spikes, 0 or 1, that are held at a time before they are counted: recordings go in parts of at most so many."""
 
@@ -188,22 +189,27 @@ def _engine(engine: Engine, skip: bool) -> tuple[Run, Player]:
 
 def _add_events(program: ChipProgram, phase: str, trace: PhaseTrace, events: dict[str, IntArray]) -> None:
     """Add up wraps and clips by phase, (populations, kinds)."""
-    if not trace.events.any():
+    if not trace.totals[:, _EVENTS].any():
         return
     starts = [columns.start for columns in program.columns_of(phase).values()]
-    found = np.add.reduceat(trace.events.sum(axis=0), starts, axis=1)
+    found = np.add.reduceat(trace.events[0] if len(trace.events) == 1 else trace.events.sum(axis=0), starts, axis=1)
     events[phase] = events.get(phase, 0) + found.T
 
 
 def _add_scores(program: ChipProgram, phase: str, trace: PhaseTrace, scores: FloatArray) -> None:
     """Add what the populations of a phase give to the class scores, (batch, classes)."""
+    for columns, weight in _terms(program, phase):
+        scores += weight * trace.sent[:, columns]
+
+
+@lru_cache(maxsize=8)
+def _terms(program: ChipProgram, phase: str) -> list[tuple[slice, float]]:
+    """Return what of ``sent`` gives class scores by its spikes, with its weight."""
     if program.readout is None:
-        return
-    columns = program.columns_of(phase)
-    spikes = trace.sent[:, trace.sent.shape[1] - trace.spikes.shape[2] :]
-    for name, weight in program.readout.terms:
-        if name in columns and name not in program.readout.from_step:
-            scores += weight * spikes[:, columns[name]]
+        return []
+    columns, lines = program.columns_of(phase), sum(item.size for item in program.inputs_of(phase))
+    taken = [(name, w) for name, w in program.readout.terms if name not in program.readout.from_step]
+    return [(slice(lines + columns[n].start, lines + columns[n].stop), w) for n, w in taken if n in columns]
 
 
 def _decisive(program: ChipProgram) -> dict[Kind, Probe]:

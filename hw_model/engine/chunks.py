@@ -7,7 +7,21 @@ of them do not rest.
 """
 
 from hw_model.arithmetic.fixed_point import WEIGHT_SHIFT
-from hw_model.engine.lanes import Ends, Given, Lanes, Place, Returned, bits, count, halves, kernel, short, where
+from hw_model.engine.lanes import (
+    Ends,
+    Given,
+    Lanes,
+    Place,
+    Returned,
+    bits,
+    count,
+    halves,
+    kernel,
+    mask_of,
+    put,
+    short,
+    where,
+)
 from hw_model.engine.layout import (
     BIAS,
     BLOCKED,
@@ -158,6 +172,31 @@ def advance_pair(c: Place, charge: Place, other_charge: Place, widths: Given) ->
     c[V], other[V] = v, v_other
     fired = _clip(soma, v + v_other) > soma[THRESHOLD]
     return bits(fired), bits((u | v | u_other | v_other) != 0)
+
+
+@kernel("charge, row, slot, weights, at", returns=0)
+def add_weights(charge: Place, weights: Place) -> None:
+    """Add the weights of a spike to a chunk's charges."""
+    charge[0] += weights[0]
+
+
+@kernel("numbers, at, number", returns=0)
+def fill(numbers: Place, number: Given) -> None:
+    """Put one number into all lanes."""
+    numbers[0] = numbers.each(number)
+
+
+@kernel("event, at, first, spikes", returns=1)
+def list_lanes(event: Place, first: Given, spikes: Given) -> Returned:
+    """List a chunk's spikes, given as bits, counted from ``first``; return how many there are."""
+    return (put(event, mask_of(event, spikes), first),)
+
+
+@kernel("spikes, row, column, sent, source, fired", returns=0)
+def note(spikes: Place, sent: Place, fired: Given) -> None:
+    """Write a chunk's spikes, given as bits, as 0 and 1, and count them."""
+    spikes[0] |= mask_of(spikes, fired)
+    sent[0] += mask_of(spikes, fired)
 
 
 @kernel("registers, child, same, parent", returns=0)

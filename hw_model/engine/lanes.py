@@ -43,11 +43,13 @@ class Lanes:
         return Lanes(self.builder, value)
 
     def like(self, other: "Lanes | int") -> ir.Value:
-        """Return what is combined with these lanes: an integer in every lane, a truth as 0 or 1."""
+        """Return what is combined with these lanes, in their type: an integer in every lane, a truth as 0 or 1."""
         if not isinstance(other, Lanes):
             return ir.Constant(self.value.type, [other] * LANES)
-        narrow = other.value.type.element == BIT and self.value.type.element != BIT
-        return self.builder.zext(other.value, self.value.type) if narrow else other.value
+        wide, narrow = self.value.type, other.value.type
+        if narrow == wide:
+            return other.value
+        return (self.builder.zext if narrow.element == BIT else self.builder.sext)(other.value, wide)
 
     __add__, __sub__, __mul__ = _operation("add"), _operation("sub"), _operation("mul")
     __and__, __or__, __xor__ = _operation("and_"), _operation("or_"), _operation("xor")
@@ -72,12 +74,36 @@ def short(lanes: Lanes) -> Lanes:
 
 def halves(place: "Place", widths: Given) -> Ends:
     """Return the pair :class:`hw_model.engine.layout.Widths`; the usual one, in 32 bits, is known beforehand."""
-    return USUAL_WIDTHS if place.width == 32 else [place.all_lanes(widths, number) for number in range(2)]
+    return USUAL_WIDTHS if place.width == 32 else [place.each(widths, number) for number in range(2)]
+
+
+def put(place: "Place", mask: Lanes, first: Given) -> Given:
+    """Put ``first`` plus the number of each lane that is set at a place, side by side; return how many there are.
+
+    The place has room for all lanes.
+    """
+    numbers = place.each(first) + place.numbers()
+    place[0] = numbers.with_value(_compress(place, numbers, mask))
+    return count(mask)
+
+
+def _compress(place: "Place", numbers: Lanes, mask: Lanes) -> ir.Value:
+    vector, builder = numbers.value.type, numbers.builder
+    kind = ir.FunctionType(vector, [vector, mask.value.type, vector])
+    name = f"llvm.experimental.vector.compress.v{LANES}i{place.width}"
+    compress = cgutils.get_or_insert_function(builder.module, kind, name)
+    return builder.call(compress, [numbers.value, mask.value, ir.Constant(vector, ir.Undefined)])
 
 
 def bits(mask: Lanes) -> ir.Value:
     """Return a mask as a number: lane i is bit i."""
     return mask.builder.zext(mask.builder.bitcast(mask.value, ir.IntType(LANES)), COUNT)
+
+
+def mask_of(place: "Place", number: Given) -> Lanes:
+    """Return the mask that a number is."""
+    builder = place.numbers().builder
+    return Lanes(builder, builder.bitcast(builder.trunc(number, ir.IntType(LANES)), ir.VectorType(BIT, LANES)))
 
 
 def count(mask: Lanes) -> ir.Value:
@@ -103,14 +129,19 @@ class Place:
         value = lanes.value if isinstance(lanes, Lanes) else ir.Constant(vector, [lanes] * LANES)
         self._builder.store(value, self._at(field), align=self.width // 8)
 
-    def all_lanes(self, pair: ir.Value, number: int) -> Lanes:
-        """Return a number of a pair in all lanes."""
-        none = ir.Constant(ir.VectorType(self._first.type.pointee, LANES), ir.Undefined)
-        one = self._builder.insert_element(none, self._builder.extract_value(pair, number), COUNT(0))
-        return Lanes(
-            self._builder,
-            self._builder.shuffle_vector(one, none, ir.Constant(ir.VectorType(COUNT, LANES), [0] * LANES)),
-        )
+    def each(self, given: Given, number: int | None = None) -> Lanes:
+        """Return a number, or one of a pair, in each lane."""
+        vector = ir.VectorType(self._first.type.pointee, LANES)
+        value = given if number is None else self._builder.extract_value(given, number)
+        if value.type != vector.element:
+            value = self._builder.trunc(value, vector.element)
+        one = self._builder.insert_element(ir.Constant(vector, ir.Undefined), value, COUNT(0))
+        first = ir.Constant(ir.VectorType(COUNT, LANES), [0] * LANES)
+        return Lanes(self._builder, self._builder.shuffle_vector(one, one, first))
+
+    def numbers(self) -> Lanes:
+        """Return the number of each lane."""
+        return Lanes(self._builder, ir.Constant(ir.VectorType(self._first.type.pointee, LANES), list(range(LANES))))
 
     def after(self, fields: int) -> "Place":
         """Return the place so many fields on."""

@@ -90,10 +90,9 @@ def play(
     """Lay recordings out as the lines of a phase, of so many ``steps`` where it does not fix them."""
     rows, batch = next((events.rows, len(events.first)) for events in streams.values())
     length = length_of(program, phase, rows, steps)
-    played, transposed, dropped = (np.zeros(batch, dtype=np.int64) for _ in range(3))
+    played, transposed, dropped, before, start = np.zeros((5, batch), dtype=np.int64)
     inputs = program.inputs_of(phase.name)
-    before, start = np.zeros(batch, dtype=np.int64), np.zeros(batch, dtype=np.int64)
-    stop = start + length
+    stop = np.full(batch, length)
     if phase.align_events is not None:
         before = first_touch([streams[name] for name in {item.stream for item in inputs}], phase.align_events)
         if phase.axis == "time":
@@ -113,7 +112,8 @@ def play(
             counted = transposed
         given = lists[-1].until(length)
         counted += given
-        dropped += recorded.until(rows) - given
+        if lists[-1] is not recorded:
+            dropped += recorded.until(rows) - given
     sizes = tuple(item.size for item in inputs)
     return PhaseInput(length, sizes, tuple(lists), played, transposed, dropped, start, stop, before)
 
@@ -136,5 +136,7 @@ def first_touch(streams: Sequence[EventLists], events: int) -> IntArray:
 def _fit(events: EventLists, length: int) -> EventLists:
     """Cut lists, or follow them by silence, to a length in steps."""
     missing = length - events.rows
+    if missing == 0:
+        return events
     first = np.pad(events.first, ((0, 0), (0, missing)), mode="edge") if missing > 0 else events.first[:, : length + 1]
     return EventLists(first, events.channel)

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hw_model.engine.chunks import add_up, pass_on, update, update_plain
-from hw_model.engine.compiled import absorbed, compiled, inner, trailing_zeros
+from hw_model.engine.chunks import add_up, add_weights, fill, list_lanes, note, pass_on, update, update_plain
+from hw_model.engine.compiled import absorbed, compiled, inner
 from hw_model.engine.layout import BIAS, FIELDS, LANES, MATRIX, PACKED_LIST, POTENTIAL, FastLayout, U, V, aligned
 from hw_model.values import AnyArray
 
@@ -20,6 +20,10 @@ TILE = 64
 
 LONG = 128
 """Slots from which on several matrix rows are added at once; for fewer, setting out takes longer than it saves."""
+
+
+MOST_LISTED = 1 << 12
+"""Spikes that are delivered together at most."""
 
 
 class State(NamedTuple):
@@ -37,12 +41,16 @@ class State(NamedTuple):
 
 
 class Workspace(NamedTuple):
-    """The spikes of a tile, as bits by row and chunk and as lists by node and row; and which rows were updated."""
+    """The spikes of a tile, as bits by row and chunk and as lists by node and row; and which rows were updated.
+
+    ``row_of`` has room for the rows of spikes that are delivered together.
+    """
 
     masks: AnyArray
     event: AnyArray
     begin: AnyArray
     updated: AnyArray
+    row_of: AnyArray
 
 
 class KeptRegister(NamedTuple):
@@ -82,7 +90,8 @@ def workspace(layout: FastLayout, tile: int = TILE) -> Workspace:
     """Return room for the spikes of a tile."""
     masks = np.zeros((tile, len(layout.chunks.node)), dtype=np.int32)
     begin = np.zeros((tile + 1, len(layout.nodes.first)), dtype=np.int64)
-    return Workspace(masks, np.empty(tile * layout.columns, dtype=np.int32), begin, np.zeros(tile, dtype=np.uint8))
+    event, updated = np.empty(tile * layout.columns + LANES, dtype=np.int32), np.zeros(tile, dtype=np.uint8)
+    return Workspace(masks, event, begin, updated, np.empty(MOST_LISTED + LANES, dtype=np.int32))
 
 
 _ZERO = np.int64(0)
@@ -94,7 +103,7 @@ _U, _V, _POTENTIAL = np.uint64(U * LANES), np.uint64(V * LANES), np.uint64(POTEN
 
 @absorbed
 def deliver(  # type: ignore[no-untyped-def]
-    link, rows_from, rows_to, event, base, begin, m, charge, touched, nodes, links
+    link, rows_from, rows_to, event, base, begin, m, charge, touched, row_of, nodes, links
 ):
     """Add the synapses of a link's spikes to the rows in which they are due: the next one, and later.
 
@@ -104,6 +113,13 @@ def deliver(  # type: ignore[no-untyped-def]
     if links.kind[link] == MATRIX:
         node = links.target_node[link]
         many, low = np.uint64(width), np.uint64(links.target[link])
+        if width < LONG and begin[rows_to, m] - begin[rows_from, m] <= MOST_LISTED:
+            _add_listed(link, rows_from, rows_to, event, base, begin, m, charge, row_of, links)
+            for r in range(rows_from, rows_to):
+                at, anything = np.uint64(r + 1 + links.delay[link]), begin[r + 1, m] > begin[r, m]
+                for chunk in range(nodes.chunk[node], nodes.chunk[node + 1]):
+                    touched[at, np.uint64(chunk)] |= anything
+            return
         for r in range(rows_from, rows_to):
             if begin[r + 1, m] > begin[r, m]:
                 at = np.uint64(r + 1 + links.delay[link])
@@ -132,6 +148,26 @@ def deliver(  # type: ignore[no-untyped-def]
             if width and begin[r + 1, m] > begin[r, m]:
                 for late in range(np.uint64(width)):
                     _touch_all(links.target_node[link], due + late, nodes, touched)
+
+
+@inner
+def _add_listed(link, rows_from, rows_to, event, base, begin, m, charge, row_of, links):  # type: ignore[no-untyped-def]
+    """Add a short matrix row for each spike; ``row_of`` is first told the row of each.
+
+    One loop over all spikes: how many a row has would be guessed wrong in most rows.
+    """
+    first, last = begin[rows_from, m], begin[rows_to, m]
+    for r in range(rows_from, rows_to):
+        at = begin[r, m] - first
+        fill(row_of, at, r)
+        for k in range(at + LANES, begin[r + 1, m] - first, LANES):
+            fill(row_of, k, r)
+    offset, width, low = links.offset[link], np.uint64(links.width[link]), np.uint64(links.target[link])
+    for e in range(last - first):
+        at = np.uint64(row_of[e] + 1 + links.delay[link])
+        start = np.uint64(offset + event[base + first + e] * links.width[link])
+        for j in range(np.uint64(0), width, _LANES):
+            add_weights(charge, at, low + j, links.matrix, start + j)
 
 
 @absorbed
@@ -284,9 +320,10 @@ def _run_block(  # type: ignore[no-untyped-def]
     for link in range(links.into_block[block], links.into_block[block + 1]):
         m = links.source[link]
         if m < first.shape[1]:
-            deliver(link, _ZERO, rows, line, _ZERO, first, m, charge, touched, nodes, links)
+            deliver(link, _ZERO, rows, line, _ZERO, first, m, charge, touched, work.row_of, nodes, links)
         else:
-            deliver(link, _ZERO, rows, event, nodes.first[m] * tile, begin, m, charge, touched, nodes, links)
+            base = nodes.first[m] * tile
+            deliver(link, _ZERO, rows, event, base, begin, m, charge, touched, work.row_of, nodes, links)
 
     # A block that feeds itself is updated row by row; any other, bundle by bundle, with its registers in the cache.
     by_row = chunks.feeds_itself[block]
@@ -310,7 +347,7 @@ def _run_block(  # type: ignore[no-untyped-def]
             if fired:
                 for link in range(links.from_node[m], links.from_node[m + 1]):
                     base = nodes.first[m] * tile
-                    deliver(link, low, low + stride, event, base, begin, m, charge, touched, nodes, links)
+                    deliver(link, low, low + stride, event, base, begin, m, charge, touched, work.row_of, nodes, links)
 
 
 @absorbed
@@ -381,13 +418,14 @@ def _list_spikes(m, low, high, fired, nodes, chunks, work, spikes, sent):  # typ
     for r in range(low, high):
         if fired:
             for k in range(nodes.chunk[m], nodes.chunk[m + 1]):
-                mask = np.uint64(np.uint32(masks[r, k]))
+                mask, column, width = masks[r, k], chunks.first_column[k], chunks.width[k]
                 masks[r, k] = 0
-                while mask:
-                    column = chunks.first_column[k] + trailing_zeros(mask)
-                    mask &= mask - np.uint64(1)
-                    event[base + found] = column - nodes.first[m]
-                    found += 1
-                    spikes[r, column] = 1
-                    sent[lines + column] += 1
+                # No branches: they would be guessed wrong too often.
+                found += list_lanes(event, base + found, column - nodes.first[m], mask)[0]
+                if column + LANES <= spikes.shape[1]:
+                    note(spikes, r, column, sent, lines + column, mask)
+                    continue
+                for i in range(width):
+                    spikes[r, column + i] |= (mask >> i) & 1
+                    sent[lines + column + i] += (mask >> i) & 1
         begin[r + 1, m] = found

@@ -26,6 +26,8 @@ _WAYS_OUT = {
 }
 """Where values of our own types come from; of others the type says enough."""
 _SHOWN = 60
+_LOOKED_INTO = (str, Path, list, tuple)
+"""Of these more than the type is checked."""
 
 
 def checked(function: Callable[P, T]) -> Callable[P, T]:
@@ -34,13 +36,23 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
     Arrays, and what sequences and mappings hold, are left to the function; only rows that differ are refused here.
     """
     signature, called = inspect.signature(function), function.__qualname__.removesuffix(".__init__")
+    by_place = [p for p in signature.parameters.values() if p.kind is p.POSITIONAL_OR_KEYWORD]
+    names, least = [p.name for p in by_place], sum(p.default is p.empty for p in by_place)
+    if any(p not in by_place and p.default is p.empty for p in signature.parameters.values()):
+        least = len(names) + 1
+    passed: set[tuple[str, type]] = set()
     # A name of annotations may be known only when all modules are.
     kinds = functools.cache(lambda: {name: _kinds(hint) for name, hint in get_type_hints(function).items()})
 
     @functools.wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> T:
-        for name, value in _bound(signature, args, kwargs).items():
-            _check(called, name, value, kinds().get(name, (object,)))
+        # Binding and looking at types takes as long as a short recording: what is plain, and known, is let through.
+        plain = not kwargs and least <= len(args) <= len(names)
+        for name, value in zip(names, args, strict=False) if plain else _bound(signature, args, kwargs).items():
+            if (name, type(value)) not in passed:
+                _check(called, name, value, kinds().get(name, (object,)))
+                if not isinstance(value, _LOOKED_INTO):
+                    passed.add((name, type(value)))
         return function(*args, **kwargs)
 
     return call

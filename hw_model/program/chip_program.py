@@ -110,7 +110,11 @@ class ChipProgram(Shown):
 
     def inputs_of(self, phase: str) -> tuple[Input, ...]:
         """Return the inputs of a phase."""
-        return tuple(item for item in self.inputs if item.phase == phase)
+        return self._inputs_of.get(phase, ())
+
+    @cached_property
+    def _inputs_of(self) -> dict[str, tuple[Input, ...]]:
+        return {p.name: tuple(item for item in self.inputs if item.phase == p.name) for p in self.phases}
 
     def route_of(self, name: str) -> InputRoute:
         """Return where an input's lines go."""

@@ -11,7 +11,7 @@ import pytest
 import hw_model as hw
 from hw_model.engine.lay_out import fast_layout
 from hw_model.engine.links import _packed
-from hw_model.engine.tiles import LONG
+from hw_model.engine.tiles import LONG, MOST_LISTED, TILE
 from hw_model.simulation import ENGINES
 
 CHIP = hw.chip("loihi-sim")
@@ -207,3 +207,17 @@ def test_children_at_the_lower_end():
     for engine in ENGINES:
         found = hw.simulate(program, np.zeros((30, 1), dtype=np.uint8), engine=engine)
         assert found.counts.spikes == 0, engine
+
+
+@pytest.mark.parametrize("lines", [64, 65], ids=["the most in a tile", "one line more"])
+def test_more_spikes_than_are_delivered_together(lines):
+    assert 64 * TILE == MOST_LISTED
+    builder = hw.ProgramBuilder(CHIP)
+    x = builder.add_input("x", lines)
+    n = builder.add_compartments("n", 20, decay_u=1024, decay_v=128, threshold=4000)
+    builder.connect(x, n, 2 * (np.arange(20)[:, None] - np.arange(lines) % 7))
+    spikes = np.ones((TILE + 3, lines), dtype=np.uint8)
+    fast, slow = (hw.simulate(builder.build(), spikes, engine=engine, probe=("u",), skip=False) for engine in ENGINES)
+    assert (fast.u["n"] == slow.u["n"]).all()
+    assert slow.counts.spikes > 0
+    assert fast.counts == slow.counts

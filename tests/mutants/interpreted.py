@@ -39,6 +39,12 @@ class Place:
     def __setitem__(self, field, values):
         self.flat[self._of(field)] = values
 
+    def each(self, number):
+        return np.full(LANES, number, self.flat.dtype)
+
+    def numbers(self):
+        return np.arange(LANES, dtype=self.flat.dtype)
+
     def after(self, fields):
         return Place(self.flat, self.first + fields * LANES)
 
@@ -60,7 +66,14 @@ def kernel(given, returns):
     return made
 
 
-lanes.kernel = kernel
+def put(place, mask, first):
+    found = first + np.flatnonzero(mask)
+    place.flat[place.first : place.first + len(found)] = found
+    return np.int32(len(found))
+
+
+lanes.kernel, lanes.put = kernel, put
+lanes.mask_of = lambda place, number: (int(number) >> np.arange(LANES)) & 1 != 0
 lanes.where = lambda mask, one, other: np.where(mask, one, other).astype(np.asarray(other).dtype)
 lanes.bits = lambda mask: np.int32(sum(1 << i for i in np.flatnonzero(mask).tolist()))
 lanes.count = lambda mask: np.int32(mask.sum())
