@@ -4,42 +4,38 @@ from collections.abc import Mapping
 from dataclasses import field, replace
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Annotated
 
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import WEIGHT_BITS
-from hw_model.description.profile import UNPRICED, Profile
-from hw_model.description.read import parse, read_description
+from hw_model.description.profile import UNPRICED, Profile, Text
+from hw_model.description.read import check_profile, parse, read_description
 from hw_model.errors import InputError, check_known, check_most
 from hw_model.io.given import checked
+from hw_model.io.records import NOT_NEGATIVE, POSITIVE, between
 from hw_model.values import Frozen, IntArray, Shown
 
 _YAML = (".yaml", ".yml")
 MAX_CORES = 1 << 20
 
 
-def within(least: int, most: int, **default: Any) -> Any:
-    """Return a field of a description, with the least and the most that the simulation here follows.
-
-    In 64 bits products with decays, 2^40 * 2^12, and sums of joined voltages, 2^40 * 2^20, are exact; slots for delays
-    are memory.
-    """
-    return field(metadata={"within": (least, most)}, **default)
-
-
 class Registers(Frozen):
-    """Register widths in bits (sign not counted) and the largest settings."""
+    """Register widths in bits (sign not counted) and the largest settings.
 
-    charge_bits: int = within(9, 40)
-    current_bits: int = within(9, 40)
-    voltage_bits: int = within(9, 40)
-    threshold_mantissa_bits: int = within(1, 34)
-    bias_mantissa_bits: int = within(1, 24)
-    bias_exponent_max: int = within(0, 24)
-    refractory_max: int = within(1, 65_535)
-    delay_max: int = within(0, 65_534)
-    weight_bits_max: int = within(1, 8, default=WEIGHT_BITS[-1])
+    Within these ranges, products with decays (2^40 * 2^12) and sums of joined voltages (2^40 * 2^20) are exact in 64
+    bits.
+    """
+
+    charge_bits: Annotated[int, between(9, 40)]
+    current_bits: Annotated[int, between(9, 40)]
+    voltage_bits: Annotated[int, between(9, 40)]
+    threshold_mantissa_bits: Annotated[int, between(1, 34)]
+    bias_mantissa_bits: Annotated[int, between(1, 24)]
+    bias_exponent_max: Annotated[int, between(0, 24)]
+    refractory_max: Annotated[int, between(1, 65_535)]
+    delay_max: Annotated[int, between(0, 65_534)]
+    weight_bits_max: Annotated[int, between(1, 8)] = WEIGHT_BITS[-1]
 
     @property
     def weight_bits(self) -> tuple[int, ...]:
@@ -65,9 +61,9 @@ class Registers(Frozen):
 class Mesh(Frozen):
     """Tiles of a chip in columns and rows; packets travel x first, then y."""
 
-    columns: int
-    rows: int
-    cores_per_tile: int
+    columns: Annotated[int, between(1, 65_536)]
+    rows: Annotated[int, between(1, 65_536)]
+    cores_per_tile: Annotated[int, between(1, 65_536)]
 
     @property
     def tiles(self) -> int:
@@ -78,22 +74,22 @@ class Mesh(Frozen):
 class Limits(Frozen):
     """What one core, or one chip, holds at most."""
 
-    cores_per_chip: int = within(1, 65_536)
-    compartments_per_core: int = within(1, 1 << 20)
-    input_axons_per_core: int = within(1, 1 << 20)
-    output_axons_per_core: int = within(1, 1 << 20)
-    synapse_words_per_core: int = within(1, 1 << 24)
-    synapse_formats_per_core: int = within(1, 65_536)
-    compartment_profiles_per_core: int = within(1, 65_536)
-    threshold_profiles_per_core: int = within(1, 65_536)
+    cores_per_chip: Annotated[int, between(1, 65_536)]
+    compartments_per_core: Annotated[int, between(1, 1 << 20)]
+    input_axons_per_core: Annotated[int, between(1, 1 << 20)]
+    output_axons_per_core: Annotated[int, between(1, 1 << 20)]
+    synapse_words_per_core: Annotated[int, between(1, 1 << 24)]
+    synapse_formats_per_core: Annotated[int, between(1, 65_536)]
+    compartment_profiles_per_core: Annotated[int, between(1, 65_536)]
+    threshold_profiles_per_core: Annotated[int, between(1, 65_536)]
 
 
 class SynapseMemory(Frozen):
     """Cost of an axon's synapse list, in memory words."""
 
-    word_bits: int = within(1, 4_096)
-    run_length: int = within(1, 65_536)
-    run_header_bits: int = within(0, 1_024)
+    word_bits: Annotated[int, between(1, 4_096)]
+    run_length: Annotated[int, between(1, 65_536)]
+    run_header_bits: Annotated[int, between(0, 1_024)]
 
     def words(self, synapses: IntArray, bits: IntArray | int) -> IntArray:
         """Return the words of lists of so many synapses of so many bits: each started run is rounded up to a word."""
@@ -110,21 +106,21 @@ class TransposeBuffer(Frozen):
     Events are written while the recording comes; each takes ``cycles_per_event`` to be read.
     """
 
-    cycles_per_event: float
+    cycles_per_event: Annotated[float, NOT_NEGATIVE]
 
 
 class Sizes(Frozen):
     """Parameters of the open core: words of its memories, slots (a power of two), and the widths of two sums."""
 
-    axons: int = within(2, 1 << 24)
-    synapses: int = within(2, 1 << 24)
-    compartments: int = within(2, 1 << 20)
-    slots: int = within(2, 1 << 16)
-    charge: int = within(16, 64)
-    join: int = within(24, 64)
-    bitmap: int = within(2, 1 << 24)
-    visits: int = within(2, 1 << 20)
-    entries: int = within(2, 1 << 20)
+    axons: Annotated[int, between(2, 1 << 24)]
+    synapses: Annotated[int, between(2, 1 << 24)]
+    compartments: Annotated[int, between(2, 1 << 20)]
+    slots: Annotated[int, between(2, 1 << 16)]
+    charge: Annotated[int, between(16, 64)]
+    join: Annotated[int, between(24, 64)]
+    bitmap: Annotated[int, between(2, 1 << 24)]
+    visits: Annotated[int, between(2, 1 << 20)]
+    entries: Annotated[int, between(2, 1 << 20)]
 
 
 class MemoryWords(Frozen):
@@ -134,10 +130,10 @@ class MemoryWords(Frozen):
     ``states``: compartments.
     """
 
-    sums: int = within(1, 1 << 20)
-    weights: int = within(1, 64)
-    phases: int = within(8, 512)
-    states: int = within(2, 1 << 20, default=1 << 20)
+    sums: Annotated[int, between(1, 1 << 20)]
+    weights: Annotated[int, between(1, 64)]
+    phases: Annotated[int, between(8, 512)]
+    states: Annotated[int, between(2, 1 << 20)] = 1 << 20
 
 
 class Chip(Shown, eq=True):
@@ -147,10 +143,10 @@ class Chip(Shown, eq=True):
     clock are exact; a device has no energy profile, a core in the cells of a process may have one.
     """
 
-    name: str
-    description: str
-    chips: int
-    clock_ghz: float
+    name: Text
+    description: Text
+    chips: Annotated[int, between(1, MAX_CORES)]
+    clock_ghz: Annotated[float, POSITIVE]
     registers: Registers
     mesh: Mesh
     limits: Limits
@@ -215,16 +211,15 @@ def chip_names() -> tuple[str, ...]:
 
 def parse_chip(text: str, where: str) -> Chip:
     """Read a chip from YAML text; every missing, unknown or mistyped key is an ``InputError``."""
-    chip = parse(Chip, text, where, "chip", document=text)
+    chip = parse(Chip, text, where, document=text)
+    for name, profile in chip.profiles.items():
+        check_profile(profile, f"{where}: profiles.{name}")
     check_chip(chip, where)
     return chip
 
 
 def check_chip(chip: Chip, where: str) -> None:
     """Refuse a description that contradicts itself, or of a board that no simulation here could follow."""
-    if chip.clock_ghz == 0:
-        fix = "Give more than 0, such as 1.0."
-        raise InputError(f"{where}: clock_ghz", "a clock that stands has no cycles", fix=fix)
     check_most(chip.cores, MAX_CORES, f"{where}: chips", "the board is too large", unit="cores", fix="Correct it.")
     core, slots = chip.open_core, chip.registers.slots
     if core is None and not chip.profiles:
@@ -257,7 +252,8 @@ def priced_by(chip: Chip, name_or_path: str | Path) -> Chip:
     if not text.endswith(_YAML):
         return replace(chip, profiles={text: chip.profile(text), **chip.profiles})
     path = Path(text)
-    read = parse(Profile, read_description(path, "profile", "those in a chip file"), path.name, "profile")
+    read = parse(Profile, read_description(path, "profile", "those in a chip file"), path.name)
+    check_profile(read, path.name)
     if path.stem in chip.profiles:
         fix = "Give the file another name."
         raise InputError(path.name, f"{chip.name} has a profile {path.stem!r} of its own", fix=fix)

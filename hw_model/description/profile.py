@@ -2,20 +2,25 @@
 
 from collections.abc import Mapping
 from dataclasses import field, replace
-from typing import Literal
+from typing import Annotated, Any, Literal
 
+from hw_model.io.records import Must, between
 from hw_model.values import Frozen, Shown
 
-Range = tuple[float | None, float | None]
+Range = tuple[Annotated[float | None, between(0, 1 << 40)], Annotated[float | None, between(0, 1 << 40)]]
 """Least and most that a constant can be; None: not known."""
 End = Literal["least", "most"]
+
+
+Text = Annotated[str, Must(lambda text: 0 < len(text) <= 500, "of 1 to 500 characters")]
+Cost = Annotated[float, between(0, 1 << 40)]
 
 
 class Barrier(Frozen):
     """Time of the mesh-wide barrier, for one tile and for all tiles of a chip."""
 
-    one_tile: float
-    all_tiles: float
+    one_tile: Cost
+    all_tiles: Cost
 
     def ns(self, tiles: int, all_tiles: int) -> float:
         """Interpolate linearly between the two published ends."""
@@ -26,8 +31,8 @@ class Barrier(Frozen):
 class StaticPower(Frozen):
     """Power that a whole chip draws whatever it does, in milliwatts."""
 
-    chip_mw: float
-    source: str
+    chip_mw: Cost
+    source: Text
 
     def pj(self, chips: int, ns: float) -> float:
         """Return the energy of some chips over a time: a milliwatt is a picojoule a nanosecond."""
@@ -37,9 +42,14 @@ class StaticPower(Frozen):
 class NotIncluded(Frozen):
     """Something that a profile does not price; ``bound_pj`` bounds it by counts, where a bound is known."""
 
-    what: str
-    bound_pj: Mapping[str, float] = field(default_factory=dict)
+    what: Text
+    bound_pj: Mapping[str, Cost] = field(default_factory=dict)
     bound_source: str = ""
+
+    @staticmethod
+    def from_plain(value: Any) -> Any:
+        """Return the entries that a file has for it, which may be its text alone."""
+        return {"what": value} if isinstance(value, str) else value
 
 
 class Profile(Shown, eq=True):
@@ -49,16 +59,16 @@ class Profile(Shown, eq=True):
     ``sources`` those that are from elsewhere. ``voltage_v``: the supply voltage that they hold at; None: not said.
     """
 
-    source: str
-    basis: str
-    energy_pj: Mapping[str, float]
-    time_ns: Mapping[str, float]
+    source: Text
+    basis: Text
+    energy_pj: Mapping[str, Cost]
+    time_ns: Mapping[str, Cost]
     barrier_ns: Barrier
     not_included: tuple[NotIncluded, ...]
-    voltage_v: float | None = None
+    voltage_v: Annotated[float | None, between(0, 1 << 40)] = None
     energy_pj_range: Mapping[str, Range] = field(default_factory=dict)
     time_ns_range: Mapping[str, Range] = field(default_factory=dict)
-    sources: Mapping[str, str] = field(default_factory=dict)
+    sources: Mapping[str, Text] = field(default_factory=dict)
     static_power: StaticPower | None = None
 
     def source_of(self, count: str) -> str:

@@ -135,8 +135,8 @@ def _start(args: argparse.Namespace) -> Checkpoint | None:
 
 
 def _config(args: argparse.Namespace, start: Checkpoint | None) -> TrainingConfig:
+    from hw_model.io.records import field_kinds
     from locsnn_compile.models.architectures import ARCHITECTURES
-    from locsnn_compile.models.plain_checks import field_kinds
     from locsnn_compile.training.config import TrainingConfig, check_used, config_from_mapping, read_config
     from locsnn_compile.training.describe import FINE_TUNING, check_fits_start, fine_tuning_config
 

@@ -13,12 +13,13 @@ from typing import Any
 import numpy as np
 
 from hw_model.io.files import read_bytes
+from hw_model.io.records import RecordReader, check_value, field_kinds
 from hw_model.values import AnyArray
 from locsnn_compile.data.recordings import Origin, Recordings
 from locsnn_compile.data.sensor import POLARITIES, TAXELS, SensorLayout, neutouch, parse_layout
 from locsnn_compile.data.tensors import Tensor
 from locsnn_compile.data.torch_file import load_plain
-from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.errors import InputError
 from locsnn_compile.models.checkpoint import (
     CHIP_VERSION,
     FORMAT,
@@ -32,7 +33,7 @@ from locsnn_compile.models.checkpoint import (
 from locsnn_compile.models.chip_entry import ChipNumbers, parse_chip_entry
 from locsnn_compile.models.description import InputLayout, LifParameters, NetworkDescription, Neuron, NeuronParameters
 from locsnn_compile.models.graph_and_windows import GraphParameters, WindowParameters
-from locsnn_compile.models.plain_checks import KIND_WORDS, WRITE_AGAIN, field_kinds, file_fault, is_one_of, is_whole
+from locsnn_compile.models.plain_checks import WRITE_AGAIN, file_fault, is_whole
 
 _KEYS: dict[str, tuple[type, ...]] = {
     **dict.fromkeys(("format", "name", "architecture"), (str,)),
@@ -62,7 +63,7 @@ def read_models(path: Path | str, *, state_dict: str = WRITE_AGAIN) -> Checkpoin
     if values.get("version") != Pack.VERSION:
         raise file_fault(where, "its version does not exist", f"version {values.get('version')} against {Pack.VERSION}")
     check_keys(where, "", values, {"format": (str,), "version": (int,), "members": (dict,)})
-    check_keys(where, "members.", values["members"], dict.fromkeys(values["members"], (dict,)))
+    check_keys(where, "members", values["members"], dict.fromkeys(values["members"], (dict,)))
     members, weights = [], []
     for number, entry in values["members"].items():
         place = f"{where}, member {str(number)[:20]!r}"
@@ -110,7 +111,7 @@ def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Ch
         raise file_fault(where, "its version does not exist", against)
     name = _name(where, "name", values["name"])
     if (order := values["location_order"]) is not None:
-        check_keys(where, "location_order.", order, {"name": (str,), "taxels": (list, tuple)})
+        check_keys(where, "location_order", order, {"name": (str,), "taxels": (list, tuple)})
     srm = version != VERSION
     try:
         description = NetworkDescription(
@@ -145,18 +146,11 @@ def _seen(values: object) -> str:
     return f"format {values['format']!r}"[:80] if "format" in values else "a dict without a format"
 
 
-def check_keys(where: str, prefix: str, values: Mapping[Any, Any], known: Mapping[str, tuple[type, ...]]) -> None:
+def check_keys(where: str, key: str, values: Any, known: Mapping[str, tuple[type, ...]]) -> None:
     """Refuse entries that are not known, missing, or of another kind."""
-    for key in values:
-        if key not in known:
-            shown = str(key)[:60]
-            raise InputError(where, f"entry '{prefix}{shown}' is not known", fix=did_you_mean(shown, known))
-    for key, kinds in known.items():
-        if key not in values:
-            raise file_fault(where, f"entry '{prefix}{key}' is missing")
-        if not is_one_of(values[key], kinds):
-            what = f"entry '{prefix}{key}' must be {KIND_WORDS.get(kinds[0], 'a tensor')}"
-            raise file_fault(where, what, f"got {type(values[key]).__name__}")
+    reader = RecordReader(where, WRITE_AGAIN)
+    for name, value in reader.entries(values, key, dict.fromkeys(known, True)).items():
+        check_value(reader.place(f"{key}.{name}" if key else name), value, known[name], fix=WRITE_AGAIN)
 
 
 def _name(where: str, key: str, name: str) -> str:
@@ -170,7 +164,7 @@ def _input(where: str, entry: Mapping[str, Any]) -> InputLayout:
     sizes, known = ("taxels", "polarities", "fingertips"), field_kinds(InputLayout)
     lacks = {"event_threshold", "sensor"} - set(entry)
     held: dict[str, tuple[type, ...]] = {"sensor": (dict,)} if "sensor" in entry else dict.fromkeys(sizes, (int,))
-    check_keys(where, "input.", entry, {key: known[key] for key in known if key not in lacks} | held)
+    check_keys(where, "input", entry, {key: known[key] for key in known if key not in lacks} | held)
     if "sensor" in entry:
         sensor = parse_layout(entry["sensor"], "input 'sensor'")
     else:
@@ -183,34 +177,23 @@ def _neuron(where: str, entry: dict[Any, Any], *, srm: bool) -> Neuron | None:
     """Return the constants of spike response or integrate-and-fire neurons, or windows; None of an empty entry."""
     if not entry and not srm:
         return None
-    kind = NeuronParameters if srm else WindowParameters if "levels" in entry else LifParameters
-    neuron: Neuron = _record(where, "neuron", kind, entry)
-    return neuron
+    kind: type[Neuron] = NeuronParameters if srm else WindowParameters if "levels" in entry else LifParameters
+    return RecordReader(where, WRITE_AGAIN, lacks=False).record(kind, entry, "neuron")
 
 
 def _optional(where: str, name: str, value: Any, *, srm: bool) -> Any:
     """Return what an entry of :data:`OPTIONAL` holds."""
     if name == "location_neuron":
         return _neuron(where, value, srm=srm)
-    return _record(where, name, WindowParameters, value) if name == "window" else _tuples(value)
-
-
-def _record(where: str, name: str, kind: Any, entry: dict[Any, Any]) -> Any:
-    """Return the dataclass whose fields an entry holds."""
-    check_keys(where, f"{name}.", entry, field_kinds(kind))
-    return kind(**{key: _tuples(value) for key, value in entry.items()})
-
-
-def _tuples(value: Any) -> Any:
-    return tuple(map(_tuples, value)) if isinstance(value, list) else value
+    if name == "window":
+        return RecordReader(where, WRITE_AGAIN, lacks=False).record(WindowParameters, value, name)
+    return tuple(value) if isinstance(value, list) else value
 
 
 def _graph(where: str, entry: dict[Any, Any] | None) -> GraphParameters | None:
     if entry is None:
         return None
-    graph: GraphParameters = _record(where, "graph", GraphParameters, entry)
-    if any(not isinstance(edge, list) or len(edge) != 2 for edge in entry["taxel_edges"]):
-        raise file_fault(where, "entry 'graph.taxel_edges' must be a list of pairs")
+    graph = RecordReader(where, WRITE_AGAIN, lacks=False).record(GraphParameters, entry, "graph")
     _name(where, "graph.name", graph.name)
     return graph
 
@@ -221,7 +204,7 @@ def _weights(
     """Return float32 weights, or int64 mantissas on the grid of ``chip``."""
     shapes = description.weight_shapes
     kind = "float32" if chip is None else "int16"
-    check_keys(where, "weights.", entry, dict.fromkeys(shapes, (Tensor,)))
+    check_keys(where, "weights", entry, dict.fromkeys(shapes, (Tensor,)))
     weights: dict[str, AnyArray] = {}
     for name, shape in shapes.items():
         place, tensor = f"{where}, population {name!r}", entry[name]
@@ -242,7 +225,7 @@ def _recordings(
 ) -> Recordings | None:
     if entry is None:
         return None
-    check_keys(where, "recordings.", entry, {"spikes": (Tensor,), "labels": (Tensor, type(None))})
+    check_keys(where, "recordings", entry, {"spikes": (Tensor,), "labels": (Tensor, type(None))})
     spikes, labels, layout = entry["spikes"], entry["labels"], description.input
     place, kinds = f"{where}, recordings", (spikes.dtype, None if labels is None else labels.dtype)
     if spikes.shape[1:] != (layout.steps, layout.channels):

@@ -3,9 +3,10 @@
 Nothing here imports torch, so that the compiler can read descriptions without it.
 """
 
-import math
 from collections.abc import Mapping
+from typing import Annotated
 
+from hw_model.io.records import NOT_NEGATIVE, POSITIVE, Checked, between
 from hw_model.values import AnyArray, Frozen, IntArray, picked
 from locsnn_compile.baselines.ann_shapes import ann_shapes
 from locsnn_compile.data.orders import channel_walk, check_location_taxels
@@ -14,7 +15,7 @@ from locsnn_compile.data.sensor import SensorLayout, frame_size
 from locsnn_compile.errors import InputError, check_known
 from locsnn_compile.models.architectures import ARCHITECTURES, Architecture
 from locsnn_compile.models.graph_and_windows import MAX_WINDOW_NEURONS, GraphParameters, WindowParameters, output_parts
-from locsnn_compile.models.plain_checks import is_number, require, require_count, require_positive, require_rising
+from locsnn_compile.models.plain_checks import require_count, require_rising
 
 #: Largest sizes accepted anywhere: a few times what any published tactile recording needs.
 MAX_UNITS = 4_096
@@ -23,24 +24,19 @@ MAX_THRESHOLD = 20_000_000
 MAX_DELAY = 65_534
 
 
-class InputLayout(Frozen):
+class InputLayout(Checked):
     """The shape of one recording: ``steps`` time steps of the channels of a ``sensor``.
 
     ``step_seconds`` is None where nothing says how long a step is.
     """
 
     sensor: SensorLayout
-    steps: int
-    step_seconds: float | None
-    event_threshold: int | None = None
+    steps: Annotated[int, between(1, MAX_STEPS)]
+    step_seconds: Annotated[float | None, POSITIVE]
+    event_threshold: Annotated[int | None, between(0, MAX_THRESHOLD)] = None
     """Events that a bin had to exceed to be 1; None where recordings came as bins."""
 
-    def __post_init__(self) -> None:
-        require_count("input 'steps'", self.steps, MAX_STEPS)
-        if self.step_seconds is not None:
-            require_positive("input 'step_seconds'", self.step_seconds)
-        if self.event_threshold is not None:
-            require_count("input 'event_threshold'", self.event_threshold, MAX_THRESHOLD, least=0)
+    called = "input"
 
     @property
     def channels(self) -> int:
@@ -48,7 +44,7 @@ class InputLayout(Frozen):
         return self.sensor.channels
 
 
-class NeuronParameters(Frozen):
+class NeuronParameters(Checked):
     """The constants of one spike response neuron; time constants in steps of its own axis.
 
     eps(k) = (k / tau_sr) exp(1 - k / tau_sr);
@@ -56,37 +52,28 @@ class NeuronParameters(Frozen):
     ``tau_rho`` and ``scale_rho`` shape the surrogate gradient only. Defaults: Kang et al. 2022.
     """
 
-    theta: float = 10.0
-    tau_sr: float = 10.0
-    tau_ref: float = 1.0
-    scale_ref: float = 2.0
-    tau_rho: float = 1.0
-    scale_rho: float = 1.0
+    theta: Annotated[float, POSITIVE] = 10.0
+    tau_sr: Annotated[float, POSITIVE] = 10.0
+    tau_ref: Annotated[float, POSITIVE] = 1.0
+    scale_ref: Annotated[float, NOT_NEGATIVE] = 2.0
+    tau_rho: Annotated[float, POSITIVE] = 1.0
+    scale_rho: Annotated[float, POSITIVE] = 1.0
 
-    def __post_init__(self) -> None:
-        for name in ("theta", "tau_sr", "tau_ref", "tau_rho", "scale_rho"):
-            require_positive(f"neuron {name!r}", getattr(self, name))
-        holds = is_number(self.scale_ref) and 0 <= self.scale_ref < math.inf
-        what = "a finite number of at least 0"
-        require(holds, "neuron 'scale_ref'", what, self.scale_ref, "The published value is 2.")
+    called = "neuron"
 
 
-class LifParameters(Frozen):
+class LifParameters(Checked):
     """The constants of one leaky integrate-and-fire neuron, TLIF or LLIF.
 
     u(t) = decay * u(t - 1) * (1 - o(t - 1)) + inputs; a spike where u > threshold. ``window`` shapes the surrogate
     gradient only. Defaults: Gu et al. 2020, Kang et al. 2023.
     """
 
-    decay: float = 0.2
-    threshold: float = 0.5
-    window: float = 0.5
+    decay: Annotated[float, between(0, 1)] = 0.2
+    threshold: Annotated[float, POSITIVE] = 0.5
+    window: Annotated[float, POSITIVE] = 0.5
 
-    def __post_init__(self) -> None:
-        for name in ("threshold", "window"):
-            require_positive(f"neuron {name!r}", getattr(self, name))
-        holds = is_number(self.decay) and 0 <= self.decay <= 1
-        require(holds, "neuron 'decay'", "a number from 0 to 1", self.decay, "The published value is 0.2.")
+    called = "neuron"
 
     @property
     def keep(self) -> float:

@@ -6,13 +6,15 @@ the synapses without it.
 """
 
 from collections.abc import Sequence
+from typing import Annotated
 
 import numpy as np
 from scipy import sparse
 
-from hw_model.values import Frozen, IntArray
+from hw_model.io.records import AT_LEAST_ONE, Checked, between
+from hw_model.values import IntArray
 from locsnn_compile.errors import InputError, check_most
-from locsnn_compile.models.plain_checks import is_whole, require, require_count, require_rising, rises
+from locsnn_compile.models.plain_checks import require_rising, rises
 
 HEARD_BY_OUTPUT = 1_024
 """Hidden neurons that an output hears, if it hears several taxels.
@@ -28,21 +30,20 @@ MAX_HOPS = 16
 MAX_FEATURES = 1024
 
 
-class WindowParameters(Frozen):
+class WindowParameters(Checked):
     """Windows of ``steps`` time steps, one every ``stride``, and the numbers of events that are told apart, ``levels``.
 
     The published 20 ms bins and these values make a window 0.12 s long.
     """
 
-    steps: int = 6
-    stride: int = 3
+    steps: Annotated[int, AT_LEAST_ONE] = 6
+    stride: Annotated[int, AT_LEAST_ONE] = 3
     levels: tuple[int, ...] = (1, 2)
 
+    called = "windows"
+
     def __post_init__(self) -> None:
-        for name in ("steps", "stride"):
-            value = getattr(self, name)
-            holds = is_whole(value) and value >= 1
-            require(holds, f"windows {name!r}", "a whole number of steps", value, "Give 1 or more.")
+        super().__post_init__()
         require_rising("windows 'levels'", self.levels, 1, self.steps, "numbers of events", "Give, for example, 1 2.")
 
     def starts(self, steps: int) -> IntArray:
@@ -86,7 +87,7 @@ def output_parts(hidden_of_taxel: Sequence[int] | IntArray) -> list[slice]:
     return [*parts, slice(start, end)]
 
 
-class GraphParameters(Frozen):
+class GraphParameters(Checked):
     """The topology-adaptive graph convolutions of a network (Du et al. 2017), one for each of its branches.
 
     ``taxel_edges``: pairs of 1-based taxel numbers of a fingertip, the lower first, each pair once; ``name`` says how
@@ -96,15 +97,14 @@ class GraphParameters(Frozen):
 
     name: str
     taxel_edges: tuple[tuple[int, int], ...]
-    hops: int = 3
-    features: int = 64
-    step_features: int = 8
+    hops: Annotated[int, between(1, MAX_HOPS)] = 3
+    features: Annotated[int, between(1, MAX_FEATURES)] = 64
+    step_features: Annotated[int, between(1, MAX_FEATURES)] = 8
+
+    called = "graph"
 
     def check(self, taxels: int) -> None:
-        """Raise ``InputError`` for numbers out of range, and for a pair that is none of ``taxels`` taxels."""
-        limits = {"hops": MAX_HOPS, "features": MAX_FEATURES, "step_features": MAX_FEATURES}
-        for name, limit in limits.items():
-            require_count(f"graph {name!r}", getattr(self, name), limit)
+        """Raise ``InputError`` for a pair that is none of ``taxels`` taxels."""
         seen: set[tuple[int, int]] = set()
         for a, b in self.taxel_edges:
             if not rises((a, b), 1, taxels):

@@ -4,10 +4,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from hw_model.io.records import POSITIVE
 from hw_model.values import AnyArray
 from locsnn_compile.errors import InputError, check_same
 from locsnn_compile.network.network import InputView, Network, Population
-from locsnn_compile.network.neurons import POSITIVE, Neuron
+from locsnn_compile.network.neurons import Neuron
 from locsnn_compile.network.projections import ChipProjection, Projection, values_of
 
 _Ends = dict[str, tuple[str, int]]

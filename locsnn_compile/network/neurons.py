@@ -8,7 +8,7 @@ with ``reference.evaluate.steps_of``, its integers with ``passes.quantize.intege
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import fields, replace
 from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeVar, get_type_hints
 
@@ -17,6 +17,8 @@ import numpy.typing as npt
 
 from hw_model.arithmetic.whole import whole_numbers
 from hw_model.errors import InputError, check_known
+from hw_model.io.records import AT_LEAST_ONE, NOT_NEGATIVE, Must
+from hw_model.io.records import POSITIVE as POSITIVE
 from hw_model.values import AnyArray, ArrayLike, BoolArray, FloatArray, Frozen, IntArray, Shown, sealed
 
 Number = TypeVar("Number", np.float64, np.int64)
@@ -29,18 +31,8 @@ _ARRAYS: dict[Any, Any] = {FloatArray: np.float64, IntArray: np.int64}
 """Annotation of a parameter that is an array -> its type."""
 
 
-class Must(NamedTuple):
-    """What every number of a parameter must be, and the words that say it."""
-
-    holds: Callable[[AnyArray], Any]
-    words: str
-
-
 Musts = Mapping[str, Must]
-POSITIVE = Must(lambda v: v > 0, "above 0")
-NOT_NEGATIVE = Must(lambda v: v >= 0, "at least 0")
 FRACTION = Must(lambda v: (v >= 0) & (v <= 1), "a fraction from 0 to 1")
-AT_LEAST_ONE = Must(lambda v: v >= 1, "at least 1")
 FINITE = Must(np.isfinite, "a finite number")
 
 

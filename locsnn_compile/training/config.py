@@ -1,18 +1,18 @@
 """Everything that decides a training run, in one frozen value that a YAML file can hold."""
 
 from collections.abc import Callable, Mapping
-from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple, cast, get_type_hints
+from typing import Annotated, Any, NamedTuple
 
 from hw_model.arithmetic.fixed_point import WEIGHT_BITS
+from hw_model.io.records import Checked, between, field_kinds, said_of
 from hw_model.io.yaml_text import read_mapping
 from hw_model.values import Frozen, Shown
 from locsnn_compile.data.sensor import MAX_CHANNELS, SensorLayout, asked_layout
 from locsnn_compile.data.taxel_graph import GRAPHS
-from locsnn_compile.errors import InputError, check_known, did_you_mean
+from locsnn_compile.errors import InputError, check_known
 from locsnn_compile.models.architectures import ARCHITECTURES, Architecture
-from locsnn_compile.models.plain_checks import KIND_WORDS, field_kinds, is_one_of, is_whole
+from locsnn_compile.models.plain_checks import is_whole
 from locsnn_compile.settings import TRAINABLE
 
 LOSSES = ("cross-entropy", "spike-count")
@@ -49,13 +49,6 @@ Progress = Callable[[int, int, EpochRecord], None]
 """Called after every epoch with (epochs done in all phases, epochs in all as far as known, the epoch's record)."""
 
 
-class Range(NamedTuple):
-    """The least and the largest value accepted of a number."""
-
-    low: float
-    high: float
-
-
 class Need(NamedTuple):
     """Where an option counts: elsewhere nothing comes of it, for a reason; and what to do there."""
 
@@ -86,7 +79,7 @@ CLASS_ORDER = Need(
 NEIGHBOURS = Need(lambda c, _: c.neighbour_smoothing > 0, "neighbours get no share", "Add neighbour_smoothing.")
 
 
-class TrainingConfig(Shown, eq=True):
+class TrainingConfig(Checked, Shown, eq=True):
     """A training run, but for its data.
 
     - ``location_weight`` is lambda of the weighted loss. ``branch_loss``: this share of the loss is the mean of those
@@ -145,98 +138,88 @@ class TrainingConfig(Shown, eq=True):
     order: Annotated[str, LOCATION] = "loop"
     delays: str = "0"
     location_delays: Annotated[str, LOCATION] = "0"
-    hidden: Annotated[int, Range(1, 4096), LEARNED] = 32
+    hidden: Annotated[int, between(1, 4096), LEARNED] = 32
     loss: Annotated[str, LOSSES] = "cross-entropy"
-    location_weight: Annotated[float, Range(0.0, 1e3), BRANCHES] = 1.0
-    branch_loss: Annotated[float, Range(0.0, 1.0), BRANCHES] = 0.0
-    target_right: Annotated[float, Range(0.0, 1e6), SPIKE_COUNT] = 60.0
-    target_wrong: Annotated[float, Range(0.0, 1e6), SPIKE_COUNT] = 3.0
-    count_scale: Annotated[float, Range(1e-6, 1e3), CROSS_ENTROPY] = 0.1
+    location_weight: Annotated[float, between(0.0, 1e3), BRANCHES] = 1.0
+    branch_loss: Annotated[float, between(0.0, 1.0), BRANCHES] = 0.0
+    target_right: Annotated[float, between(0.0, 1e6), SPIKE_COUNT] = 60.0
+    target_wrong: Annotated[float, between(0.0, 1e6), SPIKE_COUNT] = 3.0
+    count_scale: Annotated[float, between(1e-6, 1e3), CROSS_ENTROPY] = 0.1
     class_weights: Annotated[str, CLASS_WEIGHTS] = "equal"
-    label_smoothing: Annotated[float, Range(0.0, 0.999), CROSS_ENTROPY] = 0.05
-    neighbour_smoothing: Annotated[float, Range(0.0, 0.5), CROSS_ENTROPY, CLASS_ORDER] = 0.0
+    label_smoothing: Annotated[float, between(0.0, 0.999), CROSS_ENTROPY] = 0.05
+    neighbour_smoothing: Annotated[float, between(0.0, 0.5), CROSS_ENTROPY, CLASS_ORDER] = 0.0
     class_order: Annotated[str, CROSS_ENTROPY, NEIGHBOURS] = ""
     optimizer: Annotated[str, OPTIMIZERS] = "adamw"
     schedule: Annotated[str, SCHEDULES] = "cosine"
-    learning_rate: Annotated[float, Range(1e-9, 1e3)] = 0.003
-    weight_decay: Annotated[float, Range(0.0, 1e3)] = 0.1
-    epochs: Annotated[int, Range(1, 100_000)] = 250
-    batch_size: Annotated[int, Range(1, 100_000)] = 16
-    initial_scale: Annotated[float, Range(1e-3, 1e3)] = 3.0
-    event_dropout: Annotated[float, Range(0.0, 1.0)] = 0.5
-    channel_dropout: Annotated[float, Range(0.0, 1.0)] = 0.3
-    taxel_dropout: Annotated[float, Range(0.0, 1.0)] = 0.0
-    event_noise: Annotated[float, Range(0.0, 1.0)] = 0.0
-    mixing: Annotated[float, Range(0.0, 1.0)] = 0.0
-    cut_end: Annotated[float, Range(0.0, 1.0)] = 0.0
-    time_stretch: Annotated[float, Range(0.0, 0.9)] = 0.0
-    time_shift: Annotated[int, Range(0, 20_000)] = 0
-    taxel_shift: Annotated[int, Range(0, 20_000)] = 0
-    weight_average: Annotated[float, Range(0.0, 0.99999)] = 0.0
-    validation_fraction: Annotated[float, Range(0.0, 0.9)] = 0.125
-    smoothing_epochs: Annotated[int, Range(1, 1_000)] = 10
+    learning_rate: Annotated[float, between(1e-9, 1e3)] = 0.003
+    weight_decay: Annotated[float, between(0.0, 1e3)] = 0.1
+    epochs: Annotated[int, between(1, 100_000)] = 250
+    batch_size: Annotated[int, between(1, 100_000)] = 16
+    initial_scale: Annotated[float, between(1e-3, 1e3)] = 3.0
+    event_dropout: Annotated[float, between(0.0, 1.0)] = 0.5
+    channel_dropout: Annotated[float, between(0.0, 1.0)] = 0.3
+    taxel_dropout: Annotated[float, between(0.0, 1.0)] = 0.0
+    event_noise: Annotated[float, between(0.0, 1.0)] = 0.0
+    mixing: Annotated[float, between(0.0, 1.0)] = 0.0
+    cut_end: Annotated[float, between(0.0, 1.0)] = 0.0
+    time_stretch: Annotated[float, between(0.0, 0.9)] = 0.0
+    time_shift: Annotated[int, between(0, 20_000)] = 0
+    taxel_shift: Annotated[int, between(0, 20_000)] = 0
+    weight_average: Annotated[float, between(0.0, 0.99999)] = 0.0
+    validation_fraction: Annotated[float, between(0.0, 0.9)] = 0.125
+    smoothing_epochs: Annotated[int, between(1, 1_000)] = 10
     refit: bool = True
-    seed: Annotated[int, Range(0, 2**32 - 1)] = 0
+    seed: Annotated[int, between(0, 2**32 - 1)] = 0
     device: Annotated[str, DEVICES] = "cpu"
-    step_seconds: Annotated[float | None, Range(1e-6, 1e3)] = None
-    steps: Annotated[int | None, Range(1, 20_000)] = None
-    event_threshold: Annotated[int | None, Range(0, 20_000_000)] = None
-    psi: Annotated[float | None, Range(0.0, 1e6), BRANCHES] = None
+    step_seconds: Annotated[float | None, between(1e-6, 1e3)] = None
+    steps: Annotated[int | None, between(1, 20_000)] = None
+    event_threshold: Annotated[int | None, between(0, 20_000_000)] = None
+    psi: Annotated[float | None, between(0.0, 1e6), BRANCHES] = None
     grid: str | None = None
-    polarities: Annotated[int | None, Range(1, 2)] = None
-    channels: Annotated[int | None, Range(1, MAX_CHANNELS)] = None
+    polarities: Annotated[int | None, between(1, 2)] = None
+    channels: Annotated[int | None, between(1, MAX_CHANNELS)] = None
     layout: str | None = None
     axes: str | None = None
-    align_events: Annotated[int | None, Range(1, 20_000), SPIKING] = None
-    split: Annotated[float | None, Range(0.001, 0.9)] = None
-    fold: Annotated[int | None, Range(1, 1_000)] = None
-    theta: Annotated[float, Range(1e-6, 1e6), SRM] = 10.0
-    tau_sr: Annotated[float, Range(1e-3, 1e5), SRM] = 10.0
-    tau_ref: Annotated[float, Range(1e-3, 1e5), SRM] = 1.0
-    scale_ref: Annotated[float, Range(0.0, 1e6), SRM] = 2.0
-    tau_rho: Annotated[float, Range(1e-6, 1e6), SRM] = 1.0
-    scale_rho: Annotated[float, Range(1e-6, 1e6), SRM] = 1.0
-    decay: Annotated[float, Range(0.0, 1.0), LIF] = 0.2
-    threshold: Annotated[float, Range(1e-6, 1e6), LIF] = 0.5
-    window: Annotated[float, Range(1e-6, 1e6), LIF] = 0.5
-    location_theta: Annotated[float | None, Range(1e-6, 1e6), LOCATION, SRM] = None
-    location_tau_sr: Annotated[float | None, Range(1e-3, 1e5), LOCATION, SRM] = None
-    location_tau_ref: Annotated[float | None, Range(1e-3, 1e5), LOCATION, SRM] = None
-    location_decay: Annotated[float | None, Range(0.0, 1.0), LOCATION, LIF] = None
-    location_threshold: Annotated[float | None, Range(1e-6, 1e6), LOCATION, LIF] = None
+    align_events: Annotated[int | None, between(1, 20_000), SPIKING] = None
+    split: Annotated[float | None, between(0.001, 0.9)] = None
+    fold: Annotated[int | None, between(1, 1_000)] = None
+    theta: Annotated[float, between(1e-6, 1e6), SRM] = 10.0
+    tau_sr: Annotated[float, between(1e-3, 1e5), SRM] = 10.0
+    tau_ref: Annotated[float, between(1e-3, 1e5), SRM] = 1.0
+    scale_ref: Annotated[float, between(0.0, 1e6), SRM] = 2.0
+    tau_rho: Annotated[float, between(1e-6, 1e6), SRM] = 1.0
+    scale_rho: Annotated[float, between(1e-6, 1e6), SRM] = 1.0
+    decay: Annotated[float, between(0.0, 1.0), LIF] = 0.2
+    threshold: Annotated[float, between(1e-6, 1e6), LIF] = 0.5
+    window: Annotated[float, between(1e-6, 1e6), LIF] = 0.5
+    location_theta: Annotated[float | None, between(1e-6, 1e6), LOCATION, SRM] = None
+    location_tau_sr: Annotated[float | None, between(1e-3, 1e5), LOCATION, SRM] = None
+    location_tau_ref: Annotated[float | None, between(1e-3, 1e5), LOCATION, SRM] = None
+    location_decay: Annotated[float | None, between(0.0, 1.0), LOCATION, LIF] = None
+    location_threshold: Annotated[float | None, between(1e-6, 1e6), LOCATION, LIF] = None
     graph: Annotated[str, GRAPHS, GRAPH] = "manual"
-    neighbours: Annotated[int, Range(1, 38), GRAPH] = 3
-    nearer_mm: Annotated[float, Range(0.0, 100.0), GRAPH] = 3.0
-    hops: Annotated[int, Range(1, 16), GRAPH] = 3
-    features: Annotated[int, Range(1, 1024), GRAPH] = 64
-    step_features: Annotated[int, Range(1, 1024), GRAPH] = 8
-    window_steps: Annotated[int, Range(1, 20_000), WINDOWS] = 6
-    window_stride: Annotated[int, Range(1, 20_000), WINDOWS] = 3
+    neighbours: Annotated[int, between(1, 38), GRAPH] = 3
+    nearer_mm: Annotated[float, between(0.0, 100.0), GRAPH] = 3.0
+    hops: Annotated[int, between(1, 16), GRAPH] = 3
+    features: Annotated[int, between(1, 1024), GRAPH] = 64
+    step_features: Annotated[int, between(1, 1024), GRAPH] = 8
+    window_steps: Annotated[int, between(1, 20_000), WINDOWS] = 6
+    window_stride: Annotated[int, between(1, 20_000), WINDOWS] = 3
     window_levels: Annotated[str, WINDOWS] = "1 2"
     target: str = "float"
     strategy: Annotated[str, TRAINABLE, CHIP, SRM] = "dendrite"
     weight_bits: Annotated[int, WEIGHT_BITS, CHIP] = 8
-    weight_room: Annotated[float, Range(1e-3, 1e3), CHIP] = 1.25
-    refractory: Annotated[int, Range(1, 65_535), CHIP, RESETS] = 1
-    pruned: Annotated[float, Range(0.0, 0.999)] = 0.0
-    spike_cost: Annotated[float, Range(0.0, 1e3)] = 0.0
+    weight_room: Annotated[float, between(1e-3, 1e3), CHIP] = 1.25
+    refractory: Annotated[int, between(1, 65_535), CHIP, RESETS] = 1
+    pruned: Annotated[float, between(0.0, 0.999)] = 0.0
+    spike_cost: Annotated[float, between(0.0, 1e3)] = 0.0
+
+    called = "training option"
 
     @property
     def sensor(self) -> SensorLayout | None:
         """The sensor that is asked for; None where recordings are those of NeuTouch."""
         return asked_layout(self.grid, self.polarities, self.channels, self.layout)
-
-    def __post_init__(self) -> None:
-        for name, kinds in field_kinds(TrainingConfig).items():
-            limits = next((one for one in _said()[name] if not isinstance(one, Need)), None)
-            _check(name, kinds, getattr(self, name), limits)
-
-
-@cache
-def _said() -> dict[str, tuple[Any, ...]]:
-    """Return what the annotation of each option says besides its type."""
-    hints = get_type_hints(TrainingConfig, include_extras=True)
-    return {name: getattr(hint, "__metadata__", ()) for name, hint in hints.items()}
 
 
 def check_used(given: Mapping[str, str], *configs: TrainingConfig) -> None:
@@ -245,7 +228,7 @@ def check_used(given: Mapping[str, str], *configs: TrainingConfig) -> None:
     ``given``: how messages show each option that was given.
     """
     for option, shown in given.items():
-        for need in _said()[option]:
+        for need in said_of(TrainingConfig)[option]:
             if isinstance(need, Need) and not any(need.counts(c, ARCHITECTURES[c.model]) for c in configs):
                 raise InputError(shown, f"it would change nothing: {need.why}", fix=need.fix)
 
@@ -273,19 +256,3 @@ def read_config(path: Path | str) -> dict[str, Any]:
     values = read_mapping(path, where, "Give the YAML file of a training run.")
     config_from_mapping(values, where)
     return values
-
-
-def _check(name: str, kinds: tuple[type, ...], value: object, limits: Range | tuple[str | int, ...] | None) -> None:
-    """Refuse a value that is none of ``kinds``, or out of its range, or none of its choices."""
-    where = f"training option {name!r}"
-    if not is_one_of(value, kinds):
-        fix = "Put it in quotes." if kinds == (str,) else "Correct the value."
-        raise InputError(where, f"it must be {KIND_WORDS[kinds[0]]}", measured=f"got {value!r}", fix=fix)
-    if value is None or limits is None:
-        return
-    if not isinstance(limits, Range):
-        if value not in limits:
-            raise InputError(where, f"{value!r} is not known", fix=did_you_mean(str(value), map(str, limits)))
-    elif not limits.low <= cast(float, value) <= limits.high:
-        measured = f"got {value!r} against {limits.low:g}..{limits.high:g}"
-        raise InputError(where, "it is out of range", measured=measured, fix="Correct the value.")

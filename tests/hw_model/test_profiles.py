@@ -77,24 +77,24 @@ def test_only_what_a_profile_must_say_is_asked_for(tmp_path):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"basis": KeyError}, "mine.yaml: profile: the key 'basis' is missing. Add it."),
-        ({"voltage": 1}, "mine.yaml: profile: unknown key 'voltage'. Did you mean 'voltage_v'?"),
-        ({"voltage_v": "low"}, "mine.yaml: voltage_v: 'low' is not a number from 0 up. Correct it."),
+        ({"basis": KeyError}, "mine.yaml: the key 'basis' is missing. Add it."),
+        ({"voltage": 1}, "mine.yaml: unknown key 'voltage'. Did you mean 'voltage_v'?"),
+        ({"voltage_v": "low"}, "mine.yaml: voltage_v: it must be a number from 0 to 1099511627776 (got 'low'). Correct it."),
         ({"energy_pj": {"spike": 1}}, "mine.yaml: energy_pj: 'spike' is not counted. Did you mean 'spikes'?"),
-        ({"energy_pj": {"spikes": -1}}, "mine.yaml: spikes: -1 is not a number from 0 up. Correct it."),
-        ({"energy_pj": {"spikes": float("nan")}}, "mine.yaml: spikes: nan is not a number from 0 up. Correct it."),
+        ({"energy_pj": {"spikes": -1}}, "mine.yaml: energy_pj.spikes: it must be a number from 0 to 1099511627776 (got -1). Correct it."),
+        ({"energy_pj": {"spikes": float("nan")}}, "mine.yaml: energy_pj.spikes: it must be a number from 0 to 1099511627776 (got nan). Correct it."),
         ({"time_ns": {"hop_x": 1}}, "mine.yaml: time_ns: 'hop_x' is not counted. Did you mean 'hops_x'?"),
         (
             {"energy_pj_range": {"synaptic_ops": [31, None]}},
-            "mine.yaml: energy_pj_range: synaptic_ops: the constant 30 is not within 31 to. Correct it.",
+            "mine.yaml: energy_pj_range.synaptic_ops: the constant 30 is not within 31 to. Correct it.",
         ),
         (
             {"time_ns_range": {"synaptic_ops": [5, 6]}},
-            "mine.yaml: time_ns_range: synaptic_ops: the constant 4 is not within 5 to 6. Correct it.",
+            "mine.yaml: time_ns_range.synaptic_ops: the constant 4 is not within 5 to 6. Correct it.",
         ),
         (
             {"energy_pj_range": {"synaptic_ops": 25}},
-            "mine.yaml: energy_pj_range: synaptic_ops: 25 is not a range. Give [least, most], null for what is not known.",
+            "mine.yaml: energy_pj_range.synaptic_ops: it must be a list (got 25). Correct it.",
         ),
         (
             {"energy_pj_range": {"spikes": [1, 2]}},
@@ -103,12 +103,12 @@ def test_only_what_a_profile_must_say_is_asked_for(tmp_path):
         ),
         ({"sources": {"synaptic_op": "x"}}, "mine.yaml: sources: 'synaptic_op' has no constant. Did you mean 'synaptic_ops'?"),
         ({"static_power": {"chip_mw": 1}}, "mine.yaml: static_power: the key 'source' is missing. Add it."),
-        ({"static_power": 90}, "mine.yaml: static_power: not a mapping of names. Compare it with a chip that ships."),
-        ({"not_included": "host"}, "mine.yaml: not_included: not a list. List texts."),
-        ({"not_included": [3]}, "mine.yaml: not_included: not a text of 1 to 500 characters. Correct it."),
+        ({"static_power": 90}, "mine.yaml: static_power: it must be a mapping of names (got 90). Correct it."),
+        ({"not_included": "host"}, "mine.yaml: not_included: it must be a list (got 'host'). Correct it."),
+        ({"not_included": [3]}, "mine.yaml: not_included: it must be a mapping of names (got 3). Correct it."),
         (
             {"not_included": [{"what": "x", "bound_pj": {"spike": 1}}]},
-            "mine.yaml: bound_pj: 'spike' is not counted. Did you mean 'spikes'?",
+            "mine.yaml: not_included: 'spike' is not counted. Did you mean 'spikes'?",
         ),
         ({"barrier_ns": {"one_tile": 1}}, "mine.yaml: barrier_ns: the key 'all_tiles' is missing. Add it."),
     ],
@@ -127,15 +127,15 @@ def test_profiles_that_are_refused(tmp_path, changes, message):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("source: }", "mine.yaml: the profile file is not YAML at line 1. Compare it with a chip that ships."),
-        ("3", "mine.yaml: profile: not a mapping of names. Compare it with a chip that ships."),
+        ("source: }", "mine.yaml: it is not YAML at line 1. Compare it with a chip that ships."),
+        ("3", "mine.yaml: it must be a mapping of names (got 3). Correct it."),
         (b"\xff", "mine.yaml: it is not UTF-8 text. Give the path of a profile YAML file."),
         (
             "#" * (1 << 20) + "\n",
             "mine.yaml: it is too large (1048577 bytes against 1048576). "
             "Give a profile file like those in a chip file.",
         ),
-        ("!!python/object/apply:os.system [id]", "mine.yaml: the profile file is not YAML at line 1. Compare it with a chip that ships."),
+        ("!!python/object/apply:os.system [id]", "mine.yaml: it is not YAML at line 1. Compare it with a chip that ships."),
     ],
     ids=["broken", "number", "bytes", "large", "code"],
 )  # fmt: skip

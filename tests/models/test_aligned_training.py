@@ -94,11 +94,11 @@ REFUSED = {
     ),
     "more than there can be": (
         lambda: NetworkDescription("tactile-snn", LAYOUT, 3, align_events=79),
-        "align_events: it must be a whole number in range (got 79 against 1..78). Correct the description.",
+        "align_events: it must be a whole number from 1 to 78 (got 79). Correct it.",
     ),
     "no events": (
         lambda: NetworkDescription("tactile-snn", LAYOUT, 3, align_events=0),
-        "align_events: it must be a whole number in range (got 0 against 1..78). Correct the description.",
+        "align_events: it must be a whole number from 1 to 78 (got 0). Correct it.",
     ),
 }
 

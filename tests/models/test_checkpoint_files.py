@@ -217,28 +217,32 @@ BAD: list[tuple[str, Callable[[Path], object], str]] = [
         "it was written by a newer version (version 4 against 3). Update locsnn-compile.",
     ),
     ("version of 0", put("version", value=0), f"its version does not exist (version 0 against 3). {AGAIN}"),
-    ("version of text", put("version", value="1"), f"entry 'version' must be a whole number (got str). {AGAIN}"),
+    ("version of text", put("version", value="1"), f"version: it must be a whole number (got '1'). {AGAIN}"),
     (
         "weights of text",
         put("weights", "time_hidden", value="none"),
-        f"entry 'weights.time_hidden' must be a tensor (got str). {AGAIN}",
+        f"weights.time_hidden: it must be a tensor (got 'none'). {AGAIN}",
     ),
     (
         "taxels of text",
         put("location_order", "taxels", value="loop"),
-        f"entry 'location_order.taxels' must be a list (got str). {AGAIN}",
+        f"location_order.taxels: it must be a list (got 'loop'). {AGAIN}",
     ),
-    ("missing entry", drop("hidden"), f"entry 'hidden' is missing. {AGAIN}"),
-    ("missing neuron entry", drop("neuron", "theta"), f"entry 'neuron.theta' is missing. {AGAIN}"),
-    ("unknown entry", put("hiden", value=3), "entry 'hiden' is not known. Did you mean 'hidden'?"),
-    ("wrong type", put("neuron", "tau_sr", value="10"), f"entry 'neuron.tau_sr' must be a number (got str). {AGAIN}"),
+    ("missing entry", drop("hidden"), f"the key 'hidden' is missing. {AGAIN}"),
+    ("missing neuron entry", drop("neuron", "theta"), f"neuron: the key 'theta' is missing. {AGAIN}"),
+    ("unknown entry", put("hiden", value=3), "unknown key 'hiden'. Did you mean 'hidden'?"),
+    (
+        "wrong type",
+        put("neuron", "tau_sr", value="10"),
+        f"neuron.tau_sr: it must be a number above 0 (got '10'). {AGAIN}",
+    ),
     (
         "a sensor and sizes of another",
         put("input", "sensor", value={"name": "x", "taxels": 39, "polarities": 2}),
-        "entry 'input.fingertips' is not known. Choose one of: sensor, step_seconds, steps.",
+        "input: unknown key 'fingertips'. Choose one of: sensor, step_seconds, steps.",
     ),
-    ("a sensor of text", swap_sizes("glove"), f"entry 'input.sensor' must be a dict (got str). {AGAIN}"),
-    ("truth value", put("classes", value=True), f"entry 'classes' must be a whole number (got bool). {AGAIN}"),
+    ("a sensor of text", swap_sizes("glove"), f"input.sensor: it must be a mapping of names (got 'glove'). {AGAIN}"),
+    ("truth value", put("classes", value=True), f"classes: it must be a whole number (got True). {AGAIN}"),
     ("name with a path", put("name", value="../x"), f"entry 'name' is not a plain name (got '../x'). {AGAIN}"),
     (
         "training holds a tensor",
@@ -256,23 +260,22 @@ BAD_INSIDE: list[tuple[str, Callable[[Path], object], str]] = [
     (
         "tau of 0",
         put("neuron", "tau_sr", value=0.0),
-        "neuron 'tau_sr': it must be a finite number above 0 (got 0.0). Correct the description.",
+        "neuron.tau_sr: it must be a number above 0 (got 0.0). Write it again with 'locsnn train'.",
     ),
     (
         "negative theta",
         put("neuron", "theta", value=-10.0),
-        "neuron 'theta': it must be a finite number above 0 (got -10.0). Correct the description.",
+        "neuron.theta: it must be a number above 0 (got -10.0). Write it again with 'locsnn train'.",
     ),
     (
         "absurd hidden size",
         put("hidden", value=10**9),
-        "hidden: it must be a whole number in range (got 1000000000 against 1..4096). Correct the description.",
+        "hidden: it must be a whole number from 1 to 4096 (got 1000000000). Correct it.",
     ),
     (
         "absurd steps",
         put("input", "steps", value=10**12),
-        "input 'steps': it must be a whole number in range (got 1000000000000 against 1..20000). "
-        "Correct the description.",
+        "input 'steps': it must be a whole number from 1 to 20000 (got 1000000000000). Correct it.",
     ),
     (
         "sizes of no sensor",
@@ -374,7 +377,8 @@ def test_checkpoints_with_a_fault_inside(tmp_path: Path, make: Callable[[Path], 
     make(path)
     with pytest.raises(InputError) as caught:
         read_checkpoint(path)
-    assert str(caught.value) == f"checkpoint 'small.pt', {message}"
+    joint = ": " if message.startswith("neuron.") else ", "
+    assert str(caught.value) == f"checkpoint 'small.pt'{joint}{message}"
 
 
 def test_a_file_that_unpacks_to_far_more_than_its_size(tmp_path: Path) -> None:
@@ -395,7 +399,7 @@ def test_a_name_that_is_no_weights(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         read_checkpoint(path)
     assert str(caught.value) == (
-        "checkpoint 'small.pt': entry 'weights.time_hiden' is not known. Did you mean 'time_hidden'?"
+        "checkpoint 'small.pt': weights: unknown key 'time_hiden'. Did you mean 'time_hidden'?"
     )
 
 

@@ -130,8 +130,8 @@ PLACE = "chip.populations.time_hidden"
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        pytest.param(lambda v: v.pop("chip"), f": entry 'chip' is missing. {AGAIN}", id="no numbers"),
-        pytest.param(put("version", value=1), ": entry 'chip' is not known. Choose one of: ", id="older version"),
+        pytest.param(lambda v: v.pop("chip"), f": the key 'chip' is missing. {AGAIN}", id="no numbers"),
+        pytest.param(put("version", value=1), ": unknown key 'chip'. Choose one of: ", id="older version"),
         pytest.param(
             put("chip", value={}),
             f": entry 'chip' must hold target, strategy, registers, populations (got {{}}). {AGAIN}",

@@ -186,13 +186,12 @@ def test_a_time_step_hears_steps_up_to_three_away() -> None:
         ),
         pytest.param(
             {"hops": 0},
-            "graph 'hops': it must be a whole number in range (got 0 against 1..16). Correct the description.",
+            "graph 'hops': it must be a whole number from 1 to 16 (got 0). Correct it.",
             id="no hops",
         ),
         pytest.param(
             {"features": 200},
-            "neurons of time_graph: it must be a whole number in range (got 7800 against 1..4096). "
-            "Correct the description.",
+            "neurons of time_graph: it must be a whole number from 1 to 4096 (got 7800). Correct it.",
             id="too many neurons",
         ),
     ],

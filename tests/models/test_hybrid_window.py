@@ -119,11 +119,11 @@ def test_its_file_keeps_its_windows(tmp_path: Path) -> None:
     [
         (
             {"steps": 4, "stride": 2},
-            "checkpoint 'h.pt': entry 'window.levels' is missing. Write it again with 'locsnn train'.",
+            "checkpoint 'h.pt': window: the key 'levels' is missing. Write it again with 'locsnn train'.",
         ),
         (
             {"steps": 4, "stride": 0, "levels": [1]},
-            "checkpoint 'h.pt', windows 'stride': it must be a whole number of steps (got 0). Give 1 or more.",
+            "checkpoint 'h.pt': window.stride: it must be a whole number of at least 1 (got 0). Write it again with 'locsnn train'.",
         ),
     ],
     ids=["no levels", "no stride"],

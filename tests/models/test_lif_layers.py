@@ -149,17 +149,17 @@ def test_initial_weights_fill_their_bound() -> None:
     [
         pytest.param(
             {"decay": 1.5},
-            "neuron 'decay': it must be a number from 0 to 1 (got 1.5). The published value is 0.2.",
+            "neuron 'decay': it must be a number from 0 to 1 (got 1.5). Correct it.",
             id="decay above 1",
         ),
         pytest.param(
             {"threshold": 0.0},
-            "neuron 'threshold': it must be a finite number above 0 (got 0.0). Correct the description.",
+            "neuron 'threshold': it must be a number above 0 (got 0.0). Correct it.",
             id="threshold of 0",
         ),
         pytest.param(
             {"window": float("nan")},
-            "neuron 'window': it must be a finite number above 0 (got nan). Correct the description.",
+            "neuron 'window': it must be a number above 0 (got nan). Correct it.",
             id="window NaN",
         ),
     ],

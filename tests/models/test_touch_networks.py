@@ -140,12 +140,12 @@ def test_weights_of_another_shape_are_refused() -> None:
         ),
         pytest.param(
             {"classes": 0},
-            "classes: it must be a whole number in range (got 0 against 1..4096). Correct the description.",
+            "classes: it must be a whole number from 1 to 4096 (got 0). Correct it.",
             id="no classes",
         ),
         pytest.param(
             {"hidden": True},
-            "hidden: it must be a whole number in range (got True against 1..4096). Correct the description.",
+            "hidden: it must be a whole number from 1 to 4096 (got True). Correct it.",
             id="hidden is a truth value",
         ),
     ],
@@ -169,25 +169,25 @@ def test_descriptions_that_do_not_hold(values: dict[str, object], message: str) 
         pytest.param(
             NeuronParameters,
             {"tau_sr": 0.0},
-            "neuron 'tau_sr': it must be a finite number above 0 (got 0.0). Correct the description.",
+            "neuron.tau_sr: it must be a number above 0 (got 0.0). Write it again with 'locsnn train'.",
             id="tau of 0",
         ),
         pytest.param(
             NeuronParameters,
             {"theta": float("nan")},
-            "neuron 'theta': it must be a finite number above 0 (got nan). Correct the description.",
+            "neuron 'theta': it must be a number above 0 (got nan). Correct it.",
             id="theta NaN",
         ),
         pytest.param(
             NeuronParameters,
             {"scale_ref": -1.0},
-            "neuron 'scale_ref': it must be a finite number of at least 0 (got -1.0). The published value is 2.",
+            "neuron 'scale_ref': it must be a number of at least 0 (got -1.0). Correct it.",
             id="negative refractory scale",
         ),
         pytest.param(
             InputLayout,
             {"sensor": neutouch(), "steps": 0, "step_seconds": 0.02},
-            "input 'steps': it must be a whole number in range (got 0 against 1..20000). Correct the description.",
+            "input 'steps': it must be a whole number from 1 to 20000 (got 0). Correct it.",
             id="no steps",
         ),
         pytest.param(

@@ -104,11 +104,11 @@ REFUSED = {
     ),
     "more neurons than a chip has": (
         lambda: described(4000, windows=WindowParameters(1, 2, (1,))),
-        "window neurons: it must be a whole number in range (got 156000 against 1..131072). Correct the description.",
+        "window neurons: it must be a whole number from 1 to 131072 (got 156000). Correct it.",
     ),
     "no stride": (
         lambda: WindowParameters(stride=0),
-        "windows 'stride': it must be a whole number of steps (got 0). Give 1 or more.",
+        "windows 'stride': it must be a whole number of at least 1 (got 0). Correct it.",
     ),
     "levels that no window reaches": (
         lambda: WindowParameters(4, 2, (1, 5)),

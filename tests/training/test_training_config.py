@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -56,7 +57,7 @@ def test_whole_numbers_serve_as_numbers() -> None:
         ),
         pytest.param(
             "epochs: 0",
-            "training option 'epochs': it is out of range (got 0 against 1..100000). Correct the value.",
+            "training option 'epochs': it must be a whole number from 1 to 100000 (got 0). Correct it.",
             id="no epochs",
         ),
         pytest.param(
@@ -66,27 +67,27 @@ def test_whole_numbers_serve_as_numbers() -> None:
         ),
         pytest.param(
             "epochs: 2.5",
-            "training option 'epochs': it must be a whole number (got 2.5). Correct the value.",
+            "training option 'epochs': it must be a whole number from 1 to 100000 (got 2.5). Correct it.",
             id="half an epoch",
         ),
         pytest.param(
             "learning_rate: .nan",
-            "training option 'learning_rate': it is out of range (got nan against 1e-09..1000). Correct the value.",
+            "training option 'learning_rate': it must be a number from 1e-09 to 1000 (got nan). Correct it.",
             id="NaN",
         ),
         pytest.param(
             "learning_rate: fast",
-            "training option 'learning_rate': it must be a number (got 'fast'). Correct the value.",
+            "training option 'learning_rate': it must be a number from 1e-09 to 1000 (got 'fast'). Correct it.",
             id="a word for a number",
         ),
         pytest.param(
             "refit: 1",
-            "training option 'refit': it must be true or false (got 1). Correct the value.",
+            "training option 'refit': it must be true or false (got 1). Correct it.",
             id="number for a truth value",
         ),
         pytest.param(
             "hidden: true",
-            "training option 'hidden': it must be a whole number (got True). Correct the value.",
+            "training option 'hidden': it must be a whole number from 1 to 4096 (got True). Correct it.",
             id="truth value for a number",
         ),
         pytest.param(
@@ -113,7 +114,7 @@ def test_configurations_that_are_none(tmp_path: Path, monkeypatch: pytest.Monkey
     (tmp_path / "a.yaml").write_text(text)
     with pytest.raises(InputError) as caught:
         read_config(tmp_path / "a.yaml")
-    known = ", ".join(sorted(TrainingConfig.__dataclass_fields__))
+    known = ", ".join(sorted(field.name for field in fields(TrainingConfig)))
     assert str(caught.value) == message.replace("{known}", f"Choose one of: {known}.")
     assert not (tmp_path / "ran").exists()
 

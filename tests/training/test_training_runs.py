@@ -188,7 +188,7 @@ def test_learning_rates() -> None:
         pytest.param(
             Recordings(np.zeros((1, 5, 78)), np.full(1, 9999), None, "x.npy"),
             {},
-            "classes: it must be a whole number in range (got 10000 against 1..4096). Correct the description.",
+            "classes: it must be a whole number from 1 to 4096 (got 10000). Correct it.",
             id="absurd label",
         ),
     ],

@@ -1,0 +1,168 @@
+"""Records: frozen values whose annotations say what each field may be, as in ``Annotated[int, between(1, 8)]``.
+
+The same annotations are checked where a record is made in Python (:class:`Checked`) and where it is read from a file of
+plain values (:class:`RecordReader`): a chip, a profile, the layout of a sensor, a checkpoint.
+"""
+
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, fields
+from functools import cache
+from types import NoneType, UnionType
+from typing import Annotated, Any, ClassVar, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
+
+from hw_model.errors import InputError, check_known, did_you_mean
+from hw_model.values import Frozen
+
+T = TypeVar("T")
+KIND_WORDS: dict[type, str] = {
+    str: "text",
+    int: "a whole number",
+    float: "a number",
+    bool: "true or false",
+    dict: "a mapping of names",
+    Mapping: "a mapping of names",
+    list: "a list",
+    tuple: "a list",
+    NoneType: "nothing",
+}
+"""What messages call a type."""
+_HELD: dict[type, tuple[type, ...]] = {float: (float, int), tuple: (list, tuple)}
+"""Type of a field -> those that a file may have for it, if they are others."""
+
+
+class Must(NamedTuple):
+    """What every number of a field must be, and the words that say it."""
+
+    holds: Callable[[Any], Any]
+    words: str
+
+
+POSITIVE = Must(lambda v: v > 0, "above 0")
+AT_LEAST_ONE = Must(lambda v: v >= 1, "at least 1")
+NOT_NEGATIVE = Must(lambda v: v >= 0, "at least 0")
+
+
+def between(low: float, high: float) -> Must:
+    """Return the rule of numbers from ``low`` to ``high``, both included."""
+    return Must(lambda v: (v >= low) & (v <= high), f"from {low:.16g} to {high:.16g}")
+
+
+@cache
+def field_kinds(record: type) -> dict[str, tuple[type, ...]]:
+    """Return the types that a file may have for each field of a record."""
+    hints = get_type_hints(record)
+    return {item.name: _kinds(hints[item.name]) for item in fields(record)}  # type: ignore[arg-type]
+
+
+@cache
+def said_of(record: type) -> dict[str, tuple[Any, ...]]:
+    """Return what the annotation of each field says besides its type."""
+    hints = get_type_hints(record, include_extras=True)
+    return {name: getattr(hint, "__metadata__", ()) for name, hint in hints.items()}
+
+
+def _kinds(hint: Any) -> tuple[type, ...]:
+    parts = get_args(hint) if isinstance(hint, UnionType) else (hint,)
+    plain = [get_origin(part) or part for part in parts]
+    return tuple(kind for part in plain for kind in _HELD.get(part, (part,)))
+
+
+def is_one_of(value: object, kinds: tuple[type, ...]) -> bool:
+    """Tell whether a value is of one of the types; True and False are not numbers."""
+    return isinstance(value, kinds) and (bool in kinds or not isinstance(value, bool))
+
+
+def check_value(
+    where: str, value: Any, kinds: tuple[type, ...], said: tuple[Any, ...] = (), fix: str = "Correct it."
+) -> None:
+    """Refuse a value of another type, one that breaks a rule, and one that is none of its choices.
+
+    ``said`` may hold rules and tuples of choices; whatever else it holds is not looked at. Numbers must be finite.
+    """
+    rules = [rule for rule in said if isinstance(rule, Must)]
+    finite = not isinstance(value, int | float) or abs(value) <= sys.float_info.max
+    if not (is_one_of(value, kinds) and finite and (value is None or all(rule.holds(value) for rule in rules))):
+        kind = KIND_WORDS.get(kinds[0], f"a {kinds[0].__name__.lower()}")
+        words = [f"of {rule.words}" if rule.words.startswith("at least") else rule.words for rule in rules]
+        measured = f"got {value!r}" if isinstance(value, str | int | float | None) else f"got {type(value).__name__}"
+        fix = "Put it in quotes." if kinds == (str,) and isinstance(value, int | float) else fix
+        raise InputError(where, f"it must be {' '.join([kind, *words])}", measured=measured[:80], fix=fix)
+    for choices in said:
+        if type(choices) in (tuple, range):
+            check_known(where, f"{value!r} is not known", value, choices)
+
+
+class Checked(Frozen):
+    """A record that checks its fields when it is made; ``called`` names it in errors."""
+
+    called: ClassVar[str] = "field"
+
+    def __post_init__(self) -> None:
+        own: type = type(self)
+        for name, kinds in field_kinds(own).items():
+            check_value(f"{self.called} {name!r}", getattr(self, name), kinds, said_of(own)[name])
+
+
+class RecordReader(Frozen):
+    """Reads records from plain values. Errors name the file, ``where``, and the path of the value in it."""
+
+    where: str
+    fix: str = ""
+    lacks: bool = True
+    """Whether a file may lack what has a default."""
+
+    def place(self, key: str) -> str:
+        """Return how errors name a value."""
+        return f"{self.where}: {key}" if key else self.where
+
+    def entries(self, value: Any, key: str, required: Mapping[str, bool]) -> Mapping[str, Any]:
+        """Return a mapping; refuse what is none, an unknown name, and the lack of one that is ``required``."""
+        check_value(self.place(key), value, (dict,), fix=self.fix or "Correct it.")
+        for name in value:
+            if name not in required:
+                shown = str(name)[:60]
+                raise InputError(self.place(key), f"unknown key {shown!r}", fix=did_you_mean(shown, required))
+        for name, needed in required.items():
+            if needed and name not in value:
+                raise InputError(self.place(key), f"the key {name!r} is missing", fix=self.fix or "Add it.")
+        entries: Mapping[str, Any] = value
+        return entries
+
+    def record(self, kind: type[T], value: Any, key: str = "", **given: object) -> T:
+        """Return a record of the entries of a mapping, and of what is ``given``; the mapping may lack defaults."""
+        hints = get_type_hints(kind, include_extras=True)
+        wanted = [item for item in fields(kind) if item.name not in given]  # type: ignore[arg-type]
+        optional = {i.name for i in wanted if not (i.default is MISSING and i.default_factory is MISSING)}
+        required = {item.name: not (self.lacks and item.name in optional) for item in wanted}
+        held = getattr(kind, "from_plain", lambda plain: plain)(value)
+        entries = self.entries(held, key, required)
+        inside = f"{key}." if key else ""
+        return kind(**given, **{name: self.value(hints[name], entry, inside + name) for name, entry in entries.items()})
+
+    def value(self, hint: Any, value: Any, key: str) -> Any:
+        """Return a value as its annotation asks: records of mappings, tuples of lists, floats of whole numbers."""
+        said = getattr(hint, "__metadata__", ())
+        hint = get_args(hint)[0] if said else hint
+        if isinstance(hint, UnionType):
+            return None if value is None else self.value(_with(get_args(hint)[0], said), value, key)
+        origin, parts = get_origin(hint) or hint, get_args(hint)
+        if hasattr(origin, "__dataclass_fields__"):
+            return self.record(origin, value, key)
+        check_value(
+            self.place(key), value, _kinds(hint) if origin is not Mapping else (dict,), said, self.fix or "Correct it."
+        )
+        if origin is Mapping:
+            return {name: self.value(parts[1], entry, f"{key}.{name}") for name, entry in value.items()}
+        if origin is tuple:
+            if parts[-1] is not ... and len(parts) != len(value):
+                what = f"it must be a list of {len(parts)}"
+                raise InputError(self.place(key), what, measured=f"got {len(value)}", fix=self.fix or "Correct it.")
+            each = parts[:1] * len(value) if parts[-1] is ... else parts
+            return tuple(self.value(part, entry, key) for part, entry in zip(each, value, strict=True))
+        return float(value) if origin is float else value
+
+
+def _with(hint: Any, said: tuple[Any, ...]) -> Any:
+    """Return a hint with what is said of it; what a part of it says itself stays."""
+    return Annotated[(hint, *said)] if said else hint
