@@ -11,7 +11,7 @@ from functools import cache
 from types import NoneType, UnionType
 from typing import Annotated, Any, ClassVar, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
-from hw_model.errors import InputError, check_known, did_you_mean
+from hw_model.errors import InputError, did_you_mean
 from hw_model.values import Frozen
 
 T = TypeVar("T")
@@ -52,14 +52,17 @@ def between(low: float, high: float) -> Must:
 def field_kinds(record: type) -> dict[str, tuple[type, ...]]:
     """Return the types that a file may have for each field of a record."""
     hints = get_type_hints(record)
-    return {item.name: _kinds(hints[item.name]) for item in fields(record)}  # type: ignore[arg-type]
+    return {item.name: _kinds(hints[item.name]) for item in fields(record)}
+
+
+def said_of(record: type) -> dict[str, tuple[Any, ...]]:
+    """Return what the annotation of each field says besides its type."""
+    return {name: getattr(hint, "__metadata__", ()) for name, hint in _hints(record).items()}
 
 
 @cache
-def said_of(record: type) -> dict[str, tuple[Any, ...]]:
-    """Return what the annotation of each field says besides its type."""
-    hints = get_type_hints(record, include_extras=True)
-    return {name: getattr(hint, "__metadata__", ()) for name, hint in hints.items()}
+def _hints(record: type) -> dict[str, Any]:
+    return get_type_hints(record, include_extras=True)
 
 
 def _kinds(hint: Any) -> tuple[type, ...]:
@@ -89,8 +92,8 @@ def check_value(
         fix = "Put it in quotes." if kinds == (str,) and isinstance(value, int | float) else fix
         raise InputError(where, f"it must be {' '.join([kind, *words])}", measured=measured[:80], fix=fix)
     for choices in said:
-        if type(choices) in (tuple, range):
-            check_known(where, f"{value!r} is not known", value, choices)
+        if type(choices) is tuple and value not in (None, *choices):
+            raise InputError(where, f"{value!r} is not known", fix=did_you_mean(value, map(str, choices)))
 
 
 class Checked(Frozen):
@@ -131,7 +134,7 @@ class RecordReader(Frozen):
 
     def record(self, kind: type[T], value: Any, key: str = "", **given: object) -> T:
         """Return a record of the entries of a mapping, and of what is ``given``; the mapping may lack defaults."""
-        hints = get_type_hints(kind, include_extras=True)
+        hints = _hints(kind)
         wanted = [item for item in fields(kind) if item.name not in given]  # type: ignore[arg-type]
         optional = {i.name for i in wanted if not (i.default is MISSING and i.default_factory is MISSING)}
         required = {item.name: not (self.lacks and item.name in optional) for item in wanted}

@@ -90,7 +90,7 @@ def test_a_chip_file_of_ones_own(tmp_path):
         (changed(["profiles", "sanafe", "barrier_ns", "one_tile"], None), "my.yaml: profiles.sanafe.barrier_ns: the key 'one_tile' is missing. Add it."),
         (changed(["limits"], [1]), "my.yaml: limits: it must be a mapping of names (got list). Correct it."),
         (changed(["name"], ""), "my.yaml: name: it must be text of 1 to 500 characters (got ''). Correct it."),
-        (changed(["name"], 3), "my.yaml: name: it must be text of 1 to 500 characters (got ''). Correct it."),
+        (changed(["name"], 3), "my.yaml: name: it must be text of 1 to 500 characters (got 3). Put it in quotes."),
         (changed(["chips"], 1.5), "my.yaml: chips: it must be a whole number from 1 to 1048576 (got 1.5). Correct it."),
         (changed(["chips"], True), "my.yaml: chips: it must be a whole number from 1 to 1048576 (got True). Correct it."),
         (changed(["clock_ghz"], math.nan), "my.yaml: clock_ghz: it must be a number above 0 (got nan). Correct it."),
@@ -119,7 +119,7 @@ def test_a_chip_file_of_ones_own(tmp_path):
         ("name: &a [*a]", "my.yaml: aliases are not read (line 1). Write the value out."),
         ("{" * 2000, "my.yaml: it is nested too deeply (more than 50 levels). Correct its brackets."),
         ("[1, 2", "my.yaml: it is not YAML at line 2. Compare it with a chip that ships."),
-        ("- 1", "my.yaml: it must be a mapping of names (got None). Correct it."),
+        ("- 1", "my.yaml: it must be a mapping of names (got list). Correct it."),
         ("!!python/object/apply:os.system [id]", "my.yaml: it is not YAML at line 1. Compare it with a chip that ships."),
     ],
     ids=[

@@ -134,61 +134,62 @@ PLACE = "chip.populations.time_hidden"
         pytest.param(put("version", value=1), ": unknown key 'chip'. Choose one of: ", id="older version"),
         pytest.param(
             put("chip", value={}),
-            f": entry 'chip' must hold target, strategy, registers, populations (got {{}}). {AGAIN}",
+            f": chip: the key 'target' is missing. {AGAIN}",
             id="empty",
         ),
         pytest.param(
-            put("chip", "target", value=3), f": entry 'chip.target' is not a plain name. {AGAIN}", id="target"
+            put("chip", "target", value=3),
+            ": chip.target: it must be text that is a plain name (got 3). Put it in quotes.",
+            id="target",
         ),
         pytest.param(
             put("chip", "strategy", value="fast"),
-            f": entry 'chip.strategy' is not known (got 'fast'). {AGAIN}",
+            ": chip.strategy: 'fast' is not known. Choose one of: delay-line, dendrite, reset.",
             id="strategy",
         ),
         pytest.param(
             put("chip", "registers", value={"charge_bits": 9}),
-            ": entry 'chip.registers' must hold charge_bits, current_bits, voltage_bits (got {'charge_bits': 9}). "
-            f"{AGAIN}",
+            f": chip.registers: the key 'current_bits' is missing. {AGAIN}",
             id="registers",
         ),
         pytest.param(
             put("chip", "registers", "current_bits", value=30),
-            f": entry 'chip.registers.current_bits' must be a whole number in range (got 30 against 9..29). {AGAIN}",
+            f": chip.registers.current_bits: it must be a whole number from 9 to 29 (got 30). {AGAIN}",
             id="widths",
         ),
         pytest.param(
             put(*HIDDEN, "decay", value=0),
-            f": entry '{PLACE}.decay' must be a whole number in range (got 0 against 1..4096). {AGAIN}",
+            f": {PLACE}.decay: it must be a whole number from 1 to 4096 (got 0). {AGAIN}",
             id="decay",
         ),
         pytest.param(
             put(*HIDDEN, "threshold", value=True),
-            f": entry '{PLACE}.threshold' must be a whole number in range (got True against 0..16777215). {AGAIN}",
+            f": {PLACE}.threshold: it must be a whole number from 0 to 16777215 (got True). {AGAIN}",
             id="no number",
         ),
         pytest.param(
             put(*HIDDEN, "weight_bits", value=7),
-            f": entry '{PLACE}.weight_bits' is a width that no format has. {AGAIN}",
+            f": {PLACE}.weight_bits: 7 is not known. Choose one of: 1, 2, 3, 4, 5, 6, 8.",
             id="weight bits",
         ),
         pytest.param(
             put(*HIDDEN, "unit", value=float("nan")),
-            f": entry '{PLACE}.unit' must be a number above 0 (got nan). {AGAIN}",
+            f": {PLACE}.unit: it must be a number above 0 (got nan). {AGAIN}",
             id="unit",
         ),
         pytest.param(
             put(*HIDDEN, "own", value=[[1, 2]]),
-            f": entry '{PLACE}.own' must be a list of synapses (got [[1, 2]]). {AGAIN}",
+            f": {PLACE}.own: it must be a list of 3 (got 2). {AGAIN}",
             id="own synapses",
         ),
         pytest.param(
             put(*HIDDEN, "own", value=[[1, 2, 65_535]]),
-            f": entry '{PLACE}.own' must be a whole number in range (got 65535 against 0..65534). {AGAIN}",
+            f": {PLACE}.own: it must be a whole number from 0 to 65534 (got 65535). {AGAIN}",
             id="delay",
         ),
         pytest.param(
             put(*HIDDEN, "own", value=[[1, 2, 3]] * 2),
-            f": entry '{PLACE}.own' does not fit strategy 'dendrite' (2 synapses against 0..1). {AGAIN}",
+            f": {PLACE}.own: it does not fit strategy 'dendrite' (2 synapses against 0..1). {AGAIN}",
             id="too many own synapses",
         ),
         pytest.param(

@@ -169,7 +169,7 @@ def test_descriptions_that_do_not_hold(values: dict[str, object], message: str) 
         pytest.param(
             NeuronParameters,
             {"tau_sr": 0.0},
-            "neuron.tau_sr: it must be a number above 0 (got 0.0). Write it again with 'locsnn train'.",
+            "neuron 'tau_sr': it must be a number above 0 (got 0.0). Correct it.",
             id="tau of 0",
         ),
         pytest.param(
