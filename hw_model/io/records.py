@@ -134,7 +134,8 @@ class RecordReader(Frozen):
 
     def record(self, kind: type[T], value: Any, key: str = "", **given: object) -> T:
         """Return a record of the entries of a mapping, and of what is ``given``; the mapping may lack defaults."""
-        hints = _hints(kind)
+        own: type = kind
+        hints = _hints(own)
         wanted = [item for item in fields(kind) if item.name not in given]  # type: ignore[arg-type]
         optional = {i.name for i in wanted if not (i.default is MISSING and i.default_factory is MISSING)}
         required = {item.name: not (self.lacks and item.name in optional) for item in wanted}

@@ -6,16 +6,17 @@ coordinates and edges of the TactileSGNet release (Gu et al. 2020).
 
 import json
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
+from hw_model.io.records import RecordReader, between
 from hw_model.io.yaml_text import read_mapping
 from hw_model.values import FloatArray, Frozen, IntArray
-from locsnn_compile.errors import InputError, check_known, check_same
+from locsnn_compile.errors import InputError, check_same
 
 #: Most channels of a sensor: a few times what any published tactile sensor has.
 MAX_CHANNELS = 4_096
@@ -39,6 +40,9 @@ _LEAST = 5
 _FIX = "Correct the layout of the sensor."
 
 
+Coordinate = Annotated[float, between(-1e9, 1e9)]
+
+
 class SensorLayout(Frozen):
     """The channels of a sensor: ``surfaces`` equal ones, such as fingertips, of ``taxels`` with ``polarities`` each.
 
@@ -52,7 +56,7 @@ class SensorLayout(Frozen):
     polarities: int = 1
     surfaces: int = 1
     columns: int | None = None
-    positions: tuple[tuple[float, float], ...] | None = None
+    positions: tuple[tuple[Coordinate, Coordinate], ...] | None = None
     names: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
@@ -157,34 +161,10 @@ def parse_layout(document: Mapping[Any, Any], where: str) -> SensorLayout:
     Raises ``InputError`` for anything else.
     """
     values = dict(document)
-    if "positions" in values or "names" in values:
-        counted = values.get("positions", values.get("names"))
-        values.setdefault("taxels", len(counted) if isinstance(counted, list | tuple) else 0)
-    for key in {"name": 0, "taxels": 0} | values:
-        check_known(where, f"entry {str(key)[:40]!r} is not known", str(key)[:40], _HOLDS)
-        what, holds = _HOLDS[key]
-        if not holds(values.get(key)):
-            raise InputError(where, f"{key!r} must be {what}", fix=_FIX)
-    pairs = {key: tuple(map(tuple, values[key])) for key in ("positions",) if key in values}
-    return SensorLayout(**values | pairs | {key: tuple(values[key]) for key in ("names",) if key in values})
-
-
-def _are(value: Any, holds: Callable[[Any], bool]) -> bool:
-    return isinstance(value, list | tuple) and all(map(holds, value))
-
-
-def _is_place(pair: Any) -> bool:
-    """Whether a value is a pair of numbers, neither endless nor NaN."""
-    return _are(pair, lambda n: type(n) in (int, float) and abs(n) < 1e9) and len(pair) == 2
-
-
-_WHOLE: tuple[str, Callable[[Any], bool]] = ("a whole number", lambda value: type(value) is int)
-_HOLDS: dict[str, tuple[str, Callable[[Any], bool]]] = {
-    "name": ("a text", lambda value: isinstance(value, str)),
-    **dict.fromkeys(("taxels", "polarities", "surfaces", "columns"), _WHOLE),
-    "positions": ("pairs of numbers, [[x, y], ...]", lambda value: _are(value, _is_place)),
-    "names": ("a list of texts", lambda value: _are(value, lambda name: isinstance(name, str))),
-}
+    counted = values.get("positions", values.get("names"))
+    if isinstance(counted, list | tuple):
+        values.setdefault("taxels", len(counted))
+    return RecordReader(where, _FIX).record(SensorLayout, values)
 
 
 def frame_size(layout: SensorLayout) -> tuple[int, int]:

@@ -121,13 +121,13 @@ def not_a_number(values):
     [
         (newer, "checkpoint 'damaged.pt': its version does not exist (version 2 against 1)"),
         (no_members, "checkpoint 'damaged.pt': it has no members"),
-        (unknown, "checkpoint 'damaged.pt': entry 'code' is not known"),
-        (a_text, "checkpoint 'damaged.pt': entry 'members.2' must be a dict (got str)"),
+        (unknown, "checkpoint 'damaged.pt': unknown key 'code'"),
+        (a_text, "checkpoint 'damaged.pt': members.2: it must be a mapping of names (got 'not a checkpoint')"),
         (drop_sha, "checkpoint 'damaged.pt', member '1': its sha256 is not one"),
         (another_size, "checkpoint 'damaged.pt', member '2', population 'time_hidden': its weights have another shape"),
         (
             not_a_number,
-            "weights: each network needs one above 0 and at most 1,000,000 times another (1, nan for 2 networks)",
+            "checkpoint 'damaged.pt', member '2': weight: it must be a number (got nan)",
         ),
     ],
     ids=["newer", "empty", "unknown", "text", "sha256", "size", "weight"],

@@ -106,18 +106,24 @@ def test_a_layout_comes_back_from_its_plain_values() -> None:
     [
         pytest.param(
             {"name": "x", "taxels": 3, "taxel": 3},
-            "layout: entry 'taxel' is not known. Did you mean 'taxels'?",
+            "layout: unknown key 'taxel'. Did you mean 'taxels'?",
             id="key",
         ),
-        pytest.param({"name": "x"}, "layout: 'taxels' must be a whole number. ", id="no size"),
-        pytest.param({"name": 3, "taxels": 3}, "layout: 'name' must be a text. ", id="no name"),
-        pytest.param({"name": "x", "taxels": True}, "layout: 'taxels' must be a whole number. ", id="no number"),
+        pytest.param({"name": "x"}, "layout: the key 'taxels' is missing. ", id="no size"),
+        pytest.param(
+            {"name": 3, "taxels": 3}, "layout: name: it must be text (got 3). Put it in quotes.", id="no name"
+        ),
+        pytest.param(
+            {"name": "x", "taxels": True}, "layout: taxels: it must be a whole number (got True). ", id="no number"
+        ),
         pytest.param(
             {"name": "x", "positions": [[0, 1], [float("nan"), 0]]},
-            "layout: 'positions' must be pairs of numbers, [[x, y], ...]. ",
+            "layout: positions: it must be a number from -1000000000 to 1000000000 (got nan). ",
             id="no place",
         ),
-        pytest.param({"name": "x", "names": [1, 2]}, "layout: 'names' must be a list of texts. ", id="no names"),
+        pytest.param(
+            {"name": "x", "names": [1, 2]}, "layout: names: it must be text (got 1). Put it in quotes.", id="no names"
+        ),
         pytest.param(
             {"name": "x", "positions": [[0, 1], [0, 1]]},
             "sensor 'x': its positions do not fit its taxels (1 different ones against 2 taxels). ",
