@@ -54,7 +54,7 @@ SLAYER = "config 'a.yaml': it is not YAML. Give slayerPytorch's network descript
 NO_PROGRAM = "program.yaml: its entries do not make a program. Compile again."
 PROGRAM = "program.yaml: the file is not YAML: it is damaged. Compile again."
 CHIP = re.compile(
-    "a.yaml: (the chip file is not YAML( at line 1)?. Compare it with a chip that ships"
+    "a.yaml: (it is not YAML( at line 1)?. Compare it with a chip that ships"
     "|it is not UTF-8 text. Give the path of a chip YAML file)."
 )
 
