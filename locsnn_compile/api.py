@@ -260,8 +260,7 @@ def recordings_for(network: Network, events: Events | None, labels: ArrayLike | 
             return network.recordings
         if network.sensor is None:
             what = "carries no recordings, and its sensor is not known"
-            fix = "Give events."
-            raise InputError(f"model {network.name!r}", what, fix=fix)
+            raise InputError(f"model {network.name!r}", what, fix="Give events.")
         samples = min(SYNTHETIC_SAMPLES, 1 + SYNTHETIC_VALUES // (network.steps * network.channels))
         touches = synthetic_touches(samples, steps=network.steps, sensor=network.sensor, seed=SYNTHETIC_SEED)
         # Their labels are motions of the generator, not classes of this model.

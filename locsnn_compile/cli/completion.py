@@ -20,11 +20,8 @@ from locsnn_compile.settings import AUTO, STRATEGIES
 
 SHELLS = ("bash", "zsh", "fish")
 PROGRAMS = ("locsnn", "locsnn-compile")
-
-
-def words() -> dict[str, str]:
-    """Return the values for the placeholders in this command's options."""
-    return {"shells": ", ".join(SHELLS)}
+WORDS = {"shells": ", ".join(SHELLS)}
+"""Fill the placeholders in this command's options."""
 
 
 def run(args: argparse.Namespace) -> int:

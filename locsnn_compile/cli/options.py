@@ -43,7 +43,11 @@ KINDS: Mapping[str, Mapping[str, Any]] = {
     "repeated": {"action": "append", "default": []},
     "extended": {"action": "extend", "nargs": "+", "default": []},
 }
-"""Kinds of options, as arguments of argparse; there are also ``default VALUE``, and ``dest NAME`` for the attribute."""
+"""Kinds of options, as arguments of argparse. There are also ``default VALUE``, ``dest NAME`` for the attribute and,
+after the type, a range in the words of :data:`RANGE`.
+"""
+RANGE = re.compile(r"a finite number|a number (from|above) (\S+)(?: up| to (\S+))?")
+"""``a number from 0 to 1``, ``from 0 up`` or ``above 0``; it is always finite."""
 
 
 def add_options(parser: argparse.ArgumentParser, command: str, words: Mapping[str, str]) -> None:
@@ -56,25 +60,33 @@ def add_options(parser: argparse.ArgumentParser, command: str, words: Mapping[st
         asked: dict[str, Any] = {"metavar": last} if names else {}
         for kind in kinds:
             key, _, value = kind.partition(" ")
-            asked |= KINDS.get(kind) or {key: value}
+            if key == "a":
+                asked["type"] = _in_range(names[0], asked["type"], kind)
+            else:
+                asked |= KINDS.get(kind) or {key: value}
         parser.add_argument(*(names or [last]), help=" ".join(said.split()), **asked)
+
+
+def _in_range(option: str, read: Callable[[str], float], asked: str) -> Callable[[str], float]:
+    """Return what reads the number of an option, and raises ``InputError`` if it is not what is ``asked`` for."""
+    kind, least, most = RANGE.fullmatch(asked).groups()  # type: ignore[union-attr]
+    low, high = float(least or "-inf"), float(most or "inf")
+
+    def checked(text: str) -> float:
+        value = read(text)
+        if not (math.isfinite(value) and low <= value <= high) or (kind == "above" and value == low):
+            raise InputError(f"{option} {text}", "it is out of range", fix=f"Give {asked}.")
+        return value
+
+    # argparse shows this name if the text is not a number.
+    checked.__name__ = read.__name__
+    return checked
 
 
 def given(args: argparse.Namespace, options: Iterable[str]) -> dict[str, Any]:
     """Return the values of the options that were given, by the option as it is typed."""
     values = {option: getattr(args, option.strip("-").replace("-", "_")) for option in options}
     return {option: value for option, value in values.items() if value is not None}
-
-
-def check_number(option: str, value: float | None, what: str, holds: Callable[[float], bool], fix: str) -> None:
-    """Refuse a number that is not finite, or for which ``holds`` is false."""
-    if value is not None and not (math.isfinite(value) and holds(value)):
-        raise InputError(option, what, measured=f"got {value:g}", fix=fix)
-
-
-def check_psi(psi: float | None) -> None:
-    """Refuse a rate below 0."""
-    check_number("--psi", psi, "it is not a valid rate", lambda x: x >= 0, "Give 0 or more, such as 10.")
 
 
 def recording_of(asked: int | None, recordings: "Recordings") -> int:

@@ -24,7 +24,6 @@ from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 import hw_model as hw
-from locsnn_compile.cli.options import check_number, check_psi
 from locsnn_compile.cli.shell import progress_bar
 from locsnn_compile.cli.step_options import CHUNK, chunks_for_program, read_for_program
 from locsnn_compile.errors import InputError, check_known
@@ -153,8 +152,3 @@ def _check_options(args: argparse.Namespace) -> None:
         raise InputError("--scheduler", "steps are timed on this machine", fix="Leave out --scheduler or --stream.")
     if args.psi is not None and not (args.stream or by_margin):
         raise InputError("--psi", "nothing requested weighs the branches", fix="Add --stream or --stop margin.")
-    check_psi(args.psi)
-    check_number("--margin", args.margin, "it is not a valid lead", lambda x: x > 0, "Give more than 0.")
-    check_number("--silence", args.silence, "it is not a number of steps", lambda x: x > 0, "Give 1 or more.")
-    check_number("--step-seconds", args.step_seconds, "it is not a duration", lambda x: x > 0, "Give more than 0.")
-    check_number("--min-agreement", args.min_agreement, "it is not a share", lambda x: 0 <= x <= 1, "Give 0 to 1.")

@@ -59,6 +59,8 @@ def _value(action: argparse.Action, value: Any, where: str) -> Any:
     except ValueError:
         got = f"got {value!r}"
         raise InputError(where, "it is not a value of this option", measured=got, fix="Correct the value.") from None
+    except InputError as error:
+        raise InputError(where, error.what, measured=f"got {value!r}", fix=error.fix) from None
     return found if several else found[0]
 
 
@@ -147,13 +149,13 @@ def texts_of(command: ModuleType) -> dict[str, Any]:
 def add_command(commands: "argparse._SubParsersAction[Any]", command: ModuleType) -> None:
     """Add a command below ``locsnn``: a module with ``run``, whose docstring is its help.
 
-    The module and its section of ``options.txt`` have the command's name; ``words()`` of the module fills placeholders.
+    The module and its section of ``options.txt`` have the command's name; ``WORDS`` of the module fill placeholders.
     """
     name = command.__name__.rpartition(".")[2]
     line, _, _ = (command.__doc__ or "").partition("\n")
     help_ = line.partition(": ")[2].rstrip(".")
     parser = commands.add_parser(name, help=help_, **texts_of(command))
-    declared(parser, name, getattr(command, "words", dict)()).set_defaults(run=command.run)
+    declared(parser, name, getattr(command, "WORDS", {})).set_defaults(run=command.run)
 
 
 AnyParser = TypeVar("AnyParser", bound=argparse.ArgumentParser)

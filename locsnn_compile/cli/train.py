@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 
 from hw_model.io.given import check_path
 from locsnn_compile.cli.shell import EXIT_INTERRUPTED, Moved, progress_bar
-from locsnn_compile.errors import InputError
+from locsnn_compile.errors import InputError, listed
 from locsnn_compile.models.architectures import ARCHITECTURES
 from locsnn_compile.settings import TRAINABLE
 
@@ -38,22 +38,16 @@ if TYPE_CHECKING:
 
 SHOWN_CLASSES, SHOWN_NAMES = 20, 60
 """The confusion matrix is printed for so many classes at most, and with names if they have fewer letters in all."""
-
-
-def words() -> dict[str, str]:
-    """Return the values for the placeholders in this command's options."""
-    usual, *others, last = TRAINABLE
-    strategies = f"{usual} (default), {', '.join(others)} or {last}"
-    return {"architectures": ", ".join(ARCHITECTURES), "strategies": strategies}
+WORDS = {
+    "architectures": ", ".join(ARCHITECTURES),
+    "strategies": listed([f"{TRAINABLE[0]} (default)", *TRAINABLE[1:]], "or"),
+}
+"""Fill the placeholders in this command's options."""
 
 
 def run(args: argparse.Namespace) -> int:
     """Train as ``args`` ask; return the exit code. Raises ``InputError`` for what cannot be used."""
     output = Path(args.output)
-    if args.recordings < 0:
-        raise InputError(
-            "--recordings", "it must be 0 or more", measured=f"got {args.recordings}", fix="0 keeps weights only."
-        )
     check_path(output, f"-o {args.output!r}")
     if output.suffix != ".pt" or output.is_dir() or not output.parent.is_dir():
         raise InputError(
@@ -136,7 +130,6 @@ def _start(args: argparse.Namespace) -> Checkpoint | None:
 
 def _config(args: argparse.Namespace, start: Checkpoint | None) -> TrainingConfig:
     from hw_model.io.records import field_kinds
-    from locsnn_compile.models.architectures import ARCHITECTURES
     from locsnn_compile.training.config import TrainingConfig, check_used, config_from_mapping, read_config
     from locsnn_compile.training.describe import FINE_TUNING, check_fits_start, fine_tuning_config
 

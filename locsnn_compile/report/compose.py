@@ -1,7 +1,5 @@
 """Put the report together: verdicts, notices and sections, in the order in which readers ask."""
 
-from typing import TYPE_CHECKING
-
 from locsnn_compile.report.content import Document, Report
 from locsnn_compile.report.format import plural, shortened
 from locsnn_compile.report.sections import accuracy, behaviour, build, cost
@@ -9,15 +7,13 @@ from locsnn_compile.report.sections.cores import cores
 from locsnn_compile.report.sections.over_time import over_time
 from locsnn_compile.report.sections.recording import potential, spikes
 from locsnn_compile.report.sections.verdict import costs, fits, matches, notices
-
-if TYPE_CHECKING:
-    from locsnn_compile.verification.excerpt import Excerpt
+from locsnn_compile.verification.excerpt import Excerpt
 
 LONGEST_NAME = 60
 """Characters of a name in the title; provenance has the names in full."""
 
 
-def compose(document: Document, excerpt: "Excerpt | None" = None) -> Report:
+def compose(document: Document, excerpt: Excerpt | None = None) -> Report:
     """Return the whole report as content without form; ``excerpt`` is the part of a recording to show."""
     priced = document["energy"]["profile"]
     on_mesh = "activity" not in document

@@ -146,7 +146,7 @@ REFUSED = [
     ("members of nothing", ["--members", "bs1"], "--members: no folder or .zip is written. Add --to with a folder or .zip."),
     ("structured nothing", ["--structured", "--to", "a.pt"], "--structured: no .npy or .npz is written. Add --to with such a file."),
     ("a part of a file", ["--part", "train"], "file 'small.npz': there is no part 'train' (a single file is not divided). Leave the part out."),
-    ("a width of none", ["--step-seconds", "0"], "step_seconds: it is out of range (got 0.0 against 1e-06..1000.0). Correct the number."),
+    ("a width of none", ["--step-seconds", "0"], "--step-seconds 0: it is out of range. Give a number above 0."),
 ]  # fmt: skip
 
 

@@ -117,6 +117,7 @@ BAD = [
     ("not an option of the file", "options: o.yaml\n", ": key 'options' is not known. "),
     ("a number that is none", "weight-bits: four\n", ", weight-bits: it is not a value of this option (got 'four'). Correct the value."),
     ("a list for one value", "weight-bits: [4, 8]\n", ", weight-bits: it is not a value of this option (got [4, 8]). Correct the value."),
+    ("a number out of range", "psi: -1\n", ", psi: it is out of range (got -1). Give a number from 0 up."),
     ("nothing", "target:\n", ", target: it is not a value of this option (got None). Correct the value."),
     ("a number for a switch", "quiet: 1\n", ", quiet: it must be true or false (got 1). Correct the value."),
     ("no mapping", "- a\n", ": it holds no mapping (list). Write one 'key: value' a line."),

@@ -170,7 +170,7 @@ def test_the_report_follows_predictions_with_a_psi(build, program, capsys):
     assert (entry["psi"], entry["steps"]) == (3.0, list(range(5, 251, 5)))
     assert entry["right"]["time_weighted"] == shares[4::5].tolist()
     assert compile_main([str(MODEL), "--psi", "inf"]) == 2
-    assert capsys.readouterr().err == "--psi: it is not a valid rate (got inf). Give 0 or more, such as 10.\n"
+    assert capsys.readouterr().err == "--psi inf: it is out of range. Give a number from 0 up.\n"
 
 
 def test_proven_stops(build, program, capsys):
@@ -295,14 +295,14 @@ def test_the_train_part_calibrates_and_the_test_part_is_played(build, program, c
         ("--stop margin --margin 3 --min-agreement 0.9", "--min-agreement: no margin is calibrated. Add --calibrate FILE."),
         ("--stop silence", "--stop silence: it goes together with --silence N. Give both or neither."),
         ("--silence 3", "--stop silence: it goes together with --silence N. Give both or neither."),
-        ("--stop silence --silence 0", "--silence: it is not a number of steps (got 0). Give 1 or more."),
-        ("--stop margin --margin 0", "--margin: it is not a valid lead (got 0). Give more than 0."),
-        ("--stop margin --margin nan", "--margin: it is not a valid lead (got nan). Give more than 0."),
-        ("--stop margin --calibrate more.npy --min-agreement 1.5", "--min-agreement: it is not a share (got 1.5). Give 0 to 1."),
+        ("--stop silence --silence 0", "--silence 0: it is out of range. Give a number from 1 up."),
+        ("--stop margin --margin 0", "--margin 0: it is out of range. Give a number above 0."),
+        ("--stop margin --margin nan", "--margin nan: it is out of range. Give a number above 0."),
+        ("--stop margin --calibrate more.npy --min-agreement 1.5", "--min-agreement 1.5: it is out of range. Give a number from 0 to 1."),
         ("--stop proven --psi 3", "--psi: nothing requested weighs the branches. Add --stream or --stop margin."),
-        ("--stream --psi -3", "--psi: it is not a valid rate (got -3). Give 0 or more, such as 10."),
+        ("--stream --psi -3", "--psi -3: it is out of range. Give a number from 0 up."),
         ("--step-seconds 0.02", "--step-seconds: nothing requested is timed. Add --stream."),
-        ("--stream --step-seconds inf", "--step-seconds: it is not a duration (got inf). Give more than 0."),
+        ("--stream --step-seconds inf", "--step-seconds inf: it is out of range. Give a number above 0."),
         ("--stop margin --calibrate few.npy", "--calibrate 'few.npy': these recordings are also played, and a margin always fits the recordings it was found on. Give others."),
         ("--stop margin --calibrate gone.npy", "file 'gone.npy': it does not exist. Check the path."),
     ],

@@ -182,11 +182,15 @@ def test_the_json_output_has_the_gates(tmp_path: Path, capsys: pytest.CaptureFix
     assert json.loads(capsys.readouterr().out)["gates"] == []
 
 
-@pytest.mark.parametrize("option", ["--max-energy-nj", "--min-agreement"])
-def test_a_bound_without_end_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], option: str) -> None:
+@pytest.mark.parametrize(
+    ("option", "bound"), [("--max-energy-nj", "inf"), ("--min-agreement", "inf"), ("--max-energy-nj", "nan")]
+)
+def test_a_bound_without_end_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], option: str, bound: str
+) -> None:
     model = checkpoint(tmp_path / "loud.pt")
-    assert main([str(model), "-o", str(tmp_path / "out"), option, "inf"]) == 2
-    assert capsys.readouterr().err == f"{option} inf: it is not a finite bound. Give a finite number.\n"
+    assert main([str(model), "-o", str(tmp_path / "out"), option, bound]) == 2
+    assert capsys.readouterr().err == f"{option} {bound}: it is out of range. Give a finite number.\n"
     assert not (tmp_path / "out").exists()
 
 

@@ -169,7 +169,7 @@ def test_a_simulator_that_does_not_exist(desk, capsys):
 
 @pytest.mark.parametrize("baud", ["0", "-1"])
 def test_a_rate_that_is_none(desk, capsys, baud):
-    wanted = f"--baud: not a rate of a serial line (got {baud}). Give 1 or more.\n"
+    wanted = f"--baud {baud}: it is out of range. Give a number from 1 up.\n"
     assert refused(capsys, "--baud", baud) == wanted
 
 

@@ -159,7 +159,7 @@ def test_a_stopped_run_resumes(
         pytest.param(("--data", "none.npz"), "file 'none.npz': it does not exist. Check the path.", id="missing data"),
         pytest.param(
             ("--recordings", "-1"),
-            "--recordings: it must be 0 or more (got -1). 0 keeps weights only.",
+            "--recordings -1: it is out of range. Give a number from 0 up.",
             id="negative recordings",
         ),
         pytest.param(

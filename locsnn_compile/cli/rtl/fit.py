@@ -16,13 +16,10 @@ from pathlib import Path
 
 import hw_model as hw
 from hw_model.rtl.boards import BOARDS
-from locsnn_compile.cli.options import check_number
 from locsnn_compile.errors import InputError, check_known, listed
 
-
-def words() -> dict[str, str]:
-    """Return the values for the placeholders in this command's options."""
-    return {"boards": ", ".join(BOARDS)}
+WORDS = {"boards": ", ".join(BOARDS)}
+"""Fill the placeholders in this command's options."""
 
 
 def run(args: argparse.Namespace) -> int:
@@ -32,7 +29,6 @@ def run(args: argparse.Namespace) -> int:
     from locsnn_compile.report.format import plain
     from locsnn_compile.report.words import sentence
 
-    check_number("--seeds", args.seeds, "nothing to place", lambda x: x > 0, "Give 1 or more.")
     program = hw.load_program(args.program)
     found, bitstream = fit(program, _board(args, program.chip.name), args.seeds)
     path = Path(args.program) / found["bitstream"]

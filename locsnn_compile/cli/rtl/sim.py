@@ -14,7 +14,6 @@ import argparse
 import json
 
 import hw_model as hw
-from locsnn_compile.cli.options import check_number
 from locsnn_compile.cli.shell import EXIT_GATE
 from locsnn_compile.cli.step_options import read_for_program
 
@@ -24,7 +23,6 @@ def run(args: argparse.Namespace) -> int:
     from hw_model.rtl.comparison import compare
     from hw_model.rtl.simulators import sources
 
-    check_number("--recordings", args.recordings, "nothing to play", lambda x: x > 0, "Give 1 or more.")
     program = hw.load_program(args.program)
     spikes = read_for_program(args, args.events, program).spikes[: args.recordings]
     found = compare(program, spikes, sources(), args.simulator)

@@ -14,7 +14,6 @@ import argparse
 import json
 
 import hw_model as hw
-from locsnn_compile.cli.options import check_number
 from locsnn_compile.cli.shell import EXIT_GATE
 from locsnn_compile.cli.step_options import read_for_program
 
@@ -23,8 +22,6 @@ def run(args: argparse.Namespace) -> int:
     """Stream; print the class of each recording and what differs, or the result as JSON."""
     from hw_model.rtl.streaming import stream
 
-    check_number("--recordings", args.recordings, "nothing to play", lambda x: x > 0, "Give 1 or more.")
-    check_number("--baud", args.baud, "not a rate of a serial line", lambda x: x > 0, "Give 1 or more.")
     program = hw.load_program(args.program)
     spikes = read_for_program(args, args.events, program).spikes[: args.recordings]
     found = stream(program, spikes, args.port, args.baud, args.spikes)

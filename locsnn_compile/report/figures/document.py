@@ -16,6 +16,7 @@ from locsnn_compile.pipeline import Levels
 from locsnn_compile.report.content import Document
 from locsnn_compile.report.figures.checks import budget_entry, cause_entry, margins_entry, over_time_entry
 from locsnn_compile.report.figures.costs import energy_entry, latency_entry, place
+from locsnn_compile.settings import has_float_weights
 from locsnn_compile.verification.diagnosis import Diagnosis
 from locsnn_compile.verification.grounds import Grounds
 from locsnn_compile.verification.matching import Match, PopulationMatch
@@ -48,7 +49,7 @@ def report_document(
         "strategy": program.provenance["strategy"],
         "weight_bits": levels.quantized.projections[0].weight_bits,
         "match": {
-            "reference": _arithmetic(levels.network),
+            "reference": "float64" if has_float_weights(network) else "integers",
             "events_origin": grounds.events_origin,
             **_match(match, counts, cause_entry(diagnosis.cause) if diagnosis else None),
             "readout": _readout(network, match),
@@ -106,11 +107,6 @@ def _input(network: Network, match: Match) -> Document:
     aligned = any(view.align_events for view in network.views)
     steps = {name: counts.aligned_steps / match.samples for name, counts in match.counts_by_phase.items() if aligned}
     return {"aligned_steps": max(steps.values(), default=0.0), "aligned_steps_by_branch": steps}
-
-
-def _arithmetic(network: Network) -> str:
-    """Return what the reference computes in: integers if the model's numbers are the chip's already."""
-    return "integers" if all(population.on_grid for population in network.populations) else "float64"
 
 
 def _match(match: Match, counts: Counts, cause: Document | None) -> Document:

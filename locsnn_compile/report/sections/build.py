@@ -1,17 +1,15 @@
 """Sections on the program itself: resources, what was left out, rounding, provenance, and the settings compared."""
 
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from locsnn_compile.choose_strategy import Candidate, Choice
 from locsnn_compile.report.content import Bar, Bullets, Document, Section, Table
 from locsnn_compile.report.format import NONE, any_value, count, plural, share
 from locsnn_compile.report.sections.verdict import fullness, outside, starts
 from locsnn_compile.report.told import facts, section, table
 from locsnn_compile.report.words import limit_words, listed, sentence, words
 from locsnn_compile.settings import LAYOUTS
-
-if TYPE_CHECKING:
-    from locsnn_compile.choose_strategy import Candidate, Choice
 
 _WITHOUT_JOINED = {"reset", "native"}
 
@@ -112,7 +110,7 @@ def settings_compared(choice: Document) -> Table:
     return table("settings", rows, columns=cost, setting=setting, why=why, **choice)
 
 
-def unmet_budget(choice: "Choice") -> str:
+def unmet_budget(choice: Choice) -> str:
     """Say in one line that no setting keeps the budget, what the best one loses, and what to do."""
     best, bounds = choice.taken, choice.budget
     silent = best.spike_agreement is None or (bounds.min_agreement is not None and best.prediction_agreement is None)
@@ -128,7 +126,7 @@ def unmet_budget(choice: "Choice") -> str:
     )
 
 
-def _lost(candidate: "Candidate") -> str:
+def _lost(candidate: Candidate) -> str:
     agreement, error = candidate.prediction_agreement, candidate.spike_error
     predictions = "no prediction compared" if agreement is None else f"prediction agreement {agreement:.4f}"
     return f"{predictions} and {'no spike compared' if error is None else f'{error:.4f} of the spikes different'}"

@@ -1,9 +1,7 @@
 """Sections on one recording: its input, the spikes of both sides, and the potential that differs first."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -13,9 +11,7 @@ from locsnn_compile.report.format import NONE, count, plural, told_apart
 from locsnn_compile.report.pictures.ticks import step_ticks, value_axis
 from locsnn_compile.report.told import section, table
 from locsnn_compile.report.words import words
-
-if TYPE_CHECKING:
-    from locsnn_compile.verification.excerpt import Excerpt, NeuronPotential, SpikeRows
+from locsnn_compile.verification.excerpt import Excerpt, NeuronPotential, SpikeRows
 
 _BESIDE = 3
 """Steps before and after the central one in the table."""
