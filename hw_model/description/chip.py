@@ -110,7 +110,10 @@ class TransposeBuffer(Frozen):
 
 
 class Sizes(Frozen):
-    """Parameters of the open core: words of its memories, slots (a power of two), and the widths of two sums."""
+    """Parameters of the open core: words of its memories, slots (a power of two), and the widths of two sums.
+
+    ``word``: rows of a recording in a word of the bitmap, a power of two.
+    """
 
     axons: Annotated[int, between(2, 1 << 24)]
     synapses: Annotated[int, between(2, 1 << 24)]
@@ -121,6 +124,7 @@ class Sizes(Frozen):
     bitmap: Annotated[int, between(2, 1 << 24)]
     visits: Annotated[int, between(2, 1 << 20)]
     entries: Annotated[int, between(2, 1 << 20)]
+    word: Annotated[int, between(2, 128)] = 32
 
 
 class MemoryWords(Frozen):

@@ -18,7 +18,8 @@ module bench #(
     parameter integer JOIN = 26,
     parameter integer BITMAP = 1024,
     parameter integer VISITS = 128,
-    parameter integer ENTRIES = 128
+    parameter integer ENTRIES = 128,
+    parameter integer WORD = 32
 ) ();
     logic         clk = 0, reset = 1;
     logic         load_valid = 0;
@@ -40,7 +41,7 @@ module bench #(
 
     locsnn_core #(
         .AXONS(AXONS), .SYNAPSES(SYNAPSES), .COMPARTMENTS(COMPARTMENTS), .SLOTS(SLOTS), .CHARGE(CHARGE), .JOIN(JOIN),
-        .BITMAP(BITMAP), .VISITS(VISITS), .ENTRIES(ENTRIES)
+        .BITMAP(BITMAP), .VISITS(VISITS), .ENTRIES(ENTRIES), .WORD(WORD)
     ) core (
         .clk, .reset, .load_valid, .load_memory(load_memory[2:0]), .load_address, .load_data,
         .in_valid, .in_ready, .in_kind(word[17:16]), .in_channel(word[15:0]), .hold(1'b0),

@@ -14,7 +14,7 @@ module commands #(
     parameter integer WEIGHTS = 64,
     parameter integer PHASES = 512,
     parameter integer SETTINGS = 16,
-    parameter integer RUN = 12  // the setting that starts the core
+    parameter integer RUN = 11  // the setting that starts the core
 ) (
     input  logic         clk,
     input  logic         reset,

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from hw_model.rtl.images import BITMAP_BITS, CoreProgram
+from hw_model.rtl.images import CoreProgram
 from hw_model.rtl.phases import CorePhase
 from hw_model.values import BoolArray, ByteArray
 
@@ -129,7 +129,7 @@ def _streamed(core: CoreProgram, recording: ByteArray) -> Iterator[Word]:
 def _transposed(core: CoreProgram, phase: CorePhase, recording: ByteArray) -> Iterator[Word]:
     """Yield words as the scan of the buffer finds them.
 
-    A channel of a row takes a cycle, a visit four and one for every word of 32 rows.
+    A channel of a row takes a cycle, a visit four and one for every word of its rows.
     """
     visits, origin = phase.visits.T.tolist(), phase.origin(recording)
     wait, at = 10 + 5, 0  # the fields of the phase are read first
@@ -145,8 +145,8 @@ def _transposed(core: CoreProgram, phase: CorePhase, recording: ByteArray) -> It
             read, wait = 0, wait + 2
             for row in np.flatnonzero(recording[: core.kept, channel]).tolist():
                 shown = 0 <= row - origin < phase.rows
-                yield wait + row // BITMAP_BITS + 1 - read, source + row - origin if shown else HIDDEN
-                read, wait = row // BITMAP_BITS + 1, 1
+                yield wait + row // core.word + 1 - read, source + row - origin if shown else HIDDEN
+                read, wait = row // core.word + 1, 1
             wait += core.row_words - read + 2
             at += 1
         yield wait, TICK

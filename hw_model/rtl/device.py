@@ -24,7 +24,7 @@ def on_core(program: ChipProgram, rows: int, device: Chip) -> CoreProgram:
 
     What the core does not have, or has too few of, is a ``TargetError``.
     """
-    core = _as_core(program, rows)
+    core = _core_for(program, rows, device)
     for name, (need, limit) in _short_of(core, device).items():
         raise TargetError(
             f"program {program.name!r}",
@@ -33,6 +33,12 @@ def on_core(program: ChipProgram, rows: int, device: Chip) -> CoreProgram:
             fix=_way_out(core),
         )
     return core
+
+
+def _core_for(program: ChipProgram, rows: int, device: Chip) -> CoreProgram:
+    """Return a program for the core of a device, whether it fits or not."""
+    assert device.open_core is not None
+    return _as_core(program, rows, None, device.open_core.word)
 
 
 def _short_of(core: CoreProgram, device: Chip) -> dict[str, tuple[int, int]]:
@@ -85,5 +91,5 @@ def activity(core: CoreProgram, counts: Counts, recordings: int) -> dict[str, di
 def _way_out(core: CoreProgram) -> str:
     """Name the devices that hold what is needed."""
     devices = [device for device in map(chip, chip_names()) if device.open_core]
-    held = [device.name for device in devices if not _short_of(core, device)]
+    held = [each.name for each in devices if not _short_of(_core_for(core.program, core.rows, each), each)]
     return f"Use the device {listed(held, 'or')}." if held else "Use another strategy, or a smaller network."

@@ -21,10 +21,8 @@ module event_input #(
     input  logic              out_ready,
     output logic [1:0]        out_kind,
     output logic [SOURCE-1:0] out_source,
-    output logic              mark,       // an event of `mark_channel` at `mark_step` was accepted
-    output logic              mark_first, // the first of its step
-    output logic [15:0]       mark_channel,
-    output logic [23:0]       mark_step,
+    output logic              mark,       // an event of `out_source` was accepted in the cycle before
+    output logic              mark_tick,  // a tick was, or a silent step began
     output logic              stop,
     output logic              failed,
     output logic [2:0]        error
@@ -35,7 +33,6 @@ module event_input #(
     logic        tail;          // the end was here; silent steps follow
     logic        ended;         // the last word was given out
     logic        open;        // an event came since the last tick
-    logic [15:0] last_channel;
     logic [23:0] step;
     wire         free = !out_valid;  // whether a word is taken in this cycle is known too late for the next one
     wire         full = steps != 0 && step == steps;
@@ -45,8 +42,8 @@ module event_input #(
     logic [2:0] found;
     always_comb begin
         found = 0;
-        if (in_kind == EVENT && {8'b0, in_channel} >= channels) found = NO_CHANNEL;
-        else if (in_kind == EVENT && open && in_channel <= last_channel) found = NOT_ASCENDING;
+        if (in_kind == EVENT && {1'b0, in_channel} >= channels[16:0]) found = NO_CHANNEL;
+        else if (in_kind == EVENT && open && !(out_source < in_channel[SOURCE-1:0])) found = NOT_ASCENDING;
         else if ((in_kind == EVENT || in_kind == TICK) && full) found = TOO_LONG;
         else if (in_kind == END && open) found = NO_TICK;
         else if (in_kind == END && step == 0 && steps == 0) found = NO_STEP;
@@ -55,15 +52,12 @@ module event_input #(
 
     always_ff @(posedge clk) begin
         mark <= accepted && in_kind == EVENT && sound;
-        mark_first <= !open;
-        mark_channel <= in_channel;
-        mark_step <= step;
+        mark_tick <= accepted ? in_kind == TICK && sound : tail && free && steps != 0 && !full;
         stop <= accepted && in_kind == STOP;
         failed <= accepted && in_kind == END && !sound;
         if (accepted) begin
             if (error == 0) error <= found;
             open <= in_kind == EVENT;
-            last_channel <= in_channel;
             out_kind <= in_kind;
             out_source <= in_channel[SOURCE-1:0];
             out_valid <= sound && (in_kind == EVENT || in_kind == TICK);
@@ -79,6 +73,7 @@ module event_input #(
         if (clear) {out_valid, tail, ended, open, step, error} <= 0;
     end
 
+    wire unused_settings = &{1'b0, channels};
     generate
         if (SOURCE < 16) wire unused = &{1'b0, in_channel[15:SOURCE]};
     endgenerate

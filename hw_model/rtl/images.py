@@ -22,7 +22,7 @@ from hw_model.values import IntArray
 
 JOIN_DISTANCE = 6
 """Cycles from the issue of a child to the earliest of its parent: the sum is written in cycle 8 and read in cycle 3."""
-STEP_BITS, VISIT_BITS, LOAD_BITS, BITMAP_BITS = 24, 16, 128, 32
+STEP_BITS, VISIT_BITS, LOAD_BITS = 24, 16, 128
 MEMORIES = ("settings", "axons", "synapses", "leaks", "fires", "visits", "weights", "phases")
 """By the number that the load port knows them by."""
 PLACE = Layout.of(address=24, memory=8)
@@ -43,9 +43,8 @@ Table = dict[str, IntArray]
 
 def layouts(sizes: Sizes) -> dict[str, Layout]:
     """Return the words of every memory, bit 0 first, in the order of loading; modules take them apart likewise."""
-    synapse, number, slot, entry, place, source = (
-        (getattr(sizes, name) - 1).bit_length()
-        for name in ("synapses", "compartments", "slots", "entries", "bitmap", "axons")
+    synapse, number, slot, entry, source = (
+        (getattr(sizes, name) - 1).bit_length() for name in ("synapses", "compartments", "slots", "entries", "axons")
     )
     half = {"target": number - 1, "delay": slot, "exponent": 3, "mantissa": 9}
     return {
@@ -56,7 +55,7 @@ def layouts(sizes: Sizes) -> dict[str, Layout]:
             threshold=17, blocks=6, spiking=1, vmin_log=5, vmax_log=5, child=1, first=1, parent=number, read_out=1,
             by_potential=1, entry=entry,
         ),
-        "visits": Layout.of(step=VISIT_BITS, place=place, source=source),
+        "visits": Layout.of(step=VISIT_BITS, channel=source, source=source),
         "weights": Layout.of(magnitude=32, negative=1),
         "phases": Layout.of(value=STEP_BITS),
         "settings": Layout.of(value=STEP_BITS),
@@ -69,11 +68,13 @@ class CoreProgram:
     ``phases``: in order, the first while the recording arrives. ``numbers[phase]`` (columns,): compartments by column;
     ``ends`` (phases,): the first number after each phase. ``lists`` (sources + 1,): where the synapses of each source
     begin. ``heard``: rows of a recording that the core takes; ``kept``: those that the buffer does. ``scale``: what
-    scores are multiplied by. ``needs``: the least sizes. What the core cannot run is a ``TargetError``.
+    scores are multiplied by. ``word``: rows of a recording in a word of the bitmap, that of the program's chip unless
+    given. ``needs``: the least sizes. What the core cannot run is a ``TargetError``.
     """
 
-    def __init__(self, program: ChipProgram, rows: int, steps: int | None = None) -> None:
-        self.program = program
+    def __init__(self, program: ChipProgram, rows: int, steps: int | None = None, word: int | None = None) -> None:
+        self.program, self.rows = program, rows
+        self.word = word or (program.chip.open_core or SIMULATED).word
         refuse_unplayable(program)
         self.phases, self.first_source = core_phases(program, rows, steps)
         longest = max((phase.steps for phase in self.phases[1:]), default=0)
@@ -81,8 +82,7 @@ class CoreProgram:
         refuse_unless(longest <= most, program, f"phase of more than {most} steps after the first", longest)
         self.kept = max(phase.kept for phase in self.phases)
         self.heard = max(self.kept, self.phases[0].steps)
-        self.row_words = -(-self.kept // BITMAP_BITS)
-        self.row_shift = max(self.row_words - 1, 0).bit_length()
+        self.row_words = -(-self.kept // self.word)
         self.channels = sum(program.streams.values())
         self._number()
         synapses = self._synapses()
@@ -97,7 +97,7 @@ class CoreProgram:
             "axons": {"start": np.where(lengths > 0, self.lists[:-1], 0), "length": lengths},
             "synapses": words,
             "compartments": self._compartments(),
-            "visits": {"step": visits[0], "place": visits[1] << self.row_shift, "source": visits[2]},
+            "visits": {"step": visits[0], "channel": visits[1], "source": visits[2]},
             "weights": {"magnitude": _array(map(abs, weights)), "negative": _array(weight < 0 for weight in weights)},
             "phases": {"value": self._phase_fields()},
         }
@@ -164,9 +164,9 @@ class CoreProgram:
             "heard": self.heard,
             "kept": self.kept,
             "channels": self.channels,
-            "row_words": self.row_words,
-            "row_shift": self.row_shift,
-            "align_events": max(phase.align_events or 0 for phase in self.phases),
+            "words": self.needs.bitmap,
+            # More than there are channels are never on, however many more.
+            "align_events": min(max(phase.align_events or 0 for phase in self.phases), self.channels + 1),
             "phases": len(self.phases),
             "slot_mask": slots - 1,
             "sweep": max(slots * sizes.compartments // 2, self.needs.bitmap, self.needs.entries),
@@ -197,9 +197,10 @@ class CoreProgram:
             slots=int(synapses["delay"].max(initial=0)) + 2,
             charge=int(charge).bit_length() + 1,
             join=24 + int(children).bit_length(),
-            bitmap=self.channels << self.row_shift,
+            bitmap=self.channels * self.row_words,
             visits=len(self.tables["visits"]["step"]),
             entries=int(compartments["entry"].max()) + 1,
+            word=self.word,
         )
 
     def _synapses(self) -> Table:
@@ -284,7 +285,7 @@ def parameters(sizes: Sizes) -> dict[str, int]:
 def sizes_for(needs: Sizes, least: Sizes) -> Sizes:
     """Return sizes that hold what is needed: those of ``least``, or twice as many words, or just enough bits."""
     grown = {name: need if name in ("charge", "join") else _power(need) for name, need in asdict(needs).items()}
-    return Sizes(**{name: max(value, grown[name]) for name, value in asdict(least).items()})
+    return Sizes(**{name: max(value, grown[name]) for name, value in asdict(least).items()} | {"word": needs.word})
 
 
 def _power(words: int) -> int:

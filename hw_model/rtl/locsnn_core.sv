@@ -18,9 +18,10 @@ module locsnn_core #(
     parameter integer SLOTS = 16,           // a power of two, at least the longest delay and 2
     parameter integer CHARGE = 18,          // bits of a charge under way, in units of 64, sign included
     parameter integer JOIN = 26,            // bits of the sum of joined voltages, sign included
-    parameter integer BITMAP = 1024,        // words of 32 bits
+    parameter integer BITMAP = 1024,        // words of the buffer of events
     parameter integer VISITS = 128,
     parameter integer ENTRIES = 128,        // compartments that are read out
+    parameter integer WORD = 32,            // rows of a word of the buffer, a power of two
     // What saves energy on a chip, and costs logic elsewhere.
     parameter integer EARLY = 0,            // 1: the memory of charges answers early in a cycle
     parameter integer LAZY = 0              // 1: states that the next step does not depend on are neither read nor written
@@ -71,8 +72,8 @@ module locsnn_core #(
     localparam integer SWEEPING = SWEPT > ENTRY ? SWEPT : ENTRY;
 
     // Settings: memory 0 of the load port.
-    localparam integer HEARD = 0, KEPT = 1, CHANNELS = 2, ROW_WORDS = 3, ROW_SHIFT = 4, ALIGN_EVENTS = 5, PHASES = 6,
-        SLOT_MASK = 7, SWEEP = 8, CLASSES = 9, POPULATIONS = 10, FIRST_SOURCE = 11, RUN = 12;
+    localparam integer HEARD = 0, KEPT = 1, CHANNELS = 2, BUFFERED = 3, ALIGN_EVENTS = 4, PHASES = 5, SLOT_MASK = 6,
+        SWEEP = 7, CLASSES = 8, POPULATIONS = 9, FIRST_SOURCE = 10, RUN = 11;
     logic [23:0] settings[0:15];
     wire         set = load_valid && load_memory == 0;
     wire         run = set && {8'b0, load_address} == RUN;
@@ -92,7 +93,10 @@ module locsnn_core #(
     localparam logic [2:0] STOPPED = 0, CLEAN = 1, PHASE = 2, ROW = 3, UPDATE = 4, SPIKES = 5, READOUT = 6, ANSWER = 7;
     localparam logic [1:0] EVENT = 0, TICK = 1;
     logic [2:0]        state;
-    logic [23:0]       step;
+    logic [23:0]       following;   // the number of the next step
+    logic              first_step;
+    logic              from_here;   // potentials are read out from this step on
+    logic              after_here;  // from one before it
     logic [SLOT-1:0]   slot;
     logic [SWEEPING:0] sweep_at;
     logic [NUMBER:0]   number, number_begin;
@@ -112,9 +116,7 @@ module locsnn_core #(
     wire              word_valid = buffered ? line_valid : event_valid;
     wire [1:0]        word_kind = buffered ? line_kind : event_kind;
     wire [SOURCE-1:0] word_source = buffered ? line_source : event_source;
-    wire              mark, mark_first, stop, failed;
-    wire [15:0]       mark_channel;
-    wire [23:0]       mark_step;
+    wire              mark, mark_tick, stop, failed;
     wire [2:0]        error;
     wire              delivering, updating, delivery_ready, read_out_done;
     wire              head_valid, queue_empty;
@@ -124,7 +126,7 @@ module locsnn_core #(
     // While compartments are on their way to fire, events of the next row are delivered: all charges of this step were
     // taken, so the slot that is free now is that of the longest delay of the next.
     logic last_step;
-    always_ff @(posedge clk) last_step <= step + 1 == its[STEPS];
+    always_ff @(posedge clk) last_step <= following == its[STEPS];
     wire early = state == SPIKES && !head_valid && !last_step;
     // Spikes are looked up before the last charge is taken: theirs are added five cycles later.
     logic ending;
@@ -147,7 +149,11 @@ module locsnn_core #(
             PHASE: begin
                 if (field == 0) number_begin <= buffered ? number_end : {(NUMBER + 1){1'b0}};
                 field <= field + 1;
-                {step, slot} <= 0;
+                following <= 1;
+                slot <= 0;
+                first_step <= 1;
+                from_here <= its[POTENTIALS_FROM] == 0;
+                after_here <= 0;
                 over <= its[STEPS] == 0;
                 if (field == 9) state <= ROW;
             end
@@ -166,7 +172,10 @@ module locsnn_core #(
                 if (number + 1 == number_end) state <= SPIKES;
             end
             SPIKES: if (!updating && queue_empty) begin
-                step <= step + 1;
+                following <= following + 1;
+                first_step <= 0;
+                from_here <= following == its[POTENTIALS_FROM];
+                after_here <= after_here || from_here;
                 over <= last_step;
                 slot <= (slot + 1) & settings[SLOT_MASK][SLOT-1:0];
                 state <= ROW;
@@ -198,16 +207,16 @@ module locsnn_core #(
         .steps(settings[HEARD]), .channels(settings[CHANNELS]),
         .in_valid, .in_ready, .in_kind, .in_channel,
         .out_valid(event_valid), .out_ready(word_ready && !buffered), .out_kind(event_kind), .out_source(event_source),
-        .mark, .mark_first, .mark_channel, .mark_step, .stop, .failed, .error
+        .mark, .mark_tick, .stop, .failed, .error
     );
 
-    transpose #(.BITMAP(BITMAP), .VISITS(VISITS), .SOURCE(SOURCE)) buffer (
+    transpose #(.BITMAP(BITMAP), .WORD(WORD), .VISITS(VISITS), .SOURCE(SOURCE)) buffer (
         .clk, .clear, .load_visit(load_valid && load_memory == 5), .load_address, .load_data,
         .kept(settings[KEPT]), .channels(settings[CHANNELS]),
-        .row_words(settings[ROW_WORDS]), .row_shift(settings[ROW_SHIFT]), .align_events(settings[ALIGN_EVENTS]),
+        .words(settings[BUFFERED]), .align_events(settings[ALIGN_EVENTS]),
         .steps(its[STEPS]), .visits_end(its[VISITS_END]), .rows(its[ROWS]), .row_source(its[ROW_SOURCE]),
         .by_rows(its[BY_ROWS][0]), .aligned(its[ALIGNED][0]),
-        .mark, .mark_first, .mark_channel, .mark_step,
+        .mark, .mark_channel(event_source), .mark_tick,
         .sweep(clear && 32'(sweep_at) < BITMAP), .sweep_address(sweep_at[$clog2(BITMAP)-1:0]),
         .start(state == PHASE && field == 9 && buffered),
         .out_valid(line_valid), .out_ready(word_ready && buffered), .out_kind(line_kind), .out_source(line_source)
@@ -263,7 +272,7 @@ module locsnn_core #(
     update #(.COMPARTMENTS(COMPARTMENTS), .CHARGE(CHARGE), .JOIN(JOIN), .ENTRIES(ENTRIES), .LAZY(LAZY)) compartments (
         .clk, .clear, .load_leak(load_valid && load_memory == 3), .load_fire(load_valid && load_memory == 4),
         .load_address, .load_data,
-        .issue(state == UPDATE), .first_step(step == 0), .number(number[NUMBER-1:0]), .charge, .busy(updating),
+        .issue(state == UPDATE), .first_step, .number(number[NUMBER-1:0]), .charge, .busy(updating),
         .early_number, .done, .done_number, .fired, .done_u, .done_v, .potential, .active, .charge_wrap, .current_wraps, .voltage_clip,
         .early_read, .early_entry, .read_out, .by_potential, .entry
     );
@@ -271,7 +280,7 @@ module locsnn_core #(
     readout #(.ENTRIES(ENTRIES)) decide (
         .clk, .clear, .load_weight(load_valid && load_memory == 6), .load_address, .load_data,
         .classes(settings[CLASSES]), .populations(settings[POPULATIONS]),
-        .potentials_from(its[POTENTIALS_FROM]), .step,
+        .from_here, .after_here,
         .sweep(clear && 32'(sweep_at) < ENTRIES), .sweep_address(sweep_at[ENTRY-1:0]),
         .early_read, .early_entry, .read_out, .by_potential, .entry, .fired, .potential,
         .start(phase_over && last_phase),

@@ -13,8 +13,8 @@ module readout #(
     input  logic [127:0]               load_data,
     input  logic [23:0]                classes,
     input  logic [23:0]                populations,
-    input  logic [23:0]                potentials_from,
-    input  logic [23:0]                step,
+    input  logic                       from_here,    // potentials count from this step on
+    input  logic                       after_here,   // they have counted before
     input  logic                       sweep,
     input  logic [$clog2(ENTRIES)-1:0] sweep_address,
     input  logic                       early_read,   // two cycles before the others
@@ -62,7 +62,7 @@ module readout #(
         write = fired;
         new_tally = tally8 + 24'd1;
         if (by_potential) begin
-            write = step == potentials_from || (step > potentials_from && potential > tally8);
+            write = from_here || (after_here && tally8 < potential);
             new_tally = potential;
         end
     end
@@ -116,7 +116,7 @@ module readout #(
                 state <= population + 1 == populations[GROUP:0] ? COMPARE : READ;
             end
             COMPARE: begin
-                better <= class_number == 0 || score > best;
+                better <= class_number == 0 || best < score;
                 state <= DECIDE;
             end
             default: begin

@@ -8,7 +8,7 @@
 //     0x85 error    what was wrong; its sequence number is that of the frame, or the one that must come next (1 to 5)
 module replies #(
     parameter integer BUFFER = 256,
-    parameter integer SIZES = 9,
+    parameter integer SIZES = 10,
     parameter logic [24*SIZES-1:0] SIZE = 0
 ) (
     input  logic         clk,

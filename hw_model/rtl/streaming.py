@@ -25,6 +25,7 @@ def stream(program: ChipProgram, spikes: Spikes, port: str, baud: int, report: b
     with closing(open_port(port, baud, core.needs)) as line:
         try:
             board = Board(line)
+            core = CoreProgram(program, recordings.shape[1], None, board.sizes.word)
             board.load(core)
             board.report(report)
             answers = [board.play(core, one) for one in recordings]

@@ -1,11 +1,15 @@
-// The buffer of a recording's events: a bit for every channel and step. Events set theirs while they arrive; phases other
+// The buffer of a recording's events: a bit for every channel and row. Events set theirs while they arrive; phases other
 // than the first play from here.
+//
+// A word has WORD rows of a channel. Words of the same rows follow each other, channel by channel, so the next rows of a
+// channel are `channels` words away.
 //
 // A phase reads by visits, by rows, or both. In a visit a channel is read whole, at a step of its own: an event of row r
 // is then a spike of source `first + r`. By rows, an event of channel c in row r is a spike of source `row_source + c` at
 // step r. An aligned phase counts rows from the first with enough events on; by rows, it ends with the recording.
 module transpose #(
     parameter integer BITMAP = 1024,
+    parameter integer WORD = 32,  // a power of two
     parameter integer VISITS = 128,
     parameter integer SOURCE = 11
 ) (
@@ -17,20 +21,19 @@ module transpose #(
     // Of the program.
     input  logic [23:0]               kept,          // rows of a recording that are kept here, the first ones
     input  logic [23:0]               channels,
-    input  logic [23:0]               row_words,     // words of a channel
-    input  logic [23:0]               row_shift,     // of which a channel's place takes 2^row_shift
+    input  logic [23:0]               words,         // that these rows take
     input  logic [23:0]               align_events,  // events of the row that aligned phases begin with; 0: none does
     // Of the phase.
     input  logic [23:0]               steps,
     input  logic [23:0]               visits_end,    // its visits end before this one
-    input  logic [23:0]               rows,          // that its visits tell of; of the recording, where it is aligned by rows
+    input  logic [23:0]               rows,          // that its visits tell of; aligned by rows: of the recording
     input  logic [23:0]               row_source,
     input  logic                      by_rows,
     input  logic                      aligned,
+    // Of the stream: an event of a channel, which stays in the next cycle, and the end of a row.
     input  logic                      mark,
-    input  logic                      mark_first,    // the first of its step
-    input  logic [15:0]               mark_channel,
-    input  logic [23:0]               mark_step,
+    input  logic [SOURCE-1:0]         mark_channel,
+    input  logic                      mark_tick,
     input  logic                      sweep,
     input  logic [$clog2(BITMAP)-1:0] sweep_address,
     input  logic                      start,
@@ -41,9 +44,10 @@ module transpose #(
 );
     localparam logic [1:0] EVENT = 0, TICK = 1, END = 2;
     localparam integer PLACE = $clog2(BITMAP);
-    localparam integer ROW = PLACE + 6;  // bits of a row, and of one before the first: a word has 32
+    localparam integer BIT = $clog2(WORD);
+    localparam integer ROW = PLACE + BIT + 1;  // bits of a row, and of one before the first
     localparam integer STEP = 16;
-    localparam integer VISIT = STEP + PLACE + SOURCE;
+    localparam integer VISIT = STEP + 2 * SOURCE;
     localparam integer INDEX = $clog2(VISITS);
 
     // Reading. IDLE; FETCH and HOLD: the first visit is read; COMPARE: is its step now? NEXT: the rows of this step, a visit
@@ -56,55 +60,63 @@ module transpose #(
     logic              due, over, row_done;
     logic [INDEX:0]    index;
     logic [STEP-1:0]   step;
-    logic [ROW-1:0]    row;           // of this step
-    logic [PLACE:0]    words_left, channel;
+    logic [ROW-1:0]    row;           // of this step; of the stream while it arrives
+    logic [PLACE-1:0]  row_place;     // where its words begin
+    logic [SOURCE:0]   channel;
     logic              word_is, bits_are;  // of channels by rows: `word` and `bits` hold one
-    logic [PLACE-1:0]  place;
+    logic [PLACE:0]    place;         // of the next word of a visit
+    logic              more;          // `word` is one of this visit
     logic [SOURCE-1:0] source;
     logic [ROW-1:0]    word_row;      // the row of the lowest of `bits`; by rows, the channel that was looked at last
-    logic [31:0]       bits, word;
+    logic [WORD-1:0]   bits, word;
     logic              fetched;
     logic [VISIT-1:0]  visit_word, visit;
     wire [STEP-1:0]    visit_step = visit[STEP-1:0];
-    wire [PLACE-1:0]   visit_place = visit[STEP+:PLACE];
-    wire [SOURCE-1:0]  visit_source = visit[STEP+PLACE+:SOURCE];
+    wire [SOURCE-1:0]  visit_channel = visit[STEP+:SOURCE];
+    wire [SOURCE-1:0]  visit_source = visit[STEP+SOURCE+:SOURCE];
     logic              found, found_visited;
     logic [1:0]        found_kind;
-    logic [4:0]        found_bit;
+    logic [BIT-1:0]    found_bit;
     wire               go = !found || !out_valid;  // whether a word is taken is known too late in a cycle
-    wire               next_word = state == SCAN && bits == 0 && words_left != 0;
-    wire               next_channel = state == CHANNEL && channel != channels[PLACE:0];
+    wire               next_word = state == SCAN && bits == 0 && more;
+    wire               next_channel = state == CHANNEL && channel != channels[SOURCE:0];
 
-    // The first row with enough events.
-    logic [16:0]    together;
-    logic [ROW-1:0] touch;
-    logic           touched;
-    wire [16:0]     so_far = mark_first ? 17'd1 : together + 17'd1;
-    wire [ROW-1:0]  origin = !aligned ? {ROW{1'b0}} : touched ? touch : kept[ROW-1:0];
+    // Marking: read the word, and write it with one bit more in the next cycle. Words of the stream come in every other
+    // cycle at most, so there is one address, and a memory of one port will do.
+    logic              marked;
+    wire               marking = mark && !full;
+    wire [SOURCE-1:0]  row_channel = state == IDLE ? mark_channel : channel[SOURCE-1:0];
+    wire [PLACE-1:0]   address = sweep ? sweep_address
+        : state == IDLE || state == CHANNEL ? row_place + PLACE'(row_channel) : place[PLACE-1:0];
+    logic [WORD-1:0]   written;
+    always_comb begin
+        written = word;
+        written[row[BIT-1:0]] = 1;
+        if (sweep) written = 0;
+    end
+
+    // The first row with enough events; as many as are kept where there is none.
+    logic [SOURCE:0]  together;
+    logic             counted, touched;
+    logic [ROW-1:0]   touch;
+    logic [PLACE-1:0] touch_place;
+    wire              full = row == kept[ROW-1:0];
     always_ff @(posedge clk) begin
-        if (mark) begin
-            together <= so_far;
-            if (so_far == align_events[16:0] && !touched) {touched, touch} <= {1'b1, mark_step[ROW-1:0]};
-        end
+        {counted, marked} <= clear ? 2'b0 : {mark, marking};
+        if (mark) together <= together + 1;
+        if (!touched && state == IDLE) {touch, touch_place} <= {row, row_place};
+        if (start || (counted && together == align_events[SOURCE:0])) touched <= 1;
+        if (mark_tick || clear) together <= 0;
         if (clear) touched <= 0;
     end
 
-    // Marking takes three cycles: read the word, set a bit of it in `bits`, write it. Words of the stream come in every other
-    // cycle, and a channel is marked once in a step, so a word is not marked twice in a row.
-    logic             mark1, mark2;
-    logic [PLACE-1:0] mark_place1, mark_place2;
-    logic [31:0]      mark_bit1;  // 0 where nothing is marked
-    wire [31:0]       marked = word | mark_bit1;
-    wire [PLACE-1:0]  mark_place = PLACE'({8'b0, mark_channel} << row_shift[3:0]) | mark_step[5+:PLACE];
-    wire              marking = mark && mark_step < kept;
-
-    memory #(.WIDTH(32), .DEPTH(BITMAP)) bitmap (
+    memory #(.WIDTH(WORD), .DEPTH(BITMAP)) bitmap (
         .clk,
-        .write        (mark2),
-        .write_address(mark_place2),
-        .write_data   (bits),
-        .read         (marking || (go && (state == PRIME || next_word || next_channel))),
-        .read_address (state == IDLE ? mark_place : place),
+        .write        (marked || sweep),
+        .write_address(address),
+        .write_data   (written),
+        .read         (!(marked || sweep) && (marking || (go && (state == PRIME || next_word || next_channel)))),
+        .read_address (address),
         .read_data    (word)
     );
     memory #(.WIDTH(VISIT), .DEPTH(VISITS)) visit_list (
@@ -117,56 +129,61 @@ module transpose #(
         .read_data    (visit_word)
     );
 
-    wire [31:0]    lowest = bits & (~bits + 1);
-    wire [4:0]     lowest_index = {|(lowest & 32'hffff0000), |(lowest & 32'hff00ff00), |(lowest & 32'hf0f0f0f0),
-                                   |(lowest & 32'hcccccccc), |(lowest & 32'haaaaaaaa)};
-    wire           hit = bits_are && bits[row[4:0]];
-    wire [ROW-1:0] event_row = word_row + ROW'(found_bit);
+    wire [WORD-1:0] lowest = bits & (~bits + 1'b1);
+    logic [BIT-1:0] lowest_index;
+    always_comb begin
+        lowest_index = 0;
+        for (integer i = 0; i < WORD; i = i + 1) if (lowest[i]) lowest_index = lowest_index | BIT'(i);
+    end
+    wire [ROW-1:0] next_row = word_row + (state == CHANNEL ? ROW'(1) : ROW'(WORD));
+    wire           hit = bits_are && bits[row[BIT-1:0]];
+    wire [ROW-1:0] origin = aligned && found_visited ? touch : {ROW{1'b0}};
+    wire [ROW-1:0] event_row = (word_row | ROW'(found_bit)) - origin;  // before the first row it wraps, to a large number
+    wire           row_next = by_rows && !over && !row_done;
+    wire           row_over = state == IDLE ? mark_tick && !full : go && state == NEXT && !row_next && !due;
 
     always_ff @(posedge clk) begin
-        // Between recordings every word is written with no bit.
-        {mark1, mark2} <= clear ? {1'b0, sweep} : {marking, mark1};
-        mark_place1 <= mark_place;
-        mark_place2 <= sweep ? sweep_address : mark_place1;
-        mark_bit1 <= marking ? 32'b1 << mark_step[4:0] : 32'b0;
         over <= step == steps[STEP-1:0] || (by_rows && aligned && row == rows[ROW-1:0]);
         fetched <= go && (state == FETCH || state == PRIME);
         if (fetched) visit <= visit_word;
         if (out_ready) out_valid <= 0;
+        if (row_over) begin
+            row <= row + 1;
+            if (&row[BIT-1:0]) row_place <= row_place + channels[PLACE-1:0];
+        end
         if (go) begin
             found <= 0;
             if (found) begin
-                // Before the first row it wraps, to a large number.
                 out_valid <= !found_visited || event_row < rows[ROW-1:0];
                 out_kind <= found_kind;
                 out_source <= source + SOURCE'(event_row);
             end
             case (state)
-                IDLE: begin
-                    bits <= marked;
-                    if (start) state <= FETCH;
+                IDLE:
+                if (start) begin
+                    state <= FETCH;
                     {step, row_done} <= 0;
-                    row <= origin;
+                    row <= aligned ? touch : {ROW{1'b0}};
+                    row_place <= aligned ? touch_place : {PLACE{1'b0}};
                 end
                 FETCH: state <= HOLD;
                 HOLD: state <= COMPARE;
                 COMPARE: begin
-                    due <= {{(23-INDEX){1'b0}}, index} != visits_end && visit_step == step;
+                    due <= index != visits_end[INDEX:0] && visit_step == step;
                     state <= NEXT;
                 end
                 NEXT:
-                if (by_rows && !over && !row_done) begin
+                if (row_next) begin
                     source <= row_source[SOURCE-1:0];
-                    place <= row[5+:PLACE];
                     word_row <= {ROW{1'b1}};
                     channel <= 0;
                     {word_is, bits_are} <= 0;
                     row_done <= 1;
                     state <= CHANNEL;
                 end else if (due) begin
-                    {place, source} <= {visit_place, visit_source};
-                    word_row <= ~origin - ROW'(31);  // 32 rows before -origin
-                    words_left <= row_words[PLACE:0];
+                    source <= visit_source;
+                    place <= (PLACE + 1)'(visit_channel);
+                    word_row <= {{(ROW-BIT){1'b1}}, {BIT{1'b0}}};
                     index <= index + 1;
                     bits <= 0;
                     state <= PRIME;
@@ -175,41 +192,41 @@ module transpose #(
                     found_visited <= 0;
                     found_kind <= over ? END : TICK;
                     step <= step + 1;
-                    row <= row + 1;
                     row_done <= 0;
                     state <= over ? IDLE : COMPARE;
                 end
                 CHANNEL: begin
-                    place <= place + (PLACE'(1) << row_shift[3:0]);
                     if (next_channel) channel <= channel + 1;
                     {bits_are, word_is} <= {word_is, next_channel};
-                    bits <= marked;
-                    {found, found_visited, found_kind, found_bit} <= {hit, 1'b0, EVENT, 5'd0};
-                    if (bits_are) word_row <= word_row + 1;
+                    bits <= word;
+                    {found, found_visited, found_kind, found_bit} <= {hit, 1'b0, EVENT, {BIT{1'b0}}};
+                    if (bits_are) word_row <= next_row;
                     if (!next_channel && !word_is) state <= NEXT;
                 end
                 PRIME: begin
-                    place <= place + 1;
+                    more <= place < words[PLACE:0];
+                    place <= place + channels[PLACE:0];
                     state <= SCAN;
                 end
                 default:
                 if (bits != 0) begin
                     {found, found_visited, found_kind, found_bit} <= {1'b1, 1'b1, EVENT, lowest_index};
                     bits <= bits & ~lowest;
-                end else if (words_left != 0) begin
-                    bits <= marked;
-                    word_row <= word_row + 32;
-                    place <= place + 1;
-                    words_left <= words_left - 1;
+                end else if (more) begin
+                    bits <= word;
+                    word_row <= next_row;
+                    more <= place < words[PLACE:0];
+                    place <= place + channels[PLACE:0];
                 end else state <= COMPARE;
             endcase
         end
         if (clear) begin
             state <= IDLE;
             {out_valid, found} <= 0;
-            {index, bits} <= 0;
+            {index, row, row_place} <= 0;
         end
     end
 
-    wire unused = &{1'b0, load_address, load_data, steps, rows, channels, row_words, row_shift, row_source, align_events};
+    wire unused = &{1'b0, load_address, load_data, kept, channels, words, align_events, steps, visits_end, rows, row_source,
+        row_channel};
 endmodule

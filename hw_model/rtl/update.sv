@@ -208,16 +208,17 @@ module update #(
     // 6: v. 7: clip it.
     logic signed [SUM-1:0] sum7;
     wire signed [SUM-1:0]  low7 = {{(SUM-23){vmin7[23]}}, vmin7[22:0]};
-    wire signed [SUM-1:0]  high7 = {{(SUM-23){vmax7[23]}}, vmax7[22:0]};
+    wire                   below7 = sum7 < low7;
+    wire                   beyond7 = !sum7[SUM-1] && (sum7 & ~{{(SUM-24){1'b0}}, vmax7}) != 0;
     logic signed [23:0]    clipped8;
     logic                  clip8, above8;
     always_ff @(posedge ticking) begin
         sum7 <= rest6 + {{(SUM-23){drive6[23]}}, drive6[22:0]};
         // Limits do not matter here: the lower one is never above a threshold, and where the upper one is not above it, the
         // loader says that the compartment does not spike.
-        above8 <= sum7 > $signed({{(SUM-23){1'b0}}, fire7[16:0], 6'b0});
-        clip8 <= sum7 < low7 || sum7 > high7;
-        clipped8 <= sum7 < low7 ? vmin7 : sum7 > high7 ? vmax7 : sum7[23:0];
+        above8 <= $signed({{(SUM-23){1'b0}}, fire7[16:0], 6'b0}) < sum7;
+        clip8 <= below7 || beyond7;
+        clipped8 <= below7 ? vmin7 : beyond7 ? vmax7 : sum7[23:0];
     end
 
     // 8: fire.

@@ -48,8 +48,8 @@ def _accesses(core: CoreProgram, recording: np.ndarray, found: hw.SimulationResu
     counts, sizes = found.per_recording[i], hw.chip("locsnn-130nm").open_core
     sent = np.zeros(len(core.lists) - 1)
     sent[: recording.shape[1]] += recording[: core.phases[0].steps].sum(axis=0)
-    for place, source in zip(core.tables["visits"]["place"], core.tables["visits"]["source"], strict=True):
-        sent[source + np.flatnonzero(recording[: core.kept, place >> core.row_shift])] += 1
+    for channel, source in zip(core.tables["visits"]["channel"], core.tables["visits"]["source"], strict=True):
+        sent[source + np.flatnonzero(recording[: core.kept, channel])] += 1
     taken = parents = children = 0
     constants = core.tables["compartments"]
     for phase in core.phases:

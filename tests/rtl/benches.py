@@ -12,9 +12,11 @@ from hw_model.mapping.graph import CompartmentGraph, Phase, Readout, read_only
 from hw_model.rtl.images import Sizes
 
 CHIP = hw.chip("loihi-sim")
-FAULT = ("update.sv", "above8 <= sum7 > $signed(", "above8 <= sum7 <= $signed(")
+FAULT = ("update.sv", "6'b0}) < sum7;", "6'b0}) >= sum7;")
 """Of a file, what to write in place of what: compartments fire below the threshold."""
-SIZES = Sizes(axons=256, synapses=4096, compartments=64, slots=64, charge=26, join=36, bitmap=64, visits=32, entries=32)
+SIZES = Sizes(
+    axons=256, synapses=4096, compartments=64, slots=64, charge=26, join=36, bitmap=256, visits=32, entries=32, word=8
+)
 
 
 def with_fault(texts: dict[str, str]) -> dict[str, str]:

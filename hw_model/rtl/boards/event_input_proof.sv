@@ -1,6 +1,7 @@
 // The stream of a recording against its contract, whatever host and core do: what is accepted leaves once, in order and
 // unchanged; what is offered stays until it is taken; a word is accepted only where there is room for it; errors, marks,
-// stops and silent steps are as docs/hardware.md says. Settings are any, and stay as they are.
+// stops and silent steps are as docs/hardware.md says. Settings are any, with as many
+// channels as there are sources at most, and stay as they are.
 //
 // `held` is a queue of one: what was accepted, or is due at the end, and has not been taken. Of the wires of the module,
 // which flatten finds by their names, only induction makes use.
@@ -16,15 +17,13 @@ module event_input_proof (
     localparam logic [1:0] EVENT = 0, TICK = 1, END = 2, STOP = 3;
     (* anyconst *) logic [23:0] steps;
     (* anyconst *) logic [23:0] channels;
-    wire        in_ready, out_valid, mark, mark_first, stop, failed;
+    wire        in_ready, out_valid, mark, mark_tick, stop, failed;
     wire [1:0]  out_kind;
     wire [9:0]  out_source;
-    wire [15:0] mark_channel;
-    wire [23:0] mark_step;
     wire [2:0]  error;
     event_input #(.SOURCE(10)) dut (
         .clk, .clear, .listen, .steps, .channels, .in_valid, .in_ready, .in_kind, .in_channel,
-        .out_valid, .out_ready, .out_kind, .out_source, .mark, .mark_first, .mark_channel, .mark_step, .stop, .failed, .error
+        .out_valid, .out_ready, .out_kind, .out_source, .mark, .mark_tick, .stop, .failed, .error
     );
 
     // What the recording was so far.
@@ -51,13 +50,13 @@ module event_input_proof (
     wire       due = closing && !held;                // one of them comes next
     wire       last = steps == 0 || given == steps;
 
-    logic        was_clear = 1, marked, marked_first, stopped, ended_wrong;
-    logic [15:0] marked_channel;
-    logic [23:0] marked_step;
+    logic        was_clear = 1, marked, ticked, stopped, ended_wrong;
+    logic [9:0]  marked_channel;
     always_ff @(posedge clk) begin
         was_clear <= clear;
         marked <= passed && in_kind == EVENT;
-        {marked_first, marked_channel, marked_step} <= {!in_step, in_channel, ticks};
+        marked_channel <= in_channel[9:0];
+        ticked <= accepted ? passed && in_kind == TICK : due && !last;
         stopped <= accepted && in_kind == STOP;
         ended_wrong <= accepted && in_kind == END && verdict != 0;
         if (taken) held <= 0;
@@ -80,13 +79,13 @@ module event_input_proof (
     (* hierconn *) wire        \dut.tail ;
     (* hierconn *) wire        \dut.ended ;
     (* hierconn *) wire        \dut.open ;
-    (* hierconn *) wire [15:0] \dut.last_channel ;
     (* hierconn *) wire [23:0] \dut.step ;
 
     logic begun = 0;  // after the first clear
     always_ff @(posedge clk) if (clear) begun <= 1;
     always_comb begin
         if (!begun) assume (clear);
+        assume (channels <= 1024);
         if (begun) begin
             // Nothing is lost, doubled, changed or out of order: what is offered is what is held, from cycle to cycle.
             assert (out_valid == held);
@@ -99,7 +98,8 @@ module event_input_proof (
             assert (error == wrong);
             if (!was_clear) begin
                 assert (mark == marked);
-                if (mark) assert ({mark_first, mark_channel, mark_step} == {marked_first, marked_channel, marked_step});
+                if (mark) assert (out_source == marked_channel);
+                assert (mark_tick == ticked);
                 assert (stop == stopped);
                 assert (failed == ended_wrong);
             end
@@ -107,7 +107,7 @@ module event_input_proof (
             assert ( \dut.tail == closing);
             assert ( \dut.ended == gone);
             assert ( \dut.open == (in_step && !over));
-            if (in_step && !over) assert ( \dut.last_channel == highest);
+            if (in_step && wrong == 0) assert (out_source == highest);
             if (!over) assert ( \dut.step == ticks);
             if (closing) assert ( \dut.step == given + (held && held_kind == TICK));
             if (wrong == 0 && steps != 0) assert (ticks <= steps);

@@ -8,8 +8,8 @@ module readout_proof (
     input logic               clk,
     input logic               clear,
     input logic               load_weight,
-    input logic [23:0]        potentials_from,
-    input logic [23:0]        step,
+    input logic               from_here,
+    input logic               after_here,
     input logic               sweep,
     input logic               early_read,
     input logic               read_out,
@@ -25,7 +25,7 @@ module readout_proof (
     wire [15:0]        winner;
     wire signed [63:0] score;
     readout #(.ENTRIES(128)) dut (
-        .clk, .clear, .load_weight, .load_address(24'b0), .load_data(128'b0), .classes, .populations, .potentials_from, .step,
+        .clk, .clear, .load_weight, .load_address(24'b0), .load_data(128'b0), .classes, .populations, .from_here, .after_here,
         .sweep, .sweep_address(7'b0), .early_read, .early_entry(7'b0), .read_out, .by_potential, .entry(7'b0), .fired,
         .potential, .start, .done, .winner, .score_valid, .score
     );
