@@ -75,6 +75,10 @@ module commands #(
             default: words = PHASES;
         endcase
 
+    // Of the next word. A byte is taken in every other cycle at most, so this is known in time.
+    logic outside;
+    always_ff @(posedge clk) outside <= {8'b0, load_address} + {31'b0, load_valid} >= words;
+
     logic [7:0] unfit;  // what is wrong with a frame, once its type and number are known
     always_comb begin
         unfit = 0;
@@ -94,7 +98,7 @@ module commands #(
         else if (kind == LOAD && !placed) begin
             if (frame_last || no_place) wrong = FORM;
         end else if (kind == LOAD) begin
-            if ({8'b0, load_address} + {31'b0, load_valid} >= words) wrong = NO_PLACE;
+            if (outside) wrong = NO_PLACE;
         end else if (kind == WORDS) begin
             if (no_word) wrong = FORM;
         end else if (!frame_last || no_switch) wrong = FORM;
