@@ -140,11 +140,27 @@ class MemoryWords(Frozen):
     states: Annotated[int, between(2, 1 << 20)] = 1 << 20
 
 
+class Macro(Frozen):
+    """A memory of a process: square micrometres, and picojoules of reading and of writing a row.
+
+    ``banks``: as many as these figures hold for, side by side.
+    """
+
+    words: Annotated[int, between(1, 1 << 20)]
+    bits: Annotated[int, between(1, 1 << 10)]
+    area: Annotated[float, POSITIVE]
+    read_pj: Annotated[float, NOT_NEGATIVE]
+    write_pj: Annotated[float, NOT_NEGATIVE]
+    ports: Annotated[int, between(1, 2)]
+    banks: Annotated[int, between(1, 512)] = 512
+
+
 class Chip(Shown, eq=True):
     """A chip and its board, as `hw_model/chips/*.yaml` describes it.
 
     ``open_core``: it is this project's core, in these sizes; ``memory_words``: what it has fewer of. Cycles of its
-    clock are exact; a device has no energy profile, a core in the cells of a process may have one.
+    clock are exact; a device has no energy profile, a core in the cells of a process may have one. ``macros``: what its
+    memories can be made of.
     """
 
     name: Text
@@ -161,6 +177,7 @@ class Chip(Shown, eq=True):
     transpose_buffer: TransposeBuffer = TransposeBuffer(1.0)
     open_core: Sizes | None = None
     memory_words: MemoryWords | None = None
+    macros: Mapping[str, Macro] = field(default_factory=dict)
 
     @property
     def cores(self) -> int:

@@ -218,7 +218,7 @@ def _arc(group: Group, names: tuple[str, str]) -> Arc:
 
 @dataclass(frozen=True)
 class Macro:
-    """A memory macro: picojoules of an access, square micrometres, nanowatts, nanoseconds to its output."""
+    """A memory macro: picojoules of an access, square micrometres, nanowatts, nanoseconds to its output; ``banks`` side by side."""
 
     name: str
     words: int
@@ -234,6 +234,7 @@ class Macro:
     toggle_pj: dict[str, float] = field(hash=False, compare=False)
     file: str = ""
     lines: dict[str, int] = field(default_factory=dict, hash=False, compare=False)
+    banks: int = 512
 
 
 def macro(path: Path) -> Macro:

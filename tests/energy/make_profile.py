@@ -8,10 +8,11 @@ import csv
 import sys
 from pathlib import Path
 
+import arrays
 import numpy as np
 import pricing
 import runs
-from memories import Choice
+from latches import Latches
 
 CHIP = runs.ROOT / "hw_model/chips/locsnn-130nm.yaml"
 CHECK = runs.ROOT / "docs/energy-130nm-check.csv"
@@ -64,10 +65,10 @@ def chip_file(built: runs.Built, least: pricing.Priced, most: pricing.Priced) ->
     """Return the chip file, with the profile in it."""
     cells, macros = built.leakage_nw
     plan = "".join(f"#   {c.shape.name:<12}{c.text}\n" for c in built.chosen)
-    used = sorted({m for c in built.chosen if isinstance(c, Choice) for m in c.macros}, key=lambda m: m.name)
+    every = sorted(built.files.macros.values(), key=lambda m: (m.ports, m.words, m.bits))
     lines = "".join(
         f"#   {m.file}: read {m.read_pj} (line {m.lines['read']}), write {m.write_pj} (line {m.lines['write']})\n"
-        for m in used
+        for m in every
     )
     constants = "".join(f"      {name}: {pj:.2f}\n" for name, pj in most.pj.items())
     ranges = "".join(f"      {name}: [{least.pj[name]:.2f}, {pj:.2f}]\n" for name, pj in most.pj.items())
@@ -75,12 +76,27 @@ def chip_file(built: runs.Built, least: pricing.Priced, most: pricing.Priced) ->
     core = "".join(f"  {name}: {value}\n" for name, value in runs.capacity(built.chosen).items())
     words = "".join(f"  {name}: {many}\n" for name, many in runs.memory_words(built.chosen).items())
     return TEXT.format(
-        words=words, plan=plan, macros=lines, core=core, constants=constants, ranges=ranges, sources=sources,
+        words=words, of_process=macros_of(built), plan=plan, macros=lines, core=core, constants=constants, ranges=ranges, sources=sources,
         area=(built.cell_area + built.macro_area) / 1e6, cell_area=built.cell_area / 1e6,
         leakage=(cells + macros) / 1e6,
         period=built.times["none"].worst, slow=built.times["modelled"].worst, fixed=most.fixed,
         half=next(c.shape.bits for c in built.chosen if c.shape.name == "synapses") // 2,
     )  # fmt: skip
+
+
+def macros_of(built: runs.Built) -> str:
+    """Return what memories can be made of: the macros of the process, and the arrays of latches of the plan."""
+    kinds = {f"{m.ports}P {m.words}x{m.bits}": (m.words, m.bits, m.ports, m) for m in built.files.macros.values()}
+    for one in built.chosen:
+        if isinstance(one, Latches):
+            words, bits = len(one.shape.held), one.shape.bits
+            words = one.shape.words if one.shape.period else words
+            kinds[f"latches {words}x{bits}"] = (words, bits, 2, arrays.measure(built.files, one))
+    return "".join(
+        f"  {name}: {{words: {words}, bits: {bits}, ports: {ports}, {'banks: 1, ' * name.startswith('latches')}area: {its.area:.0f}, "
+        f"read_pj: {its.read_pj:.4f}, write_pj: {its.write_pj:.4f}}}\n"
+        for name, (words, bits, ports, its) in sorted(kinds.items(), key=lambda kind: (kind[0][:2], kind[1][:2]))
+    )
 
 
 SOURCES = {
@@ -119,6 +135,8 @@ open_core:                     # parameters of locsnn_core.sv
 {core}
 memory_words:                  # of memories that are smaller than the parameters say
 {words}
+macros:                        # of the process, and arrays of latches at gate level: square micrometres, picojoules of a row
+{of_process}
 # One core hosts all cores of a program, phase after phase. The program as a whole has to fit the open core, so none of
 # these limits is the first to be met.
 mesh:

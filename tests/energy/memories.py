@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 from liberty import Macro
 
-DEEPEST, WIDEST = 512, 4
+from hw_model.rtl.memory_plan import Array, ways
+
 SWEPT = ("states",)
 """Memories that are swept in order, read and some cycles later written: while an even word is read an odd one is written."""
 
@@ -108,27 +109,10 @@ class Choice:
 
 def choices(shape: Shape, macros: Sequence[Macro]) -> Iterator[Choice]:
     """Yield what a memory may be made of."""
-    words = max(shape.held) + 1
-    for ports in {shape.ports, 1} if shape.name in SWEPT else {shape.ports}:
-        fitting = [m for m in macros if m.ports == ports]
-        for depth in sorted({m.words for m in fitting}):
-            here = sorted((m for m in fitting if m.words == depth), key=lambda m: -m.bits)
-            for pack in (1, 2, 4) if shape.ports == 1 else (1,):
-                for row in _rows(here, pack * len(shape.stored)):
-                    parts = 1 if ports == shape.ports else 2
-                    banks = parts * -(-words // (parts * pack * depth))
-                    if banks <= DEEPEST:
-                        yield Choice(shape, row, banks, pack)
-
-
-def _rows(macros: Sequence[Macro], bits: int, most: int = WIDEST) -> Iterator[tuple[Macro, ...]]:
-    """Yield rows of macros that hold so many bits and no macro too many."""
-    if bits <= 0:
-        yield ()
-        return
-    for index, macro in enumerate(macros if most else ()):
-        for rest in _rows(macros[index:], bits - macro.bits, most - 1):
-            yield (macro, *rest)
+    array = Array(shape.name, max(shape.held) + 1, len(shape.stored), shape.ports, {1: 0.0}, swept=shape.name in SWEPT)
+    ports = {shape.ports, 1} if array.swept else {shape.ports}
+    for made in ways(array, {macro.name: macro for macro in macros if macro.ports in ports}):
+        yield Choice(shape, made.macros, made.banks, made.pack)
 
 
 def verilog(choice: Choice) -> str:

@@ -8,15 +8,13 @@ may be written in any order.
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-import numpy as np
 from memories import Shape
 from traffic import Memory
 
 from hw_model.rtl.images import CoreProgram, Sizes, layouts
+from hw_model.rtl.memory_plan import SHARED, repeats
 
 SAME, OWN, FLAGS = "_same", "_own", "_flags"
-SHARED = {"leaks": 99, "fires": 5}
-"""Memories of constants, and how many of their first fields compartments of a kind have in common."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +50,7 @@ def parts_of(traffic: Mapping[str, Memory], core: CoreProgram, sizes: Sizes) -> 
         for name, low, high in split.parts:
             part = replace(memory, name=name, bits=high - low)
             if name.endswith(SAME):
-                reads = sum(accessed(core, sizes, split.shape.name, high, phase) for phase in range(len(core.phases)))
+                reads = sum(repeats(core, sizes, split.shape.name, phase) for phase in range(len(core.phases)))
                 part = replace(
                     part,
                     words=memory.words // 2,
@@ -65,16 +63,6 @@ def parts_of(traffic: Mapping[str, Memory], core: CoreProgram, sizes: Sizes) -> 
         flags, many = split.shape.name + FLAGS, memory.reads / 8
         found[flags] = Memory(flags, memory.words // 16, 16, 1, many, 1e-9, dict.fromkeys(memory.rows, many), False)
     return found
-
-
-def accessed(core: CoreProgram, sizes: Sizes, name: str, bits: int, phase: int) -> float:
-    """Return how many words of a phase are read from the memory in a recording, the others being repeated."""
-    layout = layouts(sizes)[name]
-    words = layout.pack({field.name: core.tables["compartments"][field.name] for field in layout.fields})[:, :bits]
-    begin, end = core.ends[phase - 1] if phase else 0, core.ends[phase]
-    number = np.arange(begin, end)
-    differs = np.r_[[True, True], (words[begin + 2 : end] != words[begin : end - 2]).any(axis=1)][: end - begin]
-    return float(np.count_nonzero(differs | (number % 16 < 2))) * core.phases[phase].steps
 
 
 def verilog(split: Split) -> str:

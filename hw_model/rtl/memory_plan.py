@@ -1,0 +1,206 @@
+"""What the memories of the core are made of in a process with macros: a plan for a program, its cost, and its check.
+
+A row of macros side by side holds one word or several; banks of rows follow each other. The plan with the least energy
+and area is taken. Words that compartments share are kept apart, in an even half and an odd one that show what was read
+last: what equals the last but one is not read again.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+import numpy as np
+
+from hw_model.description.chip import Macro, Sizes
+from hw_model.description.counts import Counts
+from hw_model.errors import InputError
+from hw_model.rtl.images import CoreProgram, layouts
+from hw_model.values import Frozen
+
+WIDEST, PACKS = 4, (1, 2, 4)
+PRICE = 4.0
+"""Picojoules per recording that a square micrometre is worth."""
+SHARED = {"leaks": 99, "fires": 5}
+"""Memories of constants, and how many of their first fields compartments of a kind have in common."""
+FLAGGED = 16
+"""Words of constants in a word of flags; its first two are always read."""
+
+
+class Array(Frozen):
+    """A memory as the core sees it, and what a recording does to all ``copies`` of it.
+
+    ``ports``: at least these, 1 where it is written only between recordings. ``swept``: words are read and later
+    written in order, so that banks of one port do, even ones and odd ones. ``rows[k]``: reads of rows of ``k`` words.
+    """
+
+    name: str
+    words: int
+    bits: int
+    ports: int
+    rows: Mapping[int, float]
+    writes: float = 0.0
+    copies: int = 1
+    swept: bool = False
+
+
+class Made(Frozen):
+    """An array of ``banks`` rows of macros, by name, ``pack`` words in each; ``parts``: 2 of even and odd banks."""
+
+    array: Array
+    row: tuple[str, ...]
+    macros: tuple[Macro, ...]
+    banks: int
+    pack: int
+    parts: int
+
+    @property
+    def area(self) -> float:
+        """Square micrometres."""
+        return self.array.copies * self.banks * sum(macro.area for macro in self.macros)
+
+    @property
+    def energy(self) -> float:
+        """Picojoules of a recording."""
+        reads = self.array.rows.get(self.pack, self.array.rows[1])
+        return sum(reads * macro.read_pj + self.array.writes * macro.write_pj for macro in self.macros)
+
+    def pieces(self) -> "Iterator[Piece]":
+        """Yield the macros of a copy."""
+        array, every = self.array, self.pack * self.parts
+        for bank in range(self.banks):
+            first, bit = bank // self.parts * every * self.macros[0].words + bank % self.parts, 0
+            for name, macro in zip(self.row, self.macros, strict=True):
+                yield Piece(array.name, array.copies, name, first, every, macro.words, self.pack, bit, macro.bits)
+                bit += macro.bits
+
+
+class Piece(Frozen):
+    """A macro of a plan: a row for every so many words, from word ``first`` on; bits of it from ``bit`` on."""
+
+    memory: str
+    copies: int
+    macro: str
+    first: int
+    every: int
+    rows: int
+    pack: int
+    bit: int
+    bits: int
+
+
+def ways(array: Array, macros: Mapping[str, Macro]) -> Iterator[Made]:
+    """Yield what an array may be made of."""
+    for ports in (1, 2) if array.swept else range(array.ports, 3):
+        parts = 1 if ports >= array.ports else 2
+        for depth in sorted({macro.words for macro in macros.values() if macro.ports == ports}):
+            here = [(name, one) for name, one in macros.items() if (one.ports, one.words) == (ports, depth)]
+            here.sort(key=lambda pair: -pair[1].bits)
+            for pack in PACKS if array.ports == 1 else (1,):
+                banks = parts * -(-array.words // (parts * pack * depth))
+                several = [(name, one) for name, one in here if banks <= one.banks]
+                for row in _rows(several, pack * array.bits):
+                    names, kinds = zip(*row, strict=True)
+                    yield Made(array, names, kinds, banks, pack, parts)
+
+
+def _rows(
+    macros: Sequence[tuple[str, Macro]], bits: int, most: int = WIDEST
+) -> Iterator[tuple[tuple[str, Macro], ...]]:
+    """Yield rows of macros that hold so many bits and no macro too many."""
+    if bits <= 0:
+        yield ()
+        return
+    for index, macro in enumerate(macros if most else ()):
+        for rest in _rows(macros[index:], bits - macro[1].bits, most - 1):
+            yield (macro, *rest)
+
+
+def plan(arrays: Iterable[Array], macros: Mapping[str, Macro], price: float = PRICE) -> list[Made]:
+    """Return what each array is made of; what no macro holds is an ``InputError``."""
+    found = []
+    for array in arrays:
+        options = list(ways(array, macros))
+        if not options:
+            raise InputError(f"memory {array.name!r}", "no macros hold it", fix="Give wider ones, or of more ports.")
+        found.append(min(options, key=lambda made: made.energy + price * made.area))
+    return found
+
+
+def check(pieces: Sequence[Piece], arrays: Iterable[Array], macros: Mapping[str, Macro]) -> None:
+    """Refuse a plan that does not hold every bit of every array once, or that asks for more than a macro has."""
+    known = {array.name: np.zeros((array.words, array.bits), dtype=np.int8) for array in arrays}
+    for piece in pieces:
+        where, macro = f"memory {piece.memory!r}", macros.get(piece.macro)
+        if piece.memory not in known:
+            raise InputError(where, "the core has none", fix="Leave it out.")
+        if macro is None or piece.rows > macro.words or piece.bits > macro.bits:
+            measured = f"{piece.rows} rows of {piece.bits} bits"
+            raise InputError(where, f"no macro {piece.macro!r} holds its part", measured=measured, fix="Name another.")
+        held = known[piece.memory]
+        words, bits = held.shape
+        row, bit = np.arange(piece.rows)[:, None], piece.bit + np.arange(piece.bits)
+        bit = bit[bit < piece.pack * bits]
+        word, bit = np.broadcast_arrays(piece.first + piece.every * row + bit // bits, bit % bits)
+        np.add.at(held, (word[word < words], bit[word < words]), 1)
+    for name, held in known.items():
+        for wrong, what, fix in (
+            (held == 0, "the plan is too small", "Add macros."),
+            (held > 1, "macros of the plan overlap", "Give every bit one place."),
+        ):
+            if wrong.any():
+                word, bit = np.argwhere(wrong)[0]
+                measured = f"{held[word, bit]} hold bit {bit} of word {word}"
+                raise InputError(f"memory {name!r}", what, measured=measured, fix=fix)
+
+
+def as_csv(pieces: Iterable[Piece]) -> bytes:
+    """Return a plan as a table, a macro a row."""
+    head = "memory,copies,macro,first word,words to the next row,rows,words in a row,first bit,bits"
+    return "\n".join([head, *(",".join(map(str, vars(piece).values())) for piece in pieces), ""]).encode()
+
+
+def arrays_of(core: CoreProgram, sizes: Sizes, counts: Counts) -> list[Array]:
+    """Return the memories that a program needs on a core of these sizes; ``counts``: what a recording does."""
+    needs, words, widths = core.needs, core.words, {name: layout.width for name, layout in layouts(sizes).items()}
+    updates, active, spikes = counts.neuron_updates, counts.neuron_updates_active, counts.spikes
+    lists, source = counts.input_events + counts.transpose_events + spikes, (sizes.axons - 1).bit_length()
+    # With two slots no synapse has a delay.
+    synapse = widths["synapses"] - (2 if sizes.slots == 2 else 0)
+    charges = sizes.slots << (needs.compartments - 1).bit_length() - 1
+
+    def one(name: str, words: int, bits: int, reads: float, writes: float = 0.0, **more: bool | int) -> Array:
+        in_order = more.pop("in_order", False)
+        rows = {pack: reads / pack if in_order else reads for pack in PACKS}
+        return Array(name, words, bits, 2 if writes else 1, rows, writes, **more)  # type: ignore[arg-type]
+
+    constants = []
+    for name, many in SHARED.items():
+        shared = sum(field.width for field in layouts(sizes)[name].fields[:many])
+        reads = sum(repeats(core, sizes, name, phase) for phase in range(len(core.phases)))
+        constants.append(one(f"{name}_same", -(-needs.compartments // 2), shared, reads, copies=2))
+        if shared < widths[name]:
+            constants.append(one(f"{name}_own", needs.compartments, widths[name] - shared, updates, in_order=True))
+        constants.append(one(f"{name}_flags", -(-needs.compartments // FLAGGED), FLAGGED, updates / 8))
+    return [
+        one("axons", needs.axons, widths["axons"], lists),
+        one("synapses", needs.synapses // 2, synapse, counts.synaptic_ops / 2, in_order=True),
+        one("charges", charges, sizes.charge, counts.synaptic_ops + updates, counts.synaptic_ops + active, copies=2),
+        one("states", needs.compartments, 54, active, active, swept=True),
+        one("rests", -(-needs.compartments // 8), 16, updates / 8, updates / 8),
+        *constants,
+        one("sums", words.sums, sizes.join, updates / 3, updates / 3),
+        one("places", sizes.compartments, source, spikes, spikes),
+        one("tallies", needs.entries, 24, updates / 4, spikes),
+        one("bitmap", needs.bitmap, 32, counts.transpose_events, counts.input_events),
+        one("visit_list", needs.visits, widths["visits"], needs.visits),
+        one("weights", words.weights, widths["weights"], 0.0),
+        one("phases", words.phases, widths["phases"], words.phases),
+    ]
+
+
+def repeats(core: CoreProgram, sizes: Sizes, name: str, phase: int) -> float:
+    """Return how many shared words of constants a phase reads, those that repeat left out."""
+    layout = layouts(sizes)[name]
+    bits = sum(field.width for field in layout.fields[: SHARED[name]])
+    words = layout.pack({field.name: core.tables["compartments"][field.name] for field in layout.fields})[:, :bits]
+    begin, end = core.ends[phase - 1] if phase else 0, core.ends[phase]
+    differs = np.r_[[True, True], (words[begin + 2 : end] != words[begin : end - 2]).any(axis=1)][: end - begin]
+    return float(np.count_nonzero(differs | (np.arange(begin, end) % FLAGGED < 2))) * core.phases[phase].steps
