@@ -3,21 +3,22 @@
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property, lru_cache, partial
-from typing import Literal, get_args
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hw_model.accounting.activity import StepActivity, count_steps, count_totals
 from hw_model.description.counts import Counts, total
-from hw_model.engine.playing import Player, Spikes, length_of, play, read_streams
+from hw_model.engine.playing import Player, Spikes, length_of, play, read_streams, steps_of
 from hw_model.engine.probes import KINDS, Kind, PhaseProbes, Probe, hull, read_probes
 from hw_model.engine.trace import EVENTS, TOTALS, PhaseInput, PhaseTrace, Register, Window
 from hw_model.errors import InputError, check_known, check_most
 from hw_model.io.given import checked
-from hw_model.mapping.graph import largest
+from hw_model.mapping.graph import Phase, largest
 from hw_model.program.check import MAX_STEPS
 from hw_model.program.chip_program import ChipProgram
-from hw_model.values import AnyArray, ByteArray, FloatArray, IntArray, Shown
+from hw_model.values import AnyArray, ByteArray, FloatArray, IntArray, Shown, T
 
 Engine = Literal["fast", "reference"]
 ENGINES: tuple[Engine, ...] = get_args(Engine)
@@ -110,14 +111,12 @@ def play_recordings(
         raise InputError("steps", "nothing to simulate", measured=f"{steps} against at least 1", fix="Raise steps.")
     check_most(steps or 1, MAX_STEPS, "steps", "a simulation does not hold so many", fix="Lower steps.")
     probes = read_probes(program, probe)
-    decisive = _decisive(program)
-    kept_probes = probes | {kind: hull(probe, probes.get(kind, probe)) for kind, probe in decisive.items()}
     streams, batched = read_streams(program, spikes)
     batch, rows = next(iter(streams.values())).shape[:2]
     if batch == 0 or (rows == 0 and steps is None):
         measured = f"recordings: {batch}, steps: {rows}"
         raise InputError("spikes", "nothing to simulate", measured=measured, fix="Give some recordings and steps.")
-    longest = max(length_of(program, phase, rows, steps) for phase in program.phases)
+    parts, longest = _plan(program, tuple(probes.values()), rows, steps)
     together = max(1, MAX_TOGETHER // max(1, sum(program.populations.values()) * longest))
 
     kept: dict[Kind, dict[str, list[AnyArray]]] = {kind: {} for kind in KINDS}
@@ -129,21 +128,16 @@ def play_recordings(
         stop = min(start + together, batch)
         part = {name: player.list_events(array[start:stop]) for name, array in streams.items()}
         score = np.zeros((stop - start, _classes(program)))
-        for phase in program.phases:
+        for phase, wanted, deciding, keeping, windows in parts:
             played = play(program, phase, part, steps, player)
-            wanted = PhaseProbes(program, phase.name, probes, played.steps)
-            deciding = keeping = wanted
-            if decisive:
-                deciding = PhaseProbes(program, phase.name, decisive, played.steps)
-                keeping = PhaseProbes(program, phase.name, kept_probes, played.steps)
-            trace = run_phase(program, phase.name, played, keeping.windows())
+            trace = run_phase(program, phase.name, played, windows)
             counts[phase.name].append(count_totals(program, phase.name, played, trace))
             if "activity" in probes:
                 activity[phase.name] += count_steps(program, phase.name, played, trace)
             for name, array in wanted.of_spikes(trace.spikes).items():
                 kept["spikes"].setdefault(name, []).append(array)
             for kind, register in trace.registers.items():
-                if kind in decisive:
+                if deciding is not None and kind in deciding.kinds:
                     _add_potentials(program, deciding.of_register(kind, register, keeping), score)
                 if kind in probes:
                     for name, array in wanted.of_register(kind, register, keeping).items():
@@ -153,14 +147,13 @@ def play_recordings(
         scores.append(score)
 
     def result(kind: Kind) -> dict[str, AnyArray]:
-        joined = {name: a[0] if len(a) == 1 else np.concatenate(a) for name, a in kept[kind].items()}
-        return joined if batched else {name: array[0] for name, array in joined.items()}
+        return {name: _joined(arrays) if batched else arrays[0][0] for name, arrays in kept[kind].items()}
 
-    score = np.concatenate(scores)
+    score = _joined(scores)
     return SimulationResult(
         spikes=result("spikes"), u=result("u"), v=result("v"), potential=result("potential"),
         activity={phase: tuple(items) for phase, items in activity.items()},
-        count_tables={phase: np.concatenate(tables) for phase, tables in counts.items()},
+        count_tables={phase: _joined(tables) for phase, tables in counts.items()},
         events={
             name: dict(zip(EVENTS, kinds, strict=True))
             for phase, found in events.items()
@@ -169,6 +162,35 @@ def play_recordings(
         },
         scores=None if program.readout is None else (score if batched else score[0]),
     )  # fmt: skip
+
+
+class _Part(NamedTuple):
+    """A phase, and what is kept of it: what was asked for, what its scores need if any, both, and where it lies."""
+
+    phase: Phase
+    wanted: PhaseProbes
+    deciding: PhaseProbes | None
+    keeping: PhaseProbes
+    windows: dict[Register, Window]
+
+
+@lru_cache(maxsize=16)
+def _plan(program: ChipProgram, probes: tuple[Probe, ...], rows: int, steps: int | None) -> tuple[list[_Part], int]:
+    """Return all that recordings of so many rows have in common, phase by phase, and the most steps of one."""
+    asked, decisive = {probe.kind: probe for probe in probes}, _decisive(program)
+    both = asked | {kind: hull(probe, asked.get(kind, probe)) for kind, probe in decisive.items()}
+    parts = []
+    for phase in program.phases:
+        many = steps_of(program, phase, rows, steps)
+        wanted, keeping = (PhaseProbes(program, phase.name, kept, many) for kept in (asked, both))
+        deciding = PhaseProbes(program, phase.name, decisive, many) if decisive else None
+        parts.append(_Part(phase, wanted, deciding, keeping, keeping.windows()))
+    return parts, max(length_of(program, phase, rows, steps) for phase in program.phases)
+
+
+def _joined(parts: list[NDArray[T]]) -> NDArray[T]:
+    """Return the parts of a batch as one."""
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
 def _classes(program: ChipProgram) -> int:

@@ -109,20 +109,47 @@ def update(c: Place, charge: Place, widths: Given) -> Returned:
     return bits(fired), count(busy), bits((u | state | bias) != 0)
 
 
-@kernel("registers, at, charge, row, slot", returns=3)
-def update_plain(c: Place, charge: Place) -> Returned:
-    """Do the same for a chunk without bias, refractory steps and children, in which nothing can wrap."""
+def _respond_plainly(c: Place, charge: Place) -> tuple[Lanes, Lanes, Lanes]:
+    """Take charge into u and v, where nothing can wrap; return which lanes were busy, u, and v before any threshold."""
     arrived, u, v = charge[0], c[U], c[V]
     charge[0] = 0
     busy = (arrived | u | v) != 0
     u = _rz(u, c[KEEP_U]) + (arrived << WEIGHT_SHIFT)
     unclipped = _rz(v, c[KEEP_V]) + u
     clipped = _clip(c, unclipped)
-    fired = clipped > c[THRESHOLD]
-    left = where(fired, 0, clipped)
-    c[U], c[V], c[POTENTIAL] = u, left, clipped
+    c[U] = u
     c[VOLTAGE_CLIPS] += clipped != unclipped
+    return busy, u, clipped
+
+
+@kernel("registers, at, charge, row, slot", returns=3)
+def update_plain(c: Place, charge: Place) -> Returned:
+    """Do the same for a chunk without bias, refractory steps and children, in which nothing can wrap."""
+    busy, u, v = _respond_plainly(c, charge)
+    fired = v > c[THRESHOLD]
+    left = where(fired, 0, v)
+    c[V], c[POTENTIAL] = left, v
     return bits(fired), count(busy), bits((u | left) != 0)
+
+
+@kernel("registers, at, same, other_at, also, soma_at, charge, row, slot, charges, other_row, other_slot", returns=7)
+def update_pair(c: Place, other: Place, soma: Place, charge: Place, other_charge: Place) -> Returned:
+    """Do the same for two plain chunks of dendrites, and a third that is only their sum and is never refractory.
+
+    Return its spikes, how many lanes of each were busy, and which of each do not rest. Potentials are not kept.
+    """
+    busy, u, v = _respond_plainly(c, charge)
+    other_busy, other_u, other_v = _respond_plainly(other, other_charge)
+    c[V], other[V] = v, other_v
+    total = v + other_v
+    clipped = _clip(soma, total)
+    fired = clipped > soma[THRESHOLD]
+    left = where(fired, 0, clipped)
+    soma_busy = (soma[V] | total) != 0
+    soma[V] = left
+    soma[VOLTAGE_CLIPS] += clipped != total
+    rests = bits((u | v) != 0), bits((other_u | other_v) != 0), bits(left != 0)
+    return bits(fired), count(busy), count(other_busy), count(soma_busy), *rests
 
 
 @kernel("registers, at", returns=3)

@@ -114,12 +114,17 @@ def _chunks(
     ]
     member = [chunk for block in bundles for each in block for chunk in each]
     starts = np.cumsum([0, *(len(each) for block in bundles for each in block)])
+    sums = ~keeps & ~reached
+    forgets = sums & (registers[:, REFRACTORY].max(axis=1) <= 1)
+    pair = np.zeros(len(member), dtype=np.bool_)
+    for low, (*dendrites, last) in zip(starts.tolist(), (each for block in bundles for each in block), strict=False):
+        pair[low] = len(dendrites) == 2 and forgets[last] and (parent[dendrites] == last).all()
     spiking = [[n for n in block if nodes.parent[n] < 0] for block in blocks]
     feeds_itself = [any(links.from_node[n] < links.from_node[n + 1] for n in block) for block in blocks]
     return Chunks(
         node=cut.node, piece=cut.piece, parent=parent, first_column=cut.first_column, width=cut.width,
-        sums=(~keeps & ~reached).astype(np.uint8), plain=plain.astype(np.uint8), registers=registers,
-        member=np.array(member, np.int64), begins=np.isin(np.arange(len(member)), starts), bundle=starts,
+        sums=sums.astype(np.uint8), plain=plain.astype(np.uint8), registers=registers,
+        member=np.array(member, np.int64), begins=np.isin(np.arange(len(member)), starts), pair=pair, bundle=starts,
         of_block=np.cumsum([0, *map(len, bundles)]), feeds_itself=np.array(feeds_itself, np.uint8),
         spiking_node=np.array([n for block in spiking for n in block], np.int64),
         of_node=np.cumsum([0, *map(len, spiking)]), widths=widths,

@@ -61,8 +61,9 @@ class Chunks(NamedTuple):
     that its voltages are added to, or -1; ``sums``: it keeps nothing and no synapse reaches it, so that it only adds up
     its children; ``plain``: nothing in it has a bias, is refractory, has children or can wrap. ``registers`` (chunks,
     FIELDS, LANES) are its parameters, with a state of 0, in 32 bits, or in 64 where a sum might need them. Bundle i is
-    ``member[bundle[i]:bundle[i + 1]]``, and ``begins`` marks the first member of each. Block k is bundles
-    ``of_block[k]`` to the next; it feeds itself where ``feeds_itself[k]``, and the nodes in it that can spike are
+    ``member[bundle[i]:bundle[i + 1]]``, and ``begins`` marks the first member of each, ``pair`` that of two chunks and
+    one that is their sum, which keeps nothing from step to step. Block k is bundles ``of_block[k]`` to the next; it
+    feeds itself where ``feeds_itself[k]``, and the nodes in it that can spike are
     ``spiking_node[of_node[k]:of_node[k + 1]]``.
     """
 
@@ -76,6 +77,7 @@ class Chunks(NamedTuple):
     registers: Lanes
     member: IntArray
     begins: BoolArray
+    pair: BoolArray
     bundle: IntArray
     of_block: IntArray
     feeds_itself: ByteArray

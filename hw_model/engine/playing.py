@@ -96,9 +96,9 @@ def play(
     if phase.align_events is not None:
         before = first_touch([streams[name] for name in {item.stream for item in inputs}], phase.align_events)
         if phase.axis == "time":
-            last = max(length, rows)
-            start = np.where(before < rows, before, last)
-            length, stop = last, np.minimum(start + length, last)
+            many = steps_of(program, phase, rows, steps)
+            start = np.where(before < rows, before, many)
+            length, stop = many, np.minimum(start + length, many)
     lists = []
     for item in inputs:
         recorded = streams[item.stream]
@@ -125,6 +125,12 @@ def length_of(program: ChipProgram, phase: Phase, rows: int, steps: int | None =
         return fixed
     visits = [item.positions for item in program.inputs_of(phase.name)]
     return max((rows if at is None else int(at.max(initial=0)) + 1 for at in visits), default=rows)
+
+
+def steps_of(program: ChipProgram, phase: Phase, rows: int, steps: int | None = None) -> int:
+    """Return the steps of a phase with those of the recording before its start: where a touch comes last."""
+    length = length_of(program, phase, rows, steps)
+    return max(length, rows) if phase.align_events is not None and phase.axis == "time" else length
 
 
 def first_touch(streams: Sequence[EventLists], events: int) -> IntArray:

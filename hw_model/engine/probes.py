@@ -39,6 +39,8 @@ def read_probes(program: ChipProgram, probe: Sequence[Kind | Probe]) -> dict[Kin
     found: dict[Kind, Probe] = {}
     for item in probe:
         one = item if isinstance(item, Probe) else Probe(item)
+        if isinstance(one.populations, list):  # a program is planned once for equal probes, which a list cannot be
+            one = Probe(one.kind, tuple(one.populations), one.steps)
         check_known(f"probe {one.kind!r}", "does not exist", str(one.kind), KINDS)
         if one.kind in found:
             raise InputError(f"probe {one.kind!r}", "is asked for twice", fix="List its populations in one probe.")
@@ -54,6 +56,7 @@ class PhaseProbes:
     """Where the populations that the probes want lie in the arrays of a phase."""
 
     def __init__(self, program: ChipProgram, phase: str, probes: dict[Kind, Probe], steps: int) -> None:
+        self.kinds = frozenset(probes)
         self._rows = {kind: _rows(probe, steps) for kind, probe in probes.items()}
         self._columns = {
             kind: {

@@ -9,7 +9,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hw_model.engine.chunks import add_up, add_weights, fill, list_lanes, note, pass_on, update, update_plain
+from hw_model.engine.chunks import (
+    add_up,
+    add_weights,
+    fill,
+    list_lanes,
+    note,
+    pass_on,
+    update,
+    update_pair,
+    update_plain,
+)
 from hw_model.engine.compiled import absorbed, compiled, inner
 from hw_model.engine.layout import BIAS, FIELDS, LANES, MATRIX, PACKED_LIST, POTENTIAL, FastLayout, U, V, aligned
 from hw_model.values import AnyArray
@@ -379,9 +389,15 @@ def _update_members(start, stop, r, step, chunks, state, work, skip, active, rec
     registers, at_rest = state.registers, state.at_rest
     fired = np.int32(0)
     stirred = False
-    for index in range(start, stop):
+    index = start
+    while index < stop:
         k = np.uint64(chunks.member[index])
+        if chunks.pair[index] and chunks.plain[k] and chunks.plain[chunks.member[index + 1]] and not kept.watched:
+            fired |= _update_pair(index, np.uint64(r), chunks, state, work, skip, active)
+            index += 3
+            continue
         stirred &= not chunks.begins[index]
+        index += 1
         if skip and at_rest[k] and not state.touched[r, k] and not stirred:
             continue
         at = np.uint64(k * np.uint64(FIELDS * LANES))
@@ -405,6 +421,27 @@ def _update_members(start, stop, r, step, chunks, state, work, skip, active, rec
             _keep(registers, at + _V, first, width, step, recording, kept.v)
             _keep(registers, at + _POTENTIAL, first, width, step, recording, kept.potential)
     return fired
+
+
+@absorbed
+def _update_pair(index, r, chunks, state, work, skip, active):  # type: ignore[no-untyped-def]
+    """Do what :func:`_update_members` does for two dendrites and their sum, three members, at once."""
+    a, b, c = chunks.member[index], chunks.member[index + 1], chunks.member[index + 2]
+    a, b, c = np.uint64(a), np.uint64(b), np.uint64(c)
+    at_rest, touched, registers = state.at_rest, state.touched, state.registers
+    if skip and at_rest[a] and at_rest[b] and at_rest[c] and not touched[r, a] and not touched[r, b]:
+        return np.int32(0)
+    mask, busy_a, busy_b, busy_c, left_a, left_b, left_c = update_pair(
+        registers, a * _CHUNK, registers, b * _CHUNK, registers, c * _CHUNK,
+        state.charge, r, a * _LANES, state.charge, r, b * _LANES,
+    )  # fmt: skip
+    at_rest[a], at_rest[b], at_rest[c] = left_a == 0, left_b == 0, left_c == 0
+    active[r, chunks.piece[a]] += busy_a
+    active[r, chunks.piece[b]] += busy_b
+    active[r, chunks.piece[c]] += busy_c
+    work.masks[r, c] = mask
+    work.updated[r] = 1
+    return mask
 
 
 @absorbed

@@ -171,9 +171,8 @@ def _order(layout: FastLayout, of: Read) -> Order:
     parent, sums = place[chunks.parent[member]], chunks.sums[member].astype(np.bool_)
     read = np.isin(member, layout.slot[of.columns] // LANES)
     forgets = sums & (chunks.registers[member][:, REFRACTORY].max(axis=1) <= 1)
-    is_pair = np.zeros(count, dtype=np.bool_)
+    is_pair = chunks.pair.copy()
     for low, high in pairwise(chunks.bundle.tolist()):
-        is_pair[low] = high - low == 3 and forgets[high - 1] and (parent[low : high - 1] == high - 1).all()
         is_pair[low] &= not read[low:high].any()  # a pair is run without a potential of its own
     never_rests = (chunks.registers[member][:, BIAS] != 0).max(axis=1)
     return Order(member, chunks.begins, parent, sums, forgets, never_rests, is_pair, read)
