@@ -11,7 +11,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import astuple, dataclass
 from typing import TYPE_CHECKING, Any
 
-from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.errors import InputError
 
 NATIVE = "native"
 """The strategy of neurons that the chip has as they are: they need none."""
@@ -97,17 +97,13 @@ class Axis:
         """The option of the command lines."""
         return f"--{self.name.replace('_', '-')}"
 
-    def check(self, value: Value) -> None:
-        """Refuse a value that is not on this axis."""
-        if isinstance(value, str):
-            fits, fix = value in self.values, did_you_mean(value, map(str, self.values))
-        elif self.bounds is None:
-            fits, fix = value in self.values, f"Choose from {', '.join(map(str, self.values))}."
-        else:
-            least, most = self.bounds
-            fits, fix = least <= value <= most, f"Give a number from {least:g} to {most:g}."
-        if not fits:
-            raise InputError(f"{self.option} {value}", "it cannot be explored", fix=fix)
+    @property
+    def kind(self) -> str:
+        """What its values are, in the words of ``cli/options.txt``."""
+        limits = "one of " + "|".join(map(str, self.values))
+        if self.bounds is not None:
+            limits = "a number from {:g} to {:g}".format(*self.bounds)
+        return f"{type(self.values[0]).__name__}, {limits}"
 
 
 AXES = (
@@ -183,13 +179,6 @@ def check_matters(network: Network, given: Mapping[str, str]) -> None:
     ):
         if name in given and not matters(network):
             raise InputError(given[name], f"it would change nothing: {why}", fix="Leave it out.")
-
-
-def check_values(wanted: Mapping[str, Sequence[Value]]) -> None:
-    """Refuse values that are not on their axis."""
-    for axis in AXES:
-        for value in wanted.get(axis.name, ()):
-            axis.check(value)
 
 
 def _default(axis: Axis, network: Network, most_bits: int) -> tuple[Value, ...]:

@@ -21,7 +21,7 @@ from locsnn_compile.cli.completion import answer_shell
 from locsnn_compile.cli.options import given, recording_of
 from locsnn_compile.cli.shell import EXIT_GATE, Parser, declared, guarded, progress_bar, terminal, texts_of
 from locsnn_compile.cli.step_options import asked_reading, with_steps
-from locsnn_compile.errors import InputError, check_known, listed
+from locsnn_compile.errors import InputError, listed
 from locsnn_compile.settings import STRATEGIES
 
 if TYPE_CHECKING:
@@ -34,7 +34,12 @@ READ = ("--options", "--config", "--events", "--calibration", "--target", "--pro
 OF_RECORDING = ("vectors", "rtl", "vcd", "trace", "sanafe")
 
 
-WORDS = {"strategies": ", ".join(STRATEGIES), "kinds": ", ".join(EMIT_KINDS)}
+WORDS = {
+    "strategies": ", ".join(STRATEGIES),
+    "names": "|".join(STRATEGIES),
+    "kinds": ", ".join(EMIT_KINDS),
+    "emitted": "|".join(EMIT_KINDS),
+}
 """Fill the placeholders in this command's options."""
 
 
@@ -124,8 +129,6 @@ def _check_options(args: Namespace) -> None:
     """Refuse options that would fail only after all the work."""
     from locsnn_compile.report.gates import GATES
 
-    for kind in args.emit:
-        check_known(f"--emit {kind}", "there is no such kind", kind, EMIT_KINDS)
     if args.recording is not None and not set(args.emit) & set(OF_RECORDING):
         raise InputError(
             "--recording", "nothing emitted is of a single recording", fix=f"Add --emit {listed(OF_RECORDING, 'or')}."

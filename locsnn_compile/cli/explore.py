@@ -26,23 +26,27 @@ from typing import TYPE_CHECKING
 
 from locsnn_compile.cli.options import given
 from locsnn_compile.cli.shell import EXIT_GATE, EXIT_INTERRUPTED, progress_bar
-from locsnn_compile.errors import InputError, check_known
-from locsnn_compile.settings import AXES, Value, check_matters, check_values, settings
+from locsnn_compile.errors import InputError
+from locsnn_compile.settings import AXES, Axis, Value, check_matters, settings
 
 if TYPE_CHECKING:
     from locsnn_compile.cluster.spread import Spread
     from locsnn_compile.explore.exploration import Exploration
 
-PARTS = ("train", "test")
 ENGINES = ("fast", "reference")
 READ = ("--config", "--events", "--report-on", "--calibration", "--target")
 WRITTEN = ("explore.csv", "explore.json", "explore.svg", "timings.csv", "timings.svg")
-_AXES = (
-    f"{axis.option} X, {type(axis.values[0]).__name__}, several\n"
-    f"    {axis.help} to try (default: {', '.join(map(str, axis.values))})"
-    for axis in AXES
-)
-WORDS = {"axes": "\n".join(_AXES)}
+
+
+def declared(axes: Sequence[Axis]) -> str:
+    """Return the options of axes, as ``options.txt`` declares options."""
+    helped = ((axis, ", ".join(map(str, axis.values))) for axis in axes)
+    return "\n".join(
+        f"{axis.option} X, {axis.kind}, several\n    {axis.help} to try (default: {values})" for axis, values in helped
+    )
+
+
+WORDS = {"axes": declared(AXES)}
 """Fill the placeholders in this command's options."""
 
 
@@ -124,9 +128,5 @@ def _check_places(args: argparse.Namespace, folder: Path, names: Sequence[str]) 
 
 def _check_options(args: argparse.Namespace, wanted: Mapping[str, Sequence[Value]]) -> None:
     """Refuse options that would fail only after all the work."""
-    check_values(wanted)
-    check_known(f"--part {args.part}", "there is no such name", args.part, PARTS)
-    for name in args.engines or ():
-        check_known(f"--engines {name}", "there is no such name", name, ENGINES)
     if args.workers and args.scheduler:
         raise InputError("--workers", "a scheduler has workers of its own", fix="Leave out --workers or --scheduler.")

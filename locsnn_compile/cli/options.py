@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from locsnn_compile.errors import InputError
+from locsnn_compile.errors import InputError, did_you_mean
 from locsnn_compile.texts.templates import sections
 
 if TYPE_CHECKING:
@@ -43,8 +43,8 @@ KINDS: Mapping[str, Mapping[str, Any]] = {
     "repeated": {"action": "append", "default": []},
     "extended": {"action": "extend", "nargs": "+", "default": []},
 }
-"""Kinds of options, as arguments of argparse. There are also ``default VALUE``, ``dest NAME`` for the attribute and,
-after the type, a range in the words of :data:`RANGE`.
+"""Kinds of options, as arguments of argparse. There are also ``default VALUE``, ``dest NAME`` for the attribute,
+``one of A|B|C`` for names, and after the type of a number its range, in the words of :data:`RANGE`.
 """
 RANGE = re.compile(r"a finite number|a number (from|above) (\S+)(?: up| to (\S+))?")
 """``a number from 0 to 1``, ``from 0 up`` or ``above 0``; it is always finite."""
@@ -62,6 +62,8 @@ def add_options(parser: argparse.ArgumentParser, command: str, words: Mapping[st
             key, _, value = kind.partition(" ")
             if key == "a":
                 asked["type"] = _in_range(names[0], asked["type"], kind)
+            elif key == "one":
+                asked |= _one_of(names[0], asked.get("type", str), kind.removeprefix("one of ").split("|"))
             else:
                 asked |= KINDS.get(kind) or {key: value}
         parser.add_argument(*(names or [last]), help=" ".join(said.split()), **asked)
@@ -81,6 +83,20 @@ def _in_range(option: str, read: Callable[[str], float], asked: str) -> Callable
     # argparse shows this name if the text is not a number.
     checked.__name__ = read.__name__
     return checked
+
+
+def _one_of(option: str, read: Callable[[str], Any], known: list[str]) -> dict[str, Any]:
+    """Return what reads names, or numbers of some kind, and refuses unknown ones; argcomplete completes ``choices``."""
+
+    def checked(text: str) -> Any:
+        value = read(text)
+        if str(value) not in known:
+            fix = did_you_mean(text, known) if read is str else f"Choose from {', '.join(known)}."
+            raise InputError(f"{option} {text}", "it is not known", fix=fix)
+        return value
+
+    checked.__name__ = read.__name__
+    return {"type": checked, "choices": [*map(read, known)]}
 
 
 def given(args: argparse.Namespace, options: Iterable[str]) -> dict[str, Any]:

@@ -41,6 +41,7 @@ SHOWN_CLASSES, SHOWN_NAMES = 20, 60
 WORDS = {
     "architectures": ", ".join(ARCHITECTURES),
     "strategies": listed([f"{TRAINABLE[0]} (default)", *TRAINABLE[1:]], "or"),
+    "trainable": "|".join(TRAINABLE),
 }
 """Fill the placeholders in this command's options."""
 

@@ -265,10 +265,10 @@ def wrong_channels(tmp_path):
 BAD_OPTIONS = [
     ("target", lambda t: ("--target", "loihi-sin"), "target 'loihi-sin': no chip of this name ships. Did you mean 'loihi-sim'? A chip file of your own ends in .yaml."),
     ("channels", lambda t: ("--events", wrong_channels(t)), "events 'wide.npy': the channel count differs from the model's (156 channels against 78). Give recordings of shape (samples, steps, 78)."),
-    ("strategy", lambda t: ("--strategy", "dendrites"), "strategy 'dendrites': unknown lowering strategy. Did you mean 'dendrite'?"),
+    ("strategy", lambda t: ("--strategy", "dendrites"), "--strategy dendrites: it is not known. Did you mean 'dendrite'?"),
     ("bits", lambda t: ("--weight-bits", "7"), "--weight-bits: no synapse format has 7 bits. Choose one of 1, 2, 3, 4, 5, 6, 8."),
     ("config", lambda t: ("--config", "net.yaml"), "model 'objects-hybrid.pt': config was given, but a checkpoint says this itself. Leave config out."),
-    ("emit", lambda t: ("--emit", "programm"), "--emit programm: there is no such kind. Did you mean 'program'?"),
+    ("emit", lambda t: ("--emit", "programm"), "--emit programm: it is not known. Did you mean 'program'?"),
     ("probe", lambda t: ("--probe", "time_output[3]"), "--probe: nothing emitted shows a neuron. Add --emit vcd."),
     ("probed", lambda t: ("--emit", "vcd", "--probe", "time_outptu[3]"), "probe 'time_outptu[3]': there is no population 'time_outptu'. Did you mean 'time_output'?"),
     ("recording", lambda t: ("--emit", "vcd", "--recording", "16"), "--recording 16: there is no such recording (16 in synthetic touches). Count from 0 to 15."),

@@ -11,9 +11,10 @@ from pathlib import Path
 import pytest
 
 from locsnn_compile.backends import EMIT_KINDS
-from locsnn_compile.cli.completion import PROGRAMS, SHELLS
+from locsnn_compile.cli.completion import PROGRAMS
 from locsnn_compile.cli.main import main
 
+SHELLS = ("bash", "zsh", "fish")
 BIN = Path(sys.executable).parent
 ENVIRONMENT = {**os.environ, "PATH": f"{BIN}{os.pathsep}{os.environ['PATH']}"}
 
@@ -48,6 +49,8 @@ def complete(line, folder):
         ("locsnn-compile n", {"net.nir", "notes.txt"}),
         ("locsnn-compile net.nir --strategy d", {"dendrite", "delay-line"}),
         ("locsnn run build --stop ", {"proven", "margin"}),
+        ("locsnn explore net.nir --strategy r", {"reset"}),
+        ("locsnn explore net.nir --engines ", {"fast", "reference"}),
         ("locsnn completion ", set(SHELLS)),
     ],
 )
@@ -69,4 +72,4 @@ def test_a_script_is_one(shell, capsys, tmp_path):
 
 def test_other_shells_are_refused(capsys):
     assert main(["completion", "fsh"]) == 2
-    assert capsys.readouterr() == ("", "shell 'fsh': there is no completion for it. Did you mean 'fish'?\n")
+    assert capsys.readouterr() == ("", "shell fsh: it is not known. Did you mean 'fish'?\n")

@@ -287,7 +287,7 @@ def test_the_train_part_calibrates_and_the_test_part_is_played(build, program, c
 @pytest.mark.parametrize(
     ("options", "line"),
     [
-        ("--stop prove", "--stop prove: unknown way to stop. Did you mean 'proven'?"),
+        ("--stop prove", "--stop prove: it is not known. Did you mean 'proven'?"),
         ("--stop margin", "--stop margin: the margin is not known. Give one of --calibrate FILE and --margin X."),
         ("--stop margin --margin 3 --calibrate more.npy", "--stop margin: the margin is given twice. Give one of --calibrate FILE and --margin X."),
         ("--margin 3", "--margin: nothing requested has a margin. Add --stop margin."),

@@ -16,6 +16,7 @@ import locsnn_compile as lc
 from hw_model.simulation import ENGINES
 from locsnn_compile.cli import explore as explore_cli
 from locsnn_compile.cli.compile import main as compile_main
+from locsnn_compile.cli.main import parser
 from locsnn_compile.data.member_names import PARTS
 from locsnn_compile.explore import point as point_module
 from locsnn_compile.explore.point import Figures
@@ -230,8 +231,10 @@ def test_calibration_recordings_can_be_given(model, events, divided, tmp_path):
 
 
 def test_names_of_the_options_are_those_of_the_readers():
-    assert explore_cli.PARTS == PARTS
-    assert sorted(explore_cli.ENGINES) == sorted(ENGINES)
+    explore = next(action.choices for action in parser()._actions if isinstance(action.choices, dict))["explore"]
+    choices = {action.dest: action.choices for action in explore._actions}
+    assert choices["part"] == list(PARTS)
+    assert sorted(choices["engines"]) == sorted(ENGINES) == sorted(explore_cli.ENGINES)
 
 
 def test_without_events_touches_are_made(model, tmp_path, capsys):
@@ -311,10 +314,10 @@ def test_what_all_settings_share_is_one_error(model, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
-        (("--weight-bits", 7), "--weight-bits 7: it cannot be explored. Choose from 1, 2, 3, 4, 5, 6, 8."),
-        (("--strategy", "dendrites"), "--strategy dendrites: it cannot be explored. Did you mean 'dendrite'?"),
-        (("--engines", "quick"), "--engines quick: there is no such name. Choose one of: fast, reference."),
-        (("--part", "training"), "--part training: there is no such name. Did you mean 'train'?"),
+        (("--weight-bits", 7), "--weight-bits 7: it is not known. Choose from 1, 2, 3, 4, 5, 6, 8."),
+        (("--strategy", "dendrites"), "--strategy dendrites: it is not known. Did you mean 'dendrite'?"),
+        (("--engines", "quick"), "--engines quick: it is not known. Choose one of: fast, reference."),
+        (("--part", "training"), "--part training: it is not known. Did you mean 'train'?"),
         (("--part", "train"), "--part train: there are no events to take it from. Give them with --events."),
         (("--recordings", 0), "--recordings 0: it is out of range. Give a number from 1 up."),
         (("--workers", 0), "--workers 0: it is out of range. Give a number from 1 to 256."),

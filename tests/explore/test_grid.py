@@ -1,5 +1,6 @@
 """The grid of settings is a table that agrees with the compiler."""
 
+import argparse
 import inspect
 from dataclasses import asdict, dataclass
 
@@ -11,6 +12,7 @@ from hw_model.arithmetic.fixed_point import WEIGHT_BITS
 from locsnn_compile import settings as grid
 from locsnn_compile.cli import explore as explore_cli
 from locsnn_compile.cli.compile import parser
+from locsnn_compile.cli.options import add_options
 from locsnn_compile.errors import InputError
 from locsnn_compile.explore import result
 from locsnn_compile.settings import AXES, STRATEGIES, Axis, Setting, settings
@@ -68,6 +70,7 @@ def test_a_row_and_its_field_add_an_axis(model, events, tmp_path, monkeypatch):
     """Option, grid, compilation, files and commands follow the table; ``psi`` is an option that changes no figure."""
     for module in (grid, explore_cli, result):
         monkeypatch.setattr(module, "AXES", (*AXES, PSI))
+    monkeypatch.setattr(explore_cli, "WORDS", {"axes": explore_cli.declared((*AXES, PSI))})
     monkeypatch.setattr(grid, "Setting", Late)
     options = (*narrow("reset"), "--psi", 5, 10, "--engines", "--quiet")
     assert explore(model, "--events", events, *options, "-o", tmp_path / "out") == 0
@@ -82,15 +85,17 @@ def test_a_row_and_its_field_add_an_axis(model, events, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(
     ("value", "line"),
-    [(0.0, None), (7.5, None), (99.5, "--psi 99.5: it cannot be explored. Give a number from 0 to 99.")],
+    [("0", None), ("7.5", None), ("99.5", "--psi 99.5: it is out of range. Give a number from 0 to 99.")],
     ids=["least", "between", "too large"],
 )
 def test_bounds_let_other_values_in(value, line):
+    parser = argparse.ArgumentParser()
+    add_options(parser, "explore", {"axes": explore_cli.declared((PSI,))})
     if line is None:
-        PSI.check(value)
+        assert parser.parse_args(["net.nir", "--psi", value]).psi == [float(value)]
         return
     with pytest.raises(InputError) as caught:
-        PSI.check(value)
+        parser.parse_args(["net.nir", "--psi", value])
     assert str(caught.value) == line
 
 

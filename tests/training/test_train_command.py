@@ -179,7 +179,7 @@ def test_a_stopped_run_resumes(
         ),
         pytest.param(
             ("--strategy", "delayline"),
-            "training option 'strategy': 'delayline' is not known. Did you mean 'delay-line'?",
+            "--strategy delayline: it is not known. Did you mean 'delay-line'?",
             id="misspelt strategy",
         ),
         pytest.param(

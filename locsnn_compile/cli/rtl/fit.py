@@ -16,9 +16,9 @@ from pathlib import Path
 
 import hw_model as hw
 from hw_model.rtl.boards import BOARDS
-from locsnn_compile.errors import InputError, check_known, listed
+from locsnn_compile.errors import InputError, listed
 
-WORDS = {"boards": ", ".join(BOARDS)}
+WORDS = {"boards": ", ".join(BOARDS), "names": "|".join(BOARDS)}
 """Fill the placeholders in this command's options."""
 
 
@@ -43,7 +43,6 @@ def run(args: argparse.Namespace) -> int:
 
 def _board(args: argparse.Namespace, target: str) -> str:
     """Return the board asked for, or the first with the device."""
-    check_known(f"--board {args.board}", "it is not known", args.board, BOARDS)
     device = args.device or BOARDS.get(args.board, target)
     boards = [board for board, its in BOARDS.items() if its == device]
     if not boards:
