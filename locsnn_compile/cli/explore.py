@@ -64,7 +64,7 @@ def run(args: argparse.Namespace) -> int:
         with spread_over(args.scheduler, args.workers) as spread:
             found = _explore(args, wanted, folder, spread)
     except KeyboardInterrupt:
-        print("Stopped. The same command goes on where it was.", file=sys.stderr)
+        print("Stopped. The same command resumes from here.", file=sys.stderr)
         return EXIT_INTERRUPTED
 
     from locsnn_compile.explore.result import exploration_files, lines

@@ -139,7 +139,7 @@ def _check_options(args: argparse.Namespace) -> None:
             raise InputError(option, "nothing requested has a margin", fix="Add --stop margin.")
     if by_margin and (args.calibrate is None) == (args.margin is None):
         both = "is given twice" if args.margin is not None else "is not known"
-        raise InputError("--stop margin", f"the margin {both}", fix="Give one of --calibrate FILE and --margin X.")
+        raise InputError("--stop margin", f"the margin {both}", fix="Give either --calibrate FILE or --margin X.")
     if (args.silence is None) == (args.stop == "silence"):
         raise InputError("--stop silence", "it goes together with --silence N", fix="Give both or neither.")
     if args.min_agreement is not None and args.calibrate is None:

@@ -65,7 +65,7 @@ def with_steps(network: Network, args: argparse.Namespace) -> Network:
     from locsnn_compile.frontends.nir.graph import NirGraph
 
     if args.step_seconds is not None and args.dt is None and isinstance(network.origin, NirGraph):
-        raise InputError("--step-seconds", "the neurons of a NIR graph go by its step", fix="Give it as --dt.")
+        raise InputError("--step-seconds", "the neurons of a NIR graph depend on its step", fix="Give it as --dt.")
     found = network.expected.agreed(**picked(args, "step_seconds", "steps", "threshold"))
     network = replace(network, step_seconds=found["step_seconds"], event_threshold=found["threshold"])
     if args.steps is None or not network.any_length:

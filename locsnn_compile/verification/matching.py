@@ -231,7 +231,7 @@ def _check_labels(network: Network, labels: IntArray | None, samples: int, sourc
     if labels.min() < 0 or labels.max() >= network.classes:
         measured = f"{labels.min()}..{labels.max()} against 0..{network.classes - 1}"
         fix = "Check that the events belong to this model."
-        raise InputError(where, "a label is none of the model's classes", measured=measured, fix=fix)
+        raise InputError(where, "a label is not one of the model's classes", measured=measured, fix=fix)
 
 
 def _first_difference(

@@ -288,8 +288,8 @@ def test_the_train_part_calibrates_and_the_test_part_is_played(build, program, c
     ("options", "line"),
     [
         ("--stop prove", "--stop prove: it is not known. Did you mean 'proven'?"),
-        ("--stop margin", "--stop margin: the margin is not known. Give one of --calibrate FILE and --margin X."),
-        ("--stop margin --margin 3 --calibrate more.npy", "--stop margin: the margin is given twice. Give one of --calibrate FILE and --margin X."),
+        ("--stop margin", "--stop margin: the margin is not known. Give either --calibrate FILE or --margin X."),
+        ("--stop margin --margin 3 --calibrate more.npy", "--stop margin: the margin is given twice. Give either --calibrate FILE or --margin X."),
         ("--margin 3", "--margin: nothing requested has a margin. Add --stop margin."),
         ("--stop proven --calibrate more.npy", "--calibrate: nothing requested has a margin. Add --stop margin."),
         ("--stop margin --margin 3 --min-agreement 0.9", "--min-agreement: no margin is calibrated. Add --calibrate FILE."),

@@ -199,4 +199,4 @@ def test_what_is_refused(network, message):
 def test_formats_that_cannot_hold_a_start_refuse_it(kind):
     with pytest.raises(InputError) as caught:
         exchange_file(kind, lower(aligned(hybrid()), CHIP, 8).quantized)
-    assert str(caught.value) == f"--emit {kind}: no such file holds a start at the first touch. Emit without it."
+    assert str(caught.value) == f"--emit {kind}: the format cannot hold a start at the first touch. Emit without it."

@@ -235,4 +235,4 @@ def test_a_program_of_several_is_saved_and_loaded(tmp_path):
 def test_formats_of_one_network_refuse_several(kind):
     with pytest.raises(InputError) as caught:
         exchange_file(kind, lower(committee(three(), (1, 1, 1)), CHIP, 8).quantized)
-    assert str(caught.value) == f"--emit {kind}: no such file holds a committee. Emit without it."
+    assert str(caught.value) == f"--emit {kind}: the format cannot hold a committee. Emit without it."

@@ -200,8 +200,8 @@ def test_a_network_of_any_length_takes_recordings_as_they_are(steps):
     ("labels", "message"),
     [
         ([0], "labels of 'array': there is not one label per recording ((1,) against (2,)). Give one class number for every recording."),
-        ([0, 2], "labels of 'array': a label is none of the model's classes (0..2 against 0..1). Check that the events belong to this model."),
-        ([-1, 0], "labels of 'array': a label is none of the model's classes (-1..0 against 0..1). Check that the events belong to this model."),
+        ([0, 2], "labels of 'array': a label is not one of the model's classes (0..2 against 0..1). Check that the events belong to this model."),
+        ([-1, 0], "labels of 'array': a label is not one of the model's classes (-1..0 against 0..1). Check that the events belong to this model."),
     ],
     ids=["count", "class", "below 0"],
 )  # fmt: skip

@@ -187,7 +187,7 @@ def test_a_program_that_counted_other_words():
     with pytest.raises(InputError) as caught:
         synapse_image(replace(core, axons=replace(core.axons, synapse_words=1)), CHIP)
     assert str(caught.value) == (
-        "core 0: its synapse lists take other words than the program says (69 against 1). Compile the program again."
+        "core 0: its synapse lists take a different number of words than the program says (69 against 1). Compile the program again."
     )
 
 

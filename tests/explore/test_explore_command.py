@@ -172,7 +172,7 @@ def test_an_interrupted_run_goes_on(model, events, small, tmp_path, monkeypatch,
 
     monkeypatch.setattr("locsnn_compile.explore.sweep.measure", stopped)
     assert explore(*arguments) == 130
-    assert capsys.readouterr() == ("", "Stopped. The same command goes on where it was.\n")
+    assert capsys.readouterr() == ("", "Stopped. The same command resumes from here.\n")
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["points"]
     assert len(list((tmp_path / "out/points").iterdir())) == 2
 

@@ -12,7 +12,7 @@ def exchange_file(kind: str, quantized: QuantizedNetwork) -> bytes:
     network = quantized.network
     if network.members or any(view.align_events for view in network.views):
         what = "a committee" if network.members else "a start at the first touch"
-        raise InputError(f"--emit {kind}", f"no such file holds {what}", fix="Emit without it.")
+        raise InputError(f"--emit {kind}", f"the format cannot hold {what}", fix="Emit without it.")
     if kind == "nir":
         from locsnn_compile.backends.exchange.nir_file import nir_bytes
 

@@ -48,7 +48,7 @@ def net_file(quantized: QuantizedNetwork) -> NetFile:
         name = q.population.name
         onto = [p for p in quantized.projections if p.target == name]
         if [p.source for p in onto if p.source != name] != [before] or len(onto) > 2:
-            raise InputError(f"{_WHERE}, population {name!r}", "it is not the next of a chain", fix=_OTHER)
+            raise InputError(f"{_WHERE}, population {name!r}", "it is not the next layer of a chain", fix=_OTHER)
         layers.append(_layer(number, q, onto))
         before = name
     return NetFile(tuple(layers), {})
@@ -58,7 +58,7 @@ def _layer(number: int, q: QuantizedPopulation, onto: list[ChipProjection]) -> N
     name, neuron = q.population.name, q.neuron
     where = f"{_WHERE}, population {name!r}"
     if not isinstance(neuron, ChipCuba) or (neuron.refractory > 1).any():
-        raise InputError(where, "lava-dl runs neurons of one compartment without refractory period only", fix=_OTHER)
+        raise InputError(where, "lava-dl only runs neurons of one compartment without a refractory period", fix=_OTHER)
     bias = neuron.bias_mantissa * 2**neuron.bias_exponent
     if (bias % 64).any():
         raise InputError(where, "a bias is not a multiple of 64", measured=f"{bias[bias % 64 != 0][0]}", fix=_OTHER)

@@ -69,7 +69,7 @@ def synapse_image(core: Core, chip: Chip) -> SynapseImage:
     ends = np.array([piece.offset + piece.size for piece in core.slices])
     lists = synapse_lists(axons.list_start, axons.target, axons.format_index, axons.formats, ends, chip.synapse_memory)
     words = int(lists.words.sum())
-    what = "its synapse lists take other words than the program says"
+    what = "its synapse lists take a different number of words than the program says"
     check_same(words, axons.synapse_words, f"core {core.number}", what, fix="Compile the program again.")
     first_word = np.cumsum(lists.words) - lists.words
     first_list = np.searchsorted(lists.axon, np.arange(axons.input_axons + 1))
