@@ -226,6 +226,23 @@ def note(spikes: Place, sent: Place, fired: Given) -> None:
     sent[0] += mask_of(spikes, fired)
 
 
+def _copy(to: Place, given: Place, fields: int) -> None:
+    for field in range(fields):
+        to[field] = given[field]
+
+
+@kernel("one, two, three, four, five, six", returns=0)
+def copy_state(to: Place, given: Place) -> None:
+    """Copy the state of a chunk: u, v, potential and blocked, which lie side by side."""
+    _copy(to, given, BLOCKED + 1 - U)
+
+
+@kernel("one, two, three, four, five, six", returns=0)
+def copy_current_and_voltage(to: Place, given: Place) -> None:
+    """Copy u and v alone."""
+    _copy(to, given, 2)
+
+
 @kernel("registers, child, same, parent", returns=0)
 def pass_on(child: Place, parent: Place) -> None:
     """Add the voltages of a chunk to its parent's."""

@@ -9,7 +9,7 @@ from hw_model.engine.lanes import Given, Place, Returned, kernel, put
 from hw_model.engine.layout import LANES
 from hw_model.engine.trace import EventLists
 from hw_model.mapping.graph import Input
-from hw_model.values import ByteArray, IntArray
+from hw_model.values import ByteArray, Int32Array, IntArray
 
 
 def list_events(recordings: ByteArray) -> EventLists:
@@ -21,6 +21,11 @@ def list_events(recordings: ByteArray) -> EventLists:
     channel = np.empty(np.count_nonzero(plain.view(np.bool_)) + LANES, dtype=np.int32)
     _list(plain, recordings.shape[2], first, channel)
     return EventLists(first, channel[:-LANES])
+
+
+def list_row(row: ByteArray, first: IntArray, channel: Int32Array) -> None:
+    """List the spikes of one row into arrays that are there: ``first`` (1, 2), and room for all lanes behind them."""
+    _list(row, len(row), first, channel)
 
 
 def transpose(events: EventLists, item: Input, steps: int) -> EventLists:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hw_model.engine.chunks import add_up, advance, advance_pair, pass_on
+from hw_model.engine.chunks import add_up, advance, advance_pair, copy_current_and_voltage, copy_state, pass_on
 from hw_model.engine.compiled import absorbed, compiled, entry, inner, trailing_zeros
 from hw_model.engine.layout import BIAS, BLOCKED, FIELDS, LANES, LIST, MATRIX, POTENTIAL, REFRACTORY, FastLayout, U
 from hw_model.mapping.graph import Input
@@ -72,7 +72,7 @@ class History(NamedTuple):
 
 KEPT = (BLOCKED + 1 - U) * LANES
 """Numbers of a chunk's state: u, v, potential and blocked, which lie side by side."""
-U_AND_V = 2 * LANES
+_ZERO = np.int64(0)
 _LANES, _CHUNK, _STATE = np.uint64(LANES), np.uint64(FIELDS * LANES), np.uint64(U * LANES)
 _POTENTIAL = np.uint64(POTENTIAL * LANES)
 
@@ -272,8 +272,11 @@ def _run_again(  # type: ignore[no-untyped-def]
     low, high = chunks.bundle[chunks.of_block[block]], chunks.bundle[chunks.of_block[block + 1]]
     for member in range(low, high):
         index = np.uint64(member)
-        for i in range(np.uint64(KEPT)):
-            registers[index * _CHUNK + _STATE + i] = history.after[start - 1, index, i] if start > 0 else 0
+        if start > 0:
+            copy_state(registers, index * _CHUNK + _STATE, history.after, start - 1, index, _ZERO)
+        else:
+            for i in range(np.uint64(KEPT)):
+                registers[index * _CHUNK + _STATE + i] = 0
         at_rest[index] = False
     for row in range(start, len(history.masks)):
         step = np.uint64(row)
@@ -306,10 +309,8 @@ def _run_pair(step, index, widths, order, registers, at_rest, history):  # type:
             registers, at, history.charge, step, one * _LANES, history.charge, step, other * _LANES, widths
         )
         at_rest[index] = remains == 0 and not order.never_rests[index] and not order.never_rests[index + np.uint64(1)]
-    for i in range(np.uint64(U_AND_V)):
-        history.after[step, index, i] = registers[at + _STATE + i]
-    for i in range(np.uint64(U_AND_V)):
-        history.after[step, index + np.uint64(1), i] = registers[at + _CHUNK + _STATE + i]
+    copy_current_and_voltage(history.after, step, index, _ZERO, registers, at + _STATE)
+    copy_current_and_voltage(history.after, step, index + np.uint64(1), _ZERO, registers, at + _CHUNK + _STATE)
     return mask
 
 
@@ -332,8 +333,7 @@ def _run_member(step, index, stirred, widths, order, registers, at_rest, history
         for i in range(_LANES):
             history.potential[step, k * _LANES + i] = registers[at + _POTENTIAL + i] if runs else 0
     if not order.forgets[index]:
-        for i in range(np.uint64(KEPT)):
-            history.after[step, index, i] = registers[at + _STATE + i]
+        copy_state(history.after, step, index, _ZERO, registers, at + _STATE)
     return mask, stirred
 
 

@@ -18,7 +18,7 @@ from hw_model.mapping.graph import Phase, Readout
 from hw_model.program.chip_program import ChipProgram
 from hw_model.streaming.location_phase import Replay
 from hw_model.streaming.time_phase import Live, Read
-from hw_model.values import ByteArray, FloatArray, IntArray, Shown
+from hw_model.values import AnyArray, ArrayLike, ByteArray, FloatArray, IntArray, Shown
 
 
 class StepScores(Shown):
@@ -89,7 +89,7 @@ class Session:
         Rows after the last step that a phase is for change nothing in it.
         """
         given = spikes if isinstance(spikes, Mapping) else {name: spikes for name in list(self.program.streams)[:1]}
-        streams, batched = read_streams(self.program, {name: np.atleast_2d(array) for name, array in given.items()})
+        streams, batched = read_streams(self.program, {name: _rows(array) for name, array in given.items()})
         if batched:
             raise InputError("spikes", "a session plays one recording", fix="Give rows, (rows, channels).")
         rows = next(iter(streams.values())).shape[1]
@@ -185,6 +185,12 @@ class _Branch:
         self._started = first < len(rows)
         waited = self.run.wait(rows[:first])
         return np.concatenate((waited, self.run.push(before + first, rows[first:]))) if self._started else waited
+
+
+def _rows(given: ArrayLike) -> AnyArray:
+    """Return rows, of which one may be given by itself."""
+    array = np.asarray(given)
+    return array[None] if array.ndim == 1 else np.atleast_2d(array)
 
 
 def _read(readout: Readout | None, columns: Mapping[str, slice]) -> Read:

@@ -6,11 +6,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hw_model.engine import tiles
-from hw_model.engine.events import list_events
+from hw_model.engine.events import list_events, list_row
 from hw_model.engine.fast import join_lists, machine_code
-from hw_model.engine.layout import FastLayout
+from hw_model.engine.layout import LANES, FastLayout
 from hw_model.engine.trace import EVENTS, TOTALS
-from hw_model.values import AnyArray, ByteArray, IntArray
+from hw_model.values import AnyArray, ByteArray, Int32Array, IntArray
 
 
 class Read(NamedTuple):
@@ -31,6 +31,7 @@ class Live:
         self._so_far = np.zeros(layout.columns, dtype=np.int64)
         self._place = np.full(layout.columns, -1, dtype=np.int64)
         self._place[read.columns] = np.arange(len(read.columns))
+        self._row = np.zeros((1, 2), dtype=np.int64), np.empty(int(ends[-1]) + LANES, dtype=np.int32)
         self._room: tuple[ByteArray, IntArray, tuple[Any, ...]] | None = None
         # What the loop counts of a whole recording: nobody asks a session for it.
         shapes = (1, int(ends[-1]) + layout.columns), (1, len(EVENTS), layout.columns), (1, len(TOTALS))
@@ -73,12 +74,20 @@ class Live:
             self._room = self._room_for(len(rows))
         sent, potential, arguments = self._room
         sent[:] = 0
-        potential[:] = 0
-        lists = [list_events(rows[None, :, its] if len(self._inputs) > 1 else rows[None]) for its in self._inputs]
-        arguments = *join_lists(lists), *arguments
+        if potential.size:
+            potential[:] = 0
+        arguments = *self._lists(rows), *arguments
         machine_code(self._layout, arguments)(*arguments)
         spikes[:] = sent
         return potential
+
+    def _lists(self, rows: ByteArray) -> tuple[IntArray, Int32Array]:
+        """Return the events of some rows as the loop takes them."""
+        if len(rows) == 1 and len(self._inputs) == 1:
+            list_row(rows[0], *self._row)
+            return self._row[0][:, :, None], self._row[1]
+        lists = [list_events(rows[None, :, its] if len(self._inputs) > 1 else rows[None]) for its in self._inputs]
+        return join_lists(lists)
 
     def _room_for(self, many: int) -> tuple[ByteArray, IntArray, tuple[Any, ...]]:
         """Return room for the spikes and potentials of so many rows, and what the loop is to be given with it."""
