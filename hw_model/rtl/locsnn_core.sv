@@ -137,7 +137,8 @@ module locsnn_core #(
         : row && (over && (is_event || is_tick) || (is_event ? delivery_ready : !delivering));
     wire word_taken = word_valid && word_ready;
     wire phase_over = word_taken && !is_event && !is_tick;
-    wire last_phase = {18'b0, phase} + 1 == settings[PHASES];
+    logic last_phase;
+    always_ff @(posedge clk) last_phase <= {1'b0, phase} + 1 == settings[PHASES][6:0];
 
     always_ff @(posedge clk) begin
         case (state)
@@ -300,6 +301,6 @@ module locsnn_core #(
     assign {probe_fired, probe_active, probe_charge_wrap} = {fired, active, charge_wrap};
     assign {probe_current_wraps, probe_voltage_clip} = {current_wraps, voltage_clip};
 
-    wire unused = &{1'b0, settings[SLOT_MASK], settings[FIRST_SOURCE], its[NUMBER_END], its[BY_ROWS],
+    wire unused = &{1'b0, settings[PHASES], settings[SLOT_MASK], settings[FIRST_SOURCE], its[NUMBER_END], its[BY_ROWS],
         its[ALIGNED]};
 endmodule

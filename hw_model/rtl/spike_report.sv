@@ -24,7 +24,6 @@ module spike_report #(
     wire [$clog2(DEPTH):0] level;
     wire                  spike = running && update && fired;
     assign more = level > 1;
-    assign crowded = level >= HALF;
 
     held_queue #(.WIDTH(24), .DEPTH(DEPTH)) waiting (
         .clk, .clear(reset || !wanted), .push(spike && !full), .pushed(index), .commit(1'b1), .drop(1'b0), .full,
@@ -32,6 +31,7 @@ module spike_report #(
     );
 
     always_ff @(posedge clk) begin
+        crowded <= level >= HALF;
         if (update) index <= index + 1;
         if (spike && full) lost <= lost + 1;
         if (!running) {index, lost} <= 0;
