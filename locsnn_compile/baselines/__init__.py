@@ -1,1 +1,1 @@
-"""What networks cost on paper: operations and arithmetic of spiking and conventional ones."""
+"""What networks cost on paper: operations and arithmetic energy of spiking and conventional networks."""

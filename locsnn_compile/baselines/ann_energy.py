@@ -1,4 +1,4 @@
-"""Energy of a conventional network's arithmetic: operations times published costs at 45 nm, memory traffic left out."""
+"""Energy of a conventional network's arithmetic: operations times published costs at 45 nm, without memory traffic."""
 
 from hw_model.values import Frozen
 from locsnn_compile.baselines.operations import AnnCounts
@@ -23,11 +23,11 @@ ARITHMETICS = {
     "int8": Arithmetic(0.2, 0.03),
     "int8_sums_of_32_bits": Arithmetic(0.2, 0.1),
 }
-"""32-bit floats; 8-bit integers all through, the least there is; 8-bit products added up in 32 bits, as is usual."""
+"""32-bit floats; only 8-bit integers, which is the lower limit; and 8-bit products summed in 32 bits, as is usual."""
 
 
 def ann_energy_pj(counts: AnnCounts) -> dict[str, float]:
-    """Return the energy of a recording's operations by arithmetic."""
+    """Return the energy of the operations of one recording, for each kind of arithmetic."""
     return {
         name: counts.multiplications * costs.multiplication_pj + counts.additions * costs.addition_pj
         for name, costs in ARITHMETICS.items()

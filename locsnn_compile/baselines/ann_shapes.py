@@ -1,4 +1,4 @@
-"""The weights of the artificial comparison networks, by the name of their parameter; nothing here imports torch."""
+"""Shapes of the weights of the artificial comparison networks, by parameter name; nothing here imports torch."""
 
 import math
 
@@ -13,7 +13,7 @@ CONVOLUTIONS = (
 
 
 def convolved(steps: int, sensor: SensorLayout) -> list[tuple[int, int, int]]:
-    """Return the size (steps, rows, columns) that each convolution of CNN-3D leaves of a recording."""
+    """Return the output size (steps, rows, columns) of each convolution of CNN-3D."""
     size = (steps, *frame_size(sensor))
     sizes = []
     for _, kernel, stride in CONVOLUTIONS:

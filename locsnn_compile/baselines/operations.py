@@ -1,8 +1,8 @@
 """Operations by the published method: what a network costs on paper, without a chip.
 
-Spiking networks add one weight for every spike and every neuron it fans out to, and multiply nothing. The artificial
-networks that they are compared with multiply and add, each counted as one operation. Source: Kang et al., IJCNN 2022;
-the counts below give its printed figures to the last digit.
+A spiking network adds one weight for every spike and every neuron that it reaches, and multiplies nothing. The
+artificial networks that it is compared with multiply and add; each counts as one operation. Source: Kang et al., IJCNN
+2022; the counts below reproduce its printed figures to the last digit.
 """
 
 import math
@@ -21,7 +21,7 @@ ANN_NAMES = ("cnn-3d", "gru-mlp")
 
 
 class AnnCounts(Frozen):
-    """Operations of one recording; ``macs`` of the multiplications are each followed by an addition to a sum."""
+    """Operations of one recording; ``macs`` counts the multiplications that are followed by an addition to a sum."""
 
     macs: int
     multiplications: int
@@ -41,12 +41,13 @@ def ann_operations(name: str, *, fingertips: int, steps: int, classes: int) -> i
 def ann_counts(name: str, *, sensor: SensorLayout, steps: int, classes: int) -> AnnCounts:
     """Count the operations of one recording of ``steps`` time steps.
 
-    ``cnn-3d``: for each fingertip, or surface of another grid, Conv3d(2 -> 4, kernel 7x3x3, stride 4x1x1) and
-    Conv3d(4 -> 8, kernel 5x3x3, stride 3x1x1) on steps x 9 x 7 frames, or those of the grid, then one linear layer over
-    all; its biases are not counted, as in the published figures. ``gru-mlp``: GRU(channels -> 32), then one linear
-    layer at the last step. Besides its products with weights, a step of the published count has 13 operations for each
-    of the 32: nine additions in the gates (two biases each, and the sum of input and state), the product with the reset
-    gate, and, for the new state, two products and their sum.
+    ``cnn-3d``: for each fingertip (or surface of a grid), Conv3d(2 -> 4, kernel 7x3x3, stride 4x1x1) and
+    Conv3d(4 -> 8, kernel 5x3x3, stride 3x1x1) on frames of steps x 9 x 7 (or the size of the grid), then one linear
+    layer over all. Its biases are not counted, as in the published figures.
+
+    ``gru-mlp``: GRU(channels -> 32), then one linear layer at the last step. In addition to the products with weights,
+    the published count has 13 operations per step and unit: nine additions in the gates (two biases each, and the sum
+    of input and state), the product with the reset gate, and, for the new state, two products and their sum.
     """
     if name == "cnn-3d":
         macs = _cnn_3d_macs(sensor, steps, classes)
@@ -67,12 +68,12 @@ def _cnn_3d_macs(sensor: SensorLayout, steps: int, classes: int) -> int:
 
 
 def network_additions(network: Network, spikes: Mapping[str, ByteArray]) -> dict[str, int]:
-    """Return additions by phase over all recordings; see :func:`additions_of_recordings`."""
+    """Return the additions of all recordings by phase; see :func:`additions_of_recordings`."""
     return {axis: int(each.sum()) for axis, each in additions_of_recordings(network, spikes).items()}
 
 
 def additions_of_recordings(network: Network, spikes: Mapping[str, ByteArray]) -> dict[str, IntArray]:
-    """Return additions by phase of each recording, (batch,): spikes (batch, steps, n) by source, times fan-out."""
+    """Return the additions of each recording, (batch,), by phase: spikes (batch, steps, n) times fan-out."""
     batch = len(next(iter(spikes.values())))
     additions = {phase.name: np.zeros(batch, dtype=np.int64) for phase in network.phases}
     phase_of = {population.name: population.phase for population in network.populations}

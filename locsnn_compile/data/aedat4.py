@@ -1,4 +1,4 @@
-"""AEDAT4, the format of iniVation's cameras, by the package ``aedat``: the first stream of events of a file."""
+"""Read AEDAT4, the format of iniVation's cameras, with the package ``aedat``: the first stream of events in a file."""
 
 import importlib.util
 import os
@@ -18,11 +18,10 @@ _SECONDS = 60
 
 
 def parse_aedat4(data: bytes, where: str) -> EventStream:
-    """Return the events of the bytes of an ``.aedat4`` file, of two polarities, from its first event on.
+    """Return the events in the bytes of an ``.aedat4`` file, with two polarities; time starts at the first event.
 
-    A process of its own reads a copy of them, in 10 seconds of the processor and 2 GiB, because the package does not
-    survive all damage. Raises ``InputError`` for a file that it cannot read, one without events, and where the package
-    is missing.
+    The package does not survive all damage, so a separate process reads a copy, within 10 seconds of processor time and
+    2 GiB. Raises ``InputError`` for a file that it cannot read, for one without events, and if the package is missing.
     """
     if importlib.util.find_spec("aedat") is None:
         fix = "Install it with: pip install 'locsnn-compile[aedat]'."

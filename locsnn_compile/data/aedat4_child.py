@@ -1,8 +1,8 @@
-"""Read an AEDAT4 file for another process, which may outlive this one: the library panics on some damage.
+"""Read an AEDAT4 file on behalf of another process, which survives when the library panics on a damaged file.
 
-Run as a script with the path of the file and the number of events after which it stops; writes the width and the height
-of the first stream that has events, and these as a ``.npy`` array. Imports nothing of this project, so that it starts
-at once.
+Run as a script with the path of the file and the number of events at which to stop. It writes the width and height of
+the first stream that has events, and the events as a ``.npy`` array. It imports nothing of this project, so that it
+starts at once.
 """
 
 import contextlib

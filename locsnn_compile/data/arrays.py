@@ -1,4 +1,4 @@
-"""Recordings in one file: arrays of 0 or 1 in ``.npy``, ``.npz``, ``.pt`` or HDF5, labels next to them, or events."""
+"""Recordings in one ``.npy``, ``.npz``, ``.pt`` or HDF5 file: arrays of 0 and 1, or events, with labels or without."""
 
 import io
 from collections.abc import Mapping
@@ -28,15 +28,17 @@ HDF5_SUFFIXES = (".h5", ".hdf5")
 
 
 def read_arrays(path: Path, binning: Binning, asked_seconds: float | None) -> Recordings:
-    """Return the recordings of a ``.npy``, ``.npz``, ``.pt`` or HDF5 file; a structured array is one of events.
+    """Return the recordings of a ``.npy``, ``.npz``, ``.pt`` or HDF5 file; a structured array holds events.
 
-    Shapes as in :func:`locsnn_compile.data.axes.to_step_major`, or as the entry ``axes`` or ``binning`` says. The
-    recordings are the entry ``spikes``, or the only one that is none of ``labels``, ``step_seconds``, ``class_names``
-    and ``axes``; a ``.pt`` may also be the array itself. In HDF5, a group ``spikes`` holds events instead: see
-    :func:`read_hdf5`. Labels of a ``.npy`` come from ``<stem>_labels.npy`` next to it,
-    or of one recording from ``_label_<k>`` in its name. The width of a bin is the file's, and ``binning``'s where it
-    does not say it, or where it holds single events. Raises ``InputError`` for anything else, where bins are not
-    ``asked_seconds`` wide, and where the file says another order of axes than ``binning``.
+    - Recordings: the entry ``spikes``, or the only entry other than ``labels``, ``step_seconds``, ``class_names`` and
+      ``axes``. A ``.pt`` file may hold the bare array, and in HDF5 a group ``spikes`` holds events: see
+      :func:`read_hdf5`.
+    - Axes: those of :func:`locsnn_compile.data.axes.to_step_major`, or of the entry ``axes``, or of ``binning``.
+    - Labels of a ``.npy``: in ``<stem>_labels.npy`` next to it; for a single recording also ``_label_<k>`` in its name.
+    - Width of a bin: the file's. If it gives none, or holds events, that of ``binning``.
+
+    Raises ``InputError`` for anything else, for bins that are not ``asked_seconds`` wide, and for a file whose order of
+    axes is not that of ``binning``.
     """
     where = f"file {path.name!r}"
     entries, streams = _entries(path, where)
@@ -64,7 +66,7 @@ def read_arrays(path: Path, binning: Binning, asked_seconds: float | None) -> Re
 
 
 def _entries(path: Path, where: str) -> tuple[Mapping[str, AnyArray], list[EventStream]]:
-    """Return the arrays of a file by name, and its recordings where it holds single events."""
+    """Return the arrays of a file by name, and its recordings if it holds events."""
     if path.suffix in HDF5_SUFFIXES:
         return read_hdf5(path, where)
     data = read_bytes(path, where)
@@ -77,7 +79,7 @@ def _entries(path: Path, where: str) -> tuple[Mapping[str, AnyArray], list[Event
 
 
 def _order(entries: Mapping[str, AnyArray], asked: Order | None, where: str) -> Order | None:
-    """Return the order of axes that is asked for or that the file says; ``InputError`` where they differ."""
+    """Return the order of axes that is asked for, or that the file gives; ``InputError`` if they differ."""
     said = _texts(entries, "axes", where)
     own = None if said is None else parse_axes(" ".join(said), f"{where}, 'axes'")
     if own is not None and asked not in (None, own):
@@ -86,7 +88,7 @@ def _order(entries: Mapping[str, AnyArray], asked: Order | None, where: str) -> 
 
 
 def _texts(entries: Mapping[str, AnyArray], name: str, where: str) -> tuple[str, ...] | None:
-    """Return the texts of an entry; None where there is none of this name."""
+    """Return the texts of an entry; None if there is no such entry."""
     if name not in entries:
         return None
     held = entries[name].reshape(-1).tolist()
@@ -165,7 +167,7 @@ def _find_spikes(entries: Mapping[str, AnyArray], where: str) -> AnyArray:
 
 
 def labels_beside(path: Path, samples: int) -> AnyArray | None:
-    """Return the labels of a ``.npy`` file of so many recordings, where a file next to it or its name says them."""
+    """Return the labels of a ``.npy`` file from a file next to it or from its own name; None if neither has them."""
     beside = path.with_name(f"{path.stem}_labels.npy")
     if path.suffix == ".npy" and beside.exists():
         where = f"file {beside.name!r}"
@@ -175,11 +177,11 @@ def labels_beside(path: Path, samples: int) -> AnyArray | None:
 
 
 def read_hdf5(path: Path, where: str) -> tuple[dict[str, AnyArray], list[EventStream]]:
-    """Return the arrays at the root of a file by name, and the recordings of its group ``spikes``, if it has one.
+    """Return the arrays at the root of a file by name, and the recordings in its group ``spikes``, if it has one.
 
-    That is as Heidelberg's data sets (SHD, SSC) have them: ``spikes/times`` and ``spikes/units`` hold a row a
-    recording: seconds, and numbers of channels from 0; ``extra/keys`` are the names of the classes. Raises
-    ``InputError`` for rows that are none of these.
+    The group has the layout of Heidelberg's data sets (SHD, SSC): ``spikes/times`` and ``spikes/units`` hold one row
+    per recording, of seconds and of channel numbers from 0. ``extra/keys`` are the names of the classes. Raises
+    ``InputError`` for other rows.
     """
     with open_hdf5(path, where) as (root, _):
         values = [name for name in root.names() if not root.is_group(name)]
@@ -196,7 +198,7 @@ def _streams(group: Group, where: str) -> list[EventStream]:
         raise InputError(where, "its times and units differ in number", fix="Give a time and a unit for each spike.")
     streams = []
     for index, (row, unit) in enumerate(zip(times, units, strict=True)):
-        # Written so that NaN is refused too.
+        # Written so that NaN is refused as well.
         good = (row >= 0) & (row < 1e9) & (unit >= 0) & (unit < MAX_PLACE) & (unit == np.floor(unit))
         if not good.all():
             at = int(np.argmin(good))

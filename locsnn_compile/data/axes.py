@@ -1,6 +1,6 @@
-"""In which order the axes of an array are: as files have them, as said, or, by their sizes, more likely in another one.
+"""The order of an array's axes: the usual one of files, a stated one, or another one that the sizes suggest.
 
-Files hold (samples, channels, steps), Python arrays are (samples, steps, channels).
+Files hold (samples, channels, steps); arrays in Python are (samples, steps, channels).
 """
 
 from itertools import permutations
@@ -14,7 +14,7 @@ from locsnn_compile.errors import InputError, check_most
 
 Order = tuple[str, ...]
 AXES = ("samples", "steps", "channels", "rows", "columns", "taxels", "polarities")
-"""What an axis may count; a channel is counted whole, or by taxels or rows and columns, with or without polarities."""
+"""What an axis may count. Channels are one axis, or taxels (or rows and columns), with or without polarities."""
 _PLACES = (("taxels",), ("rows", "columns"))
 _CHANNELS: tuple[Order, ...] = (*_PLACES, *((*places, "polarities") for places in _PLACES))
 _READ: dict[int, tuple[Order, ...]] = {
@@ -22,11 +22,11 @@ _READ: dict[int, tuple[Order, ...]] = {
     3: (("samples", "channels", "steps"), ("taxels", "polarities", "steps")),
     4: (("samples", "taxels", "polarities", "steps"),),
 }
-"""Number of axes -> orders that are read."""
+"""Number of axes -> accepted orders."""
 
 
 def parse_axes(text: str, where: str) -> Order:
-    """Return the order that a text names, such as ``samples,steps,channels``; ``InputError`` for what is none."""
+    """Return the order that a text names, such as ``samples,steps,channels``; ``InputError`` for other texts."""
     order = tuple(text.replace(",", " ").split())
     of_channel = tuple(axis for axis in AXES if axis in order and axis not in ("samples", "steps"))
     whole = set(order) <= set(AXES) and len(set(order)) == len(order) and "steps" in order
@@ -37,14 +37,14 @@ def parse_axes(text: str, where: str) -> Order:
 
 
 def to_step_major(array: AnyArray, where: str, channels: int | None = None, order: Order | None = None) -> AnyArray:
-    """Return (samples, steps, channels) of an array whose axes are in this ``order``, or in one that files have.
+    """Return an array as (samples, steps, channels); channel = polarities * taxel + polarity.
 
-    (samples, taxels, polarities, steps), (samples, channels, steps), and of one recording (channels, steps)
-    and (taxels, polarities, steps). Three axes are one recording where the middle one has the two polarities
-    and the first the taxels of whole fingertips (39 each). Channel = polarities * taxel + polarity. Raises
-    ``InputError`` for other numbers of axes, and for other orders where sizes tell them: see :func:`check_axes`.
+    Its axes are in this ``order``, or else in one that files have: (samples, taxels, polarities, steps) or (samples,
+    channels, steps), and for a single recording (channels, steps) or (taxels, polarities, steps). Three axes are a
+    single recording if the middle one has two polarities and the first the taxels of whole fingertips (39 each).
+    Raises ``InputError`` for other numbers of axes, and for sizes that reveal another order: see :func:`check_axes`.
     """
-    # A tensor may claim any size over a few stored values; reshaping would make it true.
+    # A tensor may claim any size with few stored values. Reshaping would allocate all of it.
     check_most(array.size, MAX_ELEMENTS, where, "it is too large", unit="values", fix="Give fewer recordings.")
     if order is None:
         check_axes(array, where, channels)
@@ -61,21 +61,21 @@ def to_step_major(array: AnyArray, where: str, channels: int | None = None, orde
 
 
 def is_one(shape: tuple[int, ...], channels: int | None = None) -> bool:
-    """Whether an array of this shape, in an order that files have, is one recording: see :func:`to_step_major`."""
+    """Tell whether an array of this shape, in an order of files, is a single recording: see :func:`to_step_major`."""
     return len(shape) == 2 or (len(shape) == 3 and _fits(_READ[3][1], shape, channels))
 
 
 def check_axes(array: AnyArray, where: str, channels: int | None = None) -> None:
-    """Refuse an array whose axes have the sizes of another order than those that are read.
+    """Refuse an array whose sizes reveal an order of axes that is not accepted.
 
-    Sizes tell where ``channels`` of the sensor, by default those of whole fingertips, are on one axis, or on one of 39
-    taxels each and one of two polarities, and the orders that are read have them elsewhere.
+    They do if one axis has the ``channels`` of the sensor (by default those of whole fingertips), or two axes its
+    taxels and its two polarities, at a place where no accepted order has them.
     """
     read = _READ.get(array.ndim, ())
     if any(_fits(order, array.shape, channels) for order in read):
         return
     for wanted, order in [(names, turned) for names in read for turned in permutations(names)]:
-        # Of arrays by taxel, recordings may be as many as taxels, or two: they stay in front.
+        # With taxels on an axis, there may be as many recordings as taxels, or two: samples stay in front.
         in_front = order[0] == "samples" or not {"samples", "taxels"} <= set(order)
         if in_front and _fits(order, array.shape, channels):
             measured = f"{' x '.join(map(str, array.shape))} values"

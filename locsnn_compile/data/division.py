@@ -1,7 +1,8 @@
-"""Train and test parts of recordings whose folders are not called so: by files of rows, or a share of every class.
+"""Train and test parts for recordings without folders of these names: from files of rows, or as shares of each class.
 
-VT_SNN's preprocessed sets are a ``tact.pt`` of (samples, 78 cells, 2 polarities, steps), and next to it, for each of
-five rounds k, ``train_80_20_<k>.txt`` and ``test_80_20_<k>.txt``: lines of a recording's number and its class.
+VT_SNN's preprocessed sets are a ``tact.pt`` of (samples, 78 cells, 2 polarities, steps). Next to it lie, for each of
+five rounds k, ``train_80_20_<k>.txt`` and ``test_80_20_<k>.txt``, with the number and the class of one recording per
+line.
 """
 
 import re
@@ -22,17 +23,17 @@ _ROWS = re.compile(r"train_80_20_(\d{1,3})\.txt")
 
 
 class Division(Frozen):
-    """How recordings are divided: ``share`` of every class is to test; ``fold`` is the round, from 1 on.
+    """How recordings are divided: ``share`` of every class goes to the test part; ``fold`` is the round, from 1.
 
-    Rounds take turns at what is to test: with a share of 0.2 every recording is, in one of five. Without a share, the
-    files next to the recordings divide them, if there are any.
+    Each round tests on other recordings: with a share of 0.2, every recording is tested on in one of five rounds.
+    Without a share, the files next to the recordings divide them, if there are any.
     """
 
     share: float | None = None
     fold: int | None = None
 
     def divides(self, path: Path) -> bool:
-        """Return whether it divides the recordings at ``path``; ``InputError`` where they are divided already."""
+        """Tell whether it divides the recordings at ``path``; ``InputError`` if they are divided already."""
         name, asked = ("fold", self.fold) if self.share is None else ("split", self.share)
         folders, rounds = path.is_dir() or path.suffix == ".zip", _rounds(path)
         parts = archive_parts(path) if asked is not None and folders else ()
@@ -42,7 +43,7 @@ class Division(Frozen):
         return asked is not None or bool(rounds)
 
     def part(self, found: Recordings, path: Path, part: str) -> Recordings:
-        """Return the part train or test of the recordings at ``path``; ``InputError`` where there is none."""
+        """Return the train or test part of the recordings at ``path``; ``InputError`` if there is none."""
         rounds = range(1, int(1 / self.share + 1e-9) + 1) if self.share else _rounds(path)
         fold, at = 1 if self.fold is None else self.fold, PARTS.index(part)
         if fold not in rounds:
@@ -66,10 +67,10 @@ class Division(Frozen):
 
 
 def stratified_split(labels: IntArray, fraction: float, seed: int, fold: int = 1) -> tuple[IntArray, IntArray]:
-    """Return (kept, held) indices, sorted; each class gives ``fraction`` of its recordings, rounded.
+    """Return sorted indices (kept, held out): each class gives ``fraction`` of its recordings, rounded.
 
-    A class gives at least one recording where it has two or more and ``fraction`` is above 0; the next ``fold`` takes
-    the next ones. Equal numbers give equal draws, on every machine.
+    If ``fraction`` is above 0, a class of two or more recordings gives at least one. The next ``fold`` takes the next
+    recordings. Equal numbers give equal draws on every machine.
     """
     rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, 0])))
     held: list[IntArray] = [np.zeros(0, dtype=np.int64)]
@@ -84,13 +85,13 @@ def stratified_split(labels: IntArray, fraction: float, seed: int, fold: int = 1
 
 
 def _rounds(path: Path) -> list[int]:
-    """Return the rounds that files next to a ``tact.pt`` have."""
+    """Return the rounds for which there are files next to a ``tact.pt``."""
     files = path.parent.glob("train_80_20_*.txt") if path.name == PREPROCESSED else ()
     return sorted(int(match[1]) for match in (_ROWS.fullmatch(file.name) for file in files) if match)
 
 
 def _rows_of_files(path: Path, fold: int, samples: int) -> list[IntArray]:
-    """Return (rows, 2) of both parts of a round: numbers of recordings, all different, and their classes."""
+    """Return an array (rows, 2) for each part of a round: numbers of recordings, all different, and their classes."""
     fix, taken, parts = "Write the number of a recording and its class on every line.", set[int](), []
     for part in PARTS:
         file = path.with_name(f"{part}_80_20_{fold}.txt")

@@ -1,9 +1,12 @@
 """Formats of single events: structured arrays as Tonic has them, and the five bytes of SLAYER and N-MNIST.
 
-Structured arrays have the fields ``t`` in microseconds, ``x``, ``y`` if there is one, ``p``. Of five bytes, ``.bs1``
-has: neuron number, 16 bits, high byte first; ``.bs2`` and ``.bin``: x, then y, 8 bits each; all: polarity, 1 bit, and
-time in microseconds, 23 bits, so nothing is later than 8.388607 s. But in a ``.bin`` of N-MNIST or N-Caltech101, what
-has y 240 is no event: from it on, times are 8,192 microseconds later (Orchard et al. 2015, and their Read_Ndataset).
+Structured arrays have the fields ``t`` in microseconds, ``x``, ``y`` (optional) and ``p``. The five bytes are:
+
+- ``.bs1``: neuron number, 16 bits, high byte first; ``.bs2`` and ``.bin``: x, then y, 8 bits each
+- all: polarity, 1 bit, and time in microseconds, 23 bits, so no event is later than 8.388607 s
+
+In a ``.bin`` of N-MNIST or N-Caltech101, an entry with y 240 is not an event: it shifts all later times by 8,192
+microseconds (Orchard et al. 2015, and their Read_Ndataset).
 """
 
 from typing import Any
@@ -19,19 +22,19 @@ from locsnn_compile.errors import InputError, check_most
 _FIX = "Give the fields t (microseconds), x, y where there is one, and p (0 or 1)."
 #: Largest x and y.
 MAX_PLACE = 1 << 20
-#: The fields that are written; readers take them in any order and of any size.
+#: The fields that are written; readers accept any order and any size.
 DTYPE = np.dtype([("t", "<i8"), ("x", "<i8"), ("p", "<i8")])
 EVENT_BYTES = 5
 OVERFLOW_ROW, OVERFLOW_MICROSECONDS = 240, 1 << 13
 MAX_MICROSECONDS = (1 << 23) - 1
-#: Columns of the grid that a recording without a shape of its own is laid out in: the taxels of a fingertip a row.
+#: Columns of the grid for recordings without a shape of their own: each row holds the taxels of one fingertip.
 COLUMNS = 39
 
 
 def parse_structured(array: AnyArray, where: str) -> EventStream:
     """Return the events of a structured array, (events,); polarity -1 counts as 0.
 
-    Raises ``InputError`` for other fields, and for numbers that are no times, places or polarities.
+    Raises ``InputError`` for other fields, and for numbers that are not times, places or polarities.
     """
     names = array.dtype.names or ()
     if array.ndim != 1 or not {"t", "x", "p"} <= set(names) <= {"t", "x", "y", "p"}:
@@ -47,7 +50,7 @@ def _whole(array: AnyArray, name: str, low: int, high: int, where: str) -> IntAr
     values = array[name]
     if values.ndim != 1 or values.dtype.kind not in "biuf":
         raise InputError(where, f"its field {name!r} is not one number", measured=f"{values.dtype}", fix=_FIX)
-    # Written so that NaN is refused too.
+    # Written so that NaN is refused as well.
     bad = ~((values >= low) & (values <= high) & (values == np.floor(values)))
     if bad.any():
         at = int(bad.argmax())
@@ -64,9 +67,9 @@ def structured_events(times: IntArray, x: IntArray, polarity: IntArray) -> NDArr
 
 
 def parse_slayer_events(data: bytes, suffix: str, where: str) -> EventStream:
-    """Return the events of the bytes of a ``.bs1``, ``.bs2`` or ``.bin`` file, in its order; any five are an event.
+    """Return the events in the bytes of a ``.bs1``, ``.bs2`` or ``.bin`` file, in file order.
 
-    Raises ``InputError`` for bytes that end within an event.
+    Any five bytes are an event. Raises ``InputError`` for bytes that end within an event.
     """
     if len(data) % EVENT_BYTES:
         measured = f"{len(data)} bytes, {EVENT_BYTES} an event"
@@ -86,9 +89,9 @@ def parse_slayer_events(data: bytes, suffix: str, where: str) -> EventStream:
 
 
 def pack_slayer_events(times: IntArray, x: IntArray, y: IntArray | None, polarity: IntArray, where: str) -> bytes:
-    """Return the bytes of a ``.bs1`` file, or of ``.bs2`` where ``y`` is given; times in microseconds.
+    """Return the bytes of a ``.bs1`` file, or of a ``.bs2`` file if ``y`` is given; times in microseconds.
 
-    Raises ``InputError`` for what the fields cannot hold.
+    Raises ``InputError`` for numbers that do not fit their fields.
     """
     for name, values, limit in (
         ("microsecond", times, MAX_MICROSECONDS),
@@ -108,12 +111,11 @@ def pack_slayer_events(times: IntArray, x: IntArray, y: IntArray | None, polarit
 def from_tonic(
     dataset: Any, *, step_seconds: float | None = None, threshold: int | None = None, steps: int | None = None
 ) -> Recordings:
-    """Return the recordings of a data set of the package Tonic, or of any sequence of (events, label).
+    """Return the recordings of a Tonic data set, or of any sequence of (events, label). Tonic is not imported.
 
-    Tonic is not imported, only what it returns is read.
-    Events are structured arrays of ``t`` (microseconds), ``x``, (``y``,) ``p``, and become bins as in
-    :class:`locsnn_compile.data.event_stream.Binning`. ``sensor_size`` of the data set, (columns, rows, polarities),
-    says which channels there are, and ``classes`` names them. Raises ``InputError`` for anything else.
+    Events are structured arrays of ``t`` (microseconds), ``x``, ``y`` (optional) and ``p``. They become bins as in
+    :class:`locsnn_compile.data.event_stream.Binning`. The attribute ``sensor_size`` of the data set, (columns, rows,
+    polarities), determines the channels, and ``classes`` names the classes. Raises ``InputError`` for anything else.
     """
     where, source = f"data set {type(dataset).__name__!r}", type(dataset).__name__
     places = [f"{where}, recording {index}" for index in range(len(dataset))]

@@ -1,4 +1,4 @@
-"""Single events, and how they become bins: channel ``polarities * (columns * y + x) + polarity``, one bit a step."""
+"""Single events, and how they become bins of 0 or 1 in channel ``polarities * (columns * y + x) + polarity``."""
 
 import math
 from collections.abc import Sequence
@@ -21,18 +21,18 @@ _RANGES: dict[str, tuple[float, float]] = {
     "polarities": (1, 2),
     "columns": (1, 1_000_000),
 }
-"""What options of reading may be."""
+"""Least and largest value of each option."""
 
 
 class Binning(Frozen):
-    """What files of events leave open; None is as the format has it, else as the events need it.
+    """What files of events leave open. None: as the format defines it, or else as the events require.
 
-    - ``step_seconds``: width of a bin, 0.02 s by default
-    - ``threshold``: a bin is 1 where it has more events, 0 by default
-    - ``channels``, ``steps``: of every recording; later events are cut off, events of other channels refused;
-      ``most_steps``: a recording that needs more is cut there
-    - ``polarities``: 2, or 1 to put both together; ``columns``: width of a grid of x and y
-    - ``axes``: the order of the axes of arrays, which are binned already
+    - ``step_seconds``: width of a bin, by default 0.02 s
+    - ``threshold``: a bin with more events is 1, by default 0
+    - ``channels``, ``steps``: size of every recording. Later events are cut off, events of other channels are refused.
+    - ``most_steps``: longer recordings are cut to this length
+    - ``polarities``: 2, or 1 to merge both; ``columns``: width of a grid of x and y
+    - ``axes``: the order of the axes of arrays, which hold bins already
     """
 
     step_seconds: float | None = None
@@ -52,11 +52,11 @@ class Binning(Frozen):
 
 
 class EventStream(Frozen, eq=False):
-    """The events of one recording, (events,) each: ``times`` in ticks, ``x``, ``y``, and ``polarity`` 0 or 1.
+    """The events of one recording: ``times`` in ticks, ``x``, ``y``, and ``polarity`` 0 or 1, each (events,).
 
-    ``start`` is the tick at which bin 0 begins; ``span_seconds`` how long the recording is, None where it ends with
-    its last event. ``channels``, ``polarities`` and ``columns`` are the format's own, None where it has none.
-    ``step_seconds``: the usual width of its bins.
+    ``start`` is the tick at which bin 0 begins. ``span_seconds`` is the length of the recording, None if it ends with
+    its last event. ``channels``, ``polarities`` and ``columns`` are those of the format, None if it does not fix them.
+    ``step_seconds`` is the default width of its bins.
     """
 
     times: AnyArray
@@ -77,8 +77,8 @@ def bin_streams(
 ) -> tuple[ByteArray, float, Binned]:
     """Return spikes (samples, steps, channels), the width of a bin in seconds, and what binning left out.
 
-    ``places`` names the recordings. All get as many channels and steps as the one that needs most. Raises
-    ``InputError`` for sets without any event whose size is not given, and for sizes above the limits.
+    ``places`` names the recordings in errors. All get as many channels and steps as the largest needs. Raises
+    ``InputError`` if there are no events and no size is given, and for sizes above the limits.
     """
     usual = min((one.step_seconds for one in streams), default=STEP_SECONDS)
     width = usual if binning.step_seconds is None else binning.step_seconds
@@ -117,16 +117,16 @@ def _bins(one: EventStream, width_seconds: float) -> FloatArray:
     if one.ticks_per_second > 1 and abs(ticks - round(ticks)) < 1e-6:
         # 0.0003 s is not quite 300 microseconds in floats, and an event at 300 belongs to the second bin.
         ticks = round(ticks)
-    # Absurd times overflow to infinity, which lies outside like any other time that is too late.
+    # Absurd times overflow to infinity, which lies outside like any other late time.
     with np.errstate(over="ignore"):
         found: FloatArray = np.floor((one.times - one.start) / ticks)
     return found
 
 
 def _length(one: EventStream, bins: FloatArray, width_seconds: float, place: str, most: int | None = None) -> int:
-    """Return the steps of a recording, 0 of one that has no events to tell them."""
+    """Return the number of steps of a recording; 0 if it has no events and no span."""
     if one.span_seconds is not None:
-        # Whole bins only, whatever floats make of a quotient that is whole.
+        # Whole bins only; the small addend makes up for a quotient that rounds below a whole number.
         last = one.span_seconds / width_seconds - 1 + 1e-6
     else:
         last = float(bins.max()) if len(bins) else -1.0
@@ -165,7 +165,7 @@ def _check_sizes(where: str, samples: int, steps: int, channels: int, needed: in
 def recording_events(spikes: ByteArray, polarities: int, step_seconds: float) -> tuple[IntArray, IntArray, IntArray]:
     """Return (microseconds, cell, polarity) of the events of one recording (steps, channels), in order of time.
 
-    Each event lies in the middle of its bin, so that reading back needs no more than the width of a bin.
+    Each event lies in the middle of its bin, so the width of a bin is all that is needed to read it back.
     """
     steps, channels = np.nonzero(spikes)
     times = np.floor((steps + 0.5) * (step_seconds * MICROSECONDS)).astype(np.int64)

@@ -1,4 +1,4 @@
-"""In which order a location network walks the taxels of a surface: by its numbers, by where they lie, or by a file."""
+"""The order in which a location network walks the taxels of a surface: by number, by position, or from a file."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -27,19 +27,19 @@ def snake(places: Places) -> Walk:
 
 
 def spiral(places: Places) -> Walk:
-    """From the middle outwards, ring by ring; a ring is as wide as neighbours are apart, and square like a grid's."""
+    """From the middle outwards, in square rings that are as wide as the distance between neighbours."""
     from_middle = places - (places.min(axis=0) + places.max(axis=0)) / 2
     rings = np.floor(np.abs(from_middle).max(axis=1) / _pitch(places) + 1e-9)
     return raster(np.stack([np.arctan2(from_middle[:, 1], from_middle[:, 0]), rings], axis=1))
 
 
 def hilbert(places: Places) -> Walk:
-    """Along a Hilbert curve over the square round the sensor: what is near on the walk is near on the sensor."""
+    """Along a Hilbert curve over the square around the sensor: neighbours on the walk are near on the sensor."""
     side = 1 << 10
     span = max(float(np.ptp(places, axis=0).max()), 1e-12)
     x, y = ((places - places.min(axis=0)) / span * (side - 1)).astype(np.int64).T
     along = np.zeros(len(places), dtype=np.int64)
-    # The usual descent from the largest quarter to the smallest, each turned as the curve enters it.
+    # The usual descent from the largest quarter to the smallest, each rotated as the curve enters it.
     while side := side // 2:
         right, up = (x & side) > 0, (y & side) > 0
         along += side * side * ((3 * right) ^ up)
@@ -50,7 +50,7 @@ def hilbert(places: Places) -> Walk:
 
 
 def tour(places: Places) -> Walk:
-    """From taxel 1 always on to the nearest that is left, of equally near ones to that of the lowest number."""
+    """From taxel 1, always on to the nearest taxel left; among equally near ones, to the lowest number."""
     left, walk = np.ones(len(places), dtype=np.bool_), [0]
     for _ in range(len(places) - 1):
         left[walk[-1]] = False
@@ -60,7 +60,7 @@ def tour(places: Places) -> Walk:
 
 
 def _pitch(places: Places) -> float:
-    """Return how far apart neighbours are in the middle of all taxels; 1 of a single one."""
+    """Return the median distance between neighbours; 1 for a single taxel."""
     if len(places) < 2:
         return 1.0
     far = np.abs(places[:, np.newaxis] - places).max(axis=2)
@@ -73,10 +73,10 @@ ORDERS = (*LOCATION_ORDERS, *BY_PLACE)
 
 
 def location_order(text: str, layout: SensorLayout) -> tuple[str, tuple[int, ...]]:
-    """Return (name, 1-based taxel numbers) of an order's name, or of a comma list of numbers, named ``custom``.
+    """Return (name, 1-based taxel numbers) for the name of an order, or for a comma list of numbers, named ``custom``.
 
-    Raises ``InputError`` for an unknown name, one that this layout has no places for, and numbers that are no
-    permutation of its taxels.
+    Raises ``InputError`` for an unknown name, for one that needs positions which the layout lacks, and for numbers that
+    are not a permutation of the taxels.
     """
     if text == "loop":
         return text, tuple(range(1, layout.taxels + 1))
@@ -102,9 +102,9 @@ def location_order(text: str, layout: SensorLayout) -> tuple[str, tuple[int, ...
 
 
 def order_text(text: str) -> str:
-    """Return an order as it is, or, of what ends in ``.txt`` or ``.csv``, the numbers in that file as a comma list.
+    """Return an order as it is; for a name that ends in ``.txt`` or ``.csv``, the numbers in that file as a comma list.
 
-    They are separated by blanks, commas or lines. Raises ``InputError`` for a file that cannot be read.
+    In the file, blanks, commas or line ends separate them. Raises ``InputError`` for a file that cannot be read.
     """
     path = Path(text)
     if path.suffix not in (".txt", ".csv"):
@@ -115,8 +115,8 @@ def order_text(text: str) -> str:
 def channel_walk(order: Sequence[int], layout: SensorLayout) -> Walk:
     """Return the walk (channels,): position -> channel, read-only.
 
-    Taxel p of the order contributes channels polarities * (p - 1), ... in that order; surfaces follow one another.
-    Raises ``InputError`` naming the first taxel that is out of range, repeated or missing.
+    Taxel p of the order contributes the channels polarities * (p - 1), ... of each surface, one surface after the
+    other. Raises ``InputError`` with the first taxel that is out of range, repeated or missing.
     """
     check_location_taxels(order, layout.taxels)
     channels = np.arange(layout.channels, dtype=np.int64).reshape(layout.surfaces, layout.taxels, layout.polarities)
@@ -124,9 +124,9 @@ def channel_walk(order: Sequence[int], layout: SensorLayout) -> Walk:
 
 
 def check_location_taxels(taxels: Sequence[int], count: int) -> None:
-    """Refuse an order that is not a permutation of the taxels 1..``count`` of a surface.
+    """Refuse an order that is not a permutation of the taxels 1..``count``.
 
-    Raises ``InputError`` that names the first number out of range, repeated or missing.
+    The ``InputError`` names the first number that is out of range, repeated or missing.
     """
     fix = f"Give every taxel from 1 to {count} exactly once."
     seen: set[int] = set()

@@ -1,7 +1,7 @@
-"""Read pickles without running them: the opcodes that torch writes, a fixed list of names, and a bound on all work.
+"""Read pickles without running them: only the opcodes that torch writes, a fixed list of names, and bounded work.
 
-Nothing that a pickle says is followed further than that. A value that unfolds to more than is read, nests too deeply or
-holds itself is refused, so that whoever prints, compares or walks it comes to an end.
+A value that unfolds to far more than the file holds, nests too deeply or contains itself is refused. So whoever prints,
+compares or walks it comes to an end.
 """
 
 from collections.abc import Callable, Iterable, Sized
@@ -10,7 +10,7 @@ from typing import IO, Any
 from locsnn_compile.errors import check_most
 
 MAX_VALUES = 2_000_000
-"""Most steps of a pickle, and most values that it unfolds to; 16 characters of text are one."""
+"""Largest number of opcodes of a pickle, and of values that it unfolds to; 16 characters of text count as one value."""
 MAX_DEPTH = 200
 MAX_KEY = 16
 
@@ -19,16 +19,16 @@ _PLAIN = frozenset(("BININT", "BININT1", "BININT2", "LONG1", "BINFLOAT", "BINUNI
 _FIXED: dict[str, Callable[[], object]] = {"NONE": lambda: None, "NEWTRUE": lambda: True, "NEWFALSE": lambda: False}
 _NEW = _FIXED | {"EMPTY_TUPLE": tuple, "EMPTY_LIST": list, "EMPTY_DICT": dict}
 _LAST = {"TUPLE1": 1, "TUPLE2": 2, "TUPLE3": 3, "APPEND": 1, "SETITEM": 2}
-"""How many values an opcode takes off the stack, where it does not take those since the last mark."""
+"""How many values an opcode takes off the stack, if it does not take all since the last mark."""
 _MARKED = frozenset(("TUPLE", "APPENDS", "SETITEMS"))
 
 
 class RefusedError(ValueError):
-    """A pickle asks for something that is not on the list; the text is its name."""
+    """A pickle asks for something that is not on the list of names; the text is its name."""
 
 
 class Budget:
-    """How much of a file may still be read; ``InputError`` where it asks for more."""
+    """How many values of a file may still be read; ``InputError`` when it asks for more."""
 
     def __init__(self, where: str) -> None:
         self.where, self.used = where, 0
@@ -42,11 +42,11 @@ class Budget:
 def read_pickle(
     stream: IO[bytes], named: Callable[[str], object], stored: Callable[[object], object], budget: Budget
 ) -> object:
-    """Return the value of the pickle at the stream, which is then behind it.
+    """Return the value of the next pickle in the stream, and leave the stream at its end.
 
-    ``named`` gives the value of a global, or a function that may be called with what the pickle holds; ``stored`` the
-    value of a persistent id. Raises ``RefusedError``, ``InputError`` for too much, and any other exception
-    for bytes that make no sense.
+    ``named`` returns the value of a global, or a function that may be called with values of the pickle. ``stored``
+    returns the value of a persistent id. Raises ``RefusedError``, ``InputError`` for too many values, and any other
+    exception for bytes that make no sense.
     """
     from pickletools import genops
 
@@ -75,7 +75,7 @@ def read_pickle(
             items = [stack.pop() for _ in range(_LAST[name])][::-1]
             _put(stack, items, name)
         elif name == "SHORT_BINSTRING":
-            # A text of Python 2; the library takes its bytes for Latin-1.
+            # A text of Python 2, whose bytes the library reads as Latin-1.
             stack.append(arg.encode("latin-1").decode("utf-8"))
         elif name == "GLOBAL":
             stack.append(named(arg.replace(" ", ".", 1).replace("__builtin__.", "builtins.", 1)))
@@ -85,7 +85,7 @@ def read_pickle(
             budget.take(sum(map(_cost, arguments)))
             stack.append(made(*arguments))
         elif name == "BUILD":
-            # Attributes, as those of an OrderedDict or a Parameter, are not looked at.
+            # Attributes, such as those of an OrderedDict or a Parameter, are ignored.
             stack.pop()
         elif name == "BINPERSID":
             stack.append(stored(stack.pop()))
@@ -97,7 +97,7 @@ def read_pickle(
 
 
 def filled(pairs: Iterable[tuple[Any, Any]], into: dict[Any, Any]) -> dict[Any, Any]:
-    """Put pairs into a dict; keys are plain values or short tuples of them, for others may take for ever to hash."""
+    """Put pairs into a dict; keys are plain values or short tuples of them, as others may take for ever to hash."""
     for key, value in pairs:
         parts = key if type(key) is tuple and len(key) <= MAX_KEY else (key,)
         if any(type(part) not in _KEYS or (type(part) is int and abs(part) >> 60) for part in parts):
@@ -111,7 +111,7 @@ def _cost(value: object) -> int:
 
 
 def _put(stack: list[Any], items: list[Any], name: str) -> None:
-    """Put values onto the stack as a tuple, or into the list or dict on top of it; ``TypeError`` for anything else."""
+    """Push values as a tuple, or add them to the list or dict on top of the stack; ``TypeError`` for anything else."""
     if name.startswith("TUPLE"):
         stack.append(tuple(items))
     elif name.startswith("APPEND"):
@@ -121,7 +121,7 @@ def _put(stack: list[Any], items: list[Any], name: str) -> None:
 
 
 def _check_tree(root: object, budget: Budget) -> None:
-    """Refuse a value of too many parts, shared ones counted wherever they are, or too deep; a cycle is both."""
+    """Refuse a value with too many parts or levels; shared parts count each time, so a cycle has too many of both."""
     level = [root]
     for _ in range(MAX_DEPTH):
         below: list[object] = []

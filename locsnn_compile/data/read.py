@@ -39,18 +39,22 @@ def read_recordings(
     fold: int | None = None,
     model: Expected = OPEN,
 ) -> Recordings:
-    """Return the recordings at ``path``, of whatever supported format.
+    """Return the recordings at ``path``, in any supported format.
 
-    A ``.zip`` or folder of ``.npy`` or files of events, one recording each, or one file of these, or ``.npz``,
-    ``.pt`` or HDF5. ``split`` is ``train`` or ``test`` of an archive or folder that is so divided (None: ``test``);
-    what has no parts is divided by ``test_share`` and ``fold``: see :class:`locsnn_compile.data.division.Division`.
-    Events are binned as :class:`locsnn_compile.data.event_stream.Binning` says, by the options and by what ``model``
-    expects. Arrays are bins already, (samples, channels, steps) unless ``axes`` or the file names another order, such
-    as ``samples,steps,channels``; ``step_seconds`` is their width where the file does not say it. ``steps`` of a
-    recording: a shorter one is followed by silence, of a longer one the end is cut; without, all of an archive or
-    folder are as long as the longest. ``sensor`` says ``channels``, ``polarities`` and ``columns`` at once; what has
-    other channels is refused. Every unusable input, and an option that contradicts the model or the file, is one
-    ``InputError``.
+    ``path`` is a ``.zip`` or folder with one recording per file (``.npy`` or events), one such file, or a ``.npz``,
+    ``.pt`` or HDF5 file.
+
+    - ``split``: ``train`` or ``test`` of an archive or folder that has these parts (None: ``test``). Recordings without
+      parts are divided by ``test_share`` and ``fold``: see :class:`locsnn_compile.data.division.Division`.
+    - Events are put into bins as :class:`locsnn_compile.data.event_stream.Binning` describes, according to the options
+      and to what ``model`` expects. Arrays hold bins already: (samples, channels, steps), unless ``axes`` or the file
+      names another order, such as ``samples,steps,channels``. ``step_seconds`` is their width if the file does not
+      give it.
+    - ``steps``: shorter recordings are padded with silence, longer ones are cut. Without it, all recordings of an
+      archive or folder get the length of the longest.
+    - ``sensor`` sets ``channels``, ``polarities`` and ``columns`` at once. Other channels are refused.
+
+    Raises ``InputError`` for anything that cannot be used, and for an option that contradicts the model or the file.
     """
     path = _file_of(Path(path))
     division = Division(test_share, fold)
@@ -92,7 +96,7 @@ def _read(path: Path, split: str | None, binning: Binning, asked: float | None) 
 
 @checked
 def recording_parts(path: Path | str, *, test_share: float | None = None) -> tuple[str, ...]:
-    """Return the parts that ``path`` is divided into, of ``train`` and ``test``, by itself or by ``test_share``."""
+    """Return which of the parts ``train`` and ``test`` the recordings at ``path`` have, or get from ``test_share``."""
     path = _file_of(Path(path))
     if Division(test_share).divides(path):
         return PARTS
@@ -103,7 +107,7 @@ def recording_parts(path: Path | str, *, test_share: float | None = None) -> tup
 
 
 def _file_of(path: Path) -> Path:
-    """Return the file of a folder of preprocessed recordings, or the path as it is."""
+    """Return the file inside a folder of preprocessed recordings; any other path as it is."""
     return path / PREPROCESSED if (path / PREPROCESSED).is_file() else path
 
 
@@ -116,17 +120,17 @@ def _check_file(path: Path) -> None:
 
 
 def read_in_chunks(path: str, many: int, *, model: Expected, **asked: Any) -> Iterator[Recordings]:
-    """Yield the recordings that :func:`read_recordings` returns, at most so many at a time from a ``.npy`` of bins.
+    """Yield what :func:`read_recordings` returns, at most ``many`` recordings at a time if a ``.npy`` file holds bins.
 
-    Other files are read at once: the longest of their recordings decides the steps of all. What is wrong with a
-    recording is found when its turn comes.
+    Other files are read at once, because their longest recording decides the length of all. A faulty recording is found
+    when its turn comes.
     """
     chunks = _chunks(Path(path), many, model) if {*asked.values()} == {None} else None
     return iter([read_recordings(path, model=model, **asked)]) if chunks is None else chunks
 
 
 def _chunks(path: Path, many: int, model: Expected) -> Iterator[Recordings] | None:
-    """Return the chunks of a file; None where it is of another kind, or :func:`read_recordings` says what is wrong."""
+    """Return the chunks of a file; None for other files, and for those that :func:`read_recordings` will refuse."""
     try:
         mapped = np.load(path, mmap_mode="r")
         shape, dtype, begin = mapped.shape, mapped.dtype, mapped.offset
@@ -137,13 +141,13 @@ def _chunks(path: Path, many: int, model: Expected) -> Iterator[Recordings] | No
             or not (mapped.flags.c_contiguous and 0 < one * many)
         ):
             return None
-    # A hostile header meets numpy's parser in many ways.
+    # numpy's parser raises many kinds of exception on a damaged header.
     except Exception:
         return None
     labels = labels_beside(path, shape[0])
     if dtype.kind not in "biuf" or one * many > MAX_ELEMENTS or (labels is not None and len(labels) != shape[0]):
         return None
-    # Sizes tell an order where all recordings are seen, not where a few are.
+    # The whole array shows in which order its axes are; a chunk does not.
     check_axes(mapped, f"file {path.name!r}", model.channels)
 
     def chunks() -> Iterator[Recordings]:

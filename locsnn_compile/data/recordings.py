@@ -1,6 +1,6 @@
-"""Touch recordings as every part of the project takes them: binned spikes, labels, and the width of a bin.
+"""Touch recordings, as every part of the project takes them: binned spikes, labels, and the width of a bin.
 
-And what a model or a program expects of them, and what becomes of options and files that say otherwise.
+Also what a model or program expects of recordings, and the check of options and files against it.
 """
 
 import math
@@ -24,16 +24,17 @@ MAX_LABEL = 100_000
 MAX_NAME = 80
 
 Origin = Literal["given", "carried", "trained on", "made up"]
-"""Where recordings come from: the user, a checkpoint that carries some of its own, one that carries some of those that
-it was trained on, or a generator of ours.
+"""Where recordings come from: the user, a checkpoint that carries a few, a checkpoint that carries some of its own
+training recordings, or our generator.
 """
 
 
 class Binned(Frozen):
-    """What became of the ``events`` of files when they were put into bins.
+    """What became of the ``events`` in files when they were put into bins.
 
-    ``outside`` lay before the first step or after the last, ``below`` in bins that have no more than ``threshold`` of
-    them, which are 0. ``threshold`` is None where the files hold bins, of which ``outside`` ones were cut off.
+    ``outside`` events lay before the first step or after the last. ``below`` events lay in bins with at most
+    ``threshold`` events; such bins are 0. If the files hold bins, ``threshold`` is None, and ``outside`` counts the
+    bins that were cut off.
     """
 
     threshold: int | None
@@ -43,7 +44,7 @@ class Binned(Frozen):
 
     @property
     def dropped(self) -> int:
-        """Events that are in no bin."""
+        """Events that are not in any bin."""
         return self.outside + self.below
 
     @property
@@ -63,13 +64,16 @@ def so_many(count: int, kind: str = "recording") -> str:
 
 
 class Recordings(Shown):
-    """``spikes`` (samples, steps, channels) uint8, 0 or 1; ``labels`` (samples,) int64, class numbers from 0,
-    or None.
+    """Recordings, their labels, and where they come from. Both arrays are read-only.
 
-    ``step_seconds`` is the width of a time bin, None where the file does not say it; ``source`` is the name
-    of the file, without directories; ``origin`` says whose they are; ``binned`` is what reading left out, None where it
-    took everything as it is; ``first`` the number of the first one in its file; ``class_names``, where the classes have
-    any, from class 0 on. Both arrays are read-only. Raises ``InputError`` for anything else.
+    - ``spikes``: uint8 (samples, steps, channels), 0 or 1; ``labels``: int64 (samples,), class numbers from 0, or None
+    - ``step_seconds``: width of a time bin, None if unknown
+    - ``source``: name of the file, without folders; ``origin``: where the recordings come from
+    - ``binned``: what reading left out, None if it took everything as it is
+    - ``first``: the number of the first recording in its file
+    - ``class_names``: from class 0 on, if the classes have names
+
+    Raises ``InputError`` for anything else.
     """
 
     spikes: ByteArray
@@ -104,11 +108,11 @@ class Recordings(Shown):
 
     @property
     def threshold(self) -> int | None:
-        """Events that a bin had to exceed to be 1, None where the files hold bins."""
+        """The number of events that a bin has to exceed to become 1; None if the files hold bins."""
         return None if self.binned is None else self.binned.threshold
 
     def with_steps(self, steps: int) -> "Recordings":
-        """Return recordings of so many steps: shorter ones are followed by silence, of longer ones the end is cut."""
+        """Return recordings of ``steps`` steps: shorter ones are padded with silence, longer ones are cut."""
         samples, now, channels = self.spikes.shape
         if steps == now:
             return self
@@ -129,9 +133,9 @@ class Recordings(Shown):
 
 
 def clean_spikes(where: str, spikes: NDArray[np.generic], first: int = 0) -> ByteArray:
-    """Return spikes (samples, steps, channels) as read-only uint8; ``InputError`` for what is none.
+    """Return spikes (samples, steps, channels) as read-only uint8; ``InputError`` for anything else.
 
-    ``first``: the number of the first sample.
+    ``first`` is the number of the first sample in error messages.
     """
     fix = "Give a binned array (samples, channels, steps) of zeros and ones."
     if spikes.ndim != 3 or 0 in spikes.shape:
@@ -148,7 +152,7 @@ def clean_spikes(where: str, spikes: NDArray[np.generic], first: int = 0) -> Byt
 
 
 def clean_class_names(where: str, names: Sequence[object], least: int) -> tuple[str, ...]:
-    """Return names of classes, all different and at least so many; ``InputError`` for what is none."""
+    """Return the names of classes: all different, and at least ``least``. ``InputError`` for anything else."""
     held = [name for name in names if isinstance(name, str) and 0 < len(name) <= MAX_NAME and name.isprintable()]
     if len(set(held)) != len(names) or not least <= len(names) <= MAX_LABEL:
         measured = f"{len(set(held))} different ones against {max(least, len(names))}"
@@ -161,17 +165,17 @@ def _clean_labels(where: str, labels: NDArray[np.generic], samples: int) -> IntA
     fix = "Give one class number from 0 on per recording."
     check_same(labels.shape, (samples,), where, "labels and recordings differ in number", fix=fix)
     values = labels.astype(np.float64) if labels.dtype.kind in "iuf" else np.full(samples, np.nan)
-    # Written so that NaN is refused too.
+    # Written so that NaN is refused as well.
     if not ((values == np.floor(values)) & (values >= 0) & (values <= MAX_LABEL)).all():
         raise InputError(where, "its labels are not class numbers", measured=f"dtype {labels.dtype}", fix=fix)
     return sealed(labels.astype(np.int64))
 
 
 class Expected(Frozen):
-    """How a model takes recordings; None where it does not say. ``whose`` names it: ``model 'slip'``.
+    """What recordings a model expects; None means that it does not say. ``whose`` names the model: ``model 'slip'``.
 
-    - ``step_seconds``: width of a bin; ``threshold``: a bin is 1 where it has more events
-    - ``steps`` of a recording, None where it takes any number; ``channels``
+    - ``step_seconds``: width of a bin; ``threshold``: a bin with more events is 1
+    - ``steps``: length of a recording, None if any length will do; ``channels``
     - ``polarities`` of a taxel and ``columns`` of a grid, for events with x and y; ``class_names``
     """
 
@@ -185,7 +189,7 @@ class Expected(Frozen):
     columns: int | None = None
 
     def agreed(self, **asked: float | None) -> dict[str, Any]:
-        """Return each option as asked for, or as the model has it; ``InputError`` where both say it and differ."""
+        """Return each option as asked for, or else as the model has it; ``InputError`` if the two differ."""
         for name, value in asked.items():
             own = getattr(self, name)
             if value is not None and own is not None and not same(value, own):
@@ -194,10 +198,10 @@ class Expected(Frozen):
         return {name: getattr(self, name) if value is None else value for name, value in asked.items()}
 
     def check(self, recordings: Recordings) -> None:
-        """Refuse classes of other names, and bins of another width, where the model has recordings of one length.
+        """Refuse classes with other names; refuse bins of another width if the model takes recordings of one length.
 
-        A network that takes recordings of any length only sees steps; how long each was is for its user to know. What
-        is known of one side only is not compared.
+        A network that takes any length only sees steps, and its user decides how long a step is. Figures that only one
+        side knows are not compared.
         """
         names = recordings.class_names
         if self.class_names is not None and names is not None and names != self.class_names:
@@ -217,5 +221,5 @@ OPEN = Expected("no model")
 
 
 def same(a: float, b: float) -> bool:
-    """Return whether two numbers are equal, whatever floats make of their decimals."""
+    """Tell whether two numbers are equal up to the rounding of floats."""
     return math.isclose(a, b, rel_tol=1e-9)

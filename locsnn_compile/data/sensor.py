@@ -1,7 +1,7 @@
-"""Sensors: which channels one has, and where they lie. NeuTouch is one; a grid, a count or a YAML file says others.
+"""Sensors: the channels they have, and where these lie. NeuTouch is one; a grid, a count or a YAML file defines others.
 
-The tables of NeuTouch are those of ``neutouch.json``. Source: Kang et al. 2022 and its released configuration;
-coordinates and edges of the TactileSGNet release (Gu et al. 2020).
+The tables of NeuTouch are in ``neutouch.json``. Sources: Kang et al. 2022 and its released configuration; coordinates
+and edges from the TactileSGNet release (Gu et al. 2020).
 """
 
 import json
@@ -18,7 +18,7 @@ from hw_model.io.yaml_text import read_mapping
 from hw_model.values import FloatArray, Frozen, IntArray
 from locsnn_compile.errors import InputError, check_same
 
-#: Most channels of a sensor: a few times what any published tactile sensor has.
+#: Largest number of channels of a sensor: a few times what any published tactile sensor has.
 MAX_CHANNELS = 4_096
 #: Taxels of one NeuTouch fingertip, numbered from 1 in every file and order.
 TAXELS = 39
@@ -30,13 +30,13 @@ _FILE: dict[str, Any] = json.loads(Path(__file__).with_name("neutouch.json").rea
 TAXEL_COORDINATES_MM: tuple[tuple[float, float], ...] = tuple((x, y) for x, y in _FILE["positions"])
 #: The published walks over one fingertip, 1-based taxel numbers.
 LOCATION_ORDERS = {"loop": tuple(range(1, TAXELS + 1)), "arch": tuple(_FILE["arch"]), "whorl": tuple(_FILE["whorl"])}
-#: Neighbours that the authors of TactileSGNet joined by hand: pairs of taxel numbers, the lower first.
+#: Neighbours as the authors of TactileSGNet chose them by hand: pairs of taxel numbers, the lower first.
 MANUAL_EDGES: tuple[tuple[int, int], ...] = tuple((a, b) for a, b in _FILE["edges"])
-#: Taxel numbers by row (y from -8.9 to 8.9 mm) and column (x from -6 to 6 mm); 0 where there is none. Every taxel has a
-#: cell of its own, so that the squared distances between taxels and the middles of their cells add up to the least.
+#: Taxel numbers by row (y from -8.9 to 8.9 mm) and column (x from -6 to 6 mm); 0 in empty cells. Every taxel has its
+#: own cell, and the squared distances between taxels and the middles of their cells have the smallest possible sum.
 FRAME_OF_TAXELS: tuple[tuple[int, ...], ...] = tuple(map(tuple, _FILE["frame"]))
 _LEAST = 5
-"""Rows and columns of a frame of which two kernels of 3 leave any."""
+"""Fewest rows and columns of a frame that two kernels of size 3 can convolve."""
 _FIX = "Correct the layout of the sensor."
 
 
@@ -44,11 +44,12 @@ Coordinate = Annotated[float, between(-1e9, 1e9)]
 
 
 class SensorLayout(Frozen):
-    """The channels of a sensor: ``surfaces`` equal ones, such as fingertips, of ``taxels`` with ``polarities`` each.
+    """The channels of a sensor: equal ``surfaces``, such as fingertips, with so many ``taxels`` and ``polarities``.
 
-    channel = polarities * taxel + polarity, taxels counted from 0 through all surfaces. ``positions``: (x, y) of the
-    taxels of one surface, in any one unit; a grid of ``columns`` has its own, numbered row by row. ``names`` of the
-    taxels of one surface, where they have any. Raises ``InputError`` for what contradicts itself.
+    channel = polarities * taxel + polarity, where taxels are counted from 0 through all surfaces. ``positions`` are the
+    (x, y) of the taxels of one surface, in any unit. A grid of ``columns`` has its own positions, row by row. ``names``
+    are those of the taxels of one surface, if they have names. Raises ``InputError`` for layouts that contradict
+    themselves.
     """
 
     name: str
@@ -79,28 +80,28 @@ class SensorLayout(Frozen):
 
     @property
     def channels(self) -> int:
-        """Number of channels of all surfaces."""
+        """Number of channels on all surfaces."""
         return self.surfaces * self.taxels * self.polarities
 
     @property
     def is_neutouch(self) -> bool:
-        """Whether its surfaces are NeuTouch fingertips, which published walks, graphs and frames are made for."""
+        """Whether its surfaces are NeuTouch fingertips, for which there are published walks, graphs and frames."""
         return self.positions == TAXEL_COORDINATES_MM
 
     @property
     def places(self) -> FloatArray | None:
-        """(x, y) of the taxels of one surface, (taxels, 2); None where nothing says where they lie."""
+        """(x, y) of the taxels of one surface, (taxels, 2); None if their positions are not known."""
         if self.columns is not None:
             return np.stack(np.divmod(np.arange(self.taxels), self.columns)[::-1], axis=1).astype(np.float64)
         return None if self.positions is None else np.array(self.positions, dtype=np.float64)
 
     @property
     def event_options(self) -> dict[str, Any]:
-        """How events with x and y become channels; of NeuTouch as they need it, because x may count channels there."""
+        """How events with x and y become channels. For NeuTouch the events decide, since x may count its channels."""
         return {} if self.is_neutouch else {"polarities": self.polarities, "columns": self.columns}
 
     def needed_places(self, where: str) -> FloatArray:
-        """Return the places; ``InputError`` where there are none, which ``where`` needs."""
+        """Return the places; ``InputError`` if there are none. ``where`` names what needs them."""
         if (places := self.places) is None:
             what = f"it needs to know where the taxels lie, and sensor {self.name!r} does not say it"
             raise InputError(where, what, fix="Give --grid WxH, or --layout FILE with positions.")
@@ -113,22 +114,23 @@ class SensorLayout(Frozen):
         check_same(found, self.channels, where, what, fix=fix)
 
     def document(self) -> dict[str, Any]:
-        """Return the layout as plain values, without what it does not say."""
+        """Return the layout as plain values, without those that are None."""
         return {name: value for name, value in asdict(self).items() if value is not None}
 
 
 def neutouch(fingertips: int = 1) -> SensorLayout:
-    """Return the layout of so many fingertips."""
+    """Return the layout of NeuTouch with this number of fingertips."""
     return SensorLayout("neutouch", TAXELS, POLARITIES, fingertips, positions=TAXEL_COORDINATES_MM)
 
 
 def asked_layout(
     grid: str | None, polarities: int | None, channels: int | None, layout: str | None
 ) -> SensorLayout | None:
-    """Return the layout that options ask for; None where they ask for none. ``InputError`` where they ask for two.
+    """Return the layout that options ask for, or None if they ask for none; ``InputError`` if they ask for two.
 
-    ``grid``: columns x rows, of two ``polarities`` unless one is asked for; ``channels`` lie nowhere, and have one;
-    ``layout``: a file.
+    - ``grid``: columns x rows, by default with two ``polarities``
+    - ``channels``: a number of channels without positions, by default with one polarity
+    - ``layout``: a file
     """
     given = [name for name, value in (("grid", grid), ("channels", channels), ("layout", layout)) if value is not None]
     if len(given) > 1 or (polarities is not None and not given):
@@ -168,9 +170,9 @@ def parse_layout(document: Mapping[Any, Any], where: str) -> SensorLayout:
 
 
 def frame_size(layout: SensorLayout) -> tuple[int, int]:
-    """Return the rows and columns of the frame that a surface is laid out on: those of a grid, or 9 x 7 of NeuTouch.
+    """Return the rows and columns of the frame on which a surface is laid out: those of a grid, or NeuTouch's 9 x 7.
 
-    Raises ``InputError`` for any other sensor, and for a grid that is too small to convolve twice.
+    Raises ``InputError`` for any other sensor, and for a grid that is too small for two convolutions.
     """
     if layout.is_neutouch:
         return len(FRAME_OF_TAXELS), len(FRAME_OF_TAXELS[0])
@@ -183,7 +185,7 @@ def frame_size(layout: SensorLayout) -> tuple[int, int]:
 
 
 def frame_cells(layout: SensorLayout) -> IntArray:
-    """Return the cell of every taxel of a surface that has a frame, (taxels,), counted row by row from 0."""
+    """Return the cell of every taxel in the frame of its surface, (taxels,), counted row by row from 0."""
     if layout.columns is not None:
         return np.arange(layout.taxels)
     flat = np.array(FRAME_OF_TAXELS).ravel()

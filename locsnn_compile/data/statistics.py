@@ -1,4 +1,4 @@
-"""What recordings hold, in figures: rates, silence, polarity, and which channels are busy or dead."""
+"""Figures about recordings: rates, silence, polarity, and the channels that are busy or dead."""
 
 from typing import Any
 
@@ -13,13 +13,16 @@ BUSIEST = 5
 
 
 def event_statistics(recordings: Recordings, sensor: SensorLayout | None = None) -> dict[str, Any]:
-    """Return the figures of recordings of a sensor, by default of NeuTouch where its channels may be those.
+    """Return figures about recordings as plain values. An event is a bin that is 1.
 
-    They are plain values. An event is a bin that is 1. ``labels``: recordings of each class. ``rate_hz_per_channel`` is
-    None where the width of a bin is not known, ``polarity``, the shares of events, where taxels have none or nothing
-    says it. Of ``silence``: recordings without any event; of the others, steps before the first event and after the
-    last one; and the share of all steps without one. ``binning``, what reading left out, and ``class_names`` are there
-    where there are any.
+    Without a ``sensor``, a number of channels that fits whole NeuTouch fingertips is taken to mean them.
+
+    - ``labels``: number of recordings of each class
+    - ``rate_hz_per_channel``: None if the width of a bin is not known
+    - ``polarity``: shares of the events; None if taxels have one polarity, or if nothing is known of them
+    - ``silence``: recordings without events; of the others, steps before the first and after the last event; and the
+      share of all steps without an event
+    - ``binning`` (what reading left out) and ``class_names``: only if there are any
     """
     spikes = recordings.spikes
     samples, steps, channels = spikes.shape
@@ -65,9 +68,9 @@ def event_statistics(recordings: Recordings, sensor: SensorLayout | None = None)
 
 
 def channel_place(channel: int, sensor: SensorLayout) -> str:
-    """Return where a channel lies: ``taxel 4 falling``, with its surface from the second on.
+    """Return where a channel lies, as in ``taxel 4 falling``; a surface other than the first is named.
 
-    A taxel of a grid is called by its row and column, from 1, and one that has a name by that.
+    A taxel of a grid is called by its row and column, counted from 1, and a taxel with a name by that name.
     """
     cell, polarity = divmod(channel, sensor.polarities)
     surface, taxel = divmod(cell, sensor.taxels)

@@ -1,10 +1,10 @@
-"""Synthetic touches with a sensor's layout, for checks without recordings; no claim about any real object.
+"""Synthetic touches with a sensor's layout, for checks without recordings. They do not model any real object.
 
-A contact with a round pressure profile p = exp(-d^2 / (2 r^2)) strokes over the fingertip: it comes down,
-moves to and fro along a line through the taxels, and lifts. Taxels fire rising events while their pressure
-grows, falling events while it shrinks, with a probability proportional to the change; noise events come
-anywhere, any time. A sensor of another size is touched as if it were as large as a NeuTouch fingertip; taxels that
-lie nowhere are taken to lie in a row, and one polarity is what changes either way.
+A contact with the round pressure profile p = exp(-d^2 / (2 r^2)) strokes over the fingertip: it comes down, moves to
+and fro along a line through the taxels, and lifts. A taxel fires rising events while its pressure grows and falling
+events while it shrinks, with a probability proportional to the change. Noise events come anywhere and at any time. A
+sensor of another size is touched as if it were as large as a NeuTouch fingertip. Taxels without positions are placed in
+a row. A taxel with a single polarity fires at changes in either direction.
 """
 
 import math
@@ -36,11 +36,9 @@ def synthetic_touches(
 ) -> Recordings:
     """Return ``samples`` recordings (samples, steps, channels) with labels 0, 1, ... in turn.
 
-    Channels are those of ``sensor``, by default of NeuTouch ``fingertips``.
-
-    A class is a motion: the direction of its strokes, their number and the step at which the contact comes
-    down. Where and how hard it touches varies from recording to recording. Equal arguments give equal
-    recordings. Raises ``InputError`` for numbers out of range.
+    Channels are those of ``sensor``, by default of so many NeuTouch ``fingertips``. A class is a motion: the direction
+    of its strokes, their number, and the step at which the contact comes down. Where and how hard it touches varies
+    between recordings. Equal arguments give equal recordings. Raises ``InputError`` for numbers out of range.
     """
     limits = {
         "samples": (samples, 1, 100_000),
@@ -63,7 +61,7 @@ def synthetic_touches(
 
 
 def _places_mm(sensor: SensorLayout) -> FloatArray:
-    """Return where taxels are touched, (taxels, 2): round (0, 0), and as far from it as those of NeuTouch."""
+    """Return where taxels are touched, (taxels, 2): around (0, 0), as far out as the taxels of NeuTouch."""
     places = sensor.places
     if places is None:
         places = np.stack([np.arange(sensor.taxels), np.zeros(sensor.taxels)], axis=1)
@@ -89,7 +87,7 @@ def _touch(label: int, classes: int, steps: int, sensor: SensorLayout, rng: np.r
     taxels = _places_mm(sensor)
     activity = np.empty((steps, sensor.surfaces, sensor.taxels, sensor.polarities))
     for fingertip in range(sensor.surfaces):
-        # Fingertips face each other, so the second sees the motion mirrored.
+        # Fingertips face each other, so the second one sees the motion mirrored.
         x = centre_x if fingertip % 2 == 0 else -centre_x
         square = (taxels[:, 0] - x[:, np.newaxis]) ** 2 + (taxels[:, 1] - centre_y[:, np.newaxis]) ** 2
         pressure = force[:, np.newaxis] * np.exp(-square / (2 * RADIUS_MM**2))
@@ -102,11 +100,9 @@ def _touch(label: int, classes: int, steps: int, sensor: SensorLayout, rng: np.r
 
 
 def _scaled(activity: FloatArray, mean: float) -> FloatArray:
-    """Return ``activity`` as probabilities of at most 0.9 with this ``mean``, or as near to it as there is
-    activity.
-    """
+    """Return ``activity`` as probabilities of at most 0.9 with this ``mean``, as far as the activity allows it."""
     share = activity
-    # Clipping takes from the mean; a few rounds of rescaling give it back to what is not clipped.
+    # Clipping lowers the mean. A few rounds of rescaling restore it through the values that are not clipped.
     for _ in range(8):
         total = float(share.mean())
         if total == 0:

@@ -1,9 +1,9 @@
-"""Raw NeuTouch text, ``.tact``: one event a line, ``polarity cell_index timestamp_seconds``.
+"""Raw NeuTouch text, ``.tact``: one event per line, ``polarity cell_index timestamp_seconds``.
 
-VT_SNN's own files have whole seconds, and nanoseconds after them. Of the 80 cells, numbered from 1, numbers 17 and 49
-do not exist; the other 78 are the taxels of two fingertips, 39 each. Assumed here, for the files do not say it: cells
-1..40 are the first fingertip and 41..80 the second, taxels in the order of their cells; polarity 1 is rising pressure
-(polarity 0 of a taxel), 0 or -1 falling (polarity 1).
+In VT_SNN's own files, whole seconds are followed by nanoseconds. The 80 cells are numbered from 1, but 17 and 49 do not
+exist; the other 78 are the taxels of two fingertips, 39 each. The files do not say more, so we assume that cells 1..40
+are the first fingertip and 41..80 the second, with taxels in the order of their cells, and that polarity 1 is rising
+pressure (polarity 0 of a taxel), and 0 or -1 falling pressure (polarity 1).
 """
 
 import math
@@ -16,28 +16,28 @@ from locsnn_compile.errors import InputError
 
 CELLS = 80
 MISSING_CELLS = (17, 49)
-#: The phases whose times a ``.startend`` file gives, in this order; of slip, the first four.
+#: The phases whose times a ``.startend`` file gives, in this order; for a slip, the first four.
 PHASES = ("start", "reaching", "reached", "grasping", "lifting", "holding")
 SLIP_PHASES = len(PHASES) - 2
 #: Classes of slip in their published order.
 SLIP_CLASSES = ("stable", "rotate")
-#: How long grasp, lift and hold last together, from ``grasping`` on, and a slip from ``reaching`` on.
+#: How long grasp, lift and hold last together, starting at ``grasping``, and how long a slip lasts, from ``reaching``.
 GRASP_SECONDS, SLIP_SECONDS = 6.5, 0.15
 SLIP_STEP_SECONDS = 0.001
 
 _TAXEL_OF_CELL = {
     cell: taxel for taxel, cell in enumerate(cell for cell in range(1, CELLS + 1) if cell not in MISSING_CELLS)
 }
-#: Channels of a file: two fingertips of two polarities.
+#: Channels of a file: two fingertips with two polarities.
 CHANNELS = 2 * len(_TAXEL_OF_CELL)
 
 
 def parse_tact(data: bytes, where: str, startend: bytes | None, startend_where: str) -> EventStream:
-    """Return the events of the bytes of a ``.tact`` file, times in seconds; x counts taxels.
+    """Return the events in the bytes of a ``.tact`` file, times in seconds; x counts taxels.
 
-    With the bytes of a ``.startend`` file the recording is the 6.5 s from "grasping", or of the four times of a slip
-    the 0.15 s from "reaching", in bins of 1 ms by default; without, it runs from the first event to the last. Raises
-    ``InputError`` with the line number of a line that is no event.
+    With the bytes of a ``.startend`` file, the recording is the 6.5 s that start at "grasping". If that file has the
+    four times of a slip, it is the 0.15 s that start at "reaching", by default in bins of 1 ms. Without such a file, it
+    runs from the first event to the last. Raises ``InputError`` with the number of a line that is not an event.
     """
     channels, seconds = _parse(data, where)
     start, span_seconds = float(seconds.min()), None
@@ -49,13 +49,13 @@ def parse_tact(data: bytes, where: str, startend: bytes | None, startend_where: 
 
 
 def tact_text(spikes: ByteArray, step_seconds: float) -> bytes:
-    """Return the ``.tact`` lines of one recording, (steps, 156): an event a bin, from 0 s on."""
+    """Return the ``.tact`` lines of one recording, (steps, 156): one event for each bin that is 1, starting at 0 s."""
     steps, channels = np.nonzero(spikes)
     cell_of = list(_TAXEL_OF_CELL)
     lines: list[str] = []
     for step, channel in zip(steps.tolist(), channels.tolist(), strict=True):
-        # In the middle of the bin, so that rounding moves no event into another one; but where nothing else says when
-        # the recording begins, its first event does.
+        # In the middle of the bin, so that rounding moves no event into another bin. The first event of a recording is
+        # the exception: it may be the only sign of when the recording begins.
         seconds = (step + (0.5 if lines or step else 0.0)) * step_seconds
         lines.append(f"{1 - channel % 2} {cell_of[channel // 2]} {seconds:.9f}\n")
     return "".join(lines).encode()
@@ -96,7 +96,7 @@ def _fault(where: str, line: int, what: str, got: object) -> InputError:
 
 
 def _stretch(data: bytes, where: str) -> tuple[float, float]:
-    """Return when a recording begins and how long it is: of lines ``grasping <seconds>``, or of six or four numbers."""
+    """Return the begin and length of a recording, from lines ``grasping <seconds>``, or from six or four numbers."""
     words = data.decode("ascii", "replace").replace(",", " ").replace(":", " ").split()
     times: list[float] = []
     named: dict[str, float] = {}

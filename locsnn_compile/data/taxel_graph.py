@@ -1,6 +1,6 @@
-"""Which taxels of a surface are neighbours: the graphs of TactileSGNet, for any sensor that says where they lie.
+"""Which taxels of a surface are neighbours: the graphs of TactileSGNet, for any sensor with known positions.
 
-Source of the three ways: Gu et al., IROS 2020. Edges are undirected here, each held once.
+Source of the three kinds: Gu et al., IROS 2020. Edges are undirected here, and each is held once.
 """
 
 from collections.abc import Iterable
@@ -19,10 +19,12 @@ GRAPHS = ("manual", "nearest", "tree")
 def taxel_graph(kind: str, layout: SensorLayout, *, neighbours: int, nearer_mm: float) -> Edges:
     """Return the edges of a surface's graph, pairs of 1-based taxel numbers, the lower first, sorted.
 
-    ``manual``: joined by hand, NeuTouch's. ``nearest``: every taxel and its ``neighbours`` nearest ones, of equally
-    near ones those of the lowest number. ``tree``: the minimum spanning tree that grows from the taxel in the middle,
-    and all pairs nearer than ``nearer_mm``, in the unit of the layout. Raises ``InputError`` for another kind, and for
-    a sensor that lacks what it needs.
+    - ``manual``: edges drawn by hand, for NeuTouch only
+    - ``nearest``: every taxel and its nearest ``neighbours``; among equally near ones, those with the lowest numbers
+    - ``tree``: the minimum spanning tree that grows from the middle taxel, and all pairs nearer than ``nearer_mm``, in
+      the unit of the layout
+
+    Raises ``InputError`` for another kind, and for a sensor without the positions that are needed.
     """
     check_known("taxel graph", f"{kind!r} is not known", str(kind), GRAPHS)
     where = f"taxel graph {kind!r}"
@@ -43,9 +45,9 @@ def taxel_graph(kind: str, layout: SensorLayout, *, neighbours: int, nearer_mm: 
 
 
 def _spanning_tree(distance: FloatArray, middle: int) -> list[tuple[int, int]]:
-    """Return the edges, 0-based, by which a tree grows from the middle to the nearest taxel outside it.
+    """Return the 0-based edges by which a tree grows from the middle, always to the nearest taxel outside it.
 
-    Of equally near ones, the edge from the lowest number inside, then to the lowest outside.
+    Among equally near ones, it takes the edge from the lowest number inside, then to the lowest outside.
     """
     far, inside = distance[middle].copy(), np.full(len(distance), middle)
     far[middle] = np.inf
@@ -62,5 +64,5 @@ def _spanning_tree(distance: FloatArray, middle: int) -> list[tuple[int, int]]:
 
 
 def _edges(pairs: Iterable[tuple[int, int]]) -> Edges:
-    """Return 1-based pairs in order, of 0-based ones that may come twice or turned round."""
+    """Return sorted 1-based pairs, given 0-based ones that may occur twice or with their ends swapped."""
     return tuple(sorted({(min(a, b) + 1, max(a, b) + 1) for a, b in pairs}))

@@ -16,7 +16,7 @@ from hw_model.values import AnyArray, Frozen
 from locsnn_compile.data.plain_pickle import RefusedError, filled
 
 MAX_DIMENSIONS, MAX_VALUES = 32, 1 << 59
-"""What any numpy makes a view of."""
+"""Dimensions and values of which every version of numpy makes views."""
 FLOATS = ("torch.float16", "torch.bfloat16", "torch.float32", "torch.float64")
 _HELD = "bool uint8 uint16 uint32 uint64 int8 int16 int32 int64 float16 float32 float64 bfloat16 complex64 complex128"
 _KINDS = {f"torch.{name}": np.dtype("uint16" if name == "bfloat16" else name) for name in _HELD.split()}
@@ -43,7 +43,7 @@ def width_of(dtype: str) -> int:
 
 @dataclass(eq=False)
 class Storage:
-    """The bytes that tensors share, ``data`` once they are found; ``order`` is theirs, as numpy writes it."""
+    """The bytes that tensors share. ``data`` is set once they are found; ``order`` is their byte order, as in numpy."""
 
     size: int
     count: int
@@ -52,7 +52,7 @@ class Storage:
     _made: dict[object, AnyArray] = field(default_factory=dict, repr=False)
 
     def values(self, dtype: str, bits: tuple[str, ...]) -> AnyArray:
-        """Return all values as one dtype, read once; ``bits``: conj where they are conjugated, neg where negated."""
+        """Return all values as one dtype, read once. ``bits`` has conj if they are conjugated, neg if negated."""
         if (dtype, bits) not in self._made:
             kind = _KINDS[dtype]
             found = np.ndarray((self.size // kind.itemsize,), kind.newbyteorder(self.order), self.data)
@@ -69,7 +69,7 @@ class Storage:
 
 
 class Tensor(Frozen, eq=False):
-    """A tensor as the file states it; one that was saved from a GPU is on the cpu all the same.
+    """A tensor as the file describes it; a tensor that was saved from a GPU is on the CPU here.
 
     ``start`` is its first byte in the storage; ``strides`` count values; for ``bits`` see :meth:`Storage.values`.
     """
@@ -85,11 +85,11 @@ class Tensor(Frozen, eq=False):
 
     @property
     def dense(self) -> bool:
-        """Tell whether it has values, each in a place of its own."""
+        """Tell whether every value is stored in its own place."""
         return self.layout == "torch.strided" and self.device == "cpu"
 
     def array(self) -> AnyArray | None:
-        """Return the values, read-only, as the view that it is; None where numpy cannot hold them.
+        """Return the values as a read-only view of the storage; None if numpy cannot hold them.
 
         bfloat16 is widened to float32, which is exact.
         """
@@ -103,9 +103,9 @@ class Tensor(Frozen, eq=False):
 
 
 def rebuilt(whole: Tensor, offset: int, size: Any, strides: Any, *more: Any) -> Tensor:
-    """Return a tensor that lies in another's storage, from its start on; ``ValueError`` where it does not.
+    """Return a tensor inside another's storage, ``offset`` values after its start; ``ValueError`` if it does not fit.
 
-    ``more`` may hold its dtype, where that is not the storage's, and a dict of its bits.
+    ``more`` may hold its dtype, if it is not that of the storage, and a dict of its bits.
     """
     if whole.storage is None or type(offset) is not int or offset < 0 or len(size) != len(strides):
         raise ValueError("no part of a storage")
@@ -114,7 +114,7 @@ def rebuilt(whole: Tensor, offset: int, size: Any, strides: Any, *more: Any) -> 
     if dtype not in _KINDS:
         return Tensor(dtype, size)
     steps = tuple(step if n > 1 else 0 for n, step in zip(size, strides, strict=True))
-    # A slice that holds nothing may begin anywhere, even behind the end.
+    # An empty slice may begin anywhere, even behind the end.
     start = whole.start + offset * width if 0 not in size else 0
     last = sum((n - 1) * step for n, step in zip(size, steps, strict=True)) if 0 not in size else -1
     if start + (last + 1) * width > whole.storage.size or start % width or math.prod(size) > MAX_VALUES:
@@ -131,7 +131,10 @@ def _sizes(held: Any) -> tuple[int, ...]:
 
 
 def named(name: str) -> object:
-    """Return what a file names: a value, or a function that makes one of plain values. ``RefusedError`` for others."""
+    """Return what a name in a file stands for: a value, or a function that makes one from plain values.
+
+    Raises ``RefusedError`` for all other names.
+    """
     storage = _STORAGE.fullmatch(name)
     if storage and storage[1] in _STORAGES:
         return Name(f"torch.{_STORAGES[storage[1]]}")
@@ -143,7 +146,7 @@ def named(name: str) -> object:
 
 
 def _sparse(layout: Name, parts: Any) -> Tensor:
-    """Name a tensor by its values and size: they come after one list of indices, or two."""
+    """Return a sparse tensor by its values and size, which come after one list of indices, or after two."""
     values, size = parts[1:3] if layout.text == "torch.sparse_coo" else parts[2:4]
     return Tensor(values.dtype, _sizes(size), layout.text)
 
@@ -167,7 +170,7 @@ _FUNCTIONS: dict[str, Callable[..., object]] = {
     "torch.device": _word,
     "torch.serialization._get_layout": _word,
     "torch.nn.parameter.Parameter": lambda data, *_: data,
-    # Attributes are not looked at, and what they are of can be a tensor only.
+    # Attributes are ignored, and only tensors may have them.
     "torch._tensor._rebuild_from_type_v2": lambda made, _, arguments, __: {rebuilt: rebuilt}[made](*arguments),
     **{f"torch._utils._rebuild_parameter{end}": lambda data, *_: data for end in ("", "_with_state")},
     **{f"torch._utils._rebuild_tensor{end}": rebuilt for end in ("", "_v2", "_v3")},

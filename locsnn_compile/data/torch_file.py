@@ -1,8 +1,8 @@
-"""Read a ``.pt`` file without torch, and without running anything of it: tensors and plain values only.
+"""Read tensors and plain values from a ``.pt`` file, without torch and without running anything in it.
 
-Two formats are read. Since torch 1.6 a file is a zip archive: a pickle, and an entry of bytes for each storage. Before,
-it was five pickles (a magic number, a version, what machine it was, the value, the keys of its storages) and then the
-storages, each after its number of values.
+There are two formats. Since torch 1.6, a file is a zip archive with a pickle and one entry of bytes per storage. Before
+that, it was five pickles (a magic number, a version, a description of the machine, the value, the keys of the
+storages), followed by the storages, each preceded by its number of values.
 """
 
 import io
@@ -20,12 +20,11 @@ _ARCHIVE, _MAGIC, _PROTOCOL = b"PK\x03\x04", b"\x8a\nl\xfc\x9cF\xf9 j\xa8P\x19."
 
 
 def load_plain(data: bytes, where: str, *, fix: str) -> object:
-    """Return what the bytes of a torch file hold; ``InputError`` where that is code or the file is damaged.
+    """Return what the bytes of a torch file hold; ``InputError`` if they hold code or are damaged.
 
-    Tensors are :class:`~locsnn_compile.data.tensors.Tensor`; dtypes, devices and layouts are
-    :class:`~locsnn_compile.data.tensors.Name`. An OrderedDict or a Counter is a dict, a Size a tuple, a Parameter its
-    tensor. A pickle that would call a function is refused, never followed. ``fix`` is the way out to name for a damaged
-    file.
+    Tensors become :class:`~locsnn_compile.data.tensors.Tensor`. Dtypes, devices and layouts become
+    :class:`~locsnn_compile.data.tensors.Name`. An OrderedDict or Counter becomes a dict, a Size a tuple, a Parameter
+    its tensor. A pickle that would call a function is refused. ``fix`` is the way out for a damaged file.
     """
     budget = Budget(where)
     with parsing(where, "it is damaged, truncated or not a torch file", fix=fix):
@@ -42,7 +41,7 @@ def load_plain(data: bytes, where: str, *, fix: str) -> object:
 
 
 def _storage(given: Any, held: dict[str, Storage], found: Callable[[str, int, int], Storage]) -> Tensor:
-    """Return the tensor that is a storage by its persistent id; the storage is found once, then held by its key."""
+    """Return the tensor that stands for a storage, given its persistent id; ``held`` keeps storages by their keys."""
     if type(given) is not tuple or given[0] != "storage":
         raise RefusedError("a module")
     _, dtype, key, _, count, *views = given[:6]

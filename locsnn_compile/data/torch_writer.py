@@ -1,4 +1,4 @@
-"""Write torch's files, with torch, which is installed for training only: nothing here is needed to compile."""
+"""Write torch's files with torch, which is installed only for training: compiling needs nothing here."""
 
 import io
 import sys
@@ -10,7 +10,7 @@ from locsnn_compile.errors import InputError
 
 
 def need_torch(where: str) -> None:
-    """Raise ``InputError`` where torch is not installed; ``where`` says what needs it."""
+    """Raise ``InputError`` if torch is not installed; ``where`` names what needs it."""
     try:
         import torch  # noqa: F401
     except ImportError:
@@ -19,7 +19,7 @@ def need_torch(where: str) -> None:
 
 
 def torch_bytes(values: dict[str, Any], where: str) -> bytes:
-    """Return the file of a dict of plain values, dicts, and arrays, which become tensors, or lists of texts."""
+    """Return the file of a dict of plain values, dicts and arrays; arrays of text become lists, others tensors."""
     need_torch(where)
     import torch
 

@@ -1,4 +1,4 @@
-"""Write recordings in every format that is read, whole or not at all; equal recordings give equal bytes."""
+"""Write recordings, whole or not at all; equal recordings give equal bytes."""
 
 from pathlib import Path
 
@@ -24,7 +24,7 @@ MIN_EVENT_STEP_SECONDS = 2e-6
 
 
 class NotHeld(Frozen):
-    """What the format does not say, by the option of ``read_recordings`` that gives it back."""
+    """What a format does not hold, as options of ``read_recordings`` that restore it."""
 
     options: dict[str, int | float]
 
@@ -34,12 +34,12 @@ def write_recordings(
 ) -> NotHeld:
     """Write ``recordings`` in the format that the ending of ``path`` names; without one, a folder.
 
-    ``.npz`` and ``.pt`` hold everything. ``.npy``, ``.tact``, ``.bs1`` and ``.bs2`` hold one array or recording, with a
-    label where the name has it (``_label_<k>``). A folder or ``.zip`` gets a file for each recording, of the kind
-    ``members``. ``structured``: ``.npy`` and ``.npz`` of one recording hold its events as Tonic does.
+    ``.npz`` and ``.pt`` hold everything. ``.npy``, ``.tact``, ``.bs1`` and ``.bs2`` hold one array or recording, and a
+    label if it is in the name (``_label_<k>``). A folder or ``.zip`` gets one file per recording, of the kind
+    ``members``. ``structured``: ``.npy`` and ``.npz`` files of one recording hold its events, as Tonic's do.
 
-    Returns what has to be given to read the same recordings again. Raises ``InputError`` for what a format cannot hold,
-    and where the file cannot be written.
+    Returns the options that are needed to read the same recordings again. Raises ``InputError`` for recordings that the
+    format cannot hold, and if the file cannot be written.
     """
     path = Path(path)
     where, suffix = f"file {path.name!r}", path.suffix
@@ -79,7 +79,7 @@ def _content(path: Path, recordings: Recordings, kind: str, where: str) -> bytes
 
 
 def _check_label(path: Path, recordings: Recordings, where: str) -> None:
-    """Refuse a single file for several recordings of events, and labels that its name does not say."""
+    """Refuse to write several recordings of events, or labels that the name does not have, into a single file."""
     binned = path.suffix == ".npy"
     if len(recordings) > 1 and not binned:
         fix = "Write a folder or .zip, with members."
@@ -111,7 +111,7 @@ def _channel_major(spikes: ByteArray) -> ByteArray:
 
 
 def _polarities(recordings: Recordings) -> int:
-    """Return the polarities of a cell: those of the sensor, where there are channels of whole fingertips."""
+    """Return the polarities of a cell: two if the channels are those of whole fingertips, else one."""
     return POLARITIES if recordings.spikes.shape[2] % (TAXELS * POLARITIES) == 0 else 1
 
 
@@ -163,7 +163,7 @@ def _member_files(recordings: Recordings, kind: str, where: str) -> dict[str, by
 
 
 def _not_held(recordings: Recordings, kind: str, *, width_held: bool = False, startend: bool = False) -> NotHeld:
-    """Return what a file of this kind leaves open: what would be read otherwise without it."""
+    """Return the options without which a file of this kind would be read differently."""
     _, steps, channels = recordings.spikes.shape
     width, polarities = _width(recordings), _polarities(recordings)
     active: BoolArray = np.any(recordings.spikes, axis=0)

@@ -1,4 +1,4 @@
-"""File formats in: one frontend a format, each giving a checked Network."""
+"""Read networks: one frontend per file format, each of which returns a checked Network."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -20,7 +20,7 @@ _OPTIONS = {
     _NIR: ("dt", "reset", "discretisation"),
     _LAVA_DL: (),
 }
-"""The options of each kind; a file of another kind says these itself."""
+"""The options of each kind; files of the other kinds hold these values themselves."""
 
 
 @checked
@@ -33,17 +33,20 @@ def load(
     discretisation: str | None = None,
     kernels: str | None = None,
 ) -> Network:
-    """Read a model: a checkpoint of ``locsnn train`` or of slayerPytorch, a NIR graph, or a lava-dl network.
+    """Read a model: a checkpoint of ``locsnn train`` or slayerPytorch, a NIR graph, or a lava-dl network.
 
-    A file of ``locsnn pack`` gives one network of all that it holds.
+    A file of ``locsnn pack`` becomes one network of all that it holds. What ``lc.train`` returned needs no file.
 
-    What ``lc.train`` returned is one, too, without a file. ``.pt`` is a checkpoint, one of slayerPytorch where
-    ``config``, its YAML description, is given; HDF5 files are told apart by what they hold. For a NIR graph, ``dt`` is
-    the seconds of a step (1e-4 by convention), ``reset`` what a spike does to the potential (``zero``, ``subtract``,
-    ``late-zero`` or ``late-subtract``), ``discretisation`` ``euler``, ``hold`` or ``exact``. For a slayerPytorch
-    checkpoint of SRMALPHA neurons, ``kernels`` are ``full``, or ``cut`` as in its training: in the float reference,
-    for the chip keeps the tails. Other formats say these themselves, so giving them is an ``InputError``, like a file
-    that cannot be read or used. Nothing in the file is executed.
+    - A ``.pt`` file is a checkpoint. With ``config``, its YAML description, it is one of slayerPytorch.
+    - HDF5 files are told apart by their content.
+    - NIR graph: ``dt`` is the length of a step in seconds (by convention 1e-4), ``reset`` what a spike does to the
+      potential (``zero``, ``subtract``, ``late-zero`` or ``late-subtract``), and ``discretisation`` is ``euler``,
+      ``hold`` or ``exact``.
+    - slayerPytorch checkpoint of SRMALPHA neurons: ``kernels`` of the float reference are ``full``, or ``cut`` as in
+      training. The chip always keeps the tails.
+
+    Other formats hold these values themselves, so giving them is an ``InputError``, as is a file that cannot be read or
+    used. Nothing in the file is executed.
     """
     if isinstance(model, Checkpoint):
         path, where, kind = Path(), f"model {model.description.name!r}", _CHECKPOINT
@@ -58,7 +61,7 @@ def load(
     if kind == _SLAYER:
         from locsnn_compile.frontends.slayer.to_network import load_slayer
 
-        assert config is not None  # else it is no checkpoint of slayerPytorch
+        assert config is not None  # that makes it a checkpoint of slayerPytorch
         network = load_slayer(path, Path(config), kernels)
     elif kind == _CHECKPOINT:
         from locsnn_compile.frontends.checkpoint import network_of
@@ -84,7 +87,7 @@ def load(
 
 
 def _kind(path: Path, where: str, *, described: bool) -> str:
-    """Return which of the kinds a file is, by its ending, by whether a description is given, and by what it holds."""
+    """Return the kind of a file, judged by its ending, by whether a description is given, and by its content."""
     if path.suffix in (".pt", ".pth"):
         return _SLAYER if described else _CHECKPOINT
     if path.suffix not in (".nir", ".net", ".h5", ".hdf5"):

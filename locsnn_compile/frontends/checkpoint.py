@@ -1,4 +1,4 @@
-"""From a checkpoint of ours (``locsnn train``) to a Network."""
+"""From a checkpoint of ``locsnn train`` to a Network."""
 
 import math
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ from locsnn_compile.network.neurons import Cuba, Neuron, SrmAlpha
 from locsnn_compile.network.projections import ChipProjection, Projection, matrix, row_sums
 
 LAYERS = 2
-"""Steps from an event to the outputs."""
+"""Number of steps from an event to the outputs."""
 UNREACHED = 1.1
 """The threshold of an output, as a multiple of all that can come at once: it never spikes, rounded weights or not."""
 

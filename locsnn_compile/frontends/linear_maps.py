@@ -1,4 +1,4 @@
-"""Linear layers of other frameworks as sparse matrices (outputs, inputs), images flattened in C order."""
+"""Linear layers of other frameworks as sparse matrices (outputs, inputs); images are flattened in C order."""
 
 import itertools
 import math
@@ -14,38 +14,38 @@ Shape = tuple[int, ...]
 Ints = tuple[int, ...]
 
 MAX_ENTRIES = 10_000_000
-"""Most connections of one layer: more than ten chips' synapse memories hold."""
+"""Largest number of connections of one layer: more than the synapse memories of ten chips hold."""
 MAX_SIZE = 1_000_000
-"""Most neurons or lines of one layer: eight chips of 128 cores hold as many."""
+"""Largest number of neurons or lines of one layer: as many as eight chips of 128 cores hold."""
 
 
 def check_shape(shape: Shape, where: str) -> None:
-    """Refuse a layer without neurons or lines, or with more than are ever laid out."""
+    """Refuse a layer without neurons or lines, or with too many."""
     if math.prod(shape) > MAX_SIZE or min(shape, default=0) < 1:
         raise InputError(where, "no size to work with", measured=f"{shape} against 1 to {MAX_SIZE}", fix="Correct.")
 
 
 def check_entries(entries: int, where: str) -> None:
-    """Refuse a layer of more connections than are ever expanded."""
+    """Refuse a layer with too many connections to expand."""
     check_most(entries, MAX_ENTRIES, where, "too many connections", fix="Give a smaller layer.")
 
 
 class Window(Frozen):
-    """How a kernel slides over an image: one number a spatial axis; ``padding`` also ``same`` or ``valid``."""
+    """How a kernel slides over an image: one number per spatial axis; ``padding`` may also be ``same`` or ``valid``."""
 
     stride: Ints
     padding: Ints | str
     dilation: Ints
 
     def slid(self, spatial: Shape, kernel: Shape) -> Shape:
-        """Return how many places the kernel has on each axis; numbers below 1 where it does not fit."""
+        """Return how many places the kernel has on each axis; below 1 if it does not fit."""
         return tuple(
             (n + sum(ends) - d * (k - 1) - 1) // max(s, 1) + 1
             for n, ends, d, k, s in zip(spatial, self.ends(kernel), self.dilation, kernel, self.stride, strict=True)
         )
 
     def ends(self, kernel: Shape) -> tuple[tuple[int, int], ...]:
-        """Return the padding before and after each axis; no word but ``same`` pads anything."""
+        """Return the padding before and after each axis; of the words, only ``same`` pads."""
         if self.padding == "same":
             total = [d * (k - 1) for d, k in zip(self.dilation, kernel, strict=True)]
             return tuple((t // 2, t - t // 2) for t in total)
@@ -55,7 +55,7 @@ class Window(Frozen):
 def convolution(weight: AnyArray, input_shape: Shape, window: Window, *, groups: int, where: str) -> tuple[Any, Shape]:
     """Return the matrix and the output shape (out, *spatial) of a convolution as torch defines it (no kernel flip).
 
-    ``weight`` (out, in / groups, *kernel), ``input_shape`` (in, *spatial). The values keep the weights' type.
+    ``weight`` (out, in / groups, *kernel), ``input_shape`` (in, *spatial). The values have the type of the weights.
     """
     outs, per_group, kernel = weight.shape[0], weight.shape[1], weight.shape[2:]
     spatial = input_shape[1:]
@@ -86,9 +86,10 @@ def convolution(weight: AnyArray, input_shape: Shape, window: Window, *, groups:
 def pooling(
     kernel: AnyArray, input_shape: Shape, window: Window, *, fill: Ints = (0, 0), where: str
 ) -> tuple[Any, Shape]:
-    """Return the matrix and the output shape of a kernel (height, width), axes of one before them or not, by channel.
+    """Return the matrix and the output shape of a kernel (height, width) that is applied to each channel.
 
-    ``fill`` are rows and columns of silence behind an image (channels, height, width).
+    The kernel may have axes of length one in front. ``fill`` is the number of silent rows and columns that are added
+    behind an image (channels, height, width).
     """
     channels, *spatial = input_shape
     check_entries(channels * kernel.size, where)
@@ -102,7 +103,7 @@ def pooling(
 
 
 def product(left: Any, right: Any, where: str) -> Any:
-    """Return the sparse product of two maps, one after the other; refuse one that would grow beyond all bounds."""
+    """Return the sparse product of two maps; refuse one that would become too large."""
     work = int((np.diff(left.tocsc().indptr).astype(np.int64) * np.diff(right.tocsr().indptr)).sum())
     check_entries(min(work, left.shape[0] * right.shape[1]), where)
     return sparse.csr_array(left @ right)

@@ -1,4 +1,4 @@
-"""What a file of another tool becomes: the parts of a network, and what it is checked on, for such files carry none."""
+"""The parts of a network that a frontend collects, and made-up recordings for files that carry none."""
 
 import hashlib
 from dataclasses import dataclass, field
@@ -17,20 +17,20 @@ from locsnn_compile.network.projections import ChipProjection, Matrix, Projectio
 
 VIEW_NAMES: dict[Axis, str] = {"time": "touch", "location": "touch_transposed"}
 STEPS = 100
-"""Steps of synthetic recordings where nothing says it."""
+"""Steps of synthetic recordings if the file does not give them."""
 SAMPLES = 8
 RATE = 0.05
-"""Share of channels that spike in a step."""
+"""Share of channels that spike in each step."""
 _MOST = 10_000_000
 _FEWEST_STEPS = 30
-"""A touch that is shorter has no phases to tell apart."""
+"""A shorter touch has no distinct phases."""
 
 
 @dataclass(eq=False)
 class Parts:
-    """What a network is made of so far; ``outputs``: the first step whose potentials count, None where spikes do.
+    """The parts of a network so far; ``outputs``: the first step whose potentials count, or None if spikes count.
 
-    ``weights``: what the scores of an output are multiplied by, if not by 1.
+    ``weights``: the factors of outputs whose scores are not weighed by 1.
     """
 
     views: list[InputView] = field(default_factory=list)
@@ -41,27 +41,27 @@ class Parts:
 
     @property
     def readout(self) -> Readout:
-        """All outputs, each times its weight, added."""
+        """The weighted sum of all outputs."""
         first = tuple(self.outputs.values())
         weights = tuple(self.weights.get(name, 1.0) for name in self.outputs)
         return Readout(tuple(self.outputs), weights, first[0] if len(set(first)) == 1 else first)
 
     def network(self, **said: Any) -> Network:
-        """Return the network of these parts, and of what else is said of it."""
+        """Return the network of these parts; ``said`` holds its other fields."""
         said |= {"views": tuple(self.views), "populations": tuple(self.populations)}
         return Network(**said, projections=tuple(self.projections), readout=self.readout)
 
     def network_of_file(
         self, path: Path, data: bytes, channels: int, steps: int, seconds: float | None, **said: Any
     ) -> Network:
-        """Return the network that the bytes of another tool's file hold, checked on made-up recordings."""
+        """Return the network in the bytes of another tool's file, with made-up recordings to check it on."""
         said |= {"name": path.stem, "channels": channels, "steps": steps, "step_seconds": seconds}
         recordings, digest = synthetic_recordings(channels, steps, seconds), hashlib.sha256(data).hexdigest()
         return self.network(**said, sha256=digest, recordings=recordings)
 
 
 def eight_bit_signs(mantissa: Matrix, where: str, limits: str, fix: str) -> Signs:
-    """Return in which signs a format of 8 bits holds mantissas; refuse those that none holds."""
+    """Return the signs with which 8-bit formats hold these mantissas; refuse mantissas that no format holds."""
     values = values_of(mantissa)
     low, high = int(values.min(initial=0)), int(values.max(initial=0))
     if -256 <= low and high <= 254 and not (values % 2).any():
@@ -73,12 +73,12 @@ def eight_bit_signs(mantissa: Matrix, where: str, limits: str, fix: str) -> Sign
 
 
 def touch_fingertips(channels: int) -> int | None:
-    """Return how many fingertips have so many channels, one or two; None for other inputs."""
+    """Return the number of fingertips, one or two, with this many channels; None for other inputs."""
     return {TAXELS * POLARITIES: 1, 2 * TAXELS * POLARITIES: 2}.get(channels)
 
 
 def synthetic_recordings(channels: int, steps: int, step_seconds: float | None) -> Recordings:
-    """Return synthetic touches for a fingertip's channels, else random spikes; no labels; equal every time."""
+    """Return synthetic touches for the channels of fingertips, else random spikes; without labels, always the same."""
     fingertips = touch_fingertips(channels)
     if fingertips is not None and steps >= _FEWEST_STEPS:
         touches = synthetic_touches(SAMPLES, steps=steps, fingertips=fingertips, seed=0)

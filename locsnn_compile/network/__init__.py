@@ -1,1 +1,1 @@
-"""The first two levels: a trained network, and the same in the chip's integers."""
+"""The first two levels: a trained network, and the same network in the chip's integers."""

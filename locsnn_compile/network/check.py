@@ -1,4 +1,4 @@
-"""The rules of the first level; the first that is broken is an ``InputError`` that names the place."""
+"""The rules of the first level; the first broken rule is an ``InputError`` that names the place."""
 
 from collections.abc import Mapping
 
@@ -14,7 +14,7 @@ from locsnn_compile.network.projections import ChipProjection, Projection, value
 _Ends = dict[str, tuple[str, int]]
 
 _LEAST, _MOST = 1e-100, 1e100
-"""Magnitudes that float numbers may have, those below 1 only where they divide: products of three stay in float64."""
+"""Magnitudes that floats may have, so that products of three stay in float64; the lower limit is for divisors."""
 
 
 def check_network(network: Network) -> None:
@@ -55,7 +55,7 @@ def _check_readout(network: Network) -> None:
 
 
 def _check_start(view: InputView, network: Network) -> None:
-    """Views of a phase start together; what would work before the touch comes, the chip does not run."""
+    """Views of a phase must start together, and nothing may act before the touch: the chip does not run then."""
     where, events = f"input {view.name!r}", view.align_events
     if any(other.align_events != events for other in network.views if other.phase == view.phase):
         raise InputError(where, f"others of the {view.phase} phase start elsewhere", fix="Start them at equal events.")
@@ -108,7 +108,7 @@ def _check_neuron(population: Population) -> None:
 
 
 def _check_magnitude(where: str, key: str, values: AnyArray, least: float) -> None:
-    """Refuse numbers with which the float network itself overflows."""
+    """Refuse numbers for which the float network itself overflows."""
     size = np.abs(values)
     bad = values[(size < least) | (size > _MOST)]
     if bad.size:
@@ -118,7 +118,7 @@ def _check_magnitude(where: str, key: str, values: AnyArray, least: float) -> No
 
 
 def _check_joint(projection: Projection | ChipProjection, ends: _Ends, neurons: Mapping[str, Neuron]) -> None:
-    """Check that what a projection joins exists, goes together and takes such weights."""
+    """Check that both ends of a projection exist, that they go together, and that the target takes such weights."""
     where = projection.where
     if projection.source not in ends or projection.target not in neurons:
         raise InputError(where, "an end does not exist", fix="Name an input or a population.")

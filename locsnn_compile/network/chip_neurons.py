@@ -1,10 +1,10 @@
-"""Neurons and projections whose every number is an integer that the chip holds.
+"""Neurons whose every number is an integer that the chip holds.
 
-They are what ``quantize`` makes of float ones, and also what a network trained on the chip's own arithmetic consists of
-from the start: those are kept as they are. Notation of the equations: ``rz(x, d)`` is what a decay d of 4096 leaves of
-x, truncated toward zero; ``q(t)`` the effective weights of all spikes that arrive at step t, wrapped to the charge's
-width; u wraps, v is clipped. A spike of step t arrives at step ``t + 1 + delay``. Every parameter of a neuron is an
-int64 array (n,).
+``quantize`` makes them from float neurons. A network trained on the chip's own arithmetic has them from the start, and
+keeps them as they are. In the equations, ``rz(x, d)`` is what a decay of d / 4096 leaves of x, truncated toward zero;
+``q(t)`` is the sum of the effective weights of all spikes that arrive at step t, wrapped to the width of the charge; u
+wraps, and v is clipped. A spike of step t arrives at step ``t + 1 + delay``. Every parameter of a neuron is an int64
+array (n,).
 """
 
 from collections.abc import Mapping
@@ -23,7 +23,7 @@ BIAS_PLACES = 4
 
 
 class ChipNeuron(Neuron, Frozen, eq=False):
-    """What all neurons in the chip's integers have; see those that derive from it."""
+    """Base of all neurons in the chip's integers."""
 
     decay_u: IntArray
     decay_v: IntArray
@@ -38,27 +38,27 @@ class ChipNeuron(Neuron, Frozen, eq=False):
 
     @property
     def strategy(self) -> str:
-        """The strategy that lays this neuron out; ``native`` where it is one compartment."""
+        """The strategy that lays this neuron out; ``native`` for a single compartment."""
         return "native"
 
     @property
     def registers(self) -> dict[str, IntArray]:
-        """What its soma has besides decays and threshold, by the names of ``Compartments``; else nothing."""
+        """Settings of its soma other than decays and threshold, by the names of ``Compartments``."""
         return {}
 
     @property
     def parts(self) -> dict[str, tuple[IntArray, IntArray]]:
-        """Both decays of each kind of dendrite next to a memoryless soma, inputs onto the first; none of ``native``."""
+        """Both decays of each kind of dendrite next to a memoryless soma; inputs reach the first kind."""
         return {}
 
     @property
     def own(self) -> "dict[str, Refractory]":
-        """Self-synapses by the kind of dendrite that they reach."""
+        """Synapses of a neuron to itself, by the kind of dendrite that they reach."""
         return {}
 
 
 class ChipCuba(Shown, ChipNeuron):
-    """One compartment a neuron, with the chip's own reset.
+    """One compartment per neuron, with the chip's own reset.
 
         u(t) = rz(u(t - 1), decay_u) + q(t)
         v(t) = rz(v(t - 1), decay_v) + u(t) + bias_mantissa * 2^bias_exponent
@@ -91,10 +91,10 @@ class ChipCuba(Shown, ChipNeuron):
 
 
 class Refractory(Frozen, eq=False):
-    """Own spikes come back through self-synapses, one row a tap: to the alpha dendrite, or to one of their own.
+    """How own spikes come back through self-synapses (taps), to the alpha dendrite or to a refractory one.
 
     Tap k has a ``delay[k]`` in steps and an ``exponent[k]``, both (taps,), and mantissas ``mantissa[k]``, (taps, n),
-    -255..255, below 0 where a spike inhibits. The weights of one delay add up. With a ``decay`` (n,) they drive a
+    -255..255, negative if a spike inhibits. Weights of equal delay add up. With a ``decay`` (n,) the taps drive a
     refractory dendrite: ``s(t) = rz(s(t - 1), decay) + q_own(t)``, ``r(t) = rz(r(t - 1), decay) + s(t)``.
     """
 
@@ -112,7 +112,7 @@ class Refractory(Frozen, eq=False):
         delay: ArrayLike = 0,
         refractory_decay: ArrayLike | None = None,
     ) -> "Refractory":
-        """Make those of ``size`` neurons: taps (taps,), or one, their mantissas (taps,) or (taps, size)."""
+        """Make the taps of ``size`` neurons: one tap, or several (taps,), with mantissas (taps,) or (taps, size)."""
         delays, each = np.atleast_1d(delay), np.atleast_1d(mantissa)
         taps = len(delays)
         mantissas = matrix(np.broadcast_to(each[:, None] if each.ndim == 1 else each, (taps, size)), np.int64)
@@ -146,7 +146,7 @@ class ChipSrm(Shown, ChipNeuron):
 
     @classmethod
     def with_taps(cls, size: int, *, decay: ArrayLike, threshold: ArrayLike, **taps: Any) -> "ChipSrm":
-        """Make ``size`` neurons of one decay, with taps as :meth:`Refractory.of` makes them."""
+        """Make ``size`` neurons with one decay, and taps as :meth:`Refractory.of` makes them."""
         return cls.of(size, decay_u=decay, decay_v=decay, threshold=threshold, refractory=Refractory.of(size, **taps))
 
     @property
@@ -158,7 +158,7 @@ class ChipSrm(Shown, ChipNeuron):
 
     @property
     def parts(self) -> dict[str, tuple[IntArray, IntArray]]:
-        """The alpha dendrite, and the refractory one if there is any."""
+        """The alpha dendrite, and the refractory dendrite if there is one."""
         own, alpha = self.refractory.decay, {"dendrite": (self.decay_u, self.decay_v)}
         return alpha if own is None else alpha | {"refractory": (own, own)}
 
@@ -173,5 +173,5 @@ class ChipSrm(Shown, ChipNeuron):
 
 
 def integers(value: ArrayLike, size: int) -> IntArray:
-    """Return a read-only int64 array (size,) of one integer or of as many."""
+    """Return a read-only int64 array (size,), given one integer or ``size`` of them."""
     return spread(value, size, np.int64)

@@ -1,4 +1,4 @@
-"""Several networks of one input as one, whose class scores are the weighted sums of theirs."""
+"""Several networks with the same input as one network, whose class scores are the weighted sums of theirs."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import fields, replace
@@ -14,16 +14,16 @@ from locsnn_compile.network.network import InputView, Member, Network, Populatio
 from locsnn_compile.network.projections import ChipProjection, Projection
 
 _SHARED = ("channels", "steps", "any_length", "step_seconds", "sensor", "event_threshold", "class_names")
-"""What members must agree on, as far as they say it."""
+"""What members must agree on, unless it is None."""
 MOST_APART = 1_000_000
-"""Times a weight may be another: the sums of scores stay whole numbers that a float64 holds."""
+"""Largest ratio of two weights: sums of scores stay whole numbers that a float64 holds."""
 
 
 def committee(networks: Sequence[Network], weights: Sequence[float], name: str = "") -> Network:
-    """Join networks; populations become ``member/population``. Equal inputs are shared, and equal phases.
+    """Join networks; populations become ``member/population``. Equal inputs and equal phases are shared.
 
-    Phases are equal where name, axis, steps and start are. Raises ``InputError`` for members that disagree, and for
-    weights other than a number above 0 for each.
+    Phases are equal if name, axis, steps and start are equal. Raises ``InputError`` for members that disagree, and
+    unless there is one weight above 0 per network.
     """
     if not networks or not all(isinstance(network, Network) for network in networks):
         given = ", ".join(type(network).__name__ for network in networks) or "none"
@@ -68,7 +68,7 @@ def committee(networks: Sequence[Network], weights: Sequence[float], name: str =
 
 
 def _shared(key: str, networks: Sequence[Network]) -> Any:
-    """Return what the networks say of something, None where none does; refuse what differs."""
+    """Return the value that the networks agree on, None if none has one; refuse values that differ."""
     said = [(network.name, value) for network in networks if (value := getattr(network, key)) is not None]
     for (first, its), (name, value) in pairwise(said):
         if value != its:
@@ -79,17 +79,17 @@ def _shared(key: str, networks: Sequence[Network]) -> Any:
 
 
 def _short(value: Any) -> str:
-    """Return what a message shows of a value: a sensor's name, texts without their brackets."""
+    """Return a value as messages show it: a sensor by its name, texts without brackets."""
     return (", ".join(value) if isinstance(value, tuple) else str(getattr(value, "name", value)))[:60]
 
 
 def _free(name: str, taken: Collection[str]) -> str:
-    """Return the name, with a number where it is taken."""
+    """Return the name, with a number if it is taken."""
     return next(free for i in range(1, len(taken) + 2) if (free := name if i == 1 else f"{name}_{i}") not in taken)
 
 
 def _input(views: list[InputView], view: InputView) -> str:
-    """Return the name of the view that plays the same, which is added where there is none."""
+    """Return the name of the view that plays the same; add this one if there is none."""
     parts = [field.name for field in fields(view) if field.name != "name"]
     for other in views:
         if all(np.array_equal(getattr(view, part), getattr(other, part)) for part in parts):

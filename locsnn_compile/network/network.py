@@ -1,4 +1,4 @@
-"""The first level: a trained network, as its author thinks of it: in float, or already in the chip's integers.
+"""The first level: a trained network as its author thinks of it, in float or already in the chip's integers.
 
 Network -> QuantizedNetwork -> CompartmentGraph -> PlacedGraph -> RoutedGraph -> ChipProgram
 (this file)  quantize       lower_neurons      place_cores    route_axons    assemble
@@ -22,11 +22,12 @@ from locsnn_compile.network.projections import ChipProjection, Projection
 class InputView(Shown):
     """``lines`` input lines of one axis, taken from the recording (steps, channels).
 
-    On the time axis line c spikes at step t where channel c does. On the location axis channel ``walk[i]`` is visited
-    at step ``i // together``: an event of it at time step t spikes on line ``(i % together) * (lines // together) + t``
-    there. After the walk follow ``silence`` steps without events, in which the last ones still go through the layers.
-    With ``align_events`` a recording starts at its first step with so many events, and all is left out if it has none:
-    on the time axis the neurons step from there on, on the location axis that step is time step 0.
+    On the time axis, line c spikes at step t if channel c does. On the location axis, channel ``walk[i]`` is visited at
+    step ``i // together``: its event at time step t spikes on line ``(i % together) * (lines // together) + t`` in that
+    step. ``silence`` steps without events follow the walk, in which the last events pass through the layers.
+
+    With ``align_events``, a recording starts at its first step with at least so many events; if there is none, nothing
+    is played. On the time axis, the neurons step from there on; on the location axis, that step is time step 0.
     """
 
     name: str
@@ -36,18 +37,18 @@ class InputView(Shown):
     together: int = 1
     silence: int = 0
     own_phase: str = ""
-    """The phase in which it is played, where that is not the one of its axis."""
+    """The phase in which it is played, if that is not the phase of its axis."""
     align_events: int | None = None
     """Events in one step at which a recording starts; None: it starts at its first step."""
 
     @property
     def phase(self) -> str:
-        """In which it is played."""
+        """The phase in which it is played."""
         return self.own_phase or self.axis
 
     @property
     def steps(self) -> int:
-        """Steps of a walk over the location axis, with the silence after it."""
+        """Steps of a walk over the location axis, including the silence after it."""
         assert self.walk is not None
         return -(-len(self.walk) // self.together) + self.silence
 
@@ -58,13 +59,13 @@ class InputView(Shown):
 
     @property
     def first_lines(self) -> IntArray | None:
-        """The line of time step 0 of each channel, (channels,); None where one is visited at a time."""
+        """The line of time step 0 of each channel, (channels,); None if one channel is visited at a time."""
         if self.walk is None or self.together == 1:
             return None
         return np.argsort(self.walk).astype(np.int64) % self.together * (self.lines // self.together)
 
     def play(self, recordings: ByteArray) -> ByteArray:
-        """Return the lines' spikes, (batch, steps of the axis, lines), of recordings (batch, time steps, channels)."""
+        """Return the spikes of the lines, (batch, steps of the axis, lines), of recordings (batch, steps, channels)."""
         if self.align_events is not None:
             recordings = from_first_touch(recordings, self.align_events, moved=self.walk is not None)
         if self.walk is None:
@@ -79,25 +80,25 @@ class InputView(Shown):
 
 
 class Population(Shown):
-    """``size`` neurons of one model that step along one axis."""
+    """``size`` neurons of one model, which step along one axis."""
 
     name: str
     axis: Axis
     size: int
     neuron: Neuron
     helper: bool = False
-    """Whether a frontend made it up: no neuron of the model, and no part of what is compared."""
+    """Whether a frontend added it: its neurons are not in the model, and they are not compared."""
     own_phase: str = ""
-    """The phase in which it runs, where that is not the one of its axis."""
+    """The phase in which it runs, if that is not the phase of its axis."""
 
     @property
     def phase(self) -> str:
-        """In which it runs."""
+        """The phase in which it runs."""
         return self.own_phase or self.axis
 
     @property
     def on_grid(self) -> bool:
-        """Whether its parameters, and the weights onto it, are integers of the chip already."""
+        """Whether its parameters and incoming weights are already the chip's integers."""
         return self.neuron.on_grid
 
     @property
@@ -107,7 +108,7 @@ class Population(Shown):
 
 
 class Member(Frozen):
-    """A network in a committee: its name, the sha256 of its file, and what its class scores are weighed by."""
+    """A network in a committee: its name, the sha256 of its file, and the weight of its class scores."""
 
     name: str
     sha256: str
@@ -117,43 +118,43 @@ class Member(Frozen):
 class Network(Shown):
     """A trained network: views of one recording, populations, projections and a readout.
 
-    :func:`load` reads one from a file; one is made by hand from its parts, with numpy arrays for weights.
+    :func:`load` reads one from a file. To make one by hand, give its parts, with numpy arrays for weights.
     """
 
     name: str
     channels: int
     steps: int
-    """Time steps of a recording; a shorter one is followed by silence."""
+    """Time steps of a recording; shorter recordings are padded with silence."""
     views: tuple[InputView, ...]
     populations: tuple[Population, ...]
     projections: tuple[Projection | ChipProjection, ...]
     readout: Readout
     step_seconds: float | None = None
-    """Seconds of a time step; None where neither its file nor the user says it."""
+    """Seconds per time step; None if neither its file nor the user gives it."""
     sensor: SensorLayout | None = None
-    """What its channels are, where its file says it."""
+    """The layout of its channels, if its file has one."""
     sha256: str = ""
-    """Of the file that it was read from; nothing where it was made by hand."""
+    """Of the file that it was read from; empty if it was made by hand."""
     recordings: Recordings | None = None
-    """A few recordings that the file carries for the check."""
+    """A few recordings that the file carries for checks."""
     origin: object | None = None
-    """What its file held, where it can be written again in that format."""
+    """The content of its file, if it can be written again in that format."""
     any_length: bool = False
-    """Whether a recording is played for as many steps as it has; ``steps`` is then only the usual number."""
+    """Whether recordings of any length are played as they are; ``steps`` is then only the usual number."""
     assumptions: tuple[str, ...] = ()
-    """What had to be assumed to read its file, in sentences."""
+    """Assumptions that were needed to read its file, as sentences."""
     event_threshold: int | None = None
-    """Events that a bin must exceed to be 1; None where nothing says it."""
+    """The number of events that a bin has to exceed to become 1; None if unknown."""
     class_names: tuple[str, ...] | None = None
-    """Of its classes, where they have any."""
+    """Of its classes, if they have names."""
     psi: float | None = None
-    """How late its time-weighted prediction turns to the location branch; None where nothing says it."""
+    """How late its time-weighted prediction turns to the location branch; None if unknown."""
     members: tuple[Member, ...] = ()
     """The networks of a committee, whose populations begin with ``name/``."""
 
     @property
     def own_populations(self) -> tuple[Population, ...]:
-        """The populations of the model itself, without helpers."""
+        """The populations of the model itself, without those that a frontend added."""
         return tuple(population for population in self.populations if not population.helper)
 
     @property
@@ -163,7 +164,7 @@ class Network(Shown):
 
     @property
     def phases(self) -> tuple[Phase, ...]:
-        """One for each step axis and way to play the recording along it, those over time first."""
+        """One phase for each step axis and each way to play the recording along it; those over time come first."""
         axis_of = {population.phase: population.axis for population in self.populations}
         starts = {view.phase: view.align_events for view in self.views}
         rows = sorted(axis_of.items(), key=lambda row: AXES.index(row[1]))
@@ -178,11 +179,11 @@ class Network(Shown):
 
     @property
     def event_options(self) -> dict[str, Any]:
-        """What its sensor says of events with x and y."""
+        """How its sensor turns events with x and y into channels, as options."""
         return {} if self.sensor is None else self.sensor.event_options
 
     def steps_of(self, phase: str) -> int:
-        """Steps of a phase: time steps, or those of its walks over the channels."""
+        """Return the steps of a phase: time steps, or the steps of its walks over the channels."""
         walks = (view.steps for view in self.views if view.phase == phase and view.walk is not None)
         return next(walks, self.steps)
 
@@ -196,9 +197,9 @@ class Network(Shown):
         return next(p.size for p in self.populations if p.name == self.readout.populations[0])
 
     def fit(self, recordings: ByteArray, source: str) -> ByteArray:
-        """Check channels and steps; a shorter recording is followed by silence, a longer one is refused.
+        """Check channels and steps: shorter recordings are padded with silence, longer ones are refused.
 
-        A network of any length takes recordings as they are.
+        A network that takes any length gets recordings as they are.
         """
         where = f"events {source!r}"
         if recordings.ndim != 3 or recordings.shape[2] != self.channels:

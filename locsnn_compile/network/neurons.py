@@ -1,8 +1,8 @@
-"""What a neuron model is to every level, and the models in float, as their authors think of them.
+"""The base of all neuron models, and the models in float, as their authors think of them.
 
-A model is a frozen dataclass that derives from :class:`Neuron`, and may come from outside the package. Here are the
-facts that it knows of itself. What it does is registered with the functions that ask, each in its own room: its steps
-with ``reference.evaluate.steps_of``, its integers with ``passes.quantize.integers_of``, its text with
+A model is a frozen dataclass that derives from :class:`Neuron`; it may come from outside this package. The class has
+the facts about the model. What the model does is registered with the function that needs it, each in its own room: its
+steps with ``reference.evaluate.steps_of``, its integers with ``passes.quantize.integers_of``, and its text with
 ``network.text.neuron_text``.
 """
 
@@ -25,10 +25,10 @@ Number = TypeVar("Number", np.float64, np.int64)
 Rule = Literal[">", ">="]
 
 SMALLEST = 0.01
-"""slayerPytorch ends a kernel at the first lag beyond tau at which its magnitude is below this."""
+"""slayerPytorch ends a kernel at the first lag beyond tau whose magnitude is below this."""
 MAX_TAPS = 100_000
 _ARRAYS: dict[Any, Any] = {FloatArray: np.float64, IntArray: np.int64}
-"""Annotation of a parameter that is an array -> its type."""
+"""Annotation of a parameter that is an array -> the type of its numbers."""
 
 
 Musts = Mapping[str, Must]
@@ -37,7 +37,7 @@ FINITE = Must(np.isfinite, "a finite number")
 
 
 class Parameter(NamedTuple):
-    """A parameter of ``size`` neurons: its numbers, the shape of one number each, and what they must be."""
+    """A parameter of some neurons: its numbers, their shape with one number per neuron, and what they must be."""
 
     name: str
     values: AnyArray
@@ -46,27 +46,27 @@ class Parameter(NamedTuple):
 
 
 class Neuron(ABC):
-    """Neurons of one model, all parameters included."""
+    """Neurons of one model, with all parameters."""
 
     on_grid: ClassVar[bool] = False
-    """Whether its parameters, and the weights onto it, are integers of the chip already."""
+    """Whether its parameters and incoming weights are already the chip's integers."""
     by_strategy: ClassVar[bool] = False
     """Whether there are several ways to lay it out on a chip."""
     musts: ClassVar[Musts] = {}
-    """What parameters must be; of integers, the chip that they are compiled for says it."""
+    """What its parameters must be; for integers, the target chip decides."""
     needs: ClassVar[str] = ""
-    """What a chip would have to have to hold it; by default, the model."""
+    """What a chip needs to hold it; by default, the model itself."""
     way_out: ClassVar[str] = "Use neurons that the chip has: SrmAlpha, Cuba or SoftCuba."
-    """What to do where a chip has not what it needs."""
+    """What to do if a chip lacks what it needs."""
     usual: ClassVar[Mapping[str, float]] = {}
-    """Parameters that :meth:`of` need not be given."""
+    """Default values of parameters in :meth:`of`."""
     dendrites: int = 1
 
     @classmethod
     def of(cls, size: int, **given: Any) -> Self:
-        """Make ``size`` neurons by the names of their parameters: one number for all, or an array (size,).
+        """Make ``size`` neurons; each parameter is one number for all, or an array (size,).
 
-        A name that is not a parameter's is an ``InputError``, like one that is missing.
+        Raises ``InputError`` for an unknown parameter, and for a missing one.
         """
         hints = get_type_hints(cls)
         kinds = {item.name: _ARRAYS.get(hints[item.name]) for item in fields(cls)}  # type: ignore[arg-type]
@@ -79,25 +79,25 @@ class Neuron(ABC):
         return cls(**{k: v if (kind := kinds[k]) is None else spread(v, size, kind) for k, v in values.items()})
 
     def whole(self) -> "Neuron":
-        """Return it with the tails of its kernels, where it has kernels."""
+        """Return it with full kernels, if it has kernels."""
         return self
 
     def cut(self) -> "Neuron":
-        """Return it with its kernels cut where slayerPytorch cuts them, where it has kernels."""
+        """Return it with its kernels cut like slayerPytorch's, if it has kernels."""
         return self
 
     @property
     @abstractmethod
     def spikes_at(self) -> ArrayLike:
-        """The threshold in the units of its potential, at rest: one for all, or (n,)."""
+        """The threshold in the unit of its potential, at rest: one for all, or (n,)."""
 
     @property
     def biased(self) -> BoolArray:
-        """Which neurons have a bias: one answer for all, or (n,)."""
+        """Which neurons have a bias: one value for all, or (n,)."""
         return np.array(False)
 
     def parameters(self, size: int) -> list[Parameter]:
-        """Return its arrays, and its numbers that must be something."""
+        """Return its arrays, and the numbers that have rules."""
         return [
             Parameter(name, np.asarray(values), (size,), self.musts.get(name))
             for name, values in vars(self).items()
@@ -112,9 +112,9 @@ class SrmAlpha(Neuron, Frozen):
         eps(k) = (k / tau_sr) * exp(1 - k / tau_sr)
         nu(k) = -scale_ref * theta * (k / tau_ref) * exp(1 - k / tau_ref)            for k = 0, 1, 2, ...
 
-    It spikes where ``u(t) >= theta``; there is no reset. Source: Kang et al., IJCNN 2022, after SLAYER's SRMALPHA. Of
-    eps and nu only the first ``eps_taps`` and ``nu_taps`` values are there, that of k = 0 included: slayerPytorch ends
-    its kernels where they become small. Lowering keeps the tails.
+    It spikes where ``u(t) >= theta``; there is no reset. Source: Kang et al., IJCNN 2022, after SLAYER's SRMALPHA. Only
+    the first ``eps_taps`` values of eps and ``nu_taps`` values of nu exist, counting k = 0: slayerPytorch ends its
+    kernels where they become small. Lowering keeps the tails.
     """
 
     theta: float
@@ -133,18 +133,18 @@ class SrmAlpha(Neuron, Frozen):
         return self.theta
 
     def whole(self) -> "SrmAlpha":
-        """Return it with the tails of its kernels."""
+        """Return it with full kernels."""
         return replace(self, eps_taps=math.inf, nu_taps=math.inf)
 
     def cut(self) -> "SrmAlpha":
-        """Return it with its kernels cut where slayerPytorch cuts them."""
+        """Return it with its kernels cut like slayerPytorch's."""
         eps = alpha_taps(self.tau_sr, 1.0)
         nu = alpha_taps(self.tau_ref, -self.scale_ref * self.theta)
         return replace(self, eps_taps=len(eps), nu_taps=len(nu))
 
 
 class Leaky(Neuron, Frozen, eq=False):
-    """What all leaky integrate-and-fire neurons have; see those that derive from it."""
+    """Base of all leaky integrate-and-fire neurons."""
 
     decay_u: FloatArray
     decay_v: FloatArray
@@ -159,14 +159,14 @@ class Leaky(Neuron, Frozen, eq=False):
 
 
 class Cuba(Shown, Leaky):
-    """Leaky integrate-and-fire neurons with a current; every parameter an array (n,), decays as fractions lost.
+    """Leaky integrate-and-fire neurons with a current. Every parameter is an array (n,); decays are fractions lost.
 
         i(t) = (1 - decay_u) * i(t - 1) + sum over inputs j and their spikes s = t - 1 - delay_j:  w_j
         v(t) = (1 - decay_v) * v(t - 1) + i(t) + bias
 
-    It spikes where ``v(t)`` is above ``threshold`` (``rule`` ``>``), or at least that (``>=``); then v = 0, and stays
-    so without a spike for ``refractory - 1`` steps; the current goes on. With ``decay_u`` 1 nothing of the current is
-    kept: plain leaky integrate-and-fire (TLIF, LLIF); with ``decay_v`` 0 as well, integrate-and-fire.
+    It spikes where ``v(t) > threshold``, or ``>=``, as ``rule`` says. Then v = 0, and it stays 0 without a spike for
+    ``refractory - 1`` steps, while the current continues. With ``decay_u`` 1, nothing of the current is kept: plain
+    leaky integrate-and-fire (TLIF, LLIF). With ``decay_v`` 0 as well, it is integrate-and-fire.
     """
 
     bias: FloatArray
@@ -183,7 +183,7 @@ class Cuba(Shown, Leaky):
 
 
 class SoftCuba(Shown, Leaky):
-    """Like :class:`Cuba`, but a spike takes ``drop`` from the voltage, a step later, and leaves the rest.
+    """Like :class:`Cuba`, but a spike only takes ``drop`` from the voltage, one step later.
 
         i(t) = (1 - decay_u) * i(t - 1) + sum over inputs j and their spikes s = t - 1 - delay_j:  w_j
         v(t) = (1 - decay_v) * v(t - 1) + i(t) - drop * (1 where it spiked at t - 1)
@@ -212,7 +212,7 @@ def alpha_taps(tau: float, factor: float, steps: int = MAX_TAPS) -> FloatArray:
 
 
 def spread(value: ArrayLike, size: int, dtype: type[Number]) -> npt.NDArray[Number]:
-    """Return a read-only array (size,) of a number or of as many numbers; integers must be whole."""
+    """Return a read-only array (size,), given one number or ``size`` numbers; integers must be whole."""
     given = whole_numbers(value) if issubclass(dtype, np.integer) else np.asarray(value, dtype=dtype)
     if given.shape not in ((), (1,), (size,)):
         measured = f"{given.shape} against ({size},)"

@@ -1,7 +1,7 @@
 """Weights: matrices (n_target, n_source), dense or scipy CSR, and the projections that hold them, in float or integers.
 
-The *values* of a matrix are its array where it is dense, and the stored entries, (entries,) row by row, where it is
-sparse. What is not stored is no connection.
+The *values* of a dense matrix are its array; those of a sparse matrix are its stored entries, (entries,) row by row. An
+entry that is not stored is not a connection.
 """
 
 from functools import cached_property
@@ -21,11 +21,11 @@ Matrix: TypeAlias = Any
 
 
 Signs = Literal["apart", "mixed"]
-"""``apart``: positive and negative weights in formats of their own, all bits magnitude; ``mixed``: both in one."""
+"""``apart``: separate formats for positive and negative weights, all bits for the magnitude; ``mixed``: both in one."""
 
 
 class Connection(Frozen, eq=False):
-    """What joins a ``source`` to a ``target``: a projection of either kind."""
+    """A projection of either kind, from a ``source`` to a ``target``."""
 
     source: str
     target: str
@@ -42,15 +42,15 @@ class Connection(Frozen, eq=False):
 
     @cached_property
     def fan_out(self) -> IntArray:
-        """The values other than 0 that each source has, (n_source,)."""
+        """The number of targets of each source with a weight other than 0, (n_source,)."""
         return fan_out(self.held)
 
 
 class Projection(Shown, Connection):
     """Weights (n_target, n_source), float64, dense or CSR, from an input view or a population to a population.
 
-    A spike of step t acts at step ``t + 1 + delay``; ``delay`` in steps, one for all, or an array like the matrix's
-    values: (n_target, n_source), or (entries,) of a sparse one. The source may be the target, or come after it.
+    A spike of step t acts at step ``t + 1 + delay``. ``delay`` is in steps: one for all, or an array like the values of
+    the matrix, (n_target, n_source) or, if sparse, (entries,). The source may be the target, or come after it.
     """
 
     weights: Matrix
@@ -71,8 +71,8 @@ class Projection(Shown, Connection):
 class ChipProjection(Shown, Connection):
     """Mantissas (n_target, n_source), int64, dense or CSR; effective weights are ``64 * floor(mantissa * 2^exponent)``.
 
-    ``delay`` in steps: one for all, or an array like the matrix's values. ``dendrite`` is that of the target's alpha
-    dendrites which the charge reaches. Several projections may join the same ends: their weights add up.
+    ``delay`` is in steps: one for all, or an array like the values of the matrix. ``dendrite`` is the number of the
+    target's alpha dendrite that the charge reaches. Several projections may join the same ends; their weights add up.
     """
 
     mantissa: Matrix
@@ -91,7 +91,7 @@ class ChipProjection(Shown, Connection):
 
 
 def matrix(given: Any, dtype: npt.DTypeLike) -> Matrix:
-    """Return a read-only copy: CSR, entries summed and in order, where a sparse matrix is given, else an array.
+    """Return a read-only copy: of a sparse matrix as CSR with sorted entries and sums for duplicates, else an array.
 
     Integers must be whole.
     """
@@ -106,7 +106,7 @@ def matrix(given: Any, dtype: npt.DTypeLike) -> Matrix:
 
 
 def held_matrix(given: Any, where: str) -> Matrix:
-    """Return a matrix of float64 that nobody changes: what is given, where it is one, else a copy."""
+    """Return a read-only matrix of float64: the given one, if it is that already, or a copy."""
     values = given.data if sparse.issparse(given) else given
     if isinstance(values, np.ndarray) and values.dtype == np.float64 and not values.flags.writeable:
         return given
@@ -118,7 +118,7 @@ def held_matrix(given: Any, where: str) -> Matrix:
 
 
 def _of_type(given: ArrayLike, dtype: npt.DTypeLike) -> Values:
-    """Return a copy in a type; ``TypeError`` for complex numbers."""
+    """Return a copy as another type; ``TypeError`` for complex numbers."""
     if np.iscomplexobj(given):
         raise TypeError
     return whole_numbers(given) if np.issubdtype(dtype, np.integer) else np.array(given, dtype=dtype)
@@ -137,18 +137,18 @@ def with_values(m: Matrix, values: Values) -> Matrix:
 
 
 def of_target(m: Matrix, each: ArrayLike) -> Values:
-    """Spread one number a target (n_target,) so that it can be multiplied with the values."""
+    """Spread one number per target, (n_target,), so that it can be multiplied with the values."""
     column = np.asarray(each)
     return np.repeat(column, np.diff(m.indptr)) if sparse.issparse(m) else column[:, None]
 
 
 def of_source(m: Matrix, each: AnyArray) -> Values:
-    """Spread one number a source (n_source,) likewise; a sparse matrix must be in canonical order."""
+    """Spread one number per source, (n_source,), in the same way; a sparse matrix must be in canonical order."""
     return each[m.indices] if sparse.issparse(m) else each
 
 
 def by_delay(m: Matrix, delay: int | IntArray) -> list[tuple[int, Matrix]]:
-    """Return a matrix in parts of one delay each, given one delay for all or an array like the values."""
+    """Divide a matrix into parts (delay, matrix), given one delay for all or an array like the values."""
     delays = np.asarray(delay)
     if delays.ndim == 0:
         return [(int(delays), m)]
@@ -156,7 +156,7 @@ def by_delay(m: Matrix, delay: int | IntArray) -> list[tuple[int, Matrix]]:
 
 
 def connections(m: Matrix) -> tuple[IntArray, IntArray, IntArray]:
-    """Return (target, source, index into the flat values) of all values but 0, ordered by source, then target."""
+    """Return (target, source, index into the flat values) of all values except 0, ordered by source, then target."""
     if sparse.issparse(m):
         target = np.repeat(np.arange(m.shape[0]), np.diff(m.indptr))
         source, index = m.indices.astype(np.int64), np.flatnonzero(m.data)
@@ -169,13 +169,13 @@ def connections(m: Matrix) -> tuple[IntArray, IntArray, IntArray]:
 
 
 def fan_out(m: Matrix) -> IntArray:
-    """Return how many targets every source reaches with a weight that is not 0, (n_source,)."""
+    """Return how many targets every source reaches with a weight other than 0, (n_source,)."""
     reached = m.indices[m.data != 0] if sparse.issparse(m) else np.nonzero(m)[1]
     return np.bincount(reached, minlength=m.shape[1]).astype(np.int64)
 
 
 def row_maxima(m: Matrix) -> FloatArray:
-    """Return the largest magnitude of every target's weights, (n_target,); 0 where it has none."""
+    """Return the largest magnitude among the weights of each target, (n_target,); 0 if it has none."""
     found = np.zeros(m.shape[0])
     target, _, index = connections(m)
     np.maximum.at(found, target, np.abs(values_of(m).ravel()[index]).astype(np.float64))
@@ -183,7 +183,7 @@ def row_maxima(m: Matrix) -> FloatArray:
 
 
 def row_sums(m: Matrix) -> FloatArray:
-    """Return what every target's positive weights, or its negative ones, add up to at most, (n_target,), no sign."""
+    """Return the larger of the sums of each target's positive and negative weights, without its sign, (n_target,)."""
     target, _, index = connections(m)
     weights = values_of(m).ravel()[index].astype(np.float64)
     sides = np.maximum(weights, 0.0), np.maximum(-weights, 0.0)
@@ -192,7 +192,7 @@ def row_sums(m: Matrix) -> FloatArray:
 
 
 def charge(spikes: ByteArray, m: Matrix) -> Values:
-    """Return the weights that the spikes (..., n_source) of 0 and 1 add up to, (..., n_target), in the weights' type.
+    """Return the sum of the weights of all spikes (..., n_source), (..., n_target), in the type of the weights.
 
     Integers stay integers: they are added spike by spike, without a float in between.
     """
@@ -207,7 +207,7 @@ def charge(spikes: ByteArray, m: Matrix) -> Values:
 
 def sparse_spikes(rows: ByteArray, dtype: npt.DTypeLike) -> Matrix:
     """Return spikes (rows, n) of 0 and 1 in compressed rows."""
-    # Bytes of 0 and 1 are booleans, and of these numpy finds the true ones fastest.
+    # Bytes of 0 and 1 are also booleans, among which numpy finds the true ones fastest.
     row, column = np.divmod(np.flatnonzero(rows.view(np.bool_)), max(rows.shape[1], 1))
     starts = np.searchsorted(row, np.arange(len(rows) + 1))
     return sparse.csr_array((np.ones(len(row), dtype), column, starts), shape=rows.shape)

@@ -1,4 +1,4 @@
-"""The second level: the same populations and projections, every number an integer that the chip holds."""
+"""The second level: the same populations and projections, with only integers that the chip holds."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -11,16 +11,16 @@ from locsnn_compile.network.network import Network, Population
 from locsnn_compile.network.projections import ChipProjection
 
 LEAST_WEIGHT = 1 << 14
-"""Of a readout of spikes and potentials, in whole numbers: rounded, it is off by at most one part in 32,768."""
+"""Least weight of a readout of spikes and potentials: rounding to a whole number costs at most one part in 32,768."""
 
 
 class KernelFit(Frozen):
-    """How far the chip's integer responses are from the kernels of the float neuron, as shares of these.
+    """How far the chip's integer responses are from the kernels of the float neuron, as shares of the kernels.
 
-    ``input_max`` and ``input_rms``: of the response to an input spike whose peak is at the threshold, the largest
-    difference over the kernel's largest value, and the root of the summed squares of the difference over those of the
-    kernel. ``refractory_max`` and ``refractory_rms``: likewise of what an own spike takes from the potential; None
-    where the neuron has no refractory kernel.
+    ``input_max`` and ``input_rms`` concern the response to an input spike whose peak is at the threshold:
+    the largest difference over the largest value of the kernel, and the root of the summed squares of the difference
+    over those of the kernel. ``refractory_max`` and ``refractory_rms`` are the same for what an own spike takes from
+    the potential; None if the neuron has no refractory kernel.
     """
 
     input_max: float
@@ -32,9 +32,9 @@ class KernelFit(Frozen):
 class QuantizedPopulation(Frozen, eq=False):
     """A population of the network in the chip's integers.
 
-    A potential of 1 in the float network is ``scale[i]`` in the registers of neuron i, (n,). ``fit`` is None where the
-    population was on the grid from the start: nothing was rounded then, and the scale is 1; or where nothing is known
-    of how the neuron fits.
+    A potential of 1 in the float network is ``scale[i]`` in the registers of neuron i, (n,). ``fit`` is None if the
+    population was on the grid from the start, in which case nothing was rounded and the scale is 1, or if the model has
+    no measure of its fit.
     """
 
     population: Population
@@ -44,25 +44,25 @@ class QuantizedPopulation(Frozen, eq=False):
 
     @cached_property
     def fit(self) -> KernelFit | None:
-        """How its neurons fit, measured when it is asked for: of strategies that are only compared nobody asks."""
+        """How well its neurons fit. It is measured on demand: nobody asks for strategies that are only compared."""
         return self.measure_fit() if self.measure_fit else None
 
     @property
     def strategy(self) -> str:
-        """How neurons become compartments: a strategy for SRM neurons, or ``native``, one compartment each."""
+        """How neurons become compartments: by a strategy for SRM neurons, or ``native``, one compartment each."""
         own = self.neuron.strategy
         return "reset" if own == "native" and self.population.neuron.by_strategy else own
 
     @property
     def biases_lost(self) -> int:
-        """Biases other than 0 that round to 0."""
+        """The number of biases other than 0 that round to 0."""
         return int((self.population.neuron.biased & ~self.neuron.biased).sum())
 
 
 class QuantizedNetwork(Frozen, eq=False):
-    """A network in integers; structure and views are those of ``network``.
+    """A network in integers, with the structure and the views of ``network``.
 
-    A projection of the network may be several here, whose weights add up; ``weights_pruned`` of its weights are 0.
+    One projection of the network may become several here, whose weights add up. ``weights_pruned`` weights became 0.
     """
 
     network: Network
@@ -72,16 +72,17 @@ class QuantizedNetwork(Frozen, eq=False):
 
     @property
     def strategy(self) -> str:
-        """The strategies of its populations, each named once, in order."""
+        """The strategies of its populations in order, each named once."""
         return ", ".join(dict.fromkeys(q.strategy for q in self.populations))
 
     @property
     def readout(self) -> Readout:
-        """What reads the integers as the network's readout reads floats.
+        """The readout of the integers that corresponds to the network's readout of floats.
 
-        Potentials are added, and each population has a scale of its own: they are brought to that of the first. Where
-        populations give different things, a spike counts 1, a potential 1 over its scale. Weights with more than a few
-        bits are made whole, the least of at least :data:`LEAST_WEIGHT`, so that sums are exact, on any hardware.
+        Potentials are added, but each population has its own scale, so all are brought to the scale of the first. If
+        some populations give spikes and others potentials, a spike counts 1 and a potential 1 over its scale. Weights
+        with more than a few bits are made whole, the least at least :data:`LEAST_WEIGHT`, so that sums are exact on any
+        hardware.
         """
         readout, read = self.network.readout, self.network.readout.from_step
         mixed = isinstance(readout.potentials_from, tuple)
@@ -94,7 +95,7 @@ class QuantizedNetwork(Frozen, eq=False):
         return replace(readout, weights=tuple(weights))
 
     def on_grid(self) -> Network:
-        """Return the network with these integers for its own: evaluated, it spikes as the program must, bit for bit."""
+        """Return the network with these integers in it: when evaluated, it spikes as the program must, bit for bit."""
         populations = tuple(replace(q.population, neuron=q.neuron) for q in self.populations)
         return replace(self.network, populations=populations, projections=self.projections, readout=self.readout)
 

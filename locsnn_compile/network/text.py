@@ -1,4 +1,4 @@
-"""The two levels of the network side as stable text, for people to read and for golden tests to compare."""
+"""The two levels of networks as stable text, for people to read and for golden tests to compare."""
 
 import math
 from functools import singledispatch
@@ -48,7 +48,7 @@ def quantized_text(quantized: QuantizedNetwork) -> str:
 
 @singledispatch
 def neuron_text(n: Neuron, axis: Axis) -> str:
-    """Return the text of neurons along an axis: of a model that has none of its own, the name and its numbers."""
+    """Return the text of neurons along an axis; for a model without its own text, its name and numbers."""
     rows = (f"{name} {_number_text(values)}" for name, values, *_ in n.parameters(1))
     return f"{type(n).__name__} neurons along {axis}, {', '.join(rows)}"
 

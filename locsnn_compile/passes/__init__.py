@@ -1,1 +1,1 @@
-"""passes."""
+"""Rounding and lowering, by neuron type."""

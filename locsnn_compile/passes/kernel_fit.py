@@ -1,6 +1,6 @@
-"""Measure on the kernels themselves how well the chip's integers fit a float neuron.
+"""Measure how well the chip's integers fit the kernels of a float neuron.
 
-One input spike, and one own spike, are played to the integer neurons, and what comes out is compared with the kernels.
+One input spike, and one own spike, are played to the integer neurons, and the responses are compared with the kernels.
 """
 
 import math
@@ -17,15 +17,15 @@ from locsnn_compile.passes.rounding.task import Scaled
 from locsnn_compile.reference.integer_neurons import input_response, own_spike_response
 
 LENGTHS = 12
-"""Responses are compared over so many time constants: what comes later is below 2e-4 of a kernel's largest value."""
+"""Time constants over which responses are compared: later values are below 2e-4 of a kernel's largest value."""
 STEPS_MAX = 4096
 FAINT = 0.5
-"""A kernel whose largest value is less than half a unit of the registers is none to them."""
+"""A kernel whose largest value is below half a unit of the registers does not exist for them."""
 
 
 @singledispatch
 def kernel_fit(neuron: Neuron, scaled: Scaled, registers: Registers) -> KernelFit | None:
-    """Return the fit of the neuron that fits worst; None of a model that has not registered any."""
+    """Return the fit of the worst neuron; None for a model that has not registered a measure."""
     return None
 
 
@@ -43,12 +43,12 @@ def _(neuron: SoftCuba, scaled: Scaled, registers: Registers) -> KernelFit:
 def _(neuron: SrmAlpha, scaled: Scaled, registers: Registers) -> KernelFit:
     theta = neuron.theta * scaled.scale
     k = np.arange(1, _steps(neuron.tau_sr) + 1, dtype=np.float64)[:, None]
-    # The weight whose response peaks at the threshold: eps has its largest value, 1, at tau_sr.
+    # A weight of theta, whose response peaks at the threshold: eps has its largest value, 1, at tau_sr.
     found = input_response(scaled.neuron, _whole(scaled.gain * theta), registers, len(k))
     input_errors = _errors(found, theta * kernel(neuron.tau_sr, k), theta)
     if neuron.scale_ref == 0 and scaled.neuron.strategy != "native":
         return KernelFit(*input_errors, None, None)
-    # Taps and resets leave something in the input's own filters, which outlasts nu.
+    # Taps and resets change the filters of the input, whose memory outlasts nu.
     k = np.arange(1, _steps(max(neuron.tau_sr, neuron.tau_ref)) + 1, dtype=np.float64)[:, None]
     wanted = -neuron.scale_ref * theta * kernel(neuron.tau_ref, k)
     taken = own_spike_response(scaled.neuron, registers, len(k))
@@ -56,7 +56,7 @@ def _(neuron: SrmAlpha, scaled: Scaled, registers: Registers) -> KernelFit:
 
 
 def _soft_drop(neuron: SoftCuba, scaled: Scaled, registers: Registers) -> tuple[float, float]:
-    """Return the errors of what a spike takes from the potential of neurons at rest."""
+    """Return the errors of the drop that a spike causes in the potential of neurons at rest."""
     slowest = float((1 - neuron.decay_v).max())
     lags = np.arange(_steps(-1.0 / math.log(slowest)) if 0 < slowest < 1 else _steps(slowest * STEPS_MAX))[:, None]
     wanted = -neuron.drop * scaled.scale * (1 - neuron.decay_v) ** lags
@@ -86,7 +86,7 @@ def _whole(charge: FloatArray) -> IntArray:
 
 
 def _errors(found: IntArray, wanted: FloatArray, theta: FloatArray) -> tuple[float, float]:
-    """Return the largest relative error and the relative root mean square; where there is no kernel, in thresholds."""
+    """Return the largest relative error and the relative root mean square; without a kernel, in thresholds."""
     peak = np.abs(wanted).max(axis=0)
     none = peak < FAINT
     size = np.where(none, theta, peak)

@@ -1,7 +1,7 @@
-"""Decays on the chip's grid, and the gain that makes up best for their rounding.
+"""Decays on the chip's grid, and the gain that best compensates for their rounding.
 
-A compartment that keeps a of its current and b of its voltage answers a charge of 1 by
-``h(m) = sum over i = 0..m of a^i b^(m-i)``, m steps after the charge arrived: ``(m + 1) a^m`` where a = b.
+A compartment that keeps a of its current and b of its voltage responds to a charge of 1 with
+``h(m) = sum over i = 0..m of a^i b^(m-i)``, m steps after the charge arrived; if a = b, this is ``(m + 1) a^m``.
 """
 
 import math
@@ -15,16 +15,16 @@ from locsnn_compile.errors import TargetError
 from locsnn_compile.network.neurons import Leaky, alpha_recursion
 
 FADED = 1e-100
-"""A kernel whose first value is smaller has faded before any step; its squares would not be numbers."""
+"""A kernel whose first value is smaller has faded before the first step; its squares would underflow."""
 
 
 def alpha_kernel(tau: float, where: str) -> tuple[int, float, float]:
-    """Return the effective decay nearest to exp(-1 / tau), the gain that fits best with it, and the error left.
+    """Return the effective decay nearest to exp(-1 / tau), its best gain, and the remaining error.
 
-    The chip answers a spike with ``gain * k * b^(k-1)``, where ``b = (4096 - decay) / 4096``; the kernel is
-    ``c * k * a^(k-1)``, where ``a = exp(-1 / tau)`` and ``c = e * a / tau``. The gain is the least-squares one. The
-    error is the root of the squared difference over the squared kernel, both summed over all k. The gain of a kernel
-    that is over before the first step is 0, without an error.
+    The chip responds to a spike with ``gain * k * b^(k-1)``, where ``b = (4096 - decay) / 4096``. The kernel is
+    ``c * k * a^(k-1)``, where ``a = exp(-1 / tau)`` and ``c = e * a / tau``. The gain minimises the squared error. The
+    error is the root of the squared difference over the squared kernel, both summed over all k. A kernel that is over
+    before the first step has gain 0 and no error.
     """
     a, c = alpha_recursion(tau)
     decay = round(DECAY_ONE * (1.0 - a))
@@ -39,17 +39,17 @@ def alpha_kernel(tau: float, where: str) -> tuple[int, float, float]:
 
 
 SPREAD = 64
-"""Two decays that are tried for one kernel are at most so far from their mean."""
+"""Largest distance of two decays from their mean, when pairs are tried for one kernel."""
 
 
 @lru_cache(maxsize=64)
 def fitted_decays(tau: float, where: str) -> tuple[int, int, float, float]:
-    """Return the two decays whose response fits an alpha kernel best, their gain, and the error left.
+    """Return the two decays whose response fits an alpha kernel best, their gain, and the remaining error.
 
-    Of all effective decays ``decay_u <= decay_v`` at most :data:`SPREAD` from their mean, which is within 2 of
-    ``4096 * (1 - exp(-1 / tau))``: those with which the best gain, in the least squares over all lags, leaves the least
-    error, measured as by :func:`alpha_kernel`. Two decays apart make a kernel that lasts longer, so pairs are a finer
-    grid than single decays. Ties go to the pair that is least apart, then to the smaller decays.
+    The candidates are all effective decays ``decay_u <= decay_v`` at most :data:`SPREAD` from their mean, which is
+    within 2 of ``4096 * (1 - exp(-1 / tau))``. The best pair is the one whose least-squares gain leaves the least
+    error, as defined in :func:`alpha_kernel`. A larger distance between the two makes the kernel last longer, so pairs
+    are a finer grid than single decays. Ties go to the pair with the smaller distance, then to the smaller decays.
     """
     nearest, gain, error = alpha_kernel(tau, where)
     if gain == 0.0:
@@ -70,7 +70,7 @@ def fitted_decays(tau: float, where: str) -> tuple[int, int, float, float]:
 
 
 def nearest_decays(fractions: FloatArray, where: str) -> IntArray:
-    """Return the effective decays (n,) nearest to fractions lost in a step; only a fraction of 0 may become 0."""
+    """Return the effective decays (n,) nearest to the fractions lost per step; only a fraction of 0 may become 0."""
     decays = np.rint(fractions * DECAY_ONE).astype(np.int64)
     lost = fractions[(decays == 0) & (fractions > 0)]
     if len(lost):
@@ -79,17 +79,18 @@ def nearest_decays(fractions: FloatArray, where: str) -> IntArray:
 
 
 def rounded_decays(neuron: Leaky, where: str) -> tuple[IntArray, IntArray, FloatArray]:
-    """Return the nearest ``decay_u`` and ``decay_v``, and the gain that fits best with them; each (n,)."""
+    """Return the nearest ``decay_u`` and ``decay_v``, and their best gain; each (n,)."""
     decay_u = nearest_decays(neuron.decay_u, f"{where}: decay_u")
     decay_v = nearest_decays(neuron.decay_v, f"{where}: decay_v")
     return decay_u, decay_v, best_gain(1 - neuron.decay_u, 1 - neuron.decay_v, keeps(decay_u), keeps(decay_v))
 
 
 def best_gain(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> FloatArray:
-    """Return, for each neuron (n,), the gain g for which ``g * h(m)`` of c and d is nearest to ``h(m)`` of a and b.
+    """Return, for each neuron (n,), the gain g with which ``g * h(m)`` of c and d is nearest to ``h(m)`` of a and b.
 
-    In the least squares over all m, by ``sum over m of h_ab h_cd = (1 - abcd) / ((1-ac)(1-ad)(1-bc)(1-bd))``. A
-    compartment that keeps all of its current or voltage never fades; there the values that it ends at are made equal.
+    It minimises the squared error over all m, using
+    ``sum over m of h_ab h_cd = (1 - abcd) / ((1-ac)(1-ad)(1-bc)(1-bd))``. A compartment that keeps all of its current
+    or voltage never fades; for it, the final values are made equal.
     """
     fades = (np.maximum(a, b) < 1) & (np.maximum(c, d) < 1)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -99,12 +100,12 @@ def best_gain(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> Flo
 
 
 def keeps(decay: IntArray) -> FloatArray:
-    """Return the fractions that effective decays keep."""
+    """Return the fractions that remain after effective decays."""
     return (DECAY_ONE - decay) / DECAY_ONE
 
 
 def own_charges(response: FloatArray, keep: FloatArray | float) -> FloatArray:
-    """Return the charges that a dendrite answers by a response (lags, n): it filtered by ``(1 - keep z^-1)^2``."""
+    """Return the charges to which a dendrite gives this response (lags, n): it is filtered by ``(1 - keep z^-1)^2``."""
     before = np.concatenate((np.zeros_like(response, shape=(2, response.shape[1])), response))
     return response - 2 * keep * before[1:-1] + keep**2 * before[:-2]
 

@@ -1,13 +1,13 @@
 """Turn neurons into compartments that the chip has.
 
 Before: a QuantizedNetwork.
-After:  a CompartmentGraph, its phases those of the network. A population's spikes are those of the group of its name.
+After:  a CompartmentGraph with the phases of the network. The group named like a population has its spikes.
 
     dendrite     a memoryless soma, to which an alpha dendrite ``name/dendrite`` and a refractory dendrite
-                 ``name/refractory``, driven by the neuron's own spikes, add their voltages; where there are two of
+                 ``name/refractory``, driven by the neuron's own spikes, add their voltages; if there are two of
                  each, the second ones are ``name/dendrite_2`` and ``name/refractory_2``
     delay-line   a memoryless soma and an alpha dendrite ``name/dendrite``, which own spikes reach by delayed synapses
-    reset        one compartment, with the chip's own reset; so is every leaky integrate-and-fire neuron (``native``)
+    reset        one compartment with the chip's own reset, like every leaky integrate-and-fire neuron (``native``)
 """
 
 from dataclasses import replace
@@ -26,7 +26,7 @@ from locsnn_compile.network.quantized import QuantizedNetwork, QuantizedPopulati
 
 
 def lower_neurons(quantized: QuantizedNetwork, chip: Chip) -> CompartmentGraph:
-    """Lower every population as its neurons ask; weights of 0 make no synapse."""
+    """Lower every population by its strategy; weights of 0 make no synapse."""
     network = quantized.network
     groups: list[Compartments] = []
     synapses: list[Synapses] = []
@@ -51,18 +51,18 @@ def lower_neurons(quantized: QuantizedNetwork, chip: Chip) -> CompartmentGraph:
 
 
 def _entrance(q: QuantizedPopulation, dendrite: int) -> str:
-    """Return the group that a population's inputs reach: the first kind of dendrite, or the soma."""
+    """Return the group that a population's inputs reach: a dendrite of the first kind, or the soma."""
     kind = next(iter(q.neuron.parts), None)
     return dendrite_name(q.population.name, kind, dendrite) if kind else q.population.name
 
 
 def dendrite_name(population: str, kind: str, number: int) -> str:
-    """Return the group of a population's dendrites of a kind, counted from 0."""
+    """Return the name of the group with a population's dendrites of a kind, counted from 0."""
     return f"{population}/{kind}" if number == 0 else f"{population}/{kind}_{number + 1}"
 
 
 def _compartments(q: QuantizedPopulation, chip: Chip) -> list[Compartments]:
-    """A soma next to dendrites keeps nothing (decays 4096), so that the chip's reset changes nothing either."""
+    """Return a population's groups. A soma with dendrites keeps nothing (decays 4096), so its reset is harmless."""
     population, neuron, last = q.population, q.neuron, chip.registers.voltage_max
     usual: dict[str, Any] = {"bias_mantissa": 0, "bias_exponent": 0, "refractory": 1, "vmin": -last, "vmax": last}
 
@@ -79,9 +79,9 @@ def _compartments(q: QuantizedPopulation, chip: Chip) -> list[Compartments]:
 
 
 def _self_synapses(q: QuantizedPopulation, chip: Chip) -> list[Synapses]:
-    """Return one list a format: taps of one sign and exponent are in one, each with its own delay.
+    """Return one list per format: taps with the same sign and exponent share one, each with its own delay.
 
-    They are few a neuron and have the chip's widest weights: nothing would be saved with fewer bits.
+    They have the chip's widest weights, since fewer bits would save nothing for so few synapses per neuron.
     """
     name = q.population.name
     signs: tuple[tuple[SignMode, int], ...] = (("excitatory", 1), ("inhibitory", -1))
@@ -98,10 +98,10 @@ def _self_synapses(q: QuantizedPopulation, chip: Chip) -> list[Synapses]:
 def _own_synapses(
     name: str, target: str, taps: Refractory, here: BoolArray, sign_mode: SignMode, chip: Chip
 ) -> Synapses:
-    """Return the synapses of the marked taps (taps, n), neuron by neuron."""
+    """Return the synapses of the marked taps, ``here`` (taps, n), neuron by neuron."""
     neuron, tap = np.nonzero(here.T)
     mantissa, bits = taps.mantissa[tap, neuron], chip.registers.weight_bits[-1]
-    # Weights that came with a network may be finer than this chip's: the check of the level says so.
+    # Weights that came with a network may be finer than this chip's; the check of the graph reports them.
     if weight_grid(bits, sign_mode).off_grid(mantissa).any():
         bits = WEIGHT_BITS[-1]
     exponent = int(taps.exponent[tap[0]])
@@ -109,7 +109,7 @@ def _own_synapses(
 
 
 def _by_sign(p: ChipProjection, target_group: str) -> list[Synapses]:
-    """Positive and negative weights in formats of their own, all bits magnitude; or, if mixed, one for both."""
+    """Return lists in separate formats for positive and negative weights, or in one format if signs are mixed."""
     target, source, index = connections(p.mantissa)
     mantissa = values_of(p.mantissa).ravel()[index]
     delay = np.broadcast_to(p.delay, values_of(p.mantissa).shape).ravel()[index]

@@ -1,11 +1,11 @@
 """Choose a scale for every population and round: weights, decays and thresholds.
 
-Before: a Network, in float64 but for populations that are on the grid already.
-After:  a QuantizedNetwork. Thresholds are exact, rule included; weights and decays are rounded, and the gain of each
-        kernel makes up for its rounded decays. What was on the grid is as it was.
+Before: a Network in float64, except for populations that are already on the grid.
+After:  a QuantizedNetwork. Thresholds are exact, including their rule. Weights and decays are rounded, and the gain of
+        each kernel compensates for its rounded decays. Populations on the grid stay as they were.
 
-Weights that round to 0 are counted, and a population can lose most of them. One that loses them all is silent on the
-chip; where a single input could have made it spike, that is another network, and refused.
+Weights that round to 0 are counted, and a population can lose most of them. A population that loses all of them is
+silent on the chip. If a single input could have made it spike, this would be another network, so it is refused.
 """
 
 from collections.abc import Iterable, Sequence
@@ -41,9 +41,9 @@ def quantize(
     rounding: Rounding = NEAREST,
     calibration: Calibration | None = None,
 ) -> QuantizedNetwork:
-    """Quantise every population by itself; a network that no scale fits is a ``TargetError``.
+    """Quantise every population by itself; ``TargetError`` for a network that no scale fits.
 
-    ``rounding`` says how; without ``calibration`` recordings, what needs them is left out.
+    Steps of ``rounding`` that need ``calibration`` recordings are left out without them.
     """
     grid = weight_grid(weight_bits_of(chip, weight_bits), "excitatory")
     populations: list[QuantizedPopulation] = []
@@ -63,7 +63,7 @@ def quantize(
             fit = partial(kernel_fit, neuron, scaled, chip.registers)
             populations.append(QuantizedPopulation(population, scaled.neuron, scaled.scale, fit))
             check_heard(task, rounded, network.steps_of(population.phase))
-        # Weights of which no part is left.
+        # Count the weights of which no part is left.
         whole = [np.sum([np.abs(values_of(p.mantissa)) for p in parts], axis=0) for parts in rounded]
         pruned += sum(int((left == 0).sum()) for left in whole)
         projections += [part for of_one in rounded for part in of_one]
@@ -72,7 +72,7 @@ def quantize(
 
 @singledispatch
 def integers_of(neuron: Neuron, task: Task) -> Scaled:
-    """Return neurons of a task in integers, and how weights onto them are rounded, as their model has registered it."""
+    """Return the neurons of a task in integers, and how their weights are rounded, as registered for the model."""
     what = f"{task.chip.name} does not have {neuron.needs or type(neuron).__name__ + ' neurons'}"
     fix = neuron.way_out
     raise TargetError(task.where, what, fix=fix)
@@ -85,7 +85,7 @@ integers_of.register(SoftCuba, quantize_soft)
 
 @singledispatch
 def round_onto(neuron: Neuron, task: Task, scaled: Scaled) -> Rounded:
-    """Return neurons, and the projections that each incoming one becomes: weights rounded each by itself."""
+    """Return the neurons, and the projections that each incoming one becomes; each weight is rounded by itself."""
     if task.rounding.graded or task.rounding.split or scaled.neuron.dendrites > 1:
         return scaled, round_apart(task, scaled)
     return scaled, [[_nearest(p, scaled, task.grid)] for p in task.incoming]
@@ -93,21 +93,21 @@ def round_onto(neuron: Neuron, task: Task, scaled: Scaled) -> Rounded:
 
 @round_onto.register
 def _(neuron: SrmAlpha, task: Task, scaled: Scaled) -> Rounded:
-    """Round weights together where there is something to round them for."""
+    """Round weights together if there are recordings to round them for."""
     return fine_srm(neuron, task, scaled) or round_onto.dispatch(Neuron)(neuron, task, scaled)
 
 
 def _holds_grades(incoming: Sequence[Projection], chip: Chip) -> bool:
-    """Whether weights in several formats leave a core room: the list of a source takes a word at least in each.
+    """Tell whether a core has room for weights in several formats: in each, the list of a source takes a word or more.
 
-    With that alone, both signs apart, half of a core's synapse memory may be taken.
+    With both signs apart, these words may take half of a core's synapse memory.
     """
     sources = sum(int(p.weights.shape[1]) for p in incoming)
     return sources * 2 * GRADES <= chip.limits.synapse_words_per_core // 2
 
 
 def _check_voltage(population: Population, neuron: ChipNeuron, chip: Chip) -> None:
-    """Refuse integers that came with a network, and whose threshold no voltage of this chip passes."""
+    """Refuse integers that came with a network if no voltage of this chip can pass their threshold."""
     threshold, registers = 64 * int(neuron.threshold.max()), chip.registers
     if registers.voltage_max <= threshold <= 64 * registers.threshold_mantissa_max:
         what = "its threshold is beyond every voltage, so it could never spike"
@@ -116,7 +116,7 @@ def _check_voltage(population: Population, neuron: ChipNeuron, chip: Chip) -> No
 
 
 def weight_bits_of(chip: Chip, asked: int | None) -> int:
-    """Return the weight bits asked for, or the chip's most; refuse a width that no synapse format of the chip has."""
+    """Return the weight bits asked for, or the chip's most; refuse a width that the chip's synapse formats lack."""
     widths = chip.registers.weight_bits
     if asked is None:
         return widths[-1]
@@ -132,7 +132,7 @@ def weight_bits_of(chip: Chip, asked: int | None) -> int:
 
 
 def _nearest(p: Projection, scaled: Scaled, grid: WeightGrid) -> ChipProjection:
-    """Round a projection onto the grid of its format, magnitudes and signs apart."""
+    """Round a projection onto the grid of its format, magnitudes and signs separately."""
     values = values_of(p.weights)
     factor = of_target(p.weights, scaled.gain * scaled.scale / (64 * 2**scaled.exponent))
     mantissa = with_values(p.weights, np.sign(values).astype(np.int64) * grid.round(np.abs(values) * factor))
@@ -140,7 +140,7 @@ def _nearest(p: Projection, scaled: Scaled, grid: WeightGrid) -> ChipProjection:
 
 
 def check_heard(task: Task, rounded: Iterable[Iterable[ChipProjection]], steps: int) -> None:
-    """Check the weights onto a population next to what they were rounded to; ``steps`` of a recording."""
+    """Refuse a population whose weights all round to 0 although one input could make it spike within ``steps``."""
     if any(values_of(p.mantissa).any() for of_one in rounded for p in of_one):
         return
     answer, fix = _answer(task.population.neuron, steps)
@@ -152,9 +152,9 @@ def check_heard(task: Task, rounded: Iterable[Iterable[ChipProjection]], steps: 
 
 @singledispatch
 def _answer(neuron: Neuron, steps: int) -> tuple[FloatArray, str]:
-    """Return how many thresholds a weight of 1 adds up to, (n,) or (), if its source spikes in every step; a way out.
+    """Return how many thresholds a weight of 1 reaches if its source spikes in every step, (n,) or (); and a way out.
 
-    Of models that are not known it is that of one step.
+    For models that are not known, it is what one step adds.
     """
     return 1.0 / np.asarray(neuron.spikes_at, dtype=np.float64), "Use larger weights."
 
@@ -167,7 +167,7 @@ def _(neuron: SrmAlpha, steps: int) -> tuple[FloatArray, str]:
 
 @_answer.register
 def _(neuron: Leaky, steps: int) -> tuple[FloatArray, str]:
-    """At most: a register adds a steady input up to less than 1 / decay, and to less than its steps."""
+    """Return a bound: steady input adds up to less than 1 / decay, and to at most ``steps``, in each register."""
     with np.errstate(divide="ignore"):
         u, v = (np.minimum(1.0 / lost, steps) for lost in (neuron.decay_u, neuron.decay_v))
     return u * v / neuron.threshold, "Use larger weights, or smaller biases."

@@ -1,1 +1,1 @@
-"""What the network's author means, evaluated with numpy alone."""
+"""The network as its author means it, evaluated with numpy only."""

@@ -1,7 +1,7 @@
-"""The reference: a network evaluated with numpy alone, float neurons in float64, on-grid ones in int64.
+"""The reference: a network evaluated with numpy only, float neurons in float64, on-grid neurons in int64.
 
-Populations that feed each other in a circle are stepped together; all others one after the other. What the float
-network does on calibration recordings is what weights are rounded for, and scales are chosen by.
+Populations that feed each other in a circle are stepped together, all others one after the other. Weights and scales
+are chosen for what the float network does on calibration recordings.
 """
 
 from collections.abc import Mapping
@@ -19,11 +19,11 @@ from locsnn_compile.reference.integer_neurons import effective_weights
 from locsnn_compile.reference.neurons import steps_of as steps_of
 
 Potentials = AnyArray
-"""float64 of float neurons; of on-grid ones int64, in units of the registers."""
+"""float64 for float neurons; int64 for on-grid neurons, in units of the registers."""
 
 
 class ReferenceResult(Frozen, eq=False):
-    """``spikes[name]`` (batch, steps, n) for views and populations; ``potential[name]`` likewise, if asked for."""
+    """``spikes[name]`` (batch, steps, n) of views and populations, and their ``potential[name]``, if asked for."""
 
     spikes: dict[str, ByteArray]
     potential: dict[str, Potentials]
@@ -45,9 +45,9 @@ def decided(scores: FloatArray) -> IntArray:
 def evaluate(
     network: Network, recordings: ByteArray, *, potentials: bool = False, registers: Registers | None = None
 ) -> ReferenceResult:
-    """Evaluate recordings (batch, steps, channels), of the network's own steps and channels.
+    """Evaluate recordings (batch, steps, channels) with the network's own steps and channels.
 
-    ``registers`` are those that on-grid populations wrap and clip in, by default those of ``loihi-sim``.
+    On-grid populations wrap and clip in ``registers``, by default those of ``loihi-sim``.
     """
     registers = registers or hw.chip("loihi-sim").registers
     spikes: dict[str, ByteArray] = {view.name: view.play(recordings) for view in network.views}
@@ -60,7 +60,7 @@ def evaluate(
 
 
 def evaluation_order(network: Network) -> list[tuple[Population, ...]]:
-    """Return the populations, sources first; those in a circle of projections together, in network order."""
+    """Return the populations, sources first; populations in a circle are together, in network order."""
     number = {population.name: i for i, population in enumerate(network.populations)}
     edges = [(number[p.source], number[p.target]) for p in network.projections if p.source in number]
     return [tuple(network.populations[i] for i in circle) for circle in sources_first(len(number), edges)]
@@ -74,7 +74,7 @@ def _evaluate_together(
     wanted: set[str],
     registers: Registers,
 ) -> None:
-    """Step populations that depend on each other; add their spikes, and the potentials of those that are wanted."""
+    """Step populations that depend on each other; add their spikes, and the potentials of those in ``wanted``."""
     batch = len(next(iter(spikes.values())))
     steps = next(spikes[view.name].shape[1] for view in network.views if view.phase == together[0].phase)
     names = {population.name for population in together}
@@ -111,17 +111,17 @@ def _evaluate_together(
 
 
 def score_spread(network: Network, recordings: Recordings) -> float:
-    """Return how far class scores lie apart on recordings: the mean of their standard deviations."""
+    """Return the mean standard deviation of class scores on recordings."""
     return float(evaluate(network, network.fit(recordings.spikes, recordings.source)).scores.std(axis=1).mean())
 
 
 SAMPLES = 256
-"""Of more recordings, so many are taken, evenly spaced: beyond, agreement on others hardly rises."""
+"""Largest number of recordings that are used, evenly spaced: with more, agreement on others hardly improves."""
 CHUNK = 16
 
 
 class Calibration(Frozen, eq=False):
-    """``spikes[name]`` (samples, steps, n) of views and populations; ``potential[name]`` likewise, of populations."""
+    """``spikes[name]`` (samples, steps, n) of views and populations, and ``potential[name]`` of populations."""
 
     samples: int
     source: str

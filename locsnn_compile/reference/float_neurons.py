@@ -1,4 +1,4 @@
-"""Float neurons step by step in float64: what the network's author means."""
+"""Float neurons step by step in float64, as the network's author means them."""
 
 import math
 from collections import deque
@@ -11,9 +11,9 @@ from locsnn_compile.network.neurons import Cuba, SoftCuba, SrmAlpha, alpha_recur
 
 
 class SrmSteps:
-    """SRM neurons (batch, n), both kernels in recursive form, with their full tails or cut.
+    """SRM neurons (batch, n), with both kernels in recursive form, full or cut.
 
-    c * k * a^(k-1) is the answer of two first-order filters of decay a in a row to a spike one step earlier, times
+    c * k * a^(k-1) is the response of two first-order filters with decay a in a row to a spike one step earlier, times
     c = e * a / tau.
     """
 
@@ -28,7 +28,7 @@ class SrmSteps:
         self._cuts = [None if math.isinf(count) else _Cut(int(count), a) for count, a in taps]
 
     def step(self, arriving: FloatArray) -> tuple[BoolArray, FloatArray]:
-        """Take the weights that arrive, (batch, n); return spikes and the potential that decided them."""
+        """Take the weights that arrive, (batch, n); return the spikes, and the potential that decided them."""
         eps, nu = self._cuts
         arriving = eps.step(arriving) if eps else arriving
         own = nu.step(self._fired) if nu else self._fired
@@ -42,10 +42,10 @@ class SrmSteps:
 
 
 class _Cut:
-    """Ends a kernel ``k a^(k-1)`` after its first K values, lag 0 included, by what is sent to its filter.
+    """Ends a kernel ``k a^(k-1)`` after its first K values, counting lag 0, by changing the input of its filter.
 
-    What is left of the kernel from lag K on is K a^(K-1) times the kernel itself K - 1 steps later, less
-    (K - 1) a^K times it K steps later: both are taken away again.
+    From lag K on, the kernel equals K a^(K-1) times itself K - 1 steps later, minus (K - 1) a^K times itself K steps
+    later. Both are subtracted.
     """
 
     def __init__(self, taps: int, a: float) -> None:
@@ -53,7 +53,7 @@ class _Cut:
         self._past: deque[FloatArray] = deque(maxlen=taps + 1)
 
     def step(self, x: FloatArray | BoolArray) -> FloatArray:
-        """Take what arrives; return what the filter of the whole kernel is to take instead."""
+        """Take what arrives; return what the filter of the full kernel must get instead."""
         past = self._past
         past.append(np.array(x, dtype=np.float64))
         found = past[-1].copy()

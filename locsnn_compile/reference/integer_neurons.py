@@ -1,6 +1,6 @@
-"""On-grid neurons step by step in int64: chip.md's arithmetic written once more, by population instead of compartment.
+"""On-grid neurons step by step in int64: the chip's arithmetic written once more, by population, not by compartment.
 
-It shares no arithmetic with ``hw_model``, so that agreement of the two means something. Letters as in
+It shares no arithmetic with ``hw_model``, so that the agreement of the two means something. Letters are those of
 ``network.chip_neurons``.
 """
 
@@ -32,7 +32,7 @@ def effective_weights(projection: ChipProjection) -> Matrix:
 
 
 class Filter:
-    """Current and voltage of compartments (batch, n) that neither spike nor are reset."""
+    """Current and voltage of compartments (batch, n) that never spike and are never reset."""
 
     def __init__(self, decay_u: IntArray, decay_v: IntArray, registers: Registers, batch: int) -> None:
         self._decay_u, self._decay_v, self._registers = decay_u, decay_v, registers
@@ -47,9 +47,9 @@ class Filter:
 
 
 def input_response(neuron: ChipNeuron, charge: IntArray, registers: Registers, steps: int) -> IntArray:
-    """Return the voltage, without bias or spikes, after a charge (n,) in the first step alone; (steps, n).
+    """Return the voltage (steps, n), without bias or spikes, after a charge (n,) in the first step only.
 
-    Of several dendrites each takes its share, and their voltages are added up.
+    Several dendrites share the charge, and their voltages add up.
     """
     dendrites = neuron.dendrites
     parts = np.stack([(charge + number) // dendrites for number in range(dendrites)])
@@ -73,8 +73,10 @@ class ChipSrmSteps:
         self._past = deque([np.zeros_like(self.fired)] * length, maxlen=length)
 
     def step(self, arriving: IntArray) -> tuple[BoolArray, IntArray]:
-        """Take the charge that arrives from others, (batch, d n), dendrite by dendrite; return spikes and the potential
-        that decided them, (batch, n)."""
+        """Take the charge that arrives from others, (batch, d n), dendrite by dendrite.
+
+        Returns the spikes, and the potential that decided them, (batch, n).
+        """
         self._past.appendleft(self.fired)
         own = np.zeros(self.fired.shape, dtype=np.int64)
         for delay, weights in self._taps:
@@ -98,7 +100,7 @@ def own_spike_response(neuron: ChipNeuron, registers: Registers, steps: int) -> 
 
 @own_spike_response.register
 def _at_rest(neuron: ChipSrm, registers: Registers, steps: int) -> IntArray:
-    """Return what it adds at rest."""
+    """Return what it adds to neurons at rest."""
     state = ChipSrmSteps(neuron, 1, len(neuron.threshold), registers)
     state.fired[:] = True
     silence = np.zeros((1, neuron.dendrites * len(neuron.threshold)), dtype=np.int64)
@@ -141,7 +143,7 @@ def _wrapped(x: IntArray, bits: int) -> IntArray:
     """Return x in two's complement of ``bits`` bits plus sign."""
     half = 1 << bits
     if -half <= x.min(initial=0) and x.max(initial=0) < half:
-        return x  # nearly always, and a remainder takes long
+        return x  # nearly always, and the remainder is slow
     return (x + half) % (2 * half) - half
 
 

@@ -1,4 +1,4 @@
-"""Which neuron steps how: float ones in ``float_neurons``, on-grid ones in ``integer_neurons``."""
+"""The steps of each neuron model: float neurons in ``float_neurons``, on-grid neurons in ``integer_neurons``."""
 
 from functools import singledispatch
 from typing import Any, Protocol
@@ -16,12 +16,12 @@ class NeuronSteps(Protocol):
     """The state of a population's neurons, (batch, n)."""
 
     def step(self, arriving: Any) -> tuple[BoolArray, AnyArray]:
-        """Take the weights that arrive; return spikes and the potential that decided them."""
+        """Take the weights that arrive; return the spikes, and the potential that decided them."""
 
 
 @singledispatch
 def steps_of(neuron: Neuron, batch: int, size: int, registers: Registers | None = None) -> NeuronSteps:
-    """Return neurons at rest, as their model has registered them; on-grid ones wrap and clip in ``registers``."""
+    """Return neurons at rest, as registered for their model; on-grid neurons wrap and clip in ``registers``."""
     fix = "Register its state with locsnn_compile.reference.evaluate.steps_of."
     raise InputError(f"neuron {type(neuron).__name__}", "nothing says how it steps", fix=fix)
 

@@ -1,8 +1,8 @@
-"""Read HDF5 files before anybody else does, in processes that may die: the library in C does not survive all damage.
+"""Try HDF5 files in processes that may die: the C library does not survive all damage.
 
-Run as a script with the number of an open connection. A request is the bytes of a file; the answer is one byte: 1 where
-a process of its own read all of it, whatever it found, and 0 where that process crashed, took too much memory or did
-not come to an end. Imports nothing of this project, so that it starts at once.
+Run as a script with the number of an open connection. A request is the bytes of a file, and the answer is one byte: 1
+if a separate process read all of it, whatever it found, or 0 if that process crashed, took too much memory or did not
+end. It imports nothing of this project, so that it starts at once.
 """
 
 import contextlib
@@ -17,15 +17,15 @@ import h5py
 
 CPU_SECONDS, WALL_SECONDS = 5, 60
 MAX_MEMORY_BYTES = 3 << 29
-"""More than all datasets take that are read: some damage has the library ask for gigabytes."""
+"""More than all datasets that are read need: some damage makes the library ask for gigabytes."""
 KIB = 1 if sys.platform == "darwin" else 1024
-"""Of the system's figure for memory."""
+"""Unit of the system's figure for memory, in bytes."""
 MAX_BYTES = 500_000_000
-"""Datasets are read up to this size together: what is larger is refused later, unread."""
+"""Datasets are read up to this size in all; larger ones are refused later, unread."""
 
 
 def main() -> None:
-    """Answer requests until there are no more."""
+    """Answer requests until the connection is closed."""
     asked = Connection(int(sys.argv[1]))
     with contextlib.suppress(EOFError):
         while True:
@@ -33,14 +33,14 @@ def main() -> None:
 
 
 def survives(data: bytes) -> bool:
-    """Read a file in a process of its own; tell whether that came to an end by itself."""
+    """Read a file in a separate process; tell whether that process ended by itself."""
     pid = os.fork()
     if pid == 0:
         resource.setrlimit(resource.RLIMIT_CPU, (CPU_SECONDS, CPU_SECONDS))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         resource.setrlimit(resource.RLIMIT_AS, (8 << 30, 8 << 30))
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        # What Python can tell of is told again, in words, by who reads the file after this.
+        # Exceptions do not matter here: whoever reads the file after this reports them.
         with contextlib.suppress(BaseException), h5py.File(io.BytesIO(data), "r") as file:
             _read(file, MAX_BYTES, set())
         more = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) * KIB
@@ -53,7 +53,7 @@ def survives(data: bytes) -> bool:
 
 
 def _read(group: h5py.Group, left: int, seen: set[object]) -> int:
-    """Read all datasets of a group that are stored in the file; return how many bytes may still be read."""
+    """Read all datasets of a group that are stored in the file itself; return how many bytes may still be read."""
     for name in group:
         # A damaged entry must not hide those after it.
         with contextlib.suppress(Exception):

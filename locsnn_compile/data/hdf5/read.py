@@ -1,6 +1,6 @@
-"""Read HDF5 files without trusting them: sizes are looked at before data, links out of the file are never followed.
+"""Read untrusted HDF5 files: sizes are checked before data are read, and links out of the file are never followed.
 
-Whether the library in C survives a file is asked of a process that is started once and may die in our place.
+A separate process, started once, tries each file first: the C library may crash on it.
 """
 
 import atexit
@@ -24,9 +24,9 @@ from hw_model.values import AnyArray, FloatArray
 from locsnn_compile.errors import InputError, check_most
 
 MAX_BYTES = 500_000_000
-"""Most that all datasets of a file together may hold once unpacked."""
+"""Largest size of all datasets of a file together, unpacked."""
 MAX_ROWS = 100_000
-"""Most rows of different lengths."""
+"""Largest number of rows of different lengths."""
 MAX_TEXT = 1000
 """Longest text, in characters."""
 
@@ -34,13 +34,13 @@ _WHOLE = "Give a whole file, or write it again."
 _PROBE = Path(__file__).with_name("probe.py")
 
 _survived: dict[bytes, bool] = {}
-"""What the process said of files so far, by their hashes: loading looks at a file more than once."""
+"""The answers of the process so far, by the hashes of the files: loading looks at a file more than once."""
 _lock = threading.Lock()
 
 
 @cache
 def _prober(owner: int) -> Connection:
-    """Start the process for a process of ours, with which it ends, and return the way to it."""
+    """Start the process that tries files for the process ``owner``, ends with it, and return the connection."""
     ours, theirs = Pipe()
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
     command, passed = [sys.executable, "-P", str(_PROBE), str(theirs.fileno())], [theirs.fileno()]
@@ -52,9 +52,9 @@ def _prober(owner: int) -> Connection:
 
 
 def library_survives(data: bytes) -> bool:
-    """Tell whether reading these bytes as HDF5 comes to an end; True as well where no process can be started to try.
+    """Tell whether the library can read these bytes as HDF5 without crashing; also True if no process can be started.
 
-    The library crashes, or runs for ever, on some damaged files; neither can be caught in the process that reads.
+    The library crashes, or runs for ever, on some damaged files. Neither can be caught in the reading process.
     """
     if sys.platform == "win32":
         return True
@@ -72,13 +72,13 @@ def library_survives(data: bytes) -> bool:
 
 
 class Group:
-    """A group of an HDF5 file; every fault of what it holds is an ``InputError`` that names the place."""
+    """A group of an HDF5 file; every fault inside is an ``InputError`` that names the place."""
 
     def __init__(self, group: Any, where: str, budget: "_Budget") -> None:
         self._group, self.where, self._budget = group, where, budget
 
     def names(self) -> list[str]:
-        """Return the names of what it holds, in the file's order."""
+        """Return the names of its members, in file order."""
         return [str(name) for name in self._group]
 
     def __contains__(self, name: str) -> bool:
@@ -92,7 +92,7 @@ class Group:
         return Group(found, where or self.where, self._budget)
 
     def array(self, name: str, *, infinite: bool = False) -> AnyArray:
-        """Return a dataset of numbers, read-only, int64 or float64; ``infinite`` ones only if allowed."""
+        """Return a dataset of numbers, read-only, as int64 or float64; ``infinite`` numbers only if allowed."""
         found = self._dataset(name)
         if found.dtype.kind not in "biuf":
             raise InputError(self.where, f"{name!r} is not made of numbers", measured=f"{found.dtype}", fix=_WHOLE)
@@ -110,7 +110,7 @@ class Group:
         return values
 
     def rows(self, name: str) -> list[FloatArray]:
-        """Return a dataset of rows of numbers, each of its own length."""
+        """Return a dataset whose rows of numbers differ in length."""
         import h5py
 
         found = self._dataset(name)
@@ -126,7 +126,7 @@ class Group:
         return rows
 
     def value(self, name: str) -> AnyArray | str:
-        """Return a dataset of text or of numbers."""
+        """Return a dataset of one text or of numbers."""
         return self.text(name) if self._dataset(name).dtype.kind in "OS" else self.array(name)
 
     def text(self, name: str) -> str:
@@ -184,7 +184,7 @@ class Group:
 
 
 class _Budget:
-    """How many bytes may still be read."""
+    """The number of bytes that may still be read."""
 
     def __init__(self) -> None:
         self._left = MAX_BYTES
@@ -199,7 +199,7 @@ class _Budget:
 
 @contextmanager
 def open_hdf5(path: Path, where: str) -> Iterator[tuple[Group, bytes]]:
-    """Give the root group of a file, and the file's bytes; whatever HDF5 stumbles on is an ``InputError``."""
+    """Open a file: give its root group and its bytes. Whatever HDF5 stumbles over becomes an ``InputError``."""
     import h5py
 
     data = read_bytes(path, where)

@@ -1,1 +1,1 @@
-"""lava-dl ``.net`` files in."""
+"""Read lava-dl ``.net`` files."""

@@ -1,4 +1,4 @@
-"""A lava-dl file (``.net``) as plain frozen data: its layers in order, each with all that it holds."""
+"""A lava-dl file (``.net``) as plain frozen data: its layers in order, each with its datasets."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -24,7 +24,7 @@ class NetLayer(Frozen, eq=False):
     values: Values
 
     def whole(self, name: str, where: str) -> IntArray:
-        """Return numbers that must be whole."""
+        """Return a dataset of whole numbers; ``InputError`` for other numbers."""
         values = self.values[name] if name in self.values else None
         if values is None or isinstance(values, str):
             raise InputError(where, f"{name!r} is missing or no number", fix="Export it again with lava-dl.")
@@ -34,7 +34,7 @@ class NetLayer(Frozen, eq=False):
         return np.asarray(values, dtype=np.int64)
 
     def one(self, name: str, where: str, default: int) -> int:
-        """Return a whole number, or the default where there is none."""
+        """Return a single whole number, or the default if the layer has none of this name."""
         if name not in self.values:
             return default
         values = self.whole(name, where).reshape(-1)
@@ -43,25 +43,25 @@ class NetLayer(Frozen, eq=False):
         return int(values[0])
 
     def text(self, name: str) -> str:
-        """Return text, or '' where there is none."""
+        """Return a text, or '' if there is none."""
         value = self.values.get(name, "")
         return value if isinstance(value, str) else ""
 
 
 class NetFile(Frozen, eq=False):
-    """The layers, and ``simulation``'s numbers where the file has them."""
+    """The layers, and the numbers of ``simulation``, if the file has them."""
 
     layers: tuple[NetLayer, ...]
     simulation: Values
 
 
 def export_again(where: str, what: str, measured: str) -> InputError:
-    """Return the error of a file that lava-dl would not have written so."""
+    """Return the error for a file that lava-dl would not have written."""
     return InputError(where, what, measured=measured, fix="Export it again.")
 
 
 def read_net(path: Path, where: str) -> tuple[NetFile, bytes]:
-    """Return the layers of a file, and the file's bytes; ``InputError`` for what is no lava-dl network."""
+    """Return the layers of a file, and its bytes; ``InputError`` if it is not a lava-dl network."""
     with open_hdf5(path, where) as (root, data):
         held = root.group("layer")
         names = held.names()

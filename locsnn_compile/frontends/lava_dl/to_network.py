@@ -1,9 +1,9 @@
-"""From a lava-dl network (``.net``) to a Network on the grid: weights and parameters are kept as the integers they are.
+"""From a lava-dl network (``.net``) to a Network on the grid, which keeps the integers of weights and parameters.
 
-Read in lava-dl 0.6 (``netx.hdf5``, ``slayer.block``): ``iDecay`` is the effective decay of the current (the register
-holds one less), ``vDecay`` that of the voltage; a spike arrives as 64 times its weight, a bias as 64 times its number.
-A neuron spikes where v > 64 vThMant, and each layer takes one step. Delays are floored and at most 62. A ``flatten``
-reads the image (channels, height, width) that the layer before gives, in this order.
+As read in lava-dl 0.6 (``netx.hdf5``, ``slayer.block``): ``iDecay`` is the effective decay of the current (the register
+holds one less), and ``vDecay`` that of the voltage. A spike arrives as 64 times its weight, a bias as 64 times its
+number. A neuron spikes where v > 64 vThMant, and each layer takes one step. Delays are floored, and at most 62. A
+``flatten`` reads the image (channels, height, width) of the layer before it, in this order.
 """
 
 import math
@@ -29,9 +29,9 @@ DELAY_MAX = 62
 THRESHOLD_MAX = 2**17 - 1
 BIAS_EXPONENT = 6
 SILENT = 2**18 - 1
-"""What lava-dl writes for the threshold of neurons that are not to spike."""
+"""The threshold that lava-dl writes for neurons that must not spike."""
 INPUT_WEIGHT = 64
-"""A value of 1 at the neurons of an input layer, as slayer counts in training."""
+"""The weight of an event at the neurons of an input layer: the value 1, as slayer scales it in training."""
 _REFUSED = {
     "convT": "Replace it with a convolution.",
     "unpool": "Train without it.",
@@ -42,16 +42,16 @@ _REFUSED = {
 
 @dataclass(eq=False)
 class _Built(Parts):
-    """What the layers so far gave: the network's parts, and the last layer's name and shape."""
+    """The network's parts so far, and the name and shape of the last layer."""
 
     source: str = INPUT
     shape: Shape | None = None
 
 
 def load_lava_dl(path: Path) -> Network:
-    """Read a ``.net`` file and state its network; populations are called ``layer<i>``, the input ``input``.
+    """Read a ``.net`` file and return its network; populations are called ``layer<i>``, the input ``input``.
 
-    Raises ``InputError`` for what cannot be used.
+    Raises ``InputError`` for a file that cannot be used.
     """
     where = f"model {path.name!r}"
     file, data = read_net(path, where)
@@ -67,7 +67,7 @@ def load_lava_dl(path: Path) -> Network:
 
 
 def _potentials_from(file: NetFile, built: _Built) -> int | None:
-    """Return the first step of potentials where the last layer never spikes, as an affine block of slayer does not."""
+    """Return the first step of potentials if the last layer never spikes, like an affine block of slayer; else None."""
     last = next(layer for layer in reversed(file.layers) if f"layer{layer.number}" == built.source)
     threshold = last.values["neuron/vThMant"]
     silent = not isinstance(threshold, str) and bool((threshold >= SILENT).all())
@@ -75,7 +75,7 @@ def _potentials_from(file: NetFile, built: _Built) -> int | None:
 
 
 def _simulation(file: NetFile) -> tuple[float | None, int]:
-    """Return seconds a step (Ts is in milliseconds) and steps of a recording."""
+    """Return the seconds per step (Ts is in milliseconds) and the steps of a recording."""
     held = {key: value for key, value in file.simulation.items() if not isinstance(value, str) and value.size == 1}
     ts, samples = (float(held[key].reshape(-1)[0]) if key in held else math.nan for key in ("Ts", "tSample"))
     steps = samples / ts if ts > 0 else math.nan
@@ -117,7 +117,7 @@ def _add_neurons(built: _Built, layer: NetLayer, where: str) -> None:
 
 
 def _add_input_neurons(built: _Built, layer: NetLayer, where: str) -> None:
-    """Add the neurons of an input layer, each of which an event reaches as the value 1."""
+    """Add the neurons of an input layer, at which an event counts as the value 1."""
     assert built.shape is not None
     built.source = INPUT
     one = sparse.csr_array(INPUT_WEIGHT * sparse.eye_array(math.prod(built.shape), dtype=np.int64))
@@ -125,7 +125,7 @@ def _add_input_neurons(built: _Built, layer: NetLayer, where: str) -> None:
 
 
 def _append(built: _Built, layer: NetLayer, shape: Shape, mantissa: Matrix, where: str) -> None:
-    """Add the neurons of a layer, and the weights onto them of what is there so far."""
+    """Add the neurons of a layer, and the weights onto them from the last layer."""
     name = f"layer{layer.number}"
     built.populations.append(Population(name, "time", math.prod(shape), _neurons(layer, shape, where)))
     delay = 0 if layer.kind == "input" else _delay(layer, mantissa, where)
@@ -162,7 +162,7 @@ def _weights(built: _Built, layer: NetLayer, where: str) -> tuple[Matrix, Shape,
 
 
 def _kernel(layer: NetLayer, weight: IntArray, where: str) -> IntArray:
-    """Return the kernel (out, in / groups, height, width); slayerPytorch writes it without its axes of one."""
+    """Return the kernel (out, in / groups, height, width); slayerPytorch writes it without its axes of length one."""
     if weight.ndim == 5 and weight.shape[4] == 1:
         return weight.reshape(weight.shape[:4])
     if weight.ndim >= 4 or "kernelSize" not in layer.values:
@@ -177,14 +177,14 @@ def _kernel(layer: NetLayer, weight: IntArray, where: str) -> IntArray:
 
 
 def _fill(given: Shape, shape: Shape, stride: Ints) -> Ints:
-    """Return the rows and columns of silence behind an image that slayerPytorch's pooling fills up to whole windows."""
+    """Return how many silent rows and columns slayerPytorch's pooling adds behind an image to get whole windows."""
     if len(shape) != 3 or min(stride) < 1:
         return (0, 0)
     return tuple(-n % s if out == -(-n // s) else 0 for n, out, s in zip(given[1:], shape[1:], stride, strict=True))
 
 
 def _image_before(layer: NetLayer, kernel: Shape, shape: Shape, where: str) -> Shape:
-    """Return the image that a convolution is given where no layer says it: with a stride of 1 its own shape does."""
+    """Return the shape of a convolution's input if no layer states it: with stride 1, its own shape determines it."""
     stride, padding, dilation = _strides(layer, where)
     if layer.kind != "conv" or len(kernel) < 4 or len(shape) != 3 or set(stride) != {1}:
         raise InputError(where, "the shape of its input is not known", fix="Export the input layer too.")
@@ -223,7 +223,7 @@ def _projection(source: str, target: str, mantissa: Matrix, delay: int | IntArra
 
 
 def _delay(layer: NetLayer, mantissa: Matrix, where: str) -> int | IntArray:
-    """Return the delays as netx spreads them: one for all, one a neuron, or one an input."""
+    """Return the delays as netx spreads them: one for all, one per neuron, or one per input."""
     if "delay" not in layer.values:
         return 0
     values = layer.values["delay"]
@@ -268,7 +268,7 @@ def _neurons(layer: NetLayer, shape: Shape, where: str) -> ChipCuba:
         size,
         decay_u=each("neuron/iDecay"),
         decay_v=each("neuron/vDecay"),
-        # Of neurons that are not to spike; the register ends at 2^17 - 1, near v's own end.
+        # Neurons that must not spike have more than the register holds; 2^17 - 1 is near the end of v itself.
         threshold=np.minimum(each("neuron/vThMant"), THRESHOLD_MAX),
         bias_mantissa=each("bias", 0),
         bias_exponent=BIAS_EXPONENT if "bias" in layer.values else 0,

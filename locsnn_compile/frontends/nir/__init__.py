@@ -1,1 +1,1 @@
-"""NIR graphs in."""
+"""Read NIR graphs."""

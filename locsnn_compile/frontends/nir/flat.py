@@ -1,7 +1,7 @@
-"""A nested NIR graph as one flat graph of checked edges, with the shape that every node gives, and its layers.
+"""A nested NIR graph as one flat graph with checked edges, the output shape of every node, and its linear layers.
 
-A node of a graph inside is named ``outer.inner``; the ends of that graph become nodes of kind ``Pass``. A linear node
-is a layer: weights, and the constant next to them.
+A node of an inner graph is named ``outer.inner``; the ends of that graph become nodes of kind ``Pass``. A linear node
+is a layer: weights and a constant.
 """
 
 import math
@@ -19,12 +19,12 @@ from locsnn_compile.frontends.linear_maps import Shape, Window, check_entries, c
 from locsnn_compile.frontends.nir.graph import Edge, NirGraph, NirNode
 
 NEURONS = ("IF", "LIF", "CubaLIF", "Threshold", "LI", "CubaLI")
-"""What becomes a population; the last two never spike."""
+"""Nodes that become populations; the last two never spike."""
 READOUTS = ("LI", "CubaLI")
 
 
 class FlatGraph(Frozen, eq=False):
-    """Nodes by name, the shapes that they give, and their layers; ``sources``: by a node's name those that feed it."""
+    """Nodes, the nodes that feed each one (``sources``), output shapes and layers, all by the name of the node."""
 
     nodes: Mapping[str, NirNode]
     sources: Mapping[str, Sequence[str]]
@@ -32,16 +32,16 @@ class FlatGraph(Frozen, eq=False):
     layers: "Mapping[str, Layer]"
 
     def size(self, name: str) -> int:
-        """Return how many values a node gives."""
+        """Return the number of outputs of a node."""
         return math.prod(self.shapes[name])
 
     def named(self, *kinds: str) -> list[str]:
-        """Return the names of the nodes of some kinds, in the file's order."""
+        """Return the names of the nodes of some kinds, in file order."""
         return [name for name, node in self.nodes.items() if node.kind in kinds]
 
 
 def flatten_graph(graph: NirGraph, where: str) -> FlatGraph:
-    """Flatten a graph; edges to nowhere, circles without a neuron and shapes that do not fit are refused."""
+    """Flatten a graph; refuse edges to nowhere, circles without a neuron, and shapes that do not fit."""
     nodes, pairs = _flat(graph, where, "", top=True)
     sources: dict[str, list[str]] = {name: [] for name in nodes}
     for source, target in dict.fromkeys(pairs):
@@ -56,13 +56,13 @@ def flatten_graph(graph: NirGraph, where: str) -> FlatGraph:
 
 
 def linear_order(nodes: Mapping[str, NirNode], sources: Mapping[str, Sequence[str]]) -> list[str]:
-    """Return the nodes, each after those that feed it within a step; ``CycleError`` for a circle without a neuron."""
+    """Return the nodes, each after those that feed it in the same step; ``CycleError`` for a circle of no neuron."""
     within = {name: [one for one in found if nodes[one].kind not in NEURONS] for name, found in sources.items()}
     return list(TopologicalSorter(within).static_order())
 
 
 def targets_of(sources: Mapping[str, Sequence[str]]) -> dict[str, list[str]]:
-    """Return by the name of each node those that it feeds, in the file's order."""
+    """Return the nodes that each node feeds, by name, in file order."""
     targets: dict[str, list[str]] = {name: [] for name in sources}
     for target, found in sources.items():
         for source in found:
@@ -109,12 +109,12 @@ def _only(graph: NirGraph, kind: str, where: str, name: str) -> str:
 def _shapes(
     nodes: Mapping[str, NirNode], sources: Mapping[str, Sequence[str]], where: str
 ) -> "tuple[dict[str, Shape], dict[str, Layer]]":
-    """Return the shape of what every node gives, and the layers of those with weights."""
+    """Return the output shape of every node, and the layers of nodes with weights."""
     shapes: dict[str, Shape] = {}
     layers: dict[str, Layer] = {}
     targets = targets_of(sources)
     waiting = deque(name for name, node in nodes.items() if node.kind == "Input" or not sources[name])
-    # Nodes in a circle that know their own size start it, where what feeds them does not.
+    # In a circle, start with the nodes that know their own size.
     waiting.extend(name for name, node in nodes.items() if node.kind in NEURONS and _own_shape(node))
     while waiting:
         name = waiting.popleft()
@@ -140,7 +140,7 @@ def _shapes(
 
 
 def _own_shape(node: NirNode) -> Shape:
-    """Return the shape of a neuron's parameters; () where these are single numbers."""
+    """Return the shape of a neuron's parameters; () if these are single numbers."""
     arrays = [value.shape for value in node.parameters.values() if not isinstance(value, str)]
     try:
         shape = np.broadcast_shapes(*arrays)
@@ -150,7 +150,7 @@ def _own_shape(node: NirNode) -> Shape:
 
 
 def _passed_shape(node: NirNode, given: Shape | None, where: str) -> Shape | None:
-    """Return the shape of what a node without weights gives; None where what it is given is needed and not known."""
+    """Return the output shape of a node without weights; None if it depends on an input shape that is not known yet."""
     if node.kind == "Input":
         return _as_shape(node, "shape", where)
     if node.kind in NEURONS:
@@ -163,7 +163,7 @@ def _flattened(node: NirNode, given: Shape) -> Shape:
     axes = len(given)
     start, end = (int(node.array(name).reshape(-1)[0]) for name in ("start_dim", "end_dim"))
     start, end = (i + axes if i < 0 else i for i in (start, end))
-    # Exporters differ in whether the axes count a batch; order is all that the weights behind it need.
+    # Exporters differ in whether the axes include a batch; for the weights behind it, only the order matters.
     if not 0 <= start <= end < axes:
         return (math.prod(given),)
     return (*given[:start], math.prod(given[start : end + 1]), *given[end + 1 :])
@@ -177,7 +177,7 @@ def _as_shape(node: NirNode, name: str, where: str) -> Shape:
 
 
 def _joined(own: Shape, given: Shape, where: str) -> Shape:
-    """Return the shape of neurons: what they are given, to which their parameters spread, or as many of their own."""
+    """Return the shape of neurons: that of their input, to which parameters are spread, or their own of equal size."""
     if not own or math.prod(own) == math.prod(given):
         return own or given
     try:
@@ -193,7 +193,7 @@ WITH_WEIGHTS = ("Linear", "Affine", "Conv1d", "Conv2d", "SumPool2d", "AvgPool2d"
 
 
 class Layer(Frozen, eq=False):
-    """``weights`` (outputs, inputs), CSR, the ``constant`` (outputs,) next to them, and the outputs' shape."""
+    """``weights`` (outputs, inputs), CSR, a ``constant`` (outputs,) that is added, and the shape of the outputs."""
 
     weights: Any
     constant: FloatArray | float
@@ -201,7 +201,7 @@ class Layer(Frozen, eq=False):
 
 
 def layer_of(node: NirNode, given: Shape | None, where: str) -> Layer | None:
-    """Return the layer of a node of :data:`WITH_WEIGHTS`; None where it depends on what it is given, not yet known."""
+    """Return the layer of a node of :data:`WITH_WEIGHTS`; None while the input shape that it needs is unknown."""
     if node.kind in ("Linear", "Affine"):
         return _dense(node, where)
     if node.kind in ("Conv1d", "Conv2d"):
@@ -220,7 +220,7 @@ def _dense(node: NirNode, where: str) -> Layer:
 
 
 def _image(node: NirNode, given: Shape | None, where: str) -> Shape | None:
-    """Return the input shape (channels, *spatial) of a convolution, from itself or from what it is given."""
+    """Return the input shape (channels, *spatial) of a convolution: its own, or the one it is given."""
     weight, axes = node.array("weight"), _axes(node)
     if weight.ndim != axes + 2:
         raise InputError(where, "its weight has the wrong axes", measured=f"{weight.shape}", fix="Give (out, in, ...).")
@@ -244,7 +244,7 @@ def _pooled(node: NirNode, given: Shape, where: str) -> Layer:
         raise InputError(where, "it is given no image", measured=f"{given}", fix="Pool before flattening.")
     if min(kernel) < 1:
         raise InputError(where, "its kernel is smaller than 1", measured=f"{kernel}", fix="Correct it.")
-    # An average divides by the whole kernel, padding included, as torch does unless told otherwise.
+    # An average divides by the size of the kernel, padding included, which is torch's default.
     each = 1.0 / math.prod(kernel) if node.kind == "AvgPool2d" else 1.0
     weights, shape = pooling(np.broadcast_to(each, kernel), image, _window(node, where), where=where)
     return Layer(weights, 0.0, shape)
@@ -255,7 +255,7 @@ def _axes(node: NirNode) -> int:
 
 
 def _unbatched(given: Shape, axes: int) -> Shape:
-    """Return the shape of an image: a leading axis of one is a batch that some exporters leave in."""
+    """Return the shape of an image without the leading batch axis of length one that some exporters keep."""
     return given[1:] if len(given) == axes + 2 and given[0] == 1 else given
 
 
@@ -268,7 +268,7 @@ def _window(node: NirNode, where: str) -> Window:
 
 
 def _ints(node: NirNode, name: str, axes: int, where: str) -> tuple[int, ...]:
-    """Return a parameter of whole numbers, one an axis; a single one stands for all."""
+    """Return a parameter of whole numbers, one per axis; a single number stands for all."""
     values = node.array(name)
     if values.size not in (1, axes) or (values != np.rint(values)).any() or np.abs(values).max(initial=0) > 1e9:
         raise InputError(where, f"{name} must be {axes} whole numbers", measured=f"{values.shape}", fix="Correct it.")

@@ -1,8 +1,8 @@
-"""A NIR file as plain frozen data: nodes with their arrays, edges; nothing of it is interpreted here.
+"""A NIR file as plain frozen data: nodes with their arrays, and edges. Nothing is interpreted here.
 
-HDF5 layout (NIR 1.0): ``/version`` and ``/node``; a graph is a group of ``type`` NIRGraph with ``nodes/<name>`` and
-``edges`` (n, 2); a node is a group of its ``type`` and its parameters. Read without the ``nir`` package, whose reader
-takes every size on trust.
+HDF5 layout (NIR 1.0): ``/version`` and ``/node``. A graph is a group of ``type`` NIRGraph with ``nodes/<name>`` and
+``edges`` (n, 2). A node is a group with its ``type`` and parameters. We do not use the ``nir`` package, because its
+reader trusts every size.
 """
 
 import contextlib
@@ -24,16 +24,16 @@ Array = AnyArray
 Edge = tuple[str, str]
 
 PARAMETERS = read_mapping(Path(__file__).with_name("primitives.yaml"), "primitives.yaml", "")
-"""The primitives and what each holds, in the order in which it is read."""
+"""The primitives and the parameters of each, in reading order."""
 OPTIONAL = ("input_type", "input_shape", "v_reset", "w_in")
-"""What may be missing: files of older versions lack ``v_reset``, which is then 0, and ``w_in``, which is then 1."""
+"""Parameters that may be missing: older files lack ``v_reset``, which is then 0, and ``w_in``, which is then 1."""
 
 UNBOUNDED = ("tau", "tau_mem", "r")
-"""What may be infinite: snnTorch writes both so for a neuron that does not leak."""
+"""Parameters that may be infinite: snnTorch writes an infinite tau and r for a neuron that does not leak."""
 
 
 class NirNode(Frozen, eq=False):
-    """A primitive: its type and its parameters, arrays of int64 or float64 and, for a padding in words, text."""
+    """A primitive: its type and its parameters: int64 or float64 arrays, and text for a padding such as ``same``."""
 
     kind: str
     parameters: Mapping[str, Array | str]
@@ -45,7 +45,7 @@ class NirNode(Frozen, eq=False):
         return value
 
     def each(self, name: str, size: int, of: str, where: str) -> FloatArray:
-        """Return a parameter of one number a neuron, or what it is ``of``, (size,); a single one stands for all."""
+        """Return a parameter with one number per neuron, or per ``of``, (size,); a single number stands for all."""
         values = self.array(name).astype(np.float64).reshape(-1)
         if values.size not in (1, size):
             what, measured = f"{name} is not one number a {of}", f"{self.array(name).shape} against {size}"
@@ -54,7 +54,7 @@ class NirNode(Frozen, eq=False):
 
 
 class NirGraph(Frozen, eq=False):
-    """Nodes by name, in the file's order, and edges between them; a node may be a graph."""
+    """Nodes by name, in file order, and edges between them; a node may be a graph."""
 
     nodes: "Mapping[str, NirNode | NirGraph]"
     edges: tuple[Edge, ...]
@@ -62,7 +62,7 @@ class NirGraph(Frozen, eq=False):
 
 
 def read_nir(path: Path, where: str) -> tuple[NirGraph, bytes]:
-    """Return the graph of a file, and the file's bytes; ``InputError`` for what is no NIR graph."""
+    """Return the graph of a file, and its bytes; ``InputError`` if it is not a NIR graph."""
     with open_hdf5(path, where) as (root, data):
         top = root.group("node")
         kind = top.text("type")
@@ -91,7 +91,7 @@ def _read_graph(group: Group, where: str, depth: int, seen: list[int]) -> NirGra
 
 
 def _metadata(group: Group) -> dict[str, Array | str]:
-    """Return the metadata that is text or numbers; what else is there belongs to others."""
+    """Return the metadata that are text or numbers; other tools may have stored more."""
     if "metadata" not in group:
         return {}
     held, found = group.group("metadata"), dict[str, Array | str]()
@@ -109,7 +109,7 @@ def _read_node(group: Group, where: str, depth: int, seen: list[int]) -> NirNode
     if kind == "NIRGraph":
         return _read_graph(group, where, depth + 1, seen)
     check_known(where, f"{kind[:60]!r} is not a NIR primitive", kind[:60], PARAMETERS)
-    # Some versions write the input's type as a group; its order is all that the weights behind it need.
+    # Some versions write the type of the input as a group. Only its order matters to the weights behind it.
     left_out = [name for name in OPTIONAL if name not in group or (name == "input_type" and group.is_group(name))]
     held: dict[str, Array | str] = {}
     for name in PARAMETERS[kind]:

@@ -1,28 +1,29 @@
-"""NIR's neurons, which are differential equations, as neurons that step.
+"""NIR's neurons are differential equations; here they become neurons that step.
 
-With a step of dt, an input spike is a current of 1 for that step. Two discretisations:
+With a step of dt, an input spike is a current of 1 for that step. There are three discretisations:
 
-``euler`` (the usual one, which snnTorch, norse and NIR's own papers take): a time constant tau loses ``dt / tau``.
+``euler`` (the usual one, as in snnTorch, norse and NIR's own papers): a time constant tau loses ``dt / tau`` per step.
 
     I(t) = I(t - 1) + dt / tau_syn * (w_in * x(t) - I(t - 1))
     v(t) = v(t - 1) + dt / tau_mem * (v_leak - v(t - 1) + r * I(t))
 
-``exact``: a time constant loses ``1 - exp(-dt / tau)``, and a spike's charge, ``dt``, arrives at once; then v is the
-equation's own solution at every step between two spikes of the neuron, and one step later with a synaptic current.
+``exact``: a time constant loses ``1 - exp(-dt / tau)``, and the charge of a spike, ``dt``, arrives at once. Between two
+spikes of the neuron, v is then the solution of the equation at every step, or one step later with a synaptic current.
 
-``hold``: likewise, but what arrives in a step is held for that step: the shares that are lost are added of the input.
+``hold``: the same, except that input is held for its step, so what is lost of the state is replaced by that share of
+the input.
 
     I(t) = exp(-dt / tau_syn) * I(t - 1) + (1 - exp(-dt / tau_syn)) * w_in * x(t)         and v(t) in the same way
 
-Neurons start at rest, v_leak. With a reset to a value, potentials are counted from v_reset, so that the chip's reset to
-0 is NIR's; with a reset by subtraction from v_leak. A constant that arrives next to the spikes (a bias) is brought by a
-neuron that spikes in every step, so that it begins, as in a framework, with the first step of the input that its layer
-sees; where rest is not the reset's value, a neuron that spikes once, in the first step, brings the difference.
+Neurons start at rest, at v_leak. With a reset to a value, potentials are counted from v_reset, so that the chip's reset
+to 0 is NIR's; with a reset by subtraction, from v_leak. A constant input (a bias) comes from a neuron that spikes in
+every step, so that it begins with the first step of input that its layer sees, as in a framework. If the rest potential
+is not the reset value, a neuron that spikes once, in the first step, adds the difference.
 
 A reset by subtraction takes the threshold from the potential at once (``subtract``), or in the next step, after the
-decay (``late-subtract``). A membrane without a synaptic current is then the chip's current, which no spike resets, and
-a synapse of each neuron to itself takes the threshold; one with a current is a :class:`SoftCuba`. ``late-zero`` holds
-the potential at the reset's value for the step after a spike.
+decay (``late-subtract``). A membrane without synaptic current then becomes the chip's current, which no spike resets,
+and a synapse from each neuron to itself takes the threshold; a membrane with a current becomes a :class:`SoftCuba`.
+``late-zero`` holds the potential at the reset value for the step after a spike.
 """
 
 from collections.abc import Callable
@@ -42,9 +43,9 @@ Discretisation = Literal["euler", "exact", "hold"]
 Reset = Literal["zero", "subtract", "late-zero", "late-subtract"]
 
 _UNREACHED = 1.001
-"""The threshold of a neuron that never spikes, as a multiple of what its inputs can reach."""
+"""The threshold of a neuron that never spikes, as a multiple of the potential that its inputs can reach."""
 DT_SECONDS = 1e-4
-"""The step by convention: NIR files do not hold one."""
+"""The conventional step: NIR files do not contain one."""
 _IN_SECONDS = ("IF", "LIF", "CubaLIF", "LI", "CubaLI", "Delay")
 _WITH_TAU, _WITH_RESET = ("LIF", "CubaLIF", "LI", "CubaLI"), ("IF", "LIF", "CubaLIF")
 _ASSUMED = (
@@ -52,11 +53,11 @@ _ASSUMED = (
     (_WITH_RESET, "how a spike resets: its potential goes to v_reset at once (--reset zero)."),
     (_WITH_TAU, "how its equations become steps: by Euler's method (--discretisation euler)."),
 )
-"""Of step, reset and discretisation: the nodes that depend on it, and what is taken where nothing says it."""
+"""For step, reset and discretisation: the nodes that depend on it, and the default that is assumed."""
 
 
 class Stepping(Frozen, eq=False):
-    """Decays, what a spike of weight 1 adds, and what a constant input of 1 adds in every step; all (n,)."""
+    """Decays, what a spike of weight 1 adds, and what a constant input of 1 adds per step; all (n,)."""
 
     decay_u: FloatArray
     decay_v: FloatArray
@@ -65,9 +66,9 @@ class Stepping(Frozen, eq=False):
 
 
 class Stated(Frozen, eq=False):
-    """Neurons, the signal that drives them in units of their potential, and what is next to it, all (n,).
+    """Neurons, and the signal that drives them, in units of their potential.
 
-    ``own`` is taken from the charge of the next step by a spike; ``first`` is to be on the potential before any input.
+    ``own`` (n,): what a spike takes from the charge of the next step. ``first`` (n,): the potential before any input.
     """
 
     neuron: Cuba | SoftCuba
@@ -83,7 +84,7 @@ def neurons_of(
     values = {name: node.each(name, size, "neuron", where) for name in node.parameters}
     stepping = _STEPPING[node.kind](values, dt, how, where)
     leak, floor = (values.get(name, np.zeros(size)) for name in ("v_leak", "v_reset"))
-    # A current that takes up decay_u of this in every step settles at what the constant gives.
+    # A current that receives decay_u of this in every step settles at the value of the constant.
     constant = stepping.constant * stepping.decay_u * signal.constant
     scaled = Signal(signal.scaled(stepping.spike).terms, constant)
     if node.kind in READOUTS:
@@ -107,9 +108,9 @@ def neurons_of(
 
 
 def _read_out(signal: Signal, stepping: Stepping, leak: FloatArray, where: str) -> Stated:
-    """Return neurons that never spike, of one threshold and so of one scale: their potentials are compared.
+    """Return neurons that never spike; one threshold gives them one scale, since their potentials are compared.
 
-    Those are counted from v_leak where it is one for all, else from 0.
+    Potentials are counted from v_leak if all have the same, else from 0.
     """
     if (stepping.decay_v == 0).any():
         raise InputError(where, "a readout without leak overflows every register", fix="Give it a tau.")
@@ -122,7 +123,7 @@ def _read_out(signal: Signal, stepping: Stepping, leak: FloatArray, where: str) 
 
 
 def _check_threshold(limit: FloatArray, zero: FloatArray, name: str, where: str) -> None:
-    """Refuse neurons that would spike for ever."""
+    """Refuse neurons that would spike in every step."""
     above = limit - zero
     if (above <= 0).any():
         fix = "Train with a threshold above v_reset and v_leak, and above 0."
@@ -148,7 +149,7 @@ def _leaky(p: dict[str, FloatArray], dt: float, how: Discretisation, where: str)
 
 
 def _integrating(p: dict[str, FloatArray], dt: float, how: Discretisation, where: str) -> Stepping:
-    """Frameworks write r = 1 where a spike adds its weight, whatever their step is."""
+    """In frameworks, r = 1 means that a spike adds its weight, whatever the step is."""
     gain = np.where(p["r"] == 1, 1.0, p["r"] * dt)
     return Stepping(np.ones_like(gain), np.zeros_like(gain), gain, gain)
 
@@ -165,7 +166,7 @@ def _current_based(p: dict[str, FloatArray], dt: float, how: Discretisation, whe
 
 
 def _gain(r: FloatArray, share: FloatArray, where: str) -> FloatArray:
-    """Return r times the share of its input that a membrane takes; a tau without end has an r without end."""
+    """Return r times the share of its input that a membrane takes; with an infinite tau, r is infinite as well."""
     endless = np.isinf(r)
     if (endless & (share > 0)).any() or (r == -np.inf).any():
         raise InputError(where, "r is infinite, and its tau is not", fix="Give both as numbers.")
@@ -196,19 +197,19 @@ _STEPPING: dict[str, Callable[[dict[str, FloatArray], float, Discretisation, str
 
 
 def _unreached(signal: Signal, bias: FloatArray, stepping: Stepping) -> FloatArray:
-    """Return thresholds that no input reaches: all excitation in every step, for ever, and the bias."""
+    """Return thresholds that no input reaches, even with all excitation in every step, and the bias."""
     most = np.zeros(len(bias))
     for term in signal.terms:
         positive = matrix(term.weights, np.float64)
         most += np.asarray(positive.maximum(0).sum(axis=1)).reshape(-1)
     most += np.maximum(signal.constant, 0)
-    # A start at rest comes on top for some steps.
+    # The start at rest adds to this for some steps.
     reached = most / (stepping.decay_u * stepping.decay_v) + 2 * np.abs(bias) / stepping.decay_v
     return np.where(reached > 0, reached, 1.0) * _UNREACHED
 
 
 def nir_assumptions(flat: FlatGraph, *said: object) -> tuple[str, ...]:
-    """Return a sentence for each of the step, the reset and the discretisation that is None and has its nodes."""
+    """Return a sentence for each of step, reset and discretisation that is None although nodes depend on it."""
     rows = zip(said, _ASSUMED, strict=True)
     found = (sentence for given, (kinds, sentence) in rows if given is None and flat.named(*kinds))
     return tuple(f"The NIR graph does not say {sentence}" for sentence in found)

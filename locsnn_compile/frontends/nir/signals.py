@@ -1,4 +1,4 @@
-"""What arrives at a node of a linear network: sums of delayed, weighted spikes, and a constant."""
+"""The input of a node in a linear network: a sum of delayed, weighted spikes, and a constant."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ DENSE = 0.5
 
 
 class Term(Frozen, eq=False):
-    """Spikes of one source through weights (n, n_source), CSR, after whole steps of delay."""
+    """Spikes of one source through weights (n, n_source), CSR, after ``delay`` whole steps."""
 
     source: str
     delay: int
@@ -25,35 +25,35 @@ class Term(Frozen, eq=False):
 
 
 class Signal(Frozen, eq=False):
-    """The terms that add up at ``n`` values, and the constant (n,) next to them."""
+    """The sum of terms, and of a constant (n,), at n values."""
 
     terms: tuple[Term, ...]
     constant: FloatArray
 
     @classmethod
     def of_source(cls, name: str, size: int) -> Signal:
-        """Return the spikes of a source themselves."""
+        """Return the spikes of a source, unchanged."""
         return cls((Term(name, 0, sparse.csr_array(sparse.eye_array(size))),), np.zeros(size))
 
     @classmethod
     def total(cls, parts: Iterable[Signal], size: int) -> Signal:
-        """Return the sum of signals; of none, nothing."""
+        """Return the sum of signals; 0 if there are none."""
         found = tuple(parts)
         terms = tuple(term for part in found for term in part.terms)
         return cls(terms, np.sum([part.constant for part in found], axis=0) if found else np.zeros(size))
 
     def through(self, weights: Any, constant: FloatArray | float, where: str) -> Signal:
-        """Return what a linear layer of weights (m, n) and a constant makes of it."""
+        """Return the output of a linear layer with weights (m, n) and a constant for this signal."""
         terms = tuple(Term(t.source, t.delay, product(weights, t.weights, where)) for t in self.terms)
         return Signal(terms, weights @ self.constant + constant)
 
     def scaled(self, factor: FloatArray) -> Signal:
-        """Return it times one factor a value, (n,)."""
+        """Return it with each value multiplied by its factor, (n,)."""
         rows = sparse.diags_array(factor)
         return Signal(tuple(Term(t.source, t.delay, rows @ t.weights) for t in self.terms), self.constant * factor)
 
     def delayed(self, steps: IntArray) -> Signal:
-        """Return it later by steps (n,), each value by its own."""
+        """Return it with each value delayed by its own number of steps, (n,)."""
         terms = []
         for term in self.terms:
             for delay in np.unique(steps).tolist():
@@ -62,7 +62,7 @@ class Signal(Frozen, eq=False):
         return Signal(tuple(terms), self.constant)
 
     def projections(self, target: str) -> tuple[Projection, ...]:
-        """Return the projections of the terms: one a source, unless several delays meet at one connection."""
+        """Return the projections of the terms: one per source, unless a connection has several delays."""
         by_source: dict[str, dict[int, Any]] = {}
         for term in self.terms:
             delays = by_source.setdefault(term.source, {})
@@ -72,7 +72,7 @@ class Signal(Frozen, eq=False):
 
 
 def _joined(delays: Mapping[int, Any]) -> list[tuple[Matrix, int | IntArray]]:
-    """Return (weights, delay) of one source: one pair with a delay a connection where no two delays meet."""
+    """Return pairs (weights, delay) for one source: a single pair with an array of delays if no connection has two."""
     held = {delay: _canonical(weights) for delay, weights in delays.items()}
     held = {delay: weights for delay, weights in held.items() if weights.nnz} or dict(list(held.items())[:1])
     if len(held) == 1:
@@ -81,7 +81,7 @@ def _joined(delays: Mapping[int, Any]) -> list[tuple[Matrix, int | IntArray]]:
     if merged.nnz != sum(weights.nnz for weights in held.values()):
         return [(compact(weights), delay) for delay, weights in held.items()]
     total = matrix(sum(held.values()), np.float64)
-    # Delays are written one more than they are, since a sparse sum drops nothing but what was never stored.
+    # One is added to delays, because a sparse matrix cannot hold a delay of 0 next to entries that are not stored.
     late = matrix(sum((weights != 0) * (delay + 1) for delay, weights in held.items()), np.int64)
     return [(total, sealed(late.data - 1))]
 
@@ -94,7 +94,7 @@ def _canonical(weights: Any) -> Any:
 
 
 def compact(weights: Any) -> Matrix:
-    """Return weights as the levels hold them: dense where most connections are there, else CSR."""
+    """Return weights as the levels hold them: dense if most connections exist, else CSR."""
     held = _canonical(weights)
     small = held.nnz >= DENSE * held.shape[0] * held.shape[1]
     return matrix(held.toarray() if small else held, np.float64)

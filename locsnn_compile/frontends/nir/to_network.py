@@ -1,7 +1,7 @@
-"""From a NIR graph to a Network: linear nodes are multiplied out, every neuron node is a population of its name.
+"""From a NIR graph to a Network: linear nodes are multiplied out, and every neuron node becomes a population.
 
-A spike takes one step from a population to the next, as on the chip, where frameworks take none: what these give at
-step t behind k populations comes at step t + k.
+As on the chip, a spike takes one step from one population to the next. In frameworks it takes none: their output at
+step t behind k populations comes at step t + k here.
 """
 
 from collections import deque
@@ -24,17 +24,17 @@ from locsnn_compile.network.neurons import Cuba
 from locsnn_compile.network.projections import Projection, matrix
 
 BIAS = "nir/bias"
-"""The population of one neuron that spikes in every step and brings the biases; no node's name has a slash."""
+"""The population of one neuron that spikes in every step and adds the biases; names of nodes have no slash."""
 START = "nir/start"
-"""The population of one neuron that spikes once, in the first step, and brings potentials to rest."""
+"""The population of one neuron that spikes once, in the first step, and sets potentials to rest."""
 INPUTS = "nir/inputs"
-"""The input of a graph of several: their lines one after the other, in the file's order."""
+"""The input of a graph with several inputs: their lines one after the other, in file order."""
 
 
 def load_nir(
     path: Path, dt: float | None = None, reset: str | None = None, discretisation: str | None = None
 ) -> Network:
-    """Read a NIR file and state its network; options as in :func:`locsnn_compile.frontends.load`."""
+    """Read a NIR file and return its network; options as in :func:`locsnn_compile.frontends.load`."""
     where = f"model {path.name!r}"
     graph, data = read_nir(path, where)
     how: Discretisation = _one_of(discretisation or "euler", Discretisation, "discretisation")
@@ -51,7 +51,7 @@ def load_nir(
         parts.populations.append(Population(found, "time", size, stated.neuron))
         parts.projections += _onto(found, stated, depth[found]).projections(found)
     sources = {projection.source for projection in parts.projections}
-    # Of the second its own spike inhibits it, and that current never decays.
+    # The second one is inhibited by its own spike, through a current that never decays.
     for name, decay_u in ((BIAS, 1.0), (START, 0.0)):
         if name in sources:
             once = Cuba.of(1, decay_u=decay_u, decay_v=1.0, threshold=1.0, bias=2.0)
@@ -65,14 +65,14 @@ def load_nir(
 
 
 def _onto(name: str, stated: Stated, depth: int) -> Signal:
-    """Return all that reaches a population: its signal, constants, its own spikes, and what brings it to rest."""
+    """Return all input of a population: its signal, constants, its own spikes, and what sets it to rest."""
     neuron, terms = stated.neuron, list(stated.signal.terms)
     if stated.signal.constant.any():
         terms.append(Term(BIAS, depth - 1, _column(stated.signal.constant)))
     if stated.own.any():
         terms.append(Term(name, 0, sparse.csr_array(sparse.diags_array(-stated.own))))
     if stated.first.any():
-        # The bias acts from step 0 on; in step 1 this is what is missing, and the current forgets it in step 2.
+        # The bias acts from step 0; this is what is missing in step 1, and the current forgets it in step 2.
         missing = stated.first * (1 - neuron.decay_v) ** 2
         terms.append(Term(START, 0, _column(missing)))
         if (neuron.decay_u < 1).any():
@@ -85,13 +85,13 @@ def _column(values: FloatArray) -> Any:
 
 
 def _one_of(name: str, kind: Any, what: str) -> Any:
-    """Return a name that is one of a literal type's."""
+    """Return a name if it is one of a literal type's values; ``InputError`` otherwise."""
     check_known(f"{what} {name!r}", "is not known", name, get_args(kind))
     return name
 
 
 def _step_seconds(dt: float | None, graph: NirGraph) -> float | None:
-    """Return the step: the one given, that which a file of ours holds, or None where neither says it."""
+    """Return the step that is given, or the one in a file that we wrote; None if there is neither."""
     held = graph.metadata.get("dt")
     if dt is None and held is not None and not isinstance(held, str) and held.size == 1:
         dt = float(held.reshape(-1)[0])
@@ -101,7 +101,7 @@ def _step_seconds(dt: float | None, graph: NirGraph) -> float | None:
 
 
 def _input(flat: FlatGraph, where: str) -> InputView:
-    """Return the view of a graph's inputs; refuse a graph without them, and nodes that the chip cannot be."""
+    """Return the view of a graph's inputs; refuse a graph without inputs or neurons, or with an integrator."""
     for name in flat.named("I"):
         what = "an integrator without leak or threshold overflows every register"
         fix = "Take an LI with a long tau, or an IF."
@@ -115,19 +115,19 @@ def _input(flat: FlatGraph, where: str) -> InputView:
 
 
 def _in_order(flat: FlatGraph) -> list[str]:
-    """Return the neurons by how far they are from an input; files hold nodes by name and edges in any order."""
+    """Return the neurons sorted by distance from an input, because files hold nodes and edges in any order."""
     far = _far(flat, lambda _: 1)
     return sorted(flat.named(*NEURONS), key=lambda name: far.get(name, len(flat.nodes)))
 
 
 def _depths(flat: FlatGraph) -> dict[str, int]:
-    """Return how many projections lie between an input and every neuron, at least; 1 where none leads there."""
+    """Return the least number of projections between an input and each neuron; 1 if no input leads there."""
     far = _far(flat, lambda target: int(flat.nodes[target].kind in NEURONS))
     return {name: far.get(name, 1) for name in flat.named(*NEURONS)}
 
 
 def _far(flat: FlatGraph, step: Callable[[str], int]) -> dict[str, int]:
-    """Return the least sum of steps, one a target, from an input to every node that one leads to."""
+    """Return the least sum of ``step(target)`` on the way from an input to each node that can be reached."""
     far, targets = dict.fromkeys(flat.named("Input"), 0), targets_of(flat.sources)
     waiting = deque(far)
     while waiting:
@@ -140,7 +140,7 @@ def _far(flat: FlatGraph, step: Callable[[str], int]) -> dict[str, int]:
 
 
 def _signals(flat: FlatGraph, view: InputView, dt: float, where: str) -> dict[str, Signal]:
-    """Return what every node gives: neurons and the input their spikes, linear nodes what they make of them."""
+    """Return the output of every node: of neurons and inputs their spikes, of linear nodes a function of these."""
     signals = {name: Signal.of_source(name, flat.size(name)) for name in flat.named(*NEURONS)}
     first = 0
     for name in flat.named("Input"):
@@ -157,7 +157,7 @@ def _signals(flat: FlatGraph, view: InputView, dt: float, where: str) -> dict[st
 
 
 def _arriving(flat: FlatGraph, signals: dict[str, Signal], name: str, where: str) -> Signal:
-    """Return the sum of what a node is given; graded values of a readout cannot be sent on."""
+    """Return the sum of a node's inputs; refuse graded values of a readout, which cannot be sent on."""
     sources = flat.sources[name]
     sizes = {flat.size(source) for source in sources}
     if len(sizes) > 1:
@@ -173,7 +173,7 @@ def _arriving(flat: FlatGraph, signals: dict[str, Signal], name: str, where: str
 
 
 def _passed(flat: FlatGraph, name: str, signal: Signal, dt: float, where: str) -> Signal:
-    """Return what a linear node makes of a signal."""
+    """Return the output of a linear node for a signal."""
     node, size = flat.nodes[name], len(signal.constant)
     if node.kind in ("Output", "Pass", "Flatten"):
         return signal
@@ -198,7 +198,7 @@ def _delay_steps(node: NirNode, size: int, dt: float, where: str) -> Any:
 
 
 def _potentials_from(flat: FlatGraph, outputs: tuple[str, ...], depth: dict[str, int], where: str) -> int | None:
-    """Return the step from which potentials of readouts are those of a framework; None where outputs spike."""
+    """Return the step from which potentials of readouts equal those of a framework; None if outputs spike."""
     graded = [name for name in outputs if flat.nodes[name].kind in READOUTS]
     if graded and len(graded) < len(outputs):
         fix = "Keep outputs of one kind."
@@ -207,7 +207,7 @@ def _potentials_from(flat: FlatGraph, outputs: tuple[str, ...], depth: dict[str,
 
 
 def _outputs(flat: FlatGraph, where: str) -> tuple[str, ...]:
-    """Return the populations that are read out: those that reach an Output with nothing but a Flatten between."""
+    """Return the populations that are read out: those that reach an Output directly, or through a Flatten."""
     found: list[str] = []
     waiting = flat.named("Output")
     if not waiting:

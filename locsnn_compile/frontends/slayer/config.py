@@ -1,4 +1,4 @@
-"""The YAML next to a slayerPytorch checkpoint: neuron, step, and the location order where a network walks one."""
+"""The YAML next to a slayerPytorch checkpoint: neuron, step, and the location order, if the network has one."""
 
 import math
 import re
@@ -16,16 +16,16 @@ from locsnn_compile.network.neurons import SrmAlpha
 MAX_CONFIG_BYTES = 200_000
 MAX_LAYERS = 1000
 DEFAULT_ORDER = "loop"
-"""Taxels by their numbers: what transposing a recording gives when nothing is said."""
+"""Taxels by number, which is what transposing a recording gives."""
 
 _MARKS = {"c": "conv", "avg": "average", "a": "pool", "x": "input"}
-"""What tells the kind of a layer in its ``dim``, by the first that is there; a dense layer has none of them."""
+"""Marks in a layer's ``dim`` that tell its kind; the first one present decides. A dense layer has none of them."""
 _NUMBERS = {"conv": 2, "pool": 1, "input": 3, "dense": 1}
-"""How many numbers stand in the ``dim`` of each kind that is read."""
+"""How many numbers the ``dim`` of each supported kind has."""
 
 
 class LoihiNeuron(Frozen):
-    """slayerPytorch's LOIHI neuron: integers of the chip; weights act as ``w * 2^(6 + weight_exponent)``."""
+    """slayerPytorch's LOIHI neuron, in the chip's integers; weights act as ``w * 2^(6 + weight_exponent)``."""
 
     decay_u: int
     decay_v: int
@@ -35,7 +35,7 @@ class LoihiNeuron(Frozen):
 
 
 class LayerEntry(Frozen):
-    """An entry of ``layer``: what ``dim`` says, and the numbers of a convolution.
+    """An entry of ``layer``: the content of ``dim``, and the numbers of a convolution.
 
     ``kind`` is input, conv, pool or dense; ``numbers`` are those in ``dim``: (width, height, channels) of an input,
     (channels, kernel) of a convolution, (kernel,) of pooling, (neurons,) of a dense layer.
@@ -50,11 +50,11 @@ class LayerEntry(Frozen):
 
 
 class SlayerConfig(Frozen):
-    """What the description says: the neurons, the step, steps of a recording, and a location order.
+    """The content of the description: neurons, the step, the steps of a recording, and a location order.
 
     ``location_neuron`` is that of layers along locations. ``ts`` is in milliseconds; SRM time constants are in steps
-    already. ``order`` is a name or taxel numbers, None where it has none. ``layers`` are those of the description's own
-    ``layer`` list, the input first; () where it has none.
+    already. ``order`` is a name or taxel numbers, None if there is none. ``layers`` come from the description's own
+    ``layer`` list, the input first; () if there is none.
     """
 
     neuron: SrmAlpha | LoihiNeuron
@@ -65,7 +65,7 @@ class SlayerConfig(Frozen):
     layers: tuple[LayerEntry, ...] = ()
 
     def neuron_of(self, name: str) -> SrmAlpha | LoihiNeuron:
-        """Return the neuron of a layer or entry by its name: the location neuron where that begins with location."""
+        """Return the neuron of a layer or entry by its name: the location neuron if the name begins with location."""
         return self.location_neuron if axis_of(name) == "location" else self.neuron
 
 
@@ -75,7 +75,7 @@ def axis_of(name: str) -> Axis:
 
 
 def read_config(path: Path) -> SlayerConfig:
-    """Read a description; ``InputError`` for what is none."""
+    """Read a description; ``InputError`` for other files."""
     where = f"config {path.name!r}"
     fix = "Give slayerPytorch's network description."
     values = load_yaml(read_bytes(path, where, MAX_CONFIG_BYTES, "Give the YAML alone."), where, "it is not YAML", fix)
@@ -114,7 +114,7 @@ def _neuron(section: Mapping[Any, Any], ts: float, where: str) -> SrmAlpha | Loi
 
 
 def parse_layers(held: Any, where: str) -> tuple[LayerEntry, ...]:
-    """Return the entries of a ``layer`` list as slayerPytorch's Loihi networks read it: ``34x34x2, 16c5z, 2a, 10``."""
+    """Return the entries of a ``layer`` list, as slayerPytorch's Loihi networks read it: ``34x34x2, 16c5z, 2a, 10``."""
     if not isinstance(held, list) or not 0 < len(held) <= MAX_LAYERS or not all(isinstance(e, dict) for e in held):
         raise InputError(f"{where}, layer", "it is not a list of layers", fix="Give entries such as {dim: 16c5z}.")
     return tuple(_entry(entry, f"{where}, layer {i}", first=i == 0) for i, entry in enumerate(held))

@@ -1,8 +1,8 @@
-"""The layers of a slayerPytorch checkpoint as matrices, dense ones or those of the YAML's list, and its kernels.
+"""The layers of a slayerPytorch checkpoint as matrices (dense ones, or those listed in the YAML), and its kernels.
 
 slayerPytorch samples ``k / tau * exp(1 - k / tau)``, times a factor, and stops at the first step beyond tau whose value
-is below 0.01: of the published neuron, 77 taps of the input kernel and 11 of the refractory one remain. Recursive
-dendrites hold the whole tail, and a chip's delays (62 steps) could not cut it.
+is below 0.01. For the published neuron, 77 taps of the input kernel and 11 of the refractory kernel remain. Recursive
+dendrites have the whole tail, and a chip's delays (62 steps) could not cut it.
 """
 
 import math
@@ -24,7 +24,7 @@ _CLOSE = 1e-3
 def dense_layer(kernel: FloatArray, where: str) -> tuple[Matrix, int]:
     """Return the matrix (out, in) and the channels of a layer that sees its whole input.
 
-    That may be an image (channels, height, width).
+    The input may be an image (channels, height, width).
     """
     if kernel.ndim == 2 or (kernel.ndim == 5 and kernel.shape[4] == 1):
         if math.prod(kernel.shape):
@@ -36,7 +36,7 @@ def dense_layer(kernel: FloatArray, where: str) -> tuple[Matrix, int]:
 def listed_layers(
     kernels: Mapping[str, FloatArray], entries: tuple[LayerEntry, ...], where: str
 ) -> dict[str, tuple[Matrix, int]]:
-    """Return the matrix and the channels of every kernel, which are those of the list behind its input, in order."""
+    """Return the matrix and the channels of every kernel; the entries after the input belong to them in order."""
     weighted = entries[1:]
     what, fix = "the YAML lists another number of layers", "List the input and every layer that has weights."
     check_same(len(weighted), len(kernels), where, what, fix=fix)
@@ -53,7 +53,7 @@ def _listed(kernel: FloatArray, entry: LayerEntry, given: Shape, where: str) -> 
     if entry.kind == "dense":
         (size,), inputs = entry.numbers, math.prod(given)
         return _shaped(kernel, (size, inputs), f"{size} x {inputs}", where), (size, 1, 1)
-    # Of an image of one row, convolutions have kernels of one row.
+    # On an image with one row, convolutions have kernels with one row.
     flat = given[1] == 1 and entry.kind == "conv"
     side, stride, padding, dilation = entry.numbers[-1], entry.stride, entry.padding, entry.dilation
     shape = (1 if flat else side, side)
@@ -75,14 +75,14 @@ def _shaped(kernel: FloatArray, shape: Shape, wanted: str, where: str) -> FloatA
 
 
 def cut(neuron: SrmAlpha | LoihiNeuron) -> SrmAlpha:
-    """Return neurons whose kernels end where slayerPytorch ends them; others have none, an ``InputError``."""
+    """Return neurons whose kernels end where slayerPytorch ends them; ``InputError`` for neurons without kernels."""
     if not isinstance(neuron, SrmAlpha):
         raise InputError("kernels 'cut'", "LOIHI neurons have no kernels", fix="Leave the option out.")
     return neuron.cut()
 
 
 def check_kernels(tensors: Mapping[str, Any], config: SlayerConfig, where: str) -> None:
-    """Compare the kernels that a checkpoint holds with those of the description: they must be one model's."""
+    """Refuse kernels in a checkpoint that are not those of the description: both must be of one model."""
     for key, values in tensors.items():
         module, _, name = key.rpartition(".")
         neuron = config.neuron_of(module)

@@ -1,12 +1,13 @@
 """From a slayerPytorch checkpoint, a dict of tensors, and its YAML to a Network.
 
-A checkpoint names layers and their weights in the order in which they were made, and no structure. Layers are taken as
-one chain in that order; those whose names begin with ``location`` are a second chain, which walks the channels. A
-``layer`` list in the YAML says which are convolutions and pooling. A delay belongs to the layer of its own block, else
-to the first that gives as many spikes and has none yet.
+A checkpoint holds layers and their weights in the order in which they were made, but no structure. Layers are taken as
+one chain in that order; layers whose names begin with ``location`` are a second chain, which walks the channels. A
+``layer`` list in the YAML says which ones are convolutions and pooling. A delay belongs to the layer of its own block,
+or else to the first layer that has as many spikes and no delay yet.
 
-SRMALPHA layers become float neurons with the full kernels; LOIHI layers integers, their weights ``2 round(w / 2)``,
-half to even, as slayerPytorch quantises them in every forward pass; each of these takes one step, as there.
+SRMALPHA layers become float neurons with full kernels. LOIHI layers become integer neurons with the weights
+``2 round(w / 2)``, half to even, as slayerPytorch quantises them in every forward pass; each layer takes one step, as
+it does there.
 """
 
 import math
@@ -54,9 +55,9 @@ _FIX = "Save net.state_dict() with torch.save."
 
 @dataclass(eq=False)
 class _Layer:
-    """A layer of weights (n, n_source), its channels, and the delays (n,) of the spikes that it gives, in steps.
+    """A layer of weights (n, n_source), its channels, and the delays (n,) of its spikes, in steps.
 
-    ``assumed``: what was, of these delays, in sentences.
+    ``assumed``: assumptions about these delays, as sentences.
     """
 
     name: str
@@ -76,7 +77,7 @@ class _Layer:
 
 
 def load_slayer(path: Path, config: Path, kernels: str | None = None) -> Network:
-    """Read a checkpoint and its description, and state their network; ``InputError`` for what cannot be used."""
+    """Read a checkpoint and its description, and return the network; ``InputError`` if they cannot be used."""
     check_known(f"kernels {kernels!r}", "are not known", kernels, KERNELS)
     where = f"model {path.name!r}"
     data = read_bytes(path, where)
@@ -126,7 +127,7 @@ def load_slayer(path: Path, config: Path, kernels: str | None = None) -> Network
 def _assumed(
     layers: tuple[_Layer, ...], chains: Mapping[Axis, list[_Layer]], config: SlayerConfig, channels: int
 ) -> Iterator[str]:
-    """Yield what neither the checkpoint nor its description says, and was taken as usual."""
+    """Yield a sentence for each value that neither the checkpoint nor its description states."""
     if "location" in chains and config.order is None:
         yield f"The description has no location_order: taxels are visited in the order {DEFAULT_ORDER}."
     if "time" not in chains:
@@ -136,7 +137,7 @@ def _assumed(
 
 
 def _walk(order: str, channels: int | None, where: str) -> tuple[Any, int]:
-    """Return the walk over channels and their number: two fingertips where no time branch says it."""
+    """Return the walk over the channels and their number: two fingertips if no time branch determines it."""
     count = channels or 156
     fingertips = touch_fingertips(count)
     if fingertips is None:
@@ -150,7 +151,7 @@ def _walk(order: str, channels: int | None, where: str) -> tuple[Any, int]:
 def _stated(
     layer: _Layer, axis: Axis, source: str, delays: Any, config: SlayerConfig, where: str
 ) -> tuple[Population, Projection | ChipProjection]:
-    """Return a population and the weights onto it; ``delays`` are those of its source's spikes."""
+    """Return a population and the weights onto it; ``delays`` are those of the spikes of its source."""
     size = layer.size
     late: Any = 0
     if delays is not None:
@@ -207,9 +208,9 @@ def _layers(tensors: Mapping[str, Any], config: SlayerConfig, where: str) -> tup
 
 
 def _attach(layers: list[_Layer], key: str, delay: Any, config: SlayerConfig, where: str) -> None:
-    """Give delays, in milliseconds, to the layer of the same block, else to the first of as many spikes that has none.
+    """Give delays, in milliseconds, to the layer of the same block, or else to the first with as many spikes and none.
 
-    Those of the axis that the name of the delays says come first. A convolution has one a channel.
+    Layers of the axis in the name of the delays come first. A convolution has one delay per channel.
     """
     whole = np.floor(delay / config.ts)
     steps = np.clip(whole, 0, DELAY_MAX).astype(np.int64)
@@ -228,7 +229,7 @@ def _attach(layers: list[_Layer], key: str, delay: Any, config: SlayerConfig, wh
 
 
 def _weights(tensors: Mapping[str, Any], name: str, where: str) -> FloatArray:
-    """Return a layer's weights as they are shaped, weight normalisation multiplied out."""
+    """Return a layer's weights in their own shape, with weight normalisation multiplied out."""
     held = [tensors.get(name + end) for end in _WEIGHT]
     plain, gains, directions = held[0], *(next((t for t in held[i::2] if t is not None), None) for i in (1, 2))
     if plain is None:

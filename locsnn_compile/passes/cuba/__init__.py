@@ -1,1 +1,1 @@
-"""Integrate-and-fire neurons: integers for them."""
+"""Integers for integrate-and-fire neurons."""

@@ -1,8 +1,8 @@
-"""Choose integers for leaky integrate-and-fire neurons: one threshold for all, a scale for each.
+"""Choose integers for leaky integrate-and-fire neurons: one threshold for all, and a scale for each.
 
-From a soft one a spike takes its drop. The chip's own reset would forget what is left above the threshold, so a soma
-without memory stands next to a dendrite that is never reset, and own spikes reach the dendrite through two
-self-synapses: the drop, and a step later what the current's decay left of it, which takes it out of the current again.
+For a soft reset, a spike takes the drop from the voltage. The chip's own reset would also forget what is left above the
+threshold. So a memoryless soma reads a dendrite that is never reset, and own spikes reach the dendrite through two
+self-synapses: one brings the drop, and the other, one step later, removes from the current what its decay left of it.
 """
 
 import math
@@ -24,15 +24,15 @@ def quantize_cuba(neuron: Cuba, task: Task) -> Scaled:
     """Return the neurons in integers.
 
     All get the threshold mantissa T and the scale ``64 T / threshold``, or ``(64 T + 1) / threshold`` for the rule
-    ``>=``: the comparison is then exact for every neuron, and a core needs one threshold profile for all. T is at most
-    what no register wraps at, unless the weights would lose bits by it. Potentials that are bounded by the threshold
-    need no more than one threshold of the voltage register, and keep to that T whatever it costs in bits.
+    ``>=``. The comparison is then exact for every neuron, and a core needs one threshold profile for all. T is limited
+    so that no register wraps, unless weights would lose bits by that. If potentials are bounded by the threshold, the
+    voltage register only has to hold one threshold, and the limit holds whatever it costs in bits.
     """
     chip, grid, where = task.chip, task.grid, task.where
     room, bounded = _room(neuron, task.incoming, chip), _stays_below(neuron, task.incoming)
     size = len(neuron.threshold)
     decay_u, decay_v, gain = rounded_decays(neuron, where)
-    # A bias acts on the voltage alone; what it settles at is kept.
+    # A bias acts on the voltage only; the value at which it settles is preserved.
     bias = neuron.bias * np.divide(decay_v / 4096, neuron.decay_v, out=np.ones(size), where=neuron.decay_v > 0)
     over = 1 if neuron.rule == ">=" else 0
     heaviest = float((task.largest * gain / neuron.threshold).max())
@@ -51,16 +51,16 @@ def quantize_cuba(neuron: Cuba, task: Task) -> Scaled:
 
 
 def _stays_below(neuron: Cuba, incoming: Sequence[Projection]) -> bool:
-    """Whether no input moves a potential past the threshold, to either side: outputs without memory that are read."""
+    """Tell whether no input moves a potential past the threshold in either direction, as in outputs without memory."""
     reached = np.abs(neuron.bias) + np.sum([row_sums(p.weights) for p in incoming], axis=0)
     return bool(((neuron.decay_u == 1) & (neuron.decay_v == 1) & (reached <= neuron.threshold)).all())
 
 
 def _room(neuron: Cuba, incoming: Sequence[Projection], chip: Chip) -> float:
-    """Return the threshold mantissa up to which no register wraps, whatever comes: a voltage is clipped, these are not.
+    """Return the threshold mantissa up to which charge and current never wrap, whatever the input.
 
-    The charge of a step, where all inputs of one sign come at once; and the current of neurons whose voltage is their
-    current, a potential that no spike resets.
+    The charge is largest if all inputs of one sign come in one step. The current matters for neurons whose voltage is
+    their current, a potential that no spike resets. (The voltage is clipped, so it cannot wrap.)
     """
     none, registers = np.zeros(len(neuron.threshold)), chip.registers
     charge = np.sum([none, *(row_sums(p.weights) for p in incoming)], axis=0) / neuron.threshold
@@ -75,7 +75,7 @@ def _room(neuron: Cuba, incoming: Sequence[Projection], chip: Chip) -> float:
 
 
 def _bias(values: FloatArray, chip: Chip) -> tuple[IntArray, IntArray]:
-    """Round to mantissas (n,) times powers of two, the smallest that hold them."""
+    """Round to mantissas (n,) times the smallest powers of two that hold them."""
     most = (1 << chip.registers.bias_mantissa_bits) - 1
     exponent = np.zeros(len(values), dtype=np.int64)
     for i, value in enumerate(np.abs(values)):
@@ -101,7 +101,7 @@ def quantize_soft(neuron: SoftCuba, task: Task) -> Scaled:
 
 
 def _taps(drop: IntArray, decay_u: IntArray, grid: WeightGrid) -> Refractory:
-    """Return the self-synapses: coarse and fine, at once and a step later; those of no neuron are left out."""
+    """Return the self-synapses, coarse and fine, at once and one step later, without those that no neuron needs."""
     back = np.rint(drop * keeps(decay_u)).astype(np.int64)
     rows = [
         (delay, sign * part, exponent)
@@ -114,12 +114,12 @@ def _taps(drop: IntArray, decay_u: IntArray, grid: WeightGrid) -> Refractory:
 
 
 def _coarse(grid: WeightGrid) -> int:
-    """Return by how much the coarse exponent is above the finest: by all bits of a weight, if exponents go so far."""
+    """Return the distance of the coarse exponent from the finest: all bits of a weight, if exponents go that far."""
     return min(grid.weight_bits, WEIGHT_EXPONENTS[-1] - exponent_holding(0.0, grid))
 
 
 def _parts(charge: IntArray, grid: WeightGrid) -> tuple[tuple[IntArray, int], tuple[IntArray, int]]:
-    """Return mantissas of a coarse exponent and of the finest; they add up to charges in units of the threshold."""
+    """Return (mantissas, exponent) for a coarse and the finest exponent, which add up to charges in threshold units."""
     finest, shift = exponent_holding(0.0, grid), _coarse(grid)
     coarse = np.where(charge > grid.high // grid.step, charge >> shift, 0)
     return (coarse * grid.step, finest + shift), ((charge - (coarse << shift)) * grid.step, finest)

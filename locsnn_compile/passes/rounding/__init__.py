@@ -1,1 +1,1 @@
-"""Weights onto the chip's grid: apart, or together so that errors cancel."""
+"""Weights onto the chip's grid: each by itself, or together so that errors cancel."""

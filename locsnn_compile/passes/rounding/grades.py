@@ -1,9 +1,8 @@
-"""Formats of several exponents for the weights of one population: each weight in the finest that holds it.
+"""Formats with several exponents for the weights of one population: each weight is in the finest one that holds it.
 
-Weights are whole numbers of *quanta*: a quantum is an effective weight of 64, the least that the chip has. Grade k of b
-bits holds magnitudes that are multiples of ``2^k``, up to ``(2^b - 1) * 2^k`` quanta: mantissas of b high bits, and the
-exponent ``k + b - 8``. A *split* weight has two synapses, the second in the finest grade that holds what the first
-leaves.
+Weights are whole numbers of *quanta*. A quantum is an effective weight of 64, the smallest that the chip has. Grade k
+of b bits holds multiples of ``2^k`` up to ``(2^b - 1) * 2^k`` quanta: the mantissas have b high bits, and the exponent
+is ``k + b - 8``. A *split* weight has two synapses, the second in the finest grade that holds what the first leaves.
 """
 
 from collections.abc import Iterator, Sequence
@@ -18,11 +17,11 @@ from locsnn_compile.passes.rounding.task import Scaled, Task
 
 MANTISSA_BITS = 8
 GRADES, GRADES_IF_SPLIT, GRADES_BESIDE_TAPS = 4, 3, 2
-"""Grades of first synapses. Second ones double them at most, and signs double that: at most 12 of a core's 16 formats,
-or 8 next to the 6 of taps."""
+"""Numbers of grades for first synapses. Second synapses at most double them, and signs double that: at most 12 of a
+core's 16 formats, or 8 next to the 6 of taps."""
 
 FORMATS_OF_TAPS = 6
-"""Synapse formats that the taps of neurons take at most."""
+"""Largest number of synapse formats that the taps of neurons take."""
 
 
 class Grades(Frozen):
@@ -33,7 +32,7 @@ class Grades(Frozen):
 
     @classmethod
     def holding(cls, largest: float, weight_bits: int, *, count: int = GRADES, split: bool = False) -> "Grades":
-        """Return the grades for magnitudes up to ``largest`` quanta: so many of first synapses, and their seconds."""
+        """Return ``count`` grades for magnitudes up to ``largest`` quanta, and those of second synapses, if any."""
         top = coarsest(weight_bits)
         highest = next((k for k in range(top) if np.rint(largest / 2**k) < 1 << weight_bits), top)
         first = set(range(max(0, highest - count + 1), highest + 1))
@@ -41,13 +40,13 @@ class Grades(Frozen):
         return cls(weight_bits, tuple(sorted(first | second)))
 
     def grade(self, magnitude: FloatArray) -> IntArray:
-        """Return the finest grade of every magnitude that still holds it with a step added, else the coarsest."""
+        """Return, for each magnitude, the finest grade that holds it with one more step, else the coarsest."""
         most = [float(self.largest_of(np.array(k)) - (1 << k if self.weight_bits > 1 else 0)) for k in self.held]
         index = np.minimum(np.searchsorted(most, magnitude), len(self.held) - 1)
         return np.array(self.held, dtype=np.int64)[index]
 
     def second_grade(self, grade: IntArray) -> IntArray:
-        """Return the grade of a split weight's second synapse: the finest that holds all that is below the first's."""
+        """Return the grade of a split weight's second synapse: the finest that holds what the first one leaves."""
         index = np.searchsorted(self.held, np.asarray(grade) - self.weight_bits)
         return np.array(self.held, dtype=np.int64)[index]
 
@@ -60,7 +59,7 @@ class Grades(Frozen):
         return grade + self.weight_bits - MANTISSA_BITS
 
     def parts(self, quanta: IntArray, grade: IntArray, split: BoolArray) -> Iterator[tuple[IntArray, int]]:
-        """Yield (mantissas, exponent) of every grade that is in use, finest first; effective weights add up."""
+        """Yield (mantissas, exponent) for every grade in use, finest first; effective weights add up."""
         magnitude, sign = np.abs(quanta), np.sign(quanta)
         first = magnitude >> grade << grade
         rest = np.where(split, magnitude - first, 0)
@@ -72,10 +71,10 @@ class Grades(Frozen):
 
 
 def grades_for(largest: float, task: Task, neuron: ChipNeuron) -> Grades:
-    """Return the grades for magnitudes up to ``largest`` quanta onto such neurons.
+    """Return the grades for magnitudes up to ``largest`` quanta onto these neurons.
 
-    Weights whose delays take other numbers of bits are in formats of their own: the more there are, the fewer grades.
-    What is left too many, the format of own spikes among it, is made to share delay fields when cores are filled.
+    Each width of the delay field needs its own formats: the more widths there are, the fewer grades. If there are still
+    too many formats, counting that of own spikes, some share a delay field when cores are filled.
     """
     split = task.rounding.split > 0
     taps = neuron.strategy == "delay-line"
@@ -88,18 +87,18 @@ def grades_for(largest: float, task: Task, neuron: ChipNeuron) -> Grades:
 
 
 def nearest(quanta: FloatArray, step: IntArray, most: IntArray) -> IntArray:
-    """Round to the nearest multiples of the steps, half to even, and clip to magnitudes; 0 where a step is."""
+    """Round to the nearest multiples of ``step``, half to even, and clip to magnitudes; 0 where the step is 0."""
     rounded = np.rint(quanta / np.maximum(step, 1)) * step
     return np.clip(rounded, -most, most).astype(np.int64)
 
 
 def coarsest(weight_bits: int) -> int:
-    """Return the coarsest grade that the chip has of so many bits."""
+    """Return the chip's coarsest grade with this many bits."""
     return WEIGHT_EXPONENTS[-1] + MANTISSA_BITS - weight_bits
 
 
 def shares(quanta: IntArray, dendrites: int, step: IntArray | int) -> list[IntArray]:
-    """Divide multiples of steps into nearly equal ones, one for each dendrite."""
+    """Divide multiples of ``step`` into nearly equal multiples, one for each dendrite."""
     whole = np.abs(quanta) // np.maximum(step, 1)
     return [np.sign(quanta) * step * ((whole + number) // dendrites) for number in range(dendrites)]
 
@@ -107,7 +106,7 @@ def shares(quanta: IntArray, dendrites: int, step: IntArray | int) -> list[IntAr
 def in_grades(
     p: Projection, quanta: IntArray, grade: IntArray, split: BoolArray, grades: Grades, dendrites: int = 1
 ) -> list[ChipProjection]:
-    """Return a projection's values in quanta as one projection a dendrite and grade, of zeros where all is 0.
+    """Return a projection, with values in quanta, as one projection per dendrite and grade; with zeros if all are 0.
 
     ``grade`` is that of each dendrite's share.
     """
@@ -124,9 +123,9 @@ def in_grades(
 
 
 def round_apart(task: Task, scaled: Scaled) -> list[list[ChipProjection]]:
-    """Round the weights onto a population to the nearest of the finest format that holds them.
+    """Round each weight onto a population to the nearest value of the finest format that holds it.
 
-    The share that is split is the coarsest one. Returns the projections that each incoming one becomes.
+    The largest weights are the ones that are split. Returns the projections that each incoming one becomes.
     """
     incoming, dendrites = task.incoming, scaled.neuron.dendrites
     ideal = [values_of(p.weights) * of_target(p.weights, scaled.gain * scaled.scale / 64) for p in incoming]
@@ -143,7 +142,7 @@ def round_apart(task: Task, scaled: Scaled) -> list[list[ChipProjection]]:
 
 
 def _coarsest(ideal: Sequence[FloatArray], share: float) -> list[BoolArray]:
-    """Mark the share of weights that are largest, over all projections."""
+    """Mark the ``share`` of weights that are largest, over all projections."""
     if not ideal:
         return []
     flat = np.concatenate([np.abs(part).ravel() for part in ideal])

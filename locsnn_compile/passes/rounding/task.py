@@ -1,4 +1,4 @@
-"""A population to put into integers: how much trouble its rounding takes, and how large its numbers become."""
+"""The task of putting a population into integers: how carefully to round, and how large its numbers become."""
 
 import math
 
@@ -15,13 +15,15 @@ from locsnn_compile.reference.evaluate import Calibration
 
 
 class Rounding(Frozen):
-    """What is done beyond rounding every weight to the nearest of one format.
+    """What is done beyond rounding every weight to the nearest value of one format.
 
-    ``fitted_decays``: two decays an alpha dendrite, those whose response fits the kernel best. ``graded``: weights of a
-    population in up to :data:`~locsnn_compile.passes.rounding.grades.GRADES` formats, each in the finest that holds it.
-    What needs calibration recordings: ``error_aware`` rounds the weights of a neuron together, for the least error of
-    its potential; ``scaled_apart`` gives neurons scales of their own. ``split``: the share of weights, 0 to 1, that get
-    a second synapse for what their format cannot hold.
+    - ``fitted_decays``: each alpha dendrite gets two decays, whose response fits the kernel best
+    - ``graded``: weights of a population are in up to :data:`~locsnn_compile.passes.rounding.grades.GRADES` formats,
+      each in the finest that holds it
+    - ``error_aware``: the weights of a neuron are rounded together, for the least error of its potential; needs
+      calibration recordings
+    - ``scaled_apart``: each neuron has its own scale; needs calibration recordings
+    - ``split``: the share of weights, 0 to 1, that get a second synapse for what their format cannot hold
     """
 
     fitted_decays: bool = False
@@ -36,7 +38,7 @@ FINE = Rounding(fitted_decays=True, graded=True, error_aware=True, scaled_apart=
 
 
 class Task(Frozen, eq=False):
-    """A float population, the weights onto it, and how they are to be rounded for a chip: onto a ``grid``."""
+    """A float population, the weights onto it, and how to round them onto a chip's ``grid``."""
 
     population: Population
     incoming: tuple[Projection, ...]
@@ -52,23 +54,23 @@ class Task(Frozen, eq=False):
         return f"population {self.population.name!r}"
 
     def no_scale(self, other: str, measured: str, fix: str) -> TargetError:
-        """Return the error of neurons for which no threshold mantissa of 1 or more is left."""
+        """Return the error for neurons that no threshold mantissa from 1 up would fit."""
         what = f"no scale holds both the threshold and the {other}"
         return TargetError(self.where, what, measured=measured, fix=fix)
 
     @property
     def largest(self) -> FloatArray:
-        """The largest weight onto each neuron, (n,)."""
+        """The largest magnitude of the weights onto each neuron, (n,)."""
         maxima = [np.zeros(self.population.size), *(row_maxima(p.weights) for p in self.incoming)]
         return np.asarray(np.max(maxima, axis=0))
 
 
 HEADROOM = 16
-"""The voltage register holds at least this many thresholds: potentials of trained networks go that far."""
+"""The voltage register holds at least this many thresholds: potentials of trained networks reach that far."""
 CHARGE_ROOM = 4
 """The charge register holds at least this many thresholds in a step."""
 WHOLE = 1 + 1e-12
-"""A quotient that float rounding left this little below a whole number is that number."""
+"""Factor that makes up for float rounding, which may leave a quotient slightly below a whole number."""
 
 
 class Scaled(Frozen, eq=False):
@@ -89,12 +91,12 @@ Rounded = tuple[Scaled, list[list[ChipProjection]]]
 
 
 def own_grid(chip: Chip) -> WeightGrid:
-    """Return the grid of self-synapses: the chip's finest, since one weight a population costs little."""
+    """Return the grid of self-synapses: the chip's finest, since so few weights cost little."""
     return weight_grid(chip.registers.weight_bits[-1], "excitatory")
 
 
 def largest_charge(chip: Chip) -> int:
-    """Return the largest charge of a step, in units of the threshold mantissa."""
+    """Return the largest charge of one step, in units of the threshold mantissa."""
     return (1 << chip.registers.charge_bits) // 64 - 1
 
 
@@ -104,7 +106,7 @@ def heaviest_weight(chip: Chip) -> float:
 
 
 def exponent_holding(largest: float, grid: WeightGrid) -> int:
-    """Return the smallest exponent with which a format holds a weight and no mantissa loses bits."""
+    """Return the smallest exponent with which a format holds a weight and mantissas keep all their bits."""
     finest = 1 - grid.step.bit_length()
     return max(finest, math.ceil(math.log2(largest / grid.high))) if largest > 0 else finest
 
@@ -112,12 +114,12 @@ def exponent_holding(largest: float, grid: WeightGrid) -> int:
 def exponent_and_threshold(
     heaviest: float, grid: WeightGrid, chip: Chip, cap: int, over: int, headroom: int
 ) -> tuple[int, int]:
-    """Return weight exponent and largest threshold mantissa: all weight bits in use, then most of the register.
+    """Return weight exponent and largest threshold mantissa: first use all weight bits, then most of the register.
 
-    ``heaviest``: the largest weight in thresholds. ``cap``: a limit of the mantissa besides those of the registers. A
-    threshold stands for ``64 * mantissa + over`` in the voltage register, which holds ``headroom`` of them, as the
-    current register does; that of a step's charge holds :data:`CHARGE_ROOM` where the others hold :data:`HEADROOM`.
-    Narrow registers hold fewer, but one.
+    ``heaviest`` is the largest weight in thresholds, ``cap`` a further limit of the mantissa. A threshold is
+    ``64 * mantissa + over`` in the voltage register. Voltage and current registers hold ``headroom`` thresholds; that
+    of the charge holds :data:`CHARGE_ROOM` thresholds when the others hold :data:`HEADROOM`. Narrow registers hold
+    fewer, but at least one.
     """
     registers = chip.registers
     room = (
@@ -135,9 +137,9 @@ def exponent_and_threshold(
 
 
 def checked_scale(task: Task, heaviest: float, cap: int, over: int, *, bounded: bool = False) -> tuple[int, int]:
-    """Return what :func:`exponent_and_threshold` does for a task; ``bounded``: potentials stay below the threshold.
+    """Return the result of :func:`exponent_and_threshold` for a task; ``bounded``: potentials never pass the threshold.
 
-    Refuses a threshold mantissa of less than 1: then a weight is heavier than the grid's largest next to it.
+    Refuses a threshold mantissa below 1, with which a weight would be larger than the largest of the grid.
     """
     chip, grid, headroom = task.chip, task.grid, 1 if bounded else HEADROOM
     exponent, threshold = exponent_and_threshold(heaviest, grid, chip, cap, over, headroom)

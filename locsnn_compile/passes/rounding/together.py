@@ -1,11 +1,11 @@
 """Round the weights onto a neuron together, so that their errors cancel in its potential.
 
-Over calibration recordings the mean squared error of a potential is ``(q - w) G (q - w)^T``: w (n,) the ideal weights,
-q the rounded ones, G (n, n) the Gram matrix of what the neuron's inputs add to it. Finding the least is a closest
-vector problem. Weights are rounded one after the other, the inputs of most power first, and each rounding error is made
-up for by those that follow, through the Cholesky factor of the inverse of G. That is optimal brain quantisation in a
-fixed order (Frantar and others, GPTQ, 2022; Babai's nearest plane). At every weight both neighbours are tried, and the
-best few of all roundings so far go on (the M-algorithm of sphere decoding).
+Over calibration recordings, the mean squared error of a potential is ``(q - w) G (q - w)^T``, where w (n,) are the
+ideal weights, q the rounded ones, and G (n, n) is the Gram matrix of what the neuron's inputs add to it. Finding the
+minimum is a closest vector problem. Weights are rounded one after the other, starting with the inputs of most power,
+and later weights compensate for each rounding error, through the Cholesky factor of the inverse of G. This is optimal
+brain quantisation in a fixed order (Frantar and others, GPTQ, 2022; Babai's nearest plane). For every weight both
+neighbours are tried, and the best few roundings so far are continued (the M-algorithm of sphere decoding).
 """
 
 import numpy as np
@@ -13,11 +13,11 @@ import numpy as np
 from hw_model.values import FloatArray, Frozen, IntArray
 
 CANDIDATES = 256
-"""Candidates of all neurons that are worked on at a time, so that they stay in the cache."""
+"""Number of candidates, over all neurons, that are worked on at a time, so that they stay in the cache."""
 
 
 class Metric(Frozen, eq=False):
-    """Columns of a Gram matrix (n, n) in the ``order`` in which they are rounded, and the ``factor`` of its inverse."""
+    """The ``order`` in which the columns of a Gram matrix (n, n) are rounded, and the ``factor`` of its inverse."""
 
     order: IntArray
     factor: FloatArray
@@ -33,7 +33,7 @@ class Metric(Frozen, eq=False):
 def round_together(metric: Metric, ideal: FloatArray, step: IntArray, most: IntArray, beam: int) -> IntArray:
     """Return whole multiples of ``step`` (m, n), at most ``most`` in magnitude, near ``ideal`` (m, n) in the metric G.
 
-    Where ``step`` is 0, the weight is 0. ``beam`` candidates a neuron go on at a time.
+    Where ``step`` is 0, the weight is 0. ``beam`` candidates per neuron are continued.
     """
     rounded = np.empty(ideal.shape, dtype=np.int64)
     at_once = max(1, CANDIDATES // beam)
@@ -45,7 +45,7 @@ def round_together(metric: Metric, ideal: FloatArray, step: IntArray, most: IntA
 
 
 def _beam(factor: FloatArray, ideal: FloatArray, step: FloatArray, most: FloatArray, *, beam: int) -> IntArray:
-    """Round columns left to right; ``left`` (m, candidates, columns) is what those to come should still be."""
+    """Round columns from left to right; ``left`` (m, candidates, columns) holds the targets of the remaining ones."""
     m, n = ideal.shape
     left, cost, row = ideal[:, None], np.zeros((m, 1)), np.arange(m)[:, None]
     came_from, taken = [], []
@@ -55,7 +55,7 @@ def _beam(factor: FloatArray, ideal: FloatArray, step: FloatArray, most: FloatAr
         tried = np.clip(np.stack((below, below + unit), axis=2), -limit[:, :, None], limit[:, :, None])
         error = (left[:, :, :1] - tried) / factor[j, j]
         costs = cost[:, :, None] + error**2
-        # Equal neighbours are one.
+        # Equal neighbours count once.
         costs[:, :, 1] = np.where(tried[:, :, 0] == tried[:, :, 1], np.inf, costs[:, :, 1])
         costs, error, tried = (part.reshape(m, -1) for part in (costs, error, tried))
         best = np.argsort(costs, axis=1, kind="stable")[:, :beam]

@@ -1,1 +1,1 @@
-"""Spike response neurons: integers for them, and their lowering strategies."""
+"""Integers for spike response neurons, and their lowering strategies."""

@@ -1,13 +1,13 @@
 """Strategy ``delay-line``: own spikes come back to the alpha dendrite through delayed self-synapses.
 
-The dendrite answers a charge by ``k * b^(k-1)``, k steps after the spike, b being what its *rounded* decay keeps. To
-make it answer an own spike by nu instead, the charges are nu filtered by ``(1 - b z^-1)^2``:
+The dendrite responds to a charge with ``k * b^(k-1)``, k steps after the spike, where b is what its *rounded* decay
+keeps. To make it respond to an own spike with nu instead, the charges are nu filtered by ``(1 - b z^-1)^2``:
 
     charge(k) = nu(k) - 2 b nu(k - 1) + b^2 nu(k - 2)
 
-Each is rounded to a mantissa of an exponent, a large one to two of them, and the next makes up for the rest: it is
-computed from the voltage and current that the rounded ones left, so that rounding errors do not add up through the
-dendrite's long memory.
+Each charge is rounded to a mantissa with an exponent, and a large one to two of them. The next charge is computed from
+the voltage and current that the rounded charges left, so that rounding errors do not add up in the dendrite's long
+memory.
 """
 
 import math
@@ -25,24 +25,24 @@ from locsnn_compile.passes.kernels import kernel, own_charges
 from locsnn_compile.passes.rounding.task import Task, exponent_holding, own_grid
 
 TAPS_MAX = 256
-"""Taps that are tried at most, on chips whose delays would allow more."""
+"""Largest number of taps that is tried, on chips whose delays would allow more."""
 EXPONENTS_MAX = 3
-"""Exponents of a population's taps, evenly spread: with both signs six of a core's 16 formats."""
+"""Largest number of exponents of a population's taps, evenly spread: with both signs, six of a core's 16 formats."""
 FINE = 2.0**-11
-"""A charge that rounds by more than this share of the kernel's largest value gets a second synapse for the rest."""
+"""A charge with a rounding error above this share of the kernel's largest value gets a second synapse."""
 ENOUGH, EXACT = 1.25, 2.0**-12
-"""The fewest taps are taken whose error is at most ``EXACT``, or ``ENOUGH`` times the least of any number of taps."""
+"""The smallest number of taps is taken whose error is at most ``EXACT``, or ``ENOUGH`` times the least error."""
 ERROR_MAX = 0.1
-"""Largest relative root mean square error; beyond, the kernel outlasts the delays, or drowns in rounding."""
+"""Largest relative root mean square error; above it, the kernel outlasts the delays, or is lost in rounding."""
 FAINT = 0.01
-"""A kernel whose root of summed squares is less, in thresholds, is measured against that: it hardly matters."""
+"""Least root of summed squares, in thresholds, that an error is divided by: smaller kernels hardly matter."""
 HORIZON = 12
-"""Time constants over which the error is summed, of at most so many steps in all."""
+"""Time constants over which the error is summed, up to ``STEPS_MAX`` steps."""
 STEPS_MAX = 4096
 
 
 class _Rounded(Frozen, eq=False):
-    """Mantissas and exponents (lags, 2, candidates); ``error[k]`` of the response to lags 0..k alone, (candidates,)."""
+    """Mantissas and exponents (lags, 2, candidates); ``error[k]`` (candidates,) if there are only the lags 0..k."""
 
     mantissa: IntArray
     exponent: IntArray
@@ -56,7 +56,7 @@ def heaviest_charge(neuron: SrmAlpha, decay: int, task: Task) -> float:
 
 
 def lay_out(neuron: SrmAlpha, decay: int, thresholds: Iterable[int], task: Task) -> ChipSrm:
-    """Return the neurons at that of the threshold mantissas whose taps round best."""
+    """Return the neurons at the threshold mantissa whose taps round best."""
     chip, candidates = task.chip, np.array(list(thresholds))
     # v > 64 * threshold is v >= 64 * threshold + 1 for integers: this value stands for theta.
     found = _round_taps(neuron, decay, 64.0 * candidates + 1, _taps(chip), own_grid(chip))
@@ -77,12 +77,12 @@ def lay_out(neuron: SrmAlpha, decay: int, thresholds: Iterable[int], task: Task)
 
 
 def _taps(chip: Chip) -> int:
-    """Return how many delays a chip has, or as many as are tried."""
+    """Return how many delays of a chip are tried."""
     return min(chip.registers.delay_max + 1, TAPS_MAX)
 
 
 def _round_taps(neuron: SrmAlpha, decay: int, theta: FloatArray, taps: int, grid: WeightGrid) -> _Rounded:
-    """Round the charges of every lag, one after the other, for thetas (candidates,) in units of the registers."""
+    """Round the charges lag by lag, for thetas (candidates,) in units of the registers."""
     keep = (DECAY_ONE - decay) / DECAY_ONE
     tau = max(neuron.tau_ref, -1.0 / math.log(keep) if keep else 0.0)
     steps = min(taps + math.ceil(HORIZON * tau), STEPS_MAX)
@@ -98,7 +98,7 @@ def _round_taps(neuron: SrmAlpha, decay: int, theta: FloatArray, taps: int, grid
         current = keep * current + 64 * (mantissa * 2.0**exponent).sum(axis=0)
         voltage = keep * voltage + current
         passed = passed + (voltage - wanted[lag]) ** 2
-        # With no tap after this one, the dendrite goes on by itself.
+        # If this is the last tap, the dendrite decays freely from here.
         m = np.arange(1, steps - lag)[:, None]
         left = keep**m * (voltage + m * current) - wanted[lag + 1 :]
         rows.append((mantissa, exponent, np.sqrt((passed + (left**2).sum(axis=0)) / energy)))
@@ -106,7 +106,7 @@ def _round_taps(neuron: SrmAlpha, decay: int, theta: FloatArray, taps: int, grid
 
 
 def _round(charge: FloatArray, exponents: IntArray, fine: FloatArray, grid: WeightGrid) -> tuple[IntArray, IntArray]:
-    """Return mantissas and exponents (2, candidates) of charges in units of 64; the second is the rest, if not fine."""
+    """Return mantissas and exponents (2, candidates) of charges in units of 64; the second row holds large rests."""
     first = _round_once(charge, exponents, grid)
     rest = charge - first[0] * 2.0 ** first[1]
     second = _round_once(np.where(np.abs(rest) > fine, rest, 0.0), exponents, grid)
@@ -122,13 +122,13 @@ def _round_once(charge: FloatArray, exponents: IntArray, grid: WeightGrid) -> tu
 
 
 def _response(neuron: SrmAlpha, theta: FloatArray | float, steps: int) -> FloatArray:
-    """Return nu at lags 1..steps, (steps, candidates), for thetas in any unit."""
+    """Return nu at the lags 1..steps, (steps, candidates), in the unit of ``theta``."""
     k = np.arange(1, steps + 1, dtype=np.float64)[:, None]
     return -neuron.scale_ref * kernel(neuron.tau_ref, k) * theta
 
 
 def _exponents(largest: float, grid: WeightGrid) -> IntArray:
-    """Return the exponents in use, ascending: down to the finest from the one that holds the largest charge."""
+    """Return the exponents in use, ascending: from the finest to the one that holds the largest charge."""
     finest, highest = exponent_holding(0.0, grid), exponent_holding(largest, grid)
     step = max(1, math.ceil((highest - finest) / (EXPONENTS_MAX - 1)))
     return np.unique(np.maximum(highest - step * np.arange(EXPONENTS_MAX), finest)).astype(np.int64)

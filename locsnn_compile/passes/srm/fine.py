@@ -1,9 +1,9 @@
 """Integers for SRM neurons and the weights onto them, rounded for calibration recordings.
 
-The ideal weights are the real ones with which the chip's filters follow the float potential best; they are rounded
-together, neuron by neuron. A larger scale makes finer weights and clips more potentials: each neuron takes, of a few
-scales, the one with which its potential errs least on the calibration recordings, near the threshold above all. What
-the inputs of a population add to its potentials on these recordings, and what they should, is its :class:`Drive`.
+Ideal weights are the real numbers with which the chip's filters follow the float potential best; they are rounded
+together, neuron by neuron. A larger scale makes finer weights, but clips more potentials. So a few scales are tried,
+and each neuron takes the one whose potential errs least on the calibration recordings, above all near the threshold.
+The :class:`Drive` of a population is what its inputs add to its potentials on these recordings, and what they should.
 """
 
 from collections.abc import Sequence
@@ -28,29 +28,29 @@ from locsnn_compile.reference.evaluate import CHUNK, Calibration
 from locsnn_compile.reference.integer_neurons import ChipSrmSteps
 
 INPUTS_MAX = 2048
-"""Inputs of a population beyond which their Gram matrix is not made."""
+"""Largest number of inputs of a population for which the Gram matrix is made."""
 RIDGE = 0.16
-"""Share of the inputs' mean power, over the number of recordings, by which weights are held where they are: the fewer
-recordings, the less their correlations say of others."""
+"""Strength of the ridge that holds weights in place, as a share of the inputs' mean power over the number of
+recordings: the fewer recordings, the less their correlations tell about others."""
 SCALES = 2.0 ** (-0.45 * np.arange(6))
-"""Scales that are tried, as shares of the largest: with those of another population on a core, 12 of its 16 threshold
-profiles."""
+"""Scales that are tried, as shares of the largest: for two populations on a core, 12 of its 16 threshold profiles."""
 HEADROOM_MIN = 4
 """The voltage register holds at least this many thresholds."""
 CURRENT_ROOM = 4
-"""The current register holds at least this many times the largest current of the calibration recordings."""
+"""The current register holds at least this multiple of the largest current of the calibration recordings."""
 NEAR = 0.3
-"""An error of the potential counts ``exp(-distance / NEAR)``, the distance to the threshold in thresholds."""
+"""An error of the potential has weight ``exp(-distance / NEAR)``, with the distance from threshold in thresholds."""
 BEAM, BEAM_TO_COMPARE = 8, 1
-"""Candidates a neuron when weights are rounded, and when only scales are compared."""
+"""Candidates per neuron when weights are rounded, and when scales are only compared."""
 
 
 class Drive(Frozen, eq=False):
-    """Moments of x (n,), what a weight of 1 on each input adds to the chip's potential at a step.
+    """Moments of x (n,), which is what a weight of 1 on each input adds to the chip's potential in a step.
 
-    ``gram`` (n, n): the mean of ``x x^T``, with a ridge on its diagonal. ``ideal`` (m, n): real weights whose mean
-    squared error from the float potential is least, in the unit of the float potential. ``rate`` (n,): spikes of the
-    inputs a recording. ``peak_current`` (m,): the largest magnitude of the current, in the unit of the potential.
+    - ``gram`` (n, n): the mean of ``x x^T``, with a ridge on its diagonal
+    - ``ideal`` (m, n): real weights with the least mean squared error from the float potential, in its unit
+    - ``rate`` (n,): spikes of each input per recording
+    - ``peak_current`` (m,): the largest magnitude of the current, in the unit of the potential
     """
 
     gram: FloatArray
@@ -60,21 +60,21 @@ class Drive(Frozen, eq=False):
 
     @cached_property
     def metric(self) -> Metric:
-        """In which roundings are near to the ideal weights."""
+        """The metric in which roundings are compared with the ideal weights."""
         return Metric.of(self.gram)
 
 
 _known: WeakKeyDictionary[Calibration, dict[Any, Drive | None]] = WeakKeyDictionary()
-"""Drives by what they were made from: settings that are compared differ in what they round, seldom in these."""
+"""Drives by what they were made from: settings that are compared seldom differ in these."""
 
 
 def drive_of(
     neuron: SrmAlpha, incoming: Sequence[Projection], decays: tuple[int, int], gain: float, calibration: Calibration
 ) -> Drive | None:
-    """Return the drive of SRM neurons through an alpha dendrite of these decays, whose kernel fits with this gain.
+    """Return the drive of SRM neurons through an alpha dendrite with these decays and this gain.
 
-    None where there is none: weights that are sparse or have delays of their own, more inputs than
-    :data:`INPUTS_MAX`, or silent ones.
+    Return None for weights that are sparse or have delays of their own, for more inputs than :data:`INPUTS_MAX`, and
+    for silent inputs.
     """
     known, asked = _known.setdefault(calibration, {}), (neuron, tuple(incoming), decays, gain)
     if asked not in known:
@@ -117,7 +117,7 @@ def _drive_of(
 
 
 def _arriving(spikes: ByteArray, p: Projection) -> FloatArray:
-    """Return spikes (batch, steps, n) at the steps at which they arrive."""
+    """Return spikes (batch, steps, n), shifted to the steps at which they arrive."""
     late = 1 + int(p.delay)
     shifted = np.zeros(spikes.shape)
     shifted[:, late:] = spikes[:, :-late]
@@ -125,7 +125,7 @@ def _arriving(spikes: ByteArray, p: Projection) -> FloatArray:
 
 
 def _filtered(arriving: FloatArray, keep_u: float, keep_v: float) -> FloatArray:
-    """Return the answer of two decays in a row, (batch, steps, n)."""
+    """Return the response of two first-order filters in a row, (batch, steps, n)."""
     answer, before, twice_before = np.empty_like(arriving), *np.zeros((2, len(arriving), arriving.shape[2]))
     for step in range(arriving.shape[1]):
         np.add(arriving[:, step], before, out=answer[:, step])
@@ -135,7 +135,7 @@ def _filtered(arriving: FloatArray, keep_u: float, keep_v: float) -> FloatArray:
 
 
 class _Task(Task, eq=False):
-    """A population to round, the recordings to round it for, and what its inputs do on them."""
+    """A population to round, the recordings to round it for, and the drive of its inputs on them."""
 
     calibration: Calibration
     neuron: SrmAlpha
@@ -143,7 +143,7 @@ class _Task(Task, eq=False):
 
 
 def fine_srm(neuron: SrmAlpha, known: Task, plain: Scaled) -> Rounded | None:
-    """Return neurons and weights, given the plain integers of a strategy; None where there is nothing to round for."""
+    """Return neurons and weights, given the plain integers of a strategy; None if there is nothing to round for."""
     made, rounding = plain.neuron, known.rounding
     asked = rounding.error_aware or rounding.scaled_apart
     if known.calibration is None or not asked or not isinstance(made, ChipSrm):
@@ -162,12 +162,12 @@ def fine_srm(neuron: SrmAlpha, known: Task, plain: Scaled) -> Rounded | None:
 
 
 def _scale(task: _Task, made: ChipSrm) -> FloatArray:
-    """Return what a potential of 1 is in the registers of each neuron: 64 T + 1 is the threshold of v > 64 T."""
+    """Return the value of a potential of 1 in the registers of each neuron: v > 64 T means v >= 64 T + 1."""
     return (64 * made.threshold + 1) / task.neuron.theta
 
 
 def _scaled_apart(task: _Task, made: ChipSrm) -> ChipSrm:
-    """Return the neurons each at the scale with which its potential errs least; the plain scale is always allowed."""
+    """Return the neurons, each at the scale whose potential errs least; the plain scale is always allowed."""
     share, dendrites = of_a_dendrite(task.neuron, made.dendrites), made.dendrites
     wanted = np.append(SCALES * _largest_threshold(task, share, dendrites), made.threshold[0])
     thresholds, mantissas, exponent = whole_mantissas(share, wanted, own_grid(task.chip))
@@ -180,7 +180,7 @@ def _scaled_apart(task: _Task, made: ChipSrm) -> ChipSrm:
 
 
 def _at(made: ChipSrm, thresholds: IntArray, mantissas: IntArray, exponent: int) -> ChipSrm:
-    """Return so many such neurons, with these threshold and refractory mantissas, (n,)."""
+    """Return neurons like ``made`` with these threshold and refractory mantissas, (n,)."""
     assert made.refractory.decay is not None
     size, (u, v) = len(thresholds), (made.decay_u[0], made.decay_v[0])
     own = Refractory.of(size, mantissas[None], exponent, refractory_decay=made.refractory.decay[0])
@@ -188,7 +188,7 @@ def _at(made: ChipSrm, thresholds: IntArray, mantissas: IntArray, exponent: int)
 
 
 def _largest_threshold(task: _Task, share: SrmAlpha, dendrites: int) -> float:
-    """Return the largest threshold mantissa that registers and own charges, a dendrite's share, leave to any neuron."""
+    """Return the largest threshold mantissa that registers, and a dendrite's ``share`` of own charges, allow."""
     registers = task.chip.registers
     own = dendrite_charge(share, 0, task)
     caps = [registers.threshold_mantissa_max, dendrites * registers.voltage_max / (64 * HEADROOM_MIN)]
@@ -196,12 +196,14 @@ def _largest_threshold(task: _Task, share: SrmAlpha, dendrites: int) -> float:
 
 
 def _threshold_limits(task: _Task) -> FloatArray:
-    """Return the largest threshold mantissas (m,) at which a neuron's weights fit a format, and its charge and current
-    the registers of one dendrite: the charge whatever the input."""
+    """Return the largest threshold mantissas (m,) at which weights fit a format, and charge and current the registers.
+
+    This is per dendrite. The charge fits whatever the input is, the current on the calibration recordings.
+    """
     registers, ideal, theta = task.chip.registers, task.drive.ideal, task.neuron.theta
     largest = np.abs(ideal).max(axis=1, initial=0.0)
     one_sign = np.maximum(np.maximum(ideal, 0).sum(axis=1), np.maximum(-ideal, 0).sum(axis=1))
-    # A neuron without weights, or with none to speak of, has no limit.
+    # A neuron without weights, or with negligible ones, has no limit.
     with np.errstate(divide="ignore", over="ignore"):
         heaviest = float((1 << task.grid.weight_bits) - 1 << coarsest(task.grid.weight_bits)) / largest
         charge = (1 << registers.charge_bits) / 64 / one_sign
@@ -211,10 +213,10 @@ def _threshold_limits(task: _Task) -> FloatArray:
 
 
 def _errors(task: _Task, candidates: ChipSrm, count: int) -> FloatArray:
-    """Return the error of each neuron's potential as each of ``count`` candidates, (count, m).
+    """Return the error of each neuron's potential for each of ``count`` candidates, (count, m).
 
-    ``candidates`` are the population that many times over. Inputs and own spikes are those of the float network, so
-    that one error does not lead to others.
+    ``candidates`` holds the population ``count`` times. Inputs and own spikes are those of the float network, so that
+    one error does not cause others.
     """
     calibration, theta = task.calibration, task.neuron.theta
     scale = _scale(task, candidates)
@@ -241,9 +243,9 @@ def _errors(task: _Task, candidates: ChipSrm, count: int) -> FloatArray:
 
 
 def _rounded(task: _Task, made: ChipSrm, beam: int) -> tuple[IntArray, IntArray, BoolArray, Grades]:
-    """Round the ideal weights onto neurons: those of the population, or these several times over.
+    """Round the ideal weights onto neurons, which hold the population once or several times.
 
-    Returns quanta (k, n) onto all dendrites together, the grade of a dendrite's share, what is split, and all grades.
+    Returns quanta (k, n) over all dendrites, the grade of each dendrite's share, what is split, and all grades.
     """
     scale = _scale(task, made)
     times = len(scale) // task.population.size
@@ -263,9 +265,9 @@ def _rounded(task: _Task, made: ChipSrm, beam: int) -> tuple[IntArray, IntArray,
 
 
 def _worth_splitting(task: _Task, grades: Grades, grade: IntArray, present: BoolArray) -> BoolArray:
-    """Mark the share of weights that buys most: squared error saved, over synaptic operations added."""
+    """Mark the share of weights with the best ratio of squared error saved to synaptic operations added."""
     saved = (4.0**grade - 4.0 ** grades.second_grade(grade)) * np.diag(task.drive.gram)
-    # A silent input costs nothing; the ridge says what it may be worth.
+    # A silent input costs nothing, and the ridge estimates its worth.
     value = np.where(present, saved / np.maximum(task.drive.rate, 1 / task.calibration.samples), 0.0)
     count = round(task.rounding.split * int(present.sum()))
     chosen = np.zeros(value.shape, dtype=np.bool_)
@@ -274,5 +276,5 @@ def _worth_splitting(task: _Task, grades: Grades, grade: IntArray, present: Bool
 
 
 def _ends(task: _Task) -> IntArray:
-    """Return the columns at which the weights of each projection but the first begin."""
+    """Return the columns at which the weights of each projection after the first one begin."""
     return np.cumsum([p.weights.shape[1] for p in task.incoming])[:-1]

@@ -1,7 +1,7 @@
 """Choose integers for SRM neurons, strategy by strategy.
 
-The threshold is exact, rule included: ``u >= theta`` holds where ``v > 64 * threshold``. The gain of the alpha kernel
-makes up for its rounded decay. Strategy ``delay-line`` has a file of its own.
+The threshold is exact, including its rule: ``u >= theta`` exactly if ``v > 64 * threshold``. The gain of the alpha
+kernel compensates for its rounded decay. Strategy ``delay-line`` has its own file.
 """
 
 import math
@@ -21,14 +21,14 @@ from locsnn_compile.passes.srm import delay_line
 from locsnn_compile.settings import STRATEGIES
 
 SCALE_SLACK = 0.99
-"""A scale may be up to one percent below the largest, if own weights round better there."""
+"""A scale may be up to one percent below the largest one, if own weights round better there."""
 
 
 class Layout(NamedTuple):
-    """How SRM neurons are laid out: both functions are told the decay of the alpha kernel.
+    """How SRM neurons are laid out; both functions get the decay of the alpha kernel.
 
-    ``heaviest_charge``: the heaviest charge of a neuron's own spike, in thresholds. ``lay_out``: the neurons of a task,
-    at one of the threshold mantissas, best first, within the limits of its chip.
+    ``heaviest_charge`` returns the largest charge of a neuron's own spike, in thresholds. ``lay_out`` returns the
+    neurons of a task at one of the given threshold mantissas, which come best first, within the limits of its chip.
     """
 
     heaviest_charge: Callable[[SrmAlpha, int, Task], float]
@@ -38,7 +38,7 @@ class Layout(NamedTuple):
 def quantize_srm(neuron: SrmAlpha, task: Task) -> Scaled:
     """Return neurons in integers.
 
-    Where decays are to be fitted, two instead of one, where the strategy can have them: taps are made for one.
+    If decays are to be fitted, there are two of them instead of one, unless the strategy has taps, which need one.
     """
     size, strategy, where = task.population.size, task.strategy, task.where
     layout, dendrites = LAYOUTS[strategy], STRATEGIES[strategy].dendrites
@@ -65,19 +65,19 @@ def quantize_srm(neuron: SrmAlpha, task: Task) -> Scaled:
 
 
 def of_a_dendrite(neuron: SrmAlpha, dendrites: int) -> SrmAlpha:
-    """Return a neuron whose own spikes do what they do in each of so many refractory dendrites."""
+    """Return a neuron whose own spikes have the effect that they have in one of so many refractory dendrites."""
     return replace(neuron, scale_ref=neuron.scale_ref / dendrites)
 
 
 def dendrite_charge(neuron: SrmAlpha, decay: int, task: Task) -> float:
-    """Return the largest own charge of a neuron that drives a refractory dendrite, in thresholds."""
+    """Return the largest charge that an own spike brings to a refractory dendrite, in thresholds."""
     return neuron.scale_ref * alpha_kernel(neuron.tau_ref, f"{task.where}: tau_ref")[1]
 
 
 def _with_dendrites(neuron: SrmAlpha, decay: int, thresholds: Iterable[int], task: Task) -> ChipSrm:
-    """Strategy ``dendrite``: own spikes drive a refractory dendrite, the kernel nu by one self-synapse.
+    """Strategy ``dendrite``: own spikes drive a refractory dendrite with the kernel nu through one self-synapse.
 
-    The threshold mantissa is the one whose refractory weight rounds best.
+    The chosen threshold mantissa is the one whose refractory weight rounds best.
     """
     refractory_decay, gain, _ = alpha_kernel(neuron.tau_ref, f"{task.where}: tau_ref")
     size, grid = task.population.size, own_grid(task.chip)
@@ -99,9 +99,9 @@ def _with_dendrites(neuron: SrmAlpha, decay: int, thresholds: Iterable[int], tas
 def whole_mantissas(neuron: SrmAlpha, thresholds: FloatArray, grid: WeightGrid) -> tuple[IntArray, IntArray, int]:
     """Return threshold mantissas (k,) near those wanted, their refractory mantissas (k,), and the exponent of all.
 
-    A scale is free, so it is chosen for the refractory weight: its mantissa is the largest of the grid at which the
-    threshold is not above the one wanted, and the threshold follows from it. Where that would be 0, the threshold is
-    the one wanted, and the refractory weight is rounded.
+    The scale is free, so it is chosen for the refractory weight: its mantissa is the largest of the grid at which the
+    threshold is not above the wanted one, and the threshold follows from it. If that mantissa would be 0, the threshold
+    is the wanted one, and the refractory weight is rounded.
     """
     _, gain, _ = alpha_kernel(neuron.tau_ref, "tau_ref")
     charge = neuron.scale_ref * gain
@@ -126,11 +126,12 @@ def _with_resets(neuron: SrmAlpha, decay: int, thresholds: Iterable[int], task: 
 
 
 def refractory_count(neuron: SrmAlpha, decay: int) -> int:
-    """Return the least count with which a spike takes as much from the potential, summed over steps, as nu does.
+    """Return the smallest count with which a spike takes as much from the potential, summed over steps, as nu does.
 
-    A reset takes a threshold, which would have faded by ``decay``: ``4096 / decay`` thresholds over all steps; each
-    blocked step one more. At the published time constants the reset alone takes twice what nu takes, and more blocked
-    steps only make it worse: on training recordings of both example networks a count of 1 kept most predictions.
+    A reset takes one threshold, which would otherwise fade by ``decay``: ``4096 / decay`` thresholds over all steps.
+    Each blocked step takes one more. At the published time constants, the reset by itself takes twice what nu takes,
+    and more blocked steps only make it worse: on training recordings of both example networks, a count of 1 kept most
+    predictions.
     """
     kept = math.exp(-1.0 / neuron.tau_ref)
     taken = neuron.scale_ref * math.e / neuron.tau_ref * kept / (1.0 - kept) ** 2
@@ -141,7 +142,7 @@ _DENDRITES = Layout(dendrite_charge, _with_dendrites)
 LAYOUTS = {
     "dendrite": _DENDRITES,
     "delay-line": Layout(delay_line.heaviest_charge, delay_line.lay_out),
-    # There are no self-synapses.
+    # This strategy has no self-synapses.
     "reset": Layout(lambda *_: 0.0, _with_resets),
     # Each dendrite takes its share of every weight, own ones included.
     "paired-dendrite": _DENDRITES,
