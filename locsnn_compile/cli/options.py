@@ -17,15 +17,7 @@ if TYPE_CHECKING:
 def part(text: str) -> float:
     """Read a share of the weights: ``none``, ``all`` or a number."""
     named = {"none": 0.0, "all": 1.0}
-    return named[text] if text in named else number(text)
-
-
-def number(text: str) -> float:
-    """Read a number other than nan: a gate with that bound would never fail."""
-    value = float(text)
-    if math.isnan(value):
-        raise ValueError(text)
-    return value
+    return named[text] if text in named else float(text)
 
 
 def numbers(text: str) -> tuple[float, ...]:
@@ -34,7 +26,7 @@ def numbers(text: str) -> tuple[float, ...]:
 
 
 KINDS: Mapping[str, Mapping[str, Any]] = {
-    **{kind.__name__.lower(): {"type": kind} for kind in (int, float, str, number, numbers, part, Path)},
+    **{kind.__name__.lower(): {"type": kind} for kind in (int, float, str, numbers, part, Path)},
     "flag": {"action": "store_true"},
     "yes or no": {"action": argparse.BooleanOptionalAction},
     "required": {"required": True},

@@ -13,6 +13,7 @@ from typing import Any
 from locsnn_compile.cluster.spread import code_version
 from locsnn_compile.explore.exploration import FRONT_RULE, OBJECTIVES, Chosen, Exploration
 from locsnn_compile.explore.point import Figures, Point
+from locsnn_compile.report.content import Document
 from locsnn_compile.report.figures.flat import csv_bytes
 from locsnn_compile.report.format import NONE, energy, plain, time
 from locsnn_compile.report.pictures.scatter import Mark, Panel, draw
@@ -23,7 +24,6 @@ SCHEMA = "locsnn-explore/1"
 COLUMNS: dict[str, str] = texts("tables", "explored")["columns"]
 """The figures of a point on the terminal, by heading."""
 X_LABEL = "spikes that differ from the float network's"
-Document = dict[str, Any]
 
 
 def document(found: Exploration) -> Document:

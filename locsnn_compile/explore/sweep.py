@@ -7,7 +7,6 @@ Finished points are small files on disk, named by the hash of everything that de
 A file that is not complete, or not of this setting and code, is ignored, and its point is measured again.
 """
 
-import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
@@ -20,7 +19,7 @@ from hw_model.io.files import replace_file
 from hw_model.values import Frozen
 from locsnn_compile.cluster.spread import Spread, check_code, code_version
 from locsnn_compile.errors import InputError, TargetError
-from locsnn_compile.explore.point import Figures, Point, Refusal, Study, Timing, measure
+from locsnn_compile.explore.point import Figures, Point, Refusal, Study, Timing, digest_of, measure
 from locsnn_compile.passes.quantize import weight_bits_of
 from locsnn_compile.settings import Setting, usual_settings
 from locsnn_compile.verification.error_bounds import ErrorBudget, default_budget
@@ -45,7 +44,7 @@ class Store(Frozen):
             if path.stat().st_size > MAX_BYTES:
                 return None
             document = json.loads(path.read_bytes())
-            if document["schema"] != SCHEMA or document["sha256"] != _digest(document["point"]):
+            if document["schema"] != SCHEMA or document["sha256"] != digest_of(document["point"]):
                 return None
             point = _point(document["point"], setting)
         # Whatever is in the file, it is not a point.
@@ -62,15 +61,11 @@ class Store(Frozen):
             fix = "Choose a folder with -o."
             raise InputError(f"output {self.folder.name!r}", what, measured=error.strerror or "", fix=fix) from None
         entry = asdict(point)
-        document = {"schema": SCHEMA, "sha256": _digest(entry), "point": entry}
+        document = {"schema": SCHEMA, "sha256": digest_of(entry), "point": entry}
         replace_file(self._path(key), (json.dumps(document, indent=1) + "\n").encode(), where=f"point {key[:12]}")
 
     def _path(self, key: str) -> Path:
         return self.folder / f"{key}.json"
-
-
-def _digest(entry: object) -> str:
-    return hashlib.sha256(json.dumps(entry, sort_keys=True).encode()).hexdigest()
 
 
 def _point(entry: Mapping[str, Any], setting: Setting) -> Point:

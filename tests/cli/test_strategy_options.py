@@ -113,7 +113,7 @@ def test_split_weights_make_more_synapses(model, tmp_path, capsys):
 def test_no_share_of_the_weights(model, tmp_path, capsys):
     assert main([str(model), "-o", str(tmp_path / "b"), "--split-weights", "2"]) == 2
     said = capsys.readouterr().err
-    assert said == "split_weights: it is not a share of the weights (2 against 0..1). Give 0 to 1.\n"
+    assert said == "--split-weights 2: it is out of range. Give a number from 0 to 1.\n"
 
 
 def test_calibration_takes_the_train_part_of_an_archive(model, tmp_path, capsys):
