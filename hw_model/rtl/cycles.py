@@ -25,7 +25,7 @@ def core_cycles(core: CoreProgram, recording: ByteArray, spikes: Mapping[str, By
 
     ``recording`` (rows, channels); ``spikes[population]`` (steps, n), as a simulation gives them.
     """
-    clock = _Clock(np.maximum(np.diff(core.lists), 1).tolist(), core.first_source)
+    clock = _Clock(np.maximum(core.lengths, 1).tolist(), core.first_source)
     for index, (phase, end) in enumerate(zip(core.phases, core.ends, strict=True)):
         compartments = range(core.ends[index - 1] if index else 0, end)
         numbers = np.sort(core.numbers[phase.name])

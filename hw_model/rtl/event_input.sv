@@ -50,7 +50,11 @@ module event_input #(
     end
     wire sound = error == 0 && found == 0;
 
-    always_ff @(posedge clk) begin
+    wire ticking;
+    clock_gate gate (
+        .clk, .enable(clear || accepted || mark || mark_tick || stop || failed || out_ready || (tail && free)), .gated(ticking)
+    );
+    always_ff @(posedge ticking) begin
         mark <= accepted && in_kind == EVENT && sound;
         mark_tick <= accepted ? in_kind == TICK && sound : tail && free && steps != 0 && !full;
         stop <= accepted && in_kind == STOP;

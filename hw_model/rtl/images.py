@@ -66,8 +66,8 @@ class CoreProgram:
     """A program in the numbers of the core, for recordings of so many ``rows``; ``steps`` of phases of no fixed length.
 
     ``phases``: in order, the first while the recording arrives. ``numbers[phase]`` (columns,): compartments by column;
-    ``ends`` (phases,): the first number after each phase. ``lists`` (sources + 1,): where the synapses of each source
-    begin. ``heard``: rows of a recording that the core takes; ``kept``: those that the buffer does. ``scale``: what
+    ``ends`` (phases,): the first number after each phase. ``starts``, ``lengths`` (sources,): words of the list of each
+    source. ``heard``: rows of a recording that the core takes; ``kept``: those that the buffer does. ``scale``: what
     scores are multiplied by. ``word``: rows of a recording in a word of the bitmap, that of the program's chip unless
     given. ``needs``: the least sizes. What the core cannot run is a ``TargetError``.
     """
@@ -86,15 +86,14 @@ class CoreProgram:
         self.channels = sum(program.streams.values())
         self._number()
         synapses = self._synapses()
-        self.lists, words = self._words(synapses)
-        lengths = np.diff(self.lists)
+        self.starts, self.lengths, words = self._words(synapses)
         ratios = [weight.as_integer_ratio() for weight in program.readout.weights] if program.readout else []
         self.scale = max((below for _, below in ratios), default=1)
         # Larger weights are refused, and need not fit 64 bits for that.
         weights = [min(max(above * (self.scale // below), -(1 << 40)), 1 << 40) for above, below in ratios]
         visits = np.hstack([phase.visits for phase in self.phases])
         self.tables = {
-            "axons": {"start": np.where(lengths > 0, self.lists[:-1], 0), "length": lengths},
+            "axons": {"start": np.where(self.lengths > 0, self.starts, 0), "length": self.lengths},
             "synapses": words,
             "compartments": self._compartments(),
             "visits": {"step": visits[0], "channel": visits[1], "source": visits[2]},
@@ -191,8 +190,8 @@ class CoreProgram:
         charge = np.bincount(synapses["target"], weights=charges, minlength=1).max()
         children = np.bincount(compartments["parent"], weights=compartments["child"]).max()
         return Sizes(
-            axons=len(self.lists) - 1,
-            synapses=2 * int(self.lists[-1] + 1),
+            axons=len(self.starts),
+            synapses=2 * int(self.lengths.sum() + 1),
             compartments=self.ends[-1],
             slots=int(synapses["delay"].max(initial=0)) + 2,
             charge=int(charge).bit_length() + 1,
@@ -223,21 +222,26 @@ class CoreProgram:
             })  # fmt: skip
         return {name: np.concatenate([part[name] for part in parts]).astype(np.int64) for name in parts[0]}
 
-    def _words(self, synapses: Table) -> tuple[IntArray, Table]:
-        """Return where the list of each source begins, and the words of lists: a synapse for each bank."""
+    def _words(self, synapses: Table) -> tuple[IntArray, IntArray, Table]:
+        """Return where the list of each source begins, its length, and the words of lists: a synapse for each bank.
+
+        Lists of an even length come first: where a row of memory holds two words, they take no row more than they need.
+        """
         odd = np.bitwise_xor.reduce(np.arange(self.ends[-1]) >> np.arange(24)[:, None])
         bank = (odd[synapses["target"]] ^ synapses["delay"]) & 1
         place = 2 * synapses["source"] + bank
         order = np.argsort(place, kind="stable")
         counts = np.bincount(place, minlength=2 * (self.first_source + self.ends[-1]))
-        lists = np.concatenate(([0], np.cumsum(counts.reshape(-1, 2).max(axis=1))))
-        word = np.arange(len(order)) + np.repeat(np.repeat(lists[:-1], 2) - np.cumsum(counts) + counts, counts)
+        lengths = counts.reshape(-1, 2).max(axis=1)
+        even_first, starts = np.argsort(lengths % 2, kind="stable"), np.empty_like(lengths)
+        starts[even_first] = np.cumsum(lengths[even_first]) - lengths[even_first]
+        word = np.arange(len(order)) + np.repeat(np.repeat(starts, 2) - np.cumsum(counts) + counts, counts)
         table: Table = {}
         for name, column in {**synapses, "target": synapses["target"] >> 1}.items():
-            found = np.full((2, int(lists[-1])), NO_SYNAPSE.get(name, 0))
+            found = np.full((2, int(lengths.sum())), NO_SYNAPSE.get(name, 0))
             found[bank[order], word] = column[order]
             table |= {f"{name}{side}": found[side] for side in BANKS}
-        return lists, table
+        return starts, lengths, table
 
     def _compartments(self) -> Table:
         """Return the constants of every compartment; gaps have none."""

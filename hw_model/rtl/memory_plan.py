@@ -189,7 +189,7 @@ def arrays_of(core: CoreProgram, sizes: Sizes, counts: Counts) -> list[Array]:
         one("sums", words.sums, sizes.join, updates / 3, updates / 3),
         one("places", sizes.compartments, source, spikes, spikes),
         one("tallies", needs.entries, 24, updates / 4, spikes),
-        one("bitmap", needs.bitmap, 32, counts.transpose_events, counts.input_events),
+        one("bitmap", needs.bitmap, sizes.word, counts.transpose_events, counts.input_events),
         one("visit_list", needs.visits, widths["visits"], needs.visits),
         one("weights", words.weights, widths["weights"], 0.0),
         one("phases", words.phases, widths["phases"], words.phases),

@@ -101,7 +101,14 @@ module transpose #(
     logic [ROW-1:0]   touch;
     logic [PLACE-1:0] touch_place;
     wire              full = row == kept[ROW-1:0];
-    always_ff @(posedge clk) begin
+    logic             row_began;
+    wire              ticking;  // while a word is marked, or looked for
+    always_ff @(posedge clk) row_began <= mark_tick;
+    clock_gate gate (
+        .clk, .enable(clear || load_visit || start || mark || counted || marked || mark_tick || row_began || out_ready
+            || (go && (state != IDLE || found))), .gated(ticking)
+    );
+    always_ff @(posedge ticking) begin
         {counted, marked} <= clear ? 2'b0 : {mark, marking};
         if (mark) together <= together + 1;
         if (!touched && state == IDLE) {touch, touch_place} <= {row, row_place};
@@ -111,7 +118,7 @@ module transpose #(
     end
 
     memory #(.WIDTH(WORD), .DEPTH(BITMAP)) bitmap (
-        .clk,
+        .clk          (ticking),
         .write        (marked || sweep),
         .write_address(address),
         .write_data   (written),
@@ -120,7 +127,7 @@ module transpose #(
         .read_data    (word)
     );
     memory #(.WIDTH(VISIT), .DEPTH(VISITS)) visit_list (
-        .clk,
+        .clk          (ticking),
         .write        (load_visit),
         .write_address(load_address[INDEX-1:0]),
         .write_data   (load_data[VISIT-1:0]),
@@ -142,7 +149,7 @@ module transpose #(
     wire           row_next = by_rows && !over && !row_done;
     wire           row_over = state == IDLE ? mark_tick && !full : go && state == NEXT && !row_next && !due;
 
-    always_ff @(posedge clk) begin
+    always_ff @(posedge ticking) begin
         over <= step == steps[STEP-1:0] || (by_rows && aligned && row == rows[ROW-1:0]);
         fetched <= go && (state == FETCH || state == PRIME);
         if (fetched) visit <= visit_word;

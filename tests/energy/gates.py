@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 from liberty import Cell, Macro
-from memories import SWEPT
+from memories import ONE_AT_A_TIME, SWEPT
 from netlist import Instance, Netlist
 
 LANES = 64
@@ -167,7 +167,8 @@ def source(found: Circuit, cells: Mapping[str, Cell], macros: Mapping[str, Macro
     for number, instance in enumerate(found.memories):
         macro = macros[instance.type]
         # What is only loaded is the same for all recordings.
-        shared = macro.ports == 1 and instance.name.replace("\\", "").split(".")[-2] not in SWEPT
+        written = SWEPT + ONE_AT_A_TIME
+        shared = macro.ports == 1 and instance.name.replace("\\", "").split(".")[-2] not in written
         for port in "AB"[: macro.ports]:
             depth = (macro.words - 1).bit_length()
             clock = number_of.get(found.at(instance, f"{port}_CLK"), -1)
@@ -224,13 +225,23 @@ class Activity:
     ``accesses`` (ports, read or write, classes, recordings).
 
     ``answers`` (recordings, 7): class, cycles from the first word, synapses, spikes, cycles by class. ``probes``: every
-    update, (rows, 5): recording, compartment, u, v, fired.
+    update, (rows, 5): recording, compartment, u, v, fired. ``whole``: what this is a part of, from here to there.
     """
 
     toggles: np.ndarray
     accesses: np.ndarray
     answers: np.ndarray
     probes: np.ndarray | None
+    whole: "tuple[Activity, int, int] | None" = None
+
+    def part(self, begin: int, end: int) -> "Activity":
+        """Return what some of the recordings did; they are counted from 0 again."""
+        probes = None
+        if self.probes is not None:
+            mine = (self.probes[:, 0] >= begin) & (self.probes[:, 0] < end)
+            probes = self.probes[mine] - np.array([begin, 0, 0, 0, 0], dtype=np.uint32)
+        toggles, accesses, answers = self.toggles[:, begin:end], self.accesses[..., begin:end], self.answers[begin:end]
+        return Activity(toggles, accesses, answers, probes, (self, begin, end))
 
 
 def build(folder: Path, text: str) -> Path:

@@ -38,9 +38,7 @@ def main() -> None:
     built = make_profile.build(make_profile.given_library(__doc__))
     of_sets = {}
     for name, model in make_profile.SETS.items():
-        program = runs.compiled(model)
-        recordings = runs.real(name, "test", make_profile.CHECKED_ON)
-        played = built.play(program, runs.stacked(program, recordings), probes=True)
+        _, _, played = make_profile.played(built, name)[1]
         of_sets[name] = (model, played, {wires: built.energy(played, wires) for wires in ENDS})
     rows = search(built.files)
     with SEARCH.open("w", newline="") as file:

@@ -43,6 +43,11 @@ class Energy:
     logic: dict[str, np.ndarray]
     clock: dict[str, np.ndarray]
 
+    def part(self, begin: int, end: int) -> "Energy":
+        """Return that of some of the columns."""
+        kinds = (self.memory, self.logic, self.clock)
+        return Energy(*({name: pj[begin:end] for name, pj in kind.items()} for kind in kinds))
+
     def of(self, kind: str) -> np.ndarray:
         """Return all parts of a kind."""
         return sum(getattr(self, kind).values())

@@ -5,7 +5,7 @@ gate level: what a synaptic operation, an update and an active one cost in them 
 them of hardly any events.
 """
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import gates
@@ -55,13 +55,10 @@ class Made:
     counts: list[list[hw.Counts]]
 
 
-def make(built: runs.Built, sets: Mapping[str, tuple[hw.ChipProgram, np.ndarray]]) -> Made:
-    """Play recordings of programs."""
-    played, counts = [], []
-    for program, recordings in sets.values():
-        played.append(built.play(program, runs.stacked(program, recordings)))
-        counts.append(hw.simulate(program, recordings, probe=()).per_recording)
-    return Made(built, played, counts)
+def make(built: runs.Built, sets: Sequence[tuple[hw.ChipProgram, np.ndarray, gates.Activity]]) -> Made:
+    """Count what the simulator does in recordings of programs that were played."""
+    counts = [hw.simulate(program, recordings, probe=()).per_recording for program, recordings, _ in sets]
+    return Made(built, [played for _, _, played in sets], counts)
 
 
 def accesses(made: Made) -> dict[str, np.ndarray]:
@@ -121,10 +118,14 @@ def fitted(made: Made, wires: str) -> np.ndarray:
 
 
 def compare(
-    built: runs.Built, priced: Priced, program: hw.ChipProgram, recordings: np.ndarray, wires: str
+    built: runs.Built,
+    priced: Priced,
+    program: hw.ChipProgram,
+    recordings: np.ndarray,
+    played: gates.Activity,
+    wires: str,
 ) -> np.ndarray:
     """Return picojoules by the profile, at gate level, and of the latter in memories, (recordings, 3)."""
-    played = built.play(program, runs.stacked(program, recordings), probes=True)
     found = hw.simulate(program, recordings, probe=("spikes", "u", "v"))
     assert (played.answers[:, 0] == found.prediction).all()
     assert (played.answers[:, 2] == [c.synaptic_ops for c in found.per_recording]).all()

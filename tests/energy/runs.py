@@ -41,7 +41,7 @@ SIZES = {
 SAVING = {"early": 1, "lazy": 1}
 """Parameters of the core that save energy here."""
 HELD = {
-    "axons": 736, "synapses": 7168, "bitmap": 1280, "visit_list": 80, "tallies": 72, "weights": 4, "phases": 16,
+    "axons": 736, "synapses": 7168, "bitmap": 1024, "visit_list": 80, "tallies": 72, "weights": 4, "phases": 16,
 }  # fmt: skip
 """Words that are made of memories, where parameters of the core are powers of two above them."""
 COMPARTMENTS = 416
@@ -146,7 +146,19 @@ class Built:
         return pickle.loads(kept.read_bytes())
 
     def energy(self, found: gates.Activity, wires: str) -> picojoules.Energy:
-        """Return the energy of what was played, by recording, or by class of all together."""
+        """Return the energy of what was played, by recording, or by class of all together; it is kept."""
+        if found.whole is not None:
+            whole, begin, end = found.whole
+            return self.energy(whole, wires).part(begin, end)
+        made_by = b"".join((Path(__file__).parent / name).read_bytes() for name in ("picojoules.py", "timing.py"))
+        toggles = np.ascontiguousarray(found.toggles).tobytes()
+        key = hashlib.sha256(toggles + wires.encode() + made_by).hexdigest()[:12]
+        kept = self.folder / f"energy-{key}.pkl"
+        if not kept.exists():
+            kept.write_bytes(pickle.dumps(self._energy(found, wires)))
+        return pickle.loads(kept.read_bytes())
+
+    def _energy(self, found: gates.Activity, wires: str) -> picojoules.Energy:
         by_class = found.toggles.shape[1] == 3 and len(found.answers) != 3
         cycles, accesses = found.answers[:, 4:7], found.accesses
         cycles = cycles.sum(axis=0) if by_class else cycles.sum(axis=1)
@@ -253,7 +265,7 @@ def options(
         memory.name,
         memory.words,
         memory.bits,
-        memory.ports,
+        1 if memory.name in memories.ONE_AT_A_TIME else memory.ports,
         memory.copies,
         held,
         period,

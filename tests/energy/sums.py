@@ -46,7 +46,7 @@ def memory_pj(program: hw.ChipProgram, recordings: np.ndarray) -> np.ndarray:
 def _accesses(core: CoreProgram, recording: np.ndarray, found: hw.SimulationResult, i: int, of: dict) -> dict:
     """Return rows read and words written of every memory for one recording."""
     counts, sizes = found.per_recording[i], hw.chip("locsnn-130nm").open_core
-    sent = np.zeros(len(core.lists) - 1)
+    sent = np.zeros(len(core.starts))
     sent[: recording.shape[1]] += recording[: core.phases[0].steps].sum(axis=0)
     for channel, source in zip(core.tables["visits"]["channel"], core.tables["visits"]["source"], strict=True):
         sent[source + np.flatnonzero(recording[: core.kept, channel])] += 1
@@ -64,7 +64,7 @@ def _accesses(core: CoreProgram, recording: np.ndarray, found: hw.SimulationResu
             taken += np.count_nonzero(u != left)
             if name in found.spikes:
                 sent[core.first_source + here] += found.spikes[name][i].sum(axis=0)
-    starts, ends = core.lists[:-1], core.lists[1:]
+    starts, ends = core.starts, core.starts + core.lengths
     pack = of["synapses"][0]
     rows = np.where(ends > starts, (ends - 1) // pack - starts // pack + 1, 0)
     axons, updates = sent.sum(), counts.neuron_updates

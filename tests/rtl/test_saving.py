@@ -28,6 +28,11 @@ FAULTS = [
     ("what was not read leaks", "update.sv", "leaks4 || LAZY == 0 ? leak_u4", "1'b1 ? leak_u4"),
     ("a clock stops too early", "update.sv", ".enable(leaks2 || leaks3)", ".enable(leaks2)"),
     ("a clock stops while a tally comes", "readout.sv", "early_read || early7 ||", "early_read ||"),
+    ("a clock stops before the buffer knows its row", "transpose.sv", "mark_tick || row_began ||", "mark_tick ||"),
+    ("a clock stops while a word is marked", "transpose.sv", "mark || counted || marked ||", "mark ||"),
+    ("a clock stops while nobody takes the words of the buffer", "transpose.sv", "row_began || out_ready", "row_began"),
+    ("a clock stops after an event", "event_input.sv", "clear || accepted || mark || mark_tick ||", "clear || accepted ||"),
+    ("a clock stops in silent steps", "event_input.sv", "|| out_ready || (tail && free)", "|| out_ready"),
     ("the word of an early memory is a cycle late", "accumulator.sv", "EARLY != 0 ? stored : kept2", "kept2"),
     ("an early memory is asked too early", "accumulator.sv", "EARLY != 0 ? address1 : address", "address"),
 ]  # fmt: skip
