@@ -24,8 +24,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from locsnn_compile.cli.interrupt import EXIT_INTERRUPTED
 from locsnn_compile.cli.options import given
-from locsnn_compile.cli.shell import EXIT_GATE, EXIT_INTERRUPTED, progress_bar
+from locsnn_compile.cli.shell import EXIT_GATE, progress_bar
 from locsnn_compile.errors import InputError
 from locsnn_compile.settings import AXES, Axis, Value, check_matters, settings
 

@@ -1,7 +1,4 @@
-"""What all commands share: their parser, one-line errors, exit codes, streams, progress bars, and an immediate Ctrl-C.
-
-``--options FILE`` names a YAML file with options of a command; options on the command line take precedence.
-"""
+"""What all commands share: their parser, one-line errors, exit codes, streams and progress bars."""
 
 import argparse
 import errno
@@ -9,102 +6,20 @@ import gc
 import io
 import logging
 import os
-import signal
-import socket
 import sys
-import threading
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 from locsnn_compile import __version__
+from locsnn_compile.cli.interrupt import EXIT_INTERRUPTED, leaving_at_once
 from locsnn_compile.cli.options import add_options
-from locsnn_compile.errors import InputError, LocsnnError, check_known
+from locsnn_compile.cli.options_file import read_options
+from locsnn_compile.errors import InputError, LocsnnError
 
 if TYPE_CHECKING:
     from rich.console import Console
-
-_OTHERS = ("help", "options", "version")
-
-
-def read_options(parser: argparse.ArgumentParser, path: str) -> dict[str, Any]:
-    """Return the values that a file gives to the options of a parser, by attribute; ``InputError`` for all else."""
-    from hw_model.io.yaml_text import read_mapping
-
-    where = f"options {path!r}"
-    values = read_mapping(Path(path), where, "Give the YAML file of a command's options.")
-    options = {name[2:]: action for name, action in parser._option_string_actions.items() if name.startswith("--")}
-    known = {name: action for name, action in options.items() if name not in _OTHERS}
-    for name in values:
-        check_known(where, f"key {str(name)[:60]!r} is not known", str(name), known)
-    return {known[name].dest: _value(known[name], value, f"{where}, {name}") for name, value in values.items()}
-
-
-def _value(action: argparse.Action, value: Any, where: str) -> Any:
-    """Return a value as the command line would give it: of the option's type, or a list of such values."""
-    if action.nargs == 0:
-        if isinstance(value, bool):
-            return value
-        raise InputError(where, "it must be true or false", measured=f"got {value!r}", fix="Correct the value.")
-    several = isinstance(action, argparse._AppendAction)
-    items = value if several and isinstance(value, list) else [value]
-    kind: Any = action.type or str
-    try:
-        if not {type(one) for one in items} <= {str, int, float}:
-            raise ValueError(value)
-        found = [kind(str(one)) for one in items]
-    except ValueError:
-        got = f"got {value!r}"
-        raise InputError(where, "it is not a value of this option", measured=got, fix="Correct the value.") from None
-    except InputError as error:
-        raise InputError(where, error.what, measured=f"got {value!r}", fix=error.fix) from None
-    return found if several else found[0]
-
-
-EXIT_INTERRUPTED = 130
-GRACE_SECONDS = 1.0
-"""How long a command may take to tidy up and exit by itself."""
-_SHOW_CURSOR = "\r\x1b[K\x1b[?25h"
-"""What to print after a progress bar that was interrupted."""
-
-
-@contextmanager
-def leaving_at_once() -> Iterator[None]:
-    """End the process within :data:`GRACE_SECONDS` of a Ctrl-C in this context.
-
-    Python raises KeyboardInterrupt only in the main thread and between its own instructions, and joins all threads
-    before it exits, so it would wait for a loop of compiled code in any thread. Here a separate thread waits for the
-    signal, and ends the process if it is still running after that time. That leaves no partial file: such loops write
-    none, and files have another name until they are complete.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    ours, pythons = socket.socketpair()
-    pythons.setblocking(False)
-    before = signal.set_wakeup_fd(pythons.fileno(), warn_on_full_buffer=False)
-    left = threading.Event()
-    threading.Thread(target=_watch, args=(ours, left), daemon=True).start()
-    try:
-        yield
-    finally:
-        left.set()
-        signal.set_wakeup_fd(before)
-        pythons.close()  # ends the watch, unless a signal came first
-
-
-def _watch(ours: socket.socket, left: threading.Event) -> None:
-    with ours:
-        while received := ours.recv(64):
-            if signal.SIGINT in received:
-                time.sleep(GRACE_SECONDS)
-                if not left.is_set():
-                    print(f"{_SHOW_CURSOR if sys.stderr.isatty() else ''}Interrupted.", file=sys.stderr, flush=True)
-                os._exit(EXIT_INTERRUPTED)
-
 
 # Must be set before numpy is imported. Matrices are small, threads on a busy machine wait for each other, and with one
 # thread results do not depend on the number of cores.

@@ -23,7 +23,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hw_model.io.given import check_path
-from locsnn_compile.cli.shell import EXIT_INTERRUPTED, Moved, progress_bar
+from locsnn_compile.cli.interrupt import EXIT_INTERRUPTED
+from locsnn_compile.cli.options import given
+from locsnn_compile.cli.shell import Moved, progress_bar
 from locsnn_compile.errors import InputError, listed
 from locsnn_compile.models.architectures import ARCHITECTURES
 from locsnn_compile.settings import TRAINABLE
@@ -55,9 +57,10 @@ def run(args: argparse.Namespace) -> int:
             f"output {output.name or str(output)!r}", "it is not a .pt file in an existing folder", fix="Correct -o."
         )
     from locsnn_compile.data.torch_writer import need_torch
+    from locsnn_compile.models.checkpoint_reader import read_checkpoint
 
     _check_places(args, output)
-    start = _start(args)
+    start = None if args.start is None else read_checkpoint(args.start)
     config = _config(args, start)
     need_torch("locsnn train")
 
@@ -108,8 +111,7 @@ def _check_places(args: argparse.Namespace, output: Path) -> None:
         output.with_suffix(".svg"): b"Training of ",
         _state_path(output): b"locsnn-training-state",
     }
-    reads = {"--data": args.data, "--config": args.config, "--from": args.start, "--target": args.target}
-    reads |= {"--layout": args.layout}
+    reads = given(args, ("--data", "--config", "--target", "--layout")) | {"--from": args.start}
     check_places(reads, [(option, path) for path in (output, *beside)])
     for path, mark in beside.items():
         if path.exists() and mark not in path.read_bytes():
@@ -119,14 +121,6 @@ def _check_places(args: argparse.Namespace, output: Path) -> None:
     if args.resume and not _state_path(output).exists():
         measured = f"no {_state_path(output).name!r}"
         raise InputError("--resume", "there is nothing to go on from", measured=measured, fix="Train without --resume.")
-
-
-def _start(args: argparse.Namespace) -> Checkpoint | None:
-    if args.start is None:
-        return None
-    from locsnn_compile.models.checkpoint_reader import read_checkpoint
-
-    return read_checkpoint(args.start)
 
 
 def _config(args: argparse.Namespace, start: Checkpoint | None) -> TrainingConfig:
