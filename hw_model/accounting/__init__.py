@@ -1,1 +1,1 @@
-"""From what happened to counts, energy and latency."""
+"""From activity to counts, energy and latency."""

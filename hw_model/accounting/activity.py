@@ -1,4 +1,4 @@
-"""Count what a batch did in a phase, from its spikes and from what one spike of each source causes."""
+"""Count what a batch did in a phase, from its spikes and from the effects of one spike of each source."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -15,11 +15,12 @@ from hw_model.values import AnyArray, BoolArray, ByteArray, Frozen, IntArray, Sh
 
 
 class StepActivity(Shown):
-    """One recording in one phase, step by step; several may be stacked, with a dimension in front.
+    """One recording in one phase, step by step; several may be stacked, with one more dimension in front.
 
-    ``by_piece[name]`` (steps, pieces) for each of :data:`hw_model.description.counts.BY_CORE`; ``packets`` (steps,
-    ways): packets on each way of :class:`hw_model.accounting.mesh_routes.Routes`; ``input_packets`` (steps, cores):
-    those that bring input events; ``buffered`` (steps,): events that the transpose buffer gives out.
+    - ``by_piece[name]`` (steps, pieces), for each of :data:`hw_model.description.counts.BY_CORE`
+    - ``packets`` (steps, ways): packets on each way of :class:`hw_model.accounting.mesh_routes.Routes`
+    - ``input_packets`` (steps, cores): packets that bring input events
+    - ``buffered`` (steps,): events read from the transpose buffer
     """
 
     pieces: Pieces
@@ -35,7 +36,7 @@ class StepActivity(Shown):
         return {name: self.pieces.of_pieces(counts) for name, counts in self.by_piece.items()}
 
     def count(self, name: str) -> IntArray:
-        """Return a count, or one derived from them, (steps, cores)."""
+        """Return a count, kept or derived, (steps, cores)."""
         if name == "packets_received":
             arrived = self.input_packets.copy()
             np.add.at(arrived.T, self.routes.target, self.packets.T)
@@ -44,14 +45,14 @@ class StepActivity(Shown):
 
 
 def counted(kept: Mapping[str, IntArray], name: str) -> IntArray:
-    """Return one of the counts that are kept, or one derived from them."""
+    """Return a count, either one that is kept or one derived from these."""
     if name == "neuron_updates_inactive":
         return kept["neuron_updates"] - kept["neuron_updates_active"]
     return kept["hops_x"] + kept["hops_y"] if name == "hops" else kept[name]
 
 
 def stacked(items: Sequence[StepActivity]) -> StepActivity:
-    """Return recordings of one phase and of equal length as one, (recordings, steps, ...)."""
+    """Return recordings of one phase and of equal length, stacked, (recordings, steps, ...)."""
     first = items[0]
     by_piece = {name: np.stack([item.by_piece[name] for item in items]) for name in first.by_piece}
     rest = (np.stack(arrays) for arrays in zip(*((i.packets, i.input_packets, i.buffered) for i in items), strict=True))
@@ -59,17 +60,17 @@ def stacked(items: Sequence[StepActivity]) -> StepActivity:
 
 
 PER_SPIKE = ("synaptic_ops", "spikes", *PER_PACKET, "input_packets")
-"""Counts of a recording that are a sum over its spikes and input events."""
+"""Counts that are sums over the spikes and input events of a recording."""
 _COLUMN = {name: k for k, name in enumerate(COUNTED)}
 _OF_SPIKES, _OF_TOTALS = [_COLUMN[name] for name in PER_SPIKE], [_COLUMN[name] for name in TOTALS]
 
 
 DENSE_MOST = 1 << 15
-"""Entries of what all spikes of a phase cause, up to which a matrix of them is quicker than to follow each."""
+"""Largest matrix of the effects of all spikes of a phase that is faster than following each spike."""
 
 
 def count_totals(program: ChipProgram, phase: str, played: PhaseInput, trace: PhaseTrace) -> IntArray:
-    """Return the counts of every recording, (batch, fields of Counts): spikes of each source times what one causes."""
+    """Return the counts of every recording, (batch, fields of Counts): spikes of each source times their effects."""
     table = np.zeros((len(trace.sent), len(COUNTED)), dtype=np.int64)
     table[:, _OF_SPIKES] = trace.sent @ fan_out(program, phase)
     table[:, _OF_TOTALS] = trace.totals
@@ -82,7 +83,7 @@ def count_totals(program: ChipProgram, phase: str, played: PhaseInput, trace: Ph
 
 
 def count_steps(program: ChipProgram, phase: str, played: PhaseInput, trace: PhaseTrace) -> list[StepActivity]:
-    """Return the counts of every recording step by step and core by core."""
+    """Return the counts of every recording, step by step and core by core."""
     causes, pieces, routes = _causes(program, phase), pieces_of(program, phase), routes_of(program, phase)
     step, found = np.arange(played.steps), []
     runs = (step >= played.start[:, None]) & (step < played.stop[:, None])
@@ -97,10 +98,10 @@ def count_steps(program: ChipProgram, phase: str, played: PhaseInput, trace: Pha
 
 
 class _Causes(Frozen, eq=False):
-    """What a spike of each source, input lines and then columns, causes: counts in columns of a table.
+    """The effects of a spike of each source (input lines, then columns) on the columns of a table of counts.
 
-    ``caused[first[s] : first[s] + many[s]]`` are those that source s adds to, each ``times[k]`` times; ``columns`` has
-    those of each count, of ``width`` in all.
+    Source s adds to the table's columns ``caused[k]``, ``times[k]`` times each, for the ``many[s]`` entries k from
+    ``first[s]``. ``columns`` are those of each count, out of ``width`` in all.
     """
 
     first: IntArray
@@ -111,7 +112,7 @@ class _Causes(Frozen, eq=False):
     width: int
 
     def of(self, sent: ByteArray) -> dict[str, IntArray]:
-        """Count what spikes (steps, sources) cause, (steps, columns) each."""
+        """Return the counts that spikes (steps, sources) cause, (steps, columns) each."""
         # Sums of integers below 2^53 are exact in float64, and its matrix product is the fast one.
         sums = sent.astype(np.float64) @ self._dense if self._dense.size else self._followed(sent)
         table = sums.astype(np.int64)
@@ -119,7 +120,7 @@ class _Causes(Frozen, eq=False):
 
     @cached_property
     def _dense(self) -> AnyArray:
-        """All as one matrix (sources, columns); of no columns if it would have more than :data:`DENSE_MOST` entries."""
+        """All effects as a matrix (sources, columns); without columns if it would exceed :data:`DENSE_MOST` entries."""
         sources = np.repeat(np.arange(len(self.many)), self.many)
         shape = len(self.many), self.width
         if math.prod(shape) > DENSE_MOST:
@@ -127,8 +128,8 @@ class _Causes(Frozen, eq=False):
         return np.bincount(sources * shape[1] + self.caused, self.times, math.prod(shape)).reshape(shape)
 
     def _followed(self, sent: ByteArray) -> AnyArray:
-        """Follow every spike to what it causes."""
-        # Bytes of 0 and 1 are booleans, and of these numpy finds the true ones fastest.
+        """Follow every spike to its effects."""
+        # Bytes of 0 and 1 are also booleans, among which numpy finds the true ones fastest.
         step, source = np.divmod(np.flatnonzero(sent.view(np.bool_)), sent.shape[1])
         many = self.many[source]
         entry = np.arange(many.sum()) + np.repeat(self.first[source] - (np.cumsum(many) - many), many)
@@ -138,7 +139,7 @@ class _Causes(Frozen, eq=False):
 
 @lru_cache(maxsize=8)
 def _causes(program: ChipProgram, phase: str) -> _Causes:
-    """Gather what the spikes of a phase cause, entry by entry: source, count, its column, how often."""
+    """Collect the effects of the spikes of a phase, entry by entry: source, count, its column, how often."""
     cores, pieces, routes = program.cores_of(phase), pieces_of(program, phase), routes_of(program, phase)
     buffered = _through_buffer(program, phase)
     lines, own = len(buffered), np.arange(sum(core.compartments for core in cores))
@@ -172,14 +173,14 @@ def _causes(program: ChipProgram, phase: str) -> _Causes:
 
 
 def _through_buffer(program: ChipProgram, phase: str) -> BoolArray:
-    """Tell which lines of a phase the transpose buffer plays, (lines,)."""
+    """Return which lines of a phase the transpose buffer plays, (lines,)."""
     inputs = program.inputs_of(phase)
     return np.repeat([item.positions is not None for item in inputs], [item.size for item in inputs])
 
 
 @lru_cache(maxsize=8)
 def fan_out(program: ChipProgram, phase: str) -> IntArray:
-    """Return what one spike of each source, input lines and then columns, adds to each of :data:`PER_SPIKE`."""
+    """Return what one spike of each source (input lines, then columns) adds to each of :data:`PER_SPIKE`."""
     cores = program.cores_of(phase)
     lines = sum(item.size for item in program.inputs_of(phase))
     count = lines + sum(core.compartments for core in cores)
@@ -187,7 +188,7 @@ def fan_out(program: ChipProgram, phase: str) -> IntArray:
     packets = np.zeros((count, len(PER_PACKET)), dtype=np.int64)
     input_packets = np.zeros(lines, dtype=np.int64)
     for core in cores:
-        # What arrives: each input axon of a core has a sender of its own.
+        # What arrives: each input axon of a core has its own sender.
         axons, source = core.axons, program.senders[core.number]
         synapses[source] += np.diff(axons.list_start)
         input_packets[source[source < lines]] += 1

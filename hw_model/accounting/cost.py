@@ -1,12 +1,13 @@
 """Energy and latency: counts times costs, and nothing else. Here a picojoule is multiplied.
 
-A step of a phase, on every core at once, until the barrier::
+A step of a phase, on all cores at the same time, until the barrier::
 
     updates -> sending -> mesh -> deliveries -> synapses
                                   (begin after the last packet to this core has arrived)
 
-A packet leaves after its core's updates and sending. It takes the time of its hops, X first, then Y; and as a link
-passes one packet in the time of a hop, it waits on the busiest link of its way for all others of that step.
+A packet leaves after its core has finished updates and sending. It takes the time of its hops, X first, then Y. A link
+passes one packet in the time of a hop, so the packet also waits, on the busiest link of its way, for all other packets
+of that step.
 """
 
 from collections.abc import Mapping
@@ -26,35 +27,35 @@ SENDING = ("spikes", "axon_packets", "packets_within_tile")
 DELIVERIES = ("packets_received",)
 SYNAPSES = ("synaptic_ops",)
 PARTS = ("updates", "sending", "mesh", "buffer", "deliveries", "synapses", "barrier")
-"""What a step's time goes to on its critical path; ``buffer``: reading events from the transpose buffer."""
+"""The parts of a step's time on its critical path; ``buffer``: reading events from the transpose buffer."""
 
 
 @checked
 def energy_pj(counts: Counts, profile: Profile) -> dict[str, float]:
-    """Return picojoules by operation: each count times its cost. What a profile does not price is not in it."""
+    """Return picojoules by operation: each count times its cost. Counts without a price are not in it."""
     return {name: counts[name] * cost for name, cost in profile.energy_pj.items()}
 
 
 class Latency(Shown):
-    """Time of one recording: its phases follow each other. Host input is not in it."""
+    """The time of one recording, whose phases follow each other. It does not include input from the host."""
 
     total_ns: float
     by_phase_ns: Mapping[str, float]
     critical_core: int
-    """The core that finished last for most of the time."""
+    """The core that finished last in the steps with most of the time."""
     after_last_row_ns: float
-    """What is left to do when the last row has come: its step, and the phases that need the whole recording."""
+    """The time left when the last row has arrived: for its step, and for phases that need the whole recording."""
     slowest_step_ns: float
-    """The longest step that a row of the recording takes; 0 where no phase plays rows as they come."""
+    """The longest step for a row of the recording; 0 if no phase plays rows as they arrive."""
 
 
 class StepTimes(Frozen, eq=False):
     """Where the time of one phase goes, in nanoseconds, arrays (..., steps, cores) or (..., steps, ways).
 
-    ``work_ns[count]``: what a core works on each operation. ``buffer_ns``: reading the transpose buffer, before the
-    core's deliveries. ``mesh_ns``: from leaving a core to arriving at another, 0 on ways that no packet takes;
-    ``used`` tells which are taken. A step ends ``barrier_ns`` after the last core; ``runs`` (..., steps) tells which
-    are run at all.
+    - ``work_ns[count]``: the work of a core on each operation
+    - ``buffer_ns``: reading the transpose buffer, before the core's deliveries
+    - ``mesh_ns``: from leaving a core to arriving at another; 0 on ways without packets; ``used`` marks ways with some
+    - ``barrier_ns``: from the last core to the end of the step; ``runs`` (..., steps) marks the steps that are run
     """
 
     routes: Routes
@@ -66,7 +67,7 @@ class StepTimes(Frozen, eq=False):
     runs: BoolArray
 
     def of(self, counts: tuple[str, ...]) -> FloatArray:
-        """Return the work on some operations, (..., steps, cores)."""
+        """Return the time for some operations, (..., steps, cores)."""
         return sum((self.work_ns[name] for name in counts if name in self.work_ns), start=np.zeros_like(self.buffer_ns))
 
     @property
@@ -76,7 +77,7 @@ class StepTimes(Frozen, eq=False):
 
     @property
     def begin_ns(self) -> FloatArray:
-        """When each core begins with what has arrived, (..., steps, cores)."""
+        """When each core begins to handle what has arrived, (..., steps, cores)."""
         begin = self.sent_ns
         np.maximum.at(begin.T, self.routes.target, self._arrived_ns.T)
         return begin
@@ -94,16 +95,16 @@ class StepTimes(Frozen, eq=False):
 
     @property
     def _arrived_ns(self) -> FloatArray:
-        """When the last packet of each way arrives; 0 where there is none."""
+        """When the last packet on each way arrives; 0 if there is none."""
         arrived: FloatArray = (self.sent_ns[..., self.routes.source] + self.mesh_ns) * self.used
         return arrived
 
 
 class CriticalPath(Frozen, eq=False):
-    """What decides how long each step takes, arrays (..., steps).
+    """What determines the length of each step, arrays (..., steps).
 
-    ``last``: the core that is done last; ``sender``: the core whose packet it waited for, itself where it waited for
-    none; both are indices of the phase's cores. ``parts_ns[part]`` add up to the time of the step.
+    ``last`` is the core that finishes last. ``sender`` is the core whose packet it waited for, or itself if it did not
+    wait. Both are indices of the phase's cores. The ``parts_ns[part]`` add up to the time of the step.
     """
 
     last: IntArray
@@ -118,13 +119,13 @@ class CriticalPath(Frozen, eq=False):
 
 @checked
 def latency(program: ChipProgram, activity: Mapping[str, StepActivity], profile: Profile) -> Latency:
-    """Return the time of one recording from its activity by phase."""
+    """Return the time of one recording, given its activity by phase."""
     paths = {phase: critical_path(step_times(program, phase, steps, profile)) for phase, steps in activity.items()}
     return recording_latency(program, paths)
 
 
 def recording_latency(program: ChipProgram, paths: Mapping[str, CriticalPath]) -> Latency:
-    """Return the time of one recording from its critical path by phase."""
+    """Return the time of one recording, given its critical path by phase."""
     critical = np.zeros(len(program.cores))
     by_phase, after, slowest = {}, 0.0, 0.0
     for phase, path in paths.items():
@@ -141,7 +142,7 @@ def recording_latency(program: ChipProgram, paths: Mapping[str, CriticalPath]) -
 
 
 def step_times(program: ChipProgram, phase: str, steps: StepActivity, profile: Profile) -> StepTimes:
-    """Return the times of every step, core and way of a phase: counts times times."""
+    """Return the times of every step, core and way of a phase: counts multiplied by times."""
     chip, cores = program.chip, program.cores_of(phase)
     routes = routes_of(program, phase)
     read_ns = steps.buffered * (chip.transpose_buffer.cycles_per_event / chip.clock_ghz)
@@ -158,7 +159,7 @@ def step_times(program: ChipProgram, phase: str, steps: StepActivity, profile: P
 
 
 def critical_path(times: StepTimes) -> CriticalPath:
-    """Follow every step back from the core that is done last, to the packet that it waited for and its sender."""
+    """Follow every step back from the core that finishes last to the packet that it waited for, and to its sender."""
     last = times.core_ns.argmax(axis=-1)
     routes, sent_ns = times.routes, times.sent_ns
     sender, mesh_ns = last.copy(), np.zeros(last.shape)
@@ -183,13 +184,13 @@ def critical_path(times: StepTimes) -> CriticalPath:
 
 
 def _mesh_ns(routes: Routes, packets: IntArray, profile: Profile) -> FloatArray:
-    """Return the time on each way in each step, (..., steps, ways): its hops, and the wait on its busiest link."""
+    """Return the time on each way in each step, (..., steps, ways): for its hops, and waiting on its busiest link."""
     cost_x, cost_y = profile.time_ns.get("hops_x", 0.0), profile.time_ns.get("hops_y", 0.0)
     taken = packets > 0
     mesh_ns: FloatArray = taken.astype(np.float64) * (routes.hops[:, 0] * cost_x + routes.hops[:, 1] * cost_y)
     if routes.links:
         waits = np.maximum(routes.loads(packets) - 1, 0) * np.where(routes.along_y, cost_y, cost_x)
-        # The last column stands for no link, as -1 behind a way's last one.
+        # The last column stands for no link: it is what the -1 after a way's last link refers to.
         waits = np.concatenate((waits, np.zeros((*waits.shape[:-1], 1))), axis=-1)
         longest = np.zeros(packets.shape)
         for k in range(routes.over.shape[1]):

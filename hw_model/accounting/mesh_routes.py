@@ -12,18 +12,18 @@ from hw_model.values import Frozen, IntArray
 
 Tile = tuple[int, int]
 PER_PACKET = ("axon_packets", "packets_within_tile", "hops_x", "hops_y")
-"""Counts of a packet, which its way decides."""
+"""Counts of a packet that its way determines."""
 
 
 class Routes(Frozen, eq=False):
     """The ways that packets of a phase can take, sorted by the piece that sends them.
 
-    Way r goes from ``piece[r]`` of the phase (:mod:`hw_model.program.pieces`), on core ``source[r]``, to core
-    ``target[r]`` (indices of the phase's cores), ``hops[r]`` (east-west, north-south) far, over the links ``over[r]``
-    (longest way,),
-    -1 behind the last. ``links[l]``: (column, row) of the tile that a link leaves and of the one that it enters;
-    ``along_y[l]``: it goes north or south. ``sent`` (3, entries): a column, a way, and how many packets of a spike of
-    the column take it.
+    - Way r goes from ``piece[r]`` of the phase (:mod:`hw_model.program.pieces`), on core ``source[r]``, to core
+      ``target[r]`` (indices of the phase's cores). Its length is ``hops[r]`` (east-west, north-south), and it takes the
+      links ``over[r]`` (longest way,), filled up with -1.
+    - ``links[l]``: (column, row) of the tile that a link leaves, and of the one that it enters; ``along_y[l]`` tells
+      whether it goes north or south
+    - ``sent`` (3, entries): a column, a way, and how many packets of one spike of that column take it
     """
 
     piece: IntArray
@@ -37,12 +37,12 @@ class Routes(Frozen, eq=False):
 
     @cached_property
     def per_packet(self) -> dict[str, IntArray]:
-        """What a packet on each way adds to the counts of :data:`PER_PACKET`, (ways,)."""
+        """What a packet on each way adds to each count of :data:`PER_PACKET`, (ways,)."""
         x, y = self.hops.T
         return dict(zip(PER_PACKET, (np.ones_like(x), (x + y == 0).astype(np.int64), x, y), strict=True))
 
     def loads(self, packets: IntArray) -> IntArray:
-        """Count the packets on each link, (..., links), from those on each way, (..., ways)."""
+        """Return the packets on each link, (..., links), given those on each way, (..., ways)."""
         loads = np.zeros((*packets.shape[:-1], len(self.links)), dtype=np.int64)
         for k in range(self.over.shape[1]):
             way = np.flatnonzero(self.over[:, k] >= 0)
@@ -88,7 +88,7 @@ def routes_of(program: ChipProgram, phase: str) -> Routes:
 
 
 def _links(program: ChipProgram, source: Core, target: Core) -> Iterator[tuple[Tile, Tile]]:
-    """Yield the links from core to core, X first, then Y."""
+    """Yield the links from one core to another, X first, then Y."""
     (x, y), (to_x, to_y) = program.chip.tile_of(source.slot), program.chip.tile_of(target.slot)
     along_x = [(at, y) for at in range(x, to_x, 1 if to_x > x else -1)]
     along_y = [(to_x, at) for at in range(y, to_y, 1 if to_y > y else -1)]

@@ -1,4 +1,4 @@
-"""What recordings did and how long it took, added up: by phase, step, piece of a core, link and critical path."""
+"""Sums of what recordings did and how long it took: by phase, step, piece of a core, link and critical path."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -14,17 +14,18 @@ from hw_model.program.chip_program import ChipProgram
 from hw_model.values import FloatArray, IntArray, Sums, added
 
 MAX_TOGETHER = 1 << 21
-"""Steps times ways that are held at a time."""
+"""Largest number of steps times ways that is held at a time."""
 
 
 class PhaseUsage(Sums, eq=False):
     """Sums over recordings in one phase.
 
-    ``counts[name]`` (steps, pieces) for each of :data:`hw_model.description.counts.BY_CORE`; ``link_packets`` (links,),
-    and
-    ``link_most`` (links,): the most in one step of one recording; ``step_ns`` (steps,); ``parts_ns[part]``: critical
-    paths by :data:`hw_model.accounting.cost.PARTS`; ``busy_ns[part]`` (cores,): what each core did, critical or not;
-    ``paths_ns``: time of the steps by sender and last core.
+    - ``counts[name]`` (steps, pieces), for each of :data:`hw_model.description.counts.BY_CORE`
+    - ``link_packets`` (links,), and ``link_most`` (links,): the most in one step of one recording
+    - ``step_ns`` (steps,)
+    - ``parts_ns[part]``: critical paths by :data:`hw_model.accounting.cost.PARTS`
+    - ``busy_ns[part]`` (cores,): the work of each core, critical or not
+    - ``paths_ns``: time of the steps by sender and last core
     """
 
     counts: Mapping[str, IntArray]
@@ -43,7 +44,7 @@ class PhaseUsage(Sums, eq=False):
 def measure(
     program: ChipProgram, activity: Mapping[str, Sequence[StepActivity]], profile: Profile
 ) -> tuple[list[cost.Latency], dict[str, PhaseUsage]]:
-    """Return the latency of each recording, and the sums of all of them by phase; all recordings of equal length."""
+    """Return the latency of each recording, and the sums over all by phase; recordings must be of equal length."""
     latencies: list[cost.Latency] = []
     usages = []
     for part in _parts(activity):
@@ -59,7 +60,7 @@ def measure(
 def total_ns(
     program: ChipProgram, activity: Mapping[str, Sequence[StepActivity]], profile: Profile, part: str = ""
 ) -> float:
-    """Return the time of all recordings together, of all cores or of those whose groups begin with ``part``."""
+    """Return the total time of all recordings, for all cores or for those whose groups begin with ``part``."""
     total = 0.0
     for some in _parts(activity):
         for phase, items in some.items():
@@ -71,7 +72,7 @@ def total_ns(
 
 
 def _parts(activity: Mapping[str, Sequence[StepActivity]]) -> Iterator[dict[str, Sequence[StepActivity]]]:
-    """Yield recordings in parts that are small enough to be held step by step and way by way."""
+    """Yield recordings in parts that are small enough to hold step by step and way by way."""
     a_recording = sum(items[0].packets.size + items[0].input_packets.size for items in activity.values())
     recordings = len(next(iter(activity.values())))
     many = max(1, MAX_TOGETHER // a_recording)

@@ -54,7 +54,7 @@ class Registers(Frozen):
 
     @property
     def slots(self) -> int:
-        """Accumulator slots a compartment needs: one for every delay, the step being read and the next."""
+        """Accumulator slots that a compartment needs: one per delay, one for the current step and one for the next."""
         return self.delay_max + 2
 
 
@@ -72,7 +72,7 @@ class Mesh(Frozen):
 
 
 class Limits(Frozen):
-    """What one core, or one chip, holds at most."""
+    """The most that one core, or one chip, can hold."""
 
     cores_per_chip: Annotated[int, between(1, 65_536)]
     compartments_per_core: Annotated[int, between(1, 1 << 20)]
@@ -85,14 +85,14 @@ class Limits(Frozen):
 
 
 class SynapseMemory(Frozen):
-    """Cost of an axon's synapse list, in memory words."""
+    """The cost of an axon's synapse list in memory words."""
 
     word_bits: Annotated[int, between(1, 4_096)]
     run_length: Annotated[int, between(1, 65_536)]
     run_header_bits: Annotated[int, between(0, 1_024)]
 
     def words(self, synapses: IntArray, bits: IntArray | int) -> IntArray:
-        """Return the words of lists of so many synapses of so many bits: each started run is rounded up to a word."""
+        """Return the words of lists, given the number of synapses and their bits; every run is rounded up to a word."""
         full, rest = synapses // self.run_length, synapses % self.run_length
         header, word = self.run_header_bits, self.word_bits
         of_full, of_rest = (-(-(header + run * np.asarray(bits)) // word) for run in (self.run_length, rest))
@@ -101,9 +101,9 @@ class SynapseMemory(Frozen):
 
 
 class TransposeBuffer(Frozen):
-    """The buffer that turns a recording for location phases: an assumption of this model, outside the cores.
+    """The buffer that transposes a recording for location phases: an assumption of this model, outside the cores.
 
-    Events are written while the recording comes; each takes ``cycles_per_event`` to be read.
+    Events are written while the recording arrives. Reading an event takes ``cycles_per_event``.
     """
 
     cycles_per_event: Annotated[float, NOT_NEGATIVE]
@@ -158,9 +158,9 @@ class Macro(Frozen):
 class Chip(Shown, eq=True):
     """A chip and its board, as `hw_model/chips/*.yaml` describes it.
 
-    ``open_core``: it is this project's core, in these sizes; ``memory_words``: what it has fewer of. Cycles of its
-    clock are exact; a device has no energy profile, a core in the cells of a process may have one. ``macros``: what its
-    memories can be made of.
+    ``open_core`` holds the sizes of this project's core, if the chip is one; ``memory_words`` says which memories are
+    smaller, and ``macros`` what memories can be made of. Clock cycles of such a chip are exact. An FPGA has no energy
+    profile, but a core in the cells of a process may have one.
     """
 
     name: Text
@@ -185,7 +185,7 @@ class Chip(Shown, eq=True):
         return self.chips * self.limits.cores_per_chip
 
     def tile_of(self, slot: int) -> tuple[int, int]:
-        """Return (column, row) of a core's tile on the board: cores fill tiles row by row, chips lie side by side."""
+        """Return (column, row) of a core's tile on the board; cores fill tiles row by row, chips lie side by side."""
         chip, core = divmod(slot, self.limits.cores_per_chip)
         row, column = divmod(core // self.mesh.cores_per_tile, self.mesh.columns)
         return chip * self.mesh.columns + column, row
@@ -197,16 +197,16 @@ class Chip(Shown, eq=True):
 
     @property
     def default_profile(self) -> str | None:
-        """Name of the energy profile that reports show first: the first of the chip file; None where it has none."""
+        """The name of the energy profile that reports show first, which is the first in the chip file; None if none."""
         return next(iter(self.profiles), None)
 
     @property
     def costs(self) -> Profile:
-        """The default profile; where there is none, one that prices nothing."""
+        """The default profile, or one that prices nothing."""
         return next(iter(self.profiles.values()), UNPRICED)
 
     def profile(self, name: str) -> Profile:
-        """Return the named profile, or say which exist."""
+        """Return the profile of this name; ``InputError`` lists those that exist."""
         what, more = f"there is no energy profile {name!r}", " A profile of your own is a file that ends in .yaml."
         check_known(f"chip {self.name}", what, name, self.profiles, more)
         return self.profiles[name]
@@ -214,7 +214,7 @@ class Chip(Shown, eq=True):
 
 @checked
 def chip(name_or_path: str | Path) -> Chip:
-    """Return a chip by the name of a description that ships, or by the path of a YAML file."""
+    """Return a chip, given the name of a description that ships or the path of a YAML file."""
     text = str(name_or_path)
     if not text.endswith(_YAML):
         more = " A chip file of your own ends in .yaml."
@@ -240,7 +240,7 @@ def parse_chip(text: str, where: str) -> Chip:
 
 
 def check_chip(chip: Chip, where: str) -> None:
-    """Refuse a description that contradicts itself, or of a board that no simulation here could follow."""
+    """Refuse a description that contradicts itself, and a board that is too large to simulate."""
     check_most(chip.cores, MAX_CORES, f"{where}: chips", "the board is too large", unit="cores", fix="Correct it.")
     core, slots = chip.open_core, chip.registers.slots
     if core is None and not chip.profiles:
@@ -263,9 +263,9 @@ def check_chip(chip: Chip, where: str) -> None:
 
 @checked
 def priced_by(chip: Chip, name_or_path: str | Path) -> Chip:
-    """Return the chip with another profile as its first: one of its own by name, or that of a YAML file.
+    """Return the chip with another profile in first place: one of its own, by name, or one from a YAML file.
 
-    The file holds what a profile of a chip file does; its name is the file's, without the ending.
+    The file has the same keys as a profile in a chip file. The profile gets the file's name, without its ending.
     """
     text = str(name_or_path)
     if chip.open_core and not chip.profiles:

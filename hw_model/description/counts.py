@@ -1,4 +1,4 @@
-"""What a simulation counts: integers only, so that energy and latency have nothing to do but multiply."""
+"""What a simulation counts: only integers, so that energy and latency only need to multiply."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import fields
@@ -19,23 +19,23 @@ class Counts(Sums, Mapping[str, int]):
     events_dropped: int = 0
     """Events in rows after the last simulated step: never played."""
     synaptic_ops: int = 0
-    """Weights added: one for every synapse of every delivered spike, those of the last step included."""
+    """Weights added: one for every synapse of every delivered spike, including those of the last step."""
     synaptic_ops_after_end: int = 0
-    """Of these, the ones whose charge was due after the last step."""
+    """Those whose charge was due after the last step."""
     neuron_updates: int = 0
-    """Compartments times steps of their phase, dendrites included."""
+    """Compartments, including dendrites, times steps of their phase."""
     neuron_updates_active: int = 0
-    """Of these, the ones with any charge, current, voltage, bias or joined voltage to work on."""
+    """Those with any charge, current, voltage, bias or joined voltage to work on."""
     spikes: int = 0
-    """Spikes of compartments; input events are not in it."""
+    """Spikes of compartments, not counting input events."""
     axon_packets: int = 0
-    """Spike packets sent by compartments: one for each spike and destination core."""
+    """Packets sent by compartments: one for each spike and destination core."""
     packets_within_tile: int = 0
-    """Of these, the ones whose destination is in the sender's tile."""
+    """Those whose destination is in the sender's tile."""
     input_packets: int = 0
-    """Packets that carry input events to cores; they come from outside and have no hops here."""
+    """Packets that bring input events to cores; they come from outside, so their hops are not counted."""
     hops_x: int = 0
-    """Mesh hops east or west, of packets sent by compartments."""
+    """Mesh hops east or west by packets of compartments."""
     hops_y: int = 0
     """Mesh hops north or south."""
     charge_wraps: int = 0
@@ -45,11 +45,11 @@ class Counts(Sums, Mapping[str, int]):
     voltage_clips: int = 0
     """Compartment updates in which v was clipped to [vmin, vmax]."""
     skipped_steps: int = 0
-    """Steps that an engine did not run because they could not change anything."""
+    """Steps that an engine skipped because they could not change anything."""
     aligned_steps: int = 0
-    """Steps of recordings that lie before their start, in phases that begin at the first touch, phase by phase."""
+    """Steps of recordings before their start, summed over the phases that begin at the first touch."""
     cycles: int = 0
-    """Clock cycles of the open core, from the first word that it accepts to the class; 0 where it did not run."""
+    """Clock cycles of the open core, from the first word that it accepts to the class; 0 if it did not run."""
 
     @property
     def neuron_updates_inactive(self) -> int:
@@ -86,7 +86,7 @@ class Counts(Sums, Mapping[str, int]):
 
 
 COUNTED = tuple(field.name for field in fields(Counts))
-"""The counts that are kept, in order; the derived ones follow from them."""
+"""The counts that are kept, in order; the others are derived from them."""
 DERIVED = ("neuron_updates_inactive", "hops", "wraps", "clips")
 COUNT_NAMES = frozenset(Counts())
 
@@ -100,4 +100,4 @@ BY_CORE = (
     "synaptic_ops", "neuron_updates", "neuron_updates_active", "spikes", "axon_packets", "packets_within_tile",
     "hops_x", "hops_y",
 )  # fmt: skip
-"""Counts kept for every step and core. Synapses count at the receiving core, packets and hops at the sending one."""
+"""Counts that are kept by step and core. Synapses count at the receiving core, packets and hops at the sending one."""

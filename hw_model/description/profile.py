@@ -8,7 +8,7 @@ from hw_model.io.records import Must, between
 from hw_model.values import Frozen, Shown
 
 Range = tuple[Annotated[float | None, between(0, 1 << 40)], Annotated[float | None, between(0, 1 << 40)]]
-"""Least and most that a constant can be; None: not known."""
+"""Least and largest possible value of a constant; None: not known."""
 End = Literal["least", "most"]
 
 
@@ -17,13 +17,13 @@ Cost = Annotated[float, between(0, 1 << 40)]
 
 
 class Barrier(Frozen):
-    """Time of the mesh-wide barrier, for one tile and for all tiles of a chip."""
+    """Time of the mesh-wide barrier in nanoseconds, for one tile and for all tiles of a chip."""
 
     one_tile: Cost
     all_tiles: Cost
 
     def ns(self, tiles: int, all_tiles: int) -> float:
-        """Interpolate linearly between the two published ends."""
+        """Interpolate linearly between the two published values."""
         share = (tiles - 1) / max(all_tiles - 1, 1)
         return self.one_tile + share * (self.all_tiles - self.one_tile)
 
@@ -35,12 +35,12 @@ class StaticPower(Frozen):
     source: Text
 
     def pj(self, chips: int, ns: float) -> float:
-        """Return the energy of some chips over a time: a milliwatt is a picojoule a nanosecond."""
+        """Return the energy of some chips over a time: a milliwatt is a picojoule per nanosecond."""
         return self.chip_mw * chips * ns
 
 
 class NotIncluded(Frozen):
-    """Something that a profile does not price; ``bound_pj`` bounds it by counts, where a bound is known."""
+    """Something that a profile does not price; ``bound_pj`` is an upper bound per count, if one is known."""
 
     what: Text
     bound_pj: Mapping[str, Cost] = field(default_factory=dict)
@@ -48,15 +48,16 @@ class NotIncluded(Frozen):
 
     @staticmethod
     def from_plain(value: Any) -> Any:
-        """Return the entries that a file has for it, which may be its text alone."""
+        """Return the entries of a file, which may also have just the text."""
         return {"what": value} if isinstance(value, str) else value
 
 
 class Profile(Shown, eq=True):
-    """One published set of costs: picojoules and nanoseconds for each count it prices.
+    """One published set of costs: picojoules and nanoseconds for each count that it prices.
 
-    ``energy_pj_range`` and ``time_ns_range`` hold the constants that the source gives as a least, a most or both;
-    ``sources`` those that are from elsewhere. ``voltage_v``: the supply voltage that they hold at; None: not said.
+    ``energy_pj_range`` and ``time_ns_range`` hold the ranges of constants for which the source gives a least value, a
+    largest value or both. ``sources`` names the other sources of single constants. ``voltage_v`` is the supply voltage
+    at which the costs hold; None if it is not stated.
     """
 
     source: Text
@@ -76,7 +77,7 @@ class Profile(Shown, eq=True):
         return self.sources.get(count, self.source)
 
     def with_times(self, end: End) -> "Profile | None":
-        """Return the profile with every time at one end of its range; None where that end is not known."""
+        """Return the profile with every time at one end of its range; None if such an end is not known."""
         ends = {name: found[end == "most"] for name, found in self.time_ns_range.items()}
         if None in ends.values():
             return None
@@ -85,4 +86,4 @@ class Profile(Shown, eq=True):
 
 _WHY, _BASIS = "no power model of such devices is public", "cycle-exact model of the RTL core at the placed clock"
 UNPRICED = Profile(_WHY, _BASIS, energy_pj={}, time_ns={}, barrier_ns=Barrier(0.0, 0.0), not_included=())
-"""What an open core has instead of a profile: its clock cycles are counted, and nothing is priced."""
+"""The profile of an open core without one: its clock cycles are counted, and nothing is priced."""

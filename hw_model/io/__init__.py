@@ -1,1 +1,1 @@
-"""Files and folders written whole or not at all, and files of strangers read with care."""
+"""Write files and folders whole or not at all, and read untrusted files with care."""

@@ -9,7 +9,7 @@ from hw_model.io.folders import check_entries, replace_entries
 from hw_model.io.given import check_path
 
 LONGEST = 200
-"""Bytes of a folder's name; file systems allow 255, and a stage next to it has a longer one."""
+"""Largest number of bytes of a folder's name: file systems allow 255, and a stage next to it has a longer name."""
 
 
 OURS = (
@@ -20,7 +20,7 @@ OURS = (
     # What `make` leaves there.
     r"|rtl/([\w-]+\.(bench|json|cells|log|config|asc|bit|bin|smt2|proved)|solver/boolector|updates|scores|answers)"
 )
-"""Names in the folders of a build that a later build may replace."""
+"""Names inside the folders of a build that a later build may replace."""
 
 
 def default_folder(model: str, suffix: str = "") -> Path:
@@ -31,7 +31,7 @@ def default_folder(model: str, suffix: str = "") -> Path:
 
 
 def check_folder(folder: Path, names: Iterable[str] = ()) -> None:
-    """Refuse a folder that cannot be written, before any work is done, and one that holds other things of ``names``.
+    """Refuse a folder that cannot be written, before any work is done, and one in which ``names`` would remove files.
 
     Names that end in / are folders.
     """
@@ -48,10 +48,10 @@ def check_folder(folder: Path, names: Iterable[str] = ()) -> None:
 
 
 def write_build(folder: Path, files: Mapping[str, bytes]) -> None:
-    """Write the files into the folder, all or none; the rest of what it holds stays.
+    """Write the files into the folder, all or none; everything else in it stays.
 
-    A name may lie in a folder, ``vectors/manifest.yaml``; such a folder replaces the one before as a whole, if that
-    holds nothing but names of :data:`OURS`.
+    A name may lie in a folder, as in ``vectors/manifest.yaml``. Such a folder replaces the previous one as a whole, if
+    that holds only names that match :data:`OURS`.
     """
     try:
         replace_entries(folder, files, OURS)

@@ -1,4 +1,4 @@
-"""Files written whole or not at all, and archives of arrays whose bytes depend on the arrays alone."""
+"""Files written whole or not at all, and archives of arrays whose bytes depend only on the arrays."""
 
 import io
 import os
@@ -15,13 +15,13 @@ from hw_model.io.partial import locked, partial_path, remove, remove_leftovers, 
 from hw_model.values import AnyArray
 
 MAX_FILE_BYTES = 1_000_000_000
-"""Largest file that is read."""
+"""Size of the largest file that is read."""
 
 
 def replace_file(path: Path, content: bytes, where: str) -> None:
-    """Write a file under a temporary name next to it, then put it in place; ``where`` names it if that fails.
+    """Write a file under a temporary name next to it, then put it in place; ``where`` names it in errors.
 
-    A link stays, and what it leads to is written. What is not a plain file is refused by :func:`check_file`.
+    A link stays, and its target is written. Anything but a plain file is refused: see :func:`check_file`.
     """
     path = Path(os.path.realpath(path))
     check_file(path, where)
@@ -76,7 +76,7 @@ def parsing(where: str, what: str, *, fix: str) -> Iterator[None]:
 
 
 def check_file(path: Path, where: str) -> None:
-    """Refuse a file that could not be written, or would take the place of what is no plain file: a folder, a device."""
+    """Refuse a file that cannot be written, or that would replace a folder, a device or the like."""
     check_path(path, where)
     if os.path.lexists(path) and not path.is_file():
         kind = "a folder" if path.is_dir() else "not a plain file"
@@ -86,7 +86,7 @@ def check_file(path: Path, where: str) -> None:
 
 
 def pack_arrays(arrays: Mapping[str, AnyArray], *, compressed: bool) -> bytes:
-    """Return an ``.npz`` without time stamps. Compressed bytes also depend on the build of zlib."""
+    """Return an ``.npz`` without time stamps; compressed bytes also depend on the build of zlib."""
     return pack_files(((f"{name}.npy", npy_bytes(array)) for name, array in arrays.items()), compressed=compressed)
 
 
@@ -98,7 +98,7 @@ def npy_bytes(array: AnyArray) -> bytes:
 
 
 def pack_files(files: Iterable[tuple[str, bytes]], *, compressed: bool) -> bytes:
-    """Return a zip archive of names and contents without time stamps; of the contents it holds one at a time."""
+    """Return a zip archive of names and contents, without time stamps; only one content is in memory at a time."""
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w") as archive:
         for name, content in files:

@@ -1,9 +1,9 @@
 """Folders replaced as a whole: a process that is killed at any moment leaves either the old output or the new.
 
-The new folder is written next to the old one, with the old one's other entries linked into it, and both change places
-in one step of the system (``renameat2``). Where there is no such step, the old folder is renamed away first, and
-:func:`recover_folder` brings it back. A folder that must stay where it is - somebody works in it, or it is a mount
-point - gets its entries one by one, from a journal inside it that ``recover_folder`` goes through to its end.
+The new folder is written next to the old one, with the old one's other entries linked into it. Then both change places
+in one system call (``renameat2``). If the system does not have it, the old folder is renamed away first, and
+:func:`recover_folder` brings it back if necessary. A folder that must stay where it is, because it is a mount point or
+somebody's working directory, gets its entries one by one from a journal inside it, which ``recover_folder`` completes.
 """
 
 import contextlib
@@ -20,16 +20,16 @@ from pathlib import Path
 from hw_model.io.partial import locked, partial_path, remove, remove_leftovers, sync
 
 JOURNAL = ".locsnn-journal"
-"""Entries that belong into the folder that holds it: from the moment it has this name, they are the output."""
+"""Folder of entries that belong into the folder around it: once it has this name, they are the output."""
 _AWAY = ".{}.locsnn-replaced"
 _AT_FDCWD, _RENAME_EXCHANGE = -100, 2
 
 
 def replace_entries(folder: Path, files: Mapping[str, bytes], ours: str = ".*") -> None:
-    """Write files into a folder, all or none; what else it holds stays. Raises ``OSError``, with the folder as it was.
+    """Write files into a folder, all or none; everything else in it stays. After an ``OSError`` it is as it was.
 
-    A name may lie in a folder, ``vectors/manifest.yaml``; such a folder replaces the one before as a whole, if all that
-    it holds has names that the pattern ``ours`` fits. A file takes the place of files alone, and a folder of folders.
+    A name may lie in a folder, as in ``vectors/manifest.yaml``. Such a folder replaces the previous one as a whole, if
+    all names in that match the pattern ``ours``. Files only replace files, and folders only replace folders.
     """
     folder = Path(os.path.realpath(folder))
     folder.parent.mkdir(parents=True, exist_ok=True)
@@ -44,7 +44,7 @@ def replace_entries(folder: Path, files: Mapping[str, bytes], ours: str = ".*") 
 
 
 def check_entries(folder: Path, names: Iterable[str], ours: str = ".*") -> None:
-    """Raise ``OSError`` where writing entries would remove what was not written here; those ending in / are folders."""
+    """Raise ``OSError`` if writing entries would remove foreign files; entries that end in / are folders."""
     if os.path.realpath(folder) == os.path.realpath(folder / ".."):
         raise OSError(errno.EBUSY, "it is the root of the file system")
     for name in sorted(names):
@@ -59,12 +59,12 @@ def check_entries(folder: Path, names: Iterable[str], ours: str = ".*") -> None:
 
 
 def recover_folder(folder: Path) -> None:
-    """Finish what a killed process began: bring back a folder that was renamed away, go through a journal."""
+    """Finish what a killed process began: bring back a folder that was renamed away, or complete a journal."""
     folder = Path(os.path.realpath(folder))
     if folder == folder.parent:
         return
     away = folder.with_name(_AWAY.format(folder.name))
-    if os.path.isdir(away):  # False too where the name is too long
+    if os.path.isdir(away):  # also False if the name is too long
         if folder.exists():
             remove(away)
         else:
@@ -74,7 +74,7 @@ def recover_folder(folder: Path) -> None:
 
 
 def finish_writing(folder: Path) -> None:
-    """Do so before a folder is read, where it may be written; else it is read as it is."""
+    """Recover a folder before it is read; one that may not be written is read as it is."""
     with contextlib.suppress(OSError):
         recover_folder(folder)
 
@@ -102,7 +102,7 @@ def _finish_journal(stage: Path, journal: Path) -> None:
 
 
 def _move_entries(journal: Path) -> None:
-    """Move what a journal holds to where it belongs; begun again, it goes on where it was."""
+    """Move the entries of a journal to where they belong; this can be interrupted and repeated."""
     for entry in sorted(os.listdir(journal)):
         target = journal.parent / entry
         if target.is_dir() or (journal / entry).is_dir():
@@ -123,13 +123,13 @@ def _put_in_place(stage: Path, folder: Path, files: Mapping[str, bytes]) -> None
         os.rename(folder, away)
         os.rename(stage, folder)
         os.rename(away, stage)
-    # What came into the old folder meanwhile; the new one is in place, whatever becomes of that.
+    # Keep what came into the old folder meanwhile; if that fails, the new folder is in place all the same.
     with contextlib.suppress(OSError):
         _link_others(stage, folder, entries)
 
 
 def _link_others(source: Path, target: Path, entries: set[str]) -> None:
-    """Give ``target`` what ``source`` has except ``entries``, the same files under a second name."""
+    """Link everything in ``source`` except ``entries`` into ``target``."""
     with os.scandir(source) as found:
         for entry in found:
             other = target / entry.name
@@ -146,12 +146,12 @@ def _link(path: str, other: Path) -> None:
     try:
         os.link(path, other, follow_symlinks=False)
     except OSError:
-        # File systems without hard links.
+        # The file system has no hard links.
         shutil.copy2(path, other, follow_symlinks=False)
 
 
 def _must_stay(folder: Path) -> bool:
-    """Whether another folder cannot take its place: it is a mount point, its parent is closed, or we are in it."""
+    """Tell whether no other folder can take its place: it is a mount point, its parent is closed, or we are in it."""
     try:
         here = Path.cwd()
     except FileNotFoundError:
@@ -165,7 +165,7 @@ def _must_stay(folder: Path) -> bool:
 
 
 def _exchange(one: Path, other: Path) -> bool:
-    """Let two folders change places in one step; False where the system has none."""
+    """Let two folders change places in one system call; False if the system does not have it."""
     renameat2 = _renameat2()
     if renameat2 is None:
         return False

@@ -1,4 +1,4 @@
-"""What a caller gives to a public function: of the kind that its annotation says, and a path that can be looked up."""
+"""Checks of arguments to public functions: their types are the annotated ones, and their paths can be looked up."""
 
 import errno
 import functools
@@ -24,16 +24,16 @@ _WAYS_OUT = {
     "Counts": "Take .counts of hw.simulate(program, spikes).",
     "Sequence": "Put it in a list.",
 }
-"""Where values of our own types come from; of others the type says enough."""
+"""Where to get values of our own types; for other types, the name says enough."""
 _SHOWN = 60
 _LOOKED_INTO = (str, Path, list, tuple)
 """Of these more than the type is checked."""
 
 
 def checked(function: Callable[P, T]) -> Callable[P, T]:
-    """Refuse arguments that are not of the annotated types in one line, before the function begins.
+    """Refuse arguments that are not of the annotated types, with a one-line error, before the function begins.
 
-    Arrays, and what sequences and mappings hold, are left to the function; only rows that differ are refused here.
+    Arrays, and the contents of sequences and mappings, are left to the function, except for rows of different lengths.
     """
     signature, called = inspect.signature(function), function.__qualname__.removesuffix(".__init__")
     by_place = [p for p in signature.parameters.values() if p.kind is p.POSITIONAL_OR_KEYWORD]
@@ -41,7 +41,7 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
     if any(p not in by_place and p.default is p.empty for p in signature.parameters.values()):
         least = len(names) + 1
     passed: set[tuple[str, type]] = set()
-    # A name of annotations may be known only when all modules are.
+    # Names in annotations may be unknown until all modules are imported.
     kinds = functools.cache(lambda: {name: _kinds(hint) for name, hint in get_type_hints(function).items()})
 
     @functools.wraps(function)
@@ -59,7 +59,7 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
 
 
 def check_path(path: str | Path, where: str) -> None:
-    """Refuse a path that the system cannot even look up: a name in it is too long, or holds a NUL character."""
+    """Refuse a path that the system cannot look up, because a name is too long or holds a NUL character."""
     try:
         os.lstat(path)
     except ValueError:
@@ -71,12 +71,12 @@ def check_path(path: str | Path, where: str) -> None:
 
 
 def is_plain(found: os.stat_result) -> bool:
-    """Tell a file or a folder from a pipe or a device, which may never come to an end."""
+    """Tell files and folders from pipes and devices, which may never end."""
     return stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)
 
 
 def _bound(signature: inspect.Signature, args: Any, kwargs: Any) -> Mapping[str, Any]:
-    """Return arguments by name; none of a call that Python itself refuses, with its own error."""
+    """Return arguments by name; nothing for a call that Python itself will refuse."""
     try:
         return signature.bind(*args, **kwargs).arguments
     except TypeError:
@@ -84,7 +84,7 @@ def _bound(signature: inspect.Signature, args: Any, kwargs: Any) -> Mapping[str,
 
 
 def _kinds(hint: Any) -> tuple[Any, ...]:
-    """Return the types that a hint takes, ``object`` among them where no ``isinstance`` tells."""
+    """Return the types that a hint accepts; ``object`` stands for those that ``isinstance`` cannot check."""
     options = get_args(hint) if type(hint).__name__ in ("UnionType", "_UnionGenericAlias") else (hint,)
     known = [get_origin(option) or option for option in options]
     plain = [
@@ -121,7 +121,7 @@ def _short(text: str) -> str:
 
 
 def _is_a(value: Any, kind: Any) -> bool:
-    """Whether a value is of a type; a flag is no number, and a text no sequence."""
+    """Tell whether a value is of a type; a bool is not a number here, and a text is not a sequence."""
     if (isinstance(value, bool) and kind in _ACCEPTED) or (isinstance(value, str) and kind is Sequence):
         return False
     return isinstance(value, _ACCEPTED.get(kind, kind))

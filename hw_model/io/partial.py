@@ -1,7 +1,7 @@
-"""Names under which output is written until it is whole, and the end of those that a killed process left behind.
+"""Temporary names under which output is written, and the removal of those that a killed process left behind.
 
-A partial file or folder lies next to its target, ``.<name>.partial-<token>``, and is locked by the process that writes
-it. The lock ends with the process, so what can be locked is nobody's any more.
+A partial file or folder lies next to its target, as ``.<name>.partial-<token>``, and is locked by the process that
+writes it. The lock ends with the process, so a partial file that can be locked belongs to nobody.
 """
 
 import contextlib
@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 MAX_NAME_BYTES = 100
-"""Bytes of a target's name that its partial name keeps, for names have a largest length."""
+"""Largest number of bytes of a target's name in its partial name, because the length of names is limited."""
 
 
 def partial_path(target: Path) -> Path:
@@ -35,7 +35,7 @@ def locked(partial: Path) -> Iterator[None]:
 
 
 def remove_leftovers(target: Path) -> None:
-    """Remove what killed processes left of this target; that of living ones stays."""
+    """Remove what killed processes left of this target; partial files of living processes stay."""
     ours = re.compile(re.escape(_prefix(target)) + "[0-9a-f]{12}")
     try:
         found = [name for name in os.listdir(target.parent) if ours.fullmatch(name)]
@@ -47,7 +47,7 @@ def remove_leftovers(target: Path) -> None:
 
 
 def remove(path: Path) -> None:
-    """Remove a file or folder as far as that can be done: leftovers must not keep anybody from working."""
+    """Remove a file or folder as far as possible: leftovers must not keep anybody from working."""
     if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path, ignore_errors=True)
         return
@@ -56,10 +56,10 @@ def remove(path: Path) -> None:
 
 
 def sync(path: Path) -> None:
-    """Have a file or folder written to the disk itself, where the system can."""
+    """Write a file or folder through to the disk, if the system can."""
     handle = os.open(path, os.O_RDONLY)
     try:
-        # Some file systems do not sync folders.
+        # Some file systems cannot sync folders.
         with contextlib.suppress(OSError):
             os.fsync(handle)
     finally:
@@ -82,7 +82,7 @@ def _is_locked(path: Path) -> bool:
 
 
 def _lock(handle: int) -> bool:
-    """Take a lock that ends with this process; tell whether it could be had."""
+    """Take a lock that ends with this process; tell whether that succeeded."""
     if sys.platform == "win32":
         return False
     import fcntl

@@ -56,7 +56,7 @@ def field_kinds(record: type) -> dict[str, tuple[type, ...]]:
 
 
 def said_of(record: type) -> dict[str, tuple[Any, ...]]:
-    """Return what the annotation of each field says besides its type."""
+    """Return what the annotation of each field says in addition to its type."""
     return {name: getattr(hint, "__metadata__", ()) for name, hint in _hints(record).items()}
 
 
@@ -79,9 +79,9 @@ def is_one_of(value: object, kinds: tuple[type, ...]) -> bool:
 def check_value(
     where: str, value: Any, kinds: tuple[type, ...], said: tuple[Any, ...] = (), fix: str = "Correct it."
 ) -> None:
-    """Refuse a value of another type, one that breaks a rule, and one that is none of its choices.
+    """Refuse a value of another type, a value that breaks a rule, and one that is not among its choices.
 
-    ``said`` may hold rules and tuples of choices; whatever else it holds is not looked at. Numbers must be finite.
+    ``said`` may hold rules and tuples of choices; everything else in it is ignored. Numbers must be finite.
     """
     rules = [rule for rule in said if isinstance(rule, Must)]
     finite = not isinstance(value, int | float) or abs(value) <= sys.float_info.max
@@ -120,7 +120,7 @@ class RecordReader(Frozen):
         return f"{self.where}: {key}" if key else self.where
 
     def entries(self, value: Any, key: str, required: Mapping[str, bool]) -> Mapping[str, Any]:
-        """Return a mapping; refuse what is none, an unknown name, and the lack of one that is ``required``."""
+        """Return a mapping; refuse other values, unknown names, and the lack of a ``required`` name."""
         check_value(self.place(key), value, (dict,), fix=self.fix or "Correct it.")
         for name in value:
             if name not in required:
@@ -133,7 +133,7 @@ class RecordReader(Frozen):
         return entries
 
     def record(self, kind: type[T], value: Any, key: str = "", **given: object) -> T:
-        """Return a record of the entries of a mapping, and of what is ``given``; the mapping may lack defaults."""
+        """Return the record that a mapping describes, with the fields that are ``given``."""
         own: type = kind
         hints = _hints(own)
         wanted = [item for item in fields(kind) if item.name not in given]  # type: ignore[arg-type]
@@ -145,7 +145,7 @@ class RecordReader(Frozen):
         return kind(**given, **{name: self.value(hints[name], entry, inside + name) for name, entry in entries.items()})
 
     def value(self, hint: Any, value: Any, key: str) -> Any:
-        """Return a value as its annotation asks: records of mappings, tuples of lists, floats of whole numbers."""
+        """Return a value as its annotation asks: mappings become records, lists tuples, and whole numbers floats."""
         said = getattr(hint, "__metadata__", ())
         hint = get_args(hint)[0] if said else hint
         if isinstance(hint, UnionType):
@@ -168,5 +168,5 @@ class RecordReader(Frozen):
 
 
 def _with(hint: Any, said: tuple[Any, ...]) -> Any:
-    """Return a hint with what is said of it; what a part of it says itself stays."""
+    """Return a hint with these annotations, in addition to its own."""
     return Annotated[(hint, *said)] if said else hint

@@ -1,4 +1,4 @@
-"""XML files out of texts that may hold anything."""
+"""XML files from texts that may hold any character."""
 
 import re
 from xml.etree import ElementTree
@@ -7,7 +7,7 @@ _NOT_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"
 
 
 def xml_text(text: str) -> str:
-    """Return a text with a replacement character for each one that XML 1.0 has no way to write."""
+    """Return a text with a replacement for each character that XML 1.0 cannot express."""
     return _NOT_XML.sub("\ufffd", text)
 
 

@@ -1,8 +1,8 @@
-"""YAML of strangers: what would be deep, endless or exponential is refused before it is built.
+"""Untrusted YAML: values that would be deep, endless or exponentially large are refused before they are built.
 
-The safe loader runs nothing. But a file of a few lines may stand for billions of values (aliases of aliases) or for a
-list that holds itself, deep nesting ends the interpreter, and a loader in Python takes seconds for a large file. And
-where a mapping has a key twice, every loader silently keeps the second value.
+The safe loader runs nothing. But a few lines can stand for billions of values (aliases of aliases) or for a list that
+contains itself, deep nesting crashes the interpreter, and a loader in Python takes seconds for a large file. If a
+mapping has a key twice, every loader silently keeps the second value.
 """
 
 from dataclasses import dataclass, field
@@ -16,11 +16,11 @@ from hw_model.io.files import read_bytes
 
 MAX_DEPTH = 50
 MAX_NODES = 100_000
-"""Values, keys and containers of a file that people write; about two seconds."""
+"""Largest number of values, keys and containers in a file that people write; reading it takes about two seconds."""
 MAX_BYTES = 1_000_000
-"""Largest such file."""
+"""Size of the largest such file."""
 
-#: The loader in C where there is one: with bounded depth it is the same, and many times faster.
+#: The loader in C, if available: with bounded depth it gives the same result, many times faster.
 FAST_LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 WAY_ON = "Write one 'key: value' a line."
 
@@ -36,13 +36,13 @@ def load_yaml(
 ) -> object:
     """Return what YAML text holds, plain values only.
 
-    Raises ``InputError`` for keys given twice, aliases, deep nesting and too many values, and with ``fault``, in which
-    ``{line}`` may stand for the place, and ``fix`` for text that is not YAML.
+    Raises ``InputError`` for keys given twice, aliases, deep nesting and too many values. For text that is not YAML,
+    the error has the words ``fault``, in which ``{line}`` may stand for the place, and ``fix``.
     """
     try:
         _check_events(text, where, most_nodes)
         return yaml.load(text, Loader=loader)
-    # The loader trusts explicit tags: `!!int ''` and `!!bool x` meet it unprepared.
+    # The loader trusts explicit tags: `!!int ''` and `!!bool x` raise exceptions that it does not document.
     except (yaml.YAMLError, ValueError, LookupError, AttributeError, TypeError, ArithmeticError, RecursionError) as met:
         line = getattr(getattr(met, "problem_mark", None), "line", None)
         what = fault.format(line="" if line is None else f" at line {line + 1}")
@@ -50,7 +50,7 @@ def load_yaml(
 
 
 def _check_events(text: str | bytes, where: str, most_nodes: int) -> None:
-    """Refuse what would be large or endless, before anything is built."""
+    """Refuse text whose value would be large or endless, before anything is built."""
     nodes = 0
     open_: list[_Container] = []
     for event in yaml.parse(text, Loader=FAST_LOADER):
@@ -73,7 +73,7 @@ def _check_events(text: str | bytes, where: str, most_nodes: int) -> None:
 
 
 def read_mapping(path: Path, where: str, fix: str) -> dict[Any, Any]:
-    """Return the mapping that a YAML file holds; ``InputError`` for any other file, with ``fix`` for one too large."""
+    """Return the mapping in a YAML file; ``InputError`` for any other file, with ``fix`` if it is too large."""
     values = load_yaml(read_bytes(path, where, MAX_BYTES, fix), where)
     if not isinstance(values, dict):
         raise InputError(where, "it holds no mapping", measured=type(values).__name__, fix=WAY_ON)
@@ -82,7 +82,7 @@ def read_mapping(path: Path, where: str, fix: str) -> dict[Any, Any]:
 
 @dataclass
 class _Container:
-    """A list or mapping that is being read; of a mapping every second node is a key."""
+    """A list or mapping that is being read; in a mapping, every second node is a key."""
 
     is_mapping: bool
     nodes: int = 0
@@ -90,7 +90,7 @@ class _Container:
 
 
 def _count_in(container: _Container, event: Any, where: str) -> None:
-    """Count a node into the container that it lies in; a key that the mapping has already is an ``InputError``."""
+    """Count a node in its container; ``InputError`` for a key that the mapping already has."""
     container.nodes += 1
     if not container.is_mapping or container.nodes % 2 == 0 or not isinstance(event, yaml.ScalarEvent):
         return

@@ -1,1 +1,1 @@
-"""What a chip is loaded with: its type, its file, its checks, its text, and the builder."""
+"""Programs, which are what a chip is loaded with: their type, file, checks and text, and the builder."""

@@ -1,8 +1,8 @@
 """Collect what every core is loaded with.
 
-Before: a RoutedGraph, parameters by group.
-After:  a ChipProgram: every core has its compartments in profiles, its axons and synapse lists; nothing refers to a
-        group any more but the slices, which give results their names back.
+Before: a RoutedGraph, with parameters by group.
+After:  a ChipProgram. Every core has its compartments, in profiles, its axons and its synapse lists. Only the slices
+        still refer to groups, so that results get their names back.
 """
 
 from typing import Any
@@ -19,7 +19,7 @@ from hw_model.values import IntArray, picked
 
 
 def assemble(routed: RoutedGraph) -> ChipProgram:
-    """Collect profiles and compartment tables of every core, in core order."""
+    """Collect the profiles and compartment tables of every core, in core order."""
     graph = routed.placed.graph
     cores = tuple(_core(core, graph) for core in routed.cores)
     kept = picked(graph, "name", "phases", "inputs", "readout", "synapses_pruned", "provenance")

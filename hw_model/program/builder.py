@@ -21,18 +21,18 @@ from hw_model.values import ArrayLike, Frozen, IntArray
 
 Ints = int | ArrayLike
 _LARGEST = 1 << 53
-"""Magnitudes up to this are the same number in float64 and in int64; beyond, numpy's integers go round."""
+"""Up to this magnitude, float64 and int64 hold the same numbers; far above it, numpy's integers overflow."""
 
 
 class Node(Frozen):
-    """An input or a group of compartments of a builder, to connect from or to."""
+    """An input or a group of compartments in a builder, as an end of connections."""
 
     name: str
     size: int
 
 
 class ProgramBuilder:
-    """Collects a program of one time phase.
+    """Collects the parts of a program with one time phase.
 
     >>> import hw_model as hw
     >>> b = hw.ProgramBuilder(hw.chip("loihi-sim"))
@@ -77,11 +77,12 @@ class ProgramBuilder:
     ) -> Node:
         """Add compartments; every parameter is one integer for all, or an array (size,).
 
-        ``decay_u``, ``decay_v``: effective decays 0..4096. ``threshold``: mantissa. ``bias``: its value, which must be
-        a 13-bit mantissa times a power of two up to 2^7. ``refractory`` k: no spike in the k - 1 steps after one.
-        ``vmin``, ``vmax``: values the chip can be set to. With ``joined_to``, compartment i adds its v to that group's
-        compartment i in the same step, and neither spikes nor is reset; ``join`` names the operation, of which only
-        ADD has a meaning here.
+        - ``decay_u``, ``decay_v``: effective decays 0..4096; ``threshold``: mantissa
+        - ``bias``: its value, which must be a 13-bit mantissa times a power of two up to 2^7
+        - ``refractory`` k: no spike in the k - 1 steps after a spike
+        - ``vmin``, ``vmax``: values that the chip can be set to
+        - ``joined_to``: compartment i adds its v to compartment i of that group in the same step, and neither spikes
+          nor is reset. ``join`` names the operation; only ADD is modelled.
         """
         node = _node(name, size)
         if join != "ADD":
@@ -117,8 +118,8 @@ class ProgramBuilder:
     ) -> None:
         """Connect by mantissas (n_target, n_source), dense or scipy sparse; zeros make no synapse and are counted.
 
-        Mantissas must be on the grid of the format; ``weight_bits`` are by default the chip's most. ``delay`` in steps,
-        one for all or the shape of the weights.
+        Mantissas must be on the grid of the format. ``weight_bits`` default to the chip's most. ``delay`` is in steps:
+        one for all, or an array of the shape of the weights.
         """
         where = f"synapses {source.name!r} -> {target.name!r}"
         shape = (target.size, source.size)
@@ -130,7 +131,7 @@ class ProgramBuilder:
         rows, columns = (index.astype(np.int64)[keep] for index in (entries.row, entries.col))
         mantissa = _whole(where, "weights", entries.data[keep], rows.shape)
         self._pruned += (entries.nnz if sparse.issparse(weights) else math.prod(shape)) - len(rows)
-        # One delay for all is not spread over all pairs, of which there are many more than synapses.
+        # One delay for all is not spread over all pairs, since there may be many more pairs than synapses.
         if sparse.issparse(delay) and delay.shape == shape:
             delay = _whole(where, "delay", sparse.csr_array(delay)[rows, columns], rows.shape)
         elif np.ndim(delay):
@@ -143,11 +144,11 @@ class ProgramBuilder:
         self._synapses.append(Synapses(source.name, target.name, *arrays, number, bits, sign_mode))
 
     def read_out(self, *populations: Node) -> None:
-        """Make the class scores the added spike counts of these populations."""
+        """Use the sum of the spike counts of these populations as class scores."""
         self._readout = Readout(tuple(node.name for node in populations), (1.0,) * len(populations))
 
     def graph(self) -> CompartmentGraph:
-        """Return what was collected so far as a checked graph, not yet on cores."""
+        """Return what was collected so far as a checked graph, not yet placed on cores."""
         if not self._inputs or not self._groups:
             fix = "Call add_input and add_compartments first."
             raise InputError(f"program {self._name!r}", "has no input or no compartments", fix=fix)
@@ -157,7 +158,7 @@ class ProgramBuilder:
         return graph
 
     def build(self) -> ChipProgram:
-        """Check, place, arrange, route and assemble; a broken limit is a ``TargetError`` that says what would fit."""
+        """Check, place, arrange, route and assemble; ``TargetError`` for a broken limit, saying what would fit."""
         return assemble(route_axons(arrange_cores(place_cores(self.graph(), self._chip))))
 
 
@@ -168,7 +169,7 @@ def _node(name: str, size: int) -> Node:
 
 
 def _whole(where: str, key: str, value: Any, shape: tuple[int, ...]) -> IntArray:
-    """Return integers of this shape, one value spread over all; anything else is an ``InputError``."""
+    """Return integers of this shape; one value stands for all. Raises ``InputError`` for anything else."""
     array = np.asarray(value)
     if array.dtype.kind not in "biuf" or not np.array_equal(array, np.round(array)):
         raise InputError(where, f"{key} has values that are not whole numbers", fix="Quantise them first.")

@@ -1,6 +1,6 @@
-"""What a program must keep before it is played: compiled loops look at no index again.
+"""The rules that a program must obey before it is played, because compiled loops do not check indices.
 
-The same rules hold for what the passes assemble and for what a file claims to be.
+The same rules hold for programs that the passes assemble and for programs from files.
 """
 
 from collections.abc import Iterable, Sequence
@@ -15,7 +15,7 @@ from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.values import IntArray
 
 MAX_STEPS, MAX_LINES = 10_000_000, 10_000_000
-"""Steps of a phase and lines of an input, far above what a chip is used for."""
+"""Largest number of steps of a phase, and of lines of an input: far more than a chip is used for."""
 MAX_DECAY = 4096
 _NONE = np.zeros(0, dtype=np.int64)
 _OF_COMPARTMENTS = ("profile", "threshold", "bias_mantissa", "bias_exponent", "parent")
@@ -24,9 +24,9 @@ _OF_OUTPUTS = ("out_compartment", "out_core", "out_axon")
 
 
 def check_program(program: ChipProgram) -> None:
-    """Tables agree in length, numbers fit their registers, indices are in range, every limit holds.
+    """Check that tables agree in length, numbers fit their registers, indices are in range and limits hold.
 
-    Raises ``InputError`` that names the first place whose entries do not.
+    Raises ``InputError`` with the first place whose entries break a rule.
     """
     phases = [phase.name for phase in program.phases]
     streams = program.streams
@@ -57,13 +57,13 @@ def check_program(program: ChipProgram) -> None:
 
 
 def _starts(program: ChipProgram, phase: Phase) -> bool:
-    """A phase that starts late is transposed as a whole, or not at all."""
+    """Tell whether the start of a phase is valid; such a phase is transposed as a whole, or not at all."""
     kinds = {item.positions is not None for item in program.inputs_of(phase.name)}
     return kinds == {phase.axis == "location"} and _whole([phase.align_events], 1, MAX_LINES)
 
 
 def _first_lines_fit(item: Input) -> bool:
-    """They are lines of the input, one a channel, and channels of one step share none."""
+    """Tell whether there is one line per channel, and channels of the same step do not share lines."""
     if item.first_lines is None:
         return not item.lines_are_shared
     if item.positions is None or len(item.first_lines) != len(item.positions):
@@ -99,7 +99,7 @@ def _table_rules(index: int, core: Core, phases: Sequence[str], registers: Regis
 
 
 def _limit_rules(core: Core, chip: Chip) -> list[tuple[str, bool]]:
-    """What a core of this chip holds, and indices into it; children come before their parents."""
+    """Rules about the limits of a core and the indices in its tables; children come before their parents."""
     limits, axons, count = chip.limits, core.axons, core.compartments
     starts = axons.list_start
     return [
@@ -125,7 +125,7 @@ def _limit_rules(core: Core, chip: Chip) -> list[tuple[str, bool]]:
 
 
 def _check_ways(program: ChipProgram) -> None:
-    """Every core has a place of its own on the board, and every input axon one sender, in the phase of its core."""
+    """Check that every core has its own place on the board, and every input axon one sender, in its core's phase."""
     slots = [core.slot for core in program.cores]
     _check("cores", [("slots", len(set(slots)) == len(slots) and _whole(slots, 0, program.chip.cores - 1))])
     input_axons = np.array([core.axons.input_axons for core in program.cores], dtype=np.int64)
@@ -145,7 +145,7 @@ def _check_ways(program: ChipProgram) -> None:
 
 
 def _check_groups(program: ChipProgram) -> None:
-    """Every group's slices cover it once, in one phase, and the readout's populations are groups of one size."""
+    """Check that slices cover every group once, in one phase, and that the readout's populations are of one size."""
     pieces: dict[str, list[tuple[int, int, str]]] = {}
     for core in program.cores:
         for piece in core.slices:

@@ -1,4 +1,4 @@
-"""The last level: everything a chip is loaded with, core by core, and how a recording is played to it."""
+"""The last level: everything that a chip is loaded with, core by core, and how a recording is played to it."""
 
 from collections.abc import Callable
 from functools import cached_property
@@ -16,7 +16,7 @@ from hw_model.values import Frozen, IntArray, Shown
 
 
 class CompartmentProfile(Frozen, order=True):
-    """Settings that compartments of a core share; ``joined`` ones add their v to their parent and do not spike."""
+    """Settings that compartments of a core share; ``joined`` compartments add v to their parent and do not spike."""
 
     decay_u: int
     decay_v: int
@@ -27,8 +27,8 @@ class CompartmentProfile(Frozen, order=True):
 class Core(Frozen, eq=False):
     """One core: ``profile[i]``, ``threshold[i]``, bias and ``parent[i]`` (-1: none) configure compartment i.
 
-    ``number`` counts the program's cores, ``slot`` those of the board (chip ``slot // cores_per_chip``).
-    ``threshold`` indexes ``thresholds``, which are mantissas. Children come before their parents.
+    ``number`` counts the cores of the program, ``slot`` those of the board (chip ``slot // cores_per_chip``).
+    ``threshold`` is an index into ``thresholds``, which are mantissas. Children come before their parents.
     """
 
     number: int
@@ -57,7 +57,7 @@ class Core(Frozen, eq=False):
 
     @property
     def slice_of_compartment(self) -> IntArray:
-        """Number of the slice that each compartment belongs to, shape (compartments,)."""
+        """The number of the slice to which each compartment belongs, shape (compartments,)."""
         return np.repeat(np.arange(len(self.slices)), [piece.size for piece in self.slices])
 
     @property
@@ -90,15 +90,15 @@ class ChipProgram(Shown):
     synapses_pruned: int
     provenance: dict[str, str]
     step_seconds: float | None = None
-    """Seconds of a time step; None where nothing says it."""
+    """Seconds per time step; None if unknown."""
     event_threshold: int | None = None
-    """Events that a bin of a recording must exceed to be 1; None where nothing says it."""
+    """The number of events that a bin of a recording has to exceed to become 1; None if unknown."""
     psi: float | None = None
-    """How late a time-weighted prediction turns to the location branch; None where nothing says it."""
+    """How late a time-weighted prediction turns to the location branch; None if unknown."""
     polarities: int | None = None
-    """Polarities that events with x and y are put into; None where nothing says it."""
+    """Polarities of channels, for events with x and y; None if unknown."""
     columns: int | None = None
-    """Columns of the grid that x and y count in; None where nothing says it."""
+    """Columns of the grid, for events with x and y; None if unknown."""
 
     def cores_of(self, phase: str) -> tuple[Core, ...]:
         """Return the cores that run in a phase."""
@@ -117,11 +117,11 @@ class ChipProgram(Shown):
         return {p.name: tuple(item for item in self.inputs if item.phase == p.name) for p in self.phases}
 
     def route_of(self, name: str) -> InputRoute:
-        """Return where an input's lines go."""
+        """Return where the lines of an input go."""
         return next(route for route in self.input_routes if route.input == name)
 
     def columns_of(self, phase: str) -> dict[str, slice]:
-        """Return the columns of every group in arrays over a phase's compartments, groups one after the other."""
+        """Return the columns of every group in arrays over a phase's compartments, where groups follow each other."""
         return self._columns_of.get(phase, {})
 
     @cached_property
@@ -141,20 +141,20 @@ class ChipProgram(Shown):
         return np.concatenate(parts)
 
     def by_column(self, phase: str, values: Callable[[Core], IntArray | int]) -> IntArray:
-        """Return what ``values`` gives for the compartments of each core of a phase, (columns,)."""
+        """Return ``values(core)`` for the compartments of all cores of a phase, (columns,)."""
         found = np.empty(sum(core.compartments for core in self.cores_of(phase)), dtype=np.int64)
         for core in self.cores_of(phase):
             found[self.columns_of_core(core)] = values(core)
         return found
 
     def lines_of(self, phase: str) -> dict[str, slice]:
-        """Return the lines of every input in arrays over a phase's input lines, inputs one after the other."""
+        """Return the lines of every input in arrays over a phase's input lines, where inputs follow each other."""
         ends = np.cumsum([0, *(item.size for item in self.inputs_of(phase))]).tolist()
         return {item.name: slice(*ends[i : i + 2]) for i, item in enumerate(self.inputs_of(phase))}
 
     @cached_property
     def senders(self) -> tuple[IntArray, ...]:
-        """For every core the source of each of its input axons, counted in its phase: lines first, then columns."""
+        """The source of each input axon of every core, as a number in its phase: lines first, then columns."""
         begin = np.cumsum([0, *(core.axons.input_axons for core in self.cores)])
         source = np.full(begin[-1], -1, dtype=np.int64)
         for phase in self.phases:
@@ -171,18 +171,18 @@ class ChipProgram(Shown):
 
     @cached_property
     def streams(self) -> dict[str, int]:
-        """Recordings that the program expects, by name, with their channels."""
+        """The recordings that the program expects, by name, with their number of channels."""
         return {item.stream: item.channels for item in self.inputs}
 
     @cached_property
     def spiking(self) -> frozenset[str]:
-        """Names of the groups that can spike."""
+        """The names of the groups that can spike."""
         pieces = ((core.profiles[core.profile[piece.offset]], piece) for core in self.cores for piece in core.slices)
         return frozenset(piece.group for profile, piece in pieces if not profile.joined)
 
     @cached_property
     def joined_to(self) -> dict[str, str]:
-        """Names of the groups that add their voltage to another, each with that group's name."""
+        """For each group that adds its voltage to another one, the name of that other group."""
         found = {}
         for core in self.cores:
             group_of = {piece.offset: piece.group for piece in core.slices}
@@ -193,7 +193,7 @@ class ChipProgram(Shown):
 
     @cached_property
     def populations(self) -> dict[str, int]:
-        """Names and sizes of all compartment groups, in order of their cores."""
+        """The names and sizes of all compartment groups, in order of their cores."""
         sizes: dict[str, int] = {}
         for core in self.cores:
             for piece in core.slices:

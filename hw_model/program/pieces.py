@@ -1,4 +1,4 @@
-"""Pieces: what a core holds of a group. The finest place that a count is kept for."""
+"""A piece is the part of a group on one core. Counts are kept by piece, and nothing finer."""
 
 from functools import cached_property, lru_cache
 
@@ -29,13 +29,13 @@ class Pieces(Frozen, eq=False):
 
     @property
     def size(self) -> IntArray:
-        """Compartments of each piece."""
+        """The number of compartments of each piece."""
         return self.stop - self.first
 
     def of_spikes(self, spikes: ByteArray) -> IntArray:
         """Count spikes (steps, columns) by piece, (steps, pieces)."""
         steps, pieces = len(spikes), len(self.group)
-        # Bytes of 0 and 1 are booleans, and of these numpy finds the true ones fastest.
+        # Bytes of 0 and 1 are also booleans, among which numpy finds the true ones fastest.
         step, column = np.divmod(np.flatnonzero(spikes.view(np.bool_)), spikes.shape[1])
         found: IntArray = np.bincount(step * pieces + self.of_column[column], minlength=steps * pieces)
         return found.reshape(steps, pieces)

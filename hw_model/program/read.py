@@ -1,6 +1,6 @@
-"""A program from disk, as :mod:`hw_model.program.write` writes it.
+"""Read a program from disk, as :mod:`hw_model.program.write` writes it.
 
-Nothing in either file is executed when it is read; a damaged, swapped or newer file is refused by name.
+Nothing in the files is executed. A damaged, swapped or newer file is refused by name.
 """
 
 import hashlib
@@ -30,9 +30,9 @@ from hw_model.values import IntArray, sealed
 
 MAX_FILE_BYTES = 2 << 30
 MAX_ARRAY_BYTES, MAX_PACKING = 3 << 29, 64
-"""Of all arrays together, unpacked: so many bytes, or, if that is more, so many times those of the file."""
+"""Largest size of all arrays together, unpacked: in bytes, or, if that is more, as a multiple of the file's size."""
 MAX_YAML_NODES = 2_000_000
-"""Values, keys and containers of ``program.yaml``: about a hundred for each core."""
+"""Largest number of values, keys and containers in ``program.yaml``, which has about a hundred per core."""
 
 
 @checked
@@ -98,7 +98,7 @@ def _program(document: dict[str, Any], arrays: dict[str, IntArray]) -> ChipProgr
 
 
 def _known(document: dict[str, Any], name: str, kind: type[int] | type[float]) -> Any:
-    """Return an entry that may be missing: a number from 0 on, whole where the kind is, and seconds above 0."""
+    """Return an entry that may be missing: a number of this kind from 0 up; seconds must be above 0."""
     value = document.get(name)
     if value is None:
         return None
@@ -108,7 +108,7 @@ def _known(document: dict[str, Any], name: str, kind: type[int] | type[float]) -
 
 
 def _readout(weights: dict[str, float], first: Any) -> Readout:
-    """Return a readout; ``first`` is a step for all of its populations, or for those that give potentials."""
+    """Return a readout; ``first`` is a step for all populations, or a step for each one that gives potentials."""
     if isinstance(first, dict):
         first = tuple(None if (step := first.get(name)) is None else int(step) for name in weights)
     elif first is not None:

@@ -1,6 +1,6 @@
 """Every level of the chip side as stable text, for people to read and for golden tests to compare.
 
-Small arrays are written out; of large ones the range and a digest, so that any change of a value changes the text.
+Small arrays are written out. Large ones are shown by their range and a digest, so any change of a value shows.
 """
 
 import hashlib
@@ -16,11 +16,11 @@ from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.values import AnyArray
 
 WRITTEN_OUT = 16
-"""Arrays of at most so many values are written out."""
+"""Largest number of values of an array that is written out."""
 
 
 def array_text(array: AnyArray) -> str:
-    """Return one value for a constant array, the values of a small one, else range and digest."""
+    """Return the one value of a constant array, the values of a small array, or else range and digest."""
     values = np.asarray(array)
     if values.size == 0:
         return "none"

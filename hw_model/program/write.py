@@ -1,4 +1,4 @@
-"""A program to disk: ``program.yaml``, readable, and ``program.npz``, its arrays, held together by a checksum."""
+"""Write a program: a readable ``program.yaml``, and its arrays in ``program.npz``, tied together by a checksum."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ FORMAT = "locsnn-program"
 VERSION = 1
 _NUMBERS: dict[str, type[int] | type[float]] = {"step_seconds": float, "event_threshold": int, "psi": float}
 RECORDINGS = _NUMBERS | {"polarities": int, "columns": int}
-"""What is known of how recordings become steps and predictions; left out where nothing is."""
+"""What is known about how recordings become steps and predictions; unknown values are left out."""
 CORE_ARRAYS = ("profile", "threshold", "bias_mantissa", "bias_exponent", "parent")
 AXON_ARRAYS = ("list_start", "target", "mantissa", "delay", "format_index", "out_compartment", "out_core", "out_axon")
 ROUTE_ARRAYS = ("line", "core", "axon")
@@ -42,7 +42,7 @@ def program_files(program: ChipProgram) -> dict[str, bytes]:
 
 
 def save_program(program: ChipProgram, folder: str | Path) -> None:
-    """Write both files, or none; what else the folder holds stays."""
+    """Write both files, or neither; everything else in the folder stays."""
     target = Path(folder)
     try:
         replace_entries(target, program_files(program))
@@ -95,12 +95,12 @@ def _core(core: Core) -> dict[str, Any]:
 
 
 def _given(entry: dict[str, Any], optional: str) -> dict[str, Any]:
-    """Return an entry without what may be left out, where it says nothing."""
+    """Return an entry without the ``optional`` key, if that is None."""
     return {key: value for key, value in entry.items() if key != optional or value is not None}
 
 
 def _potentials_from(readout: Readout) -> int | dict[str, int]:
-    """Return the first step whose potentials count, of all populations, or by population where some give spikes."""
+    """Return the first step whose potentials count: one for all populations, or by population if some give spikes."""
     given = readout.potentials_from
     return given if isinstance(given, int) else readout.from_step
 
