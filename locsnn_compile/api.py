@@ -289,9 +289,9 @@ def _lower(
     *,
     settled: bool,
 ) -> tuple[Levels, Choice | None]:
-    """Lower as asked for, or as the dial settles where it is asked; refuse a strategy that no neuron has.
+    """Lower as asked, or by the setting that ``auto`` or a budget chooses; refuse a strategy that no neuron uses.
 
-    ``settled``: the share of split weights is asked for, and not to be chosen.
+    ``settled``: the share of split weights is given, and not to be chosen.
     """
     if asked.strategy == AUTO or budget.given:
         choice = choose_strategy(network, chip, asked, calibration, budget, spread, settled=settled)

@@ -181,9 +181,9 @@ class LongRun(Frozen, eq=False):
 
 
 def long_runs() -> Iterator[LongRun]:
-    """Does rounding add up? Where potentials fade it cannot: errors of the last tenth are those of the first, below a
+    """Does rounding add up? If potentials fade, it cannot: errors in the last tenth are those in the first, below a
     bound for all time. Without a leak it does, as fast as derived. Potentials are compared in neurons that do not
-    spike; the figures above the long runs are of their beginnings.
+    spike; the figures above the long runs are those of their beginnings.
     """
     # Two neurons of each network stay below the threshold, so potentials can be compared to the end.
     block = random_input(BLOCK, samples=1)[0]

@@ -53,9 +53,9 @@ CROWD = 4096
 
 
 def time_constants() -> Iterator[Case]:
-    """From half a step to more than a decay holds. The decay nearest to `exp(-1 / tau)` is within 1/8192 of it, so long
-    time constants are coarse: at 1,000 steps it has 3 bits. From about 2,000 steps the alpha kernel gains so much that
-    all weights are less than the smallest charge.
+    """Time constants from half a step to more than a decay holds. The decay nearest to `exp(-1 / tau)` is within 1/8192
+    of it, so long time constants are coarse: at 1,000 steps the decay has 3 bits. From about 2,000 steps the alpha
+    kernel gains so much that all weights are below the smallest charge.
     """
     for tau in STEPS_OF_TAU:
         played = usual.random_input(LONG if tau >= FROM else SHORT, samples=1)
@@ -67,15 +67,15 @@ def time_constants() -> Iterator[Case]:
 
 
 def refractory_time_constants() -> Iterator[Case]:
-    """The kernel of the neuron's own spikes. `dendrite` takes what a decay holds, `delay-line` what 63 steps of delay
-    hold, and `reset` has none.
+    """The kernel of a neuron's own spikes. `dendrite` has any time constant that a decay holds, `delay-line` any that
+    63 steps of delay hold, and `reset` has no such kernel.
     """
     for tau in STEPS_OF_TAU:
         yield from srm_cases(f"tau_ref {tau:g}", srm(tau_ref=tau))
 
 
 def decays() -> Iterator[Case]:
-    """Networks that are integers already: all of the error is truncation. A decay of 0 or 4096 cuts nothing."""
+    """Networks that are already integers, so all of the error is truncation. A decay of 0 or 4096 cuts nothing."""
     mantissa = np.random.default_rng(usual.SEED).integers(-90, 120, (usual.NEURONS, usual.CHANNELS))
     for decay_u, decay_v in product(ENDS, ENDS):
         neuron = ChipCuba.of(usual.NEURONS, decay_u=decay_u, decay_v=decay_v, threshold=THRESHOLD)
@@ -102,8 +102,8 @@ def decays() -> Iterator[Case]:
 
 
 def exact_thresholds() -> Iterator[Case]:
-    """Weights that add up to the threshold exactly. Where the chip holds them without rounding the rule, `>` or `>=`,
-    is kept; elsewhere the least rounding decides, and each such decision is counted.
+    """Weights that add up to exactly the threshold. If the chip holds them without rounding, the rule, `>` or `>=`, is
+    kept; otherwise the least rounding decides, and each such decision is counted.
     """
     one, two = (usual.random_input(channels=channels) for channels in (1, 2))
     for rule in RULES:
@@ -125,7 +125,7 @@ def exact_thresholds() -> Iterator[Case]:
 
 
 def refractory_counts() -> Iterator[Case]:
-    """Steps that a neuron is held after a spike: the chip counts to 63."""
+    """Steps for which a neuron is held after a spike: the chip counts to 63."""
     for steps in (0, 1, 2, 63, 64, 10**12):
         yield lif_case(f"count {steps}", lif(refractory=steps), weights(response="leak") * 3)
     for scale in (5.0, 10.0, 100.0):
@@ -133,7 +133,7 @@ def refractory_counts() -> Iterator[Case]:
 
 
 def biases() -> Iterator[Case]:
-    """A bias of less than half a unit of the register is lost, and one of more than 4,095 thresholds is refused."""
+    """A bias below half a unit of the register is lost, and one above 4,095 thresholds is refused."""
     one = usual.random_input(channels=1)
     for bias in (1e-9, 1e-6, 1e-3, 0.05, 1.0, 100.0, LIMIT, LIMIT + 10, -0.05, -100.0, -LIMIT):
         yield lif_case(f"{bias:g} thresholds", lif(bias=bias * usual.THETA))
@@ -148,7 +148,7 @@ def biases() -> Iterator[Case]:
 
 
 def float_extremes() -> Iterator[Case]:
-    """Denormal, infinite, not a number: refused, or counted as lost; nothing turns into nan."""
+    """Denormal numbers, infinity and nan are refused, or counted as lost; nothing turns into nan."""
     for name, change in EXTREMES["srm"].items():
         neuron = replace(srm(), **change)
         scaled = weights() * (neuron.theta / usual.THETA if 1e-200 < neuron.theta < 1e200 else 1.0)
@@ -163,7 +163,9 @@ def float_extremes() -> Iterator[Case]:
 
 
 def one_scale_for_all() -> Iterator[Case]:
-    """Twelve orders of magnitude, and equal integers: only ratios reach the chip."""
+    """Thresholds and weights scaled together by twelve orders of magnitude give equal integers: only ratios reach the
+    chip.
+    """
     for decade in DECADES[::3]:
         by, name = 10.0**decade, f"both times 1e{decade:+d}"
         yield from srm_cases(name, srm(theta=usual.THETA * by), weights() * by)
@@ -171,8 +173,8 @@ def one_scale_for_all() -> Iterator[Case]:
 
 
 def weights_against_thresholds() -> Iterator[Case]:
-    """Twelve orders of magnitude against one threshold. Below, weights round to 0; above, a single step's charge fills
-    its register.
+    """Weights over twelve orders of magnitude with one threshold. At the lower end they round to 0; at the upper end
+    the charge of a single step fills its register.
     """
     for decade in DECADES:
         by, name = 10.0**decade, f"weights times 1e{decade:+d}"
@@ -181,7 +183,7 @@ def weights_against_thresholds() -> Iterator[Case]:
 
 
 def weight_shapes() -> Iterator[Case]:
-    """One exponent serves a population, so one huge weight takes the bits of all others."""
+    """One exponent serves a population, so one huge weight costs all others their bits."""
     shape, drawn = (usual.NEURONS, usual.CHANNELS), weights()
     lonely, uneven = np.zeros(shape), drawn.copy()
     lonely[0, 0] = usual.THETA
@@ -208,8 +210,8 @@ def weight_bits() -> Iterator[Case]:
 
 
 def roundings() -> Iterator[Case]:
-    """Each step beyond rounding to the nearest, alone and all together; the other groups have all but splitting, as
-    `locsnn-compile` does. Weights are rounded for recordings that are not played here.
+    """Each step beyond rounding to the nearest, alone and all together. The other groups use all of them but splitting,
+    as `locsnn-compile` does. Weights are rounded for recordings that are not played here.
     """
     for name, rounding in ROUNDINGS.items():
         for tau in TIME_CONSTANTS:
@@ -218,8 +220,8 @@ def roundings() -> Iterator[Case]:
 
 
 def weight_exponents() -> Iterator[Case]:
-    """Integer weights at the ends of their grid; the threshold grows with the exponent. A negative exponent takes the
-    low bits, of the smallest weights all.
+    """Integer weights at the ends of their grid; the threshold grows with the exponent. A negative exponent removes low
+    bits, and all bits of the smallest weights.
     """
     ends: dict[Signs, tuple[int, ...]] = {"apart": (-255, -1, 1, 255), "mixed": (-256, -2, 2, 254)}
     for signs, mantissas in ends.items():
@@ -231,7 +233,7 @@ def weight_exponents() -> Iterator[Case]:
 
 
 def delays() -> Iterator[Case]:
-    """Up to 62 steps."""
+    """Delays of up to 62 steps, and longer ones, which are refused."""
     for delay in DELAYS:
         yield case_of(f"delay {delay}", "dendrite", srm(), weights(), delay=delay)
         yield lif_case(f"delay {delay}", delay=delay)
@@ -240,7 +242,7 @@ def delays() -> Iterator[Case]:
 
 
 def input_patterns() -> Iterator[Case]:
-    """Silence, single spikes, alternating, bursts and every line in every step, onto the published neuron."""
+    """Silence, single spikes, alternating spikes, bursts, and every line in every step, played to the published neuron."""
     none = np.zeros((1, usual.STEPS, usual.CHANNELS), dtype=np.uint8)
     once, alternating, bursts = none.copy(), none.copy(), none.copy()
     once[0, 0, 0] = 1
@@ -263,8 +265,8 @@ def input_patterns() -> Iterator[Case]:
 
 
 def crowds() -> Iterator[Case]:
-    """All the inputs that a core has, with the largest weights there are, in every step: the charge of one step wraps,
-    and every wrap is counted.
+    """All the inputs of a core with the largest possible weights in every step: the charge of one step wraps, and every
+    wrap is counted.
     """
     neuron = ChipCuba.of(1, decay_u=410, decay_v=410, threshold=1000)
     dendrite = ChipSrm.with_taps(1, decay=390, threshold=8000, refractory_decay=2589, mantissa=-250, exponent=6)
