@@ -21,12 +21,13 @@ from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.write import write_recordings
 from locsnn_compile.errors import InputError
 from locsnn_compile.explore.point import Figures, ModelFile, Point, Study
-from locsnn_compile.explore.sweep import Progress, Store, sweep
+from locsnn_compile.explore.sweep import Store, sweep
 from locsnn_compile.network.network import Network
 from locsnn_compile.report.format import energy
 from locsnn_compile.report.words import sentence
 from locsnn_compile.settings import Setting, has_srm_neurons
 from locsnn_compile.verification.error_bounds import ErrorBudget
+from locsnn_compile.verification.matching import Progress
 
 CHOOSING = "train"
 """The part of divided recordings that settings are compared on."""

@@ -8,7 +8,7 @@ A file that is not complete, or not of this setting and code, is ignored, and it
 """
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import asdict, replace
 from functools import partial
@@ -23,13 +23,10 @@ from locsnn_compile.explore.point import Figures, Point, Refusal, Study, Timing,
 from locsnn_compile.passes.quantize import weight_bits_of
 from locsnn_compile.settings import Setting, usual_settings
 from locsnn_compile.verification.error_bounds import ErrorBudget, default_budget
+from locsnn_compile.verification.matching import Progress
 
 SCHEMA = "locsnn-explore-point/1"
 MAX_BYTES = 1 << 20
-
-
-Progress = Callable[[int, int], None]
-"""Called with (settings done, all settings)."""
 
 
 class Store(Frozen):

@@ -22,15 +22,13 @@ from locsnn_compile.stress.cases import cases
 from locsnn_compile.stress.cases.case import BLOCK, POPULATION, Case, LongRun, long_runs
 from locsnn_compile.stress.measure import Float, Sides, lowered, measure
 from locsnn_compile.stress.row import TENTH, Drift, Row, judge
-from locsnn_compile.verification.matching import PopulationMatch
+from locsnn_compile.verification.matching import PopulationMatch, Progress
 
 TENTHS = 10
 LESS = 0.05
 """How far the spike agreement in the last tenth of a run may fall below the beginning unnoticed."""
 LONG_STEPS, QUICK_STEPS = 1_000_000, 10 * BLOCK
 """Steps of a long run, and of a long run in a quick run."""
-
-Progress = Callable[[int, int], None]
 
 
 def run_stress(chip: hw.Chip, *, quick: bool = False, progress: Progress | None = None) -> tuple[Row, ...]:

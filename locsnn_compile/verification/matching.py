@@ -24,7 +24,7 @@ CHUNK = 16
 """Recordings held at a time, so memory does not grow with their number."""
 
 Progress = Callable[[int, int], None]
-"""Called with (recordings done, all recordings)."""
+"""Called with what is done and what there is to do: recordings, settings or rows."""
 Place = tuple[int, str, int, int]
 """Recording, population, neuron and step of a spike."""
 

@@ -242,7 +242,7 @@ def delays() -> Iterator[Case]:
 
 
 def input_patterns() -> Iterator[Case]:
-    """Silence, single spikes, alternating spikes, bursts, and every line in every step, played to the published neuron."""
+    """Silence, single spikes, alternating spikes, bursts, and every line in every step, for the published neuron."""
     none = np.zeros((1, usual.STEPS, usual.CHANNELS), dtype=np.uint8)
     once, alternating, bursts = none.copy(), none.copy(), none.copy()
     once[0, 0, 0] = 1
