@@ -82,7 +82,10 @@ def synapses(pieces: Sequence[Piece], chip: Chip) -> tuple[IntArray, int]:
             rows = p.source[p.rows(piece.start, piece.stop)]
             lists.setdefault((p.lists, p.format.bits_per_synapse), []).append(rows)
     lengths = {key: np.bincount(np.concatenate(parts)) for key, parts in lists.items()}
-    words = sum(int(chip.synapse_memory.words(length, bits).sum()) for (_, bits), length in lengths.items())
+    words = 0
+    for (_, bits), length in lengths.items():
+        many = np.bincount(length)  # few lists differ in length
+        words += int(many @ chip.synapse_memory.words(np.arange(len(many)), bits))
     reached = np.zeros(max(map(len, lengths.values()), default=0), dtype=np.bool_)
     for length in lengths.values():
         reached[: len(length)] |= length > 0

@@ -100,6 +100,8 @@ def told_apart(values: Sequence[float]) -> list[str]:
 
 def plain(text: str) -> str:
     """Return a string on one line; characters that cannot be printed are shown as escapes."""
+    if text.isprintable():
+        return text
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
