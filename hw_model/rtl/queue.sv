@@ -20,8 +20,10 @@ module queue #(
     logic [PLACE:0]   begin_at, end_at;  // one bit more than a place, which tells full from empty
     logic             coming;            // the memory shows the next head
     logic [WIDTH-1:0] oldest;
-    wire  [PLACE:0]   next_begin = begin_at + {{PLACE{1'b0}}, pop};
-    wire              read = next_begin != end_at && (pop || !(head_valid || coming));
+    // Whether the head is popped is known late in a cycle.
+    wire  [PLACE:0]   behind = begin_at + 1'b1;
+    wire  [PLACE:0]   next_begin = pop ? behind : begin_at;
+    wire              read = pop ? behind != end_at : begin_at != end_at && !(head_valid || coming);
     assign empty = begin_at == end_at;
 
     memory #(.WIDTH(WIDTH), .DEPTH(DEPTH)) places (

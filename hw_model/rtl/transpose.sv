@@ -81,9 +81,11 @@ module transpose #(
     wire               next_word = state == SCAN && bits == 0 && more;
     wire               next_channel = state == CHANNEL && channel != channels[SOURCE:0];
 
-    // Marking: read the word, and write it with one bit more in the next cycle. Words of the stream come in every other
-    // cycle at most, so there is one address, and a memory of one port will do.
-    logic              marked;
+    // Marking takes three cycles: read the word, set a bit of it, write it. Words of the stream come in every other cycle at
+    // most, and a channel is marked once in a step, so a word is not marked twice in a row.
+    logic              marked, write_back;
+    logic [PLACE-1:0]  write_place;
+    logic [WORD-1:0]   write_word;
     wire               marking = mark && !full;
     wire [SOURCE-1:0]  row_channel = state == IDLE ? mark_channel : channel[SOURCE-1:0];
     wire [PLACE-1:0]   address = sweep ? sweep_address
@@ -105,11 +107,13 @@ module transpose #(
     wire              ticking;  // while a word is marked, or looked for
     always_ff @(posedge clk) row_began <= mark_tick;
     clock_gate gate (
-        .clk, .enable(clear || load_visit || start || mark || counted || marked || mark_tick || row_began || out_ready
+        .clk, .enable(clear || load_visit || start || mark || counted || marked || write_back || mark_tick || row_began || out_ready
             || (go && (state != IDLE || found))), .gated(ticking)
     );
     always_ff @(posedge ticking) begin
         {counted, marked} <= clear ? 2'b0 : {mark, marking};
+        write_back <= marked || sweep;
+        {write_place, write_word} <= {address, written};
         if (mark) together <= together + 1;
         if (!touched && state == IDLE) {touch, touch_place} <= {row, row_place};
         if (start || (counted && together == align_events[SOURCE:0])) touched <= 1;
@@ -119,10 +123,10 @@ module transpose #(
 
     memory #(.WIDTH(WORD), .DEPTH(BITMAP)) bitmap (
         .clk          (ticking),
-        .write        (marked || sweep),
-        .write_address(address),
-        .write_data   (written),
-        .read         (!(marked || sweep) && (marking || (go && (state == PRIME || next_word || next_channel)))),
+        .write        (write_back),
+        .write_address(write_place),
+        .write_data   (write_word),
+        .read         (marking || (go && (state == PRIME || next_word || next_channel))),
         .read_address (address),
         .read_data    (word)
     );
