@@ -15,7 +15,7 @@ from locsnn_compile.cli.shell import progress_bar
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
 from locsnn_compile.report.words import sentence
-from locsnn_compile.verification.over_time import OnStep, Streamed, right_over_time, step_latency, stream
+from locsnn_compile.verification.streaming import OnStep, Streamed, right_over_time, step_latency, stream
 
 _CLEAR = "\r\x1b[K"
 Row = dict[str, Any]

@@ -19,7 +19,7 @@ import hw_model as hw
 from locsnn_compile.cli.compile import main as compile_main
 from locsnn_compile.cli.main import main
 from locsnn_compile.cli.run_stream import LiveLine, lead_text, stream_lines
-from locsnn_compile.verification.over_time import Streamed, right_over_time, step_latency
+from locsnn_compile.verification.streaming import Streamed, right_over_time, step_latency
 
 ROOT = Path(__file__).parents[2]
 MODEL = ROOT / "examples/models/objects-hybrid.pt"
