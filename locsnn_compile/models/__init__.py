@@ -1,1 +1,1 @@
-"""The touch networks in torch, their torch-free description, and the checkpoints that hold them."""
+"""The touch networks in torch, their description without torch, and the checkpoints that hold them."""

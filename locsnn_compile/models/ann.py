@@ -1,7 +1,7 @@
-"""The artificial networks that spiking ones are compared with: GRU-MLP and CNN-3D of Kang et al. 2022.
+"""The artificial networks that spiking networks are compared with: GRU-MLP and CNN-3D of Kang et al. 2022.
 
-Both take x (batch, steps, channels), floats 0 or 1, and return class scores (batch, classes) under the name
-``output``. They are trained here and counted, not compiled; weights start as torch starts them.
+Both take x (batch, steps, channels), floats 0 or 1, and return class scores (batch, classes) under the name ``output``.
+They are trained and counted, but not compiled. Weights start with torch's defaults.
 """
 
 import torch
@@ -28,10 +28,10 @@ class GruMlp(TouchModel):
 
 
 class Cnn3d(TouchModel):
-    """``cnn-3d``: two convolutions with ReLU over frames of each fingertip, then one linear layer over all of them.
+    """``cnn-3d``: two convolutions with ReLU over the frames of each fingertip, then one linear layer over all of them.
 
-    A frame is the grid of a sensor, or the 9 x 7 cells of which :data:`locsnn_compile.data.sensor.FRAME_OF_TAXELS`
-    gives 39 to taxels; a channel of it is a polarity. All fingertips go through the same convolutions.
+    A frame is the grid of a sensor, or 9 x 7 cells, of which :data:`locsnn_compile.data.sensor.FRAME_OF_TAXELS` assigns
+    39 to taxels. Its channels are the polarities. All fingertips go through the same convolutions.
     """
 
     cells: Tensor

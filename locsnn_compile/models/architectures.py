@@ -1,4 +1,4 @@
-"""The structures of networks that ``locsnn train`` knows, as rows of one table."""
+"""The structures of the networks that ``locsnn train`` knows, as rows of one table."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -6,12 +6,13 @@ from typing import Literal
 
 @dataclass(frozen=True)
 class Architecture:
-    """What a network of a name is made of.
+    """The structure of a kind of network.
 
-    ``branches``: its step axes, in population order; none for an artificial network. ``neurons``: spike response
-    (``srm``) or leaky integrate-and-fire (``lif``) ones, those that count in ``windows``, or none that spike.
-    ``graph``: whether the first layer of a branch is a graph convolution. ``window_branch``: the branch whose neurons
-    count in windows, if there is one; its output is potentials.
+    - ``branches``: its step axes, in population order; none for an artificial network
+    - ``neurons``: spike response (``srm``), leaky integrate-and-fire (``lif``), counting in ``windows``, or ``none``
+      that spike
+    - ``graph``: whether the first layer of a branch is a graph convolution
+    - ``window_branch``: the branch whose neurons count in windows, if there is one; its outputs are potentials
     """
 
     branches: tuple[str, ...]
@@ -44,7 +45,7 @@ ARCHITECTURES: dict[str, Architecture] = {
     "gru-mlp": Architecture((), "none"),
     "cnn-3d": Architecture((), "none"),
 }
-"""Name of a network -> its structure. Source: Kang et al., IJCNN 2022; TactileSGNet: Gu et al., IROS 2020.
+"""Name of a network -> its structure. Sources: Kang et al., IJCNN 2022; TactileSGNet: Gu et al., IROS 2020.
 
-``window-snn`` is ours, and ``hybrid-window`` is ``hybrid`` with its windows as a third branch.
+``window-snn`` is our own; ``hybrid-window`` is ``hybrid`` with the windows as a third branch.
 """

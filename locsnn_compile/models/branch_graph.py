@@ -1,4 +1,4 @@
-"""The graph of a branch as matrices: what a node hears, and what a graph convolution is to single neurons.
+"""The graph of a branch as matrices: what a node hears, and the weights of single neurons in a graph convolution.
 
 Nothing here imports torch, so that the compiler can spread the weights without it.
 """
@@ -21,8 +21,8 @@ class BranchGraph(Frozen, eq=False):
 def branch_graph(description: NetworkDescription, branch: str) -> BranchGraph:
     """Return the graph of a branch of a network that has graph convolutions.
 
-    The inputs of a taxel are its polarities on the first fingertip, then on the next; channels are numbered as in
-    :class:`~locsnn_compile.models.description.InputLayout`.
+    The inputs of a taxel are its polarities on the first fingertip, then those on the next. Channels are numbered as in
+    :class:`~locsnn_compile.data.sensor.SensorLayout`.
     """
     graph, sensor = description.graph, description.input.sensor
     assert graph is not None
@@ -37,15 +37,15 @@ def branch_graph(description: NetworkDescription, branch: str) -> BranchGraph:
 
 
 def step_edges(steps: int) -> tuple[tuple[int, int], ...]:
-    """Return the edges of the temporal graph: every time step and the next, 1-based."""
+    """Return the 1-based edges of the temporal graph, from every time step to the next."""
     return tuple((t, t + 1) for t in range(1, steps))
 
 
 def hop_matrix(edges: tuple[tuple[int, int], ...], nodes: int, hops: int) -> sparse.csr_array:
     """Return the matrices A^0, A^1, ... A^hops on top of each other, ((hops + 1) * nodes, nodes), float64.
 
-    A = D^(-1/2) B D^(-1/2) of the undirected graph's adjacency matrix B and degrees D; a node without edges hears
-    itself alone.
+    A = D^(-1/2) B D^(-1/2), with the adjacency matrix B and the degrees D of the undirected graph. A node without edges
+    only hears itself.
     """
     ends = np.array(edges, dtype=np.int64).reshape(-1, 2) - 1
     rows, columns = np.concatenate([ends, ends[:, ::-1]]).T
@@ -60,10 +60,10 @@ def hop_matrix(edges: tuple[tuple[int, int], ...], nodes: int, hops: int) -> spa
 
 
 def spread_weights(weight: npt.NDArray[np.floating], graph: BranchGraph) -> sparse.csr_array:
-    """Return what a graph convolution is to single neurons: weights (nodes * features, lines), float64.
+    """Return the weights of single neurons in a graph convolution, (nodes * features, lines), float64.
 
-    ``weight``: (features, (hops + 1) * inputs), those of a hop side by side. Neuron ``node * features + f`` is feature
-    f of a node.
+    ``weight`` (features, (hops + 1) * inputs) has the weights of each hop next to each other. Neuron
+    ``node * features + f`` is feature f of a node.
     """
     hop, (nodes, inputs) = graph.hop, graph.lines.shape
     features = len(weight)

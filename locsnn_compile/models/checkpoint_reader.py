@@ -1,7 +1,7 @@
-"""Read a ``locsnn-checkpoint``: every entry is checked, and nothing of the file is ever run.
+"""Read a ``locsnn-checkpoint``: every entry is checked, and nothing in the file is ever run.
 
-A pickle that would call code is refused. Sizes are checked before they are used; every fault is one ``InputError``
-that names the entry.
+A pickle that would call code is refused. Sizes are checked before they are used. Every fault is one ``InputError`` that
+names the entry.
 """
 
 import hashlib
@@ -47,9 +47,9 @@ _MEMBER: dict[str, tuple[type, ...]] = {"sha256": (str,), "weight": (float,), "c
 
 
 def read_checkpoint(path: Path | str, *, state_dict: str = WRITE_AGAIN) -> Checkpoint:
-    """Return the checkpoint at ``path``; ``InputError`` for anything that is not one, whatever is wrong with it.
+    """Return the checkpoint at ``path``; ``InputError`` for other files.
 
-    ``state_dict`` is the way out to name for one.
+    ``state_dict`` is the way out for a bare state dict.
     """
     values, where, sha256 = read_plain(Path(path), state_dict)
     return parse_checkpoint(values, where, Path(path).name, sha256)
@@ -88,7 +88,7 @@ def read_plain(path: Path, state_dict: str) -> tuple[object, str, str]:
 
 
 def _is_state_dict(values: object) -> bool:
-    """Tell whether a value is a dict of tensors, or one that holds such a dict, but no format."""
+    """Tell whether a value is a dict of tensors, or a dict that holds one, without a format."""
     if not isinstance(values, dict) or "format" in values:
         return False
     return any(isinstance(v, Tensor) or (isinstance(v, dict) and _is_state_dict(v)) for v in values.values())
@@ -147,7 +147,7 @@ def _seen(values: object) -> str:
 
 
 def check_keys(where: str, key: str, values: Any, known: Mapping[str, tuple[type, ...]]) -> None:
-    """Refuse entries that are not known, missing, or of another kind."""
+    """Refuse entries that are unknown, missing, or of another kind."""
     reader = RecordReader(where, WRITE_AGAIN)
     for name, value in reader.entries(values, key, dict.fromkeys(known, True)).items():
         check_value(reader.place(f"{key}.{name}" if key else name), value, known[name], fix=WRITE_AGAIN)
@@ -160,7 +160,7 @@ def _name(where: str, key: str, name: str) -> str:
 
 
 def _input(where: str, entry: Mapping[str, Any]) -> InputLayout:
-    """Return the input layout; of NeuTouch the file gives sizes, of any other sensor its layout."""
+    """Return the input layout; files have sizes for NeuTouch, and the layout of any other sensor."""
     sizes, known = ("taxels", "polarities", "fingertips"), field_kinds(InputLayout)
     lacks = {"event_threshold", "sensor"} - set(entry)
     held: dict[str, tuple[type, ...]] = {"sensor": (dict,)} if "sensor" in entry else dict.fromkeys(sizes, (int,))
@@ -174,7 +174,7 @@ def _input(where: str, entry: Mapping[str, Any]) -> InputLayout:
 
 
 def _neuron(where: str, entry: dict[Any, Any], *, srm: bool) -> Neuron | None:
-    """Return the constants of spike response or integrate-and-fire neurons, or windows; None of an empty entry."""
+    """Return the constants of spike response neurons, integrate-and-fire neurons or windows; None if there are none."""
     if not entry and not srm:
         return None
     kind: type[Neuron] = NeuronParameters if srm else WindowParameters if "levels" in entry else LifParameters
@@ -182,7 +182,7 @@ def _neuron(where: str, entry: dict[Any, Any], *, srm: bool) -> Neuron | None:
 
 
 def _optional(where: str, name: str, value: Any, *, srm: bool) -> Any:
-    """Return what an entry of :data:`OPTIONAL` holds."""
+    """Return the value of an entry of :data:`OPTIONAL`."""
     if name == "location_neuron":
         return _neuron(where, value, srm=srm)
     if name == "window":
@@ -242,7 +242,7 @@ def _recordings(
 
 
 def _origin(training: Mapping[str, Plain]) -> Origin:
-    """Return whose the recordings in a checkpoint are: those of a run without a test part are of the train part."""
+    """Return where the recordings in a checkpoint come from: without a test part, from the train part."""
     return "trained on" if "test_recordings" in training and training["test_recordings"] is None else "carried"
 
 

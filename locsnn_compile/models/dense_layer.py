@@ -1,7 +1,7 @@
-"""What spiking layers have in common: a neuron, weights that start at random, and scans on the processor.
+"""What spiking layers have in common: a neuron, random initial weights, and scans on the processor.
 
-The steps of a spiking layer follow from one another, so they run as compiled scans on the processor, whatever device
-the matrix products run on; what they take and give is copied there and back.
+Each step of a spiking layer depends on the previous one, so the steps run as compiled scans on the processor, whatever
+device the matrix products run on. Inputs and outputs of the scans are copied there and back.
 """
 
 import math
@@ -45,17 +45,17 @@ class DenseLayer(nn.Module, Generic[Neuron]):
 def uniform_weight(
     shape: tuple[int, ...], inputs: int, initial_scale: float, generator: torch.Generator
 ) -> nn.Parameter:
-    """Return weights that are uniform within +-``initial_scale`` / sqrt(inputs), float32."""
+    """Return float32 weights, uniform within +-``initial_scale`` / sqrt(inputs)."""
     bound = initial_scale / math.sqrt(inputs)
     return nn.Parameter(torch.empty(*shape, dtype=torch.float32).uniform_(-bound, bound, generator=generator))
 
 
 def to_host(values: Tensor) -> AnyArray:
-    """Return the values as a C-contiguous array, not copied where they lie in the processor's memory like that."""
+    """Return the values as a C-contiguous array, without a copy if they are already that on the processor."""
     array: AnyArray = values.detach().cpu().numpy()
     return np.ascontiguousarray(array)
 
 
 def to_device(array: AnyArray, like: Tensor) -> Tensor:
-    """Return the array as a tensor on the device of another, not copied where that is the processor."""
+    """Return the array as a tensor on the device of ``like``, without a copy if that is the processor."""
     return torch.from_numpy(array).to(like.device)

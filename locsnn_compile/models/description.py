@@ -1,4 +1,4 @@
-"""What a trained network is, in plain values: its input, its neurons and its structure.
+"""A trained network in plain values: its input, its neurons and its structure.
 
 Nothing here imports torch, so that the compiler can read descriptions without it.
 """
@@ -20,21 +20,21 @@ from locsnn_compile.models.plain_checks import require_count, require_rising
 #: Largest sizes accepted anywhere: a few times what any published tactile recording needs.
 MAX_UNITS = 4_096
 MAX_THRESHOLD = 20_000_000
-#: Longest delay of a synapse, in steps, that any chip file allows.
+#: The longest delay of a synapse, in steps, that any chip file allows.
 MAX_DELAY = 65_534
 
 
 class InputLayout(Checked):
     """The shape of one recording: ``steps`` time steps of the channels of a ``sensor``.
 
-    ``step_seconds`` is None where nothing says how long a step is.
+    ``step_seconds`` is None if the length of a step is not known.
     """
 
     sensor: SensorLayout
     steps: Annotated[int, between(1, MAX_STEPS)]
     step_seconds: Annotated[float | None, POSITIVE]
     event_threshold: Annotated[int | None, between(0, MAX_THRESHOLD)] = None
-    """Events that a bin had to exceed to be 1; None where recordings came as bins."""
+    """The number of events that a bin had to exceed to become 1; None if recordings came as bins."""
 
     called = "input"
 
@@ -77,23 +77,26 @@ class LifParameters(Checked):
 
     @property
     def keep(self) -> float:
-        """What a step keeps of u: ``decay``, rounded as 1 less the share that it loses is."""
+        """The share of u that a step keeps: ``decay``, rounded in the same way as 1 minus the share that is lost."""
         return 1.0 - (1.0 - self.decay)
 
 
 Neuron = NeuronParameters | LifParameters | WindowParameters
-"""What the neurons of a network may be."""
+"""The constants that the neurons of a network may have."""
 
 
 class NetworkDescription(Frozen):
     """A network without its weights.
 
-    ``neuron`` and ``graph`` are those of its architecture; None stands for the published neuron, and for no graph.
-    ``location_order`` names the walk and ``location_taxels`` is it, 1-based taxel numbers of one fingertip;
-    both are None for a network without a location branch. ``delays``: every channel has so many synapses onto each
-    neuron of ``time_hidden``, one of each delay in steps; ``location_delays``: so does every time step onto
-    ``location_hidden``, in locations. ``location_neuron``: that of the location branch, where it is another.
-    ``class_names``, where the classes have any. Weights have the shapes of ``weight_shapes``.
+    - ``neuron`` and ``graph``: those of the architecture; None stands for the published neuron, and for no graph
+    - ``location_order`` is the name of the walk, and ``location_taxels`` the walk itself, as 1-based taxel numbers of
+      one fingertip; both are None for a network without a location branch
+    - ``delays``: every channel has one synapse of each of these delays, in steps, onto each neuron of ``time_hidden``;
+      ``location_delays``: the same from every time step onto ``location_hidden``, in locations
+    - ``location_neuron``: the neuron of the location branch, if it is another one
+    - ``class_names``: None if the classes have no names
+
+    Weights have the shapes of ``weight_shapes``.
     """
 
     architecture: str
@@ -110,7 +113,7 @@ class NetworkDescription(Frozen):
     location_neuron: Neuron | None = None
     location_delays: tuple[int, ...] = (0,)
     window: WindowParameters | None = None
-    """Windows of a branch next to those of its neurons."""
+    """The windows of a branch that counts in windows next to others."""
     align_events: int | None = None
     """Events in one step at which a recording starts; None: it starts at its first step."""
 
@@ -142,7 +145,7 @@ class NetworkDescription(Frozen):
             check_location_taxels(self.location_taxels, self.input.sensor.taxels)
 
     def _check_parts(self) -> None:
-        """Refuse a neuron and a graph that the architecture has not."""
+        """Refuse a neuron, a graph or windows that do not belong to the architecture."""
         kind = _NEURONS[self.structure.neurons]
         windows = WindowParameters if self.structure.window_branch and kind is not WindowParameters else None
         if self.neuron is None and kind is not None:
@@ -168,7 +171,7 @@ class NetworkDescription(Frozen):
             frame_size(self.input.sensor)
 
     def _check_delays(self) -> None:
-        """Refuse delays that no synapse has, and any where there is no layer for them."""
+        """Refuse delays that no synapse can have, and delays without a layer for them."""
         for name, branch, steps in (("delays", "time", "time steps"), ("location_delays", "location", "locations")):
             delays = getattr(self, name)
             require_rising(name, delays, 0, MAX_DELAY, "whole numbers of steps", "Give, for example, 0 20 40 60.")
@@ -179,17 +182,17 @@ class NetworkDescription(Frozen):
                 )
 
     def _refused(self, what: str, *, measured: str = "", fix: str) -> InputError:
-        """Return the error of what does not go with the architecture."""
+        """Return the error for something that does not go with the architecture."""
         return InputError(f"architecture {self.architecture!r}", what, measured=measured, fix=fix)
 
     @property
     def structure(self) -> Architecture:
-        """What a network of this name is made of."""
+        """The structure of a network of this architecture."""
         return ARCHITECTURES[self.architecture]
 
     @property
     def walk(self) -> IntArray:
-        """Position -> channel of the location branch, (channels,); ``InputError`` where there is none."""
+        """Position -> channel of the location branch, (channels,); ``InputError`` if there is none."""
         return channel_walk(self.location_taxels or (), self.input.sensor)
 
     @property
@@ -206,7 +209,7 @@ class NetworkDescription(Frozen):
         return {"time_hidden": self.delays, "location_hidden": self.location_delays}.get(population, (0,))
 
     def srm(self, name: str) -> NeuronParameters:
-        """Return :meth:`neuron_of` a network of spike response neurons; ``InputError`` for any other."""
+        """Return :meth:`neuron_of` for a network of spike response neurons; ``InputError`` for other networks."""
         neuron = self.neuron_of(name)
         if not isinstance(neuron, NeuronParameters):
             others = (name for name, a in ARCHITECTURES.items() if a.learns_integers)
@@ -222,13 +225,13 @@ class NetworkDescription(Frozen):
 
     @property
     def window_names(self) -> tuple[str, str]:
-        """Names of the weights (classes, hidden neurons) and of the bias (classes,) of the output of windows."""
+        """The names of the weights (classes, hidden neurons) and the bias (classes,) of the output of windows."""
         output = f"{self.structure.window_branch}_output"
         return output, f"{output}_bias"
 
     @property
     def _hidden_of_taxel(self) -> list[int]:
-        """Hidden neurons of the windows that hear each taxel of the walk."""
+        """The number of hidden neurons of the windows that hear each taxel of the walk."""
         sensor = self.input.sensor
         return [sensor.polarities * self.windows.of_channel(self.input.steps)] * (sensor.surfaces * sensor.taxels)
 
@@ -240,7 +243,7 @@ class NetworkDescription(Frozen):
     def populations(self, branch: str) -> tuple[str, ...]:
         """Return the names of a branch's populations, in evaluation order; the last one is the output.
 
-        A branch of windows has as many outputs as can hear all of its hidden neurons; their potentials are added.
+        A branch of windows has as many outputs as it takes to hear all its hidden neurons; their potentials are added.
         """
         if branch == self.structure.window_branch:
             return f"{branch}_hidden", *(f"{branch}_output_{1 + i}" for i in range(len(self.output_parts)))
@@ -248,10 +251,10 @@ class NetworkDescription(Frozen):
         return tuple(f"{branch}_{layer}" for layer in layers)
 
     def graph_size(self, branch: str) -> tuple[int, int, int]:
-        """Return (nodes, inputs a node, features a node) of a branch's graph convolution.
+        """Return (nodes, inputs per node, features per node) of a branch's graph convolution.
 
-        The nodes of the time branch are the taxels, which all fingertips share: each adds its polarities to the inputs.
-        Those of the location branch are the time steps, with one input: the event of the step at a location.
+        The nodes of the time branch are the taxels. All fingertips share them, and each adds its polarities to the
+        inputs. The nodes of the location branch are the time steps, with one input: the event of a step at a location.
         """
         assert self.graph is not None
         if branch == "time":
@@ -263,8 +266,9 @@ class NetworkDescription(Frozen):
     def weight_shapes(self) -> dict[str, tuple[int, ...]]:
         """Population name -> (out, in) of the weights into it, in evaluation order.
 
-        The inputs of a branch's first population are its lines with the first delay, then with the next, and so on.
-        Of a graph convolution (features, (hops + 1) * inputs a node). Of an artificial network parameter name -> shape.
+        The inputs of a branch's first population are its lines with the first delay, then with the next, and so on. For
+        a graph convolution, the shape is (features, (hops + 1) * inputs per node). For an artificial network, these are
+        the shapes of its parameters by name.
         """
         if not self.structure.spiking:
             said = picked(self.input, "sensor", "steps") | picked(self, "classes", "hidden")
@@ -289,7 +293,7 @@ class NetworkDescription(Frozen):
         return shapes
 
     def check_shape(self, name: str, weights: Mapping[str, AnyArray], fix: str) -> None:
-        """Raise ``InputError`` where ``weights`` has none of a name, or of another shape; ``fix`` says what to do."""
+        """Raise ``InputError`` if ``weights`` lacks a name, or has another shape for it; ``fix`` says what to do."""
         shape = self.weight_shapes[name]
         got = tuple(weights[name].shape) if name in weights else "none"
         if got != shape:

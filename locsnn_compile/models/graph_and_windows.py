@@ -1,6 +1,6 @@
-"""What first layers may be made of in place of dense weights, in plain values: graph convolutions, or windows.
+"""First layers that are not dense, in plain values: graph convolutions and windows.
 
-In ``window-snn``, hidden neuron ``(i * windows + w) * levels + k`` spikes where channel ``walk[i]`` had at least
+In ``window-snn``, hidden neuron ``(i * windows + w) * levels + k`` spikes if channel ``walk[i]`` had at least
 ``levels[k]`` events in window ``w``. Nothing here imports torch, so that the compiler can read descriptions and make
 the synapses without it.
 """
@@ -17,23 +17,23 @@ from locsnn_compile.errors import InputError, check_most
 from locsnn_compile.models.plain_checks import require_rising, rises
 
 HEARD_BY_OUTPUT = 1_024
-"""Hidden neurons that an output hears, if it hears several taxels.
+"""Largest number of hidden neurons that an output hears, if it hears several taxels.
 
-The charge register has room for all of their weights at once: with 4,096, weights of the networks in docs/results.md
-lost up to two bits.
+The charge register then holds all of their weights at once. With 4,096, weights of the networks in docs/results.md lost
+up to two bits.
 """
 AXONS_OF_CORE = 4_096
-"""Input axons of a core of the chip, and so the hidden neurons that an output can hear at all."""
+"""Input axons of a core of the chip, and so the largest number of hidden neurons that an output can hear."""
 MAX_WINDOW_NEURONS = 131_072
-"""Hidden neurons of a network: 128 cores of 1,024."""
+"""Largest number of hidden neurons of a network: 128 cores of 1,024."""
 MAX_HOPS = 16
 MAX_FEATURES = 1024
 
 
 class WindowParameters(Checked):
-    """Windows of ``steps`` time steps, one every ``stride``, and the numbers of events that are told apart, ``levels``.
+    """Windows of ``steps`` time steps, one every ``stride`` steps, and the ``levels``, numbers of events to distinguish.
 
-    The published 20 ms bins and these values make a window 0.12 s long.
+    With the published bins of 20 ms, these values make a window 0.12 s long.
     """
 
     steps: Annotated[int, AT_LEAST_ONE] = 6
@@ -47,7 +47,7 @@ class WindowParameters(Checked):
         require_rising("windows 'levels'", self.levels, 1, self.steps, "numbers of events", "Give, for example, 1 2.")
 
     def starts(self, steps: int) -> IntArray:
-        """Return the first step of every window of a recording of ``steps``; ``InputError`` where none fits."""
+        """Return the first step of every window in a recording of ``steps`` steps; ``InputError`` if none fits."""
         if steps < self.steps:
             measured = f"{steps} steps against {self.steps}"
             fix = "Take shorter windows (window_steps)."
@@ -55,13 +55,13 @@ class WindowParameters(Checked):
         return np.arange(0, steps - self.steps + 1, self.stride, dtype=np.int64)
 
     def of_channel(self, steps: int) -> int:
-        """Return how many hidden neurons hear one channel of a recording of ``steps``."""
+        """Return how many hidden neurons hear one channel of a recording of ``steps`` steps."""
         return len(self.starts(steps)) * len(self.levels)
 
     def synapses(self, steps: int, channels: int) -> sparse.csr_array:
         """Return the weights onto the hidden neurons, all 1: (channels * windows * levels, channels * steps), float64.
 
-        Line ``i * steps + t`` has the event of channel ``walk[i]`` at time step t.
+        Line ``i * steps + t`` carries the event of channel ``walk[i]`` at time step t.
         """
         starts, levels = self.starts(steps), len(self.levels)
         heard = (starts[:, np.newaxis] + np.arange(self.steps)).repeat(levels, axis=0)
@@ -73,7 +73,8 @@ class WindowParameters(Checked):
 def output_parts(hidden_of_taxel: Sequence[int] | IntArray) -> list[slice]:
     """Return the hidden neurons of each output population: as many taxels as :data:`HEARD_BY_OUTPUT` allows, or one.
 
-    ``hidden_of_taxel``: hidden neurons of every taxel of the walk. ``InputError`` where one alone has too many.
+    ``hidden_of_taxel`` is the number of hidden neurons of every taxel of the walk. Raises ``InputError`` if a single
+    taxel has too many.
     """
     parts: list[slice] = []
     start = end = 0
@@ -90,9 +91,9 @@ def output_parts(hidden_of_taxel: Sequence[int] | IntArray) -> list[slice]:
 class GraphParameters(Checked):
     """The topology-adaptive graph convolutions of a network (Du et al. 2017), one for each of its branches.
 
-    ``taxel_edges``: pairs of 1-based taxel numbers of a fingertip, the lower first, each pair once; ``name`` says how
-    they were found. A node hears nodes up to ``hops`` edges away and gives ``features`` outputs; on the location axis,
-    where nodes are the time steps of the recording and neighbours in time are joined, ``step_features``.
+    ``taxel_edges`` are pairs of 1-based taxel numbers of a fingertip, the lower first, each pair once; ``name`` says
+    how they were found. A node hears nodes up to ``hops`` edges away and has ``features`` outputs. On the location axis,
+    nodes are the time steps of the recording, joined to their neighbours in time, with ``step_features`` outputs.
     """
 
     name: str
@@ -104,7 +105,7 @@ class GraphParameters(Checked):
     called = "graph"
 
     def check(self, taxels: int) -> None:
-        """Raise ``InputError`` for a pair that is none of ``taxels`` taxels."""
+        """Raise ``InputError`` for an edge that is not a pair of ``taxels`` taxels."""
         seen: set[tuple[int, int]] = set()
         for a, b in self.taxel_edges:
             if not rises((a, b), 1, taxels):

@@ -1,19 +1,18 @@
 """Leaky integrate-and-fire layers in torch: the steps of all neurons are one compiled scan.
 
-Large layers add the weights of the inputs that are active within this scan, as most are silent at most steps; small
-ones take a matrix product for all steps at once.
+Large layers add the weights of active inputs inside this scan, because most inputs are silent in most steps. Small
+layers use one matrix product for all steps.
 
-What step t - 1 sends arrives at step t, as on the chip and as ``eps(0) = 0`` has it for spike response neurons:
+What step t - 1 sends arrives at step t, as on the chip, and as with ``eps(0) = 0`` for spike response neurons:
 
     u(t) = decay * u(t - 1) * (1 - o(t - 1)) + sum over j of w_ij x_j(t - 1),      o(t) = 1 where u(t) > threshold
 
-The published form takes ``x_j(t)`` and so runs one step earlier a layer; nothing else differs. Backward: the exact
-gradient of this recursion with a rectangle for the derivative of a spike by u, 1 where |u - threshold| < window and
-else 0 (Wu et al. 2018, as in TactileSGNet).
+The published form takes ``x_j(t)``, so each layer runs one step earlier; nothing else differs. Backward: the exact
+gradient of this recursion, with a rectangle for the derivative of a spike by u: 1 if |u - threshold| < window, else 0
+(Wu et al. 2018, as in TactileSGNet).
 
-A graph convolution is one spread weight for every line and neuron, and then these neurons. The powers of the graph and
-the weights that all nodes share are joined first, once a batch: events are then multiplied once, by the weights of
-those that came.
+A graph convolution is one spread weight for every line and neuron, followed by these neurons. The powers of the graph
+and the weights that all nodes share are combined first, once per batch. Events are then multiplied only once.
 """
 
 from typing import Any
@@ -29,13 +28,13 @@ from locsnn_compile.models.description import LifParameters
 from locsnn_compile.models.lif_scan import list_active, scan, scan_active, scan_active_back, scan_back
 
 _WORTH_LISTING = 1 << 14
-"""Weights of a layer from which on adding those of active inputs takes less time than a matrix product."""
+"""Number of weights from which adding those of active inputs takes less time than a matrix product."""
 
 
 def scan_spikes(drive: AnyArray, neuron: LifParameters) -> tuple[AnyArray, AnyArray]:
-    """Return (spikes, u), both (batch, steps, n), of the weights that each step's inputs add up to, ``drive``.
+    """Return (spikes, u), both (batch, steps, n), given the sum of weights that each step sends, ``drive``.
 
-    In the drive's own float type; u is taken before the reset.
+    The results have the float type of the drive; u is taken before the reset.
     """
     drive = np.ascontiguousarray(drive)
     potential, spikes = np.empty_like(drive), np.empty_like(drive)
@@ -76,7 +75,7 @@ def spike(drive: Tensor, neuron: LifParameters) -> Tensor:
 
 
 class _SpikeOfSpikes(torch.autograd.Function):
-    """The same of spikes x and their weights, without a drive that is written and read again."""
+    """The same for spikes x and their weights, without storing the drive in between."""
 
     @staticmethod
     def forward(ctx: Any, x: Tensor, weight: Tensor, neuron: LifParameters) -> Tensor:
@@ -103,7 +102,7 @@ class _SpikeOfSpikes(torch.autograd.Function):
         scan_active_back(gradient, ctx.u, constants, *ctx.active, by_weight, found)
         by_x = None
         if ctx.needs_input_grad[0]:
-            # Into memory of numpy, which asks for large pages: torch takes half as long as the product to get its own.
+            # Into numpy's memory, which uses large pages: torch would take half the time of the product to allocate it.
             by_x = torch.from_numpy(np.empty((batch * steps, len(weight)), gradient.dtype))
             torch.mm(torch.from_numpy(found), weight.T, out=by_x)
             by_x = by_x.reshape(batch, steps, len(weight))
@@ -113,8 +112,8 @@ class _SpikeOfSpikes(torch.autograd.Function):
 def spike_of_spikes(x: Tensor, weight: Tensor, neuron: LifParameters) -> Tensor:
     """Return the spikes (batch, steps, n) of inputs x (batch, steps, inputs) by ``weight`` (inputs, n).
 
-    As ``spike(x @ weight, neuron)``, but for the order of sums: from the first active input to the last. Fast where
-    most of x is 0. On a GPU it is that product.
+    It equals ``spike(x @ weight, neuron)`` except for the order of sums, which goes from the first active input to the
+    last. It is fast if most of x is 0. On a GPU, it is that product.
     """
     if x.device.type != "cpu":
         return spike(torch.matmul(x, weight), neuron)
@@ -187,7 +186,7 @@ class GraphLayer(nn.Module):
 
 
 def _heard(graph: BranchGraph) -> tuple[tuple[IntArray, IntArray], FloatArray]:
-    """Return the pairs of nodes of which the first hears the second, and how loud after each hop, (pairs, hops + 1)."""
+    """Return the pairs of nodes whose first hears the second, and how strongly after each hop, (pairs, hops + 1)."""
     nodes = len(graph.lines)
     powers = [graph.hop[start : start + nodes] for start in range(0, graph.hop.shape[0], nodes)]
     pairs = sum(abs(power) for power in powers).nonzero()

@@ -1,8 +1,8 @@
-"""The steps of integrate-and-fire neurons, compiled: of sums of weights, and of spikes with the weights of each input.
+"""The compiled steps of integrate-and-fire neurons, for sums of weights, and for spikes with the weights of each input.
 
-Arrays are (batch, steps, n) unless said otherwise. The recursion and its gradient stand in ``models.lif``. The
-``constants`` of a step are keep, threshold, 0 and 1, of a step back keep, threshold, window and 0, all in the arrays'
-float type.
+Arrays are (batch, steps, n) unless stated otherwise. The recursion and its gradient are explained in ``models.lif``.
+The ``constants`` are keep, threshold, 0 and 1 for a step, and keep, threshold, window and 0 for a step back, all in the
+float type of the arrays.
 """
 
 import numpy as np
@@ -60,8 +60,8 @@ def scan_back(gradient, potential, constants, found):  # type: ignore[no-untyped
 def list_active(x, ends, inputs):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
     """List the inputs that are not 0 in each row of x (rows, inputs), and return how many there are in all.
 
-    Those of row r stand in ``inputs`` before ``ends[r]``, after those of the row before; ``inputs`` needs room for one
-    more than x has entries.
+    Those of row r end before ``ends[r]`` in ``inputs`` and begin where the previous row ends; ``inputs`` needs room for
+    one more than x has entries.
     """
     rows, size = x.shape
     found = 0

@@ -1,9 +1,9 @@
 """Count the operations of any artificial network in torch, module by module, as the published figures were counted.
 
-A product with a weight is a multiplication and an addition; biases of linear layers and convolutions, comparisons, and
-functions of one number are not counted. A recurrent cell adds, for each of its gates and hidden units, what comes of
-the input, of the state, and of two biases; products of gates and their sums are counted as they are. So GRU(I -> H)
-has 2 * 3 * (I * H + H * H) + 13 * H operations a step.
+A product with a weight counts as a multiplication and an addition. Biases of linear layers and convolutions,
+comparisons, and functions of one number are not counted. For each of its gates and hidden units, a recurrent cell adds
+contributions of the input, the state and two biases. Products of gates and their sums are counted as they are. So
+GRU(I -> H) has 2 * 3 * (I * H + H * H) + 13 * H operations per step.
 """
 
 from collections.abc import Callable
@@ -18,15 +18,15 @@ from locsnn_compile.baselines.operations import AnnCounts
 from locsnn_compile.errors import InputError
 
 Counter = Callable[[Any, Tensor, Tensor], AnnCounts]
-"""Counts of a module from its input and its output."""
+"""Returns the counts of a module, given its input and its output."""
 
 
 def count_operations(network: nn.Module, example: Tensor) -> AnnCounts:
-    """Return the counts of one pass of ``example``, one recording (1, ...), through ``network``.
+    """Return the counts of one pass of ``example``, a single recording (1, ...), through ``network``.
 
-    Every module without modules of its own is counted by its kind, each time that it is called. What ``forward``
-    computes outside of modules is not seen. Raises ``InputError`` for a kind that has no counter, named, and for a
-    module that has both modules and weights of its own.
+    Every module without inner modules is counted according to its kind, each time that it is called. What ``forward``
+    computes outside of modules is not counted. Raises ``InputError`` for a kind without a counter, and for a module
+    that has both inner modules and its own weights.
     """
     found: list[AnnCounts] = []
     counters = {module: _counter(name, module) for name, module in network.named_modules() if _is_counted(name, module)}
@@ -44,7 +44,7 @@ def count_operations(network: nn.Module, example: Tensor) -> AnnCounts:
 
 
 def _is_counted(name: str, module: nn.Module) -> bool:
-    """Whether a module is counted itself, and not by the modules in it."""
+    """Tell whether a module is counted itself, rather than through its inner modules."""
     if next(module.children(), None) is None:
         return True
     if next(module.parameters(recurse=False), None) is not None:
@@ -70,7 +70,7 @@ def _add(found: list[AnnCounts], counter: Counter, module: nn.Module, inputs: tu
 
 
 def _products(of_output: Callable[[Any], int], module: nn.Module, given: Tensor, output: Tensor) -> AnnCounts:
-    """Count the products with weights that each output adds up, so many by its module."""
+    """Count the products with weights in each output; ``of_output`` returns their number for a module."""
     macs = output.numel() * of_output(module)
     return AnnCounts(macs, macs, macs)
 
@@ -80,7 +80,7 @@ def _heard_by_pixel(module: nn.Conv1d | nn.Conv2d | nn.Conv3d) -> int:
 
 
 def _recurrent(gates: int, products: int, sums: int, module: nn.RNNBase, given: Tensor, output: Tensor) -> AnnCounts:
-    """Count a recurrent cell of so many gates, and element-wise products and sums of them, a step and hidden unit."""
+    """Count a recurrent cell with these numbers of gates, element-wise products and sums per step and hidden unit."""
     directions = 2 if module.bidirectional else 1
     hidden = module.hidden_size
     cells = directions * given.numel() // module.input_size

@@ -1,4 +1,4 @@
-"""Checks of the plain values of descriptions and files, each a line that names the value."""
+"""Checks of plain values in descriptions and files; each error is a line that names the value."""
 
 from collections.abc import Sequence
 from typing import TypeGuard
@@ -15,23 +15,23 @@ def is_whole(value: object) -> TypeGuard[int]:
 
 
 def rises(values: Sequence[object], least: int, most: int) -> bool:
-    """Tell whether values are whole numbers from ``least`` to ``most``, at least one, each above the one before."""
+    """Tell whether values are one or more whole numbers from ``least`` to ``most``, each above the previous one."""
     whole = [value for value in values if is_whole(value) and least <= value <= most]
     return bool(values) and list(values) == sorted(set(whole)) and len(whole) == len(values)
 
 
 def require_count(where: str, value: int, limit: int) -> None:
-    """Raise ``InputError`` for what is not a whole number from 1 to ``limit``."""
+    """Raise ``InputError`` unless a value is a whole number from 1 to ``limit``."""
     check_value(where, value, (int,), (between(1, limit),))
 
 
 def require_rising(where: str, values: Sequence[object], least: int, most: int, what: str, fix: str) -> None:
-    """Raise ``InputError`` for what are not numbers as by :func:`rises`; ``what``: numbers of what."""
+    """Raise ``InputError`` unless :func:`rises` holds; ``what`` names the numbers."""
     if not rises(values, least, most):
         measured = f"got {list(values)!r:.80} against {least}..{most}"
         raise InputError(where, f"they must be {what}, each larger than the one before", measured=measured, fix=fix)
 
 
 def file_fault(where: str, what: str, measured: str = "") -> InputError:
-    """Return the error of a checkpoint that no training wrote so."""
+    """Return the error for a checkpoint that ``locsnn train`` would not have written."""
     return InputError(where, what, measured=measured, fix=WRITE_AGAIN)

@@ -1,11 +1,11 @@
-"""Spike response layers in torch: sums of weights as a matrix product, potentials and spikes as one compiled scan.
+"""Spike response layers in torch: sums of weights are a matrix product, potentials and spikes one compiled scan.
 
-Both kernels run in their recursive form, k * a^(k - 1) as two first-order filters in a row, with their whole tails:
+Both kernels are used in recursive form, k * a^(k - 1) as two first-order filters in a row, with their full tails:
 
     psp(t) = gain * sum over s < t of (t - s) a^(t - s - 1) drive(s),   u = psp + refractory terms,   spike = u >= theta
 
-Backward: SLAYER's surrogate (Shrestha and Orchard 2018) with u after the refractory terms, then the same filter
-backwards in time. As in SLAYER, no gradient goes through the refractory terms.
+Backward: SLAYER's surrogate (Shrestha and Orchard 2018), with u after the refractory terms, then the same filter
+backwards in time. As in SLAYER, no gradient passes through the refractory terms.
 """
 
 from typing import Any
@@ -24,8 +24,8 @@ from locsnn_compile.network.neurons import alpha_recursion
 
 @compiled_with_arrays
 def _respond(values: AnyArray, constants: tuple[Any, ...], spikes: AnyArray) -> None:  # pragma: no cover - compiled
-    # In ``values`` potentials take the place of drives: another array would leave less of the cache to the rest.
-    # Zero and one travel as constants of the drive's type: literals would make the loop compute in float64.
+    # Potentials replace drives in ``values``: another array would leave less of the cache to the rest.
+    # Zero and one are passed as constants of the drive's type: literals would make the loop compute in float64.
     theta, decay, gain, pull_decay, pull_gain, zero, one = constants
     batch, steps, size = values.shape
     current, response = np.empty(size, values.dtype), np.empty(size, values.dtype)
@@ -51,10 +51,10 @@ def _respond(values: AnyArray, constants: tuple[Any, ...], spikes: AnyArray) -> 
 def _respond_back(
     values: AnyArray, by_spikes: AnyArray, constants: tuple[Any, ...]
 ) -> None:  # pragma: no cover - compiled
-    # In ``values`` gradients by the drive take the place of the surrogate's.
+    # In ``values``, the gradients by the drive replace those of the surrogate.
     decay, gain, zero = constants
     batch, steps, size = values.shape
-    # A gradient of sums over steps is the same at all of them, and comes as one step.
+    # A gradient of sums over steps is the same in all steps, so only one is given.
     stride = 1 if by_spikes.shape[1] == steps else 0
     current, response = np.empty(size, values.dtype), np.empty(size, values.dtype)
     for b in range(batch):
@@ -68,10 +68,10 @@ def _respond_back(
 
 
 def respond(drive: AnyArray, neuron: NeuronParameters) -> tuple[AnyArray, AnyArray]:
-    """Return (spikes, u), both (batch, steps, n), of the weights that each step's spikes add up to, ``drive``.
+    """Return (spikes, u), both (batch, steps, n), given the sum of weights that each step sends, ``drive``.
 
-    In the drive's own float type. u(t) = psp(t) + gain * r(t), where r sums k * decay^(k - 1) over own past spikes; a
-    spike (1) where u(t) >= theta. Potentials take the place of ``drive``.
+    The results have the float type of the drive. u(t) = psp(t) + gain * r(t), where r sums k * decay^(k - 1) over own
+    past spikes; it spikes (1) where u(t) >= theta. Potentials overwrite ``drive``.
     """
     kind = drive.dtype.type
     own = alpha_recursion(neuron.tau_ref, -neuron.scale_ref * neuron.theta)
@@ -82,7 +82,7 @@ def respond(drive: AnyArray, neuron: NeuronParameters) -> tuple[AnyArray, AnyArr
 
 
 def _gradient_of_drive(u: AnyArray, by_spikes: Tensor, neuron: NeuronParameters) -> AnyArray:
-    """Return the gradient by the drive, of that by the spikes."""
+    """Return the gradient by the drive, given the gradient by the spikes."""
     kind = u.dtype.type
     width = neuron.tau_rho * neuron.theta
     slope: AnyArray = u - kind(neuron.theta)
@@ -103,7 +103,7 @@ def _gradient_of_weight(x: Tensor, by_drive: Tensor) -> Tensor:
     if not x.is_contiguous():
         return torch.bmm(x.transpose(1, 2), by_drive).sum(dim=0).T
     inputs, sums = x.flatten(0, 1), by_drive.flatten(0, 1)
-    # A product with many steps to add up is faster, by a quarter, with the wider of its sides as rows.
+    # With many steps to add up, a product is a quarter faster with the wider of its sides as rows.
     return torch.mm(inputs.T, sums).T if inputs.shape[1] > sums.shape[1] else torch.mm(sums.T, inputs)
 
 
@@ -117,7 +117,7 @@ class _Layer(torch.autograd.Function):
         if x.is_contiguous():
             drive = torch.matmul(x, weight.T)
         else:
-            # One product a recording takes a transposed recording as it lies; a single product would copy it first.
+            # One product per recording can use a transposed recording in place; a single product would copy it first.
             drive = torch.bmm(x, weight.T.expand(len(x), -1, -1))
         spikes, u = respond(to_host(drive), neuron)
         ctx.save_for_backward(x, weight)
@@ -138,9 +138,9 @@ class _Layer(torch.autograd.Function):
 
 
 def layer_response(x: Tensor, weight: Tensor, neuron: NeuronParameters) -> Tensor:
-    """Return the spikes, 0 or 1 (batch, steps, out), of neurons that take x (batch, steps, in) by ``weight`` (out, in).
+    """Return the spikes (batch, steps, out) of neurons with input x (batch, steps, in) and ``weight`` (out, in).
 
-    Differentiable once by both: through the neurons by the surrogate above.
+    It can be differentiated once by both, through the neurons with the surrogate above.
     """
     spikes: Tensor = _Layer.apply(x, weight, neuron)  # type: ignore[no-untyped-call]
     return spikes

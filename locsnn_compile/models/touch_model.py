@@ -31,14 +31,14 @@ class TouchModel(nn.Module):
         return self.get_parameter(name)
 
     def scores(self, activity: Mapping[str, Tensor]) -> dict[str, Tensor]:
-        """Return class scores (batch, classes) of every branch, of what ``forward`` returned: here just that."""
+        """Return class scores (batch, classes) of every branch, given the result of ``forward``: here, just that."""
         return dict(activity)
 
     def begin(self, spikes: ByteArray) -> None:
-        """Take what must be known of the recordings (samples, steps, channels) before they are learned from."""
+        """Note what must be known about the recordings (samples, steps, channels) before learning from them."""
 
     def hidden_spikes(self, activity: Mapping[str, Tensor]) -> list[Tensor]:
-        """Return the spikes (batch, steps, n) of every hidden population, of what ``forward`` returned."""
+        """Return the spikes (batch, steps, n) of every hidden population, given the result of ``forward``."""
         return []
 
     def total(self, activity: Mapping[str, Tensor]) -> Tensor:
@@ -46,11 +46,11 @@ class TouchModel(nn.Module):
         return torch.stack(list(self.scores(activity).values())).sum(dim=0)
 
     def counts(self, x: Tensor) -> Tensor:
-        """Return class scores (batch, classes) over all branches; the largest is the prediction."""
+        """Return class scores (batch, classes) over all branches; the largest one is the prediction."""
         return self.total(self(x))
 
     def aligned(self, x: Tensor, *, moved: bool) -> Tensor:
-        """Return recordings (batch, steps, channels) from where the network starts them; see ``from_first_touch``."""
+        """Return recordings (batch, steps, channels) from the step at which they start; see ``from_first_touch``."""
         events = self.description.align_events
         return x if events is None else from_first_touch(x, events, moved=moved)
 
@@ -63,7 +63,7 @@ class TouchModel(nn.Module):
             raise InputError("recordings", "their shape is not the network's", measured=measured, fix=fix)
 
     def prune(self, share: float) -> None:
-        """Set a ``share`` 0..1 of each population's weights, the smallest, to 0; :meth:`hold` keeps them there."""
+        """Set the smallest weights of each population, a ``share`` of 0..1, to 0; :meth:`hold` keeps them at 0."""
         for name in self.names:
             weight = self.weight(name).detach()
             order = weight.abs().flatten().argsort(stable=True)
@@ -73,7 +73,7 @@ class TouchModel(nn.Module):
         self.hold()
 
     def hold(self) -> None:
-        """Bring weights back where they must be after a step: pruned ones to 0."""
+        """Bring weights back to where they must be after a step: pruned ones to 0."""
         with torch.no_grad():
             for name, kept in self._kept.items():
                 self.weight(name).mul_(kept)
@@ -92,7 +92,7 @@ class TouchModel(nn.Module):
         return {name: self.weight(name).detach().to(torch.float32).cpu().numpy().copy() for name in self.names}
 
     def load_weights(self, weights: Mapping[str, AnyArray]) -> None:
-        """Take weights by name; ``InputError`` where a name or shape does not fit."""
+        """Load weights by name; ``InputError`` if a name or shape does not fit."""
         for name in self.names:
             self.description.check_shape(name, weights, "Give the weights of a network of this description.")
             with torch.no_grad():

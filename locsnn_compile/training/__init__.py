@@ -1,1 +1,1 @@
-"""Losses, the training loop and what decides a run."""
+"""Losses, the training loop, and the options of a run."""

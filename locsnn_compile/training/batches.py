@@ -1,9 +1,9 @@
-"""What a training epoch is fed: the split, the order of recordings, and how they are changed.
+"""The batches of a training epoch: the order of recordings, and their augmentation.
 
-Every draw comes from a generator of (seed, purpose, epoch), so an epoch needs no state but its number. Changes take and
-return spikes (batch, steps, channels), float32, 0 or 1, and draw anew for every recording: taxels come from another
-recording of the class, events are added, events, channels and taxels are dropped, time is stretched, ends are cut,
-taxels and recordings move in time. What is off draws nothing, so that it does not change what the others draw.
+Every draw comes from a generator of (seed, purpose, epoch), so an epoch needs no state except its number. Augmentations
+take and return spikes (batch, steps, channels), float32, 0 or 1, and draw anew for every recording: taxels come from
+another recording of the class, events are added, events, channels and taxels are dropped, time is stretched, ends are
+cut, taxels and recordings move in time. An augmentation that is off draws nothing, so it does not affect the others.
 """
 
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ from locsnn_compile.training.config import TrainingConfig
 
 
 def epoch_generator(seed: int, *purpose: int) -> np.random.Generator:
-    """Return the generator of one purpose of a run: equal numbers give equal draws, on every machine."""
+    """Return the generator for one purpose of a run: equal numbers give equal draws on every machine."""
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, *purpose])))
 
 
@@ -43,7 +43,7 @@ Spikes = NDArray[np.float32]
 
 
 def augmented(spikes: Spikes, config: TrainingConfig, rng: np.random.Generator, polarities: int = POLARITIES) -> Spikes:
-    """Return changed spikes, as a training configuration asks for."""
+    """Return spikes with all augmentations that the configuration asks for."""
     spikes = add_events(spikes, config.event_noise, rng)
     spikes = drop_events(spikes, config.event_dropout, rng)
     spikes = drop_channels(spikes, config.channel_dropout, rng)
@@ -57,27 +57,27 @@ def augmented(spikes: Spikes, config: TrainingConfig, rng: np.random.Generator, 
 def mix_taxels(
     spikes: Spikes, others: Spikes, largest: float, rng: np.random.Generator, polarities: int = POLARITIES
 ) -> Spikes:
-    """Take taxels from ``others``, all polarities of each, in each recording with a probability of 0..``largest``."""
+    """Take taxels with all polarities from ``others``, with a probability of 0..``largest`` for each recording."""
     return np.where(_kept_taxels(spikes, largest, rng, polarities), spikes, others)
 
 
 def add_events(spikes: Spikes, largest: float, rng: np.random.Generator) -> Spikes:
-    """Add events where there are none, in each recording with a probability of 0..``largest``."""
+    """Add events where there are none, with a probability of 0..``largest`` for each recording."""
     return spikes if largest == 0 else np.where(_kept(spikes.shape, largest, rng), spikes, np.float32(1))
 
 
 def drop_events(spikes: Spikes, largest: float, rng: np.random.Generator) -> Spikes:
-    """Drop events, of each recording with a probability of 0..``largest``."""
+    """Drop events, with a probability of 0..``largest`` for each recording."""
     return spikes if largest == 0 else spikes * _kept(spikes.shape, largest, rng)
 
 
 def drop_channels(spikes: Spikes, largest: float, rng: np.random.Generator) -> Spikes:
-    """Drop channels with all their events, of each recording with a probability of 0..``largest``."""
+    """Drop channels with all their events, with a probability of 0..``largest`` for each recording."""
     return spikes if largest == 0 else spikes * _kept((len(spikes), 1, spikes.shape[2]), largest, rng)
 
 
 def drop_taxels(spikes: Spikes, largest: float, rng: np.random.Generator, polarities: int = POLARITIES) -> Spikes:
-    """Drop taxels, all polarities of each, of each recording with a probability of 0..``largest``."""
+    """Drop taxels with all polarities, with a probability of 0..``largest`` for each recording."""
     return spikes if largest == 0 else spikes * _kept_taxels(spikes, largest, rng, polarities)
 
 
@@ -87,13 +87,13 @@ def _kept_taxels(spikes: Spikes, largest: float, rng: np.random.Generator, polar
 
 
 def _kept(shape: tuple[int, ...], largest: float, rng: np.random.Generator) -> BoolArray:
-    """Draw what stays of (batch, steps, channels), each recording with a probability to lose of 0..``largest``."""
+    """Draw what is kept of (batch, steps, channels); each recording loses with a probability of 0..``largest``."""
     probability = rng.random((shape[0], 1, 1), dtype=np.float32) * np.float32(largest)
     return rng.random(shape, dtype=np.float32) >= probability
 
 
 def cut_end(spikes: Spikes, largest: float, rng: np.random.Generator) -> Spikes:
-    """Silence each recording after a step, so that it loses a share of 0..``largest`` of its steps."""
+    """Silence the end of each recording, a share of 0..``largest`` of its steps."""
     if largest == 0:
         return spikes
     kept = 1.0 - rng.random((len(spikes), 1, 1), dtype=np.float32) * np.float32(largest)
@@ -102,9 +102,9 @@ def cut_end(spikes: Spikes, largest: float, rng: np.random.Generator) -> Spikes:
 
 
 def stretch_time(spikes: Spikes, largest: float, rng: np.random.Generator) -> Spikes:
-    """Play each recording slower or faster, its times multiplied by 1 - ``largest`` to 1 + ``largest``.
+    """Play each recording slower or faster: its times are multiplied by 1 - ``largest`` to 1 + ``largest``.
 
-    What leaves the recording is lost, and events that meet are one, as by a clock that is off.
+    Events that leave the recording are lost, and events that meet become one, as with an inaccurate clock.
     """
     if largest == 0:
         return spikes
@@ -120,7 +120,7 @@ def stretch_time(spikes: Spikes, largest: float, rng: np.random.Generator) -> Sp
 def shift_in_time(spikes: Spikes, largest: int, rng: np.random.Generator, parts: int = 1) -> Spikes:
     """Move each of ``parts`` equal parts of the channels of each recording by up to ``largest`` steps to either side.
 
-    What leaves the recording is lost, silence follows.
+    Events that leave the recording are lost, and silence fills the gap.
     """
     if largest == 0:
         return spikes

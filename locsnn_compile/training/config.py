@@ -1,4 +1,4 @@
-"""Everything that decides a training run, in one frozen value that a YAML file can hold."""
+"""All options of a training run, in one frozen value that a YAML file can hold."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -28,14 +28,14 @@ USUAL: dict[str, dict[str, Any]] = {
     "cnn-3d": {"count_scale": 1.0},
     "window-snn": {"count_scale": 1.0, "optimizer": "sgd", "learning_rate": 0.005, "weight_decay": 0.0001},
 }
-"""Network -> options whose usual value is not that of :class:`TrainingConfig`."""
+"""Network -> options whose default is not that of :class:`TrainingConfig`."""
 
 LOCATION_CONSTANTS = {"srm": ("theta", "tau_sr", "tau_ref"), "lif": ("decay", "threshold")}
-"""Kind of neuron -> constants that a location branch may have of its own, as options ``location_...``."""
+"""Kind of neuron -> constants that may differ in a location branch, as options ``location_...``."""
 
 
 class EpochRecord(Frozen):
-    """One epoch: mean training loss, and the validation figures, None where there are none."""
+    """One epoch: the mean training loss, and the validation figures, or None without validation."""
 
     phase: str
     epoch: int
@@ -46,11 +46,11 @@ class EpochRecord(Frozen):
 
 
 Progress = Callable[[int, int, EpochRecord], None]
-"""Called after every epoch with (epochs done in all phases, epochs in all as far as known, the epoch's record)."""
+"""Called after every epoch with (epochs done in all phases, total number as far as known, the epoch's record)."""
 
 
 class Need(NamedTuple):
-    """Where an option counts: elsewhere nothing comes of it, for a reason; and what to do there."""
+    """The condition under which an option has an effect; otherwise, why it has none, and what to do."""
 
     counts: "Callable[[TrainingConfig, Architecture], bool]"
     why: str
@@ -80,58 +80,60 @@ NEIGHBOURS = Need(lambda c, _: c.neighbour_smoothing > 0, "neighbours get no sha
 
 
 class TrainingConfig(Checked, Shown, eq=True):
-    """A training run, but for its data.
+    """A training run, except for its data.
 
-    - ``location_weight`` is lambda of the weighted loss. ``branch_loss``: this share of the loss is the mean of those
-      that each branch has by itself. ``loss`` spike-count uses ``target_right`` and
-      ``target_wrong`` (spikes a recording), cross-entropy uses ``count_scale``, ``label_smoothing``, and
-      ``neighbour_smoothing`` of ``class_order``: see :mod:`locsnn_compile.training.measure`.
-    - ``class_weights`` balanced: recordings of a rare class count for more in the loss, each class as much as another.
-    - ``event_dropout``: every recording of a batch loses each event with a probability drawn from 0 to this;
-      ``channel_dropout``: likewise each channel, with all its events; ``taxel_dropout``: each taxel, both polarities.
-      ``event_noise``: it gains an event with such a probability wherever it has none; ``mixing``: each of its taxels is
-      with such a probability that of another recording of its class. ``time_stretch``: its times are multiplied by 1
-      less this to 1 plus this. ``cut_end``: it ends after a share of its steps, which is drawn from 1 less this to 1.
-      ``time_shift``: every recording of a batch moves by up to so many steps to either side; ``taxel_shift``: each
-      taxel by itself.
+    - ``location_weight``: lambda of the weighted loss. ``branch_loss``: this share of the loss is the mean of the
+      losses of the single branches. ``loss`` spike-count uses ``target_right`` and ``target_wrong`` (spikes per
+      recording); cross-entropy uses ``count_scale``, ``label_smoothing``, and ``neighbour_smoothing`` with
+      ``class_order``: see :mod:`locsnn_compile.training.measure`.
+    - ``class_weights`` balanced: recordings of rare classes weigh more in the loss, so that all classes count alike.
+    - Augmentation, drawn anew for every recording of a batch. ``event_dropout``: it loses each event with a probability
+      drawn from 0 to this. ``channel_dropout``: the same for channels with all their events; ``taxel_dropout``: for
+      taxels with both polarities. ``event_noise``: it gains events with a probability drawn in the same way wherever it
+      has none. ``mixing``: with such a probability, a taxel comes from another recording of the class.
+      ``time_stretch``: times are multiplied by a factor from 1 minus this to 1 plus this. ``cut_end``: it ends after a
+      share of its steps drawn from 1 minus this to 1. ``time_shift``: it moves by up to this number of steps to either
+      side; ``taxel_shift``: each taxel moves by itself.
     - ``weight_average``: measure and keep a running average of the weights, which retains this share of itself at every
       step; 0 keeps the weights of the last step.
     - ``initial_scale``: weights start uniform within +-this / sqrt(inputs of their layer).
-    - ``validation_fraction`` of the train part, class by class, chooses the epoch; 0 takes the last epoch.
-      Accuracies are averaged over ``smoothing_epochs`` first, for a few dozen validation recordings make a single
-      epoch's figure noisy; see :func:`locsnn_compile.training.schedule.choose_epoch`.
-    - ``refit``: once the epoch is chosen, train afresh on the whole train part for as many epochs, on a
-      schedule of that length.
+    - ``validation_fraction``: this share of each class of the train part is used to choose the epoch; 0 takes the last
+      epoch. Accuracies are first averaged over ``smoothing_epochs``, because with a few dozen validation recordings the
+      figure of a single epoch is noisy; see :func:`locsnn_compile.training.schedule.choose_epoch`.
+    - ``refit``: once the epoch is chosen, train again from the start on the whole train part, for that many epochs and
+      on a schedule of that length.
     - ``device``: where matrix products run; the steps of spiking layers run on the processor.
-    - ``step_seconds``: width of a time bin, where the data do not say it; None: single events have 0.02 s, of bins it
-      is not known. ``event_threshold``: a bin is 1 where it has more single events (None: 0). ``steps`` of a recording:
-      silence follows a shorter one, a longer one is cut (None: the longest one's). ``psi``: how late the time-weighted
-      prediction turns to the location branch, which the checkpoint keeps (None: not said).
-    - ``grid`` (columns x rows, such as 16x16), ``channels`` or ``layout`` (a YAML file), with ``polarities`` (of a grid
-      2, of channels 1): the sensor, by default NeuTouch; see :class:`locsnn_compile.data.sensor.SensorLayout`.
-      ``axes``: the order of the axes of arrays, where it is not that of files. ``align_events``: recordings start at
-      the first step with so many events (None: at their first step). ``split``: the share of every class
-      to test on, where recordings have no parts; ``fold``: the round of it, or of files of rows (None: 1).
-    - time constants in steps; ``theta`` to ``scale_rho`` are those of spike response neurons, ``decay``, ``threshold``
-      and ``window`` those of integrate-and-fire ones. ``location_theta`` to ``location_threshold``: those of the
-      location branch, where they are others; its steps are locations.
-    - ``delays``: of the synapses from the recording onto the time branch, in steps, separated by spaces: a neuron has a
-      synapse of every delay from every channel. ``location_delays``: onto the location branch, in locations, likewise.
-    - ``hidden``: of a hidden layer; of networks with a graph of the first one, and the second has twice as many.
-      ``graph`` joins the taxels (``neighbours`` and ``nearer_mm``: see
+    - ``step_seconds``: width of a time bin, if the data do not contain it (None: 0.02 s for single events, unknown for
+      bins). ``event_threshold``: a bin with more single events is 1 (None: 0). ``steps``: shorter recordings are padded
+      with silence, longer ones are cut (None: the length of the longest). ``psi``: how late the time-weighted
+      prediction turns to the location branch; the checkpoint keeps it (None: not stated).
+    - The sensor, by default NeuTouch: ``grid`` (columns x rows, such as 16x16), ``channels`` or ``layout`` (a YAML
+      file), with ``polarities`` (default: 2 for a grid, 1 for channels); see
+      :class:`locsnn_compile.data.sensor.SensorLayout`. ``axes``: the order of the axes of arrays, if it is not that of
+      files. ``align_events``: recordings start at the first step with at least this many events (None: at their first
+      step). ``split``: the share of every class to test on, if recordings have no parts; ``fold``: its round, or the
+      round of files of rows (None: 1).
+    - Time constants are in steps. ``theta`` to ``scale_rho`` belong to spike response neurons; ``decay``, ``threshold``
+      and ``window`` to integrate-and-fire neurons. ``location_theta`` to ``location_threshold`` are for the location
+      branch, if given; its steps are locations.
+    - ``delays``: delays of the synapses from the recording onto the time branch, in steps, separated by spaces: a
+      neuron has one synapse of every delay from every channel. ``location_delays``: the same for the location branch,
+      in locations.
+    - ``hidden``: neurons of a hidden layer. In networks with a graph, they are those of the first one, and the second
+      has twice as many. ``graph`` joins the taxels (``neighbours`` and ``nearer_mm``: see
       :func:`locsnn_compile.data.taxel_graph.taxel_graph`); ``hops``, ``features`` and ``step_features``: see
       :class:`locsnn_compile.models.graph_and_windows.GraphParameters`.
     - ``window_steps``, ``window_stride`` and ``window_levels`` (numbers of events, separated by spaces): see
       :class:`locsnn_compile.models.graph_and_windows.WindowParameters`.
-    - ``optimizer`` sgd has a momentum of 0.9. ``prototypes`` sets the output of ``window-snn`` for the recordings of
-      all epochs, without descent, ``weight_decay`` being its smoothing: see
+    - ``optimizer``: sgd has a momentum of 0.9. ``prototypes`` computes the output of ``window-snn`` from the recordings
+      of all epochs, without descent, with ``weight_decay`` as smoothing: see
       :func:`locsnn_compile.training.prototypes.set_prototypes`.
     - ``target``: ``float``, or the chip whose integers the forward pass computes; there neurons are laid out by
       ``strategy``, weights have ``weight_bits``, and their range is ``weight_room`` times the largest weight of the
       network that the run starts from (from scratch: :data:`locsnn_compile.training.target.USUAL_LARGEST`).
       ``refractory`` is the chip's count, for strategy ``reset``.
-    - ``pruned``: this share of each population's weights, the smallest of the start, is 0 and stays so.
-    - ``spike_cost`` is added to the loss for every spike of a hidden neuron, averaged over neurons and recordings.
+    - ``pruned``: this share of each population's weights, the smallest ones at the start, are set to 0 and stay 0.
+    - ``spike_cost``: added to the loss for every spike of a hidden neuron, averaged over neurons and recordings.
     """
 
     model: Annotated[str, tuple(ARCHITECTURES)] = "hybrid"
@@ -218,14 +220,14 @@ class TrainingConfig(Checked, Shown, eq=True):
 
     @property
     def sensor(self) -> SensorLayout | None:
-        """The sensor that is asked for; None where recordings are those of NeuTouch."""
+        """The sensor that is asked for; None for NeuTouch."""
         return asked_layout(self.grid, self.polarities, self.channels, self.layout)
 
 
 def check_used(given: Mapping[str, str], *configs: TrainingConfig) -> None:
-    """Refuse options that change nothing in any of the configurations with an ``InputError``.
+    """Raise ``InputError`` for an option that has no effect in any of the configurations.
 
-    ``given``: how messages show each option that was given.
+    ``given``: the options that were given, as messages show them.
     """
     for option, shown in given.items():
         for need in said_of(TrainingConfig)[option]:
@@ -234,9 +236,9 @@ def check_used(given: Mapping[str, str], *configs: TrainingConfig) -> None:
 
 
 def config_from_mapping(values: Mapping[str, Any], where: str = "training configuration") -> TrainingConfig:
-    """Return the configuration of ``values``, others as usual for the network.
+    """Return the configuration with these ``values``, and the network's defaults for all other options.
 
-    Raises ``InputError`` for an unknown key or a value of the wrong kind.
+    Raises ``InputError`` for an unknown key or an invalid value.
     """
     known = field_kinds(TrainingConfig)
     clean: dict[str, Any] = dict(USUAL.get(str(values.get("model")), {}))
@@ -247,9 +249,9 @@ def config_from_mapping(values: Mapping[str, Any], where: str = "training config
 
 
 def read_config(path: Path | str) -> dict[str, Any]:
-    """Return the mapping of a YAML file, its keys checked; options given elsewhere may be laid over it.
+    """Return the mapping in a YAML file, with its keys checked; options given elsewhere may override it.
 
-    Raises ``InputError`` for a missing file, what is not a YAML mapping, and keys or values that do not fit.
+    Raises ``InputError`` for a missing file, for one without a mapping, and for invalid keys or values.
     """
     path = Path(path)
     where = f"config {path.name!r}"

@@ -1,4 +1,4 @@
-"""Between a configuration and a network: the one that it asks for, and what one to start from decides."""
+"""From a configuration to a network, and from a network to start from to the options that it determines."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, fields, replace
@@ -17,9 +17,7 @@ from locsnn_compile.training.config import LOCATION_CONSTANTS, TrainingConfig
 
 
 def describe(recordings: Recordings, config: TrainingConfig, classes: int, name: str = "model") -> NetworkDescription:
-    """Return the network that ``config`` asks for on data of this shape; ``InputError`` where it does not
-    fit.
-    """
+    """Return the network that ``config`` asks for on data of this shape; ``InputError`` if they do not fit."""
     channels = recordings.spikes.shape[2]
     sensor = config.sensor or neutouch(max(1, channels // (TAXELS * POLARITIES)))
     sensor.check_channels(channels, f"recordings {recordings.source!r}")
@@ -48,7 +46,7 @@ def describe(recordings: Recordings, config: TrainingConfig, classes: int, name:
 
 
 def _whole_numbers(option: str, text: str, example: str) -> tuple[int, ...]:
-    """Return the numbers of an option, separated by spaces or commas; ``InputError`` for what are none."""
+    """Return the numbers of an option, separated by spaces or commas; ``InputError`` for anything else."""
     parts = text.replace(",", " ").split()
     if not all(part.isascii() and part.isdigit() and len(part) < 9 for part in parts):
         measured = f"got {text[:60]!r}"
@@ -58,7 +56,7 @@ def _whole_numbers(option: str, text: str, example: str) -> tuple[int, ...]:
 
 
 def _neuron(config: TrainingConfig, *, location: bool = False) -> Neuron | None:
-    """Return the constants of the neurons, whose names are those of options; those of location neurons come first."""
+    """Return the constants of the neurons, which have the names of options; location constants take precedence."""
     neurons = ARCHITECTURES[config.model].neurons
     if neurons == "windows":
         return _windows(config)
@@ -81,12 +79,12 @@ def _graph(config: TrainingConfig, sensor: SensorLayout) -> GraphParameters:
 
 
 FINE_TUNING: dict[str, Any] = {"epochs": 60, "learning_rate": 0.001, "validation_fraction": 0.0}
-"""Options that differ from a run from scratch. A network that was refitted has seen all of the train part, so that
-nothing of it could choose an epoch."""
+"""Options that differ from a run from scratch. A network that was refitted has seen the whole train part, so no share
+of it could choose an epoch."""
 
 
 def fixed_by(start: NetworkDescription) -> dict[str, Any]:
-    """Return the options that a network to start from decides."""
+    """Return the options that are determined by the network to start from."""
     found: dict[str, Any] = {"model": start.architecture, "hidden": start.hidden, "align_events": start.align_events}
     names = (name for kind in LOCATION_CONSTANTS.values() for name in kind)
     found |= {f"location_{name}": getattr(start.location_neuron, name, None) for name in names}
@@ -104,7 +102,7 @@ def fixed_by(start: NetworkDescription) -> dict[str, Any]:
 
 
 def check_fits_start(values: Mapping[str, Any], start: NetworkDescription) -> None:
-    """Refuse given options that contradict the network to start from with an ``InputError``."""
+    """Raise ``InputError`` for a given option that contradicts the network to start from."""
     asked = asked_layout(*(values.get(name) for name in ("grid", "polarities", "channels", "layout")))
     own = start.input.sensor
     if asked is not None and asked != own:
@@ -117,12 +115,12 @@ def check_fits_start(values: Mapping[str, Any], start: NetworkDescription) -> No
 
 
 def fine_tuning_config(config: TrainingConfig, start: NetworkDescription) -> TrainingConfig:
-    """Return ``config`` with everything that the network to start from decides taken from it."""
+    """Return ``config`` with the options that are determined by the network to start from."""
     return replace(config, **fixed_by(start))
 
 
 def check_recordings(start: NetworkDescription, recordings: Recordings, classes: int) -> None:
-    """Refuse recordings of another shape, or of more classes, with an ``InputError``."""
+    """Raise ``InputError`` for recordings of another shape, or with more classes."""
     layout, (_, steps, channels) = start.input, recordings.spikes.shape
     for what, got, wanted, fits in (
         ("their steps are not those of", steps, layout.steps, steps == layout.steps),

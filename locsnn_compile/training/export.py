@@ -1,4 +1,4 @@
-"""From a trained network to a checkpoint: the test part measured once, and what the file says of its training."""
+"""From a trained network to a checkpoint: measure the test part once, and record how the network was trained."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -33,14 +33,15 @@ def training_entry(
 
 
 def accuracy_of(found: IntArray) -> float:
-    """Return the share of recordings that a confusion says were predicted right."""
+    """Return the share of correct predictions in a confusion matrix."""
     return int(np.trace(found)) / int(found.sum())
 
 
 def carried_rows(labels: IntArray | None, available: int, wanted: int) -> IntArray:
-    """Return min(wanted, available) row numbers, of every class as many, or one more or less than of another.
+    """Return min(wanted, available) row numbers: equally many of every class, up to a difference of one.
 
-    Classes that have too few give all; what is left over is spread evenly over the others, as rows are within a class.
+    Classes with too few rows give all of them, and the others share the rest evenly. Rows are spread evenly over each
+    class.
     """
     if labels is None:
         return spread_rows(available, wanted)
@@ -72,12 +73,12 @@ def export_checkpoint(
 ) -> IntArray | None:
     """Measure ``test`` once, write the checkpoint to ``path``, and return the confusion; None without a test part.
 
-    ``start`` is the checkpoint that the run began with. ``carried`` recordings of the test part (of the train part
-    where there is none), spread over the classes, go into the file, for checks.
+    ``start`` is the checkpoint that the run began with. The file gets ``carried`` recordings for checks, spread over
+    the classes, from the test part or, without one, from the train part.
     """
     network = result.network
     weights: dict[str, AnyArray] = {**(network.weights() if network.chip is None else network.mantissas())}
-    # In float64, which the network is left in: what the compiler compares against.
+    # In float64, like the compiler's reference; the network stays in float64.
     found = None if test is None else confusion(network.double(), test)
     kept: Recordings | None = None
     if carried > 0:

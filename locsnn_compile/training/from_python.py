@@ -1,4 +1,4 @@
-"""``lc.train``: recordings in, a checkpoint out, as ``locsnn train`` writes it. torch is imported once it is called.
+"""``lc.train``: from recordings to the checkpoint of ``locsnn train``. torch is imported when it is called.
 
 A run takes a train part, and a test part that is measured once.
 """
@@ -24,7 +24,7 @@ from locsnn_compile.training.config import Progress, TrainingConfig, config_from
 def read_parts(
     data: str | Path, config: TrainingConfig, start: Checkpoint | None
 ) -> tuple[Recordings, Recordings | None]:
-    """Return the train part and the test part, of one length: that of the longest recording, or as asked for."""
+    """Return the train part and the test part, in one length: that of the longest recording, or as asked for."""
     model = OPEN
     if start is not None:
         own = start.description.input
@@ -40,7 +40,7 @@ def read_parts(
 
 
 def all_classes(recordings: Recordings, test: Recordings | None) -> int | None:
-    """Return how many classes the names and labels of both parts show; None without any."""
+    """Return the number of classes according to the names and labels of both parts; None without any."""
     parts = [part for part in (recordings, test) if part is not None]
     counts = [len(part.class_names) for part in parts if part.class_names is not None]
     return max(counts + [int(part.labels.max()) + 1 for part in parts if part.labels is not None], default=None)
@@ -62,12 +62,15 @@ def train(
 ) -> Checkpoint:
     """Train a network and return it, to save, to load or to compile.
 
-    ``recordings``: a file, archive or folder, whose test part, where it has one, is measured once at the end; or
-    :class:`Recordings`, with such a part as ``test``; or an array (samples, steps, channels) of 0 and 1 with ``labels``
-    (samples,). ``config``: options of the training by their names, or a YAML file of them. ``carried`` recordings go
-    into the checkpoint, for checks. ``progress`` is called after every epoch with (epochs done, epochs in all as far as
-    known, the epoch's figures). What a run that learned nothing says of itself is logged as warnings. Raises
-    ``InputError`` for what cannot be used.
+    - ``recordings``: a file, archive or folder; or :class:`Recordings`; or an array (samples, steps, channels) of 0 and
+      1 with ``labels`` (samples,)
+    - ``test``: a test part, which is measured once at the end; by default that of the file, if it has one
+    - ``config``: training options by name, or a YAML file of them
+    - ``carried``: the number of recordings that go into the checkpoint, for checks
+    - ``progress``: called after every epoch with (epochs done, total number as far as known, the epoch's figures)
+
+    Remarks about runs that learned nothing are logged as warnings. Raises ``InputError`` for data and options that
+    cannot be used.
     """
     need_torch("lc.train")
     from locsnn_compile.training.export import export_checkpoint

@@ -1,7 +1,7 @@
-"""The loss of a batch, the figures of a set of recordings, and what a run says of itself where nothing was learned.
+"""The loss of a batch, the figures of a set of recordings, and remarks about runs that learned nothing.
 
-Losses are those of Kang et al. 2022 over output spike counts. Every count is (batch, classes), every loss (batch,): the
-spike-count loss of SLAYER with its sum over time, over locations, or over both weighted.
+Losses are those of Kang et al. 2022, over output spike counts: the spike-count loss of SLAYER, with its sum over time,
+over locations, or over both with weights. Every count is (batch, classes), every loss (batch,).
 """
 
 import math
@@ -20,10 +20,10 @@ from locsnn_compile.training.config import TrainingConfig
 
 
 class Loss:
-    """The loss that a configuration names; ``targets`` (classes, classes): what the outputs ought to say of each label.
+    """The loss of a configuration; ``targets`` (classes, classes) are the desired outputs for each label.
 
-    That is spikes for the spike-count loss, and shares for cross-entropy. ``InputError`` for neighbours that there are
-    none of.
+    Targets are spikes for the spike-count loss, and shares for cross-entropy. Raises ``InputError`` for neighbours that
+    are not classes.
     """
 
     def __init__(self, config: TrainingConfig, classes: int) -> None:
@@ -37,9 +37,9 @@ class Loss:
     def __call__(
         self, network: TouchModel, activity: Mapping[str, Tensor], labels: Tensor, weights: Tensor | None = None
     ) -> Tensor:
-        """Return the scalar loss of what the network's ``forward`` returned, for labels (batch,).
+        """Return the scalar loss for the result of the network's ``forward``, and labels (batch,).
 
-        ``weights`` (classes,): how much a recording of each class counts; None: all alike.
+        ``weights`` (classes,): how much a recording of each class counts; None: all count alike.
         """
         scores, alone = network.scores(activity), self.config.branch_loss
         each = self.of_counts(weighted_counts(scores, self.config.location_weight), labels)
@@ -64,7 +64,7 @@ class Loss:
 
 
 def weighted_counts(branch_counts: Mapping[str, Tensor], location_weight: float) -> Tensor:
-    """Return sum_t o1 + lambda * sum_l o2 + windows, (batch, classes); a branch that is alone counts as it is."""
+    """Return sum_t o1 + lambda * sum_l o2 + windows, (batch, classes); a single branch has weight 1."""
     first, *others = branch_counts.items()
     total = first[1]
     for branch, counts in others:
@@ -73,10 +73,10 @@ def weighted_counts(branch_counts: Mapping[str, Tensor], location_weight: float)
 
 
 def label_shares(config: TrainingConfig, classes: int) -> FloatArray:
-    """Return what share each class has of each label, (classes, classes), rows adding up to 1.
+    """Return the share of each class in each label, (classes, classes); rows add up to 1.
 
-    With s = ``label_smoothing``, K classes and n = ``neighbour_smoothing`` a neighbour has n of what 1 - s leaves, the
-    right class the rest of it, and every class s / K.
+    With s = ``label_smoothing``, K classes and n = ``neighbour_smoothing``, every class gets s / K. Of the remaining
+    1 - s, each neighbour gets the share n, and the right class the rest.
     """
     given = config.neighbour_smoothing * _neighbours(config.class_order, classes)
     left = 1.0 - given.sum(axis=1)
@@ -92,7 +92,7 @@ def label_shares(config: TrainingConfig, classes: int) -> FloatArray:
 def _neighbours(order: str, classes: int) -> FloatArray:
     """Return how much each class (column) is a neighbour of each label (row), (classes, classes).
 
-    ``order``: ranges such as 0-4 5-9, in which each class is a neighbour of the next, or a .csv file of the matrix.
+    ``order`` has ranges such as 0-4 5-9, in which adjacent classes are neighbours, or names a .csv file of the matrix.
     """
     if order.endswith(".csv"):
         return _matrix(Path(order), classes)
@@ -109,7 +109,7 @@ def _neighbours(order: str, classes: int) -> FloatArray:
 
 
 def _matrix(path: Path, classes: int) -> FloatArray:
-    """Return the matrix of a file of numbers, separated by commas."""
+    """Return the matrix in a file of numbers separated by commas."""
     try:
         near = np.loadtxt(path, delimiter=",", ndmin=2)
     except (OSError, ValueError):
@@ -127,15 +127,15 @@ def _refused(what: str, measured: str) -> InputError:
 
 
 _LIKELY = 1.645
-"""Standard deviations above chance that 95 % of guesses stay below."""
+"""95 % of guesses stay below this number of standard deviations above chance."""
 _NAMED = 12
-"""Labels that are named; more are counted."""
+"""Largest number of labels that are named; others are only counted."""
 _UNEVEN = 5
-"""How many times as many recordings as the rarest label the commonest one has when a run begins to say it."""
+"""Ratio of recordings of the commonest and the rarest label from which a run remarks on it."""
 
 
 def class_weights(config: TrainingConfig, labels: IntArray, classes: int) -> Tensor | None:
-    """Return how much a recording of each class counts, so that the classes count alike; None where recordings do."""
+    """Return how much a recording of each class counts, so that classes count alike; None if recordings count alike."""
     if config.class_weights == "equal":
         return None
     counts = np.bincount(labels, minlength=classes)
@@ -144,7 +144,7 @@ def class_weights(config: TrainingConfig, labels: IntArray, classes: int) -> Ten
 
 
 def _played(network: TouchModel, spikes: ByteArray) -> Iterator[tuple[slice, Mapping[str, Tensor]]]:
-    """Yield rows of spikes (samples, steps, channels), and what ``forward`` returns of them, in its own float type."""
+    """Yield rows of spikes (samples, steps, channels) and the result of ``forward``, in the network's float type."""
     like = next(network.parameters())
     for start in range(0, len(spikes), 32):
         rows = slice(start, start + 32)
@@ -153,15 +153,15 @@ def _played(network: TouchModel, spikes: ByteArray) -> Iterator[tuple[slice, Map
 
 @torch.no_grad()
 def class_scores(network: TouchModel, spikes: ByteArray) -> FloatArray:
-    """Return the scores (samples, classes) of all branches together; the first of the largest is predicted."""
+    """Return the scores (samples, classes) summed over all branches; the first of the largest is predicted."""
     found = [network.total(activity).cpu().numpy() for _, activity in _played(network, spikes)]
     return np.concatenate(found).astype(np.float64)
 
 
 def confusion(network: TouchModel, recordings: Recordings) -> IntArray:
-    """Return how often a label (row) was predicted as a class (column), (classes, classes).
+    """Return how often each label (row) was predicted as each class (column), (classes, classes).
 
-    Raises ``InputError`` for recordings without labels, or that do not fit the network.
+    Raises ``InputError`` for recordings without labels, and for those that do not fit the network.
     """
     if recordings.labels is None:
         fix = "Give labelled recordings."
@@ -184,7 +184,7 @@ def evaluate(network: TouchModel, loss: Loss, spikes: ByteArray, labels: IntArra
 
 
 def check_events(recordings: Recordings) -> None:
-    """Refuse recordings to train on of which none has an event."""
+    """Refuse training recordings if none of them has an event."""
     if not recordings.spikes.any():
         lost = recordings.binned is not None and recordings.binned.dropped > 0
         measured = recordings.binned.words if recordings.binned and lost else so_many(len(recordings))
@@ -193,7 +193,7 @@ def check_events(recordings: Recordings) -> None:
 
 
 def data_remarks(recordings: Recordings, classes: int, config: TrainingConfig) -> list[str]:
-    """Return a sentence each on what recordings cannot teach: those without events, labels that are rare or missing."""
+    """Return a sentence for everything that recordings cannot teach: empty ones, and rare or missing labels."""
     labels = recordings.labels
     assert labels is not None  # the run's own check
     found = []
@@ -220,7 +220,7 @@ def data_remarks(recordings: Recordings, classes: int, config: TrainingConfig) -
 
 
 def result_remarks(network: TouchModel, recordings: Recordings) -> list[str]:
-    """Return a sentence on outputs that are silent on the recordings of the training, or on accuracy at chance."""
+    """Return a sentence if outputs are silent on the training recordings, or if their accuracy is at chance."""
     labels = recordings.labels
     assert labels is not None
     scores = class_scores(network, recordings.spikes)
@@ -233,7 +233,7 @@ def result_remarks(network: TouchModel, recordings: Recordings) -> list[str]:
 
 
 def chance_remarks(accuracy: float, labels: IntArray, which: str) -> list[str]:
-    """Return a sentence where an accuracy on the recordings ``which`` may be that of guesses of the commonest class."""
+    """Return a sentence if guessing the commonest class could reach this accuracy on the recordings ``which``."""
     chance = float(np.bincount(labels).max() / len(labels))
     if chance == 1 or accuracy > chance + _LIKELY * math.sqrt(chance * (1 - chance) / len(labels)):
         return []

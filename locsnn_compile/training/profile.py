@@ -1,4 +1,4 @@
-"""The epochs of a training run as a picture, and as scalars that TensorBoard shows, where it is installed."""
+"""The epochs of a training run as a picture, and as scalars for TensorBoard, if it is installed."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -10,7 +10,7 @@ from locsnn_compile.training.config import EpochRecord, Progress
 
 
 def profile(history: Sequence[EpochRecord], name: str) -> bytes:
-    """Return the picture as an SVG file; equal input gives equal bytes. What a run has not measured is left out."""
+    """Return the picture as an SVG file; equal input gives equal bytes. Figures that were not measured are left out."""
     losses = (
         _curve("training, part of the recordings", history, "select", lambda row: row.loss),
         _curve("validation", history, "select", lambda row: row.validation_loss),
@@ -33,7 +33,7 @@ def _panel(title: str, curves: tuple[Curve, ...]) -> Panel:
 
 
 def tensorboard_log(folder: Path) -> Progress:
-    """Return what writes every epoch's figures into a folder; ``InputError`` without TensorBoard."""
+    """Return a function that writes every epoch's figures into a folder; ``InputError`` without TensorBoard."""
     try:
         from torch.utils.tensorboard import SummaryWriter
     except ImportError:

@@ -1,12 +1,12 @@
-"""Windows without descent: an output that finds the class whose mean recording, its prototype, is nearest.
+"""Windows without descent: an output that finds the class with the nearest mean recording, its prototype.
 
-Distances are measured in how much recordings differ from the prototype of their own class, as in linear discriminant
-analysis, so that what varies within classes counts little:
+As in linear discriminant analysis, distances are relative to how recordings differ from the prototype of their own
+class, so that variations within classes count little:
 
     score of class k  =  m_k S h - m_k S m_k / 2          S = (ridge I + A^T A)^-1
 
-h (hidden,) are the spikes of a recording, m_k the mean of class k, and the rows of A (recordings, hidden) are those
-learned from, less the mean of their class. Nothing is inverted but a matrix of recordings by recordings.
+h (hidden,) are the spikes of a recording, m_k is the mean of class k, and the rows of A (recordings, hidden) are the
+training recordings minus the mean of their class. Only a matrix of recordings by recordings is inverted.
 """
 
 from collections.abc import Iterable
@@ -21,7 +21,7 @@ from locsnn_compile.models.networks import WindowNetwork
 from locsnn_compile.models.touch_model import TouchModel
 
 PROTOTYPES = "prototypes"
-"""The ``optimizer`` of a configuration that asks for them."""
+"""The name of this ``optimizer`` in a configuration."""
 
 
 @torch.no_grad()

@@ -1,4 +1,4 @@
-"""How fast a run learns, and what it keeps: which of its epochs, and a running average of the weights."""
+"""How fast a run learns, which of its epochs it keeps, and the running average of its weights."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -14,7 +14,7 @@ from locsnn_compile.training.config import EpochRecord, TrainingConfig
 def learning_rate(config: TrainingConfig, epoch: int, epochs: int) -> float:
     """Return the rate of epoch 1..``epochs``: constant, or half a cosine, lr * (1 + cos(pi (epoch - 1) / epochs)) / 2.
 
-    A refit has as many ``epochs`` as were chosen, so that it, too, ends with settled weights.
+    A refit has as many ``epochs`` as were chosen, so that it also ends with settled weights.
     """
     if config.schedule == "constant":
         return config.learning_rate
@@ -22,11 +22,11 @@ def learning_rate(config: TrainingConfig, epoch: int, epochs: int) -> float:
 
 
 def choose_epoch(history: list[EpochRecord], smoothing_epochs: int, held: int) -> int:
-    """Return the epoch that validation on ``held`` recordings chooses; the last one where there is no validation.
+    """Return the epoch that validation on ``held`` recordings chooses; the last one without validation.
 
-    Accuracies are averaged over ``smoothing_epochs`` epochs up to each; chosen is the latest epoch whose average is
-    within one standard error, sqrt(p (1 - p) / held), of the best p: a smaller difference is chance, and a later epoch
-    has the more settled weights of the lower learning rate (the rule of Breiman et al. 1984, sec. 3.4.3).
+    Accuracies are averaged over the last ``smoothing_epochs`` epochs. The rule takes the latest epoch whose average is
+    within one standard error, sqrt(p (1 - p) / held), of the best average p: a smaller difference is chance, and a
+    later epoch has the more settled weights of a lower learning rate (Breiman et al. 1984, sec. 3.4.3).
     """
     rows = [row for row in history if row.phase == "select"]
     accuracy = np.array([row.validation_accuracy for row in rows if row.validation_accuracy is not None])
@@ -37,15 +37,15 @@ def choose_epoch(history: list[EpochRecord], smoothing_epochs: int, held: int) -
     starts = np.maximum(ends - smoothing_epochs, 0)
     averages = (sums[ends] - sums[starts]) / (ends - starts)
     best = min(float(averages.max()), 1.0)
-    # The slack keeps equal averages equal, whatever the order their sums were rounded in.
+    # The slack keeps equal averages equal, in whatever order their sums were rounded.
     near = averages >= best - math.sqrt(best * (1 - best) / held) - 1e-9
     return rows[int(np.flatnonzero(near)[-1])].epoch
 
 
 class WeightAverage:
-    """average = decay * average + (1 - decay) * weights after every step; with decay 0 it is the weights themselves.
+    """average = decay * average + (1 - decay) * weights after every step; with decay 0, the weights themselves.
 
-    ``values`` are by parameter name, to go on from; without them it begins at the network's weights.
+    ``values`` by parameter name are the averages to continue; without them, it begins with the network's weights.
     """
 
     def __init__(self, network: nn.Module, decay: float, values: Mapping[str, Tensor]) -> None:
@@ -57,7 +57,7 @@ class WeightAverage:
             self.values = {name: value.to(self._weights[name].device, copy=True) for name, value in begin.items()}
 
     def update(self) -> None:
-        """Take the weights of a step in."""
+        """Include the weights after a step."""
         if self.values:
             with torch.no_grad():
                 weights: list[Tensor] = [self._weights[name] for name in self.values]
@@ -65,7 +65,7 @@ class WeightAverage:
 
     @contextmanager
     def in_place(self) -> Iterator[None]:
-        """Let the network hold the averages for a while."""
+        """Put the averages into the network while the context lasts."""
         own = {name: self._weights[name].detach().clone() for name in self.values}
         self._put(self.values)
         try:

@@ -1,4 +1,4 @@
-"""The state of an unfinished training run, so that a killed run goes on to the same bits."""
+"""The state of an unfinished training run, so that a killed run can continue and reach the same bits."""
 
 import hashlib
 import io
@@ -21,7 +21,7 @@ _FORMAT, _VERSION = "locsnn-training-state", 2
 
 @dataclass
 class TrainingState:
-    """What a run needs to go on: its phase (``select`` or ``refit``), epochs done there, and what was best."""
+    """What a run needs to continue: its phase (``select`` or ``refit``), the epochs done in it, and the best so far."""
 
     phase: str = "select"
     epoch: int = 0
@@ -34,7 +34,7 @@ class TrainingState:
 
 
 def run_key(config: TrainingConfig, recordings: Recordings, start: Checkpoint | None = None) -> str:
-    """Return the sha256 over configuration, recordings and the checkpoint at the start: a state belongs to one key."""
+    """Return the sha256 over configuration, recordings and starting checkpoint, which identifies a run."""
     digest = hashlib.sha256(repr(sorted(asdict(config).items())).encode())
     if start is not None:
         digest.update(start.sha256.encode())
@@ -46,7 +46,7 @@ def run_key(config: TrainingConfig, recordings: Recordings, start: Checkpoint | 
 
 
 def save_state(path: Path, state: TrainingState, key: str) -> None:
-    """Write ``state`` whole or not at all."""
+    """Write ``state``, whole or not at all."""
     history = [asdict(record) for record in state.history]
     values = {"format": _FORMAT, "version": _VERSION, "key": key, **vars(state), "history": history}
     content = io.BytesIO()
@@ -55,9 +55,9 @@ def save_state(path: Path, state: TrainingState, key: str) -> None:
 
 
 def load_state(path: Path, key: str) -> TrainingState | None:
-    """Return the state at ``path`` or None where there is none.
+    """Return the state at ``path``, or None if there is no file.
 
-    Raises ``InputError`` for a file that is no such state and for the state of another run.
+    Raises ``InputError`` for a file that is not a state, and for the state of another run.
     """
     if not path.exists():
         return None
@@ -72,6 +72,6 @@ def load_state(path: Path, key: str) -> TrainingState | None:
         return TrainingState(**held | {"history": [EpochRecord(**record) for record in held["history"]]})
     except InputError:
         raise
-    # Torch meets damaged bytes, or a part of a file, with many kinds of exception; each means the same to the user.
+    # Torch raises many kinds of exception on damaged bytes or partial files; each means the same to the user.
     except Exception:
         raise InputError(where, "it is damaged", fix=fix) from None

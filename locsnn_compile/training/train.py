@@ -1,7 +1,6 @@
 """The training loop: choose the epoch on a validation part of the train part, then train on all of it.
 
-The test part never enters here. Equal configuration, data, torch and machine give equal bits, also across a
-resume.
+The test part is never used here. Equal configuration, data, torch and machine give equal bits, also after a resume.
 """
 
 import csv
@@ -38,13 +37,15 @@ from locsnn_compile.training.state import TrainingState, load_state, run_key, sa
 from locsnn_compile.training.target import chip_numbers
 
 MOMENTUM = 0.9
-"""Of the optimizer sgd."""
+"""Momentum of the optimizer sgd."""
 _PHASES = {"select": 1, "refit": 2}
 
 
 class TrainingResult(Frozen, eq=False):
-    """A trained network; ``validation_accuracy`` is that of the chosen epoch, None where nothing was held
-    out; ``remarks`` say where nothing was learned, in sentences.
+    """A trained network.
+
+    ``validation_accuracy`` is that of the chosen epoch, None if nothing was held out. ``remarks`` are sentences about
+    what was not learned.
     """
 
     network: TouchModel
@@ -68,11 +69,14 @@ def train(
 ) -> TrainingResult:
     """Train on the train part ``recordings`` and return the network, in float32.
 
-    ``classes`` is the number of classes where it is more than the labels show. With ``start`` every phase begins with
-    the weights of that checkpoint, and the network is of its description, which ``config`` must fit. With
-    ``state_path`` the state is written every ``save_every`` epochs and an existing one is taken up; removing it is the
-    caller's. ``log_path`` gets a CSV line an epoch, and a
-    picture of them next to it, ``.svg``. Raises ``InputError`` for data without labels, or without any event.
+    - ``classes``: the number of classes, if it is more than the labels show
+    - ``start``: a checkpoint. Every phase begins with its weights, and the network has its description, which
+      ``config`` must fit.
+    - ``state_path``: the state is written there every ``save_every`` epochs, and an existing state is continued. The
+      caller has to remove it.
+    - ``log_path`` gets one CSV line per epoch; a picture is written next to it, as ``.svg``.
+
+    Raises ``InputError`` for data without labels, or without any event.
     """
     labels = recordings.labels
     if labels is None:
@@ -124,7 +128,7 @@ def train(
 
 
 class _Run(Frozen, eq=False):
-    """What both phases of a run share."""
+    """What both phases of a run have in common."""
 
     config: TrainingConfig
     loss: Loss
@@ -137,7 +141,7 @@ class _Run(Frozen, eq=False):
     progress: Progress | None
 
     def network(self) -> TouchModel:
-        """Return the network that a phase begins with."""
+        """Return the network with which a phase begins."""
         config = self.config
         network = build_network(self.description, seed=config.seed, initial_scale=config.initial_scale, chip=self.chip)
         network = network.to(config.device)
@@ -182,7 +186,7 @@ def _run_phase(run: _Run, state: TrainingState, rows: IntArray, held: IntArray, 
         for x, y in () if config.optimizer == PROTOTYPES else drawn(epoch):
             placed, of_them = (torch.from_numpy(values).to(config.device) for values in (x, y))
             loss = run.loss(network, network(placed), of_them, class_shares)
-            for weight in weights:  # what zero_grad does, without its overhead
+            for weight in weights:  # like zero_grad, without its overhead
                 weight.grad = None
             loss.backward()  # type: ignore[no-untyped-call]
             optimizer.step()
