@@ -31,7 +31,7 @@ MAX_FEATURES = 1024
 
 
 class WindowParameters(Checked):
-    """Windows of ``steps`` time steps, one every ``stride`` steps, and the ``levels``, numbers of events to distinguish.
+    """Windows of ``steps`` time steps, one every ``stride`` steps, and the numbers of events to tell apart, ``levels``.
 
     With the published bins of 20 ms, these values make a window 0.12 s long.
     """
@@ -92,8 +92,8 @@ class GraphParameters(Checked):
     """The topology-adaptive graph convolutions of a network (Du et al. 2017), one for each of its branches.
 
     ``taxel_edges`` are pairs of 1-based taxel numbers of a fingertip, the lower first, each pair once; ``name`` says
-    how they were found. A node hears nodes up to ``hops`` edges away and has ``features`` outputs. On the location axis,
-    nodes are the time steps of the recording, joined to their neighbours in time, with ``step_features`` outputs.
+    how they were found. A node hears nodes up to ``hops`` edges away and has ``features`` outputs. On the location
+    axis, nodes are the time steps of the recording, joined to their neighbours in time, with ``step_features`` outputs.
     """
 
     name: str
