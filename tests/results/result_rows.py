@@ -146,6 +146,13 @@ ROWS = (
         only="containers",
     ),
     Row(
+        "window-snn-levels-2-bits",
+        "Window-SNN, neighbouring levels, trained with 2 bits",
+        {"model": "window-snn"},
+        config="containers-window-snn-levels-2-bits.yaml",
+        only="containers",
+    ),
+    Row(
         "hybrid-graph",
         "Hybrid of graphs",
         {"model": "hybrid-graph"},
