@@ -32,7 +32,7 @@ USUAL_LARGEST = 0.3
 to 0.37, population by population."""
 USUAL_WINDOWS = (0.15, 7.0, 4.0)
 """Of trained windows, times ``count_scale``: the largest weight, what weights of one sign onto an output add up to, and
-the largest bias."""
+the largest bias, by level. Beyond its range a bias would shift what is learned against what is played."""
 
 
 def chip_numbers(config: TrainingConfig, description: NetworkDescription, start: Start) -> ChipNumbers:
@@ -81,9 +81,10 @@ def _of_windows(config: TrainingConfig, description: NetworkDescription, start: 
     """
     (weight, offset), outputs = description.window_names, description.output_parts
     largest, together, bias = (usual / config.count_scale for usual in USUAL_WINDOWS)
+    bias *= len(description.windows.levels)
     if start is not None and start[weight].any():
         sizes = np.abs(start[weight])
-        largest, bias = float(sizes.max()), float(np.abs(start[offset]).max())
+        largest, bias = float(sizes.max()), 2.0 * float(np.abs(start[offset]).max())
         together = max(float(row_sums(start[weight][:, part]).max()) for part in outputs)
     room, grid, registers = config.weight_room, weight_grid(_weight_bits(config, chip), "excitatory"), chip.registers
     exponent = exponent_holding(0.0, grid)
