@@ -26,6 +26,8 @@ def run(args: argparse.Namespace) -> int:
     check_places(reads, [("--output", Path(args.output))])
     if Path(args.output).suffix != ".pt":
         raise InputError("--output", "it is not a .pt file", fix="Give a name that ends in .pt.")
+    if args.weights and args.calibration:
+        raise InputError("--calibration", "the weights are given", fix="Leave out --calibration or --weights.")
     need_torch("locsnn pack")
     checkpoints = tuple(read_checkpoint(path) for path in args.model)
     joined = join([network_of(checkpoint) for checkpoint in checkpoints], args.weights, args.calibration)

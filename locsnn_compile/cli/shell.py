@@ -46,6 +46,10 @@ class Parser(argparse.ArgumentParser):
             typed, _ = super().parse_known_args(args, argparse.Namespace(**dict.fromkeys(values)))
             for name, value in values.items():
                 setattr(found, name, value if getattr(typed, name) is None else getattr(typed, name))
+        for action in self._actions:
+            value = getattr(found, action.dest, None)
+            if "" in (value if isinstance(value, list) else [value]):
+                self.error(f"argument {'/'.join(action.option_strings) or action.metavar}: it is empty")
         return found, rest
 
     def error(self, message: str) -> NoReturn:

@@ -160,3 +160,27 @@ TYPED = [
 def test_an_error_shows_the_path_that_was_typed(call, message, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert refused(capsys, *call) == f"{message}\n"
+
+
+EMPTY = {
+    "an output": (compile_main, ["net.pt", "-o", ""], "locsnn-compile: argument -o/--output"),
+    "a file that is written": (main, ["diff", "a", "b", "--html="], "locsnn diff: argument --html"),
+    "an option with a default": (main, ["targets", "--show", ""], "locsnn targets: argument --show"),
+    "one of several": (compile_main, ["net.pt", "--probe", "a", "--probe", ""], "locsnn-compile: argument --probe"),
+    "an argument": (main, ["events", ""], "locsnn events: argument FILE"),
+    "a value in the file of options": (
+        compile_main,
+        ["net.pt", "--options", "empty.yaml"],
+        "locsnn-compile: argument --profile",
+    ),
+}
+
+
+@pytest.mark.parametrize(("run", "words", "argument"), EMPTY.values(), ids=EMPTY)
+def test_an_empty_value_is_refused(run, words, argument, tmp_path, monkeypatch, capsys):
+    """It is mostly a variable of a shell that is not set; some commands took it for an option that was not given."""
+    monkeypatch.chdir(tmp_path)
+    Path("empty.yaml").write_text("profile: ''\n")
+    program = argument.partition(":")[0]
+    assert refused(capsys, run, *words) == f"{argument}: it is empty. See {program} --help.\n"
+    assert [path.name for path in tmp_path.iterdir()] == ["empty.yaml"]

@@ -65,6 +65,7 @@ REFUSED = [
     ("explore, calibration of integers", f"locsnn explore {GRID} --calibration d.npz", "--calibration: it would change nothing: no weights of this model are rounded for recordings. Leave it out."),
     ("explore, a part of nothing", f"locsnn explore {FLOAT} --part test", "--part test: there are no events to take it from. Give them with --events."),
     ("explore, workers of a scheduler", f"locsnn explore {FLOAT} --workers 2 --scheduler x:1", "--workers: a scheduler has workers of its own. Leave out --workers or --scheduler."),
+    ("pack, calibration next to weights", f"locsnn pack {FLOAT} {GRID} --weights 1,2 --calibration d.npz -o new.pt", "--calibration: the weights are given. Leave out --calibration or --weights."),
     ("events, channels of bins, written", "locsnn events d.npz --channels 200 --to new.npz", OTHER),
     ("events, channels of bins, shown", "locsnn events d.npz --channels 200", OTHER),
     ("events, threshold of bins", "locsnn events d.npz --threshold 2", f"threshold: {BINS}"),
