@@ -5,6 +5,7 @@ contains itself, deep nesting crashes the interpreter, and a loader in Python ta
 mapping has a key twice, every loader silently keeps the second value.
 """
 
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -25,13 +26,22 @@ FAST_LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 WAY_ON = "Write one 'key: value' a line."
 
 
+class _Loader(yaml.SafeLoader):
+    """The safe loader, which reads ``1e-3`` as a number as well: YAML 1.1 wants ``1.0e-3``, and takes this for text."""
+
+
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:float", re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$"), list("-+.0123456789")
+)
+
+
 def load_yaml(
     text: str | bytes,
     where: str,
     fault: str = "it is not a YAML file",
     fix: str = WAY_ON,
     *,
-    loader: Any = yaml.SafeLoader,
+    loader: Any = _Loader,
     most_nodes: int = MAX_NODES,
 ) -> object:
     """Return what YAML text holds, plain values only.

@@ -352,4 +352,9 @@ def test_a_build_of_strange_texts_is_compared(tmp_path, capfd):
 def test_safe_text_is_what_the_loader_says():
     text = "a: [1, {b: c}]\nd: !!str 1\n"
     assert load_yaml(text, "x") == yaml.safe_load(text)
+
+
+@pytest.mark.parametrize("text", ["1e", "e1", "1e5x", "0x1e", "1.2.3e4", "e", "-", "1_0e3", "2026-01-01", "'1e-3'"])
+def test_text_that_looks_like_an_exponent(text):
+    assert repr(load_yaml(text, "x")) == repr(yaml.safe_load(text))
     assert Path(hw.__file__).is_file()

@@ -66,6 +66,18 @@ def test_a_chip_file_of_ones_own(tmp_path):
     assert hw.chip(path).cores == 512
 
 
+def test_numbers_with_an_exponent(tmp_path):
+    """YAML 1.1 takes ``1e-1`` for text and ``1.0e-1`` for a number; a person means the number."""
+    path = tmp_path / "fast.yaml"
+    text = hw.chip("tiny-sim").document
+    path.write_text(
+        text.replace("clock_ghz: 0.1 ", "clock_ghz: 1e-1").replace("synaptic_ops: 10.0", "synaptic_ops: 1E1")
+    )
+    assert path.read_text() != text
+    assert hw.chip(path).clock_ghz == 0.1
+    assert hw.chip(path).profiles == hw.chip("tiny-sim").profiles
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

@@ -25,6 +25,13 @@ def test_objects_configuration_is_the_default() -> None:
     assert config_from_mapping(read_config(CONFIGS / "objects-hybrid.yaml")) == TrainingConfig(step_seconds=0.02)
 
 
+@pytest.mark.parametrize("text", ["1e-3", "1E-3", "+1.e-3", ".1e-2", "1.0e-3", "0.001"])
+def test_a_number_with_an_exponent(text, tmp_path):
+    path = tmp_path / "rate.yaml"
+    path.write_text(f"learning_rate: {text}\n")
+    assert config_from_mapping(read_config(path)).learning_rate == 0.001
+
+
 @pytest.mark.parametrize(
     ("said", "configured", "wanted"),
     [
