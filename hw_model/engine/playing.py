@@ -6,9 +6,10 @@ import numpy as np
 
 from hw_model.engine.trace import EventLists, PhaseInput
 from hw_model.errors import InputError
+from hw_model.io.given import as_array
 from hw_model.mapping.graph import Input, Phase
 from hw_model.program.chip_program import ChipProgram
-from hw_model.values import ArrayLike, ByteArray, Frozen, IntArray
+from hw_model.values import AnyArray, ArrayLike, ByteArray, Frozen, IntArray
 
 Spikes = ArrayLike | Mapping[str, ArrayLike]
 
@@ -29,8 +30,8 @@ def read_streams(program: ChipProgram, spikes: Spikes) -> tuple[dict[str, ByteAr
 
 
 def _stream(name: str, given: ArrayLike, channels: int) -> ByteArray:
-    array = np.asarray(given)
     where = f"spikes of {name!r}"
+    array: AnyArray = as_array(where, given)
     if array.ndim not in (2, 3) or array.shape[-1] != channels:
         measured = f"{array.shape} against (steps, {channels}) or (batch, steps, {channels})"
         raise InputError(where, "the shape does not fit", measured=measured, fix="Give one column a channel.")

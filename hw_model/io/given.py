@@ -102,16 +102,17 @@ def _check(function: str, name: str, value: Any, kinds: tuple[Any, ...]) -> None
         fix = next((_WAYS_OUT[kind] for kind in names if kind in _WAYS_OUT), "Correct it.")
         raise InputError(f"{function}, {name}", what, measured=measured, fix=fix)
     if object in kinds and isinstance(value, list | tuple):
-        _check_rows(f"{function}, {name}", value)
+        as_array(f"{function}, {name}", value)
     if Path in kinds and isinstance(value, str | Path):
         check_path(value, f"{name.rsplit('_', 1)[-1]} {_short(str(value))!r}")
 
 
-def _check_rows(where: str, value: Sequence[Any]) -> None:
+def as_array(where: str, value: Any) -> Any:
+    """Return what is given as an array; ``InputError`` for rows that differ in length."""
     import numpy as np
 
     try:
-        np.asarray(value)
+        return np.asarray(value)
     except ValueError:
         raise InputError(where, "it is not an array: its rows differ in length", fix="Make them equal.") from None
 

@@ -8,7 +8,7 @@ from scipy import sparse
 
 from hw_model.arithmetic.fixed_point import SignMode
 from hw_model.description.chip import Chip
-from hw_model.errors import InputError, TargetError
+from hw_model.errors import InputError, TargetError, check_most
 from hw_model.io.given import checked
 from hw_model.mapping.arrangement import arrange_cores
 from hw_model.mapping.check_graph import check_graph
@@ -16,6 +16,7 @@ from hw_model.mapping.graph import CompartmentGraph, Compartments, Input, Phase,
 from hw_model.mapping.placement import place_cores
 from hw_model.mapping.routing import route_axons
 from hw_model.program.assemble import assemble
+from hw_model.program.check import MAX_LINES
 from hw_model.program.chip_program import ChipProgram
 from hw_model.values import ArrayLike, Frozen, IntArray
 
@@ -139,7 +140,7 @@ class ProgramBuilder:
         delays = np.broadcast_to(_whole(where, "delay", delay, rows.shape), rows.shape)
         order = np.lexsort((rows, columns))
         number = int(_whole(where, "exponent", exponent, ()))
-        bits = self._chip.registers.weight_bits[-1] if weight_bits is None else weight_bits
+        bits = self._chip.registers.weight_bits[-1] if weight_bits is None else int(weight_bits)
         arrays = columns[order], rows[order], mantissa[order], delays[order]
         self._synapses.append(Synapses(source.name, target.name, *arrays, number, bits, sign_mode))
 
@@ -165,6 +166,7 @@ class ProgramBuilder:
 def _node(name: str, size: int) -> Node:
     if size < 1:
         raise InputError(f"{name!r}", "it is empty", measured=f"size {size}", fix="Give it a size.")
+    check_most(size, MAX_LINES, repr(name), "no chip holds so many", fix="Give a smaller size.")
     return Node(name, int(size))
 
 

@@ -5,6 +5,7 @@ t, and the location phases are what they would be if nothing followed. A locatio
 step: see :mod:`hw_model.streaming.location_phase`.
 """
 
+import sys
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -13,7 +14,7 @@ import numpy as np
 from hw_model.engine.lay_out import fast_layout
 from hw_model.engine.playing import Spikes, first_touch, length_of, list_events, read_streams
 from hw_model.errors import InputError
-from hw_model.io.given import checked
+from hw_model.io.given import as_array, checked
 from hw_model.mapping.graph import Phase, Readout
 from hw_model.program.chip_program import ChipProgram
 from hw_model.streaming.location_phase import Replay
@@ -129,13 +130,13 @@ class Session:
 def location_share(psi: float, step: IntArray, steps: int) -> FloatArray:
     """Return w = 1 / (1 + exp(-psi (t / T - 1))) after step t of T, which rises to 1/2 (Kang et al. 2022)."""
     with np.errstate(over="ignore"):  # a large psi counts as 0 what is early
-        shares: FloatArray = 1.0 / (1.0 + np.exp(-psi * (np.minimum(step, steps) / steps - 1.0)))
+        shares: FloatArray = 1.0 / (1.0 + np.exp(-float(psi) * (np.minimum(step, steps) / steps - 1.0)))
     return shares
 
 
 def check_psi(psi: float) -> None:
     """Refuse a psi that is negative or not a number."""
-    if not (np.isfinite(psi) and psi >= 0):
+    if not 0 <= psi <= sys.float_info.max:
         raise InputError("psi", "it is not a valid rate", measured=f"got {psi}", fix="Give 0 or more, such as 10.")
 
 
@@ -189,7 +190,7 @@ class _Branch:
 
 def _rows(given: ArrayLike) -> AnyArray:
     """Return rows, of which one may be given by itself."""
-    array = np.asarray(given)
+    array = as_array("spikes", given)
     return array[None] if array.ndim == 1 else np.atleast_2d(array)
 
 

@@ -16,7 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from hw_model.arithmetic.whole import whole_numbers
-from hw_model.errors import InputError, check_known
+from hw_model.errors import InputError, check_known, check_range
+from hw_model.io.given import as_array, checked
 from hw_model.io.records import AT_LEAST_ONE, NOT_NEGATIVE, Must
 from hw_model.io.records import POSITIVE as POSITIVE
 from hw_model.values import AnyArray, ArrayLike, BoolArray, FloatArray, Frozen, IntArray, Shown, sealed
@@ -27,6 +28,7 @@ Rule = Literal[">", ">="]
 SMALLEST = 0.01
 """slayerPytorch ends a kernel at the first lag beyond tau whose magnitude is below this."""
 MAX_TAPS = 100_000
+MAX_NEURONS = 10_000_000
 _ARRAYS: dict[Any, Any] = {FloatArray: np.float64, IntArray: np.int64}
 """Annotation of a parameter that is an array -> the type of its numbers."""
 
@@ -63,11 +65,13 @@ class Neuron(ABC):
     dendrites: int = 1
 
     @classmethod
+    @checked
     def of(cls, size: int, **given: Any) -> Self:
         """Make ``size`` neurons; each parameter is one number for all, or an array (size,).
 
         Raises ``InputError`` for an unknown parameter, and for a missing one.
         """
+        check_range(size, 1, MAX_NEURONS, "size")
         hints = get_type_hints(cls)
         kinds = {item.name: _ARRAYS.get(hints[item.name]) for item in fields(cls)}  # type: ignore[arg-type]
         values = {**cls.usual, **given}
@@ -213,7 +217,10 @@ def alpha_taps(tau: float, factor: float, steps: int = MAX_TAPS) -> FloatArray:
 
 def spread(value: ArrayLike, size: int, dtype: type[Number]) -> npt.NDArray[Number]:
     """Return a read-only array (size,), given one number or ``size`` numbers; integers must be whole."""
-    given = whole_numbers(value) if issubclass(dtype, np.integer) else np.asarray(value, dtype=dtype)
+    array = as_array("neurons, a parameter", value)
+    if array.dtype.kind not in "biuf":
+        raise InputError("neurons", "a parameter is not a number", measured=str(array.dtype), fix="Give numbers.")
+    given = whole_numbers(array) if issubclass(dtype, np.integer) else array
     if given.shape not in ((), (1,), (size,)):
         measured = f"{given.shape} against ({size},)"
         fix = "Give one number a neuron."

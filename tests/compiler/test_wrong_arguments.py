@@ -9,6 +9,7 @@ import pytest
 
 import hw_model as hw
 import locsnn_compile as lc
+from hw_model.streaming.session import location_share
 
 NETWORK = "Read it with lc.load(path), or lc.load(path, config=...)."
 PROGRAM = "Take .program of lc.compile(network), or read one with hw.load_program(folder)."
@@ -57,6 +58,13 @@ WITHOUT = [
     ("a proof of a path", lambda: hw.prove_range("build"), f"prove_range, program: it must be a ChipProgram (got str 'build'). {PROGRAM}"),
     ("energy of a number", lambda: hw.energy_pj(3, 4), "energy_pj, counts: it must be a Counts (got int 3). Take .counts of hw.simulate(program, spikes)."),
     ("energy by a name", lambda: hw.energy_pj(hw.Counts(), "sanafe"), "energy_pj, profile: it must be a Profile (got str 'sanafe'). Take chip.profile(name)."),
+    ("a neuron of text", lambda: lc.Cuba.of(2, decay_v="x", threshold=1.0), "neurons: a parameter is not a number (<U1). Give numbers."),
+    ("a neuron of a complex number", lambda: lc.Cuba.of(2, decay_v=1j, threshold=1.0), "neurons: a parameter is not a number (complex128). Give numbers."),
+    ("a neuron of rows that differ", lambda: lc.ChipCuba.of(2, decay_u=[[1, 2], [3]], decay_v=0, threshold=1), "neurons, a parameter: it is not an array: its rows differ in length. Make them equal."),
+    ("half a neuron", lambda: lc.Cuba.of(0.5, decay_v=0.1, threshold=1.0), "Neuron.of, size: it must be an int (got float 0.5). Correct it."),
+    ("no neuron", lambda: lc.Cuba.of(0, decay_v=0.1, threshold=1.0), "size: it is out of range (got 0 against 1..10000000). Correct the number."),
+    ("more neurons than memory", lambda: lc.Cuba.of(2**31, decay_v=0.1, threshold=1.0), "size: it is out of range (got 2147483648 against 1..10000000). Correct the number."),
+    ("more compartments than memory", lambda: hw.ProgramBuilder(hw.chip("tiny-sim")).add_compartments("h", 2**31, threshold=1), "'h': no chip holds so many (2147483648 against 10000000). Give a smaller size."),
 ]  # fmt: skip
 OF_A_NETWORK = [
     ("target", 3, "compile, target: it must be a str, Path or Chip (got int 3). Take hw.chip('loihi-sim'), or hw.chip(path) of a chip file."),
@@ -105,7 +113,28 @@ def test_wrong_arguments_of_simulate(program, name, value, message):
     assert message_of(lambda: hw.simulate(program, [[1]], **{name: value})) == message
 
 
+ROWS = "it is not an array: its rows differ in length. Make them equal."
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        pytest.param(lambda p: hw.Session(p).push([[1], [0, 1]]), f"spikes: {ROWS}", id="rows pushed"),
+        pytest.param(lambda p: hw.simulate(p, {"x": [[1], [0, 1]]}), f"spikes of 'x': {ROWS}", id="rows of a stream"),
+        pytest.param(lambda p: hw.Session(p, psi=10**400), None, id="a psi that no float holds"),
+    ],
+)
+def test_wrong_arguments_of_a_session(program, call, message):
+    assert message_of(lambda: call(program)) == (
+        message or f"psi: it is not a valid rate (got {10**400}). Give 0 or more, such as 10."
+    )
+
+
 def test_numbers_of_numpy_are_numbers(program):
+    assert location_share(10**30, np.array([1, 2]), 2).tolist() == [0.0, 0.5]
+    b = hw.ProgramBuilder(program.chip)
+    b.connect(b.add_input("x", 1), b.add_compartments("h", 1, threshold=10), [[32]], weight_bits=np.int8(4))
+    assert hw.simulate(b.build(), [[1], [0]]).spikes["h"].ravel().tolist() == [0, 1]
     assert hw.simulate(program, [[1], [0]], steps=np.int64(3)).spikes["h"].shape == (3, 1)
     assert hw.calibrate_margin(program, [[[1], [0]]], np.float32(0.5)) > 0
 
