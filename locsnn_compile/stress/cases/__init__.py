@@ -3,26 +3,26 @@
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 
-from locsnn_compile.stress.cases import groups
+from locsnn_compile.stress.cases import neurons, synapses
 from locsnn_compile.stress.cases.case import GROUP, Case, long_runs
 
 GROUPS: dict[str, Callable[[], Iterable[Case]]] = {
-    "time constants": groups.time_constants,
-    "refractory time constants": groups.refractory_time_constants,
-    "decays at the ends of the grid": groups.decays,
-    "threshold and weights together": groups.one_scale_for_all,
-    "weights against the threshold": groups.weights_against_thresholds,
-    "shapes of weights": groups.weight_shapes,
-    "weight bits": groups.weight_bits,
-    "roundings": groups.roundings,
-    "weight exponents": groups.weight_exponents,
-    "extreme floats": groups.float_extremes,
-    "inputs": groups.input_patterns,
-    "crowds of inputs": groups.crowds,
-    "potentials at the threshold": groups.exact_thresholds,
-    "refractory counts": groups.refractory_counts,
-    "biases": groups.biases,
-    "delays": groups.delays,
+    "time constants": neurons.time_constants,
+    "refractory time constants": neurons.refractory_time_constants,
+    "decays at the ends of the grid": neurons.decays,
+    "threshold and weights together": synapses.one_scale_for_all,
+    "weights against the threshold": synapses.weights_against_thresholds,
+    "shapes of weights": synapses.weight_shapes,
+    "weight bits": synapses.weight_bits,
+    "roundings": synapses.roundings,
+    "weight exponents": synapses.weight_exponents,
+    "extreme floats": neurons.float_extremes,
+    "inputs": synapses.input_patterns,
+    "crowds of inputs": synapses.crowds,
+    "potentials at the threshold": neurons.exact_thresholds,
+    "refractory counts": neurons.refractory_counts,
+    "biases": neurons.biases,
+    "delays": synapses.delays,
 }
 LEADS = {name: " ".join((made.__doc__ or "").split()) for name, made in {**GROUPS, GROUP: long_runs}.items()}
 """The text about each group of rows."""
