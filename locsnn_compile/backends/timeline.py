@@ -13,10 +13,20 @@ import numpy as np
 from hw_model.accounting.cost import DELIVERIES, SENDING, SYNAPSES, UPDATES, StepTimes, step_times
 from locsnn_compile.backends.played import Played
 from locsnn_compile.errors import InputError
-from locsnn_compile.report.words import OPERATIONS
 
 FILE = "trace.json"
 _STEPS_THREAD = 0
+OPERATIONS = {
+    "neuron_updates": "compartment updates",
+    "neuron_updates_active": "active updates",
+    "neuron_updates_inactive": "inactive updates",
+    "spikes": "spikes",
+    "axon_packets": "packets sent",
+    "packets_within_tile": "packets within the tile",
+    "packets_received": "packets received",
+    "synaptic_ops": "synaptic operations",
+}
+"""Operations that a profile may time, in words."""
 
 Event = dict[str, Any]
 

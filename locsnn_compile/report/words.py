@@ -20,8 +20,6 @@ STAGES: dict[str, str] = _TEXTS["stages"]
 """Stages of the error budget in words, in the order of the compiler."""
 UNITS: dict[str, str] = _TEXTS["units"]
 """The unit that the last word of a key stands for."""
-OPERATIONS: dict[str, str] = _TEXTS["operations"]
-"""Operations that a profile may time, as a timeline names them."""
 
 
 def texts(kind: str, name: str | None = None) -> Any:

@@ -9,7 +9,7 @@ import yaml
 import locsnn_compile
 from locsnn_compile.report.content import Block, Fact, Facts, Table
 from locsnn_compile.report.told import facts, notice, table
-from locsnn_compile.report.words import OPERATIONS, STAGES, fill, section_words, sentence, words
+from locsnn_compile.report.words import STAGES, fill, section_words, sentence, words
 from locsnn_compile.texts.pieces import Pieces
 from locsnn_compile.texts.templates import sections
 from locsnn_compile.verification.error_budget.budget import STAGES as COMPILED
@@ -83,4 +83,3 @@ def test_a_row_without_a_mapping_is_a_value_and_facts_of_nothing_are_left_out():
 
 def test_what_has_no_words_is_said_as_it_is():
     assert (words("hops_x"), words("no_such_key")) == ("mesh hops, east or west", "no such key")
-    assert OPERATIONS["axon_packets"] == "packets sent"
