@@ -16,7 +16,7 @@ OURS = (
     r"vectors/(README\.md|manifest\.yaml|core\d+/\w+\.hex)"
     r"|sanafe/(README\.md|(arch|expected|time|location)\.yaml)"
     r"|csv/(figures|spikes|potential)\.csv"
-    r"|rtl/([\w-]+\.(sv|mk|vh|lpf|pcf|md)|Makefile|load|words|expected_\w+)"
+    r"|rtl/([\w-]+\.(sv|v|ys|mk|vh|lpf|pcf|md)|Makefile|load|words|expected_\w+)"
     # What `make` leaves there.
     r"|rtl/([\w-]+\.(bench|json|cells|log|config|asc|bit|bin|smt2|proved)|solver/boolector|updates|scores|answers)"
 )
