@@ -102,6 +102,20 @@ def sums(bias: int) -> hw.ProgramBuilder:
     return builder
 
 
+def pairs() -> hw.ProgramBuilder:
+    """Two dendrites and their sum at the ends of a narrow voltage, at the threshold, and of decays of their own."""
+    limits = {"threshold": 40, "vmin": 1 - 2**13, "vmax": 2**13 - 1}
+    builder = hw.ProgramBuilder(CHIP)
+    x = builder.add_input("x", 3)
+    soma = builder.add_compartments("soma", 20, **FORGETS, **limits)
+    for name, decays in (("a", (4096, 4096)), ("b", (1000, 300))):
+        child = builder.add_compartments(name, 20, decay_u=decays[0], decay_v=decays[1], joined_to=soma, **limits)
+        weights = np.add.outer(np.arange(20) * 4 - 40, [20, 8, -6 if name == "a" else 2])
+        builder.connect(x, child, weights)
+        builder.connect(soma, child, np.full((20, 20), -2))
+    return builder
+
+
 def refractory() -> hw.ProgramBuilder:
     """Compartments that nothing but their refractory steps sets apart from the plainest."""
     builder = hw.ProgramBuilder(CHIP)
@@ -122,6 +136,7 @@ PROGRAMS = {
     "refractory": refractory,
     "sums": lambda: sums(0),
     "sums with a bias": lambda: sums(640),
+    "pairs": pairs,
 }
 
 
