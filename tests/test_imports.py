@@ -77,6 +77,11 @@ RULES = {
         ("locsnn_compile/network/", "locsnn_compile/passes/", "locsnn_compile/pipeline"),
         "hardware is handed a program; how a network became it is not its business",
     ),
+    "back ends ask no report": (
+        ("locsnn_compile/backends/",),
+        ("locsnn_compile/report/",),
+        "files for other tools and pages for people change for different reasons",
+    ),
     "renderers know content": (
         ("locsnn_compile/report/renderers/", "locsnn_compile/report/pictures/"),
         ("locsnn_compile/network/", "locsnn_compile/pipeline", "hw_model/program/", "hw_model/simulation"),
