@@ -31,7 +31,7 @@ class Point:
 
 WINDOWS, JOINED, COMMITTEE = "windows", "windows and hybrid", "committee"
 PROTOTYPES, LEVELS = "Window-SNN, prototypes", "Window-SNN, neighbouring levels"
-TWO_BITS = f"{LEVELS}, trained with 2 bits"
+TWO_BITS = (f"{LEVELS}, trained with 2 bits", "Window-SNN, trained with 2 bits")
 POINTS = (
     Point("objects", "Window-SNN and hybrid, joined", JOINED, ("objects-windows-and-hybrid-{}.pt",), "dendrite"),
     Point("objects", "Window-SNN and hybrid, joined", JOINED, ("objects-windows-and-hybrid-{}.pt",), "reset"),
@@ -48,9 +48,9 @@ KNOWN = {
     "Hybrid, lambda 0.5, loop": "hybrid",
     "Tactile-SNN": "hybrid",
     "Window-SNN": WINDOWS,
-    TWO_BITS: WINDOWS,
+    **dict.fromkeys(TWO_BITS, WINDOWS),
 }
-"""Rows of ``chip.csv`` that are points as well, all at 8 bits but one."""
+"""Rows of ``chip.csv`` that are points as well, most at 8 bits."""
 
 
 def front(study: Study) -> Table:
@@ -76,7 +76,7 @@ def front(study: Study) -> Table:
     for row in known[1] if known else ():
         label, _, dataset = row[0].rpartition(", ")
         if label in KNOWN and dataset in ("Objects", "Containers"):
-            how = f"{'auto' if KNOWN[label] == WINDOWS else 'dendrite'}, {2 if label == TWO_BITS else 8} bits"
+            how = f"{'auto' if KNOWN[label] == WINDOWS else 'dendrite'}, {2 if label in TWO_BITS else 8} bits"
             rows.append([dataset, label, KNOWN[label], how, row[2], row[5], ""])
     for dataset, strategy, bits, accuracy, energy in trained_for_the_chip(study.tables):
         rows.append(

@@ -146,6 +146,13 @@ ROWS = (
         only="containers",
     ),
     Row(
+        "window-snn-2-bits",
+        "Window-SNN, trained with 2 bits",
+        {"model": "window-snn"},
+        config="objects-window-snn-2-bits.yaml",
+        only="objects",
+    ),
+    Row(
         "window-snn-levels-2-bits",
         "Window-SNN, neighbouring levels, trained with 2 bits",
         {"model": "window-snn"},
