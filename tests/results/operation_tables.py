@@ -138,6 +138,7 @@ NAMED = (
     "Window-SNN, Objects",
     "Window-SNN, Containers",
     "Window-SNN, three quarters cut",
+    "Window-SNN, trained with 2 bits",
     "Window-SNN, neighbouring levels",
     "Window-SNN and hybrid",
 )
