@@ -27,7 +27,7 @@ sys.path.insert(0, str(ROOT / "tests/benchmarks"))
 from page_section import put_section
 
 PAGE = ROOT / "docs/hardware.md"
-CLOCKS_MHZ = (80, 100)
+CLOCKS_MHZ = (100,)
 HEAD = f"""\
 | model | strategy | step that is under way | phases that follow | readout | after the last word | {" | ".join(f"ms at {clock} MHz" for clock in CLOCKS_MHZ)} |
 | --- | --- | ---: | ---: | ---: | ---: |{" ---: |" * len(CLOCKS_MHZ)}"""

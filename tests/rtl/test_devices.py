@@ -175,9 +175,9 @@ def test_a_report_has_cycles_and_no_energy(build):
     assert set(report["energy"].values()) == {None}
     latency, program = report["latency"], hw.load_program(folder / "out")
     spikes = np.load(folder / "few.npy").transpose(0, 2, 1)
-    cycles = [one.total_ns / 20 for one in latencies(program, spikes, hw.simulate(program, spikes).spikes)]
+    cycles = [one.total_ns / 10 for one in latencies(program, spikes, hw.simulate(program, spikes).spikes)]
     assert latency["basis"] == "cycle-exact model of the RTL core at the placed clock"
-    assert (latency["profile"], latency["clock_ghz"]) == (None, 0.05)
+    assert (latency["profile"], latency["clock_ghz"]) == (None, 0.1)
     assert latency["per_sample_cycles"] == round(sum(cycles) / 2)
     assert report["resources"]["limits"]["synapses"] == {"used": 12786, "limit": 16384}
     assert report["activity"]["multiplications"]["of_24_and_13_bits"] == 2 * 68 * (250 + 78)
