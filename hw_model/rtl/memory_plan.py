@@ -16,7 +16,7 @@ from hw_model.rtl.images import CoreProgram, layouts
 from hw_model.values import Frozen
 
 WIDEST, PACKS = 4, (1, 2, 4)
-PRICE = 4.0
+PRICE = 2.0
 """Picojoules per recording that a square micrometre is worth."""
 SHARED = {"leaks": 99, "fires": 5}
 """Memories of constants, and how many of their first fields compartments of a kind have in common."""
@@ -202,5 +202,6 @@ def repeats(core: CoreProgram, sizes: Sizes, name: str, phase: int) -> float:
     bits = sum(field.width for field in layout.fields[: SHARED[name]])
     words = layout.pack({field.name: core.tables["compartments"][field.name] for field in layout.fields})[:, :bits]
     begin, end = core.ends[phase - 1] if phase else 0, core.ends[phase]
-    differs = np.r_[[True, True], (words[begin + 2 : end] != words[begin : end - 2]).any(axis=1)][: end - begin]
+    differs = (words[begin + 2 : end] != words[begin : max(end - 2, begin)]).any(axis=1)
+    differs = np.r_[[True, True], differs][: end - begin]
     return float(np.count_nonzero(differs | (np.arange(begin, end) % FLAGGED < 2))) * core.phases[phase].steps

@@ -11,7 +11,8 @@ import hw_model as hw
 from hw_model.description.chip import Macro
 from hw_model.errors import InputError
 from hw_model.rtl.device import on_core
-from hw_model.rtl.memory_plan import Array, Piece, arrays_of, check, plan
+from hw_model.rtl.images import CoreProgram
+from hw_model.rtl.memory_plan import Array, Piece, arrays_of, check, plan, repeats
 from locsnn_compile.cli.compile import main as compile_main
 
 CHIP = hw.chip("locsnn-130nm")
@@ -133,3 +134,23 @@ def test_the_folder_of_a_chip_has_the_plan(tmp_path):
     assert head == "memory,copies,macro,first word,words to the next row,rows,words in a row,first bit,bits"
     assert {row.split(",")[0] for row in rows} >= {"axons", "synapses", "charges", "states", "leaks_same", "fires_own"}
     assert [row for row in rows if row.startswith("charges")] == ["charges,2,latches 512x16,0,1,512,1,0,16"]
+
+
+def test_shared_words_that_repeat_are_not_read_again():
+    core = program_on_core(8)
+    # Every other compartment is of a kind; a phase without compartments reads nothing.
+    assert repeats(core, CHIP.open_core, "leaks", 0) == 2 * 10
+    assert repeats(core, CHIP.open_core, "leaks", 1) == 0
+
+
+def program_on_core(compartments: int) -> CoreProgram:
+    """Return compartments of two kinds in turn, which take ten steps."""
+    b = hw.ProgramBuilder(hw.chip("loihi-sim"), name="turns")
+    x = b.add_input("x", 1)
+    y = b.add_compartments("y", compartments, decay_u=[100, 200] * (compartments // 2), threshold=4)
+    b.connect(x, y, [[2]] * compartments)
+    b.read_out(y)
+    core = CoreProgram(b.build(), 10)
+    core.ends.append(core.ends[-1])
+    core.phases = (*core.phases, core.phases[0])
+    return core
