@@ -185,7 +185,7 @@ def _whole(where: str, key: str, value: Any, shape: tuple[int, ...]) -> IntArray
 
 
 def _wrong_shape(where: str, key: str, given: tuple[int, ...], shape: tuple[int, ...]) -> InputError:
-    order = "n_target rows and n_source columns" if len(shape) == 2 else "one value a compartment"
+    order = "n_target rows and n_source columns" if len(shape) == 2 else "one value per compartment"
     return InputError(where, f"{key} has the wrong shape", measured=f"{given} against {shape}", fix=f"Give {order}.")
 
 

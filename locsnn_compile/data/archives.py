@@ -79,7 +79,8 @@ def _chosen(members: Members, split: str | None) -> list[str]:
 
 
 def _several(members: Members, kinds: str) -> InputError:
-    return InputError(members.where, "its recordings are of several kinds", measured=kinds, fix="Give those of one.")
+    fix = "Give recordings of one kind."
+    return InputError(members.where, "its recordings are of several kinds", measured=kinds, fix=fix)
 
 
 def _read(members: Members, names: list[str], binning: Binning) -> tuple[ByteArray, float | None, Binned | None]:
@@ -97,14 +98,14 @@ def _read(members: Members, names: list[str], binning: Binning) -> tuple[ByteArr
         else:
             array = to_step_major(array, place, binning.channels, binning.axes)
             if len(array) != 1:
-                fix = "Give one a file."
+                fix = "Give one per file."
                 raise InputError(place, "it is not one recording", measured=f"{len(array)} inside", fix=fix)
             arrays.append(clean_spikes(place, array)[0])
             _check_fits(arrays, len(names), members.where, place)
     if not arrays:
         spans = [one.span_seconds for one in streams]
         if None in spans and set(spans) != {None}:
-            place, what = members.place(names[spans.index(None)]), "there is no .startend file of it, but of others"
+            place, what = members.place(names[spans.index(None)]), "it has no .startend file, although others have one"
             raise InputError(place, what, fix=f"Give it in folder {TIMES!r}, or leave the recording out.")
         return bin_streams(streams, [members.place(name) for name in names], members.where, binning)
     if streams:

@@ -203,7 +203,8 @@ def _streams(group: Group, where: str) -> list[EventStream]:
         if not good.all():
             at = int(np.argmin(good))
             measured, fix = f"spike {at}: {row[at]} s, unit {unit[at]}", "Give seconds from 0 on, and whole numbers."
-            raise InputError(f"{where}, recording {index}", "it holds no time and channel", measured=measured, fix=fix)
+            what = "it does not hold a time and a channel"
+            raise InputError(f"{where}, recording {index}", what, measured=measured, fix=fix)
         none = np.zeros(len(row), dtype=np.int64)
         streams.append(EventStream(np.rint(row * MICROSECONDS).astype(np.int64), unit.astype(np.int64), none, none))
     return streams

@@ -72,7 +72,7 @@ def parse_slayer_events(data: bytes, suffix: str, where: str) -> EventStream:
     Any five bytes are an event. Raises ``InputError`` for bytes that end within an event.
     """
     if len(data) % EVENT_BYTES:
-        measured = f"{len(data)} bytes, {EVENT_BYTES} an event"
+        measured = f"{len(data)} bytes, {EVENT_BYTES} per event"
         raise InputError(where, "it ends within an event", measured=measured, fix="Give a whole file.")
     fields = np.frombuffer(data, dtype=np.uint8).reshape(-1, EVENT_BYTES).astype(np.int64).T
     times = (fields[2] & 0x7F) << 16 | fields[3] << 8 | fields[4]

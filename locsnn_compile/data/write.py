@@ -87,7 +87,7 @@ def _check_label(path: Path, recordings: Recordings, where: str) -> None:
     label = label_in_name(path.name) if len(recordings) == 1 else None
     wanted = None if recordings.labels is None else recordings.labels.tolist()
     if wanted != (None if label is None else [label]):
-        what = "labels are not held by it, and its name does not say these"
+        what = "it cannot hold labels, and its name does not have these"
         measured = "none" if wanted is None else f"{len(wanted)} of them" if len(wanted) > 1 else f"{wanted[0]}"
         fix = "Write .npz, .pt, a folder or .zip, or one recording with _label_<k> in its name."
         raise InputError(where, what, measured=measured, fix=fix)
@@ -147,7 +147,7 @@ def _tact_files(recordings: Recordings, index: int, stem: str, where: str) -> di
     spikes = recordings.spikes[index]
     if spikes.shape[1] not in (CHANNELS, CHANNELS // 2):
         measured = f"{spikes.shape[1]} channels against {CHANNELS // 2} or {CHANNELS}"
-        raise InputError(where, "raw text is of one or two fingertips", measured=measured, fix="Write .npz.")
+        raise InputError(where, "raw text holds one or two fingertips", measured=measured, fix="Write .npz.")
     if not spikes.any():
         raise InputError(where, f"recording {index} is silent, which raw text cannot say", fix="Write .npz.")
     return {f"{stem}.tact": tact_text(spikes, _width(recordings)), f"{stem}.startend": b"grasping 0\n"}

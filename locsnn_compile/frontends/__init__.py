@@ -57,7 +57,7 @@ def load(
     given = {"config": config, "dt": dt, "reset": reset, "discretisation": discretisation, "kernels": kernels}
     for name, value in given.items():
         if value is not None and name not in _OPTIONS[kind]:
-            raise InputError(where, f"{name} was given, but {kind} says this itself", fix=f"Leave {name} out.")
+            raise InputError(where, f"{name} was given, but {kind} contains this itself", fix=f"Leave {name} out.")
     if kind == _SLAYER:
         from locsnn_compile.frontends.slayer.to_network import load_slayer
 

@@ -81,7 +81,7 @@ def network_of(checkpoint: Checkpoint) -> Network:
     description = checkpoint.description
     if not description.structure.spiking:
         what = f"a {description.architecture!r} has no spiking neurons, so no chip program can be made of it"
-        fix = "Train a spiking network; of this one, operations are counted only."
+        fix = "Train a spiking network; for this one, only operations are counted."
         raise TargetError(f"model {description.name!r}", what, fix=fix)
     parts = Parts()
     _add_branches(parts, checkpoint)

@@ -22,7 +22,7 @@ MAX_SIZE = 1_000_000
 def check_shape(shape: Shape, where: str) -> None:
     """Refuse a layer without neurons or lines, or with too many."""
     if math.prod(shape) > MAX_SIZE or min(shape, default=0) < 1:
-        raise InputError(where, "no size to work with", measured=f"{shape} against 1 to {MAX_SIZE}", fix="Correct.")
+        raise InputError(where, "its size is out of range", measured=f"{shape} against 1 to {MAX_SIZE}", fix="Correct.")
 
 
 def check_entries(entries: int, where: str) -> None:
@@ -125,4 +125,4 @@ def _check_convolution(weight: AnyArray, input_shape: Shape, window: Window, gro
     if padding == "same" and set(stride) != {1}:
         raise InputError(where, "padding 'same' needs stride 1", measured=f"{stride}", fix="Give numbers.")
     if padding not in ("same", "valid") if isinstance(padding, str) else min(padding) < 0 or max(padding) > 10_000:
-        raise InputError(where, "no such padding", measured=f"{padding!r}"[:80], fix="Give numbers from 0 on.")
+        raise InputError(where, "its padding is not valid", measured=f"{padding!r}"[:80], fix="Give numbers from 0 on.")

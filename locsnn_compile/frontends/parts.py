@@ -67,7 +67,7 @@ def eight_bit_signs(mantissa: Matrix, where: str, limits: str, fix: str) -> Sign
     if -256 <= low and high <= 254 and not (values % 2).any():
         return "mixed"
     if max(-low, high) > 255:
-        what, measured = "a weight is out of an 8-bit synapse's range", f"{low}..{high} against {limits}"
+        what, measured = "a weight does not fit an 8-bit synapse", f"{low}..{high} against {limits}"
         raise InputError(where, what, measured=measured, fix=fix)
     return "apart"
 

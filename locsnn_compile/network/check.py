@@ -58,7 +58,8 @@ def _check_start(view: InputView, network: Network) -> None:
     """Views of a phase must start together, and nothing may act before the touch: the chip does not run then."""
     where, events = f"input {view.name!r}", view.align_events
     if any(other.align_events != events for other in network.views if other.phase == view.phase):
-        raise InputError(where, f"others of the {view.phase} phase start elsewhere", fix="Start them at equal events.")
+        what, fix = f"other inputs of the {view.phase} phase start elsewhere", "Give them the same align_events."
+        raise InputError(where, what, fix=fix)
     if events is None:
         return
     if events < 1:
@@ -86,7 +87,7 @@ def _check_view(view: InputView, network: Network) -> None:
         measured = f"{view.together} of {network.channels} channels on {view.lines} lines"
         raise InputError(where, what, measured=measured, fix="Give lines for every time step of each.")
     if view.silence < 0:
-        raise InputError(where, "less than no silence", measured=f"{view.silence} steps", fix="Give 0 or more.")
+        raise InputError(where, "its silence is negative", measured=f"{view.silence} steps", fix="Give 0 or more.")
 
 
 def _check_neuron(population: Population) -> None:
@@ -94,10 +95,10 @@ def _check_neuron(population: Population) -> None:
     parameters = neuron.parameters(population.size)
     for key, values, shape, _ in parameters:
         if values.shape not in ((), shape):
-            fix = "Give one number a neuron."
+            fix = "Give one number per neuron."
             raise InputError(where, f"{key} has the wrong shape", measured=f"{values.shape} against {shape}", fix=fix)
     if neuron.dendrites < 1:
-        raise InputError(where, "neurons without a dendrite", measured=f"{neuron.dendrites}", fix="Give 1 or more.")
+        raise InputError(where, "its neurons have no dendrite", measured=f"{neuron.dendrites}", fix="Give 1 or more.")
     for key, values, _, must in parameters:
         if must is None:
             continue
@@ -136,7 +137,7 @@ def _check_joint(projection: Projection | ChipProjection, ends: _Ends, neurons: 
 
 def _check_values(projection: Projection | ChipProjection, shape: tuple[int, int]) -> None:
     where, weights = projection.where, projection.held
-    fix = "Give one row a target and one column a source."
+    fix = "Give one row per target and one column per source."
     check_same(weights.shape, shape, where, "the weights have the wrong shape", fix=fix)
     if not np.isfinite(values_of(weights)).all():
         raise InputError(where, "a weight is not a finite number", fix="Train again, with a lower learning rate.")

@@ -223,6 +223,6 @@ def spread(value: ArrayLike, size: int, dtype: type[Number]) -> npt.NDArray[Numb
     given = whole_numbers(array) if issubclass(dtype, np.integer) else array
     if given.shape not in ((), (1,), (size,)):
         measured = f"{given.shape} against ({size},)"
-        fix = "Give one number a neuron."
+        fix = "Give one number per neuron."
         raise InputError("neurons", "a parameter has the wrong shape", measured=measured, fix=fix)
     return sealed(np.broadcast_to(given, (size,)).astype(dtype))

@@ -113,7 +113,7 @@ def held_matrix(given: Any, where: str) -> Matrix:
     try:
         return matrix(given, np.float64)
     except (TypeError, ValueError):
-        fix = "Give one row a target and one column a source."
+        fix = "Give one row per target and one column per source."
         raise InputError(where, "the weights are not an array of numbers", fix=fix) from None
 
 

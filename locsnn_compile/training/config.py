@@ -79,7 +79,7 @@ CLASS_ORDER = Need(
 NEIGHBOURS = Need(lambda c, _: c.neighbour_smoothing > 0, "neighbours get no share", "Add neighbour_smoothing.")
 
 
-class TrainingConfig(Checked, Shown, eq=True):
+class TrainingConfig(Shown, Checked, eq=True):
     """A training run, except for its data.
 
     - ``location_weight``: lambda of the weighted loss. ``branch_loss``: this share of the loss is the mean of the

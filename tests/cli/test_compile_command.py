@@ -267,7 +267,7 @@ BAD_OPTIONS = [
     ("channels", lambda t: ("--events", wrong_channels(t)), "events 'wide.npy': the channel count differs from the model's (156 channels against 78). Give recordings of shape (samples, steps, 78)."),
     ("strategy", lambda t: ("--strategy", "dendrites"), "--strategy dendrites: it is not known. Did you mean 'dendrite'?"),
     ("bits", lambda t: ("--weight-bits", "7"), "--weight-bits: no synapse format has 7 bits. Choose one of 1, 2, 3, 4, 5, 6, 8."),
-    ("config", lambda t: ("--config", "net.yaml"), "model 'objects-hybrid.pt': config was given, but a checkpoint says this itself. Leave config out."),
+    ("config", lambda t: ("--config", "net.yaml"), "model 'objects-hybrid.pt': config was given, but a checkpoint contains this itself. Leave config out."),
     ("emit", lambda t: ("--emit", "programm"), "--emit programm: it is not known. Did you mean 'program'?"),
     ("probe", lambda t: ("--probe", "time_output[3]"), "--probe: nothing emitted shows a neuron. Add --emit vcd."),
     ("probed", lambda t: ("--emit", "vcd", "--probe", "time_outptu[3]"), "probe 'time_outptu[3]': there is no population 'time_outptu'. Did you mean 'time_output'?"),

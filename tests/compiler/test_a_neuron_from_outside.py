@@ -73,7 +73,7 @@ FAULTS = [
     (
         "shape",
         {"step": np.full(3, 0.5)},
-        "population 'n': step has the wrong shape ((3,) against (2,)). Give one number a neuron.",
+        "population 'n': step has the wrong shape ((3,) against (2,)). Give one number per neuron.",
     ),
     (
         "size",

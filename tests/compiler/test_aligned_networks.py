@@ -180,7 +180,7 @@ def two_starts():
         ),
         (
             two_starts(),
-            "input 'touch': others of the time phase start elsewhere. Start them at equal events.",
+            "input 'touch': other inputs of the time phase start elsewhere. Give them the same align_events.",
         ),
         (
             aligned(hybrid(), 0),

@@ -182,16 +182,16 @@ READOUT = "readout: it does not add up scores of populations of one size"
 ONE_SIZE = "Name populations of one size, each with its weight."
 ONE = lc.Projection("touch", "hidden", np.ones((3, 4)))
 BROKEN = [
-    ("weights that are words", lambda: lc.Projection("touch", "hidden", [["a"]]), "projection 'touch' -> 'hidden': the weights are not an array of numbers. Give one row a target and one column a source."),
-    ("rows of two lengths", lambda: lc.Projection("touch", "hidden", [[1.0], [1.0, 2.0]]), "projection 'touch' -> 'hidden': the weights are not an array of numbers. Give one row a target and one column a source."),
-    ("parameters of other neurons", lambda: lc.Cuba.of(3, decay_v=[0.1, 0.2], threshold=1.0), "neurons: a parameter has the wrong shape ((2,) against (3,)). Give one number a neuron."),
-    ("weights the other way round", lambda: lc.compile(by_hand(projections=(replace(ONE, weights=np.ones((4, 3))),))), "projection 'touch' -> 'hidden': the weights have the wrong shape ((4, 3) against (3, 4)). Give one row a target and one column a source."),
+    ("weights that are words", lambda: lc.Projection("touch", "hidden", [["a"]]), "projection 'touch' -> 'hidden': the weights are not an array of numbers. Give one row per target and one column per source."),
+    ("rows of two lengths", lambda: lc.Projection("touch", "hidden", [[1.0], [1.0, 2.0]]), "projection 'touch' -> 'hidden': the weights are not an array of numbers. Give one row per target and one column per source."),
+    ("parameters of other neurons", lambda: lc.Cuba.of(3, decay_v=[0.1, 0.2], threshold=1.0), "neurons: a parameter has the wrong shape ((2,) against (3,)). Give one number per neuron."),
+    ("weights the other way round", lambda: lc.compile(by_hand(projections=(replace(ONE, weights=np.ones((4, 3))),))), "projection 'touch' -> 'hidden': the weights have the wrong shape ((4, 3) against (3, 4)). Give one row per target and one column per source."),
     ("scores of nobody", lambda: lc.compile(by_hand(readout=lc.Readout(("score",), (1.0,)))), f"{READOUT} (populations ('score',), sizes [], weights (1.0,)). {ONE_SIZE}"),
     ("scores of two sizes", lambda: lc.compile(by_hand(readout=lc.Readout(("scores", "hidden"), (1.0, 1.0)))), f"{READOUT} (populations ('scores', 'hidden'), sizes [2, 3], weights (1.0, 1.0)). {ONE_SIZE}"),
     ("scores without weights", lambda: lc.compile(by_hand(readout=lc.Readout(("scores",), ()))), f"{READOUT} (populations ('scores',), sizes [2], weights ()). {ONE_SIZE}"),
     ("scores that are no numbers", lambda: lc.compile(by_hand(readout=lc.Readout(("scores",), (float("nan"),)))), f"{READOUT} (populations ('scores',), sizes [2], weights (nan,)). {ONE_SIZE}"),
     ("scores beyond measure", lambda: lc.compile(by_hand(readout=lc.Readout(("scores",), (1e300,)))), "readout: a weight is too large a number to compute with (1e+300 against 1e-100 to 1e+100). Give it in other units."),
-    ("complex weights", lambda: lc.Projection("touch", "hidden", [[1j]]), "projection 'touch' -> 'hidden': the weights are not an array of numbers. Give one row a target and one column a source."),
+    ("complex weights", lambda: lc.Projection("touch", "hidden", [[1j]]), "projection 'touch' -> 'hidden': the weights are not an array of numbers. Give one row per target and one column per source."),
     ("no scores", lambda: lc.compile(by_hand(readout=lc.Readout((), ()))), f"{READOUT} (populations (), sizes [], weights ()). {ONE_SIZE}"),
 ]  # fmt: skip
 

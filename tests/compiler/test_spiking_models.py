@@ -124,5 +124,5 @@ def test_artificial_networks_are_not_compiled(name: str) -> None:
         network_of(checkpoint(trained(name)))
     assert str(caught.value) == (
         f"model 'model': a {name!r} has no spiking neurons, so no chip program can be made of it. "
-        "Train a spiking network; of this one, operations are counted only."
+        "Train a spiking network; for this one, only operations are counted."
     )

@@ -64,7 +64,7 @@ def test_a_bin_file_that_ends_within_an_event(tmp_path: Path) -> None:
     (tmp_path / "a.bin").write_bytes(packed(EVENTS)[:-1])
     with pytest.raises(InputError) as caught:
         read_recordings(tmp_path / "a.bin")
-    assert str(caught.value) == "file 'a.bin': it ends within an event (14 bytes, 5 an event). Give a whole file."
+    assert str(caught.value) == "file 'a.bin': it ends within an event (14 bytes, 5 per event). Give a whole file."
 
 
 def test_events_beside_the_grid_are_refused(tmp_path: Path) -> None:

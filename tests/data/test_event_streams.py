@@ -169,7 +169,7 @@ def test_a_network_says_how_many_channels_there_are(tmp_path: Path) -> None:
 
 FIELDS = "Give the fields t (microseconds), x, y where there is one, and p (0 or 1)."
 BAD: list[tuple[str, Callable[[Path], Path], dict[str, Any], str]] = [
-    ("half an event", put("a.bs1", bs1((0, 0, 0)) + b"ab"), {}, "file 'a.bs1': it ends within an event (7 bytes, 5 an event). Give a whole file."),
+    ("half an event", put("a.bs1", bs1((0, 0, 0)) + b"ab"), {}, "file 'a.bs1': it ends within an event (7 bytes, 5 per event). Give a whole file."),
     ("no events", put("a.bs1", b""), {}, "file 'a.bs1': no events inside. Give a recording with events."),
     ("no events, but steps", put("a.bs2", b""), {"steps": 4}, "file 'a.bs2': no events inside. Give a recording with events."),
     ("a channel too high", put("a.bs1", bs1((78, 0, 0))), {"channels": 78}, "file 'a.bs1': it has events of channels that are not asked for (channel 78 against 0..77). Give events of this sensor, or more channels."),
@@ -186,10 +186,10 @@ BAD: list[tuple[str, Callable[[Path], Path], dict[str, Any], str]] = [
     ("a text as place", put_npy(structured([(0, "a", 1)], [("t", "i8"), ("x", "U3"), ("p", "i1")])), {}, f"file 'a.npy': its field 'x' is not one number (<U3). {FIELDS}"),
     ("a vector as place", put_npy(np.zeros(2, dtype=[("t", "i8"), ("x", "i8", (3,)), ("p", "i1")])), {}, f"file 'a.npy': its field 'x' is not one number (int64). {FIELDS}"),
     ("a pickle in a field", put_npy(np.zeros(2, dtype=[("t", "O"), ("x", "i8"), ("p", "i1")])), {}, "file 'a.npy': its values are not numbers (dtype [('t', 'O'), ('x', '<i8'), ('p', 'i1')]). Write it again with numpy.save."),
-    ("several kinds", put_folder(a__bs1=bs1((0, 0, 0)), b__bs2=bs2((0, 0, 0, 0))), {}, "folder 'set': its recordings are of several kinds (.bs1, .bs2). Give those of one."),
+    ("several kinds", put_folder(a__bs1=bs1((0, 0, 0)), b__bs2=bs2((0, 0, 0, 0))), {}, "folder 'set': its recordings are of several kinds (.bs1, .bs2). Give recordings of one kind."),
     ("a name twice", zip_of([("a.bs1", 0o644), ("a.bs1", 0o644)]), {}, "archive 'a.zip': it holds 'a.bs1' twice. Fetch the archive again."),
     ("a link in an archive", zip_of([("a.bs1", stat.S_IFLNK | 0o777)]), {}, "archive 'a.zip': 'a.bs1' is a link, and links are not followed. Store the file itself."),
-    ("half an event in a folder", put_folder(a__bs1=b"abc"), {}, "folder 'set', 'a.bs1': it ends within an event (3 bytes, 5 an event). Give a whole file."),
+    ("half an event in a folder", put_folder(a__bs1=b"abc"), {}, "folder 'set', 'a.bs1': it ends within an event (3 bytes, 5 per event). Give a whole file."),
     ("text that is too long", put("a.tact", b"1 1 0\n" * 2_000_000), {}, "file 'a.tact': it is too large (12000000 bytes against 10000000). Give one recording."),
 ]  # fmt: skip
 

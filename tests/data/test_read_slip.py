@@ -63,7 +63,7 @@ def test_a_file_beside_the_recording_counts_first(tmp_path: Path) -> None:
     [
         pytest.param(
             None,
-            "folder 'aces_recordings', 'rotate_01.tact': there is no .startend file of it, but of others. "
+            "folder 'aces_recordings', 'rotate_01.tact': it has no .startend file, although others have one. "
             "Give it in folder 'traj_start_ends', or leave the recording out.",
             id="missing",
         ),

@@ -79,7 +79,7 @@ def text(path: Path) -> None:
         file["spikes"], file["class_names"] = np.ones((1, 3, 4)), [1, 2]
 
 
-PLACE = "file 'a.h5', recording 0: it holds no time and channel"
+PLACE = "file 'a.h5', recording 0: it does not hold a time and a channel"
 WAY = "Give seconds from 0 on, and whole numbers."
 
 

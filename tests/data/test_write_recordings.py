@@ -70,7 +70,7 @@ def test_sets_come_back(tmp_path: Path, recordings: Recordings, kind: str, suffi
         with pytest.raises(InputError) as caught:
             write_recordings(path, recordings, members=members)
         assert str(caught.value) == (
-            f"file '{path.name}': raw text is of one or two fingertips (100 channels against 78 or 156). Write .npz."
+            f"file '{path.name}': raw text holds one or two fingertips (100 channels against 78 or 156). Write .npz."
         )
         assert not list(tmp_path.iterdir())
         return
@@ -137,9 +137,9 @@ REFUSED: list[tuple[str, str, Recordings, dict[str, Any], str]] = [
     ("an unknown ending", "a.xyz", TOUCHES, {}, "file 'a.xyz': files ending in '.xyz' are not written. Choose one of: .bs1, .bs2, .npy, .npz, .pt, .tact, .zip."),
     ("an unknown kind", "a.zip", TOUCHES, {"members": "bs"}, "members: 'bs' is not known. Did you mean 'bs2'?"),
     ("several in one", "a.bs1", TOUCHES, {}, "file 'a.bs1': it holds one recording (got 3). Write a folder or .zip, with members."),
-    ("labels of an array", "a.npy", TOUCHES, {}, "file 'a.npy': labels are not held by it, and its name does not say these (3 of them). Write .npz, .pt, a folder or .zip, or one recording with _label_<k> in its name."),
-    ("a label that is not in the name", "a.bs1", TOUCHES.subset([2]), {}, "file 'a.bs1': labels are not held by it, and its name does not say these (2). Write .npz, .pt, a folder or .zip, or one recording with _label_<k> in its name."),
-    ("a label only in the name", "a_label_1.tact", SILENT, {}, "file 'a_label_1.tact': labels are not held by it, and its name does not say these (none). Write .npz, .pt, a folder or .zip, or one recording with _label_<k> in its name."),
+    ("labels of an array", "a.npy", TOUCHES, {}, "file 'a.npy': it cannot hold labels, and its name does not have these (3 of them). Write .npz, .pt, a folder or .zip, or one recording with _label_<k> in its name."),
+    ("a label that is not in the name", "a.bs1", TOUCHES.subset([2]), {}, "file 'a.bs1': it cannot hold labels, and its name does not have these (2). Write .npz, .pt, a folder or .zip, or one recording with _label_<k> in its name."),
+    ("a label only in the name", "a_label_1.tact", SILENT, {}, "file 'a_label_1.tact': it cannot hold labels, and its name does not have these (none). Write .npz, .pt, a folder or .zip, or one recording with _label_<k> in its name."),
     ("silence as text", "a.tact", SILENT, {}, "file 'a.tact': recording 0 is silent, which raw text cannot say. Write .npz."),
     ("silence at the start of one text", "a_label_4.tact", sparse(78).subset([0]), {}, "file 'a_label_4.tact': its first steps are silent, and without a .startend file a recording begins with its first event. Write a folder or .zip with members tact."),
     ("times after 23 bits", "a.zip", sparse(4 * 39, steps=500), {"members": "bs1"}, "file 'a.zip': an event's microsecond does not fit its bits (9910000 against 8388607). Write .npz."),

@@ -72,10 +72,10 @@ BROKEN = [
     ("a negative tau", put("node/nodes/lif/tau", np.full(12, -1e-3)), "model 'model.nir', node 'lif': tau must be above 0 (-0.001). Correct it."),
     ("a tau below a step", put("node/nodes/lif/tau", np.full(12, 1e-4)), "model 'model.nir', node 'lif': tau is shorter than a step (0.0001 s against 0.001 s). Give a smaller --dt, or --discretisation exact or hold."),
     ("a threshold below the reset", put("node/nodes/lif/v_reset", np.full(12, 2.0)), "model 'model.nir', node 'lif': the threshold is not above the reset (by -1). Train with a threshold above v_reset and v_leak, and above 0."),
-    ("too few parameters", put("node/nodes/lif/tau", np.full(5, 1e-2)), "model 'model.nir', node 'lif': tau is not one number a neuron ((5,) against 12). Give as many."),
+    ("too few parameters", put("node/nodes/lif/tau", np.full(5, 1e-2)), "model 'model.nir', node 'lif': tau is not one number per neuron ((5,) against 12). Give as many."),
     ("an integrator", put("node/nodes/lif/type", "I"), "model 'model.nir', node 'lif': an integrator without leak or threshold overflows every register. Take an LI with a long tau, or an IF."),
-    ("weights that do not fit", put("node/nodes/fc/weight", np.ones((12, 9))), "model 'model.nir', node 'fc': it is given another size (10 against 9). Correct its weight."),
-    ("an output of weights", edges(("input", "lif"), ("lif", "fc"), ("fc", "output")), "model 'model.nir', node 'lif': its parameters do not fit what it is given ((12,) against (10,)). Give one number a neuron."),
+    ("weights that do not fit", put("node/nodes/fc/weight", np.ones((12, 9))), "model 'model.nir', node 'fc': its input has another size (10 against 9). Correct its weight."),
+    ("an output of weights", edges(("input", "lif"), ("lif", "fc"), ("fc", "output")), "model 'model.nir', node 'lif': its parameters do not fit what it is given ((12,) against (10,)). Give one number per neuron."),
     ("a link out of the file", lambda f: (f.__delitem__("node/nodes/fc/weight"), f["node/nodes/fc"].__setitem__("weight", h5py.ExternalLink("/etc/passwd", "/"))), "model 'model.nir', node 'fc': 'weight' is a link, and links are not followed. Store the data itself."),
     ("no graph", lambda f: f.__delitem__("node"), "model 'model.nir': it holds neither a NIR graph nor a lava-dl network. Give a checkpoint (.pt) that `locsnn train` wrote, a NIR graph (.nir), or a lava-dl network (.net)."),
 ]  # fmt: skip
@@ -91,8 +91,8 @@ def test_a_broken_graph_is_one_line(change, message, tmp_path):
 OPTIONS = [
     ("another reset", {"reset": "zeros"}, "reset 'zeros': is not known. Did you mean 'zero'?"),
     ("another discretisation", {"discretisation": "exakt"}, "discretisation 'exakt': is not known. Did you mean 'exact'?"),
-    ("no time", {"dt": 0.0}, "dt: a step must last more than 0 s (0). Give seconds a step."),
-    ("a config", {"config": "net.yaml"}, "model 'model.nir': config was given, but a NIR graph says this itself. Leave config out."),
+    ("no time", {"dt": 0.0}, "dt: a step must last more than 0 s (0). Give the seconds per step."),
+    ("a config", {"config": "net.yaml"}, "model 'model.nir': config was given, but a NIR graph contains this itself. Leave config out."),
 ]  # fmt: skip
 
 

@@ -120,7 +120,7 @@ def test_pooling_of_an_image_that_no_windows_fill_goes_on_in_silence(tmp_path):
 REFUSED = [
     ("a graded spike", [dense(RNG, 3, 4, neuron=neuron(gradedSpike=True) | {"gradedSpike": True})], ", layer 0: its spikes are graded. Train with graded_spike=False."),
     ("a neuron of another kind", [dense(RNG, 3, 4, neuron=neuron(kind="SDNN"))], ", layer 0: 'SDNN' neurons have no single compartment on the chip. Use CUBA neurons."),
-    ("a weight out of range", [dense(RNG, 3, 4, weight=np.full((3, 4), 300.0))], ", layer 0: a weight is out of an 8-bit synapse's range (0..300 against -256..254, even, or -255..255). Export it again, with quantised weights."),
+    ("a weight out of range", [dense(RNG, 3, 4, weight=np.full((3, 4), 300.0))], ", layer 0: a weight does not fit an 8-bit synapse (0..300 against -256..254, even, or -255..255). Export it again, with quantised weights."),
     ("a fraction for a weight", [dense(RNG, 3, 4, weight=np.full((3, 4), 0.5))], ", layer 0: 'weight' is not made of integers (0.5). Export it again."),
     ("another input size", [{"type": "input", "shape": np.array([5])}, dense(RNG, 3, 4)], ", layer 1: its weight has the wrong shape ((3, 4) for 3 neurons and an input of (5,)). Export it again."),
     ("convT", [{"type": "convT", "shape": np.array([3])}], ", layer 0: 'convT' has no meaning on the chip. Replace it with a convolution."),
@@ -129,7 +129,7 @@ REFUSED = [
     ("a decay out of range", [dense(RNG, 3, 4, neuron=neuron(5000))], ", layer 0: iDecay is not a decay (5000..5000 against 0..4096). Correct."),
     ("a conv of stride 2 on its own", [CONV], ", layer 0: the shape of its input is not known. Export the input layer too."),
     ("a conv that is all padding", [CONV | {"stride": np.array([1, 1]), "padding": np.array([9, 9])}], ", layer 0: its padding is wider than its input ((9, 9)). Export it again."),
-    ("absurd sizes", [{"type": "input", "shape": np.array([2**40])}], ", layer 0: no size to work with ((1099511627776,) against 1 to 1000000). Correct."),
+    ("absurd sizes", [{"type": "input", "shape": np.array([2**40])}], ", layer 0: its size is out of range ((1099511627776,) against 1 to 1000000). Correct."),
 ]  # fmt: skip
 
 

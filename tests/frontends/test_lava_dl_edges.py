@@ -50,6 +50,6 @@ def test_the_lowest_weight_next_to_an_odd_one(tmp_path):
     with pytest.raises(lc.InputError) as caught:
         loaded(tmp_path, layer([[-256, 1]]))
     assert str(caught.value) == (
-        "model 'model.net', layer 0: a weight is out of an 8-bit synapse's range "
+        "model 'model.net', layer 0: a weight does not fit an 8-bit synapse "
         "(-256..1 against -256..254, even, or -255..255). Export it again, with quantised weights."
     )

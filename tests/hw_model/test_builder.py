@@ -97,7 +97,7 @@ MISTAKES = [
     ("nan", {"weights": [[float("nan"), 2]]}, "synapses 'x' -> 'n': weights has values that are not whole numbers. Quantise them first."),
     ("shape", {"weights": [[2], [2]]}, "synapses 'x' -> 'n': weights has the wrong shape ((2, 1) against (1, 2)). Give n_target rows and n_source columns."),
     ("sparse shape", {"weights": sparse.csr_array(np.eye(2, dtype=int))}, "synapses 'x' -> 'n': weights has the wrong shape ((2, 2) against (1, 2)). Give n_target rows and n_source columns."),
-    ("parameter shape", {"parameters": {"decay_u": [1, 2]}}, "compartments 'n': decay_u has the wrong shape ((2,) against (1,)). Give one value a compartment."),
+    ("parameter shape", {"parameters": {"decay_u": [1, 2]}}, "compartments 'n': decay_u has the wrong shape ((2,) against (1,)). Give one value per compartment."),
     ("bits", {"weight_bits": 7}, "weight bits: no synapse format has 7 bits. Choose one of 1, 2, 3, 4, 5, 6, 8."),
     ("no bits", {"weight_bits": 0}, "weight bits: no synapse format has 0 bits. Choose one of 1, 2, 3, 4, 5, 6, 8."),
     ("rows", {"weights": [[2, 2], [2]]}, "ProgramBuilder.connect, weights: it is not an array: its rows differ in length. Make them equal."),

@@ -72,7 +72,7 @@ def test_an_artificial_one_is_refused_by_name(
     assert compile_main(["net.pt"]) == 1
     assert capsys.readouterr().err == (
         "model 'net': a 'gru-mlp' has no spiking neurons, so no chip program can be made of it. "
-        "Train a spiking network; of this one, operations are counted only.\n"
+        "Train a spiking network; for this one, only operations are counted.\n"
     )
     assert sorted(file.name for file in tmp_path.iterdir()) == [
         "net.csv",

@@ -78,7 +78,7 @@ def test_a_line_says_what_it_is(checkpoint: lc.Checkpoint) -> None:
         (lambda: lc.train(DATA.spikes), "recordings 'array': they have no labels to train on. Give labelled recordings."),
         (lambda: lc.train(DATA, 3), "train, config: it must be a TrainingConfig, Mapping, str or Path (got int 3). Correct it."),
         (lambda: lc.train(DATA, "no.yaml"), "config 'no.yaml': it cannot be read (No such file or directory). Check the path."),
-        (lambda: lc.load(lc.train(DATA, QUICK), dt=1e-3), "model 'model': dt was given, but a checkpoint says this itself. Leave dt out."),
+        (lambda: lc.load(lc.train(DATA, QUICK), dt=1e-3), "model 'model': dt was given, but a checkpoint contains this itself. Leave dt out."),
     ],
     ids=["an unknown option", "no labels", "a number", "no file", "an option of another format"],
 )  # fmt: skip

@@ -27,7 +27,7 @@ class NetLayer(Frozen, eq=False):
         """Return a dataset of whole numbers; ``InputError`` for other numbers."""
         values = self.values[name] if name in self.values else None
         if values is None or isinstance(values, str):
-            raise InputError(where, f"{name!r} is missing or no number", fix="Export it again with lava-dl.")
+            raise InputError(where, f"{name!r} is missing or not a number", fix="Export it again with lava-dl.")
         bad = values[(values != np.rint(values)) | (np.abs(values) > 2**40)]
         if bad.size:
             raise export_again(where, f"{name!r} is not made of integers", f"{bad.flat[0]:g}")

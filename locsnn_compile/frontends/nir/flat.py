@@ -185,7 +185,7 @@ def _joined(own: Shape, given: Shape, where: str) -> Shape:
             return given
     except ValueError:
         pass
-    fix = "Give one number a neuron."
+    fix = "Give one number per neuron."
     raise InputError(where, "its parameters do not fit what it is given", measured=f"{own} against {given}", fix=fix)
 
 
@@ -227,7 +227,7 @@ def _image(node: NirNode, given: Shape | None, where: str) -> Shape | None:
     if "input_shape" in node.parameters:
         return (weight.shape[1] * _ints(node, "groups", 1, where)[0], *_ints(node, "input_shape", axes, where))
     if given is not None and len(_unbatched(given, axes)) != axes + 1:
-        raise InputError(where, "it is given no image", measured=f"{given}", fix="Set its input_shape.")
+        raise InputError(where, "its input is not an image", measured=f"{given}", fix="Set its input_shape.")
     return None if given is None else _unbatched(given, axes)
 
 
@@ -241,7 +241,7 @@ def _convolved(node: NirNode, image: Shape, where: str) -> Layer:
 def _pooled(node: NirNode, given: Shape, where: str) -> Layer:
     image, kernel = _unbatched(given, 2), _ints(node, "kernel_size", 2, where)
     if len(image) != 3:
-        raise InputError(where, "it is given no image", measured=f"{given}", fix="Pool before flattening.")
+        raise InputError(where, "its input is not an image", measured=f"{given}", fix="Pool before flattening.")
     if min(kernel) < 1:
         raise InputError(where, "its kernel is smaller than 1", measured=f"{kernel}", fix="Correct it.")
     # An average divides by the size of the kernel, padding included, which is torch's default.

@@ -48,7 +48,7 @@ class NirNode(Frozen, eq=False):
         """Return a parameter with one number per neuron, or per ``of``, (size,); a single number stands for all."""
         values = self.array(name).astype(np.float64).reshape(-1)
         if values.size not in (1, size):
-            what, measured = f"{name} is not one number a {of}", f"{self.array(name).shape} against {size}"
+            what, measured = f"{name} is not one number per {of}", f"{self.array(name).shape} against {size}"
             raise InputError(where, what, measured=measured, fix="Give as many.")
         return np.broadcast_to(values, (size,))
 

@@ -96,7 +96,7 @@ def _step_seconds(dt: float | None, graph: NirGraph) -> float | None:
     if dt is None and held is not None and not isinstance(held, str) and held.size == 1:
         dt = float(held.reshape(-1)[0])
     if dt is not None and not (np.isfinite(dt) and 0 < dt <= 1e6):
-        raise InputError("dt", "a step must last more than 0 s", measured=f"{dt:g}", fix="Give seconds a step.")
+        raise InputError("dt", "a step must last more than 0 s", measured=f"{dt:g}", fix="Give the seconds per step.")
     return dt
 
 
@@ -168,7 +168,7 @@ def _arriving(flat: FlatGraph, signals: dict[str, Signal], name: str, where: str
         raise InputError(where, f"it takes the potential of {graded[0]!r}, and the chip sends spikes only", fix=fix)
     size = sizes.pop() if sizes else flat.size(name)
     if flat.nodes[name].kind in NEURONS:
-        check_same(size, flat.size(name), where, "it is given another size", fix="Correct it.")
+        check_same(size, flat.size(name), where, "its input has another size", fix="Correct it.")
     return Signal.total((signals[source] for source in sources), size)
 
 
@@ -182,7 +182,7 @@ def _passed(flat: FlatGraph, name: str, signal: Signal, dt: float, where: str) -
     if node.kind == "Delay":
         return signal.delayed(_delay_steps(node, size, dt, where))
     layer = flat.layers[name]
-    check_same(size, layer.weights.shape[1], where, "it is given another size", fix="Correct its weight.")
+    check_same(size, layer.weights.shape[1], where, "its input has another size", fix="Correct its weight.")
     return signal.through(layer.weights, layer.constant, where)
 
 
@@ -220,7 +220,7 @@ def _outputs(flat: FlatGraph, where: str) -> tuple[str, ...]:
         elif kind in ("Output", "Pass", "Flatten") and flat.sources[name]:
             waiting.extend(flat.sources[name])
         else:
-            what = f"the output is that of {kind}, and the chip's is spikes"
+            what = f"the output is that of {kind}, but the chip's is spikes"
             fix = "End the graph in a LIF, or in an LI whose potential is read."
             raise InputError(f"{where}, node {name!r}", what, fix=fix)
     outputs = tuple(dict.fromkeys(found))

@@ -131,7 +131,7 @@ def _entry(entry: Mapping[Any, Any], where: str, *, first: bool) -> LayerEntry:
     known = first == (kind == "input") and len(numbers) == _NUMBERS.get(kind) and "neuron" not in entry
     if not known or min(numbers) < 1:
         fix = "Give the input first, as 34x34x2, then 16c5z, 2a or 10."
-        raise InputError(where, f"dim {dim!r} is not read there", fix=fix)
+        raise InputError(where, f"dim {dim!r} is not supported there", fix=fix)
     if kind == "pool":
         return LayerEntry(kind, numbers, stride=numbers[0])
     if kind != "conv":

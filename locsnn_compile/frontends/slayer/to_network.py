@@ -83,7 +83,7 @@ def load_slayer(path: Path, config: Path, kernels: str | None = None) -> Network
     data = read_bytes(path, where)
     held = load_plain(data, where, fix=_FIX)
     if isinstance(held, dict) and held.get("format") == FORMAT:
-        raise InputError(where, "config was given, but a checkpoint says this itself", fix="Leave config out.")
+        raise InputError(where, "config was given, but a checkpoint contains this itself", fix="Leave config out.")
     description = read_config(config)
     tails: tuple[str, ...] = ()
     if kernels == "cut":
@@ -142,8 +142,8 @@ def _walk(order: str, channels: int | None, where: str) -> tuple[Any, int]:
     fingertips = touch_fingertips(count)
     if fingertips is None:
         if order != "loop":
-            fix = "Take loop."
-            raise InputError(where, f"order {order[:40]!r} is one of fingertips", measured=f"{count} channels", fix=fix)
+            what, measured = f"order {order[:40]!r} is only for fingertips", f"{count} channels"
+            raise InputError(where, what, measured=measured, fix="Take loop.")
         return np.arange(count), count
     return channel_walk(location_order(order, neutouch())[1], neutouch(fingertips)), count
 
@@ -225,7 +225,8 @@ def _attach(layers: list[_Layer], key: str, delay: Any, config: SlayerConfig, wh
             if (whole > DELAY_MAX).any():
                 layer.assumed += (f"Delays {key!r} above {DELAY_MAX} steps were cut to {DELAY_MAX}.",)
             return
-    raise InputError(where, "no layer gives as many spikes", measured=f"{steps.size} delays", fix="Give one a neuron.")
+    fix = "Give one per neuron."
+    raise InputError(where, "no layer gives as many spikes", measured=f"{steps.size} delays", fix=fix)
 
 
 def _weights(tensors: Mapping[str, Any], name: str, where: str) -> FloatArray:
