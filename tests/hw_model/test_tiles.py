@@ -91,25 +91,25 @@ def chunks_that_rest_in_turn() -> hw.ProgramBuilder:
     return builder
 
 
-def sums(bias: int) -> hw.ProgramBuilder:
+def sums(bias: int, decays: tuple[int, int] = (2000, 4096)) -> hw.ProgramBuilder:
     """A compartment that only adds up its children, or that has a bias also."""
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 3)
     soma = builder.add_compartments("soma", 20, threshold=150, bias=bias, **FORGETS)
-    for name, decay in (("a", 2000), ("b", 4096)):
+    for name, decay in zip("ab", decays, strict=True):
         child = builder.add_compartments(name, 20, decay_u=4096, decay_v=decay, threshold=0, joined_to=soma)
         builder.connect(x, child, np.full((20, 3), 100))
     return builder
 
 
-def pairs() -> hw.ProgramBuilder:
+def pairs(*decays: tuple[int, int]) -> hw.ProgramBuilder:
     """Two dendrites and their sum at the ends of a narrow voltage, at the threshold, and of decays of their own."""
     limits = {"threshold": 40, "vmin": 1 - 2**13, "vmax": 2**13 - 1}
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 3)
     soma = builder.add_compartments("soma", 20, **FORGETS, **limits)
-    for name, decays in (("a", (4096, 4096)), ("b", (1000, 300))):
-        child = builder.add_compartments(name, 20, decay_u=decays[0], decay_v=decays[1], joined_to=soma, **limits)
+    for name, (decay_u, decay_v) in zip("ab", decays, strict=True):
+        child = builder.add_compartments(name, 20, decay_u=decay_u, decay_v=decay_v, joined_to=soma, **limits)
         weights = np.add.outer(np.arange(20) * 4 - 40, [20, 8, -6 if name == "a" else 2])
         builder.connect(x, child, weights)
         builder.connect(soma, child, np.full((20, 20), -2))
@@ -135,8 +135,12 @@ PROGRAMS = {
     "chunks that rest in turn": chunks_that_rest_in_turn,
     "refractory": refractory,
     "sums": lambda: sums(0),
+    "sums of a slow one last": lambda: sums(0, (4096, 2000)),
     "sums with a bias": lambda: sums(640),
-    "pairs": pairs,
+    "pairs": lambda: pairs((4096, 4096), (1000, 300)),
+    "pairs that forget": lambda: pairs((4096, 4096), (4096, 4096)),
+    "pairs, the first slow": lambda: pairs((4096, 300), (4096, 4096)),
+    "pairs, the second slow": lambda: pairs((4096, 4096), (4096, 300)),
 }
 
 
