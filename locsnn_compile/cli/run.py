@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
             for found, added in _play(program, chain([recordings], chunks), args.engine, spread):
                 counts += added
                 tally.update(known=sum(row["label"] is not None for row in found), all=len(found))
-                tally.update(right=sum(row["prediction"] == row["label"] for row in found))
+                tally.update(right=sum(row["prediction"] == row["label"] and not row["tied"] for row in found))
                 rows += found if again or args.json else []
                 if progress:
                     progress(tally["all"], len(recordings) if again else None)
@@ -92,7 +92,8 @@ def run(args: argparse.Namespace) -> int:
 def recording_line(row: dict[str, Any]) -> str:
     """Return the outcome of a recording as one line."""
     label = "" if row["label"] is None else f"  label {row['label']}"
-    return f"recording {row['recording']}: class {row['prediction']}{label}  {row['spikes']} spikes"
+    predicted = "all classes tie" if row["tied"] else f"class {row['prediction']}"
+    return f"recording {row['recording']}: {predicted}{label}  {row['spikes']} spikes"
 
 
 def _summary(program: hw.ChipProgram, tally: Counter[str], counts: hw.Counts, totals: dict[str, float]) -> list[str]:
@@ -123,12 +124,20 @@ def _play(
 
 
 def _play_part(program: hw.ChipProgram, engine: Any, part: tuple[Any, Any]) -> tuple[list[dict[str, Any]], hw.Counts]:
-    """Play some recordings with their labels; return their rows and counts."""
+    """Play some recordings with their labels; return their rows and counts.
+
+    Where all classes tie, the prediction is the first class, but nothing is predicted: with a label, that is wrong.
+    """
     spikes, labels = part
     found = hw.simulate(program, spikes, engine=engine, probe=())
+    assert found.scores is not None  # a program without a readout has been refused
+    tied = (found.scores == found.scores[:, :1]).all(axis=1)
     labels = [None] * len(spikes) if labels is None else labels.tolist()
-    each = zip(found.prediction.tolist(), labels, found.per_recording, strict=True)
-    return [{"prediction": one, "label": label, "spikes": its.spikes} for one, label, its in each], found.counts
+    columns = (found.prediction.tolist(), tied.tolist(), labels, [counts.spikes for counts in found.per_recording])
+    rows = [
+        dict(zip(("prediction", "tied", "label", "spikes"), row, strict=True)) for row in zip(*columns, strict=True)
+    ]
+    return rows, found.counts
 
 
 def _check_options(args: argparse.Namespace) -> None:

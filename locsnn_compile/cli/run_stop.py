@@ -38,7 +38,8 @@ def find_stops(
         row["stop"] = {"step": step, "prediction": prediction}
     # JSON has no infinity: null means that no lead was enough.
     how = {} if margin is None else {**margin, "margin": margin["margin"] if np.isfinite(margin["margin"]) else None}
-    labels = recordings.labels
+    # A recording in which all classes tie at the end predicts nothing, so it counts as wrong wherever it stops.
+    labels = None if recordings.labels is None else np.where([row["tied"] for row in rows], -1, recordings.labels)
     return {
         "kind": args.stop,
         **how,

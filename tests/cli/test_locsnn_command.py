@@ -32,7 +32,7 @@ def test_run_predicts_as_the_report_counted(build, capsys, engine):
     assert main(["run", str(build / "out"), "--events", str(build / "few.npy"), "--engine", engine, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     report = json.loads((build / "out/report.json").read_text())
-    right = sum(row["prediction"] == row["label"] for row in found["recordings"])
+    right = sum(row["prediction"] == row["label"] and not row["tied"] for row in found["recordings"])
     assert right / 3 == report["accuracy"]["chip"]
     assert found["counts"]["spikes"] / 3 == report["operations"]["per_sample"]["spikes"]
     assert sum(found["energy_pj"].values()) / 3 == pytest.approx(report["energy"]["per_sample_pj"])
@@ -44,6 +44,22 @@ def test_run_prints_a_line_a_recording(build, capsys):
     assert [line.split(":")[0] for line in lines[:3]] == ["recording 0", "recording 1", "recording 2"]
     assert lines[3].startswith("accuracy ")
     assert "profile davies2018" in lines[4]
+
+
+def test_where_all_classes_tie_run_predicts_nothing_as_the_report_does(build, tmp_path, capsys):
+    np.save(tmp_path / "silent.npy", np.zeros((2, 78, 60), np.uint8))
+    np.save(tmp_path / "silent_labels.npy", np.array([0, 0]))  # the first class, which ties would go to
+    assert main(["run", str(build / "out"), "--events", str(tmp_path / "silent.npy")]) == 0
+    assert capsys.readouterr().out.splitlines()[:3] == [
+        "recording 0: all classes tie  label 0  0 spikes",
+        "recording 1: all classes tie  label 0  0 spikes",
+        "accuracy 0.000 on 2 recordings",
+    ]
+    stop = ["--stop", "silence", "--silence", "5"]
+    assert main(["run", str(build / "out"), "--events", str(tmp_path / "silent.npy"), "--json", *stop]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["recordings"][0]["tied"] is True
+    assert (found["stop"]["accuracy"], found["stop"]["whole_accuracy"]) == (0.0, 0.0)
 
 
 @pytest.mark.parametrize(
