@@ -9,8 +9,6 @@ from hw_model.rtl.memory_plan import Array, ways
 
 SWEPT = ("states",)
 """Memories that are swept in order, read and some cycles later written: while an even word is read an odd one is written."""
-ONE_AT_A_TIME = ("bitmap",)
-"""Memories that are never read while they are written, though a recording does both."""
 
 
 @dataclass(frozen=True)

@@ -31,21 +31,20 @@ class Split:
         return [(name + SAME, 0, self.shared), *([(name + OWN, self.shared, bits)] if self.shared < bits else [])]
 
 
-def splits(traffic: Mapping[str, Memory], sizes: Sizes) -> list[Split]:
+def splits(sizes: Sizes) -> list[Split]:
     """Return the memories that are split."""
     found = []
     for name, count in SHARED.items():
-        if name in traffic:
-            memory = traffic[name]
-            shared = sum(field.width for field in layouts(sizes)[name].fields[:count])
-            found.append(Split(Shape(name, memory.words, memory.bits, 1, single=memory.single), shared))
+        layout = layouts(sizes)[name]
+        shared = sum(field.width for field in layout.fields[:count])
+        found.append(Split(Shape(name, sizes.compartments, layout.width, 1), shared))
     return found
 
 
 def parts_of(traffic: Mapping[str, Memory], core: CoreProgram, sizes: Sizes) -> dict[str, Memory]:
     """Return the memories of the core after splitting, with what a recording does to each."""
     found = dict(traffic)
-    for split in splits(traffic, sizes):
+    for split in splits(sizes):
         memory = found.pop(split.shape.name)
         for name, low, high in split.parts:
             part = replace(memory, name=name, bits=high - low)

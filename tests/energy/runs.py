@@ -7,7 +7,7 @@ import pickle
 import tempfile
 import zipfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
 
@@ -26,7 +26,8 @@ from latches import Latches
 import hw_model as hw
 from hw_model.engine.playing import read_streams
 from hw_model.rtl.cosimulation import words_of
-from hw_model.rtl.images import CoreProgram, Sizes, layouts
+from hw_model.rtl.images import CoreProgram, Sizes, layouts, sizes_for
+from hw_model.rtl.memory_plan import PRICE
 
 ROOT = Path(__file__).parents[2]
 LIBRARY = ROOT.parent / "shared/data/ihp-sg13g2"
@@ -55,6 +56,27 @@ FOLDED = {"sums": 128}
 
 
 @dataclass(frozen=True)
+class Core:
+    """A core in macros: its parameters, words and compartments that memories hold, and words that share one."""
+
+    sizes: Sizes
+    held: Mapping[str, int]
+    compartments: int
+    folded: Mapping[str, int]
+
+
+OURS = Core(Sizes(**SIZES), HELD, COMPARTMENTS, FOLDED)
+
+
+def holding(program: CoreProgram) -> Core:
+    """Return the core that holds a larger program."""
+    needs = program.needs
+    held = {"axons": needs.axons, "synapses": needs.synapses // 2, "bitmap": needs.bitmap, "visit_list": needs.visits,
+            "tallies": needs.entries, **asdict(program.words)}  # fmt: skip
+    return Core(sizes_for(needs, Sizes(**SIZES)), held, needs.compartments, {})
+
+
+@dataclass(frozen=True)
 class Library:
     """The files of the process."""
 
@@ -80,18 +102,24 @@ class Built:
     """The core in cells and macros: netlist, times without wires and with those of the library's model."""
 
     def __init__(
-        self, files: Library, chosen: Sequence[memories.Choice | Latches], gated: bool, sources: Path = netlist.CORE
+        self,
+        files: Library,
+        chosen: Sequence[memories.Choice | Latches],
+        gated: bool,
+        sources: Path = netlist.CORE,
+        core: Core = OURS,
     ) -> None:
-        self.files, self.chosen, self.gated = files, chosen, gated
+        self.files, self.chosen, self.gated, self.core = files, chosen, gated, core
         texts = b"".join(p.read_bytes() for p in netlist.parts(sources))
         names = ("netlist.py", "memories.py", "latches.py", "repeats.py", "gates.py", "gates.cpp")
         made_by = b"".join((Path(__file__).parent / name).read_bytes() for name in names)
         plan = repr([(c.shape, c.text) for c in chosen])
-        key = hashlib.sha256(texts + made_by + repr((SIZES, SAVING, plan, gated)).encode()).hexdigest()[:12]
+        sizes = asdict(core.sizes)
+        key = hashlib.sha256(texts + made_by + repr((sizes, SAVING, plan, gated)).encode()).hexdigest()[:12]
         self.folder = KEPT / key
         if not (self.folder / "netlist.json").exists():
-            split = repeats.splits(counted(), Sizes(**SIZES))
-            netlist.synthesise(self.folder, SIZES | SAVING, chosen, split, files.folder / CELLS, gated, sources)
+            split = repeats.splits(core.sizes)
+            netlist.synthesise(self.folder, sizes | SAVING, chosen, split, files.folder / CELLS, gated, sources)
         self.netlist = netlist.load(self.folder / "netlist.json")
         self.circuit = gates.circuit(self.netlist, files.cells, files.macros)
         self.binary = self.folder / "gates"
@@ -138,7 +166,7 @@ class Built:
         kept = self.folder / f"played-{key.hexdigest()[:12]}.pkl"
         if not kept.exists():
             core = CoreProgram(program, recordings.shape[1])
-            load = core.load_words(Sizes(**SIZES))
+            load = core.load_words(self.core.sizes)
             words = [words_of(core, one) for one in recordings]
             with tempfile.TemporaryDirectory(dir=self.folder) as folder:
                 found = gates.play(Path(folder), self.binary, load, words, self.circuit, probes, by_class)
@@ -240,37 +268,36 @@ def counted_for(program: hw.ChipProgram, recordings: np.ndarray, sizes: Sizes) -
     return pickle.loads(kept.read_bytes())
 
 
-PRICE = 4.0
-"""Picojoules per recording that a square micrometre is worth."""
+def plan(
+    files: Library, price: float = PRICE, core: Core = OURS, done: Mapping[str, traffic.Memory] | None = None
+) -> list[memories.Choice | Latches]:
+    """Return what every memory is made of: the least picojoules per recording plus ``price`` for a square micrometre.
 
-
-def plan(files: Library, price: float = PRICE) -> list[memories.Choice | Latches]:
-    """Return what every memory is made of: the least picojoules per recording plus ``price`` for a square micrometre."""
+    ``done``: what a recording does to memories, else what one of Objects does to those of our core.
+    """
     return [
-        min(options(files, memory), key=lambda one: cost(files, one, memory) + price * area(files, one))
-        for memory in traffic_of().values()
+        min(options(files, memory, core), key=lambda one: cost(files, one, memory) + price * area(files, one))
+        for memory in (done or traffic_of()).values()
     ]
 
 
-def options(
-    files: Library, memory: traffic.Memory, of: Mapping[str, int] = HELD, folded: Mapping[str, int] = FOLDED
-) -> list[memories.Choice | Latches]:
-    """Return what a memory may be made of; ``of`` and ``folded`` as :data:`HELD` and :data:`FOLDED`."""
-    fold = folded.get(memory.name, 0)
-    held, period = of.get(memory.name, fold or memory.words), 0
-    if of is HELD and memory.name.startswith(OF_COMPARTMENTS):
-        period = memory.words // (SIZES["slots"] if memory.name == "charges" else 1)
-        held = period * COMPARTMENTS // SIZES["compartments"]
+def options(files: Library, memory: traffic.Memory, core: Core = OURS) -> list[memories.Choice | Latches]:
+    """Return what a memory may be made of."""
+    fold = core.folded.get(memory.name, 0)
+    held, period = core.held.get(memory.name, fold or memory.words), 0
+    if memory.name.startswith(OF_COMPARTMENTS):
+        period = memory.words // (core.sizes.slots if memory.name == "charges" else 1)
+        held = -(-period * core.compartments // core.sizes.compartments)
     shape = memories.Shape(
         memory.name,
         memory.words,
         memory.bits,
-        1 if memory.name in memories.ONE_AT_A_TIME else memory.ports,
+        2 if memory.name in memories.SWEPT else memory.ports,
         memory.copies,
         held,
         period,
         fold,
-        zero(memory.name, memory.bits),
+        zero(memory.name, core.sizes),
         memory.single,
     )
     depths = {min(depth, 1 << (len(shape.held) - 1).bit_length()) for depth in (8, 16)}
@@ -278,11 +305,11 @@ def options(
     return [*memories.choices(shape, list(files.macros.values())), *arrays]
 
 
-def zero(name: str, bits: int) -> tuple[int, ...]:
+def zero(name: str, sizes: Sizes) -> tuple[int, ...]:
     """Return the bits of a memory's word that are always 0: with two slots no synapse has a delay."""
-    if name != "synapses" or bits != layouts(Sizes(**SIZES))[name].width or SIZES["slots"] > 2:
+    if name != "synapses" or sizes.slots > 2:
         return ()
-    fields = layouts(Sizes(**SIZES))[name].fields
+    fields = layouts(sizes)[name].fields
     ends = np.cumsum([0, *(field.width for field in fields)])
     return tuple(int(ends[k]) for k, field in enumerate(fields) if field.name.startswith("delay"))
 

@@ -51,7 +51,9 @@ def _accesses(core: CoreProgram, recording: np.ndarray, found: hw.SimulationResu
     for channel, source in zip(core.tables["visits"]["channel"], core.tables["visits"]["source"], strict=True):
         sent[source + np.flatnonzero(recording[: core.kept, channel])] += 1
     taken = parents = children = 0
+    states = np.zeros(2, dtype=np.int64)
     constants = core.tables["compartments"]
+    assert not constants["blocks"].any()
     for phase in core.phases:
         numbers = core.numbers[phase.name]
         parents += int(constants["has_children"][numbers].sum()) * phase.steps
@@ -62,6 +64,12 @@ def _accesses(core: CoreProgram, recording: np.ndarray, found: hw.SimulationResu
             before = np.vstack((np.zeros_like(u[:1]), u[:-1]))
             left = np.sign(before) * (np.abs(before) * constants["keep_u"][here] >> 12)
             taken += np.count_nonzero(u != left)
+            # A state is written where the next step depends on it, and read then; that of the first of a sweep is always read.
+            lasts = (constants["keep_u"][here] | constants["keep_v"][here]) != 0
+            kept = lasts & ((u != 0) | (found.v[name][i] != 0))
+            first = numbers.min()
+            read = kept[:-1] | (here == first) | ((here == first + 1) & (first % 8 == 7))
+            states += [np.count_nonzero(read), np.count_nonzero(kept)]
             if name in found.spikes:
                 sent[core.first_source + here] += found.spikes[name][i].sum(axis=0)
     starts, ends = core.starts, core.starts + core.lengths
@@ -75,7 +83,7 @@ def _accesses(core: CoreProgram, recording: np.ndarray, found: hw.SimulationResu
         "axons": (axons / of["axons"][0], 0),
         "synapses": (sent @ rows, 0),
         "charges": (counts.synaptic_ops + updates, counts.synaptic_ops + taken + sizes.slots * sizes.compartments),
-        "states": (updates, counts.neuron_updates_active + len(constants["valid"])),
+        "states": tuple(states),
         "sums": (parents, children),
         "places": (counts.spikes, counts.spikes),
         "tallies": (read_out, entries + counts.spikes),

@@ -270,10 +270,7 @@ def test_the_profile_is_near_gate_level_on_recordings_that_it_has_not_seen():
     for name in make_profile.SETS:
         off = [abs(float(row["profile, pJ"]) / float(row["gate level, pJ"]) - 1) for row in rows if row["set"] == name]
         assert len(off) == 20
-        # The goal of 5 % is missed by one recording of Objects, of hardly any events: 6,243 synaptic operations, where the others
-        # have more than 110,000.
-        assert sorted(off)[-2] < 0.02
-        assert max(off) < 0.06
+        assert max(off) < 0.05
 
 
 @NEEDS_RECORDINGS
@@ -285,16 +282,17 @@ def test_counts_without_hardware_say_what_memories_take(name):
     assert sums.memory_pj(program, recordings) == pytest.approx(gate_level, rel=0.02)
 
 
-def test_a_program_that_a_small_memory_does_not_hold_is_refused(tmp_path):
+@pytest.mark.parametrize(("name", "limit", "need"), [("sums", 64, 68), ("states", 400, 408)])
+def test_a_program_that_a_small_memory_does_not_hold_is_refused(tmp_path, name, limit, need):
     program = runs.compiled("objects-hybrid-loihi")
     text = make_profile.CHIP.read_text()
     on_core(program, 250, hw.chip("locsnn-130nm"))
     small = tmp_path / "small.yaml"
-    small.write_text(re.sub(r"^  sums: \d+", "  sums: 64", text, flags=re.M))
+    small.write_text(re.sub(rf"^  {name}: \d+", f"  {name}: {limit}", text, flags=re.M))
     with pytest.raises(TargetError) as caught:
         on_core(program, 250, hw.chip(small))
     assert str(caught.value).startswith(
-        f"program {program.name!r}: the open core of locsnn-130nm is too small in 'sums' (68 against 64)."
+        f"program {program.name!r}: the open core of locsnn-130nm is too small in {name!r} ({need} against {limit})."
     )
 
 
