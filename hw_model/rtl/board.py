@@ -32,6 +32,8 @@ PROBLEMS = (
 """What a board says by number; the first are those of the line, where sending again helps."""
 LINE, OUT_OF_ORDER, CUT_OFF = range(1, 5), 5, 6
 TRIES = 4
+VERSION = 2
+"""Of the protocol, which a board says first: a core has other parameters in another."""
 
 
 class Answer(Frozen):
@@ -60,7 +62,12 @@ class Board:
         self.cut_off = False
         self._spikes: list[int] = []
         self._answers: list[Answer] = []
-        self.buffer, *sizes = _numbers(self._command(frames.HELLO)[2:])
+        welcome = self._command(frames.HELLO)
+        if welcome[:1] != bytes((VERSION,)):
+            said = f"got {welcome[0] if welcome else 'none'} against {VERSION}"
+            fix = "Build the bitstream again, with this version."
+            raise InputError("board", "it speaks another version of the protocol", measured=said, fix=fix)
+        self.buffer, *sizes = _numbers(welcome[2:])
         self._answers.clear()
         self._spikes.clear()
         self.sizes = Sizes(*sizes)

@@ -34,7 +34,7 @@ module replies #(
     output logic [7:0]   frame_data,
     output logic         frame_last
 );
-    localparam logic [7:0] VERSION = 1;
+    localparam logic [7:0] VERSION = 2;
     localparam logic [7:0] HELLO = 8'h81, DONE = 8'h82, ANSWER = 8'h83, SPIKES = 8'h84, ERROR = 8'h85;
     localparam logic [2:0] IDLE = 0, LINE = 1, REPLY = 2, SPIKE = 3, FINAL = 4;
     localparam integer     LONGEST = 40;

@@ -306,3 +306,24 @@ def test_a_program_that_has_no_room(desk):
 
 def test_each_problem_has_a_text():
     assert len(PROBLEMS) == NO_PROGRAM + 1
+
+
+@pytest.mark.parametrize(
+    ("welcome", "got"),
+    [(b"\1\0" + bytes(30), "1"), (b"\3\0" + bytes(40), "3"), (b"", "none")],
+    ids=["old", "new", "empty"],
+)
+def test_a_board_of_another_version(welcome, got):
+    class Other:
+        def write(self, data):
+            self.said = framed(WELCOME, 0, welcome)
+
+        def read(self):
+            return self.said
+
+    with pytest.raises(hw.InputError) as caught:
+        Board(Other())
+    assert str(caught.value) == (
+        f"board: it speaks another version of the protocol (got {got} against 2). "
+        "Build the bitstream again, with this version."
+    )
