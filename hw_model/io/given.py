@@ -6,6 +6,7 @@ import inspect
 import os
 import stat
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields
 from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, get_args, get_origin, get_type_hints
@@ -56,6 +57,22 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
         return function(*args, **kwargs)
 
     return call
+
+
+def check_fields(record: object) -> None:
+    """Refuse fields of a record that are not of the annotated types, and such items of its tuples.
+
+    ``record``: a dataclass that a user made, which itself takes what it is given. A list may stand for a tuple, and
+    arrays are not looked into.
+    """
+    called, hints = type(record).__name__, get_type_hints(type(record))
+    for name in (item.name for item in fields(record)):  # type: ignore[arg-type]
+        value, kinds = getattr(record, name), _kinds(hints[name])
+        _check(called, name, tuple(value) if isinstance(value, list) and tuple in kinds else value, kinds)
+        for option in (hints[name], *get_args(hints[name])):
+            if get_origin(option) is tuple and get_args(option)[-1] is ... and isinstance(value, tuple | list):
+                for one in value:
+                    _check(called, name, one, _kinds(get_args(option)[0]))
 
 
 def check_path(path: str | Path, where: str) -> None:

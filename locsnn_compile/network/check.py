@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from hw_model.io.given import check_fields
 from hw_model.io.records import POSITIVE
 from hw_model.values import AnyArray
 from locsnn_compile.errors import InputError, check_same
@@ -19,6 +20,9 @@ _LEAST, _MOST = 1e-100, 1e100
 
 def check_network(network: Network) -> None:
     """Check the whole level."""
+    check_fields(network)
+    for part in (*network.views, *network.populations, network.readout):
+        check_fields(part)
     ends: _Ends = {view.name: (view.phase, view.lines) for view in network.views}
     for population in network.populations:
         if population.name in ends:

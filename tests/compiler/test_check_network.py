@@ -154,3 +154,41 @@ def test_a_matrix_cannot_be_written_to(form):
 def test_entries_given_twice_are_added():
     m = matrix(sparse.coo_array(([1.0, 2.0], ([0, 0], [1, 1])), shape=(1, 2)), np.float64)
     assert values_of(m).tolist() == [3.0]
+
+
+@pytest.mark.parametrize(
+    ("changes", "line"),
+    [
+        ({"steps": 2.5}, "Network, steps: it must be an int (got float 2.5). Correct it."),
+        ({"views": (1,)}, "Network, views: it must be an InputView (got int 1). Correct it."),
+        ({"populations": None}, "Network, populations: it must be a tuple (got NoneType None). Correct it."),
+        ({"readout": "n"}, "Network, readout: it must be a Readout (got str 'n'). Correct it."),
+        ({"psi": "x"}, "Network, psi: it must be a float (got str 'x'). Correct it."),
+        ({"class_names": (1, 2)}, "Network, class_names: it must be a str (got int 1). Correct it."),
+    ],
+    ids=lambda given: next(iter(given)) if isinstance(given, dict) else "",
+)
+def test_fields_of_a_network_have_their_types(changes, line):
+    with pytest.raises(InputError) as caught:
+        check_network(replace(lif(), **changes))
+    assert str(caught.value) == line
+
+
+@pytest.mark.parametrize(
+    ("changes", "line"),
+    [
+        ({"size": "2"}, "Population, size: it must be an int (got str '2'). Correct it."),
+        ({"neuron": None}, "Population, neuron: it must be a Neuron (got NoneType None). Correct it."),
+    ],
+    ids=["size", "neuron"],
+)
+def test_fields_of_a_population_have_their_types(changes, line):
+    network = lif()
+    with pytest.raises(InputError) as caught:
+        check_network(replace(network, populations=(replace(network.populations[0], **changes),)))
+    assert str(caught.value) == line
+
+
+def test_lists_stand_for_tuples_and_numpy_numbers_for_numbers():
+    network = lif()
+    check_network(replace(network, steps=np.int64(network.steps), views=list(network.views)))
