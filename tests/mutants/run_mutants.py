@@ -105,7 +105,11 @@ class Run:
         os.chdir(TREE)
         here = str(TREE / HERE.relative_to(ROOT))
         os.environ["PYTHONPATH"] = f"{TREE}:{here}"
-        sys.path[:] = [str(TREE), here, *(p for p in sys.path if p and not p.startswith(str(ROOT)))]
+        sys.path[:] = [
+            str(TREE),
+            here,
+            *(p for p in sys.path if p and (not p.startswith(str(ROOT)) or p.startswith(sys.prefix))),
+        ]
         if self.faulty:
             limit = SECONDS[self.mutant.loops]
             resource.setrlimit(resource.RLIMIT_CPU, (limit, limit))
