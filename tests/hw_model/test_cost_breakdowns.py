@@ -113,6 +113,19 @@ def test_times_by_part_step_path_and_phase_add_up(profile, seed):
     assert all(tuple(used.parts_ns) == PARTS for used in usage.values())
 
 
+def test_events_of_a_direct_input_are_not_read_from_the_buffer():
+    program, recording = random_hybrid(8)
+    item = program.inputs_of("location")[0]
+    direct = replace(item, name="direct", positions=None)
+    route = replace(program.route_of(item.name), input="direct")
+    mixed = replace(program, inputs=(direct, *program.inputs), input_routes=(route, *program.input_routes))
+    recording = recording.copy()
+    recording[:, 1:] = 0  # so that the two inputs have different events
+    result = hw.simulate(mixed, recording[None], probe=("activity",))
+    read = result.activity["location"][0].buffered.sum()
+    assert 0 < read == result.counts_by_phase["location"].transpose_events
+
+
 def walked_step_ns(program, phase, item, spikes, profile, step):
     """Return the time of a step, packet by packet, from the axons alone."""
     chip, cores, costs = program.chip, program.cores_of(phase), profile.time_ns
