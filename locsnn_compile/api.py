@@ -39,7 +39,7 @@ from locsnn_compile.report.renderers.csv_files import csv_files
 from locsnn_compile.report.renderers.html import render_html, render_summary
 from locsnn_compile.report.renderers.markdown import render_markdown
 from locsnn_compile.report.sections.verdict import matches
-from locsnn_compile.settings import AUTO, NATIVE, STRATEGIES, Setting, has_both_axes
+from locsnn_compile.settings import AUTO, NATIVE, STRATEGIES, Setting
 from locsnn_compile.verification.diagnosis import Diagnosis
 from locsnn_compile.verification.diagnosis import diagnose as find_diagnosis
 from locsnn_compile.verification.error_bounds import ErrorBudget
@@ -169,7 +169,7 @@ def compile(
     check_network(network)
     if psi is not None:
         check_psi(psi)
-        network = replace(network, psi=psi if has_both_axes(network) else None)
+        network = replace(network, psi=psi if network.has_both_axes else None)
     recordings = recordings_for(network, events, labels)
     if network.any_length:
         network = replace(network, steps=recordings.spikes.shape[1])

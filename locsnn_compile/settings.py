@@ -7,7 +7,7 @@ nothing heavy, because help and completion show the names.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import astuple, dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -58,33 +58,18 @@ if TYPE_CHECKING:
 Value = str | int | float
 
 
-def has_srm_neurons(network: Network) -> bool:
-    """Tell whether a network has float SRM neurons, which a strategy lays out."""
-    return network.by_strategy
-
-
-def has_float_weights(network: Network) -> bool:
-    """Tell whether a network has weights to round; on-grid weights are kept as they are."""
-    return any(not population.on_grid for population in network.populations)
-
-
-def has_both_axes(network: Network) -> bool:
-    """Tell whether a network has a time and a location branch, which predictions can weigh by time."""
-    return len({population.axis for population in network.populations}) == 2
-
-
 @dataclass(frozen=True)
 class Axis:
     """One option of the compiler; ``name`` is its keyword in ``compile``.
 
-    ``values`` are tried if the option ``matters`` to a network, and otherwise only the ``neutral`` one. With
-    ``bounds``, other values between them can be asked for.
+    ``values`` are tried for a network that has what the option ``needs``, a property of ``Network``, and otherwise only
+    the ``neutral`` one. With ``bounds``, other values between them can be asked for.
     """
 
     name: str
     values: tuple[Value, ...]
     neutral: Value
-    matters: Callable[[Network], bool]
+    needs: str
     help: str
     text: str = "{}"
     """How the name of a setting shows a value."""
@@ -105,15 +90,19 @@ class Axis:
             limits = "a number from {:g} to {:g}".format(*self.bounds)
         return f"{type(self.values[0]).__name__}, {limits}"
 
+    def matters(self, network: Network) -> bool:
+        """Tell whether the option changes anything for a network."""
+        return bool(getattr(network, self.needs))
+
 
 AXES = (
-    Axis("strategy", tuple(STRATEGIES), AUTO, has_srm_neurons, "lowerings of SRM neurons"),
-    Axis("weight_bits", (1, 2, 3, 4, 5, 6, 8), 8, has_float_weights, "bits of a weight", "{}-bit"),
+    Axis("strategy", tuple(STRATEGIES), AUTO, "by_strategy", "lowerings of SRM neurons"),
+    Axis("weight_bits", (1, 2, 3, 4, 5, 6, 8), 8, "has_float_weights", "bits of a weight", "{}-bit"),
     Axis(
         "split_weights",
         (0.0, 0.5, 1.0),
         0.0,
-        has_float_weights,
+        "has_float_weights",
         "shares of the weights that get a second synapse",
         "{:.0%} split",
         unsaid=0.0,
@@ -158,7 +147,7 @@ def settings(network: Network, wanted: Mapping[str, Sequence[Value]], most_bits:
 
     Raises ``InputError`` for options of rounding if no weights are rounded.
     """
-    of_weights = [axis for axis in AXES if axis.matters is has_float_weights and wanted.get(axis.name)]
+    of_weights = [axis for axis in AXES if axis.needs == "has_float_weights" and wanted.get(axis.name)]
     check_matters(network, {axis.name: axis.option for axis in of_weights})
     tried = [tuple(dict.fromkeys(wanted.get(axis.name) or _default(axis, network, most_bits))) for axis in AXES]
     return tuple(itertools.starmap(Setting, itertools.product(*tried)))
@@ -171,13 +160,13 @@ def usual_settings(network: Network, most_bits: int) -> tuple[Setting, ...]:
 
 def check_matters(network: Network, given: Mapping[str, str]) -> None:
     """Refuse options that would change nothing for this network; ``given`` has those given, as messages show them."""
-    for name, matters, why in (
-        ("weight_bits", has_float_weights, "the weights of this model are integers of the chip already"),
-        ("split_weights", has_float_weights, "the weights of this model are integers of the chip already"),
-        ("calibration", has_srm_neurons, "no weights of this model are rounded for recordings"),
-        ("psi", has_both_axes, "this model has one branch, and predictions have nothing to turn to"),
+    for name, needs, why in (
+        ("weight_bits", "has_float_weights", "the weights of this model are integers of the chip already"),
+        ("split_weights", "has_float_weights", "the weights of this model are integers of the chip already"),
+        ("calibration", "by_strategy", "no weights of this model are rounded for recordings"),
+        ("psi", "has_both_axes", "this model has one branch, and predictions have nothing to turn to"),
     ):
-        if name in given and not matters(network):
+        if name in given and not getattr(network, needs):
             raise InputError(given[name], f"it would change nothing: {why}", fix="Leave it out.")
 
 

@@ -25,7 +25,7 @@ from locsnn_compile.explore.sweep import Store, sweep
 from locsnn_compile.network.network import Network
 from locsnn_compile.report.format import energy
 from locsnn_compile.report.words import sentence
-from locsnn_compile.settings import Setting, has_srm_neurons
+from locsnn_compile.settings import Setting
 from locsnn_compile.verification.error_bounds import ErrorBudget
 from locsnn_compile.verification.matching import Progress
 
@@ -210,7 +210,7 @@ class Exploration(Frozen, eq=False):
         assert events.file is not None
         assert calibration is not None
         given = [*self.model.arguments(), "--target", self.target]
-        rounded_for = ["--calibration", calibration] if has_srm_neurons(network) else []
+        rounded_for = ["--calibration", calibration] if network.by_strategy else []
         return shlex.join(
             ["locsnn-compile", *given, *setting.arguments(network), *rounded_for, "--events", events.file]
         )

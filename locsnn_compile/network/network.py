@@ -163,6 +163,16 @@ class Network(Shown):
         return any(population.neuron.by_strategy for population in self.populations)
 
     @property
+    def has_float_weights(self) -> bool:
+        """Whether there are weights to round; on-grid weights are kept as they are."""
+        return any(not population.on_grid for population in self.populations)
+
+    @property
+    def has_both_axes(self) -> bool:
+        """Whether there are a time and a location branch, which predictions can weigh by time."""
+        return len({population.axis for population in self.populations}) == 2
+
+    @property
     def phases(self) -> tuple[Phase, ...]:
         """One phase for each step axis and each way to play the recording along it; those over time come first."""
         axis_of = {population.phase: population.axis for population in self.populations}

@@ -19,7 +19,6 @@ from hw_model.values import AnyArray, BoolArray, ByteArray, FloatArray, Frozen, 
 from locsnn_compile.network.network import Network, Population
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.reference.evaluate import evaluate
-from locsnn_compile.settings import has_float_weights
 from locsnn_compile.verification.error_budget import budget as stages
 from locsnn_compile.verification.error_budget.budget import Cause, StageErrors, error_budget, find_cause
 from locsnn_compile.verification.error_budget.twin import run_twin
@@ -194,7 +193,7 @@ def diagnose(
     network = levels.network
     chosen = spread_sample(network, len(recordings), samples)
     played = recordings[list(chosen)]
-    float_network = has_float_weights(network)
+    float_network = network.has_float_weights
     return Diagnosis(
         recordings=chosen,
         available=len(recordings),

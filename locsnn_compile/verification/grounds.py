@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from hw_model.values import Frozen
 from locsnn_compile.data.recordings import Binned, Origin, Recordings, so_many
 from locsnn_compile.network.network import Network
-from locsnn_compile.settings import has_float_weights
 
 
 class Grounds(Frozen):
@@ -60,7 +59,7 @@ def _of_step(network: Network, known: float | None) -> Iterator[str]:
 
 
 def _of_calibration(network: Network, recordings: Recordings, calibration: Recordings) -> Iterator[str]:
-    if not has_float_weights(network):
+    if not network.has_float_weights:
         return
     on = f"{so_many(len(calibration))} that the model carries"
     if calibration is recordings:

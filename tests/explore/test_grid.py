@@ -58,7 +58,7 @@ def test_options_that_change_nothing_are_not_tried():
     assert setting.arguments(network) == []
 
 
-PSI = Axis("psi", (5.0, 10.0), 10.0, lambda network: True, "late predictions", "psi {:g}", bounds=(0.0, 99.0))
+PSI = Axis("psi", (5.0, 10.0), 10.0, "populations", "late predictions", "psi {:g}", bounds=(0.0, 99.0))
 
 
 @dataclass(frozen=True)

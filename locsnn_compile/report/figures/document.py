@@ -16,7 +16,6 @@ from locsnn_compile.pipeline import Levels
 from locsnn_compile.report.content import Document
 from locsnn_compile.report.figures.checks import budget_entry, cause_entry, margins_entry, over_time_entry
 from locsnn_compile.report.figures.costs import energy_entry, latency_entry, place
-from locsnn_compile.settings import has_float_weights
 from locsnn_compile.verification.diagnosis import Diagnosis
 from locsnn_compile.verification.grounds import Grounds
 from locsnn_compile.verification.matching import Match, PopulationMatch
@@ -49,7 +48,7 @@ def report_document(
         "strategy": program.provenance["strategy"],
         "weight_bits": levels.quantized.projections[0].weight_bits,
         "match": {
-            "reference": "float64" if has_float_weights(network) else "integers",
+            "reference": "float64" if network.has_float_weights else "integers",
             "events_origin": grounds.events_origin,
             **_match(match, counts, cause_entry(diagnosis.cause) if diagnosis else None),
             "readout": _readout(network, match),
