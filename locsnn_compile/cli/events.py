@@ -11,11 +11,11 @@ as in Tonic), bs1, bs2 or tact. If a format cannot hold something, the options t
 """
 
 import argparse
-import json
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from locsnn_compile.cli.options import recording_of
+from locsnn_compile.cli.shell import say
 from locsnn_compile.cli.step_options import asked_reading
 from locsnn_compile.errors import InputError
 from locsnn_compile.report.format import known, plural
@@ -46,11 +46,8 @@ def run(args: argparse.Namespace) -> int:
     number = recording_of(args.recording, recordings)
     found = event_statistics(recordings, sensor)
     written = _write(args, recordings, number)
-    if args.json:
-        print(json.dumps(found, indent=2, allow_nan=False))
-        return 0
     said = statistics_lines(found, recordings.binned.words if recordings.binned else None)
-    print("\n".join([*said, *_raster(recordings, number), *written]))
+    say(args, found, [*said, *_raster(recordings, number), *written])
     return 0
 
 

@@ -15,7 +15,6 @@ event, once everything is at rest.
 from __future__ import annotations
 
 import argparse
-import json
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
@@ -24,7 +23,7 @@ from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 import hw_model as hw
-from locsnn_compile.cli.shell import progress_bar
+from locsnn_compile.cli.shell import progress_bar, say
 from locsnn_compile.cli.step_options import CHUNK, chunks_for_program, read_for_program
 from locsnn_compile.errors import InputError
 from locsnn_compile.report.format import plural
@@ -85,7 +84,7 @@ def run(args: argparse.Namespace) -> int:
 
             result["stop"] = find_stops(args, program, recordings, rows, margin, spread)
             said += stop_lines(result["stop"])
-    print(json.dumps(result, indent=2, allow_nan=False) if args.json else "\n".join(said))
+    say(args, result, said)
     return 0
 
 

@@ -7,7 +7,7 @@ import io
 import logging
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
@@ -177,6 +177,13 @@ def _show_log(verbose: bool) -> None:
     if verbose or sys.stderr.isatty():
         logging.basicConfig(format="%(message)s")
         logging.getLogger("locsnn").setLevel(logging.DEBUG if verbose else logging.INFO)
+
+
+def say(args: argparse.Namespace, found: object, lines: Iterable[str]) -> None:
+    """Print what a command found: with ``--json`` all of it, otherwise these lines."""
+    import json
+
+    print(json.dumps(found, indent=2, allow_nan=False) if args.json else "\n".join(lines))
 
 
 Moved = Callable[..., None]

@@ -9,11 +9,10 @@ example:
 """
 
 import argparse
-import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from locsnn_compile.cli.shell import EXIT_GATE, progress_bar
+from locsnn_compile.cli.shell import EXIT_GATE, progress_bar, say
 
 if TYPE_CHECKING:
     from locsnn_compile.stress.row import Row
@@ -35,22 +34,20 @@ def run(args: argparse.Namespace) -> int:
         rows = run_stress(chip, quick=args.quick, progress=progress)
     if args.output is not None:
         write_page(args.output, rows, chip)
-    if args.json:
-        print(json.dumps(stress_document(rows, chip), indent=2, allow_nan=False))
-    else:
-        _print_verdicts(rows)
+    say(args, stress_document(rows, chip), _verdicts(rows))
     return EXIT_GATE if any(row.verdict == "unexplained" for row in rows) else 0
 
 
-def _print_verdicts(rows: "Sequence[Row]") -> None:
+def _verdicts(rows: "Sequence[Row]") -> Iterator[str]:
+    """Yield a table of verdicts by group, and a line for each row that nothing explains."""
     from locsnn_compile.stress.row import VERDICTS, by_verdict
 
     groups = list(dict.fromkeys(row.case.group for row in rows))
     width = max(map(len, groups))
-    print(f"{'':{width}}  {'rows':>5}  {'  '.join(f'{verdict:>11}' for verdict in VERDICTS)}")
+    yield f"{'':{width}}  {'rows':>5}  {'  '.join(f'{verdict:>11}' for verdict in VERDICTS)}"
     for group in [*groups, "all"]:
         counted = by_verdict(row for row in rows if group in (row.case.group, "all")).values()
-        print(f"{group:{width}}  {sum(counted):5}  {'  '.join(f'{number:11}' for number in counted)}")
+        yield f"{group:{width}}  {sum(counted):5}  {'  '.join(f'{number:11}' for number in counted)}"
     for row in rows:
         if row.verdict == "unexplained":
-            print(f"unexplained: {row.case.group}, {row.case.name}, {row.case.strategy}: {'; '.join(row.causes)}")
+            yield f"unexplained: {row.case.group}, {row.case.name}, {row.case.strategy}: {'; '.join(row.causes)}"

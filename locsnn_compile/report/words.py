@@ -3,19 +3,16 @@
 from collections.abc import Callable, Mapping
 from typing import Any
 
-import yaml
-
 from hw_model.errors import listed as listed
-from hw_model.io.yaml_text import FAST_LOADER
 from locsnn_compile.report import format as numbers
 from locsnn_compile.report.format import SILENT, time
-from locsnn_compile.texts.templates import Filler, filled
+from locsnn_compile.texts.templates import Filler, yaml_table
 
 ASSUMED = "What was assumed:"
 """Stands above the assumptions wherever they are shown."""
 SIGNS = {"yes": "✓", "nearly": "≈", "no": "✗", "unknown": "?", "modelled": "~"}
 """Stand before the answers of verdicts."""
-_TEXTS: dict[str, Any] = yaml.load(filled(__package__, "words.yaml"), FAST_LOADER)
+_TEXTS: dict[str, Any] = yaml_table(__package__, "words.yaml")
 STAGES: dict[str, str] = _TEXTS["stages"]
 """Stages of the error budget in words, in the order of the compiler."""
 UNITS: dict[str, str] = _TEXTS["units"]

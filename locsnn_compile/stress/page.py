@@ -5,11 +5,8 @@ from pathlib import Path
 from string import Formatter
 from typing import Any
 
-import yaml
-
 import hw_model as hw
 from hw_model.io.files import replace_file
-from hw_model.io.yaml_text import FAST_LOADER
 from locsnn_compile.errors import InputError
 from locsnn_compile.report.content import Curve
 from locsnn_compile.report.figures.flat import csv_bytes, flatten
@@ -18,14 +15,14 @@ from locsnn_compile.report.pictures.chart import Panel, draw
 from locsnn_compile.report.renderers.markdown import line, text
 from locsnn_compile.stress.cases import LEADS
 from locsnn_compile.stress.row import VERDICTS, Drift, Row, by_verdict, stress_document
-from locsnn_compile.texts.templates import filled
+from locsnn_compile.texts.templates import yaml_table
 
 BEGIN, END = "<!-- stress: begin -->", "<!-- stress: end -->"
 PICTURES = "images"
 """Folder of the pictures, next to the page."""
 TABLE = ".csv"
 """Suffix of the table of all rows, which has the page's name."""
-_BY_CASE: Mapping[str, Any] = yaml.load(filled(__package__, "pictures.yaml"), FAST_LOADER)
+_BY_CASE: Mapping[str, Any] = yaml_table(__package__, "pictures.yaml")
 _NEW = f"# Numerical stress\n\n{BEGIN}\n{END}\n"
 
 

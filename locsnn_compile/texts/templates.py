@@ -1,4 +1,4 @@
-"""Pages and texts in files next to the code, with placeholders ``@@name@@`` or ``{name}``."""
+"""Pages, texts and tables in files next to the code, with placeholders ``@@name@@`` or ``{name}``."""
 
 import re
 import string
@@ -22,6 +22,15 @@ def sections(package: str, name: str, **given: str) -> dict[str, str]:
     """Return the parts of a text file of a package by the ``[names]`` on the lines above them."""
     _, *found = re.split(r"\n?^\[(.+)\]\n", filled(package, name, **given), flags=re.MULTILINE)
     return dict(zip(found[::2], found[1::2], strict=True))
+
+
+def yaml_table(package: str, name: str, **given: str) -> Any:
+    """Return what a YAML file of a package holds."""
+    import yaml  # commands whose help has no table do not wait for it
+
+    from hw_model.io.yaml_text import FAST_LOADER
+
+    return yaml.load(filled(package, name, **given), FAST_LOADER)
 
 
 class Filler(string.Formatter):

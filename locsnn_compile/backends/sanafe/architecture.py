@@ -11,11 +11,10 @@ from typing import Any
 import yaml
 
 import hw_model as hw
-from hw_model.io.yaml_text import FAST_LOADER
 from hw_model.values import Frozen
 from locsnn_compile.backends.sanafe.rules import UNIT_SIZE
 from locsnn_compile.errors import InputError
-from locsnn_compile.texts.templates import filled
+from locsnn_compile.texts.templates import yaml_table
 
 SYNAPSE, DENDRITE, SOMA, REPLAY, LINE = "synapse", "dendrite", "soma", "replay", "line"
 """Names of units: those of a compartment, a soma that plays spikes back, and the host's soma for an input line."""
@@ -75,8 +74,7 @@ def _tile(chip: hw.Chip, numbers: list[int], use: TileUse) -> Any:
     places = {"first": numbers[0], "last": numbers[-1], "last_core": chip.mesh.cores_per_tile - 1}
     places |= {"unit_size": UNIT_SIZE, "lines": use.lines, "last_line": use.lines - 1}
     places |= {"last_replayed": use.replayed - 1}
-    text = filled(__package__, "tile.template.yaml", **{name: str(number) for name, number in places.items()})
-    return yaml.load(text, FAST_LOADER)
+    return yaml_table(__package__, "tile.template.yaml", **{name: str(number) for name, number in places.items()})
 
 
 def _priced(value: Any, profile: hw.Profile) -> Any:

@@ -11,11 +11,11 @@ are kept in ~/.cache/locsnn and used again for the next program on that device.
 """
 
 import argparse
-import json
 from pathlib import Path
 
 import hw_model as hw
 from hw_model.rtl.boards import BOARDS
+from locsnn_compile.cli.shell import say
 from locsnn_compile.errors import InputError, listed
 
 WORDS = {"boards": ", ".join(BOARDS), "names": "|".join(BOARDS)}
@@ -34,10 +34,7 @@ def run(args: argparse.Namespace) -> int:
     path = Path(args.program) / found["bitstream"]
     replace_file(path, bitstream, where="bitstream")
     found["bitstream"] = str(path)
-    if args.json:
-        print(json.dumps(found, indent=2))
-        return 0
-    print(sentence("fit", program=plain(program.name), placements=args.seeds, **found))
+    say(args, found, [sentence("fit", program=plain(program.name), placements=args.seeds, **found)])
     return 0
 
 

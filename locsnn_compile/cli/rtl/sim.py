@@ -11,10 +11,9 @@ built once, in half a minute, and kept in ~/.cache/locsnn. Nothing here runs on 
 """
 
 import argparse
-import json
 
 import hw_model as hw
-from locsnn_compile.cli.shell import EXIT_GATE
+from locsnn_compile.cli.shell import EXIT_GATE, say
 from locsnn_compile.cli.step_options import read_for_program
 
 
@@ -26,11 +25,11 @@ def run(args: argparse.Namespace) -> int:
     program = hw.load_program(args.program)
     spikes = read_for_program(args, args.events, program).spikes[: args.recordings]
     found = compare(program, spikes, sources(), args.simulator)
-    if args.json:
-        print(json.dumps(found, indent=2))
-    else:
-        cycles = found["cycles"]
-        print(f"recordings {found['recordings']}, compared values {found['compared_values']}")
-        print(f"mismatches {found['mismatches']}, cycles predicted wrongly {found['cycle_mismatches']}")
-        print(f"cycles per recording: {sum(cycles) / len(cycles):.0f} on average, {max(cycles)} at most")
+    cycles = found["cycles"]
+    lines = (
+        f"recordings {found['recordings']}, compared values {found['compared_values']}",
+        f"mismatches {found['mismatches']}, cycles predicted wrongly {found['cycle_mismatches']}",
+        f"cycles per recording: {sum(cycles) / len(cycles):.0f} on average, {max(cycles)} at most",
+    )
+    say(args, found, lines)
     return EXIT_GATE if found["mismatches"] or found["cycle_mismatches"] else 0

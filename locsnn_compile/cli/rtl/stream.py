@@ -11,10 +11,9 @@ such as /dev/ttyUSB0, and needs pyserial: pip install 'locsnn-compile[rtl]'.
 """
 
 import argparse
-import json
 
 import hw_model as hw
-from locsnn_compile.cli.shell import EXIT_GATE
+from locsnn_compile.cli.shell import EXIT_GATE, say
 from locsnn_compile.cli.step_options import read_for_program
 
 
@@ -25,10 +24,9 @@ def run(args: argparse.Namespace) -> int:
     program = hw.load_program(args.program)
     spikes = read_for_program(args, args.events, program).spikes[: args.recordings]
     found = stream(program, spikes, args.port, args.baud, args.spikes)
-    if args.json:
-        print(json.dumps(found, indent=2))
-        return EXIT_GATE if found["mismatches"] else 0
-    for index, (winner, differs) in enumerate(zip(found["classes"], found["different"], strict=True)):
-        print(f"recording {index}: class {winner}" + (f"; different: {', '.join(differs)}" if differs else ""))
-    print(f"recordings {found['recordings']}, different from the simulator {found['mismatches']}")
+    lines = [
+        f"recording {index}: class {winner}" + (f"; different: {', '.join(differs)}" if differs else "")
+        for index, (winner, differs) in enumerate(zip(found["classes"], found["different"], strict=True))
+    ]
+    say(args, found, [*lines, f"recordings {found['recordings']}, different from the simulator {found['mismatches']}"])
     return EXIT_GATE if found["mismatches"] else 0

@@ -6,9 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import yaml
 
-from hw_model.io.yaml_text import FAST_LOADER
 from hw_model.mapping.graph import Readout
 from hw_model.values import ArrayLike, ByteArray, FloatArray, Frozen, IntArray
 from locsnn_compile.network.chip_neurons import ChipNeuron
@@ -17,7 +15,7 @@ from locsnn_compile.network.neurons import Cuba, Neuron, SrmAlpha
 from locsnn_compile.network.projections import ChipProjection, Projection, Signs, matrix
 from locsnn_compile.passes.rounding.task import FINE, Rounding
 from locsnn_compile.settings import NATIVE, USUAL
-from locsnn_compile.texts.templates import filled
+from locsnn_compile.texts.templates import yaml_table
 
 POPULATION, TOUCH = "n", "touch"
 NEURONS, CHANNELS, STEPS, SAMPLES, RATE = 4, 6, 200, 2, 0.3
@@ -25,7 +23,7 @@ NEURONS, CHANNELS, STEPS, SAMPLES, RATE = 4, 6, 200, 2, 0.3
 THETA = 10.0
 """The published threshold."""
 SEED = 0
-QUICK: Mapping[str, Mapping[str, Sequence[str]]] = yaml.load(filled(__package__, "quick.yaml"), FAST_LOADER)
+QUICK: Mapping[str, Mapping[str, Sequence[str]]] = yaml_table(__package__, "quick.yaml")
 """Names of the cases of a quick run, by group and strategy."""
 
 

@@ -9,15 +9,13 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-import yaml
 
-from hw_model.io.yaml_text import FAST_LOADER
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm
 from locsnn_compile.network.neurons import Rule
 from locsnn_compile.settings import NATIVE, USUAL
 from locsnn_compile.stress.cases import case as usual
 from locsnn_compile.stress.cases.case import Case, case_of, lif, lif_case, srm, srm_cases, weights
-from locsnn_compile.texts.templates import filled
+from locsnn_compile.texts.templates import yaml_table
 
 STEPS_OF_TAU = (0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 8000, 10_000)
 SHORT, LONG, FROM = 200, 2000, 200
@@ -29,7 +27,7 @@ PARTS = (1, 2, 3, 4, 7)
 RULES: tuple[Rule, ...] = (">", ">=")
 LIMIT = 4090.0
 """In thresholds: about the largest bias that leaves a threshold mantissa of 1."""
-EXTREMES: dict[str, dict[str, dict[str, Any]]] = yaml.load(filled(__package__, "extremes.yaml"), FAST_LOADER)
+EXTREMES: dict[str, dict[str, dict[str, Any]]] = yaml_table(__package__, "extremes.yaml")
 """What is changed, by neuron and by name of the case."""
 
 
