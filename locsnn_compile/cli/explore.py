@@ -88,7 +88,8 @@ def _explore(
     """Measure the grid, and then the front on the recordings of --report-on."""
     import hw_model as hw
     from locsnn_compile.api import calibration_recordings
-    from locsnn_compile.explore.exploration import Exploration, choose_events, report_events, written
+    from locsnn_compile.explore.events import choose_events, report_events, written
+    from locsnn_compile.explore.exploration import Exploration
     from locsnn_compile.explore.point import ModelFile, Study
     from locsnn_compile.explore.sweep import Store, auto_bounds, sweep
     from locsnn_compile.passes.quantize import weight_bits_of

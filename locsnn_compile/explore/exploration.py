@@ -1,159 +1,18 @@
-"""The result of an exploration: points, the front of those that no other point beats, and the recommended one on it.
-
-The cheapest point within a budget is recommended. Choices are not made on test recordings: by default on the train part
-of a divided archive or folder and, without events, on synthetic touches, because the recordings in a model may belong
-to its test part.
-"""
+"""The result of an exploration: points, the front, the recommended point, and the command that reproduces each."""
 
 import shlex
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
-from pathlib import Path
-
-import numpy as np
 
 from hw_model.values import Frozen
-from locsnn_compile.api import recordings_for
 from locsnn_compile.cluster.spread import Spread
-from locsnn_compile.data.read import read_recordings, recording_parts
-from locsnn_compile.data.recordings import Recordings
-from locsnn_compile.data.write import write_recordings
-from locsnn_compile.errors import InputError
-from locsnn_compile.explore.point import Figures, ModelFile, Point, Study
+from locsnn_compile.explore.events import Chosen
+from locsnn_compile.explore.front import Recommendation, on_front, recommend
+from locsnn_compile.explore.point import ModelFile, Point, Study
 from locsnn_compile.explore.sweep import Store, sweep
-from locsnn_compile.network.network import Network
-from locsnn_compile.report.format import energy
-from locsnn_compile.report.words import sentence
 from locsnn_compile.settings import Setting
 from locsnn_compile.verification.error_bounds import ErrorBudget
 from locsnn_compile.verification.matching import Progress
-
-CHOOSING = "train"
-"""The part of divided recordings that settings are compared on."""
-REPORTING = "test"
-
-
-class Chosen(Frozen, eq=False):
-    """Recordings, how many were ``available``, and their ``part``, None if they are not divided.
-
-    ``file`` gives the same recordings as ``--events`` or ``--calibration`` of ``locsnn-compile``; None if no file holds
-    exactly these.
-    """
-
-    recordings: Recordings
-    available: int
-    part: str | None
-    file: str | None
-
-    def words(self) -> str:
-        """Return a description such as ``64 of 576 recordings of Ev-Objects.zip, train part``."""
-        many = len(self.recordings)
-        of = f" of {self.available}" if many < self.available else ""
-        part = "" if self.part is None else f", {self.part} part"
-        return f"{many}{of} recording{'s' * (self.available > 1)} of {self.recordings.source}{part}"
-
-
-def choose_events(network: Network, events: str | None, part: str | None, bound: int | None) -> Chosen:
-    """Return at most ``bound`` of the recordings of ``events``, evenly spread.
-
-    ``part`` is ``train`` or ``test`` of a divided archive or folder; None takes train.
-    """
-    if events is None:
-        if part is not None:
-            raise InputError(f"--part {part}", "there are no events to take it from", fix="Give them with --events.")
-        # Not the recordings in the model: `locsnn train` takes them from the test part.
-        touches = recordings_for(replace(network, recordings=None), None)
-        return _bounded(Chosen(touches, len(touches), None, None), bound)
-    parts = recording_parts(events)
-    if part is None and parts == (REPORTING,):
-        what = "it has only a test part, and no setting may be chosen on that"
-        fix = "Give other recordings, or say so with --part test."
-        raise InputError(f"events {Path(events).name!r}", what, fix=fix)
-    taken = part or (CHOOSING if parts else None)
-    recordings = read_recordings(events, split=taken, model=network.expected)
-    # For a divided file, locsnn-compile plays one part as events and calibrates on another.
-    file = None if parts else events
-    return _bounded(Chosen(recordings, len(recordings), taken, file), bound)
-
-
-def report_events(network: Network, events: str) -> Chosen:
-    """Return the recordings to report on: all, or the test part if they are divided."""
-    chosen = choose_events(network, events, REPORTING if recording_parts(events) else None, None)
-    # `locsnn-compile` plays the test part of divided recordings.
-    return replace(chosen, file=events)
-
-
-def written(chosen: Chosen, path: Path) -> Chosen:
-    """Return the same recordings with a file; write one if no file holds exactly these."""
-    if chosen.file is not None:
-        return chosen
-    write_recordings(path, chosen.recordings)
-    return replace(chosen, file=str(path))
-
-
-def _bounded(chosen: Chosen, bound: int | None) -> Chosen:
-    if bound is None or bound >= chosen.available:
-        return chosen
-    rows = np.linspace(0, chosen.available - 1, bound).round().astype(np.int64)
-    return replace(chosen, recordings=chosen.recordings.subset(rows), file=None)
-
-
-FRONT_RULE = (
-    "A setting is on the front where no other is at least as good in spike error, changed predictions, energy and chip "
-    "time, and better in one of them."
-)
-
-
-OBJECTIVES = ("spike_error", "prediction_error", "energy_pj", "chip_time_ns")
-"""The figures to minimise."""
-
-
-def beats(one: Figures, other: Figures) -> bool:
-    """Tell whether one is at least as good in every objective and better in one."""
-    pairs = list(zip(_objectives(one), _objectives(other), strict=True))
-    return all(mine <= its for mine, its in pairs) and any(mine < its for mine, its in pairs)
-
-
-def on_front(figures: Sequence[Figures | None]) -> list[bool]:
-    """Mark the figures that no others beat; a setting without figures is not on the front and beats none."""
-    return [
-        mine is not None and not any(other is not None and beats(other, mine) for other in figures) for mine in figures
-    ]
-
-
-def _objectives(figures: Figures) -> list[float]:
-    """Return the objectives; 0 if nothing was compared, because then both sides did nothing."""
-    return [float(getattr(figures, name) or 0.0) for name in OBJECTIVES]
-
-
-class Recommendation(Frozen):
-    """The point to take, None if no setting keeps the budget; ``why`` is a sentence without its full stop."""
-
-    taken: Point | None
-    why: str
-
-
-def recommend(points: Sequence[Point], budget: ErrorBudget, *, by_default: bool = False) -> Recommendation:
-    """Take the cheapest point on the front that keeps the budget. At least one point has figures."""
-    marks = on_front([point.figures for point in points])
-    front = [(point, point.figures) for point, mark in zip(points, marks, strict=True) if mark and point.figures]
-    if not budget.given:
-        return Recommendation(None, sentence("nothing compared"))
-    kept = [pair for pair in front if pair[1].keeps(budget)]
-    bounds = f"{'what auto keeps by default, ' if by_default else ''}{budget.words()}"
-    if not kept:
-        return Recommendation(None, f"no setting keeps {bounds}; {_nearest(front)}")
-    taken, figures = min(kept, key=lambda pair: (pair[1].cost, pair[1].chip_time_ns, pair[1].spike_error or 0.0))
-    least = "time," if figures.energy_pj is None else f"energy, {energy(figures.energy_pj)} and"
-    return Recommendation(taken, sentence("least", least=least, figures=figures, settings=len(kept), bounds=bounds))
-
-
-def _nearest(front: Sequence[tuple[Point, Figures]]) -> str:
-    point, figures = min(front, key=lambda pair: (pair[1].spike_error or 0.0, pair[1].prediction_error or 0.0))
-    if figures.spike_error is None:
-        return "no neuron spikes on these recordings"
-    return sentence("nearest setting", setting=point.setting, figures=figures)
 
 
 class Exploration(Frozen, eq=False):
@@ -184,6 +43,11 @@ class Exploration(Frozen, eq=False):
     def front(self) -> tuple[Setting, ...]:
         """Settings on the front."""
         return tuple(point.setting for point, mark in zip(self.points, self.on_front, strict=True) if mark)
+
+    @property
+    def profile(self) -> str | None:
+        """The energy profile of all figures; None for a chip without one."""
+        return next(point.figures.energy_profile for point in self.points if point.figures)
 
     @cached_property
     def recommendation(self) -> Recommendation:

@@ -11,7 +11,9 @@ from dataclasses import asdict
 from typing import Any
 
 from locsnn_compile.cluster.spread import code_version
-from locsnn_compile.explore.exploration import FRONT_RULE, OBJECTIVES, Chosen, Exploration
+from locsnn_compile.explore.events import Chosen
+from locsnn_compile.explore.exploration import Exploration
+from locsnn_compile.explore.front import FRONT_RULE, OBJECTIVES
 from locsnn_compile.explore.point import Figures, Point
 from locsnn_compile.report.content import Document
 from locsnn_compile.report.figures.flat import csv_bytes
@@ -115,11 +117,10 @@ def _flat(row: Mapping[str, Any]) -> Document:
 
 def figures_picture(found: Exploration) -> bytes:
     """Draw energy and time on the chip over spike error; equal figures give equal bytes."""
-    profile = next(point.figures.energy_profile for point in found.points if point.figures)
-    timed = f"time per recording on the chip ({profile or 'cycles of the open core'})"
+    timed = f"time per recording on the chip ({found.profile or 'cycles of the open core'})"
     panels = [_panel(found, timed, time, lambda point, figures: figures.chip_time_ns)]
-    if profile:
-        priced = f"energy per recording ({profile})"
+    if found.profile:
+        priced = f"energy per recording ({found.profile})"
         panels.insert(0, _panel(found, priced, energy, lambda point, figures: figures.energy_pj or 0.0))
     return _picture(found, "speed, error and energy", panels)
 
@@ -152,7 +153,7 @@ def _panel(found: Exploration, title: str, text: Callable[[float], str], y: Call
             y=y(point, point.figures),
             kind=kinds.index(point.setting.values[0]),
             label=_label(found, point.setting),
-            words=_words(point.setting, point.figures),
+            words=sentence("marked setting", setting=point.setting, figures=point.figures),
             front=mark,
             taken=point is found.recommendation.taken,
         )
@@ -160,7 +161,7 @@ def _panel(found: Exploration, title: str, text: Callable[[float], str], y: Call
         # If no neuron spikes, the mark has no place.
         if point.figures and (error := point.figures.spike_error) is not None
     )
-    return Panel(title, X_LABEL, _percent, text, marks)
+    return Panel(title, X_LABEL, lambda share: f"{100 * share:g} %", text, marks)
 
 
 def _kinds(found: Exploration) -> list[Value]:
@@ -175,19 +176,10 @@ def _label(found: Exploration, setting: Setting) -> str:
     return setting.name(differing)
 
 
-def _words(setting: Setting, figures: Figures) -> str:
-    return sentence("marked setting", setting=setting, figures=figures)
-
-
-def _percent(value: float) -> str:
-    return f"{100 * value:g} %"
-
-
 def lines(found: Exploration) -> list[str]:
     """Return the lines of the terminal."""
-    profile = next(point.figures.energy_profile for point in found.points if point.figures)
     study = found.study
-    by = f"profile {profile}" if profile else "by cycles"
+    by = f"profile {found.profile}" if found.profile else "by cycles"
     first = f"{plain(study.network.name)} on {plain(study.chip.name)}, {plain(found.events.words())}, {by}"
     taken, why = found.recommendation.taken, found.recommendation.why
     recommended = [f"Recommended: {taken.setting if taken else 'none'}, {why}.", ""]

@@ -17,7 +17,7 @@ import locsnn_compile as lc
 from locsnn_compile.cluster import spread
 from locsnn_compile.cluster.spread import here, packed, spread_over, work_packed
 from locsnn_compile.errors import InputError
-from locsnn_compile.explore.exploration import choose_events
+from locsnn_compile.explore.events import choose_events
 from locsnn_compile.explore.point import Study, measure
 from locsnn_compile.explore.sweep import Store, sweep
 from locsnn_compile.settings import AXES, settings

@@ -15,7 +15,9 @@ from locsnn_compile.network.network import Network
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.report.content import Document
 from locsnn_compile.report.figures.checks import budget_entry, cause_entry, margins_entry, over_time_entry
-from locsnn_compile.report.figures.costs import energy_entry, latency_entry, place
+from locsnn_compile.report.figures.energy import energy_entry
+from locsnn_compile.report.figures.latency import latency_entry
+from locsnn_compile.report.figures.spread import place
 from locsnn_compile.verification.diagnosis import Diagnosis
 from locsnn_compile.verification.grounds import Grounds
 from locsnn_compile.verification.matching import Match, PopulationMatch

@@ -1,26 +1,23 @@
-"""Entries of report.json on energy and latency: totals, spread, breakdowns, and each constant with its source.
+"""Entry of report.json on energy: total, spread, breakdowns, and each constant with its source.
 
-Costs are broken down by recordings, classes, steps, cores, links and critical paths. Every breakdown of the energy adds
-up to the total; what is counted without a step and a core is only in ``elsewhere_pj``.
+Energy is broken down by recordings, classes, steps, cores and populations. Every breakdown adds up to the total; what
+is counted without a step and a core is only in ``elsewhere_pj``.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 
 import numpy as np
 
 import hw_model as hw
 from hw_model.accounting.activity import counted
-from hw_model.accounting.cost import PARTS
-from hw_model.accounting.mesh_routes import routes_of
-from hw_model.accounting.usage import PhaseUsage
 from hw_model.description.counts import BY_CORE, Counts, total
-from hw_model.description.profile import UNPRICED
-from hw_model.program.chip_program import ChipProgram, Core
+from hw_model.program.chip_program import ChipProgram
 from hw_model.program.pieces import pieces_of
 from hw_model.values import FloatArray, picked
 from locsnn_compile.network.network import Network
 from locsnn_compile.report.content import Document
+from locsnn_compile.report.figures.spread import by_core, course, spread
 from locsnn_compile.verification.matching import Match
 
 _PLACED = frozenset((*BY_CORE, "neuron_updates_inactive", "hops"))
@@ -167,143 +164,3 @@ def _constant(profile: hw.Profile, name: str) -> Document:
         ends = getattr(profile, f"{key}_range").get(name)
         row |= {key: getattr(profile, key).get(name), f"{key}_range": None if ends is None else list(ends)}
     return row | {"source": profile.source_of(name)}
-
-
-_PATHS = 8
-"""Critical paths that are listed: those that took most time."""
-_IN_THE_MESH = (
-    "by_branch_ns", "by_part_ns", "by_branch_part_ns", "by_step_ns", "by_core", "critical_paths", "links",
-    "critical_core", "after_last_row_ns",
-)  # fmt: skip
-"""Figures of the latency that only cores on a mesh have."""
-
-
-def latency_entry(program: ChipProgram, match: Match, steps: int, step_seconds: float | None) -> Document:
-    """Return ``latency`` by the default profile of the chip; figures are means per recording, except for the spread.
-
-    For an open core the cycles are known, but not what they consist of.
-    """
-    chip, samples = program.chip, match.samples
-    each = np.array([one.total_ns for one in match.latencies])
-    last = [one.critical_core for one in match.latencies]
-    mean_ns = match.mean_ns
-    step_ns = None if step_seconds is None else step_seconds * 1e9
-    by_part = {phase: {part: ns / samples for part, ns in used.parts_ns.items()} for phase, used in match.usage.items()}
-    after = [one.after_last_row_ns for one in match.latencies]
-    entry = {
-        "profile": chip.default_profile,
-        "basis": _basis(chip),
-        "per_sample_ns": mean_ns,
-        "per_sample_cycles": round(mean_ns * chip.clock_ghz),
-        "clock_ghz": chip.clock_ghz,
-        "range_ns": list(match.latency_range_ns),
-        "by_branch_ns": {
-            phase: float(np.mean([one.by_phase_ns.get(phase, 0.0) for one in match.latencies]))
-            for phase in match.counts_by_phase
-        },
-        "by_part_ns": {part: sum(found[part] for found in by_part.values()) for part in PARTS},
-        "by_branch_part_ns": by_part,
-        "by_step_ns": {phase: course(used.step_ns / samples) for phase, used in match.usage.items()},
-        "by_core": by_core(program, {phase: _cores_ns(used, samples) for phase, used in match.usage.items()}),
-        "critical_paths": _critical_paths(program, match),
-        "links": _links(program, match),
-        **spread(each, match, "ns"),
-        "critical_core": max(sorted(set(last)), key=last.count),
-        "recording_ns": None if step_ns is None else steps * step_ns,
-        "after_last_row_ns": {"mean": float(np.mean(after)), "max": max(after)},
-        "real_time": None if step_ns is None else _real_time(match, steps, step_ns, mean_ns, float(each.max())),
-    }
-    return entry | dict.fromkeys(_IN_THE_MESH) if chip.open_core else entry
-
-
-def _basis(chip: hw.Chip) -> str:
-    """Say what times rest on: an open core has exact cycles of a clock as placed or, in cells, as analysed."""
-    if not chip.open_core:
-        return chip.costs.basis
-    return "cycle-exact model of the RTL core at the analysed clock" if chip.profiles else UNPRICED.basis
-
-
-def _cores_ns(used: PhaseUsage, samples: int) -> Iterator[Document]:
-    """Yield how long each core works, whether or not anything waits for it, and how long it was the last."""
-    for i in range(len(next(iter(used.busy_ns.values())))):
-        last = sum(ns for (_, to), ns in used.paths_ns.items() if to == i)
-        busy = {part: float(ns[i]) / samples for part, ns in used.busy_ns.items()}
-        yield {"busy_ns": busy, "last_ns": last / samples}
-
-
-def _critical_paths(program: ChipProgram, match: Match) -> list[Document]:
-    """Return which core was last and whose packet it waited for, with the time of the steps that this decided."""
-    rows: list[Document] = []
-    for phase, used in match.usage.items():
-        numbers = [core.number for core in program.cores_of(phase)]
-        for (sender, last), ns in used.paths_ns.items():
-            rows.append({"phase": phase, "sender": numbers[sender], "last": numbers[last], "ns": ns / match.samples})
-    return sorted(rows, key=lambda row: row["ns"], reverse=True)[:_PATHS]
-
-
-def _links(program: ChipProgram, match: Match) -> list[Document]:
-    """Return the packets on every link of the mesh that carried any."""
-    rows = []
-    for phase, used in match.usage.items():
-        links = routes_of(program, phase).links
-        for (start, end), packets, most in zip(links, used.link_packets.tolist(), used.link_most.tolist(), strict=True):
-            if packets:
-                load = {"packets": packets / match.samples, "most_in_a_step": most}
-                rows.append({"phase": phase, "from": list(start), "to": list(end), **load})
-    return rows
-
-
-def _real_time(match: Match, steps: int, step_ns: float, mean_ns: float, most_ns: float) -> Document:
-    """Return how the chip keeps up with a sensor whose steps last ``step_ns``."""
-    slowest = max(one.slowest_step_ns for one in match.latencies)
-    return {
-        "step_ns": step_ns,
-        "factor": steps * step_ns / mean_ns if mean_ns else None,
-        "slowest_factor": steps * step_ns / most_ns if most_ns else None,
-        "slowest_step_ns": slowest or None,
-        "slowest_step_factor": step_ns / slowest if slowest else None,
-    }
-
-
-BINS = 64
-"""Most bins of steps in a course over time."""
-
-
-def spread(each: FloatArray, match: Match, unit: str) -> Document:
-    """Return the spread of a cost over recordings, the costliest recording, and the classes, None without labels."""
-    most, labels = int(each.argmax()), match.labels
-    ends = {"min": each.min(), "p50": np.median(each), "p99": np.quantile(each, 0.99), "max": each.max()}
-    worst = {"recording": most, "class": None if labels is None else int(labels[most]), unit: float(each[most])}
-    return {
-        f"over_samples_{unit}": {name: float(value) for name, value in ends.items()},
-        "worst_recording": worst,
-        "by_class": None if labels is None else [_of_class(c, each[labels == c], unit) for c in np.unique(labels)],
-    }
-
-
-def _of_class(label: int, each: FloatArray, unit: str) -> Document:
-    ends = {"min": each.min(), "mean": each.mean(), "max": each.max()}
-    costs = {f"{end}_{unit}": float(value) for end, value in ends.items()}
-    return {"class": int(label), "recordings": len(each), **costs}
-
-
-def course(by_step: FloatArray) -> Document:
-    """Add up values (steps,) in at most :data:`BINS` bins, all but the last of equal length."""
-    length = max(1, -(-len(by_step) // BINS))
-    return {"bin_steps": length, "bins": np.add.reduceat(by_step, np.arange(0, len(by_step), length)).tolist()}
-
-
-def place(program: ChipProgram, core: Core) -> Document:
-    """Return the number, phase and place of a core."""
-    where = {"slot": core.slot, "tile": list(program.chip.tile_of(core.slot))}
-    return {"core": core.number, "phase": core.phase, **where}
-
-
-def by_core(program: ChipProgram, found: Mapping[str, Iterable[Document]]) -> list[Document]:
-    """Return the figures of all phases, given core by core, in the order of the cores' numbers."""
-    rows = [
-        place(program, core) | its
-        for phase, each in found.items()
-        for core, its in zip(program.cores_of(phase), each, strict=True)
-    ]
-    return sorted(rows, key=lambda row: row["core"])
