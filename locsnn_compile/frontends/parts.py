@@ -85,5 +85,5 @@ def synthetic_recordings(channels: int, steps: int, step_seconds: float | None) 
         return Recordings(touches.spikes, None, step_seconds, touches.source, touches.origin)
     samples = int(np.clip(_MOST // (channels * steps), 1, SAMPLES))
     spikes = np.random.default_rng(0).random((samples, steps, channels), dtype=np.float32) < RATE
-    source = f"synthetic spikes, {RATE:.0%} a step"
+    source = f"synthetic spikes, {100 * RATE:g} % per step"
     return Recordings(spikes.astype(np.uint8), None, step_seconds, source, "made up")

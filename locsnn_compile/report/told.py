@@ -56,5 +56,5 @@ def table(
 
 
 def share_of(value: float, whole: float) -> float:
-    """Return a part as a share of its whole; 0 if the whole is 0."""
-    return value / whole if whole else 0.0
+    """Return a part as a share of its whole, without what summing in another order changes; 0 if the whole is 0."""
+    return round(value / whole, 12) if whole else 0.0

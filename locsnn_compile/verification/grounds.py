@@ -52,7 +52,7 @@ def _of_step(network: Network, known: float | None) -> Iterator[str]:
     if known is None:
         yield (
             "How long a step lasts is not known, because neither the model nor the recordings say it "
-            "(--step-seconds, or --dt of a NIR graph): there are no times in seconds and no comparison with a sensor."
+            "(--step-seconds, or --dt of a NIR graph): there is no comparison with the pace of a sensor."
         )
     elif network.step_seconds is None:
         yield f"A step lasts {known:g} s, as wide as the bins of the recordings; the model does not say."

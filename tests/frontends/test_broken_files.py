@@ -139,5 +139,5 @@ def test_the_command_line_says_it_in_a_line_and_writes_nothing(tmp_path, capsys)
 def test_the_command_line_compiles_a_graph_and_gives_it_back(tmp_path, capsys):
     path = graph_file(tmp_path)
     assert main([str(path), "--dt", "1e-3", "--reset", "zero", "--emit", "nir", "-o", str(tmp_path / "out")]) == 0
-    assert "synthetic spikes, 5% a step" in (tmp_path / "out" / "report.json").read_text()
+    assert "synthetic spikes, 5 % per step" in (tmp_path / "out" / "report.json").read_text()
     assert lc.load(tmp_path / "out" / "network.nir").step_seconds == pytest.approx(1e-3)

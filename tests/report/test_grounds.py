@@ -30,7 +30,7 @@ TRAINED_ON = (
     "The check plays recordings that the network was trained on, which the model carries: its accuracy on others may be "
     "lower."
 )
-NO_STEP = "How long a step lasts is not known, because neither the model nor the recordings say it (--step-seconds, or --dt of a NIR graph): there are no times in seconds and no comparison with a sensor."
+NO_STEP = "How long a step lasts is not known, because neither the model nor the recordings say it (--step-seconds, or --dt of a NIR graph): there is no comparison with the pace of a sensor."
 STEP_OF_BINS = "A step lasts 0.01 s, as wide as the bins of the recordings; the model does not say."
 SILENCE = "The recordings have 30 steps; silence follows, up to the 40 of the model."
 
@@ -160,7 +160,7 @@ def test_a_nir_graph_of_no_step_has_no_pace_and_says_what_was_taken(
     model = [str(tmp_path / "g.nir"), "-o", str(tmp_path / "out")]
     assert main(model) == 0
     unknown = capsys.readouterr().out
-    made_up = MADE_UP.replace("synthetic touches", "synthetic spikes, 5% a step")
+    made_up = MADE_UP.replace("synthetic touches", "synthetic spikes, 5 % per step")
     report = json.loads((tmp_path / "out/report.json").read_text())
     network = lc.load(tmp_path / "g.nir")
     calibration = calibrated("the recordings of the check itself")

@@ -8,7 +8,7 @@ import yaml
 
 import locsnn_compile
 from locsnn_compile.report.content import Block, Fact, Facts, Table
-from locsnn_compile.report.told import facts, notice, table
+from locsnn_compile.report.told import facts, notice, share_of, table
 from locsnn_compile.report.words import STAGES, fill, section_words, sentence, words
 from locsnn_compile.texts.pieces import Pieces
 from locsnn_compile.texts.templates import sections
@@ -31,6 +31,13 @@ def test_nothing_is_left_over():
 
 def test_stages_are_those_of_the_compiler():
     assert tuple(STAGES) == COMPILED
+
+
+@pytest.mark.parametrize(
+    ("value", "whole", "share"), [(0.1 + 0.2, 0.3, 1.0), (1, 4, 0.25), (0, 0, 0.0), (1, 1e9, 1e-9)]
+)
+def test_a_share_is_that_of_the_sum_in_any_order(value, whole, share):
+    assert share_of(value, whole) == share
 
 
 def test_places_are_filled():

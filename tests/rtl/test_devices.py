@@ -22,6 +22,7 @@ from locsnn_compile.cli.compile import main as compile_main
 from locsnn_compile.cli.main import main as locsnn
 from locsnn_compile.frontends import load
 from locsnn_compile.pipeline import lower
+from locsnn_compile.report.format import time
 from locsnn_compile.verification.error_bounds import Losses
 
 MODELS = Path(__file__).parents[2] / "examples/models"
@@ -179,11 +180,19 @@ def test_a_report_has_cycles_and_no_energy(build):
     assert latency["basis"] == "cycle-exact model of the RTL core at the placed clock"
     assert (latency["profile"], latency["clock_ghz"]) == (None, 0.1)
     assert latency["per_sample_cycles"] == round(sum(cycles) / 2)
-    assert report["resources"]["limits"]["synapses"] == {"used": 12786, "limit": 16384}
+    limits = report["resources"]["limits"]
+    assert limits["synapses"] == {"used": 12786, "limit": 16384}
+    assert "word" not in limits  # the chip chooses it, so no program fills it
     assert report["activity"]["multiplications"]["of_24_and_13_bits"] == 2 * 68 * (250 + 78)
     for name in ("report.md", "report.html"):
         said = (folder / "out" / name).read_text()
         assert "Cycles exact, energy not known" in said
+        assert (
+            f"{latency['per_sample_cycles']:,} cycles on the open core, {time(latency['per_sample_ns'])} at 100 MHz."
+            in said
+        )
+        assert "times fewer than CNN-3D" in said
+        assert "`locsnn" not in said
         assert not [word for word in (" pJ", " nJ", " µJ", "profile None") if word in said]
 
 

@@ -173,7 +173,7 @@ def _resources(program: ChipProgram, core: CoreProgram | None) -> Document:
     }
     if core and program.chip.open_core:
         use = uses(core.needs, program.chip.open_core)
-        held = {name: {"used": used, "limit": limit} for name, (used, limit) in use.items()}
+        held = {name: {"used": used, "limit": limit} for name, (used, limit) in use.items() if name != "word"}
     return {
         "cores": len(program.cores),
         "compartments": sum(row["compartments"] for row in rows),

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from itertools import accumulate
 
 from locsnn_compile.report.content import Bar, Curve, Document, Plot, Section, Table
-from locsnn_compile.report.format import NONE, SILENT, agreed, any_value, count, plural, share
+from locsnn_compile.report.format import NONE, SILENT, agreed, any_value, count, plural, ratio, share
 from locsnn_compile.report.told import facts, section, table
 from locsnn_compile.report.words import STAGES, listed, sentence, stage_words
 
@@ -161,4 +161,5 @@ def _fuller(registers: Document) -> Document:
 
 
 def _signed(value: float) -> str:
-    return f"{value:+.3g}".replace("-", "−")  # noqa: RUF001 - a minus sign, as wide as the plus
+    size = ratio(abs(value)) if abs(value) >= 1e-6 else f"{abs(value):.3g}"
+    return f"{'−' if value < 0 else '+'}{size}"  # noqa: RUF001 - a minus sign, as wide as the plus

@@ -80,12 +80,12 @@ def _ann_energy(document: Document) -> tuple[Block, ...]:
     arithmetics = list(first["energy_pj"])
     rows = [("this network, as modelled", NONE, NONE, *(energy(own["per_sample_pj"]) for _ in arithmetics))]
     for name, entry in entries.items():
-        times = {key: known(value, lambda x: f"{ratio(x)} times") for key, value in entry["energy_ratio"].items()}
+        times = {key: known(value, ratio) for key, value in entry["energy_ratio"].items()}
         cells = [f"{energy(entry['energy_pj'][key])} ({times[key]})" for key in arithmetics]
         rows.append((words(name), count(entry["multiplications"]), count(entry["additions"]), *cells))
     return (
         Table(
-            f"Energy of the arithmetic only, and how many times this network's (profile {own['profile']})",
+            f"Energy of the arithmetic only; in brackets a multiple of this network's (profile {own['profile']})",
             ("network", "multiplications", "additions", *(words(key) for key in arithmetics)),
             tuple(rows),
         ),
@@ -99,7 +99,8 @@ def _populations(document: Document) -> Table:
         name: found | equal_spikes(found["spike_agreement"], no_spikes(match, name))
         for name, found in (*match["by_population"].items(), ("all", match))
     }
-    return table("spikes", rows, total=True, **match)
+    side = "network" if match["reference"] == "integers" else "float"
+    return table("spikes", rows, total=True, side=side, **match)
 
 
 def _helpers(helpers: Document) -> str:

@@ -5,10 +5,10 @@ For the open core cycles are exact, and activity stands in for energy that is no
 
 from typing import Any
 
-from locsnn_compile.report.content import Bar, Document, Section, Table, Verdict
+from locsnn_compile.report.content import Bar, Document, Facts, Section, Table, Verdict
 from locsnn_compile.report.format import count, energy, time
 from locsnn_compile.report.sections.cost_tables import ENERGY, TIME, by_branch, constants, shares, stack
-from locsnn_compile.report.sections.verdict import pace
+from locsnn_compile.report.sections.verdict import against_anns, pace
 from locsnn_compile.report.told import facts, section, share_of, table, verdict
 from locsnn_compile.report.words import core_words, sentence, words
 
@@ -109,8 +109,9 @@ def cycles(document: Document) -> Verdict:
     found = document["latency"]
     duration = found["recording_ns"]
     real = "" if duration is None else f", {pace(found['per_sample_ns'], duration)}"
-    its = facts("verdict on cycles", real=real, **found)
-    return verdict("cycles", "modelled", "Cycles exact, energy not known", its, target=document["target"], **found)
+    its = Facts((*facts("verdict on cycles", real=real, **found).facts, *against_anns(document)))
+    given = found | {"target": document["target"], "mhz": 1000 * found["clock_ghz"]}
+    return verdict("cycles", "modelled", "Cycles exact, energy not known", its, **given)
 
 
 def activity_section(document: Document) -> Section:

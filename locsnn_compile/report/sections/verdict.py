@@ -78,8 +78,7 @@ def costs(document: Document) -> Verdict:
     ]
     if starts(document):
         its.append(Fact("start", sentence("start", **document["input"])))
-    if document["ann_comparison"]:
-        its += [Fact(label, _against_anns(document, *side)) for label, side in _SIDES.items()]
+    its += against_anns(document)
     return verdict("cost", "modelled", "Modelled, not measured", Facts(tuple(its)), latency=latency, **found)
 
 
@@ -140,6 +139,12 @@ def _times(factor: float, more: str, less: str) -> str:
     if factor >= 1:
         return f"{ratio(factor)} times {more}"
     return f"{ratio(1 / factor) if factor else 'infinitely many'} times {less}"
+
+
+def against_anns(document: Document) -> list[Fact]:
+    """Return how the network's operations compare with those of conventional networks, counted in both ways."""
+    sides = _SIDES if document["ann_comparison"] else {}
+    return [Fact(label, _against_anns(document, *side)) for label, side in sides.items()]
 
 
 def _against_anns(document: Document, key: str, whose: str) -> str:
