@@ -9,7 +9,7 @@ from hw_model.engine.lanes import Given, Place, Returned, kernel, put
 from hw_model.engine.layout import LANES
 from hw_model.engine.trace import EventLists
 from hw_model.mapping.graph import Input
-from hw_model.values import ByteArray, Int32Array, IntArray
+from hw_model.values import ByteArray, IntArray
 
 
 def list_events(recordings: ByteArray) -> EventLists:
@@ -19,13 +19,8 @@ def list_events(recordings: ByteArray) -> EventLists:
     plain = (recordings if recordings.flags.carray else np.array(recordings, order="C")).reshape(-1)
     # Bytes of 0 and 1 are booleans, and numpy counts these fastest.
     channel = np.empty(np.count_nonzero(plain.view(np.bool_)) + LANES, dtype=np.int32)
-    _list(plain, recordings.shape[2], first, channel)
+    list_into(plain, recordings.shape[2], first, channel)
     return EventLists(first, channel[:-LANES])
-
-
-def list_row(row: ByteArray, first: IntArray, channel: Int32Array) -> None:
-    """List the spikes of one row into arrays that are there: ``first`` (1, 2), and room for all lanes behind them."""
-    _list(row, len(row), first, channel)
 
 
 def transpose(events: EventLists, item: Input, steps: int) -> EventLists:
@@ -64,7 +59,11 @@ def _list_lanes(given: Place, channel: Place, first: Given, until: Given) -> Ret
 
 
 @compiled
-def _list(given, channels, first, channel):  # type: ignore[no-untyped-def]
+def list_into(given, channels, first, channel):  # type: ignore[no-untyped-def]
+    """List rows of so many channels, bytes side by side, into ``first`` (batch, rows + 1) and ``channel``.
+
+    The latter has room for all events and, behind them, for all lanes.
+    """
     many, low = np.uint64(0), 0
     for b in range(first.shape[0]):
         first[b, 0] = many

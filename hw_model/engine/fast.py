@@ -93,7 +93,7 @@ def join_lists(events: Sequence[EventLists], part: slice = slice(None)) -> tuple
 def _run(  # type: ignore[no-untyped-def]
     first, line, start, stop, nodes, chunks, links, state, work, skip, on, spikes, sent, active, events, totals, kept
 ):
-    """Run recordings one after the other, each tile by tile; ``on``: go on from the state as it is."""
+    """Run recordings one after the other, each tile by tile; ``on``: go on from the last state, and add up nothing."""
     tile = len(work.masks)
     for b in range(len(spikes)):
         if not on:
@@ -104,6 +104,8 @@ def _run(  # type: ignore[no-untyped-def]
                 step, rows, first[b, step:], line, nodes, chunks, links, state, work, skip,
                 spikes[b, step:], sent[b], active[b, step:], b, kept,
             )  # fmt: skip
+        if on:
+            continue
         for k in range(len(chunks.first_column)):
             for i in range(chunks.width[k]):
                 at = k * FIELDS * LANES + i

@@ -11,9 +11,30 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hw_model.engine.chunks import add_up, advance, advance_pair, copy_current_and_voltage, copy_state, pass_on
+from hw_model.engine.chunks import (
+    add_multiple,
+    add_up,
+    advance,
+    advance_pair,
+    advance_plain_pair,
+    copy_current_and_voltage,
+    copy_state,
+    pass_on,
+)
 from hw_model.engine.compiled import absorbed, compiled, entry, inner, trailing_zeros
-from hw_model.engine.layout import BIAS, BLOCKED, FIELDS, LANES, LIST, MATRIX, POTENTIAL, REFRACTORY, FastLayout, U
+from hw_model.engine.layout import (
+    BIAS,
+    BLOCKED,
+    FIELDS,
+    LANES,
+    LIST,
+    MATRIX,
+    POTENTIAL,
+    REFRACTORY,
+    FastLayout,
+    U,
+    aligned,
+)
 from hw_model.mapping.graph import Input
 from hw_model.streaming.time_phase import Read
 from hw_model.values import AnyArray, ByteArray
@@ -36,7 +57,8 @@ class Order(NamedTuple):
 
     ``parent`` is a member; ``forgets``: nothing is kept from step to step; ``never_rests``: there is a bias;
     ``is_pair``: the first of two dendrites whose sum is all that the third member is, and which keeps nothing;
-    ``read``: its potentials are kept.
+    ``is_plain``: it is that of two plain ones; ``read``: its potentials are kept. Node n is the source of the links
+    ``link[link_of[n]:link_of[n + 1]]``.
     """
 
     member: AnyArray
@@ -46,7 +68,10 @@ class Order(NamedTuple):
     forgets: AnyArray
     never_rests: AnyArray
     is_pair: AnyArray
+    is_plain: AnyArray
     read: AnyArray
+    link: AnyArray
+    link_of: AnyArray
 
 
 class History(NamedTuple):
@@ -93,15 +118,16 @@ class Replay:
         self._layout, self._steps = layout, steps
         dtype = chunks.registers.dtype
         self._history = History(
-            charge=np.zeros((steps, slots), dtype), after=np.zeros((steps, len(chunks.node), KEPT), dtype),
+            charge=aligned((steps, slots), dtype), after=aligned((steps, len(chunks.node), KEPT), dtype),
             masks=np.zeros((steps, len(chunks.node)), np.int32), reached=np.zeros((steps, len(chunks.node)), np.uint8),
             spikes=np.zeros(layout.columns, np.int64), changed=np.zeros(blocks, np.int64), run=np.zeros(1, np.int64),
             block_of=block_of, potential=np.zeros((steps if len(read.columns) else 0, slots), dtype), slot=layout.slot,
         )  # fmt: skip
-        visits = _visits(inputs)
+        visits, registers = _visits(inputs), aligned((chunks.registers.size,), dtype)
+        registers[:] = chunks.registers[chunks.member].reshape(-1)
         self._played = (
             visits, read, layout.nodes, chunks, layout.links, _order(layout, read),
-            chunks.registers[chunks.member].reshape(-1), np.zeros(len(chunks.member), dtype=np.bool_), self._history,
+            registers, np.zeros(len(chunks.member), dtype=np.bool_), self._history,
         )  # fmt: skip
         self._silence = np.zeros((1, len(visits.step)), dtype=np.uint8)
         self._push = entry(_push, 0, self._silence, *self._played, np.zeros((1, layout.columns), dtype=np.int64))
@@ -175,7 +201,11 @@ def _order(layout: FastLayout, of: Read) -> Order:
     for low, high in pairwise(chunks.bundle.tolist()):
         is_pair[low] &= not read[low:high].any()  # a pair is run without a potential of its own
     never_rests = (chunks.registers[member][:, BIAS] != 0).max(axis=1)
-    return Order(member, chunks.begins, parent, sums, forgets, never_rests, is_pair, read)
+    plain = chunks.plain[member].astype(np.bool_)
+    is_plain = is_pair & plain & np.roll(plain, -1)
+    link = np.argsort(layout.links.source, kind="stable")
+    link_of = np.searchsorted(layout.links.source[link], np.arange(len(layout.nodes.first) + 1))
+    return Order(member, chunks.begins, parent, sums, forgets, never_rests, is_pair, is_plain, read, link, link_of)
 
 
 @compiled
@@ -189,9 +219,8 @@ def _push(  # type: ignore[no-untyped-def]
             for channel in range(visits.first_channel[node], visits.first_channel[node + 1]):
                 if rows[row, channel] and time < visits.rows[node]:
                     line = visits.first_line[channel] + time
-                    for link in range(len(links.source)):
-                        if links.source[link] == node:
-                            _change(np.uint64(link), line, visits.step[channel], 1, links, history)
+                    for index in range(order.link_of[node], order.link_of[node + 1]):
+                        _change(np.uint64(order.link[index]), line, visits.step[channel], 1, links, history)
         ran = False
         for block in range(len(history.changed)):
             start = history.changed[block]
@@ -227,8 +256,8 @@ def _change(link, source, step, sign, links, history):  # type: ignore[no-untype
             due = np.uint64(at)
             begin = np.uint64(links.offset[link] + source * links.width[link])
             low, many = np.uint64(links.target[link]), np.uint64(links.width[link])
-            for j in range(many):
-                history.charge[due, low + j] += sign * links.matrix[begin + j]
+            for j in range(np.uint64(0), many, _LANES):
+                add_multiple(history.charge, due, low + j, links.matrix, begin + j, sign)
             history.changed[block] = min(history.changed[block], at)
             for chunk in range(low // _LANES, (low + many) // _LANES):
                 history.reached[due, chunk] = 1
@@ -293,7 +322,7 @@ def _run_again(  # type: ignore[no-untyped-def]
                 member += 1
             k = np.uint64(order.member[np.uint64(member - 1)])
             if mask != history.masks[step, k]:
-                _flip(row, k, mask, nodes, chunks, links, history)
+                _flip(row, k, mask, nodes, chunks, links, order, history)
     history.changed[block] = len(history.masks)
     history.run[0] += len(history.masks) - start
 
@@ -305,9 +334,14 @@ def _run_pair(step, index, widths, order, registers, at_rest, history):  # type:
     at = index * _CHUNK
     mask = np.int32(0)
     if not at_rest[index] or history.reached[step, one] or history.reached[step, other]:
-        mask, remains = advance_pair(
-            registers, at, history.charge, step, one * _LANES, history.charge, step, other * _LANES, widths
-        )
+        if order.is_plain[index]:
+            mask, remains = advance_plain_pair(
+                registers, at, history.charge, step, one * _LANES, history.charge, step, other * _LANES
+            )
+        else:
+            mask, remains = advance_pair(
+                registers, at, history.charge, step, one * _LANES, history.charge, step, other * _LANES, widths
+            )
         at_rest[index] = remains == 0 and not order.never_rests[index] and not order.never_rests[index + np.uint64(1)]
     copy_current_and_voltage(history.after, step, index, _ZERO, registers, at + _STATE)
     copy_current_and_voltage(history.after, step, index + np.uint64(1), _ZERO, registers, at + _CHUNK + _STATE)
@@ -338,17 +372,17 @@ def _run_member(step, index, stirred, widths, order, registers, at_rest, history
 
 
 @absorbed
-def _flip(step, k, mask, nodes, chunks, links, history):  # type: ignore[no-untyped-def]
+def _flip(step, k, mask, nodes, chunks, links, order, history):  # type: ignore[no-untyped-def]
     """Note the spikes of a chunk in a step, and change what those that came or went make due."""
     flipped = np.uint64(np.uint32(mask ^ history.masks[step, k]))
     history.masks[step, k] = mask
     node = chunks.node[k]
+    first_link, end = order.link_of[node], order.link_of[node + 1]
     while flipped:
         lane = trailing_zeros(flipped)
         flipped &= flipped - np.uint64(1)
         sign = 1 if (mask >> lane) & 1 else -1
         column = chunks.first_column[k] + lane
         history.spikes[column] += sign
-        for link in range(len(links.source)):
-            if links.source[link] == node:
-                _change(np.uint64(link), column - nodes.first[node], step, sign, links, history)
+        for index in range(first_link, end):
+            _change(np.uint64(order.link[index]), column - nodes.first[node], step, sign, links, history)

@@ -89,11 +89,8 @@ class Session:
 
         Rows after the last step that a phase is for change nothing in it.
         """
-        given = spikes if isinstance(spikes, Mapping) else {name: spikes for name in list(self.program.streams)[:1]}
-        streams, batched = read_streams(self.program, {name: _rows(array) for name, array in given.items()})
-        if batched:
-            raise InputError("spikes", "a session plays one recording", fix="Give rows, (rows, channels).")
-        rows = next(iter(streams.values())).shape[1]
+        streams = self._read(spikes)
+        rows = len(next(iter(streams.values())))
         counts = [branch.push(self.steps, streams) for branch in self._branches]
         self.steps += rows
         spikes_of: dict[str, IntArray] = {}
@@ -104,6 +101,16 @@ class Session:
             (potential if output.population in self._by_potential else spikes_of)[output.population] = found
             scores += self._weight(output, rows) * found
         return StepScores(spikes_of, potential, scores)
+
+    def _read(self, spikes: Spikes) -> dict[str, ByteArray]:
+        """Return the rows of every stream, (rows, channels), as loops can be given them: whole, and writeable."""
+        if isinstance(spikes, np.ndarray) and (rows := _plain_rows(self.program, spikes)) is not None:
+            return rows
+        given = spikes if isinstance(spikes, Mapping) else {name: spikes for name in list(self.program.streams)[:1]}
+        streams, batched = read_streams(self.program, {name: _rows(array) for name, array in given.items()})
+        if batched:
+            raise InputError("spikes", "a session plays one recording", fix="Give rows, (rows, channels).")
+        return {name: _plain(array[0]) for name, array in streams.items()}
 
     @property
     def replayed(self) -> tuple[int, int]:
@@ -176,16 +183,30 @@ class _Branch:
         self._started = self._align is None
 
     def push(self, before: int, streams: dict[str, ByteArray]) -> IntArray:
-        """Push rows (1, rows, channels), and return the spikes so far after each, (rows, columns)."""
-        given = [streams[name][0] for name in self._streams]
-        # A copy, whatever came: loops are compiled anew for what is read-only, or not side by side.
-        rows = np.array(given[0] if len(given) == 1 else np.concatenate(given, axis=1), order="C")
+        """Push rows (rows, channels), and return the spikes so far after each, (rows, columns)."""
+        given = [streams[name] for name in self._streams]
+        rows = given[0] if len(given) == 1 else np.concatenate(given, axis=1)
         if self._started or self._align is None:
             return self.run.push(before, rows)
-        first = int(first_touch([list_events(streams[name]) for name in set(self._streams)], self._align)[0])
+        first = int(first_touch([list_events(streams[name][None]) for name in set(self._streams)], self._align)[0])
         self._started = first < len(rows)
         waited = self.run.wait(rows[:first])
         return np.concatenate((waited, self.run.push(before + first, rows[first:]))) if self._started else waited
+
+
+def _plain_rows(program: ChipProgram, given: AnyArray) -> dict[str, ByteArray] | None:
+    """Return what are bytes of 0 and 1, rows for the only stream; None for all else, which is looked into."""
+    if len(program.streams) > 1 or given.dtype != np.uint8 or not given.size or np.maximum.reduce(given, axis=None) > 1:
+        return None
+    ((name, channels),) = program.streams.items()
+    if given.ndim > 2 or given.shape[-1] != channels:
+        return None
+    return {name: _plain(given.reshape(-1, channels))}
+
+
+def _plain(rows: ByteArray) -> ByteArray:
+    """Return rows as loops can be given them: they are compiled anew for what is read-only, or not side by side."""
+    return rows if type(rows) is np.ndarray and rows.flags.carray else np.array(rows, order="C")
 
 
 def _rows(given: ArrayLike) -> AnyArray:

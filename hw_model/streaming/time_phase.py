@@ -6,7 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hw_model.engine import tiles
-from hw_model.engine.events import list_events, list_row
+from hw_model.engine.compiled import compiled, entry
+from hw_model.engine.events import list_events, list_into
 from hw_model.engine.fast import join_lists, machine_code
 from hw_model.engine.layout import LANES, FastLayout
 from hw_model.engine.trace import EVENTS, TOTALS
@@ -20,6 +21,10 @@ class Read(NamedTuple):
     first: AnyArray
 
 
+TILE = 8
+"""Steps that a session keeps charges for at a time: few rows come at once, and after each push the rest is moved."""
+
+
 class Live:
     """A phase of ``steps`` steps, or without end, before its first step."""
 
@@ -27,20 +32,25 @@ class Live:
         self._layout, self._steps, self._read, self._start = layout, steps, read, 0
         ends = np.cumsum([0, *layout.nodes.size[: layout.inputs]])
         self._inputs = [slice(*ends) for ends in pairwise(ends.tolist())]
-        self._state, self._work = tiles.first_state(layout), tiles.workspace(layout)
+        self._state, self._work = tiles.first_state(layout, TILE), tiles.workspace(layout, TILE)
         self._so_far = np.zeros(layout.columns, dtype=np.int64)
-        self._place = np.full(layout.columns, -1, dtype=np.int64)
-        self._place[read.columns] = np.arange(len(read.columns))
-        self._row = np.zeros((1, 2), dtype=np.int64), np.empty(int(ends[-1]) + LANES, dtype=np.int32)
-        self._room: tuple[ByteArray, IntArray, tuple[Any, ...]] | None = None
-        # What the loop counts of a whole recording: nobody asks a session for it.
+        # What the loop adds up of a whole recording: nobody asks a session for it.
         shapes = (1, int(ends[-1]) + layout.columns), (1, len(EVENTS), layout.columns), (1, len(TOTALS))
         self._sent, self._events, self._totals = (np.zeros(shape, dtype=np.int64) for shape in shapes)
+        self._place = np.full(layout.columns, -1, dtype=np.int64)
+        self._place[read.columns] = np.arange(len(read.columns))
+        self._room = self._room_for(1)
+        lines = int(ends[-1])
+        self._row = lines, np.zeros((1, 2), dtype=np.int64), np.empty(lines + LANES, dtype=np.int32)
+        self._list_row = entry(list_into, np.empty(lines, dtype=np.uint8), *self._row)
+        spikes, _, arguments = self._room
+        self._run = machine_code(layout, (*self._lists(np.zeros((1, lines), np.uint8)), *arguments))
+        self._sum_up = entry(_sum_up, spikes, self._so_far, self._so_far[None])
 
     def reset(self) -> None:
         """Go back to before the first step."""
         tiles.reset(self._state)
-        self._so_far = np.zeros_like(self._so_far)
+        self._so_far[:] = 0
         self._start = 0
 
     def wait(self, rows: ByteArray) -> AnyArray:
@@ -56,36 +66,30 @@ class Live:
         lasting = len(rows) if self._steps is None else max(0, min(len(rows), self._start + self._steps - before))
         counts = np.empty((len(rows), self._layout.columns), dtype=np.int64)
         if lasting:
-            played = counts[:lasting]
-            potential = self._play(rows[:lasting], played)
-            played[0] += self._so_far
-            if lasting > 1:
-                np.cumsum(played, axis=0, out=played)
-            if potential.size:
-                self._take_largest(before, potential, played)
-            self._so_far = played[-1].copy()
+            self._play(before, rows if lasting == len(rows) else rows[:lasting], counts)
         if lasting < len(rows):
             counts[lasting:] = self._so_far
         return counts
 
-    def _play(self, rows: ByteArray, spikes: IntArray) -> IntArray:
-        """Tell the spikes of some rows, (rows, columns), and return the potentials of the columns that are read."""
-        if self._room is None or len(self._room[0]) != len(rows):
+    def _play(self, before: int, rows: ByteArray, counts: IntArray) -> None:
+        """Play some rows, and write what every column gives so far after each, (rows, columns)."""
+        if len(self._room[0]) != len(rows):
             self._room = self._room_for(len(rows))
-        sent, potential, arguments = self._room
-        sent[:] = 0
-        if potential.size:
-            potential[:] = 0
-        arguments = *self._lists(rows), *arguments
-        machine_code(self._layout, arguments)(*arguments)
-        spikes[:] = sent
-        return potential
+        spikes, potential, arguments = self._room
+        self._run(*self._lists(rows), *arguments)
+        if not potential.size:
+            self._sum_up(spikes, self._so_far, counts)
+            return
+        known = self._so_far[self._read.columns]
+        self._sum_up(spikes, self._so_far, counts)
+        self._take_largest(before, potential, known, counts[: len(rows)])
+        potential[:] = 0
 
     def _lists(self, rows: ByteArray) -> tuple[IntArray, Int32Array]:
         """Return the events of some rows as the loop takes them."""
         if len(rows) == 1 and len(self._inputs) == 1:
-            list_row(rows[0], *self._row)
-            return self._row[0][:, :, None], self._row[1]
+            self._list_row(rows[0], *self._row)
+            return self._row[1][:, :, None], self._row[2]
         lists = [list_events(rows[None, :, its] if len(self._inputs) > 1 else rows[None]) for its in self._inputs]
         return join_lists(lists)
 
@@ -103,11 +107,25 @@ class Live:
         )  # fmt: skip
         return spikes[0], potential[0], arguments
 
-    def _take_largest(self, before: int, potential: IntArray, counts: IntArray) -> None:
-        """Put the largest potential so far of the columns that are read in place of their spikes, until their first."""
+    def _take_largest(self, before: int, potential: IntArray, known: IntArray, counts: IntArray) -> None:
+        """Put the largest potentials so far of the columns that are read in place of their spikes.
+
+        ``known`` are those before these rows; 0 stands for that of a column whose first step is yet to come.
+        """
         columns, step = self._read.columns, np.arange(before, before + len(potential))[:, None]
         least = np.iinfo(np.int64).min
-        known = np.where(before > self._read.first, self._so_far[columns], least)
+        known = np.where(before > self._read.first, known, least)
         seen = np.where(step >= self._read.first, potential, least)
         largest = np.maximum.accumulate(np.maximum(seen, known), axis=0)
         counts[:, columns] = np.where(step >= self._read.first, largest, 0)
+        self._so_far[columns] = counts[-1, columns]
+
+
+@compiled
+def _sum_up(spikes, so_far, counts):  # type: ignore[no-untyped-def]
+    """Add rows of spikes to those of every column ``so_far``, note these after each row, and empty the spikes."""
+    for row in range(len(spikes)):
+        for column in range(len(so_far)):
+            so_far[column] += spikes[row, column]
+            spikes[row, column] = 0
+            counts[row, column] = so_far[column]

@@ -211,7 +211,7 @@ def test_no_row_is_played_after_the_last_step(monkeypatch):
     played = []
     play = Live._play
     monkeypatch.setattr(
-        Live, "_play", lambda live, rows, spikes: (played.append(len(rows)), play(live, rows, spikes))[1]
+        Live, "_play", lambda live, at, rows, to: (played.append(len(rows)), play(live, at, rows, to))[1]
     )
     session = hw.Session(program)
     found = [session.push(np.ones((rows, 1), dtype=np.uint8)).spikes["y"][-1, 0] for rows in (3, 4, 1, 2)]

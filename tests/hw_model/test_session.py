@@ -125,6 +125,25 @@ def test_rows_one_by_one_and_again_after_a_reset(seed):
     assert np.array_equal(session.push(recording).scores, np.concatenate(first))
 
 
+@pytest.mark.parametrize("kind", ["read-only", "by columns", "every other", "booleans", "wide", "lists", "a subclass"])
+def test_rows_of_any_kind_give_the_same(kind):
+    program, recording = random_hybrid(5)
+    given = {
+        "read-only": np.frombuffer(recording.tobytes(), np.uint8).reshape(recording.shape),
+        "by columns": np.asfortranarray(recording),
+        "every other": np.repeat(recording, 2, axis=1)[:, ::2],
+        "booleans": recording.astype(np.bool_),
+        "wide": recording.astype(np.int64),
+        "lists": recording.tolist(),
+        "a subclass": recording.view(np.memmap),
+    }[kind]
+    expected = hw.Session(program).push(recording).scores
+    assert np.array_equal(hw.Session(program).push(given).scores, expected)
+    one_by_one = hw.Session(program)
+    assert np.array_equal(np.concatenate([one_by_one.push(row).scores for row in given]), expected)
+    assert np.array_equal(recording, random_hybrid(5)[1])
+
+
 @settings(max_examples=15, deadline=None)
 @given(seed=SEEDS, psi=st.sampled_from([0.0, 2.0, 10.0, 15.0, 5000.0]))
 def test_time_weighted_scores(seed, psi):
