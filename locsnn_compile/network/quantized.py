@@ -94,6 +94,15 @@ class QuantizedNetwork(Frozen, eq=False):
             weights = [float(round(w * factor)) for w in weights]
         return replace(readout, weights=tuple(weights))
 
+    @property
+    def score_scale(self) -> float:
+        """The class score of the integers that corresponds to a class score of 1 of the network of floats."""
+        readout = self.readout
+        rows = zip(readout.populations, readout.weights, self.network.readout.weights, strict=True)
+        # The least weight is the one that was made whole without rounding.
+        least, weight, name = min(((abs(its), abs(of), name) for name, its, of in rows if its), default=(1.0, 1.0, ""))
+        return least / weight * (float(self.population(name).scale.max()) if name in readout.from_step else 1.0)
+
     def on_grid(self) -> Network:
         """Return the network with these integers in it: when evaluated, it spikes as the program must, bit for bit."""
         populations = tuple(replace(q.population, neuron=q.neuron) for q in self.populations)

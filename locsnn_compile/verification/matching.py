@@ -12,7 +12,7 @@ from hw_model.accounting.usage import PhaseUsage, measure, total_ns
 from hw_model.description.counts import Counts, total
 from hw_model.description.profile import Range
 from hw_model.rtl.device import latencies as core_latencies
-from hw_model.values import ByteArray, Frozen, IntArray, Shown, Sums
+from hw_model.values import ByteArray, FloatArray, Frozen, IntArray, Shown, Sums
 from locsnn_compile.baselines.operations import network_additions
 from locsnn_compile.cluster.spread import Spread, here
 from locsnn_compile.errors import InputError, check_same
@@ -53,6 +53,39 @@ class PopulationMatch(Sums):
         return cls(int(reference.sum()), int(chip.sum()), int((reference & chip).sum()))
 
 
+class ScoreMatch(Sums):
+    """``scores`` class scores in the network's units.
+
+    ``spread`` adds up how far the reference's scores are from the mean of their recording, ``error`` how far the chip's
+    are from the reference's.
+    """
+
+    scores: int
+    spread: float
+    error: float
+
+    @classmethod
+    def of(cls, reference: FloatArray, chip: FloatArray) -> "ScoreMatch":
+        """Compare the scores (batch, classes) of both sides."""
+        spread, error = reference - reference.mean(axis=1, keepdims=True), chip - reference
+        return cls(reference.size, float(np.abs(spread).sum()), float(np.abs(error).sum()))
+
+    @property
+    def mean_spread(self) -> float:
+        """Mean distance of a score of the reference from the mean of its recording."""
+        return self.spread / self.scores
+
+    @property
+    def mean_error(self) -> float:
+        """Mean distance of a score of the chip from that of the reference."""
+        return self.error / self.scores
+
+    @property
+    def relative_error(self) -> float | None:
+        """The error as a share of the spread; None if all scores of the reference tie, so there is no spread."""
+        return self.error / self.spread if self.spread else None
+
+
 class Divergence(Frozen):
     """The first spike that differs: both potentials in the float network's units, before any reset."""
 
@@ -82,6 +115,7 @@ class Match(Shown):
     labels: IntArray | None
     by_population: dict[str, PopulationMatch]
     helpers: dict[str, PopulationMatch]
+    scores: ScoreMatch
     first_divergence: Divergence | None
     counts: tuple[Counts, ...]
     counts_by_phase: dict[str, Counts]
@@ -137,7 +171,7 @@ def compare(
     spread: Spread = here,
     explain: bool = True,
 ) -> Match:
-    """Play recordings (samples, steps, channels) to both sides, some at a time, and compare every spike.
+    """Play recordings (samples, steps, channels) to both sides, some at a time, and compare every spike and score.
 
     ``explain``: play the recording with the first difference again, and keep both potentials there.
     """
@@ -147,7 +181,7 @@ def compare(
     helpers = {p.name for p in network.populations if p.helper}
     both: _Part | None = None
     chunks = ((start, recordings[start : start + CHUNK]) for start in range(0, len(recordings), CHUNK))
-    for part in spread(partial(_compare_part, network, program), chunks):
+    for part in spread(partial(_compare_part, network, program, quantized.score_scale), chunks):
         both = both + part if both else part
         if progress:
             progress(len(both.counts), len(recordings))
@@ -170,7 +204,7 @@ def compare(
     )
 
 
-_ADDED_UP = ("counts", "counts_by_phase", "wraps_and_clips", "latencies", "usage", "additions", "member_ns")
+_ADDED_UP = ("scores", "counts", "counts_by_phase", "wraps_and_clips", "latencies", "usage", "additions", "member_ns")
 
 
 class _Part(Sums, eq=False):
@@ -182,6 +216,7 @@ class _Part(Sums, eq=False):
     matches: dict[str, PopulationMatch]
     differences: tuple[Place, ...]
     predictions: tuple[tuple[IntArray, IntArray], ...]
+    scores: ScoreMatch
     counts: tuple[Counts, ...]
     counts_by_phase: dict[str, Counts]
     wraps_and_clips: dict[str, dict[str, int]]
@@ -192,7 +227,9 @@ class _Part(Sums, eq=False):
     member_ns: dict[str, float]
 
 
-def _compare_part(network: Network, program: hw.ChipProgram, numbered: tuple[int, ByteArray]) -> _Part:
+def _compare_part(
+    network: Network, program: hw.ChipProgram, score_scale: float, numbered: tuple[int, ByteArray]
+) -> _Part:
     """Play recordings to both sides; they come with the number of the first one."""
     start, recordings = numbered
     wanted = evaluate(network, recordings, registers=program.chip.registers)
@@ -206,6 +243,7 @@ def _compare_part(network: Network, program: hw.ChipProgram, numbered: tuple[int
         matches={p.name: PopulationMatch.of(wanted.spikes[p.name], found.spikes[p.name]) for p in network.populations},
         differences=_first_difference(network, wanted.spikes, found.spikes, start),
         predictions=((decided(wanted.scores), decided(found.scores)),),
+        scores=ScoreMatch.of(wanted.scores, found.scores / score_scale),
         counts=found.per_recording,
         counts_by_phase=found.counts_by_phase,
         wraps_and_clips={name: dict(events) for name, events in found.events.items()},

@@ -273,7 +273,7 @@ BAD_OPTIONS = [
     ("probed", lambda t: ("--emit", "vcd", "--probe", "time_outptu[3]"), "probe 'time_outptu[3]': there is no population 'time_outptu'. Did you mean 'time_output'?"),
     ("recording", lambda t: ("--emit", "vcd", "--recording", "16"), "--recording 16: there is no such recording (16 in synthetic touches). Count from 0 to 15."),
     ("before the first", lambda t: ("--emit", "vcd", "--recording", "-1"), "--recording -1: there is no such recording (16 in synthetic touches). Count from 0 to 15."),
-    ("junit alone", lambda t: ("--junit", str(t / "gates.xml")), "--junit: no gate is asked for. Add one of --min-agreement, --max-spike-error, --max-energy-nj, --max-latency-us, --max-cores."),
+    ("junit alone", lambda t: ("--junit", str(t / "gates.xml")), "--junit: no gate is asked for. Add one of --min-agreement, --max-spike-error, --max-score-error, --max-energy-nj, --max-latency-us, --max-cores."),
     ("junit folder", lambda t: ("--junit", "gone/gates.xml", "--max-cores", "2"), "--junit 'gone/gates.xml': its folder does not exist. Make the folder first."),
 ]  # fmt: skip
 

@@ -57,7 +57,7 @@ REFUSED = [
     ("compile, calibration of integers", f"locsnn-compile {GRID} --calibration d.npz", "--calibration: it would change nothing: no weights of this model are rounded for recordings. Leave it out."),
     ("compile, a recording of nothing", f"locsnn-compile {FLOAT} --recording 1 --emit network", "--recording: nothing emitted is of a single recording. Add --emit vectors, rtl, vcd, trace or sanafe."),
     ("compile, a probe of nothing", f"locsnn-compile {FLOAT} --probe time_output[0]", "--probe: nothing emitted shows a neuron. Add --emit vcd."),
-    ("compile, junit of nothing", f"locsnn-compile {FLOAT} --junit g.xml", "--junit: no gate is asked for. Add one of --min-agreement, --max-spike-error, --max-energy-nj, --max-latency-us, --max-cores."),
+    ("compile, junit of nothing", f"locsnn-compile {FLOAT} --junit g.xml", "--junit: no gate is asked for. Add one of --min-agreement, --max-spike-error, --max-score-error, --max-energy-nj, --max-latency-us, --max-cores."),
     ("compile, a description of a checkpoint", f"locsnn-compile {FLOAT} --config bits.yaml", f"model '{FLOAT}': config was given, but a checkpoint contains this itself. Leave config out."),
     ("compile, a step of a checkpoint", f"locsnn-compile {FLOAT} --dt 1e-3", f"model '{FLOAT}': dt was given, but a checkpoint contains this itself. Leave dt out."),
     ("compile, parts of nothing", f"locsnn-compile {FLOAT} --split 0.2", "--split: there are no events to read. Give them with --events."),

@@ -7,7 +7,7 @@ import pytest
 from locsnn_compile.report.gates import GATES, check_gates
 
 REPORT = {
-    "match": {"prediction_agreement": 0.75, "spike_agreement": 0.875, "samples": 4},
+    "match": {"prediction_agreement": 0.75, "spike_agreement": 0.875, "score_error": 0.25, "samples": 4},
     "energy": {"per_sample_pj": 2500.0},
     "latency": {"per_sample_ns": 1500.0},
     "resources": {"cores": 3},
@@ -16,6 +16,7 @@ ROWS = [
     # gate, bound that is just kept, one that is not, what is said of each
     ("--min-agreement", 0.75, 0.7501, "prediction agreement is 0.7500, not below 0.75", "prediction agreement is 0.7500, below 0.7501"),
     ("--max-spike-error", 0.125, 0.1249, "0.1250 of the spikes differ, not above 0.125", "0.1250 of the spikes differ, above 0.1249"),
+    ("--max-score-error", 0.25, 0.2499, "class scores differ by 0.2500 of their spread, not above 0.25", "class scores differ by 0.2500 of their spread, above 0.2499"),
     ("--max-energy-nj", 2.5, 2.4999, "a recording takes 2.5 nJ, not above 2.5", "a recording takes 2.5 nJ, above 2.4999"),
     ("--max-latency-us", 1.5, 1.4999, "a recording takes 1.5 µs, not above 1.5", "a recording takes 1.5 µs, above 1.4999"),
     ("--max-cores", 3, 2, "3 cores are used, not above 3", "3 cores are used, above 2"),
@@ -34,9 +35,9 @@ def test_every_gate_has_its_row_and_they_come_in_order():
     assert tuple(gate.option for gate in check_gates(REPORT, bounds)) == GATES == tuple(row[0] for row in ROWS)
 
 
-@pytest.mark.parametrize("gate", ["--min-agreement", "--max-spike-error"])
+@pytest.mark.parametrize("gate", ["--min-agreement", "--max-spike-error", "--max-score-error"])
 def test_a_gate_on_what_was_not_compared_fails(gate):
-    silent = REPORT | {"match": {"prediction_agreement": None, "spike_agreement": None}}
+    silent = REPORT | {"match": {"prediction_agreement": None, "spike_agreement": None, "score_error": None}}
     (found,) = check_gates(silent, {gate: 0.0 if gate == "--min-agreement" else 1.0})
     assert (found.holds, found.measured) == (False, None)
 

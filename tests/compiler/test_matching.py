@@ -11,7 +11,7 @@ from locsnn_compile.baselines.operations import network_additions
 from locsnn_compile.errors import InputError
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
-from locsnn_compile.verification.matching import CHUNK, PopulationMatch, compare
+from locsnn_compile.verification.matching import CHUNK, PopulationMatch, ScoreMatch, compare
 
 CHIP = hw.chip("loihi-sim")
 
@@ -40,6 +40,23 @@ def test_agreement(match, agreement, mismatches):
     assert (match.agreement, match.mismatches) == (agreement and pytest.approx(agreement), mismatches)
 
 
+@pytest.mark.parametrize(
+    ("reference", "chip", "relative", "spread", "error"),
+    [
+        ([[1, 3], [5, 5]], [[1, 3], [5, 5]], 0.0, 0.5, 0.0),
+        ([[1, 3], [5, 5]], [[1, 2], [6, 5]], 1.0, 0.5, 0.5),
+        ([[1, 3], [0, 4]], [[2, 2], [0, 4]], 1 / 3, 1.5, 0.5),
+        ([[5, 5]], [[5, 5]], None, 0.0, 0.0),
+        ([[5, 5]], [[5, 8]], None, 0.0, 1.5),
+    ],
+    ids=["equal", "same class", "a tie", "nothing to compare", "only the chip decides"],
+)
+def test_scores_are_compared_with_their_spread(reference, chip, relative, spread, error):
+    found = ScoreMatch.of(np.array(reference, float), np.array(chip, float))
+    assert found.relative_error == (relative and pytest.approx(relative))
+    assert (found.mean_spread, found.mean_error) == (spread, error)
+
+
 def predicted(scores):
     """The class with the highest score, -1 where all tie."""
     return [int(np.argmax(row)) if len(set(row.tolist())) > 1 else -1 for row in scores]
@@ -60,6 +77,11 @@ def test_a_match_is_what_counting_by_hand_gives(network, levels):
     assert -1 in match.chip_prediction
     assert match.counts == found.per_recording
     assert match.accuracy is None
+    apart = np.abs(found.scores - wanted.scores)
+    assert match.scores.mean_error == pytest.approx(apart.mean())
+    assert match.scores.mean_spread == pytest.approx(
+        np.abs(wanted.scores - wanted.scores.mean(axis=1, keepdims=True)).mean()
+    )
 
 
 def test_the_first_divergence_is_the_first(network, levels):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 import yaml
 
 import hw_model as hw
@@ -15,13 +16,18 @@ from locsnn_compile.network.neurons import Cuba
 from locsnn_compile.network.projections import Projection
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
+from locsnn_compile.report.figures.document import report_document
+from locsnn_compile.report.gates import check_gates
+from locsnn_compile.report.sections.verdict import matches
+from locsnn_compile.verification.grounds import Grounds
+from locsnn_compile.verification.matching import compare
 
 RNG = np.random.default_rng(5)
 
 
 def two_outputs() -> Network:
     """Outputs that are read, of weights 30 times as large in one population as in the other."""
-    sizes = {"small": 1.0, "large": 30.0}
+    sizes, rng = {"small": 1.0, "large": 30.0}, np.random.default_rng(5)
     return Network(
         name="two outputs",
         channels=8,
@@ -32,7 +38,7 @@ def two_outputs() -> Network:
         populations=tuple(
             Population(name, "time", 3, Cuba.of(3, decay_v=0.5, threshold=40.0 * size)) for name, size in sizes.items()
         ),
-        projections=tuple(Projection("touch", name, size * RNG.normal(size=(3, 8))) for name, size in sizes.items()),
+        projections=tuple(Projection("touch", name, size * rng.normal(size=(3, 8))) for name, size in sizes.items()),
         readout=Readout(tuple(sizes), (1.0, 0.1), potentials_from=5),
         sha256="0" * 64,
     )
@@ -48,6 +54,41 @@ def test_scores_of_the_chip_are_those_of_the_network() -> None:
     weights = levels.program.readout.weights
     assert (min(weights), all(weight.is_integer() for weight in weights)) == (16_384, True)
     assert np.abs(played / (scales[0] * weights[0]) - wanted).max() < 0.02 * np.abs(wanted).max()
+
+
+def test_weights_that_are_a_little_wrong_show_in_scores_where_no_class_and_no_spike_tells() -> None:
+    network, x = two_outputs(), (np.random.default_rng(0).random((40, 6, 8)) < 0.4).astype(np.uint8)
+    wrong = tuple(replace(p, weights=p.weights * [[1.05], [1.0], [0.95]]) for p in network.projections)
+    levels, other = (lower(one, hw.chip("loihi-sim"), 8) for one in (network, replace(network, projections=wrong)))
+    right, fault = (compare(levels.quantized, program, x) for program in (levels.program, other.program))
+    for match in (right, fault):
+        assert (match.prediction_agreement, match.first_divergence) == (1.0, None)
+    assert right.scores.relative_error < 0.01
+    assert fault.scores.relative_error == pytest.approx(0.111, abs=0.001)
+
+    report = report_document(levels, fault, Grounds(0.02, "given", ()))
+    assert report["match"]["score_error"] == fault.scores.relative_error
+    assert report["match"]["class_scores"] == {
+        "mean_spread": fault.scores.mean_spread,
+        "mean_error": pytest.approx(0.111 * fault.scores.mean_spread, rel=0.01),
+    }
+    said = matches(report)
+    assert (said.status, said.answer) == ("nearly", "Nearly, in every prediction")
+    assert [gate.holds for gate in check_gates(report, {"--min-agreement": 1.0, "--max-score-error": 0.05})] == [
+        True,
+        False,
+    ]
+
+
+@pytest.mark.parametrize("weights", [(1.0, 0.1), (0.3, -0.7), (0.0, 2.0)], ids=str)
+@pytest.mark.parametrize("potentials", [5, (None, 5), None], ids=["potentials", "both", "spikes"])
+def test_scores_are_compared_in_the_units_of_the_network(weights, potentials) -> None:
+    network, x = two_outputs(), (RNG.random((20, 6, 8)) < 0.4).astype(np.uint8)
+    network = replace(network, readout=replace(network.readout, weights=weights, potentials_from=potentials))
+    levels = lower(network, hw.chip("loihi-sim"), 8)
+    found = hw.simulate(levels.program, x).scores / levels.quantized.score_scale
+    wanted = evaluate(network, x).scores
+    assert np.abs(found - wanted).mean() <= 0.01 * np.abs(wanted - wanted.mean(axis=1, keepdims=True)).mean()
 
 
 def test_spikes_and_potentials_are_added_in_whole_numbers(tmp_path) -> None:

@@ -322,6 +322,8 @@ def document() -> dict[str, Any]:
             "events_source": "touches.npz",
             "events_origin": "given",
             "tied_predictions": 0,
+            "score_error": 0.02,
+            "class_scores": {"mean_spread": 4.5, "mean_error": 0.09},
             "helper_neurons": {},
             "readout": {"populations": ["time_output", "location_output"], "by": "spikes", "silent": False},
             "prediction_agreement": 0.95,

@@ -17,6 +17,9 @@ SILENT = {
 LOUD = {"readout": {"populations": POPULATIONS, "by": "spikes", "silent": False}}
 BY_POTENTIALS = {"readout": {"populations": POPULATIONS, "by": "potentials", "silent": True}}
 
+READ = {"readout": {"populations": POPULATIONS, "by": "potentials", "silent": False}}
+EQUAL = {"prediction_agreement": 1.0, "spike_mismatches": 0}
+
 
 @pytest.mark.parametrize(
     ("changes", "status", "answer"),
@@ -41,6 +44,13 @@ BY_POTENTIALS = {"readout": {"populations": POPULATIONS, "by": "potentials", "si
             id="potentials-alone",
         ),
         pytest.param({"spike_mismatches": 0, "prediction_agreement": 0.5}, "no", "No", id="potentials-that-differ"),
+        pytest.param(EQUAL | READ | {"score_error": 0.05}, "yes", "Yes, spike for spike", id="potentials-near-enough"),
+        pytest.param(
+            EQUAL | READ | {"score_error": 0.0501}, "nearly", "Nearly, in every prediction", id="potentials-apart"
+        ),
+        pytest.param(
+            EQUAL | LOUD | {"score_error": 0.5}, "yes", "Yes, spike for spike", id="spikes-tell-by-themselves"
+        ),
     ],
 )
 def test_match(document: dict[str, Any], changes: dict[str, Any], status: str, answer: str) -> None:
@@ -83,6 +93,14 @@ def test_what_was_not_compared_is_said(document: dict[str, Any], changes: dict[s
     verdict = matches(document)
     assert verdict.sentence == sentence
     assert "100 %" not in verdict.figure
+
+
+def test_scores_that_are_apart_are_said(document: dict[str, Any]) -> None:
+    document["match"] |= EQUAL | READ | {"score_error": 0.25}
+    assert matches(document).sentence == (
+        "The chip predicts the same class as the float network in 20 of 20 recordings, but class scores differ by "
+        "25.0 % of their spread."
+    )
 
 
 @pytest.mark.parametrize(

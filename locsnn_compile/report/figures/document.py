@@ -116,6 +116,8 @@ def _match(match: Match, counts: Counts, cause: Document | None) -> Document:
         **picked(match, "samples", "events_source", "prediction_agreement"),
         **_spikes(match.spikes),
         "tied_predictions": match.tied_predictions,
+        "score_error": match.scores.relative_error,
+        "class_scores": picked(match.scores, "mean_spread", "mean_error"),
         "by_population": {name: _spikes(found) for name, found in match.by_population.items()},
         "helper_neurons": {name: _spikes(found) for name, found in match.helpers.items()},
         "first_divergence": None if first is None else asdict(first) | {"cause": cause},

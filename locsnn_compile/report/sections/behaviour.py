@@ -23,6 +23,7 @@ def agreement(document: Document) -> Section:
         _first_divergence(document),
         cause(document),
         _interval(document),
+        _scores(match),
         _populations(document),
         _helpers(helpers) if helpers else None,
         _wraps_and_clips(match["wraps_and_clips_by_population"]),
@@ -91,6 +92,14 @@ def _ann_energy(document: Document) -> tuple[Block, ...]:
         ),
         sentence("conventional energy", source=first["energy_source"], left_out=listed(first["energy_not_included"])),
     )
+
+
+def _scores(match: Document) -> str:
+    """Return how far class scores are apart: classes and spikes may be equal where they are not."""
+    error = match["score_error"]
+    if error is None:
+        return sentence("scores tie")
+    return sentence("scores apart", share=share(error), **match["class_scores"])
 
 
 def _populations(document: Document) -> Table:
