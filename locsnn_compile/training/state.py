@@ -2,6 +2,7 @@
 
 import hashlib
 import io
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.training.config import EpochRecord, TrainingConfig
 
 _FORMAT, _VERSION = "locsnn-training-state", 2
+_FIX = "Delete it, or train without --resume."
 
 
 @dataclass
@@ -54,24 +56,37 @@ def save_state(path: Path, state: TrainingState, key: str) -> None:
     replace_file(path, content.getvalue(), f"training state {path.name!r}")
 
 
-def load_state(path: Path, key: str) -> TrainingState | None:
-    """Return the state at ``path``, or None if there is no file.
+def load_state(path: Path, key: str, weights: Mapping[str, Tensor]) -> TrainingState | None:
+    """Return the state at ``path``, or None if there is no file; ``weights`` are those that its network has.
 
-    Raises ``InputError`` for a file that is not a state, and for the state of another run.
+    Raises ``InputError`` for a file that is not a state, for the state of another run, and for other weights.
     """
     if not path.exists():
         return None
-    where, fix = f"training state {path.name!r}", "Delete it, or train without --resume."
+    where = f"training state {path.name!r}"
     try:
         values = torch.load(path, map_location="cpu", weights_only=True)
         if values["format"] != _FORMAT or values["version"] != _VERSION:
-            raise InputError(where, "it was written by another version", fix=fix)
+            raise InputError(where, "it was written by another version", fix=_FIX)
         if values["key"] != key:
-            raise InputError(where, "it belongs to a run with other options or other data", fix=fix)
+            raise InputError(where, "it belongs to a run with other options or other data", fix=_FIX)
         held = {name: values[name] for name in TrainingState.__dataclass_fields__}
-        return TrainingState(**held | {"history": [EpochRecord(**record) for record in held["history"]]})
+        state = TrainingState(**held | {"history": [EpochRecord(**record) for record in held["history"]]})
+        for found in (state.weights, state.chosen_weights, dict(weights) | state.averages):
+            _check_weights(where, found, weights)
+        return state
     except InputError:
         raise
     # Torch raises many kinds of exception on damaged bytes or partial files; each means the same to the user.
     except Exception:
-        raise InputError(where, "it is damaged", fix=fix) from None
+        raise InputError(where, "it is damaged", fix=_FIX) from None
+
+
+def _check_weights(where: str, found: Mapping[str, Tensor], usual: Mapping[str, Tensor]) -> None:
+    """Refuse weights, if there are any, whose names or shapes are not the ``usual`` ones."""
+    if found and found.keys() != usual.keys():
+        raise InputError(where, "an earlier version wrote it, with other names of weights", fix=_FIX)
+    for name, weight in found.items():
+        if weight.shape != usual[name].shape:
+            measured = f"got {tuple(weight.shape)} against {tuple(usual[name].shape)}"
+            raise InputError(where, f"weights {name!r} have another shape", measured=measured, fix=_FIX)

@@ -94,7 +94,10 @@ def train(
     check_events(recordings)
     loss = Loss(config, description.classes)
     key = run_key(config, recordings, start)
-    state = (load_state(state_path, key) if state_path is not None else None) or TrainingState()
+    weights_at_start = None if start is None else start.float_weights
+    chip = None if config.target == "float" else chip_numbers(config, description, weights_at_start)
+    usual = build_network(description, chip=chip).state_dict()
+    state = (load_state(state_path, key, usual) if state_path is not None else None) or TrainingState()
 
     def saved() -> None:
         if state_path is not None:
@@ -104,8 +107,6 @@ def train(
             picture = log_path.with_suffix(".svg")
             replace_file(picture, profile(state.history, name), f"training profile {picture.name!r}")
 
-    weights_at_start = None if start is None else start.float_weights
-    chip = None if config.target == "float" else chip_numbers(config, description, weights_at_start)
     run = _Run(config, loss, description, recordings, chip, weights_at_start, saved, save_every, progress)
     with _one_thread():
         training, held = stratified_split(labels, config.validation_fraction, config.seed)
@@ -163,9 +164,6 @@ def _run_phase(run: _Run, state: TrainingState, rows: IntArray, held: IntArray, 
     optimizer = _optimizer(network, config)
     weights = list(network.parameters())
     if state.weights:
-        if state.weights.keys() != network.state_dict().keys():
-            fix = "Delete it, or train without --resume."
-            raise InputError("training state", "an earlier version wrote it, with other names of weights", fix=fix)
         network.load_state_dict(state.weights)
         optimizer.load_state_dict(state.optimizer)
     class_shares = class_weights(config, labels, run.description.classes)

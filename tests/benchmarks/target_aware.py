@@ -106,7 +106,7 @@ def train_float(args: argparse.Namespace, dataset: str, seed: int) -> None:
     result = train(
         recordings, config, name=f"{dataset}-hybrid", classes=classes_of(recordings, test), state_path=state_path
     )
-    state = load_state(state_path, run_key(config, recordings))
+    state = load_state(state_path, run_key(config, recordings), result.network.state_dict())
     assert state is not None
     selected = {name.removesuffix(".weight"): weight.numpy() for name, weight in state.chosen_weights.items()}
     entry = training_entry(result, replace(config, refit=False), recordings, None, None)

@@ -11,6 +11,6 @@ from ways import Division, Joined, Rows, Scorer
 
 
 def joined_on_chip(way: Joined, of: Division, rows: Rows) -> Scorer:
-    """Train both networks on ``rows``, unless they are there, and return the scores of their program."""
-    hybrid, windows = (learned(name, of, rows) for name in way.parts)
+    """Train the networks on ``rows``, unless they are there, and return the scores of their program."""
+    hybrid, *windows = (learned(name, of, rows) for name in way.parts)
     return on_chip(joined(hybrid, windows, "joined"), of, rows, strategy=way.strategy)

@@ -72,7 +72,7 @@ def _join(path: Path, row: Row, dataset: Dataset, seed: int, recordings: Recordi
     for part, own in part_configs(row, dataset, seed).items():
         if not (found := _of_part(path, part)).exists():
             train_network(found, own, recordings, None)
-    hybrid, windows = (read_checkpoint(_of_part(path, part)) for part in row.parts)
+    hybrid, *windows = (read_checkpoint(_of_part(path, part)) for part in row.parts)
     write(path, hybrid, windows, test)
 
 

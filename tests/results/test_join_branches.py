@@ -17,25 +17,30 @@ from locsnn_compile.training.measure import class_scores
 from locsnn_compile.training.train import train
 
 
-def test_the_sum_is_that_of_log_probabilities(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("scales", [(1.0,), (1.0, 5.0)], ids=["one network of windows", "two"])
+def test_the_sum_is_that_of_log_probabilities(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, scales: tuple[float, ...]
+) -> None:
     monkeypatch.syspath_prepend(str(Path(__file__).parent))
     from join_branches import main
 
     made = synthetic_touches(12, steps=40, classes=3, seed=2)
-    logits = []
-    for model in ("hybrid", "window-snn"):
-        config = config_from_mapping(
-            {"model": model, "epochs": 3, "validation_fraction": 0.0, "refit": False, "initial_scale": 20.0}
-        )
+    logits, files = [], []
+    options = {"epochs": 3, "validation_fraction": 0.0, "refit": False, "initial_scale": 20.0}
+    for model, scale in [("hybrid", 0.1), *(("window-snn", scale) for scale in scales)]:
+        config = config_from_mapping({"model": model, "count_scale": scale} | options)
         result = train(made, config, name=model)
         entry = training_entry(result, config, made, None)
-        Checkpoint(result.network.description, result.network.weights(), training=entry).save(tmp_path / f"{model}.pt")
-        logits.append(config.count_scale * class_scores(result.network, made.spikes))
-    main([str(tmp_path / "hybrid.pt"), str(tmp_path / "window-snn.pt"), "-o", str(tmp_path / "both.pt")])
+        files.append(str(tmp_path / f"{model}-{scale}.pt"))
+        Checkpoint(result.network.description, result.network.weights(), training=entry).save(Path(files[-1]))
+        logits.append(scale * class_scores(result.network, made.spikes))
+    main([*files, "-o", str(tmp_path / "both.pt")])
     found = read_checkpoint(tmp_path / "both.pt")
     assert (found.description.name, found.description.architecture) == ("both", "hybrid-window")
     assert (found.training["hybrid_epochs"], found.training["windows_optimizer"]) == (3, "sgd")
+    assert found.training.get("windows_2_count_scale") == (5.0 if len(scales) > 1 else None)
     network = build_network(found.description)
     network.load_weights(found.weights)
-    assert np.allclose(0.1 * class_scores(network, made.spikes), sum(logits), atol=1e-4)
+    hybrid, *windows = logits
+    assert np.allclose(0.1 * class_scores(network, made.spikes), hybrid + np.mean(windows, axis=0), atol=1e-4)
     assert all(float(np.abs(part).max()) > 0 for part in logits)

@@ -147,10 +147,10 @@ class Coarse:
 
 @dataclass(frozen=True)
 class Joined:
-    """A hybrid and windows (``parts``) as one network on the chip, laid out by a ``strategy``; see ``joining.py``."""
+    """A hybrid and windows, one or several (``parts``), as one network on the chip by a ``strategy``; see ``joining.py``."""
 
     label: str
-    parts: tuple[str, str]
+    parts: tuple[str, ...]
     strategy: str
 
     def learn(self, of: Division, rows: Rows) -> Scorer:

@@ -15,7 +15,9 @@ import pytest
 import torch
 
 from locsnn_compile.cli import train as command
+from locsnn_compile.cli.main import main
 from locsnn_compile.cli.shell import add_command, progress_bar
+from locsnn_compile.data.read import read_recordings
 from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.data.write import write_recordings
 from locsnn_compile.errors import InputError
@@ -151,6 +153,25 @@ def test_a_stopped_run_resumes(
     assert run(*options, "--resume", "-o", str(tmp_path / "small.pt")) == 0
     assert (tmp_path / "small.pt").read_bytes() == (tmp_path / "whole" / "small.pt").read_bytes()
     assert (tmp_path / "small.csv").read_bytes() == (tmp_path / "whole" / "small.csv").read_bytes()
+
+
+def test_a_state_of_another_shape_is_refused_in_a_line(
+    tmp_path: Path, data: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recordings, path = read_recordings(data), tmp_path / "small.pt.state"
+    config = config_from_mapping({"epochs": 2, "hidden": 5})
+    train(recordings, config, name="small", state_path=path)
+    state = torch.load(path, weights_only=True)
+    state["weights"]["time_hidden.weight"] = torch.zeros(6, 78)
+    torch.save(state, path)
+    before = path.read_bytes()
+    options = ("--data", data, "--epochs", "2", "--hidden", "5")
+    assert main(["train", *options, "--resume", "-o", str(tmp_path / "small.pt")]) == 2
+    assert capsys.readouterr().err == (
+        "training state 'small.pt.state': weights 'time_hidden.weight' have another shape (got (6, 78) against (5, 78)). "
+        "Delete it, or train without --resume.\n"
+    )
+    assert (path.read_bytes(), sorted(tmp_path.glob("small*"))) == (before, [path])
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -61,17 +62,30 @@ def test_equal_runs_are_equal_and_seeds_differ() -> None:
     assert not same(first, other)
 
 
-def test_a_state_whose_weights_had_other_names_is_refused(tmp_path: Path) -> None:
-    state = tmp_path / "run.state"
-    train(touches(), CONFIG, state_path=state)
+def other_names(weights: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+    return {f"old_{name}": held for name, held in weights.items()}
+
+
+def another_shape(weights: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+    return weights | {"time_output.weight": torch.zeros(3, 9)}
+
+
+NAMES = "an earlier version wrote it, with other names of weights. "
+SHAPE = "weights 'time_output.weight' have another shape (got (3, 9) against (3, 8)). "
+
+
+@pytest.mark.parametrize("part", ["weights", "chosen_weights", "averages"])
+@pytest.mark.parametrize(("change", "what"), [(other_names, NAMES), (another_shape, SHAPE)], ids=["names", "shape"])
+def test_a_state_with_other_weights_is_refused(
+    tmp_path: Path, part: str, change: Callable[[dict[str, torch.Tensor]], dict[str, torch.Tensor]], what: str
+) -> None:
+    state, config = tmp_path / "run.state", replace(CONFIG, weight_average=0.5)
+    train(touches(), config, state_path=state)
     values = torch.load(state, weights_only=True)
-    values |= {"phase": "select", "weights": {f"old_{name}": held for name, held in values["weights"].items()}}
-    torch.save(values, state)
+    torch.save(values | {"phase": "select", part: change(values[part])}, state)
     with pytest.raises(InputError) as caught:
-        train(touches(), CONFIG, state_path=state)
-    assert str(caught.value) == (
-        "training state: an earlier version wrote it, with other names of weights. Delete it, or train without --resume."
-    )
+        train(touches(), config, state_path=state)
+    assert str(caught.value) == f"training state 'run.state': {what}Delete it, or train without --resume."
 
 
 @pytest.mark.parametrize("stop", [1, 3, 4, 5, 7])
