@@ -1,6 +1,7 @@
 """Recordings of any sensor, from ``locsnn train`` to the report: layouts, axes, class names, lengths, gaps, silence."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -85,6 +86,19 @@ def test_every_kind_of_network_takes_a_grid(model: str) -> None:
     assert train("a.npz", "--grid", "6x5", "--polarities", "1", "--model", model, *graph) == 0
     if model not in ("gru-mlp", "cnn-3d"):
         assert compiled("--events", "a.npz")["ann_comparison"].keys() == {"cnn-3d", "gru-mlp"}
+
+
+def test_networks_that_a_sensor_cannot_have_are_not_compared(tmp_path: Path) -> None:
+    """Both names stay in report.json: without a grid there are no frames, and without a sensor no channels."""
+    undefined = {"operations": None, "ratio": None, "chip_ratio": None}
+    train(write(SensorLayout("8 channels", 8)), "--channels", "8")
+    found = compiled("--events", "a.npz")["ann_comparison"]
+    assert found["cnn-3d"] == undefined
+    assert found["gru-mlp"]["operations"] > 0
+    text = Path("built/report.md").read_text("utf-8")
+    assert ("GRU-MLP" in text, "CNN-3D" in text) == (True, False)
+    unknown = replace(lc.load("a.pt"), sensor=None)
+    assert lc.compile(unknown).report["ann_comparison"] == {"cnn-3d": undefined, "gru-mlp": undefined}
 
 
 def test_without_events_the_check_plays_touches_of_the_sensor() -> None:

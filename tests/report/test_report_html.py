@@ -172,6 +172,12 @@ def test_every_string_is_escaped(document: dict[str, Any], excerpt: Excerpt) -> 
         pytest.param(("match", "first_divergence"), None, "First difference: none, every spike is equal.", id="equal"),
         pytest.param(("ann_comparison",), {}, "No comparison: the published networks", id="no-comparison"),
         pytest.param(
+            ("ann_comparison",),
+            {name: {"operations": None, "ratio": None, "chip_ratio": None} for name in ("cnn-3d", "gru-mlp")},
+            "No comparison: the published networks",
+            id="none-is-defined",
+        ),
+        pytest.param(
             ("ann_comparison", "cnn-3d", "ratio"),
             None,
             "paper operations nothing to compare: there were none (the float",

@@ -10,7 +10,7 @@ from hw_model.rtl.device import activity, on_core, uses
 from hw_model.rtl.images import CoreProgram
 from hw_model.values import AnyArray, IntArray, picked
 from locsnn_compile.baselines.ann_energy import ANN_ENERGY_SOURCE, ANN_NOT_INCLUDED, ann_energy_pj
-from locsnn_compile.baselines.operations import ANN_NAMES, ann_counts
+from locsnn_compile.baselines.operations import ANN_NAMES, AnnCounts, ann_counts
 from locsnn_compile.network.network import Network
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.report.content import Document
@@ -204,19 +204,17 @@ def _core_use(program: ChipProgram, core: Core) -> Document:
 
 
 def _ann_comparison(network: Network, match: Match, own_pj: float, synaptic_ops: float) -> Document:
-    """Return the published comparison at this network's input size; empty if the sensor is not known.
+    """Return the published comparison at this network's input size.
 
     ``ratio`` is to the float network's operations on paper, and ``chip_ratio`` to the program's synaptic operations;
-    they are None if there are no such operations.
+    they are None if there are no such operations, or if the other network is not defined for this input.
     """
-    if network.sensor is None:
-        return {}
     own = _published(network, match)["operations"]
-    found = {}
+    found: Document = {}
     for name in ANN_NAMES:
-        try:
-            counted = ann_counts(name, sensor=network.sensor, steps=network.steps, classes=network.classes)
-        except hw.InputError:  # no frames, or a recording too short for that network's kernels
+        counted = _ann_counts(name, network)
+        if counted is None:
+            found[name] = dict.fromkeys(("operations", "ratio", "chip_ratio"))
             continue
         energies = ann_energy_pj(counted)
         found[name] = {
@@ -230,6 +228,16 @@ def _ann_comparison(network: Network, match: Match, own_pj: float, synaptic_ops:
             "energy_not_included": list(ANN_NOT_INCLUDED),
         }
     return found
+
+
+def _ann_counts(name: str, network: Network) -> AnnCounts | None:
+    """Return the operations of an artificial network on this input; None if it is not defined for it."""
+    if network.sensor is None:
+        return None
+    try:
+        return ann_counts(name, sensor=network.sensor, steps=network.steps, classes=network.classes)
+    except hw.InputError:  # no frames, or a recording too short for that network's kernels
+        return None
 
 
 def _quantization(levels: Levels) -> Document:

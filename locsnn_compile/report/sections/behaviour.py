@@ -49,9 +49,14 @@ def operations(document: Document) -> Section:
     )
 
 
+def defined_anns(document: Document) -> Document:
+    """Return the entries of the conventional networks that are defined for this network's input."""
+    return {name: entry for name, entry in document["ann_comparison"].items() if entry["operations"] is not None}
+
+
 def comparison(document: Document) -> Section:
     """Operations of conventional networks on the same input."""
-    entries = document["ann_comparison"]
+    entries = defined_anns(document)
     own = document["operations"]["published_method"]["operations"]
     if not entries:
         text = "No comparison: the published networks are not defined for this network's input."
@@ -76,7 +81,7 @@ def comparison(document: Document) -> Section:
 
 def _ann_energy(document: Document) -> tuple[Block, ...]:
     """The energy of the conventional networks' arithmetic, next to the whole modelled energy of this network."""
-    entries, own = document["ann_comparison"], document["energy"]
+    entries, own = defined_anns(document), document["energy"]
     first = next(iter(entries.values()))
     arithmetics = list(first["energy_pj"])
     rows = [("this network, as modelled", NONE, NONE, *(energy(own["per_sample_pj"]) for _ in arithmetics))]

@@ -2,6 +2,7 @@
 
 from locsnn_compile.report.content import Document, Fact, Facts, Notice, Status, Verdict
 from locsnn_compile.report.format import NONE, SILENT, count, energy, known, plural, points, ratio, share, time
+from locsnn_compile.report.sections.behaviour import defined_anns
 from locsnn_compile.report.told import facts, notice, verdict
 from locsnn_compile.report.words import limit_words, listed, sentence, stage_words, words
 
@@ -153,13 +154,13 @@ def _times(factor: float, more: str, less: str) -> str:
 
 def against_anns(document: Document) -> list[Fact]:
     """Return how the network's operations compare with those of conventional networks, counted in both ways."""
-    sides = _SIDES if document["ann_comparison"] else {}
+    sides = _SIDES if defined_anns(document) else {}
     return [Fact(label, _against_anns(document, *side)) for label, side in sides.items()]
 
 
 def _against_anns(document: Document, key: str, whose: str) -> str:
     """Return how operations, with the ratio under ``key``, compare with those of each conventional network."""
-    ratios = {name: entry[key] for name, entry in document["ann_comparison"].items()}
+    ratios = {name: entry[key] for name, entry in defined_anns(document).items()}
     if None in ratios.values():
         return f"nothing to compare: there were none ({whose})"
     return f"{listed([against(name, times) for name, times in ratios.items()])} ({whose})"
