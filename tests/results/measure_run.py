@@ -52,7 +52,7 @@ def make(work: Path, data: Path, row: Row, dataset: Dataset, seed: int) -> None:
         _join(path, row, dataset, seed, recordings, test)
     elif not path.exists():
         train_network(path, config_of(row, dataset, seed), recordings, test)
-    found = measure(path, dataset, test) | {"command": command(row, dataset, seed)}
+    found = measure(path, row, dataset, test) | {"command": command(row, dataset, seed)}
     figures.write_text(json.dumps(found) + "\n", encoding="utf-8")
 
 
@@ -69,15 +69,14 @@ def train_network(path: Path, config: TrainingConfig, recordings: Recordings, te
 
 def _join(path: Path, row: Row, dataset: Dataset, seed: int, recordings: Recordings, test: Recordings) -> None:
     """Train the networks that a row joins on the whole train part, and measure only what they are together."""
+    found = []
     for part, own in part_configs(row, dataset, seed).items():
-        if not (found := _of_part(path, part)).exists():
-            train_network(found, own, recordings, None)
-    hybrid, *windows = (read_checkpoint(_of_part(path, part)) for part in row.parts)
+        of_part = path.with_name(f"{dataset.name}-{part}-whole-{seed}.pt")
+        if not of_part.exists():
+            train_network(of_part, own, recordings, None)
+        found.append(read_checkpoint(of_part))
+    hybrid, *windows = found
     write(path, hybrid, windows, test)
-
-
-def _of_part(path: Path, part: str) -> Path:
-    return path.with_name(f"{path.stem}-{part}.pt")
 
 
 def part_configs(row: Row, dataset: Dataset, seed: int) -> dict[str, TrainingConfig]:
@@ -87,7 +86,7 @@ def part_configs(row: Row, dataset: Dataset, seed: int) -> dict[str, TrainingCon
     return {part: config_from_mapping(read_config(path) | own) for part, path in configs.items()}
 
 
-def measure(path: Path, dataset: Dataset, test: Recordings) -> dict[str, Any]:
+def measure(path: Path, row: Row, dataset: Dataset, test: Recordings) -> dict[str, Any]:
     """Return the figures of a checkpoint on the test part."""
     checkpoint = read_checkpoint(path)
     training = checkpoint.training
@@ -101,17 +100,17 @@ def measure(path: Path, dataset: Dataset, test: Recordings) -> dict[str, Any]:
         "fingertips": checkpoint.description.input.sensor.surfaces,
         "classes": checkpoint.description.classes,
     }
-    return found | _on_chip(path, dataset, test) if checkpoint.description.structure.spiking else found
+    return found | _on_chip(path, row, dataset, test) if checkpoint.description.structure.spiking else found
 
 
-def _on_chip(path: Path, dataset: Dataset, test: Recordings) -> dict[str, Any]:
-    """Compile a spiking network as ``locsnn-compile --strategy dendrite`` does, and play it the test part.
+def _on_chip(path: Path, row: Row, dataset: Dataset, test: Recordings) -> dict[str, Any]:
+    """Compile a spiking network as ``locsnn-compile --strategy STRATEGY`` does, and play it the test part.
 
     Integrate-and-fire neurons have no strategies.
     """
     assert test.labels is not None
     network = lc.load(path)
-    strategy = "dendrite" if any(isinstance(p.neuron, SrmAlpha) for p in network.populations) else "auto"
+    strategy = row.strategy if any(isinstance(p.neuron, SrmAlpha) for p in network.populations) else "auto"
     compiled = lc.compile(network, target="loihi-sim", strategy=strategy, events=test, diagnosis=False)
     played = hw.simulate(compiled.program, test.spikes)
     heard = {view.name: view.play(test.spikes) for view in network.views} | dict(played.spikes)

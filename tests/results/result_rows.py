@@ -35,9 +35,10 @@ class Row:
     """A network of the table: its options over the configuration of its data set, and published accuracies.
 
     ``published``: data set -> accuracy (Kang et al. 2022, two fingertips). ``config`` replaces that of the data set; in
-    it ``{recipe}`` stands for the data set whose recipe is taken, ``{published}`` for that of the published targets. ``parts`` are networks that are trained apart and
-    joined, a hybrid and windows. ``only`` is the one data set of the row. ``minutes``: about how long one seed takes on one
-    core, by data set, where somebody who runs what is missing should know.
+    it ``{recipe}`` stands for the data set whose recipe is taken, ``{published}`` for that of the published targets. ``parts`` are
+    networks that are trained apart and joined, a hybrid and windows. ``strategy`` lays out spike response neurons. ``only`` is the
+    one data set of the row. ``minutes``: about how long one seed takes on one core, by data set, where somebody who runs what is
+    missing should know.
     """
 
     name: str
@@ -46,6 +47,7 @@ class Row:
     published: Mapping[str, str] = field(default_factory=dict)
     config: str | None = None
     parts: tuple[str, ...] = ()
+    strategy: str = "dendrite"
     only: str | None = None
     minutes: Mapping[str, int] = field(default_factory=dict)
 
@@ -138,6 +140,14 @@ ROWS = (
         only="objects",
     ),
     Row("windows-and-hybrid", "Window-SNN and hybrid, joined", {}, parts=("hybrid", "window-snn"), only="objects"),
+    Row(
+        "three-windows-and-hybrid",
+        "Three Window-SNNs and hybrid, joined",
+        {},
+        parts=("hybrid", "window-snn", "window-snn-quarter", "window-snn-prototypes"),
+        strategy="reset",
+        only="objects",
+    ),
     Row(
         "window-snn-levels",
         "Window-SNN, neighbouring levels",
