@@ -16,7 +16,7 @@ from locsnn_compile import __version__
 from locsnn_compile.cli.interrupt import EXIT_INTERRUPTED, leaving_at_once
 from locsnn_compile.cli.options import add_options
 from locsnn_compile.cli.options_file import read_options
-from locsnn_compile.errors import InputError, LocsnnError
+from locsnn_compile.errors import InputError, LocsnnError, did_you_mean
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -52,9 +52,17 @@ class Parser(argparse.ArgumentParser):
                 self.error(f"argument {'/'.join(action.option_strings) or action.metavar}: it is empty")
         return found, rest
 
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        if action.choices is not None and value not in action.choices:
+            fix = did_you_mean(value, action.choices)
+            raise argparse.ArgumentError(None, f"{action.metavar} {value!r} is not known. {fix}")
+
     def error(self, message: str) -> NoReturn:
         """Print the one line and exit with 2."""
-        print(f"{self.prog}: {message}. See {self.prog} --help.", file=sys.stderr)
+        print(
+            f"{self.prog}: {message}{'' if message.endswith(('.', '?')) else '.'} See {self.prog} --help.",
+            file=sys.stderr,
+        )
         raise SystemExit(EXIT_INPUT)
 
 

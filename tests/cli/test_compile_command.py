@@ -120,7 +120,7 @@ def test_a_build_replaces_the_one_before_and_leaves_other_files(few, tmp_path):
     ("gate", "value", "code", "line"),
     [
         ("--min-agreement", "0", 0, ""),
-        ("--min-agreement", "1.1", 3, "gate failed: --min-agreement: prediction agreement is "),
+        ("--max-spike-error", "0", 3, "gate failed: --max-spike-error: 0.0"),
         ("--max-cores", "2", 0, ""),
         ("--max-cores", "1", 3, "gate failed: --max-cores: 2 cores are used, above 1.\n"),
         ("--max-energy-nj", "1", 3, "gate failed: --max-energy-nj: a recording takes "),

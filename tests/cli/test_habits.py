@@ -184,3 +184,22 @@ def test_an_empty_value_is_refused(run, words, argument, tmp_path, monkeypatch, 
     program = argument.partition(":")[0]
     assert refused(capsys, run, *words) == f"{argument}: it is empty. See {program} --help.\n"
     assert [path.name for path in tmp_path.iterdir()] == ["empty.yaml"]
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (["complie"], "locsnn: COMMAND 'complie' is not known. Did you mean 'compile'? See locsnn --help.\n"),
+        (
+            ["rtl", "place"],
+            "locsnn rtl: COMMAND 'place' is not known. Choose one of: fit, sim, stream. See locsnn rtl --help.\n",
+        ),
+        ([], "locsnn: the following arguments are required: COMMAND. See locsnn --help.\n"),
+    ],
+    ids=["misspelt", "unknown", "none"],
+)
+def test_a_command_that_does_not_exist_is_one_line(words, line, capsys):
+    with pytest.raises(SystemExit) as left:
+        main(words)
+    assert left.value.code == 2
+    assert capsys.readouterr().err == line
