@@ -211,7 +211,7 @@ def _engine(engine: Engine, skip: bool) -> tuple[Run, Player]:
 
 def _add_events(program: ChipProgram, phase: str, trace: PhaseTrace, events: dict[str, IntArray]) -> None:
     """Add up wraps and clips by phase, (populations, kinds)."""
-    if not trace.totals[:, _EVENTS].any():
+    if not np.count_nonzero(trace.totals[:, _EVENTS]):
         return
     starts = [columns.start for columns in program.columns_of(phase).values()]
     found = np.add.reduceat(trace.events[0] if len(trace.events) == 1 else trace.events.sum(axis=0), starts, axis=1)

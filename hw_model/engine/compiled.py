@@ -40,6 +40,7 @@ FILES_OF_LOOPS = (
     "engine/layout",
     "engine/tiles",
     "streaming/location_phase",
+    "streaming/time_phase",
 )
 
 OPTIONS = {"_nrt": False, "nogil": True, "boundscheck": False, "no_cfunc_wrapper": True}
@@ -129,6 +130,17 @@ def entry(function: Any, *arguments: Any) -> Callable[..., Any]:
     """
     found: Callable[..., Any] = function.compile(tuple(numba.typeof(argument) for argument in arguments))
     return found
+
+
+_of_one_kind: dict[Any, Callable[..., Any]] = {}
+
+
+def called(function: Any, *arguments: Any) -> Any:
+    """Call a compiled function whose arguments are of the same kinds in every call: only the first looks at them."""
+    code = _of_one_kind.get(function)
+    if code is None:
+        code = _of_one_kind[function] = entry(function, *arguments)
+    return code(*arguments)
 
 
 def _load(cache: Any, signature: Any, target: Any) -> Any:

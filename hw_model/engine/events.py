@@ -4,7 +4,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from hw_model.engine.compiled import compiled
+from hw_model.engine.compiled import called, compiled
 from hw_model.engine.lanes import Given, Place, Returned, kernel, put
 from hw_model.engine.layout import LANES
 from hw_model.engine.trace import EventLists
@@ -19,7 +19,7 @@ def list_events(recordings: ByteArray) -> EventLists:
     plain = (recordings if recordings.flags.carray else np.array(recordings, order="C")).reshape(-1)
     # Bytes of 0 and 1 are booleans, and numpy counts these fastest.
     channel = np.empty(np.count_nonzero(plain.view(np.bool_)) + LANES, dtype=np.int32)
-    list_into(plain, recordings.shape[2], first, channel)
+    called(list_into, plain, recordings.shape[2], first, channel)
     return EventLists(first, channel[:-LANES])
 
 
@@ -33,7 +33,8 @@ def transpose(events: EventLists, item: Input, steps: int) -> EventLists:
     many = min(item.rows, events.rows)
     line = np.empty(len(events.channel), dtype=np.int32)
     place = np.empty(begins[-1] + 1, dtype=np.int64)
-    found = _transpose(events.first, events.channel, visit_of, first_lines, begins, many, first, line, place)
+    starts = np.ascontiguousarray(events.first)
+    found = called(_transpose, starts, events.channel, visit_of, first_lines, begins, many, first, line, place)
     return EventLists(first, line[:found])
 
 

@@ -1,7 +1,7 @@
 """The fast engine: compiled, event-driven, 32 bits wide, block by block over tiles of steps. The same integers."""
 
 from collections.abc import Callable, Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -24,31 +24,25 @@ def run_phase(
     """Run a batch through one phase, in threads; keep of the registers what the windows ask for."""
     layout = fast_layout(program, phase)
     trace = PhaseTrace.empty(played, layout.columns, layout.pieces, windows)
-    in_parts(lambda start, stop: _run_part(layout, played, trace, windows, skip, slice(start, stop)), len(trace.sent))
+    kept = tiles.NOTHING_KEPT
+    if windows:
+        kept = tiles.Kept(True, *(_kept(kind, layout, trace, windows) for kind in REGISTERS))
+    given = *join_lists(played.events), played.start, played.stop, layout.nodes, layout.chunks, layout.links
+    written = trace.spikes, trace.sent, trace.active, trace.events, trace.totals, kept
+    in_parts(partial(_run_part, layout, given, skip, written), len(trace.sent))
     return trace
 
 
 def _run_part(
-    layout: FastLayout,
-    played: PhaseInput,
-    trace: PhaseTrace,
-    windows: dict[Register, Window],
-    skip: bool,
-    part: slice,
+    layout: FastLayout, given: tuple[Any, ...], skip: bool, written: tuple[Any, ...], low: int, high: int
 ) -> None:
-    kept = tiles.NOTHING_KEPT
-    if windows:
-        kept = tiles.Kept(True, *(_kept(kind, layout, trace, windows, part) for kind in REGISTERS))
+    """Run recordings ``low..high`` of those given, in a room of their own."""
     rooms, _ = _made(layout)
     try:
         room = rooms.pop()  # of two threads that ask for the last one, one finds none
     except IndexError:
         room = tiles.first_state(layout), tiles.workspace(layout)
-    arguments = (
-        *join_lists(played.events, part), played.start[part], played.stop[part],
-        layout.nodes, layout.chunks, layout.links, *room, skip, False,
-        trace.spikes[part], trace.sent[part], trace.active[part], trace.events[part], trace.totals[part], kept,
-    )  # fmt: skip
+    arguments = (low, high, *given, *room, skip, False, *written)
     machine_code(layout, arguments)(*arguments)
     if layout.columns <= SMALL:
         rooms.append(room)
@@ -68,34 +62,53 @@ def _made(layout: FastLayout) -> tuple[list[tuple[tiles.State, tiles.Workspace]]
     return [], []
 
 
-def _kept(
-    kind: Register, layout: FastLayout, trace: PhaseTrace, windows: dict[Register, Window], part: slice
-) -> tiles.KeptRegister:
+def _kept(kind: Register, layout: FastLayout, trace: PhaseTrace, windows: dict[Register, Window]) -> tiles.KeptRegister:
     window = windows.get(kind, NOTHING)
     place = np.full(layout.columns, -1, dtype=np.int64)
     place[window.columns] = np.arange(len(window.columns))
-    return tiles.KeptRegister(place, window.start, trace.registers.get(kind, window.empty(part.stop))[part])
+    return tiles.KeptRegister(place, window.start, trace.registers.get(kind, window.empty(len(trace.sent))))
 
 
-def join_lists(events: Sequence[EventLists], part: slice = slice(None)) -> tuple[IntArray, Int32Array]:
-    """Return the lists of several inputs as one: where each recording of ``part``, row and input begins, and lines."""
+def join_lists(events: Sequence[EventLists]) -> tuple[IntArray, Int32Array]:
+    """Return the lists of several inputs as one: where each recording, row and input begins, and lines."""
     if len(events) == 1:
-        return np.ascontiguousarray(events[0].first[part])[:, :, None], events[0].channel
+        return np.ascontiguousarray(events[0].first)[:, :, None], events[0].channel
     offset = 0
-    first = np.empty((*events[0].first[part].shape, len(events)), dtype=np.int64)
+    first = np.empty((*events[0].first.shape, len(events)), dtype=np.int64)
     for node, lists in enumerate(events):
-        np.add(lists.first[part], offset, out=first[:, :, node])
+        np.add(lists.first, offset, out=first[:, :, node])
         offset += len(lists.channel)
     return first, np.concatenate([lists.channel for lists in events])
 
 
 @compiled
 def _run(  # type: ignore[no-untyped-def]
-    first, line, start, stop, nodes, chunks, links, state, work, skip, on, spikes, sent, active, events, totals, kept
+    low,
+    high,
+    first,
+    line,
+    start,
+    stop,
+    nodes,
+    chunks,
+    links,
+    state,
+    work,
+    skip,
+    on,
+    spikes,
+    sent,
+    active,
+    events,
+    totals,
+    kept,
 ):
-    """Run recordings one after the other, each tile by tile; ``on``: go on from the last state, and add up nothing."""
+    """Run recordings ``low..high`` one after the other, each tile by tile.
+
+    ``on``: go on from the last state, and add up nothing.
+    """
     tile = len(work.masks)
-    for b in range(len(spikes)):
+    for b in range(low, high):
         if not on:
             tiles.reset(state)
         for step in range(start[b], stop[b], tile):

@@ -17,26 +17,29 @@ Spikes = ArrayLike | Mapping[str, ArrayLike]
 def read_streams(program: ChipProgram, spikes: Spikes) -> tuple[dict[str, ByteArray], bool]:
     """Return every stream as (batch, steps, channels) of 0 and 1, and whether a batch was given."""
     expected = program.streams
-    given = dict(spikes) if isinstance(spikes, Mapping) else {name: spikes for name in list(expected)[:1]}
-    if given.keys() != expected.keys():
+    # Arrays first: to find out that one is not a mapping takes a while.
+    if isinstance(spikes, np.ndarray) or not isinstance(spikes, Mapping):
+        spikes = {name: spikes for name in list(expected)[:1]}
+    if spikes.keys() != expected.keys():
         raise InputError(
             "spikes", f"the program plays {', '.join(sorted(expected))}", fix="Give a mapping with one array for each."
         )
-    arrays = {name: _stream(name, given[name], channels) for name, channels in expected.items()}
-    if len({array.shape[:-1] for array in arrays.values()}) != 1:
+    arrays = {name: _stream(name, spikes[name], channels) for name, channels in expected.items()}
+    shape, *others = (array.shape[:-1] for array in arrays.values())
+    if any(other != shape for other in others):
         raise InputError("spikes", "the streams differ in batch or steps", fix="Give arrays of equal length.")
-    batched = next(iter(arrays.values())).ndim == 3
-    return {name: array if batched else array[None] for name, array in arrays.items()}, batched
+    batched = len(shape) == 2
+    return arrays if batched else {name: array[None] for name, array in arrays.items()}, batched
 
 
 def _stream(name: str, given: ArrayLike, channels: int) -> ByteArray:
     where = f"spikes of {name!r}"
-    array: AnyArray = as_array(where, given)
+    array: AnyArray = given if isinstance(given, np.ndarray) else as_array(where, given)
     if array.ndim not in (2, 3) or array.shape[-1] != channels:
         measured = f"{array.shape} against (steps, {channels}) or (batch, steps, {channels})"
         raise InputError(where, "the shape does not fit", measured=measured, fix="Give one column a channel.")
     if array.dtype.kind == "u":
-        binary = array.size == 0 or bool(array.max() <= 1)
+        binary = array.size == 0 or np.maximum.reduce(array, axis=None) <= 1
     else:
         binary = array.dtype.kind in "bif" and bool(((array == 0) | (array == 1)).all())
     if not binary:

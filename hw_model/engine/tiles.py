@@ -39,7 +39,8 @@ MOST_LISTED = 1 << 12
 class State(NamedTuple):
     """A phase at a step: registers; charges due in a tile of steps and after it; the chunks that they touch, by row.
 
-    ``at_rest`` marks the chunks that are all zero; the last two are registers and marks before the first step.
+    ``at_rest`` marks the chunks that are all zero; the next two are registers and marks before the first step. Between
+    tiles charges lie in the first ``due`` rows only, as many as the longest delay takes.
     """
 
     registers: AnyArray
@@ -48,6 +49,7 @@ class State(NamedTuple):
     at_rest: AnyArray
     first_registers: AnyArray
     first_at_rest: AnyArray
+    due: int
 
 
 class Workspace(NamedTuple):
@@ -88,12 +90,12 @@ def first_state(layout: FastLayout, tile: int = TILE) -> State:
     """Return the state before the first step."""
     registers = layout.chunks.registers.reshape(-1)
     at_rest = (layout.chunks.registers[:, BIAS] == 0).min(axis=1)
-    chunks, rows = len(at_rest), tile + len(layout.links.due_late)
-    charge = aligned((rows, chunks * LANES), registers.dtype)
-    touched = np.zeros((rows, chunks), dtype=np.uint8)
+    chunks, due = len(at_rest), len(layout.links.due_late)
+    charge = aligned((tile + due, chunks * LANES), registers.dtype)
+    touched = np.zeros((tile + due, chunks), dtype=np.uint8)
     current = aligned(registers.shape, registers.dtype)
     current[:] = registers
-    return State(current, charge, touched, at_rest.copy(), registers, at_rest)
+    return State(current, charge, touched, at_rest.copy(), registers, at_rest, due)
 
 
 def workspace(layout: FastLayout, tile: int = TILE) -> Workspace:
@@ -241,7 +243,7 @@ def reset(state):  # type: ignore[no-untyped-def]
         state.registers[k] = state.first_registers[k]
     for k in range(len(state.at_rest)):
         state.at_rest[k] = state.first_at_rest[k]
-    for r in range(len(state.charge)):
+    for r in range(state.due):
         _clear(state.charge, r)
         _clear(state.touched, r)
 
@@ -285,7 +287,7 @@ def run_tile(  # type: ignore[no-untyped-def]
             block, step, rows, first, line, nodes, chunks, links, state, work, skip,
             spikes, sent, active, recording, kept,
         )  # fmt: skip
-    _move_on(state.charge, state.touched, rows)
+    _move_on(state, rows)
     quiet = rows
     for r in range(rows):
         quiet -= work.updated[r]
@@ -301,7 +303,7 @@ def _is_silent(rows, first, state):  # type: ignore[no-untyped-def]
     for k in range(len(state.at_rest)):
         if not state.at_rest[k]:
             return False
-    for r in range(len(state.touched)):
+    for r in range(state.due):
         for k in range(len(state.at_rest)):
             if state.touched[r, k]:
                 return False
@@ -309,14 +311,13 @@ def _is_silent(rows, first, state):  # type: ignore[no-untyped-def]
 
 
 @absorbed
-def _move_on(charge, touched, rows):  # type: ignore[no-untyped-def]
-    """Move what is due after a tile to the front; the rows behind it start empty. Those of the tile are empty."""
-    late = len(charge) - rows
-    for r in range(len(charge)):
-        if r >= late:
-            _clear(touched, r)
-        elif _move_row(touched, r + rows, r):
-            _move_row(charge, r + rows, r)
+def _move_on(state, rows):  # type: ignore[no-untyped-def]
+    """Move what is due after a tile to the front; the rows behind it start empty. Charges of the tile are all taken."""
+    for r in range(rows + state.due):
+        if r >= state.due:
+            _clear(state.touched, r)
+        elif _move_row(state.touched, r + rows, r):
+            _move_row(state.charge, r + rows, r)
 
 
 @inner

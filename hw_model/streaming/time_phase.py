@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hw_model.engine import tiles
-from hw_model.engine.compiled import compiled, entry
+from hw_model.engine.compiled import called, compiled
 from hw_model.engine.events import list_events, list_into
 from hw_model.engine.fast import join_lists, machine_code
 from hw_model.engine.layout import LANES, FastLayout
@@ -42,10 +42,8 @@ class Live:
         self._room = self._room_for(1)
         lines = int(ends[-1])
         self._row = lines, np.zeros((1, 2), dtype=np.int64), np.empty(lines + LANES, dtype=np.int32)
-        self._list_row = entry(list_into, np.empty(lines, dtype=np.uint8), *self._row)
-        spikes, _, arguments = self._room
-        self._run = machine_code(layout, (*self._lists(np.zeros((1, lines), np.uint8)), *arguments))
-        self._sum_up = entry(_sum_up, spikes, self._so_far, self._so_far[None])
+        arguments = self._room[2]
+        self._run = machine_code(layout, (0, 1, *self._lists(np.zeros((1, lines), np.uint8)), *arguments))
 
     def reset(self) -> None:
         """Go back to before the first step."""
@@ -76,19 +74,17 @@ class Live:
         if len(self._room[0]) != len(rows):
             self._room = self._room_for(len(rows))
         spikes, potential, arguments = self._room
-        self._run(*self._lists(rows), *arguments)
-        if not potential.size:
-            self._sum_up(spikes, self._so_far, counts)
-            return
-        known = self._so_far[self._read.columns]
-        self._sum_up(spikes, self._so_far, counts)
-        self._take_largest(before, potential, known, counts[: len(rows)])
-        potential[:] = 0
+        self._run(0, 1, *self._lists(rows), *arguments)
+        known = self._so_far[self._read.columns] if potential.size else None
+        called(_sum_up, spikes, self._so_far, counts)
+        if known is not None:
+            self._take_largest(before, potential, known, counts[: len(rows)])
+            potential[:] = 0
 
     def _lists(self, rows: ByteArray) -> tuple[IntArray, Int32Array]:
         """Return the events of some rows as the loop takes them."""
         if len(rows) == 1 and len(self._inputs) == 1:
-            self._list_row(rows[0], *self._row)
+            called(list_into, rows[0], *self._row)
             return self._row[1][:, :, None], self._row[2]
         lists = [list_events(rows[None, :, its] if len(self._inputs) > 1 else rows[None]) for its in self._inputs]
         return join_lists(lists)
