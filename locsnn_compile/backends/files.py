@@ -6,6 +6,7 @@ from functools import cache
 import hw_model as hw
 from hw_model.engine.playing import Spikes
 from hw_model.rtl.folder import rtl_files
+from locsnn_compile.backends import BENCH_KINDS
 from locsnn_compile.backends.graphs import dot_file, graphml_file
 from locsnn_compile.backends.played import play_recording
 from locsnn_compile.backends.sanafe.files import sanafe_files
@@ -36,5 +37,5 @@ def bench_files(
         "graphml": lambda: graphml_file(program),
         "dot": lambda: dot_file(program),
     }
-    made = [make() for kind, make in makers.items() if kind in kinds]
+    made = [makers[kind]() for kind in BENCH_KINDS if kind in kinds]
     return {name: content for files in made for name, content in files.items()}
