@@ -112,7 +112,9 @@ class TransposeBuffer(Frozen):
 class Sizes(Frozen):
     """Parameters of the open core: words of its memories, slots (a power of two), and the widths of two sums.
 
-    ``word``: rows of a recording in a word of the bitmap, a power of two.
+    ``word``: rows of a recording in a word of the bitmap, a power of two. ``step``: bits of the step from a target of a
+    list to the next; 0: targets are told in full. ``places``: compartments of a phase, a power of two, where phases
+    share the memories of states and charges; 0: they do not.
     """
 
     axons: Annotated[int, between(2, 1 << 24)]
@@ -125,13 +127,15 @@ class Sizes(Frozen):
     visits: Annotated[int, between(2, 1 << 20)]
     entries: Annotated[int, between(2, 1 << 20)]
     word: Annotated[int, between(2, 128)] = 32
+    step: Annotated[int, between(0, 8)] = 0
+    places: Annotated[int, between(0, 1 << 20)] = 0
 
 
 class MemoryWords(Frozen):
     """Words of memories of the open core that may hold fewer than its parameters say.
 
     ``sums``: compartments from the first parent of a phase to its last. ``weights``: groups that are read out.
-    ``states``: compartments.
+    ``states``: compartments, of a phase where it is told by ``places``.
     """
 
     sums: Annotated[int, between(1, 1 << 20)]

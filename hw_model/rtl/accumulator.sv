@@ -1,15 +1,14 @@
 // The charges under way, of every slot and compartment: add to one, or take one and leave 0, an operation per cycle.
 //
 //     cycle 0   the operation arrives, its address goes to the memory
-//     cycle 1   the memory answers, late in the cycle; with `EARLY` it is asked in this cycle and answers early in the next
+//     cycle 1   the memory answers, late in the cycle
 //     cycle 2   `taken` is the value: the newest result of its address that is still on its way, or the memory's word
 //     cycle 3   the sum, or 0 after a take, is written back
 //
 // A word that is written in a cycle can be read in the next, so results of operations up to three cycles old are forwarded.
 module accumulator #(
     parameter integer WIDTH = 18,
-    parameter integer DEPTH = 1024,
-    parameter integer EARLY = 0  // the memory answers so early that its word needs no register
+    parameter integer DEPTH = 1024
 ) (
     input  logic                     clk,
     input  logic                     valid,
@@ -26,10 +25,9 @@ module accumulator #(
     logic [$clog2(DEPTH)-1:0] address1, address2, address3, address4;
     logic [WIDTH-1:0]         addend1, addend2;
     logic [WIDTH-1:0]         stored, kept2, written3, written4, written5;
-    wire  [WIDTH-1:0]         stored2 = EARLY != 0 ? stored : kept2;
     logic                     as3, as4, as5;  // the operation of cycle 2 has the address of the one in that cycle
 
-    assign taken = as3 ? written3 : as4 ? written4 : as5 ? written5 : stored2;
+    assign taken = as3 ? written3 : as4 ? written4 : as5 ? written5 : kept2;
 
     wire ticking;
     clock_gate gate (.clk, .enable(valid || valid1 || valid2 || valid3 || sweep), .gated(ticking));
@@ -39,8 +37,8 @@ module accumulator #(
         .write        (write3),
         .write_address(address3),
         .write_data   (written3),
-        .read         (EARLY != 0 ? valid1 && !sweep1 : valid),
-        .read_address (EARLY != 0 ? address1 : address),
+        .read         (valid),
+        .read_address (address),
         .read_data    (stored)
     );
 
@@ -51,7 +49,7 @@ module accumulator #(
         address1 <= sweep ? sweep_address : address;
         {address2, address3, address4} <= {address1, address2, address3};
         kept2 <= stored;
-        {as3, as4, as5} <= {valid2 && address2 == address1, valid3 && address3 == address1, EARLY == 0 && valid4 && address4 == address1};
+        {as3, as4, as5} <= {valid2 && address2 == address1, valid3 && address3 == address1, valid4 && address4 == address1};
         written3 <= take2 ? {WIDTH{1'b0}} : taken + addend2;
         write3 <= valid2 && (!take2 || taken != 0 || sweep2);  // what is 0 stays 0
         {written4, written5} <= {written3, written4};

@@ -64,7 +64,7 @@ def play_on_core(
     """
     streams, batched = read_streams(program, spikes)
     recordings = np.concatenate([streams[name] for name in program.streams], axis=2)
-    core = CoreProgram(program, recordings.shape[1], steps, word_of(program, sizes))
+    core = CoreProgram(program, recordings.shape[1], steps, shaped_by(program, sizes))
     sizes = sizes_for(core.needs, sizes)
     binary = built(simulator, sizes, texts)
     readout, batch = program.readout, len(recordings)
@@ -93,9 +93,9 @@ def play_on_core(
     return replace(found, scores=(scores if batched else scores[0]) if readout else None), answers
 
 
-def word_of(program: ChipProgram, sizes: Sizes) -> int:
-    """Return the rows of a word of the bitmap: those of the program's chip, if it is an open core."""
-    return (program.chip.open_core or sizes).word
+def shaped_by(program: ChipProgram, sizes: Sizes) -> Sizes:
+    """Return the sizes that say what words are like: those of the program's chip, if it is an open core."""
+    return program.chip.open_core or sizes
 
 
 def words_of(core: CoreProgram, recording: ByteArray) -> list[int]:

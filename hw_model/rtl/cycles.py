@@ -132,7 +132,7 @@ def _transposed(core: CoreProgram, phase: CorePhase, recording: ByteArray) -> It
     A channel of a row takes a cycle, a visit four and one for every word of its rows.
     """
     visits, origin = phase.visits.T.tolist(), phase.origin(recording)
-    wait, at = 10 + 5, 0  # the fields of the phase are read first
+    wait, at = core.swept + 10 + 5, 0  # charges are swept and the fields of the phase read first
     for step in phase.span(recording):
         if phase.by_rows:
             read, wait = 0, wait + 3

@@ -7,12 +7,16 @@
 //
 // The next request is looked up while a list is walked, so a list of two words or more is followed by the next without a gap.
 // A list of no synapses takes a cycle.
+//
+// With `STEP`, targets are told as steps of so many bits from those before them, which stepped.sv takes apart: words are
+// narrower, and the word of a list among the axons also says where it begins and with which exponent.
 module delivery #(
     parameter integer AXONS = 2048,
     parameter integer SYNAPSES = 16384,
     parameter integer COMPARTMENTS = 512,
     parameter integer SLOTS = 16,
-    parameter integer CHARGE = 18
+    parameter integer CHARGE = 18,
+    parameter integer STEP = 0
 ) (
     input  logic                                        clk,
     input  logic                                        clear,
@@ -36,29 +40,34 @@ module delivery #(
     localparam integer TARGET_BITS = $clog2(COMPARTMENTS) - 1;
     localparam integer SLOT_BITS = $clog2(SLOTS);
     localparam integer ADDRESS = SLOT_BITS + TARGET_BITS;
-    localparam integer HALF = TARGET_BITS + SLOT_BITS + 3 + 9;
+    localparam integer SYNAPSE = TARGET_BITS + SLOT_BITS + 3 + 9;
+    localparam integer HALF = STEP != 0 ? STEP + SLOT_BITS + 9 : SYNAPSE;
     localparam integer WORD = 2 * HALF;
+    localparam integer LENGTH = STEP != 0 && SYNAPSE_BITS > 9 ? 9 : SYNAPSE_BITS;
+    localparam integer HEAD = TARGET_BITS + 3;
+    localparam integer LIST = SYNAPSE_BITS + LENGTH + (STEP != 0 ? HEAD : 0);
 
     // Lookup: `found` says that the axon memory shows the list of an accepted request.
     logic                      found;
     logic [SLOT_BITS-1:0]      found_base;
-    logic [2*SYNAPSE_BITS-1:0] list;
+    logic [LIST-1:0]           list;
     wire  [SYNAPSE_BITS-1:0]   list_start = list[SYNAPSE_BITS-1:0];
-    wire  [SYNAPSE_BITS-1:0]   list_length = list[2*SYNAPSE_BITS-1:SYNAPSE_BITS];
+    wire  [LENGTH-1:0]         list_length = list[SYNAPSE_BITS+:LENGTH];
 
     // Walk: `left` words of the current list from `at` on.
     logic                    walking;
-    logic [SYNAPSE_BITS-1:0] at, left;
+    logic [SYNAPSE_BITS-1:0] at;
+    logic [LENGTH-1:0]       left;
     logic [SLOT_BITS-1:0]    walk_base;
     wire                     last = left <= 1;
     wire                     begin_list = found && (!walking || last);
     assign ready = !found;
 
-    memory #(.WIDTH(2 * SYNAPSE_BITS), .DEPTH(AXONS)) axons (
+    memory #(.WIDTH(LIST), .DEPTH(AXONS)) axons (
         .clk,
         .write        (load_axon),
         .write_address(load_address[$clog2(AXONS)-1:0]),
-        .write_data   (load_data[2*SYNAPSE_BITS-1:0]),
+        .write_data   (load_data[LIST-1:0]),
         .read         (request && ready),
         .read_address (source),
         .read_data    (list)
@@ -107,6 +116,31 @@ module delivery #(
         if (valid1) word2 <= word1;
     end
 
+    // The synapses of a word, in full.
+    wire [2*SYNAPSE-1:0] both;
+    genvar half;
+    generate
+        if (STEP != 0) begin : steps
+            // The head of a list follows its first word.
+            logic            first, first1, first2;
+            logic [HEAD-1:0] head, head1, head2;
+            always_ff @(posedge clk) begin
+                {first, first1, first2} <= {begin_list, first, first1};
+                if (begin_list) head <= list[LIST-1-:HEAD];
+                if (first) head1 <= head;
+                if (first1) head2 <= head1;
+            end
+            for (half = 0; half < 2; half = half + 1) begin : halves
+                stepped #(.STEP(STEP), .TARGET_BITS(TARGET_BITS), .SLOT_BITS(SLOT_BITS)) synapse (
+                    .clk, .valid(valid2), .first(first2), .head(head2), .half(word2[half*HALF+:HALF]),
+                    .synapse(both[half*SYNAPSE+:SYNAPSE])
+                );
+            end
+        end else begin : full
+            assign both = word2;
+        end
+    endgenerate
+
     genvar bank;
     generate
         for (bank = 0; bank < 2; bank = bank + 1) begin : banks
@@ -114,7 +148,7 @@ module delivery #(
             wire [SLOT_BITS-1:0]   delay;
             wire [2:0]             exponent;
             wire signed [8:0]      mantissa;
-            assign {mantissa, exponent, delay, target} = base2[0] == bank ? word2[HALF-1:0] : word2[WORD-1:HALF];
+            assign {mantissa, exponent, delay, target} = base2[0] == bank ? both[SYNAPSE-1:0] : both[2*SYNAPSE-1:SYNAPSE];
             // A half without a synapse is 0 * 2^7, which no synapse is.
             wire used = mantissa != 0 || exponent != 7;
             wire signed [15:0] weight = {{7{mantissa[8]}}, mantissa};

@@ -38,7 +38,7 @@ def on_core(program: ChipProgram, rows: int, device: Chip) -> CoreProgram:
 def _core_for(program: ChipProgram, rows: int, device: Chip) -> CoreProgram:
     """Return a program for the core of a device, whether it fits or not."""
     assert device.open_core is not None
-    return _as_core(program, rows, None, device.open_core.word)
+    return _as_core(program, rows, None, device.open_core)
 
 
 def _short_of(core: CoreProgram, device: Chip) -> dict[str, tuple[int, int]]:

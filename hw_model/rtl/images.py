@@ -18,6 +18,7 @@ from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.rtl.memory_words import BitArray, Layout
 from hw_model.rtl.phases import core_phases
 from hw_model.rtl.refused import refuse_unless, refuse_unplayable
+from hw_model.rtl.steps import in_steps
 from hw_model.values import IntArray
 
 JOIN_DISTANCE = 6
@@ -43,16 +44,21 @@ Table = dict[str, IntArray]
 
 def layouts(sizes: Sizes) -> dict[str, Layout]:
     """Return the words of every memory, bit 0 first, in the order of loading; modules take them apart likewise."""
-    synapse, number, slot, entry, source = (
-        (getattr(sizes, name) - 1).bit_length() for name in ("synapses", "compartments", "slots", "entries", "axons")
+    synapse, slot, entry, source = (
+        (getattr(sizes, name) - 1).bit_length() for name in ("synapses", "slots", "entries", "axons")
     )
-    half = {"target": number - 1, "delay": slot, "exponent": 3, "mantissa": 9}
+    place = (held(sizes) - 1).bit_length()
+    half = {"target": place - 1, "delay": slot, "exponent": 3, "mantissa": 9}
+    lists = {"start": synapse - 1, "length": synapse - 1}
+    if sizes.step:
+        half = {"step": sizes.step, "delay": slot, "mantissa": 9}
+        lists = {"start": synapse - 1, "length": min(synapse - 1, 9), "place": place - 1, "exponent": 3}
     return {
-        "axons": Layout.of(start=synapse - 1, length=synapse - 1),
+        "axons": Layout.of(**lists),
         "synapses": Layout.of("mantissa0", "mantissa1", **{f"{name}{i}": half[name] for i in BANKS for name in half}),
         "leaks": Layout.of("bias", valid=1, keep_u=13, keep_v=13, bias=20, has_children=1),
         "fires": Layout.of(
-            threshold=17, blocks=6, spiking=1, vmin_log=5, vmax_log=5, child=1, first=1, parent=number, read_out=1,
+            threshold=17, blocks=6, spiking=1, vmin_log=5, vmax_log=5, child=1, first=1, parent=place, read_out=1,
             by_potential=1, entry=entry,
         ),
         "visits": Layout.of(step=VISIT_BITS, channel=source, source=source),
@@ -62,19 +68,26 @@ def layouts(sizes: Sizes) -> dict[str, Layout]:
     }  # fmt: skip
 
 
+def held(sizes: Sizes) -> int:
+    """Return how many compartments have a state and charges at a time."""
+    return sizes.places or sizes.compartments
+
+
 class CoreProgram:
     """A program in the numbers of the core, for recordings of so many ``rows``; ``steps`` of phases of no fixed length.
 
     ``phases``: in order, the first while the recording arrives. ``numbers[phase]`` (columns,): compartments by column;
     ``ends`` (phases,): the first number after each phase. ``starts``, ``lengths`` (sources,): words of the list of each
     source. ``heard``: rows of a recording that the core takes; ``kept``: those that the buffer does. ``scale``: what
-    scores are multiplied by. ``word``: rows of a recording in a word of the bitmap, that of the program's chip unless
-    given. ``needs``: the least sizes. What the core cannot run is a ``TargetError``.
+    scores are multiplied by. ``sizes``: of the core whose words these are, that of the program's chip unless given.
+    ``needs``: the least sizes. ``swept``: cycles between phases in which charges are cleaned. What the core cannot run
+    is a ``TargetError``.
     """
 
-    def __init__(self, program: ChipProgram, rows: int, steps: int | None = None, word: int | None = None) -> None:
+    def __init__(self, program: ChipProgram, rows: int, steps: int | None = None, sizes: Sizes | None = None) -> None:
         self.program, self.rows = program, rows
-        self.word = word or (program.chip.open_core or SIMULATED).word
+        self.sizes = sizes or program.chip.open_core or SIMULATED
+        self.word = self.sizes.word
         refuse_unplayable(program)
         self.phases, self.first_source = core_phases(program, rows, steps)
         longest = max((phase.steps for phase in self.phases[1:]), default=0)
@@ -86,14 +99,14 @@ class CoreProgram:
         self.channels = sum(program.streams.values())
         self._number()
         synapses = self._synapses()
-        self.starts, self.lengths, words = self._words(synapses)
+        self.starts, self.lengths, heads, words = self._words(synapses)
         ratios = [weight.as_integer_ratio() for weight in program.readout.weights] if program.readout else []
         self.scale = max((below for _, below in ratios), default=1)
         # Larger weights are refused, and need not fit 64 bits for that.
         weights = [min(max(above * (self.scale // below), -(1 << 40)), 1 << 40) for above, below in ratios]
         visits = np.hstack([phase.visits for phase in self.phases])
         self.tables = {
-            "axons": {"start": np.where(self.lengths > 0, self.starts, 0), "length": self.lengths},
+            "axons": {"start": np.where(self.lengths > 0, self.starts, 0), "length": self.lengths, **heads},
             "synapses": words,
             "compartments": self._compartments(),
             "visits": {"step": visits[0], "channel": visits[1], "source": visits[2]},
@@ -101,6 +114,7 @@ class CoreProgram:
             "phases": {"value": self._phase_fields()},
         }
         self.needs = self._needs(synapses)
+        self.swept = self._swept(max(self.sizes.places, _power(self.needs.places))) if self.sizes.places else 0
 
     def load_words(self, sizes: Sizes) -> BitArray:
         """Return what goes through the load port, a row a word: data, address, memory; the settings come last."""
@@ -125,7 +139,8 @@ class CoreProgram:
         phase = np.searchsorted(self.ends, parents, side="right")
         spans = [np.ptp(parents[phase == index]) + 1 for index in np.unique(phase)]
         weights = max(1, len(self.tables["weights"]["magnitude"]))
-        return MemoryWords(max([1, *map(int, spans)]), weights, len(self.tables["phases"]["value"]), self.ends[-1])
+        states = int(np.diff(self.ends, prepend=0).max()) if self.sizes.places else self.ends[-1]
+        return MemoryWords(max([1, *map(int, spans)]), weights, len(self.tables["phases"]["value"]), states)
 
     def _number(self) -> None:
         """Number the compartments of all cores: by phase, deepest children first, siblings together."""
@@ -151,6 +166,12 @@ class CoreProgram:
             for name in names
         }
 
+    def _places(self, numbers: IntArray) -> IntArray:
+        """Return where states and charges of compartments lie, from the first of all or of their phase on."""
+        begins = np.array([0, *self.ends[:-1]]) * (self.sizes.places > 0)
+        places: IntArray = numbers - begins[np.searchsorted(self.ends, numbers, side="right")]
+        return places
+
     def _joined(self, values: Callable[[Core], IntArray | int]) -> IntArray:
         """Return what ``values`` gives for the compartments of every core, core after core."""
         parts = [np.broadcast_to(values(core), core.compartments) for core in self.program.cores]
@@ -168,12 +189,16 @@ class CoreProgram:
             "align_events": min(max(phase.align_events or 0 for phase in self.phases), self.channels + 1),
             "phases": len(self.phases),
             "slot_mask": slots - 1,
-            "sweep": max(slots * sizes.compartments // 2, self.needs.bitmap, self.needs.entries),
+            "sweep": self._swept(held(sizes)),
             "classes": self.program.populations[readout.populations[0]] if readout else 0,
             "populations": len(readout.populations) if readout else 0,
             "first_source": self.first_source,
             "run": 1,
         }
+
+    def _swept(self, places: int) -> int:
+        """Return the cycles in which memories are cleaned that hold the charges of so many compartments."""
+        return max(_power(self.needs.slots) * places // 2, self.needs.bitmap, self.needs.entries)
 
     def _phase_fields(self) -> IntArray:
         """Return eight words for each phase; :class:`hw_model.rtl.phases.CorePhase` says what they are."""
@@ -188,7 +213,7 @@ class CoreProgram:
         compartments = self.tables["compartments"]
         charges = np.abs(synapses["mantissa"]) << synapses["exponent"]
         charge = np.bincount(synapses["target"], weights=charges, minlength=1).max()
-        children = np.bincount(compartments["parent"], weights=compartments["child"]).max()
+        children = np.bincount(self.parent[self.parent >= 0], minlength=1).max()
         return Sizes(
             axons=len(self.starts),
             synapses=2 * int(self.lengths.sum() + 1),
@@ -200,6 +225,8 @@ class CoreProgram:
             visits=len(self.tables["visits"]["step"]),
             entries=int(compartments["entry"].max()) + 1,
             word=self.word,
+            step=self.sizes.step,
+            places=self.words.states if self.sizes.places else 0,
         )
 
     def _synapses(self) -> Table:
@@ -222,31 +249,34 @@ class CoreProgram:
             })  # fmt: skip
         return {name: np.concatenate([part[name] for part in parts]).astype(np.int64) for name in parts[0]}
 
-    def _words(self, synapses: Table) -> tuple[IntArray, IntArray, Table]:
-        """Return where the list of each source begins, its length, and the words of lists: a synapse for each bank.
+    def _words(self, synapses: Table) -> tuple[IntArray, IntArray, Table, Table]:
+        """Return where the list of each source begins, its length, its head, and its words: a synapse for each bank.
 
         Lists of an even length come first: where a row of memory holds two words, they take no row more than they need.
         """
-        odd = np.bitwise_xor.reduce(np.arange(self.ends[-1]) >> np.arange(24)[:, None])
-        bank = (odd[synapses["target"]] ^ synapses["delay"]) & 1
-        place = 2 * synapses["source"] + bank
-        order = np.argsort(place, kind="stable")
-        counts = np.bincount(place, minlength=2 * (self.first_source + self.ends[-1]))
+        target = self._places(synapses["target"])
+        bank = (np.bitwise_xor.reduce(target >> np.arange(24)[:, None]) ^ synapses["delay"]) & 1
+        half, sources, heads = 2 * synapses["source"] + bank, self.first_source + self.ends[-1], Table()
+        entries = {**synapses, "target": target >> 1}
+        if self.sizes.step:
+            half, entries, heads = in_steps(half, entries, self.sizes.step, sources)
+        order, counts = np.argsort(half, kind="stable"), np.bincount(half, minlength=2 * sources)
         lengths = counts.reshape(-1, 2).max(axis=1)
         even_first, starts = np.argsort(lengths % 2, kind="stable"), np.empty_like(lengths)
         starts[even_first] = np.cumsum(lengths[even_first]) - lengths[even_first]
         word = np.arange(len(order)) + np.repeat(np.repeat(starts, 2) - np.cumsum(counts) + counts, counts)
         table: Table = {}
-        for name, column in {**synapses, "target": synapses["target"] >> 1}.items():
+        for name, column in entries.items():
             found = np.full((2, int(lengths.sum())), NO_SYNAPSE.get(name, 0))
-            found[bank[order], word] = column[order]
+            found[half[order] & 1, word] = column[order]
             table |= {f"{name}{side}": found[side] for side in BANKS}
-        return starts, lengths, table
+        return starts, lengths, heads, table
 
     def _compartments(self) -> Table:
         """Return the constants of every compartment; gaps have none."""
         child = self.parent >= 0
         parent = np.where(child, self.number[self.parent], -1)
+        place_of_parent = self._places(np.maximum(parent, 0)) * child
         # Siblings follow each other, gaps left out.
         in_order = np.argsort(self.number)
         first = np.empty_like(child)
@@ -264,7 +294,7 @@ class CoreProgram:
             "vmax_log": self._joined(lambda core: core.vmax.bit_length()),
             "child": child,
             "first": first & child,
-            "parent": parent * child,
+            "parent": place_of_parent,
         }
         table = {
             name: np.zeros(self.ends[-1], dtype=np.int64) for name in (*columns, "read_out", "by_potential", "entry")
@@ -282,14 +312,15 @@ class CoreProgram:
 
 
 def parameters(sizes: Sizes) -> dict[str, int]:
-    """Return the parameters of the SystemVerilog by name."""
-    return {name.upper(): value for name, value in asdict(sizes).items()}
+    """Return the parameters of the SystemVerilog by name; those that are 0 are so without being named."""
+    return {name.upper(): value for name, value in asdict(sizes).items() if value}
 
 
 def sizes_for(needs: Sizes, least: Sizes) -> Sizes:
     """Return sizes that hold what is needed: those of ``least``, or twice as many words, or just enough bits."""
     grown = {name: need if name in ("charge", "join") else _power(need) for name, need in asdict(needs).items()}
-    return Sizes(**{name: max(value, grown[name]) for name, value in asdict(least).items()} | {"word": needs.word})
+    grown = {name: max(value, grown[name]) for name, value in asdict(least).items()}
+    return Sizes(**grown | {"word": needs.word, "step": needs.step, "places": grown["places"] * (needs.places > 0)})
 
 
 def _power(words: int) -> int:

@@ -22,8 +22,11 @@ module locsnn_core #(
     parameter integer VISITS = 128,
     parameter integer ENTRIES = 128,        // compartments that are read out
     parameter integer WORD = 32,            // rows of a word of the buffer, a power of two
+    // What makes memories smaller on a chip. 0: no such thing.
+    parameter integer STEP = 0,             // bits of the step from a target to the next, where they are not told in full
+    parameter integer PLACES = 0,           // compartments of a phase, a power of two: states and charges lie from its first on
     // What saves energy on a chip, and costs logic elsewhere.
-    parameter integer EARLY = 0,            // 1: the memory of charges answers early in a cycle
+    parameter integer AT_ONCE = 0,          // 1: the memory of charges answers in the cycle in which it is asked
     parameter integer LAZY = 0              // 1: states that the next step does not depend on are neither read nor written
 ) (
     input  logic               clk,
@@ -66,7 +69,9 @@ module locsnn_core #(
     localparam integer NUMBER = $clog2(COMPARTMENTS);
     localparam integer SLOT = $clog2(SLOTS);
     localparam integer ENTRY = $clog2(ENTRIES);
-    localparam integer ADDRESS = SLOT + NUMBER - 1;
+    localparam integer HELD = PLACES != 0 ? PLACES : COMPARTMENTS;  // states
+    localparam integer PLACE = $clog2(HELD);
+    localparam integer ADDRESS = SLOT + PLACE - 1;
     // Between recordings all of the largest memory is swept, and the others over and over.
     localparam integer SWEPT = ADDRESS > $clog2(BITMAP) ? ADDRESS : $clog2(BITMAP);
     localparam integer SWEEPING = SWEPT > ENTRY ? SWEPT : ENTRY;
@@ -103,6 +108,9 @@ module locsnn_core #(
     wire [NUMBER:0]    number_end = its[NUMBER_END][NUMBER:0];
     logic              buffered;  // the phase is not the first
     wire               clear = reset || state == CLEAN;
+    // Where phases share places, charges that the last one left are swept before the next.
+    wire              sweeping = PLACES != 0 && state == PHASE && field == 0 && buffered
+        && sweep_at != settings[SWEEP][SWEEPING:0];
     memory #(.WIDTH(24), .DEPTH(512)) phases (
         .clk,
         .write(load_valid && load_memory == 7), .write_address(load_address[8:0]), .write_data(load_data[23:0]),
@@ -149,7 +157,8 @@ module locsnn_core #(
             end
             PHASE: begin
                 if (field == 0) number_begin <= buffered ? number_end : {(NUMBER + 1){1'b0}};
-                field <= field + 1;
+                if (sweeping) sweep_at <= sweep_at + 1;
+                else field <= field + 1;
                 following <= 1;
                 slot <= 0;
                 first_step <= 1;
@@ -166,6 +175,7 @@ module locsnn_core #(
                     state <= last_phase ? READOUT : PHASE;
                     phase <= phase + 1;
                     buffered <= 1;
+                    if (PLACES != 0) sweep_at <= 0;
                 end
             end
             UPDATE: begin
@@ -232,12 +242,14 @@ module locsnn_core #(
     logic [SOURCE-1:0]     done_source;
     always_ff @(posedge clk) done_source <= SOURCE'(early_number) + settings[FIRST_SOURCE][SOURCE-1:0];
 
-    queue #(.WIDTH(SOURCE), .DEPTH(COMPARTMENTS)) spikes (
+    queue #(.WIDTH(SOURCE), .DEPTH(HELD)) spikes (
         .clk, .clear, .push(fired), .pushed(done_source), .head_valid, .head,
         .pop(spike && delivery_ready), .empty(queue_empty)
     );
 
-    delivery #(.AXONS(AXONS), .SYNAPSES(SYNAPSES), .COMPARTMENTS(COMPARTMENTS), .SLOTS(SLOTS), .CHARGE(CHARGE)) deliver (
+    delivery #(
+        .AXONS(AXONS), .SYNAPSES(SYNAPSES), .COMPARTMENTS(HELD), .SLOTS(SLOTS), .CHARGE(CHARGE), .STEP(STEP)
+    ) deliver (
         .clk, .clear, .load_axon(load_valid && load_memory == 1), .load_synapse(load_valid && load_memory == 2),
         .load_address, .load_data,
         .request(spike || ((early || (row && !over)) && word_valid && is_event)),
@@ -248,7 +260,9 @@ module locsnn_core #(
     );
 
     // Charges under way, in two banks that add at the same time; an update takes from that of its compartment.
-    wire  number_bank = ^{number[NUMBER-1:0], slot[0]};
+    wire [NUMBER-1:0] origin = PLACES != 0 ? number_begin[NUMBER-1:0] : {NUMBER{1'b0}};
+    wire [PLACE-1:0]  place = PLACE'(number[NUMBER-1:0] - origin);
+    wire  number_bank = ^{place, slot[0]};
     logic bank1, bank2;
     always_ff @(posedge clk) {bank1, bank2} <= {number_bank, bank1};
     wire [CHARGE-1:0] charge = bank2 ? taken[2*CHARGE-1:CHARGE] : taken[CHARGE-1:0];
@@ -257,12 +271,19 @@ module locsnn_core #(
     generate
         for (bank = 0; bank < 2; bank = bank + 1) begin : banks
             wire take = state == UPDATE && number_bank == bank;
-            accumulator #(.WIDTH(CHARGE), .DEPTH(SLOTS * COMPARTMENTS / 2), .EARLY(EARLY)) charges (
-                .clk, .valid(add[bank] || take), .take,
-                .address(state == UPDATE ? {slot, number[NUMBER-1:1]} : add_address[bank*ADDRESS+:ADDRESS]),
-                .addend(add_charge[bank*CHARGE+:CHARGE]), .taken(taken[bank*CHARGE+:CHARGE]),
-                .sweep(clear && 32'(sweep_at) < SLOTS * COMPARTMENTS / 2), .sweep_address(sweep_at[ADDRESS-1:0])
-            );
+            wire [ADDRESS-1:0] address = state == UPDATE ? {slot, place[PLACE-1:1]} : add_address[bank*ADDRESS+:ADDRESS];
+            wire swept = (clear || sweeping) && 32'(sweep_at) < SLOTS * HELD / 2;
+            if (AT_ONCE != 0) begin : at_once
+                accumulator_at_once #(.WIDTH(CHARGE), .DEPTH(SLOTS * HELD / 2)) charges (
+                    .clk, .valid(add[bank] || take), .take, .address, .addend(add_charge[bank*CHARGE+:CHARGE]),
+                    .taken(taken[bank*CHARGE+:CHARGE]), .sweep(swept), .sweep_address(sweep_at[ADDRESS-1:0])
+                );
+            end else begin : in_turn
+                accumulator #(.WIDTH(CHARGE), .DEPTH(SLOTS * HELD / 2)) charges (
+                    .clk, .valid(add[bank] || take), .take, .address, .addend(add_charge[bank*CHARGE+:CHARGE]),
+                    .taken(taken[bank*CHARGE+:CHARGE]), .sweep(swept), .sweep_address(sweep_at[ADDRESS-1:0])
+                );
+            end
         end
     endgenerate
 
@@ -270,10 +291,12 @@ module locsnn_core #(
     wire [1:0]         current_wraps;
     wire signed [23:0] done_u, done_v, potential;
     wire [ENTRY-1:0]   early_entry, entry;
-    update #(.COMPARTMENTS(COMPARTMENTS), .CHARGE(CHARGE), .JOIN(JOIN), .ENTRIES(ENTRIES), .LAZY(LAZY)) compartments (
+    update #(
+        .COMPARTMENTS(COMPARTMENTS), .HELD(HELD), .CHARGE(CHARGE), .JOIN(JOIN), .ENTRIES(ENTRIES), .LAZY(LAZY)
+    ) compartments (
         .clk, .clear, .load_leak(load_valid && load_memory == 3), .load_fire(load_valid && load_memory == 4),
         .load_address, .load_data,
-        .issue(state == UPDATE), .first_step, .number(number[NUMBER-1:0]), .charge, .busy(updating),
+        .issue(state == UPDATE), .first_step, .number(number[NUMBER-1:0]), .origin, .charge, .busy(updating),
         .early_number, .done, .done_number, .fired, .done_u, .done_v, .potential, .active, .charge_wrap, .current_wraps, .voltage_clip,
         .early_read, .early_entry, .read_out, .by_potential, .entry
     );

@@ -1,6 +1,7 @@
 """Recordings streamed to a board that runs the open core, and its answers compared with the simulator's."""
 
 from contextlib import closing
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from hw_model.errors import InputError
 from hw_model.program.chip_program import ChipProgram
 from hw_model.rtl.board import Board, spike_numbers
 from hw_model.rtl.cosimulation import ANSWER
-from hw_model.rtl.images import CoreProgram
+from hw_model.rtl.images import SIMULATED, CoreProgram
 from hw_model.rtl.ports import open_port
 from hw_model.simulation import simulate
 
@@ -21,11 +22,12 @@ def stream(program: ChipProgram, spikes: Spikes, port: str, baud: int, report: b
     ``report``: compare every spike, not only classes and counts. A board that does not answer is an ``InputError``.
     """
     recordings = np.concatenate(list(read_streams(program, spikes)[0].values()), axis=2)
-    core = CoreProgram(program, recordings.shape[1], None)
+    plain = replace(program.chip.open_core or SIMULATED, step=0, places=0)
+    core = CoreProgram(program, recordings.shape[1], None, plain)
     with closing(open_port(port, baud, core.needs)) as line:
         try:
             board = Board(line)
-            core = CoreProgram(program, recordings.shape[1], None, board.sizes.word)
+            core = CoreProgram(program, recordings.shape[1], None, board.sizes)
             board.load(core)
             board.report(report)
             answers = [board.play(core, one) for one in recordings]

@@ -12,6 +12,7 @@
 //     4  add q to u
 module update #(
     parameter integer COMPARTMENTS = 512,
+    parameter integer HELD = COMPARTMENTS,  // states
     parameter integer CHARGE = 18,
     parameter integer JOIN = 26,
     parameter integer ENTRIES = 128,
@@ -26,6 +27,7 @@ module update #(
     input  logic                            issue,
     input  logic                            first_step,
     input  logic [$clog2(COMPARTMENTS)-1:0] number,
+    input  logic [$clog2(COMPARTMENTS)-1:0] origin,  // the compartment whose state is the first
     // The charge that is due, two cycles after its compartment was issued, in units of 64.
     input  logic [CHARGE-1:0]               charge,
     output logic                            busy,
@@ -51,7 +53,8 @@ module update #(
     localparam integer NUMBER = $clog2(COMPARTMENTS);
     localparam integer ENTRY = $clog2(ENTRIES);
     localparam integer LEAK = 1 + 13 + 13 + 20 + 1;
-    localparam integer FIRE = 17 + 6 + 1 + 5 + 5 + 2 + NUMBER + 2 + ENTRY;
+    localparam integer PLACE = $clog2(HELD);
+    localparam integer FIRE = 17 + 6 + 1 + 5 + 5 + 2 + PLACE + 2 + ENTRY;
     localparam integer SUM = JOIN + 2;
 
     wire               ticking;  // while a compartment is on its way
@@ -72,6 +75,9 @@ module update #(
     assign early_number = number7;
     clock_gate gate (.clk, .enable(issue || busy || clear || load_leak || load_fire), .gated(ticking));
 
+    // Where the state of a compartment lies.
+    wire [PLACE-1:0] place0 = PLACE'(number - origin), place3 = PLACE'(number3 - origin), place8 = PLACE'(number8 - origin);
+
     // 0 and 1: state and constants of the leak.
     logic [53:0]        stored1;
     wire                read0, kept1, some1;
@@ -87,10 +93,10 @@ module update #(
     logic [53:0]        new_state8;
     wire                changed8, keeps8;
 
-    memory #(.WIDTH(54), .DEPTH(COMPARTMENTS)) states (
+    memory #(.WIDTH(54), .DEPTH(HELD)) states (
         .clk(ticking),
-        .write(valid8 && (LAZY != 0 ? keeps8 : changed8)), .write_address(number8), .write_data(new_state8),
-        .read(read0 && !(LAZY != 0 && first_step)), .read_address(number), .read_data(stored1)
+        .write(valid8 && (LAZY != 0 ? keeps8 : changed8)), .write_address(place8), .write_data(new_state8),
+        .read(read0 && !(LAZY != 0 && first_step)), .read_address(place0), .read_data(stored1)
     );
     memory #(.WIDTH(LEAK), .DEPTH(COMPARTMENTS)) leaks (
         .clk(ticking),
@@ -111,9 +117,9 @@ module update #(
     assign keeps8 = new_state8[53:48] != 0 || (lasting8 && new_state8[47:0] != 0);
     generate
         if (LAZY != 0) begin : lazy
-            at_rest #(.COMPARTMENTS(COMPARTMENTS)) resting (
-                .clk(ticking), .issue, .number, .read(read0), .kept(kept1), .some(some1),
-                .done(issued[7]), .last(!issued[6]), .done_number(number8),
+            at_rest #(.COMPARTMENTS(HELD)) resting (
+                .clk(ticking), .issue, .number(place0), .read(read0), .kept(kept1), .some(some1),
+                .done(issued[7]), .last(!issued[6]), .done_number(place8),
                 .keeps(valid8 && keeps8), .holds(valid8 && new_state8[47:0] != 0)
             );
         end else begin : eager
@@ -141,6 +147,25 @@ module update #(
         {has_children2, has_children3, has_children4} <= {has_children1, has_children2, has_children3};
     end
 
+    // Of a compartment that is `live` something may not be 0. Registers whose word is 0 and becomes 0 stand still; what is in
+    // them before the first recording goes while memories are cleaned.
+    logic signed [JOIN-1:0] joined4, joined5;
+    logic live3, live4, live5, live6, live7, live8;
+    wire  live2 = leaks2 || charge != 0 || bias2 != 0;
+    wire  joins5 = joined5 != 0;
+    wire  ticking3, ticking4, ticking5, ticking_joined5, ticking6, ticking7, ticking8;
+    always_ff @(posedge ticking) begin
+        {live3, live4, live5} <= {live2, live3, live4};
+        {live6, live7, live8} <= {live5 || joins5, live6, live7};
+    end
+    clock_gate gate3 (.clk(ticking), .enable(live2 || live3 || clear), .gated(ticking3));
+    clock_gate gate4 (.clk(ticking), .enable(live3 || live4 || clear), .gated(ticking4));
+    clock_gate gate5 (.clk(ticking), .enable(live4 || live5 || clear), .gated(ticking5));
+    clock_gate gate_joined5 (.clk(ticking), .enable(has_children4 || joins5 || clear), .gated(ticking_joined5));
+    clock_gate gate6 (.clk(ticking), .enable(live5 || joins5 || live6 || clear), .gated(ticking6));
+    clock_gate gate7 (.clk(ticking), .enable(live6 || live7 || clear), .gated(ticking7));
+    clock_gate gate8 (.clk(ticking), .enable(live7 || live8 || clear), .gated(ticking8));
+
     // 2 to 4: the leak.
     wire               leaking;
     wire signed [23:0] leak_u4, leak_v4;
@@ -153,23 +178,25 @@ module update #(
     logic               wrap3, wrap4, wrap5, wrap6, wrap7, wrap8;
     logic               active3, active4, active5, active6, active7, active8;
     always_ff @(posedge ticking) begin
-        {charge3, charge4} <= {charge[15:0], charge3};
         {wrap3, wrap4, wrap5, wrap6, wrap7, wrap8} <= {wrap2, wrap3, wrap4, wrap5, wrap6, wrap7};
         {active3, active4, active5} <= {active2, active3, active4};
     end
+    always_ff @(posedge ticking3) charge3 <= charge[15:0];
+    always_ff @(posedge ticking4) charge4 <= charge3;
 
     // 4: u is the leak and the charge. 25 bits hold their sum; u keeps 24.
     wire signed [24:0]  sum4 = {left_u4[23], left_u4} + {{3{charge4[15]}}, charge4, 6'b0};
     logic signed [23:0] u5, u6, u7, u8, left_v5;
     logic               u_wrap5, u_wrap6, u_wrap7, u_wrap8;
-    logic signed [JOIN-1:0] joined4, joined5;
     always_ff @(posedge ticking) begin
-        {u5, left_v5} <= {sum4[23:0], left_v4};
-        {u6, u7, u8} <= {u5, u6, u7};
         u_wrap5 <= sum4[24] != sum4[23];
         {u_wrap6, u_wrap7, u_wrap8} <= {u_wrap5, u_wrap6, u_wrap7};
-        joined5 <= has_children4 ? joined4 : {JOIN{1'b0}};
     end
+    always_ff @(posedge ticking5) {u5, left_v5} <= {sum4[23:0], left_v4};
+    always_ff @(posedge ticking6) u6 <= u5;
+    always_ff @(posedge ticking7) u7 <= u6;
+    always_ff @(posedge ticking8) u8 <= u7;
+    always_ff @(posedge ticking_joined5) joined5 <= has_children4 ? joined4 : {JOIN{1'b0}};
 
     // 5: the drive of v is u and bias, wrapped likewise.
     wire signed [24:0]     drive5 = {u5[23], u5} + {{5{bias5[19]}}, bias5};
@@ -177,12 +204,14 @@ module update #(
     logic                  drive_wrap6, drive_wrap7, drive_wrap8;
     logic signed [SUM-1:0] rest6;
     always_ff @(posedge ticking) begin
-        drive6 <= drive5[23:0];
         drive_wrap6 <= drive5[24] != drive5[23];
         {drive_wrap7, drive_wrap8} <= {drive_wrap6, drive_wrap7};
-        rest6 <= {{(SUM-23){left_v5[23]}}, left_v5[22:0]} + {{2{joined5[JOIN-1]}}, joined5};
-        active6 <= active5 || joined5 != 0;
+        active6 <= active5 || joins5;
         {active7, active8} <= {active6, active7};
+    end
+    always_ff @(posedge ticking6) begin
+        drive6 <= drive5[23:0];
+        rest6 <= {{(SUM-23){left_v5[23]}}, left_v5[22:0]} + {{2{joined5[JOIN-1]}}, joined5};
     end
 
     // 5 and 6: constants of clip and threshold. Limits are 1 - 2^vmin_log and 2^vmax_log - 1.
@@ -212,13 +241,13 @@ module update #(
     wire                   beyond7 = !sum7[SUM-1] && (sum7 & ~{{(SUM-24){1'b0}}, vmax7}) != 0;
     logic signed [23:0]    clipped8;
     logic                  clip8, above8;
+    always_ff @(posedge ticking7) sum7 <= rest6 + {{(SUM-23){drive6[23]}}, drive6[22:0]};
+    always_ff @(posedge ticking8) clipped8 <= below7 ? vmin7 : beyond7 ? vmax7 : sum7[23:0];
     always_ff @(posedge ticking) begin
-        sum7 <= rest6 + {{(SUM-23){drive6[23]}}, drive6[22:0]};
         // Limits do not matter here: the lower one is never above a threshold, and where the upper one is not above it, the
         // loader says that the compartment does not spike.
         above8 <= $signed({{(SUM-23){1'b0}}, fire7[16:0], 6'b0}) < sum7;
         clip8 <= below7 || beyond7;
-        clipped8 <= below7 ? vmin7 : beyond7 ? vmax7 : sum7[23:0];
     end
 
     // 8: fire.
@@ -226,7 +255,7 @@ module update #(
     wire [5:0]        blocks8;
     wire              spiking8, child8, first_child8, read_out8, by_potential8;
     wire [4:0]        vmin_log8, vmax_log8;
-    wire [NUMBER-1:0] parent8;
+    wire [PLACE-1:0]  parent8;
     wire [ENTRY-1:0]  entry8;
     assign {entry8, by_potential8, read_out8, parent8, first_child8, child8, vmax_log8, vmin_log8, spiking8, blocks8,
             threshold8} = fire8;
@@ -250,9 +279,9 @@ module update #(
     assign by_potential = by_potential8;
     assign entry = entry8;
 
-    join_sums #(.WIDTH(JOIN), .COMPARTMENTS(COMPARTMENTS)) joins (
+    join_sums #(.WIDTH(JOIN), .COMPARTMENTS(HELD)) joins (
         .clk(ticking), .child(valid8 && child8), .first(first_child8), .parent(parent8), .v(clipped8),  // a child does not fire
-        .read(valid3 && has_children3), .read_address(number3), .joined(joined4)
+        .read(valid3 && has_children3), .read_address(place3), .joined(joined4)
     );
 
     wire unused = &{1'b0, load_address, load_data, threshold8, vmin_log8, vmax_log8};

@@ -5,6 +5,8 @@ and a word is read by one select line through ANDs and ORs, so that nothing else
 
     cycle 0   address and data arrive; the gates of array, bank and row take their enables
     cycle 1   data wait in a register while the row is open, in the first half of the cycle: it can be read from now on
+
+What is read comes in the next cycle, or at once: an array needs no clock for it.
 """
 
 from dataclasses import dataclass
@@ -144,7 +146,9 @@ def verilog(made: Latches) -> str:
         f"    wire [{shape.address - 1}:0] to = write_address[{shape.address - 1}:0], from = read_address[{shape.address - 1}:0];",
         "    always_ff @(posedge writing) given <= write_data;",
         *_parts(parts or dict.fromkeys(made.banks, made.module), made, low, max(shape.address - low, 0)),
-        "    always_ff @(posedge clk) if (read) read_data <= found;",
+        "    assign read_data = found;"
+        if shape.at_once
+        else "    always_ff @(posedge clk) if (read) read_data <= found;",
         "endmodule\n",
     ]
     return "\n".join(lines)

@@ -151,7 +151,7 @@ def larger(files: runs.Library, priced: pricing.Priced) -> list[tuple[str, ...]]
         program, recordings = runs.compiled(model), runs.real(dataset, "test", PLAYED.get(model, 1))
         mapped = CoreProgram(program, recordings.shape[1])
         core, needs = runs.holding(mapped), mapped.needs
-        done = repeats.parts_of(runs.counted_for(program, recordings, core.sizes), mapped, core.sizes)
+        done = repeats.parts_of(runs.counted_for(program, recordings, core), mapped, core.sizes)
         chosen = runs.plan(files, runs.PRICE, core, done)
         area = sum(runs.area(files, one) for one in chosen)
         counts = sum(hw.simulate(program, recordings, probe=()).per_recording, hw.Counts())

@@ -17,7 +17,7 @@ class Shape:
 
     ``used``: of every ``period`` words the first so many hold something; the others are not made.
     ``fold``: words whose addresses differ by it are never in use together, and are one. ``zero``: bits that are 0 in every program that fits.
-    ``single``: it has one address, to read or to write.
+    ``single``: it has one address, to read or to write. ``at_once``: it shows a word in the cycle in which it is read.
     """
 
     name: str
@@ -30,6 +30,7 @@ class Shape:
     fold: int = 0
     zero: tuple[int, ...] = ()
     single: bool = False
+    at_once: bool = False
 
     @property
     def stored(self) -> list[int]:

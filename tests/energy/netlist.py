@@ -61,7 +61,7 @@ module \\$dffe (CLK, EN, D, Q);
     end endgenerate
 endmodule
 """
-_MEMORY = re.compile(r"\b(?:memory|single_port) #\((?:[^()]|\([^()]*\))*\) (\w+) \(")
+_MEMORY = re.compile(r"\b(?:memory|single_port|memory_at_once) #\((?:[^()]|\([^()]*\))*\) (\w+) \(")
 CLOCK_GATE = """module clock_gate (input logic clk, input logic enable, output logic gated);
     sg13g2_lgcp_1 cell_ (.CLK(clk), .GATE(enable), .GCLK(gated));
 endmodule
@@ -176,7 +176,7 @@ def parts(sources: Path) -> list[Path]:
     found, waiting = {}, ["locsnn_core"]
     while waiting:
         path = sources / f"{waiting.pop()}.sv"
-        if path.name not in found and path.name not in ("memory.sv", "single_port.sv"):
+        if path.name not in found and path.name not in ("memory.sv", "single_port.sv", "memory_at_once.sv"):
             found[path.name] = path
             text = re.sub(r"//.*", "", path.read_text("utf-8"))
             waiting += [

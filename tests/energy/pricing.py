@@ -94,7 +94,7 @@ def price(made: Made, wires: str) -> Priced:
             reads -= within
         if name == "charges":
             memory["synaptic_ops"] += one.read_pj + one.write_pj
-            swept = recordings * runs.SIZES["slots"] * runs.SIZES["compartments"] * one.write_pj
+            swept = recordings * runs.SIZES["slots"] * runs.SIZES["places"] * one.write_pj
             reads, writes, cleaned = reads - ops * one.read_pj, writes - ops * one.write_pj - swept, cleaned + swept
         if name == "bitmap":
             swept = (rows[name][1] - total["input_events"]) * one.write_pj

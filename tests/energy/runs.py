@@ -36,13 +36,13 @@ CELLS = "sg13g2_stdcell_typ_1p20V_25C.lib"
 KEPT = ROOT / "build" / "energy"
 SIZES = {
     "axons": 1024, "synapses": 16384, "compartments": 512, "slots": 2, "charge": 16, "join": 26, "bitmap": 2048,
-    "visits": 128, "entries": 128,
+    "visits": 128, "entries": 128, "step": 3, "places": 256,
 }  # fmt: skip
 """The core of the chip file: it holds the hybrid of either example."""
-SAVING = {"early": 1, "lazy": 1}
-"""Parameters of the core that save energy here."""
+SAVING = {"at_once": 1, "lazy": 1}
+"""Parameters of the core that save energy here; charges of a larger one lie in macros, which do not answer at once."""
 HELD = {
-    "axons": 736, "synapses": 7168, "bitmap": 1024, "visit_list": 80, "tallies": 72, "weights": 4, "phases": 16,
+    "axons": 736, "synapses": 7424, "bitmap": 1024, "visit_list": 80, "tallies": 72, "weights": 4, "phases": 16,
 }  # fmt: skip
 """Words that are made of memories, where parameters of the core are powers of two above them."""
 COMPARTMENTS = 416
@@ -57,15 +57,19 @@ FOLDED = {"sums": 128}
 
 @dataclass(frozen=True)
 class Core:
-    """A core in macros: its parameters, words and compartments that memories hold, and words that share one."""
+    """A core in macros: its parameters, words and compartments that memories hold, and words that share one.
+
+    ``saving``: parameters that save energy.
+    """
 
     sizes: Sizes
     held: Mapping[str, int]
     compartments: int
     folded: Mapping[str, int]
+    saving: Mapping[str, int]
 
 
-OURS = Core(Sizes(**SIZES), HELD, COMPARTMENTS, FOLDED)
+OURS = Core(Sizes(**SIZES), HELD, COMPARTMENTS, FOLDED, SAVING)
 
 
 def holding(program: CoreProgram) -> Core:
@@ -73,7 +77,7 @@ def holding(program: CoreProgram) -> Core:
     needs = program.needs
     held = {"axons": needs.axons, "synapses": needs.synapses // 2, "bitmap": needs.bitmap, "visit_list": needs.visits,
             "tallies": needs.entries, **asdict(program.words)}  # fmt: skip
-    return Core(sizes_for(needs, Sizes(**SIZES)), held, needs.compartments, {})
+    return Core(sizes_for(needs, Sizes(**SIZES)), held, needs.compartments, {}, SAVING | {"at_once": 0})
 
 
 @dataclass(frozen=True)
@@ -115,11 +119,11 @@ class Built:
         made_by = b"".join((Path(__file__).parent / name).read_bytes() for name in names)
         plan = repr([(c.shape, c.text) for c in chosen])
         sizes = asdict(core.sizes)
-        key = hashlib.sha256(texts + made_by + repr((sizes, SAVING, plan, gated)).encode()).hexdigest()[:12]
+        key = hashlib.sha256(texts + made_by + repr((sizes, core.saving, plan, gated)).encode()).hexdigest()[:12]
         self.folder = KEPT / key
         if not (self.folder / "netlist.json").exists():
             split = repeats.splits(core.sizes)
-            netlist.synthesise(self.folder, sizes | SAVING, chosen, split, files.folder / CELLS, gated, sources)
+            netlist.synthesise(self.folder, sizes | core.saving, chosen, split, files.folder / CELLS, gated, sources)
         self.netlist = netlist.load(self.folder / "netlist.json")
         self.circuit = gates.circuit(self.netlist, files.cells, files.macros)
         self.binary = self.folder / "gates"
@@ -165,7 +169,7 @@ class Built:
         key.update(repr((recordings.shape, by_class, probes, [c.axons.mantissa.sum() for c in program.cores])).encode())
         kept = self.folder / f"played-{key.hexdigest()[:12]}.pkl"
         if not kept.exists():
-            core = CoreProgram(program, recordings.shape[1])
+            core = CoreProgram(program, recordings.shape[1], sizes=self.core.sizes)
             load = core.load_words(self.core.sizes)
             words = [words_of(core, one) for one in recordings]
             with tempfile.TemporaryDirectory(dir=self.folder) as folder:
@@ -247,22 +251,24 @@ def compiled(model: str) -> hw.ChipProgram:
 def traffic_of() -> dict[str, traffic.Memory]:
     """Return the memories of the core, in parts where words repeat, and what a training recording does to them."""
     program = compiled("objects-hybrid-loihi")
-    return repeats.parts_of(counted(), CoreProgram(program, 250), Sizes(**SIZES))
+    return repeats.parts_of(counted(), CoreProgram(program, 250, sizes=OURS.sizes), OURS.sizes)
 
 
 def counted() -> dict[str, traffic.Memory]:
     """Return the memories of the core, and what a training recording of Objects does to them."""
     program = compiled("objects-hybrid-loihi")
-    return counted_for(program, real("Objects", "train", 4), Sizes(**SIZES))
+    return counted_for(program, real("Objects", "train", 4), OURS)
 
 
-def counted_for(program: hw.ChipProgram, recordings: np.ndarray, sizes: Sizes) -> dict[str, traffic.Memory]:
-    """Return the memories of a core of these sizes, and what a recording does to them; what was counted is kept."""
+def counted_for(program: hw.ChipProgram, recordings: np.ndarray, core: Core) -> dict[str, traffic.Memory]:
+    """Return the memories of a core, and what a recording does to them; what was counted is kept."""
     texts = b"".join(p.read_bytes() for p in netlist.parts(netlist.CORE))
-    made_by = (Path(__file__).parent / "traffic.py").read_bytes() + repr((program.name, sizes, SAVING)).encode()
+    made_by = (Path(__file__).parent / "traffic.py").read_bytes() + repr(
+        (program.name, core.sizes, core.saving)
+    ).encode()
     kept = KEPT / f"traffic-{hashlib.sha256(texts + made_by + recordings.tobytes()).hexdigest()[:12]}.pkl"
     if not kept.exists():
-        found = traffic.count(program, stacked(program, recordings), sizes, SAVING)
+        found = traffic.count(program, stacked(program, recordings), core.sizes, core.saving)
         kept.parent.mkdir(parents=True, exist_ok=True)
         kept.write_bytes(pickle.dumps({memory.name: memory for memory in found}))
     return pickle.loads(kept.read_bytes())
@@ -299,10 +305,11 @@ def options(files: Library, memory: traffic.Memory, core: Core = OURS) -> list[m
         fold,
         zero(memory.name, core.sizes),
         memory.single,
+        memory.at_once,
     )
     depths = {min(depth, 1 << (len(shape.held) - 1).bit_length()) for depth in (8, 16)}
     arrays = [Latches(shape, depth) for depth in sorted(depths)] if len(shape.held) * shape.bits <= MOST_LATCHES else []
-    return [*memories.choices(shape, list(files.macros.values())), *arrays]
+    return [*([] if shape.at_once else memories.choices(shape, list(files.macros.values()))), *arrays]
 
 
 def zero(name: str, sizes: Sizes) -> tuple[int, ...]:
@@ -320,7 +327,7 @@ def capacity(chosen: Sequence[memories.Choice | Latches]) -> dict[str, int]:
         one.shape.name: one.banks * one.rows * one.pack if isinstance(one, memories.Choice) else len(one.shape.held)
         for one in chosen
     }
-    words |= {"synapses": 2 * words["synapses"], "compartments": SIZES["compartments"]}
+    words |= {"synapses": 2 * words["synapses"], "compartments": COMPARTMENTS, "places": SIZES["places"]}
     names = {"visits": "visit_list", "entries": "tallies"}
     return {name: min(value, words.get(names.get(name, name), value)) for name, value in SIZES.items()}
 
@@ -328,7 +335,9 @@ def capacity(chosen: Sequence[memories.Choice | Latches]) -> dict[str, int]:
 def memory_words(chosen: Sequence[memories.Choice | Latches]) -> dict[str, int]:
     """Return the words of memories that a program may need more of, whatever the parameters of the core."""
     shapes = {one.shape.name: one.shape for one in chosen}
-    return {name: len(shapes[name].held) for name in ("sums", "weights", "phases")} | {"states": COMPARTMENTS}
+    return {name: len(shapes[name].held) for name in ("sums", "weights", "phases")} | {
+        "states": len(shapes["states"].held)
+    }
 
 
 MOST_LATCHES = 12_000

@@ -36,7 +36,7 @@ def memory_pj(program: hw.ChipProgram, recordings: np.ndarray) -> np.ndarray:
     text = CHIP.read_text("utf-8")
     of = prices(text)
     found = hw.simulate(program, recordings, probe=("spikes", "u", "v"))
-    core = CoreProgram(program, recordings.shape[1])
+    core = CoreProgram(program, recordings.shape[1], sizes=hw.chip("locsnn-130nm").open_core)
     return np.array([
         sum(rows * of[name][1] + words * of[name][2] for name, (rows, words) in one.items() if name in of)
         for one in (_accesses(core, recordings[i], found, i, of) for i in range(len(recordings)))
@@ -68,7 +68,8 @@ def _accesses(core: CoreProgram, recording: np.ndarray, found: hw.SimulationResu
             lasts = (constants["keep_u"][here] | constants["keep_v"][here]) != 0
             kept = lasts & ((u != 0) | (found.v[name][i] != 0))
             first = numbers.min()
-            read = kept[:-1] | (here == first) | ((here == first + 1) & (first % 8 == 7))
+            alone = not sizes.places and first % 8 == 7
+            read = kept[:-1] | (here == first) | ((here == first + 1) & alone)
             states += [np.count_nonzero(read), np.count_nonzero(kept)]
             if name in found.spikes:
                 sent[core.first_source + here] += found.spikes[name][i].sum(axis=0)

@@ -23,7 +23,14 @@ module single_port #(parameter integer WIDTH = 8, parameter integer DEPTH = 16) 
     memory #(.WIDTH(WIDTH), .DEPTH(DEPTH), .SINGLE(1)) only (
         .clk, .write, .read(read && !write), .write_address(address), .read_address(address), .write_data, .read_data);
 endmodule
-module memory #(parameter integer WIDTH = 8, parameter integer DEPTH = 16, parameter integer SINGLE = 0) (
+module memory_at_once #(parameter integer WIDTH = 8, parameter integer DEPTH = 16) (
+    input logic clk, write, read, input logic [$clog2(DEPTH)-1:0] write_address, read_address,
+    input logic [WIDTH-1:0] write_data, output logic [WIDTH-1:0] read_data);
+    memory #(.WIDTH(WIDTH), .DEPTH(DEPTH), .AT_ONCE(1)) only (
+        .clk, .write, .read, .write_address, .read_address, .write_data, .read_data());
+    assign read_data = only.words[read_address];
+endmodule
+module memory #(parameter integer WIDTH = 8, parameter integer DEPTH = 16, parameter integer SINGLE = 0, AT_ONCE = 0) (
     input logic clk, write, read, input logic [$clog2(DEPTH)-1:0] write_address, read_address,
     input logic [WIDTH-1:0] write_data, output logic [WIDTH-1:0] read_data);
     logic [WIDTH-1:0] words[0:DEPTH-1];
@@ -42,8 +49,8 @@ module memory #(parameter integer WIDTH = 8, parameter integer DEPTH = 16, param
             last <= longint'(read_address);
         end
     end
-    final $display("memory {\\"name\\": \\"%m\\", \\"bits\\": %0d, \\"words\\": %0d, \\"reads\\": %0d, \\"writes\\": %0d, \\"rows2\\": %0d, \\"rows4\\": %0d, \\"rows8\\": %0d, \\"single\\": %0d}",
-                   WIDTH, DEPTH, reads, writes, rows2, rows4, rows8, SINGLE);
+    final $display("memory {\\"name\\": \\"%m\\", \\"bits\\": %0d, \\"words\\": %0d, \\"reads\\": %0d, \\"writes\\": %0d, \\"rows2\\": %0d, \\"rows4\\": %0d, \\"rows8\\": %0d, \\"single\\": %0d, \\"at_once\\": %0d}",
+                   WIDTH, DEPTH, reads, writes, rows2, rows4, rows8, SINGLE, AT_ONCE);
 endmodule
 """
 """``memory.sv`` that counts. What is written before the first read is loaded or cleaned, and not counted."""
@@ -53,7 +60,8 @@ endmodule
 class Memory:
     """A memory of the core, and what is done to it per recording, by all of its copies together.
 
-    ``rows[k]``: reads that do not follow one of the same ``k`` words. ``ports``: 1 where it is only written while loaded; ``single``: it has one address for both.
+    ``rows[k]``: reads that do not follow one of the same ``k`` words. ``ports``: 1 where it is only written while loaded;
+    ``single``: it has one address for both; ``at_once``: it answers in the cycle in which it is asked.
     """
 
     name: str
@@ -64,6 +72,7 @@ class Memory:
     writes: float
     rows: dict[int, float]
     single: bool
+    at_once: bool = False
 
     @property
     def ports(self) -> int:
@@ -81,8 +90,9 @@ def set_in(text: str, parameters: Mapping[str, int]) -> str:
 
 def count(program: hw.ChipProgram, recordings: np.ndarray, sizes: Sizes, saving: Mapping[str, int]) -> list[Memory]:
     """Return the memories of a core of these sizes, for recordings (batch, steps, channels); ``saving``: more parameters."""
-    core, texts = CoreProgram(program, recordings.shape[1]), sources()
-    changed = {"locsnn_core.sv": set_in(texts["locsnn_core.sv"], saving), "single_port.sv": "", "memory.sv": COUNTING}
+    core, texts = CoreProgram(program, recordings.shape[1], sizes=sizes), sources()
+    changed = {"locsnn_core.sv": set_in(texts["locsnn_core.sv"], saving), "single_port.sv": "", "memory_at_once.sv": "",
+               "memory.sv": COUNTING}  # fmt: skip
     binary = built("verilator", sizes, {**texts, **changed})
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -100,7 +110,7 @@ def count(program: hw.ChipProgram, recordings: np.ndarray, sizes: Sizes, saving:
         Memory(
             name, copies[0]["words"], copies[0]["bits"], len(copies), sum(c["reads"] for c in copies) / n,
             sum(c["writes"] for c in copies) / n, {k: sum(c[f"rows{k}"] for c in copies) / n for k in PACKS},
-            bool(copies[0]["single"]),
+            bool(copies[0]["single"]), bool(copies[0]["at_once"]),
         )
         for name, copies in sorted(found.items())
     ]  # fmt: skip

@@ -31,7 +31,7 @@ class Desk:
 
     def __init__(self):
         self.program, self.spikes = benches.hybrid(22)
-        self.core = CoreProgram(self.program, self.spikes.shape[1], word=benches.SIZES.word)
+        self.core = CoreProgram(self.program, self.spikes.shape[1], sizes=benches.SIZES)
         self.sizes = sizes_for(self.core.needs, benches.SIZES)
         self.words = words_of(self.core, self.spikes[0])
 

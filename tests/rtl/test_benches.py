@@ -38,10 +38,10 @@ endmodule
 """What a chip puts in place of `clock_gate.sv`."""
 
 
-def differ(texts) -> bool:
+def differ(texts, sizes=SIZES) -> bool:
     """Whether a bench tells these files from the core; a core that hangs is given up soon."""
     for program, spikes in benches():
-        found = compare(program, spikes, texts, "icarus", sizes=SIZES, patience=20000)
+        found = compare(program, spikes, texts, "icarus", sizes=sizes, patience=20000)
         if found["mismatches"] or found["cycle_mismatches"]:
             return True
     return False

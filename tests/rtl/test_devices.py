@@ -38,11 +38,14 @@ def device(sizes: Sizes, name: str = "ecp5-25f") -> hw.Chip:
 def small() -> tuple[hw.ChipProgram, np.ndarray, CoreProgram]:
     """A program of two phases on a device of just the right sizes, and a recording."""
     program, spikes = benches.hybrid(22)
-    core = CoreProgram(program, spikes.shape[1], word=8)
+    core = CoreProgram(program, spikes.shape[1], sizes=benches.SIZES)
     return replace(program, chip=device(sizes_for(core.needs, benches.SIZES))), spikes, core
 
 
-@pytest.mark.parametrize("name", [name for name in Sizes.__dataclass_fields__ if name != "word"])
+NAMES = [name for name in Sizes.__dataclass_fields__ if name not in ("word", "step", "places")]
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_what_does_not_fit_is_refused_by_name(small, name):
     program, spikes, core = small
     rows, needs = spikes.shape[1], core.needs
@@ -54,6 +57,17 @@ def test_what_does_not_fit_is_refused_by_name(small, name):
     fix = f"Use the device {listed(held, 'or')}." if held else "Use another strategy, or a smaller network."
     wanted = f"the open core of ecp5-25f is too small in {name!r} ({need} against {need - 1}). {fix}"
     assert str(caught.value) == f"program {program.name!r}: {wanted}"
+
+
+def test_a_phase_of_more_compartments_than_places_is_refused(small):
+    program, spikes, core = small
+    largest = max(core.ends[0], core.ends[1] - core.ends[0])
+    shared = replace(core.needs, places=largest, step=3, synapses=4096)
+    assert on_core(program, spikes.shape[1], device(shared)).needs.places == largest < core.ends[1]
+    with pytest.raises(hw.TargetError) as caught:
+        on_core(program, spikes.shape[1], device(replace(shared, places=largest - 1)))
+    wanted = f"the open core of ecp5-25f is too small in 'places' ({largest} against {largest - 1}). "
+    assert str(caught.value).startswith(f"program {program.name!r}: {wanted}")
 
 
 FITS = [

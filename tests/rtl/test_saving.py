@@ -1,10 +1,12 @@
-"""The core as a chip has it: clocks that stop, charges that come early, states that are read where they matter."""
+"""The core as a chip has it: clocks that stop, charges at once, states read where they matter, targets as steps, places shared."""
 
 from __future__ import annotations
 
 import re
 import shutil
+from dataclasses import replace
 
+import benches
 import pytest
 from test_benches import STOPPING, differ
 
@@ -33,9 +35,30 @@ FAULTS = [
     ("a clock stops while nobody takes the words of the buffer", "transpose.sv", "row_began || out_ready", "row_began"),
     ("a clock stops after an event", "event_input.sv", "clear || accepted || mark || mark_tick ||", "clear || accepted ||"),
     ("a clock stops in silent steps", "event_input.sv", "|| out_ready || (tail && free)", "|| out_ready"),
-    ("the word of an early memory is a cycle late", "accumulator.sv", "EARLY != 0 ? stored : kept2", "kept2"),
-    ("an early memory is asked too early", "accumulator.sv", "EARLY != 0 ? address1 : address", "address"),
+    ("a clock stops while a charge comes", "update.sv", ".enable(live2 || live3 || clear)", ".enable(live3 || clear)"),
+    ("a clock stops while a current goes", "update.sv", ".enable(live4 || live5 || clear)", ".enable(live4 || clear)"),
+    ("a clock stops while children join", "update.sv", ".enable(has_children4 || joins5 || clear)", ".enable(joins5 || clear)"),
+    ("a clock stops while joined voltages come", "update.sv", "live5 || joins5 || live6 || clear", "live5 || live6 || clear"),
+    ("joined voltages are taken for 0", "update.sv", "<= {live5 || joins5, live6, live7}", "<= {live5, live6, live7}"),
+    ("a bias is taken for 0", "update.sv", "leaks2 || charge != 0 || bias2 != 0", "leaks2 || charge != 0"),
+    ("what is left is taken for 0", "update.sv", "leaks2 || charge != 0 || bias2 != 0", "charge != 0 || bias2 != 0"),
+    ("a charge that is taken stays", "accumulator_at_once.sv", "(!take || found != 0)", "!take"),
+    ("what is added stays what it is", "accumulator_at_once.sv", "found + addend", "addend"),
+    ("charges are not swept", "accumulator_at_once.sv", "sweep || (valid &&", "(valid &&"),
+    ("a charge is told a cycle early", "accumulator_at_once.sv", "taken <= taken1;", "taken <= found;"),
+    ("charges of the phase before stay", "locsnn_core.sv", "swept = (clear || sweeping) &&", "swept = clear &&"),
+    ("every phase has places of its own", "locsnn_core.sv", "origin = PLACES != 0 ? number_begin[NUMBER-1:0] :", "origin = 1'b0 ? 0 :"),
+    ("joined voltages are read by number", "update.sv", "place3 = PLACE'(number3 - origin)", "place3 = PLACE'(number3)"),
+    ("states are written by number", "update.sv", "place8 = PLACE'(number8 - origin)", "place8 = PLACE'(number8)"),
+    ("no synapse is one", "stepped.sv", "none ? {9'd0, 3'd7, delay, target} :", "1'b0 ? 0 :"),
+    ("jumps go forward only", "stepped.sv", "$signed(value[8:3])", "{1'b0, value[7:3]}"),
+    ("steps are one too long", "stepped.sv", "(ahead) - 1'b1", "(ahead)"),
+    ("exponents stay", "stepped.sv", "none ? value[2:0] : known", "1'b0 ? value[2:0] : known"),
+    ("lists begin where the last one ended", "stepped.sv", "first ? head : last", "last"),
+    ("every word begins a list", "stepped.sv", "first ? head : last", "head"),
+    ("heads come a word late", "delivery.sv", "if (first1) head2 <= head1;", "if (first2) head2 <= head1;"),
 ]  # fmt: skip
+SIZES = replace(benches.SIZES, step=3, places=64)
 
 
 @pytest.fixture(autouse=True)
@@ -45,17 +68,22 @@ def _cache_of_its_own(tmp_path, monkeypatch):
 
 def saving() -> dict[str, str]:
     """Return the SystemVerilog by file, as a chip has it."""
-    core, found = re.subn(r"(parameter integer (?:EARLY|LAZY) = )0", r"\g<1>1", sources()["locsnn_core.sv"])
+    core, found = re.subn(r"(parameter integer (?:AT_ONCE|LAZY) = )0", r"\g<1>1", sources()["locsnn_core.sv"])
     assert found == 2
     return {**sources(), "locsnn_core.sv": core, "clock_gate.sv": STOPPING}
 
 
 def test_a_core_that_saves_passes_every_bench():
-    assert not differ(saving())
+    assert not differ(saving(), SIZES)
+
+
+@pytest.mark.parametrize("more", [{"step": 2}, {"step": 8}, {"places": 64}], ids=str)
+def test_narrow_steps_and_places_change_nothing_alone(more):
+    assert not differ(sources(), replace(benches.SIZES, **more))
 
 
 @pytest.mark.parametrize(("file", "old", "new"), [row[1:] for row in FAULTS], ids=[row[0] for row in FAULTS])
 def test_faults_of_what_saves_are_found(file, old, new):
     texts = saving()
     assert texts[file].count(old) == 1
-    assert differ({**texts, file: texts[file].replace(old, new)})
+    assert differ({**texts, file: texts[file].replace(old, new)}, SIZES)

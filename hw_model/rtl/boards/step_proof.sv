@@ -25,7 +25,7 @@ module step_proof (
     wire [6:0]         early_entry, entry;
     update #(.COMPARTMENTS(512), .CHARGE(18), .JOIN(26), .ENTRIES(128)) dut (
         .clk, .clear(1'b0), .load_leak(1'b0), .load_fire(1'b0), .load_address(24'b0), .load_data(128'b0),
-        .issue, .first_step, .number, .charge, .busy, .early_number, .done, .done_number, .fired, .done_u, .done_v, .potential, .active,
+        .issue, .first_step, .number, .origin(9'd0), .charge, .busy, .early_number, .done, .done_number, .fired, .done_u, .done_v, .potential, .active,
         .charge_wrap, .current_wraps, .voltage_clip, .early_read, .early_entry, .read_out, .by_potential, .entry
     );
     (* hierconn *) wire [53:0]        \dut.state1 ;

@@ -1,0 +1,37 @@
+// The charges under way, as accumulator.sv has them, where their memory answers in the cycle in which it is asked, and shows
+// in the next what is written: an operation reads, adds and writes within a cycle, so that nothing has to be kept or forwarded.
+module accumulator_at_once #(
+    parameter integer WIDTH = 18,
+    parameter integer DEPTH = 1024
+) (
+    input  logic                     clk,
+    input  logic                     valid,
+    input  logic                     take,
+    input  logic [$clog2(DEPTH)-1:0] address,
+    input  logic [WIDTH-1:0]         addend,
+    output logic [WIDTH-1:0]         taken,  // two cycles after its operation
+    input  logic                     sweep,
+    input  logic [$clog2(DEPTH)-1:0] sweep_address
+);
+    wire [$clog2(DEPTH)-1:0] at = sweep ? sweep_address : address;
+    wire [WIDTH-1:0]         found;
+    logic [WIDTH-1:0]        taken1;
+    logic                    take1;
+    wire                     takes = valid && take;
+
+    memory_at_once #(.WIDTH(WIDTH), .DEPTH(DEPTH)) charges (
+        .clk,
+        .write        (sweep || (valid && (!take || found != 0))),  // what is 0 stays 0
+        .write_address(at),
+        .write_data   (sweep || take ? {WIDTH{1'b0}} : found + addend),
+        .read         (valid),
+        .read_address (at),
+        .read_data    (found)
+    );
+
+    always_ff @(posedge clk) begin
+        take1 <= takes;
+        if (takes) taken1 <= found;
+        if (take1) taken <= taken1;
+    end
+endmodule

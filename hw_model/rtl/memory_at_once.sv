@@ -1,0 +1,19 @@
+// A memory that shows a word while it is read, in the same cycle, as an array of latches does. What is written can be read in
+// the next cycle.
+module memory_at_once #(
+    parameter integer WIDTH = 8,
+    parameter integer DEPTH = 16
+) (
+    input  logic                     clk,
+    input  logic                     write,
+    input  logic [$clog2(DEPTH)-1:0] write_address,
+    input  logic [WIDTH-1:0]         write_data,
+    input  logic                     read,
+    input  logic [$clog2(DEPTH)-1:0] read_address,
+    output logic [WIDTH-1:0]         read_data
+);
+    logic [WIDTH-1:0] words[0:DEPTH-1];
+    assign read_data = read ? words[read_address] : {WIDTH{1'b0}};
+
+    always_ff @(posedge clk) if (write) words[write_address] <= write_data;
+endmodule
