@@ -1,8 +1,8 @@
 # The two commands in a container: docker build -t locsnn-compile . && docker run --rm -v "$PWD:/work" locsnn-compile MODEL
 FROM python:3.12-slim-bookworm
 
-# A CPU build of torch is a tenth of the CUDA build's size.
-ENV PIP_NO_CACHE_DIR=1 PIP_EXTRA_INDEX_URL=https://download.pytorch.org/whl/cpu
+# Compiling and playing need no torch; to train, install '/src[train]'.
+ENV PIP_NO_CACHE_DIR=1
 COPY pyproject.toml constraints.txt README.md LICENSE /src/
 COPY hw_model /src/hw_model
 COPY locsnn_compile /src/locsnn_compile

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import io
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import pytest
 from rich.console import Console
 
 from locsnn_compile.report.compose import compose
+from locsnn_compile.report.content import Fact
 from locsnn_compile.report.renderers.markdown import render_markdown, text
 from locsnn_compile.report.renderers.terminal import render_terminal
 from locsnn_compile.verification.excerpt import Excerpt
@@ -110,6 +112,15 @@ def test_terminal_lines_fit_and_end_in_no_blanks(document: dict[str, Any], width
 def test_terminal_escapes_names(document: dict[str, Any]) -> None:
     document["model"]["name"] = "[red]x[/]\n\x1b[2J"
     assert _terminal(document).splitlines()[0] == r"[red]x[/]\n\x1b[2J on loihi-sim"
+
+
+def test_values_are_aligned_next_to_long_labels(document: dict[str, Any]) -> None:
+    report = compose(document)
+    facts = (Fact("spikes on one side only", "4,859"), Fact("x" * 40, "1"), Fact("latency", "1 ms"))
+    made = io.StringIO()
+    render_terminal(replace(report, verdicts=(replace(report.verdicts[1], facts=facts),)), Console(file=made, width=80))
+    for line in (f"  {'spikes on one side only':24}4,859", f"  {'x' * 22}… 1", f"  {'latency':24}1 ms"):
+        assert line in made.getvalue().splitlines()
 
 
 def test_terminal_cuts_long_names(document: dict[str, Any]) -> None:

@@ -171,6 +171,20 @@ def test_it_opens_at_the_first_difference(opened, compiled):
     assert number == f"{first.recording}, label {LABELS[first.recording]}"
 
 
+def test_potentials_are_shown_as_exactly_as_they_are_held(opened, compiled, page):
+    """A digit more would put a potential on the wrong side of its threshold."""
+    first, values = compiled.match.first_divergence, values_of(page)
+    row = next(one for one in values["recordings"] if one["number"] == first.recording)
+    grade = row["potentials"][first.population]["grade"]
+    shown = re.findall(r"(?:network|chip) (-?[\d.]+)[,;]", text(opened(), "status"))
+    wanted = (first.reference_potential, first.chip_potential)
+    unit = 10.0 ** -np.floor(-np.log10(grade))
+    assert [abs(float(one) - exact) <= grade / 2 + unit / 2 for one, exact in zip(shown, wanted, strict=True)] == [
+        True
+    ] * 2
+    assert all(len(one.partition(".")[2]) <= -np.log10(unit) for one in shown)
+
+
 def test_a_person_walks_through_the_differences(opened, compiled):
     browser = opened()
     begin = text(browser, "status")

@@ -15,8 +15,8 @@ _BAR = 24
 """Characters of a full bar."""
 _LONGEST = 60
 """Characters of a name; the rest is cut, but only here."""
-_LABEL = 18
-"""Characters of a label and of the space after it."""
+_LABEL, _WIDEST_LABEL = 18, 24
+"""Characters of a label and of the space after it: at least, and at most."""
 _SHOWN_POPULATIONS = 8
 _BEFORE_UNIT = re.compile(r"(?<=\d) (?=(?:[pnuµm]?[Js]|[kMG]?B|%)(?!\w))")
 _HELD = "\u00a0"
@@ -33,11 +33,13 @@ def render_terminal(report: Report, console: Console) -> None:
     """
     _line(console, _short(report.title, 2 * _LONGEST + 4), style="bold")
     _line(console, _short(report.subtitle, 2 * _LONGEST), style="dim")
+    longest = max((len(fact.label) for verdict in report.verdicts for fact in verdict.facts), default=0)
+    width = min(max(_LABEL, longest + 1), _WIDEST_LABEL)
     for verdict in report.verdicts:
         console.print()
-        _verdict(console, verdict)
+        _verdict(console, verdict, width)
         if verdict is report.verdicts[0]:
-            _populations(console, report)
+            _populations(console, report, width)
     if report.assumptions:
         console.print()
         _line(console, ASSUMED, style="yellow")
@@ -48,22 +50,22 @@ def render_terminal(report: Report, console: Console) -> None:
         _line(console, f"! {notice.title} {notice.text}", style="yellow")
 
 
-def _verdict(console: Console, verdict: Verdict) -> None:
+def _verdict(console: Console, verdict: Verdict, width: int) -> None:
     lead = f"{SIGNS[verdict.status]} {verdict.question} {verdict.answer}."
     _line(console, f"{lead} {verdict.sentence}", style=_STYLES[verdict.status], styled=len(lead))
     for fact in verdict.facts:
-        _row(console, fact.label, fact.value)
+        _row(console, fact.label, fact.value, width)
 
 
-def _populations(console: Console, report: Report) -> None:
+def _populations(console: Console, report: Report, width: int) -> None:
     """Print the first columns of the table of agreement by population, if the report has one, without its last row."""
     blocks = (block for section in report.sections if section.key == "agreement" for block in section.blocks)
     rows = next((block.rows[:-1] for block in blocks if isinstance(block, Table)), ())
     for name, bar, equal, *_ in rows[:_SHOWN_POPULATIONS]:
         drawn = f"{_drawn(bar.share)} " if isinstance(bar, Bar) and bar.share is not None else ""
-        _row(console, _short(str(name), _LABEL - 1), f"{drawn}{equal}")
+        _row(console, str(name), f"{drawn}{equal}", width)
     if len(rows) > _SHOWN_POPULATIONS:
-        _row(console, "...", f"and {len(rows) - _SHOWN_POPULATIONS} more populations in the report")
+        _row(console, "...", f"and {len(rows) - _SHOWN_POPULATIONS} more populations in the report", width)
 
 
 def _drawn(value: float) -> str:
@@ -74,8 +76,8 @@ def _drawn(value: float) -> str:
     return "█" * full + "░" * (_BAR - full)
 
 
-def _row(console: Console, label: str, value: str) -> None:
-    _line(console, f"  {label:<{_LABEL - 1}} {value}", style="dim", styled=_LABEL, hanging=2 + _LABEL)
+def _row(console: Console, label: str, value: str, width: int) -> None:
+    _line(console, f"  {_short(label, width - 1):<{width}}{value}", style="dim", styled=width, hanging=2 + width)
 
 
 def _line(console: Console, line: str, style: str, *, styled: int | None = None, hanging: int = 2) -> None:

@@ -85,7 +85,7 @@
     return [data.phases.indexOf(one.axis), state.step, own.indexOf(one), state.neuron];
   }
 
-  /* Potentials of the neuron, {reference, chip, threshold}; null where the page does not hold them. */
+  /* Potentials of the neuron, {reference, chip, threshold, grade}, in steps of grade; null where the page does not hold them. */
   function potentials() {
     const one = population();
     const row = one.input ? -1 : one.kept.indexOf(state.neuron);
@@ -94,7 +94,7 @@
     const values = array(held.values, Uint16Array);
     const start = (side) => (side * one.kept.length + row) * one.steps;
     const side = (i) => Array.from(values.subarray(start(i), start(i) + one.steps), (v) => held.low + held.grade * v);
-    return { reference: side(0), chip: side(1), threshold: one.thresholds[row] };
+    return { reference: side(0), chip: side(1), threshold: one.thresholds[row], grade: held.grade };
   }
 
   /* Which sides spike at a neuron and step: an index into SIDES, or -1. */
@@ -322,8 +322,10 @@
       ? side < 0 ? "no event" : "an event"
       : ["spikes on both sides", "only the network spikes", "only the chip spikes"][side] ?? "no spike";
     const held = potentials();
+    const decimals = held && Math.min(Math.max(Math.floor(-Math.log10(held.grade)), 0), 20);
+    const shown = (value) => short(Number(value.toFixed(decimals)));
     const values = held
-      ? ` Potential of the network ${short(held.reference[state.step])}, of the chip ${short(held.chip[state.step])}; threshold ${short(held.threshold)}.`
+      ? ` Potential of the network ${shown(held.reference[state.step])}, of the chip ${shown(held.chip[state.step])}; threshold ${short(held.threshold)}.`
       : "";
     return `${one.name}, ${what} ${state.neuron}, step ${state.step}: ${spike}.${values}`;
   }
