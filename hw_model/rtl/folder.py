@@ -17,7 +17,8 @@ from hw_model.rtl.cosimulation import ANSWER, words_of
 from hw_model.rtl.cycles import core_cycles
 from hw_model.rtl.device import on_core
 from hw_model.rtl.images import SIMULATED, CoreProgram, parameters, sizes_for
-from hw_model.rtl.memory_plan import arrays_of, as_csv, check, plan
+from hw_model.rtl.memory_needs import arrays_of
+from hw_model.rtl.memory_plan import as_csv, check, plan
 from hw_model.rtl.memory_words import hex_words
 from hw_model.rtl.simulators import kept, said, sources
 from hw_model.simulation import SimulationResult, simulate

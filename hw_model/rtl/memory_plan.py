@@ -1,27 +1,20 @@
-"""What the memories of the core are made of in a process with macros: a plan for a program, its cost, and its check.
+"""What memories are made of in a process with macros: the search for the cheapest plan, and the check of a plan.
 
 A row of macros side by side holds one word or several; banks of rows follow each other. The plan with the least energy
-and area is taken. Words that compartments share are kept apart, in an even half and an odd one that show what was read
-last: what equals the last but one is not read again.
+and area is taken.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
-from hw_model.description.chip import Macro, Sizes
-from hw_model.description.counts import Counts
+from hw_model.description.chip import Macro
 from hw_model.errors import InputError
-from hw_model.rtl.images import CoreProgram, layouts
 from hw_model.values import Frozen
 
 WIDEST, PACKS = 4, (1, 2, 4)
 PRICE = 2.0
 """Picojoules per recording that a square micrometre is worth."""
-SHARED = {"leaks": 99, "fires": 5}
-"""Memories of constants, and how many of their first fields compartments of a kind have in common."""
-FLAGGED = 16
-"""Words of constants in a word of flags; its first two are always read."""
 
 
 class Array(Frozen):
@@ -52,13 +45,13 @@ class Made(Frozen):
     parts: int
 
     @property
-    def area(self) -> float:
-        """Square micrometres."""
+    def area_um2(self) -> float:
+        """Square micrometres of all copies."""
         return self.array.copies * self.banks * sum(macro.area for macro in self.macros)
 
     @property
-    def energy(self) -> float:
-        """Picojoules of a recording."""
+    def energy_pj(self) -> float:
+        """Picojoules per recording, of all copies together."""
         reads = self.array.rows.get(self.pack, self.array.rows[1])
         return sum(reads * macro.read_pj + self.array.writes * macro.write_pj for macro in self.macros)
 
@@ -120,7 +113,7 @@ def plan(arrays: Iterable[Array], macros: Mapping[str, Macro], price: float = PR
         options = list(ways(array, macros))
         if not options:
             raise InputError(f"memory {array.name!r}", "no macros hold it", fix="Give wider ones, or of more ports.")
-        found.append(min(options, key=lambda made: made.energy + price * made.area))
+        found.append(min(options, key=lambda made: made.energy_pj + price * made.area_um2))
     return found
 
 
@@ -155,53 +148,3 @@ def as_csv(pieces: Iterable[Piece]) -> bytes:
     """Return a plan as a table, a macro a row."""
     head = "memory,copies,macro,first word,words to the next row,rows,words in a row,first bit,bits"
     return "\n".join([head, *(",".join(map(str, vars(piece).values())) for piece in pieces), ""]).encode()
-
-
-def arrays_of(core: CoreProgram, sizes: Sizes, counts: Counts) -> list[Array]:
-    """Return the memories that a program needs on a core of these sizes; ``counts``: what a recording does."""
-    needs, words, widths = core.needs, core.words, {name: layout.width for name, layout in layouts(sizes).items()}
-    updates, active, spikes = counts.neuron_updates, counts.neuron_updates_active, counts.spikes
-    lists, source = counts.input_events + counts.transpose_events + spikes, (sizes.axons - 1).bit_length()
-    # With two slots no synapse has a delay.
-    synapse = widths["synapses"] - (2 if sizes.slots == 2 else 0)
-    charges = sizes.slots << (needs.compartments - 1).bit_length() - 1
-
-    def one(name: str, words: int, bits: int, reads: float, writes: float = 0.0, **more: bool | int) -> Array:
-        in_order = more.pop("in_order", False)
-        rows = {pack: reads / pack if in_order else reads for pack in PACKS}
-        return Array(name, words, bits, 2 if writes else 1, rows, writes, **more)  # type: ignore[arg-type]
-
-    constants = []
-    for name, many in SHARED.items():
-        shared = sum(field.width for field in layouts(sizes)[name].fields[:many])
-        reads = sum(repeats(core, sizes, name, phase) for phase in range(len(core.phases)))
-        constants.append(one(f"{name}_same", -(-needs.compartments // 2), shared, reads, copies=2))
-        if shared < widths[name]:
-            constants.append(one(f"{name}_own", needs.compartments, widths[name] - shared, updates, in_order=True))
-        constants.append(one(f"{name}_flags", -(-needs.compartments // FLAGGED), FLAGGED, updates / 8))
-    return [
-        one("axons", needs.axons, widths["axons"], lists),
-        one("synapses", needs.synapses // 2, synapse, counts.synaptic_ops / 2, in_order=True),
-        one("charges", charges, sizes.charge, counts.synaptic_ops + updates, counts.synaptic_ops + active, copies=2),
-        one("states", needs.compartments, 54, active, active, swept=True),
-        one("rests", -(-needs.compartments // 8), 16, updates / 8, updates / 8),
-        *constants,
-        one("sums", words.sums, sizes.join, updates / 3, updates / 3),
-        one("places", sizes.compartments, source, spikes, spikes),
-        one("tallies", needs.entries, 24, updates / 4, spikes),
-        one("bitmap", needs.bitmap, sizes.word, counts.transpose_events, counts.input_events),
-        one("visit_list", needs.visits, widths["visits"], needs.visits),
-        one("weights", words.weights, widths["weights"], 0.0),
-        one("phases", words.phases, widths["phases"], words.phases),
-    ]
-
-
-def repeats(core: CoreProgram, sizes: Sizes, name: str, phase: int) -> float:
-    """Return how many shared words of constants a phase reads, those that repeat left out."""
-    layout = layouts(sizes)[name]
-    bits = sum(field.width for field in layout.fields[: SHARED[name]])
-    words = layout.pack({field.name: core.tables["compartments"][field.name] for field in layout.fields})[:, :bits]
-    begin, end = core.ends[phase - 1] if phase else 0, core.ends[phase]
-    differs = (words[begin + 2 : end] != words[begin : max(end - 2, begin)]).any(axis=1)
-    differs = np.r_[[True, True], differs][: end - begin]
-    return float(np.count_nonzero(differs | (np.arange(begin, end) % FLAGGED < 2))) * core.phases[phase].steps

@@ -9,9 +9,13 @@ and a word is read by one select line through ANDs and ORs, so that nothing else
 What is read comes in the next cycle, or at once: an array needs no clock for it.
 """
 
+from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from memories import Shape
+
+from hw_model.rtl.memory_plan import Array, Piece
 
 GATE = """module latch_gate (input logic clk, input logic enable, output logic gated);
     sg13g2_lgcp_1 cell_ (.CLK(clk), .GATE(enable), .GCLK(gated));
@@ -72,6 +76,20 @@ class Latches:
     def text(self) -> str:
         """Say what it is."""
         return f"{self.shape.copies * len(self.banks)} x ({self.rows}x{self.shape.bits} latches)"
+
+
+def array_of(made: Latches) -> Array:
+    """Return the memory as the check of plans knows it: words that are made, one after the other."""
+    return Array(made.shape.name, len(made.shape.held), made.shape.bits, 2, {1: 0.0})
+
+
+def pieces_of(made: Latches) -> Iterator[Piece]:
+    """Yield the banks of a copy, each as a macro of its rows that hold a word."""
+    banks = Counter(word // made.depth for word in made.shape.held)
+    first, bits = 0, made.shape.bits
+    for number in made.banks:
+        yield Piece(made.shape.name, made.shape.copies, made.module, first, 1, banks[number], 1, 0, bits)
+        first += banks[number]
 
 
 def modules(made: Latches) -> dict[str, str]:

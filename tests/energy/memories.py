@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from liberty import Macro
 
-from hw_model.rtl.memory_plan import Array, ways
+from hw_model.rtl.memory_plan import Array, Made, Piece, ways
 
 SWEPT = ("states",)
 """Memories that are swept in order, read and some cycles later written: while an even word is read an odd one is written."""
@@ -108,9 +108,20 @@ class Choice:
         return f"{self.shape.copies * self.banks} x ({row})" + (f", {self.pack} words a row" if self.pack > 1 else "")
 
 
+def array_of(shape: Shape) -> Array:
+    """Return a memory as the search and the check of plans know it."""
+    return Array(shape.name, max(shape.held) + 1, len(shape.stored), shape.ports, {1: 0.0}, swept=shape.name in SWEPT)
+
+
+def pieces_of(choice: Choice) -> Iterator[Piece]:
+    """Yield the macros of a copy."""
+    names, parts = tuple(macro.name for macro in choice.macros), 2 if choice.alternates else 1
+    yield from Made(array_of(choice.shape), names, choice.macros, choice.banks, choice.pack, parts).pieces()
+
+
 def choices(shape: Shape, macros: Sequence[Macro]) -> Iterator[Choice]:
     """Yield what a memory may be made of."""
-    array = Array(shape.name, max(shape.held) + 1, len(shape.stored), shape.ports, {1: 0.0}, swept=shape.name in SWEPT)
+    array = array_of(shape)
     ports = {shape.ports, 1} if array.swept else {shape.ports}
     for made in ways(array, {macro.name: macro for macro in macros if macro.ports in ports}):
         yield Choice(shape, made.macros, made.banks, made.pack)

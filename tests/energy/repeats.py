@@ -12,7 +12,7 @@ from memories import Shape
 from traffic import Memory
 
 from hw_model.rtl.images import CoreProgram, Sizes, layouts
-from hw_model.rtl.memory_plan import SHARED, repeats
+from hw_model.rtl.memory_needs import SHARED, repeats
 
 SAME, OWN, FLAGS = "_same", "_own", "_flags"
 

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import arrays
 import gates
+import latches
 import liberty
 import memories
 import netlist
@@ -24,10 +25,11 @@ import traffic
 from latches import Latches
 
 import hw_model as hw
+from hw_model.description import chip as description
 from hw_model.engine.playing import read_streams
 from hw_model.rtl.cosimulation import words_of
 from hw_model.rtl.images import CoreProgram, Sizes, layouts, sizes_for
-from hw_model.rtl.memory_plan import PRICE
+from hw_model.rtl.memory_plan import PRICE, Array, Piece, check
 
 ROOT = Path(__file__).parents[2]
 LIBRARY = ROOT.parent / "shared/data/ihp-sg13g2"
@@ -279,12 +281,34 @@ def plan(
 ) -> list[memories.Choice | Latches]:
     """Return what every memory is made of: the least picojoules per recording plus ``price`` for a square micrometre.
 
-    ``done``: what a recording does to memories, else what one of Objects does to those of our core.
+    ``done``: what a recording does to memories, else what one of Objects does to those of our core. A plan that does not
+    hold every bit once is refused.
     """
-    return [
+    chosen = [
         min(options(files, memory, core), key=lambda one: cost(files, one, memory) + price * area(files, one))
         for memory in (done or traffic_of()).values()
     ]
+    check(pieces_of(chosen), *checked_by(files, chosen))
+    return chosen
+
+
+def pieces_of(chosen: Sequence[memories.Choice | Latches]) -> list[Piece]:
+    """Return the macros and banks of latches of a plan."""
+    of = {memories.Choice: memories.pieces_of, Latches: latches.pieces_of}
+    return [piece for one in chosen for piece in of[type(one)](one)]
+
+
+def checked_by(
+    files: Library, chosen: Sequence[memories.Choice | Latches]
+) -> tuple[list[Array], dict[str, liberty.Macro | description.Macro]]:
+    """Return the memories of a plan, and what its pieces are, as the check of plans takes them."""
+    arrays = [latches.array_of(one) if isinstance(one, Latches) else memories.array_of(one.shape) for one in chosen]
+    banks = {
+        one.module: description.Macro(one.rows, one.shape.bits, 1.0, 0.0, 0.0, 2)
+        for one in chosen
+        if isinstance(one, Latches)
+    }
+    return arrays, {**files.macros, **banks}
 
 
 def options(files: Library, memory: traffic.Memory, core: Core = OURS) -> list[memories.Choice | Latches]:

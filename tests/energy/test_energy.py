@@ -6,6 +6,8 @@ import csv
 import re
 import shutil
 import subprocess
+from collections import defaultdict
+from dataclasses import replace
 from pathlib import Path
 
 import latches
@@ -23,6 +25,9 @@ from latches import Latches
 import hw_model as hw
 from hw_model.errors import InputError, TargetError
 from hw_model.rtl.device import on_core
+from hw_model.rtl.images import CoreProgram
+from hw_model.rtl.memory_needs import arrays_of
+from hw_model.rtl.memory_plan import check
 
 NEEDS_LIBRARY = pytest.mark.skipif(
     not (runs.LIBRARY / runs.CELLS).is_file(), reason="the liberty files are not next to the repository"
@@ -119,6 +124,31 @@ def test_words_that_repeat_are_not_read_again_and_come_out_the_same(tmp_path):
     for part in (" && earlier == write_data", " && read_address == coming"):
         assert part in text
         assert int(played(tmp_path, text.replace(part, "") + CONSTANTS)[0]) > 0
+
+
+PLANNED = [
+    memories.Choice(memories.Shape("pairs", 64, 9, 1), (macro(16, 16, 1), macro(16, 8, 1)), 2, 2),
+    memories.Choice(memories.Shape("states", 64, 10, 2), (macro(16, 8, 1), macro(16, 4, 1)), 4, 1),
+    Latches(memories.Shape("charges", 64, 10, 2, copies=2, used=13, period=32), 8),
+]
+
+
+def test_the_plan_of_the_gate_level_core_is_checked(monkeypatch):
+    files = runs.Library(Path("none"))
+    monkeypatch.setattr(
+        runs.Library, "macros", {one.name: one for choice in PLANNED[:2] for one in choice.macros}, raising=True
+    )
+    pieces, known = runs.pieces_of(PLANNED), runs.checked_by(files, PLANNED)
+    check(pieces, *known)
+    for at, piece in enumerate(pieces):
+        with pytest.raises(InputError, match=f"memory '{piece.memory}': the plan is too small"):
+            check(pieces[:at] + pieces[at + 1 :], *known)
+        with pytest.raises(InputError, match=f"memory '{piece.memory}': macros of the plan overlap"):
+            check([*pieces, piece], *known)
+    (few,) = [replace(one, bits=one.bits - 1) for one in pieces[-1:]]
+    with pytest.raises(InputError) as caught:
+        check([*pieces[:-1], few], *known)
+    assert str(caught.value) == ("memory 'charges': the plan is too small (0 hold bit 9 of word 21). Add macros.")
 
 
 BENCH = """
@@ -280,6 +310,30 @@ def test_counts_without_hardware_say_what_memories_take(name):
     program, recordings = runs.compiled(make_profile.SETS[name]), runs.real(name, "test", count)
     gate_level = [float(row["memories at gate level, pJ"]) for row in checked() if row["set"] == name][:count]
     assert sums.memory_pj(program, recordings) == pytest.approx(gate_level, rel=0.02)
+
+
+SWEPT = {"bitmap": 1024, "tallies": 72}
+"""Words that are written while memories are cleaned, which counts do not tell of."""
+ESTIMATED = {"synapses": (0.97, 1.0), "charges": (1.0, 1.1), "states": (1.7, 1.9)}
+"""Accesses by counts over those that were counted, at least and at most; all others are the same."""
+
+
+def test_counts_and_program_tell_what_memories_do():
+    program = runs.compiled("objects-hybrid-loihi")
+    recordings = np.load(runs.ROOT / "examples/recordings/touches.npz")["spikes"][:2].transpose(0, 2, 1)
+    recordings, sizes = runs.stacked(program, recordings.astype(np.uint8)), hw.chip("locsnn-130nm").open_core
+    found = hw.simulate(program, recordings, probe=("spikes", "u", "v"))
+    core, seen = CoreProgram(program, recordings.shape[1], sizes=sizes), set()
+    for i, counts in enumerate(found.per_recording):
+        counted = sums._accesses(core, recordings[i], found, i, defaultdict(lambda: (1, 0.0, 0.0)))
+        for array in (one for one in arrays_of(core, sizes, counts) if one.name in counted):
+            reads, writes = counted[array.name]
+            writes -= SWEPT.get(array.name, 0)
+            least, most = ESTIMATED.get(array.name, (1.0, 1.0))
+            assert least * reads <= array.rows[1] <= most * reads, array.name
+            assert least * writes <= array.writes <= most * writes, array.name
+            seen.add(array.name)
+    assert seen >= {"axons", "synapses", "charges", "states", "sums", "places", "tallies", "bitmap", "fires_own"}
 
 
 @pytest.mark.parametrize(("name", "limit", "need"), [("sums", 64, 68), ("states", 400, 408)])

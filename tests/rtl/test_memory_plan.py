@@ -12,7 +12,8 @@ from hw_model.description.chip import Macro
 from hw_model.errors import InputError
 from hw_model.rtl.device import on_core
 from hw_model.rtl.images import CoreProgram
-from hw_model.rtl.memory_plan import Array, Piece, arrays_of, check, plan, repeats
+from hw_model.rtl.memory_needs import arrays_of, repeats
+from hw_model.rtl.memory_plan import Array, Piece, check, plan
 from locsnn_compile.cli.compile import main as compile_main
 
 CHIP = hw.chip("locsnn-130nm")
@@ -43,7 +44,7 @@ MACROS = {
 def test_the_cheapest_plan(array, price, row, banks, pack, area, energy):
     (made,) = plan([array], MACROS, price)
     assert (made.row, made.banks, made.pack) == (row, banks, pack)
-    assert (made.area, made.energy) == (area, energy)
+    assert (made.area_um2, made.energy_pj) == (area, energy)
     check(list(made.pieces()), [array], MACROS)
 
 

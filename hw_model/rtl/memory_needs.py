@@ -1,0 +1,81 @@
+"""What a program needs of each memory of the core: words, bits and ports, and what a recording does to it.
+
+Words that compartments share are kept apart, in an even half and an odd one that show what was read last: what equals
+the last but one is not read again.
+"""
+
+import numpy as np
+
+from hw_model.description.chip import Sizes
+from hw_model.description.counts import Counts
+from hw_model.rtl.images import CoreProgram, held, layouts
+from hw_model.rtl.memory_plan import PACKS, Array
+
+SHARED = {"leaks": 99, "fires": 5}
+"""Memories of constants, and how many of their first fields compartments of a kind have in common."""
+FLAGGED, RESTING = 16, 8
+"""Words of constants in a word of flags, whose first two are always read; compartments in one that says who rests."""
+
+
+def arrays_of(core: CoreProgram, sizes: Sizes, counts: Counts) -> list[Array]:
+    """Return the memories that a program needs on a core of these sizes; ``counts``: what a recording does.
+
+    Accesses are those that counts and program tell. Not told are the rest of a row behind a list, which are read with
+    it, and states of active compartments that the next step does not depend on, which are not.
+    """
+    needs, words = core.needs, core.words
+    widths = {name: layout.width for name, layout in layouts(sizes).items()}
+    updates, active, spikes = counts.neuron_updates, counts.neuron_updates_active, counts.spikes
+    lists, source = counts.input_events + counts.transpose_events + spikes, (sizes.axons - 1).bit_length()
+    # With two slots no synapse has a delay.
+    synapse = widths["synapses"] - (2 if sizes.slots == 2 else 0)
+    charges = sizes.slots << (words.states - 1).bit_length() - 1
+    parents, children, read_out = (_updates_of(core, name) for name in ("has_children", "child", "read_out"))
+    scanned = needs.visits * (core.row_words + 1)
+
+    def one(name: str, words: int, bits: int, reads: float, writes: float = 0.0, **more: bool | int) -> Array:
+        in_order = more.pop("in_order", False)
+        rows = {pack: reads / pack if in_order else reads for pack in PACKS}
+        return Array(name, words, bits, 2 if writes else 1, rows, writes, **more)  # type: ignore[arg-type]
+
+    constants = []
+    for name, many in SHARED.items():
+        shared = sum(field.width for field in layouts(sizes)[name].fields[:many])
+        reads = sum(repeats(core, sizes, name, phase) for phase in range(len(core.phases)))
+        constants.append(one(f"{name}_same", -(-needs.compartments // 2), shared, reads, copies=2))
+        if shared < widths[name]:
+            constants.append(one(f"{name}_own", needs.compartments, widths[name] - shared, updates, in_order=True))
+        flags = -(-needs.compartments // FLAGGED)
+        constants.append(one(f"{name}_flags", flags, FLAGGED, updates * 2 / FLAGGED))
+    return [
+        one("axons", needs.axons, widths["axons"], lists),
+        one("synapses", needs.synapses // 2, synapse, counts.synaptic_ops / 2, in_order=True),
+        one("charges", charges, sizes.charge, counts.synaptic_ops + updates, counts.synaptic_ops + active, copies=2),
+        one("states", words.states, 54, active, active, swept=True),
+        one("rests", -(-words.states // RESTING), 2 * RESTING, updates / RESTING, updates / RESTING),
+        *constants,
+        one("sums", words.sums, sizes.join, parents, children),
+        one("places", held(sizes), source, spikes, spikes),
+        one("tallies", needs.entries, 24, read_out, spikes),
+        one("bitmap", needs.bitmap, sizes.word, counts.input_events + scanned, counts.input_events),
+        one("visit_list", needs.visits, widths["visits"], needs.visits),
+        one("weights", words.weights, widths["weights"], 0.0),
+        one("phases", words.phases, widths["phases"], words.phases),
+    ]
+
+
+def _updates_of(core: CoreProgram, kind: str) -> int:
+    """Return how often compartments of a kind, a flag of their constants, are updated in a recording."""
+    flags = core.tables["compartments"][kind]
+    return sum(int(flags[core.numbers[phase.name]].sum()) * phase.steps for phase in core.phases)
+
+
+def repeats(core: CoreProgram, sizes: Sizes, name: str, phase: int) -> float:
+    """Return how many shared words of constants a phase reads, those that repeat left out."""
+    layout = layouts(sizes)[name]
+    bits = sum(field.width for field in layout.fields[: SHARED[name]])
+    words = layout.pack({field.name: core.tables["compartments"][field.name] for field in layout.fields})[:, :bits]
+    begin, end = core.ends[phase - 1] if phase else 0, core.ends[phase]
+    differs = (words[begin + 2 : end] != words[begin : max(end - 2, begin)]).any(axis=1)
+    differs = np.r_[[True, True], differs][: end - begin]
+    return float(np.count_nonzero(differs | (np.arange(begin, end) % FLAGGED < 2))) * core.phases[phase].steps
