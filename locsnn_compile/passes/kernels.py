@@ -6,6 +6,7 @@ A compartment that keeps a of its current and b of its voltage responds to a cha
 
 import math
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,13 +19,25 @@ FADED = 1e-100
 """A kernel whose first value is smaller has faded before the first step; its squares would underflow."""
 
 
-def alpha_kernel(tau: float, where: str) -> tuple[int, float, float]:
-    """Return the effective decay nearest to exp(-1 / tau), its best gain, and the remaining error.
+class Decays(NamedTuple):
+    """Effective decays of an alpha dendrite, the gain with which its response is nearest to a kernel, and the error.
+
+    The gain minimises the squared error. The error is the root of the squared difference over the squared kernel, both
+    summed over all k.
+    """
+
+    u: int
+    v: int
+    gain: float
+    error: float
+
+
+def one_decay(tau: float, where: str) -> Decays:
+    """Return the decay nearest to exp(-1 / tau) for both registers.
 
     The chip responds to a spike with ``gain * k * b^(k-1)``, where ``b = (4096 - decay) / 4096``. The kernel is
-    ``c * k * a^(k-1)``, where ``a = exp(-1 / tau)`` and ``c = e * a / tau``. The gain minimises the squared error. The
-    error is the root of the squared difference over the squared kernel, both summed over all k. A kernel that is over
-    before the first step has gain 0 and no error.
+    ``c * k * a^(k-1)``, where ``a = exp(-1 / tau)`` and ``c = e * a / tau``. A kernel that is over before the first
+    step has gain 0 and no error.
     """
     a, c = alpha_recursion(tau)
     decay = round(DECAY_ONE * (1.0 - a))
@@ -32,10 +45,10 @@ def alpha_kernel(tau: float, where: str) -> tuple[int, float, float]:
         raise _never_fades(where, f"{tau:g} steps against at most {2 * DECAY_ONE - 1}")
     b = (DECAY_ONE - decay) / DECAY_ONE
     if c < FADED:
-        return decay, 0.0, 0.0
+        return Decays(decay, decay, 0.0, 0.0)
     own, cross, kernel = _energy(b * b), c * _energy(a * b), c * c * _energy(a * a)
     gain = cross / own
-    return decay, gain, math.sqrt(max(0.0, 1.0 - cross * cross / (own * kernel)))
+    return Decays(decay, decay, gain, math.sqrt(max(0.0, 1.0 - cross * cross / (own * kernel))))
 
 
 SPREAD = 64
@@ -43,17 +56,17 @@ SPREAD = 64
 
 
 @lru_cache(maxsize=64)
-def fitted_decays(tau: float, where: str) -> tuple[int, int, float, float]:
-    """Return the two decays whose response fits an alpha kernel best, their gain, and the remaining error.
+def two_decays(tau: float, where: str) -> Decays:
+    """Return the two decays whose response fits an alpha kernel best.
 
     The candidates are all effective decays ``decay_u <= decay_v`` at most :data:`SPREAD` from their mean, which is
     within 2 of ``4096 * (1 - exp(-1 / tau))``. The best pair is the one whose least-squares gain leaves the least
-    error, as defined in :func:`alpha_kernel`. A larger distance between the two makes the kernel last longer, so pairs
-    are a finer grid than single decays. Ties go to the pair with the smaller distance, then to the smaller decays.
+    error. A larger distance between the two makes the kernel last longer, so pairs are a finer grid than single decays.
+    Ties go to the pair with the smaller distance, then to the smaller decays.
     """
-    nearest, gain, error = alpha_kernel(tau, where)
-    if gain == 0.0:
-        return nearest, nearest, gain, error
+    nearest = one_decay(tau, where)
+    if nearest.gain == 0.0:
+        return nearest
     a, c = alpha_recursion(tau)
     exact = DECAY_ONE * (1.0 - a)
     grid = np.meshgrid(np.arange(2 * SPREAD + 1), math.floor(2 * exact) + np.arange(-4, 6), indexing="ij")
@@ -66,7 +79,7 @@ def fitted_decays(tau: float, where: str) -> tuple[int, int, float, float]:
     own, cross = _overlap(keep_u, keep_v, keep_u, keep_v), c * _overlap(keep, keep, keep_u, keep_v)
     errors = np.sqrt(np.maximum(0.0, 1.0 - cross**2 / (own * c * c * _overlap(keep, keep, keep, keep))))
     best = int(np.argmin(np.round(errors, 9)))
-    return int(u[best]), int(v[best]), float(cross[best] / own[best]), float(errors[best])
+    return Decays(int(u[best]), int(v[best]), float(cross[best] / own[best]), float(errors[best]))
 
 
 def nearest_decays(fractions: FloatArray, where: str) -> IntArray:

@@ -18,7 +18,7 @@ from locsnn_compile.models.chip_entry import TRAINED_BITS, ChipNumbers, ChipPopu
 from locsnn_compile.models.description import NetworkDescription
 from locsnn_compile.network.chip_neurons import BIAS_PLACES, ChipCuba, integers
 from locsnn_compile.network.projections import row_sums
-from locsnn_compile.passes.kernels import alpha_kernel
+from locsnn_compile.passes.kernels import one_decay
 from locsnn_compile.passes.quantize import quantize
 from locsnn_compile.passes.rounding.task import exponent_holding, largest_charge
 from locsnn_compile.training.config import TrainingConfig
@@ -68,7 +68,7 @@ def _of_spikes(config: TrainingConfig, description: NetworkDescription, start: S
         scale, own = float(found.scale[0]), found.neuron
         if isinstance(own, ChipCuba):
             own = replace(own, refractory=integers(config.refractory, len(found.scale)))
-        gain = alpha_kernel(description.srm(projection.target).tau_sr, "neuron: tau_sr")[1]
+        gain = one_decay(description.srm(projection.target).tau_sr, "neuron: tau_sr").gain
         unit = 64 * 2**projection.exponent / (gain * scale)
         populations[projection.target] = ChipPopulation(own, projection.exponent, weight_bits, scale, unit)
     return populations

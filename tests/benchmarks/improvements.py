@@ -30,7 +30,7 @@ from locsnn_compile.data.read import read_recordings
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.quantized import QuantizedNetwork
-from locsnn_compile.passes.kernels import alpha_kernel
+from locsnn_compile.passes.kernels import one_decay
 from locsnn_compile.passes.lower_neurons import lower_neurons
 from locsnn_compile.passes.quantize import quantize
 from locsnn_compile.passes.rounding.task import FINE, Rounding
@@ -143,7 +143,7 @@ def on_the_grid(network: Network) -> Network:
     neurons = {"tau_sr": -1 / math.log(KEEP_SR), "tau_ref": -1 / math.log(KEEP_REF)}
     populations = tuple(replace(p, neuron=replace(p.neuron, **neurons)) for p in network.populations)
     found = replace(network, populations=populations)
-    assert alpha_kernel(neurons["tau_sr"], "")[2] < 1e-7
+    assert one_decay(neurons["tau_sr"], "").error < 1e-7
     return found
 
 

@@ -15,7 +15,7 @@ import hw_model as hw
 from hw_model.arithmetic.fixed_point import WEIGHT_BITS, WEIGHT_EXPONENTS, weight_grid
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.network.neurons import SrmAlpha
-from locsnn_compile.passes.kernels import alpha_kernel, fitted_decays
+from locsnn_compile.passes.kernels import one_decay, two_decays
 from locsnn_compile.passes.rounding.grades import Grades, coarsest, nearest
 from locsnn_compile.passes.rounding.task import FINE, NEAREST, Rounding
 from locsnn_compile.passes.rounding.together import Metric, round_together
@@ -123,8 +123,8 @@ def test_without_correlation_every_weight_is_the_nearest():
 
 @pytest.mark.parametrize("tau", [0.05, 0.5, 1.0, 2.0, 10.0, 33.0, 100.0, 4000.0])
 def test_two_decays_fit_no_worse_than_one_and_as_stated(tau):
-    u, v, gain, left = fitted_decays(tau, "tau")
-    assert left <= alpha_kernel(tau, "tau")[2] + 1e-9
+    u, v, gain, left = two_decays(tau, "tau")
+    assert left <= one_decay(tau, "tau").error + 1e-9
     k = np.arange(1, int(40 * tau) + 50, dtype=float)
     keep_u, keep_v = 1 - u / 4096, 1 - v / 4096
     answer = k * keep_u ** (k - 1) if u == v else (keep_u**k - keep_v**k) / (keep_u - keep_v)
@@ -133,8 +133,8 @@ def test_two_decays_fit_no_worse_than_one_and_as_stated(tau):
 
 
 def test_the_published_time_constant_takes_two_decays():
-    assert fitted_decays(10.0, "tau")[:2] == (379, 401)
-    assert fitted_decays(-1 / math.log(3706 / 4096), "tau")[:2] == (390, 390)
+    assert two_decays(10.0, "tau")[:2] == (379, 401)
+    assert two_decays(-1 / math.log(3706 / 4096), "tau")[:2] == (390, 390)
 
 
 # --- what is known of the inputs ---
@@ -144,7 +144,7 @@ def test_the_moments_are_those_of_the_kernels():
     """Against sums over all pairs of spikes, with the kernels written out."""
     network = single(NEURON, np.random.default_rng(0).normal(0, 4, (2, 3)), steps=12, delay=2)
     calibration = calibrated(network, samples=3)
-    u, v, gain, _ = fitted_decays(10.0, "tau")
+    u, v, gain, _ = two_decays(10.0, "tau")
     (projection,) = network.projections
     drive = drive_of(NEURON, [projection], (u, v), gain, calibration)
     spikes = calibration.spikes["touch"].astype(float)
@@ -262,7 +262,7 @@ def test_neurons_get_scales_of_their_own_within_the_profiles_of_a_core():
         neuron = q.neuron
         assert np.allclose(q.scale * q.population.neuron.theta, 64 * neuron.threshold + 1)
         own = -64.0 * neuron.refractory.mantissa * 2.0**neuron.refractory.exponent
-        wanted = 2.0 * alpha_kernel(1.0, "tau_ref")[1] * (64 * neuron.threshold + 1)
+        wanted = 2.0 * one_decay(1.0, "tau_ref").gain * (64 * neuron.threshold + 1)
         assert np.allclose(own, wanted, rtol=2e-4)
 
 

@@ -10,11 +10,11 @@ import hw_model as hw
 from hw_model.arithmetic.fixed_point import weight_grid
 from locsnn_compile.errors import TargetError
 from locsnn_compile.network.neurons import Cuba, SoftCuba
-from locsnn_compile.passes.kernels import alpha_kernel, nearest_decays, own_charges
+from locsnn_compile.passes.kernels import nearest_decays, one_decay, own_charges
 from locsnn_compile.passes.quantize import quantize
 from locsnn_compile.passes.rounding.grades import shares
 from locsnn_compile.passes.rounding.task import Rounding, exponent_and_threshold
-from locsnn_compile.passes.srm.quantize import whole_mantissas
+from locsnn_compile.passes.srm.quantize import dendrite_charge, whole_mantissas
 from locsnn_compile.pipeline import lower
 
 CHIP = hw.chip("loihi-sim")
@@ -94,7 +94,7 @@ def test_a_drop_of_ten_thresholds_fits_the_charge():
 
 def with_own(share):
     """The published neuron, whose own spikes weigh so many thresholds."""
-    return replace(NEURON, scale_ref=share / alpha_kernel(NEURON.tau_ref, "tau_ref")[1])
+    return replace(NEURON, scale_ref=share / one_decay(NEURON.tau_ref, "tau_ref").gain)
 
 
 def test_the_threshold_leaves_room_for_own_spikes():
@@ -132,7 +132,7 @@ def test_decays_are_fitted_where_no_taps_are_made_for_one(strategy, decays):
 
 def test_refractory_mantissas_of_scales_that_are_free():
     """Of 0.1 thresholds an own spike weighs 5.0 at one of 50, and 0.7 at one of 7."""
-    thresholds, mantissas, exponent = whole_mantissas(with_own(0.1), np.array([50.0, 7.0]), GRID)
+    thresholds, mantissas, exponent = whole_mantissas(dendrite_charge(with_own(0.1), "n"), np.array([50.0, 7.0]), GRID)
     assert (thresholds.tolist(), mantissas.tolist(), exponent) == ([50, 7], [-5, -1], 0)
 
 

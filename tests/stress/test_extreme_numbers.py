@@ -14,7 +14,7 @@ from locsnn_compile.network.chip_neurons import ChipCuba
 from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.network.neurons import Cuba, SrmAlpha
 from locsnn_compile.network.projections import Projection, matrix
-from locsnn_compile.passes.kernels import alpha_kernel
+from locsnn_compile.passes.kernels import one_decay
 from locsnn_compile.pipeline import lower
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.renderers.markdown import render_markdown
@@ -110,7 +110,7 @@ def test_the_strongest_reset_is_finite():
 
 @pytest.mark.parametrize("tau", [1e-3, 1e-100])
 def test_a_kernel_that_is_over_at_once_has_no_gain(tau):
-    assert alpha_kernel(tau, "tau") == (4096, 0.0, 0.0)
+    assert one_decay(tau, "tau") == (4096, 4096, 0.0, 0.0)
 
 
 def test_delay_line_holds_a_refractory_kernel_that_hardly_matters():

@@ -170,7 +170,8 @@ def _scaled_apart(task: _Task, made: ChipSrm) -> ChipSrm:
     """Return the neurons, each at the scale whose potential errs least; the plain scale is always allowed."""
     share, dendrites = of_a_dendrite(task.neuron, made.dendrites), made.dendrites
     wanted = np.append(SCALES * _largest_threshold(task, share, dendrites), made.threshold[0])
-    thresholds, mantissas, exponent = whole_mantissas(share, wanted, own_grid(task.chip))
+    charge = dendrite_charge(share, task.where)
+    thresholds, mantissas, exponent = whole_mantissas(charge, wanted, own_grid(task.chip))
     size = task.population.size
     candidates = _at(made, np.repeat(thresholds, size), np.repeat(mantissas, size), exponent)
     errors = _errors(task, candidates, len(thresholds))
@@ -190,7 +191,7 @@ def _at(made: ChipSrm, thresholds: IntArray, mantissas: IntArray, exponent: int)
 def _largest_threshold(task: _Task, share: SrmAlpha, dendrites: int) -> float:
     """Return the largest threshold mantissa that registers, and a dendrite's ``share`` of own charges, allow."""
     registers = task.chip.registers
-    own = dendrite_charge(share, 0, task)
+    own = dendrite_charge(share, task.where)
     caps = [registers.threshold_mantissa_max, dendrites * registers.voltage_max / (64 * HEADROOM_MIN)]
     return min(*caps, heaviest_weight(task.chip) / own - 1) if own else min(caps)
 

@@ -15,7 +15,7 @@ from hw_model.arithmetic.fixed_point import DECAY_ONE, WeightGrid
 from hw_model.values import FloatArray, IntArray
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm, Refractory, integers
 from locsnn_compile.network.neurons import SrmAlpha
-from locsnn_compile.passes.kernels import alpha_kernel, fitted_decays
+from locsnn_compile.passes.kernels import one_decay, two_decays
 from locsnn_compile.passes.rounding.task import Scaled, Task, checked_scale, exponent_holding, heaviest_weight, own_grid
 from locsnn_compile.passes.srm import delay_line
 from locsnn_compile.settings import STRATEGIES
@@ -43,10 +43,10 @@ def quantize_srm(neuron: SrmAlpha, task: Task) -> Scaled:
     size, strategy, where = task.population.size, task.strategy, task.where
     layout, dendrites = LAYOUTS[strategy], STRATEGIES[strategy].dendrites
     mantissa_max = task.chip.registers.threshold_mantissa_max
-    decay, gain, _ = alpha_kernel(neuron.tau_sr, f"{where}: tau_sr")
-    heaviest = float(task.largest.max()) * gain / neuron.theta / dendrites
+    decays = one_decay(neuron.tau_sr, f"{where}: tau_sr")
+    heaviest = float(task.largest.max()) * decays.gain / neuron.theta / dendrites
     share = of_a_dendrite(neuron, dendrites)
-    own = layout.heaviest_charge(share, decay, task)
+    own = layout.heaviest_charge(share, decays.u, task)
     most_own = heaviest_weight(task.chip)
     if own > most_own / 2:
         measured = f"an own spike weighs {own:.3g} thresholds against {most_own / 2:.0f}"
@@ -54,14 +54,14 @@ def quantize_srm(neuron: SrmAlpha, task: Task) -> Scaled:
     cap = int(min(most_own / own - 1, mantissa_max)) if own else mantissa_max
     exponent, most = checked_scale(task, heaviest, cap, 1)
     candidates = range(most, max(1, math.ceil(SCALE_SLACK * most)) - 1, -1)
-    made = layout.lay_out(share, decay, candidates, task)
+    made = layout.lay_out(share, decays.u, candidates, task)
     if isinstance(made, ChipSrm):
         made = replace(made, dendrites=dendrites)
     if task.rounding.fitted_decays and strategy != "delay-line":
-        decay_u, decay_v, gain, _ = fitted_decays(neuron.tau_sr, f"{where}: tau_sr")
-        made = replace(made, decay_u=integers(decay_u, size), decay_v=integers(decay_v, size))
+        decays = two_decays(neuron.tau_sr, f"{where}: tau_sr")
+        made = replace(made, decay_u=integers(decays.u, size), decay_v=integers(decays.v, size))
     scale = (64 * made.threshold + 1) / neuron.theta
-    return Scaled(made, scale, np.full(size, gain), exponent)
+    return Scaled(made, scale, np.full(size, decays.gain), exponent)
 
 
 def of_a_dendrite(neuron: SrmAlpha, dendrites: int) -> SrmAlpha:
@@ -69,9 +69,9 @@ def of_a_dendrite(neuron: SrmAlpha, dendrites: int) -> SrmAlpha:
     return replace(neuron, scale_ref=neuron.scale_ref / dendrites)
 
 
-def dendrite_charge(neuron: SrmAlpha, decay: int, task: Task) -> float:
-    """Return the largest charge that an own spike brings to a refractory dendrite, in thresholds."""
-    return neuron.scale_ref * alpha_kernel(neuron.tau_ref, f"{task.where}: tau_ref")[1]
+def dendrite_charge(neuron: SrmAlpha, where: str) -> float:
+    """Return the charge that an own spike brings to a refractory dendrite, in thresholds."""
+    return neuron.scale_ref * one_decay(neuron.tau_ref, f"{where}: tau_ref").gain
 
 
 def _with_dendrites(neuron: SrmAlpha, decay: int, thresholds: Iterable[int], task: Task) -> ChipSrm:
@@ -79,12 +79,12 @@ def _with_dendrites(neuron: SrmAlpha, decay: int, thresholds: Iterable[int], tas
 
     The chosen threshold mantissa is the one whose refractory weight rounds best.
     """
-    refractory_decay, gain, _ = alpha_kernel(neuron.tau_ref, f"{task.where}: tau_ref")
-    size, grid = task.population.size, own_grid(task.chip)
+    refractory_decay = one_decay(neuron.tau_ref, f"{task.where}: tau_ref").u
+    size, grid, charge = task.population.size, own_grid(task.chip), dendrite_charge(neuron, task.where)
 
     def rounded(threshold: int) -> tuple[float, int, int]:
         # v > 64 * threshold is v >= 64 * threshold + 1 for integers: this value stands for theta.
-        wanted = neuron.scale_ref * gain * (64 * threshold + 1) / 64
+        wanted = charge * (64 * threshold + 1) / 64
         exponent = exponent_holding(wanted, grid)
         mantissa = int(grid.round(np.array([wanted / 2.0**exponent]))[0])
         error = abs(mantissa * 2.0**exponent - wanted) / wanted if wanted > 0 else 0.0
@@ -96,15 +96,13 @@ def _with_dendrites(neuron: SrmAlpha, decay: int, thresholds: Iterable[int], tas
     return ChipSrm.of(size, decay_u=decay, decay_v=decay, threshold=threshold, refractory=own)
 
 
-def whole_mantissas(neuron: SrmAlpha, thresholds: FloatArray, grid: WeightGrid) -> tuple[IntArray, IntArray, int]:
+def whole_mantissas(charge: float, thresholds: FloatArray, grid: WeightGrid) -> tuple[IntArray, IntArray, int]:
     """Return threshold mantissas (k,) near those wanted, their refractory mantissas (k,), and the exponent of all.
 
-    The scale is free, so it is chosen for the refractory weight: its mantissa is the largest of the grid at which the
-    threshold is not above the wanted one, and the threshold follows from it. If that mantissa would be 0, the threshold
-    is the wanted one, and the refractory weight is rounded.
+    ``charge`` is that of an own spike, in thresholds. The scale is free, so it is chosen for the refractory weight: its
+    mantissa is the largest of the grid at which the threshold is not above the wanted one, and the threshold follows
+    from it. If that mantissa would be 0, the threshold is the wanted one, and the refractory weight is rounded.
     """
-    _, gain, _ = alpha_kernel(neuron.tau_ref, "tau_ref")
-    charge = neuron.scale_ref * gain
     heaviest = charge * (float(thresholds.max()) + 1 / 64)
     if heaviest < 0.5:
         return np.maximum(np.floor(thresholds), 1).astype(np.int64), np.zeros(len(thresholds), dtype=np.int64), 0
@@ -138,7 +136,7 @@ def refractory_count(neuron: SrmAlpha, decay: int) -> int:
     return 1 + max(0, math.ceil(taken - DECAY_ONE / decay))
 
 
-_DENDRITES = Layout(dendrite_charge, _with_dendrites)
+_DENDRITES = Layout(lambda neuron, _, task: dendrite_charge(neuron, task.where), _with_dendrites)
 LAYOUTS = {
     "dendrite": _DENDRITES,
     "delay-line": Layout(delay_line.heaviest_charge, delay_line.lay_out),
