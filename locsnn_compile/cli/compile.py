@@ -27,6 +27,7 @@ from locsnn_compile.settings import STRATEGIES
 if TYPE_CHECKING:
     from locsnn_compile.api import CompiledModel
     from locsnn_compile.data.recordings import Recordings
+    from locsnn_compile.network.network import Network
     from locsnn_compile.report.content import Report
     from locsnn_compile.report.gates import Gate
 
@@ -66,39 +67,23 @@ def run(args: Namespace) -> int:
 
     from hw_model.io.files import replace_file
     from hw_model.values import picked
-    from locsnn_compile.api import compile, join, recordings_for
-    from locsnn_compile.data.read import read_recordings
-    from locsnn_compile.frontends import load
+    from locsnn_compile.api import compile
     from locsnn_compile.report.gates import GATES, check_gates, gates_entry, junit_file
     from locsnn_compile.report.sections.build import unmet_budget
-    from locsnn_compile.settings import check_matters
     from locsnn_compile.verification.error_bounds import ErrorBudget
 
-    options = picked(args, "config", "dt", "reset", "discretisation", "kernels")
-    networks = [load(model, **options) for model in args.model]
-    network = join(networks, args.weights, args.calibration) if len(networks) > 1 else networks[0]
-    asked = given(args, ("--weight-bits", "--split-weights", "--calibration", "--psi"))
-    check_matters(network, {option.strip("-").replace("-", "_"): option for option in asked})
-    network = with_steps(network, args)
-    if args.events is None:
-        for option in given(args, ("--split", "--fold", "--axes")):
-            raise InputError(option, "there are no events to read", fix="Give them with --events.")
-        recordings = recordings_for(network, None)
-    else:
-        reading = {"model": network.expected, **asked_reading(args)}
-        recordings = read_recordings(args.events, **reading)
-        if given(args, ("--split", "--fold")) and args.calibration == args.events:
-            # The events are divided here: choose on one part and check on the other, as for archives with parts.
-            args.calibration = read_recordings(args.events, split="train", **reading)
+    network = _network(args)
+    recordings, calibration = _recordings(args, network)
     number = recording_of(args.recording, recordings)
     with progress_bar("checking against the float reference", show=not args.quiet) as progress:
         compiled = compile(
             network,
             args.target,
             events=recordings,
+            calibration=calibration,
             progress=progress,
             budget=ErrorBudget(args.min_agreement, args.max_spike_error),
-            **picked(args, "strategy", "weight_bits", "calibration", "split_weights", "psi", "profile", "scheduler"),
+            **picked(args, "strategy", "weight_bits", "split_weights", "psi", "profile", "scheduler"),
         )
     gates = check_gates(compiled.report, given(args, GATES))
     compiled = replace(compiled, report=compiled.report | {"gates": gates_entry(gates)})
@@ -114,6 +99,38 @@ def run(args: Namespace) -> int:
     if compiled.choice and not compiled.choice.keeps_budget:
         print(unmet_budget(compiled.choice), file=sys.stderr)
     return code
+
+
+def _network(args: Namespace) -> "Network":
+    """Read the model, or join several, in the steps asked for; refuse options that change nothing for it."""
+    from hw_model.values import picked
+    from locsnn_compile.api import join
+    from locsnn_compile.frontends import load
+    from locsnn_compile.settings import check_matters
+
+    options = picked(args, "config", "dt", "reset", "discretisation", "kernels")
+    networks = [load(model, **options) for model in args.model]
+    network = join(networks, args.weights, args.calibration) if len(networks) > 1 else networks[0]
+    asked = given(args, ("--weight-bits", "--split-weights", "--calibration", "--psi"))
+    check_matters(network, {option.strip("-").replace("-", "_"): option for option in asked})
+    return with_steps(network, args)
+
+
+def _recordings(args: Namespace, network: "Network") -> "tuple[Recordings, str | Recordings | None]":
+    """Return the recordings to check on, and those to calibrate on; never the same of a file that is divided here."""
+    from locsnn_compile.api import recordings_for
+    from locsnn_compile.data.read import read_recordings
+
+    divided = given(args, ("--split", "--fold"))
+    if args.events is None:
+        for option in (*divided, *given(args, ("--axes",))):
+            raise InputError(option, "there are no events to read", fix="Give them with --events.")
+        return recordings_for(network, None), args.calibration
+    reading = {"model": network.expected, **asked_reading(args)}
+    recordings = read_recordings(args.events, **reading)
+    if divided and args.calibration == args.events:
+        return recordings, read_recordings(args.events, split="train", **reading)
+    return recordings, args.calibration
 
 
 def _print_summary(report: "Report", folder: Path, files: dict[str, bytes]) -> None:

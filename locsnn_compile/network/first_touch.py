@@ -2,8 +2,6 @@
 
 from typing import Any
 
-from hw_model.mapping.graph import Readout as Readout
-
 
 def first_touch(recordings: Any, events: int) -> Any:
     """Return the first step of each recording (batch, steps, channels) with at least ``events`` events, (batch,).

@@ -11,6 +11,7 @@ import numpy as np
 
 import hw_model as hw
 from hw_model.values import AnyArray, ByteArray, IntArray
+from locsnn_compile.network.network import Population
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.reference.evaluate import decided, evaluate
 from locsnn_compile.report.compose import compose
@@ -80,21 +81,23 @@ def viewer_values(
     kept = _kept(levels, differing, (MOST_TEXT - len(json.dumps(rows))) // len(rows))
     for row in rows:
         row["potentials"] = _potentials(levels, recordings[[row["number"]]], kept)
-    populations = [
-        {
-            "name": p.name,
-            "axis": p.phase,
-            "size": p.size,
-            "steps": network.steps_of(p.phase),
-            "kept": kept[p.name],
-            "thresholds": p.thresholds[kept[p.name]].tolist(),
-            "cores": [core.number for core in program.cores if any(s.group == p.name for s in core.slices)],
-        }
-        for p in network.own_populations
-    ]
+    populations = [_population(levels, p, kept[p.name]) for p in network.own_populations]
     inputs = [{"name": v.name, "axis": v.phase, "size": v.lines, "steps": network.steps_of(v.phase)} for v in views]
     shown = {"recordings": rows, "samples": len(recordings), "populations": populations, "inputs": inputs}
     return shown | {"phases": phases, "first": first and vars(first), "quantities": QUANTITIES}
+
+
+def _population(levels: Levels, p: Population, kept: list[int]) -> Document:
+    """Return a population, with the thresholds of the neurons whose potentials are kept, and its cores."""
+    return {
+        "name": p.name,
+        "axis": p.phase,
+        "size": p.size,
+        "steps": levels.network.steps_of(p.phase),
+        "kept": kept,
+        "thresholds": p.thresholds[kept].tolist(),
+        "cores": [core.number for core in levels.program.cores if any(s.group == p.name for s in core.slices)],
+    }
 
 
 def _text(values: AnyArray, kind: str) -> str:
