@@ -28,8 +28,8 @@ from hw_model.values import BoolArray, FloatArray, Frozen, IntArray, Shown
 
 PERIODS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 512, 1024, 2048, 4096)
 """Steps between spikes of a source that are tried, shortest first."""
-TAIL = 1e-9
-"""Share of a filter's answer that may be left out; it is added back as a guard."""
+GUARD = 1e-9
+"""Share that is added to a filter's answer: a thousand times what float64 rounds off in it."""
 
 
 class Bounds(Frozen, eq=False):
@@ -178,15 +178,20 @@ def _safe_at(core: Core, charge: Bounds, wrap_q: BoolArray, period: int, half: i
 
 @lru_cache(maxsize=4096)
 def _gains(decay_u: int, decay_v: int, period: int) -> tuple[float, float]:
-    """Return the largest answers of u and of v to a unit charge every ``period`` steps."""
+    """Return the largest answers of u and of v to a unit charge every ``period`` steps.
+
+    m steps after a charge, u holds a^m of it and v holds h(m) = sum over i = 0..m of a^i b^(m-i). What is left of all
+    charges before is a geometric series.
+    """
     if decay_u == 0:
         return np.inf, np.inf
     a, b = (DECAY_ONE - decay_u) / DECAY_ONE, (DECAY_ONE - decay_v) / DECAY_ONE
     u_gain = 1.0 / (1.0 - a**period)
     if decay_v == 0:
         return u_gain, np.inf
-    slowest = max(a, b)
-    length = period * (1 + int(np.ceil((np.log(TAIL) - 10) / np.log(slowest) / period))) if slowest else 2 * period
-    m = np.arange(length, dtype=np.float64)
-    answer = (m + 1) * a**m if a == b else (a ** (m + 1) - b ** (m + 1)) / (a - b)
-    return u_gain * (1 + TAIL), float(answer.reshape(-1, period).sum(axis=0).max()) * (1 + TAIL)
+    m = np.arange(period, dtype=np.float64)
+    if a == b:
+        answer = a**m * ((m + 1) * u_gain + period * a**period * u_gain**2)
+    else:
+        answer = (a ** (m + 1) * u_gain - b ** (m + 1) / (1.0 - b**period)) / (a - b)
+    return u_gain * (1 + GUARD), float(answer.max()) * (1 + GUARD)

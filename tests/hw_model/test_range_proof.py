@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from test_engines import random_program
 
 import hw_model as hw
-from hw_model.range_proof import PERIODS, prove_range
+from hw_model.range_proof import PERIODS, _gains, prove_range
 
 CHIP = hw.chip("loihi-sim")
 
@@ -91,6 +91,20 @@ def test_a_rate_that_is_called_safe_is_safe(seed, decay_u, decay_v, bias):
     for chosen in (np.array(weights) > 0, np.array(weights) < 0, np.ones(5, dtype=bool)):
         counts = hw.simulate(program, ((steps % period == 0) & chosen).astype(np.uint8)).counts
         assert (counts.wraps, counts.clips) == (0, 0)
+
+
+@pytest.mark.parametrize("period", [2, 3, 16])
+@pytest.mark.parametrize(
+    ("decay_u", "decay_v"), [(390, 390), (379, 401), (4096, 390), (390, 4096), (4096, 4096), (40, 41)]
+)
+def test_gains_are_sums_over_charges_without_end(decay_u, decay_v, period):
+    """Step by step in real numbers, until nothing of the first charge is left."""
+    u = v = most_u = most_v = 0.0
+    for step in range(period * (8000 // period)):
+        u = u * (4096 - decay_u) / 4096 + (step % period == 0)
+        v = v * (4096 - decay_v) / 4096 + u
+        most_u, most_v = max(most_u, u), max(most_v, v)
+    assert _gains(decay_u, decay_v, period) == pytest.approx((most_u, most_v), rel=2e-9)
 
 
 def test_a_rate_is_found_where_every_step_is_too_much():
