@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import field, replace
+from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated
@@ -223,9 +224,15 @@ def chip(name_or_path: str | Path) -> Chip:
     if not text.endswith(_YAML):
         more = " A chip file of your own ends in .yaml."
         check_known(f"target {text!r}", "no chip of this name ships", text, chip_names(), more)
-        return parse_chip((files("hw_model") / "chips" / f"{text}.yaml").read_text("utf-8"), where=text)
+        return _shipped(text)
     path = Path(text)
     return parse_chip(read_description(path, "chip", "those that `locsnn targets` lists"), where=path.name)
+
+
+@cache
+def _shipped(name: str) -> Chip:
+    """Return a chip that ships; its file is read once."""
+    return parse_chip((files("hw_model") / "chips" / f"{name}.yaml").read_text("utf-8"), where=name)
 
 
 def chip_names() -> tuple[str, ...]:
