@@ -154,51 +154,67 @@ class _Run(Frozen, eq=False):
         return network
 
 
-def _run_phase(run: _Run, state: TrainingState, rows: IntArray, held: IntArray, epochs: int) -> None:
-    """Take ``state`` from where it is to ``epochs`` on the recordings ``rows``, validating on ``held``."""
-    config, recordings = run.config, run.recordings
-    assert recordings.labels is not None
-    spikes, labels = recordings.spikes[rows], recordings.labels[rows]
-    network = run.network()
-    network.begin(spikes)
-    optimizer = _optimizer(network, config)
-    weights = list(network.parameters())
-    if state.weights:
-        network.load_state_dict(state.weights)
-        optimizer.load_state_dict(state.optimizer)
-    class_shares = class_weights(config, labels, run.description.classes)
-    average = WeightAverage(network, config.weight_average, state.averages)
+class _Phase:
+    """One phase of a run: a network that learns from the recordings ``rows``, from where ``state`` is."""
 
-    def drawn(epoch: int) -> Iterator[tuple[NDArray[np.float32], IntArray]]:
-        rng = epoch_generator(config.seed, _PHASES[state.phase], epoch)
-        return batches(spikes, labels, config, rng, run.description.input.sensor.polarities)
+    def __init__(self, run: _Run, state: TrainingState, rows: IntArray) -> None:
+        config, recordings = run.config, run.recordings
+        assert recordings.labels is not None
+        self.run, self.number = run, _PHASES[state.phase]
+        self.spikes, self.labels = recordings.spikes[rows], recordings.labels[rows]
+        self.network = run.network()
+        self.network.begin(self.spikes)
+        self.optimizer = _optimizer(self.network, config)
+        if state.weights:
+            self.network.load_state_dict(state.weights)
+            self.optimizer.load_state_dict(state.optimizer)
+        self.average = WeightAverage(self.network, config.weight_average, state.averages)
+        self.class_shares = class_weights(config, self.labels, run.description.classes)
 
-    for epoch in range(state.epoch + 1, epochs + 1):
-        rate = learning_rate(config, epoch, epochs)
-        for group in optimizer.param_groups:
+    def drawn(self, epoch: int) -> Iterator[tuple[NDArray[np.float32], IntArray]]:
+        """Yield the batches of an epoch."""
+        config, sensor = self.run.config, self.run.description.input.sensor
+        rng = epoch_generator(config.seed, self.number, epoch)
+        return batches(self.spikes, self.labels, config, rng, sensor.polarities)
+
+    def learn(self, epoch: int, rate: float) -> float:
+        """Learn for an epoch at a learning rate, and return the mean loss."""
+        run, network = self.run, self.network
+        if run.config.optimizer == PROTOTYPES:
+            drawn = chain.from_iterable(map(self.drawn, range(1, epoch + 1)))
+            set_prototypes(network, drawn, run.config.weight_decay)
+            return evaluate(network, run.loss, self.spikes, self.labels)[0]
+        for group in self.optimizer.param_groups:
             group["lr"] = rate
-        total = 0.0
-        if config.optimizer == PROTOTYPES:
-            set_prototypes(network, chain.from_iterable(map(drawn, range(1, epoch + 1))), config.weight_decay)
-            total = len(rows) * evaluate(network, run.loss, spikes, labels)[0]
-        for x, y in () if config.optimizer == PROTOTYPES else drawn(epoch):
-            placed, of_them = (torch.from_numpy(values).to(config.device) for values in (x, y))
-            loss = run.loss(network, network(placed), of_them, class_shares)
+        total, weights = 0.0, list(network.parameters())
+        for x, y in self.drawn(epoch):
+            placed, of_them = (torch.from_numpy(values).to(run.config.device) for values in (x, y))
+            loss = run.loss(network, network(placed), of_them, self.class_shares)
             for weight in weights:  # like zero_grad, without its overhead
                 weight.grad = None
             loss.backward()  # type: ignore[no-untyped-call]
-            optimizer.step()
+            self.optimizer.step()
             network.hold()
-            average.update()
+            self.average.update()
             total += float(loss.detach()) * len(y)
-        state.weights = _weights(network)
-        with average.in_place():
-            validation = recordings.spikes[held], recordings.labels[held]
-            figures = evaluate(network, run.loss, *validation) if len(held) else (None, None)
-            found = _weights(network)
-        record = EpochRecord(state.phase, epoch, rate, total / len(rows), *figures)
+        return total / len(self.labels)
+
+
+def _run_phase(run: _Run, state: TrainingState, rows: IntArray, held: IntArray, epochs: int) -> None:
+    """Take ``state`` from where it is to ``epochs`` on the recordings ``rows``, validating on ``held``."""
+    config, recordings, phase = run.config, run.recordings, _Phase(run, state, rows)
+    assert recordings.labels is not None
+    validation = recordings.spikes[held], recordings.labels[held]
+    for epoch in range(state.epoch + 1, epochs + 1):
+        rate = learning_rate(config, epoch, epochs)
+        loss = phase.learn(epoch, rate)
+        state.weights = _weights(phase.network)
+        with phase.average.in_place():
+            figures = evaluate(phase.network, run.loss, *validation) if len(held) else (None, None)
+            found = _weights(phase.network)
+        record = EpochRecord(state.phase, epoch, rate, loss, *figures)
         state.history.append(record)
-        state.epoch, state.averages, state.optimizer = epoch, average.values, optimizer.state_dict()
+        state.epoch, state.averages, state.optimizer = epoch, phase.average.values, phase.optimizer.state_dict()
         chosen = state.phase == "select" and choose_epoch(state.history, config.smoothing_epochs, len(held)) == epoch
         if chosen:
             state.chosen_epoch, state.chosen_weights = epoch, found

@@ -141,6 +141,7 @@ NAMED = (
     "Window-SNN, trained with 2 bits",
     "Window-SNN, neighbouring levels",
     "Window-SNN and hybrid",
+    "Three Window-SNNs and hybrid",
 )
 """Networks whose ratios the page shows."""
 
