@@ -251,8 +251,9 @@ def test_the_best_network_of_objects_is_of_its_configurations() -> None:
     assert found.recordings is None
     assert found.training["seed"] == 0
     assert "test_accuracy" not in found.training  # its card says that no test part was read
-    for part, name in (("hybrid", "objects-hybrid"), ("windows", "objects-window-snn")):
-        config = vars(config_from_mapping(read_config(ROOT / f"examples/configs/{name}.yaml")))
+    names = {"hybrid": "hybrid", "windows": "window-snn", "windows_2": "window-snn-quarter"}
+    for part, name in (names | {"windows_3": "window-snn-prototypes"}).items():
+        config = vars(config_from_mapping(read_config(ROOT / f"examples/configs/objects-{name}.yaml")))
         config = config | {"validation_fraction": 0.0, "refit": False}
         kept = {key: value for key, value in config.items() if f"{part}_{key}" in found.training}
         assert len(kept) > 50
