@@ -5,6 +5,7 @@ import functools
 import inspect
 import os
 import stat
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from numbers import Integral, Real
@@ -27,7 +28,7 @@ _WAYS_OUT = {
 }
 """Where to get values of our own types; for other types, the name says enough."""
 _SHOWN = 60
-_LOOKED_INTO = (str, Path, list, tuple)
+_LOOKED_INTO = (str, Path, list, tuple, int)
 """Of these more than the type is checked."""
 
 
@@ -118,6 +119,10 @@ def _check(function: str, name: str, value: Any, kinds: tuple[Any, ...]) -> None
         measured = f"got {type(value).__name__} {_short(repr(value))}"
         fix = next((_WAYS_OUT[kind] for kind in names if kind in _WAYS_OUT), "Correct it.")
         raise InputError(f"{function}, {name}", what, measured=measured, fix=fix)
+    if float in kinds and isinstance(value, int) and abs(value) > sys.float_info.max:
+        raise InputError(
+            f"{function}, {name}", "no float holds it", measured=f"{value.bit_length()} bits", fix="Correct it."
+        )
     if object in kinds and isinstance(value, list | tuple):
         as_array(f"{function}, {name}", value)
     if Path in kinds and isinstance(value, str | Path):

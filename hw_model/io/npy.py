@@ -23,6 +23,7 @@ def load_npy(data: bytes, where: str, kinds: str = "biuf") -> AnyArray:
     with parsing(where, "it is damaged or not a numpy file", fix=fix):
         version = np.lib.format.read_magic(stream)
         shape, fortran, dtype = getattr(np.lib.format, "read_array_header_{}_{}".format(*version))(stream)
+        shape = tuple(map(int, shape))  # numpy takes True for a size here, and for none below
     if dtype.kind not in kinds and (dtype.names is None or dtype.hasobject):
         raise InputError(where, "its values are not numbers", measured=f"dtype {dtype}", fix=fix)
     if any(size < 0 for size in shape) or math.prod(shape) * max(1, dtype.itemsize // 8) > MAX_VALUES:

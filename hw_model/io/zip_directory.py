@@ -6,7 +6,10 @@ zipfile builds an object for every entry that a directory claims, and unpacks as
 import os
 import struct
 import zipfile
+from collections import Counter
 from typing import IO
+
+from hw_model.errors import InputError
 
 MAX_DIRECTORY_BYTES = 20_000_000
 """About 200,000 entries."""
@@ -16,11 +19,17 @@ _END64, _END64_BYTES = b"PK\x06\x06", 56
 
 
 class BoundedZip(zipfile.ZipFile):
-    """An archive to read whose directory was checked; raises what zipfile and :func:`check_directory` do."""
+    """An archive to read whose directory was checked; raises what zipfile and :func:`check_directory` do.
 
-    def __init__(self, stream: IO[bytes]) -> None:
+    ``InputError`` if two files have the same name: readers differ in which of them they take.
+    """
+
+    def __init__(self, stream: IO[bytes], where: str, fix: str) -> None:
         check_directory(stream)
         super().__init__(stream)
+        for name, count in Counter(self.namelist()).items():
+            if count > 1 and not name.endswith("/"):
+                raise InputError(where, f"it holds {name[:80]!r} twice", fix=fix)
 
     @property
     def unpacked_bytes(self) -> int:

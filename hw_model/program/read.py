@@ -64,7 +64,7 @@ def load_program(folder: str | Path) -> ChipProgram:
 def _unpack(content: bytes) -> dict[str, IntArray]:
     """Return the int64 vectors of the archive by name, read-only; any exception where there is something else."""
     arrays: dict[str, IntArray] = {}
-    with BoundedZip(io.BytesIO(content)) as archive:
+    with BoundedZip(io.BytesIO(content), "program.npz", "Compile again.") as archive:
         if archive.unpacked_bytes > max(MAX_ARRAY_BYTES, MAX_PACKING * len(content)):
             raise InputError("program.npz", "its arrays are absurdly large", fix="Compile again.")
         for name in archive.namelist():

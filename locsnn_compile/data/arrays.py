@@ -107,13 +107,15 @@ def _npz_entries(data: bytes, where: str) -> dict[str, AnyArray]:
     fix = "Write it again with numpy.savez."
     with (
         parsing(where, "it is damaged, truncated or not a .npz file", fix=fix),
-        BoundedZip(io.BytesIO(data)) as archive,
+        BoundedZip(io.BytesIO(data), where, fix) as archive,
     ):
         files, unpacked = archive.namelist(), archive.unpacked_bytes
         if unpacked > 8 * MAX_ELEMENTS or len(files) > 100:
             measured = f"{unpacked} bytes in {len(files)} entries"
             raise InputError(where, "it is too large", measured=measured, fix="Give fewer recordings.")
         names = {file: file.removesuffix(".npy") for file in files}
+        if len(set(names.values())) < len(names):
+            raise InputError(where, "it holds an entry twice, with and without '.npy'", fix=fix)
         kinds = dict.fromkeys(_TEXTS, "US")
         return {
             name: load_npy(archive.content(file), f"{where}, {file!r}", kinds.get(name, "biuf"))
@@ -151,7 +153,7 @@ def _tensor_array(entry: object, where: str, name: str) -> AnyArray:
 def _plain_array(entry: object, where: str, name: str) -> AnyArray:
     try:
         return np.asarray(entry, dtype=np.str_ if name in _TEXTS else np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InputError(where, f"its entry {name!r} holds no numbers", fix="Give plain numbers.") from None
 
 

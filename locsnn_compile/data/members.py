@@ -1,7 +1,6 @@
 """The files of a folder or zip archive: their names and sizes, and their bytes on request, never unpacked to disk."""
 
 import stat
-from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
@@ -56,16 +55,13 @@ def open_members(path: Path) -> Iterator[Members]:
         raise InputError(where, "it cannot be read", measured=error.strerror or "", fix="Check the path.") from None
     with stream:
         with parsing(where, "it is damaged, truncated or not a zip archive", fix=fix):
-            archive = BoundedZip(stream)
+            archive = BoundedZip(stream, where, fix)
 
         def read(name: str) -> bytes:
             with parsing(f"{where}, {PurePosixPath(name).name!r}", "it is damaged", fix=fix):
                 return archive.content(name)
 
         entries = [entry for entry in archive.infolist() if not entry.filename.endswith("/")]
-        twice = [name for name, count in Counter(entry.filename for entry in entries).items() if count > 1]
-        if twice:
-            raise InputError(where, f"it holds {twice[0][:80]!r} twice", fix=fix)
         links = [entry.filename for entry in entries if stat.S_ISLNK(entry.external_attr >> 16)]
         if links:
             what = f"{links[0][:80]!r} is a link, and links are not followed"

@@ -56,7 +56,7 @@ def _storage(given: Any, held: dict[str, Storage], found: Callable[[str, int, in
 
 
 def _from_archive(data: bytes, where: str, fix: str, budget: Budget) -> object:
-    archive = BoundedZip(io.BytesIO(data))
+    archive = BoundedZip(io.BytesIO(data), where, fix)
     names = archive.namelist()
     # Torch stores its entries without compression, so its files unpack to about their own size.
     if archive.unpacked_bytes > 2 * len(data):

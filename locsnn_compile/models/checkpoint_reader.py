@@ -106,7 +106,7 @@ def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Ch
     integers: dict[str, tuple[type, ...]] = {"chip": (dict,)}
     more = {CHIP_VERSION: integers, VERSION: {"graph": (dict, type(None))} | (integers if "chip" in values else {})}
     optional = {name: (kind,) for name, kind in OPTIONAL.items() if name in values}
-    check_keys(where, "", values, _KEYS | more.get(version, {}) | optional)
+    check_keys(where, "", values, _KEYS | (more.get(version, {}) if is_whole(version) else {}) | optional)
     if version not in (1, *more):
         raise file_fault(where, "its version does not exist", against)
     name = _name(where, "name", values["name"])

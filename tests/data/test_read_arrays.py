@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import torch
 
+from hw_model.io.files import npy_bytes
 from locsnn_compile.data.read import read_recordings, recording_parts
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.write import write_recordings
@@ -124,6 +125,18 @@ class Hostile:
         return os.system, ("touch ran",)
 
 
+def twice(*names):
+    """A .npz with the same array under each of the names."""
+
+    def make(path):
+        with warnings.catch_warnings(), zipfile.ZipFile(path, "w") as archive:
+            warnings.simplefilter("ignore")  # zipfile warns of the name that it writes again
+            for name in names:
+                archive.writestr(name, npy_bytes(np.asarray(FULL)))
+
+    return make
+
+
 def npz(**entries: Any) -> Callable[[Path], object]:
     return lambda path: np.savez(path, **entries)
 
@@ -219,6 +232,24 @@ BAD: list[tuple[str, str, Callable[[Path], object], str]] = [
         "file 'a.npz': no recordings inside (entries: labels). Name the entry 'spikes'.",
     ),
     (
+        "npz with an entry twice",
+        "a.npz",
+        twice("spikes.npy", "spikes.npy"),
+        "file 'a.npz': it holds 'spikes.npy' twice. Write it again with numpy.savez.",
+    ),
+    (
+        "npz with an entry of two spellings",
+        "a.npz",
+        twice("spikes.npy", "spikes"),
+        "file 'a.npz': it holds an entry twice, with and without '.npy'. Write it again with numpy.savez.",
+    ),
+    (
+        "pt with a label that no float holds",
+        "a.pt",
+        lambda path: torch.save({"spikes": torch.zeros(1, 4, 9), "labels": [10**400]}, path),
+        "file 'a.pt': its entry 'labels' holds no numbers. Give plain numbers.",
+    ),
+    (
         "bin width of two numbers",
         "a.npz",
         npz(spikes=FULL, step_seconds=[1.0, 2.0]),
@@ -295,3 +326,10 @@ def test_a_file_has_no_parts(tmp_path: Path) -> None:
     assert str(caught.value) == (
         "file 'x.npy': there is no part 'train' (a single file is not divided). Leave the part out."
     )
+
+
+def test_a_size_of_true_is_one(tmp_path: Path) -> None:
+    """Damage of one letter, which numpy's header lets pass and its arrays do not."""
+    path = tmp_path / "a.npy"
+    path.write_bytes(npy_bytes(np.zeros((1, 78, 4), np.uint8)).replace(b"(1, 78, 4), }   ", b"(True, 78, 4), }"))
+    assert read_recordings(path).spikes.shape == (1, 4, 78)

@@ -122,6 +122,8 @@ REFUSED = [
     ("a neuron of another kind", [dense(RNG, 3, 4, neuron=neuron(kind="SDNN"))], ", layer 0: 'SDNN' neurons have no single compartment on the chip. Use CUBA neurons."),
     ("a weight out of range", [dense(RNG, 3, 4, weight=np.full((3, 4), 300.0))], ", layer 0: a weight does not fit an 8-bit synapse (0..300 against -256..254, even, or -255..255). Export it again, with quantised weights."),
     ("a fraction for a weight", [dense(RNG, 3, 4, weight=np.full((3, 4), 0.5))], ", layer 0: 'weight' is not made of integers (0.5). Export it again."),
+    ("weights the other way around", [dense(RNG, 3, 4) | {"weight": even(RNG, 4, 3)}], ", layer 0: its weight has the wrong shape ((4, 3) for 3 neurons and an input of None). Export it again."),
+    ("recurrent weights in a row", [dense(RNG, 3, 4) | {"type": "dense_rec", "weight_rec": even(RNG, 9)}], ", layer 0: weight_rec has the wrong size ((9,) for 3). Export it again."),
     ("another input size", [{"type": "input", "shape": np.array([5])}, dense(RNG, 3, 4)], ", layer 1: its weight has the wrong shape ((3, 4) for 3 neurons and an input of (5,)). Export it again."),
     ("convT", [{"type": "convT", "shape": np.array([3])}], ", layer 0: 'convT' has no meaning on the chip. Replace it with a convolution."),
     ("average", [dense(RNG, 3, 4), {"type": "average", "shape": np.array([3])}], ", layer 1: 'average' has no meaning on the chip. Count the spikes of the layer before it."),

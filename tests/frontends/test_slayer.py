@@ -274,6 +274,21 @@ def yaml_text(text):
     return made
 
 
+def replaced(folder, name, value):
+    """A checkpoint of which an entry is another."""
+    path, config = write(folder, {"fc1": weights(4, 6), "fc2": weights(3, 4)})
+    torch.save(torch.load(path) | {name: value}, path)
+    return path, config
+
+
+def turned(folder):
+    """A convolution whose kernels have inputs before outputs."""
+    path, config, state = listed(folder)
+    name = "blocks.0.weightOp.weight"
+    torch.save(state | {name: state[name].transpose(0, 1)}, path)
+    return path, config
+
+
 REFUSED = [
     ("a kernel nearly the same", other_kernel(10.1), "model 'model.pt', entry 'slayer.srmKernel': the kernel is not that of the config (0.00836 apart). Give the YAML that this checkpoint was trained with."),
     ("another kernel", other_kernel(5.0), "model 'model.pt', entry 'slayer.srmKernel': the kernel is not that of the config (0.541 apart). Give the YAML that this checkpoint was trained with."),
@@ -284,6 +299,10 @@ REFUSED = [
     ("a list without an input", lambda f: listed(f, LISTED[1:])[:2], "config 'net.yaml', layer 0: dim '4c3z' is not supported there. Give the input first, as 34x34x2, then 16c5z, 2a or 10."),
     ("a list of fewer layers", lambda f: listed(f, LISTED[:3])[:2], "model 'model.pt': the YAML lists another number of layers (2 against 4). List the input and every layer that has weights."),
     ("a list of other layers", lambda f: listed(f, [*LISTED[:1], {"dim": "4c5z"}, *LISTED[2:]])[:2], "model 'model.pt', layer 'blocks.0.weightOp': its weights are not those that the YAML lists ((4, 2, 3, 3, 1) against (4, 2, 5, 5)). Give the YAML that this checkpoint was trained with."),
+    ("kernels the other way around", turned, "model 'model.pt', layer 'blocks.0.weightOp': its weights are not those that the YAML lists ((2, 4, 3, 3, 1) against (4, 2, 3, 3)). Give the YAML that this checkpoint was trained with."),
+    ("a layer that is a list", lambda f: replaced(f, "fc1.weight", [[1.0]]), "model 'model.pt', entry 'fc1.weight': it is not a dense float tensor (list). Save net.state_dict() with torch.save."),
+    ("a layer of a long name", lambda f: replaced(f, "x" * 300 + ".weight", torch.zeros(3, 4)), f"model 'model.pt', entry '{'x' * 80}': its name is too long (307 characters against 200). Rename it."),
+    ("a number beyond floats", yaml_text(f"simulation: {{Ts: {10**400}}}\nneuron: {{type: SRMALPHA}}"), f"config 'net.yaml': Ts must be a number from 1e-06 on (1{'0' * 39}). Correct it."),
     ("no weights", lambda f: write(f, {}), "model 'model.pt': it holds no weights (['slayer.srmKernel', 'slayer.refKernel']). Save net.state_dict() with torch.save."),
     ("a heavy weight", lambda f: write(f, {"fc1": np.full((2, 2), 300.0)}, LOIHI), "model 'model.pt', layer 'fc1': a weight does not fit an 8-bit synapse (0..300 against -256..254). Clamp the weights in training."),
     ("another neuron", yaml_text("simulation: {Ts: 1}\nneuron: {type: SRMALPHAA}"), "config 'net.yaml', neuron.type: 'SRMALPHAA' is not known. Did you mean 'SRMALPHA'?"),

@@ -216,6 +216,7 @@ BAD: list[tuple[str, Callable[[Path], object], str]] = [
         put("version", value=4),
         "it was written by a newer version (version 4 against 3). Update locsnn-compile.",
     ),
+    ("version that is a list", put("version", value=[]), f"version: it must be a whole number (got list). {AGAIN}"),
     ("version of 0", put("version", value=0), f"its version does not exist (version 0 against 3). {AGAIN}"),
     ("version of text", put("version", value="1"), f"version: it must be a whole number (got '1'). {AGAIN}"),
     (

@@ -111,7 +111,7 @@ def _add_neurons(built: _Built, layer: NetLayer, where: str) -> None:
     if layer.kind == "dense_rec":
         back = layer.whole("weight_rec", where)
         check_entries(back.size, where)
-        if back.size != size * size:
+        if back.size != size * size or (size > 1 and len(back) != size):
             raise export_again(where, "weight_rec has the wrong size", f"{back.shape} for {size}")
         built.projections.append(_projection(name, name, matrix(back.reshape(size, size), np.int64), 0, where))
 
@@ -140,8 +140,9 @@ def _weights(built: _Built, layer: NetLayer, where: str) -> tuple[Matrix, Shape,
     shape = _shape(layer, where)
     if layer.kind in ("dense", "dense_rec"):
         size = math.prod(shape)
-        held = weight.reshape(size, -1) if weight.size and weight.size % size == 0 else weight
-        source = held.shape[1] if held.ndim == 2 and held.shape[0] == size else -1
+        rows_first = weight.size > 0 and size in (1, len(weight) if weight.ndim else 1)
+        held = weight.reshape(size, -1) if rows_first else weight
+        source = held.shape[1] if rows_first else -1
         if source < 1 or (built.shape is not None and math.prod(built.shape) != source):
             what = "its weight has the wrong shape"
             raise export_again(where, what, f"{weight.shape} for {size} neurons and an input of {built.shape}")

@@ -96,7 +96,8 @@ def _step_seconds(dt: float | None, graph: NirGraph) -> float | None:
     if dt is None and held is not None and not isinstance(held, str) and held.size == 1:
         dt = float(held.reshape(-1)[0])
     if dt is not None and not (np.isfinite(dt) and 0 < dt <= 1e6):
-        raise InputError("dt", "a step must last more than 0 s", measured=f"{dt:g}", fix="Give the seconds per step.")
+        measured = f"{dt:g} against at most 1e+06" if dt > 0 else f"{dt:g}"
+        raise InputError("dt", "a step must last more than 0 s", measured=measured, fix="Give the seconds per step.")
     return dt
 
 

@@ -2,6 +2,7 @@
 
 import math
 import re
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -162,7 +163,7 @@ def _section(values: Mapping[Any, Any], name: str, where: str) -> Mapping[Any, A
 
 def _number(section: Mapping[Any, Any], key: str, where: str, *, least: float) -> float:
     value = section.get(key)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value) or value < least:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value <= sys.float_info.max:
         fix = "Correct it."
         raise InputError(where, f"{key} must be a number from {least:g} on", measured=f"{value!r}"[:40], fix=fix)
     return float(value)

@@ -67,8 +67,13 @@ def _listed(kernel: FloatArray, entry: LayerEntry, given: Shape, where: str) -> 
 
 
 def _shaped(kernel: FloatArray, shape: Shape, wanted: str, where: str) -> FloatArray:
-    """Return weights in a shape; refuse another number of them."""
-    if kernel.size == math.prod(shape):
+    """Return weights in a shape, up to axes of length one, and with the axes of an image as one where it is seen whole.
+
+    Another number of weights is refused, and so are axes in another order.
+    """
+    axes, wanted_axes = ([n for n in sizes if n != 1] for sizes in (kernel.shape, shape))
+    in_order = axes == wanted_axes or (len(shape) == 2 and (shape[0] == 1 or axes[:1] == wanted_axes[:1]))
+    if kernel.size == math.prod(shape) and in_order:
         return kernel.reshape(shape)
     what, fix = "its weights are not those that the YAML lists", "Give the YAML that this checkpoint was trained with."
     raise InputError(where, what, measured=f"{kernel.shape} against {wanted}", fix=fix)

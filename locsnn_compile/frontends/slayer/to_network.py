@@ -177,11 +177,13 @@ def _tensors(held: object, where: str) -> dict[str, Any]:
         raise InputError(where, "it is not a state dict", measured=f"a {type(held).__name__}", fix=_FIX)
     found: dict[str, Any] = {}
     for key, tensor in held.items():
-        if not isinstance(key, str) or len(key) > 200 or not isinstance(tensor, Tensor):
+        if not isinstance(key, str) or not (isinstance(tensor, Tensor) or key.endswith(_WEIGHT)):
             continue
-        place = f"{where}, entry {key!r}"
-        if not tensor.dense or tensor.dtype not in FLOATS:
-            raise InputError(place, "it is not a dense float tensor", measured=tensor.dtype, fix=_FIX)
+        place = f"{where}, entry {key[:80]!r}"
+        if not isinstance(tensor, Tensor) or not tensor.dense or tensor.dtype not in FLOATS:
+            measured = tensor.dtype if isinstance(tensor, Tensor) else type(tensor).__name__
+            raise InputError(place, "it is not a dense float tensor", measured=measured, fix=_FIX)
+        check_most(len(key), 200, place, "its name is too long", unit="characters", fix="Rename it.")
         check_most(math.prod(tensor.shape), MAX_WEIGHTS, place, "too many weights", fix="Give a smaller layer.")
         with np.errstate(invalid="ignore"):
             array = np.array(tensor.array(), dtype=np.float64)
