@@ -85,3 +85,18 @@ def test_what_was_not_followed_says_why(document: dict[str, Any]) -> None:
     ]
     del document["over_time"]
     assert _section(document).lead == "What the steps of a recording cost."
+
+
+@pytest.mark.parametrize(
+    ("course", "points"),
+    [
+        ({"bin_steps": 1, "bins": [6.0, 12.0, 3.0]}, ((1 / 6, 0.5), (0.5, 1.0), (5 / 6, 0.25))),
+        ({"bin_steps": 2, "bins": [6.0, 12.0, 3.0]}, ((1 / 6, 0.5), (0.5, 1.0))),
+        ({"bin_steps": 2, "bins": [6.0]}, ((0.5, 1.0),)),
+    ],
+    ids=["every step", "a last bin that may be short", "one bin"],
+)
+def test_only_a_bin_that_may_be_short_is_left_out(document: dict[str, Any], course: Any, points: Any) -> None:
+    document["energy"]["by_step_pj"] = {"time": course}
+    plot = next(b for b in _section(document).blocks if isinstance(b, Plot) and b.title.startswith("Energy of a step"))
+    assert plot.curves[0].points == tuple((pytest.approx(x), y) for x, y in points)

@@ -67,6 +67,20 @@ def test_lines_share_rows(document: dict[str, Any], excerpt: Excerpt) -> None:
     assert [one.label for one in drawn.strokes] == ["4 strokes, each one event or more"]
 
 
+def test_populations_read_by_potential_are_drawn_only_where_they_spike(
+    document: dict[str, Any], excerpt: Excerpt
+) -> None:
+    document["match"]["readout"] |= {"by": "potentials", "populations": ["time_output"]}
+    assert [one.title for one in _rasters(document, excerpt)][1:] == ["time_output: 2 of 36 neurons"]
+    (item,) = excerpt.populations
+    silent = replace(item, reference=np.zeros_like(item.reference), chip=np.zeros_like(item.chip))
+    quiet = replace(excerpt, populations=(silent,))
+    assert len(_rasters(document, quiet)) == 1
+    assert str(_section("spikes", document, quiet).blocks[0]).endswith("2 further populations are not drawn.")
+    document["match"]["readout"]["populations"] = []
+    assert len(_rasters(document, quiet)) == 2
+
+
 def test_what_is_left_out_is_said(document: dict[str, Any], excerpt: Excerpt) -> None:
     first = _section("spikes", document, excerpt).blocks[0]
     assert first == (

@@ -137,6 +137,16 @@ def test_terminal_shows_some_of_many_populations(document: dict[str, Any]) -> No
     assert "and 32 more populations in the report" in shown
 
 
+def test_terminal_tells_populations_of_members_apart(document: dict[str, Any]) -> None:
+    found = document["match"]["by_population"]["time_output"]
+    names = [
+        f"{member}/{axis}_hidden" for member in ("objects-first", "objects-second") for axis in ("time", "location")
+    ]
+    document["match"]["by_population"] = dict.fromkeys(names, found)
+    shown = _terminal(document).splitlines()
+    assert [line.split()[0] for line in shown if "_hidden" in line] == [f"…{name[-16:]}" for name in names]
+
+
 def test_terminal_uses_colour_where_there_is_any(document: dict[str, Any]) -> None:
     stream = io.StringIO()
     render_terminal(compose(document), Console(file=stream, width=80, force_terminal=True, color_system="standard"))

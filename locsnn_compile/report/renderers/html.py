@@ -59,7 +59,9 @@ def _table(table: content.Table) -> str:
     shown = [*range(min(MAX_ROWS, last)), last] if table.rows else []
     kinds = _column_kinds(table)
     named = zip(table.columns, kinds, strict=True)
-    heads = "".join(f'<th scope="col"{kind}>{text(name) or _DRAWN}</th>' for name, kind in named)
+    heads = "".join(
+        f'<th scope="col"{kind}>{text(name).replace(" %", "&nbsp;%") or _DRAWN}</th>' for name, kind in named
+    )
     body = "".join(_table_row(kinds, table.rows[i], table.total and i == last) for i in shown)
     look = "plain" if all(table.columns) else "barred"
     look += " wide" if len(table.columns) > _MANY_COLUMNS else ""

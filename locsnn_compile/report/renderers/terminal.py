@@ -63,7 +63,7 @@ def _populations(console: Console, report: Report, width: int) -> None:
     rows = next((block.rows[:-1] for block in blocks if isinstance(block, Table)), ())
     for name, bar, equal, *_ in rows[:_SHOWN_POPULATIONS]:
         drawn = f"{_drawn(bar.share)} " if isinstance(bar, Bar) and bar.share is not None else ""
-        _row(console, str(name), f"{drawn}{equal}", width)
+        _row(console, _ending(str(name), width - 1), f"{drawn}{equal}", width)
     if len(rows) > _SHOWN_POPULATIONS:
         _row(console, "...", f"and {len(rows) - _SHOWN_POPULATIONS} more populations in the report", width)
 
@@ -91,6 +91,12 @@ def _line(console: Console, line: str, style: str, *, styled: int | None = None,
     made = Text(folded.replace(_HELD, " "))
     made.stylize(style, 0, styled)
     console.print(made, soft_wrap=True)
+
+
+def _ending(name: str, longest: int) -> str:
+    """Return the end of a long name, which tells the populations of a committee apart."""
+    name = plain(name)
+    return name if len(name) <= longest else f"…{name[1 - longest :]}"
 
 
 def _short(name: str, longest: int) -> str:

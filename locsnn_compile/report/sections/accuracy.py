@@ -7,7 +7,7 @@ from itertools import accumulate
 from locsnn_compile.report.content import Bar, Curve, Document, Plot, Section, Table
 from locsnn_compile.report.format import NONE, SILENT, agreed, any_value, count, plural, ratio, share
 from locsnn_compile.report.told import facts, section, table
-from locsnn_compile.report.words import STAGES, listed, sentence, stage_words
+from locsnn_compile.report.words import STAGES, listed, no_spikes, sentence, stage_words
 
 _DRAWN = 8
 """Populations whose margins are drawn; a table has those of all."""
@@ -29,7 +29,7 @@ def error_budget(document: Document) -> Section | None:
         "error-budget",
         _checked(budget),
         table("stages", _stages(variants, [*without, NONE]), total=True, recordings=len(budget["recordings"])),
-        _by_population(variants),
+        _by_population(variants, document["match"]),
         _kernel_tail(budget["kernel_tail"]),
         facts("recordings", recordings=sample(budget)),
     )
@@ -97,9 +97,15 @@ def equal_spikes(agreement: float | None, none: str = SILENT) -> Document:
     return {"bar": Bar(agreement, f"{share(agreement)} of spikes equal"), "equal": share(agreement)}
 
 
-def _by_population(variants: Document) -> Table:
+def _by_population(variants: Document, match: Document) -> Table:
     rows = tuple(
-        (name, *(agreed(found["by_population"][name]["spike_agreement"]) for found in variants.values()))
+        (
+            name,
+            *(
+                agreed(found["by_population"][name]["spike_agreement"], no_spikes(match, name))
+                for found in variants.values()
+            ),
+        )
         for name in variants["all together"]["by_population"]
     )
     return Table("Spikes equal by population, each stage alone", ("population", *variants), rows)

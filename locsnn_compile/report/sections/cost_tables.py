@@ -59,13 +59,10 @@ class Cost(Frozen):
         return table("classes", shown, cost=self.name, by=_by(found))
 
     def course(self, document: Document) -> tuple[Plot, Table]:
-        """Draw each bin's mean at its middle, without the last bin, which may have fewer steps; and a table."""
+        """Draw each bin's mean at its middle, and return a table as well."""
         found = document[self.key]
         by_step, of_profile = found[f"by_step_{self.unit}"], f"profile {found['profile']}"
-        a_step = {
-            branch: [value / its["bin_steps"] for value in its["bins"][:-1] or its["bins"]]
-            for branch, its in by_step.items()
-        }
+        a_step = {branch: _per_step(its) for branch, its in by_step.items()}
         most = max((value for values in a_step.values() for value in values), default=0.0) or 1.0
         curves = tuple(
             Curve(words(name), tuple(((i + 0.5) / len(by_step[name]["bins"]), x / most) for i, x in enumerate(values)))
@@ -88,6 +85,12 @@ class Cost(Frozen):
 
     def _so_far(self, bins: Sequence[float]) -> list[str]:
         return [self.shown(sum(bins[: round(part * len(bins))])) for part in PARTS]
+
+
+def _per_step(course: Document) -> list[float]:
+    """Return the mean of a step in each bin, without a last bin that may have fewer steps."""
+    bins, steps = course["bins"], course["bin_steps"]
+    return [value / steps for value in (bins[:-1] if steps > 1 else bins) or bins]
 
 
 def _by(found: Document) -> str:

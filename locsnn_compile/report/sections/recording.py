@@ -1,16 +1,17 @@
 """Sections on one recording: its input, the spikes of both sides, and the potential that differs first."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 
 from hw_model.values import ByteArray
 from locsnn_compile.report.content import Curve, Document, Plot, Raster, Section, Strokes, Table
-from locsnn_compile.report.format import NONE, count, plural, told_apart
+from locsnn_compile.report.format import NONE, SILENT, count, plural, told_apart
 from locsnn_compile.report.pictures.ticks import step_ticks, value_axis
 from locsnn_compile.report.told import section, table
-from locsnn_compile.report.words import words
+from locsnn_compile.report.words import no_spikes, words
 from locsnn_compile.verification.excerpt import Excerpt, NeuronPotential, SpikeRows
 
 _BESIDE = 3
@@ -21,12 +22,24 @@ def spikes(document: Document, excerpt: Excerpt | None) -> Section | None:
     """Rasters of inputs and populations with every difference marked; None without an excerpt."""
     if excerpt is None:
         return None
+    excerpt = _that_spike(excerpt, document["match"])
     side = "network" if document["match"]["reference"] == "integers" else "float"
     rasters: list[Raster] = []
     for phase in excerpt.steps:
         rasters += [_input(item, excerpt) for item in excerpt.inputs if item.phase == phase]
         rasters += [_population(item, excerpt, side) for item in excerpt.populations if item.phase == phase]
     return section("spikes", _shown(excerpt), *rasters, _spike_table(excerpt, side))
+
+
+def _that_spike(excerpt: Excerpt, match: Document) -> Excerpt:
+    """Return the excerpt without populations that are read by potential and never spike in it."""
+    kept = [
+        item
+        for item in excerpt.populations
+        if item.reference.any() or item.chip.any() or no_spikes(match, item.name) == SILENT
+    ]
+    left_out = excerpt.populations_left_out + len(excerpt.populations) - len(kept)
+    return replace(excerpt, populations=tuple(kept), populations_left_out=left_out)
 
 
 def _shown(excerpt: Excerpt) -> str:
