@@ -131,7 +131,7 @@ module delivery #(
                 if (first1) head2 <= head1;
             end
             for (half = 0; half < 2; half = half + 1) begin : halves
-                stepped #(.STEP(STEP), .TARGET_BITS(TARGET_BITS), .SLOT_BITS(SLOT_BITS)) synapse (
+                stepped #(.STEP(STEP), .TARGET_BITS(TARGET_BITS), .SLOT_BITS(SLOT_BITS)) shown (
                     .clk, .valid(valid2), .first(first2), .head(head2), .half(word2[half*HALF+:HALF]),
                     .synapse(both[half*SYNAPSE+:SYNAPSE])
                 );

