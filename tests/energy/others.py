@@ -1,0 +1,83 @@
+"""Tables of the page on other networks than those that are measured: larger ones, and settings in their order."""
+
+import numpy as np
+import pricing
+import repeats
+import runs
+from tables import table
+
+import hw_model as hw
+from hw_model.rtl.images import CoreProgram
+from locsnn_compile.frontends import load
+from locsnn_compile.pipeline import lower
+
+BEST = {"containers-best": "Containers", "objects-best": "Objects"}
+PLAYED = {"containers-best": 20}
+"""Recordings of networks that are mapped on a core of their own."""
+
+
+def larger(files: runs.Library, priced: pricing.Priced) -> list[tuple[str, ...]]:
+    """Return rows on the best networks, each on a core that holds it, with memories of the same search.
+
+    One of windows is mapped and played like ours. Of the other, logic and clocks are the profile's.
+    """
+    rows = []
+    for model, dataset in BEST.items():
+        program, recordings = runs.compiled(model), runs.real(dataset, "test", PLAYED.get(model, 1))
+        mapped = CoreProgram(program, recordings.shape[1])
+        core, needs = runs.holding(mapped), mapped.needs
+        done = repeats.parts_of(runs.counted_for(program, recordings, core), mapped, core.sizes)
+        chosen = runs.plan(files, runs.PRICE, core, done)
+        area = sum(runs.area(files, one) for one in chosen)
+        counts = sum(hw.simulate(program, recordings, probe=()).per_recording, hw.Counts())
+        many = len(recordings)
+        if model in PLAYED:
+            built = runs.Built(files, chosen, gated=True, core=core)
+            played = built.play(program, runs.stacked(program, recordings))
+            assert (played.answers[:, 0] == hw.simulate(program, recordings, probe=()).prediction).all()
+            energy = built.energy(played, "modelled")
+            spent, logic = energy.of("memory").mean(), (energy.of("logic") + energy.of("clock")).mean()
+        else:
+            spent = sum(runs.cost(files, one, done[one.shape.name]) for one in chosen)
+            logic = sum((priced.pj[name] - priced.memory[name]) * counts[name] for name in priced.pj) / many
+        ops = counts.synaptic_ops / many
+        rows.append((
+            f"`{model}`", "gate level" if model in PLAYED else "estimate", f"{needs.synapses:,}", f"{needs.compartments:,}",
+            f"{area / 1e6:.1f}", f"{ops:,.0f}", f"{counts.neuron_updates / many:,.0f}", f"{spent / 1e6:.1f}",
+            f"{logic / 1e6:.1f}", f"{(spent + logic) / ops:.0f}",
+        ))  # fmt: skip
+    return rows
+
+
+def ranking() -> str:
+    """Return a table of strategies and weight bits, by the profile of this page and by ``davies2018``."""
+    ours, theirs = hw.chip("locsnn-130nm").profile("ihp-sg13g2"), hw.chip("loihi-sim").profile("davies2018")
+    network = load(runs.ROOT / "examples/models/objects-hybrid.pt")
+    recordings = np.load(runs.ROOT / "examples/recordings/touches.npz")["spikes"].transpose(0, 2, 1)
+    rows, by_profile = [], []
+    for bits in (4, 8):
+        for strategy in ("reset", "delay-line", "dendrite", "paired-dendrite"):
+            program = lower(network, hw.chip("loihi-sim"), bits, strategy).program
+            counts = hw.simulate(program, recordings, probe=()).counts
+            uj = [sum(hw.energy_pj(counts, one).values()) / len(recordings) / 1e6 for one in (theirs, ours)]
+            by_profile.append(uj)
+            many = (counts.synaptic_ops, counts.neuron_updates)
+            rows.append(
+                (f"{strategy}, {bits}-bit", *(f"{x:.1f}" for x in uj), *(f"{n / len(recordings):,.0f}" for n in many))
+            )
+    same = (np.argsort([a for a, _ in by_profile]) == np.argsort([b for _, b in by_profile])).all()
+    costs = []
+    for one in (ours, theirs):
+        pj = one.energy_pj
+        rest, active = (
+            pj.get("neuron_updates", 0.0) + pj.get(f"neuron_updates_{name}", 0.0) for name in ("inactive", "active")
+        )
+        op = pj["synaptic_ops"]
+        costs.append((active / op, rest / op))
+    found = table(("setting", "µJ, davies2018", "µJ, ihp-sg13g2", "synaptic operations", "updates"), rows)
+    order = "is the same" if same else "is another"
+    (active, rest), (davies_active, davies_rest) = costs
+    return (
+        f"{found}\nThe order {order}. Here an active update costs as much as {active:.1f} synaptic operations, and one at rest as "
+        f"{rest:.1f};\nby `davies2018` these are {davies_active:.1f} and {davies_rest:.1f}.\n"
+    )

@@ -1,0 +1,65 @@
+"""What each measure saves against the core without it, from counted cycles and accesses."""
+
+from dataclasses import replace
+
+import gates
+import memories
+import numpy as np
+import picojoules
+import runs
+from latches import Latches
+
+import hw_model as hw
+
+
+def savings(built: runs.Built, played: gates.Activity, spent: picojoules.Energy) -> list[tuple[str, float]]:
+    """Return what each measure saves, in microjoules per recording, against the core without it."""
+    traffic, files = runs.traffic_of(), built.files
+    counts = hw.simulate(runs.compiled("objects-hybrid-loihi"), runs.real("Objects", "train", 4), probe=()).counts
+    scale = played.answers[:, 2].mean() / (counts.synaptic_ops / 4)
+    cycles = played.answers[:, 4:7].sum(axis=1).mean()
+    clocked = float(spent.of("clock").mean())
+    bits = len([i for i in built.circuit.order if files.cells[i.type].kind == "latch"])
+    stopped = _pj_of_a_tick(built) * len(built.circuit.flops) * cycles - clocked
+    in_macros = latched = flat = 0.0
+    states, kept = next(c for c in built.chosen if c.shape.name == "states"), traffic["states"]
+    assert isinstance(states, memories.Choice)
+    lazy = (counts.neuron_updates / 4 - kept.reads) * states.read_pj
+    lazy += (counts.neuron_updates_active / 4 - kept.writes) * states.write_pj
+    for one in built.chosen:
+        memory = traffic[one.shape.name]
+        macros = [c for c in runs.options(files, memory) if isinstance(c, memories.Choice)]
+        if isinstance(one, Latches):
+            best = min(macros, key=lambda c: runs.cost(files, c, memory) + runs.PRICE * c.area)
+            in_macros, latched = in_macros + runs.cost(files, best, memory), latched + runs.cost(files, one, memory)
+        else:
+            least = min((c for c in macros if c.pack == 1), key=lambda c: c.area)
+            flat += runs.cost(files, least, memory) - runs.cost(files, one, memory)
+    return [
+        (
+            "clocks that stop: of modules, of registers with an enable, and of eight bits of which none changes",
+            stopped / 1e6,
+        ),
+        (f"latches in place of macros for the smallest memories ({bits:,} bits)", (in_macros - latched) * scale / 1e6),
+        ("shallow banks and words packed into rows, in place of the least area", flat * scale / 1e6),
+        ("states that are read and written only where the next step depends on them", lazy * scale / 1e6),
+    ]
+
+
+def _pj_of_a_tick(built: runs.Built) -> float:
+    """Return picojoules that a cycle costs in the clock pin of a flip-flop, with its share of the modelled tree."""
+    found = built.circuit
+    toggles, ungated = np.zeros((found.nets, 1)), np.ones(1)
+    toggles[[found.at(flop, "CLK") for flop in found.flops]] = 1
+    only = replace(found, order=[], gates={net: gate for net, gate in found.gates.items()}, memories=[])
+    spent = picojoules.measure(
+        only,
+        built.files.cells,
+        built.files.macros,
+        built.times["modelled"],
+        toggles,
+        ungated,
+        np.zeros((0, 2, 1)),
+        True,
+    )
+    return float(spent.of("clock")[0]) / len(found.flops)
