@@ -14,7 +14,7 @@ import pricing
 import runs
 from latches import Latches
 from others import larger, ranking
-from savings import savings
+from savings import fillers, savings
 from tables import table, wrapped
 
 from locsnn_compile.report.pictures.chart import Curve, Panel, draw
@@ -160,7 +160,8 @@ def page(
         charges=(high.logic["accumulator"].mean() + high.clock["accumulator"].mean()) / ops,
         trained=make_profile.MADE_FROM + make_profile.QUIET, quiet=make_profile.QUIET,
         constants=sum(pj.mean() for name, pj in high.memory.items() if name.startswith(("leaks", "fires"))) / ops,
-        clocks=high.of("clock").mean() / ops, both=(high.of("memory") + high.of("clock")).mean() / ops, least_area=min(row.area for row in rows),
+        clocks=high.of("clock").mean() / ops, both=(high.of("memory") + high.of("clock")).mean() / ops, compartments=runs.COMPARTMENTS,
+        places=next(len(one.shape.held) for one in built.chosen if one.shape.name == "states"), fillers=fillers(), least_area=min(row.area for row in rows),
     ))  # fmt: skip
 
 

@@ -6,6 +6,7 @@ make profile          # writes hw_model/chips/locsnn-130nm.yaml and docs/energy-
 import argparse
 import csv
 import sys
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -17,6 +18,7 @@ import runs
 from latches import Latches
 
 import hw_model as hw
+from hw_model.rtl.images import layouts
 
 CHIP = runs.ROOT / "hw_model/chips/locsnn-130nm.yaml"
 CHECK = runs.ROOT / "docs/energy-130nm-check.csv"
@@ -96,7 +98,7 @@ def chip_file(built: runs.Built, least: pricing.Priced, most: pricing.Priced) ->
         area=(built.cell_area + built.macro_area) / 1e6, cell_area=built.cell_area / 1e6,
         leakage=(cells + macros) / 1e6,
         period=built.times["none"].worst, slow=built.times["modelled"].worst, fixed=most.fixed,
-        half=next(c.shape.bits for c in built.chosen if c.shape.name == "synapses") // 2,
+        half=layouts(replace(built.core.sizes, step=0, places=0))["synapses"].width // 2,
     )  # fmt: skip
 
 
@@ -119,7 +121,7 @@ SOURCES = {
     "synaptic_ops": "macros synapses (two in a word); gates, latches and clocks",
     "neuron_updates": "macros of constants; gates, latches and clocks of any update",
     "neuron_updates_active": "macros states; what gates, latches and clocks take more than at rest",
-    "spikes": "macros axons, synapses (the rest of a row) and places",
+    "spikes": "macros axons and synapses (the rest of a row)",
     "input_events": "macros axons, synapses (the rest of a row) and bitmap",
     "transpose_events": "macros axons and synapses (the rest of a row)",
 }
@@ -170,7 +172,7 @@ limits:
   compartment_profiles_per_core: 512
   threshold_profiles_per_core: 512
 
-synapse_memory:                # a synapse is half a word
+synapse_memory:                # a synapse is half a word, told in full
   word_bits: {half}
   run_length: 1
   run_header_bits: 0

@@ -364,8 +364,8 @@ def memory_words(chosen: Sequence[memories.Choice | Latches]) -> dict[str, int]:
     }
 
 
-MOST_LATCHES = 12_000
-"""Bits above which macros take less energy than latches, whose wires grow with their area."""
+MOST_LATCHES = 10_000
+"""Bits above which no latches are taken: with the states in latches the core would miss 100 MHz."""
 
 
 def area(files: Library, made: memories.Choice | Latches) -> float:

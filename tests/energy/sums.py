@@ -83,7 +83,10 @@ def _accesses(core: CoreProgram, recording: np.ndarray, found: hw.SimulationResu
     found_here = {
         "axons": (axons / of["axons"][0], 0),
         "synapses": (sent @ rows, 0),
-        "charges": (counts.synaptic_ops + updates, counts.synaptic_ops + taken + sizes.slots * sizes.compartments),
+        "charges": (
+            counts.synaptic_ops + updates,
+            counts.synaptic_ops + taken + sizes.slots * (sizes.places or sizes.compartments),
+        ),
         "states": tuple(states),
         "sums": (parents, children),
         "places": (counts.spikes, counts.spikes),
