@@ -131,7 +131,7 @@ def from_tonic(
     binning = Binning(step_seconds, threshold, channels, steps, polarities, columns)
     spikes, width, binned = bin_streams(streams, places, where, binning)
     if not all(isinstance(label, int | np.integer) for label in labels):
-        raise InputError(where, "its labels are not class numbers", fix="Give a target_transform that makes them so.")
+        raise InputError(where, "its labels are not class numbers", fix="Give a target_transform that gives them.")
     names = getattr(dataset, "classes", None)
     named = None if names is None else tuple(map(str, names))
     return Recordings(spikes, np.array(labels), width, source, binned=binned, class_names=named)

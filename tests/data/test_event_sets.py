@@ -105,7 +105,7 @@ def test_a_data_set_of_tonic_becomes_recordings() -> None:
         pytest.param(Digits(), "data set 'Digits': no events inside. Give a recording with events.", id="empty"),
         pytest.param(
             Digits([(structured(EVENTS), "one")]),
-            "data set 'Digits': its labels are not class numbers. Give a target_transform that makes them so.",
+            "data set 'Digits': its labels are not class numbers. Give a target_transform that gives them.",
             id="labels",
         ),
         pytest.param(

@@ -129,7 +129,7 @@ REFUSED = [
     ("average", [dense(RNG, 3, 4), {"type": "average", "shape": np.array([3])}], ", layer 1: 'average' has no meaning on the chip. Count the spikes of the layer before it."),
     ("a layer of no kind", [{"type": "wide", "shape": np.array([3])}], ", layer 0: 'wide' is not a known type of layer. Use dense and conv layers."),
     ("a decay out of range", [dense(RNG, 3, 4, neuron=neuron(5000))], ", layer 0: iDecay is not a decay (5000..5000 against 0..4096). Correct."),
-    ("a conv of stride 2 on its own", [CONV], ", layer 0: the shape of its input is not known. Export the input layer too."),
+    ("a conv of stride 2 on its own", [CONV], ", layer 0: the shape of its input is not known. Export the input layer as well."),
     ("a conv that is all padding", [CONV | {"stride": np.array([1, 1]), "padding": np.array([9, 9])}], ", layer 0: its padding is wider than its input ((9, 9)). Export it again."),
     ("absurd sizes", [{"type": "input", "shape": np.array([2**40])}], ", layer 0: its size is out of range ((1099511627776,) against 1 to 1000000). Correct."),
 ]  # fmt: skip

@@ -188,7 +188,7 @@ def _image_before(layer: NetLayer, kernel: Shape, shape: Shape, where: str) -> S
     """Return the shape of a convolution's input if no layer states it: with stride 1, its own shape determines it."""
     stride, padding, dilation = _strides(layer, where)
     if layer.kind != "conv" or len(kernel) < 4 or len(shape) != 3 or set(stride) != {1}:
-        raise InputError(where, "the shape of its input is not known", fix="Export the input layer too.")
+        raise InputError(where, "the shape of its input is not known", fix="Export the input layer as well.")
     rows, columns = (
         n - 1 + d * (k - 1) + 1 - 2 * p for n, d, k, p in zip(shape[1:], dilation, kernel[2:4], padding, strict=True)
     )

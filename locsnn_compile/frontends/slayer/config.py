@@ -79,7 +79,7 @@ def read_config(path: Path) -> SlayerConfig:
     """Read a description; ``InputError`` for other files."""
     where = f"config {path.name!r}"
     fix = "Give slayerPytorch's network description."
-    values = load_yaml(read_bytes(path, where, MAX_CONFIG_BYTES, "Give the YAML alone."), where, "it is not YAML", fix)
+    values = load_yaml(read_bytes(path, where, MAX_CONFIG_BYTES, "Give only the YAML."), where, "it is not YAML", fix)
     if not isinstance(values, dict):
         raise InputError(where, "it is not a description", fix=fix)
     return parse_config(values, where)
