@@ -2,7 +2,9 @@
 
 import hashlib
 import json
+import re
 from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -95,7 +97,8 @@ def fit(program: ChipProgram, board: str, seeds: int) -> tuple[dict[str, Any], b
         if not (folder / f"{board}.json").exists():
             raise
         fix = "Choose a larger device."
-        raise TargetError(where, "the core cannot be placed", measured=error.measured, fix=fix) from error
+        measured = _too_much(folder / f"{board}-1.log") or error.measured
+        raise TargetError(where, "the core cannot be placed", measured=measured, fix=fix) from error
     placed = [json.loads((folder / f"{board}-{seed}.json").read_text()) for seed in range(1, seeds + 1)]
     cells = json.loads((folder / f"{board}.cells").read_text())["design"]["num_cells_by_type"]
     (bitstream,) = folder.glob(f"{board}.bi[tn]")
@@ -109,6 +112,16 @@ def fit(program: ChipProgram, board: str, seeds: int) -> tuple[dict[str, Any], b
         "tools": versions,
     }
     return found, bitstream.read_bytes()
+
+
+def _too_much(log: Path) -> str:
+    """Return what a placement takes more of than there is, as its log says: ``39 of 30 block RAMs``."""
+    found = re.findall(r"(\w+): +(\d+)/ *(\d+) ", log.read_text("utf-8")) if log.exists() else []
+    kinds = {name: kind for kind, names in CELLS.items() for name in names}
+    over = ((kinds.get(name, name), int(used), int(held)) for name, used, held in found)
+    return ", ".join(
+        f"{used:,} of {held:,} {kind.replace('_rams', ' RAMs')}" for kind, used, held in over if used > held
+    )
 
 
 def _updates(core: CoreProgram, recording: ByteArray, played: SimulationResult) -> IntArray:

