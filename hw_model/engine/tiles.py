@@ -313,11 +313,11 @@ def _is_silent(rows, first, state):  # type: ignore[no-untyped-def]
 @absorbed
 def _move_on(state, rows):  # type: ignore[no-untyped-def]
     """Move what is due after a tile to the front; the rows behind it start empty. Charges of the tile are all taken."""
-    for r in range(rows + state.due):
-        if r >= state.due:
-            _clear(state.touched, r)
-        elif _move_row(state.touched, r + rows, r):
+    for r in range(state.due):
+        if _move_row(state.touched, r + rows, r):
             _move_row(state.charge, r + rows, r)
+    for r in range(state.due, rows):
+        _clear(state.touched, r)
 
 
 @inner
