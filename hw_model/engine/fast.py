@@ -6,10 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from hw_model.engine import tiles
 from hw_model.engine.compiled import compiled, entry, in_parts, inner
 from hw_model.engine.lay_out import fast_layout
 from hw_model.engine.layout import CHARGE_WRAPS, FIELDS, LANES, FastLayout
+from hw_model.engine.state import NOTHING_KEPT, Kept, KeptRegister, State, Workspace, first_state, reset, workspace
+from hw_model.engine.tiles import run_tile
 from hw_model.engine.trace import NOTHING, REGISTERS, SKIPPED, EventLists, PhaseInput, PhaseTrace, Register, Window
 from hw_model.program.chip_program import ChipProgram
 from hw_model.values import Int32Array, IntArray
@@ -24,9 +25,9 @@ def run_phase(
     """Run a batch through one phase, in threads; keep of the registers what the windows ask for."""
     layout = fast_layout(program, phase)
     trace = PhaseTrace.empty(played, layout.columns, layout.pieces, windows)
-    kept = tiles.NOTHING_KEPT
+    kept = NOTHING_KEPT
     if windows:
-        kept = tiles.Kept(True, *(_kept(kind, layout, trace, windows) for kind in REGISTERS))
+        kept = Kept(True, *(_kept(kind, layout, trace, windows) for kind in REGISTERS))
     given = *join_lists(played.events), played.start, played.stop, layout.nodes, layout.chunks, layout.links
     written = trace.spikes, trace.sent, trace.active, trace.events, trace.totals, kept
     in_parts(partial(_run_part, layout, given, skip, written), len(trace.sent))
@@ -41,7 +42,7 @@ def _run_part(
     try:
         room = rooms.pop()  # of two threads that ask for the last one, one finds none
     except IndexError:
-        room = tiles.first_state(layout), tiles.workspace(layout)
+        room = first_state(layout), workspace(layout)
     arguments = (low, high, *given, *room, skip, False, *written)
     machine_code(layout, arguments)(*arguments)
     if layout.columns <= SMALL:
@@ -57,16 +58,16 @@ def machine_code(layout: FastLayout, arguments: tuple[Any, ...]) -> Callable[...
 
 
 @lru_cache(maxsize=8)
-def _made(layout: FastLayout) -> tuple[list[tuple[tiles.State, tiles.Workspace]], list[Callable[..., Any]]]:
+def _made(layout: FastLayout) -> tuple[list[tuple[State, Workspace]], list[Callable[..., Any]]]:
     """Return the rooms of a layout that no thread is using, whoever takes one resets it, and its machine code."""
     return [], []
 
 
-def _kept(kind: Register, layout: FastLayout, trace: PhaseTrace, windows: dict[Register, Window]) -> tiles.KeptRegister:
+def _kept(kind: Register, layout: FastLayout, trace: PhaseTrace, windows: dict[Register, Window]) -> KeptRegister:
     window = windows.get(kind, NOTHING)
     place = np.full(layout.columns, -1, dtype=np.int64)
     place[window.columns] = np.arange(len(window.columns))
-    return tiles.KeptRegister(place, window.start, trace.registers.get(kind, window.empty(len(trace.sent))))
+    return KeptRegister(place, window.start, trace.registers.get(kind, window.empty(len(trace.sent))))
 
 
 def join_lists(events: Sequence[EventLists]) -> tuple[IntArray, Int32Array]:
@@ -110,10 +111,10 @@ def _run(  # type: ignore[no-untyped-def]
     tile = len(work.masks)
     for b in range(low, high):
         if not on:
-            tiles.reset(state)
+            reset(state)
         for step in range(start[b], stop[b], tile):
             rows = min(tile, stop[b] - step)
-            totals[b, SKIPPED] += tiles.run_tile(
+            totals[b, SKIPPED] += run_tile(
                 step, rows, first[b, step:], line, nodes, chunks, links, state, work, skip,
                 spikes[b, step:], sent[b], active[b, step:], b, kept,
             )  # fmt: skip

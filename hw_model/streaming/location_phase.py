@@ -97,7 +97,8 @@ class History(NamedTuple):
 
 KEPT = (BLOCKED + 1 - U) * LANES
 """Numbers of a chunk's state: u, v, potential and blocked, which lie side by side."""
-_ZERO = np.int64(0)
+_ZERO, _ONE = np.int64(0), np.int64(1)
+"""Of a type, as variables are: loops are compiled anew for each literal that they are called with."""
 _LANES, _CHUNK, _STATE = np.uint64(LANES), np.uint64(FIELDS * LANES), np.uint64(U * LANES)
 _POTENTIAL = np.uint64(POTENTIAL * LANES)
 
@@ -220,7 +221,7 @@ def _push(  # type: ignore[no-untyped-def]
                 if rows[row, channel] and time < visits.rows[node]:
                     line = visits.first_line[channel] + time
                     for index in range(order.link_of[node], order.link_of[node + 1]):
-                        _change(np.uint64(order.link[index]), line, visits.step[channel], 1, links, history)
+                        _change(np.uint64(order.link[index]), line, visits.step[channel], _ONE, links, history)
         ran = False
         for block in range(len(history.changed)):
             start = history.changed[block]

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hw_model.engine import tiles
+from hw_model.engine import state
 from hw_model.engine.compiled import called, compiled
 from hw_model.engine.events import list_events, list_into
 from hw_model.engine.fast import join_lists, machine_code
@@ -32,7 +32,7 @@ class Live:
         self._layout, self._steps, self._read, self._start = layout, steps, read, 0
         ends = np.cumsum([0, *layout.nodes.size[: layout.inputs]])
         self._inputs = [slice(*ends) for ends in pairwise(ends.tolist())]
-        self._state, self._work = tiles.first_state(layout, TILE), tiles.workspace(layout, TILE)
+        self._state, self._work = state.first_state(layout, TILE), state.workspace(layout, TILE)
         self._so_far = np.zeros(layout.columns, dtype=np.int64)
         # What the loop adds up of a whole recording: nobody asks a session for it.
         shapes = (1, int(ends[-1]) + layout.columns), (1, len(EVENTS), layout.columns), (1, len(TOTALS))
@@ -47,7 +47,7 @@ class Live:
 
     def reset(self) -> None:
         """Go back to before the first step."""
-        tiles.reset(self._state)
+        state.reset(self._state)
         self._so_far[:] = 0
         self._start = 0
 
@@ -93,10 +93,10 @@ class Live:
         """Return room for the spikes and potentials of so many rows, and what the loop is to be given with it."""
         layout, read = self._layout, len(self._read.columns)
         spikes, active = np.zeros((1, many, layout.columns), np.uint8), np.zeros((1, many, layout.pieces), np.int64)
-        potential, kept = np.zeros((1, many, read), dtype=np.int64), tiles.NOTHING_KEPT
+        potential, kept = np.zeros((1, many, read), dtype=np.int64), state.NOTHING_KEPT
         if read:
-            register = tiles.KeptRegister(self._place, 0, potential)
-            kept = tiles.Kept(True, tiles.NO_REGISTER, tiles.NO_REGISTER, register)
+            register = state.KeptRegister(self._place, 0, potential)
+            kept = state.Kept(True, state.NO_REGISTER, state.NO_REGISTER, register)
         arguments = (
             np.zeros(1, np.int64), np.full(1, many), layout.nodes, layout.chunks, layout.links, self._state, self._work,
             True, True, spikes, self._sent, active, self._events, self._totals, kept,

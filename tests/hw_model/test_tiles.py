@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 import hw_model as hw
+from hw_model.engine.delivery import LONG
 from hw_model.engine.lay_out import fast_layout
 from hw_model.engine.links import _packed
-from hw_model.engine.tiles import LONG, MOST_LISTED, TILE
+from hw_model.engine.state import MOST_LISTED, TILE
 from hw_model.simulation import ENGINES
 
 CHIP = hw.chip("loihi-sim")

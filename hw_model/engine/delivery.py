@@ -1,0 +1,126 @@
+"""The compiled loops that deliver spikes: those of a node in some rows of a tile, over a link."""
+
+import numpy as np
+
+from hw_model.engine.chunks import add_weights, fill
+from hw_model.engine.compiled import absorbed, inner
+from hw_model.engine.layout import LANES, MATRIX, PACKED_LIST
+from hw_model.engine.state import MOST_LISTED
+
+LONG = 128
+"""Slots from which on several matrix rows are added at once; for fewer, setting out takes longer than it saves."""
+
+# Unsigned, or each index would be tested for being negative.
+_LANES = np.uint64(LANES)
+
+
+@absorbed
+def deliver(  # type: ignore[no-untyped-def]
+    link, rows_from, rows_to, event, base, begin, m, charge, touched, row_of, nodes, links
+):
+    """Add the synapses of a link's spikes to the rows in which they are due: the next one, and later.
+
+    The spikes of row r are ``event[base + e]`` for e in ``begin[r, m]..begin[r + 1, m]``.
+    """
+    offset, width = links.offset[link], links.width[link]
+    if links.kind[link] == MATRIX:
+        node = links.target_node[link]
+        many, low = np.uint64(width), np.uint64(links.target[link])
+        if width < LONG and begin[rows_to, m] - begin[rows_from, m] <= MOST_LISTED:
+            _add_listed(link, rows_from, rows_to, event, base, begin, m, charge, row_of, links)
+            for r in range(rows_from, rows_to):
+                at, anything = np.uint64(r + 1 + links.delay[link]), begin[r + 1, m] > begin[r, m]
+                for chunk in range(nodes.chunk[node], nodes.chunk[node + 1]):
+                    touched[at, np.uint64(chunk)] |= anything
+            return
+        for r in range(rows_from, rows_to):
+            if begin[r + 1, m] > begin[r, m]:
+                at = np.uint64(r + 1 + links.delay[link])
+                rest = begin[r, m]
+                if width >= LONG:
+                    rest = _add_eights(link, base, rest, begin[r + 1, m], event, charge, at, links)
+                for e in range(rest, begin[r + 1, m]):
+                    start = np.uint64(offset + event[base + e] * width)
+                    for j in range(many):
+                        charge[at, low + j] += links.matrix[start + j]
+                _touch_all(node, at, nodes, touched)
+    else:
+        for r in range(rows_from, rows_to):
+            due = np.uint64(r + 1 + links.delay[link])
+            for e in range(begin[r, m], begin[r + 1, m]):
+                source = np.uint64(offset + event[base + e])
+                first, last = np.uint64(links.list_start[source]), np.uint64(links.list_start[source + np.uint64(1)])
+                if links.kind[link] == PACKED_LIST:
+                    _follow_packed(link, due, first, last, charge, links)
+                else:
+                    for k in range(first, last):
+                        charge[np.uint64(r + 1 + links.late[k]), np.uint64(links.slot[k])] += links.weight[k]
+                first, last = np.uint64(links.reach_start[source]), np.uint64(links.reach_start[source + np.uint64(1)])
+                for k in range(first, last):
+                    touched[np.uint64(r + 1 + links.reach_late[k]), np.uint64(links.reach_chunk[k])] = 1
+            if width and begin[r + 1, m] > begin[r, m]:
+                for late in range(np.uint64(width)):
+                    _touch_all(links.target_node[link], due + late, nodes, touched)
+
+
+@inner
+def _add_listed(link, rows_from, rows_to, event, base, begin, m, charge, row_of, links):  # type: ignore[no-untyped-def]
+    """Add a short matrix row for each spike; ``row_of`` is first told the row of each.
+
+    One loop over all spikes: how many a row has would be guessed wrong in most rows.
+    """
+    first, last = begin[rows_from, m], begin[rows_to, m]
+    for r in range(rows_from, rows_to):
+        at = begin[r, m] - first
+        fill(row_of, at, r)
+        for k in range(at + LANES, begin[r + 1, m] - first, LANES):
+            fill(row_of, k, r)
+    offset, width, low = links.offset[link], np.uint64(links.width[link]), np.uint64(links.target[link])
+    for e in range(last - first):
+        at = np.uint64(row_of[e] + 1 + links.delay[link])
+        start = np.uint64(offset + event[base + first + e] * links.width[link])
+        for j in range(np.uint64(0), width, _LANES):
+            add_weights(charge, at, low + j, links.matrix, start + j)
+
+
+@absorbed
+def _touch_all(node, at, nodes, touched):  # type: ignore[no-untyped-def]
+    """Mark all chunks of a node as touched in a row."""
+    for chunk in range(nodes.chunk[node], nodes.chunk[node + 1]):
+        touched[at, np.uint64(chunk)] = 1
+
+
+@inner
+def _follow_packed(link, at, first, last, charge, links):  # type: ignore[no-untyped-def]
+    """Add the packed synapses ``first..last`` to the row of charges ``at``, and later ones."""
+    low, slot_bits, shift = links.target[link], links.slot_bits[link], links.weight_shift[link]
+    slots, lates = (1 << slot_bits) - 1, (1 << links.late_bits[link]) - 1
+    above = slot_bits + links.late_bits[link]
+    if lates == 0:
+        for k in range(first, last):
+            word = np.int64(links.packed[k])
+            charge[at, np.uint64(low + (word & slots))] += (word >> above) << shift
+    else:
+        for k in range(first, last):
+            word = np.int64(links.packed[k])
+            late = np.uint64((word >> slot_bits) & lates)
+            charge[at + late, np.uint64(low + (word & slots))] += (word >> above) << shift
+
+
+@inner
+def _add_eights(link, base, first, last, event, charge, at, links):  # type: ignore[no-untyped-def]
+    """Add matrix rows eight at once, so that the row of charges is passed less often; return the first one left."""
+    matrix, many = links.matrix, np.uint64(links.width[link])
+    offset, width, low = links.offset[link], links.width[link], np.uint64(links.target[link])
+    while first + 8 <= last:
+        k = base + first
+        a, b = np.uint64(offset + event[k] * width), np.uint64(offset + event[k + 1] * width)
+        c, d = np.uint64(offset + event[k + 2] * width), np.uint64(offset + event[k + 3] * width)
+        e, f = np.uint64(offset + event[k + 4] * width), np.uint64(offset + event[k + 5] * width)
+        g, h = np.uint64(offset + event[k + 6] * width), np.uint64(offset + event[k + 7] * width)
+        for j in range(many):
+            one = np.int32(matrix[a + j]) + np.int32(matrix[b + j]) + np.int32(matrix[c + j]) + np.int32(matrix[d + j])
+            two = np.int32(matrix[e + j]) + np.int32(matrix[f + j]) + np.int32(matrix[g + j]) + np.int32(matrix[h + j])
+            charge[at, low + j] += np.int32(one) + np.int32(two)
+        first += 8
+    return first

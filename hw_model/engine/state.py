@@ -1,0 +1,143 @@
+"""What the fast engine carries from step to step, and where it works: a state, the room for a tile, what to keep.
+
+Charges are in units of 64, the least that a weight can be.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from hw_model.engine.compiled import absorbed, compiled, inner
+from hw_model.engine.layout import BIAS, LANES, FastLayout, aligned
+from hw_model.values import AnyArray
+
+TILE = 64
+"""Steps that one block runs before the next does: their charges stay in the cache."""
+MOST_LISTED = 1 << 12
+"""Spikes that are delivered together at most."""
+
+
+class State(NamedTuple):
+    """A phase at a step: registers; charges due in a tile of steps and after it; the chunks that they touch, by row.
+
+    ``at_rest`` marks the chunks that are all zero; the next two are registers and marks before the first step. Between
+    tiles charges lie in the first ``due`` rows only, as many as the longest delay takes.
+    """
+
+    registers: AnyArray
+    charge: AnyArray
+    touched: AnyArray
+    at_rest: AnyArray
+    first_registers: AnyArray
+    first_at_rest: AnyArray
+    due: int
+
+
+class Workspace(NamedTuple):
+    """The spikes of a tile, as bits by row and chunk and as lists by node and row; and which rows were updated.
+
+    ``row_of`` has room for the rows of spikes that are delivered together.
+    """
+
+    masks: AnyArray
+    event: AnyArray
+    begin: AnyArray
+    updated: AnyArray
+    row_of: AnyArray
+
+
+class KeptRegister(NamedTuple):
+    """Rows (batch, rows, columns) of a register from step ``start`` on; column c goes to ``place[c]`` if not -1."""
+
+    place: AnyArray
+    start: int
+    rows: AnyArray
+
+
+class Kept(NamedTuple):
+    """What to keep of registers; ``watched``: anything at all."""
+
+    watched: bool
+    u: KeptRegister
+    v: KeptRegister
+    potential: KeptRegister
+
+
+NO_REGISTER = KeptRegister(np.empty(0, dtype=np.int64), 0, np.empty((1, 0, 0), dtype=np.int64))
+NOTHING_KEPT = Kept(False, NO_REGISTER, NO_REGISTER, NO_REGISTER)
+
+
+def first_state(layout: FastLayout, tile: int = TILE) -> State:
+    """Return the state before the first step."""
+    registers = layout.chunks.registers.reshape(-1)
+    at_rest = (layout.chunks.registers[:, BIAS] == 0).min(axis=1)
+    chunks, due = len(at_rest), len(layout.links.due_late)
+    charge = aligned((tile + due, chunks * LANES), registers.dtype)
+    touched = np.zeros((tile + due, chunks), dtype=np.uint8)
+    current = aligned(registers.shape, registers.dtype)
+    current[:] = registers
+    return State(current, charge, touched, at_rest.copy(), registers, at_rest, due)
+
+
+def workspace(layout: FastLayout, tile: int = TILE) -> Workspace:
+    """Return room for the spikes of a tile."""
+    masks = np.zeros((tile, len(layout.chunks.node)), dtype=np.int32)
+    begin = np.zeros((tile + 1, len(layout.nodes.first)), dtype=np.int64)
+    event, updated = np.empty(tile * layout.columns + LANES, dtype=np.int32), np.zeros(tile, dtype=np.uint8)
+    return Workspace(masks, event, begin, updated, np.empty(MOST_LISTED + LANES, dtype=np.int32))
+
+
+@compiled
+def reset(state):  # type: ignore[no-untyped-def]
+    """Go back to before the first step."""
+    # Loops: each assignment of a whole array would take a second to compile.
+    for k in range(len(state.registers)):
+        state.registers[k] = state.first_registers[k]
+    for k in range(len(state.at_rest)):
+        state.at_rest[k] = state.first_at_rest[k]
+    for r in range(state.due):
+        _clear(state.charge, r)
+        _clear(state.touched, r)
+
+
+@inner
+def _clear(array, row):  # type: ignore[no-untyped-def]
+    for k in range(array.shape[1]):
+        array[row, k] = 0
+
+
+@inner
+def _move_row(array, row, to):  # type: ignore[no-untyped-def]
+    """Move a row to another; return whether anything in it was not 0."""
+    anything = False
+    for k in range(array.shape[1]):
+        anything |= array[row, k] != 0
+        array[to, k] = array[row, k]
+        array[row, k] = 0
+    return anything
+
+
+@inner
+def is_silent(rows, first, state):  # type: ignore[no-untyped-def]
+    """Tell whether nothing comes in a tile, nothing is due in it or later, and everything is at rest."""
+    for m in range(first.shape[1]):
+        if first[0, m] != first[rows, m]:
+            return False
+    for k in range(len(state.at_rest)):
+        if not state.at_rest[k]:
+            return False
+    for r in range(state.due):
+        for k in range(len(state.at_rest)):
+            if state.touched[r, k]:
+                return False
+    return True
+
+
+@absorbed
+def move_on(state, rows):  # type: ignore[no-untyped-def]
+    """Move what is due after a tile to the front; the rows behind it start empty. Charges of the tile are all taken."""
+    for r in range(state.due):
+        if _move_row(state.touched, r + rows, r):
+            _move_row(state.charge, r + rows, r)
+    for r in range(state.due, rows):
+        _clear(state.touched, r)
