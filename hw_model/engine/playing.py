@@ -37,7 +37,7 @@ def _stream(name: str, given: ArrayLike, channels: int) -> ByteArray:
     array: AnyArray = given if isinstance(given, np.ndarray) else as_array(where, given)
     if array.ndim not in (2, 3) or array.shape[-1] != channels:
         measured = f"{array.shape} against (steps, {channels}) or (batch, steps, {channels})"
-        raise InputError(where, "the shape does not fit", measured=measured, fix="Give one column a channel.")
+        raise InputError(where, "the shape does not fit", measured=measured, fix="Give one column per channel.")
     if array.dtype.kind == "u":
         binary = array.size == 0 or np.maximum.reduce(array, axis=None) <= 1
     else:

@@ -23,7 +23,7 @@ MAX_BYTES = 1_000_000
 
 #: The loader in C, if available: with bounded depth it gives the same result, many times faster.
 FAST_LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-WAY_ON = "Write one 'key: value' a line."
+WAY_ON = "Write one 'key: value' per line."
 
 
 class _Loader(yaml.SafeLoader):

@@ -72,7 +72,7 @@ def _check_visits(item: Input, phase: Phase) -> None:
             "its first lines do not fit",
             measured=f"{len(lines)} within {lines.min(initial=0)}..{lines.max(initial=0)} against "
             f"{item.channels} within 0..{item.size - 1}",
-            fix="Give one a channel.",
+            fix="Give one per channel.",
         )
     if item.lines_are_shared:
         raise InputError(where, "two channels of one step share lines", fix="Give each lines of its own.")

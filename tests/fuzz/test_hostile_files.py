@@ -49,7 +49,7 @@ NOT_YAML = {
     "digits without end": f"hidden: {'1' * 5000}\n",
     "bytes": b"\xff\xfe\xff\xff\xff",
 }
-TRAIN = "config 'a.yaml': it is not a YAML file. Write one 'key: value' a line."
+TRAIN = "config 'a.yaml': it is not a YAML file. Write one 'key: value' per line."
 SLAYER = "config 'a.yaml': it is not YAML. Give slayerPytorch's network description."
 NO_PROGRAM = "program.yaml: its entries do not make a program. Compile again."
 PROGRAM = "program.yaml: the file is not YAML: it is damaged. Compile again."
@@ -257,7 +257,7 @@ def test_a_member_without_a_name(tmp_path):
     with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
         archive.writestr(zipfile.ZipInfo(""), b"x")
     assert message_of(read_recordings, tmp_path / "a.zip") == (
-        "archive 'a.zip': no recordings inside. Give files named sample_<i>_label_<k>.npy."
+        "archive 'a.zip': no recordings inside. Give sample_<i>_label_<k>.npy files, or one .npz file."
     )
 
 

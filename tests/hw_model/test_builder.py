@@ -118,7 +118,7 @@ def test_mistakes(arguments, message):
 @pytest.mark.parametrize(
     ("spikes", "options", "message"),
     [
-        (np.zeros((3, 3)), {}, "spikes of 'x': the shape does not fit ((3, 3) against (steps, 2) or (batch, steps, 2)). Give one column a channel."),
+        (np.zeros((3, 3)), {}, "spikes of 'x': the shape does not fit ((3, 3) against (steps, 2) or (batch, steps, 2)). Give one column per channel."),
         (np.full((3, 2), 2), {}, "spikes of 'x': values other than 0 and 1. Binarise the events; graded spikes do not exist here."),
         (np.full((3, 2), np.nan), {}, "spikes of 'x': values other than 0 and 1. Binarise the events; graded spikes do not exist here."),
         ({"y": np.zeros((3, 2))}, {}, "spikes: the program plays x. Give a mapping with one array for each."),

@@ -142,8 +142,8 @@ def test_visits_that_no_program_has_are_refused(saved, change, message):
     [
         ([0, 1, 3], None, "input 'x': a channel is visited outside its phase (step 3 of 3, counted from 0). Give the phase more steps."),
         ([0, -1, 2], None, "input 'x': a channel is visited outside its phase (step -1 of 3, counted from 0). Give the phase more steps."),
-        ([0, 0, 1], [0, 3], "input 'x': its first lines do not fit (2 within 0..3 against 3 within 0..5). Give one a channel."),
-        ([0, 0, 1], [0, 6, 0], "input 'x': its first lines do not fit (3 within 0..6 against 3 within 0..5). Give one a channel."),
+        ([0, 0, 1], [0, 3], "input 'x': its first lines do not fit (2 within 0..3 against 3 within 0..5). Give one per channel."),
+        ([0, 0, 1], [0, 6, 0], "input 'x': its first lines do not fit (3 within 0..6 against 3 within 0..5). Give one per channel."),
         ([0, 0, 1], [0, 1, 5], None),
         ([0, 0, 1], [0, 1, 4], "input 'x': two channels of one step share lines. Give each lines of its own."),
         ([0, 0, 1], None, "input 'x': two channels of one step share lines. Give each lines of its own."),

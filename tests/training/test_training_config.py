@@ -99,13 +99,13 @@ def test_whole_numbers_serve_as_numbers() -> None:
         ),
         pytest.param(
             "- epochs",
-            "config 'a.yaml': it holds no mapping (list). Write one 'key: value' a line.",
+            "config 'a.yaml': it holds no mapping (list). Write one 'key: value' per line.",
             id="a list",
         ),
-        pytest.param("{", "config 'a.yaml': it is not a YAML file. Write one 'key: value' a line.", id="broken"),
+        pytest.param("{", "config 'a.yaml': it is not a YAML file. Write one 'key: value' per line.", id="broken"),
         pytest.param(
             "!!python/object/apply:os.system ['touch ran']",
-            "config 'a.yaml': it is not a YAML file. Write one 'key: value' a line.",
+            "config 'a.yaml': it is not a YAML file. Write one 'key: value' per line.",
             id="hostile",
         ),
         pytest.param(
