@@ -173,6 +173,8 @@ def compile(
     recordings = recordings_for(network, events, labels)
     if network.any_length:
         network = replace(network, steps=recordings.spikes.shape[1])
+    # Recordings that do not fit are refused before all the work.
+    network.fit(recordings.spikes[:1], recordings.source)
     calibrated = _calibration(network, recordings, calibration)
     asked = Setting(strategy, weight_bits, split_weights or 0.0)
     with spread_over(scheduler) as spread:

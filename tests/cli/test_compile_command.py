@@ -38,6 +38,11 @@ def run(*arguments):
     return main([str(argument) for argument in arguments])
 
 
+def build(few, folder, *arguments):
+    """Build quietly with a strategy given, where it does not matter which one ``auto`` would choose."""
+    return run(MODEL, "--events", few, "-o", folder, "--quiet", "--strategy", "dendrite", *arguments)
+
+
 def test_a_build_is_whole_and_its_program_runs(few, tmp_path, capsys):
     assert run(MODEL, "--events", few, "-o", tmp_path / "out") == 0
     assert {path.name for path in (tmp_path / "out").iterdir()} == FILES
@@ -74,7 +79,7 @@ def test_a_chip_of_ones_own_brings_its_own_profile(few, tmp_path, capsys):
 
 
 def test_quiet_prints_nothing(few, tmp_path, capsys):
-    assert run(MODEL, "--events", few, "-o", tmp_path, "--quiet") == 0
+    assert build(few, tmp_path) == 0
     assert capsys.readouterr() == ("", "")
 
 
@@ -110,7 +115,7 @@ def test_without_events_the_check_is_on_synthetic_touches_and_says_so(tmp_path, 
 def test_a_build_replaces_the_one_before_and_leaves_other_files(few, tmp_path):
     (tmp_path / "notes.txt").write_text("mine")
     (tmp_path / "report.md").write_text("old")
-    assert run(MODEL, "--events", few, "-o", tmp_path, "--quiet") == 0
+    assert build(few, tmp_path) == 0
     assert (tmp_path / "notes.txt").read_text() == "mine"
     assert (tmp_path / "report.md").read_text() != "old"
     assert {path.name for path in tmp_path.iterdir()} == FILES | {"notes.txt"}
@@ -129,7 +134,7 @@ def test_a_build_replaces_the_one_before_and_leaves_other_files(few, tmp_path):
     ],
 )
 def test_gates(few, tmp_path, capsys, gate, value, code, line):
-    assert run(MODEL, "--events", few, "-o", tmp_path, "--quiet", gate, value) == code
+    assert build(few, tmp_path, gate, value) == code
     captured = capsys.readouterr()
     assert captured.err.startswith(line)
     # A budget that no setting keeps is a line of its own, with what came nearest.
@@ -139,7 +144,7 @@ def test_gates(few, tmp_path, capsys, gate, value, code, line):
 
 def test_gates_as_junit_xml(few, tmp_path, capsys):
     gates = ("--max-cores", "1", "--max-latency-us", "1e9", "--min-agreement", "0", "--max-energy-nj", "1")
-    assert run(MODEL, "--events", few, "-o", tmp_path / "out", "--quiet", *gates, "--junit", tmp_path / "g.xml") == 3
+    assert build(few, tmp_path / "out", *gates, "--junit", tmp_path / "g.xml") == 3
     root = ElementTree.parse(tmp_path / "g.xml").getroot()
     (suite,) = root
     for element in (root, suite):
@@ -164,7 +169,7 @@ def test_a_build_with_fewer_vectors_leaves_none_of_the_old(few, tmp_path):
     stale = tmp_path / "vectors/core99/spikes.hex"
     stale.parent.mkdir(parents=True)
     stale.write_text("")
-    assert run(MODEL, "--events", few, "-o", tmp_path, "--quiet", "--emit", "vectors", "--recording", "2") == 0
+    assert build(few, tmp_path, "--emit", "vectors", "--recording", "2") == 0
     assert not stale.exists()
     manifest = yaml.safe_load((tmp_path / "vectors" / "manifest.yaml").read_text())
     assert manifest["recording"] == "recording 2 of few.npy"
@@ -270,7 +275,7 @@ BAD_OPTIONS = [
     ("config", lambda t: ("--config", "net.yaml"), "model 'objects-hybrid.pt': config was given, but a checkpoint contains this itself. Leave config out."),
     ("emit", lambda t: ("--emit", "programm"), "--emit programm: it is not known. Did you mean 'program'?"),
     ("probe", lambda t: ("--probe", "time_output[3]"), "--probe: nothing emitted shows a neuron. Add --emit vcd."),
-    ("probed", lambda t: ("--emit", "vcd", "--probe", "time_outptu[3]"), "probe 'time_outptu[3]': there is no population 'time_outptu'. Did you mean 'time_output'?"),
+    ("probed", lambda t: ("--strategy", "dendrite", "--emit", "vcd", "--probe", "time_outptu[3]"), "probe 'time_outptu[3]': there is no population 'time_outptu'. Did you mean 'time_output'?"),
     ("recording", lambda t: ("--emit", "vcd", "--recording", "16"), "--recording 16: there is no such recording (16 in synthetic touches). Count from 0 to 15."),
     ("before the first", lambda t: ("--emit", "vcd", "--recording", "-1"), "--recording -1: there is no such recording (16 in synthetic touches). Count from 0 to 15."),
     ("junit alone", lambda t: ("--junit", str(t / "gates.xml")), "--junit: no gate is asked for. Add one of --min-agreement, --max-spike-error, --max-score-error, --max-energy-nj, --max-latency-us, --max-cores."),
@@ -307,7 +312,7 @@ def test_wrong_usage_is_one_line_and_exit_code_2(arguments, line, capsys):
 def test_a_folder_without_write_permission(few, tmp_path, capsys):
     """As an ordinary user: permissions do not hold for root."""
     # Once as root, for what is imported late lies where an ordinary user may not read.
-    assert run(MODEL, "--events", few, "--strategy", "dendrite", "--quiet", "-o", tmp_path / "open") == 0
+    assert build(few, tmp_path / "open") == 0
     locked = tmp_path / "locked"
     locked.mkdir(mode=0o555)
     was_root = os.geteuid() == 0
@@ -317,7 +322,7 @@ def test_a_folder_without_write_permission(few, tmp_path, capsys):
                 folder.chmod(0o755)
         os.seteuid(65534)
     try:
-        code = run(MODEL, "--events", few, "--strategy", "dendrite", "--quiet", "-o", locked / "out")
+        code = build(few, locked / "out")
     finally:
         if was_root:
             os.seteuid(0)
@@ -348,7 +353,7 @@ def test_a_model_that_the_chip_cannot_hold_is_exit_code_1(tmp_path, capsys):
 
 def test_a_write_that_fails_half_way_leaves_the_old_build(few, tmp_path, monkeypatch, capsys):
     out = tmp_path / "out"
-    assert run(MODEL, "--events", few, "-o", out, "--quiet") == 0
+    assert build(few, out) == 0
     before = {path.name: path.read_bytes() for path in out.iterdir()}
     real = Path.write_bytes
 
@@ -358,7 +363,7 @@ def test_a_write_that_fails_half_way_leaves_the_old_build(few, tmp_path, monkeyp
         return real(self, content)
 
     monkeypatch.setattr(Path, "write_bytes", full)
-    assert run(MODEL, "--events", few, "-o", out, "--quiet", "--weight-bits", "4") == 2
+    assert build(few, out, "--weight-bits", "4") == 2
     assert capsys.readouterr().err == (
         f"output {str(out)!r}: cannot be written: no space left on device. Choose a folder you may write to with -o.\n"
     )

@@ -140,3 +140,12 @@ def test_numbers_of_numpy_are_numbers(program):
 def test_calls_that_python_refuses_stay_python_s():
     with pytest.raises(TypeError, match="missing 1 required positional argument: 'network'"):
         lc.compile()
+
+
+def test_recordings_that_do_not_fit_are_refused_before_all_the_work(network, monkeypatch):
+    monkeypatch.setattr("locsnn_compile.api.calibrate", lambda *_: pytest.fail("weights were rounded for them"))
+    monkeypatch.setattr("locsnn_compile.choose_strategy.calibrate", lambda *_: pytest.fail("settings were compared"))
+    what = "the channel count differs from the model's (5 channels against 78)"
+    with pytest.raises(lc.InputError) as caught:
+        lc.compile(network, events=np.zeros((1, 9, 5)))
+    assert str(caught.value) == f"events 'array': {what}. Give recordings of shape (samples, steps, 78)."
