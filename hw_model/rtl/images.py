@@ -15,10 +15,10 @@ from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT
 from hw_model.description.chip import MemoryWords
 from hw_model.description.chip import Sizes as Sizes
 from hw_model.program.chip_program import ChipProgram, Core
+from hw_model.rtl.lists import BANKS, Table, packed_lists
 from hw_model.rtl.memory_words import BitArray, Layout
 from hw_model.rtl.phases import core_phases
 from hw_model.rtl.refused import refuse_unless, refuse_unplayable
-from hw_model.rtl.steps import in_steps
 from hw_model.values import IntArray
 
 JOIN_DISTANCE = 6
@@ -34,12 +34,6 @@ SIMULATED = Sizes(
     axons=8192, synapses=131072, compartments=1024, slots=64, charge=26, join=36, bitmap=8192, visits=1024, entries=1024
 )
 """Sizes that hold most programs, so that one built simulator plays them."""
-BANKS = (0, 1)
-"""Of charges under way, as seen in a step whose next one has an even slot: delivery.sv says which is which."""
-NO_SYNAPSE = {"exponent": 7}
-"""What stands for no synapse in a half of a word: a weight of 0 has exponent 0."""
-Table = dict[str, IntArray]
-"""Fields of a memory's words by name, each (words,)."""
 
 
 def layouts(sizes: Sizes) -> dict[str, Layout]:
@@ -99,15 +93,17 @@ class CoreProgram:
         self.channels = sum(program.streams.values())
         self._number()
         synapses = self._synapses()
-        self.starts, self.lengths, heads, words = self._words(synapses)
+        placed = {**synapses, "target": self._places(synapses["target"])}
+        lists = packed_lists(placed, self.first_source + self.ends[-1], self.sizes.step)
+        self.starts, self.lengths = lists.starts, lists.lengths
         ratios = [weight.as_integer_ratio() for weight in program.readout.weights] if program.readout else []
         self.scale = max((below for _, below in ratios), default=1)
         # Larger weights are refused, and need not fit 64 bits for that.
         weights = [min(max(above * (self.scale // below), -(1 << 40)), 1 << 40) for above, below in ratios]
         visits = np.hstack([phase.visits for phase in self.phases])
         self.tables = {
-            "axons": {"start": np.where(self.lengths > 0, self.starts, 0), "length": self.lengths, **heads},
-            "synapses": words,
+            "axons": {"start": np.where(self.lengths > 0, self.starts, 0), "length": self.lengths, **lists.heads},
+            "synapses": lists.words,
             "compartments": self._compartments(),
             "visits": {"step": visits[0], "channel": visits[1], "source": visits[2]},
             "weights": {"magnitude": _array(map(abs, weights)), "negative": _array(weight < 0 for weight in weights)},
@@ -248,29 +244,6 @@ class CoreProgram:
                 "mantissa": mantissa,
             })  # fmt: skip
         return {name: np.concatenate([part[name] for part in parts]).astype(np.int64) for name in parts[0]}
-
-    def _words(self, synapses: Table) -> tuple[IntArray, IntArray, Table, Table]:
-        """Return where the list of each source begins, its length, its head, and its words: a synapse for each bank.
-
-        Lists of an even length come first: where a row of memory holds two words, they take no row more than they need.
-        """
-        target = self._places(synapses["target"])
-        bank = (np.bitwise_xor.reduce(target >> np.arange(24)[:, None]) ^ synapses["delay"]) & 1
-        half, sources, heads = 2 * synapses["source"] + bank, self.first_source + self.ends[-1], Table()
-        entries = {**synapses, "target": target >> 1}
-        if self.sizes.step:
-            half, entries, heads = in_steps(half, entries, self.sizes.step, sources)
-        order, counts = np.argsort(half, kind="stable"), np.bincount(half, minlength=2 * sources)
-        lengths = counts.reshape(-1, 2).max(axis=1)
-        even_first, starts = np.argsort(lengths % 2, kind="stable"), np.empty_like(lengths)
-        starts[even_first] = np.cumsum(lengths[even_first]) - lengths[even_first]
-        word = np.arange(len(order)) + np.repeat(np.repeat(starts, 2) - np.cumsum(counts) + counts, counts)
-        table: Table = {}
-        for name, column in entries.items():
-            found = np.full((2, int(lengths.sum())), NO_SYNAPSE.get(name, 0))
-            found[half[order] & 1, word] = column[order]
-            table |= {f"{name}{side}": found[side] for side in BANKS}
-        return starts, lengths, heads, table
 
     def _compartments(self) -> Table:
         """Return the constants of every compartment; gaps have none."""
