@@ -109,20 +109,15 @@ def update(c: Place, charge: Place, widths: Given) -> Returned:
     return bits(fired), count(busy), bits((u | state | bias) != 0)
 
 
-def _take_plainly(c: Place, charge: Lanes) -> tuple[Lanes, Lanes]:
-    """Take charge into u and v, where nothing can wrap; return u, and v before it is clipped."""
-    u = _rz(c[U], c[KEEP_U]) + (charge << WEIGHT_SHIFT)
-    c[U] = u
-    return u, _rz(c[V], c[KEEP_V]) + u
-
-
 def _respond_plainly(c: Place, charge: Place) -> tuple[Lanes, Lanes, Lanes]:
-    """Do the same, and empty the charge; return which lanes were busy, u, and v before any threshold."""
-    arrived = charge[0]
+    """Take charge into u and v, where nothing can wrap; return which lanes were busy, u, and v before any threshold."""
+    arrived, u, v = charge[0], c[U], c[V]
     charge[0] = 0
-    busy = (arrived | c[U] | c[V]) != 0
-    u, unclipped = _take_plainly(c, arrived)
+    busy = (arrived | u | v) != 0
+    u = _rz(u, c[KEEP_U]) + (arrived << WEIGHT_SHIFT)
+    unclipped = _rz(v, c[KEEP_V]) + u
     clipped = _clip(c, unclipped)
+    c[U] = u
     c[VOLTAGE_CLIPS] += clipped != unclipped
     return busy, u, clipped
 
@@ -198,22 +193,9 @@ def advance_pair(c: Place, charge: Place, other_charge: Place, widths: Given) ->
 
     This is how a spike response neuron is lowered: its alpha dendrite, its refractory dendrite, and its soma.
     """
-    ends = halves(c, widths)
-    return _join(c, _respond(c, charge[0], ends), _respond(c.after(FIELDS), other_charge[0], ends))
-
-
-@kernel("registers, at, charge, row, slot, other_charge, other_row, other_slot", returns=2)
-def advance_plain_pair(c: Place, charge: Place, other_charge: Place) -> Returned:
-    """Do the same where both chunks are plain."""
-    other = c.after(FIELDS)
-    (u, v), (u_other, v_other) = _take_plainly(c, charge[0]), _take_plainly(other, other_charge[0])
-    return _join(c, (u, _clip(c, v)), (u_other, _clip(other, v_other)))
-
-
-def _join(c: Place, one: tuple[Lanes, Lanes], two: tuple[Lanes, Lanes]) -> Returned:
-    """Set v of two chunks of dendrites, given u and v of each, and return the spikes of their sum."""
-    other, soma = c.after(FIELDS), c.after(2 * FIELDS)
-    (u, v), (u_other, v_other) = one, two
+    other, soma, ends = c.after(FIELDS), c.after(2 * FIELDS), halves(c, widths)
+    u, v = _respond(c, charge[0], ends)
+    u_other, v_other = _respond(other, other_charge[0], ends)
     c[V], other[V] = v, v_other
     fired = _clip(soma, v + v_other) > soma[THRESHOLD]
     return bits(fired), bits((u | v | u_other | v_other) != 0)

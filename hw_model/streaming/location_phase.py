@@ -16,7 +16,6 @@ from hw_model.engine.chunks import (
     add_up,
     advance,
     advance_pair,
-    advance_plain_pair,
     copy_current_and_voltage,
     copy_state,
     pass_on,
@@ -57,8 +56,7 @@ class Order(NamedTuple):
 
     ``parent`` is a member; ``forgets``: nothing is kept from step to step; ``never_rests``: there is a bias;
     ``is_pair``: the first of two dendrites whose sum is all that the third member is, and which keeps nothing;
-    ``is_plain``: it is that of two plain ones; ``read``: its potentials are kept. Node n is the source of the links
-    ``link[link_of[n]:link_of[n + 1]]``.
+    ``read``: its potentials are kept. Node n is the source of the links ``link[link_of[n]:link_of[n + 1]]``.
     """
 
     member: AnyArray
@@ -68,7 +66,6 @@ class Order(NamedTuple):
     forgets: AnyArray
     never_rests: AnyArray
     is_pair: AnyArray
-    is_plain: AnyArray
     read: AnyArray
     link: AnyArray
     link_of: AnyArray
@@ -202,11 +199,9 @@ def _order(layout: FastLayout, of: Read) -> Order:
     for low, high in pairwise(chunks.bundle.tolist()):
         is_pair[low] &= not read[low:high].any()  # a pair is run without a potential of its own
     never_rests = (chunks.registers[member][:, BIAS] != 0).max(axis=1)
-    plain = chunks.plain[member].astype(np.bool_)
-    is_plain = is_pair & plain & np.roll(plain, -1)
     link = np.argsort(layout.links.source, kind="stable")
     link_of = np.searchsorted(layout.links.source[link], np.arange(len(layout.nodes.first) + 1))
-    return Order(member, chunks.begins, parent, sums, forgets, never_rests, is_pair, is_plain, read, link, link_of)
+    return Order(member, chunks.begins, parent, sums, forgets, never_rests, is_pair, read, link, link_of)
 
 
 @compiled
@@ -335,14 +330,9 @@ def _run_pair(step, index, widths, order, registers, at_rest, history):  # type:
     at = index * _CHUNK
     mask = np.int32(0)
     if not at_rest[index] or history.reached[step, one] or history.reached[step, other]:
-        if order.is_plain[index]:
-            mask, remains = advance_plain_pair(
-                registers, at, history.charge, step, one * _LANES, history.charge, step, other * _LANES
-            )
-        else:
-            mask, remains = advance_pair(
-                registers, at, history.charge, step, one * _LANES, history.charge, step, other * _LANES, widths
-            )
+        mask, remains = advance_pair(
+            registers, at, history.charge, step, one * _LANES, history.charge, step, other * _LANES, widths
+        )
         at_rest[index] = remains == 0 and not order.never_rests[index] and not order.never_rests[index + np.uint64(1)]
     copy_current_and_voltage(history.after, step, index, _ZERO, registers, at + _STATE)
     copy_current_and_voltage(history.after, step, index + np.uint64(1), _ZERO, registers, at + _CHUNK + _STATE)
