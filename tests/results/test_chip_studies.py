@@ -76,6 +76,18 @@ def test_the_points_name_files_that_ship_or_are_made() -> None:
         assert name in made or (MODELS / name).exists(), name
 
 
+def test_points_whose_networks_are_gone_stay() -> None:
+    from energy_front import over
+
+    stood = ["Objects", "A", "windows", "auto, 8 bits", "0.900 ± 0.010", "5.00", "21"]
+    other = ["Objects", "A", "windows", "auto, 4 bits", "0.890 ± 0.010", "4.00", "18"]
+    fewer, all_seeds = ([*stood[:4], right, "6.00", "21"] for right in ("0.950 (1 of 5 seeds)", "0.910 ± 0.020"))
+    assert over([stood, other], []) == [stood, other]
+    assert over([stood, other], [fewer]) == [stood, other]
+    assert over([stood, other], [all_seeds]) == [all_seeds, other]
+    assert over([], [fewer]) == [fewer]
+
+
 def test_confusions_come_apart_into_containers_and_levels(tmp_path: Path) -> None:
     from paper_pictures import apart, counts_of
 
