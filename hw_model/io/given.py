@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Any, ParamSpec, TypeVar, get_args, get_origin, get_type_hints
+from typing import Any, Literal, ParamSpec, TypeVar, get_args, get_origin, get_type_hints
 
 from hw_model.errors import InputError, listed
 
@@ -61,14 +61,26 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
 
 
 def check_fields(record: object) -> None:
-    """Refuse fields of a record that are not of the annotated types, and such items of its tuples.
+    """Refuse fields of a record that are not as annotated, with rules as in ``records``, and such items of its tuples.
+
+    Numbers of numpy become Python's.
 
     ``record``: a dataclass that a user made, which itself takes what it is given. A list may stand for a tuple, and
     arrays are not looked into.
     """
-    called, hints = type(record).__name__, get_type_hints(type(record))
+    from hw_model.io.records import check_value, field_kinds, said_of  # numpy: imported only when it is used
+
+    own: type = type(record)
+    called, hints, said = own.__name__, get_type_hints(own), said_of(own)
     for name in (item.name for item in fields(record)):  # type: ignore[arg-type]
-        value, kinds = getattr(record, name), _kinds(hints[name])
+        value, hint = getattr(record, name), hints[name]
+        if isinstance(value, Real) and not isinstance(value, int | float):
+            value = value.item()  # type: ignore[attr-defined]  # files hold Python's numbers, not those of numpy
+            object.__setattr__(record, name, value)
+        if said[name]:
+            check_value(f"{called}, {name}", value, field_kinds(own)[name], said[name])
+            continue
+        kinds = (bool,) if hint is bool else (str,) if get_origin(hint) is Literal else _kinds(hint)
         _check(called, name, tuple(value) if isinstance(value, list) and tuple in kinds else value, kinds)
         for option in (hints[name], *get_args(hints[name])):
             if get_origin(option) is tuple and get_args(option)[-1] is ... and isinstance(value, tuple | list):

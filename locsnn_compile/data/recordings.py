@@ -11,6 +11,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from hw_model.io.records import Must
 from hw_model.values import ByteArray, Frozen, IntArray, Shown, sealed
 from locsnn_compile.errors import InputError, check_most, check_same
 
@@ -22,6 +23,7 @@ MAX_STEPS = 20_000
 MAX_LABEL = 100_000
 #: Most characters of a class's name.
 MAX_NAME = 80
+STEP_SECONDS = Must(lambda v: (v > 0) & (v <= 1e6), "above 0 and at most 1e+06")
 
 Origin = Literal["given", "carried", "trained on", "made up"]
 """Where recordings come from: the user, a checkpoint that carries a few, a checkpoint that carries some of its own
@@ -94,9 +96,9 @@ class Recordings(Shown):
             least = 0 if self.labels is None else int(self.labels.max(initial=-1)) + 1
             object.__setattr__(self, "class_names", clean_class_names(where, self.class_names, least))
         seconds = self.step_seconds
-        if seconds is not None and not (np.isfinite(seconds) and seconds > 0):
+        if seconds is not None and not STEP_SECONDS.holds(seconds):
             fix = "Give the width of a bin."
-            raise InputError(where, "step_seconds must be above 0", measured=f"got {seconds!r}", fix=fix)
+            raise InputError(where, f"step_seconds must be {STEP_SECONDS.words}", measured=f"got {seconds!r}", fix=fix)
 
     def __len__(self) -> int:
         return len(self.spikes)

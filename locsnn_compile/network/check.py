@@ -8,8 +8,8 @@ from hw_model.io.given import check_fields
 from hw_model.io.records import POSITIVE
 from hw_model.values import AnyArray
 from locsnn_compile.errors import InputError, check_same
-from locsnn_compile.network.network import InputView, Network, Population
-from locsnn_compile.network.neurons import Neuron
+from locsnn_compile.network.network import MOST, InputView, Network, Population
+from locsnn_compile.network.neurons import TAPS, Neuron
 from locsnn_compile.network.projections import ChipProjection, Projection, values_of
 
 _Ends = dict[str, tuple[str, int]]
@@ -21,7 +21,8 @@ _LEAST, _MOST = 1e-100, 1e100
 def check_network(network: Network) -> None:
     """Check the whole level."""
     check_fields(network)
-    for part in (*network.views, *network.populations, network.readout):
+    neurons_of_all = (population.neuron for population in network.populations)
+    for part in (*network.views, *network.populations, *network.projections, network.readout, *neurons_of_all):
         check_fields(part)
     ends: _Ends = {view.name: (view.phase, view.lines) for view in network.views}
     for population in network.populations:
@@ -48,13 +49,18 @@ def check_network(network: Network) -> None:
 
 def _check_readout(network: Network) -> None:
     readout = network.readout
-    found = [p.size for name in readout.populations for p in network.populations if p.name == name]
+    found = [p.size for name in readout.populations for p in network.populations if p.name == name and not p.helper]
     weights = np.asarray(readout.weights, dtype=np.float64)
     whole = len(found) == len(readout.populations) == len(weights) and np.isfinite(weights).all()
     if len(set(found)) != 1 or not whole:
         measured = f"populations {readout.populations}, sizes {found}, weights {readout.weights}"
         fix = "Name populations of one size, each with its weight."
         raise InputError("readout", "it does not add up scores of populations of one size", measured=measured, fix=fix)
+    given = readout.potentials_from
+    steps = given if isinstance(given, tuple) else (given,) * len(found)
+    if len(steps) != len(found) or not all(one is None or (type(one) is int and 0 <= one <= MOST) for one in steps):
+        fix = "Give a step from 0 on, or one or None for each population."
+        raise InputError("readout", "potentials_from is not a step", measured=f"{given!r}"[:80], fix=fix)
     _check_magnitude("readout", "a weight", weights[weights != 0], _LEAST)
 
 
@@ -106,6 +112,8 @@ def _check_neuron(population: Population) -> None:
     for key, values, _, must in parameters:
         if must is None:
             continue
+        values = np.atleast_1d(values.astype(np.float64) if values.dtype == object else values)
+        values = values[values != np.inf] if must is TAPS else values
         bad = values[~(np.isfinite(values) & must.holds(values))]
         if bad.size:
             raise InputError(where, f"{key} must be {must.words}", measured=f"{bad.flat[0]}", fix="Correct it.")

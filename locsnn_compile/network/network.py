@@ -4,19 +4,23 @@ Network -> QuantizedNetwork -> CompartmentGraph -> PlacedGraph -> RoutedGraph ->
 (this file)  quantize       lower_neurons      place_cores    route_axons    assemble
 """
 
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
+from hw_model.io.records import NOT_NEGATIVE, between
 from hw_model.mapping.graph import AXES, Axis, Phase
 from hw_model.mapping.graph import Readout as Readout
 from hw_model.values import ByteArray, FloatArray, Frozen, IntArray, Shown
-from locsnn_compile.data.recordings import Expected, Recordings
+from locsnn_compile.data.recordings import STEP_SECONDS, Expected, Recordings
 from locsnn_compile.data.sensor import SensorLayout
 from locsnn_compile.errors import InputError
 from locsnn_compile.network.first_touch import from_first_touch
 from locsnn_compile.network.neurons import Neuron
 from locsnn_compile.network.projections import ChipProjection, Projection
+
+MOST = 10_000_000
+"""Lines, neurons of a population, and steps that a network may have."""
 
 
 class InputView(Shown):
@@ -32,7 +36,7 @@ class InputView(Shown):
 
     name: str
     axis: Axis
-    lines: int
+    lines: Annotated[int, between(1, MOST)]
     walk: IntArray | None = None
     together: int = 1
     silence: int = 0
@@ -84,7 +88,7 @@ class Population(Shown):
 
     name: str
     axis: Axis
-    size: int
+    size: Annotated[int, between(1, MOST)]
     neuron: Neuron
     helper: bool = False
     """Whether a frontend added it: its neurons are not in the model, and they are not compared."""
@@ -122,14 +126,14 @@ class Network(Shown):
     """
 
     name: str
-    channels: int
-    steps: int
+    channels: Annotated[int, between(1, MOST)]
+    steps: Annotated[int, between(1, MOST)]
     """Time steps of a recording; shorter recordings are padded with silence."""
     views: tuple[InputView, ...]
     populations: tuple[Population, ...]
     projections: tuple[Projection | ChipProjection, ...]
     readout: Readout
-    step_seconds: float | None = None
+    step_seconds: Annotated[float | None, STEP_SECONDS] = None
     """Seconds per time step; None if neither its file nor the user gives it."""
     sensor: SensorLayout | None = None
     """The layout of its channels, if its file has one."""
@@ -143,11 +147,11 @@ class Network(Shown):
     """Whether recordings of any length are played as they are; ``steps`` is then only the usual number."""
     assumptions: tuple[str, ...] = ()
     """Assumptions that were needed to read its file, as sentences."""
-    event_threshold: int | None = None
+    event_threshold: Annotated[int | None, NOT_NEGATIVE] = None
     """The number of events that a bin has to exceed to become 1; None if unknown."""
     class_names: tuple[str, ...] | None = None
     """Of its classes, if they have names."""
-    psi: float | None = None
+    psi: Annotated[float | None, NOT_NEGATIVE] = None
     """How late its time-weighted prediction turns to the location branch; None if unknown."""
     members: tuple[Member, ...] = ()
     """The networks of a committee, whose populations begin with ``name/``."""

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from hw_model.arithmetic.whole import whole_numbers
 from hw_model.errors import InputError, check_known, check_range
 from hw_model.io.given import as_array, checked
-from hw_model.io.records import AT_LEAST_ONE, NOT_NEGATIVE, Must
+from hw_model.io.records import AT_LEAST_ONE, NOT_NEGATIVE, Must, between
 from hw_model.io.records import POSITIVE as POSITIVE
 from hw_model.values import AnyArray, ArrayLike, BoolArray, FloatArray, Frozen, IntArray, Shown, sealed
 
@@ -35,6 +35,7 @@ _ARRAYS: dict[Any, Any] = {FloatArray: np.float64, IntArray: np.int64}
 
 Musts = Mapping[str, Must]
 FRACTION = Must(lambda v: (v >= 0) & (v <= 1), "a fraction from 0 to 1")
+TAPS = between(1, MAX_TAPS)
 FINITE = Must(np.isfinite, "a finite number")
 
 
@@ -129,7 +130,12 @@ class SrmAlpha(Neuron, Frozen):
     nu_taps: float = math.inf
 
     by_strategy = True
-    musts: ClassVar[Musts] = {"theta": POSITIVE, "tau_sr": POSITIVE, "tau_ref": POSITIVE, "scale_ref": NOT_NEGATIVE}
+    musts: ClassVar[Musts] = {
+        **dict.fromkeys(("theta", "tau_sr", "tau_ref"), POSITIVE),
+        "scale_ref": NOT_NEGATIVE,
+        "eps_taps": TAPS,
+        "nu_taps": TAPS,
+    }
 
     @property
     def spikes_at(self) -> float:

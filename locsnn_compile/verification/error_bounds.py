@@ -1,18 +1,20 @@
 """What a program may lose, and what a setting loses: the same bounds for ``auto`` and for ``locsnn explore``."""
 
+from hw_model.io.records import Checked
 from hw_model.values import Frozen
 
 SPIKE_TOLERANCE = 0.01
 """Without a budget, a setting may lose this share of spikes more than the first strategy, and no more predictions."""
 
 
-class ErrorBudget(Frozen):
+class ErrorBudget(Checked):
     """What a program may lose: at least ``min_agreement`` of the predictions stay, and no more than ``max_spike_error``
     of the spikes differ.
 
     The spike error is 1 minus the spike agreement. If neither is given, the budget is what ``dendrite`` loses.
     """
 
+    called = "budget"
     min_agreement: float | None = None
     max_spike_error: float | None = None
 

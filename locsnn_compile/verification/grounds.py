@@ -27,7 +27,7 @@ def grounds_of(network: Network, recordings: Recordings, calibration: Recordings
     known = of_bins if network.step_seconds is None else network.step_seconds
     rest = (*_of_recordings(network, recordings), *_of_step(network, known))
     last = tuple(_of_calibration(network, recordings, calibration))
-    return Grounds(known, recordings.origin, network.assumptions + rest + last, recordings.binned)
+    return Grounds(known, recordings.origin, (*network.assumptions, *rest, *last), recordings.binned)
 
 
 def _of_recordings(network: Network, recordings: Recordings) -> Iterator[str]:

@@ -1,5 +1,6 @@
 """The rules of the first level, each with its whole message; and weight matrices of both forms."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,7 @@ from locsnn_compile.errors import InputError
 from locsnn_compile.network.check import check_network
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm
 from locsnn_compile.network.network import InputView
-from locsnn_compile.network.neurons import Cuba
+from locsnn_compile.network.neurons import Cuba, SrmAlpha
 from locsnn_compile.network.projections import (
     ChipProjection,
     Projection,
@@ -24,6 +25,7 @@ from locsnn_compile.network.projections import (
     values_of,
     with_values,
 )
+from locsnn_compile.passes.srm.quantize import refractory_count
 
 
 def lif(**changes):
@@ -92,7 +94,7 @@ NEW_RULES = [
     ("finite", lambda: single(NEURON, [[np.inf]]), "projection 'touch' -> 'n': a weight is not a finite number. Train again, with a lower learning rate."),
     ("delays", lambda: integers(chip_cuba(), delay=THREE), "projection 'touch' -> 'n': the delays have the wrong shape ((3,) against (2, 2)). Give one delay, or one for each weight that is held."),
     ("sparse delays", lambda: single(NEURON, sparse.csr_array([[1.0, 0.0]]), delay=np.array([[1, 2]])), "projection 'touch' -> 'n': the delays have the wrong shape ((1, 2) against (1,)). Give one delay, or one for each weight that is held."),
-    ("broken delay", lambda: single(NEURON, delay=0.5), "projection 'touch' -> 'n': a delay is not a whole number of steps from 0 on. Round the delays."),
+    ("broken delay", lambda: single(NEURON, delay=0.5), "Projection, delay: it must be an int or ndarray (got float 0.5). Correct it."),
     ("early delay", lambda: single(NEURON, delay=-1), "projection 'touch' -> 'n': a delay is not a whole number of steps from 0 on. Round the delays."),
     ("walk", lambda: replace(hybrid(), channels=5), "input 'touch_transposed': its location order is not a permutation of the channels. Visit every channel exactly once."),
     ("no walk", lambda: visiting(walk=None), "input 'touch_transposed': a location axis has no location order. Visit every channel exactly once."),
@@ -159,11 +161,20 @@ def test_entries_given_twice_are_added():
 @pytest.mark.parametrize(
     ("changes", "line"),
     [
-        ({"steps": 2.5}, "Network, steps: it must be an int (got float 2.5). Correct it."),
+        ({"steps": 2.5}, "Network, steps: it must be a whole number from 1 to 10000000 (got 2.5). Correct it."),
         ({"views": (1,)}, "Network, views: it must be an InputView (got int 1). Correct it."),
         ({"populations": None}, "Network, populations: it must be a tuple (got NoneType None). Correct it."),
         ({"readout": "n"}, "Network, readout: it must be a Readout (got str 'n'). Correct it."),
-        ({"psi": "x"}, "Network, psi: it must be a float (got str 'x'). Correct it."),
+        ({"psi": "x"}, "Network, psi: it must be a number of at least 0 (got 'x'). Correct it."),
+        (
+            {"steps": 2**31},
+            "Network, steps: it must be a whole number from 1 to 10000000 (got 2147483648). Correct it.",
+        ),
+        (
+            {"step_seconds": 1e300},
+            "Network, step_seconds: it must be a number above 0 and at most 1e+06 (got 1e+300). Correct it.",
+        ),
+        ({"any_length": "no"}, "Network, any_length: it must be a bool (got str 'no'). Correct it."),
         ({"class_names": (1, 2)}, "Network, class_names: it must be a str (got int 1). Correct it."),
     ],
     ids=lambda given: next(iter(given)) if isinstance(given, dict) else "",
@@ -177,10 +188,15 @@ def test_fields_of_a_network_have_their_types(changes, line):
 @pytest.mark.parametrize(
     ("changes", "line"),
     [
-        ({"size": "2"}, "Population, size: it must be an int (got str '2'). Correct it."),
+        ({"size": "2"}, "Population, size: it must be a whole number from 1 to 10000000 (got '2'). Correct it."),
+        (
+            {"helper": True},
+            "readout: it does not add up scores of populations of one size (populations ('n',), sizes [], weights (1.0,)). Name populations of one size, each with its weight.",
+        ),
+        ({"axis": np.ones(2)}, "Population, axis: it must be a str (got ndarray array([1., 1.])). Correct it."),
         ({"neuron": None}, "Population, neuron: it must be a Neuron (got NoneType None). Correct it."),
     ],
-    ids=["size", "neuron"],
+    ids=["size", "helper", "axis", "neuron"],
 )
 def test_fields_of_a_population_have_their_types(changes, line):
     network = lif()
@@ -191,4 +207,41 @@ def test_fields_of_a_population_have_their_types(changes, line):
 
 def test_lists_stand_for_tuples_and_numpy_numbers_for_numbers():
     network = lif()
-    check_network(replace(network, steps=np.int64(network.steps), views=list(network.views)))
+    given = replace(network, steps=np.int64(network.steps), psi=np.float32(10), views=list(network.views))
+    check_network(given)
+    assert (type(given.steps), type(given.psi)) == (int, float)
+
+
+SRM = SrmAlpha(10.0, 10.0, 1.0, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "line"),
+    [
+        ({"theta": None}, "SrmAlpha, theta: it must be a float (got NoneType None). Correct it."),
+        ({"theta": 10**400}, "SrmAlpha, theta: no float holds it (1329 bits). Correct it."),
+        ({"tau_sr": 1j}, "SrmAlpha, tau_sr: it must be a float (got complex 1j). Correct it."),
+        ({"eps_taps": -1}, "population 'n': eps_taps must be from 1 to 100000 (-1). Correct it."),
+        ({"nu_taps": math.nan}, "population 'n': nu_taps must be from 1 to 100000 (nan). Correct it."),
+    ],
+    ids=["nothing", "beyond floats", "complex", "no taps", "taps that are no number"],
+)
+def test_parameters_of_a_neuron_are_checked(changes, line):
+    with pytest.raises(InputError) as caught:
+        check_network(single(replace(SRM, **changes)))
+    assert str(caught.value) == line
+
+
+@pytest.mark.parametrize("tau", [2**63, 1e90], ids=["a power of two", "an age"])
+def test_a_refractory_kernel_of_ages_has_a_count(tau):
+    assert refractory_count(replace(SRM, tau_ref=tau), 390) > 2**40
+
+
+@pytest.mark.parametrize("first", [-1, (), [], (None, 3), (0.5,), 2**63], ids=str)
+def test_potentials_are_read_from_a_step(first):
+    network = lif()
+    with pytest.raises(InputError) as caught:
+        check_network(replace(network, readout=replace(network.readout, potentials_from=first)))
+    assert str(caught.value).startswith(
+        ("readout: potentials_from is not a step (", "Readout, potentials_from: it must be")
+    )

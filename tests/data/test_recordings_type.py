@@ -94,8 +94,15 @@ FIX = "Give a binned array (samples, channels, steps) of zeros and ones."
             np.zeros((2, 3, 4)),
             None,
             0.0,
-            "step_seconds must be above 0 (got 0.0). Give the width of a bin.",
+            "step_seconds must be above 0 and at most 1e+06 (got 0.0). Give the width of a bin.",
             id="no bin width",
+        ),
+        pytest.param(
+            np.zeros((2, 3, 4)),
+            None,
+            1e300,
+            "step_seconds must be above 0 and at most 1e+06 (got 1e+300). Give the width of a bin.",
+            id="a bin of ages",
         ),
     ],
 )

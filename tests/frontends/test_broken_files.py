@@ -91,8 +91,8 @@ def test_a_broken_graph_is_one_line(change, message, tmp_path):
 OPTIONS = [
     ("another reset", {"reset": "zeros"}, "reset 'zeros': is not known. Did you mean 'zero'?"),
     ("another discretisation", {"discretisation": "exakt"}, "discretisation 'exakt': is not known. Did you mean 'exact'?"),
-    ("no time", {"dt": 0.0}, "dt: a step must last more than 0 s (0). Give the seconds per step."),
-    ("no end of time", {"dt": 1e300}, "dt: a step must last more than 0 s (1e+300 against at most 1e+06). Give the seconds per step."),
+    ("no time", {"dt": 0.0}, "dt: a step must last more than 0 s and at most 1e+06 s (0). Give the seconds per step."),
+    ("no end of time", {"dt": 1e300}, "dt: a step must last more than 0 s and at most 1e+06 s (1e+300). Give the seconds per step."),
     ("a whole number beyond floats", {"dt": 10**400}, "load, dt: no float holds it (1329 bits). Correct it."),
     ("a config", {"config": "net.yaml"}, "model 'model.nir': config was given, but a NIR graph contains this itself. Leave config out."),
 ]  # fmt: skip

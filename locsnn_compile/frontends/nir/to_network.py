@@ -13,6 +13,7 @@ import numpy as np
 from scipy import sparse
 
 from hw_model.values import FloatArray
+from locsnn_compile.data.recordings import STEP_SECONDS
 from locsnn_compile.errors import InputError, check_known, check_same
 from locsnn_compile.frontends.nir.flat import NEURONS, READOUTS, FlatGraph, flatten_graph, linear_order, targets_of
 from locsnn_compile.frontends.nir.graph import NirGraph, NirNode, read_nir
@@ -95,9 +96,9 @@ def _step_seconds(dt: float | None, graph: NirGraph) -> float | None:
     held = graph.metadata.get("dt")
     if dt is None and held is not None and not isinstance(held, str) and held.size == 1:
         dt = float(held.reshape(-1)[0])
-    if dt is not None and not (np.isfinite(dt) and 0 < dt <= 1e6):
-        measured = f"{dt:g} against at most 1e+06" if dt > 0 else f"{dt:g}"
-        raise InputError("dt", "a step must last more than 0 s", measured=measured, fix="Give the seconds per step.")
+    if dt is not None and not STEP_SECONDS.holds(dt):
+        what = "a step must last more than 0 s and at most 1e+06 s"
+        raise InputError("dt", what, measured=f"{dt:g}", fix="Give the seconds per step.")
     return dt
 
 

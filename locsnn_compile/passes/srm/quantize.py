@@ -131,8 +131,8 @@ def refractory_count(neuron: SrmAlpha, decay: int) -> int:
     and more blocked steps only make it worse: on training recordings of both example networks, a count of 1 kept most
     predictions.
     """
-    kept = math.exp(-1.0 / neuron.tau_ref)
-    taken = neuron.scale_ref * math.e / neuron.tau_ref * kept / (1.0 - kept) ** 2
+    kept, lost = math.exp(-1.0 / neuron.tau_ref), -math.expm1(-1.0 / neuron.tau_ref)
+    taken = neuron.scale_ref * math.e / neuron.tau_ref * kept / lost**2
     return 1 + max(0, math.ceil(taken - DECAY_ONE / decay))
 
 
