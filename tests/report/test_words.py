@@ -90,3 +90,8 @@ def test_a_row_without_a_mapping_is_a_value_and_facts_of_nothing_are_left_out():
 
 def test_what_has_no_words_is_said_as_it_is():
     assert (words("hops_x"), words("no_such_key")) == ("mesh hops, east or west", "no such key")
+
+
+def test_parts_of_the_document_have_the_names_of_their_sections():
+    titles = {name: words(name).capitalize() for name in ("ann_comparison", "quantization")}
+    assert titles == {"ann_comparison": TEXTS["sections"]["comparison"]["title"], "quantization": "Quantisation"}
