@@ -257,9 +257,11 @@ def check_chip(chip: Chip, where: str) -> None:
     if core is None and not chip.profiles:
         what = "only an open core may have no energy profile"
         raise InputError(f"{where}: profiles", what, fix="Give at least one.")
-    if core and (core.slots < slots or (core.slots & core.slots - 1) or (core.compartments & core.compartments - 1)):
-        what = "slots and compartments are powers of two, and slots at least delay_max and 2"
-        measured = f"{core.slots} slots against {slots}, {core.compartments} compartments"
+    held = "places" if core and core.places else "compartments"
+    many = getattr(core, held, 1)
+    if core and (core.slots < slots or (core.slots & core.slots - 1) or (many & many - 1)):
+        what = f"slots and {held} are powers of two, and slots at least delay_max and 2"
+        measured = f"{core.slots} slots against {slots}, {many} {held}"
         raise InputError(f"{where}: open_core", what, measured=measured, fix="Correct it.")
     mesh = chip.mesh
     if mesh.tiles * mesh.cores_per_tile != chip.limits.cores_per_chip:

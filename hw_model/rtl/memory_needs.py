@@ -20,8 +20,8 @@ FLAGGED, RESTING = 16, 8
 def arrays_of(core: CoreProgram, sizes: Sizes, counts: Counts) -> list[Array]:
     """Return the memories that a program needs on a core of these sizes; ``counts``: what a recording does.
 
-    Accesses are those that counts and program tell. Not told are the rest of a row behind a list, which are read with
-    it, and states of active compartments that the next step does not depend on, which are not.
+    Accesses are those that counts and program tell. They do not tell words of lists with one synapse or none, which are
+    read, nor states of active compartments that the next step does not depend on, which are not.
     """
     needs, words = core.needs, core.words
     widths = {name: layout.width for name, layout in layouts(sizes).items()}

@@ -30,7 +30,9 @@ def savings(built: runs.Built, played: gates.Activity, spent: picojoules.Energy)
     lazy += (counts.neuron_updates_active / 4 - kept.writes) * states.write_pj
     for one in built.chosen:
         memory = traffic[one.shape.name]
-        macros = [c for c in runs.options(files, memory) if isinstance(c, memories.Choice)]
+        # Macros, which do not answer at once, would need the pipeline of an FPGA.
+        in_turn = replace(memory, at_once=False)
+        macros = [c for c in runs.options(files, in_turn) if isinstance(c, memories.Choice)]
         if isinstance(one, Latches):
             best = min(macros, key=lambda c: runs.cost(files, c, memory) + runs.PRICE * c.area)
             in_macros, latched = in_macros + runs.cost(files, best, memory), latched + runs.cost(files, one, memory)

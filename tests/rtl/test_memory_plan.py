@@ -134,7 +134,7 @@ def test_the_folder_of_a_chip_has_the_plan(tmp_path):
     head, *rows = (tmp_path / "rtl" / "memories.csv").read_text().splitlines()
     assert head == "memory,copies,macro,first word,words to the next row,rows,words in a row,first bit,bits"
     assert {row.split(",")[0] for row in rows} >= {"axons", "synapses", "charges", "states", "leaks_same", "fires_own"}
-    assert [row for row in rows if row.startswith("charges")] == ["charges,2,latches 512x16,0,1,512,1,0,16"]
+    assert [row for row in rows if row.startswith("charges")] == ["charges,2,latches 256x16,0,1,256,1,0,16"]
 
 
 def test_shared_words_that_repeat_are_not_read_again():
