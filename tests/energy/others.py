@@ -34,7 +34,9 @@ def larger(files: runs.Library, priced: pricing.Priced) -> list[tuple[str, ...]]
         if model in PLAYED:
             built = runs.Built(files, chosen, gated=True, core=core)
             played = built.play(program, runs.stacked(program, recordings))
-            assert (played.answers[:, 0] == hw.simulate(program, recordings, probe=()).prediction).all()
+            found = hw.simulate(program, recordings, probe=())
+            assert (played.answers[:, 0] == found.prediction).all()
+            assert (played.answers[:, 2] == [one.synaptic_ops for one in found.per_recording]).all()
             energy = built.energy(played, "modelled")
             spent, logic = energy.of("memory").mean(), (energy.of("logic") + energy.of("clock")).mean()
         else:

@@ -86,4 +86,6 @@ def test_narrow_steps_and_places_change_nothing_alone(more):
 def test_faults_of_what_saves_are_found(file, old, new):
     texts = saving()
     assert texts[file].count(old) == 1
-    assert differ({**texts, file: texts[file].replace(old, new)}, SIZES)
+    faulty = {**texts, file: texts[file].replace(old, new)}
+    # With places of its own a phase may begin in the middle of eight.
+    assert differ(faulty, SIZES) or differ(faulty)
