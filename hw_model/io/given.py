@@ -71,7 +71,10 @@ def check_fields(record: object) -> None:
     from hw_model.io.records import check_value, field_kinds, said_of  # numpy: imported only when it is used
 
     own: type = type(record)
-    called, hints, said = own.__name__, get_type_hints(own), said_of(own)
+    try:
+        called, hints, said = own.__name__, get_type_hints(own), said_of(own)
+    except NameError:  # a type from elsewhere, whose annotations may name what only type checkers import
+        return
     for name in (item.name for item in fields(record)):  # type: ignore[arg-type]
         value, hint = getattr(record, name), hints[name]
         if isinstance(value, Real) and not isinstance(value, int | float):

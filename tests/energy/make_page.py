@@ -14,8 +14,8 @@ import pricing
 import runs
 from latches import Latches
 from others import larger, ranking
+from page_text import table, wrapped
 from savings import fillers, savings
-from tables import table, wrapped
 
 from locsnn_compile.report.pictures.chart import Curve, Panel, draw
 

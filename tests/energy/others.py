@@ -4,7 +4,7 @@ import numpy as np
 import pricing
 import repeats
 import runs
-from tables import table
+from page_text import table
 
 import hw_model as hw
 from hw_model.rtl.images import CoreProgram

@@ -47,13 +47,6 @@ class Page(HTMLParser):
         return [attributes for name, attributes in self.tags if name == tag]
 
 
-def test_options_stay_on_their_line(document: dict[str, Any]) -> None:
-    document["assumptions"] = ["Give others with --calibration (--step-seconds, or --dt): a--b, 3 -- 4 and <--x>."]
-    page = render_html(compose(document))
-    options = re.findall(r'<span class="whole">(.*?)</span>', page)
-    assert options == ["--calibration", "(--step-seconds", "--dt"]
-
-
 def test_key_figures_are_on_the_page(document: dict[str, Any]) -> None:
     text = Page(render_html(compose(document))).text
     for figure in (

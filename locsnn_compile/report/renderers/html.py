@@ -1,6 +1,5 @@
 """report.html: one page with the verdict first, and without scripts, fonts or requests."""
 
-import re
 from html import escape
 
 from locsnn_compile.report import content
@@ -46,11 +45,6 @@ def render_summary(report: content.Report) -> str:
 def text(value: str) -> str:
     """Return a string that is safe in text and in quoted attributes; an absurdly long one is cut."""
     return escape(shortened(plain(value), _LONGEST))
-
-
-def _sentences(value: str) -> str:
-    """Return a text in which no option of a command is broken at the end of a line."""
-    return re.sub(r"(?<!\S)\(?--[a-z][a-z-]*", r'<span class="whole">\g<0></span>', text(value))
 
 
 def _table(table: content.Table) -> str:
@@ -103,7 +97,7 @@ def _breakable(name: str) -> str:
 
 
 _DRAWINGS = ("stack", "span", "mark", "plot", "curve_mark", "raster", "stroke_mark", "mesh")
-_SHOWN = {name: getattr(drawings, name) for name in _DRAWINGS} | {"sentences": _sentences}
+_SHOWN = {name: getattr(drawings, name) for name in _DRAWINGS}
 _GIVEN = {"assumed": ASSUMED}
 _PIECES = Pieces(
     __package__, "pieces.html", text, folded=True, given=_GIVEN, sign=SIGNS.__getitem__, table=_table, **_SHOWN
