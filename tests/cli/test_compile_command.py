@@ -125,6 +125,7 @@ def test_a_build_replaces_the_one_before_and_leaves_other_files(few, tmp_path):
     ("gate", "value", "said"),
     [
         pytest.param("--min-agreement", "0", None, id="agreement kept"),
+        pytest.param("--min-agreement", "1.1", lambda report: f"prediction agreement is {report['match']['prediction_agreement']:.4f}, below 1.1", id="agreement"),
         pytest.param("--max-spike-error", "0", lambda report: f"{1 - report['match']['spike_agreement']:.4f} of the spikes differ, above 0", id="spikes"),
         pytest.param("--max-cores", "2", None, id="cores kept"),
         pytest.param("--max-cores", "1", lambda report: "2 cores are used, above 1", id="cores"),
@@ -139,7 +140,7 @@ def test_gates(few, tmp_path, capsys, gate, value, said):
     report = json.loads((tmp_path / "report.json").read_text())
     assert (code, lines[:1]) == ((0, []) if said is None else (3, [f"gate failed: {gate}: {said(report)}."]))
     # A budget that no setting keeps is a line of its own, with what came nearest.
-    assert [line[:16] for line in lines[1:]] == ["no setting keeps"] * (gate == "--max-spike-error")
+    assert [line[:16] for line in lines[1:]] == ["no setting keeps"] * (value in ("0", "1.1") and said is not None)
 
 
 def test_gates_as_junit_xml(few, tmp_path, capsys):

@@ -183,21 +183,19 @@ def test_the_json_output_has_the_gates(tmp_path: Path, capsys: pytest.CaptureFix
 
 
 @pytest.mark.parametrize(
-    ("option", "bound", "range_"),
+    ("option", "bound"),
     [
-        ("--max-energy-nj", "inf", "Give a finite number."),
-        ("--min-agreement", "inf", "Give a number from 0 to 1."),
-        ("--max-spike-error", "-0.1", "Give a number from 0 to 1."),
-        ("--min-agreement", "95", "Give a number from 0 to 1."),
-        ("--max-energy-nj", "nan", "Give a finite number."),
+        ("--max-energy-nj", "inf"),
+        ("--min-agreement", "inf"),
+        ("--max-energy-nj", "nan"),
     ],
 )
-def test_a_bound_out_of_range_is_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], option: str, bound: str, range_: str
+def test_a_bound_without_end_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], option: str, bound: str
 ) -> None:
     model = checkpoint(tmp_path / "loud.pt")
     assert main([str(model), "-o", str(tmp_path / "out"), option, bound]) == 2
-    assert capsys.readouterr().err == f"{option} {bound}: it is out of range. {range_}\n"
+    assert capsys.readouterr().err == f"{option} {bound}: it is out of range. Give a finite number.\n"
     assert not (tmp_path / "out").exists()
 
 
