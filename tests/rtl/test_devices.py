@@ -130,13 +130,13 @@ COUNTING = """
     wire settled = !core.clear && !load_valid;
     always @(posedge clk) begin
         if (settled) begin
-            reads[0] <= reads[0] + core.banks[0].charges.charges.read + core.banks[1].charges.charges.read;
+            reads[0] <= reads[0] + core.banks[0].in_turn.charges.charges.read + core.banks[1].in_turn.charges.charges.read;
             reads[1] <= reads[1] + (core.compartments.valid2);
             reads[2] <= reads[2] + (core.buffer.marking || core.buffer.next_word);
             reads[3] <= reads[3] + (core.deliver.valid2 && core.deliver.banks[0].used)
                 + (core.deliver.valid2 && core.deliver.banks[1].used);
             reads[4] <= reads[4] + core.deliver.axons.read;
-            writes[0] <= writes[0] + core.banks[0].charges.charges.write + core.banks[1].charges.charges.write;
+            writes[0] <= writes[0] + core.banks[0].in_turn.charges.charges.write + core.banks[1].in_turn.charges.charges.write;
             writes[1] <= writes[1] + core.compartments.states.write;
             writes[2] <= writes[2] + core.buffer.bitmap.write;
             writes[3] <= writes[3] + core.spikes.places.write;
