@@ -138,7 +138,10 @@ _of_one_kind: dict[Any, Callable[..., Any]] = {}
 
 
 def called(function: Any, *arguments: Any) -> Any:
-    """Call a compiled function whose arguments are of the same kinds in every call: only the first looks at them."""
+    """Call a compiled function whose arguments are of the same kinds in every call: only the first looks at them.
+
+    As with :func:`entry`, others would be read as if they were of those kinds.
+    """
     code = _of_one_kind.get(function)
     if code is None:
         code = _of_one_kind[function] = entry(function, *arguments)
