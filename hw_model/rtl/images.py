@@ -24,6 +24,8 @@ from hw_model.values import IntArray
 JOIN_DISTANCE = 6
 """Cycles from the issue of a child to the earliest of its parent: the sum is written in cycle 8 and read in cycle 3."""
 STEP_BITS, VISIT_BITS, LOAD_BITS = 24, 16, 128
+LENGTH_BITS = 9
+"""Of the length of a list, in words, where targets are told as steps; ``LENGTH`` of delivery.sv."""
 MEMORIES = ("settings", "axons", "synapses", "leaks", "fires", "visits", "weights", "phases")
 """By the number that the load port knows them by."""
 PLACE = Layout.of(address=24, memory=8)
@@ -46,7 +48,7 @@ def layouts(sizes: Sizes) -> dict[str, Layout]:
     lists = {"start": synapse - 1, "length": synapse - 1}
     if sizes.step:
         half = {"step": sizes.step, "delay": slot, "mantissa": 9}
-        lists = {"start": synapse - 1, "length": min(synapse - 1, 9), "place": place - 1, "exponent": 3}
+        lists = {"start": synapse - 1, "length": min(synapse - 1, LENGTH_BITS), "place": place - 1, "exponent": 3}
     return {
         "axons": Layout.of(**lists),
         "synapses": Layout.of("mantissa0", "mantissa1", **{f"{name}{i}": half[name] for i in BANKS for name in half}),
@@ -96,6 +98,9 @@ class CoreProgram:
         placed = {**synapses, "target": self._places(synapses["target"])}
         lists = packed_lists(placed, self.first_source + self.ends[-1], self.sizes.step)
         self.starts, self.lengths = lists.starts, lists.lengths
+        most, longest = (1 << LENGTH_BITS) - 1, int(self.lengths.max(initial=0))
+        fits = not self.sizes.step or longest <= most
+        refuse_unless(fits, program, f"list of more than {most} words where targets are told as steps", longest)
         ratios = [weight.as_integer_ratio() for weight in program.readout.weights] if program.readout else []
         self.scale = max((below for _, below in ratios), default=1)
         # Larger weights are refused, and need not fit 64 bits for that.

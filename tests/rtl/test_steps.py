@@ -8,6 +8,8 @@ import benches
 import numpy as np
 import pytest
 
+import hw_model as hw
+from hw_model.rtl import images
 from hw_model.rtl.images import CoreProgram
 from hw_model.rtl.steps import FURTHEST, NEAREST, in_steps
 
@@ -89,3 +91,14 @@ def test_another_exponent_and_the_way_back_take_a_jump():
     assert found["mantissa"].tolist() == [-9, 8 * NEAREST + 1, 8 * back + 1, 9]
     assert half.tolist() == [1] * 4
     assert [int(values[0]) for values in head.values()] == [40, 6]
+
+
+def test_a_list_that_is_too_long_for_its_field_is_refused(monkeypatch):
+    program, spikes = PROGRAMS[0]
+    longest = CoreProgram(program, spikes.shape[1], sizes=replace(benches.SIZES, step=3)).lengths.max()
+    monkeypatch.setattr(images, "LENGTH_BITS", 1)
+    CoreProgram(program, spikes.shape[1], sizes=benches.SIZES)
+    with pytest.raises(hw.TargetError) as caught:
+        CoreProgram(program, spikes.shape[1], sizes=replace(benches.SIZES, step=3))
+    what = f"the open core has no list of more than 1 words where targets are told as steps ({longest})"
+    assert str(caught.value) == f"program {program.name!r}: {what}. Simulate it instead."
