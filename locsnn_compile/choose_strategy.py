@@ -1,8 +1,8 @@
 """Choose a setting - strategy, weight bits, split weights - by its results on calibration recordings.
 
 Without a budget, the strategies are compared as they are. With a budget, more weights of each strategy are split until
-it keeps the budget; if none does, the strategy of last resort is tried in the same way. Then, if spikes are bounded,
-the cheapest setting that keeps the budget is tried with fewer bits.
+it keeps the budget; if none does, the strategy of last resort is tried in the same way. Then, if spikes or class scores
+are bounded, the cheapest setting that keeps the budget is tried with fewer bits.
 """
 
 from collections.abc import Sequence
@@ -88,9 +88,7 @@ def choose_strategy(
     candidates = tuple(trial.candidates.values())
     limits = budget if budget.given else default_budget(candidates[0])
     # If nothing was compared, there is no reason to take a cheaper one.
-    taken = (_cheapest(candidates, limits) if limits.given else None) or min(
-        candidates, key=lambda c: (c.prediction_error or 0.0, c.spike_error or 0.0)
-    )
+    taken = (_cheapest(candidates, limits) if limits.given else None) or min(candidates, key=lambda c: c.losses)
     levels = trial.levels[taken.setting]
     return Choice(taken, levels, candidates, limits, len(recordings), recordings.source)
 
@@ -107,8 +105,8 @@ def _split_more(trial: "_Trial", firsts: Sequence[Setting], budget: ErrorBudget,
 def _take_bits_away(trial: "_Trial", budget: ErrorBudget) -> None:
     """Try the cheapest setting that keeps the budget with fewer bits until it does not."""
     cheapest = _cheapest(tuple(trial.candidates.values()), budget)
-    # A few recordings say much about spikes but little about predictions, which are not enough to take bits away.
-    if cheapest is None or budget.max_spike_error is None:
+    # A few recordings say much about spikes and scores but little about predictions: not enough to take bits away.
+    if cheapest is None or budget == ErrorBudget(budget.min_agreement):
         return
     for bits in sorted((b for b in trial.chip.registers.weight_bits if b < cheapest.setting.weight_bits), reverse=True):
         found = trial.measure(replace(cheapest.setting, weight_bits=bits))
@@ -159,5 +157,11 @@ def _measured(setting: Setting, levels: Levels, recordings: Recordings, spread: 
     )
     chip = levels.program.chip
     energy_pj = sum(hw.energy_pj(total(match.counts), chip.costs).values()) / match.samples
-    losses = (match.prediction_agreement, match.spikes.agreement, energy_pj if chip.profiles else None, match.mean_ns)
-    return Candidate(*losses, setting)
+    return Candidate(
+        match.prediction_agreement,
+        match.spikes.agreement,
+        match.scores.relative_error,
+        energy_pj if chip.profiles else None,
+        match.mean_ns,
+        setting,
+    )

@@ -82,7 +82,7 @@ def run(args: Namespace) -> int:
             events=recordings,
             calibration=calibration,
             progress=progress,
-            budget=ErrorBudget(args.min_agreement, args.max_spike_error),
+            budget=ErrorBudget(args.min_agreement, args.max_spike_error, args.max_score_error),
             **picked(args, "strategy", "weight_bits", "split_weights", "psi", "profile", "scheduler"),
         )
     gates = check_gates(compiled.report, given(args, GATES))

@@ -11,9 +11,9 @@ chosen there. Finished points are kept in DIR/points, so the same command resume
 
 It writes explore.csv, explore.json and explore.svg, with all points, the front, the recommended setting, and the
 command that reproduces each point; measured times are in timings.csv and timings.svg. It recommends the cheapest
-setting on the front within --min-agreement and --max-spike-error (exit code 3 if there is none). If neither is given,
-the bounds are those of --strategy auto: no more changed predictions than dendrite at 8 bits, and at most 1 % more
-spikes that differ.
+setting on the front within --min-agreement, --max-spike-error and --max-score-error (exit code 3 if there is none). If
+none is given, the bounds are those of --strategy auto: no more changed predictions than dendrite at 8 bits, at most 1 %
+more spikes that differ, and class scores off by at most 5 % more of their spread.
 """
 
 from __future__ import annotations
@@ -110,7 +110,7 @@ def _explore(
     with progress_bar("exploring", show=not args.quiet) as progress:
         tried = settings(network, wanted, weight_bits_of(chip, None))
         points = sweep(study, tried, store, spread, progress)
-        asked = ErrorBudget(args.min_agreement, args.max_spike_error)
+        asked = ErrorBudget(args.min_agreement, args.max_spike_error, args.max_score_error)
         budget = asked if asked.given else auto_bounds(study, points, store, spread)
     events = written(events, folder / "events.npz")
     found = Exploration(study, model, args.target, args.calibration, events, budget, not asked.given, points)

@@ -9,10 +9,10 @@ from locsnn_compile.report.words import sentence
 from locsnn_compile.verification.error_bounds import ErrorBudget
 
 FRONT_RULE = (
-    "A setting is on the front where no other is at least as good in spike error, changed predictions, energy and chip "
-    "time, and better in one of them."
+    "A setting is on the front where no other is at least as good in spike error, changed predictions, error of class "
+    "scores, energy and chip time, and better in one of them."
 )
-OBJECTIVES = ("spike_error", "prediction_error", "energy_pj", "chip_time_ns")
+OBJECTIVES = ("spike_error", "prediction_error", "score_error", "energy_pj", "chip_time_ns")
 """The figures to minimise."""
 
 
@@ -51,13 +51,14 @@ def recommend(points: Sequence[Point], budget: ErrorBudget, *, by_default: bool 
     bounds = f"{'what auto keeps by default, ' if by_default else ''}{budget.words()}"
     if not kept:
         return Recommendation(None, f"no setting keeps {bounds}; {_nearest(front)}")
-    taken, figures = min(kept, key=lambda pair: (pair[1].cost, pair[1].chip_time_ns, pair[1].spike_error or 0.0))
+    taken, figures = min(kept, key=lambda pair: (pair[1].cost, pair[1].chip_time_ns, *pair[1].losses))
     least = "time," if figures.energy_pj is None else f"energy, {energy(figures.energy_pj)} and"
     return Recommendation(taken, sentence("least", least=least, figures=figures, settings=len(kept), bounds=bounds))
 
 
 def _nearest(front: Sequence[tuple[Point, Figures]]) -> str:
-    point, figures = min(front, key=lambda pair: (pair[1].spike_error or 0.0, pair[1].prediction_error or 0.0))
-    if figures.spike_error is None:
+    point, figures = min(front, key=lambda pair: (pair[1].spike_error or 0.0, *pair[1].losses))
+    if figures.spike_error is figures.score_error is None:
         return "no neuron spikes on these recordings"
-    return sentence("nearest setting", setting=point.setting, figures=figures)
+    least = "nearest scores" if figures.spike_error is None else "nearest setting"
+    return sentence(least, setting=point.setting, figures=figures)

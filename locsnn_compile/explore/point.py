@@ -95,6 +95,9 @@ The reference engine is too slow for more.
 """
 
 
+_OF_MATCH = ("prediction_agreement", "spike_agreement", "score_error", "wraps", "clips")
+
+
 class Figures(Losses):
     """The figures of a setting's report; energy and chip time are means per recording by the chip's default profile.
 
@@ -122,7 +125,7 @@ class Figures(Losses):
             energy_pj=report["energy"]["per_sample_pj"],
             chip_time_ns=report["latency"]["per_sample_ns"],
             **{name: resources[name] for name in ("cores", "compartments", "synapses", "synapse_bits")},
-            **{name: match[name] for name in ("prediction_agreement", "spike_agreement", "wraps", "clips")},
+            **{name: match[name] for name in _OF_MATCH},
         )
 
 

@@ -116,7 +116,7 @@ def auto_bounds(study: Study, points: Sequence[Point], store: Store, spread: Spr
         if figures:
             return default_budget(figures)
     # The chip holds this network only with fewer bits than its most.
-    return default_budget(min((f for f in known.values() if f), key=lambda figures: figures.spike_error or 0.0))
+    return default_budget(min((f for f in known.values() if f), key=lambda figures: figures.losses))
 
 
 def _measured(study: Study, setting: Setting, store: Store, spread: Spread) -> Figures | None:

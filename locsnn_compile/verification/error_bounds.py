@@ -2,21 +2,25 @@
 
 from hw_model.io.records import Checked
 from hw_model.values import Frozen
+from locsnn_compile.errors import listed
 
 SPIKE_TOLERANCE = 0.01
 """Without a budget, a setting may lose this share of spikes more than the first strategy, and no more predictions."""
+SCORE_TOLERANCE = 0.05
+"""Its class scores may also be off by this share of their spread more: spikes and classes say nothing of potentials."""
 
 
 class ErrorBudget(Checked):
-    """What a program may lose: at least ``min_agreement`` of the predictions stay, and no more than ``max_spike_error``
-    of the spikes differ.
+    """What a program may lose: at least ``min_agreement`` of the predictions stay, no more than ``max_spike_error`` of
+    the spikes differ, and class scores are off by no more than ``max_score_error`` of their spread.
 
-    The spike error is 1 minus the spike agreement. If neither is given, the budget is what ``dendrite`` loses.
+    The spike error is 1 minus the spike agreement. If none is given, the budget is what ``dendrite`` loses.
     """
 
     called = "budget"
     min_agreement: float | None = None
     max_spike_error: float | None = None
+    max_score_error: float | None = None
 
     @property
     def given(self) -> bool:
@@ -25,19 +29,21 @@ class ErrorBudget(Checked):
 
     def words(self) -> str:
         """Return the bounds as options of the command line."""
-        bounds = (("--min-agreement", self.min_agreement), ("--max-spike-error", self.max_spike_error))
-        return " and ".join(f"{option} {bound:g}" for option, bound in bounds if bound is not None)
+        bounds = {name: bound for name, bound in vars(self).items() if bound is not None}
+        return listed([f"--{name.replace('_', '-')} {bound:g}" for name, bound in bounds.items()])
 
 
 class Losses(Frozen):
     """How a setting does on some recordings: agreement with the float network, and mean energy and time per recording.
 
-    An agreement is None if nothing was compared, because all class scores tie or no neuron spikes. Energy and time come
-    from the chip's default profile; an open core has exact cycles and may have no energy.
+    An agreement is None if nothing was compared, because all class scores tie or no neuron spikes, and so is the error
+    of scores if those of the float network tie. Energy and time come from the chip's default profile; an open core has
+    exact cycles and may have no energy.
     """
 
     prediction_agreement: float | None
     spike_agreement: float | None
+    score_error: float | None
     energy_pj: float | None
     chip_time_ns: float
 
@@ -58,13 +64,28 @@ class Losses(Frozen):
 
     def keeps(self, budget: ErrorBudget) -> bool:
         """Tell whether the budget is kept; a bound on something that was not compared is not kept."""
-        agreement, error = self.prediction_agreement, self.spike_error
-        return (budget.min_agreement is None or (agreement is not None and agreement >= budget.min_agreement)) and (
-            budget.max_spike_error is None or (error is not None and error <= budget.max_spike_error)
+        agreement, least = self.prediction_agreement, budget.min_agreement
+        return (
+            (least is None or (agreement is not None and agreement >= least))
+            and _within(self.spike_error, budget.max_spike_error)
+            and _within(self.score_error, budget.max_score_error)
         )
+
+    @property
+    def losses(self) -> tuple[float, float, float]:
+        """Errors of predictions, spikes and scores, to compare by; 0 for what was not compared."""
+        return self.prediction_error or 0.0, self.spike_error or 0.0, self.score_error or 0.0
+
+
+def _within(error: float | None, most: float | None) -> bool:
+    return most is None or (error is not None and error <= most)
 
 
 def default_budget(first: Losses) -> ErrorBudget:
     """Return the bounds to use if none is given: what the first strategy loses, with no bound on what is not known."""
-    error = first.spike_error
-    return ErrorBudget(first.prediction_agreement, None if error is None else error + SPIKE_TOLERANCE)
+    spikes, scores = first.spike_error, first.score_error
+    return ErrorBudget(
+        first.prediction_agreement,
+        None if spikes is None else spikes + SPIKE_TOLERANCE,
+        None if scores is None else scores + SCORE_TOLERANCE,
+    )

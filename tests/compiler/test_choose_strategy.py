@@ -14,7 +14,7 @@ from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.errors import InputError, TargetError
 from locsnn_compile.passes.quantize import quantize
 from locsnn_compile.settings import Setting
-from locsnn_compile.verification.error_bounds import SPIKE_TOLERANCE, ErrorBudget
+from locsnn_compile.verification.error_bounds import SCORE_TOLERANCE, SPIKE_TOLERANCE, ErrorBudget
 
 CHIP = hw.chip("loihi-sim")
 PAIRED = "paired-dendrite"
@@ -53,12 +53,14 @@ def test_candidates_are_measured_on_the_calibration_recordings(network, choose):
         assert report["energy"]["per_sample_pj"] == pytest.approx(candidate.energy_pj)
         assert report["match"]["prediction_agreement"] == candidate.prediction_agreement
         assert report["match"]["spike_agreement"] == pytest.approx(1 - candidate.spike_error)
+        assert report["match"]["score_error"] == candidate.score_error
 
 
 def test_without_a_budget_no_more_is_lost_than_with_dendrites(choose):
     choice = choose(ErrorBudget())
     dendrite, delay_line, reset = choice.candidates
-    assert choice.budget == ErrorBudget(dendrite.prediction_agreement, dendrite.spike_error + SPIKE_TOLERANCE)
+    spikes, scores = dendrite.spike_error + SPIKE_TOLERANCE, dendrite.score_error + SCORE_TOLERANCE
+    assert choice.budget == ErrorBudget(dendrite.prediction_agreement, spikes, scores)
     assert not reset.keeps(choice.budget)
     kept = [candidate for candidate in (dendrite, delay_line) if candidate.keeps(choice.budget)]
     assert choice.taken == min(kept, key=lambda candidate: candidate.energy_pj)
@@ -70,8 +72,10 @@ def test_without_a_budget_no_more_is_lost_than_with_dendrites(choose):
         (ErrorBudget(min_agreement=0.0), "reset"),
         (ErrorBudget(max_spike_error=1.0), "reset"),
         (ErrorBudget(max_spike_error=0.25), "dendrite"),
+        (ErrorBudget(max_score_error=0.25), "dendrite"),
+        (ErrorBudget(max_score_error=9.0), "reset"),
     ],
-    ids=["any prediction", "any spike", "a quarter of the spikes"],
+    ids=["any prediction", "any spike", "a quarter of the spikes", "a quarter of the scores", "any score"],
 )
 def test_the_cheapest_within_the_budget_is_taken(choose, budget, taken):
     choice = choose(budget)

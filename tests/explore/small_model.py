@@ -90,10 +90,11 @@ def lasting(folder):
     return {name: (folder / name).read_bytes() for name in ("explore.json", "explore.csv", "explore.svg")}
 
 
-def figures(spikes=0.9, predictions=1.0, energy=1e6, time=1e6):
+def figures(spikes=0.9, predictions=1.0, energy=1e6, time=1e6, scores=0.0):
     return Figures(
         prediction_agreement=predictions,
         spike_agreement=spikes,
+        score_error=scores,
         accuracy=None,
         float_accuracy=None,
         energy_profile="davies2018",

@@ -6,16 +6,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from small_model import figures, point
 
-from locsnn_compile.explore.front import on_front, recommend
-from locsnn_compile.verification.error_bounds import SPIKE_TOLERANCE, ErrorBudget, default_budget
+from locsnn_compile.explore.front import Recommendation, on_front, recommend
+from locsnn_compile.verification.error_bounds import SCORE_TOLERANCE, SPIKE_TOLERANCE, ErrorBudget, default_budget
 
 FEW = st.sampled_from([0.25, 0.5, 0.75, 1.0])
-FOUND = st.builds(figures, spikes=FEW, predictions=FEW, energy=FEW, time=FEW)
+FOUND = st.builds(figures, spikes=FEW, predictions=FEW, energy=FEW, time=FEW, scores=FEW)
 NO_BUDGET = ErrorBudget()
 
 
 def costs(found):
-    return np.array([1 - found.spike_agreement, 1 - found.prediction_agreement, found.energy_pj, found.chip_time_ns])
+    errors = 1 - found.spike_agreement, 1 - found.prediction_agreement, found.score_error
+    return np.array([*errors, found.energy_pj, found.chip_time_ns])
 
 
 @given(st.lists(FOUND, min_size=1, max_size=12))
@@ -34,18 +35,23 @@ def test_equal_settings_are_both_on_the_front():
     assert on_front([figures(), figures()]) == [True, True]
 
 
-@given(st.lists(FOUND, min_size=1, max_size=12), st.one_of(st.none(), FEW), st.one_of(st.none(), FEW))
-def test_nothing_off_the_front_is_recommended(found, agreement, error):
+BOUND = st.one_of(st.none(), FEW)
+
+
+@given(st.lists(FOUND, min_size=1, max_size=12), BOUND, BOUND, BOUND)
+def test_nothing_off_the_front_is_recommended(found, agreement, error, off):
     points = [point(found=one) for one in found]
-    taken = recommend(points, ErrorBudget(agreement, error)).taken
+    taken = recommend(points, ErrorBudget(agreement, error, off)).taken
     front = on_front(found)
     within = [
         one
         for one in found
-        if (agreement is None or one.prediction_agreement >= agreement) and (error is None or one.spike_error <= error)
+        if (agreement is None or one.prediction_agreement >= agreement)
+        and (error is None or one.spike_error <= error)
+        and (off is None or one.score_error <= off)
     ]
     if taken is None:
-        assert not within or (agreement, error) == (None, None)
+        assert not within or (agreement, error, off) == (None, None, None)
         return
     assert front[next(i for i, one in enumerate(points) if one is taken)]
     assert taken.figures.energy_pj == min(one.energy_pj for one in within)
@@ -54,9 +60,9 @@ def test_nothing_off_the_front_is_recommended(found, agreement, error):
 TABLE = [
     ("dendrite", 8, figures(spikes=0.9, predictions=1.0, energy=12e6, time=2e6)),
     ("delay-line", 8, figures(spikes=0.8, predictions=0.995, energy=7e6, time=1.1e6)),
-    ("reset", 8, figures(spikes=0.5, predictions=0.99, energy=6e6, time=1e6)),
-    ("reset", 1, figures(spikes=0.1, predictions=0.1, energy=1e6, time=1e5)),
-    ("dendrite", 1, figures(spikes=0.1, predictions=0.1, energy=2e6, time=2e5)),
+    ("reset", 8, figures(spikes=0.5, predictions=0.99, energy=6e6, time=1e6, scores=0.4)),
+    ("reset", 1, figures(spikes=0.1, predictions=0.1, energy=1e6, time=1e5, scores=0.9)),
+    ("dendrite", 1, figures(spikes=0.1, predictions=0.1, energy=2e6, time=2e5, scores=0.9)),
 ]
 
 
@@ -67,13 +73,29 @@ TABLE = [
         (ErrorBudget(max_spike_error=0.2), "delay-line, 8-bit", "the least energy, 7.00 µJ and 1.10 ms per recording, of 2 settings on the front within --max-spike-error 0.2"),
         (ErrorBudget(min_agreement=1.0), "dendrite, 8-bit", "the least energy, 12.0 µJ and 2.00 ms per recording, of 1 setting on the front within --min-agreement 1"),
         (ErrorBudget(0.0, 1.0), "reset, 1-bit", "the least energy, 1.00 µJ and 100 µs per recording, of 4 settings on the front within --min-agreement 0 and --max-spike-error 1"),
+        (ErrorBudget(max_score_error=0.05), "delay-line, 8-bit", "the least energy, 7.00 µJ and 1.10 ms per recording, of 2 settings on the front within --max-score-error 0.05"),
         (ErrorBudget(max_spike_error=0.05), "none", "no setting keeps --max-spike-error 0.05; the least spike error is 10.0 %, with 0 % of the predictions changed, by dendrite, 8-bit"),
     ],
-    ids=["nothing compared", "spikes", "predictions", "both", "none keeps it"],
+    ids=["nothing compared", "spikes", "predictions", "both", "scores", "none keeps it"],
 )  # fmt: skip
 def test_what_is_recommended_and_why(budget, taken, why):
     found = recommend([point(name, bits, one) for name, bits, one in TABLE], budget)
     assert (str(found.taken.setting) if found.taken else "none", found.why) == (taken, why)
+
+
+def test_a_cheaper_setting_whose_potentials_are_off_beats_none_and_is_not_recommended():
+    """No neuron spikes here, and every class stays: only class scores tell the two apart."""
+    exact = figures(spikes=None, energy=2e6, scores=0.002)
+    coarse = point("dendrite", 2, figures(spikes=None, energy=1e6, scores=0.43))
+    points = [point("dendrite", 8, exact), coarse]
+    assert on_front([one.figures for one in points]) == [True, True]
+    assert recommend(points, default_budget(exact), by_default=True).taken is points[0]
+    assert recommend(points, ErrorBudget(max_score_error=0.001)) == Recommendation(
+        None,
+        "no setting keeps --max-score-error 0.001; the least error of class scores is 0.20 % of their spread, with 0 % of "
+        "the predictions changed, by dendrite, 8-bit",
+    )
+    assert recommend(points, ErrorBudget(max_score_error=0.5)).taken is coarse
 
 
 def test_what_auto_keeps_is_said():
@@ -86,8 +108,11 @@ def test_what_auto_keeps_is_said():
     )
 
 
+TIED = {"dendrite": None, "reset": 1.0}
+
+
 def test_a_bound_on_what_was_not_compared_is_not_kept():
-    silent = [point("dendrite", 8, figures(spikes=None, predictions=None)), point("reset", 8, figures(spikes=None))]
+    silent = [point(name, 8, figures(None, predictions, scores=None)) for name, predictions in TIED.items()]
     assert on_front([one.figures for one in silent]) == [True, True]
     found = recommend(silent, ErrorBudget(min_agreement=0.0, max_spike_error=1.0))
     assert found.taken is None
@@ -99,11 +124,12 @@ def test_a_bound_on_what_was_not_compared_is_not_kept():
 @pytest.mark.parametrize(
     ("first", "budget"),
     [
-        (figures(spikes=0.75, predictions=0.5), ErrorBudget(0.5, 0.25 + SPIKE_TOLERANCE)),
-        (figures(spikes=0.75, predictions=None), ErrorBudget(None, 0.25 + SPIKE_TOLERANCE)),
-        (figures(spikes=None, predictions=None), ErrorBudget()),
+        (figures(spikes=0.75, predictions=0.5), ErrorBudget(0.5, 0.25 + SPIKE_TOLERANCE, SCORE_TOLERANCE)),
+        (figures(spikes=0.75, predictions=None, scores=None), ErrorBudget(None, 0.25 + SPIKE_TOLERANCE)),
+        (figures(spikes=None, scores=0.5), ErrorBudget(1.0, None, 0.5 + SCORE_TOLERANCE)),
+        (figures(spikes=None, predictions=None, scores=None), ErrorBudget()),
     ],
-    ids=["both", "ties", "silence"],
+    ids=["all", "ties", "potentials", "silence"],
 )
 def test_bounds_by_default(first, budget):
     assert default_budget(first) == budget

@@ -57,6 +57,32 @@ def test_three_questions(builds: tuple[Build, Build]) -> None:
     assert energy.rows == (("per_sample_pj", "100,000.0", "75,000.0", "-25.0 %"),)
 
 
+@pytest.mark.parametrize(
+    ("scores", "spikes", "status", "answer", "fact"),
+    [
+        ((0.002, 0.433), (None, None), "nearly", "As before, but class scores differ more", "43.3 % of their spread off; 0.20 % of their spread off before"),
+        ((0.433, 0.002), (None, None), "yes", "As before", "0.20 % of their spread off; 43.3 % of their spread off before"),
+        ((0.002, 0.002), (0.9, 0.9), "yes", "As before", "0.20 % of their spread off"),
+        ((0.0, 0.1), (0.9, 0.8), "nearly", "As before, but fewer spikes are equal and class scores differ more", "10.0 % of their spread off; 0 % of their spread off before"),
+        ((None, 0.1), (0.9, 0.9), "yes", "As before", "10.0 % of their spread off; not compared before"),
+    ],
+    ids=["potentials off", "better", "equal", "both", "not compared before"],
+)  # fmt: skip
+def test_class_scores_count(
+    builds: tuple[Build, Build], scores: Any, spikes: Any, status: str, answer: str, fact: str
+) -> None:
+    for build, error, agreement in zip(builds, scores, spikes, strict=True):
+        build.report["match"] |= {"score_error": error, "spike_agreement": agreement}
+    found = comparison(*builds).verdicts[0]
+    assert (found.status, found.answer) == (status, answer)
+    assert {row.label: row.value for row in found.facts}["class scores"] == fact
+
+
+def test_a_report_of_a_version_without_scores_is_compared(builds: tuple[Build, Build]) -> None:
+    del builds[0].report["match"]["score_error"]
+    assert comparison(*builds).verdicts[0].answer == "As before, but fewer spikes are equal"
+
+
 def test_equal_builds_are_as_before(builds: tuple[Build, Build]) -> None:
     report = comparison(builds[0], builds[0])
     assert [verdict.answer for verdict in report.verdicts] == ["As before", "The same", "The same"]

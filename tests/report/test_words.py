@@ -84,7 +84,7 @@ def test_a_row_without_a_mapping_is_a_value_and_facts_of_nothing_are_left_out():
     assert found == Table(
         "Static energy per recording", ("how long", "energy"), (("at rest", "5.00 pJ"), ("at work", "not known"))
     )
-    given = dict.fromkeys(("accuracy", "equal", "mismatches"))
+    given = dict.fromkeys(("accuracy", "equal", "mismatches", "scores"))
     assert facts("matches compared", overflows="2", **given) == Facts((Fact("wraps and clips", "2"),))
 
 

@@ -272,7 +272,7 @@ def test_two_builds_are_compared_by_time(build, capsys):
 
 
 def test_settings_are_ranked_by_cycles():
-    slow, fast = (Losses(1.0, 1.0, None, ns) for ns in (20.0, 10.0))
-    priced = Losses(1.0, 1.0, 5.0, 30.0)
+    slow, fast = (Losses(1.0, 1.0, 0.0, None, ns) for ns in (20.0, 10.0))
+    priced = Losses(1.0, 1.0, 0.0, 5.0, 30.0)
     assert min((slow, fast), key=lambda one: one.cost) is fast
     assert [one.cost for one in (slow, fast, priced)] == [20.0, 10.0, 5.0]

@@ -119,7 +119,7 @@ def choice_document(choice: Choice | None) -> dict[str, Any] | None:
         "candidates": [
             {
                 **asdict(candidate.setting),
-                **picked(candidate, "prediction_agreement", "spike_error", "energy_pj", "chip_time_ns"),
+                **picked(candidate, "prediction_agreement", "spike_error", "score_error", "energy_pj", "chip_time_ns"),
                 "within_budget": candidate.keeps(choice.budget),
             }
             for candidate in choice.candidates

@@ -129,7 +129,10 @@ def unmet_budget(choice: Choice) -> str:
 def _lost(candidate: Candidate) -> str:
     agreement, error = candidate.prediction_agreement, candidate.spike_error
     predictions = "no prediction compared" if agreement is None else f"prediction agreement {agreement:.4f}"
-    return f"{predictions} and {'no spike compared' if error is None else f'{error:.4f} of the spikes different'}"
+    spikes = "no spike compared" if error is None else f"{error:.4f} of the spikes different"
+    if candidate.score_error is None:
+        return f"{predictions} and {spikes}"
+    return f"{predictions}, {spikes} and class scores off by {candidate.score_error:.4f} of their spread"
 
 
 def setting_words(row: dict[str, Any], prefix: str = "") -> str:
@@ -140,7 +143,7 @@ def setting_words(row: dict[str, Any], prefix: str = "") -> str:
 
 
 def _reason(choice: dict[str, Any]) -> str:
-    if choice["min_agreement"] is choice["max_spike_error"] is None:
+    if choice["min_agreement"] is choice["max_spike_error"] is choice["max_score_error"] is None:
         return "the most exact one, as nothing was compared"
     if choice["kept"]:
         return "the cheapest within the error budget"

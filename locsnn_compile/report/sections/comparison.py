@@ -5,7 +5,7 @@ from functools import cached_property
 from typing import Any
 
 from hw_model.values import Frozen
-from locsnn_compile.errors import InputError
+from locsnn_compile.errors import InputError, listed
 from locsnn_compile.report.content import Bar, Document, Fact, Facts, Notice, Report, Section, Status, Table, Verdict
 from locsnn_compile.report.figures.flat import Figures, flatten
 from locsnn_compile.report.format import NONE, agreed, any_value, count, plural, points, share, shortened
@@ -43,6 +43,11 @@ class Build(Frozen):
         """Return a share of what was compared; None if the report says that nothing was."""
         return None if self.figures.get(key, 0) is None else self.number(key)
 
+    @property
+    def score_error(self) -> float | None:
+        """How far class scores are off; None if nothing was compared, and in reports of versions without scores."""
+        return self.share("match.score_error") if "match.score_error" in self.figures else None
+
     def text(self, key: str) -> str:
         """Return a text of the report; a dash if it has no such text."""
         value = self.figures.get(key)
@@ -62,6 +67,8 @@ _KEY_FIGURES = _named("all")
 _LARGEST = 1e200
 """Numbers must be smaller, so that ratios of them can be computed."""
 Change = tuple[Any, Any]
+_Known = tuple[float | None, float | None]
+"""A figure before and after; None if nothing was compared."""
 
 
 def changes(before: Build, after: Build) -> dict[str, Change]:
@@ -104,29 +111,37 @@ def _figures(build: Build) -> Figures:
 
 
 def _matches(before: Build, after: Build) -> Verdict:
-    a, b = (build.share("match.prediction_agreement") for build in (before, after))
-    spikes = [build.share("match.spike_agreement") for build in (before, after)]
-    status, answer = _change_of_match(a, b, *spikes)
-    equal = [agreed(value) for value in spikes]
+    a, b = predictions = _shares(before, after, "prediction_agreement")
+    spikes, scores = _shares(before, after, "spike_agreement"), (before.score_error, after.score_error)
+    status, answer = _change_of_match(predictions, spikes, scores)
+    off = ["not compared" if error is None else f"{share(error)} of their spread off" for error in scores]
     its = facts(
         "matches compared",
         accuracy=_accuracy(before, after),
-        equal=equal[1] if equal[0] == equal[1] else f"{equal[1]}; {equal[0]} before",
+        equal=_now(*map(agreed, spikes)),
         mismatches=_both(before, after, "match.spike_mismatches", count),
+        scores=_now(*off),
         overflows=_both(before, after, "match.wraps", count, "match.clips"),
     )
     return verdict("matches compared", status, answer, its, now=agreed(b, "none"), before=agreed(a, "none"))
 
 
-def _change_of_match(
-    a: float | None, b: float | None, spikes: float | None, spikes_after: float | None
-) -> tuple[Status, str]:
-    """Answer by the agreement of predictions and spikes before and after; not known if a build compared none."""
-    if a is None or b is None or (spikes is None) != (spikes_after is None):
+def _shares(before: Build, after: Build, key: str) -> _Known:
+    return before.share(f"match.{key}"), after.share(f"match.{key}")
+
+
+def _change_of_match(predictions: _Known, spikes: _Known, scores: _Known) -> tuple[Status, str]:
+    """Answer by both agreements and the error of scores; not known if a build compared none of what the other did."""
+    a, b = predictions
+    if a is None or b is None or (spikes[0] is None) != (spikes[1] is None):
         return "unknown", "Not known"
     answer = "As before" if a == b else "Better" if b > a else "Worse"
-    if b >= a and spikes is not None and spikes_after is not None and spikes_after < spikes:
-        return "nearly", f"{answer}, but fewer spikes are equal"
+    losses = {"fewer spikes are equal": spikes[::-1], "class scores differ more": scores}
+    worse = [
+        words for words, (least, most) in losses.items() if least is not None and most is not None and most > least
+    ]
+    if b >= a and worse:
+        return "nearly", f"{answer}, but {listed(worse)}"
     return ("no" if b < a else "yes"), answer
 
 
@@ -215,7 +230,11 @@ def _all(changed: dict[str, Change]) -> list[Section]:
 def _both(before: Build, after: Build, key: str, shown: Callable[[float], str], also: str | None = None) -> str:
     """Return a figure, or the sum of two, as it is now and as it was before."""
     a, b = (build.number(key) + (build.number(also) if also else 0) for build in (before, after))
-    return shown(b) if a == b else f"{shown(b)}; {shown(a)} before"
+    return shown(b) if a == b else _now(shown(a), shown(b))
+
+
+def _now(before: str, after: str) -> str:
+    return after if before == after else f"{after}; {before} before"
 
 
 def _accuracy(before: Build, after: Build) -> str:

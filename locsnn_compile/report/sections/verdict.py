@@ -12,10 +12,11 @@ _SIDES = {
 }
 """What is compared with conventional networks: the key of the ratio, and whose operations they are."""
 NEARLY = 0.95
-"""The least prediction agreement for the answer "nearly".
+"""The least prediction agreement for the answer "nearly"."""
+MOST_SCORE_ERROR = 0.05
+"""The largest error of class scores, as a share of their spread, for the answer "yes" where potentials are read.
 
-Where potentials are read, "yes" also needs class scores within a twentieth of their spread: nothing else compares
-them, and a few recordings keep their class at errors that change the class of others.
+Nothing else compares potentials, and a few recordings keep their class at errors that change the class of others.
 """
 SPIKE_FOR_SPIKE = "Yes, spike for spike"
 SAME_CLASSES = "Nearly, in every prediction"
@@ -56,7 +57,7 @@ def _answer(match: Document) -> tuple[Status, str]:
     agreement, exact = match["prediction_agreement"], match["spike_mismatches"] == 0
     if match["readout"]["silent"] or (agreement is None and not exact):
         return "unknown", "Not known"
-    if agreement == 1 and "potentials" in match["readout"]["by"] and (match["score_error"] or 0) > 1 - NEARLY:
+    if agreement == 1 and "potentials" in match["readout"]["by"] and (match["score_error"] or 0) > MOST_SCORE_ERROR:
         return "nearly", SAME_CLASSES
     if exact and match["spike_agreement"] is not None and agreement in (None, 1):
         return "yes", SPIKE_FOR_SPIKE
