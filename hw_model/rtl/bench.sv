@@ -116,7 +116,8 @@ module bench #(
             $fwrite(answers_file, "%0d %0d %0d %0d %0d %0d %0d %0d %0d %0d\n", error, winner, cycle - first_cycle,
                     synapses, updates, active_updates, spikes, charge_wraps, current_wraps, voltage_clips);
         end
-        owed <= owed + {31'b0, last_word && word[16] == 0} - {31'b0, answer_valid};
+        // Before the reset it is unknown whether there is an answer.
+        owed <= reset ? 0 : owed + {31'b0, last_word && word[16] == 0} - {31'b0, answer_valid};
         // What is unknown is no sign of life.
         idle <= (load_valid || done || answer_valid || (in_valid && in_ready)) === 1'b1 ? 0 : idle + 1;
         if ((!more && !in_valid && owed == 0) || idle == patience) begin

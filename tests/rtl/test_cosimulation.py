@@ -17,8 +17,9 @@ from shipped import MODELS, example_files, model_file
 
 import hw_model as hw
 import locsnn_compile as lc
+from hw_model.rtl import cosimulation
 from hw_model.rtl.comparison import compare
-from hw_model.rtl.simulators import sources
+from hw_model.rtl.simulators import command_of, said, sources
 
 NO_VERILATOR = pytest.mark.skipif(shutil.which("verilator") is None, reason="Verilator is not installed")
 icarus = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
@@ -118,6 +119,25 @@ def test_random_hybrids(seed):
 def test_icarus_does_the_same():
     program, spikes = hybrids.random_hybrid(5)
     check(program, spikes[None], "icarus")
+
+
+@icarus
+def test_a_run_ends_with_its_last_answer(tmp_path, monkeypatch):
+    """Not when the core has been silent for long: a million cycles took a minute."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    at_end = []
+    monkeypatch.setattr(
+        cosimulation,
+        "run",
+        lambda binary, folder, patience: at_end.append(
+            said([*command_of(binary), "+patience=5000"], folder, "the open core")
+        ),
+    )
+    counted = sources()["bench.sv"].replace("$finish;", '$display("%0d", cycle); $finish;')
+    program, spikes = benches.blocked()
+    compare(program, spikes, sources() | {"bench.sv": counted}, "icarus", benches.SIZES)
+    (cycles,) = map(int, at_end)
+    assert 443 < cycles < 1000, "its recording takes 443"
 
 
 @pytest.mark.slow
