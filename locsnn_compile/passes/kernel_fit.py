@@ -64,7 +64,10 @@ def _soft_drop(neuron: SoftCuba, scaled: Scaled, registers: Registers) -> tuple[
 
 
 def _leaky_input(neuron: Leaky, scaled: Scaled, registers: Registers) -> tuple[float, float]:
-    """Return the errors of the response to one input spike that brings each neuron to its threshold."""
+    """Return the errors of the response to one input spike that brings each neuron to its threshold.
+
+    Where that takes more charge than a step can hold, as it may for outputs that never spike, it is the largest charge.
+    """
     slowest = float(np.maximum(1 - neuron.decay_u, 1 - neuron.decay_v).max())
     steps = _steps(-1.0 / math.log(slowest)) if 0 < slowest < 1 else _steps(slowest * STEPS_MAX)
     current, response = np.ones(len(neuron.threshold)), np.zeros((steps, len(neuron.threshold)))
@@ -72,7 +75,8 @@ def _leaky_input(neuron: Leaky, scaled: Scaled, registers: Registers) -> tuple[f
         response[step] = (1 - neuron.decay_v) * response[step - 1] + current
         current = (1 - neuron.decay_u) * current
     theta = neuron.threshold * scaled.scale
-    weight = theta / response.max(axis=0)
+    most = ((1 << registers.charge_bits) - 1) / scaled.gain
+    weight = np.minimum(theta / response.max(axis=0), most)
     found = input_response(scaled.neuron, _whole(scaled.gain * weight), registers, steps)
     return _errors(found, weight * response, theta)
 

@@ -5,6 +5,7 @@ never rounded up to 100 % or down to 0 %.
 """
 
 import math
+import re
 from collections.abc import Callable, Sequence
 
 NONE = "–"  # noqa: RUF001 - an en dash stands for a number that does not exist
@@ -14,6 +15,8 @@ SILENT = "silent"
 _ENERGY_UNITS = ("pJ", "nJ", "µJ", "mJ", "J")
 _TIME_UNITS = ("ns", "µs", "ms", "s")
 _SIZE_UNITS = ("B", "kB", "MB", "GB")
+BEFORE_UNIT = re.compile(r"(?<=\d) (?=(?:[pnuµm]?[Js]|[kMG]?B|%)(?!\w))")
+"""The space between a number and its unit, at which no line should break."""
 _MOST_DECIMALS = 6
 """Most decimals of a percentage; nearer to 0 or 100 % only a bound is shown."""
 

@@ -18,7 +18,7 @@ STEPS = 400
 MARKS = 5000
 """Most spikes of an input or a population that are kept; if there are more, fewer steps are kept."""
 NEURONS = 40
-"""Most neurons of a population that are kept: those with the most differences."""
+"""Most neurons of a population that are kept: those with the most differences, then those with the most spikes."""
 LINES = 128
 """Most rows of an input that are kept; if there are more lines, they share rows."""
 POPULATIONS = 8
@@ -132,11 +132,12 @@ def _input(view: InputView, spikes: ByteArray) -> SpikeRows:
 
 
 def _rows(population: Population, reference: ByteArray, chip: ByteArray, first: Divergence | None) -> SpikeRows:
-    """Keep the neuron that differs first and those with the most differences, in network order."""
+    """Keep the neuron that differs first, those with the most differences, then the busiest; in network order."""
     differences = (reference != chip).sum(axis=0)
+    spikes = reference.sum(axis=0, dtype=np.int64)
     if first is not None and first.population == population.name:
         differences[first.neuron] = len(reference) + 1
-    neurons = np.sort(np.argsort(-differences, kind="stable")[:NEURONS])
+    neurons = np.sort(np.lexsort((-spikes, -differences))[:NEURONS])
     name, axis, phase = population.name, population.axis, population.phase
     return SpikeRows(name, axis, phase, population.size, neurons, reference[:, neurons], chip[:, neurons])
 

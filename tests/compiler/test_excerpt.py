@@ -87,3 +87,14 @@ def test_the_neuron_that_differs_first_is_always_shown(levels, played, monkeypat
     first = compare(levels.quantized, levels.program, played).first_divergence
     shown = next(i for i in take_excerpt(levels, played, first).populations if i.name == first.population)
     assert shown.numbers.tolist() == [first.neuron]
+
+
+def test_neurons_without_differences_are_those_that_spike_most(levels, played, monkeypatch):
+    monkeypatch.setattr(module, "NEURONS", 2)
+    whole = np.zeros((5, 4), dtype=np.uint8)
+    whole[0, 1] = whole[:2, 3] = whole[2, 3] = 1
+    population = levels.network.populations[0]
+    assert module._rows(population, whole, whole, None).numbers.tolist() == [1, 3]
+    differs = whole.copy()
+    differs[4, 0] = 1
+    assert module._rows(population, whole, differs, None).numbers.tolist() == [0, 3]

@@ -219,3 +219,10 @@ def test_populations_are_stepped_together_only_where_they_feed_each_other():
         projections=tuple(Projection(a, b, one) for a, b in edges),
     )
     assert [[p.name for p in together] for together in evaluation_order(bigger)] == [["a"], ["c", "b"], ["d"], ["n"]]
+
+
+def test_the_fit_of_a_threshold_beyond_the_charge_of_a_step_is_measured_without_a_wrap():
+    """Outputs that are read by potential have such thresholds."""
+    found = quantize(single(Cuba.of(1, decay_v=1.0, threshold=1.0), [[0.001]]), CHIP).population("n")
+    assert 64 * found.neuron.threshold[0] >= 2**CHIP.registers.charge_bits
+    assert (found.fit.input_max, found.fit.input_rms) == (0.0, 0.0)

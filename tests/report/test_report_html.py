@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from locsnn_compile.report.compose import compose
-from locsnn_compile.report.renderers.html import render_html
+from locsnn_compile.report.renderers.html import prose, render_html
 from locsnn_compile.verification.excerpt import Excerpt
 
 VOID = {"meta", "link", "br", "img", "hr", "input", "wbr"}
@@ -41,7 +41,7 @@ class Page(HTMLParser):
 
     def handle_data(self, data: str) -> None:
         if "style" not in self.open:
-            self.text += f" {data}"
+            self.text += f" {data}".replace("\u00a0", " ")
 
     def named(self, tag: str) -> list[dict[str, str | None]]:
         return [attributes for name, attributes in self.tags if name == tag]
@@ -76,7 +76,7 @@ def test_key_figures_are_on_the_page(document: dict[str, Any]) -> None:
 
 def test_the_verdict_comes_first(document: dict[str, Any]) -> None:
     text = Page(render_html(compose(document))).text
-    order = ["Does it match?", "What does it cost?", "Does it fit?", "Where the energy goes", "2 cores in use of 128"]
+    order = ["Does it match?", "What does it cost?", "Does it fit?", "Where the energy goes", "2 of 128 cores in use"]
     order += [
         "Each stage alone, over",
         "Distance of potentials",
@@ -85,6 +85,12 @@ def test_the_verdict_comes_first(document: dict[str, Any]) -> None:
         "model sha256",
     ]
     assert [text.index(name) for name in order] == sorted(text.index(name) for name in order)
+
+
+def test_lines_break_neither_before_a_unit_nor_within_an_option() -> None:
+    assert prose("15.3 µJ of 3 % in 5 steps; <give> others with --max-cores.") == (
+        "15.3&nbsp;µJ of 3&nbsp;% in 5 steps; &lt;give&gt; others with <code>--max-cores</code>."
+    )
 
 
 def test_the_page_asks_for_nothing(document: dict[str, Any]) -> None:
@@ -157,9 +163,9 @@ def test_every_string_is_escaped(document: dict[str, Any], excerpt: Excerpt) -> 
 @pytest.mark.parametrize(
     ("path", "value", "text"),
     [
-        pytest.param(("accuracy",), None, "not known, the recordings have no labels", id="no-labels"),
+        pytest.param(("accuracy",), None, "not known: the recordings have no labels", id="no-labels"),
         pytest.param(
-            ("match", "events_origin"), "made up", "accuracy not known, the recordings are made up", id="made-up"
+            ("match", "events_origin"), "made up", "accuracy not known: the recordings are made up", id="made-up"
         ),
         pytest.param(("assumptions",), [], "Does it match?", id="no-assumptions"),
         pytest.param(("match", "first_divergence"), None, "First difference: none, every spike is equal.", id="equal"),

@@ -54,7 +54,7 @@ def test_savings_are_of_the_whole(document: dict[str, Any]) -> None:
 
 def test_without_labels_it_is_no_accuracy(document: dict[str, Any]) -> None:
     document["over_time"]["right_is"] = "the prediction after the last step"
-    assert _plot(document).title == "Recordings predicted as after the last step"
+    assert _plot(document).title == "Recordings with the same prediction as after the last step"
 
 
 def test_without_the_length_of_a_step_it_counts_steps(document: dict[str, Any]) -> None:

@@ -85,8 +85,23 @@ def test_what_is_left_out_is_said(document: dict[str, Any], excerpt: Excerpt) ->
     first = _section("spikes", document, excerpt).blocks[0]
     assert first == (
         "Recording 0, the first in which a spike differs. Of 100 time steps, 39 to 42 are drawn. Of a large "
-        "population, the neurons with the most differences in the recording are drawn. 1 further population is not drawn."
+        "population, the neurons with the most differences in the recording are drawn, then the busiest. 1 further population "
+        "is not drawn."
     )
+
+
+def test_populations_read_by_potential_have_no_margins_drawn_and_no_row_in_the_error_budget(
+    document: dict[str, Any],
+) -> None:
+    def told(key: str, kind: type) -> list[Any]:
+        section = next(section for section in compose(document).sections if section.key == key)
+        return [block for block in section.blocks if isinstance(block, kind)]
+
+    document["match"]["readout"] |= {"by": "potentials", "populations": ["time_output"]}
+    assert [plot.title.split(":")[0] for plot in told("margins", Plot)] == ["time_output", "location_output"]
+    document["match"]["by_population"]["time_output"]["spike_agreement"] = None
+    assert [plot.title.split(":")[0] for plot in told("margins", Plot)] == ["location_output"]
+    assert [row[0] for row in told("error-budget", Table)[1].rows] == ["location_output"]
 
 
 def test_nothing_is_shown_of_nothing(document: dict[str, Any]) -> None:
@@ -122,7 +137,7 @@ def test_cores_sit_where_they_are_and_are_as_full_as_their_fullest_limit(documen
         (0, 0, 0.1875, "19"),
         (3, 3, 0.1875, "19"),
     ]
-    assert room.title == "Room on loihi-sim, in percent: 2 cores in use of 128"
+    assert room.title == "Room used on loihi-sim, in percent: 2 of 128 cores in use"
     assert room.description == (
         "core 0, time branch: 18.8 % of its synapse formats; core 1, location branch: 18.8 % of its synapse formats"
     )
@@ -142,7 +157,7 @@ def test_chips_are_drawn_one_by_one(document: dict[str, Any]) -> None:
     blocks = _section("cores", document).blocks
     drawn = [block for block in blocks if isinstance(block, Mesh)]
     assert [block.title for block in drawn[::2]] == [
-        f"Room on chip {i} of loihi-sim, in percent: 1 core in use of 128" for i in range(4)
+        f"Room used on chip {i} of loihi-sim, in percent: 1 of 128 cores in use" for i in range(4)
     ]
     assert blocks[-1] == "2 chips are not drawn; see core by core."
     assert all(core.column == 0 for block in drawn for core in block.cores)

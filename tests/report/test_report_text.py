@@ -123,6 +123,30 @@ def test_values_are_aligned_next_to_long_labels(document: dict[str, Any]) -> Non
         assert line in made.getvalue().splitlines()
 
 
+def test_numbered_populations_without_spikes_are_one_line(document: dict[str, Any]) -> None:
+    match = document["match"]
+    silent = {**match["by_population"]["time_output"], "spike_agreement": None}
+    match["by_population"] |= {f"out_{number}": dict(silent) for number in range(1, 13)} | {"last": dict(silent)}
+    match["readout"] |= {"by": "potentials", "populations": [f"out_{number}" for number in range(1, 13)]}
+    lines = _terminal(document).splitlines()
+    at = next(i for i, line in enumerate(lines) if "out_*" in line)
+    assert lines[at : at + 2] == ["  out_*             12 populations, read by potential", "  last              silent"]
+    match["by_population"]["out_7"]["spike_agreement"] = 1.0
+    assert [line.split()[0] for line in _terminal(document).splitlines() if "out_" in line] == [
+        "out_*",
+        "out_7",
+        "out_*",
+    ]
+
+
+def test_terminal_counts_the_populations_that_are_left_out(document: dict[str, Any]) -> None:
+    match = document["match"]
+    half = match["by_population"]["time_output"]
+    match["by_population"] = {f"layer_{number}": dict(half) for number in range(1, 12)}
+    match["by_population"] |= {f"out_{number}": {**half, "spike_agreement": None} for number in range(1, 5)}
+    assert "  ...               and 7 more populations in the report" in _terminal(document).splitlines()
+
+
 def test_terminal_cuts_long_names(document: dict[str, Any]) -> None:
     document["model"]["name"] = "n" * 10_000
     assert _terminal(document).splitlines()[0] == "n" * 59 + "… on loihi-sim"

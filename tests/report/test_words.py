@@ -71,7 +71,9 @@ def test_every_block_has_a_piece_in_every_form(file):
 
 
 def test_pieces_hold_what_is_there():
-    pieces = Pieces("locsnn_compile.report.renderers", "pieces.html", str.upper, given={"assumed": "assumed"})
+    pieces = Pieces(
+        "locsnn_compile.report.renderers", "pieces.html", str.upper, given={"assumed": "assumed"}, prose=str.upper
+    )
     assert pieces.each([Fact("a", "b")], "fact") == "<div><dt>A</dt><dd>B</dd></div>"
     assert (pieces.some((), "assumed"), pieces.each(["c", Facts(())])) == (
         "",

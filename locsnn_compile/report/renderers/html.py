@@ -1,9 +1,10 @@
 """report.html: one page with the verdict first, and without scripts, fonts or requests."""
 
+import re
 from html import escape
 
 from locsnn_compile.report import content
-from locsnn_compile.report.format import plain, shortened
+from locsnn_compile.report.format import BEFORE_UNIT, plain, shortened
 from locsnn_compile.report.pictures import drawings
 from locsnn_compile.report.words import ASSUMED, SIGNS
 from locsnn_compile.texts.pieces import Pieces
@@ -15,6 +16,7 @@ _FEW_COLUMNS = 4
 """A table with no more columns fits a phone."""
 _LONGEST, _LONGEST_NAME, _LONGEST_NUMBER = 2000, 240, 28
 """Characters at most: of a text, of a name that heads a row, and of a cell that is never wrapped."""
+_OPTION = re.compile(r"(?<!\S)--[a-z-]+")
 _DRAWN = '<span class="hidden">drawn</span>'
 MAX_ROWS = 200
 """A table with more rows is cut: networks may have any number of populations, and programs of cores."""
@@ -45,6 +47,11 @@ def render_summary(report: content.Report) -> str:
 def text(value: str) -> str:
     """Return a string that is safe in text and in quoted attributes; an absurdly long one is cut."""
     return escape(shortened(plain(value), _LONGEST))
+
+
+def prose(value: str) -> str:
+    """Return a string that is safe in text, in which lines break neither before a unit nor within an option."""
+    return _OPTION.sub(r"<code>\g<0></code>", BEFORE_UNIT.sub("&nbsp;", text(value)))
 
 
 def _table(table: content.Table) -> str:
@@ -100,5 +107,13 @@ _DRAWINGS = ("stack", "span", "mark", "plot", "curve_mark", "raster", "stroke_ma
 _SHOWN = {name: getattr(drawings, name) for name in _DRAWINGS}
 _GIVEN = {"assumed": ASSUMED}
 _PIECES = Pieces(
-    __package__, "pieces.html", text, folded=True, given=_GIVEN, sign=SIGNS.__getitem__, table=_table, **_SHOWN
+    __package__,
+    "pieces.html",
+    text,
+    folded=True,
+    given=_GIVEN,
+    sign=SIGNS.__getitem__,
+    prose=prose,
+    table=_table,
+    **_SHOWN,
 )

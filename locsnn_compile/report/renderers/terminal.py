@@ -1,13 +1,14 @@
 """The summary on the terminal: the three verdicts, and a bar for every population."""
 
-import re
 import textwrap
+from itertools import groupby
+from string import digits
 
 from rich.console import Console
 from rich.text import Text
 
 from locsnn_compile.report.content import Bar, Report, Table, Verdict
-from locsnn_compile.report.format import plain, shortened
+from locsnn_compile.report.format import BEFORE_UNIT, plain, plural, shortened
 from locsnn_compile.report.words import ASSUMED, SIGNS
 
 _STYLES = {"yes": "bold green", "nearly": "bold yellow", "no": "bold red", "unknown": "bold", "modelled": "bold"}
@@ -18,7 +19,6 @@ _LONGEST = 60
 _LABEL, _WIDEST_LABEL = 18, 24
 """Characters of a label and of the space after it: at least, and at most."""
 _SHOWN_POPULATIONS = 8
-_BEFORE_UNIT = re.compile(r"(?<=\d) (?=(?:[pnuµm]?[Js]|[kMG]?B|%)(?!\w))")
 _HELD = "\u00a0"
 """Replaces the blank between a number and its unit while lines are wrapped, to keep the two together."""
 _ASCII = str.maketrans(
@@ -58,14 +58,28 @@ def _verdict(console: Console, verdict: Verdict, width: int) -> None:
 
 
 def _populations(console: Console, report: Report, width: int) -> None:
-    """Print the first columns of the table of agreement by population, if the report has one, without its last row."""
+    """Print the first columns of the table of agreement by population, if the report has one, without its last row.
+
+    Populations without spikes whose names differ in a last number are one line.
+    """
     blocks = (block for section in report.sections if section.key == "agreement" for block in section.blocks)
     rows = next((block.rows[:-1] for block in blocks if isinstance(block, Table)), ())
-    for name, bar, equal, *_ in rows[:_SHOWN_POPULATIONS]:
+    lines = [list(alike) for _, alike in groupby(rows, _same_line)]
+    for alike in lines[:_SHOWN_POPULATIONS]:
+        name, bar, equal, *_ = alike[0]
         drawn = f"{_drawn(bar.share)} " if isinstance(bar, Bar) and bar.share is not None else ""
-        _row(console, _ending(str(name), width - 1), f"{drawn}{equal}", width)
-    if len(rows) > _SHOWN_POPULATIONS:
-        _row(console, "...", f"and {len(rows) - _SHOWN_POPULATIONS} more populations in the report", width)
+        many = f"{len(alike)} populations, " if len(alike) > 1 else ""
+        label = f"{str(name).rstrip(digits)}*" if many else str(name)
+        _row(console, _ending(label, width - 1), f"{many}{drawn}{equal}", width)
+    left = sum(map(len, lines[_SHOWN_POPULATIONS:]))
+    if left:
+        _row(console, "...", f"and {plural(left, 'more population')} in the report", width)
+
+
+def _same_line(row: tuple[str | Bar, ...]) -> tuple[str | Bar, ...]:
+    """Return what rows have in common that are one line."""
+    name, bar, equal, *_ = row
+    return (name,) if isinstance(bar, Bar) and bar.share is not None else (str(name).rstrip(digits), equal)
 
 
 def _drawn(value: float) -> str:
@@ -83,7 +97,7 @@ def _row(console: Console, label: str, value: str, width: int) -> None:
 def _line(console: Console, line: str, style: str, *, styled: int | None = None, hanging: int = 2) -> None:
     """Print a line, wrapped to the console with a hanging indent; its first ``styled`` characters in ``style``."""
     folded = textwrap.fill(
-        _BEFORE_UNIT.sub(_HELD, _readable(console, line)),
+        BEFORE_UNIT.sub(_HELD, _readable(console, line)),
         width=max(console.width, 2 * hanging),
         subsequent_indent=" " * hanging,
         break_on_hyphens=False,

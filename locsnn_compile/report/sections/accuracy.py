@@ -1,7 +1,7 @@
 """Sections on where the error comes from: the error budget, and the margins."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import accumulate
 
 from locsnn_compile.report.content import Bar, Curve, Document, Plot, Section, Table
@@ -29,7 +29,7 @@ def error_budget(document: Document) -> Section | None:
         "error-budget",
         _checked(budget),
         table("stages", _stages(variants, [*without, NONE]), total=True, recordings=len(budget["recordings"])),
-        _by_population(variants, document["match"]),
+        _by_population(variants, that_spike(budget["together"]["by_population"], document["match"])),
         _kernel_tail(budget["kernel_tail"]),
         facts("recordings", recordings=sample(budget)),
     )
@@ -41,11 +41,12 @@ def margins(document: Document) -> Section | None:
         return None
     found = document["margins"]
     populations = found["by_population"]
+    drawn = that_spike(populations, document["match"])
     return section(
         "margins",
         table("distances", populations, columns=_nearest(populations)),
         table("errors", {name: one | {"errors": [*one["error"].values()]} for name, one in populations.items()}),
-        *(_plot(name, one, found["histogram_edges"]) for name, one in list(populations.items())[:_DRAWN]),
+        *(_plot(name, populations[name], found["histogram_edges"]) for name in drawn[:_DRAWN]),
         table("registers", {name: one | _fuller(one) for name, one in found["registers"].items()}),
         facts("recordings", recordings=sample(found)),
     )
@@ -76,7 +77,7 @@ def sample(entry: Document, *, named: bool = True) -> str:
 
 def _checked(budget: Document) -> str:
     exact = [stage_words(stage) for stage in STAGES if stage not in budget["alone"]]
-    idle = f" By construction {listed(exact)} change nothing here." if exact else ""
+    idle = f" {listed(exact).capitalize()} change nothing here, by construction." if exact else ""
     left = budget["unexplained_spikes"]
     if left:
         return f"All stages together leave {plural(left, 'spike')} unexplained.{idle}"
@@ -97,16 +98,16 @@ def equal_spikes(agreement: float | None, none: str = SILENT) -> Document:
     return {"bar": Bar(agreement, f"{share(agreement)} of spikes equal"), "equal": share(agreement)}
 
 
-def _by_population(variants: Document, match: Document) -> Table:
+def that_spike(populations: Iterable[str], match: Document) -> list[str]:
+    """Return the populations without those that are read by potential and do not spike."""
+    found = match["by_population"]
+    return [p for p in populations if no_spikes(match, p) == SILENT or found[p]["spike_agreement"] is not None]
+
+
+def _by_population(variants: Document, shown: Sequence[str]) -> Table:
     rows = tuple(
-        (
-            name,
-            *(
-                agreed(found["by_population"][name]["spike_agreement"], no_spikes(match, name))
-                for found in variants.values()
-            ),
-        )
-        for name in variants["all together"]["by_population"]
+        (name, *(agreed(found["by_population"][name]["spike_agreement"], SILENT) for found in variants.values()))
+        for name in shown
     )
     return Table("Spikes equal by population, each stage alone", ("population", *variants), rows)
 

@@ -91,7 +91,7 @@ def _ann_energy(document: Document) -> tuple[Block, ...]:
         rows.append((words(name), count(entry["multiplications"]), count(entry["additions"]), *cells))
     return (
         Table(
-            f"Energy of the arithmetic only; in brackets a multiple of this network's (profile {own['profile']})",
+            f"Energy of the arithmetic only; in brackets, as a multiple of this network's (profile {own['profile']})",
             ("network", "multiplications", "additions", *(words(key) for key in arithmetics)),
             tuple(rows),
         ),

@@ -75,7 +75,7 @@ def provenance(document: Document) -> Section:
         facts("provenance", meaning=meaning, **document),
         table("gates", gates) if gates else None,
         settings_compared(choice) if choice else None,
-        Bullets("Keep in mind with these figures", notes),
+        Bullets("Keep in mind", notes),
     )
 
 

@@ -45,8 +45,8 @@ def _room(document: Document, chip: int, rows: list[Document]) -> Mesh:
     limits = document["resources"]["limits"]
     fullest = {row["core"]: _fullest(limits, row) for row in rows}
     of = f"chip {chip} of {document['target']}" if document["resources"]["mesh"]["chips"] > 1 else document["target"]
-    title = f"Room on {of}, in percent: {plural(len(rows), 'core')} in use of "
-    title += count(document["resources"]["mesh"]["cores_per_chip"])
+    every = plural(document["resources"]["mesh"]["cores_per_chip"], "core")
+    title = f"Room used on {of}, in percent: {count(len(rows))} of {every} in use"
     uses = {
         core: _Use(full, f"{100 * full:.0f}", f"{share(full)} of its {limit}")
         for core, (full, limit) in fullest.items()

@@ -57,7 +57,7 @@ def latency_section(document: Document) -> Section:
 
 
 def _static(static: Document) -> tuple[str, Table]:
-    lasting = {"at the chip's latency": "at_latency_pj", "at the sensor's real time": "at_real_time_pj"}
+    lasting = {"while the chip works": "at_latency_pj", "while the sensor records": "at_real_time_pj"}
     return (
         sentence("static energy", **static),
         table("static energy", {name: static[key] for name, key in lasting.items()}),

@@ -33,7 +33,7 @@ def over_time(document: Document) -> Section:
 def _title(entry: Document) -> str:
     if entry["right_is"] == "the label":
         return "Accuracy after each step"
-    return "Recordings predicted as after the last step"
+    return "Recordings with the same prediction as after the last step"
 
 
 def _plot(entry: Document) -> Plot:

@@ -54,7 +54,9 @@ def _shown(excerpt: Excerpt) -> str:
             parts.append(f"Of {count(every)} {phase} steps, {count(steps[0])} to {count(steps[-1])} are drawn.")
     thinned = [item.name for item in excerpt.populations if len(item.numbers) < item.size]
     if thinned:
-        parts.append("Of a large population, the neurons with the most differences in the recording are drawn.")
+        parts.append(
+            "Of a large population, the neurons with the most differences in the recording are drawn, then the busiest."
+        )
     if left := excerpt.populations_left_out:
         parts.append(f"{plural(left, 'further population is', 'further populations are')} not drawn.")
     return " ".join(parts)
