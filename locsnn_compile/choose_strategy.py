@@ -157,11 +157,6 @@ def _measured(setting: Setting, levels: Levels, recordings: Recordings, spread: 
     )
     chip = levels.program.chip
     energy_pj = sum(hw.energy_pj(total(match.counts), chip.costs).values()) / match.samples
-    return Candidate(
-        match.prediction_agreement,
-        match.spikes.agreement,
-        match.scores.relative_error,
-        energy_pj if chip.profiles else None,
-        match.mean_ns,
-        setting,
-    )
+    agreements = match.prediction_agreement, match.spikes.agreement
+    cost = energy_pj if chip.profiles else None, match.mean_ns
+    return Candidate(*agreements, match.scores.relative_error, *cost, setting)

@@ -112,7 +112,7 @@ def held_matrix(given: Any, where: str) -> Matrix:
         return given
     try:
         return matrix(given, np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         fix = "Give one row per target and one column per source."
         raise InputError(where, "the weights are not an array of numbers", fix=fix) from None
 

@@ -65,20 +65,15 @@ class Losses(Frozen):
     def keeps(self, budget: ErrorBudget) -> bool:
         """Tell whether the budget is kept; a bound on something that was not compared is not kept."""
         agreement, least = self.prediction_agreement, budget.min_agreement
-        return (
-            (least is None or (agreement is not None and agreement >= least))
-            and _within(self.spike_error, budget.max_spike_error)
-            and _within(self.score_error, budget.max_score_error)
+        errors = (self.spike_error, budget.max_spike_error), (self.score_error, budget.max_score_error)
+        return (least is None or (agreement is not None and agreement >= least)) and all(
+            most is None or (error is not None and error <= most) for error, most in errors
         )
 
     @property
     def losses(self) -> tuple[float, float, float]:
         """Errors of predictions, spikes and scores, to compare by; 0 for what was not compared."""
         return self.prediction_error or 0.0, self.spike_error or 0.0, self.score_error or 0.0
-
-
-def _within(error: float | None, most: float | None) -> bool:
-    return most is None or (error is not None and error <= most)
 
 
 def default_budget(first: Losses) -> ErrorBudget:

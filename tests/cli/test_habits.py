@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import re
 import subprocess
 import sys
@@ -203,3 +204,18 @@ def test_a_command_that_does_not_exist_is_one_line(words, line, capsys):
         main(words)
     assert left.value.code == 2
     assert capsys.readouterr().err == line
+
+
+@pytest.mark.parametrize("module", ["locsnn_compile", "locsnn_compile.cli.compile"])
+def test_an_interrupt_while_modules_are_imported_is_one_line(module, tmp_path, monkeypatch):
+    (tmp_path / "argparse.py").write_text("raise KeyboardInterrupt\n")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
+    found = subprocess.run([sys.executable, "-m", module, "model.pt"], capture_output=True, text=True, check=False)
+    assert (found.stdout, found.stderr) == ("", "Interrupted; nothing was written.\n")
+    assert found.returncode != 0
+
+
+def test_other_errors_are_shown_as_before():
+    code = "import locsnn_compile.cli; raise ValueError('no')"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert found.stderr.endswith("ValueError: no\n")

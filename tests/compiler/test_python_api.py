@@ -192,6 +192,7 @@ BROKEN = [
     ("scores that are no numbers", lambda: lc.compile(by_hand(readout=lc.Readout(("scores",), (float("nan"),)))), f"{READOUT} (populations ('scores',), sizes [2], weights (nan,)). {ONE_SIZE}"),
     ("scores beyond measure", lambda: lc.compile(by_hand(readout=lc.Readout(("scores",), (1e300,)))), "readout: a weight is too large a number to compute with (1e+300 against 1e-100 to 1e+100). Give it in other units."),
     ("complex weights", lambda: lc.Projection("touch", "hidden", [[1j]]), "projection 'touch' -> 'hidden': the weights are not an array of numbers. Give one row per target and one column per source."),
+    ("weights beyond floats", lambda: lc.Projection("touch", "hidden", [[10**400]]), "projection 'touch' -> 'hidden': the weights are not an array of numbers. Give one row per target and one column per source."),
     ("no scores", lambda: lc.compile(by_hand(readout=lc.Readout((), ()))), f"{READOUT} (populations (), sizes [], weights ()). {ONE_SIZE}"),
 ]  # fmt: skip
 

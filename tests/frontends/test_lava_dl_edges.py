@@ -53,3 +53,20 @@ def test_the_lowest_weight_next_to_an_odd_one(tmp_path):
         "model 'model.net', layer 0: a weight does not fit an 8-bit synapse "
         "(-256..1 against -256..254, even, or -255..255). Export it again, with quantised weights."
     )
+
+
+@pytest.mark.parametrize(
+    ("settings", "simulation", "message"),
+    [
+        ({"kind": 7}, {}, "model 'model.net', layer 0: 'neuron/type' is not text (int64). Export it again."),
+        ({}, {"tSample": "fifty"}, "model 'model.net', simulation: 'tSample' must be one number above 0 ('fifty'). Export it again."),
+        ({}, {"tSample": [5, 6]}, "model 'model.net', simulation: 'tSample' must be one number above 0 ([5 6]). Export it again."),
+        ({}, {"Ts": -1.0}, "model 'model.net', simulation: 'Ts' must be one number above 0 ([-1.]). Export it again."),
+    ],
+    ids=["a type that is a number", "steps that are text", "two numbers of steps", "a step before it began"],
+)  # fmt: skip
+def test_what_is_of_another_kind_is_refused(settings, simulation, message, tmp_path):
+    """A type that is a number was taken as CUBA, and steps of another kind as the usual number of them."""
+    with pytest.raises(lc.InputError) as caught:
+        loaded(tmp_path, layer([[2]], **settings), simulation)
+    assert str(caught.value) == message

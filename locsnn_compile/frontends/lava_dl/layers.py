@@ -42,10 +42,12 @@ class NetLayer(Frozen, eq=False):
             raise export_again(where, f"{name!r} must be one number", f"{values[:4]}")
         return int(values[0])
 
-    def text(self, name: str) -> str:
-        """Return a text, or '' if there is none."""
+    def text(self, name: str, where: str) -> str:
+        """Return a text, or '' if there is none; ``InputError`` for numbers."""
         value = self.values.get(name, "")
-        return value if isinstance(value, str) else ""
+        if isinstance(value, str):
+            return value
+        raise export_again(where, f"{name!r} is not text", f"{value.dtype}")
 
 
 class NetFile(Frozen, eq=False):

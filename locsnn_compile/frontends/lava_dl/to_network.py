@@ -61,7 +61,7 @@ def load_lava_dl(path: Path) -> Network:
     if not built.populations:
         raise InputError(where, "it has no layer of neurons", fix="Export a network with a dense or conv layer.")
     lines = built.views[0].lines
-    seconds, steps = _simulation(file)
+    seconds, steps = _simulation(file, f"{where}, simulation")
     built.outputs = {built.source: _potentials_from(file, built)}
     return built.network_of_file(path, data, lines, steps, seconds, origin=file, any_length=True)
 
@@ -74,11 +74,15 @@ def _potentials_from(file: NetFile, built: _Built) -> int | None:
     return len(built.populations) if silent else None
 
 
-def _simulation(file: NetFile) -> tuple[float | None, int]:
+def _simulation(file: NetFile, where: str) -> tuple[float | None, int]:
     """Return the seconds per step (Ts is in milliseconds) and the steps of a recording."""
-    held = {key: value for key, value in file.simulation.items() if not isinstance(value, str) and value.size == 1}
-    ts, samples = (float(held[key].reshape(-1)[0]) if key in held else math.nan for key in ("Ts", "tSample"))
-    steps = samples / ts if ts > 0 else math.nan
+    held = {key: file.simulation.get(key, np.array(math.nan)) for key in ("Ts", "tSample")}
+    for key, value in held.items():
+        if isinstance(value, str) or value.size != 1 or (value <= 0).any():
+            measured = repr(value[:40]) if isinstance(value, str) else f"{value.reshape(-1)[:4]}"
+            raise export_again(where, f"{key!r} must be one number above 0", measured)
+    ts, samples = (float(np.asarray(value).reshape(-1)[0]) for value in held.values())
+    steps = samples / ts
     return (ts / 1000 if ts > 0 else None), int(steps) if 1 <= steps <= 10_000 else STEPS
 
 
@@ -246,7 +250,7 @@ def _delay(layer: NetLayer, mantissa: Matrix, where: str) -> int | IntArray:
 
 
 def _neurons(layer: NetLayer, shape: Shape, where: str) -> ChipCuba:
-    kind = layer.text("neuron/type") or ("CUBA" if "neuron/vThMant" in layer.values else "")
+    kind = layer.text("neuron/type", where) or ("CUBA" if "neuron/vThMant" in layer.values else "")
     if kind not in ("CUBA", "LOIHI"):
         what = f"{kind[:40]!r} neurons have no single compartment on the chip" if kind else "it has no neurons"
         fix = "Use CUBA neurons."
