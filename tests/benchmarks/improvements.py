@@ -3,7 +3,7 @@
     python tests/benchmarks/improvements.py --data FOLDER --page docs/accuracy/what-each-improvement-buys.md
 
 ``FOLDER`` holds Ev-Objects.zip and Ev-Containers.zip. The networks are the float ones that ship. Weights are rounded, and
-settings chosen, on train recordings; test recordings are only played.
+settings chosen, on training recordings; test recordings are only played.
 """
 
 from __future__ import annotations

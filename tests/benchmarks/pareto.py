@@ -55,7 +55,7 @@ def section(data: Path, work: Path, page: Path, dataset: str) -> str:
     shutil.copyfile(work / "explore.svg", picture)
     chosen, reported = found["chosen_on"], found["reported_on"]
     lines = [
-        f"## {dataset.title()}, chosen on {chosen['recordings']} train recordings, "
+        f"## {dataset.title()}, chosen on {chosen['recordings']} training recordings, "
         f"reported on {reported['recordings']} test recordings",
         "",
         f"![Energy and chip time over spike error, {dataset}](../images/{picture.name})",
@@ -83,7 +83,7 @@ def explore(dataset: str, options: Sequence[str]) -> Document:
 
 
 def table(found: Document, seconds: dict[tuple[str, ...], dict[str, float]]) -> list[str]:
-    """Return the front, the least energy first: figures on train recordings, and on test recordings."""
+    """Return the front, the least energy first: figures on training recordings, and on test recordings."""
     head = "| | options | spike error | classes changed | test: spike error | classes changed | accuracy | energy | chip time | simulator, fast | reference |"
     lines = [head, "| --- | --- |" + " ---: |" * 9]
     front = [row for row in found["points"] if row["on_front"]]
