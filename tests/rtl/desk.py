@@ -132,16 +132,14 @@ def until_greeted(port: SimulatedBoard, number: int, tokens: Iterable[int]) -> b
     return came + port.read()
 
 
-def transcript(desk: Desk, texts: Mapping[str, str]) -> list[bytes]:
-    """Return every byte of a board in a session with every fault; a board that says no end to it is cut short."""
-    heard: list[bytes] = []
+def transcript(desk: Desk, texts: Mapping[str, str]) -> Iterator[bytes]:
+    """Yield every byte of a board in a session with every fault; a board that says no end to it is cut short."""
     with closing(desk.port(texts, buffer=128, spikes=2)) as port:
         board = Board(port)
         board.load(desk.core)
         for number, chapter in enumerate(chapters(desk), 0x64):
-            heard.append(until_greeted(port, 0, ()))
-            heard.append(until_greeted(port, number, chapter))
-    return heard
+            yield until_greeted(port, 0, ())
+            yield until_greeted(port, number, chapter)
 
 
 def over_a_line(desk: Desk, texts: Mapping[str, str] | None = None) -> Answer:

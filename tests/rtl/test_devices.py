@@ -109,7 +109,6 @@ def test_a_network_of_many_cores_is_too_large_for_the_one_that_hosts_them(name, 
     )
 
 
-@pytest.mark.slow
 @NEEDS_ICARUS
 def test_cycles_of_a_target_are_those_of_the_core(small, tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
@@ -152,7 +151,6 @@ endmodule
 """
 
 
-@pytest.mark.slow
 @NEEDS_ICARUS
 def test_activity_is_what_the_core_does(small, tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))

@@ -48,7 +48,6 @@ def emitted(tmp_path_factory) -> Path:
     return written(tmp_path_factory.mktemp("emitted"), files) / "rtl"
 
 
-@pytest.mark.slow
 @NEEDS_ICARUS
 def test_the_folder_plays_by_itself_and_tells_a_fault(emitted):
     done = make(emitted, "sim", "SIMULATOR=icarus")

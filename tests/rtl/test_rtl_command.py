@@ -27,7 +27,6 @@ def arguments(tmp_path, monkeypatch):
     return ["rtl", "sim", str(tmp_path / "program"), "--events", events, "--simulator", "icarus", "--json"]
 
 
-@pytest.mark.slow
 def test_equal(arguments, capsys):
     assert locsnn.main(arguments) == 0
     found = json.loads(capsys.readouterr().out)
@@ -37,7 +36,6 @@ def test_equal(arguments, capsys):
     assert found["cycles"] == found["predicted_cycles"]
 
 
-@pytest.mark.slow
 def test_a_fault(arguments, capsys, monkeypatch):
     texts = benches.with_fault(simulators.sources())
     monkeypatch.setattr(simulators, "sources", lambda: texts)
