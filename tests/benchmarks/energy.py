@@ -45,7 +45,7 @@ def tables(reports: dict[str, Report]) -> str:
     """Return everything between the marks."""
     parts = [
         "### By branch and profile",
-        "Mean of a recording; location against time is the claim's ratio. `davies2018` figures are at least so much.",
+        "Means per recording. The published claim is about the ratio location / time. Figures by `davies2018` are lower bounds.",
         by_branch(reports),
         "### Over the recordings",
         over_recordings(reports),
@@ -59,10 +59,10 @@ def tables(reports: dict[str, Report]) -> str:
         "Profile `davies2018`, mean per recording; *after the last row* is the delay of the answer.",
         times(reports),
         "### Static energy",
-        "Of one chip, either while it works, or for as long as the sensor records. The figures above do not include it.",
+        "One chip's static energy while it works, and for as long as the sensor records. The figures above do not include it.",
         static(reports),
         "### Next to conventional networks",
-        "Arithmetic only, at 45 nm; in brackets a multiple of the whole energy of the network, profile `davies2018`.",
+        "Arithmetic only, at 45 nm; in brackets, as a multiple of the network's whole energy, profile `davies2018`.",
         conventional(reports),
     ]
     return "\n\n".join(parts)
@@ -87,7 +87,16 @@ def over_recordings(reports: dict[str, Report]) -> str:
         classes = sorted(found["by_class"], key=lambda row: row["mean_pj"])
         ends = [f"{row['class']}: {energy(row['mean_pj'])}" for row in (classes[0], classes[-1])]
         rows.append([name, *spread, f"{worst['recording']}, class {worst['class']}", *ends])
-    head = ["network", "least", "median", "99 % below", "most", "worst recording", "cheapest class", "dearest class"]
+    head = [
+        "network",
+        "least",
+        "median",
+        "99 % below",
+        "most",
+        "worst recording",
+        "cheapest class",
+        "most expensive class",
+    ]
     return table(head, rows)
 
 
@@ -126,8 +135,8 @@ def times(reports: dict[str, Report]) -> str:
                 f"{count(real['factor'])} times faster",
             ]
         )
-    head = ["network", "recording", "time", "location", "of it buffer", "updates", "synapses", "barriers"]
-    return table([*head, "after the last row", "than the sensor"], rows)
+    head = ["network", "recording", "time", "location", "of which buffer", "updates", "synapses", "barriers"]
+    return table([*head, "after the last row", "against the sensor"], rows)
 
 
 def static(reports: dict[str, Report]) -> str:
@@ -136,7 +145,9 @@ def static(reports: dict[str, Report]) -> str:
         found = report["energy"]["static"]
         own = report["energy"]["per_sample_pj"]
         rows.append([name, energy(own), energy(found["at_latency_pj"]), energy(found["at_real_time_pj"])])
-    return table(["network", "the recording's own", "at the chip's latency", "at the sensor's real time"], rows)
+    return table(
+        ["network", "dynamic energy", "static, while the chip works", "static, while the sensor records"], rows
+    )
 
 
 def conventional(reports: dict[str, Report]) -> str:
