@@ -92,7 +92,7 @@ def recording_line(row: dict[str, Any]) -> str:
     """Return the outcome of a recording as one line."""
     label = "" if row["label"] is None else f"  label {row['label']}"
     predicted = "all classes tie" if row["tied"] else f"class {row['prediction']}"
-    return f"recording {row['recording']}: {predicted}{label}  {row['spikes']} spikes"
+    return f"recording {row['recording']}: {predicted}{label}  {row['spikes']:,} spikes"
 
 
 def _summary(program: hw.ChipProgram, tally: Counter[str], counts: hw.Counts, totals: dict[str, float]) -> list[str]:
@@ -101,7 +101,7 @@ def _summary(program: hw.ChipProgram, tally: Counter[str], counts: hw.Counts, to
         lines.append(f"accuracy {tally['right'] / tally['known']:.3f} on {plural(tally['known'], 'recording')}")
     spent = f"{sum(totals.values()) / played / 1e6:.2f} µJ (profile {program.chip.default_profile}), " if totals else ""
     lines.append(
-        f"mean per recording: {counts.synaptic_ops / played:.0f} synaptic operations, {spent}"
+        f"mean per recording: {counts.synaptic_ops / played:,.0f} synaptic operations, {spent}"
         f"{plural(counts.wraps, 'wrap')} and {plural(counts.clips, 'clip')} in all"
     )
     return lines

@@ -82,7 +82,7 @@ def test_targets_lists_and_shows(capsys):
     assert [line.split(":")[0] for line in listed if not line.startswith(" ")] == list(hw.chip_names())
     assert listed[:2] == [
         "ecp5-25f: the open core on a Lattice ECP5 with 24,288 LUTs and 56 block RAMs",
-        "  the program as a whole: 512 compartments, 1024 sources of spikes, 16384 synapses, 16 slots; cycles are exact, "
+        "  a program may have 512 compartments, 1024 sources of spikes, 16384 synapses, 16 slots; cycles are exact, "
         "energy is not known",
     ]
     assert main(["targets", "--show", "loihi-sim"]) == 0
