@@ -60,9 +60,9 @@ class ScoreMatch(Sums):
     are from the reference's.
     """
 
-    scores: int
-    spread: float
-    error: float
+    scores: int = 0
+    spread: float = 0.0
+    error: float = 0.0
 
     @classmethod
     def of(cls, reference: FloatArray, chip: FloatArray) -> "ScoreMatch":

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 import hw_model as hw
-from hw_model.description.counts import total
 from hw_model.engine.compiled import in_parts
 from hw_model.streaming.session import check_psi, location_share
 from hw_model.values import ByteArray, FloatArray, Frozen, IntArray, added
@@ -116,16 +115,10 @@ def stop_all(
         parts.append(found)
         if progress:
             progress(min(len(parts) * chunk, len(recordings)), len(recordings))
-    return hw.Stops(
-        steps=np.concatenate([part.steps for part in parts]),
-        all_steps=parts[0].all_steps,
-        prediction=np.concatenate([part.prediction for part in parts]),
-        final=np.concatenate([part.final for part in parts]),
-        counts=total(part.counts for part in parts),
-        all_counts=total(part.all_counts for part in parts),
-        latency_ns=sum(part.latency_ns for part in parts),
-        all_latency_ns=sum(part.all_latency_ns for part in parts),
-    )
+    by_recording, sums = ("steps", "prediction", "final"), ("counts", "all_counts", "latency_ns", "all_latency_ns")
+    arrays: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in by_recording}
+    totals: dict[str, Any] = {name: reduce(added, [getattr(part, name) for part in parts]) for name in sums}
+    return hw.Stops(all_steps=parts[0].all_steps, **arrays, **totals)
 
 
 def _work(network: Network) -> int:

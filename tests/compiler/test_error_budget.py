@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from networks import hybrid, recordings
+from networks import hybrid, recordings, single
 
 import hw_model as hw
 import locsnn_compile as lc
@@ -186,7 +186,24 @@ def test_together_is_what_matching_counts(budget, levels, played):
     assert budget.unexplained == 0
     assert budget.together.by_population == match.by_population
     assert budget.together.predictions_changed == (match.reference_prediction != match.chip_prediction).sum()
+    assert budget.together.scores == match.scores
     assert budget.together.spikes.mismatches > 0
+
+
+def test_a_network_that_is_read_by_potentials_has_a_budget_of_scores():
+    """No spike and no class differs with weights of 2 bits, and the budget said that nothing is lost."""
+    r = np.random.default_rng(3)
+    cells = Cuba.of(3, decay_v=0.1, threshold=1e3)
+    network = replace(single(cells, r.uniform(-1, 1, (3, 6))), readout=Readout(("n",), (1.0,), 0))
+    levels = lower(network, CHIP, 2)
+    played = recordings(network, samples=4)
+    match = compare(levels.quantized, levels.program, played)
+    budget = diagnose(levels, played, None).budget
+    assert budget.together.spikes.mismatches == budget.alone["weights"].spikes.mismatches == 0
+    assert match.scores.relative_error > 0.1
+    assert budget.together.scores == match.scores
+    assert budget.alone["weights"].scores.relative_error == pytest.approx(match.scores.relative_error, rel=0.05)
+    assert budget.without["weights"].scores.relative_error < 0.01
 
 
 def test_every_stage_is_counted_alone_and_left_out(budget, levels, network, played):

@@ -18,6 +18,7 @@ def error_budget() -> dict[str, Any]:
         return {
             **spikes,
             "predictions_changed": changed,
+            "score_error": 0.02 * changed,
             "by_population": {"time_output": half, "location_output": dict(half)},
         }
 

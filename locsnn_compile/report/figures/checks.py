@@ -67,6 +67,7 @@ def _deviation(found: Deviation) -> Document:
     return {
         **_match(found.spikes),
         "predictions_changed": found.predictions_changed,
+        "score_error": found.scores.relative_error,
         "by_population": {name: _match(one) for name, one in found.by_population.items()},
     }
 

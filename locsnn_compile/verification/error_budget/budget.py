@@ -13,17 +13,17 @@ from typing import Literal, get_args
 
 import hw_model as hw
 from hw_model.description.chip import Registers
-from hw_model.mapping.graph import Readout
 from hw_model.values import ByteArray, FloatArray, Frozen, Sums
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.neurons import Neuron
 from locsnn_compile.network.projections import values_of
+from locsnn_compile.network.quantized import QuantizedNetwork
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.reference.evaluate import ReferenceResult, decided, evaluate
 from locsnn_compile.verification.error_budget.forms import forms_of
 from locsnn_compile.verification.error_budget.numbers import GroupNumbers, Numbers, SynapseNumbers
 from locsnn_compile.verification.error_budget.twin import Twin, TwinGroup, TwinSynapses, run_twins
-from locsnn_compile.verification.matching import Divergence, PopulationMatch, Progress
+from locsnn_compile.verification.matching import Divergence, PopulationMatch, Progress, ScoreMatch
 
 Stage = Literal["kernel", "weights", "decays", "states", "thresholds", "delays", "wraps_clips"]
 """What a twin has as on the chip instead of exact:
@@ -121,10 +121,11 @@ NEURON_STEPS_AT_ONCE = 1 << 22
 
 
 class Deviation(Sums, eq=False):
-    """How a variant differs from the float network: in spikes by population, and in predicted classes."""
+    """How a variant differs from the float network: in spikes by population, predicted classes, and class scores."""
 
     by_population: Mapping[str, PopulationMatch] = field(default_factory=dict)
     predictions_changed: int = 0
+    scores: ScoreMatch = ScoreMatch()
 
     @property
     def spikes(self) -> PopulationMatch:
@@ -164,7 +165,7 @@ def error_budget(levels: Levels, recordings: ByteArray, progress: Progress | Non
     for start in range(0, len(recordings), at_once):
         chunk = recordings[start : start + at_once]
         wanted = evaluate(network, chunk, registers=registers)
-        played = _play(network, levels.quantized.readout, twins, chunk)
+        played = _play(network, levels.quantized, twins, chunk)
         unexplained += _different(played[0][0], wanted.spikes)
         unexplained += _different(played[1][0], hw.simulate(levels.program, chunk, probe=("spikes",)).spikes)
         if network.by_strategy:
@@ -195,7 +196,8 @@ def _deviation(
 ) -> Deviation:
     """Compare a variant with the float network."""
     found = {p.name: PopulationMatch.of(wanted.spikes[p.name], spikes[p.name]) for p in network.own_populations}
-    return Deviation(found, int((decided(scores) != decided(wanted.scores)).sum()))
+    changed = int((decided(scores) != decided(wanted.scores)).sum())
+    return Deviation(found, changed, ScoreMatch.of(wanted.scores, scores))
 
 
 _Played = tuple[Mapping[str, ByteArray], FloatArray]
@@ -203,10 +205,10 @@ _Played = tuple[Mapping[str, ByteArray], FloatArray]
 
 
 def _play(
-    network: Network, readout: Readout, twins: Sequence[tuple[Phase, Sequence[Twin]]], recordings: ByteArray
+    network: Network, quantized: QuantizedNetwork, twins: Sequence[tuple[Phase, Sequence[Twin]]], recordings: ByteArray
 ) -> list[_Played]:
-    """Play some recordings to the twins of every variant; ``readout`` reads potentials in units of the registers."""
-    traces = []
+    """Play some recordings to the twins of every variant, whose potentials are in units of the registers."""
+    readout, traces = quantized.readout, []
     for phase, of_phase in twins:
         kept = tuple(sorted({group.name for group in of_phase[0].groups} & set(readout.from_step)))
         traces.append(run_twins(of_phase, lines_of(network, phase, recordings), potentials=kept))
@@ -216,7 +218,7 @@ def _play(
             {name: array for trace in variant for name, array in getattr(trace, kind).items()}
             for kind in ("spikes", "potential")
         )
-        found.append((spikes, readout.scores(spikes, potential)))
+        found.append((spikes, readout.scores(spikes, potential) / quantized.score_scale))
     return found
 
 
