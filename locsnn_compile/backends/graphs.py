@@ -9,8 +9,8 @@ import numpy as np
 import hw_model as hw
 from hw_model.io.xml_text import xml_file, xml_text
 from hw_model.program.chip_program import Core
+from hw_model.texts.pieces import Pieces
 from hw_model.values import Frozen
-from locsnn_compile.texts.pieces import Pieces
 
 Values = Mapping[str, str | int | bool]
 Edge = tuple[str, str, Values]

@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from hw_model.texts.templates import sections
 from locsnn_compile.errors import InputError, did_you_mean
-from locsnn_compile.texts.templates import sections
 
 if TYPE_CHECKING:
     from locsnn_compile.data.recordings import Recordings

@@ -4,9 +4,9 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from hw_model.errors import listed as listed
+from hw_model.texts.templates import Filler, yaml_table
 from locsnn_compile.report import format as numbers
 from locsnn_compile.report.format import SILENT, time
-from locsnn_compile.texts.templates import Filler, yaml_table
 
 ASSUMED = "What was assumed:"
 """Stands above the assumptions wherever they are shown."""

@@ -7,6 +7,7 @@ from typing import Any
 
 import hw_model as hw
 from hw_model.io.files import replace_file
+from hw_model.texts.templates import yaml_table
 from locsnn_compile.errors import InputError
 from locsnn_compile.report.content import Curve
 from locsnn_compile.report.figures.flat import csv_bytes, flatten
@@ -15,7 +16,6 @@ from locsnn_compile.report.pictures.chart import Panel, draw
 from locsnn_compile.report.renderers.markdown import line, text
 from locsnn_compile.stress.cases import LEADS
 from locsnn_compile.stress.row import VERDICTS, Drift, Row, by_verdict, stress_document
-from locsnn_compile.texts.templates import yaml_table
 
 BEGIN, END = "<!-- stress: begin -->", "<!-- stress: end -->"
 PICTURES = "images"

@@ -7,11 +7,11 @@ import pytest
 import yaml
 
 import locsnn_compile
+from hw_model.texts.pieces import Pieces
+from hw_model.texts.templates import sections
 from locsnn_compile.report.content import Block, Fact, Facts, Table
 from locsnn_compile.report.told import facts, notice, share_of, table
 from locsnn_compile.report.words import STAGES, fill, section_words, sentence, words
-from locsnn_compile.texts.pieces import Pieces
-from locsnn_compile.texts.templates import sections
 from locsnn_compile.verification.error_budget.budget import STAGES as COMPILED
 
 REPORT = Path(locsnn_compile.__file__).parent / "report"
@@ -75,6 +75,9 @@ def test_pieces_hold_what_is_there():
         "locsnn_compile.report.renderers", "pieces.html", str.upper, given={"assumed": "assumed"}, prose=str.upper
     )
     assert pieces.each([Fact("a", "b")], "fact") == "<div><dt>A</dt><dd>B</dd></div>"
+    assert pieces.fill("{x:piece fact}{y:piece fact}", {"x": None, "y": Fact("a", "b")}) == (
+        "<div><dt>A</dt><dd>B</dd></div>"
+    )
     assert (pieces.some((), "assumed"), pieces.each(["c", Facts(())])) == (
         "",
         '<p>C</p><div class="facts"><dl></dl></div>',

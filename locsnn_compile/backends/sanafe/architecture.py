@@ -11,10 +11,10 @@ from typing import Any
 import yaml
 
 import hw_model as hw
+from hw_model.texts.templates import yaml_table
 from hw_model.values import Frozen
 from locsnn_compile.backends.sanafe.rules import UNIT_SIZE
 from locsnn_compile.errors import InputError
-from locsnn_compile.texts.templates import yaml_table
 
 SYNAPSE, DENDRITE, SOMA, REPLAY, LINE = "synapse", "dendrite", "soma", "replay", "line"
 """Names of units: those of a compartment, a soma that plays spikes back, and the host's soma for an input line."""

@@ -5,12 +5,12 @@ from collections.abc import Mapping
 import yaml
 
 from hw_model.description.profile import Profile
+from hw_model.texts.templates import filled
 from locsnn_compile.backends.played import Played, code_span, unique_names
 from locsnn_compile.backends.sanafe.architecture import PROFILE, TileUse, architecture, priced_by, tile_number
 from locsnn_compile.backends.sanafe.network import PhaseNetwork
 from locsnn_compile.backends.sanafe.rules import UNIT_SIZE, obstacles, updates
 from locsnn_compile.errors import check_most
-from locsnn_compile.texts.templates import filled
 
 FOLDER = "sanafe"
 PARTS = {

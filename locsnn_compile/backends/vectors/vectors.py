@@ -12,11 +12,11 @@ from hw_model.arithmetic.fixed_point import DECAY_BITS, DECAY_ONE, SIGN_MODES, W
 from hw_model.description.chip import Chip
 from hw_model.program.chip_program import Core
 from hw_model.rtl.memory_words import BitArray, Layout, bits_for, bits_of, hex_words
+from hw_model.texts.templates import filled
 from hw_model.values import Frozen, IntArray, picked
 from locsnn_compile.backends.played import Played, code_span
 from locsnn_compile.backends.vectors.synapse_image import synapse_image, synapse_layouts
 from locsnn_compile.errors import check_most
-from locsnn_compile.texts.templates import filled
 
 FORMAT, VERSION = "locsnn-vectors", 1
 FOLDER = "vectors"

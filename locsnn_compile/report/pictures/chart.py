@@ -6,10 +6,10 @@ from collections.abc import Callable, Sequence
 from xml.etree.ElementTree import Element, SubElement
 
 from hw_model.io.xml_text import xml_file, xml_text
+from hw_model.texts.templates import filled
 from hw_model.values import Frozen
 from locsnn_compile.report.content import Curve
 from locsnn_compile.report.pictures.ticks import nice_step
-from locsnn_compile.texts.templates import filled
 
 WIDTH, HEIGHT, RIGHT = 340, 240, 18
 """Pixels of a panel, and to the right of the last one."""

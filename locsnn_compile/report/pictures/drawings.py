@@ -11,9 +11,9 @@ from html import escape
 from itertools import accumulate, product
 from typing import Any
 
+from hw_model.texts.pieces import Pieces
 from locsnn_compile.report.content import Bar, Mesh, Plot, Raster, Span, Stack
 from locsnn_compile.report.format import plain
-from locsnn_compile.texts.pieces import Pieces
 
 AXIS_HEIGHT = 38
 """Pixels of the horizontal axis below a picture: its ticks, their texts and its label."""

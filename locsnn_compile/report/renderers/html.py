@@ -3,12 +3,12 @@
 import re
 from html import escape
 
+from hw_model.texts.pieces import Pieces
+from hw_model.texts.templates import filled
 from locsnn_compile.report import content
 from locsnn_compile.report.format import BEFORE_UNIT, plain, shortened
 from locsnn_compile.report.pictures import drawings
 from locsnn_compile.report.words import ASSUMED, SIGNS
-from locsnn_compile.texts.pieces import Pieces
-from locsnn_compile.texts.templates import filled
 
 _MANY_COLUMNS = 7
 """A table with more columns is set smaller."""

@@ -3,10 +3,10 @@
 import re
 from collections.abc import Sequence
 
+from hw_model.texts.pieces import Pieces
 from locsnn_compile.report import content
 from locsnn_compile.report.format import plain
 from locsnn_compile.report.words import ASSUMED
-from locsnn_compile.texts.pieces import Pieces
 
 _SPECIAL = re.compile(r"[\\`*\[\]|~#$]|(?<![^\W_])_|_(?![^\W_])")
 """Characters that Markdown may read as markup anywhere in a line; an underscore inside a word is text."""

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 import hw_model as hw
+from hw_model.texts.templates import filled
 from hw_model.values import AnyArray, ByteArray, IntArray
 from locsnn_compile.network.network import Population
 from locsnn_compile.pipeline import Levels
@@ -17,7 +18,6 @@ from locsnn_compile.reference.evaluate import decided, evaluate
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.content import Document
 from locsnn_compile.report.renderers.html import text
-from locsnn_compile.texts.templates import filled
 from locsnn_compile.verification.matching import Divergence
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from hw_model.mapping.graph import Readout
+from hw_model.texts.templates import yaml_table
 from hw_model.values import ArrayLike, ByteArray, FloatArray, Frozen, IntArray
 from locsnn_compile.network.chip_neurons import ChipNeuron
 from locsnn_compile.network.network import InputView, Network, Population
@@ -15,7 +16,6 @@ from locsnn_compile.network.neurons import Cuba, Neuron, SrmAlpha
 from locsnn_compile.network.projections import ChipProjection, Projection, Signs, matrix
 from locsnn_compile.passes.rounding.task import FINE, Rounding
 from locsnn_compile.settings import NATIVE, USUAL
-from locsnn_compile.texts.templates import yaml_table
 
 POPULATION, TOUCH = "n", "touch"
 NEURONS, CHANNELS, STEPS, SAMPLES, RATE = 4, 6, 200, 2, 0.3

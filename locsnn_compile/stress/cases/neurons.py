@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
+from hw_model.texts.templates import yaml_table
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm
 from locsnn_compile.network.neurons import Rule
 from locsnn_compile.settings import NATIVE, USUAL
 from locsnn_compile.stress.cases import case as usual
 from locsnn_compile.stress.cases.case import Case, case_of, lif, lif_case, srm, srm_cases, weights
-from locsnn_compile.texts.templates import yaml_table
 
 STEPS_OF_TAU = (0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 8000, 10_000)
 SHORT, LONG, FROM = 200, 2000, 200

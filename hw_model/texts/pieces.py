@@ -3,15 +3,16 @@
 from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Any
 
-from locsnn_compile.texts.templates import Filler, sections
+from hw_model.texts.templates import Filler, sections
 
 
 class Pieces(Filler):
     """The pieces of a file by name: markup with placeholders for the fields of some content, or ``self`` for all.
 
     ``{facts:each fact}`` stands for the piece ``fact`` for each fact, ``{blocks:each}`` for the piece of the type of
-    each block, and ``{facts:some facts}`` for one piece if there are any. Values without a format are escaped;
-    ``shown`` are further formats. ``folded`` removes line breaks. ``given`` fills placeholders ``@@name@@``.
+    each block, ``{facts:some facts}`` for one piece if there are any, and ``{fact:piece fact}`` for one if it is not
+    None. Values without a format are escaped; ``shown`` are further formats. ``folded`` removes line breaks. ``given``
+    fills placeholders ``@@name@@``.
     """
 
     def __init__(
@@ -24,9 +25,8 @@ class Pieces(Filler):
         given: Mapping[str, str] | None = None,
         **shown: Callable[..., str],
     ) -> None:
-        super().__init__(
-            {"": lambda value: escape(str(value)), "raw": str, "each": self.each, "some": self.some, **shown}
-        )
+        inside = {"each": self.each, "some": self.some, "piece": lambda value, name: self.piece(name, value)}
+        super().__init__({"": lambda value: escape(str(value)), "raw": str, **inside, **shown})
         found = sections(package, file, **(given or {}))
         self._pieces = {name: "".join(piece.splitlines()) if folded else piece for name, piece in found.items()}
 
