@@ -1,18 +1,22 @@
-"""XML files from texts that may hold any character."""
+"""XML files from markup, whose texts may hold any character."""
 
 import re
 from xml.etree import ElementTree
+from xml.sax.saxutils import escape
 
 _NOT_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_IN_ATTRIBUTES = {'"': "&quot;", "\t": "&#9;", "\n": "&#10;", "\r": "&#13;"}
 
 
-def xml_text(text: str) -> str:
-    """Return a text with a replacement for each character that XML 1.0 cannot express."""
-    return _NOT_XML.sub("\ufffd", text)
+def escaped(text: str) -> str:
+    """Return a text for elements and quoted attributes; what XML 1.0 cannot express is replaced."""
+    return escape(_NOT_XML.sub("\ufffd", text), _IN_ATTRIBUTES)
 
 
-def xml_file(root: ElementTree.Element) -> bytes:
-    """Return an element as an indented UTF-8 file."""
+def xml_file(markup: str, **attributes: str) -> bytes:
+    """Return markup as an indented UTF-8 file; its root has these ``attributes`` first."""
+    root = ElementTree.fromstring(markup)
+    root.attrib = attributes | root.attrib
     ElementTree.indent(root)
     content: bytes = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
     return content + b"\n"

@@ -2,12 +2,11 @@
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from xml.etree import ElementTree
 
 import numpy as np
 
 import hw_model as hw
-from hw_model.io.xml_text import xml_file, xml_text
+from hw_model.io.xml_text import escaped, xml_file
 from hw_model.program.chip_program import Core
 from hw_model.texts.pieces import Pieces
 from hw_model.values import Frozen
@@ -95,21 +94,19 @@ _TYPES = {str: "string", int: "long", bool: "boolean"}
 def graphml_file(program: hw.ChipProgram) -> dict[str, bytes]:
     """Return the file by name: a node for each input and slice, edges for synapses and joined compartments."""
     graph = placed_graph(program)
-    root = ElementTree.Element("graphml", xmlns=_NAMESPACE)
     about: Values = {"name": program.name, "target": program.chip.name}
-    edges = [values for _, _, values in graph.edges]
-    for domain, all_values in (("graph", [about]), ("node", graph.nodes.values()), ("edge", edges)):
-        kinds = {name: type(value) for values in all_values for name, value in values.items()}
-        for name, kind in kinds.items():
-            attributes = {"id": f"{domain}_{name}", "for": domain, "attr.name": name, "attr.type": _TYPES[kind]}
-            ElementTree.SubElement(root, "key", attributes)
-    body = ElementTree.SubElement(root, "graph", id="program", edgedefault="directed")
-    _data(body, "graph", about)
-    for identity, values in graph.nodes.items():
-        _data(ElementTree.SubElement(body, "node", id=identity), "node", values)
-    for source, target, values in graph.edges:
-        _data(ElementTree.SubElement(body, "edge", source=source, target=target), "edge", values)
-    return {GRAPHML_FILE: xml_file(root)}
+    held = {"graph": [about], "node": graph.nodes.values(), "edge": [values for _, _, values in graph.edges]}
+    kinds = {
+        (domain, name): type(value) for domain, each in held.items() for its in each for name, value in its.items()
+    }
+    given = {
+        "keys": [{"domain": domain, "name": name, "type": _TYPES[kind]} for (domain, name), kind in kinds.items()],
+        "about": _data("graph", about),
+        "nodes": [{"id": identity, "data": _data("node", values)} for identity, values in graph.nodes.items()],
+        "edges": [{"source": a, "target": b, "data": _data("edge", values)} for a, b, values in graph.edges],
+    }
+    made = Pieces(__package__, GRAPHML_FILE, escaped).piece("graph", given)
+    return {GRAPHML_FILE: xml_file(made, xmlns=_NAMESPACE)}
 
 
 def dot_file(program: hw.ChipProgram) -> dict[str, bytes]:
@@ -131,10 +128,9 @@ def dot_file(program: hw.ChipProgram) -> dict[str, bytes]:
     return {DOT_FILE: Pieces(__package__, DOT_FILE, _escaped).piece("graph", given).encode()}
 
 
-def _data(element: ElementTree.Element, domain: str, values: Values) -> None:
-    for name, value in values.items():
-        text = str(value).lower() if isinstance(value, bool) else str(value)
-        ElementTree.SubElement(element, "data", key=f"{domain}_{name}").text = xml_text(text)
+def _data(domain: str, values: Values) -> list[dict[str, str]]:
+    texts = {name: str(value).lower() if isinstance(value, bool) else str(value) for name, value in values.items()}
+    return [{"domain": domain, "name": name, "text": text} for name, text in texts.items()]
 
 
 def _escaped(text: str) -> str:

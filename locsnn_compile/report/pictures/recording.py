@@ -1,12 +1,9 @@
 """Rasters of one recording as text and as SVG, with time to the right and channels downwards."""
 
-from xml.etree.ElementTree import SubElement
-
 import numpy as np
 
-from hw_model.io.xml_text import xml_file
 from hw_model.values import ByteArray, FloatArray
-from locsnn_compile.report.pictures.chart import sheet, words
+from locsnn_compile.report.pictures.chart import PIECES, sheet
 
 SHADES = " ░▒▓█"
 #: Largest text in characters, and largest picture in marks; larger recordings are drawn more coarsely.
@@ -34,23 +31,15 @@ def raster_svg(spikes: ByteArray, title: str, step_seconds: float | None) -> byt
     steps, channels = spikes.shape
     marks = _coarse(spikes, PICTURE_COLUMNS, PICTURE_ROWS) > 0
     rows, columns = marks.shape
-    width, height = _LEFT + _PLOT_WIDTH + _RIGHT, _TOP + _PLOT_HEIGHT + _BOTTOM
-    svg = sheet(width, height, title, "raster.css")
     dx, dy = _PLOT_WIDTH / columns, _PLOT_HEIGHT / rows
     path = "".join(
         f"M{_LEFT + column * dx:.2f} {_TOP + row * dy:.2f}h{dx:.2f}v{dy:.2f}h{-dx:.2f}z"
         for row, column in np.argwhere(marks).tolist()
     )
-    SubElement(svg, "path", {"class": "events", "d": path})
-    frame = {"x": str(_LEFT), "y": str(_TOP), "width": str(_PLOT_WIDTH), "height": str(_PLOT_HEIGHT)}
-    SubElement(svg, "rect", {"class": "outline", **frame})
     end = f"step {steps}" if step_seconds is None else f"{steps * step_seconds:g} s"
-    words(svg, _LEFT, _TOP + _PLOT_HEIGHT + 20, "0", "soft", "start")
-    words(svg, _LEFT + _PLOT_WIDTH, _TOP + _PLOT_HEIGHT + 20, end, "soft", "end")
-    words(svg, _LEFT - 8, _TOP + 12, "0", "soft", "end")
-    words(svg, _LEFT - 8, _TOP + _PLOT_HEIGHT, str(channels - 1), "soft", "end")
-    words(svg, _LEFT + _PLOT_WIDTH / 2, _TOP + _PLOT_HEIGHT + 20, "time; channels downwards", "soft", "middle")
-    return xml_file(svg)
+    content = PIECES.piece("events", None, path=path, end=end, last=channels - 1)
+    width, height = _LEFT + _PLOT_WIDTH + _RIGHT, _TOP + _PLOT_HEIGHT + _BOTTOM
+    return sheet(width, height, title, "raster.css", content)
 
 
 def _coarse(spikes: ByteArray, columns: int, rows: int) -> FloatArray:

@@ -6,11 +6,11 @@ that no other beats in the two figures of a panel.
 
 import math
 from collections.abc import Callable, Sequence
-from xml.etree.ElementTree import Element, SubElement
+from functools import partial
 
-from hw_model.io.xml_text import xml_file, xml_text
 from hw_model.values import Frozen
 from locsnn_compile.report.pictures import chart
+from locsnn_compile.report.pictures.axis import linear_axis
 
 _SHAPES = ("circle", "square", "triangle", "diamond")
 _LEGEND, _BELOW = 68, 88
@@ -47,30 +47,23 @@ class Panel(Frozen):
 
 def draw(title: str, subtitle: str, kinds: Sequence[str], panels: Sequence[Panel]) -> bytes:
     """Return the picture as a file; equal input gives equal bytes."""
-    root, groups = chart.chart(title, subtitle, "marks.css", len(panels), _BELOW)
-    for group, panel in zip(groups, panels, strict=True):
-        _panel(group, panel)
-    _legend(root, kinds, chart.BOTTOM + _LEGEND)
-    return xml_file(root)
+    legend = _legend(kinds, chart.BOTTOM + _LEGEND)
+    return chart.chart(title, subtitle, "marks.css", [_panel(panel) for panel in panels], _BELOW, legend)
 
 
-def _panel(group: Element, panel: Panel) -> None:
-    x_axis = chart.linear_axis([mark.x for mark in panel.marks], panel.x_text)
-    y_axis = chart.linear_axis([mark.y for mark in panel.marks], panel.y_text)
-    places = chart.axes(group, panel.title, panel.x_label, x_axis, y_axis, [(mark.x, mark.y) for mark in panel.marks])
-    _stair(group, places)
-    _marks(group, panel.marks, places)
+def _panel(panel: Panel) -> str:
+    x_axis = linear_axis([mark.x for mark in panel.marks], panel.x_text)
+    y_axis = linear_axis([mark.y for mark in panel.marks], panel.y_text)
+    places = chart.places(x_axis, y_axis, [(mark.x, mark.y) for mark in panel.marks])
+    return chart.axes(panel.title, panel.x_label, x_axis, y_axis) + _stair(places) + _marks(panel.marks, places)
 
 
-def _marks(group: Element, marks: Sequence[Mark], places: Sequence[tuple[float, float]]) -> None:
+def _marks(marks: Sequence[Mark], places: Sequence[chart.Point]) -> str:
     """Draw the marks, those on the front last, and label those where there is room."""
-    order = sorted(range(len(marks)), key=lambda i: (marks[i].taken, marks[i].front))
+    order, drawn = sorted(range(len(marks)), key=lambda i: (marks[i].taken, marks[i].front)), ""
     for i in order:
-        mark, (x, y) = marks[i], places[i]
-        shape = _shape(group, mark.kind, x, y, "mark front" if mark.front else "mark")
-        SubElement(shape, "title").text = xml_text(mark.words)
-        if mark.taken:
-            chart.circle(group, "ring", x, y, _RING)
+        drawn += _shape(marks[i].kind, *places[i], "mark front" if marks[i].front else "mark", marks[i].words)
+        drawn += _ring(*places[i], _RING) if marks[i].taken else ""
     taken = [_around(x, y, _RING if mark.taken else _RADIUS) for mark, (x, y) in zip(marks, places, strict=True)]
     for i in reversed(order):
         if not (marks[i].front or marks[i].taken):
@@ -78,9 +71,10 @@ def _marks(group: Element, marks: Sequence[Mark], places: Sequence[tuple[float, 
         for anchor, box in _label_places(*places[i], marks[i].label):
             if not any(_overlap(box, other) for other in taken):
                 left = box[2] if anchor == "end" else box[0]
-                chart.words(group, left, box[3] - 3, marks[i].label, "label", anchor)
+                drawn += chart.PIECES.piece("label", marks[i], x=left, y=box[3] - 3, anchor=anchor)
                 taken.append(box)
                 break
+    return drawn
 
 
 def _label_places(x: float, y: float, label: str) -> list[tuple[str, Box]]:
@@ -103,45 +97,48 @@ def _label_places(x: float, y: float, label: str) -> list[tuple[str, Box]]:
     ]
 
 
-def _stair(group: Element, places: Sequence[tuple[float, float]]) -> None:
+def _stair(places: Sequence[chart.Point]) -> str:
     """Join the places without another to their lower left (pixels grow downwards, so lower figures have larger y)."""
-    corners: list[tuple[float, float]] = []
+    corners: list[chart.Point] = []
     lowest = -math.inf
     for x, y in sorted(set(places), key=lambda place: (place[0], -place[1])):
         if y > lowest:
             corners += [(x, lowest), (x, y)] if corners else [(x, y)]
             lowest = y
-    if len(corners) > 1:
-        chart.points(group, "polyline", "stair", corners)
+    return chart.PIECES.piece("stair", chart.path(corners)) if len(corners) > 1 else ""
 
 
-def _legend(root: Element, kinds: Sequence[str], y: float) -> None:
-    x = 20.0
-    entries = [(kind, "mark", name) for kind, name in enumerate(kinds)]
-    entries += [(0, "mark front", "on the front"), (0, "ring", "recommended"), (0, "stair", "best of the two figures")]
-    for kind, style, text in entries:
-        if style == "ring":
-            chart.circle(root, style, x, y, 6)
-        elif style == "stair":
-            chart.points(root, "polyline", style, [(x - 8, y), (x + 8, y)])
-        else:
-            _shape(root, kind, x, y, style)
-        chart.words(root, x + 12, y + 4, text, "soft")
+def _legend(kinds: Sequence[str], y: float) -> str:
+    shapes: list[tuple[str, Callable[[float, float], str]]] = [
+        *((name, partial(_shape, kind, style="mark")) for kind, name in enumerate(kinds)),
+        ("on the front", partial(_shape, 0, style="mark front")),
+        ("recommended", partial(_ring, radius=6)),
+        ("best of the two figures", lambda x, y: chart.PIECES.piece("stair", chart.path([(x - 8, y), (x + 8, y)]))),
+    ]
+    entries, x = [], 20.0
+    for text, shape in shapes:
+        entries.append({"shape": shape(x, y), "x": x + 12, "y": y + 4, "text": text})
         x += 40 + _LETTER * len(text)
+    return chart.PIECES.each(entries, "entry")
 
 
-def _shape(parent: Element, kind: int, x: float, y: float, style: str) -> Element:
+def _ring(x: float, y: float, radius: int) -> str:
+    return chart.PIECES.piece("ring", None, x=x, y=y, radius=radius)
+
+
+def _shape(kind: int, x: float, y: float, style: str, words: str | None = None) -> str:
     r = _RADIUS
     match _SHAPES[kind % len(_SHAPES)]:
         case "circle":
-            return chart.circle(parent, style, x, y, r)
+            return chart.PIECES.piece("circle", None, x=x, y=y, style=style, words=words)
         case "square":
             corners = [(-r, -r), (r, -r), (r, r), (-r, r)]
         case "triangle":
             corners = [(0, -r - 1), (r + 1, r), (-r - 1, r)]
         case _:
             corners = [(0, -r - 1), (r + 1, 0), (0, r + 1), (-r - 1, 0)]
-    return chart.points(parent, "polygon", style, [(x + dx, y + dy) for dx, dy in corners])
+    path = chart.path([(x + dx, y + dy) for dx, dy in corners])
+    return chart.PIECES.piece("polygon", None, path=path, style=style, words=words)
 
 
 def _around(x: float, y: float, radius: float) -> Box:
