@@ -54,6 +54,20 @@ def test_spikes_are_sorted_by_side(document: dict[str, Any], excerpt: Excerpt) -
     assert drawn.x_ticks == ((0.125, "39"), (0.375, "40"), (0.625, "41"), (0.875, "42"))
 
 
+def test_a_network_in_its_own_integers_is_called_the_network(document: dict[str, Any], excerpt: Excerpt) -> None:
+    document["match"]["reference"] = "integers"
+    drawn = _rasters(document, excerpt)[1]
+    assert [one.label for one in drawn.strokes] == ["3 on both sides", "1 only in the network", "1 only on the chip"]
+    assert drawn.description.endswith(" spikes on both sides, 1 only in the network, 1 only on the chip.")
+
+
+def test_limits_that_a_core_does_not_have_are_left_out(document: dict[str, Any]) -> None:
+    document["resources"]["limits"] |= {"step": {"used": 0, "limit": 0}, "places": {"used": 1, "limit": 0}}
+    rows = next(block for block in _section("resources", document, None).blocks if isinstance(block, Table)).rows
+    assert "places for compartments of a phase of a core" in {row[0] for row in rows}
+    assert not any("steps between targets" in str(row[0]) for row in rows)
+
+
 def test_sides_are_told_apart_without_colour(document: dict[str, Any], excerpt: Excerpt) -> None:
     made = raster(_rasters(document, excerpt)[1])
     paths = dict(re.findall(r'<path class="stroke (\w+)"[^>]* d="([^"]*)"/>', made))

@@ -17,7 +17,8 @@ _WITHOUT_JOINED = {"reset", "native"}
 def resources(document: Document) -> Section:
     """Use of every limit, the fullest first, and then core by core."""
     found = document["resources"]
-    limits = sorted(found["limits"].items(), key=lambda limit: -fullness(limit[1]))
+    given = (limit for limit in found["limits"].items() if any(limit[1].values()))
+    limits = sorted(given, key=lambda limit: -fullness(limit[1]))
     return section(
         "resources",
         facts("resources", **found),

@@ -78,18 +78,19 @@ def _population(item: SpikeRows, excerpt: Excerpt, side: str) -> Raster:
     rows = item.reference.shape[1]
     equal, reference, chip = _sides(item)
     of = plural(item.size, "neuron") if rows == item.size else f"{count(rows)} of {plural(item.size, 'neuron')}"
+    network = "network" if side == "network" else f"{side} network"
     flag, flag_label, first = None, "", excerpt.first
     if first is not None and first.population == item.name:
         flag = first.step - excerpt.steps[item.phase].start, item.numbers.tolist().index(first.neuron)
         flag_label = f"neuron {first.neuron}, step {first.step}"
     return Raster(
         f"{item.name}: {of}",
-        f"{plural(int(equal.sum()), 'spike')} on both sides, {count(int(reference.sum()))} only in the {side} "
-        f"network, {count(int(chip.sum()))} only on the chip.",
+        f"{plural(int(equal.sum()), 'spike')} on both sides, {count(int(reference.sum()))} only in the {network}, "
+        f"{count(int(chip.sum()))} only on the chip.",
         *_axes(item, excerpt),
         strokes=(
             _strokes("equal", equal, "on both sides"),
-            _strokes("reference", reference, f"only in the {side} network"),
+            _strokes("reference", reference, f"only in the {network}"),
             _strokes("chip", chip, "only on the chip"),
         ),
         flag=flag,
