@@ -72,7 +72,7 @@ def graph_with_biases(
 SILENT_PART = """\
 ? Does it match? Not known. No neuron spiked, in the float network or on the
   chip: nothing was compared.
-  accuracy          not known: the recordings are made up
+  accuracy          not known, because the recordings are made up
   spikes            none on either side
   first difference  –
   registers         0 wraps, 0 clips
@@ -82,7 +82,7 @@ SILENT_PART = """\
 OUTPUTS_PART = """\
 ? Does it match? Not known. No output neuron spiked, in the float network or on
   the chip: no prediction was compared.
-  accuracy          not known: the recordings are made up
+  accuracy          not known, because the recordings are made up
   spikes            100 % at the same neuron and step
   first difference  none, every spike is equal
   registers         0 wraps, 518 clips (3.0 % of updates)

@@ -163,9 +163,12 @@ def test_every_string_is_escaped(document: dict[str, Any], excerpt: Excerpt) -> 
 @pytest.mark.parametrize(
     ("path", "value", "text"),
     [
-        pytest.param(("accuracy",), None, "not known: the recordings have no labels", id="no-labels"),
+        pytest.param(("accuracy",), None, "not known, because the recordings have no labels", id="no-labels"),
         pytest.param(
-            ("match", "events_origin"), "made up", "accuracy not known: the recordings are made up", id="made-up"
+            ("match", "events_origin"),
+            "made up",
+            "accuracy not known, because the recordings are made up",
+            id="made-up",
         ),
         pytest.param(("assumptions",), [], "Does it match?", id="no-assumptions"),
         pytest.param(("match", "first_divergence"), None, "First difference: none, every spike is equal.", id="equal"),

@@ -170,9 +170,9 @@ def _against_anns(document: Document, key: str, whose: str) -> str:
 def _accuracy(document: Document) -> str:
     accuracy = document["accuracy"]
     if document["match"]["events_origin"] == "made up":
-        return "not known: the recordings are made up"
+        return "not known, because the recordings are made up"
     if accuracy is None:
-        return "not known: the recordings have no labels"
+        return "not known, because the recordings have no labels"
     chip, reference = accuracy["chip"], accuracy["reference"]
     return f"{share(chip)} on the chip, {share(reference)} float ({points(chip - reference)})"
 
