@@ -10,9 +10,9 @@ from dataclasses import replace
 import any_program
 import numpy as np
 import pytest
+from early_stops import futures, in_streams
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
-from test_early_stop import futures, in_streams
 from test_session import check_every_step, largest_so_far
 
 import hw_model as hw

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import yaml
+from early_stops import futures, in_streams
 from hybrids import CHIP, assembled, in_phase, random_hybrid
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_early_stop import futures, in_streams
 from test_session import check_every_step
 
 import hw_model as hw

@@ -30,8 +30,11 @@ def test_there_are_many_and_no_two_are_the_same():
 
 
 def test_their_tests_are_there():
-    for test in {test for mutant in EVERY for test in mutant.tests}:
-        assert file_of(test).is_file()
+    """By their file, and by the name of the function where one is named."""
+    every = {test for mutant in EVERY for test in mutant.tests}
+    named = {test: test.partition("[")[0].partition("::")[2].rpartition("::")[2] for test in every}
+    assert [test for test, name in named.items() if name and f"def {name}(" not in file_of(test).read_text()] == []
+    assert all(file_of(test).is_file() for test in every)
 
 
 def test_a_mutant_that_does_not_fit_is_told():

@@ -1,0 +1,81 @@
+"""Stops at a lead: calibrated margins are what a scan of all leads would find."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from early_stops import SEEDS, batch_for, counted
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import hw_model as hw
+from hw_model.description.counts import BY_CORE
+
+
+def leads_of(scores: np.ndarray) -> np.ndarray:
+    """By how much the best class leads after each step; an only class leads by its score."""
+    ordered = np.sort(scores, axis=1)
+    return ordered[:, -1] - (ordered[:, -2] if scores.shape[1] > 1 else 0)
+
+
+def plain_margin(scores: np.ndarray, agreement: float) -> float:
+    """Try every lead that occurs, from the smallest on."""
+    leads = [leads_of(one) for one in scores]
+    for margin in sorted({lead for one in leads for lead in one if lead > 0}):
+        agreed = 0
+        for one, lead in zip(scores, leads, strict=True):
+            at = next((t for t, value in enumerate(lead) if value >= margin), len(one) - 1)
+            agreed += one[at].argmax() == one[-1].argmax()
+        if agreed / len(scores) >= agreement:
+            return float(margin)
+    return float("inf")
+
+
+@settings(max_examples=25, deadline=None)
+@given(seed=SEEDS, agreement=st.sampled_from([0.0, 0.5, 0.8, 1.0]), psi=st.sampled_from([None, 10.0]))
+def test_the_smallest_margin(seed, agreement, psi):
+    program, recordings = batch_for(seed)
+    wanted = plain_margin(hw.timestep_scores(program, recordings, psi), agreement)
+    assert hw.calibrate_margin(program, recordings, agreement, psi) == wanted
+
+
+@pytest.mark.parametrize("psi", [None, 10.0])
+def test_margins_are_in_the_integers_of_the_readout(psi):
+    program, recordings = batch_for(5)
+    readout = program.readout
+    tripled = replace(program, readout=replace(readout, weights=tuple(3 * weight for weight in readout.weights)))
+    margin = hw.calibrate_margin(program, recordings, 0.5, psi)
+    assert 0 < margin < float("inf")
+    assert hw.calibrate_margin(tripled, recordings, 0.5, psi) == pytest.approx(3 * margin)
+
+
+@settings(max_examples=15, deadline=None)
+@given(seed=SEEDS, margin=st.sampled_from([0.5, 1.0, 2.0, 5.0, float("inf")]), psi=st.sampled_from([None, 10.0]))
+def test_stops_at_a_margin(seed, margin, psi):
+    """The first step with the lead; the counts of a time phase that ends there, and of what follows it."""
+    program, recordings = batch_for(seed)
+    found = hw.stop_at_margin(program, recordings, margin, psi)
+    scores = hw.timestep_scores(program, recordings, psi)
+    assert found.all_steps == recordings.shape[1]
+    assert np.array_equal(found.final, scores[:, -1].argmax(axis=1))
+    wanted = dict.fromkeys(BY_CORE, 0)
+    for b, recording in enumerate(recordings):
+        step, one = int(found.steps[b]), scores[b]
+        leads = leads_of(one)
+        assert (leads[: step - 1] < margin).all()
+        assert step == len(one) or leads[step - 1] >= margin
+        assert found.prediction[b] == one[step - 1].argmax()
+        short = replace(program, phases=(replace(program.phases[0], steps=step), program.phases[1]))
+        until = recording * (np.arange(len(recording)) < step)[:, None].astype(np.uint8)
+        wanted = {name: n + hw.simulate(short, until).counts[name] for name, n in wanted.items()}
+    assert counted(found.counts) == wanted
+    assert counted(found.all_counts) == counted(hw.simulate(program, recordings).counts)
+
+
+def test_agreement_on_the_recordings_it_was_calibrated_on():
+    program, recordings = batch_for(4, batch=40)
+    margin = hw.calibrate_margin(program, recordings, 0.9)
+    found = hw.stop_at_margin(program, recordings, margin)
+    assert (found.prediction == found.final).mean() >= 0.9
