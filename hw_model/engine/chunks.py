@@ -31,6 +31,7 @@ from hw_model.engine.layout import (
     JOINED,
     KEEP_U,
     KEEP_V,
+    KEPT_FIELDS,
     POTENTIAL,
     REFRACTORY,
     THRESHOLD,
@@ -54,19 +55,19 @@ def _wrap(x: Lanes, half: Lanes | int) -> Lanes:
     return ((x & (half * 2 - 1)) ^ half) - half
 
 
-def _take_charge(c: Place, charge: Lanes, ends: Ends) -> tuple[Lanes, Lanes, Lanes]:
+def _take_charge(c: Place, u: Lanes, charge: Lanes, ends: Ends) -> tuple[Lanes, Lanes, Lanes]:
     """Decay u and take the charge of a step into it; return q, and u before and after it wraps."""
     half_charge, half_current = ends
     q = _wrap(charge, half_charge)
-    unwrapped = _rz(c[U], c[KEEP_U]) + (q << WEIGHT_SHIFT)
+    unwrapped = _rz(u, c[KEEP_U]) + (q << WEIGHT_SHIFT)
     return q, unwrapped, _wrap(unwrapped, half_current)
 
 
-def _take_current(c: Place, u: Lanes, added: Lanes | int, ends: Ends) -> tuple[Lanes, Lanes, Lanes]:
+def _take_current(c: Place, v: Lanes, u: Lanes, added: Lanes | int, ends: Ends) -> tuple[Lanes, Lanes, Lanes]:
     """Decay v and take u, bias and what children add into it; return the drive, that wrapped, and v before clipping."""
     drive = u + c[BIAS]
     wrapped = _wrap(drive, ends[1])
-    return drive, wrapped, _rz(c[V], c[KEEP_V]) + wrapped + added
+    return drive, wrapped, _rz(v, c[KEEP_V]) + wrapped + added
 
 
 def _clip(c: Place, v: Lanes) -> Lanes:
@@ -97,8 +98,8 @@ def update(c: Place, charge: Place, widths: Given) -> Returned:
     charge[0] = 0
     c[JOINED] = 0
     busy = (arrived | c[U] | c[V] | bias | added) != 0
-    q, unwrapped, u = _take_charge(c, arrived, ends)
-    drive, wrapped, unclipped = _take_current(c, u, added, ends)
+    q, unwrapped, u = _take_charge(c, c[U], arrived, ends)
+    drive, wrapped, unclipped = _take_current(c, c[V], u, added, ends)
     clipped = _clip(c, unclipped)
     fired, live, seen, state = _fire(c, clipped)
     c[U], c[POTENTIAL] = u, seen
@@ -165,15 +166,14 @@ def add_up(c: Place) -> Returned:
     return bits(fired), count(busy), bits(state != 0)
 
 
-def _respond(c: Place, charge: Lanes, ends: Ends, added: Lanes | int = 0) -> tuple[Lanes, Lanes]:
+def _respond(c: Place, u: Lanes, v: Lanes, charge: Lanes, ends: Ends, added: Lanes | int = 0) -> tuple[Lanes, Lanes]:
     """Take charge and what children add into u and v, and count nothing; return u, and v before any threshold."""
-    _, _, u = _take_charge(c, charge, ends)
-    _, _, v = _take_current(c, u, added, ends)
-    c[U] = u
+    _, _, u = _take_charge(c, u, charge, ends)
+    _, _, v = _take_current(c, v, u, added, ends)
     return u, _clip(c, v)
 
 
-@kernel("registers, at, charge, row, slot, widths", returns=2)
+@kernel("registers, at, charge, row, slot, widths", returns=1)
 def advance(c: Place, charge: Place, widths: Given) -> Returned:
     """Do what :func:`update` does, but count nothing and leave the charge.
 
@@ -181,24 +181,24 @@ def advance(c: Place, charge: Place, widths: Given) -> Returned:
     """
     added = c[JOINED]
     c[JOINED] = 0
-    u, v = _respond(c, charge[0], halves(c, widths), added)
-    fired, _, seen, state = _fire(c, v)
-    c[POTENTIAL] = seen
-    return bits(fired), bits((u | state) != 0)
+    u, v = _respond(c, c[U], c[V], charge[0], halves(c, widths), added)
+    fired, _, seen, _ = _fire(c, v)
+    c[U], c[POTENTIAL] = u, seen
+    return (bits(fired),)
 
 
-@kernel("registers, at, charge, row, slot, other_charge, other_row, other_slot, widths", returns=2)
-def advance_pair(c: Place, charge: Place, other_charge: Place, widths: Given) -> Returned:
+@kernel("registers, at, before, step, member, after, next, same, charge, row, slot, e, f, g, widths", returns=1)
+def advance_pair(c: Place, before: Place, after: Place, charge: Place, other_charge: Place, widths: Given) -> Returned:
     """Do the same for two chunks of dendrites, whose registers follow each other, and a third that is only their sum.
 
-    This is how a spike response neuron is lowered: its alpha dendrite, its refractory dendrite, and its soma.
+    This is how a spike response neuron is lowered: its alpha dendrite, its refractory dendrite, and its soma. Their
+    states are read from one place and written to another.
     """
-    other, soma, ends = c.after(FIELDS), c.after(2 * FIELDS), halves(c, widths)
-    u, v = _respond(c, charge[0], ends)
-    u_other, v_other = _respond(other, other_charge[0], ends)
-    c[V], other[V] = v, v_other
-    fired = _clip(soma, v + v_other) > soma[THRESHOLD]
-    return bits(fired), bits((u | v | u_other | v_other) != 0)
+    other, soma, ends, second = c.after(FIELDS), c.after(2 * FIELDS), halves(c, widths), KEPT_FIELDS
+    u, v = _respond(c, before[0], before[1], charge[0], ends)
+    u_other, v_other = _respond(other, before[second], before[second + 1], other_charge[0], ends)
+    after[0], after[1], after[second], after[second + 1] = u, v, u_other, v_other
+    return (bits(_clip(soma, v + v_other) > soma[THRESHOLD]),)
 
 
 @kernel("charge, row, slot, weights, at, times", returns=0)
@@ -211,6 +211,26 @@ def add_multiple(charge: Place, weights: Place, times: Given) -> None:
 def add_weights(charge: Place, weights: Place) -> None:
     """Add the weights of a spike to a chunk's charges."""
     charge[0] += weights[0]
+
+
+@kernel("charge, row, slot, echo, at, spikes", returns=0)
+def add_echo(charge: Place, echo: Place, spikes: Given) -> None:
+    """Add what spikes, given as bits, pass lane by lane from a chunk to another."""
+    charge[0] += where(mask_of(charge, spikes), echo[0], echo[0] & 0)
+
+
+@kernel("charge, row, slot, echo, at, came, went", returns=0)
+def change_echo(charge: Place, echo: Place, came: Given, went: Given) -> None:
+    """Add what the spikes that came pass on, and take back what those that went have."""
+    nothing = echo[0] & 0
+    added = where(mask_of(charge, came), echo[0], nothing)
+    charge[0] += added - where(mask_of(charge, went), echo[0], nothing)
+
+
+@kernel("numbers, at, came, went", returns=0)
+def count_changes(numbers: Place, came: Given, went: Given) -> None:
+    """Count spikes that came, given as bits, and no longer those that went."""
+    numbers[0] = numbers[0] + mask_of(numbers, came) - mask_of(numbers, went)
 
 
 @kernel("numbers, at, number", returns=0)
@@ -232,21 +252,11 @@ def note(spikes: Place, sent: Place, fired: Given) -> None:
     sent[0] += mask_of(spikes, fired)
 
 
-def _copy(to: Place, given: Place, fields: int) -> None:
-    for field in range(fields):
-        to[field] = given[field]
-
-
-@kernel("one, two, three, four, five, six", returns=0)
+@kernel("to, given, one, two, three", returns=0)
 def copy_state(to: Place, given: Place) -> None:
     """Copy the state of a chunk: u, v, potential and blocked, which lie side by side."""
-    _copy(to, given, BLOCKED + 1 - U)
-
-
-@kernel("one, two, three, four, five, six", returns=0)
-def copy_current_and_voltage(to: Place, given: Place) -> None:
-    """Copy u and v alone."""
-    _copy(to, given, 2)
+    for field in range(KEPT_FIELDS):
+        to[field] = given[field]
 
 
 @kernel("registers, child, same, parent", returns=0)

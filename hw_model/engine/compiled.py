@@ -17,12 +17,10 @@ from typing import Any
 
 import llvmlite.binding
 import numba
-from llvmlite import ir
-from numba.core import event, types
+from numba.core import event
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.runtime import rtsys
-from numba.extending import intrinsic
 
 # Many arrays take part in an update; without this the compiler gives up proving that they do not overlap, and the loop
 # does not run in vectors.
@@ -167,16 +165,6 @@ def _stamp_of_loops() -> tuple[tuple[int, int], ...]:
     """Return age and size of every file of this package that holds compiled loops, or constants of theirs."""
     files = [(Path(__file__).parents[1] / f"{name}.py").stat() for name in FILES_OF_LOOPS]
     return tuple((file.st_mtime_ns, file.st_size) for file in files)
-
-
-@intrinsic  # type: ignore[untyped-decorator]
-def trailing_zeros(typing: Any, word: Any) -> Any:
-    """Count the zeros below the lowest one of a uint64, which must not be 0."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.cttz(arguments[0], ir.Constant(ir.IntType(1), 1))
-
-    return types.int64(types.uint64), generate
 
 
 def in_parts(work: Callable[[int, int], Any], batch: int) -> list[Any]:

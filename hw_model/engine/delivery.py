@@ -51,14 +51,13 @@ def deliver(  # type: ignore[no-untyped-def]
                 source = np.uint64(offset + event[base + e])
                 first, last = np.uint64(links.list_start[source]), np.uint64(links.list_start[source + np.uint64(1)])
                 if links.kind[link] == PACKED_LIST:
-                    _follow_packed(link, due, first, last, charge, links)
+                    _follow_packed(link, due, first, last, charge, touched, links)
                 else:
                     for k in range(first, last):
-                        charge[np.uint64(r + 1 + links.late[k]), np.uint64(links.slot[k])] += links.weight[k]
-                first, last = np.uint64(links.reach_start[source]), np.uint64(links.reach_start[source + np.uint64(1)])
-                for k in range(first, last):
-                    touched[np.uint64(r + 1 + links.reach_late[k]), np.uint64(links.reach_chunk[k])] = 1
-            if width and begin[r + 1, m] > begin[r, m]:
+                        at, slot = np.uint64(r + 1 + links.late[k]), np.uint64(links.slot[k])
+                        charge[at, slot] += links.weight[k]
+                        touched[at, slot // _LANES] = 1
+            if begin[r + 1, m] > begin[r, m]:
                 for late in range(np.uint64(width)):
                     _touch_all(links.target_node[link], due + late, nodes, touched)
 
@@ -91,12 +90,18 @@ def _touch_all(node, at, nodes, touched):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _follow_packed(link, at, first, last, charge, links):  # type: ignore[no-untyped-def]
+def _follow_packed(link, at, first, last, charge, touched, links):  # type: ignore[no-untyped-def]
     """Add the packed synapses ``first..last`` to the row of charges ``at``, and later ones."""
     low, slot_bits, shift = links.target[link], links.slot_bits[link], links.weight_shift[link]
     slots, lates = (1 << slot_bits) - 1, (1 << links.late_bits[link]) - 1
     above = slot_bits + links.late_bits[link]
-    if lates == 0:
+    if links.width[link] == 0:
+        for k in range(first, last):
+            word = np.int64(links.packed[k])
+            due, slot = at + np.uint64((word >> slot_bits) & lates), np.uint64(low + (word & slots))
+            charge[due, slot] += (word >> above) << shift
+            touched[due, slot // _LANES] = 1
+    elif lates == 0:
         for k in range(first, last):
             word = np.int64(links.packed[k])
             charge[at, np.uint64(low + (word & slots))] += (word >> above) << shift

@@ -24,8 +24,9 @@ from hw_model.engine.layout import (
     Links,
     Nodes,
     Widths,
+    aligned,
 )
-from hw_model.engine.links import Ends, links_of, synapses_by_ends
+from hw_model.engine.links import Blocks, Echoes, Ends, links_of, synapses_by_ends, take_echoes
 from hw_model.engine.places import Cut, Numbering, cut_pieces
 from hw_model.engine.trace import due_late
 from hw_model.mapping.circles import sources_first
@@ -41,18 +42,19 @@ def fast_layout(program: ChipProgram, phase: str) -> FastLayout:
     cut = cut_pieces(pieces_of(program, phase), nodes)
     synapses = synapses_by_ends(program, phase, nodes)
     blocks = _blocks(nodes, synapses)
+    echoes = take_echoes(nodes, synapses)
     links = links_of(nodes, synapses, blocks, cut, due_late(program, phase))
     return FastLayout(
         inputs=nodes.inputs,
         pieces=len(pieces_of(program, phase).group),
         nodes=Nodes(nodes.first, nodes.size, cut.of_node),
-        chunks=_chunks(program, phase, nodes, blocks, cut, links),
+        chunks=_chunks(program, phase, nodes, blocks, cut, links, echoes),
         links=links,
         slot=cut.slot,
     )
 
 
-def _blocks(nodes: Numbering, pairs: Iterable[Ends]) -> list[list[int]]:
+def _blocks(nodes: Numbering, pairs: Iterable[Ends]) -> Blocks:
     """Return the groups' nodes block by block, sources before targets, children before parents."""
     first = nodes.inputs
     joined = [(child, int(parent)) for child, parent in enumerate(nodes.parent) if parent >= 0]
@@ -70,7 +72,7 @@ def _blocks(nodes: Numbering, pairs: Iterable[Ends]) -> list[list[int]]:
 
 
 def _chunks(
-    program: ChipProgram, phase: str, nodes: Numbering, blocks: list[list[int]], cut: Cut, links: Links
+    program: ChipProgram, phase: str, nodes: Numbering, blocks: Blocks, cut: Cut, links: Links, echoes: Echoes
 ) -> Chunks:
     slot, count = cut.slot, len(cut.node)
     limits = program.chip.registers
@@ -119,6 +121,10 @@ def _chunks(
     pair = np.zeros(len(member), dtype=np.bool_)
     for low, (*dendrites, last) in zip(starts.tolist(), (each for block in bundles for each in block), strict=False):
         pair[low] = len(dendrites) == 2 and forgets[last] and (parent[dendrites] == last).all()
+    echo_to, echo = np.full(count, -1, dtype=np.int64), aligned((count * LANES,), registers.dtype)
+    for node, (child, weight) in echoes.items():
+        here, there = (slot[nodes.first[n] : nodes.first[n] + nodes.size[n]] for n in (node, child))
+        echo_to[here // LANES], echo[there] = there // LANES, weight
     spiking = [[n for n in block if nodes.parent[n] < 0] for block in blocks]
     feeds_itself = [any(links.from_node[n] < links.from_node[n + 1] for n in block) for block in blocks]
     return Chunks(
@@ -127,7 +133,7 @@ def _chunks(
         member=np.array(member, np.int64), begins=np.isin(np.arange(len(member)), starts), pair=pair, bundle=starts,
         of_block=np.cumsum([0, *map(len, bundles)]), feeds_itself=np.array(feeds_itself, np.uint8),
         spiking_node=np.array([n for block in spiking for n in block], np.int64),
-        of_node=np.cumsum([0, *map(len, spiking)]), widths=widths,
+        of_node=np.cumsum([0, *map(len, spiking)]), echo_to=echo_to, echo=echo, widths=widths,
     )  # fmt: skip
 
 

@@ -25,6 +25,8 @@ KEEP_U, KEEP_V, THRESHOLD, BIAS, REFRACTORY, VMIN, VMAX = range(7)
 U, V, POTENTIAL, BLOCKED, JOINED = range(7, 12)
 CHARGE_WRAPS, CURRENT_WRAPS, VOLTAGE_CLIPS = range(12, FIELDS)
 """Registers of a compartment: seven parameters, the state with what its children add, and a count of each event."""
+KEPT_FIELDS = BLOCKED + 1 - U
+"""Registers of a compartment's state, which lie side by side, without what its children add."""
 CACHE_LINE = 64
 """Bytes."""
 
@@ -64,7 +66,8 @@ class Chunks(NamedTuple):
     ``member[bundle[i]:bundle[i + 1]]``, and ``begins`` marks the first member of each, ``pair`` that of two chunks and
     one that is their sum, which keeps nothing from step to step. Block k is bundles ``of_block[k]`` to the next; it
     feeds itself where ``feeds_itself[k]``, and the nodes in it that can spike are
-    ``spiking_node[of_node[k]:of_node[k + 1]]``.
+    ``spiking_node[of_node[k]:of_node[k + 1]]``. Spikes of chunk k add ``echo`` (slots,) to the charges of a child,
+    chunk ``echo_to[k]`` if not -1, lane by lane, for the next step.
     """
 
     node: IntArray
@@ -83,6 +86,8 @@ class Chunks(NamedTuple):
     feeds_itself: ByteArray
     spiking_node: IntArray
     of_node: IntArray
+    echo_to: IntArray
+    echo: Lanes
     widths: Widths
 
 
@@ -93,10 +98,9 @@ class Links(NamedTuple):
     j``, ``delay[l]`` steps late; else, for rows k of ``list_start[offset[l] + s]`` to the next, ``weight[k]`` to slot
     ``slot[k]``, ``late[k]`` steps late. A packed list has ``packed[k]`` for these: from the lowest bit on ``slot_bits``
     of the slot, from ``target[l]`` on; ``late_bits`` of the delay, beyond ``delay[l]``; and the weight, in units of
-    2^``weight_shift``. From ``reach_start`` likewise, ``reach_chunk`` and ``reach_late`` list the chunks and delays of
-    a list once each; where ``width[l]`` of a packed list is not 0, all chunks of the target are reached in so many
-    rows. Links into block k from other nodes are rows ``into_block[k]`` to the next; those from node n into its own
-    block are rows ``from_node[n]`` to the next. ``due_late`` counts them by delay.
+    2^``weight_shift``. A spike of lists touches all chunks of its target in ``width[l]`` rows; where that is 0, those of
+    its synapses. Links into block k from other nodes are rows ``into_block[k]`` to the next; those from node n into its
+    own block are rows ``from_node[n]`` to the next. ``due_late`` counts them by delay.
     """
 
     source: IntArray
@@ -115,9 +119,6 @@ class Links(NamedTuple):
     slot: Int32Array
     weight: Int32Array
     late: Int32Array
-    reach_start: IntArray
-    reach_chunk: Int32Array
-    reach_late: Int32Array
     into_block: IntArray
     from_node: IntArray
     due_late: IntArray

@@ -14,13 +14,15 @@ DENSE_SHARE = 0.25
 DENSE_MOST = 1 << 27
 """Entries of the largest matrix, 256 MiB."""
 REACH_SHARE = 0.33
-"""Where lists reach this share of the chunks in the rows that they might, all of these count as reached."""
+"""Lists with at least as many synapses as this share of the chunks in the rows that they might reach mark all these."""
 PACKED_BITS = 32
 """Bits in which the slot, delay and weight of every synapse of a link have to fit, or its lists are wide ones."""
 _Synapses = tuple[Int32Array, ...]
 """Some synapses from one node to another: number of the source there, column, weight in units of 64, and delay."""
 Ends = tuple[int, int]
 """Nodes that synapses lead from and to."""
+Blocks = list[list[int]]
+"""The nodes of every block."""
 
 
 def synapses_by_ends(program: ChipProgram, phase: str, nodes: Numbering) -> dict[Ends, list[_Synapses]]:
@@ -40,8 +42,29 @@ def synapses_by_ends(program: ChipProgram, phase: str, nodes: Numbering) -> dict
     return found
 
 
+Echoes = dict[int, tuple[int, IntArray]]
+"""By node: one that is joined to it, and the weights (n,) of the synapses from each compartment to its own child."""
+
+
+def take_echoes(nodes: Numbering, synapses: dict[Ends, list[_Synapses]]) -> Echoes:
+    """Take synapses out that lead from every compartment of a group to its own child, and are a step late.
+
+    This is how a neuron is made refractory. They are added as vectors, chunk to chunk, and their block needs no lists.
+    """
+    found: Echoes = {}
+    for node, to in sorted(synapses):
+        if nodes.parent[to] != node or node in found:
+            continue
+        source, column, weight, delay = _sorted(synapses[node, to])
+        each = np.arange(nodes.size[node])
+        if np.array_equal(source, each) and np.array_equal(column, nodes.first[to] + each) and not delay.any():
+            found[node] = to, weight
+            del synapses[node, to]
+    return found
+
+
 def links_of(
-    nodes: Numbering, synapses: dict[Ends, list[_Synapses]], blocks: list[list[int]], cut: Cut, by_delay: IntArray
+    nodes: Numbering, synapses: dict[Ends, list[_Synapses]], blocks: Blocks, cut: Cut, by_delay: IntArray
 ) -> Links:
     """Lay out the synapses by their ends; they are taken out, so that no more than one link is there twice."""
     slot = cut.slot
@@ -52,10 +75,9 @@ def links_of(
         inside = source >= nodes.inputs and block_of[source] == block_of[target]
         (internal[source] if inside else external[block_of[target]]).append((source, target))
     listed = [ends for part in (*external, *internal) for ends in part]
-    rows, matrices, packed, wide = [], [], [], []
-    starts_of_lists, reached = [], []
+    rows, matrices, packed, wide, starts_of_lists = [], [], [], [], []
     nothing = np.empty((3, 0), dtype=np.int64)
-    matrix_size = list_rows = reach_size = 0
+    matrix_size = list_rows = 0
     sizes = {LIST: 0, PACKED_LIST: 0}
     for node, to in listed:
         sources, column, weights, delay = _sorted(synapses.pop((node, to)))
@@ -70,25 +92,18 @@ def links_of(
         first = np.searchsorted(sources, np.arange(nodes.size[node] + 1))
         words, form = _packed(place, weights, delay, (high - low - 1).bit_length())
         kind = LIST if words is None else PACKED_LIST
-        reach, late_rows = _reach(first, (place + low) // LANES, delay), 0
         if words is None:
             wide.append(np.stack((place + low, weights, delay)))
         else:
             packed.append(words)
-            late_rows = int(delay.max() - delay.min()) + 1
-            if len(reach[1]) < REACH_SHARE * nodes.size[node] * late_rows * (high - low) // LANES:
-                late_rows = 0
-        if late_rows:
-            reach = _reach(np.zeros_like(first), nothing[0], nothing[0])
-        rows.append((node, to, kind, list_rows, late_rows, low, *form))
-        starts_of_lists.append(np.stack((first + sizes[kind], reach[0] + reach_size)))
-        reached.append(np.stack(reach[1:]))
+        late_rows = int(delay.max() - delay.min()) + 1
+        if words is None or len(place) < REACH_SHARE * nodes.size[node] * late_rows * (high - low) // LANES:
+            late_rows = 0
+        rows.append((node, to, kind, list_rows, late_rows, low, int(delay.min()), *form))
+        starts_of_lists.append(first + sizes[kind])
         sizes[kind] += len(place)
         list_rows += len(first)
-        reach_size += len(reach[1])
 
-    list_start, reach_start = np.concatenate([nothing[:2], *starts_of_lists], axis=1)
-    reach_chunk, reach_late = np.concatenate([nothing[:2], *reached], axis=1).astype(np.int32)
     slot_of, weight, late = np.concatenate([nothing, *wide], axis=1).astype(np.int32)
     matrix = aligned((matrix_size,), np.int16)
     if matrices:
@@ -96,8 +111,8 @@ def links_of(
     heads = dict(zip(Links._fields, np.array(rows, dtype=np.int64).reshape(-1, 10).T.copy(), strict=False))
     outside = sum(len(part) for part in external)
     return Links(
-        **heads, matrix=matrix, packed=np.concatenate([nothing[0].astype(np.int32), *packed]), list_start=list_start,
-        slot=slot_of, weight=weight, late=late, reach_start=reach_start, reach_chunk=reach_chunk, reach_late=reach_late,
+        **heads, matrix=matrix, packed=np.concatenate([nothing[0].astype(np.int32), *packed]),
+        list_start=np.concatenate([nothing[0], *starts_of_lists]), slot=slot_of, weight=weight, late=late,
         into_block=np.cumsum([0, *map(len, external)]), from_node=np.cumsum([0, *map(len, internal)]) + outside,
         due_late=by_delay,
     )  # fmt: skip
@@ -112,26 +127,16 @@ def _sorted(parts: list[_Synapses]) -> tuple[IntArray, ...]:
 
 def _packed(
     slot: IntArray, weight: IntArray, delay: IntArray, slot_bits: int
-) -> tuple[Int32Array | None, tuple[int, int, int, int]]:
-    """Return synapses in a word each, None where one does not fit; and delay, slot_bits, late_bits, weight_shift."""
+) -> tuple[Int32Array | None, tuple[int, int, int]]:
+    """Return synapses in a word each, None where one does not fit; and slot_bits, late_bits, weight_shift."""
     least, union = int(delay.min()), int(np.bitwise_or.reduce(weight))
     shift = (union & -union).bit_length() - 1 if union else 0
     late_bits = int(delay.max() - least).bit_length()
     widest = max(int(weight.max()), -int(weight.min())) >> shift
     if slot_bits + late_bits + widest.bit_length() + 1 > PACKED_BITS:
-        return None, (0, 0, 0, 0)
+        return None, (0, 0, 0)
     words = (weight >> shift) << (slot_bits + late_bits) | (delay - least) << slot_bits | slot
-    return words.astype(np.int32), (least, slot_bits, late_bits, shift)
-
-
-def _reach(list_start: IntArray, chunk: IntArray, late: IntArray) -> tuple[IntArray, IntArray, IntArray]:
-    """List, for the synapses between two starts, each chunk and delay once; return where these begin, and both."""
-    row = np.searchsorted(list_start, np.arange(len(chunk)), side="right")
-    longest = int(late.max(initial=0)) + 1
-    chunks = int(chunk.max(initial=0)) + 1
-    once = np.unique((row * chunks + chunk) * longest + late)
-    first = np.searchsorted(once // (longest * chunks), np.arange(len(list_start)), side="right")
-    return first, once // longest % chunks, once % longest
+    return words.astype(np.int32), (slot_bits, late_bits, shift)
 
 
 def _matrix(

@@ -6,7 +6,7 @@ change in it.
 
 import numpy as np
 
-from hw_model.engine.chunks import add_up, list_lanes, note, pass_on, update, update_pair, update_plain
+from hw_model.engine.chunks import add_echo, add_up, list_lanes, note, pass_on, update, update_pair, update_plain
 from hw_model.engine.compiled import absorbed, inner
 from hw_model.engine.delivery import deliver
 from hw_model.engine.layout import FIELDS, LANES, POTENTIAL, U, V
@@ -136,6 +136,7 @@ def _update_members(start, stop, r, step, chunks, state, work, skip, active, rec
         at_rest[k] = restless == 0
         work.masks[r, k] = mask
         fired |= mask
+        _echo(k, np.uint64(r), mask, chunks, state)
         active[r, chunks.piece[k]] += busy
         work.updated[r] = 1
         stirred = True
@@ -165,9 +166,19 @@ def _update_pair(index, r, chunks, state, work, skip, active):  # type: ignore[n
     active[r, chunks.piece[a]] += busy_a
     active[r, chunks.piece[b]] += busy_b
     active[r, chunks.piece[c]] += busy_c
+    _echo(c, r, mask, chunks, state)
     work.masks[r, c] = mask
     work.updated[r] = 1
     return mask
+
+
+@absorbed
+def _echo(k, r, mask, chunks, state):  # type: ignore[no-untyped-def]
+    """Add what the spikes of a chunk pass to a child, which is due in the next row."""
+    if chunks.echo_to[k] >= 0:
+        to, due = np.uint64(chunks.echo_to[k]), r + np.uint64(1)
+        add_echo(state.charge, due, to * _LANES, chunks.echo, to * _LANES, mask)
+        state.touched[due, to] |= mask != 0
 
 
 @absorbed

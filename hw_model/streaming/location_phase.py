@@ -16,20 +16,21 @@ from hw_model.engine.chunks import (
     add_up,
     advance,
     advance_pair,
-    copy_current_and_voltage,
+    change_echo,
     copy_state,
+    count_changes,
+    fill,
+    list_lanes,
     pass_on,
 )
-from hw_model.engine.compiled import absorbed, compiled, entry, inner, trailing_zeros
+from hw_model.engine.compiled import absorbed, compiled, entry, inner
 from hw_model.engine.layout import (
-    BIAS,
-    BLOCKED,
     FIELDS,
+    KEPT_FIELDS,
     LANES,
     LIST,
     MATRIX,
     POTENTIAL,
-    REFRACTORY,
     FastLayout,
     U,
     aligned,
@@ -52,21 +53,16 @@ class Visits(NamedTuple):
 
 
 class Order(NamedTuple):
-    """Chunks in the order of their updates, bundle by bundle, (members,) each; :class:`hw_model.engine.layout.Chunks`.
+    """How members, chunks in the order of their updates, are run: :class:`hw_model.engine.layout.Chunks`.
 
-    ``parent`` is a member; ``forgets``: nothing is kept from step to step; ``never_rests``: there is a bias;
-    ``is_pair``: the first of two dendrites whose sum is all that the third member is, and which keeps nothing;
-    ``read``: its potentials are kept. Node n is the source of the links ``link[link_of[n]:link_of[n + 1]]``.
+    ``parent`` (members,) is a member; ``is_pair`` (members,): the first of two dendrites whose sum is all that the
+    third member is, and which keeps nothing; ``read_at`` (columns read,): where the potential of each lies in a state.
+    Node n is the source of the links ``link[link_of[n]:link_of[n + 1]]``.
     """
 
-    member: AnyArray
-    begins: AnyArray
     parent: AnyArray
-    sums: AnyArray
-    forgets: AnyArray
-    never_rests: AnyArray
     is_pair: AnyArray
-    read: AnyArray
+    read_at: AnyArray
     link: AnyArray
     link_of: AnyArray
 
@@ -74,30 +70,30 @@ class Order(NamedTuple):
 class History(NamedTuple):
     """Every step of a phase: ``charge`` (steps, slots), ``masks`` (steps, chunks) the spikes as bits.
 
-    ``after`` (steps, members, :data:`KEPT`) are the registers after it; ``reached`` (steps, chunks) marks charges that
-    ever changed; ``spikes`` (columns,) counts spikes, or holds the largest potential of a column that is read, of
-    ``potential`` (steps, slots); ``changed`` (blocks,) is the first step with another charge, or the number of steps;
-    ``run`` (1,) how many steps of blocks have been run; ``block_of`` (nodes,), ``slot`` (columns,).
+    ``flips`` (steps, chunks): the spikes that came or went when its block last ran; ``event`` and ``row_of`` have room
+    for those of a node as a list, by source and step. ``before`` (steps + 1, state of all members) are the states
+    before each step, and in the end; ``spikes`` (slots,) counts spikes, or holds the largest potential of a column that
+    is read; ``changed`` (blocks,) is the first step with another charge, or the number of steps; ``run`` (1,) how many
+    steps of blocks have been run; ``block_of`` (nodes,), ``slot`` (columns,).
     """
 
     charge: AnyArray
-    after: AnyArray
+    before: AnyArray
     masks: AnyArray
-    reached: AnyArray
+    flips: AnyArray
+    event: AnyArray
+    row_of: AnyArray
     spikes: AnyArray
     changed: AnyArray
     run: AnyArray
     block_of: AnyArray
-    potential: AnyArray
     slot: AnyArray
 
 
-KEPT = (BLOCKED + 1 - U) * LANES
-"""Numbers of a chunk's state: u, v, potential and blocked, which lie side by side."""
-_ZERO, _ONE = np.int64(0), np.int64(1)
+_ONE, _ONE_MORE = np.int64(1), np.uint64(1)
 """Of a type, as variables are: loops are compiled anew for each literal that they are called with."""
 _LANES, _CHUNK, _STATE = np.uint64(LANES), np.uint64(FIELDS * LANES), np.uint64(U * LANES)
-_POTENTIAL = np.uint64(POTENTIAL * LANES)
+_KEPT = np.uint64(KEPT_FIELDS * LANES)
 
 
 class Replay:
@@ -114,18 +110,18 @@ class Replay:
             low, high = chunks.bundle[chunks.of_block[block : block + 2]]
             block_of[chunks.node[chunks.member[low:high]]] = block
         self._layout, self._steps = layout, steps
-        dtype = chunks.registers.dtype
+        dtype, most = chunks.registers.dtype, steps * int(layout.nodes.size.max()) + LANES
         self._history = History(
-            charge=aligned((steps, slots), dtype), after=aligned((steps, len(chunks.node), KEPT), dtype),
-            masks=np.zeros((steps, len(chunks.node)), np.int32), reached=np.zeros((steps, len(chunks.node)), np.uint8),
-            spikes=np.zeros(layout.columns, np.int64), changed=np.zeros(blocks, np.int64), run=np.zeros(1, np.int64),
-            block_of=block_of, potential=np.zeros((steps if len(read.columns) else 0, slots), dtype), slot=layout.slot,
+            charge=aligned((steps, slots), dtype),
+            before=aligned((steps + 1, slots * KEPT_FIELDS), dtype),
+            masks=np.zeros((steps, len(chunks.node)), np.int32), flips=np.zeros((steps, len(chunks.node)), np.int32),
+            event=np.empty(most, np.int32), row_of=np.empty(most, np.int32), spikes=aligned((slots,), dtype),
+            changed=np.zeros(blocks, np.int64), run=np.zeros(1, np.int64), block_of=block_of, slot=layout.slot,
         )  # fmt: skip
         visits, registers = _visits(inputs), aligned((chunks.registers.size,), dtype)
         registers[:] = chunks.registers[chunks.member].reshape(-1)
         self._played = (
-            visits, read, layout.nodes, chunks, layout.links, _order(layout, read),
-            registers, np.zeros(len(chunks.member), dtype=np.bool_), self._history,
+            visits, read, layout.nodes, chunks, layout.links, _order(layout, read), registers, self._history,
         )  # fmt: skip
         self._silence = np.zeros((1, len(visits.step)), dtype=np.uint8)
         self._push = entry(_push, 0, self._silence, *self._played, np.zeros((1, layout.columns), dtype=np.int64))
@@ -134,8 +130,8 @@ class Replay:
     def reset(self) -> None:
         """Go back to before the first row."""
         self._start = 0
-        # Registers after a step are read only where a run has written them, and the first run writes all.
-        for array in (self._history.charge, self._history.masks, self._history.reached, self._history.spikes):
+        # States are read only where a run has written them, and the first run writes all but the first, which are 0.
+        for array in (self._history.charge, self._history.masks, self._history.spikes):
             array[:] = 0
         self._history.changed[:] = 0
         self.push(0, self._silence)
@@ -188,85 +184,84 @@ def _visits(inputs: Sequence[Input]) -> Visits:
 
 
 def _order(layout: FastLayout, of: Read) -> Order:
-    chunks = layout.chunks
-    member, count = chunks.member, len(chunks.member)
-    place = np.full(count + 1, -1, dtype=np.int64)  # the last is the place of no chunk
-    place[member] = np.arange(count)
-    parent, sums = place[chunks.parent[member]], chunks.sums[member].astype(np.bool_)
-    read = np.isin(member, layout.slot[of.columns] // LANES)
-    forgets = sums & (chunks.registers[member][:, REFRACTORY].max(axis=1) <= 1)
+    chunks, slot = layout.chunks, layout.slot[of.columns]
+    place = np.full(len(chunks.member) + 1, -1, dtype=np.int64)  # the last is the place of no chunk
+    place[chunks.member] = np.arange(len(chunks.member))
+    read = np.isin(chunks.member, slot // LANES)
     is_pair = chunks.pair.copy()
     for low, high in pairwise(chunks.bundle.tolist()):
         is_pair[low] &= not read[low:high].any()  # a pair is run without a potential of its own
-    never_rests = (chunks.registers[member][:, BIAS] != 0).max(axis=1)
     link = np.argsort(layout.links.source, kind="stable")
     link_of = np.searchsorted(layout.links.source[link], np.arange(len(layout.nodes.first) + 1))
-    return Order(member, chunks.begins, parent, sums, forgets, never_rests, is_pair, read, link, link_of)
+    read_at = (place[slot // LANES] * KEPT_FIELDS + POTENTIAL - U) * LANES + slot % LANES
+    return Order(place[chunks.parent[chunks.member]], is_pair, read_at, link, link_of)
 
 
 @compiled
 def _push(  # type: ignore[no-untyped-def]
-    before, rows, visits, read, nodes, chunks, links, order, registers, at_rest, history, counts
+    before, rows, visits, read, nodes, chunks, links, order, registers, history, counts
 ):
     steps = len(history.masks)
     for row in range(len(rows)):
         time = before + row
         for node in range(len(visits.rows)):
+            found = 0
             for channel in range(visits.first_channel[node], visits.first_channel[node + 1]):
                 if rows[row, channel] and time < visits.rows[node]:
-                    line = visits.first_line[channel] + time
-                    for index in range(order.link_of[node], order.link_of[node + 1]):
-                        _change(np.uint64(order.link[index]), line, visits.step[channel], _ONE, links, history)
+                    history.event[found] = visits.first_line[channel] + time
+                    history.row_of[found] = visits.step[channel]
+                    found += 1
+            for index in range(order.link_of[node], order.link_of[node + 1]):
+                _change(np.uint64(order.link[index]), found, _ONE, links, history)
         ran = False
         for block in range(len(history.changed)):
             start = history.changed[block]
             if start < steps:
                 history.changed[block] = steps
-                _run_again(block, start, nodes, chunks, links, order, registers, at_rest, history)
+                _run_again(block, start, nodes, chunks, links, order, registers, history)
                 ran = True
         if ran:
             for j in range(len(read.columns)):
-                history.spikes[read.columns[j]] = _largest(read.columns[j], read.first[j], history)
+                history.spikes[history.slot[read.columns[j]]] = _largest(order.read_at[j], read.first[j], history)
         for column in range(counts.shape[1]):
-            counts[row, column] = history.spikes[column]
+            counts[row, column] = history.spikes[history.slot[column]]
 
 
 @absorbed
-def _largest(column, first, history):  # type: ignore[no-untyped-def]
-    """Return the largest potential of a column from step ``first`` on; of no steps, 0."""
-    slot, steps = history.slot[column], len(history.potential)
-    largest = history.potential[first, slot] if first < steps else 0
+def _largest(at, first, history):  # type: ignore[no-untyped-def]
+    """Return the largest potential, ``at`` a place of a state, from step ``first`` on; of no steps, 0."""
+    steps = len(history.masks)
+    largest = history.before[first + 1, at] if first < steps else 0
     for step in range(first + 1, steps):
-        largest = max(largest, history.potential[step, slot])
+        largest = max(largest, history.before[step + 1, at])
     return largest
 
 
 @absorbed
-def _change(link, source, step, sign, links, history):  # type: ignore[no-untyped-def]
-    """Add, or take away, the charges of a spike in ``step``, and note from where on the target has to run again."""
+def _change(link, found, sign, links, history):  # type: ignore[no-untyped-def]
+    """Add, or take away, the charges of the spikes listed, and note from where on the target has to run again."""
     block = np.uint64(history.block_of[links.target_node[link]])
-    steps = len(history.masks)
-    if links.kind[link] == MATRIX:
-        at = step + 1 + links.delay[link]
-        if at < steps:
-            due = np.uint64(at)
-            begin = np.uint64(links.offset[link] + source * links.width[link])
-            low, many = np.uint64(links.target[link]), np.uint64(links.width[link])
-            for j in range(np.uint64(0), many, _LANES):
-                add_multiple(history.charge, due, low + j, links.matrix, begin + j, sign)
-            history.changed[block] = min(history.changed[block], at)
-            for chunk in range(low // _LANES, (low + many) // _LANES):
-                history.reached[due, chunk] = 1
-    else:
-        row, form = links.offset[link] + source, _form_of(link, links)
-        for k in range(np.uint64(links.list_start[row]), np.uint64(links.list_start[row + 1])):
-            late, slot, weight = _synapse(form, k, links)
-            at = step + 1 + late
+    steps, first = len(history.masks), history.changed[block]
+    offset, form, is_matrix = links.offset[link], _form_of(link, links), links.kind[link] == MATRIX
+    stride = links.width[link] if is_matrix else 1
+    width, low, delay = np.uint64(links.width[link]), np.uint64(links.target[link]), links.delay[link]
+    for e in range(np.uint64(found)):
+        source = offset + history.event[e] * stride
+        if is_matrix:
+            at = history.row_of[e] + 1 + delay
             if at < steps:
-                due = np.uint64(at)
-                history.charge[due, slot] += sign * weight
-                history.changed[block] = min(history.changed[block], at)
-                history.reached[due, slot // _LANES] = 1
+                due, begin = np.uint64(at), np.uint64(source)
+                for j in range(np.uint64(0), width, _LANES):
+                    add_multiple(history.charge, due, low + j, links.matrix, begin + j, sign)
+                first = min(first, at)
+            continue
+        for k in range(np.uint64(links.list_start[source]), np.uint64(links.list_start[source + 1])):
+            late, slot, weight = _synapse(form, k, links)
+            at = history.row_of[e] + 1 + late
+            if at < steps:
+                history.charge[np.uint64(at), slot] += sign * weight
+                first = min(first, at)
+    history.changed[block] = first
 
 
 @absorbed
@@ -290,90 +285,80 @@ def _synapse(form, k, links):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _run_again(  # type: ignore[no-untyped-def]
-    block, start, nodes, chunks, links, order, registers, at_rest, history
-):
+def _run_again(block, start, nodes, chunks, links, order, registers, history):  # type: ignore[no-untyped-def]
     """Run a block from step ``start`` on; spikes that come or go change what is due later, here and elsewhere."""
-    low, high = chunks.bundle[chunks.of_block[block]], chunks.bundle[chunks.of_block[block + 1]]
-    for member in range(low, high):
+    steps = len(history.masks)
+    for member in range(chunks.bundle[chunks.of_block[block]], chunks.bundle[chunks.of_block[block + 1]]):
         index = np.uint64(member)
-        if start > 0:
-            copy_state(registers, index * _CHUNK + _STATE, history.after, start - 1, index, _ZERO)
-        else:
-            for i in range(np.uint64(KEPT)):
-                registers[index * _CHUNK + _STATE + i] = 0
-        at_rest[index] = False
-    for row in range(start, len(history.masks)):
-        step = np.uint64(row)
-        stirred = False
-        member = low
-        while member < high:
-            index = np.uint64(member)
-            if order.is_pair[index]:
-                mask = _run_pair(step, index, chunks.widths, order, registers, at_rest, history)
-                member += 3
-            else:
-                stirred &= not order.begins[index]
-                mask, stirred = _run_member(step, index, stirred, chunks.widths, order, registers, at_rest, history)
-                member += 1
-            k = np.uint64(order.member[np.uint64(member - 1)])
-            if mask != history.masks[step, k]:
-                _flip(row, k, mask, nodes, chunks, links, order, history)
-    history.changed[block] = len(history.masks)
-    history.run[0] += len(history.masks) - start
+        copy_state(registers, index * _CHUNK + _STATE, history.before, start, index * _KEPT)
+    # A block that feeds itself goes step by step: what comes or goes in one changes the charges of the next.
+    stride = 1 if chunks.feeds_itself[block] else steps - start
+    for first in range(start, steps, stride):
+        for bundle in range(chunks.of_block[block], chunks.of_block[block + 1]):
+            low, high = np.uint64(chunks.bundle[bundle]), np.uint64(chunks.bundle[bundle + 1])
+            for row in range(np.uint64(first), np.uint64(first + stride)):
+                if order.is_pair[low]:
+                    mask = _run_pair(row, low, chunks, registers, history)
+                else:
+                    mask = np.int32(0)
+                    for each in range(low, high):
+                        mask = _run_member(row, each, chunks, order, registers, history)
+                _note(np.uint64(chunks.member[high - _ONE_MORE]), row, mask, chunks, history)
+        for node in chunks.spiking_node[chunks.of_node[block] : chunks.of_node[block + 1]]:
+            if order.link_of[node] < order.link_of[node + 1]:
+                _pass_flips_on(node, first, first + stride, _ONE, nodes, chunks, links, order, history)
+                _pass_flips_on(node, first, first + stride, -_ONE, nodes, chunks, links, order, history)
+    history.changed[block] = steps
+    history.run[0] += steps - start
 
 
 @absorbed
-def _run_pair(step, index, widths, order, registers, at_rest, history):  # type: ignore[no-untyped-def]
+def _run_pair(step, index, chunks, registers, history):  # type: ignore[no-untyped-def]
     """Update two dendrites and their sum in one step; return the spikes as bits."""
-    one, other = np.uint64(order.member[index]), np.uint64(order.member[index + np.uint64(1)])
-    at = index * _CHUNK
-    mask = np.int32(0)
-    if not at_rest[index] or history.reached[step, one] or history.reached[step, other]:
-        mask, remains = advance_pair(
-            registers, at, history.charge, step, one * _LANES, history.charge, step, other * _LANES, widths
-        )
-        at_rest[index] = remains == 0 and not order.never_rests[index] and not order.never_rests[index + np.uint64(1)]
-    copy_current_and_voltage(history.after, step, index, _ZERO, registers, at + _STATE)
-    copy_current_and_voltage(history.after, step, index + np.uint64(1), _ZERO, registers, at + _CHUNK + _STATE)
+    one, other = np.uint64(chunks.member[index]), np.uint64(chunks.member[index + _ONE_MORE])
+    before, charge = history.before, history.charge
+    return advance_pair(
+        registers, index * _CHUNK, before, step, index * _KEPT, before, step + _ONE_MORE, index * _KEPT,
+        charge, step, one * _LANES, charge, step, other * _LANES, chunks.widths,
+    )[0]  # fmt: skip
+
+
+@absorbed
+def _run_member(step, index, chunks, order, registers, history):  # type: ignore[no-untyped-def]
+    """Update one chunk in one step; return the spikes as bits."""
+    k, at = np.uint64(chunks.member[index]), index * _CHUNK
+    if chunks.sums[k]:
+        mask = add_up(registers, at)[0]
+    else:
+        mask = advance(registers, at, history.charge, step, k * _LANES, chunks.widths)[0]
+    if order.parent[index] >= 0:
+        pass_on(registers, at, registers, np.uint64(order.parent[index]) * _CHUNK)
+    copy_state(history.before, step + _ONE_MORE, index * _KEPT, registers, at + _STATE)
     return mask
 
 
 @absorbed
-def _run_member(step, index, stirred, widths, order, registers, at_rest, history):  # type: ignore[no-untyped-def]
-    """Update one chunk in one step; return the spikes as bits, and whether its bundle is stirred now."""
-    k, at = np.uint64(order.member[index]), index * _CHUNK
-    mask = np.int32(0)
-    runs = not at_rest[index] or history.reached[step, k] or stirred
-    if runs:
-        if order.sums[index]:
-            mask, _, remains = add_up(registers, at)
-        else:
-            mask, remains = advance(registers, at, history.charge, step, k * _LANES, widths)
-        at_rest[index] = remains == 0 and not order.never_rests[index]
-        stirred = True
-        if order.parent[index] >= 0:
-            pass_on(registers, at, registers, np.uint64(order.parent[index]) * _CHUNK)
-    if order.read[index]:
-        for i in range(_LANES):
-            history.potential[step, k * _LANES + i] = registers[at + _POTENTIAL + i] if runs else 0
-    if not order.forgets[index]:
-        copy_state(history.after, step, index, _ZERO, registers, at + _STATE)
-    return mask, stirred
+def _note(k, step, mask, chunks, history):  # type: ignore[no-untyped-def]
+    """Note the spikes of a chunk in a step, count them, and change what those that came or went pass to a child."""
+    flips, after = mask ^ history.masks[step, k], step + _ONE_MORE
+    history.flips[step, k], history.masks[step, k] = flips, mask
+    count_changes(history.spikes, k * _LANES, flips & mask, flips & ~mask)
+    if chunks.echo_to[k] >= 0 and after < np.uint64(len(history.masks)):
+        to = np.uint64(chunks.echo_to[k]) * _LANES
+        change_echo(history.charge, after, to, chunks.echo, to, flips & mask, flips & ~mask)
 
 
-@absorbed
-def _flip(step, k, mask, nodes, chunks, links, order, history):  # type: ignore[no-untyped-def]
-    """Note the spikes of a chunk in a step, and change what those that came or went make due."""
-    flipped = np.uint64(np.uint32(mask ^ history.masks[step, k]))
-    history.masks[step, k] = mask
-    node = chunks.node[k]
-    first_link, end = order.link_of[node], order.link_of[node + 1]
-    while flipped:
-        lane = trailing_zeros(flipped)
-        flipped &= flipped - np.uint64(1)
-        sign = 1 if (mask >> lane) & 1 else -1
-        column = chunks.first_column[k] + lane
-        history.spikes[column] += sign
-        for index in range(first_link, end):
-            _change(np.uint64(order.link[index]), column - nodes.first[node], step, sign, links, history)
+@inner
+def _pass_flips_on(node, low, high, sign, nodes, chunks, links, order, history):  # type: ignore[no-untyped-def]
+    """List the spikes of a node that came in steps ``low..high``, or with sign -1 went; change what they make due.
+
+    All of them first, without branches: which steps have any would be guessed wrong too often.
+    """
+    found, base = np.int64(0), nodes.first[node]
+    for row in range(np.uint64(low), np.uint64(high)):
+        for k in range(nodes.chunk[node], nodes.chunk[node + 1]):
+            spikes = history.masks[row, k] if sign > 0 else ~history.masks[row, k]
+            fill(history.row_of, found, row)
+            found += list_lanes(history.event, found, chunks.first_column[k] - base, spikes & history.flips[row, k])[0]
+    for index in range(order.link_of[node], order.link_of[node + 1]):
+        _change(np.uint64(order.link[index]), found, sign, links, history)

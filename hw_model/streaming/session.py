@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hw_model.engine.compiled import called
 from hw_model.engine.lay_out import fast_layout
 from hw_model.engine.playing import Spikes, first_touch, length_of, list_events, read_streams
 from hw_model.errors import InputError
@@ -18,7 +19,7 @@ from hw_model.io.given import as_array, checked
 from hw_model.mapping.graph import Phase, Readout
 from hw_model.program.chip_program import ChipProgram
 from hw_model.streaming.location_phase import Replay
-from hw_model.streaming.time_phase import Live, Read
+from hw_model.streaming.time_phase import Live, Read, weigh
 from hw_model.values import AnyArray, ArrayLike, ByteArray, FloatArray, IntArray, Shown
 
 
@@ -74,7 +75,7 @@ class Session:
         place = {name: i for i, branch in enumerate(self._branches) for name in branch.columns}
         self._classes = program.populations[program.readout.populations[0]]
         self._output = [
-            _Output(name, float(weight), place[name], self._branches[place[name]].columns[name])
+            _Output(name, np.array([float(weight)]), place[name], self._branches[place[name]].columns[name])
             for name, weight in program.readout.terms
         ]
 
@@ -99,7 +100,7 @@ class Session:
         for output in self._output:
             found = counts[output.branch][:, output.columns]
             (potential if output.population in self._by_potential else spikes_of)[output.population] = found
-            scores += self._weight(output, rows) * found
+            called(weigh, counts[output.branch], output.columns.start, self._weights(output, rows), scores)
         return StepScores(spikes_of, potential, scores)
 
     def _read(self, spikes: Spikes) -> dict[str, ByteArray]:
@@ -125,13 +126,13 @@ class Session:
                 return branch.run.spikes()[:, branch.columns[population]]
         raise InputError(f"population {population!r}", "is in no transposed phase", fix="Read its counts from push.")
 
-    def _weight(self, output: "_Output", rows: int) -> float | FloatArray:
-        """Return what a spike or potential counts for after each of the last rows: a number, or (rows, 1)."""
+    def _weights(self, output: "_Output", rows: int) -> FloatArray:
+        """Return what a spike or potential counts for after each of the last rows, (rows,), or (1,) for all."""
         if self.psi is None:
             return output.weight
         location = location_share(self.psi, np.arange(self.steps - rows + 1, self.steps + 1), self._length)
         axis = self._branches[output.branch].phase.axis
-        return output.weight * (location if axis == "location" else 1.0 - location)[:, None]
+        return output.weight * (location if axis == "location" else 1.0 - location)
 
 
 def location_share(psi: float, step: IntArray, steps: int) -> FloatArray:
@@ -148,10 +149,10 @@ def check_psi(psi: float) -> None:
 
 
 class _Output(NamedTuple):
-    """A population of the readout: its ``columns`` in the phase of ``branch``."""
+    """A population of the readout: its ``columns`` in the phase of ``branch``; ``weight`` is (1,)."""
 
     population: str
-    weight: float
+    weight: FloatArray
     branch: int
     columns: slice
 

@@ -42,6 +42,7 @@ class Live:
         self._room = self._room_for(1)
         lines = int(ends[-1])
         self._row = lines, np.zeros((1, 2), dtype=np.int64), np.empty(lines + LANES, dtype=np.int32)
+        self._list_of_row = self._row[1][:, :, None], self._row[2]
         arguments = self._room[2]
         self._run = machine_code(layout, (0, 1, *self._lists(np.zeros((1, lines), np.uint8)), *arguments))
 
@@ -85,7 +86,7 @@ class Live:
         """Return the events of some rows as the loop takes them."""
         if len(rows) == 1 and len(self._inputs) == 1:
             called(list_into, rows[0], *self._row)
-            return self._row[1][:, :, None], self._row[2]
+            return self._list_of_row
         lists = [list_events(rows[None, :, its] if len(self._inputs) > 1 else rows[None]) for its in self._inputs]
         return join_lists(lists)
 
@@ -125,3 +126,12 @@ def _sum_up(spikes, so_far, counts):  # type: ignore[no-untyped-def]
             so_far[column] += spikes[row, column]
             spikes[row, column] = 0
             counts[row, column] = so_far[column]
+
+
+@compiled
+def weigh(counts, first, weights, scores):  # type: ignore[no-untyped-def]
+    """Add columns of counts, ``first`` on, to class scores (rows, classes), times the weight of each row or of all."""
+    for row in range(len(scores)):
+        weight = weights[min(row, len(weights) - 1)]
+        for label in range(scores.shape[1]):
+            scores[row, label] += weight * counts[row, first + label]

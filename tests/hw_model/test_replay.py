@@ -71,6 +71,22 @@ def side_by_side(builder, x):
     builder.connect(h, y, 200 * ends[None].astype(np.int64))
 
 
+def echoing(children, **parameters):
+    """Twenty neurons in two chunks; spikes come back to a dendrite of their own, each with a weight of its own."""
+
+    def build(builder, x):
+        h = builder.add_compartments("h", 20, threshold=60, **FORGETS)
+        for k in range(children):
+            child = builder.add_compartments(f"d{k}", 20, threshold=0, joined_to=h, **{**FORGETS, **parameters})
+            builder.connect(x, child, np.add.outer(2 * np.arange(20), [60, 20]) * (k == 0))
+            if k == 1:
+                builder.connect(h, child, np.diag(4 * np.arange(20) - 120))
+        y = builder.add_compartments("y", 1, threshold=900, **FORGETS)
+        builder.connect(h, y, np.full((1, 20), 100))
+
+    return build
+
+
 LARGE = {"decay_u": 0, "bias": 4095 * 128}
 """A current that is kept, so that five charges of 254 * 2^13 take it, and a bias, beyond 2^23."""
 PHASES = {
@@ -107,6 +123,8 @@ PHASES = {
     "a pair, the second biased": dendrites(
         2, [10, 20], {"threshold": 100}, times=(0, 1), biases=(0, -40_960), decay_v=0
     ),
+    "spikes that come back": echoing(2, decay_u=2000, decay_v=1000),
+    "spikes that come back to one of three": echoing(3, decay_u=2000, decay_v=1000),
     "a pair with a bias": dendrites(2, [250, -250], {"threshold": 10_000}, bias=-64_000, decay_v=512),
 }
 

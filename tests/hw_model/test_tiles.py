@@ -117,6 +117,21 @@ def pairs(*decays: tuple[int, int]) -> hw.ProgramBuilder:
     return builder
 
 
+def echoes(children: int, late: int = 0, shift: int = 0) -> hw.ProgramBuilder:
+    """Neurons whose spikes come back, each to a dendrite of its own, in the next step or later; or to their neighbour's."""
+    builder = hw.ProgramBuilder(CHIP)
+    x = builder.add_input("x", 3)
+    soma = builder.add_compartments("soma", 20, threshold=40, **FORGETS)
+    for k in range(children):
+        child = builder.add_compartments(f"d{k}", 20, decay_u=2000, decay_v=1000 * k, threshold=0, joined_to=soma)
+        builder.connect(x, child, np.add.outer(2 * np.arange(20), [20, 8, 4 * k]))
+        own = np.diag(2 * k - 120 + 4 * np.arange(20))
+        builder.connect(soma, child, np.roll(own, shift, axis=0), delay=late)
+    y = builder.add_compartments("y", 20, threshold=90, decay_u=4096, decay_v=300)
+    builder.connect(soma, y, 40 * np.eye(20))
+    return builder
+
+
 def refractory() -> hw.ProgramBuilder:
     """Compartments that nothing but their refractory steps sets apart from the plainest."""
     builder = hw.ProgramBuilder(CHIP)
@@ -141,6 +156,10 @@ PROGRAMS = {
     "pairs": lambda: pairs((4096, 4096), (1000, 300)),
     "pairs that forget": lambda: pairs((4096, 4096), (4096, 4096)),
     "pairs, the first slow": lambda: pairs((4096, 300), (4096, 4096)),
+    "echoes": lambda: echoes(2),
+    "echoes of three": lambda: echoes(3),
+    "echoes, a step too late": lambda: echoes(2, late=1),
+    "echoes from a neighbour": lambda: echoes(2, shift=1),
     "pairs, the second slow": lambda: pairs((4096, 4096), (4096, 300)),
 }
 
@@ -192,6 +211,22 @@ def test_inputs_of_a_phase_have_lists_of_their_own():
     for engine in ENGINES:
         spikes = hw.simulate(program, {"x": first, "z": second}, engine=engine).spikes["n"]
         assert spikes.tolist() == [[[0, 0], [1, 0], [0, 1], [0, 0], [1, 0]]] * 2
+
+
+@pytest.mark.parametrize(
+    ("build", "taken"),
+    [
+        (lambda: echoes(2), True), (lambda: echoes(3), True), (lambda: echoes(2, late=1), False),
+        (lambda: echoes(2, shift=1), False), (lambda: pairs((4096, 4096), (1000, 300)), False),
+    ],
+    ids=["pairs", "three", "late", "of a neighbour", "of all"],
+)  # fmt: skip
+def test_spikes_that_come_back_to_their_own_dendrite_are_no_link(build, taken):
+    program = build().build()
+    chunks = fast_layout(program, "time").chunks
+    assert (chunks.echo_to >= 0).any() == taken
+    if taken:
+        assert chunks.echo.any()
 
 
 @pytest.mark.parametrize(("widest", "fits"), [(2**30 - 1, True), (2**30 + 1, False)], ids=["31 bits", "one more"])

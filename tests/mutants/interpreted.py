@@ -16,7 +16,6 @@ np.seterr(over="ignore")
 for name in ("compiled", "inner", "absorbed"):
     setattr(compiled, name, lambda given: given)
 compiled.entry = lambda function, *arguments: function
-compiled.trailing_zeros = lambda word: (int(word) & -int(word)).bit_length() - 1
 
 from hw_model.engine import lane_arithmetic, lanes  # noqa: E402
 from hw_model.engine.layout import LANES  # noqa: E402
