@@ -98,9 +98,9 @@ class Links(NamedTuple):
     j``, ``delay[l]`` steps late; else, for rows k of ``list_start[offset[l] + s]`` to the next, ``weight[k]`` to slot
     ``slot[k]``, ``late[k]`` steps late. A packed list has ``packed[k]`` for these: from the lowest bit on ``slot_bits``
     of the slot, from ``target[l]`` on; ``late_bits`` of the delay, beyond ``delay[l]``; and the weight, in units of
-    2^``weight_shift``. A spike of lists touches all chunks of its target in ``width[l]`` rows; where that is 0, those of
-    its synapses. Links into block k from other nodes are rows ``into_block[k]`` to the next; those from node n into its
-    own block are rows ``from_node[n]`` to the next. ``due_late`` counts them by delay.
+    2^``weight_shift``. A spike of lists touches all chunks of its target in ``width[l]`` rows; where that is 0, it
+    touches those of its synapses. Links into block k from other nodes are rows ``into_block[k]`` to the next; those
+    from node n into its own block are rows ``from_node[n]`` to the next. ``due_late`` counts them by delay.
     """
 
     source: IntArray
