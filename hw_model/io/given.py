@@ -28,6 +28,8 @@ _WAYS_OUT = {
 }
 """Where to get values of our own types; for other types, the name says enough."""
 _SHOWN = 60
+_NAME_BYTES = 255
+"""The longest name of a file or folder; the length of a whole path has a limit as well."""
 _LOOKED_INTO = (str, Path, list, tuple, int)
 """Of these more than the type is checked."""
 
@@ -100,7 +102,8 @@ def check_path(path: str | Path, where: str) -> None:
     except OSError as error:
         if error.errno == errno.ENAMETOOLONG:
             longest = max(len(os.fsencode(part)) for part in Path(path).parts)
-            raise InputError(where, "the name is too long", measured=f"{longest} bytes", fix="Shorten it.") from None
+            which, many = ("name", longest) if longest > _NAME_BYTES else ("path", len(os.fsencode(path)))
+            raise InputError(where, f"the {which} is too long", measured=f"{many} bytes", fix="Shorten it.") from None
 
 
 def is_plain(found: os.stat_result) -> bool:

@@ -78,6 +78,6 @@ def test_templates_of_issues(path):
 
 def test_hostile_files_have_a_page():
     page = (ROOT / "docs/security.md").read_text("utf-8")
-    assert "Nothing in it is run." in page
+    assert "Nothing in it is executed." in page
     assert "docs/security.md" in (ROOT / ".github/SECURITY.md").read_text("utf-8")
     assert "](../docs/security.md)" in (ROOT / ".github/SECURITY.md").read_text("utf-8")
