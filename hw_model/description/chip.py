@@ -10,6 +10,7 @@ from typing import Annotated
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import WEIGHT_BITS
+from hw_model.description.open_core import Macro, MemoryWords, Sizes, check_sizes
 from hw_model.description.profile import UNPRICED, Profile, Text
 from hw_model.description.read import check_profile, parse, read_description
 from hw_model.errors import InputError, check_known, check_most
@@ -110,56 +111,6 @@ class TransposeBuffer(Frozen):
     cycles_per_event: Annotated[float, NOT_NEGATIVE]
 
 
-class Sizes(Frozen):
-    """Parameters of the open core: words of its memories, slots (a power of two), and the widths of two sums.
-
-    ``word``: rows of a recording in a word of the bitmap, a power of two. ``step``: bits of the step from a target of a
-    list to the next; 0: targets are told in full. ``places``: compartments of a phase, a power of two, where phases
-    share the memories of states and charges; 0: they do not.
-    """
-
-    axons: Annotated[int, between(2, 1 << 24)]
-    synapses: Annotated[int, between(2, 1 << 24)]
-    compartments: Annotated[int, between(2, 1 << 20)]
-    slots: Annotated[int, between(2, 1 << 16)]
-    charge: Annotated[int, between(16, 64)]
-    join: Annotated[int, between(24, 64)]
-    bitmap: Annotated[int, between(2, 1 << 24)]
-    visits: Annotated[int, between(2, 1 << 20)]
-    entries: Annotated[int, between(2, 1 << 20)]
-    word: Annotated[int, between(2, 128)] = 32
-    step: Annotated[int, between(0, 8)] = 0
-    places: Annotated[int, between(0, 1 << 20)] = 0
-
-
-class MemoryWords(Frozen):
-    """Words of memories of the open core that may hold fewer than its parameters say.
-
-    ``sums``: compartments from the first parent of a phase to its last. ``weights``: groups that are read out.
-    ``states``: compartments, of a phase where it is told by ``places``.
-    """
-
-    sums: Annotated[int, between(1, 1 << 20)]
-    weights: Annotated[int, between(1, 64)]
-    phases: Annotated[int, between(8, 512)]
-    states: Annotated[int, between(2, 1 << 20)] = 1 << 20
-
-
-class Macro(Frozen):
-    """A memory of a process: square micrometres, and picojoules of reading and of writing a row.
-
-    ``banks``: as many as these figures hold for, side by side.
-    """
-
-    words: Annotated[int, between(1, 1 << 20)]
-    bits: Annotated[int, between(1, 1 << 10)]
-    area: Annotated[float, POSITIVE]
-    read_pj: Annotated[float, NOT_NEGATIVE]
-    write_pj: Annotated[float, NOT_NEGATIVE]
-    ports: Annotated[int, between(1, 2)]
-    banks: Annotated[int, between(1, 512)] = 512
-
-
 class Chip(Shown, eq=True):
     """A chip and its board, as `hw_model/chips/*.yaml` describes it.
 
@@ -253,16 +204,11 @@ def parse_chip(text: str, where: str) -> Chip:
 def check_chip(chip: Chip, where: str) -> None:
     """Refuse a description that contradicts itself, and a board that is too large to simulate."""
     check_most(chip.cores, MAX_CORES, f"{where}: chips", "the board is too large", unit="cores", fix="Correct it.")
-    core, slots = chip.open_core, chip.registers.slots
-    if core is None and not chip.profiles:
+    if chip.open_core:
+        check_sizes(chip.open_core, chip.registers.slots, f"{where}: open_core")
+    elif not chip.profiles:
         what = "only an open core may have no energy profile"
         raise InputError(f"{where}: profiles", what, fix="Give at least one.")
-    held = "places" if core and core.places else "compartments"
-    many = getattr(core, held, 1)
-    if core and (core.slots < slots or (core.slots & core.slots - 1) or (many & many - 1)):
-        what = f"slots and {held} are powers of two, and slots at least delay_max and 2"
-        measured = f"{core.slots} slots against {slots}, {many} {held}"
-        raise InputError(f"{where}: open_core", what, measured=measured, fix="Correct it.")
     mesh = chip.mesh
     if mesh.tiles * mesh.cores_per_tile != chip.limits.cores_per_chip:
         raise InputError(

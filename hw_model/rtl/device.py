@@ -7,8 +7,9 @@ from functools import lru_cache
 import numpy as np
 
 from hw_model.accounting.cost import Latency
-from hw_model.description.chip import Chip, MemoryWords, chip, chip_names
+from hw_model.description.chip import Chip, chip, chip_names
 from hw_model.description.counts import Counts
+from hw_model.description.open_core import MemoryWords
 from hw_model.engine.playing import Spikes, read_streams
 from hw_model.errors import TargetError, listed
 from hw_model.program.chip_program import ChipProgram

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from hw_model.description.chip import Sizes, chip
+from hw_model.description.chip import chip
+from hw_model.description.open_core import Sizes
 from hw_model.engine.playing import Spikes, read_streams
 from hw_model.errors import InputError, TargetError
 from hw_model.io.build_folder import write_build

@@ -12,8 +12,8 @@ from dataclasses import asdict
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT
-from hw_model.description.chip import MemoryWords
-from hw_model.description.chip import Sizes as Sizes
+from hw_model.description.open_core import MemoryWords
+from hw_model.description.open_core import Sizes as Sizes
 from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.rtl.lists import BANKS, Table, packed_lists
 from hw_model.rtl.memory_words import BitArray, Layout

@@ -6,8 +6,8 @@ the last but one is not read again.
 
 import numpy as np
 
-from hw_model.description.chip import Sizes
 from hw_model.description.counts import Counts
+from hw_model.description.open_core import Sizes
 from hw_model.rtl.images import CoreProgram, held, layouts
 from hw_model.rtl.memory_plan import PACKS, Array
 

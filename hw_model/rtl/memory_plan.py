@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
-from hw_model.description.chip import Macro
+from hw_model.description.open_core import Macro
 from hw_model.errors import InputError
 from hw_model.values import Frozen
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import hw_model as hw
-from hw_model.description.chip import Sizes
+from hw_model.description.open_core import Sizes
 from hw_model.errors import listed
 from hw_model.rtl import simulators
 from hw_model.rtl.cosimulation import play_on_core

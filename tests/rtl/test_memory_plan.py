@@ -8,7 +8,7 @@ import pytest
 from shipped import example_files, model_file
 
 import hw_model as hw
-from hw_model.description.chip import Macro
+from hw_model.description.open_core import Macro
 from hw_model.errors import InputError
 from hw_model.rtl.device import on_core
 from hw_model.rtl.images import CoreProgram

@@ -1,0 +1,69 @@
+"""The sizes of the open core, as a chip file gives them: what its memories hold, and what they can be made of."""
+
+from typing import Annotated
+
+from hw_model.errors import InputError
+from hw_model.io.records import NOT_NEGATIVE, POSITIVE, between
+from hw_model.values import Frozen
+
+
+class Sizes(Frozen):
+    """Parameters of the open core: the words of its memories, its slots (a power of two), and the widths of two sums.
+
+    - ``word``: rows of a recording in a word of the bitmap, a power of two
+    - ``step``: bits of the step from one target of a list to the next; with 0, a list holds each target in full
+    - ``places``: if phases share the memories of states and charges, the compartments of a phase, a power of two; 0 if
+      each phase has its own
+    """
+
+    axons: Annotated[int, between(2, 1 << 24)]
+    synapses: Annotated[int, between(2, 1 << 24)]
+    compartments: Annotated[int, between(2, 1 << 20)]
+    slots: Annotated[int, between(2, 1 << 16)]
+    charge: Annotated[int, between(16, 64)]
+    join: Annotated[int, between(24, 64)]
+    bitmap: Annotated[int, between(2, 1 << 24)]
+    visits: Annotated[int, between(2, 1 << 20)]
+    entries: Annotated[int, between(2, 1 << 20)]
+    word: Annotated[int, between(2, 128)] = 32
+    step: Annotated[int, between(0, 8)] = 0
+    places: Annotated[int, between(0, 1 << 20)] = 0
+
+
+class MemoryWords(Frozen):
+    """The words of the memories that may be smaller than the parameters of the core would make them.
+
+    - ``sums``: compartments from the first parent of a phase to the last
+    - ``weights``: groups that are read out
+    - ``states``: compartments, or those of one phase if the core has ``places``
+    """
+
+    sums: Annotated[int, between(1, 1 << 20)]
+    weights: Annotated[int, between(1, 64)]
+    phases: Annotated[int, between(8, 512)]
+    states: Annotated[int, between(2, 1 << 20)] = 1 << 20
+
+
+class Macro(Frozen):
+    """A memory that a process offers: its square micrometres, and the picojoules to read and to write a row.
+
+    The figures hold for at most so many ``banks`` next to each other.
+    """
+
+    words: Annotated[int, between(1, 1 << 20)]
+    bits: Annotated[int, between(1, 1 << 10)]
+    area: Annotated[float, POSITIVE]
+    read_pj: Annotated[float, NOT_NEGATIVE]
+    write_pj: Annotated[float, NOT_NEGATIVE]
+    ports: Annotated[int, between(1, 2)]
+    banks: Annotated[int, between(1, 512)] = 512
+
+
+def check_sizes(core: Sizes, slots: int, where: str) -> None:
+    """Refuse fewer slots than the chip's registers need, and sizes that must be powers of two but are not."""
+    held = "places" if core.places else "compartments"
+    many: int = getattr(core, held)
+    if core.slots < slots or (core.slots & core.slots - 1) or (many & many - 1):
+        what = f"slots and {held} are powers of two, and slots at least delay_max and 2"
+        measured = f"{core.slots} slots against {slots}, {many} {held}"
+        raise InputError(where, what, measured=measured, fix="Correct it.")
