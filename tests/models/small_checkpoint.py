@@ -1,0 +1,37 @@
+"""A small network and its recordings, saved as a checkpoint."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.data.sensor import LOCATION_ORDERS, neutouch
+from locsnn_compile.models.checkpoint import Checkpoint
+from locsnn_compile.models.description import InputLayout, NetworkDescription
+from locsnn_compile.models.networks import build_network
+
+DESCRIPTION = NetworkDescription(
+    "hybrid",
+    InputLayout(neutouch(1), steps=9, step_seconds=0.02),
+    classes=3,
+    hidden=4,
+    location_order="arch",
+    location_taxels=LOCATION_ORDERS["arch"],
+    name="small",
+)
+
+
+AGAIN = "Write it again with 'locsnn train'."
+
+
+def recordings(samples: int = 2) -> Recordings:
+    spikes = np.random.default_rng(0).integers(0, 2, size=(samples, 9, 78), dtype=np.uint8)
+    return Recordings(spikes, np.arange(samples), 0.02, "made up")
+
+
+def save(path: Path) -> Path:
+    weights = build_network(DESCRIPTION, seed=1).weights()
+    Checkpoint(DESCRIPTION, weights, recordings=recordings(), training={"seed": 1, "dataset": "none"}).save(path)
+    return path

@@ -1,0 +1,109 @@
+"""What the checks of the small report found: error budget, margins, and figures over time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+
+def error_budget() -> dict[str, Any]:
+    """Two stages, of which one explains most of the difference."""
+
+    def deviation(agreement: float, mismatches: int, changed: int) -> dict[str, Any]:
+        spikes = {"spike_agreement": agreement, "spike_mismatches": mismatches}
+        half = {"spike_agreement": agreement, "spike_mismatches": mismatches // 2}
+        return {
+            **spikes,
+            "predictions_changed": changed,
+            "score_error": 0.02 * changed,
+            "by_population": {"time_output": half, "location_output": dict(half)},
+        }
+
+    return {
+        "recordings": [0, 6, 13, 19],
+        "recordings_available": 20,
+        "alone": {
+            "weights": deviation(0.91, 18, 1),
+            "decays": deviation(0.99, 2, 0),
+            "states": deviation(0.995, 1, 0),
+            "thresholds": deviation(1.0, 0, 0),
+            "wraps_clips": deviation(1.0, 0, 0),
+        },
+        "all_but": {
+            "weights": deviation(0.985, 3, 0),
+            "decays": deviation(0.905, 19, 1),
+            "states": deviation(0.9, 20, 1),
+            "thresholds": deviation(0.9, 20, 1),
+            "wraps_clips": deviation(0.9, 20, 1),
+        },
+        "together": deviation(0.9, 20, 1),
+        "unexplained_spikes": 0,
+        "kernel_tail": deviation(0.96, 8, 0),
+    }
+
+
+def margins() -> dict[str, Any]:
+    """Bins from a thousandth of a threshold to ten, one a decade."""
+    population = {
+        "neuron_steps": 1000,
+        "nearest": {"0.001": 0.0021, "0.01": 0.019, "0.5": 1.0},
+        "error": {"0.5": 0.012, "0.95": 0.055, "1": 1.5},
+        "within_error": 0.006,
+        "decided_otherwise": 0.003,
+        "distance_histogram": [1, 19, 480, 500],
+        "error_histogram": [100, 700, 20, 2],
+    }
+    return {
+        "recordings": [0, 6, 13, 19],
+        "recordings_available": 20,
+        "histogram_edges": [0.001, 0.01, 0.1, 1.0, 10.0],
+        "by_population": {"time_output": population, "location_output": dict(population)},
+        "registers": {
+            "time_output/dendrite": {
+                "peak_u": 1048576,
+                "share_u": 0.125,
+                "peak_v": 8388607,
+                "share_v": 1.0,
+                "headroom_bits": 0.0,
+                "wraps": 0,
+                "clips": 4,
+            },
+            "time_output": {
+                "peak_u": 0,
+                "share_u": 0.0,
+                "peak_v": 0,
+                "share_v": 0.0,
+                "headroom_bits": None,
+                "wraps": 0,
+                "clips": 0,
+            },
+        },
+    }
+
+
+def over_time() -> dict[str, Any]:
+    """Four figures over a recording of ten steps; the time branch is right early, the location branch late."""
+    return {
+        "recordings": [0, 6, 13, 19],
+        "recordings_available": 20,
+        "right_is": "the label",
+        "psi": 10.0,
+        "step_seconds": 0.7,
+        "steps": [2, 4, 6, 8, 10],
+        "right": {
+            "together": [0.0, 0.25, 0.5, 0.5, 1.0],
+            "time": [0.25, 0.5, 0.5, 0.75, 0.75],
+            "location": [0.0, 0.0, 0.25, 0.25, 0.5],
+            "time_weighted": [0.25, 0.5, 0.5, 0.75, 1.0],
+        },
+        "proven_stop": {
+            "steps": 15.0,
+            "all_steps": 20.0,
+            "synaptic_ops": 1500.0,
+            "all_synaptic_ops": 2000.0,
+            "energy_pj": 80000.0,
+            "all_energy_pj": 100000.0,
+            "latency_ns": 30000.0,
+            "all_latency_ns": 40000.0,
+            "profile": "davies2018",
+        },
+    }
