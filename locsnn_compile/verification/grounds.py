@@ -42,7 +42,7 @@ def _of_recordings(network: Network, recordings: Recordings) -> Iterator[str]:
             "others may be lower."
         )
     if recordings.threshold is not None and network.event_threshold is None:
-        yield f"Bins of more than {recordings.threshold} events are 1, as usual; the model does not say (--threshold)."
+        yield f"A bin of more than {recordings.threshold} events is 1, the default, because the model does not say (--threshold)."
     steps = recordings.spikes.shape[1]
     if not network.any_length and steps < network.steps:
         yield f"The recordings have {steps} steps; silence follows, up to the {network.steps} of the model."
@@ -55,7 +55,7 @@ def _of_step(network: Network, known: float | None) -> Iterator[str]:
             "(--step-seconds, or --dt of a NIR graph): there is no comparison with the pace of a sensor."
         )
     elif network.step_seconds is None:
-        yield f"A step lasts {known:g} s, as wide as the bins of the recordings; the model does not say."
+        yield f"A step lasts {known:g} s, like the bins of the recordings, because the model does not say."
 
 
 def _of_calibration(network: Network, recordings: Recordings, calibration: Recordings) -> Iterator[str]:

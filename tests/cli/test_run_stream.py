@@ -120,7 +120,7 @@ def test_lines_change_only_with_the_prediction(build, program, capsys):
     assert re.fullmatch(r"accuracy over time: (0\.\d{3} after \d\.00 s(, )?){5}", next(lines))
     assert re.fullmatch(
         r"a step took [\d.]+ [µm]s on average, 99 % of them at most [\d.]+ [µm]s, the longest [\d.]+ [µm]s; "
-        r"the sensor's is 20.0 ms: [\d.,]+ times as fast as real time, [\d.,]+ times in the longest",
+        r"at the sensor it takes 20.0 ms: [\d.,]+ times as fast as real time, [\d.,]+ times in the longest step",
         next(lines),
     )
     assert next(lines, None) is None
@@ -142,7 +142,7 @@ def test_the_length_of_a_step_is_told_or_left_out(build, capsys, tmp_path):
     assert lines[-2] == "already the last prediction: " + ", ".join(
         f"1.000 after step {step}" for step in (50, 100, 150, 200, 250)
     )
-    assert lines[-1].endswith("; the sensor's is not known: give --step-seconds")
+    assert lines[-1].endswith("; how long it takes at the sensor is not known: give --step-seconds")
 
 
 def test_lines_of_the_summary():
@@ -158,8 +158,8 @@ def test_lines_of_the_summary():
     assert stream_lines(found) == [
         "accuracy over time: 0.000 after 0.02 s, 0.250 after 0.04 s, 0.500 after 0.06 s, 0.500 after 0.08 s, "
         "1.000 after 0.10 s",
-        "a step took 100 µs on average, 99 % of them at most 400 µs, the longest 40.0 ms; the sensor's is 20.0 ms: "
-        "200 times as fast as real time, 0.500 times in the longest",
+        "a step took 100 µs on average, 99 % of them at most 400 µs, the longest 40.0 ms; at the sensor it takes 20.0 ms: "
+        "200 times as fast as real time, 0.500 times in the longest step",
     ]
 
 
@@ -190,13 +190,14 @@ def test_proven_stops(build, program, capsys):
     lines = capsys.readouterr().out.splitlines()
     assert [line.split(":")[0] for line in lines[:3]] == ["recording 0", "recording 1", "recording 2"]
     assert re.fullmatch(
-        r"stopped \(proven\) after \d+ of 328 steps on average, [\d.]+ % saved; [\d.]+ % of synaptic operations; "
-        r"[\d.]+ % of energy, [\d.]+ µJ instead of [\d.]+ µJ, and [\d.]+ [µm]s instead of [\d.]+ [µm]s \(profile davies2018\)",
+        r"stopped \(proven\) after \d+ of 328 steps on average; saved [\d.]+ % of the steps, "
+        r"[\d.]+ % of the synaptic operations, [\d.]+ % of the energy; "
+        r"[\d.]+ µJ instead of [\d.]+ µJ, and [\d.]+ [µm]s instead of [\d.]+ [µm]s \(profile davies2018\)",
         lines[-2],
     )
     accuracy = stop["whole_accuracy"]
     assert lines[-1] == (
-        f"predicted as the whole recording in 100 % of 3 recordings; accuracy {accuracy:.3f} instead of {accuracy:.3f}"
+        f"same prediction as the whole recording in 100 % of 3 recordings; accuracy {accuracy:.3f} instead of {accuracy:.3f}"
     )
 
 

@@ -64,7 +64,7 @@ def document() -> dict[str, Any]:
         "target": "loihi-sim",
         "strategy": "dendrite",
         "weight_bits": 8,
-        "assumptions": ["A step lasts 0.7 s, as wide as the bins of the recordings; the model does not say."],
+        "assumptions": ["A step lasts 0.7 s, like the bins of the recordings, because the model does not say."],
         "gates": [],
         "match": {
             "reference": "float64",

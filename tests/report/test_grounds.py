@@ -32,10 +32,10 @@ TRAINED_ON = (
     "lower."
 )
 NO_STEP = "How long a step lasts is not known, because neither the model nor the recordings say it (--step-seconds, or --dt of a NIR graph): there is no comparison with the pace of a sensor."
-STEP_OF_BINS = "A step lasts 0.01 s, as wide as the bins of the recordings; the model does not say."
+STEP_OF_BINS = "A step lasts 0.01 s, like the bins of the recordings, because the model does not say."
 SILENCE = "The recordings have 30 steps; silence follows, up to the 40 of the model."
 
-THRESHOLD = "Bins of more than 2 events are 1, as usual; the model does not say (--threshold)."
+THRESHOLD = "A bin of more than 2 events is 1, the default, because the model does not say (--threshold)."
 
 
 def calibrated(on: str) -> str:

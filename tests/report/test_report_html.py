@@ -65,7 +65,7 @@ def test_key_figures_are_on_the_page(document: dict[str, Any]) -> None:
         "10.0 times fewer than CNN-3D and 2.00 times more than GRU-MLP (the float network, by the published method)",
         "9.25 times fewer than CNN-3D and 2.16 times more than GRU-MLP (synaptic operations of the program)",
         "What was assumed:",
-        "A step lasts 0.7 s, as wide as the bins of the recordings; the model does not say.",
+        "A step lasts 0.7 s, like the bins of the recordings, because the model does not say.",
         "The float potential 10.00000002 reaches the threshold 10 and fires",
         "host input and output (not published)",
         "ab" * 32,
