@@ -42,7 +42,8 @@ def _of_recordings(network: Network, recordings: Recordings) -> Iterator[str]:
             "others may be lower."
         )
     if recordings.threshold is not None and network.event_threshold is None:
-        yield f"A bin of more than {recordings.threshold} events is 1, the default, because the model does not say (--threshold)."
+        bins = f"A bin of more than {recordings.threshold} events is 1, the default"
+        yield f"{bins}, because the model does not say (--threshold)."
     steps = recordings.spikes.shape[1]
     if not network.any_length and steps < network.steps:
         yield f"The recordings have {steps} steps; silence follows, up to the {network.steps} of the model."
