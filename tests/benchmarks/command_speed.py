@@ -23,9 +23,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from machine import machine
+from page_figures import table
 from page_section import put_section
 from workloads import RECORDINGS
-from write_page import COMMAND_SPEED, table
+from write_page import COMMAND_SPEED
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from limits import TILE, _add_plain, _add_together, deliveries
-from write_page import line, percent, times, wrapped
+from page_figures import line, percent, times
+from write_page import wrapped
 
 
 @pytest.mark.parametrize("add", [_add_plain, _add_together], ids=["one row at a time", "rows together"])

@@ -21,8 +21,6 @@ DESCRIPTION = NetworkDescription(
     location_taxels=LOCATION_ORDERS["arch"],
     name="small",
 )
-
-
 AGAIN = "Write it again with 'locsnn train'."
 
 

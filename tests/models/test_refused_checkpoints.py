@@ -84,8 +84,6 @@ def flip(path: Path) -> None:
 
 
 TAXELS = list(LOCATION_ORDERS["loop"])
-
-
 BAD: list[tuple[str, Callable[[Path], object], str]] = [
     ("missing", lambda path: None, "it cannot be read (No such file or directory). Check the path."),
     ("a folder", Path.mkdir, "it cannot be read (Is a directory). Check the path."),
@@ -170,8 +168,6 @@ BAD: list[tuple[str, Callable[[Path], object], str]] = [
         f"entry 'training.x' is not a plain value (got Tensor). {AGAIN}",
     ),
 ]
-
-
 BAD_INSIDE: list[tuple[str, Callable[[Path], object], str]] = [
     (
         "unknown architecture",

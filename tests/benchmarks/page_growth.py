@@ -1,0 +1,95 @@
+"""The page of cost against size and activity."""
+
+from __future__ import annotations
+
+import numpy as np
+from machine import cache_kib
+from page_figures import Found, line, made_by, percent, table
+
+
+def sizes(records: dict[str, Found]) -> str:
+    """Return cost against size."""
+    rows = []
+    for m in records["sizes"]["sizes"]:
+        layer = m["layer_synapse_mib"]
+        rows.append(
+            [
+                f"{m['compartments']:,}", f"{m['synapses']:,}", f"{layer:,.2f}", held_by(layer),
+                f"{m['seconds'] * 1e3:,.2f}", f"{m['synaptic_ops'] / 1e6:,.2f}",
+                f"{m['seconds'] / m['synaptic_ops'] * 1e9:.2f}", f"{m['seconds'] / m['neuron_updates'] * 1e9:.1f}",
+                f"{m['first call']:.2f}", f"{m['peak_mib']:,.0f}",
+            ]
+        )  # fmt: skip
+    head = ["compartments", "synapses", "a layer's MiB", "in", "ms per recording", "million operations"]
+    return table([*head, "ns an operation", "ns an update", "first call s", "peak MiB"], rows, left=0)
+
+
+def held_by(mib: float) -> str:
+    """Return the nearest cache that holds so much."""
+    return next((name for name, kib in cache_kib().items() if mib * 1024 <= kib), "memory")
+
+
+def activity(record: Found) -> str:
+    """Return cost against activity, beside a straight line through all points (least squares of relative errors)."""
+    ops = np.array([m["synaptic_ops"] for m in record["rates"]])
+    seconds = np.array([m["seconds"] for m in record["rates"]])
+    start, slope = line(ops, seconds)
+    rows = []
+    for m, fitted in zip(record["rates"], start + slope * ops, strict=True):
+        rows.append(
+            [
+                percent(m['rate'], 1), f"{m['synaptic_ops'] / 1e6:,.2f}", f"{m['seconds'] * 1e3:.2f}",
+                f"{fitted * 1e3:.2f}", f"{m['synaptic_ops'] / m['seconds'] / 1e9:.2f}",
+            ]
+        )  # fmt: skip
+    head = ["compartments that fire", "million operations", "ms per recording", "line", "billion operations a second"]
+    updates = record["rates"][0]["neuron_updates"]
+    return f"""{table(head, rows, left=0)}
+
+The line: {start * 1e3:.2f} ms for {updates:,.0f} compartment updates ({start / updates * 1e9:.2f} ns each), and {slope * 1e9:.3f} ns for each operation.
+"""
+
+
+def tables(record: Found) -> str:
+    """Return the speed of adding rows out of tables of growing size."""
+    rows = [
+        [f"{kib:,}", f"{speed / 1e9:.1f}"]
+        for kib, speed in zip(record["kib"], record["synaptic_ops_per_second"], strict=True)
+    ]
+    return table(["KiB of weights a core", "billion operations a second"], rows, left=0)
+
+
+def growth(records: dict[str, Found]) -> str:
+    """Return cost against size and against activity."""
+    return f"""## Cost against size
+
+{made_by("test_curves.py")} Ten layers in a row; a compartment has 250 synapses from the 400 sources nearest to it, and 2 % of
+all compartments fire in a step. 100 steps.
+
+{sizes(records)}
+
+{KNEES}
+
+Rows of 256 weights in random order, out of tables of growing size, one table a core:
+
+{tables(records["tables"])}
+
+## Cost against activity
+
+{made_by("test_curves.py")} Every compartment repeats the input, so that its activity is known. 100 steps.
+
+Fully connected, 4 layers of 1,024:
+
+{activity(records["activity_dense"])}
+Local, 10 layers of 1,000, 250 synapses each:
+
+{activity(records["activity_local"])}
+"""
+
+
+KNEES = """*A layer's MiB* are its synapses as the engine holds them, and *in* the nearest cache that holds these. The engine
+plays a tile of 64 steps of one layer, then of the next, so a layer is what has to stay near. Cost is linear in events between
+the knees, and there are three. Layers that are at least a quarter full are matrices of 2 bytes a synapse, added in vectors; the
+others are lists, followed synapse by synapse, 4 bytes each where slot, delay and weight fit, else 12: that is the step from 3,000 compartments on. As a layer outgrows a
+cache, each spike fetches its synapses from farther away; the table below has the same for rows alone. In the small networks the
+part of a step that does not depend on events, the updates, is the larger one."""

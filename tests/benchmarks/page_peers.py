@@ -1,0 +1,85 @@
+"""The page of every tool on every workload, and the headline of it."""
+
+from __future__ import annotations
+
+from page_figures import GOALS, LIMIT_GOAL, Found, limit_seconds, made_by, own, peer, percent, ratio, table, times
+from workloads import WORKLOADS
+
+
+def summary(records: dict[str, Found]) -> str:
+    """Return the ratios that there is a goal for."""
+    rows = []
+    for name, goals in GOALS.items():
+        record = records[f"side_by_side_{name}"]
+        ours = own(record)["seconds"]
+        cells = [name]
+        for tool, goal in goals.items():
+            found = peer(record, tool)
+            cells.append(f"{ratio(found['seconds'] / ours)} ({goal:,.0f})" if found else "not installed")
+        share = limit_seconds(record) / ours
+        cells.append(f"{percent(share)} ({percent(LIMIT_GOAL)})")
+        cells.append(percent(record["limits"]["rows_and_state"] / ours))
+        rows.append(cells)
+    head = ["network", "nengo-loihi emulator", "SANA-FE, detailed timing", "lava-dl, batch of 32"]
+    return table([*head, "of the limit, rows", "of the limit, rows and state"], rows)
+
+
+def side_by_side(record: Found) -> str:
+    """Return the table of one workload, and where the limit is."""
+    ours = own(record)["seconds"]
+    rows = []
+    for row in record["rows"]:
+        low, high = row["quartiles"]
+        rows.append(
+            [
+                " ".join(part for part in (row["tool"], row["version"]) if part),
+                row["mode"],
+                times(row["seconds"]),
+                f"{times(low)} to {times(high)}",
+                "-" if "example itself" in row["mode"] else ratio(record["synaptic_ops"] / row["seconds"] / 1e6),
+                ratio(row["seconds"] / ours),
+                "-" if row["peak_mib"] is None else f"{row['peak_mib']:,.0f}",
+                "-" if row["spikes_differ"] is None else str(row["spikes_differ"]),
+            ]
+        )
+    limits = record["limits"]
+    best = limit_seconds(record)
+    head = ["tool", "mode", "µs per recording", "middle half", "million operations a second", "ratio", "peak MiB"]
+    return f"""## {record["name"]}: {record["text"]}
+
+A recording has {record["synaptic_ops"]:,.0f} synaptic operations, {record["neuron_updates"]:,.0f} compartment updates and {record["spikes"]:,.0f} spikes.
+
+{table([*head, "other spikes"], rows, left=2)}
+
+The limit: adding the same rows takes {times(best)} µs ({record["synaptic_ops"] / best / 1e9:.1f} billion operations a second; one row at a
+time {times(limits["plain"])} µs), and with the state read and written {times(limits["rows_and_state"])} µs. hw_model reaches {percent(best / ours)} and {percent(limits["rows_and_state"] / ours)} of these.
+"""
+
+
+def tools(records: dict[str, Found]) -> str:
+    """Return every tool on every workload, with what was measured how."""
+    workloads = [records[key] for key in (f"side_by_side_{name}" for name in WORKLOADS) if key in records]
+    turns = ", ".join(f"{own(record)['turns']} ({record['name']})" for record in workloads)
+    return f"""{made_by("test_side_by_side.py")} The same networks and input spikes for every tool, in one run: each waits in a process of its
+own, loaded and built, and all take turns, so that noise of the machine hits all alike. Medians of {turns} turns; a turn of
+hw_model is a batch, one of lava-dl a batch of 32, one of the others a recording. *Ratio* is to hw_model's batch, which
+uses all cores, as lava-dl does. nengo-loihi, brian2-loihi and SANA-FE use one core; *two processes* is what two cores give
+when two of them play at the same time. SANA-FE's own threads made it slower in every trial. *Other spikes* are those of
+the first recording, over all layers, that differ from the plain numpy loop.
+
+*small* and *large* are feed-forward CUBA-LIF networks of random even 8-bit weights with Bernoulli input, decays 1024 and
+128. *objects* and *containers* stand for the example hybrids: no simulator here has joined compartments, so each neuron is
+its alpha dendrite alone, with the chip's reset, and the two branches are two networks; layers, decays, steps, recordings
+and (rounded) weights are the example's, spikes are not. The example itself is a row of its own; no peer can play it.
+
+What the tools do in that time differs. hw_model returns all spikes and counts operations, wraps, clips and packets; SANA-FE
+models energy and time of every message, in mode *detailed* with the network's traffic; lava-dl keeps float tensors ready to
+train; nengo-loihi and brian2-loihi only simulate. SANA-FE's LIF soma has a current that decays as the chip's does, but
+does not truncate it; its potentials are truncated as v is. Where currents leave nothing to truncate its spikes equal ours
+(`tests/peers/test_sanafe.py`). lava-nc, which needs Python 3.10, is left out.
+
+The *limit* is a kernel of the same memory traffic: every delivered spike adds its row of weights, 16 bits each, to a row of
+charges, 32 bits each, in the engine's order and on all cores, with the spikes known beforehand (`tests/benchmarks/limits.py`).
+
+{chr(10).join(side_by_side(record) for record in workloads)}
+"""

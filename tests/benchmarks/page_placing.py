@@ -1,0 +1,49 @@
+"""The page of placing and routing."""
+
+from __future__ import annotations
+
+from page_figures import Found, made_by, percent, table
+
+PLACING = ("build", "place", "arrange", "route")
+
+
+def placement(records: dict[str, Found]) -> str:
+    """Return placing and routing against size, and the hops saved."""
+    size_rows = []
+    for m in records["sizes"]["sizes"]:
+        parts = [m.get(part, 0.0) for part in PLACING]
+        size_rows.append(
+            [
+                f"{m['compartments']:,}", f"{m['synapses']:,}", str(m["cores"]), *(f"{m[part]:.2f}" if part in m else "-" for part in PLACING),
+                f"{sum(parts):.2f}", f"{sum(parts) / m['synapses'] * 1e6:.2f}", f"{m['placing_mib'] / 1024:.2f}",
+            ]
+        )  # fmt: skip
+    head = ["compartments", "synapses", "cores", "build s", "place s", "arrange s", "route s", "total s"]
+    hop_rows = [
+        [
+            m["name"], str(m["cores"]), f"{m['before']:,.0f}", f"{m['after']:,.0f}",
+            percent(1 - m['after'] / m['before']), f"{m['seconds']:.2f}",
+        ]
+        for m in records["hops"]["networks"]
+    ]  # fmt: skip
+    hop_head = ["network", "cores", "hops a step, network order", "arranged", "saved", "seconds to arrange"]
+    return f"""{table([*head, "s per million synapses", "peak GiB"], size_rows, left=0)}
+
+*Build* makes the graph through `ProgramBuilder`, checks included; *route* assembles the program too. Time grows with the
+number of synapses; arranging grows with the slots of the board instead, cubed, and is left out above 1,024 slots.
+
+## Hops that arranging cores saves
+
+{made_by("test_hops.py")} Expected hops a step if every compartment spikes once, cores in network order against arranged.
+
+{table(hop_head, hop_rows)}
+"""
+
+
+def placing(records: dict[str, Found]) -> str:
+    """Return placing and routing against size, and the hops that arranging saves."""
+    return f"""## Placing and routing against size
+
+{made_by("test_curves.py")} The networks of *cost against size* on a board of eight chips; cores are arranged up to 100,000 compartments.
+
+{placement(records)}"""
