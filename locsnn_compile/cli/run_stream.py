@@ -59,7 +59,7 @@ def stream_all(
     step_seconds = _step_seconds(args, program, recordings)
     lead = None if margin is None else margin["margin"]
     session = hw.Session(program, args.psi)
-    # The first pushes load compiled code, which must not count as time of a step.
+    # The first pushes load compiled code, which must not count towards the time of a step.
     stream(hw.Session(program, args.psi), _rows(to_the_end(program, recordings.spikes[:1])))
     found: list[Streamed] = []
     watched = nullcontext() if args.json else closing(LiveLine(sys.stdout))

@@ -102,7 +102,7 @@ def _state_path(output: Path) -> Path:
 
 
 def _check_places(args: argparse.Namespace, output: Path) -> None:
-    """Refuse outputs that are inputs, files beside them that no training wrote, and ``--resume`` without a state."""
+    """Refuse outputs that are inputs, files next to them that no training wrote, and ``--resume`` without a state."""
     from locsnn_compile.cli.places import check_places
 
     option = f"-o {args.output!r}"

@@ -8,7 +8,7 @@ from locsnn_compile.report.words import fill, section_words, texts
 
 
 def section(key: str, *blocks: Block | None, called: str | None = None, **given: Any) -> Section:
-    """Return a section with the blocks that are not None or empty, in the words for its key, or those ``called`` so."""
+    """Return a section with the blocks that are not None or empty, in the words for its key, or for ``called``."""
     return Section(key, *section_words(called or key, **given), tuple(block for block in blocks if block))
 
 
