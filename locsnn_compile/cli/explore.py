@@ -95,7 +95,7 @@ def _explore(
     from locsnn_compile.passes.quantize import weight_bits_of
     from locsnn_compile.verification.error_bounds import ErrorBudget
 
-    model = ModelFile(args.model, args.config, args.dt, args.reset, args.discretisation)
+    model = ModelFile(args.model, args.config, args.dt, args.reset, args.discretisation, args.kernels)
     network, chip = model.load(), hw.chip(args.target)
     check_matters(network, {"calibration": "--calibration"} if args.calibration else {})
     events = choose_events(network, args.events, args.part, args.recordings)

@@ -36,6 +36,7 @@ class ModelFile(Frozen):
     dt: float | None = None
     reset: str | None = None
     discretisation: str | None = None
+    kernels: str | None = None
 
     def load(self) -> Network:
         """Read the model; ``InputError`` for what cannot be read or used."""

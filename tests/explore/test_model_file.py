@@ -1,10 +1,12 @@
 """Models as the command line names them: what is loaded, said again, and hashed."""
 
-from dataclasses import replace
+import inspect
+from dataclasses import fields, replace
 
 import pytest
 
 import locsnn_compile as lc
+from locsnn_compile.cli.main import main, parser
 from locsnn_compile.errors import InputError
 from locsnn_compile.explore.point import ModelFile
 
@@ -16,11 +18,25 @@ def test_a_checkpoint_needs_nothing_else(model):
 
 
 def test_options_are_passed_on_and_said_again(model):
-    file = ModelFile(str(model), config="a.yaml", dt=0.001, reset="zero", discretisation="exact")
-    wanted = ["--config", "a.yaml", "--dt", "0.001", "--reset", "zero", "--discretisation", "exact"]
+    file = ModelFile(str(model), config="a.yaml", dt=0.001, reset="zero", discretisation="exact", kernels="cut")
+    wanted = ["--config", "a.yaml", "--dt", "0.001", "--reset", "zero", "--discretisation", "exact", "--kernels", "cut"]
     assert file.arguments() == [str(model), *wanted]
     with pytest.raises(InputError, match="dt was given"):
         replace(file, config=None).load()
+
+
+def test_it_has_every_argument_of_load_and_the_command_every_option():
+    arguments = [field.name for field in fields(ModelFile)]
+    assert arguments == list(inspect.signature(lc.load).parameters)
+    typed = [word for name in arguments[1:] for word in (f"--{name}", "1")]
+    read = vars(parser().parse_args(["explore", "m.pt", *typed]))
+    assert {name: read[name] for name in arguments[1:]} == dict.fromkeys(arguments[1:], "1") | {"dt": 1.0}
+
+
+def test_the_command_passes_kernels_on(model, tmp_path, capsys):
+    assert main(["explore", str(model), "--kernels", "cut", "-o", str(tmp_path / "out")]) == 2
+    said = f"model {str(model)!r}: kernels was given, but a checkpoint contains this itself. Leave kernels out.\n"
+    assert capsys.readouterr().err == said
 
 
 def test_the_digest_follows_files_and_options(tmp_path):
@@ -38,5 +54,6 @@ def test_the_digest_follows_files_and_options(tmp_path):
         digest("a.pt", "y.yaml"),
         digest("a.pt", dt=0.1),
         digest("a.pt", reset="zero"),
+        digest("a.pt", kernels="cut"),
     ]
     assert len(set(different)) == len(different)
