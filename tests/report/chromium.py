@@ -34,7 +34,7 @@ PICTURES = (
     ("report-spikes", 1120, False, "screen", _PART.replace("FROM", "'spikes'").replace("TO", "'spikes'")),
     ("report-potential", 1120, False, "screen", _PART.replace("FROM", "'potential'").replace("TO", "'potential'")),
     ("report-phone", 360, True, "screen", _ALL.replace("HEIGHT", "1400")),
-    ("report-paper", 700, False, "print", _ALL.replace("HEIGHT", "990")),
+    ("report-paper", 700, False, "print", "return {x: 0, y: 0, width: innerWidth, height: 990}"),
 )
 """Name, width, dark, medium, and the JavaScript that finds the place."""
 WHOLE = (("wide", 1280, False, "screen", _WHOLE), ("narrow", 360, False, "screen", _WHOLE))
@@ -155,7 +155,7 @@ def main(page: Path, folder: Path, *, whole: bool) -> None:
             picture = Image.open(io.BytesIO(chromium.picture(clip))).convert("RGB")
             if media == "print":
                 picture = ImageOps.expand(picture, border=40, fill="white")
-            picture.quantize(64, dither=Image.Dither.NONE).save(folder / f"{name}.png", optimize=True)
+            picture.quantize(96, kmeans=3, dither=Image.Dither.NONE).save(folder / f"{name}.png", optimize=True)
         if whole:
             chromium.open(page, media="print")
             (folder / "report.pdf").write_bytes(chromium.pdf())

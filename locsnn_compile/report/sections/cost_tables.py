@@ -77,7 +77,7 @@ class Cost(Frozen):
                 curves=curves,
             ),
             Table(
-                f"{self.name} up to about that point, mean per recording, {of_profile}",
+                f"{self.name} after a part of the steps, mean per recording, {of_profile}",
                 ("branch", *(f"{100 * part:.0f} % of its steps" for part in PARTS)),
                 tuple((words(branch), *self._so_far(its["bins"])) for branch, its in by_step.items()),
             ),
