@@ -137,15 +137,6 @@ class _Layer(torch.autograd.Function):
         return by_x, by_weight, None
 
 
-def layer_response(x: Tensor, weight: Tensor, neuron: NeuronParameters) -> Tensor:
-    """Return the spikes (batch, steps, out) of neurons with input x (batch, steps, in) and ``weight`` (out, in).
-
-    It can be differentiated once by both, through the neurons with the surrogate above.
-    """
-    spikes: Tensor = _Layer.apply(x, weight, neuron)  # type: ignore[no-untyped-call]
-    return spikes
-
-
 class SRMLayer(DenseLayer[NeuronParameters]):
     """A fully connected layer of spike response neurons that recur over the middle axis of its input.
 
@@ -156,8 +147,9 @@ class SRMLayer(DenseLayer[NeuronParameters]):
     """
 
     def forward(self, x: Tensor) -> Tensor:
-        """Return the spikes of this layer for spikes ``x``."""
-        return layer_response(x, self.weight, self.neuron)
+        """Return the spikes of this layer for spikes ``x``; they can be differentiated once."""
+        spikes: Tensor = _Layer.apply(x, self.weight, self.neuron)  # type: ignore[no-untyped-call]
+        return spikes
 
 
 def transpose_recording(x: Tensor, walk: Tensor) -> Tensor:

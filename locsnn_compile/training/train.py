@@ -108,7 +108,7 @@ def train(
             replace_file(picture, profile(state.history, name), f"training profile {picture.name!r}")
 
     run = _Run(config, loss, description, recordings, chip, weights_at_start, saved, save_every, progress)
-    with _one_thread():
+    with _torch_for_small_layers():
         training, held = stratified_split(labels, config.validation_fraction, config.seed)
         if state.phase == "select":
             _run_phase(run, state, training, held, config.epochs)
@@ -186,12 +186,11 @@ class _Phase:
             return evaluate(network, run.loss, self.spikes, self.labels)[0]
         for group in self.optimizer.param_groups:
             group["lr"] = rate
-        total, weights = 0.0, list(network.parameters())
+        total = 0.0
         for x, y in self.drawn(epoch):
             placed, of_them = (torch.from_numpy(values).to(run.config.device) for values in (x, y))
             loss = run.loss(network, network(placed), of_them, self.class_shares)
-            for weight in weights:  # like zero_grad, without its overhead
-                weight.grad = None
+            self.optimizer.zero_grad()
             loss.backward()  # type: ignore[no-untyped-call]
             self.optimizer.step()
             network.hold()
@@ -240,14 +239,17 @@ def _optimizer(network: TouchModel, config: TrainingConfig) -> torch.optim.Optim
 
 
 @contextmanager
-def _one_thread() -> Iterator[None]:
-    # The layers are small: one thread is fastest, and a fixed number keeps sums in a fixed order.
+def _torch_for_small_layers() -> Iterator[None]:
+    # One thread is fastest for them, and a fixed number keeps sums in a fixed order. Floats below 1e-38 are taken as 0:
+    # gradients that fade over hundreds of steps get there, and processors take many times longer for such numbers.
     before = torch.get_num_threads()
     torch.set_num_threads(1)
+    torch.set_flush_denormal(True)
     try:
         yield
     finally:
         torch.set_num_threads(before)
+        torch.set_flush_denormal(False)
 
 
 def _write_log(path: Path, history: list[EpochRecord]) -> None:

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from locsnn_compile.models.description import NeuronParameters
-from locsnn_compile.models.srm import SRMLayer, layer_response, respond, transpose_recording
+from locsnn_compile.models.srm import SRMLayer, respond, transpose_recording
 from locsnn_compile.network.neurons import alpha_recursion
 
 TAUS = st.floats(0.5, 30.0)
@@ -136,7 +136,9 @@ def test_gradient_is_that_of_the_recursion_by_autograd(
     ours = (torch.randn(2, 20, 3, generator=generator, dtype=torch.float64) * theta).requires_grad_()
     theirs = ours.detach().clone().requires_grad_()
     weight = torch.randn(2, 20, 3, generator=generator, dtype=torch.float64)
-    (layer_response(ours, torch.eye(3, dtype=torch.float64), neuron) * weight).sum().backward()
+    layer = SRMLayer(3, 3, neuron, generator=generator).double()
+    layer.weight.data.copy_(torch.eye(3))
+    (layer(ours) * weight).sum().backward()
     (stepped(theirs, neuron) * weight).sum().backward()
     assert ours.grad is not None
     assert theirs.grad is not None
