@@ -31,12 +31,13 @@ class Point:
 
 WINDOWS, JOINED, COMMITTEE = "windows", "windows and hybrid", "committee"
 PROTOTYPES, LEVELS = "Window-SNN, prototypes", "Window-SNN, neighbouring levels"
-THREE = "Three Window-SNNs and hybrid, joined"
+THREE, TRAINED = "Three Window-SNNs and hybrid, joined", "Three Window-SNNs and hybrid, trained for the chip"
 TWO_BITS = (f"{LEVELS}, trained with 2 bits", "Window-SNN, trained with 2 bits")
 POINTS = (
     Point("objects", "Window-SNN and hybrid, joined", JOINED, ("objects-windows-and-hybrid-{}.pt",), "dendrite"),
     Point("objects", "Window-SNN and hybrid, joined", JOINED, ("objects-windows-and-hybrid-{}.pt",), "reset"),
     Point("objects", THREE, JOINED, ("objects-three-windows-and-hybrid-{}.pt",), "reset"),
+    Point("objects", TRAINED, JOINED, ("objects-three-windows-and-trained-hybrid-{}.pt",), "reset"),
     *(Point("objects", PROTOTYPES, WINDOWS, ("objects-window-prototypes-{}.pt",), bits=bits) for bits in (8, 4, 2)),
     *(Point("containers", LEVELS, WINDOWS, ("containers-window-snn-levels-{}.pt",), bits=bits) for bits in (8, 4, 2)),
     *(Point("containers", PROTOTYPES, WINDOWS, ("containers-window-prototypes-{}.pt",), bits=bits) for bits in (8, 4)),

@@ -1,12 +1,13 @@
-"""Join a hybrid and windows, trained apart, into one `hybrid-window` network: `examples/models/objects-best.pt`.
+"""Join a hybrid and windows, trained apart, into one `hybrid-window` network.
 
     locsnn train --data Ev-Objects.zip --config examples/configs/objects-hybrid.yaml --validation-fraction 0 -o hybrid.pt
     locsnn train --data Ev-Objects.zip --config examples/configs/objects-window-snn.yaml --validation-fraction 0 -o windows.pt
-    python tests/results/join_branches.py hybrid.pt windows.pt -o objects-best.pt
+    python tests/results/join_branches.py hybrid.pt windows.pt -o joined.pt
 
 Each network's class scores, times the `count_scale` of its training, are logarithms of probabilities. The joined network adds
 them: the potentials of the windows are brought to the units of spikes. Several networks of windows are averaged first, which makes
-them one network. With --test the test part of recordings is measured, once.
+them one network. Where the hybrid was trained on a chip's integers (`locsnn train --target`), so is the joined network: the hybrid's
+integers stay, and the windows are rounded. With --test the test part of recordings is measured, once.
 """
 
 from __future__ import annotations
@@ -24,15 +25,18 @@ from locsnn_compile.data.read import read_recordings
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
+from locsnn_compile.models.chip_entry import ChipNumbers
 from locsnn_compile.models.networks import build_network
+from locsnn_compile.training.config import TrainingConfig
 from locsnn_compile.training.measure import confusion
+from locsnn_compile.training.target import chip_numbers
 
 
 def joined(hybrid: Checkpoint, windows: Sequence[Checkpoint], name: str) -> Checkpoint:
     """Return the network of all three branches; its `training` says what each was trained with."""
     ours, first = hybrid.training, windows[0].description
     description = replace(hybrid.description, name=name, architecture="hybrid-window", window=first.windows)
-    weights = dict(hybrid.weights)
+    weights = dict(hybrid.float_weights)
     for own, of_windows in zip(description.window_names, first.window_names, strict=True):
         each = [_scale(part, hybrid) * part.weights[of_windows] for part in windows]
         weights[own] = np.mean(each, axis=0)
@@ -40,7 +44,18 @@ def joined(hybrid: Checkpoint, windows: Sequence[Checkpoint], name: str) -> Chec
     names = ["windows", *(f"windows_{number}" for number in range(2, len(windows) + 1))]
     for part, network in zip(["hybrid", *names], [hybrid, *windows], strict=True):
         training |= {f"{part}_{key}": value for key, value in network.training.items()}
-    return Checkpoint(description, weights, None, training, "")
+    found = Checkpoint(description, weights, None, training, "")
+    return found if hybrid.chip is None else _on_integers(found, hybrid.chip)
+
+
+def _on_integers(network: Checkpoint, hybrid: ChipNumbers) -> Checkpoint:
+    """Return the joined network on the chip's integers: those of its hybrid stay, and windows are rounded to theirs."""
+    config = TrainingConfig(target=hybrid.target, strategy=hybrid.strategy, weight_room=1.0)
+    numbers = chip_numbers(config, network.description, network.weights)
+    chip = replace(numbers, populations={**numbers.populations, **hybrid.populations})
+    built = build_network(network.description, chip=chip)
+    built.load_weights(network.weights)
+    return replace(network, weights=built.mantissas(), chip=chip)
 
 
 def _scale(windows: Checkpoint, hybrid: Checkpoint) -> np.float32:
@@ -54,11 +69,11 @@ def write(path: Path, hybrid: Checkpoint, windows: Sequence[Checkpoint], test: R
     found = joined(hybrid, windows, path.stem)
     training = dict(found.training)
     if test is not None:
-        network = build_network(found.description)
-        network.load_weights(found.weights)
+        network = build_network(found.description, chip=found.chip)
+        network.load_weights(found.float_weights)
         right = confusion(network.double(), test)
         training |= {"test_recordings": int(right.sum()), "test_accuracy": int(np.trace(right)) / int(right.sum())}
-    Checkpoint(found.description, found.weights, training=training).save(path)
+    replace(found, training=training).save(path)
     return training.get("test_accuracy")
 
 

@@ -17,6 +17,7 @@ import locsnn_compile as lc
 from locsnn_compile.baselines.operations import additions_of_recordings
 from locsnn_compile.data.read import read_recordings
 from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.training.config import TrainingConfig, config_from_mapping, read_config
@@ -56,13 +57,16 @@ def make(work: Path, data: Path, row: Row, dataset: Dataset, seed: int) -> None:
     figures.write_text(json.dumps(found) + "\n", encoding="utf-8")
 
 
-def train_network(path: Path, config: TrainingConfig, recordings: Recordings, test: Recordings | None) -> None:
-    """Train a network; ``test`` None leaves its test part unread."""
+def train_network(
+    path: Path, config: TrainingConfig, recordings: Recordings, test: Recordings | None, start: Checkpoint | None = None
+) -> None:
+    """Train a network, from ``start`` on if it is given; ``test`` None leaves its test part unread."""
     state = path.with_suffix(".state")
     assert recordings.labels is not None
     before = time.process_time()
-    result = train(recordings, config, name=path.stem, state_path=state, log_path=path.with_suffix(".csv"))
-    export_checkpoint(path, result, config, recordings, test, carried=0)
+    log = path.with_suffix(".csv")
+    result = train(recordings, config, name=path.stem, start=start, state_path=state, log_path=log)
+    export_checkpoint(path, result, config, recordings, test, carried=0, start=start)
     state.unlink()
     print(f"{path.stem}: trained in {time.process_time() - before:.0f} s", flush=True)
 
@@ -70,20 +74,24 @@ def train_network(path: Path, config: TrainingConfig, recordings: Recordings, te
 def _join(path: Path, row: Row, dataset: Dataset, seed: int, recordings: Recordings, test: Recordings) -> None:
     """Train the networks that a row joins on the whole train part, and measure only what they are together."""
     found = []
-    for part, own in part_configs(row, dataset, seed).items():
+    for part in row.parts:
         of_part = path.with_name(f"{dataset.name}-{part}-whole-{seed}.pt")
         if not of_part.exists():
-            train_network(of_part, own, recordings, None)
+            train_network(of_part, part_config(part, dataset, seed), recordings, None)
         found.append(read_checkpoint(of_part))
     hybrid, *windows = found
+    if row.further is not None:
+        further = path.with_name(f"{dataset.name}-{row.further}-whole-{seed}.pt")
+        if not further.exists():
+            train_network(further, part_config(row.further, dataset, seed), recordings, None, hybrid)
+        hybrid = read_checkpoint(further)
     write(path, hybrid, windows, test)
 
 
-def part_configs(row: Row, dataset: Dataset, seed: int) -> dict[str, TrainingConfig]:
-    """Return what each network of a joined row trains with: nothing is held out, so nothing is chosen."""
+def part_config(part: str, dataset: Dataset, seed: int) -> TrainingConfig:
+    """Return what a network of a joined row trains with: nothing is held out, so nothing is chosen."""
     own = {"seed": seed, "validation_fraction": 0.0, "refit": False}
-    configs = {part: CONFIGS / f"{dataset.name}-{part}.yaml" for part in row.parts}
-    return {part: config_from_mapping(read_config(path) | own) for part, path in configs.items()}
+    return config_from_mapping(read_config(CONFIGS / f"{dataset.name}-{part}.yaml") | own)
 
 
 def measure(path: Path, row: Row, dataset: Dataset, test: Recordings) -> dict[str, Any]:

@@ -109,7 +109,7 @@ def objects(work: Path) -> Figure | None:
     """Confusions of Objects on the chip: the paper's hybrid before, the best after."""
     named = {
         "Hybrid": sorted(work.glob("predicted-objects-hybrid.json")),
-        "Three Window-SNNs and hybrid, joined": sorted(work.glob("objects-three-windows-and-hybrid-[0-9].json")),
+        "Three Window-SNNs and hybrid": sorted(work.glob("objects-three-windows-and-trained-hybrid-[0-9].json")),
     }
     counts = {label: counts_of(files) for label, files in named.items()}
     if any(found is None for found in counts.values()):

@@ -31,7 +31,7 @@ class Shipped:
 
 
 SHIPPED = (
-    Shipped("objects", "Objects, best (three Window-SNNs and hybrid)", "objects-best.pt", "reset"),
+    Shipped("objects", "Objects, best (three Window-SNNs and hybrid)", "objects-best.pt"),
     Shipped("objects", "Objects, Hybrid", "objects-hybrid.pt", "dendrite"),
     Shipped("containers", "Containers, best (Window-SNN, levels)", "containers-best.pt"),
     Shipped("containers", "Containers, Hybrid", "containers-hybrid.pt", "dendrite"),

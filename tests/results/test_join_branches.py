@@ -7,12 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import hw_model as hw
+import locsnn_compile as lc
 from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.models.networks import build_network
 from locsnn_compile.training.config import config_from_mapping
-from locsnn_compile.training.export import training_entry
+from locsnn_compile.training.export import export_checkpoint, training_entry
 from locsnn_compile.training.measure import class_scores
 from locsnn_compile.training.train import train
 
@@ -44,3 +46,40 @@ def test_the_sum_is_that_of_log_probabilities(
     hybrid, *windows = logits
     assert np.allclose(0.1 * class_scores(network, made.spikes), hybrid + np.mean(windows, axis=0), atol=1e-4)
     assert all(float(np.abs(part).max()) > 0 for part in logits)
+
+
+def test_a_hybrid_on_the_chips_integers_keeps_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(Path(__file__).parent))
+    from join_branches import main
+
+    made = synthetic_touches(12, steps=40, classes=3, seed=2)
+    parts = {}
+    for model in ("hybrid", "window-snn"):
+        options = {"target": "loihi-sim", "strategy": "reset"} if model == "hybrid" else {}
+        config = config_from_mapping(
+            {"model": model, "epochs": 3, "validation_fraction": 0.0, "refit": False} | options
+        )
+        result = train(made, config, name=model)
+        parts[model] = tmp_path / f"{model}.pt"
+        export_checkpoint(parts[model], result, config, made, None, carried=0)
+    main([*map(str, parts.values()), "-o", str(tmp_path / "both.pt")])
+    hybrid, windows, found = map(read_checkpoint, (*parts.values(), tmp_path / "both.pt"))
+    assert hybrid.chip is not None
+    assert found.chip is not None
+    assert (found.chip.target, found.chip.strategy) == ("loihi-sim", "reset")
+    for name, mantissas in hybrid.weights.items():
+        assert np.array_equal(found.weights[name], mantissas)
+        assert found.chip.populations[name].scale == hybrid.chip.populations[name].scale
+    wanted, unit = 10.0 * windows.weights["location_output"], found.chip.populations["window_output"].unit
+    assert np.abs(found.float_weights["window_output"] - wanted).max() <= 0.501 * unit < np.abs(wanted).max() / 50
+
+    # What the compiler plays is what torch computes: nothing is rounded a second time.
+    compiled = lc.compile(found, events=made)
+    match = compiled.report["match"]
+    assert (match["spike_agreement"], match["prediction_agreement"]) == (1.0, 1.0)
+    assert match["score_error"] < 1e-9
+    network = build_network(found.description, chip=found.chip)
+    network.load_weights(found.float_weights)
+    assert np.array_equal(
+        hw.simulate(compiled.program, made.spikes).prediction, class_scores(network, made.spikes).argmax(axis=1)
+    )

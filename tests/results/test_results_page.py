@@ -127,7 +127,7 @@ def test_missing_rows_are_named_where_they_belong(work: Path) -> None:
 
     objects, containers, _ = missing(accuracy(read(work))).splitlines()
     assert containers.startswith(
-        "- Containers: Tactile-SNN; TactileSGNet (12 min per seed); GRU-MLP (6 min per seed); CNN-3D; "
+        "- Containers: Tactile-SNN; TactileSGNet (12 min per seed); GRU-MLP (3 min per seed); CNN-3D; "
     )
     assert "; Hybrid, lambda 1, loop (2 of 5 seeds); " in containers
     assert ("joined" in objects, "neighbouring levels" in objects) == (True, False)
@@ -208,26 +208,37 @@ def test_commands_are_those_of_locsnn_train() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "files"),
+    ("name", "trained", "files"),
     [
-        ("windows-and-hybrid", "hybrid.pt window-snn.pt"),
-        ("three-windows-and-hybrid", "hybrid.pt window-snn.pt window-snn-quarter.pt window-snn-prototypes.pt"),
+        ("windows-and-hybrid", "hybrid window-snn", "hybrid.pt window-snn.pt"),
+        (
+            "three-windows-and-hybrid",
+            "hybrid window-snn window-snn-quarter window-snn-prototypes",
+            "hybrid.pt window-snn.pt window-snn-quarter.pt window-snn-prototypes.pt",
+        ),
+        (
+            "three-windows-and-trained-hybrid",
+            "hybrid window-snn window-snn-quarter window-snn-prototypes hybrid-reset",
+            "hybrid-reset.pt window-snn.pt window-snn-quarter.pt window-snn-prototypes.pt",
+        ),
     ],
+    ids=["windows and hybrid", "three windows", "a hybrid trained further"],
 )
-def test_commands_of_a_joined_row_train_its_parts_on_the_whole_train_part(name: str, files: str) -> None:
-    from measure_run import part_configs
+def test_commands_of_a_joined_row_train_its_parts_on_the_whole_train_part(name: str, trained: str, files: str) -> None:
+    from measure_run import part_config
     from result_rows import DATASETS, ROWS, command
 
     parser = argparse.ArgumentParser()
     add_command(parser.add_subparsers(), train)
     row = next(row for row in ROWS if row.name == name)
-    *trained, joined = command(row, DATASETS["objects"], 3).split(" && ")
-    for line, (part, config) in zip(trained, part_configs(row, DATASETS["objects"], 3).items(), strict=True):
-        args = parser.parse_args(line.split()[1:])
+    *lines, joined = command(row, DATASETS["objects"], 3).split(" && ")
+    for line, part in zip(lines, trained.split(), strict=True):
+        args, config = parser.parse_args(line.split()[1:]), part_config(part, DATASETS["objects"], 3)
         assert (args.seed, args.validation_fraction, args.output) == (3, 0.0, f"{part}.pt")
         assert (config.seed, config.validation_fraction) == (3, 0.0)
         assert part.startswith(config.model)
         assert args.config == f"examples/configs/objects-{part}.yaml"
+        assert args.start == ("hybrid.pt" if part == row.further else None)
     assert joined == f"python tests/results/join_branches.py {files} -o {name}.pt --test Ev-Objects.zip"
 
 

@@ -68,11 +68,15 @@ class Division:
 
 @dataclass(frozen=True)
 class Setting:
-    """Training with options over ``examples/configs/DATASET-CONFIG.yaml``."""
+    """Training with options over ``examples/configs/DATASET-CONFIG.yaml``.
+
+    ``begin``: the setting whose network, of the same recordings, it begins with.
+    """
 
     label: str
     options: Mapping[str, Any] = field(default_factory=dict)
     config: str = "window-snn"
+    begin: str | None = None
 
     def config_of(self, dataset: str, repeat: int) -> TrainingConfig:
         """Return what it trains with: no validation part, one phase, a seed for each repeat."""
@@ -80,8 +84,11 @@ class Setting:
         return config_from_mapping(values | {"seed": repeat, "validation_fraction": 0.0, "refit": False})
 
     def trained(self, of: Division, rows: Rows) -> tuple[TrainingConfig, TouchModel]:
+        from fold_networks import learned
+
         config = self.config_of(of.dataset, of.repeat)
-        return config, train(of.recordings.subset(rows), config, classes=of.classes).network
+        start = None if self.begin is None else learned(self.begin, of, rows)
+        return config, train(of.recordings.subset(rows), config, classes=of.classes, start=start).network
 
     def learn(self, of: Division, rows: Rows) -> Scorer:
         config, network = self.trained(of, rows)

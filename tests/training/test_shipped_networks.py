@@ -10,6 +10,7 @@ import pytest
 import torch
 
 import hw_model as hw
+from hw_model.values import IntArray
 from locsnn_compile.data.read import read_recordings
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.synthetic import synthetic_touches
@@ -19,7 +20,6 @@ from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.models.networks import build_network
 from locsnn_compile.network.network import Network
 from locsnn_compile.pipeline import lower
-from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.settings import TRAINABLE
 from locsnn_compile.training.config import TrainingConfig, config_from_mapping, read_config
 from locsnn_compile.training.target import chip_numbers
@@ -250,9 +250,13 @@ def test_the_best_network_of_objects_is_of_its_configurations() -> None:
     found = read_checkpoint(model("objects-best"))
     assert (found.description.name, found.description.architecture) == ("objects-best", "hybrid-window")
     assert found.recordings is None
+    assert found.chip is not None
+    assert (found.chip.target, found.chip.strategy) == ("loihi-sim", "reset")
+    assert {numbers.weight_bits for numbers in found.chip.populations.values()} == {8}
     assert found.training["seed"] == 0
+    assert "hybrid_start_sha256" in found.training
     assert "test_accuracy" not in found.training  # its card says that no test part was read
-    names = {"hybrid": "hybrid", "windows": "window-snn", "windows_2": "window-snn-quarter"}
+    names = {"hybrid": "hybrid-reset", "windows": "window-snn", "windows_2": "window-snn-quarter"}
     for part, name in (names | {"windows_3": "window-snn-prototypes"}).items():
         config = vars(config_from_mapping(read_config(ROOT / f"examples/configs/objects-{name}.yaml")))
         config = config | {"validation_fraction": 0.0, "refit": False}
@@ -262,14 +266,34 @@ def test_the_best_network_of_objects_is_of_its_configurations() -> None:
         assert found.training[f"{part}_test_accuracy"] is None
 
 
-def test_the_best_network_of_objects_predicts_on_the_chip_as_in_torch() -> None:
+def played_alike(recordings: Recordings) -> IntArray:
+    """Return what the best network of Objects predicts on the chip: in torch every spike and every score is the same."""
     found, network = read_checkpoint(model("objects-best")), load(model("objects-best"))
-    touches = synthetic_touches(8, steps=250, seed=3)
-    own = build_network(found.description)
-    own.load_weights(found.weights)
+    own = build_network(found.description, chip=found.chip)
+    own.load_weights(found.float_weights)
     with torch.no_grad():
-        wanted = own.double().counts(torch.from_numpy(touches.spikes.copy()).double()).numpy()
-    assert np.allclose(evaluate(network, touches.spikes).scores, wanted, atol=1e-3)
-    levels = lower(network, CHIP, 8)
-    played = hw.simulate(levels.program, touches.spikes)
-    assert np.array_equal(played.scores, evaluate(levels.quantized.on_grid(), touches.spikes).scores)
+        activity = own(torch.from_numpy(recordings.spikes.copy()).float())
+    played = hw.simulate(lower(network, CHIP, 8).program, recordings.spikes)
+    spiking = [name for name in activity if name.startswith(("time", "location"))]
+    assert len(spiking) == 4
+    for name in spiking:
+        assert np.array_equal(played.spikes[name], activity[name].numpy()), name
+    scores = own.total(activity).double().numpy()
+    assert np.allclose(played.scores / np.abs(played.scores).max(), scores / np.abs(scores).max(), atol=1e-6)
+    assert np.array_equal(played.prediction, scores.argmax(axis=1))
+    return np.asarray(played.prediction)
+
+
+def test_the_best_network_of_objects_plays_on_the_chip_as_in_torch() -> None:
+    assert len(set(played_alike(synthetic_touches(8, steps=250, seed=3)).tolist())) > 1
+
+
+@on_real_recordings
+def test_the_best_network_of_objects_on_the_chip() -> None:
+    test = read_recordings(REAL / "Ev-Objects.zip", split="test")
+    card = model("objects-best").with_suffix(".md").read_text(encoding="utf-8")
+    rows = {int(row[0]): float(row[1]) for row in re.findall(r"^\| (\d) \| ([\d.]+) \| [\d.]+ \|$", card, re.M)}
+    assert sorted(rows) == [0, 1, 2, 3, 4]
+    tests = np.array([round(144 * accuracy) for accuracy in rows.values()]) / 144
+    assert f"Test: mean {tests.mean():.3f}, sample standard deviation {tests.std(ddof=1):.3f}, over five seeds" in card
+    assert float((played_alike(test) == test.labels).mean()) == tests[0]
