@@ -111,7 +111,7 @@ def _long_runs(rows: Sequence[Row]) -> bytes | None:
     shares = tuple(_by_tenth(name, drift, drift.bound) for name, drift in named.items() if drift.bound)
     panels = [
         Panel("largest error of each tenth, thresholds", "step", errors, x_log=False),
-        Panel("the same as a share of its bound", "step", shares, x_log=False, y_log=False),
+        Panel("the same, as a share of its bound", "step", shares, x_log=False, y_log=False),
     ]
     return _drawn("Neurons below the threshold in a long run", panels)
 

@@ -43,7 +43,7 @@ def tools(axes: Axes, workloads: list[dict[str, Any]]) -> None:
     axes.set_yticks(range(len(labels)), labels)
     axes.invert_yaxis()
     axes.grid(axis="x", color=INK, alpha=0.25)
-    axes.set(title="seconds a recording")
+    axes.set(title="seconds per recording")
     axes.legend(loc="upper right")
 
 
@@ -59,7 +59,7 @@ def size(axes: Axes, found: list[dict[str, Any]]) -> None:
     axes.loglog(compartments, seconds, "o-", color=OURS, markersize=4, label="hw_model")
     axes.loglog(compartments, [seconds[0] * n / compartments[0] for n in compartments], ":", color=INK, label="linear")
     axes.grid(color=INK, alpha=0.25)
-    axes.set(title="ms per recording", xlabel="compartments (250 synapses each, 2 % fire)")
+    axes.set(title="ms per recording", xlabel="compartments, 2 % of them firing")
     axes.legend(loc="upper left")
 
 
@@ -69,5 +69,5 @@ def activity(axes: Axes, kinds: dict[str, list[dict[str, Any]]]) -> None:
         ops, seconds = [m["synaptic_ops"] for m in found], [m["seconds"] * 1e3 for m in found]
         axes.loglog(ops, seconds, "o-", color=colour, markersize=4, label=kind)
     axes.grid(color=INK, alpha=0.25)
-    axes.set(title="ms per recording", xlabel="synaptic operations (0.1 % to 50 % fire)")
+    axes.set(title="ms per recording", xlabel="synaptic operations per recording")
     axes.legend(loc="upper left")
