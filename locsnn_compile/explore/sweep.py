@@ -8,18 +8,18 @@ A file that is not complete, or not of this setting and code, is ignored, and it
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from hw_model.io.files import replace_file
+from hw_model.io.records import RecordReader
 from hw_model.values import Frozen
 from locsnn_compile.cluster.spread import Spread, check_code, code_version
 from locsnn_compile.errors import InputError, TargetError
-from locsnn_compile.explore.point import Figures, Point, Refusal, Study, Timing, digest_of, measure
+from locsnn_compile.explore.point import Figures, Point, Study, digest_of, measure
 from locsnn_compile.passes.quantize import weight_bits_of
 from locsnn_compile.settings import Setting, usual_settings
 from locsnn_compile.verification.error_bounds import ErrorBudget, default_budget
@@ -43,11 +43,11 @@ class Store(Frozen):
             document = json.loads(path.read_bytes())
             if document["schema"] != SCHEMA or document["sha256"] != digest_of(document["point"]):
                 return None
-            point = _point(document["point"], setting)
+            point = RecordReader(path.name).record(Point, document["point"])
         # Whatever is in the file, it is not a point.
-        except (OSError, ValueError, RecursionError, LookupError, TypeError, AttributeError):
+        except (OSError, ValueError, RecursionError, LookupError, TypeError, AttributeError, InputError):
             return None
-        return point if point.code == code_version() else None
+        return point if (point.setting, point.code) == (setting, code_version()) else None
 
     def write(self, key: str, point: Point) -> None:
         """Write a point, completely or not at all."""
@@ -63,19 +63,6 @@ class Store(Frozen):
 
     def _path(self, key: str) -> Path:
         return self.folder / f"{key}.json"
-
-
-def _point(entry: Mapping[str, Any], setting: Setting) -> Point:
-    """Return the point of an entry; ``ValueError`` if it is of another setting."""
-    if entry["setting"] != asdict(setting):
-        raise ValueError(entry["setting"])
-    return Point(
-        setting=setting,
-        figures=entry["figures"] and Figures(**entry["figures"]),
-        refusal=entry["refusal"] and Refusal(**entry["refusal"]),
-        timings={engine: Timing(**timing) for engine, timing in entry["timings"].items()},
-        code=entry["code"],
-    )
 
 
 def sweep(

@@ -46,17 +46,17 @@ _KEYS: dict[str, tuple[type, ...]] = {
 _MEMBER: dict[str, tuple[type, ...]] = {"sha256": (str,), "weight": (float,), "checkpoint": (dict,)}
 
 
-def read_checkpoint(path: Path | str, *, state_dict: str = WRITE_AGAIN) -> Checkpoint:
-    """Return the checkpoint at ``path``; ``InputError`` for other files.
-
-    ``state_dict`` is the way out for a bare state dict.
-    """
-    values, where, sha256 = read_plain(Path(path), state_dict)
+def read_checkpoint(path: Path | str) -> Checkpoint:
+    """Return the checkpoint at ``path``; ``InputError`` for other files."""
+    values, where, sha256 = read_plain(Path(path), WRITE_AGAIN)
     return parse_checkpoint(values, where, Path(path).name, sha256)
 
 
 def read_models(path: Path | str, *, state_dict: str = WRITE_AGAIN) -> Checkpoint | Pack:
-    """Return the checkpoint at ``path``, or the pack of several; ``InputError`` for anything else."""
+    """Return the checkpoint at ``path``, or the pack of several; ``InputError`` for anything else.
+
+    ``state_dict`` is the way out for a bare state dict.
+    """
     values, where, sha256 = read_plain(Path(path), state_dict)
     if not isinstance(values, dict) or values.get("format") != Pack.FORMAT:
         return parse_checkpoint(values, where, Path(path).name, sha256)

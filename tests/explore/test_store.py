@@ -8,7 +8,7 @@ from small_model import explore, figures, lasting, point
 from locsnn_compile.cluster.spread import code_version
 from locsnn_compile.errors import TargetError
 from locsnn_compile.explore import sweep as store_module
-from locsnn_compile.explore.point import Refusal, Timing
+from locsnn_compile.explore.point import Refusal, Timing, digest_of
 from locsnn_compile.explore.sweep import Store
 from locsnn_compile.settings import Setting
 
@@ -73,6 +73,26 @@ def test_a_damaged_point_is_none(store, damage):
     store.write(KEY, kept)
     path = store.folder / f"{KEY}.json"
     path.write_text(damage(path.read_text()))
+    assert store.read(KEY, kept.setting) is None
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda point: point["figures"].update(energy_pj="much"),
+        lambda point: point["figures"].update(colour=1.0),
+        lambda point: point["timings"].update(fast=[1, 2]),
+        lambda point: point.update(setting=None),
+    ],
+    ids=["a text for a number", "another key", "a list for a record", "no setting"],
+)
+def test_what_has_the_right_sum_and_is_not_a_point_is_none(store, change):
+    kept = POINTS["figures"]
+    store.write(KEY, kept)
+    path = store.folder / f"{KEY}.json"
+    document = json.loads(path.read_text())
+    change(document["point"])
+    path.write_text(json.dumps(document | {"sha256": digest_of(document["point"])}))
     assert store.read(KEY, kept.setting) is None
 
 
