@@ -43,7 +43,7 @@ def layouts(sizes: Sizes) -> dict[str, Layout]:
     synapse, slot, entry, source = (
         (getattr(sizes, name) - 1).bit_length() for name in ("synapses", "slots", "entries", "axons")
     )
-    place = (held(sizes) - 1).bit_length()
+    place, parent = ((words - 1).bit_length() for words in (held(sizes), sizes.sums or held(sizes)))
     half = {"target": place - 1, "delay": slot, "exponent": 3, "mantissa": 9}
     lists = {"start": synapse - 1, "length": synapse - 1}
     if sizes.step:
@@ -54,7 +54,7 @@ def layouts(sizes: Sizes) -> dict[str, Layout]:
         "synapses": Layout.of("mantissa0", "mantissa1", **{f"{name}{i}": half[name] for i in BANKS for name in half}),
         "leaks": Layout.of("bias", valid=1, keep_u=13, keep_v=13, bias=20, has_children=1),
         "fires": Layout.of(
-            threshold=17, blocks=6, spiking=1, vmin_log=5, vmax_log=5, child=1, first=1, parent=place, read_out=1,
+            threshold=17, blocks=6, spiking=1, vmin_log=5, vmax_log=5, child=1, first=1, parent=parent, read_out=1,
             by_potential=1, entry=entry,
         ),
         "visits": Layout.of(step=VISIT_BITS, channel=source, source=source),
@@ -136,12 +136,23 @@ class CoreProgram:
     @property
     def words(self) -> MemoryWords:
         """Words of memories that a chip may have fewer of than its sizes say."""
-        parents = self.number[np.unique(self.parent[self.parent >= 0])]
-        phase = np.searchsorted(self.ends, parents, side="right")
-        spans = [np.ptp(parents[phase == index]) + 1 for index in np.unique(phase)]
         weights = max(1, len(self.tables["weights"]["magnitude"]))
         states = int(np.diff(self.ends, prepend=0).max()) if self.sizes.places else self.ends[-1]
-        return MemoryWords(max([1, *map(int, spans)]), weights, len(self.tables["phases"]["value"]), states)
+        return MemoryWords(weights, len(self.tables["phases"]["value"]), states, self._sums())
+
+    def _sums(self) -> int:
+        """Return the least power of two that tells all parents apart that wait for their children at a time."""
+        numbers, parent = self.number[self.parent >= 0], self.number[self.parent[self.parent >= 0]]
+        parents, which = np.unique(parent, return_inverse=True)
+        begins = np.full(len(parents), self.ends[-1])
+        np.minimum.at(begins, which, numbers)
+        places, words = self._places(parents), 1
+        while True:
+            by_word = np.lexsort((begins, places % words))
+            same = np.diff(places[by_word] % words) == 0
+            if not (same & (begins[by_word][1:] + JOIN_DISTANCE <= parents[by_word][:-1] + 1)).any():
+                return words
+            words *= 2
 
     def _number(self) -> None:
         """Number the compartments of all cores: by phase, deepest children first, siblings together."""
@@ -150,13 +161,18 @@ class CoreProgram:
         parent = self._joined(lambda core: np.where(core.parent < 0, -1, begin[core.number] + core.parent))
         names = [phase.name for phase in self.phases]
         turn = self._joined(lambda core: names.index(core.phase))
-        depth, above = np.zeros_like(parent), parent
+        depth, above, root = np.zeros_like(parent), parent, np.arange(len(parent))
         while (above >= 0).any():
             depth += above >= 0
-            above = np.where(above >= 0, parent[above], -1)
+            root, above = np.where(above >= 0, above, root), np.where(above >= 0, parent[above], -1)
+        # Families of a phase come so few at a time that their sums find room.
+        rank, is_root = np.zeros_like(parent), parent < 0
+        for index in range(len(names)):
+            rank[turn == index] = np.cumsum(is_root[turn == index]) - 1
+        together = rank[root] // self.sizes.sums if self.sizes.sums else rank * 0
         self.number, self.parent, following = np.empty_like(parent), parent, 0
         earliest: dict[int, int] = {}
-        for index in np.lexsort((parent, -depth, turn)).tolist():
+        for index in np.lexsort((parent, -depth, together, turn)).tolist():
             self.number[index] = max(following, earliest.get(index, 0))
             following = int(self.number[index]) + 1
             earliest[int(parent[index])] = following + JOIN_DISTANCE - 1
@@ -228,6 +244,7 @@ class CoreProgram:
             word=self.word,
             step=self.sizes.step,
             places=self.words.states if self.sizes.places else 0,
+            sums=self.words.sums if self.sizes.sums else 0,
         )
 
     def _synapses(self) -> Table:
@@ -255,6 +272,8 @@ class CoreProgram:
         child = self.parent >= 0
         parent = np.where(child, self.number[self.parent], -1)
         place_of_parent = self._places(np.maximum(parent, 0)) * child
+        if self.sizes.sums:
+            place_of_parent %= max(self.sizes.sums, self._sums())
         # Siblings follow each other, gaps left out.
         in_order = np.argsort(self.number)
         first = np.empty_like(child)
@@ -298,7 +317,8 @@ def sizes_for(needs: Sizes, least: Sizes) -> Sizes:
     """Return sizes that hold what is needed: those of ``least``, or twice as many words, or just enough bits."""
     grown = {name: need if name in ("charge", "join") else _power(need) for name, need in asdict(needs).items()}
     grown = {name: max(value, grown[name]) for name, value in asdict(least).items()}
-    return Sizes(**grown | {"word": needs.word, "step": needs.step, "places": grown["places"] * (needs.places > 0)})
+    shared = {name: grown[name] * (getattr(needs, name) > 0) for name in ("places", "sums")}
+    return Sizes(**grown | shared | {"word": needs.word, "step": needs.step})
 
 
 def _power(words: int) -> int:

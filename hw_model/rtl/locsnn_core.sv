@@ -25,6 +25,7 @@ module locsnn_core #(
     // What makes memories smaller on a chip. 0: no such thing.
     parameter integer STEP = 0,             // bits of the step from a target to the next, where they are not told in full
     parameter integer PLACES = 0,           // compartments of a phase, a power of two: states and charges lie from its first on
+    parameter integer SUMS = 0,             // words for joined voltages, a power of two, where parents are close to their children
     // What saves energy on a chip, and costs logic elsewhere.
     parameter integer AT_ONCE = 0,          // 1: the memory of charges answers in the cycle in which it is asked
     parameter integer LAZY = 0              // 1: states that the next step does not depend on are neither read nor written
@@ -292,7 +293,7 @@ module locsnn_core #(
     wire signed [23:0] done_u, done_v, potential;
     wire [ENTRY-1:0]   early_entry, entry;
     update #(
-        .COMPARTMENTS(COMPARTMENTS), .HELD(HELD), .CHARGE(CHARGE), .JOIN(JOIN), .ENTRIES(ENTRIES), .LAZY(LAZY)
+        .COMPARTMENTS(COMPARTMENTS), .HELD(HELD), .CHARGE(CHARGE), .JOIN(JOIN), .ENTRIES(ENTRIES), .LAZY(LAZY), .SUMS(SUMS)
     ) compartments (
         .clk, .clear, .load_leak(load_valid && load_memory == 3), .load_fire(load_valid && load_memory == 4),
         .load_address, .load_data,

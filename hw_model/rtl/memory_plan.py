@@ -20,8 +20,9 @@ PRICE = 2.0
 class Array(Frozen):
     """A memory as the core sees it, and what a recording does to all ``copies`` of it.
 
-    ``ports``: at least these, 1 where it is written only between recordings. ``swept``: words are read and later
-    written in order, so that banks of one port do, even ones and odd ones. ``rows[k]``: reads of rows of ``k`` words.
+    ``ports``: at least these, 1 where it is written only between recordings. ``halves``: groups of banks of one port
+    that do as well, since a write may wait for a read (2: words are read and later written in order, even and odd ones
+    lie apart); 0: none do. ``rows[k]``: reads of rows of ``k`` words.
     """
 
     name: str
@@ -31,7 +32,7 @@ class Array(Frozen):
     rows: Mapping[int, float]
     writes: float = 0.0
     copies: int = 1
-    swept: bool = False
+    halves: int = 0
 
 
 class Made(Frozen):
@@ -81,8 +82,8 @@ class Piece(Frozen):
 
 def ways(array: Array, macros: Mapping[str, Macro]) -> Iterator[Made]:
     """Yield what an array may be made of."""
-    for ports in (1, 2) if array.swept else range(array.ports, 3):
-        parts = 1 if ports >= array.ports else 2
+    for ports in (1, 2) if array.halves else range(array.ports, 3):
+        parts = 1 if ports >= array.ports else array.halves
         for depth in sorted({macro.words for macro in macros.values() if macro.ports == ports}):
             here = [(name, one) for name, one in macros.items() if (one.ports, one.words) == (ports, depth)]
             here.sort(key=lambda pair: -pair[1].bits)

@@ -16,7 +16,8 @@ module update #(
     parameter integer CHARGE = 18,
     parameter integer JOIN = 26,
     parameter integer ENTRIES = 128,
-    parameter integer LAZY = 0  // a state that the next step does not depend on is neither read nor written
+    parameter integer LAZY = 0, // a state that the next step does not depend on is neither read nor written
+    parameter integer SUMS = 0  // words for joined voltages, where they are fewer than states: a parent's is known by its low bits
 ) (
     input  logic                            clk,
     input  logic                            clear,
@@ -54,7 +55,10 @@ module update #(
     localparam integer ENTRY = $clog2(ENTRIES);
     localparam integer LEAK = 1 + 13 + 13 + 20 + 1;
     localparam integer PLACE = $clog2(HELD);
-    localparam integer FIRE = 17 + 6 + 1 + 5 + 5 + 2 + PLACE + 2 + ENTRY;
+    localparam integer SHARED = SUMS != 0 ? SUMS : HELD;
+    localparam integer PARENT = $clog2(SHARED);
+    localparam integer FIRE = 17 + 6 + 1 + 5 + 5 + 2 + PARENT + 2 + ENTRY;
+    localparam integer STATE = LAZY != 0 ? 48 : 54;
     localparam integer SUM = JOIN + 2;
 
     wire               ticking;  // while a compartment is on its way
@@ -78,10 +82,12 @@ module update #(
     // Where the state of a compartment lies.
     wire [PLACE-1:0] place0 = PLACE'(number - origin), place3 = PLACE'(number3 - origin), place8 = PLACE'(number8 - origin);
 
-    // 0 and 1: state and constants of the leak.
-    logic [53:0]        stored1;
+    // 0 and 1: state and constants of the leak. With LAZY the voltage of a blocked compartment, which is 0, makes room for how
+    // long it is blocked. Such a state is kept although nothing is said to be left in it.
+    logic [STATE-1:0]   stored1;
     wire                read0, kept1, some1;
-    wire [53:0]         state1 = kept1 ? stored1 : 54'b0;
+    wire                waits1 = LAZY != 0 && kept1 && !some1;
+    wire [53:0]         state1 = !kept1 ? 54'b0 : waits1 ? {stored1[29:24], 24'b0, stored1[23:0]} : 54'(stored1);
     logic [LEAK-1:0]    leak1;
     wire signed [23:0]  u1, v1;
     wire [5:0]          blocked1;
@@ -91,11 +97,13 @@ module update #(
     assign {blocked1, v1, u1} = first1 ? 54'b0 : state1;
     assign {has_children1, bias1, keep_v1, keep_u1, valid_word1} = leak1;
     logic [53:0]        new_state8;
+    wire                waits8 = new_state8[53:48] != 0;
     wire                changed8, keeps8;
 
-    memory #(.WIDTH(54), .DEPTH(HELD)) states (
+    memory #(.WIDTH(STATE), .DEPTH(HELD)) states (
         .clk(ticking),
-        .write(valid8 && (LAZY != 0 ? keeps8 : changed8)), .write_address(place8), .write_data(new_state8),
+        .write(valid8 && (LAZY != 0 ? keeps8 : changed8)), .write_address(place8),
+        .write_data(LAZY != 0 && waits8 ? STATE'({new_state8[53:48], u8}) : new_state8[STATE-1:0]),
         .read(read0 && !(LAZY != 0 && first_step)), .read_address(place0), .read_data(stored1)
     );
     memory #(.WIDTH(LEAK), .DEPTH(COMPARTMENTS)) leaks (
@@ -106,21 +114,22 @@ module update #(
 
     // What is neither 0 nor forgotten goes through the leak; whatever else is there stays as it is, and is taken for 0.
     wire  leaks1 = LAZY == 0 || (kept1 && !first1);
-    logic leaks2, leaks3, leaks4, some2, lasting2, lasting3, lasting4, lasting5, lasting6, lasting7, lasting8;
+    logic leaks2, leaks3, leaks4, some2, waits2, lasting2, lasting3, lasting4, lasting5, lasting6, lasting7, lasting8;
     always_ff @(posedge ticking) begin
         {leaks2, leaks3, leaks4} <= {leaks1, leaks2, leaks3};
         some2 <= some1 && !first1;
+        waits2 <= waits1 && !first1;
         lasting2 <= keep_u1 != 0 || keep_v1 != 0;
         {lasting3, lasting4, lasting5} <= {lasting2, lasting3, lasting4};
         {lasting6, lasting7, lasting8} <= {lasting5, lasting6, lasting7};
     end
-    assign keeps8 = new_state8[53:48] != 0 || (lasting8 && new_state8[47:0] != 0);
+    assign keeps8 = waits8 || (lasting8 && new_state8[47:0] != 0);
     generate
         if (LAZY != 0) begin : lazy
             at_rest #(.COMPARTMENTS(HELD)) resting (
                 .clk(ticking), .issue, .number(place0), .read(read0), .kept(kept1), .some(some1),
                 .done(issued[7]), .last(!issued[6]), .done_number(place8),
-                .keeps(valid8 && keeps8), .holds(valid8 && new_state8[47:0] != 0)
+                .keeps(valid8 && keeps8), .holds(valid8 && !waits8 && new_state8[47:0] != 0)
             );
         end else begin : eager
             assign {read0, kept1, some1} = {issue, 2'b11};
@@ -134,7 +143,7 @@ module update #(
     logic signed [19:0] bias2, bias3, bias4, bias5;
     logic               has_children2, has_children3, has_children4;
     wire                wrap2 = charge[CHARGE-1:15] != {(CHARGE-15){charge[15]}};
-    wire                left2 = LAZY != 0 ? some2 : u2 != 0 || v2 != 0;
+    wire                left2 = LAZY != 0 ? some2 || (waits2 && u2 != 0) : u2 != 0 || v2 != 0;
     wire                active2 = charge != 0 || left2 || bias2 != 0;
 
     always_ff @(posedge ticking) begin
@@ -261,7 +270,7 @@ module update #(
     wire [5:0]        blocks8;
     wire              spiking8, child8, first_child8, read_out8, by_potential8;
     wire [4:0]        vmin_log8, vmax_log8;
-    wire [PLACE-1:0]  parent8;
+    wire [PARENT-1:0] parent8;
     wire [ENTRY-1:0]  entry8;
     assign {entry8, by_potential8, read_out8, parent8, first_child8, child8, vmax_log8, vmin_log8, spiking8, blocks8,
             threshold8} = fire8;
@@ -285,9 +294,9 @@ module update #(
     assign by_potential = by_potential8;
     assign entry = entry8;
 
-    join_sums #(.WIDTH(JOIN), .COMPARTMENTS(HELD)) joins (
+    join_sums #(.WIDTH(JOIN), .COMPARTMENTS(SHARED)) joins (
         .clk(ticking), .child(valid8 && child8), .first(first_child8), .parent(parent8), .v(clipped8),  // a child does not fire
-        .read(valid3 && has_children3), .read_address(place3), .joined(joined4)
+        .read(valid3 && has_children3), .read_address(place3[PARENT-1:0]), .joined(joined4)
     );
 
     wire unused = &{1'b0, load_address, load_data, threshold8, vmin_log8, vmax_log8};

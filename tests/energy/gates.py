@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 from liberty import Cell, Macro
-from memories import SWEPT
+from memories import HALVES
 from netlist import Instance, Netlist
 
 LANES = 64
@@ -167,7 +167,7 @@ def source(found: Circuit, cells: Mapping[str, Cell], macros: Mapping[str, Macro
     for number, instance in enumerate(found.memories):
         macro = macros[instance.type]
         # What is only loaded is the same for all recordings.
-        shared = macro.ports == 1 and instance.name.replace("\\", "").split(".")[-2] not in SWEPT
+        shared = macro.ports == 1 and instance.name.replace("\\", "").split(".")[-2] not in HALVES
         for port in "AB"[: macro.ports]:
             depth = (macro.words - 1).bit_length()
             clock = number_of.get(found.at(instance, f"{port}_CLK"), -1)

@@ -60,7 +60,7 @@ class Latches:
     @property
     def rows(self) -> int:
         """Rows of a bank; a memory of fewer words has fewer."""
-        return min(self.depth, self.shape.fold or self.shape.words)
+        return min(self.depth, self.shape.words)
 
     @property
     def low(self) -> int:

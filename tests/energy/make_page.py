@@ -64,7 +64,7 @@ def search(files: runs.Library) -> list[Plan]:
     """Return a plan for every price of area, each once."""
     traffic, found = runs.traffic_of(), {}
     for price in PRICES:
-        chosen = runs.plan(files, price)
+        chosen = runs.plan(files, price, most=runs.MOST_AREA if price == runs.PRICE else float("inf"))
         area = sum(runs.area(files, c) for c in chosen) / 1e6
         energy = sum(runs.cost(files, c, traffic[c.shape.name]) for c in chosen) / 1e6
         found.setdefault((area, energy), Plan(price, area, energy, chosen))

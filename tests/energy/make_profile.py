@@ -30,7 +30,7 @@ SUPPLY = "1.2 V, 25 C, typical"
 def build(folder: Path) -> runs.Built:
     """Return the core in the cells and macros of a folder."""
     files = runs.Library(folder)
-    return runs.Built(files, runs.plan(files), gated=True)
+    return runs.Built(files, runs.plan(files, most=runs.MOST_AREA), gated=True)
 
 
 def given_library(what: str | None) -> Path:

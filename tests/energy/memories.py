@@ -7,8 +7,12 @@ from liberty import Macro
 
 from hw_model.rtl.memory_plan import Array, Made, Piece, ways
 
-SWEPT = ("states",)
-"""Memories that are swept in order, read and some cycles later written: while an even word is read an odd one is written."""
+HALVES = {"states": 2, "bitmap": 1}
+"""Memories of two ports for which macros of one do, in so many groups of banks, since a write may wait for a read.
+
+States are read and some cycles later written in order: while an even word is read an odd one is written. Words of the
+bitmap are read in every other cycle at most while some are written.
+"""
 
 
 @dataclass(frozen=True)
@@ -16,7 +20,7 @@ class Shape:
     """A memory as the core sees it. ``ports``: 1 where it is written only between recordings; ``copies``: how often it is there.
 
     ``used``: of every ``period`` words the first so many hold something; the others are not made.
-    ``fold``: words whose addresses differ by it are never in use together, and are one. ``zero``: bits that are 0 in every program that fits.
+    ``zero``: bits that are 0 in every program that fits.
     ``single``: it has one address, to read or to write. ``at_once``: it shows a word in the cycle in which it is read.
     """
 
@@ -27,7 +31,6 @@ class Shape:
     copies: int = 1
     used: int = 0
     period: int = 0
-    fold: int = 0
     zero: tuple[int, ...] = ()
     single: bool = False
     at_once: bool = False
@@ -40,7 +43,7 @@ class Shape:
     @property
     def address(self) -> int:
         """Bits of an address that tell words apart."""
-        return max(((self.fold or self.words) - 1).bit_length(), 1)
+        return max((self.words - 1).bit_length(), 1)
 
     @property
     def ports_text(self) -> str:
@@ -57,9 +60,8 @@ class Shape:
     @property
     def held(self) -> list[int]:
         """Addresses of the words that are made."""
-        words = self.fold or self.words
-        period = self.period or words
-        return [word for word in range(words) if word % period < (self.used or period)]
+        period = self.period or self.words
+        return [word for word in range(self.words) if word % period < (self.used or period)]
 
 
 @dataclass(frozen=True)
@@ -72,8 +74,8 @@ class Choice:
     pack: int
 
     @property
-    def alternates(self) -> bool:
-        """Whether macros of one port do for reads and writes, since even and odd words lie in different banks."""
+    def waits(self) -> bool:
+        """Whether macros of one port do for reads and writes, see :data:`HALVES`."""
         return self.shape.ports == 2 and self.macros[0].ports == 1
 
     @property
@@ -110,19 +112,20 @@ class Choice:
 
 def array_of(shape: Shape) -> Array:
     """Return a memory as the search and the check of plans know it."""
-    return Array(shape.name, max(shape.held) + 1, len(shape.stored), shape.ports, {1: 0.0}, swept=shape.name in SWEPT)
+    halves = HALVES.get(shape.name, 0)
+    return Array(shape.name, max(shape.held) + 1, len(shape.stored), shape.ports, {1: 0.0}, halves=halves)
 
 
 def pieces_of(choice: Choice) -> Iterator[Piece]:
     """Yield the macros of a copy."""
-    names, parts = tuple(macro.name for macro in choice.macros), 2 if choice.alternates else 1
+    names, parts = tuple(macro.name for macro in choice.macros), HALVES[choice.shape.name] if choice.waits else 1
     yield from Made(array_of(choice.shape), names, choice.macros, choice.banks, choice.pack, parts).pieces()
 
 
 def choices(shape: Shape, macros: Sequence[Macro]) -> Iterator[Choice]:
     """Yield what a memory may be made of."""
     array = array_of(shape)
-    ports = {shape.ports, 1} if array.swept else {shape.ports}
+    ports = {shape.ports, 1} if array.halves else {shape.ports}
     for made in ways(array, {macro.name: macro for macro in macros if macro.ports in ports}):
         yield Choice(shape, made.macros, made.banks, made.pack)
 
@@ -133,8 +136,8 @@ def verilog(choice: Choice) -> str:
     With several words a row, the row that was read last is not read again: the macros still show it. Masks, which reach
     every macro, stand still while nothing is written.
     """
-    if choice.alternates:
-        return _alternating(choice)
+    if choice.waits:
+        return _waiting(choice)
     shape, pack = choice.shape, choice.pack
     stored = shape.stored
     bits = len(stored)
@@ -223,16 +226,17 @@ def verilog(choice: Choice) -> str:
     return "\n".join([*lines, "endmodule\n"])
 
 
-def _alternating(choice: Choice) -> str:
-    """Return a memory of two ports for words that are read and written in order: even banks and odd ones, of one port.
+def _waiting(choice: Choice) -> str:
+    """Return a memory of two ports made of banks of one port, all together or even words and odd ones apart.
 
     What is written waits while its half is read, which is a cycle at most. It reaches only the bank that keeps it.
     """
-    shape, half = choice.shape, choice.banks // 2
+    shape, halves = choice.shape, HALVES[choice.shape.name]
     bits, address = shape.bits, shape.address
     row_bits, depth = sum(m.bits for m in choice.macros), (choice.rows - 1).bit_length()
-    low = min(depth, address - 1)
-    high, top = address - 1 - low, address - 1
+    first = halves - 1
+    low = min(depth, address - first)
+    high, top = address - first - low, address - 1
     lines = [
         shape.ports_text,
         f"    wire [{top}:0] from = read_address[{top}:0], to = write_address[{top}:0];",
@@ -241,7 +245,7 @@ def _alternating(choice: Choice) -> str:
         f"    logic [{bits - 1}:0] waiting_data;",
         f"    wire [{top}:0] target = waiting ? waiting_address : to;",
         f"    wire [{row_bits - 1}:0] data = {{{{{row_bits - bits + 1}{{1'b0}}}}, waiting ? waiting_data : write_data}};",
-        "    wire clash = read && from[0] == target[0];",
+        f"    wire clash = read{' && from[0] == target[0]' * first};",
         "    wire put = (waiting || write) && !clash;",
         "    wire wait_now = write && (waiting || clash);",
         "    always_ff @(posedge clk) begin",
@@ -253,19 +257,18 @@ def _alternating(choice: Choice) -> str:
     ]
     terms = []
     for bank in range(choice.banks):
-        odd, number = bank % 2, bank // 2
-        here = [f"{name}[0] == 1'd{odd}" for name in ("from", "target", "last")]
-        if high:
-            here = [
-                f"{text} && {name}[{top}:{low + 1}] == {high}'d{number}"
-                for text, name in zip(here, ("from", "target", "last"), strict=True)
-            ]
+        number, half = divmod(bank, halves)
+        asked = ["1'b1"] * 3
+        for at, name in enumerate(("from", "target", "last")):
+            asked[at] += f" && {name}[0] == 1'd{half}" * first
+            if high:
+                asked[at] += f" && {name}[{top}:{low + first}] == {high}'d{number}"
         lines += [
-            f"    wire reads{bank} = read && {here[0]}, puts{bank} = put && {here[1]};",
-            f"    wire [{low - 1}:0] row{bank} = puts{bank} ? target[{low}:1] : from[{low}:1];",
+            f"    wire reads{bank} = read && {asked[0]}, puts{bank} = put && {asked[1]};",
+            f"    wire [{low - 1}:0] row{bank} = puts{bank} ? target[{low + first - 1}:{first}] : from[{low + first - 1}:{first}];",
             f"    wire [{row_bits - 1}:0] given{bank} = data & {{{row_bits}{{puts{bank}}}}};",
         ]
-        terms.append(f"({{{bits}{{{here[2]}}}}} & shown[{bank}][{bits - 1}:0])")
+        terms.append(f"({{{bits}{{{asked[2]}}}}} & shown[{bank}][{bits - 1}:0])")
         at = 0
         for index, macro in enumerate(choice.macros):
             pad = f"{{{{{depth - low}{{1'b0}}}}, " if depth > low else "{"
@@ -276,7 +279,6 @@ def _alternating(choice: Choice) -> str:
                 f"        .A_REN(!puts{bank}), .A_ADDR({pad}row{bank}}}), .A_DIN(given{bank}{span}),{mask} .A_DOUT(shown[{bank}]{span}));",
             ]
             at += macro.bits
-    assert half * 2 == choice.banks
     return "\n".join([*lines, "    assign read_data = " + "\n        | ".join(terms) + ";", "endmodule\n"])
 
 

@@ -101,7 +101,7 @@ def synthesise(
     names = []
     for path in parts(sources):
         text = path.read_text("utf-8")
-        text = _MEMORY.sub(r"memory_\1 \1 (", text)
+        text = with_memories(text)
         if path.name == "locsnn_core.sv":
             text = set_in(text, sizes)
         if gated and path.name == "clock_gate.sv":
@@ -113,6 +113,11 @@ def synthesise(
     (folder / "memories.sv").write_text(memories_sv(chosen, split))
     _map(folder, "locsnn_core", [*names, "memories.sv"], library, gated, yosys)
     return load(folder / "netlist.json")
+
+
+def with_memories(text: str) -> str:
+    """Return the text of a module whose memories are those of a plan, known by their names."""
+    return _MEMORY.sub(r"memory_\1 \1 (", text)
 
 
 def memories_sv(chosen: Sequence[Choice | Latches], split: Sequence[Split] = ()) -> str:

@@ -7,7 +7,6 @@ import runs
 from page_text import table
 
 import hw_model as hw
-from hw_model.rtl.images import CoreProgram
 from locsnn_compile.frontends import load
 from locsnn_compile.pipeline import lower
 
@@ -24,9 +23,8 @@ def larger(files: runs.Library, priced: pricing.Priced) -> list[tuple[str, ...]]
     rows = []
     for model, dataset in BEST.items():
         program, recordings = runs.compiled(model), runs.real(dataset, "test", PLAYED.get(model, 1))
-        mapped = CoreProgram(program, recordings.shape[1])
-        core, needs = runs.holding(mapped), mapped.needs
-        done = repeats.parts_of(runs.counted_for(program, recordings, core), mapped, core.sizes)
+        mapped, core = runs.holding(program, recordings.shape[1])
+        needs, done = mapped.needs, repeats.parts_of(runs.counted_for(program, recordings, core), mapped, core.sizes)
         chosen = runs.plan(files, runs.PRICE, core, done)
         area = sum(runs.area(files, one) for one in chosen)
         counts = sum(hw.simulate(program, recordings, probe=()).per_recording, hw.Counts())

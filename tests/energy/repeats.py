@@ -12,33 +12,32 @@ from memories import Shape
 from traffic import Memory
 
 from hw_model.rtl.images import CoreProgram, Sizes, layouts
-from hw_model.rtl.memory_needs import SHARED, repeats
+from hw_model.rtl.memory_needs import OWN as OWN_FIELDS
+from hw_model.rtl.memory_needs import own_bits, repeats
 
 SAME, OWN, FLAGS = "_same", "_own", "_flags"
 
 
 @dataclass(frozen=True)
 class Split:
-    """A memory in parts: the first ``shared`` bits repeat, the others are read as they are."""
+    """A memory in parts: the bits of ``own`` are read as they are, all others repeat."""
 
     shape: Shape
-    shared: int
+    own: tuple[int, ...]
 
     @property
-    def parts(self) -> list[tuple[str, int, int]]:
-        """Return name, first bit and end of each part."""
-        name, bits = self.shape.name, self.shape.bits
-        return [(name + SAME, 0, self.shared), *([(name + OWN, self.shared, bits)] if self.shared < bits else [])]
+    def parts(self) -> dict[str, list[int]]:
+        """Return the bits of each part by its name."""
+        same = [bit for bit in range(self.shape.bits) if bit not in self.own]
+        return {self.shape.name + SAME: same} | ({self.shape.name + OWN: [*self.own]} if self.own else {})
 
 
 def splits(sizes: Sizes) -> list[Split]:
     """Return the memories that are split."""
-    found = []
-    for name, count in SHARED.items():
-        layout = layouts(sizes)[name]
-        shared = sum(field.width for field in layout.fields[:count])
-        found.append(Split(Shape(name, sizes.compartments, layout.width, 1), shared))
-    return found
+    return [
+        Split(Shape(name, sizes.compartments, layouts(sizes)[name].width, 1), tuple(own_bits(name, sizes)))
+        for name in OWN_FIELDS
+    ]
 
 
 def parts_of(traffic: Mapping[str, Memory], core: CoreProgram, sizes: Sizes) -> dict[str, Memory]:
@@ -46,8 +45,8 @@ def parts_of(traffic: Mapping[str, Memory], core: CoreProgram, sizes: Sizes) -> 
     found = dict(traffic)
     for split in splits(sizes):
         memory = found.pop(split.shape.name)
-        for name, low, high in split.parts:
-            part = replace(memory, name=name, bits=high - low)
+        for name, bits in split.parts.items():
+            part = replace(memory, name=name, bits=len(bits))
             if name.endswith(SAME):
                 reads = sum(repeats(core, sizes, split.shape.name, phase) for phase in range(len(core.phases)))
                 part = replace(
@@ -57,6 +56,7 @@ def parts_of(traffic: Mapping[str, Memory], core: CoreProgram, sizes: Sizes) -> 
                     reads=reads,
                     rows=dict.fromkeys(memory.rows, reads),
                     single=False,
+                    seen=tuple(-(-word // 2) for word in memory.seen),
                 )
             found[name] = part
         flags, many = split.shape.name + FLAGS, memory.reads / 8
@@ -67,17 +67,20 @@ def parts_of(traffic: Mapping[str, Memory], core: CoreProgram, sizes: Sizes) -> 
 def verilog(split: Split) -> str:
     """Return module ``memory_<name>``, made of modules of its parts, and what tells which words repeat."""
     shape, top = split.shape, split.shape.address - 1
-    lines = [shape.ports_text]
-    for name, low, high in split.parts:
-        data = f".write_data(write_data[{high - 1}:{low}])"
+    lines, from_part = [shape.ports_text], {}
+    for name, bits in split.parts.items():
+        last = len(bits) - 1
+        data = f".write_data({{{', '.join(f'write_data[{bit}]' for bit in reversed(bits))}}})"
+        from_part |= {bit: f"of_{name}[{at}]" for at, bit in enumerate(bits)}
+        lines.append(f"    wire [{last}:0] of_{name};")
         if name.endswith(SAME):
             lines += [
                 "    wire again;",
                 "    logic odd;",
-                f"    wire [{high - 1}:0] shown0, shown1;",
+                f"    wire [{last}:0] shown0, shown1;",
                 "    always_ff @(posedge clk) if (read) odd <= read_address[0];",
                 f"    repeats_{shape.name} repeats (.clk, .write, .read, .write_address, .read_address, {data}, .again);",
-                f"    assign read_data[{high - 1}:{low}] = odd ? shown1 : shown0;",
+                f"    assign of_{name} = odd ? shown1 : shown0;",
             ]
             lines += [
                 f"    memory_{name} {name}{half} (.clk, .write(write && write_address[0] == 1'd{half}), {data},\n"
@@ -87,11 +90,11 @@ def verilog(split: Split) -> str:
             ]
         else:
             address = ".address" if shape.single else ".write_address, .read_address"
-            lines.append(
-                f"    memory_{name} {name} (.clk, .write, .read, {address}, {data}, .read_data(read_data[{high - 1}:{low}]));"
-            )
+            lines.append(f"    memory_{name} {name} (.clk, .write, .read, {address}, {data}, .read_data(of_{name}));")
+    shown = ", ".join(from_part[bit] for bit in reversed(range(shape.bits)))
+    lines.append(f"    assign read_data = {{{shown}}};")
     return "\n".join([*lines, "endmodule", ""]) + REPEATS.format(
-        name=shape.name, flags=shape.name + FLAGS, top=top, bits=split.shared, last=split.shared - 1
+        name=shape.name, flags=shape.name + FLAGS, top=top, last=shape.bits - len(split.own) - 1
     )
 
 

@@ -7,7 +7,7 @@ import pickle
 import tempfile
 import zipfile
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -27,8 +27,9 @@ from latches import Latches
 import hw_model as hw
 from hw_model.description import chip as description
 from hw_model.engine.playing import read_streams
+from hw_model.errors import InputError
 from hw_model.rtl.cosimulation import words_of
-from hw_model.rtl.images import CoreProgram, Sizes, layouts, sizes_for
+from hw_model.rtl.images import SIMULATED, CoreProgram, Sizes, layouts, sizes_for
 from hw_model.rtl.memory_plan import PRICE, Array, Piece, check
 
 ROOT = Path(__file__).parents[2]
@@ -38,13 +39,15 @@ CELLS = "sg13g2_stdcell_typ_1p20V_25C.lib"
 KEPT = ROOT / "build" / "energy"
 SIZES = {
     "axons": 1024, "synapses": 16384, "compartments": 512, "slots": 2, "charge": 16, "join": 26, "bitmap": 2048,
-    "visits": 128, "entries": 128, "step": 3, "places": 256,
+    "visits": 128, "entries": 128, "step": 3, "places": 256, "sums": 32,
 }  # fmt: skip
 """The core of the chip file: it holds the hybrid of either example."""
+MOST_AREA = 2.69e6
+"""Square micrometres that the memories of our core may take, so that it takes no more than 3 mm2."""
 SAVING = {"at_once": 1, "lazy": 1}
 """Parameters of the core that save energy here; charges of a larger one lie in macros, which do not answer at once."""
 HELD = {
-    "axons": 736, "synapses": 7424, "bitmap": 1024, "visit_list": 80, "tallies": 72, "weights": 4, "phases": 16,
+    "axons": 744, "synapses": 7424, "bitmap": 1024, "visit_list": 80, "tallies": 72, "weights": 4, "phases": 16,
 }  # fmt: skip
 """Words that are made of memories, where parameters of the core are powers of two above them."""
 COMPARTMENTS = 416
@@ -53,33 +56,26 @@ OF_COMPARTMENTS = ("states", "rests", "charges", "leaks", "fires")
 """Memories with as many words for each compartment, by how their names begin; charges have a part for each slot."""
 
 
-FOLDED = {"sums": 128}
-"""Compartments that differ by so many share a word: sums live within a step of a phase."""
-
-
 @dataclass(frozen=True)
 class Core:
-    """A core in macros: its parameters, words and compartments that memories hold, and words that share one.
-
-    ``saving``: parameters that save energy.
-    """
+    """A core in macros: its parameters, words and compartments that memories hold; ``saving``: parameters that save energy."""
 
     sizes: Sizes
     held: Mapping[str, int]
     compartments: int
-    folded: Mapping[str, int]
     saving: Mapping[str, int]
 
 
-OURS = Core(Sizes(**SIZES), HELD, COMPARTMENTS, FOLDED, SAVING)
+OURS = Core(Sizes(**SIZES), HELD, COMPARTMENTS, SAVING)
 
 
-def holding(program: CoreProgram) -> Core:
-    """Return the core that holds a larger program."""
-    needs = program.needs
+def holding(program: hw.ChipProgram, rows: int) -> tuple[CoreProgram, Core]:
+    """Return the core that holds a larger program, and the program on it, for recordings of so many rows."""
+    mapped = CoreProgram(program, rows, sizes=replace(SIMULATED, sums=SIZES["sums"]))
+    needs = mapped.needs
     held = {"axons": needs.axons, "synapses": needs.synapses // 2, "bitmap": needs.bitmap, "visit_list": needs.visits,
-            "tallies": needs.entries, **asdict(program.words)}  # fmt: skip
-    return Core(sizes_for(needs, Sizes(**SIZES)), held, needs.compartments, {}, SAVING | {"at_once": 0})
+            "tallies": needs.entries, "weights": mapped.words.weights, "phases": mapped.words.phases}  # fmt: skip
+    return mapped, Core(sizes_for(needs, Sizes(**SIZES)), held, needs.compartments, SAVING | {"at_once": 0})
 
 
 @dataclass(frozen=True)
@@ -277,19 +273,50 @@ def counted_for(program: hw.ChipProgram, recordings: np.ndarray, core: Core) -> 
 
 
 def plan(
-    files: Library, price: float = PRICE, core: Core = OURS, done: Mapping[str, traffic.Memory] | None = None
+    files: Library,
+    price: float = PRICE,
+    core: Core = OURS,
+    done: Mapping[str, traffic.Memory] | None = None,
+    most: float = float("inf"),
 ) -> list[memories.Choice | Latches]:
     """Return what every memory is made of: the least picojoules per recording plus ``price`` for a square micrometre.
 
-    ``done``: what a recording does to memories, else what one of Objects does to those of our core. A plan that does not
-    hold every bit once is refused.
+    ``done``: what a recording does to memories, else what one of Objects does to those of our core. Where the plan takes
+    ``most`` square micrometres and more, one memory gets smaller, that which costs the least for it. A plan that does not
+    hold every bit once, or not make a word that something is read from, is refused.
     """
+    done = done or traffic_of()
     chosen = [
         min(options(files, memory, core), key=lambda one: cost(files, one, memory) + price * area(files, one))
-        for memory in (done or traffic_of()).values()
+        for memory in done.values()
     ]
+    over = sum(area(files, one) for one in chosen) - most
+    if over > 0:
+        smaller = [
+            (cost(files, other, done[one.shape.name]) - cost(files, one, done[one.shape.name]), at, other)
+            for at, one in enumerate(chosen)
+            for other in options(files, done[one.shape.name], core)
+            if area(files, one) - area(files, other) > over
+        ]
+        _, at, chosen[at] = min(smaller, key=lambda found: found[0])
+    for one in chosen:
+        refuse_too_few(one.shape, done[one.shape.name])
     check(pieces_of(chosen), *checked_by(files, chosen))
     return chosen
+
+
+def refuse_too_few(shape: memories.Shape, memory: traffic.Memory) -> None:
+    """Refuse a memory that does not make a word that something is read from."""
+    spans = zip(memory.seen[::2], memory.seen[1::2], strict=True)
+    lost = set().union(*(range(*span) for span in spans)) - set(shape.held)
+    if lost:
+        where, measured = f"memory {shape.name!r}", f"word {min(lost)} of {len(shape.held)}"
+        raise InputError(
+            where,
+            "the plan does not make a word that something is read from",
+            measured=measured,
+            fix="Hold more words.",
+        )
 
 
 def pieces_of(chosen: Sequence[memories.Choice | Latches]) -> list[Piece]:
@@ -313,8 +340,7 @@ def checked_by(
 
 def options(files: Library, memory: traffic.Memory, core: Core = OURS) -> list[memories.Choice | Latches]:
     """Return what a memory may be made of."""
-    fold = core.folded.get(memory.name, 0)
-    held, period = core.held.get(memory.name, fold or memory.words), 0
+    held, period = core.held.get(memory.name, memory.words), 0
     if memory.name.startswith(OF_COMPARTMENTS):
         period = memory.words // (core.sizes.slots if memory.name == "charges" else 1)
         held = -(-period * core.compartments // core.sizes.compartments)
@@ -322,11 +348,10 @@ def options(files: Library, memory: traffic.Memory, core: Core = OURS) -> list[m
         memory.name,
         memory.words,
         memory.bits,
-        2 if memory.name in memories.SWEPT else memory.ports,
+        2 if memory.name in memories.HALVES else memory.ports,
         memory.copies,
         held,
         period,
-        fold,
         zero(memory.name, core.sizes),
         memory.single,
         memory.at_once,
@@ -359,12 +384,10 @@ def capacity(chosen: Sequence[memories.Choice | Latches]) -> dict[str, int]:
 def memory_words(chosen: Sequence[memories.Choice | Latches]) -> dict[str, int]:
     """Return the words of memories that a program may need more of, whatever the parameters of the core."""
     shapes = {one.shape.name: one.shape for one in chosen}
-    return {name: len(shapes[name].held) for name in ("sums", "weights", "phases")} | {
-        "states": len(shapes["states"].held)
-    }
+    return {name: len(shapes[name].held) for name in ("weights", "phases")} | {"states": len(shapes["states"].held)}
 
 
-MOST_LATCHES = 10_000
+MOST_LATCHES = 9_000
 """Bits above which no latches are taken: with the states in latches the core would miss 100 MHz."""
 
 

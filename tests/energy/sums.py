@@ -13,8 +13,8 @@ import hw_model as hw
 from hw_model.rtl.images import CoreProgram, Sizes, layouts
 
 CHIP = Path(__file__).parents[2] / "hw_model/chips/locsnn-130nm.yaml"
-SHARED = {"leaks": 99, "fires": 5}
-"""Memories of constants, and how many of their first fields are not read again where they repeat."""
+OWN: dict[str, set[str]] = {"leaks": set(), "fires": {"parent", "entry"}}
+"""Memories of constants, and their fields that are read for each compartment; the others are not where they repeat."""
 _MEMORY = re.compile(r"^#   (\w+) +(\d+) x \((.+?)\)(?:, (\d) words a row)?$", re.M)
 _FIGURE = re.compile(r"_(\dP)_(\d+x\d+)_\S*: read ([\d.]+) \(line \d+\), write ([\d.]+)")
 
@@ -95,9 +95,9 @@ def _accesses(core: CoreProgram, recording: np.ndarray, found: hw.SimulationResu
         "visit_list": (visits, 0),
     }
     # Constants of compartments: the part of their own in rows of several words, the other where it does not repeat.
-    for name, many in SHARED.items():
+    for name, own in OWN.items():
         layout = layouts(Sizes(**asdict(hw.chip("locsnn-130nm").open_core)))[name]
-        fields = [constants[field.name] for field in layout.fields[:many]]
+        fields = [constants[field.name] for field in layout.fields if field.name not in own]
         begins = [0, *core.ends[:-1]]
         read = sum(
             phase.steps * np.count_nonzero(_differs(fields, begin, end))

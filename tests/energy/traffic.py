@@ -34,6 +34,7 @@ module memory #(parameter integer WIDTH = 8, parameter integer DEPTH = 16, param
     input logic clk, write, read, input logic [$clog2(DEPTH)-1:0] write_address, read_address,
     input logic [WIDTH-1:0] write_data, output logic [WIDTH-1:0] read_data);
     logic [WIDTH-1:0] words[0:DEPTH-1];
+    bit seen[0:DEPTH-1];
     longint reads = 0, writes = 0, loads = 0, rows2 = 0, rows4 = 0, rows8 = 0, last = -1;
     always_ff @(posedge clk) begin
         if (write) begin
@@ -42,6 +43,7 @@ module memory #(parameter integer WIDTH = 8, parameter integer DEPTH = 16, param
         end
         if (read) begin
             read_data <= words[read_address];
+            if (words[read_address] != 0) seen[read_address] <= 1;
             reads <= reads + 1;
             if (last < 0 || last / 2 != longint'(read_address) / 2) rows2 <= rows2 + 1;
             if (last < 0 || last / 4 != longint'(read_address) / 4) rows4 <= rows4 + 1;
@@ -49,8 +51,12 @@ module memory #(parameter integer WIDTH = 8, parameter integer DEPTH = 16, param
             last <= longint'(read_address);
         end
     end
-    final $display("memory {\\"name\\": \\"%m\\", \\"bits\\": %0d, \\"words\\": %0d, \\"reads\\": %0d, \\"writes\\": %0d, \\"rows2\\": %0d, \\"rows4\\": %0d, \\"rows8\\": %0d, \\"single\\": %0d, \\"at_once\\": %0d}",
-                   WIDTH, DEPTH, reads, writes, rows2, rows4, rows8, SINGLE, AT_ONCE);
+    final begin
+        $write("memory {\\"name\\": \\"%m\\", \\"bits\\": %0d, \\"words\\": %0d, \\"reads\\": %0d, \\"writes\\": %0d, \\"rows2\\": %0d, \\"rows4\\": %0d, \\"rows8\\": %0d, \\"single\\": %0d, \\"at_once\\": %0d, \\"seen\\": [",
+               WIDTH, DEPTH, reads, writes, rows2, rows4, rows8, SINGLE, AT_ONCE);
+        for (int i = 0; i <= DEPTH; i++) if ((i < DEPTH && seen[i]) != (i > 0 && seen[i-1])) $write("%0d, ", i);
+        $display("-1]}");
+    end
 endmodule
 """
 """``memory.sv`` that counts. What is written before the first read is loaded or cleaned, and not counted."""
@@ -61,7 +67,8 @@ class Memory:
     """A memory of the core, and what is done to it per recording, by all of its copies together.
 
     ``rows[k]``: reads that do not follow one of the same ``k`` words. ``ports``: 1 where it is only written while loaded;
-    ``single``: it has one address for both; ``at_once``: it answers in the cycle in which it is asked.
+    ``single``: it has one address for both; ``at_once``: it answers in the cycle in which it is asked. ``seen``: words
+    that are read with something in them, in turn the first of some and the first after them.
     """
 
     name: str
@@ -73,6 +80,7 @@ class Memory:
     rows: dict[int, float]
     single: bool
     at_once: bool = False
+    seen: tuple[int, ...] = ()
 
     @property
     def ports(self) -> int:
@@ -110,7 +118,7 @@ def count(program: hw.ChipProgram, recordings: np.ndarray, sizes: Sizes, saving:
         Memory(
             name, copies[0]["words"], copies[0]["bits"], len(copies), sum(c["reads"] for c in copies) / n,
             sum(c["writes"] for c in copies) / n, {k: sum(c[f"rows{k}"] for c in copies) / n for k in PACKS},
-            bool(copies[0]["single"]), bool(copies[0]["at_once"]),
+            bool(copies[0]["single"]), bool(copies[0]["at_once"]), tuple(at for c in copies for at in c["seen"][:-1]),
         )
         for name, copies in sorted(found.items())
     ]  # fmt: skip

@@ -36,7 +36,7 @@ MACROS = {
         pytest.param(Array("a", 16, 20, 1, {1: 10.0}), 0.0, ("wide", "small"), 1, 1, 250, 25, id="side by side"),
         pytest.param(Array("a", 16, 8, 2, {1: 10.0}, 10.0), 9.0, ("pair",), 1, 1, 300, 30, id="read and written"),
         pytest.param(
-            Array("a", 32, 8, 2, {1: 10.0}, 10.0, swept=True), 9.0, ("small",), 2, 1, 200, 30, id="even and odd banks"
+            Array("a", 32, 8, 2, {1: 10.0}, 10.0, halves=2), 9.0, ("small",), 2, 1, 200, 30, id="even and odd banks"
         ),
         pytest.param(Array("a", 16, 8, 1, {1: 10.0}, copies=3), 0.0, ("small",), 1, 1, 300, 10, id="copies"),
     ],
@@ -49,7 +49,7 @@ def test_the_cheapest_plan(array, price, row, banks, pack, area, energy):
 
 
 def test_words_of_even_and_odd_banks_alternate():
-    (made,) = plan([Array("a", 40, 8, 2, {1: 10.0}, 10.0, swept=True)], MACROS, 9.0)
+    (made,) = plan([Array("a", 40, 8, 2, {1: 10.0}, 10.0, halves=2)], MACROS, 9.0)
     assert [(piece.first, piece.every, piece.rows) for piece in made.pieces()] == [
         (0, 2, 16),
         (1, 2, 16),

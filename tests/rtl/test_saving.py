@@ -25,9 +25,17 @@ FAULTS = [
     ("only the last of eight is remembered", "at_rest.sv", "if (done) gathered <= complete;", "gathered <= 0;"),
     ("a current that is left counts as rest", "update.sv", "some2 <= some1 && !first1;", "some2 <= 0;"),
     ("the first step finds what an earlier recording left", "update.sv", "some2 <= some1 && !first1;", "some2 <= some1;"),
-    ("blocked compartments are forgotten", "update.sv", "new_state8[53:48] != 0 || (lasting8", "1'b0 || (lasting8"),
+    ("blocked compartments are forgotten", "update.sv", "waits8 || (lasting8", "1'b0 || (lasting8"),
     ("what lasts is forgotten", "update.sv", "keep_u1 != 0 || keep_v1 != 0", "keep_u1 != 0"),
     ("what was not read leaks", "update.sv", "leaks4 || LAZY == 0 ? leak_u4", "1'b1 ? leak_u4"),
+    ("how long it is blocked is read as a voltage", "update.sv", "kept1 && !some1;", "1'b0;"),
+    ("how long it is blocked is written nowhere", "update.sv", "LAZY != 0 && waits8 ?", "1'b0 ?"),
+    ("blocked compartments are said to have something left", "update.sv", "valid8 && !waits8 && new_state8", "valid8 && new_state8"),
+    ("a current of a blocked compartment counts as rest", "update.sv", "some2 || (waits2 && u2 != 0)", "some2"),
+    ("blocked compartments count as active", "update.sv", "(waits2 && u2 != 0)", "waits2"),
+    ("the first step finds how long an earlier recording blocked", "update.sv", "waits2 <= waits1 && !first1;", "waits2 <= waits1;"),
+    ("sums of families lie in one word", "update.sv", ".parent(parent8)", ".parent(PARENT'(0))"),
+    ("sums are read by the high bits", "update.sv", "place3[PARENT-1:0]", "place3[PLACE-1-:PARENT]"),
     ("a clock stops too early", "update.sv", ".enable(leaks2 || leaks3)", ".enable(leaks2)"),
     ("a clock stops while a tally comes", "readout.sv", "early_read || early7 ||", "early_read ||"),
     ("a clock stops before the buffer knows its row", "transpose.sv", "mark_tick || row_began ||", "mark_tick ||"),
@@ -58,7 +66,7 @@ FAULTS = [
     ("every word begins a list", "stepped.sv", "first ? head : last", "head"),
     ("heads come a word late", "delivery.sv", "if (first1) head2 <= head1;", "if (first2) head2 <= head1;"),
 ]  # fmt: skip
-SIZES = replace(benches.SIZES, step=3, places=64)
+SIZES = replace(benches.SIZES, step=3, places=64, sums=8)
 
 
 @pytest.fixture(autouse=True)
@@ -77,7 +85,7 @@ def test_a_core_that_saves_passes_every_bench():
     assert not differ(saving(), SIZES)
 
 
-@pytest.mark.parametrize("more", [{"step": 2}, {"step": 8}, {"places": 64}], ids=str)
+@pytest.mark.parametrize("more", [{"step": 2}, {"step": 8}, {"places": 64}, {"sums": 8}], ids=str)
 def test_narrow_steps_and_places_change_nothing_alone(more):
     assert not differ(sources(), replace(benches.SIZES, **more))
 
