@@ -14,6 +14,8 @@ class Sizes(Frozen):
     - ``step``: bits of the step from one target of a list to the next; with 0, a list holds each target in full
     - ``places``: if phases share the memories of states and charges, the compartments of a phase, a power of two; 0 if
       each phase has its own
+    - ``sums``: if parents share the words of their sums, how many wait for children at a time, a power of two; 0 if
+      each has its own
     """
 
     axons: Annotated[int, between(2, 1 << 24)]
@@ -28,20 +30,21 @@ class Sizes(Frozen):
     word: Annotated[int, between(2, 128)] = 32
     step: Annotated[int, between(0, 8)] = 0
     places: Annotated[int, between(0, 1 << 20)] = 0
+    sums: Annotated[int, between(0, 1 << 20)] = 0
 
 
 class MemoryWords(Frozen):
     """The words of the memories that may be smaller than the parameters of the core would make them.
 
-    - ``sums``: compartments from the first parent of a phase to the last
     - ``weights``: groups that are read out
     - ``states``: compartments, or those of one phase if the core has ``places``
+    - ``sums``: a power of two; no two parents that wait for children at a time have numbers that differ by it
     """
 
-    sums: Annotated[int, between(1, 1 << 20)]
     weights: Annotated[int, between(1, 64)]
     phases: Annotated[int, between(8, 512)]
     states: Annotated[int, between(2, 1 << 20)] = 1 << 20
+    sums: Annotated[int, between(1, 1 << 20)] = 1 << 20
 
 
 class Macro(Frozen):
@@ -67,3 +70,5 @@ def check_sizes(core: Sizes, slots: int, where: str) -> None:
         what = f"slots and {held} are powers of two, and slots at least delay_max and 2"
         measured = f"{core.slots} slots against {slots}, {many} {held}"
         raise InputError(where, what, measured=measured, fix="Correct it.")
+    if core.sums & core.sums - 1:
+        raise InputError(where, "sums is a power of two", measured=f"got {core.sums}", fix="Correct it.")

@@ -404,7 +404,7 @@ def test_counts_without_hardware_say_what_memories_take(name):
 
 SWEPT = {"bitmap": 1024, "tallies": 72}
 """Words that are written while memories are cleaned, which counts do not tell of."""
-ESTIMATED = {"synapses": (0.95, 1.0), "charges": (1.0, 1.1), "states": (1.7, 1.9)}
+ESTIMATED = {"synapses": (0.92, 1.0), "charges": (1.0, 1.1), "states": (1.7, 1.9)}
 """Accesses by counts over those that were counted, at least and at most; all others are the same."""
 
 
@@ -426,7 +426,7 @@ def test_counts_and_program_tell_what_memories_do():
     assert seen >= {"axons", "synapses", "charges", "states", "sums", "places", "tallies", "bitmap", "fires_own"}
 
 
-@pytest.mark.parametrize(("name", "limit", "need"), [("sums", 16, 32), ("states", 200, 206)])
+@pytest.mark.parametrize(("name", "limit", "need"), [("weights", 1, 2), ("states", 200, 206)])
 def test_a_program_that_a_small_memory_does_not_hold_is_refused(tmp_path, name, limit, need):
     program = runs.compiled("objects-hybrid-loihi")
     text = make_profile.CHIP.read_text()
