@@ -82,14 +82,18 @@ def simulate(
 ) -> SimulationResult:
     """Run recordings through a program.
 
-    ``spikes``: 0 or 1, (steps, channels) or (batch, steps, channels); a mapping by stream name where a program has
-    several inputs. An input spike of row t acts at step t + 1. ``steps`` of phases that the program does not fix; by
-    default the rows given, or, of transposed inputs, all visits. ``probe``: what to keep, each a kind (``"spikes"``,
-    ``"u"``, ``"v"``, ``"potential"``) of all populations and steps, or a :class:`hw_model.Probe` of chosen
-    ones; nothing else is held. ``"activity"`` keeps the counts of every step and core, which latency needs. Both
-    engines give the same integers. ``skip``: leave out what cannot change anything, which the fast engine does; without
-    it every compartment is updated in every step, and nothing but ``skipped_steps`` differs. Bad arguments are an
-    ``InputError``.
+    - ``spikes``: 0 or 1, (steps, channels) or (batch, steps, channels); for a program with several inputs, a mapping by
+      stream name. An input spike of row t acts at step t + 1
+    - ``steps``: of phases whose length the program does not fix; by default the number of rows or, for transposed
+      inputs, of all visits
+    - ``engine``: ``"fast"`` or ``"reference"``; both give the same integers
+    - ``probe``: what to keep. Each is a kind (``"spikes"``, ``"u"``, ``"v"``, ``"potential"``) for all populations and
+      steps, or a :class:`hw_model.Probe` for some. ``"activity"`` keeps the counts of every step and core, which
+      latency needs. Nothing else is kept
+    - ``skip``: the fast engine leaves out what cannot change anything. Without it, every compartment is updated in
+      every step, and only ``skipped_steps`` differs
+
+    Raises ``InputError`` for bad arguments.
     """
     check_known(f"engine {engine!r}", "does not exist", engine, ENGINES)
     return play_recordings(program, spikes, steps, probe, *_engine(engine, skip))

@@ -135,24 +135,30 @@ def compile(
     scheduler: str | None = None,
     weights: Sequence[float] | None = None,
 ) -> CompiledModel:
-    """Compile a network, or what ``train`` returned, for a chip and check it against the float reference.
+    """Compile a network, or what ``train`` returned, for a chip, and check it against the float reference.
 
-    Several networks become one program that adds their class scores, by ``weights`` or as :func:`join` weighs them.
+    Several networks become one program that adds their class scores.
 
-    ``target``: a chip, its name, or the path of a chip YAML. ``profile``: the costs for ``auto`` and the report, a
-    profile of the chip (by default its first) or the path of a YAML file like one. ``events``: recordings to check on -
-    a file, archive or folder, or an array (samples, steps, channels) of 0 and 1 - by default those in the model, or
-    else synthetic touches. ``labels`` (samples,) are for an array of ``events``. ``diagnosis``: also break the error
-    down, follow predictions over time, both on some of the recordings, and keep an excerpt of one; ``psi`` is that of
-    the time-weighted prediction, by default the model's own or 10, and the program keeps it. ``strategy``: how SRM
-    neurons are lowered; ``auto`` takes the cheapest. ``split_weights``: the share, 0 to 1, of their weights that get a
-    second synapse. With a ``budget``, the cheapest setting of strategy, split weights and at most ``weight_bits`` (by
-    default the chip's most) that keeps it on ``calibration`` is taken; weights are rounded for the same recordings.
-    They are given like ``events``, and from a divided archive the train part is used. By default they are the
-    recordings in the model, or else synthetic touches, so the program does not depend on the recordings of the check;
-    if there are neither, ``events``. ``scheduler``: the address of a Dask cluster that plays the recordings, with the
-    same results. Raises ``InputError`` for what cannot be used and ``TargetError`` for a model that the chip cannot
-    hold.
+    - ``target``: a chip, its name, or the path of a chip YAML
+    - ``strategy``: how SRM neurons are lowered; ``auto`` takes the cheapest that keeps the bounds
+    - ``weight_bits``: 1 to 6, or 8; by default the chip's widest. With a ``budget``, the widest to try
+    - ``events``: recordings to check on, as a file, an archive, a folder or an array (samples, steps, channels) of 0
+      and 1; by default those in the model, or else synthetic touches. ``labels`` (samples,) belong to an array
+    - ``calibration``: recordings, given like ``events``, for which weights are rounded and settings chosen; from a
+      divided archive, the train part. By default those in the model, or else synthetic touches, so that the program
+      does not depend on the recordings of the check; if there are neither, ``events``
+    - ``budget``: take the cheapest setting of strategy, split weights and weight bits that keeps these bounds on
+      ``calibration``
+    - ``split_weights``: the share of the weights onto SRM neurons, 0 to 1, that get a second synapse
+    - ``profile``: the costs of operations, as a profile of the chip (by default its first) or the path of a YAML file
+    - ``diagnosis``: also break the error down and follow predictions over time, both on some of the recordings, and
+      keep an excerpt of one
+    - ``psi``: of the time-weighted prediction, by default the model's own or 10; the program keeps it
+    - ``weights``: those of the class scores of several networks; by default as :func:`join` finds them
+    - ``scheduler``: the address of a Dask cluster that plays the recordings, with the same results
+    - ``progress``: a function that is called with how much is done, and of how much
+
+    Raises ``InputError`` for something that cannot be used, and ``TargetError`` for a model that the chip cannot hold.
     """
     check_known(f"strategy {strategy!r}", "unknown lowering strategy", strategy, (AUTO, *STRATEGIES))
     chip = target if isinstance(target, hw.Chip) else hw.chip(target)
