@@ -3,10 +3,9 @@
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property, lru_cache, partial
-from typing import Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hw_model.accounting.activity import StepActivity, count_steps, count_totals
 from hw_model.description.counts import Counts, total
@@ -18,7 +17,7 @@ from hw_model.io.given import checked
 from hw_model.mapping.graph import Phase, largest
 from hw_model.program.check import MAX_STEPS
 from hw_model.program.chip_program import ChipProgram
-from hw_model.values import AnyArray, ByteArray, FloatArray, IntArray, Shown, T
+from hw_model.values import AnyArray, ByteArray, FloatArray, IntArray, Shown, joined
 
 Engine = Literal["fast", "reference"]
 ENGINES: tuple[Engine, ...] = get_args(Engine)
@@ -26,6 +25,8 @@ ENGINES: tuple[Engine, ...] = get_args(Engine)
 _EVENTS = slice(TOTALS.index(EVENTS[0]), TOTALS.index(EVENTS[-1]) + 1)
 MAX_TOGETHER = 1 << 26
 """Spikes, 0 or 1, that are held at a time before they are counted: recordings go in parts of at most so many."""
+MAX_REMEMBERED = 1 << 18
+"""Spikes, 0 or 1, of an empty recording that is kept for later ones."""
 
 
 class SimulationResult(Shown):
@@ -96,7 +97,7 @@ def simulate(
     Raises ``InputError`` for bad arguments.
     """
     check_known(f"engine {engine!r}", "does not exist", engine, ENGINES)
-    return play_recordings(program, spikes, steps, probe, *_engine(engine, skip))
+    return play_recordings(program, spikes, steps, probe, *_engine(engine, skip), engine == "fast")
 
 
 Run = Callable[[ChipProgram, str, PhaseInput, dict[Register, Window]], PhaseTrace]
@@ -109,8 +110,12 @@ def play_recordings(
     probe: Sequence[Kind | Probe],
     run_phase: Run,
     player: Player,
+    remember: bool = False,
 ) -> SimulationResult:
-    """Do what :func:`simulate` does with any engine: ``run_phase`` plays some recordings to a phase."""
+    """Do what :func:`simulate` does with any engine: ``run_phase`` plays some recordings to a phase.
+
+    ``remember``: an empty recording is played once, and later ones are given copies.
+    """
     if steps is not None and steps < 1:
         raise InputError("steps", "nothing to simulate", measured=f"{steps} against at least 1", fix="Raise steps.")
     check_most(steps or 1, MAX_STEPS, "steps", "a simulation does not hold so many", fix="Lower steps.")
@@ -120,7 +125,46 @@ def play_recordings(
     if batch == 0 or (rows == 0 and steps is None):
         measured = f"recordings: {batch}, steps: {rows}"
         raise InputError("spikes", "nothing to simulate", measured=measured, fix="Give some recordings and steps.")
-    parts, longest = _plan(program, tuple(probes.values()), rows, steps)
+    longest = _plan(program, tuple(probes.values()), rows, steps)[1]
+    size = max(1, sum(program.populations.values()) * longest)
+    asked = program, tuple(probes.values()), rows, steps, batched, run_phase, player
+    if remember and batch == 1 and size <= MAX_REMEMBERED:
+        if not any(array.view(np.bool_).any() for array in streams.values()):
+            return SimulationResult(**_copied(vars(_of_nothing(*asked))))
+    return _played(streams, *asked)
+
+
+@lru_cache(maxsize=8)
+def _of_nothing(program: ChipProgram, probes: tuple[Probe, ...], rows: int, *rest: Any) -> SimulationResult:
+    """Return the result of an empty recording of so many rows, which nobody changes; others as for :func:`_played`."""
+    streams = {name: np.zeros((1, rows, channels), dtype=np.uint8) for name, channels in program.streams.items()}
+    return _played(streams, program, probes, rows, *rest)
+
+
+def _copied(value: Any) -> Any:
+    """Return a value with arrays, and what holds them, of its own."""
+    if isinstance(value, np.ndarray):
+        return value.copy()
+    if isinstance(value, dict):
+        return {key: _copied(item) for key, item in value.items()}
+    if isinstance(value, tuple):
+        return tuple(map(_copied, value))
+    return StepActivity(**_copied(vars(value))) if isinstance(value, StepActivity) else value
+
+
+def _played(
+    streams: Mapping[str, ByteArray],
+    program: ChipProgram,
+    asked: tuple[Probe, ...],
+    rows: int,
+    steps: int | None,
+    batched: bool,
+    run_phase: Run,
+    player: Player,
+) -> SimulationResult:
+    """Play recordings, all of so many rows, as many at a time as can be held, and keep what the probes ask for."""
+    parts, longest = _plan(program, asked, rows, steps)
+    probes, batch = {probe.kind for probe in asked}, len(next(iter(streams.values())))
     together = max(1, MAX_TOGETHER // max(1, sum(program.populations.values()) * longest))
 
     kept: dict[Kind, dict[str, list[AnyArray]]] = {kind: {} for kind in KINDS}
@@ -151,13 +195,13 @@ def play_recordings(
         scores.append(score)
 
     def result(kind: Kind) -> dict[str, AnyArray]:
-        return {name: _joined(arrays) if batched else arrays[0][0] for name, arrays in kept[kind].items()}
+        return {name: joined(arrays) if batched else arrays[0][0] for name, arrays in kept[kind].items()}
 
-    score = _joined(scores)
+    score = joined(scores)
     return SimulationResult(
         spikes=result("spikes"), u=result("u"), v=result("v"), potential=result("potential"),
         activity={phase: tuple(items) for phase, items in activity.items()},
-        count_tables={phase: _joined(tables) for phase, tables in counts.items()},
+        count_tables={phase: joined(tables) for phase, tables in counts.items()},
         events={
             name: dict(zip(EVENTS, kinds, strict=True))
             for phase, found in events.items()
@@ -190,11 +234,6 @@ def _plan(program: ChipProgram, probes: tuple[Probe, ...], rows: int, steps: int
         deciding = PhaseProbes(program, phase.name, decisive, many) if decisive else None
         parts.append(_Part(phase, wanted, deciding, keeping, keeping.windows()))
     return parts, max(length_of(program, phase, rows, steps) for phase in program.phases)
-
-
-def _joined(parts: list[NDArray[T]]) -> NDArray[T]:
-    """Return the parts of a batch as one."""
-    return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
 def _classes(program: ChipProgram) -> int:

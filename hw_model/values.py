@@ -1,6 +1,6 @@
 """Values: frozen dataclasses by their base, arrays by what they hold; and what one is in a line."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any, Self, TypeVar, dataclass_transform
 
@@ -21,6 +21,11 @@ def sealed(array: NDArray[T]) -> NDArray[T]:
     """Return an array itself, which nobody can write to any more: frozen dataclasses do not freeze their arrays."""
     array.setflags(write=False)
     return array
+
+
+def joined(parts: Sequence[NDArray[T]]) -> NDArray[T]:
+    """Return the parts of a batch as one array."""
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
 def picked(record: object, *names: str) -> dict[str, Any]:

@@ -5,12 +5,9 @@ in the cache folder of the user: the first that can be written. Where none can, 
 """
 
 import logging
-import os
 import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache, partial
-from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -165,25 +162,3 @@ def _stamp_of_loops() -> tuple[tuple[int, int], ...]:
     """Return age and size of every file of this package that holds compiled loops, or constants of theirs."""
     files = [(Path(__file__).parents[1] / f"{name}.py").stat() for name in FILES_OF_LOOPS]
     return tuple((file.st_mtime_ns, file.st_size) for file in files)
-
-
-def in_parts(work: Callable[[int, int], Any], batch: int) -> list[Any]:
-    """Run ``work(start, stop)`` on even parts of a batch, one a core, in threads, and return what they return."""
-    parts = min(batch, cores())
-    if parts == 1:
-        return [work(0, batch)]
-    first, *rest = pairwise(batch * part // parts for part in range(parts + 1))
-    others = [_threads(os.getpid()).submit(work, *part) for part in rest]
-    return [work(*first), *(other.result() for other in others)]
-
-
-@lru_cache(maxsize=1)
-def cores() -> int:
-    """Return how many cores this machine has; asking it takes as long as a short recording's last steps."""
-    return os.cpu_count() or 1
-
-
-@lru_cache(maxsize=1)
-def _threads(process: int) -> ThreadPoolExecutor:
-    """Return the threads of this process; a fork has none of its parent's."""
-    return ThreadPoolExecutor(cores(), thread_name_prefix="hw_model")

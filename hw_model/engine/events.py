@@ -7,20 +7,30 @@ import numpy as np
 from hw_model.engine.compiled import called, compiled
 from hw_model.engine.lanes import Given, Place, Returned, kernel, put
 from hw_model.engine.layout import LANES
+from hw_model.engine.threads import in_parts
 from hw_model.engine.trace import EventLists
 from hw_model.mapping.graph import Input
-from hw_model.values import ByteArray, IntArray
+from hw_model.values import ByteArray, Int32Array, IntArray, joined
 
 
 def list_events(recordings: ByteArray) -> EventLists:
     """Return the spikes of recordings (batch, rows, channels), 0 or 1, as lists."""
-    first = np.zeros((len(recordings), recordings.shape[1] + 1), dtype=np.int64)
+    first = np.empty((len(recordings), recordings.shape[1] + 1), dtype=np.int64)
     # A copy of what is read-only: loops are compiled anew for it.
-    plain = (recordings if recordings.flags.carray else np.array(recordings, order="C")).reshape(-1)
-    # Bytes of 0 and 1 are booleans, and numpy counts these fastest.
-    channel = np.empty(np.count_nonzero(plain.view(np.bool_)) + LANES, dtype=np.int32)
-    called(list_into, plain, recordings.shape[2], first, channel)
-    return EventLists(first, channel[:-LANES])
+    plain = recordings if recordings.flags.carray else np.array(recordings, order="C")
+
+    def listed(low: int, high: int) -> tuple[IntArray, Int32Array]:
+        given, starts = plain[low:high].reshape(-1), first[low:high]
+        # Bytes of 0 and 1 are booleans, and numpy counts these fastest.
+        channel = np.empty(np.count_nonzero(given.view(np.bool_)) + LANES, dtype=np.int32)
+        called(list_into, given, recordings.shape[2], starts, channel)
+        return starts, channel[:-LANES]
+
+    parts, before = in_parts(listed, len(recordings), plain.size), 0
+    for starts, channel in parts:
+        starts += before
+        before += len(channel)
+    return EventLists(first, joined([channel for _, channel in parts]))
 
 
 def transpose(events: EventLists, item: Input, steps: int) -> EventLists:

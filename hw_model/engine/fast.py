@@ -6,10 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from hw_model.engine.compiled import compiled, entry, in_parts, inner
+from hw_model.engine.compiled import compiled, entry, inner
 from hw_model.engine.lay_out import fast_layout
 from hw_model.engine.layout import CHARGE_WRAPS, FIELDS, LANES, FastLayout
 from hw_model.engine.state import NOTHING_KEPT, Kept, KeptRegister, State, Workspace, first_state, reset, workspace
+from hw_model.engine.threads import in_parts
 from hw_model.engine.tiles import run_tile
 from hw_model.engine.trace import NOTHING, REGISTERS, SKIPPED, EventLists, PhaseInput, PhaseTrace, Register, Window
 from hw_model.program.chip_program import ChipProgram

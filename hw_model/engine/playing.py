@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from hw_model.engine.threads import in_parts
 from hw_model.engine.trace import EventLists, PhaseInput
 from hw_model.errors import InputError
 from hw_model.io.given import as_array
@@ -39,7 +40,11 @@ def _stream(name: str, given: ArrayLike, channels: int) -> ByteArray:
         measured = f"{array.shape} against (steps, {channels}) or (batch, steps, {channels})"
         raise InputError(where, "the shape does not fit", measured=measured, fix="Give one column per channel.")
     if array.dtype.kind == "u":
-        binary = array.size == 0 or np.maximum.reduce(array, axis=None) <= 1
+
+        def largest(low: int, high: int) -> int:
+            return int(np.maximum.reduce(array[low:high], axis=None, initial=0))
+
+        binary = max(in_parts(largest, len(array), array.nbytes)) <= 1
     else:
         binary = array.dtype.kind in "bif" and bool(((array == 0) | (array == 1)).all())
     if not binary:

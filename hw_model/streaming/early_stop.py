@@ -8,9 +8,9 @@ import numpy as np
 
 from hw_model.accounting.cost import step_times
 from hw_model.description.counts import BY_CORE, Counts
-from hw_model.engine.compiled import in_parts
 from hw_model.engine.playing import Spikes, read_streams
 from hw_model.engine.probes import Kind, Probe
+from hw_model.engine.threads import in_parts
 from hw_model.errors import InputError
 from hw_model.io.given import checked
 from hw_model.program.chip_program import ChipProgram

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 import hw_model as hw
-from hw_model.engine.compiled import in_parts
+from hw_model.engine.threads import in_parts
 from hw_model.streaming.session import check_psi, location_share
 from hw_model.values import ByteArray, FloatArray, Frozen, IntArray, added
 from locsnn_compile.cluster.spread import Spread, here

@@ -14,7 +14,7 @@ from hybrids import random_hybrid
 
 import hw_model as hw
 from hw_model.engine import compiled, events
-from hw_model.streaming import time_phase
+from hw_model.streaming import session, time_phase
 
 KINDS: dict[str, Callable[[np.ndarray], object]] = {
     "bytes": lambda rows: rows,
@@ -45,7 +45,7 @@ class OfOneKind:
 @pytest.fixture
 def watched(monkeypatch):
     watch = OfOneKind()
-    for module in (events, time_phase):
+    for module in (events, session, time_phase):
         monkeypatch.setattr(module, "called", watch)
     return watch
 
@@ -63,7 +63,7 @@ def test_recordings_of_every_kind_reach_compiled_code_as_one(watched, kind):
         scores = np.concatenate([by_row.push(row).scores for row in rows])
         assert np.array_equal(at_once.scores, scores)
         assert np.array_equal(scores[-1], wanted.scores)
-    assert {function.__name__ for function in watched.given} == {"list_into", "_transpose", "_sum_up"}
+    assert {function.__name__ for function in watched.given} == {"list_into", "_transpose", "_sum_up", "weigh"}
 
 
 FIRST, CHANNEL = np.zeros((1, 2), np.int64), np.zeros(40, np.int32)

@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+import hw_model as hw
 from hw_model.engine import events as event_scan
-from hw_model.engine import playing
+from hw_model.engine import playing, threads
 from hw_model.engine.trace import PhaseInput
 from hw_model.mapping.graph import Input, read_only
 
@@ -106,3 +107,18 @@ def test_events_become_lines(module, positions, first_lines, lines, steps, wante
     assert found.rows == steps
     assert not found.first[0].any()
     assert [part.tolist() for part in np.split(found.channel, found.first[1, 1:-1])] == wanted
+
+
+def test_a_long_batch_is_listed_in_threads_as_one():
+    """Lists of more than a part begin where those of the parts before end; a byte beyond 1 in the last part is refused."""
+    recordings = (np.random.default_rng(0).random((5, 300, 500)) < 0.02).astype(np.uint8)
+    assert recordings.nbytes > threads.LITTLE
+    wanted, found = playing.list_events(recordings), event_scan.list_events(recordings)
+    assert np.array_equal(found.first, wanted.first)
+    assert np.array_equal(found.channel, wanted.channel)
+    program = hw.ProgramBuilder(hw.chip("loihi-sim"))
+    n = program.add_compartments("n", 1, threshold=90)
+    program.connect(program.add_input("x", 500), n, np.full((1, 500), 2))
+    recordings[-1, -1, -1] = 2
+    with pytest.raises(hw.InputError, match="values other than 0 and 1"):
+        hw.simulate(program.build(), recordings)

@@ -1,0 +1,95 @@
+"""An empty recording is played once for a program; later ones are given what it did, as copies."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import hw_model as hw
+from hw_model import simulation
+
+KINDS = ("spikes", "u", "v", "potential", "activity")
+STEPS = 40
+
+
+def biased() -> hw.ChipProgram:
+    """Compartments that spike and clip by their bias alone."""
+    builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
+    x = builder.add_input("x", 3)
+    y = builder.add_compartments("y", 20, threshold=90, bias=640 * np.arange(20), decay_u=4096, decay_v=100)
+    low = builder.add_compartments("low", 2, threshold=90, bias=-64_000, decay_v=0, vmin=1 - 2**13)
+    builder.connect(x, y, np.full((20, 3), 100))
+    builder.connect(y, low, np.full((2, 20), 4))
+    builder.read_out(y)
+    return builder.build()
+
+
+def parts(value: object) -> list[np.ndarray]:
+    """Return all arrays of a result."""
+    if isinstance(value, np.ndarray):
+        return [value]
+    if isinstance(value, dict):
+        value = tuple(value.values())
+    if isinstance(value, tuple):
+        return [array for item in value for array in parts(item)]
+    if isinstance(value, (hw.SimulationResult, simulation.StepActivity)):
+        held = {name: item for name, item in vars(value).items() if name not in ("pieces", "routes")}
+        return parts(held)
+    return []
+
+
+def equal(one: hw.SimulationResult, other: hw.SimulationResult) -> bool:
+    pairs = list(zip(parts(one), parts(other), strict=True))
+    return one.events == other.events and all(np.array_equal(a, b) and a.dtype == b.dtype for a, b in pairs)
+
+
+@pytest.mark.parametrize("batched", [False, True], ids=["rows", "a batch of one"])
+def test_a_second_empty_recording_equals_the_first_and_the_plain_engine(batched):
+    program, nothing = biased(), np.zeros((STEPS, 3), dtype=np.uint8)
+    nothing = nothing[None] if batched else nothing
+    plain = hw.simulate(program, nothing, engine="reference", probe=KINDS)
+    assert plain.counts.spikes > 0
+    assert plain.counts.voltage_clips > 0
+    for _ in range(2):
+        found = hw.simulate(program, nothing, probe=KINDS)
+        assert equal(found, plain)
+        for array in parts(found):  # what one caller does with its own is nobody else's
+            array[...] = 77
+        for kinds in found.events.values():
+            kinds.clear()
+
+
+def test_nothing_is_remembered_of_another_question():
+    """Rows, steps, probes, skipping, a batch or not, and any event make it another one."""
+    program, nothing = biased(), np.zeros((STEPS, 3), dtype=np.uint8)
+    hw.simulate(program, nothing)
+    assert hw.simulate(program, nothing[:7]).spikes["y"].shape == (7, 20)
+    assert hw.simulate(program, nothing, 9).spikes["y"].shape == (9, 20)
+    assert hw.simulate(program, nothing[None]).spikes["y"].shape == (1, STEPS, 20)
+    assert hw.simulate(program, nothing, probe=("u",)).u["y"].shape == (STEPS, 20)
+    assert hw.simulate(program, np.stack([nothing] * 3)).spikes["y"].shape == (3, STEPS, 20)
+    other = biased()
+    assert hw.simulate(other, nothing, skip=False).counts.skipped_steps == 0
+    for row, channel in ((0, 0), (STEPS - 1, 2)):
+        one = nothing.copy()
+        one[row, channel] = 1
+        assert hw.simulate(program, one).counts.input_events == 1
+
+
+def test_an_empty_recording_is_played_once(monkeypatch):
+    played = []
+    monkeypatch.setattr(simulation, "play", lambda *given, play=simulation.play: (played.append(1), play(*given))[1])
+    program, nothing = biased(), np.zeros((STEPS, 3), dtype=np.uint8)
+    for _ in range(3):
+        hw.simulate(program, nothing)
+    assert len(played) == 1
+    for _ in range(2):
+        hw.simulate(program, nothing, engine="reference")
+    assert len(played) == 3
+
+
+def test_what_is_large_is_not_remembered(monkeypatch):
+    monkeypatch.setattr(simulation, "MAX_REMEMBERED", 22 * STEPS - 1)
+    before = simulation._of_nothing.cache_info().misses
+    assert hw.simulate(biased(), np.zeros((STEPS, 3), dtype=np.uint8)).counts.spikes > 0
+    assert simulation._of_nothing.cache_info().misses == before
