@@ -216,7 +216,7 @@ def page(work: Path) -> str:
     """Return the section's table from the figures that are there."""
     found = [json.loads(path.read_text(encoding="utf-8")) for path in sorted((work / "tuned").glob("*.json"))]
     head = (
-        "| network | strategy | bits | accuracy | less float | spike mismatches | energy, µJ | of `dendrite` | compartments | synapses |",
+        "| network | strategy | bits | accuracy | against float | spike mismatches | energy, µJ | against `dendrite` | compartments | synapses |",
         "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |",
     )
     lines = [*head]
