@@ -88,17 +88,44 @@ def test_a_net_as_nir_has_the_same_constants(name, tmp_path):
     assert (exact & floats).sum() > 0.9 * exact.sum()
 
 
-def test_a_quantised_chain_goes_to_lava_dl_and_back_spike_for_spike(tmp_path):
-    nir.write(tmp_path / "model.nir", GRAPHS["lif"][0])
-    quantized = quantize(lc.load(tmp_path / "model.nir", dt=DT), CHIP, 6)
-    fits = all(p.exponent == 0 for p in quantized.projections)
-    if not fits:
-        with pytest.raises(lc.InputError, match="not even numbers of 8 bits"):
-            exchange_file("net", quantized)
-        return
+def chain(*mantissas):
+    """Integers of one layer behind ten channels, in as many formats as there are mantissas."""
+    cells = lc.ChipCuba.of(3, decay_u=1024, decay_v=128, threshold=100)
+    parts = tuple(lc.ChipProjection("touch", "cells", m, exponent, 8) for exponent, m in enumerate(mantissas))
+    touch, readout = lc.InputView("touch", "time", 10), lc.Readout(("cells",), (1.0,))
+    return quantize(
+        lc.Network("chain", 10, 40, (touch,), (lc.Population("cells", "time", 3, cells),), parts, readout), CHIP
+    )
+
+
+EVEN = 2 * np.random.default_rng(5).integers(-60, 128, (3, 10))
+
+
+def test_integers_go_to_lava_dl_and_back_spike_for_spike(tmp_path):
+    quantized = chain(EVEN)
     (tmp_path / "model.net").write_bytes(exchange_file("net", quantized))
     given = spikes((10,))[None]
-    np.testing.assert_array_equal(
-        evaluate(lc.load(tmp_path / "model.net"), given).spikes["layer1"],
-        evaluate(quantized.on_grid(), given).spikes["lif"],
-    )
+    found = evaluate(lc.load(tmp_path / "model.net"), given).spikes["layer1"]
+    assert found.any()
+    np.testing.assert_array_equal(found, evaluate(quantized.on_grid(), given).spikes["cells"])
+
+
+@pytest.mark.parametrize(
+    ("mantissas", "what"),
+    [
+        ((EVEN + 1,), "its weights are not even numbers of 8 bits (-119..255 against -256..254)"),
+        ((EVEN, 64 * (EVEN > 0)), "its weights have several formats"),
+    ],
+    ids=["odd", "formats"],
+)
+def test_weights_that_lava_dl_has_no_place_for(mantissas, what):
+    """The message advised fewer weight bits, which do not help, or said that a layer of two formats is not a layer."""
+    with pytest.raises(lc.InputError) as caught:
+        exchange_file("net", chain(*mantissas))
+    assert str(caught.value) == f"--emit net, population 'cells': {what}. Emit another kind."
+
+
+def test_float_weights_above_their_threshold_do_not_go_to_lava_dl(tmp_path):
+    nir.write(tmp_path / "model.nir", GRAPHS["lif"][0])
+    with pytest.raises(lc.InputError, match="not even numbers of 8 bits"):
+        exchange_file("net", quantize(lc.load(tmp_path / "model.nir", dt=DT), CHIP, 6))

@@ -47,8 +47,11 @@ def net_file(quantized: QuantizedNetwork) -> NetFile:
     for number, q in enumerate(quantized.populations, start=1):
         name = q.population.name
         onto = [p for p in quantized.projections if p.target == name]
-        if [p.source for p in onto if p.source != name] != [before] or len(onto) > 2:
+        sources = {p.source for p in onto}
+        if sources - {name} != {before}:
             raise InputError(f"{_WHERE}, population {name!r}", "it is not the next layer of a chain", fix=_OTHER)
+        if len(sources) < len(onto):
+            raise InputError(f"{_WHERE}, population {name!r}", "its weights have several formats", fix=_OTHER)
         layers.append(_layer(number, q, onto))
         before = name
     return NetFile(tuple(layers), {})
@@ -92,6 +95,5 @@ def _weights(projection: ChipProjection, where: str) -> Any:
     weights = np.floor(dense * 2.0**projection.exponent).astype(np.int64)
     if (weights % 2).any() or weights.min(initial=0) < -256 or weights.max(initial=0) > 254:
         measured = f"{weights.min()}..{weights.max()} against -256..254"
-        fix = "Compile with --weight-bits 6, or emit another kind."
-        raise InputError(where, "its weights are not even numbers of 8 bits", measured=measured, fix=fix)
+        raise InputError(where, "its weights are not even numbers of 8 bits", measured=measured, fix=_OTHER)
     return weights
