@@ -104,6 +104,21 @@ def test_scores_that_are_apart_are_said(document: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize(
+    ("error", "said"),
+    [(2e-13, "equal"), (0.0, "equal"), (2e-9, "differ by < 0.000001 % of their spread"), (None, "not compared")],
+    ids=["float rounding", "nothing", "little", "unknown"],
+)
+def test_scores_that_only_floats_round_are_equal(document: dict[str, Any], error: float | None, said: str) -> None:
+    document["match"] |= EQUAL | READ | {"score_error": error}
+    assert next(fact.value for fact in matches(document).facts if fact.label == "class scores") == said
+
+
+def test_a_network_in_its_own_integers_is_as_trained(document: dict[str, Any]) -> None:
+    document["match"]["reference"] = "integers"
+    assert matches(document).facts[0].value == "85.0 % on the chip, 90.0 % as trained (−5.00 points)"  # noqa: RUF001
+
+
+@pytest.mark.parametrize(
     ("cores", "status", "fullest"),
     [
         pytest.param((2, 128), "yes", "synapse formats of a core, 3 of 16 (18.8 %)", id="room-left"),

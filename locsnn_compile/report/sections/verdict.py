@@ -18,6 +18,8 @@ MOST_SCORE_ERROR = 0.05
 
 Nothing else compares potentials, and a few recordings keep their class at errors that change the class of others.
 """
+_ROUNDING = 1e-9
+"""Class scores whose error is smaller differ only as floats round."""
 SPIKE_FOR_SPIKE = "Yes, spike for spike"
 SAME_CLASSES = "Nearly, in every prediction"
 
@@ -174,11 +176,16 @@ def _accuracy(document: Document) -> str:
     if accuracy is None:
         return "not known, because the recordings have no labels"
     chip, reference = accuracy["chip"], accuracy["reference"]
-    return f"{share(chip)} on the chip, {share(reference)} float ({points(chip - reference)})"
+    network = "as trained" if document["match"]["reference"] == "integers" else "float"
+    return f"{share(chip)} on the chip, {share(reference)} {network} ({points(chip - reference)})"
 
 
 def _scores(match: Document) -> str:
-    return known(match["score_error"], lambda error: f"differ by {share(error)} of their spread", "not compared")
+    return known(
+        match["score_error"],
+        lambda error: f"differ by {share(error)} of their spread" if error > _ROUNDING else "equal",
+        "not compared",
+    )
 
 
 def _first_difference(document: Document) -> str:
