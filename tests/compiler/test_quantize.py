@@ -12,7 +12,7 @@ from networks import NEURON, hybrid, single
 import hw_model as hw
 from hw_model.arithmetic.fixed_point import WEIGHT_BITS
 from locsnn_compile.errors import TargetError
-from locsnn_compile.network.neurons import Cuba
+from locsnn_compile.network.neurons import Cuba, SoftCuba
 from locsnn_compile.network.projections import values_of
 from locsnn_compile.passes.kernels import one_decay
 from locsnn_compile.passes.quantize import quantize
@@ -81,8 +81,13 @@ def test_gain_and_error_are_those_of_the_kernels(tau):
             "population 'time_hidden': no scale holds both the threshold and the largest weight "
             "(one weight reaches 3.21e+07 thresholds against 32138). Train with smaller weights, or a higher threshold.",
         ),
+        (
+            single(SoftCuba.of(1, decay_u=1.0, decay_v=0.1, threshold=1.0, drop=1e6)),
+            "population 'n': no scale holds both the threshold and the drop of a spike (a spike takes 1e+06 thresholds "
+            "against 32767). Train with a smaller drop, or a higher threshold.",
+        ),
     ],
-    ids=["tau too long", "weights too large"],
+    ids=["tau too long", "weights too large", "a drop too large"],
 )
 def test_what_no_scale_fits(network, message):
     with pytest.raises(TargetError) as caught:

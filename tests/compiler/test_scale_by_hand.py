@@ -28,6 +28,8 @@ CHOICES = {
     "the coarsest exponent": (8.0, CHIP, 8191, 16, (7, 4080)),
     "a quotient just below 13": (255 / 13, CHIP, 25, 16, (0, 13)),
     "no exponent fits below the limit": (1.0, CHIP, 100, 16, (0, 100)),
+    "a weight of more thresholds than a mantissa": (1520.0, CHIP, 1, 16, (3, 1)),
+    "a weight of exactly the largest mantissa": (510.0, CHIP, 1, 16, (1, 1)),
 }
 
 
@@ -40,6 +42,7 @@ ONE = {"decay_v": 1.0, "threshold": 1.0}
 SCALES = {
     "the largest bias fits, rule included": (ONE | {"bias": 1.0}, [0.0], 0, 8189),
     "many weights may wrap, none loses bits": (ONE, [1.0] * 200, 0, 255),
+    "heavy weights may wrap together": (ONE, [800.0] * 50, 2, 1),
     "bounded by the threshold: one fits": (ONE, [0.25] * 4, 5, 32640),
     "a bias passes the bound": (ONE | {"bias": 0.5}, [1.0], 5, 8160),
     "inputs pass the bound": (ONE, [0.75, 0.75], 4, 5440),

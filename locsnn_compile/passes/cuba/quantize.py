@@ -39,7 +39,7 @@ def quantize_cuba(neuron: Cuba, task: Task) -> Scaled:
     strongest = float((np.abs(bias) / neuron.threshold).max())
     bias_max = ((1 << chip.registers.bias_mantissa_bits) - 1) << chip.registers.bias_exponent_max
     lossless = 0.0 if bounded else grid.high / max(heaviest, 1e-9)
-    mantissa_max = int(min(chip.registers.threshold_mantissa_max, max(room, lossless)))
+    mantissa_max = int(min(chip.registers.threshold_mantissa_max, max(room, lossless, 1.0)))
     if strongest > bias_max / 128:
         measured = f"one bias reaches {strongest:.6g} thresholds against {bias_max / 128:.0f}"
         raise task.no_scale("largest bias", measured, "Train with smaller biases, or a higher threshold.")
@@ -93,7 +93,11 @@ def quantize_soft(neuron: SoftCuba, task: Task) -> Scaled:
     own, coarse = own_grid(chip), _coarse(own_grid(chip))
     # The largest charge that a coarse and a fine self-synapse hold exactly, in units of the threshold mantissa.
     held = (own.high // own.step << coarse) + (1 << coarse) - 1
-    cap = int(min(held, largest_charge(chip)) / max(deepest, 1.0))
+    most = min(held, largest_charge(chip))
+    if deepest > most:
+        measured = f"a spike takes {deepest:.3g} thresholds against {most}"
+        raise task.no_scale("drop of a spike", measured, "Train with a smaller drop, or a higher threshold.")
+    cap = int(most / max(deepest, 1.0))
     exponent, threshold = checked_scale(task, heaviest, cap, 0)
     drop = np.rint(threshold * neuron.drop / neuron.threshold).astype(np.int64)
     made = ChipSrm(decay_u, decay_v, np.full(len(drop), threshold), _taps(drop, decay_u, own))

@@ -132,7 +132,9 @@ def exponent_and_threshold(
     fits = [min(grid.high * 2**e, most) / heaviest - over / 64 if heaviest else math.inf for e in range(8)]
     exponent = max((e for e, threshold in enumerate(fits) if threshold <= cap), default=None)
     if exponent is not None:
-        return exponent, int(fits[exponent] * WHOLE)
+        # Some weights are more thresholds than a mantissa holds: they need a larger exponent for a threshold of 1.
+        exponent = next((e for e in range(exponent, len(fits)) if fits[e] * WHOLE >= 1), exponent)
+        return exponent, min(int(fits[exponent] * WHOLE), cap)
     return min(0, exponent_holding(heaviest * (cap + over / 64), grid)), cap
 
 
