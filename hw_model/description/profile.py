@@ -40,10 +40,14 @@ class StaticPower(Frozen):
 
 
 class NotIncluded(Frozen):
-    """Something that a profile does not price; ``bound_pj`` is an upper bound per count, if one is known."""
+    """Something that a profile does not price, with an upper bound if one is known.
+
+    The bound is so many picojoules for each count in ``bound_pj``, and ``bound_recording_pj`` for every recording.
+    """
 
     what: Text
     bound_pj: Mapping[str, Cost] = field(default_factory=dict)
+    bound_recording_pj: Cost = 0.0
     bound_source: str = ""
 
     @staticmethod

@@ -191,7 +191,9 @@ profiles:
       chip_mw: {leakage:.5f}
       source: "cell_leakage_power of cells and macros in the liberty files"
     not_included:
-      - "cleaning of the macros, {fixed:.0f} pJ per recording"
+      - what: cleaning of the memories
+        bound_recording_pj: {fixed:.0f}
+        bound_source: writes of macros at gate level
       - transitions of gates before they settle (glitches)
       - pads, input and output, supply and clock generation
 """.replace("{supply}", SUPPLY)

@@ -32,6 +32,7 @@ from hw_model.rtl.images import CoreProgram
 from hw_model.rtl.memory_needs import arrays_of
 from hw_model.rtl.memory_plan import check
 from hw_model.rtl.simulators import sources
+from locsnn_compile.report.figures.energy import _left_out
 
 NEEDS_LIBRARY = pytest.mark.skipif(
     not (runs.LIBRARY / runs.CELLS).is_file(), reason="the liberty files are not next to the repository"
@@ -455,6 +456,18 @@ def test_every_price_is_within_its_range():
     for name, pj in profile.energy_pj.items():
         least, most = profile.energy_pj_range[name]
         assert 0 < least <= most == pj
+
+
+def test_a_report_bounds_what_cleaning_takes_and_nothing_else_that_is_left_out():
+    profile = hw.chip("locsnn-130nm").profile("ihp-sg13g2")
+    rows = _left_out(hw.Counts(), profile, 3, None)
+    cleaning = profile.not_included[0].bound_recording_pj
+    assert 10_000 < cleaning < 1e6
+    assert [(row["what"], row["at_most_pj"], row["bound_source"]) for row in rows] == [
+        ("cleaning of the memories", cleaning, "writes of macros at gate level"),
+        ("transitions of gates before they settle (glitches)", None, None),
+        ("pads, input and output, supply and clock generation", None, None),
+    ]
 
 
 def test_a_profile_of_a_core_in_cells_may_be_chosen_and_one_of_a_device_not():

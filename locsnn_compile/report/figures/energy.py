@@ -138,8 +138,11 @@ def _left_out(counts: Counts, profile: hw.Profile, samples: int, static: Documen
     """Return what the energy leaves out, with an upper bound where one is known."""
     rows = []
     for item in profile.not_included:
-        bound = sum(counts[name] * pj for name, pj in item.bound_pj.items()) / samples if item.bound_pj else None
-        rows.append({"what": item.what, "at_most_pj": bound, "bound_source": item.bound_source or None})
+        bound = item.bound_recording_pj + sum(counts[name] * pj for name, pj in item.bound_pj.items()) / samples
+        known = bool(item.bound_pj) or bound > 0
+        rows.append({
+            "what": item.what, "at_most_pj": bound if known else None, "bound_source": item.bound_source or None,
+        })  # fmt: skip
     if static:
         what = f"static power ({static['chip_mw']:g} mW per chip, {static['source']})"
         bound = static["at_real_time_pj"]
