@@ -105,6 +105,13 @@ def test_what_makes_them_less_comparable(builds: tuple[Build, Build]) -> None:
     assert (report.verdicts[1].status, report.verdicts[1].answer) == ("unknown", "Not comparable")
 
 
+@pytest.mark.parametrize("change", [{"events_source": "others.npz"}, {"samples": 3}], ids=["others", "fewer"])
+def test_costs_of_different_recordings_are_not_comparable(builds: tuple[Build, Build], change: dict[str, Any]) -> None:
+    builds[1].report["match"] |= change
+    cost = comparison(*builds).verdicts[1]
+    assert (cost.status, cost.answer) == ("unknown", "Not comparable")
+
+
 @pytest.mark.parametrize("value", [None, "much", True, float("nan"), 10**400, [1]])
 def test_a_report_without_a_number_is_refused(builds: tuple[Build, Build], value: Any) -> None:
     builds[1].report["energy"]["per_sample_pj"] = value

@@ -159,6 +159,7 @@ def _costs(before: Build, after: Build) -> Verdict:
     )
     a, b = before.number(key), after.number(key)
     comparable = before.text("energy.profile") == after.text("energy.profile")
+    comparable &= _recordings(before) == _recordings(after)
     status: Status = "unknown" if not comparable else "yes" if b <= a else "no"
     answer = "Not comparable" if not comparable else "The same" if a == b else "Less" if b < a else "More"
     by = percent(a, b)
@@ -177,13 +178,15 @@ def _changed(before: Build, after: Build, group: str) -> Facts:
     return Facts(tuple(Fact(label, _both(before, after, key, shown)) for label, key, shown in _named(group)))
 
 
+def _recordings(build: Build) -> str:
+    """Return how many recordings a build was checked on, and which."""
+    return f"{plural(build.number('match.samples'), 'recording')} of {build.text('match.events_source')}"
+
+
 def _notices(before: Build, after: Build) -> tuple[Notice, ...]:
     """Return what makes the two less comparable."""
     models, profiles = ({build.text(key) for build in (before, after)} for key in ("model.sha256", "energy.profile"))
-    recordings = [
-        f"{plural(build.number('match.samples'), 'recording')} of {build.text('match.events_source')}"
-        for build in (before, after)
-    ]
+    recordings = [_recordings(build) for build in (before, after)]
     found = []
     if len(models) > 1:
         found.append(notice("models differ"))
