@@ -238,7 +238,10 @@ def test_class_names_travel_and_must_agree(capsys: Capture) -> None:
         "slide, twist). Give recordings of the same classes, in the same order.\n"
     )
     assert train(other, "--grid", "4x5", "--from", "a.pt", output="b.pt") == 2
-    assert "than those of the network to start from" in capsys.readouterr().err
+    assert capsys.readouterr().err == (
+        "recordings 'b.npz': their classes have other names than those of the network to start from (twist, slide, press "
+        "against press, slide, twist). Give recordings of the same classes, in the same order.\n"
+    )
 
 
 @pytest.mark.parametrize("names", [("press", "slide"), ("press", "press", "twist"), ("press", "", "twist")])
@@ -300,7 +303,10 @@ def test_events_shows_places_of_the_sensor(capsys: Capture) -> None:
     assert "busiest channels  11 (row 2, column 2 falling) 9\n" in printed
     assert "recording 0, label 2 (twist):\n" in printed
     assert locsnn_main(["events", "a.npz", "--grid", "4x4"]) == 2
-    assert "(40 against 32)" in capsys.readouterr().err
+    assert capsys.readouterr().err == (
+        "recordings 'a.npz': their channels are not those of sensor 'grid 4x4' (40 against 32). Say which sensor it was: "
+        "--grid WxH, with --polarities 1 or 2, --channels N, or --layout FILE.\n"
+    )
 
 
 @pytest.mark.parametrize("name", ["b.npz", "b.pt"])

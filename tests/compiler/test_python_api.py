@@ -144,8 +144,11 @@ def test_a_folder_holds_what_the_command_writes(compiled, tmp_path):
 
 def test_a_folder_that_cannot_be_written_is_refused(compiled, tmp_path):
     (tmp_path / "file").write_text("mine")
-    with pytest.raises(lc.InputError, match="cannot be written"):
+    with pytest.raises(lc.InputError) as caught:
         compiled.save(tmp_path / "file")
+    assert str(caught.value) == (
+        "output 'file': cannot be written: not a directory. Choose a folder you may write to with -o."
+    )
     assert (tmp_path / "file").read_text() == "mine"
 
 

@@ -21,8 +21,11 @@ def test_options_are_passed_on_and_said_again(model):
     file = ModelFile(str(model), config="a.yaml", dt=0.001, reset="zero", discretisation="exact", kernels="cut")
     wanted = ["--config", "a.yaml", "--dt", "0.001", "--reset", "zero", "--discretisation", "exact", "--kernels", "cut"]
     assert file.arguments() == [str(model), *wanted]
-    with pytest.raises(InputError, match="dt was given"):
+    with pytest.raises(InputError) as caught:
         replace(file, config=None).load()
+    assert str(caught.value) == (
+        f"model '{model.name}': dt was given, but a checkpoint contains this itself. Leave dt out."
+    )
 
 
 def test_it_has_every_argument_of_load_and_the_command_every_option():

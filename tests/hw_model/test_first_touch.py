@@ -188,8 +188,9 @@ def test_a_late_phase_is_transposed_as_a_whole_or_not_at_all(tmp_path):
     program, _ = random_hybrid(4)
     turned = replace(program.phases[0], axis="location", align_events=1)
     replace(program, phases=(turned, program.phases[1])).save(tmp_path)
-    with pytest.raises(hw.InputError, match="phases: its starts do not make a program"):
+    with pytest.raises(hw.InputError) as caught:
         hw.load_program(tmp_path)
+    assert str(caught.value) == "phases: its starts do not make a program. Compile it again."
 
 
 def test_steps_before_the_touch_take_no_time():

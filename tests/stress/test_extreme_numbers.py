@@ -75,7 +75,10 @@ def test_what_no_scale_holds_is_named(network, strategy, message):
 def test_few_bits_hold_smaller_weights():
     with pytest.raises(TargetError) as caught:
         lower(one(Cuba.of(1, decay_v=1.0, threshold=1.0), 2e4), CHIP, 1)
-    assert "(one weight reaches 2e+04 thresholds against 16384)" in str(caught.value)
+    assert str(caught.value) == (
+        "population 'n': no scale holds both the threshold and the largest weight (one weight reaches 2e+04 thresholds "
+        "against 16384). Train with smaller weights, or a higher threshold."
+    )
 
 
 @pytest.mark.parametrize("strategy", ["dendrite", "delay-line", "reset"])
@@ -241,7 +244,16 @@ def test_rounding_for_recordings_takes_what_is_nearly_nothing(neuron, weight):
     assert compiled.levels.quantized.population("n").neuron.threshold[0] <= CHIP.registers.threshold_mantissa_max
 
 
-@pytest.mark.parametrize("changes", [{"theta": 5e-324}, {"theta": 1.7e308}, {"tau_sr": 1e-320}])
-def test_networks_are_checked_before_anything_is_evaluated(changes):
-    with pytest.raises(InputError, match="a number to compute with"):
+@pytest.mark.parametrize(
+    ("changes", "what"),
+    [
+        ({"theta": 5e-324}, "theta is too small a number to compute with (4.94066e-324"),
+        ({"theta": 1.7e308}, "theta is too large a number to compute with (1.7e+308"),
+        ({"tau_sr": 1e-320}, "tau_sr is too small a number to compute with (9.99989e-321"),
+    ],
+    ids=["a tiny threshold", "a huge threshold", "a tiny time"],
+)
+def test_networks_are_checked_before_anything_is_evaluated(changes, what):
+    with pytest.raises(InputError) as caught:
         lc.compile(one(replace(SRM, **changes)), events=np.ones((1, 30, 1), dtype=np.uint8))
+    assert str(caught.value) == f"population 'n': {what} against 1e-100 to 1e+100). Give it in other units."
