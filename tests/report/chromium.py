@@ -2,6 +2,7 @@
 
 As a script it takes the pictures of a report that the documentation shows, and, with ``whole``, whole pages:
 ``python tests/report/chromium.py build/objects-hybrid/report.html docs/images``.
+The README shows the first of them, taken of ``objects-best``, as ``report-best.png``.
 """
 
 from __future__ import annotations

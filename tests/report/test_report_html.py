@@ -62,7 +62,7 @@ def test_key_figures_are_on_the_page(document: dict[str, Any]) -> None:
         "1.40 ms, 5,000 times faster than the 7.00 s recorded (profile davies2018)",
         "2 of 128 cores",
         "synapse formats of a core, 3 of 16 (18.8 %)",
-        "10.0 times fewer than CNN-3D and 2.00 times more than GRU-MLP (the float network, by the published method)",
+        "10.0 times fewer than CNN-3D and 2.00 times more than GRU-MLP (the trained network, by the published method)",
         "9.25 times fewer than CNN-3D and 2.16 times more than GRU-MLP (synaptic operations of the program)",
         "What was assumed:",
         "A step lasts 0.7 s, like the bins of the recordings, because the model does not say.",
@@ -182,7 +182,7 @@ def test_every_string_is_escaped(document: dict[str, Any], excerpt: Excerpt) -> 
         pytest.param(
             ("ann_comparison", "cnn-3d", "ratio"),
             None,
-            "paper operations nothing to compare: there were none (the float",
+            "paper operations nothing to compare: there were none (the trained",
             id="no-ratio",
         ),
         pytest.param(

@@ -191,7 +191,7 @@ def test_operations_are_of_the_float_network_or_of_the_program(
     for entry in document["ann_comparison"].values():
         entry |= changes
     facts = {fact.label: fact.value for fact in costs(document).facts}
-    assert facts["paper operations"] == f"{paper} (the float network, by the published method)"
+    assert facts["paper operations"] == f"{paper} (the trained network, by the published method)"
     assert facts["chip operations"] == f"{chip} (synaptic operations of the program)"
 
 
@@ -249,7 +249,7 @@ def test_nothing_at_all_still_makes_a_report(document: dict[str, Any]) -> None:
     document["resources"]["by_core"] = []
     document["quantization"] = {}
     made = str(compose(document))
-    assert "nothing to compare: there were none (the float network, by the published method)" in made
+    assert "nothing to compare: there were none (the trained network, by the published method)" in made
     assert "nothing to compare: there were none (synaptic operations of the program)" in made
     assert "No core is in use." in made
 

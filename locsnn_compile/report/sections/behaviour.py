@@ -63,7 +63,7 @@ def comparison(document: Document) -> Section:
         return section("comparison", text)
     chip = document["operations"]["per_sample"]["synaptic_ops"]
     rows = [
-        ("the float network, on paper", own, "1" if own else NONE, NONE),
+        ("the trained network, on paper", own, "1" if own else NONE, NONE),
         ("the program, synaptic operations", chip, NONE, "1" if chip else NONE),
     ]
     for name, entry in entries.items():
@@ -72,7 +72,7 @@ def comparison(document: Document) -> Section:
     most = max(row[1] for row in rows)
     its = Table(
         "Operations per recording",
-        ("network", "", "operations", "times the float network", "times the program"),
+        ("network", "", "operations", "times the trained network", "times the program"),
         tuple((name, Bar(share_of(n, most), f"{count(n)} operations"), count(n), *by) for name, n, *by in rows),
     )
     priced = _ann_energy(document) if document["energy"]["profile"] else ()

@@ -7,7 +7,7 @@ from locsnn_compile.report.told import facts, notice, verdict
 from locsnn_compile.report.words import limit_words, listed, sentence, stage_words, words
 
 _SIDES = {
-    "paper operations": ("ratio", "the float network, by the published method"),
+    "paper operations": ("ratio", "the trained network, by the published method"),
     "chip operations": ("chip_ratio", "synaptic operations of the program"),
 }
 """What is compared with conventional networks: the key of the ratio, and whose operations they are."""
