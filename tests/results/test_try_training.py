@@ -111,6 +111,20 @@ def test_rows_of_other_ways_stay(compare: Any) -> None:
     assert after[2][1] == " first division: other"
 
 
+def test_a_setting_begins_with_the_network_of_another_that_learned_from_the_same_folds(
+    compare: Any, tmp_path: Path
+) -> None:
+    still = "options: {epochs: 1, learning_rate: 1.0e-9, weight_decay: 0.0}"
+    rows, learned = compare(f"a: {{label: one, options: {{epochs: 9}}}}\nb: {{label: two, begin: a, {still}}}\n")
+    assert rows[1][2:] == rows[2][2:]
+    # The four of "a", then, fold by fold, "a" once more as a file and "b" from it.
+    assert [len(each) for each in learned] == [18] * 12
+    assert learned[4::2] == learned[5::2] == learned[:4]
+    first, second = (np.load(tmp_path / f"containers-{name}-0.npy") for name in "ab")
+    assert np.allclose(first, second, atol=1e-6)
+    assert np.abs(first).max() > 0.1
+
+
 def test_teachers_know_neither_what_they_score_nor_what_is_held_out(tmp_path: Path, compare: Any) -> None:
     from ways import folds
 
