@@ -176,6 +176,16 @@ def test_learning_rates() -> None:
     assert learning_rate(replace(CONFIG, schedule="constant"), 3, 4) == 0.01
 
 
+@pytest.mark.skipif(not torch.set_flush_denormal(False), reason="this processor has no such mode")
+def test_a_run_takes_the_smallest_floats_as_zero_and_leaves_torch_as_it_was() -> None:
+    smallest, seen = torch.full((16,), 1e-40), []
+    threads = torch.get_num_threads()
+    train(touches(), CONFIG, progress=lambda *_: seen.append((float((smallest * 1.0).sum()), torch.get_num_threads())))
+    assert set(seen) == {(0.0, 1)}
+    assert float((smallest * 1.0).sum()) > 0.0
+    assert torch.get_num_threads() == threads
+
+
 @pytest.mark.parametrize(
     ("recordings", "values", "message"),
     [
