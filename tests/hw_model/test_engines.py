@@ -154,8 +154,9 @@ def test_the_sum_of_many_joined_voltages(chain):
     assert fast.counts == slow.counts
 
 
+@pytest.mark.parametrize("row", [60, 63], ids=["", "to its last row"])
 @pytest.mark.parametrize("decay", [4096, 256], ids=["at rest between", "decaying"])
-def test_a_tile_of_silence_waits_for_what_is_under_way(decay):
+def test_a_tile_of_silence_waits_for_what_is_under_way(decay, row):
     """Events of one tile of 64 steps are due in the next, which has none; a third has nothing, and a fourth one more."""
     builder = hw.ProgramBuilder(CHIP)
     x, y = builder.add_input("x", 2), builder.add_compartments("y", 2, decay_u=decay, decay_v=decay, threshold=30)
@@ -163,12 +164,12 @@ def test_a_tile_of_silence_waits_for_what_is_under_way(decay):
     builder.read_out(y)
     program = builder.build()
     recording = np.zeros((260, 2), dtype=np.uint8)
-    recording[[60, 200], 1] = 1
+    recording[[row, 200], 1] = 1
     recording[[3, 129], 0] = 1
     fast, slow = (hw.simulate(program, recording, engine=engine, probe=("spikes", "u", "v")) for engine in ENGINES)
     for kind in ("spikes", "u", "v"):
         assert np.array_equal(getattr(fast, kind)["y"], getattr(slow, kind)["y"])
-    assert fast.spikes["y"][:, 1].nonzero()[0][0] == 60 + 63
+    assert fast.spikes["y"][:, 1].nonzero()[0][0] == row + 63
     session = hw.Session(program)
     parts = [session.push(part).spikes["y"] for part in np.split(recording, [64, 128, 200])]
     assert np.array_equal(np.concatenate(parts), slow.spikes["y"].cumsum(axis=0, dtype=np.int64))

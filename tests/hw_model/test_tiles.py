@@ -132,6 +132,20 @@ def echoes(children: int, late: int = 0, shift: int = 0) -> hw.ProgramBuilder:
     return builder
 
 
+def sums_of_two(*, chain: bool, refractory: int) -> hw.ProgramBuilder:
+    """A soma that keeps nothing between steps, except that it may be blocked, with two dendrites: next to each other, or in a row."""
+    builder = hw.ProgramBuilder(CHIP)
+    x = builder.add_input("x", 3)
+    soma = builder.add_compartments("soma", 20, threshold=40, refractory=refractory, **FORGETS)
+    first = builder.add_compartments("a", 20, decay_u=4096, decay_v=300, threshold=0, joined_to=soma)
+    second = builder.add_compartments(
+        "b", 20, decay_u=2000, decay_v=40, threshold=0, joined_to=first if chain else soma
+    )
+    for child, last in ((first, -6), (second, 2)):
+        builder.connect(x, child, np.add.outer(np.arange(20) * 4 - 40, [20, 8, last]))
+    return builder
+
+
 def refractory() -> hw.ProgramBuilder:
     """Compartments that nothing but their refractory steps sets apart from the plainest."""
     builder = hw.ProgramBuilder(CHIP)
@@ -153,6 +167,8 @@ PROGRAMS = {
     "sums": lambda: sums(0),
     "sums of a slow one last": lambda: sums(0, (4096, 2000)),
     "sums with a bias": lambda: sums(640),
+    "sums that block": lambda: sums_of_two(chain=False, refractory=5),
+    "sums in a row": lambda: sums_of_two(chain=True, refractory=1),
     "pairs": lambda: pairs((4096, 4096), (1000, 300)),
     "pairs that forget": lambda: pairs((4096, 4096), (4096, 4096)),
     "pairs, the first slow": lambda: pairs((4096, 300), (4096, 4096)),
@@ -211,6 +227,19 @@ def test_inputs_of_a_phase_have_lists_of_their_own():
     for engine in ENGINES:
         spikes = hw.simulate(program, {"x": first, "z": second}, engine=engine).spikes["n"]
         assert spikes.tolist() == [[[0, 0], [1, 0], [0, 1], [0, 0], [1, 0]]] * 2
+
+
+def test_what_is_due_after_the_end_is_counted_by_input():
+    """Synapses of the second input take two steps more: of events in row 3 of five, only its own come too late."""
+    builder = hw.ProgramBuilder(CHIP)
+    n = builder.add_compartments("n", 2, threshold=90, **FORGETS)
+    for name, delay in (("x", 0), ("z", 2)):
+        builder.connect(builder.add_input(name, 2), n, np.full((2, 2), 100), delay=delay)
+    program = builder.build()
+    first, second = np.zeros((2, 5, 2), dtype=np.uint8)
+    first[3, 0] = second[1, 0] = second[3, 1] = 1
+    found = [hw.simulate(program, {"x": first, "z": second}, engine=engine).counts for engine in ENGINES]
+    assert [(counts.synaptic_ops, counts.synaptic_ops_after_end) for counts in found] == [(6, 2)] * 2
 
 
 @pytest.mark.parametrize(
