@@ -133,6 +133,7 @@ def page(
         ("area of memories, mm2", "accesses, µJ per recording"),
         [(f"{row.area:.2f}", f"{row.energy:.1f}" + (" (this one)" if row is ours else "")) for row in rows],
     )
+    states = next(one for one in built.chosen if one.shape.name == "states")
     gated = len([1 for f in built.circuit.flops if built.circuit.at(f, "CLK") in built.circuit.gates])
     area = (built.cell_area + built.macro_area) / 1e6
     most_uj, per_op = high.total.mean() / 1e6, high.total.mean() / ops
@@ -161,7 +162,7 @@ def page(
         trained=make_profile.MADE_FROM + make_profile.QUIET, quiet=make_profile.QUIET,
         constants=sum(pj.mean() for name, pj in high.memory.items() if name.startswith(("leaks", "fires"))) / ops,
         clocks=high.of("clock").mean() / ops, both=(high.of("memory") + high.of("clock")).mean() / ops, compartments=runs.COMPARTMENTS,
-        places=next(len(one.shape.held) for one in built.chosen if one.shape.name == "states"), fillers=fillers(), least_area=min(row.area for row in rows),
+        places=next(len(one.shape.held) for one in built.chosen if one.shape.name == "states"), fillers=fillers(), states_more=(runs.area(built.files, Latches(states.shape, 8)) - runs.area(built.files, states)) / 1e6, least_area=min(row.area for row in rows),
     ))  # fmt: skip
 
 

@@ -14,9 +14,11 @@ def table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
 
 
 def wrapped(page: str) -> str:
-    """Return a page with its paragraphs wrapped; tables, headings, pictures and code stay as they are."""
+    """Return a page with its paragraphs wrapped; tables, lists, headings, pictures and code stay as they are."""
     paragraphs = page.split("\n\n")
-    return "\n\n".join(text if re.match(r"[|#!]|    ", text) or "\n|" in text else _filled(text) for text in paragraphs)
+    return "\n\n".join(
+        text if re.match(r"[|#!]|- |    ", text) or "\n|" in text else _filled(text) for text in paragraphs
+    )
 
 
 def _filled(text: str) -> str:

@@ -443,9 +443,10 @@ def test_a_program_that_a_small_memory_does_not_hold_is_refused(tmp_path, name, 
 
 def test_text_of_the_page_is_wrapped_and_tables_are_not():
     words, row = " ".join(["word"] * 60), "| " + "long " * 40 + "|"
-    head = f"# {words}\n\n{words}\n{words}\n\n| a |\n{row}\n\n    {words}\n"
+    head = f"# {words}\n\n{words}\n{words}\n\n| a |\n{row}\n\n- {words}\n- {words}\n\n    {words}\n"
     found = page_text.wrapped(head).split("\n\n")
-    assert [found[0], found[2], found[3]] == [f"# {words}", f"| a |\n{row}", f"    {words}\n"]
+    kept = [f"# {words}", f"| a |\n{row}", f"- {words}\n- {words}", f"    {words}\n"]
+    assert [found[0], *found[2:]] == kept
     assert max(map(len, found[1].split("\n"))) <= page_text.WIDTH < len(words)
     assert found[1].split() == f"{words} {words}".split()
 
