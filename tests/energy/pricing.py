@@ -146,7 +146,7 @@ def updates_of(played: gates.Activity, recording: int) -> np.ndarray:
 
 def expected(program: hw.ChipProgram, recordings: np.ndarray, found: hw.SimulationResult, i: int) -> np.ndarray:
     """Return what the simulator says of the updates of a recording, in the order of the core."""
-    core, parts = CoreProgram(program, recordings.shape[1]), []
+    core, parts = CoreProgram(program, recordings.shape[1], sizes=runs.OURS.sizes), []
     for phase in core.phases:
         columns = program.columns_of(phase.name)
         numbers = np.concatenate([core.numbers[phase.name][at] for at in columns.values()])

@@ -427,7 +427,7 @@ def test_counts_and_program_tell_what_memories_do():
     assert seen >= {"axons", "synapses", "charges", "states", "sums", "places", "tallies", "bitmap", "fires_own"}
 
 
-@pytest.mark.parametrize(("name", "limit", "need"), [("weights", 1, 2), ("states", 200, 204)])
+@pytest.mark.parametrize(("name", "limit", "need"), [("weights", 1, 2), ("states", 200, 206)])
 def test_a_program_that_a_small_memory_does_not_hold_is_refused(tmp_path, name, limit, need):
     program = runs.compiled("objects-hybrid-loihi")
     text = make_profile.CHIP.read_text()
