@@ -3,7 +3,7 @@
 from typing import Annotated
 
 from hw_model.errors import InputError
-from hw_model.io.records import NOT_NEGATIVE, POSITIVE, between
+from hw_model.io.records import NOT_NEGATIVE, POSITIVE, Must, between
 from hw_model.values import Frozen
 
 
@@ -11,6 +11,9 @@ class Sizes(Frozen):
     """Parameters of the open core: the words of its memories, its slots (a power of two), and the widths of two sums.
 
     - ``word``: rows of a recording in a word of the bitmap, a power of two
+    - ``join``: bits of the sum of joined voltages; 0 if no compartments are joined
+    - ``phase_words``: eight for each phase
+    - ``one_port``: 1 if the buffer of events is a memory of one port
     - ``step``: bits of the step from one target of a list to the next; with 0, a list holds each target in full
     - ``places``: if phases share the memories of states and charges, the compartments of a phase, a power of two; 0 if
       each phase has its own
@@ -23,14 +26,16 @@ class Sizes(Frozen):
     compartments: Annotated[int, between(2, 1 << 20)]
     slots: Annotated[int, between(2, 1 << 16)]
     charge: Annotated[int, between(16, 64)]
-    join: Annotated[int, between(24, 64)]
+    join: Annotated[int, Must(lambda v: (v == 0) | (v >= 24) & (v <= 64), "0, or from 24 to 64")]
     bitmap: Annotated[int, between(2, 1 << 24)]
     visits: Annotated[int, between(2, 1 << 20)]
     entries: Annotated[int, between(2, 1 << 20)]
     word: Annotated[int, between(2, 128)] = 32
+    phase_words: Annotated[int, between(8, 512)] = 512
     step: Annotated[int, between(0, 8)] = 0
     places: Annotated[int, between(0, 1 << 20)] = 0
     sums: Annotated[int, between(0, 1 << 20)] = 0
+    one_port: Annotated[int, between(0, 1)] = 0
 
 
 class MemoryWords(Frozen):

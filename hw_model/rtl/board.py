@@ -32,7 +32,7 @@ PROBLEMS = (
 """What a board says by number; the first are those of the line, where sending again helps."""
 LINE, OUT_OF_ORDER, CUT_OFF = range(1, 5), 5, 6
 TRIES = 4
-VERSION = 2
+VERSION = 3
 """Of the protocol, which a board says first: a core has other parameters in another."""
 
 

@@ -44,6 +44,7 @@ def layouts(sizes: Sizes) -> dict[str, Layout]:
         (getattr(sizes, name) - 1).bit_length() for name in ("synapses", "slots", "entries", "axons")
     )
     place, parent = ((words - 1).bit_length() for words in (held(sizes), sizes.sums or held(sizes)))
+    family = {"child": 1, "first": 1, "parent": parent} if sizes.join else {}
     half = {"target": place - 1, "delay": slot, "exponent": 3, "mantissa": 9}
     lists = {"start": synapse - 1, "length": synapse - 1}
     if sizes.step:
@@ -54,8 +55,7 @@ def layouts(sizes: Sizes) -> dict[str, Layout]:
         "synapses": Layout.of("mantissa0", "mantissa1", **{f"{name}{i}": half[name] for i in BANKS for name in half}),
         "leaks": Layout.of("bias", valid=1, keep_u=13, keep_v=13, bias=20, has_children=1),
         "fires": Layout.of(
-            threshold=17, blocks=6, spiking=1, vmin_log=5, vmax_log=5, child=1, first=1, parent=parent, read_out=1,
-            by_potential=1, entry=entry,
+            threshold=17, blocks=6, spiking=1, vmin_log=5, vmax_log=5, **family, read_out=1, by_potential=1, entry=entry
         ),
         "visits": Layout.of(step=VISIT_BITS, channel=source, source=source),
         "weights": Layout.of(magnitude=32, negative=1),
@@ -230,18 +230,19 @@ class CoreProgram:
         compartments = self.tables["compartments"]
         charges = np.abs(synapses["mantissa"]) << synapses["exponent"]
         charge = np.bincount(synapses["target"], weights=charges, minlength=1).max()
-        children = np.bincount(self.parent[self.parent >= 0], minlength=1).max()
+        children = int(np.bincount(self.parent[self.parent >= 0], minlength=1).max())
         return Sizes(
             axons=len(self.starts),
             synapses=2 * int(self.lengths.sum() + 1),
             compartments=self.ends[-1],
             slots=int(synapses["delay"].max(initial=0)) + 2,
             charge=int(charge).bit_length() + 1,
-            join=24 + int(children).bit_length(),
+            join=24 + children.bit_length() if children else 0,
             bitmap=self.channels * self.row_words,
             visits=len(self.tables["visits"]["step"]),
             entries=int(compartments["entry"].max()) + 1,
             word=self.word,
+            phase_words=len(self.tables["phases"]["value"]),
             step=self.sizes.step,
             places=self.words.states if self.sizes.places else 0,
             sums=self.words.sums if self.sizes.sums else 0,
@@ -309,13 +310,13 @@ class CoreProgram:
 
 
 def parameters(sizes: Sizes) -> dict[str, int]:
-    """Return the parameters of the SystemVerilog by name; those that are 0 are so without being named."""
-    return {name.upper(): value for name, value in asdict(sizes).items() if value}
+    """Return the parameters of the SystemVerilog by name; those that are 0 unless named are left out."""
+    return {name.upper(): value for name, value in asdict(sizes).items() if value or name == "join"}
 
 
 def sizes_for(needs: Sizes, least: Sizes) -> Sizes:
     """Return sizes that hold what is needed: those of ``least``, or twice as many words, or just enough bits."""
-    grown = {name: need if name in ("charge", "join") else _power(need) for name, need in asdict(needs).items()}
+    grown = {name: need if name in ("charge", "join", "one_port") else _power(need) for name, need in asdict(needs).items()}
     grown = {name: max(value, grown[name]) for name, value in asdict(least).items()}
     shared = {name: grown[name] * (getattr(needs, name) > 0) for name in ("places", "sums")}
     return Sizes(**grown | shared | {"word": needs.word, "step": needs.step})

@@ -17,15 +17,18 @@ module locsnn_core #(
     parameter integer COMPARTMENTS = 512,
     parameter integer SLOTS = 16,           // a power of two, at least the longest delay and 2
     parameter integer CHARGE = 18,          // bits of a charge under way, in units of 64, sign included
-    parameter integer JOIN = 26,            // bits of the sum of joined voltages, sign included
+    parameter integer JOIN = 26,            // bits of the sum of joined voltages, sign included; 0: compartments are not joined
     parameter integer BITMAP = 1024,        // words of the buffer of events
     parameter integer VISITS = 128,
     parameter integer ENTRIES = 128,        // compartments that are read out
     parameter integer WORD = 32,            // rows of a word of the buffer, a power of two
+    parameter integer PHASE_WORDS = 512,    // eight for each phase; a power of two, at most 512
     // What makes memories smaller on a chip. 0: no such thing.
     parameter integer STEP = 0,             // bits of the step from a target to the next, where they are not told in full
     parameter integer PLACES = 0,           // compartments of a phase, a power of two: states and charges lie from its first on
     parameter integer SUMS = 0,             // words for joined voltages, a power of two, where parents are close to their children
+    // 1: the buffer is a memory of one port, which writes what it was told in the cycle in which it would read again.
+    parameter integer ONE_PORT = 0,
     // What saves energy on a chip, and costs logic elsewhere.
     parameter integer AT_ONCE = 0,          // 1: the memory of charges answers in the cycle in which it is asked
     parameter integer LAZY = 0              // 1: states that the next step does not depend on are neither read nor written
@@ -70,6 +73,7 @@ module locsnn_core #(
     localparam integer NUMBER = $clog2(COMPARTMENTS);
     localparam integer SLOT = $clog2(SLOTS);
     localparam integer ENTRY = $clog2(ENTRIES);
+    localparam integer PHASE_WORD = $clog2(PHASE_WORDS);
     localparam integer HELD = PLACES != 0 ? PLACES : COMPARTMENTS;  // states
     localparam integer PLACE = $clog2(HELD);
     localparam integer ADDRESS = SLOT + PLACE - 1;
@@ -112,10 +116,10 @@ module locsnn_core #(
     // Where phases share places, charges that the last one left are swept before the next.
     wire              sweeping = PLACES != 0 && state == PHASE && field == 0 && buffered
         && sweep_at != settings[SWEEP][SWEEPING:0];
-    memory #(.WIDTH(24), .DEPTH(512)) phases (
+    memory #(.WIDTH(24), .DEPTH(PHASE_WORDS)) phases (
         .clk,
-        .write(load_valid && load_memory == 7), .write_address(load_address[8:0]), .write_data(load_data[23:0]),
-        .read(state == PHASE), .read_address({phase, field[2:0]}), .read_data(next_field)
+        .write(load_valid && load_memory == 7), .write_address(load_address[PHASE_WORD-1:0]), .write_data(load_data[23:0]),
+        .read(state == PHASE), .read_address(PHASE_WORD'({phase, field[2:0]})), .read_data(next_field)
     );
 
     wire              row = state == ROW && !hold;
@@ -222,7 +226,7 @@ module locsnn_core #(
         .mark, .mark_tick, .stop, .failed, .error
     );
 
-    transpose #(.BITMAP(BITMAP), .WORD(WORD), .VISITS(VISITS), .SOURCE(SOURCE)) buffer (
+    transpose #(.BITMAP(BITMAP), .WORD(WORD), .VISITS(VISITS), .SOURCE(SOURCE), .ONE_PORT(ONE_PORT)) buffer (
         .clk, .clear, .load_visit(load_valid && load_memory == 5), .load_address, .load_data,
         .kept(settings[KEPT]), .channels(settings[CHANNELS]),
         .words(settings[BUFFERED]), .align_events(settings[ALIGN_EVENTS]),

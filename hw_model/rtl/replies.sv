@@ -8,7 +8,7 @@
 //     0x85 error    what was wrong; its sequence number is that of the frame, or the one that must come next (1 to 5)
 module replies #(
     parameter integer BUFFER = 256,
-    parameter integer SIZES = 10,
+    parameter integer SIZES = 11,
     parameter logic [24*SIZES-1:0] SIZE = 0
 ) (
     input  logic         clk,
@@ -34,7 +34,7 @@ module replies #(
     output logic [7:0]   frame_data,
     output logic         frame_last
 );
-    localparam logic [7:0] VERSION = 2;
+    localparam logic [7:0] VERSION = 3;
     localparam logic [7:0] HELLO = 8'h81, DONE = 8'h82, ANSWER = 8'h83, SPIKES = 8'h84, ERROR = 8'h85;
     localparam logic [2:0] IDLE = 0, LINE = 1, REPLY = 2, SPIKE = 3, FINAL = 4;
     localparam integer     LONGEST = 40;

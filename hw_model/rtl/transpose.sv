@@ -11,7 +11,8 @@ module transpose #(
     parameter integer BITMAP = 1024,
     parameter integer WORD = 32,  // a power of two
     parameter integer VISITS = 128,
-    parameter integer SOURCE = 11
+    parameter integer SOURCE = 11,
+    parameter integer ONE_PORT = 0  // 1: the buffer is a memory of one port
 ) (
     input  logic                      clk,
     input  logic                      clear,
@@ -83,6 +84,7 @@ module transpose #(
 
     // Marking takes three cycles: read the word, set a bit of it, write it. Words of the stream come in every other cycle at
     // most, and a channel is marked once in a step, so a word is not marked twice in a row.
+    // A memory of one port is written in the second cycle, before the next mark is read: a longer path, of a slower clock.
     logic              marked, write_back;
     logic [PLACE-1:0]  write_place;
     logic [WORD-1:0]   write_word;
@@ -96,6 +98,8 @@ module transpose #(
         written[row[BIT-1:0]] = 1;
         if (sweep) written = 0;
     end
+
+    wire               write = ONE_PORT != 0 ? marked || sweep : write_back;
 
     // The first row with enough events; as many as are kept where there is none.
     logic [SOURCE:0]  together;
@@ -123,10 +127,10 @@ module transpose #(
 
     memory #(.WIDTH(WORD), .DEPTH(BITMAP)) bitmap (
         .clk          (ticking),
-        .write        (write_back),
-        .write_address(write_place),
-        .write_data   (write_word),
-        .read         (marking || (go && (state == PRIME || next_word || next_channel))),
+        .write,
+        .write_address(ONE_PORT != 0 ? address : write_place),
+        .write_data   (ONE_PORT != 0 ? written : write_word),
+        .read         (!(ONE_PORT != 0 && write) && (marking || (go && (state == PRIME || next_word || next_channel)))),
         .read_address (address),
         .read_data    (word)
     );

@@ -14,7 +14,7 @@ module update #(
     parameter integer COMPARTMENTS = 512,
     parameter integer HELD = COMPARTMENTS,  // states
     parameter integer CHARGE = 18,
-    parameter integer JOIN = 26,
+    parameter integer JOIN = 26,  // 0: compartments are not joined
     parameter integer ENTRIES = 128,
     parameter integer LAZY = 0, // a state that the next step does not depend on is neither read nor written
     parameter integer SUMS = 0  // words for joined voltages, where they are fewer than states: a parent's is known by its low bits
@@ -57,9 +57,12 @@ module update #(
     localparam integer PLACE = $clog2(HELD);
     localparam integer SHARED = SUMS != 0 ? SUMS : HELD;
     localparam integer PARENT = $clog2(SHARED);
-    localparam integer FIRE = 17 + 6 + 1 + 5 + 5 + 2 + PARENT + 2 + ENTRY;
+    localparam integer OWN = 17 + 6 + 1 + 5 + 5;
+    localparam integer FAMILY = JOIN != 0 ? 2 + PARENT : 0;
+    localparam integer FIRE = OWN + FAMILY + 2 + ENTRY;
     localparam integer STATE = LAZY != 0 ? 48 : 54;
-    localparam integer SUM = JOIN + 2;
+    localparam integer JOINED = JOIN != 0 ? JOIN : 24;
+    localparam integer SUM = JOIN != 0 ? JOIN + 2 : 25;
 
     wire               ticking;  // while a compartment is on its way
     logic [7:0]        issued;  // cycles 1 to 8; a word that is not valid is a gap between a child and its parent
@@ -158,7 +161,8 @@ module update #(
 
     // Of a compartment that is `live` something may not be 0. Registers whose word is 0 and becomes 0 stand still; what is in
     // them before the first recording goes while memories are cleaned.
-    logic signed [JOIN-1:0] joined4, joined5;
+    wire signed [JOINED-1:0]  joined4;
+    logic signed [JOINED-1:0] joined5;
     logic live3, live4, live5, live6, live7, live8;
     wire  live2 = leaks2 || charge != 0 || bias2 != 0;
     wire  joins5 = joined5 != 0;
@@ -205,7 +209,7 @@ module update #(
     always_ff @(posedge ticking6) u6 <= u5;
     always_ff @(posedge ticking7) u7 <= u6;
     always_ff @(posedge ticking8) u8 <= u7;
-    always_ff @(posedge ticking_joined5) joined5 <= has_children4 ? joined4 : {JOIN{1'b0}};
+    always_ff @(posedge ticking_joined5) joined5 <= has_children4 ? joined4 : {JOINED{1'b0}};
 
     // 5: the drive of v is u and bias, wrapped likewise.
     wire signed [24:0]     drive5 = {u5[23], u5} + {{5{bias5[19]}}, bias5};
@@ -220,7 +224,7 @@ module update #(
     end
     always_ff @(posedge ticking6) begin
         drive6 <= drive5[23:0];
-        rest6 <= {{(SUM-23){left_v5[23]}}, left_v5[22:0]} + {{2{joined5[JOIN-1]}}, joined5};
+        rest6 <= {{(SUM-23){left_v5[23]}}, left_v5[22:0]} + {{(SUM-JOINED){joined5[JOINED-1]}}, joined5};
     end
 
     // 5 and 6: constants of clip and threshold. Limits are 1 - 2^vmin_log and 2^vmax_log - 1.
@@ -268,12 +272,11 @@ module update #(
     // 8: fire.
     wire [16:0]       threshold8;
     wire [5:0]        blocks8;
-    wire              spiking8, child8, first_child8, read_out8, by_potential8;
+    wire              spiking8, read_out8, by_potential8;
     wire [4:0]        vmin_log8, vmax_log8;
-    wire [PARENT-1:0] parent8;
     wire [ENTRY-1:0]  entry8;
-    assign {entry8, by_potential8, read_out8, parent8, first_child8, child8, vmax_log8, vmin_log8, spiking8, blocks8,
-            threshold8} = fire8;
+    assign {vmax_log8, vmin_log8, spiking8, blocks8, threshold8} = fire8[OWN-1:0];
+    assign {entry8, by_potential8, read_out8} = fire8[FIRE-1:OWN+FAMILY];
     logic held8;
     always_ff @(posedge ticking) held8 <= blocked7 != 0;
 
@@ -294,10 +297,21 @@ module update #(
     assign by_potential = by_potential8;
     assign entry = entry8;
 
-    join_sums #(.WIDTH(JOIN), .COMPARTMENTS(SHARED)) joins (
-        .clk(ticking), .child(valid8 && child8), .first(first_child8), .parent(parent8), .v(clipped8),  // a child does not fire
-        .read(valid3 && has_children3), .read_address(place3[PARENT-1:0]), .joined(joined4)
-    );
+    generate
+        if (JOIN != 0) begin : families
+            wire              child8, first_child8;
+            wire [PARENT-1:0] parent8;
+            assign {parent8, first_child8, child8} = fire8[OWN+:FAMILY];
+            join_sums #(.WIDTH(JOIN), .COMPARTMENTS(SHARED)) joins (
+                // A child does not fire.
+                .clk(ticking), .child(valid8 && child8), .first(first_child8), .parent(parent8), .v(clipped8),
+                .read(valid3 && has_children3), .read_address(place3[PARENT-1:0]), .joined(joined4)
+            );
+        end else begin : alone
+            assign joined4 = {JOINED{1'b0}};
+            wire unused_place = &{1'b0, place3, has_children3};
+        end
+    endgenerate
 
     wire unused = &{1'b0, load_address, load_data, threshold8, vmin_log8, vmax_log8};
 endmodule

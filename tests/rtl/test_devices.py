@@ -42,7 +42,7 @@ def small() -> tuple[hw.ChipProgram, np.ndarray, CoreProgram]:
     return replace(program, chip=device(sizes_for(core.needs, benches.SIZES))), spikes, core
 
 
-NAMES = [name for name in Sizes.__dataclass_fields__ if name not in ("word", "step", "places", "sums")]
+NAMES = [name for name in Sizes.__dataclass_fields__ if name not in ("word", "step", "places", "sums", "one_port")]
 
 
 @pytest.mark.parametrize("name", NAMES)

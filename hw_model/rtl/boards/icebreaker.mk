@@ -3,8 +3,8 @@ DEVICE := ice40up5k
 TOP := top_icebreaker.sv
 PINS := icebreaker.pcf
 TOOLS := $(YOSYS) $(NEXTPNR_ICE40)
-# Synapses go to the large memories of one port.
-SYNTHESIS := synth_ice40 -dsp -spram -top top -run begin:map_ram; setattr -set ram_style "huge" c:*synapses*; \
+# Synapses and the buffer of events go to the large memories of one port.
+SYNTHESIS := synth_ice40 -dsp -spram -top top -run begin:map_ram; setattr -set ram_style "huge" c:*synapses* c:*bitmap*; \
 	synth_ice40 -dsp -spram -top top -run map_ram:
 PLACE = $(NEXTPNR_ICE40) --up5k --package sg48 --pcf $(PINS) --asc $(BOARD)-$*.asc
 BITSTREAM := $(BOARD).bin

@@ -175,7 +175,8 @@ def _resources(program: ChipProgram, core: CoreProgram | None) -> Document:
     }
     if core and program.chip.open_core:
         use = uses(core.needs, program.chip.open_core)
-        held = {name: {"used": used, "limit": limit} for name, (used, limit) in use.items() if name != "word"}
+        chosen = ("word", "one_port")  # by the chip
+        held = {name: {"used": used, "limit": limit} for name, (used, limit) in use.items() if name not in chosen}
     return {
         "cores": len(program.cores),
         "compartments": sum(row["compartments"] for row in rows),
