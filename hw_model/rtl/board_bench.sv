@@ -41,16 +41,16 @@ module board_bench #(
             wire [3:0] leds;
             top_uart #(
                 .CLOCK(BIT), .BAUD(1), .AXONS(AXONS), .SYNAPSES(SYNAPSES), .COMPARTMENTS(COMPARTMENTS), .SLOTS(SLOTS),
-                .CHARGE(CHARGE), .JOIN(JOIN), .BITMAP(BITMAP), .VISITS(VISITS), .ENTRIES(ENTRIES), .WORD(WORD), .PHASE_WORDS(PHASE_WORDS), .ONE_PORT(ONE_PORT),
-                .BUFFER(BUFFER), .SPIKES(SPIKES)
+                .CHARGE(CHARGE), .JOIN(JOIN), .BITMAP(BITMAP), .VISITS(VISITS), .ENTRIES(ENTRIES), .WORD(WORD),
+                .PHASE_WORDS(PHASE_WORDS), .ONE_PORT(ONE_PORT), .BUFFER(BUFFER), .SPIKES(SPIKES)
             ) board (.clk, .button, .rx(to_board), .tx(from_board), .leds);
             uart_rx #(.BIT(HOST_BIT)) listener (.clk, .reset, .rx(from_board), .valid(heard_valid), .data(heard), .broken);
         end else begin : directly
             wire loaded, running, answered, failed;
             locsnn_bytes #(
                 .AXONS(AXONS), .SYNAPSES(SYNAPSES), .COMPARTMENTS(COMPARTMENTS), .SLOTS(SLOTS),
-                .CHARGE(CHARGE), .JOIN(JOIN), .BITMAP(BITMAP), .VISITS(VISITS), .ENTRIES(ENTRIES), .WORD(WORD), .PHASE_WORDS(PHASE_WORDS), .ONE_PORT(ONE_PORT),
-                .BUFFER(BUFFER), .SPIKES(SPIKES)
+                .CHARGE(CHARGE), .JOIN(JOIN), .BITMAP(BITMAP), .VISITS(VISITS), .ENTRIES(ENTRIES), .WORD(WORD),
+                .PHASE_WORDS(PHASE_WORDS), .ONE_PORT(ONE_PORT), .BUFFER(BUFFER), .SPIKES(SPIKES)
             ) board (
                 .clk, .reset(reset || button), .in_valid(pass), .in_data(passed), .in_broken(pass_broken),
                 .out_valid(heard_valid), .out_ready(1'b1), .out_data(heard), .loaded, .running, .answered, .failed

@@ -72,7 +72,7 @@ def test_a_folder_for_simulation_only_says_how_to_get_a_bitstream(emitted):
 def test_every_board_has_its_top_pins_and_part(board):
     sizes = hw.chip(BOARDS[board]).open_core
     files = {name: content.decode() for name, content in board_files(sizes, board).items()}
-    given = " ".join(f"{name.upper()}={value}" for name, value in vars(sizes).items() if value)
+    given = " ".join(f"{name.upper()}={value}" for name, value in vars(sizes).items() if value or name == "join")
     assert files["config.mk"] == f"BOARD ?= {board}\nPARAMETERS := {given}\n"
     top = files["top.sv"].split('"')[1]
     rules = files[f"{board}.mk"] + files["ulx3s.mk"] * board.startswith("ulx3s")
