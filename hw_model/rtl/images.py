@@ -316,7 +316,9 @@ def parameters(sizes: Sizes) -> dict[str, int]:
 
 def sizes_for(needs: Sizes, least: Sizes) -> Sizes:
     """Return sizes that hold what is needed: those of ``least``, or twice as many words, or just enough bits."""
-    grown = {name: need if name in ("charge", "join", "one_port") else _power(need) for name, need in asdict(needs).items()}
+    grown = {
+        name: need if name in ("charge", "join", "one_port") else _power(need) for name, need in asdict(needs).items()
+    }
     grown = {name: max(value, grown[name]) for name, value in asdict(least).items()}
     shared = {name: grown[name] * (getattr(needs, name) > 0) for name in ("places", "sums")}
     return Sizes(**grown | shared | {"word": needs.word, "step": needs.step})

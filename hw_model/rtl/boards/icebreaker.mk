@@ -4,9 +4,9 @@ TOP := top_icebreaker.sv
 PINS := icebreaker.pcf
 TOOLS := $(YOSYS) $(NEXTPNR_ICE40)
 # Synapses and the buffer of events go to the large memories of one port.
-SYNTHESIS := synth_ice40 -dsp -spram -top top -run begin:map_ram; setattr -set ram_style "huge" c:*synapses* c:*bitmap*; \
-	synth_ice40 -dsp -spram -top top -run map_ram:
-PLACE = $(NEXTPNR_ICE40) --up5k --package sg48 --pcf $(PINS) --asc $(BOARD)-$*.asc
+ICE40 := synth_ice40 -dsp -spram -abc9 -device u -top top
+SYNTHESIS := $(ICE40) -run begin:map_ram; setattr -set ram_style "huge" c:*synapses* c:*bitmap*; $(ICE40) -run map_ram:
+PLACE = $(NEXTPNR_ICE40) --up5k --package sg48 --freq 24 --pcf $(PINS) --asc $(BOARD)-$*.asc
 BITSTREAM := $(BOARD).bin
 
 $(BITSTREAM): $(BOARD)-1.json
