@@ -47,8 +47,8 @@ class NotIncluded(Frozen):
 
     what: Text
     bound_pj: Mapping[str, Cost] = field(default_factory=dict)
-    bound_recording_pj: Cost = 0.0
     bound_source: str = ""
+    bound_recording_pj: Cost = 0.0
 
     @staticmethod
     def from_plain(value: Any) -> Any:
