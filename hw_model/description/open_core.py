@@ -12,7 +12,7 @@ class Sizes(Frozen):
 
     - ``word``: rows of a recording in a word of the bitmap, a power of two
     - ``join``: bits of the sum of joined voltages; 0 if no compartments are joined
-    - ``phase_words``: eight for each phase
+    - ``phase_words``: eight for each phase, a power of two
     - ``one_port``: 1 if the buffer of events is a memory of one port
     - ``step``: bits of the step from one target of a list to the next; with 0, a list holds each target in full
     - ``places``: if phases share the memories of states and charges, the compartments of a phase, a power of two; 0 if
@@ -75,5 +75,6 @@ def check_sizes(core: Sizes, slots: int, where: str) -> None:
         what = f"slots and {held} are powers of two, and slots at least delay_max and 2"
         measured = f"{core.slots} slots against {slots}, {many} {held}"
         raise InputError(where, what, measured=measured, fix="Correct it.")
-    if core.sums & core.sums - 1:
-        raise InputError(where, "sums is a power of two", measured=f"got {core.sums}", fix="Correct it.")
+    for name in ("sums", "word", "phase_words"):
+        if (size := getattr(core, name)) & size - 1:
+            raise InputError(where, f"{name} is a power of two", measured=f"got {size}", fix="Correct it.")

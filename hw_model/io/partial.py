@@ -24,11 +24,11 @@ def partial_path(target: Path) -> Path:
 
 
 @contextmanager
-def locked(partial: Path) -> Iterator[None]:
-    """Hold the lock of an existing partial file or folder."""
-    handle = os.open(partial, os.O_RDONLY)
+def locked(path: Path, wait: bool = False) -> Iterator[None]:
+    """Hold the lock of an existing partial file or folder; ``wait`` for that of a file, which is created if missing."""
+    handle = os.open(path, os.O_RDONLY | (os.O_CREAT if wait else 0), 0o644)
     try:
-        _lock(handle)
+        _lock(handle, wait)
         yield
     finally:
         os.close(handle)
@@ -81,14 +81,14 @@ def _is_locked(path: Path) -> bool:
         os.close(handle)
 
 
-def _lock(handle: int) -> bool:
-    """Take a lock that ends with this process; tell whether that succeeded."""
+def _lock(handle: int, wait: bool = False) -> bool:
+    """Take a lock that ends with this process; tell whether that succeeded. With ``wait``, wait for it."""
     if sys.platform == "win32":
         return False
     import fcntl
 
     try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(handle, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
     except OSError:
         return False
     return True

@@ -14,6 +14,7 @@ from hw_model.description.open_core import Sizes
 from hw_model.engine.playing import Spikes, read_streams
 from hw_model.errors import InputError, TargetError
 from hw_model.io.build_folder import write_build
+from hw_model.io.partial import locked
 from hw_model.program.chip_program import ChipProgram
 from hw_model.rtl.boards import BOARDS
 from hw_model.rtl.cosimulation import ANSWER, words_of
@@ -80,15 +81,21 @@ def fit(program: ChipProgram, board: str, seeds: int) -> tuple[dict[str, Any], b
     """Return what a board's bitstream takes, with the slowest clock of so many placements, and the bitstream.
 
     What does not fit the open core is refused before anything is made. All programs share the bitstream of a device,
-    which is kept in the user's cache folder. A missing tool is an ``InputError``, a device without room for the core a
-    ``TargetError``.
+    which is kept in the user's cache folder and placed by one process at a time. A missing tool is an ``InputError``, a
+    device without room for the core a ``TargetError``.
     """
     device = chip(BOARDS[board])
     assert device.open_core is not None
     on_core(program, max(phase.steps or 1 for phase in program.phases), device)
     made = board_files(device.open_core, board)
     folder = kept(f"fit-{hashlib.sha256(repr(sorted(made.items())).encode()).hexdigest()[:16]}")
-    write_build(folder, {} if (folder / "Makefile").exists() else made)
+    with locked(kept(f"{folder.name}.lock"), wait=True):
+        write_build(folder, {} if (folder / "Makefile").exists() else made)
+        return _placed(folder, board, device.name, seeds)
+
+
+def _placed(folder: Path, board: str, device: str, seeds: int) -> tuple[dict[str, Any], bytes]:
+    """Return what ``make fit`` finds in a folder that only this process changes, and the bitstream."""
     where = f"board {board!r}"
     tools = said(["make", "-s", "tools", f"BOARD={board}"], folder, where).split()
     versions = {tool: said([tool, "--version"], folder, where).splitlines()[-1] for tool in tools}
@@ -105,7 +112,7 @@ def fit(program: ChipProgram, board: str, seeds: int) -> tuple[dict[str, Any], b
     (bitstream,) = folder.glob(f"{board}.bi[tn]")
     used = cells | {name: found["used"] for name, found in placed[0]["utilization"].items()}
     found = {
-        "device": device.name,
+        "device": device,
         "fits": True,
         **{kind: sum(many for name, many in used.items() if name.startswith(its)) for kind, its in CELLS.items()},
         "fmax_mhz": min(clock["achieved"] for one in placed for clock in one["fmax"].values()),

@@ -97,6 +97,8 @@ def test_numbers_with_an_exponent(tmp_path):
         (on_core({"slots": 64, "compartments": 500}), "my.yaml: open_core: slots and compartments are powers of two, and slots at least delay_max and 2 (64 slots against 64, 500 compartments). Correct it."),
         (on_core({"slots": 64, "compartments": 500, "places": 200}), "my.yaml: open_core: slots and places are powers of two, and slots at least delay_max and 2 (64 slots against 64, 200 places). Correct it."),
         (on_core({"slots": 64, "sums": 24}), "my.yaml: open_core: sums is a power of two (got 24). Correct it."),
+        (on_core({"slots": 64, "word": 12}), "my.yaml: open_core: word is a power of two (got 12). Correct it."),
+        (on_core({"slots": 64, "phase_words": 24}), "my.yaml: open_core: phase_words is a power of two (got 24). Correct it."),
         (on_core({"slots": 64, "charge": 15}), "my.yaml: open_core.charge: it must be a whole number from 16 to 64 (got 15). Correct it."),
         (changed(["profile"], {}), "my.yaml: unknown key 'profile'. Did you mean 'profiles'?"),
         (changed(["registers", "voltage_bit"], 3), "my.yaml: registers: unknown key 'voltage_bit'. Did you mean 'voltage_bits'?"),
@@ -138,7 +140,7 @@ def test_numbers_with_an_exponent(tmp_path):
     ],
     ids=[
         *("missing", "unknown", "text", "zero", "negative", "uncounted", "no profile", "no profiles"),
-        *("few slots", "odd slots", "odd compartments", "odd places", "odd sums", "few bits", "near a section", "near a width"),
+        *("few slots", "odd slots", "odd compartments", "odd places", "odd sums", "odd word", "odd phases", "few bits", "near a section", "near a width"),
         *("near a time", "missing below", "list for section", "no name", "number for name", "fraction", "truth", "nan"),
         *("no clock", "too wide", "absurdly wide", "too late", "too many", "long runs"),
         *("wide words", "boards", "endless clock", "tiles", "twice", "empty", "cyclic", "deep"),

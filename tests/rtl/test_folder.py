@@ -8,6 +8,7 @@ import shutil
 import stat
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import benches
@@ -15,6 +16,7 @@ import numpy as np
 import pytest
 
 import hw_model as hw
+from hw_model.io.partial import locked
 from hw_model.rtl.boards import BOARDS
 from hw_model.rtl.folder import board_files
 from locsnn_compile.backends.files import bench_files
@@ -148,6 +150,22 @@ def test_fit_says_what_the_device_takes_and_the_slowest_clock(saved, tools, tmp_
         "program fits the open core of ecp5-25f, which takes 20 LUTs, 31 flip-flops, 4 block RAMs and 2 multipliers\n"
         f"clock: 101.5 MHz, the slowest of 3 placements\nwrote {bitstream}\n"
     )
+
+
+@pytest.mark.skipif(not os.access("/proc/locks", os.R_OK), reason="the system does not tell who waits for a lock")
+def test_a_core_is_placed_by_one_process_at_a_time(saved, tools, tmp_path):
+    options = ["rtl", "fit", saved, "--board", "ulx3s-25f", "--seeds"]
+    assert locsnn([*options, "1"]) == 0
+    (lock,) = (tmp_path / "cache/locsnn").glob("fit-*.lock")
+    with locked(lock, wait=True):
+        other = subprocess.Popen([sys.executable, "-m", "locsnn_compile", *options, "3"])
+        while other.poll() is None and f"-> FLOCK  ADVISORY  WRITE {other.pid} " not in Path("/proc/locks").read_text():
+            time.sleep(0.05)
+        assert other.poll() is None
+        done = make(lock.with_suffix(""), "fit", "BOARD=ulx3s-25f", "SEEDS=3")
+        assert done.returncode == 0, done.stderr
+    assert other.wait() == 0
+    assert (tmp_path / "placed").read_text().count("placed") == 3
 
 
 def test_a_tool_that_fails_is_one_line(saved, tools, tmp_path, capsys):
