@@ -7,6 +7,7 @@ from locsnn_compile.report.sections.cores import cores
 from locsnn_compile.report.sections.over_time import over_time
 from locsnn_compile.report.sections.recording import potential, spikes
 from locsnn_compile.report.sections.verdict import costs, fits, matches, notices
+from locsnn_compile.report.words import listed
 from locsnn_compile.verification.excerpt import Excerpt
 
 LONGEST_NAME = 60
@@ -36,7 +37,9 @@ def compose(document: Document, excerpt: Excerpt | None = None) -> Report:
         build.provenance(document),
     )
     match = document["match"]
-    options = f"{document['weight_bits']}-bit weights, strategy {document['strategy']}"
+    strategies = document["strategy"].split(", ")
+    called = "strategy" if len(strategies) == 1 else "strategies"
+    options = f"{document['weight_bits']}-bit weights, {called} {listed(strategies)}"
     names = (shortened(name, LONGEST_NAME) for name in (document["model"]["name"], document["target"]))
     return Report(
         kind="locsnn-compile report",

@@ -49,8 +49,8 @@ def test_three_questions(builds: tuple[Build, Build]) -> None:
     assert report.subtitle == "two-branches on loihi-sim, then two-branches on loihi-sim: 5 figures changed"
     assert [(v.status, v.answer, v.figure, v.figure_label) for v in report.verdicts] == [
         ("nearly", "As before, but fewer spikes are equal", "95.0 %", "same prediction; 95.0 % before"),
-        ("yes", "Less, -25.0 %", "75.0 nJ", "dynamic energy per recording, profile davies2018; 100 nJ before"),
-        ("no", "More", "3 cores", "2 before"),
+        ("yes", "Yes, 25.0 % less", "75.0 nJ", "dynamic energy per recording, profile davies2018; 100 nJ before"),
+        ("no", "No, more cores", "3 cores", "2 before"),
     ]
     assert [section.title for section in report.sections] == ["Key figures", "Match", "Energy", "Resources", "Program"]
     energy = next(b for b in report.sections[2].blocks if isinstance(b, Table))
@@ -87,6 +87,23 @@ def test_equal_builds_are_as_before(builds: tuple[Build, Build]) -> None:
     report = comparison(builds[0], builds[0])
     assert [verdict.answer for verdict in report.verdicts] == ["As before", "The same", "The same"]
     assert [verdict.status for verdict in report.verdicts] == ["yes"] * 3
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "answer"),
+    [
+        (100, 41, ("yes", "Yes, 59.0 % less")),
+        (100, 112, ("no", "No, 12.0 % more")),
+        (0, 5, ("no", "No, more")),
+        (5, 5, ("yes", "The same")),
+    ],
+    ids=["less", "more", "from nothing", "equal"],
+)
+def test_the_answer_on_costs(builds: tuple[Build, Build], before: float, after: float, answer: tuple[str, str]) -> None:
+    for build, energy in zip(builds, (before, after), strict=True):
+        build.report["energy"]["per_sample_pj"] = energy
+    found = comparison(*builds).verdicts[1]
+    assert (found.status, found.answer) == answer
 
 
 def test_what_makes_them_less_comparable(builds: tuple[Build, Build]) -> None:

@@ -144,7 +144,7 @@ def test_a_page_of_two_builds(browser: Chromium, document: dict[str, Any], tmp_p
     page.write_text(render_html(comparison(*builds)), encoding="utf-8")
     browser.open(page)
     _quiet_and_alone(browser, page)
-    assert "Less, -25.0 %" in browser.evaluate("document.body.innerText")
+    assert "Yes, 25.0 % less" in browser.evaluate("document.body.innerText")
     for dark in (False, True):
         browser.open(page, width=360, dark=dark)
         assert browser.evaluate(TOO_WIDE) == []

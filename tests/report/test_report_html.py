@@ -248,3 +248,13 @@ def test_many_populations_are_not_all_drawn(document: dict[str, Any]) -> None:
 
 def test_the_same_document_gives_the_same_bytes(document: dict[str, Any]) -> None:
     assert render_html(compose(document)) == render_html(compose(document))
+
+
+@pytest.mark.parametrize(
+    ("strategy", "said"),
+    [("reset", "strategy reset"), ("delay-line, native", "strategies delay-line and native")],
+    ids=["one", "two"],
+)
+def test_the_header_names_every_strategy(document: dict[str, Any], strategy: str, said: str) -> None:
+    report = compose(document | {"strategy": strategy})
+    assert report.subtitle == f"8-bit weights, {said}, 20 recordings of touches.npz"

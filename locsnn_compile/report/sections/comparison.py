@@ -160,18 +160,23 @@ def _costs(before: Build, after: Build) -> Verdict:
     a, b = before.number(key), after.number(key)
     comparable = before.text("energy.profile") == after.text("energy.profile")
     comparable &= _recordings(before) == _recordings(after)
-    status: Status = "unknown" if not comparable else "yes" if b <= a else "no"
-    answer = "Not comparable" if not comparable else "The same" if a == b else "Less" if b < a else "More"
-    by = percent(a, b)
-    answer += f", {by}" if by and comparable and a != b else ""
+    by = percent(a, b).lstrip("+-")
+    answer = _answer(a, b, f"{by} less", f"{by} more") if comparable else ("unknown", "Not comparable")
     its = _changed(before, after, "costs")
-    return verdict("costs compared", status, answer, its, now=shown(b), before=shown(a), what=what, profile=profile)
+    return verdict("costs compared", *answer, its, now=shown(b), before=shown(a), what=what, profile=profile)
 
 
 def _fits(before: Build, after: Build) -> Verdict:
     a, b = (build.number("resources.cores") for build in (before, after))
-    answer = "The same" if a == b else "Less" if b < a else "More"
-    return verdict("room compared", "yes" if b <= a else "no", answer, _changed(before, after, "room"), now=b, before=a)
+    answer = _answer(a, b, "fewer cores", "more cores")
+    return verdict("room compared", *answer, _changed(before, after, "room"), now=b, before=a)
+
+
+def _answer(before: float, after: float, less: str, more: str) -> tuple[Status, str]:
+    """Return whether it is less now, and say how much."""
+    if before == after:
+        return "yes", "The same"
+    return ("yes", f"Yes, {less.strip()}") if after < before else ("no", f"No, {more.strip()}")
 
 
 def _changed(before: Build, after: Build, group: str) -> Facts:
