@@ -181,21 +181,10 @@ def _through_buffer(program: ChipProgram, phase: str) -> BoolArray:
 @lru_cache(maxsize=8)
 def fan_out(program: ChipProgram, phase: str) -> IntArray:
     """Return what one spike of each source (input lines, then columns) adds to each of :data:`PER_SPIKE`."""
-    cores = program.cores_of(phase)
-    lines = sum(item.size for item in program.inputs_of(phase))
-    count = lines + sum(core.compartments for core in cores)
-    synapses = np.zeros(count, dtype=np.int64)
-    packets = np.zeros((count, len(PER_PACKET)), dtype=np.int64)
-    input_packets = np.zeros(lines, dtype=np.int64)
-    for core in cores:
-        # What arrives: each input axon of a core has its own sender.
-        axons, source = core.axons, program.senders[core.number]
-        synapses[source] += np.diff(axons.list_start)
-        input_packets[source[source < lines]] += 1
-        # What is sent.
-        hops = {int(to): program.chip.hops(core.slot, program.cores[to].slot) for to in np.unique(axons.out_core)}
-        ways = [(1, int(hops[to] == (0, 0)), *hops[to]) for to in axons.out_core.tolist()]
-        sender = lines + program.columns_of_core(core)[axons.out_compartment]
-        np.add.at(packets, sender, np.array(ways, dtype=np.int64).reshape(-1, len(PER_PACKET)))
-    to_inputs = np.pad(input_packets, (0, count - lines))
-    return np.column_stack((synapses, np.arange(count) >= lines, packets, to_inputs)).astype(np.int64)
+    causes = _causes(program, phase)
+    names = list(causes.columns)
+    count = np.repeat(np.arange(len(names)), [part.stop - part.start for part in causes.columns.values()])
+    source = np.repeat(np.arange(len(causes.many)), causes.many)
+    at = source * len(names) + count[causes.caused]
+    sums = np.bincount(at, causes.times, len(causes.many) * len(names)).astype(np.int64)
+    return sums.reshape(-1, len(names))[:, [names.index(name) for name in PER_SPIKE]]
