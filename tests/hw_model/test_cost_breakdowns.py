@@ -174,6 +174,50 @@ def links(chip, source, target):
     return list(zip(stops, [*stops[1:], (to_x, to_y)], strict=True)) if stops else []
 
 
+def spikes_of(program, phase, result, steps):
+    """Return the spikes of a phase of one recording, (steps, columns)."""
+    columns = program.columns_of(phase)
+    spikes = np.zeros((steps, sum(program.populations[name] for name in columns)), dtype=np.uint8)
+    for name, its in columns.items():
+        if name in result.spikes:
+            spikes[:, its] = result.spikes[name]
+    return spikes
+
+
+@settings(max_examples=15, deadline=None)
+@given(seed=SEEDS)
+def test_counts_equal_a_walk_of_every_spike(seed):
+    """From the tables of the cores alone: each list that a spike reaches, each packet and each link on its way."""
+    program, recording = random_hybrid(seed)
+    chip = replace(program.chip, mesh=replace(program.chip.mesh, columns=8, rows=16, cores_per_tile=1))
+    program = replace(program, chip=chip)
+    result = hw.simulate(program, recording, probe=("spikes", "activity"))
+    for phase, (item,) in result.activity.items():
+        counts, reached = Counter(), []
+        for core in program.cores_of(phase):
+            sent = spikes_of(program, phase, result, len(item.buffered))[:, program.columns_of_core(core)].sum(axis=0)
+            counts["spikes"] += int(sent.sum())
+            for k, here in enumerate(core.axons.out_compartment):
+                to, many = int(core.axons.out_core[k]), int(sent[here])
+                crossed = links(chip, core.slot, program.cores[to].slot)
+                reached.append((to, int(core.axons.out_axon[k]), many))
+                counts["axon_packets"] += many
+                counts["packets_within_tile"] += many * (not crossed)
+                for a, b in crossed:
+                    counts["hops_y" if a[0] == b[0] else "hops_x"] += many
+        for its in program.inputs_of(phase):
+            route = program.route_of(its.name)
+            # A transposed input has a line for each row of the recording.
+            events = recording.sum(axis=0 if its.positions is None else 1)
+            for line, to, axon in zip(route.line, route.core, route.axon, strict=True):
+                many = int(events[line]) if line < len(events) else 0
+                reached.append((int(to), int(axon), many))
+                counts["input_packets"] += many
+        for to, axon, many in reached:
+            counts["synaptic_ops"] += many * int(np.diff(program.cores[to].axons.list_start)[axon])
+        assert {name: result.counts_by_phase[phase][name] for name in counts} == dict(counts)
+
+
 @settings(max_examples=15, deadline=None)
 @given(seed=SEEDS)
 @pytest.mark.parametrize("profile", [DAVIES, SANAFE], ids=["davies2018", "sanafe"])
@@ -183,11 +227,7 @@ def test_latency_equals_a_walk_of_every_packet(profile, seed):
     program = replace(program, chip=chip)
     result = hw.simulate(program, recording, probe=("spikes", "activity"))
     for phase, (item,) in result.activity.items():
-        columns = program.columns_of(phase)
-        spikes = np.zeros((len(item.buffered), sum(program.populations[name] for name in columns)), dtype=np.uint8)
-        for name, its in columns.items():
-            if name in result.spikes:
-                spikes[:, its] = result.spikes[name]
+        spikes = spikes_of(program, phase, result, len(item.buffered))
         found = critical_path(step_times(program, phase, item, profile)).step_ns
         wanted = [walked_step_ns(program, phase, item, spikes, profile, t) for t in range(len(spikes))]
         assert found.tolist() == pytest.approx(wanted, rel=1e-12)
