@@ -213,9 +213,14 @@ def test_counts_equal_a_walk_of_every_spike(seed):
                 many = int(events[line]) if line < len(events) else 0
                 reached.append((int(to), int(axon), many))
                 counts["input_packets"] += many
+        by_core = {"synaptic_ops": Counter(), "packets_received": Counter()}
         for to, axon, many in reached:
-            counts["synaptic_ops"] += many * int(np.diff(program.cores[to].axons.list_start)[axon])
+            by_core["packets_received"][to] += many
+            by_core["synaptic_ops"][to] += many * int(np.diff(program.cores[to].axons.list_start)[axon])
+        counts["synaptic_ops"] = by_core["synaptic_ops"].total()
         assert {name: result.counts_by_phase[phase][name] for name in counts} == dict(counts)
+        for name, wanted in by_core.items():
+            assert item.count(name).sum(axis=0).tolist() == [wanted[core.number] for core in program.cores_of(phase)]
 
 
 @settings(max_examples=15, deadline=None)
