@@ -76,6 +76,17 @@ def test_nothing_is_remembered_of_another_question():
         assert hw.simulate(program, one).counts.input_events == 1
 
 
+def test_events_of_one_stream_are_played_beside_an_empty_one():
+    builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
+    y = builder.add_compartments("y", 1, threshold=1, decay_u=4096)
+    for name in ("silent", "heard"):
+        builder.connect(builder.add_input(name, 2), y, [[20, 20]])
+    program, heard = builder.build(), np.zeros((STEPS, 2), dtype=np.uint8)
+    heard[3, 1] = 1
+    found = hw.simulate(program, {"silent": np.zeros_like(heard), "heard": heard})
+    assert (found.counts.input_events, found.counts.spikes) == (1, 1)
+
+
 def test_an_empty_recording_is_played_once(monkeypatch):
     played = []
     monkeypatch.setattr(simulation, "play", lambda *given, play=simulation.play: (played.append(1), play(*given))[1])
