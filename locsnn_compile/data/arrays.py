@@ -207,6 +207,5 @@ def _streams(group: Group, where: str) -> list[EventStream]:
             measured, fix = f"spike {at}: {row[at]} s, unit {unit[at]}", "Give seconds from 0 on, and whole numbers."
             what = "it does not hold a time and a channel"
             raise InputError(f"{where}, recording {index}", what, measured=measured, fix=fix)
-        none = np.zeros(len(row), dtype=np.int64)
-        streams.append(EventStream(np.rint(row * MICROSECONDS).astype(np.int64), unit.astype(np.int64), none, none))
+        streams.append(EventStream(np.rint(row * MICROSECONDS).astype(np.int64), unit.astype(np.int64), None, None))
     return streams

@@ -42,7 +42,7 @@ def parse_structured(array: AnyArray, where: str) -> EventStream:
         raise InputError(where, "its values are not events", measured=shown, fix=_FIX)
     times = _whole(array, "t", 0, 2**53, where)
     x = _whole(array, "x", 0, MAX_PLACE, where)
-    y = _whole(array, "y", 0, MAX_PLACE, where) if "y" in names else np.zeros_like(x)
+    y = _whole(array, "y", 0, MAX_PLACE, where) if "y" in names else None
     return EventStream(times, x, y, (_whole(array, "p", -1, 1, where) > 0).astype(np.int64))
 
 
@@ -76,11 +76,10 @@ def parse_slayer_events(data: bytes, suffix: str, where: str) -> EventStream:
         raise InputError(where, "it ends within an event", measured=measured, fix="Give a whole file.")
     fields = np.frombuffer(data, dtype=np.uint8).reshape(-1, EVENT_BYTES).astype(np.int64).T
     times = (fields[2] & 0x7F) << 16 | fields[3] << 8 | fields[4]
-    if suffix == ".bs1":
-        x, y = fields[0] << 8 | fields[1], np.zeros_like(times)
-    else:
-        x, y = fields[0], fields[1]
     polarity = fields[2] >> 7
+    if suffix == ".bs1":
+        return EventStream(times, fields[0] << 8 | fields[1], None, polarity)
+    x, y = fields[0], fields[1]
     if suffix == ".bin":
         overflow = y == OVERFLOW_ROW
         times = times + OVERFLOW_MICROSECONDS * np.cumsum(overflow)

@@ -54,6 +54,7 @@ class Binning(Frozen):
 class EventStream(Frozen, eq=False):
     """The events of one recording: ``times`` in ticks, ``x``, ``y``, and ``polarity`` 0 or 1, each (events,).
 
+    Without ``y``, x counts taxels; without ``polarity`` as well, it counts channels. A grid's columns do not bound it.
     ``start`` is the tick at which bin 0 begins. ``span_seconds`` is the length of the recording, None if it ends with
     its last event. ``channels``, ``polarities`` and ``columns`` are those of the format, None if it does not fix them.
     ``step_seconds`` is the default width of its bins.
@@ -61,8 +62,8 @@ class EventStream(Frozen, eq=False):
 
     times: AnyArray
     x: IntArray
-    y: IntArray
-    polarity: IntArray
+    y: IntArray | None
+    polarity: IntArray | None
     ticks_per_second: int = MICROSECONDS
     start: float = 0.0
     span_seconds: float | None = None
@@ -87,7 +88,7 @@ def bin_streams(
     check_most(events, MAX_EVENTS, where, "it has too many events", fix="Give fewer recordings.")
     widest = [one.columns or 1 + int(one.x.max()) for one in streams if one.columns or len(one.x)]
     columns = binning.columns or max(widest, default=1)
-    both = any(one.polarities == 2 or one.polarity.any() for one in streams)
+    both = any(one.polarities == 2 or (one.polarity is not None and one.polarity.any()) for one in streams)
     polarities = binning.polarities or (2 if both else 1)
     bins = [_bins(one, width) for one in streams]
     lengths = [
@@ -142,10 +143,12 @@ def _length(one: EventStream, bins: FloatArray, width_seconds: float, place: str
 
 
 def _channels(one: EventStream, columns: int, polarities: int, place: str) -> IntArray:
-    if len(one.x) and int(one.x.max()) >= columns:
+    if one.polarity is None:
+        return one.x
+    if one.y is not None and int(one.x.max(initial=0)) >= columns:
         measured = f"x {int(one.x.max())} against {columns} columns"
         raise InputError(place, "an event lies outside the grid", measured=measured, fix="Give more columns.")
-    cells = columns * one.y + one.x
+    cells = one.x if one.y is None else columns * one.y + one.x
     return cells if polarities == 1 else 2 * cells + one.polarity
 
 

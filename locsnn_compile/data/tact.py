@@ -43,7 +43,7 @@ def parse_tact(data: bytes, where: str, startend: bytes | None, startend_where: 
     start, span_seconds = float(seconds.min()), None
     if startend is not None:
         start, span_seconds = _stretch(startend, startend_where)
-    places = channels // 2, np.zeros_like(channels), channels % 2
+    places = channels // 2, None, channels % 2
     width = SLIP_STEP_SECONDS if span_seconds == SLIP_SECONDS else STEP_SECONDS
     return EventStream(seconds, *places, 1, start, span_seconds, CHANNELS, polarities=2, step_seconds=width)
 

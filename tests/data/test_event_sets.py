@@ -231,3 +231,21 @@ def test_aedat4_says_which_package_it_needs(tmp_path: Path, monkeypatch: pytest.
 def test_a_stream_may_say_its_columns() -> None:
     one = EventStream(*(np.array([value]) for value in (0, 1, 2, 0)), columns=5)
     assert bin_streams([one], ["a"], "a", Binning())[0].shape == (1, 1, 12)
+
+
+FLAT = [(0, 79, 1), (20_000, 3, 0), (45_000, 40, 1)]
+"""Microseconds, taxel and polarity."""
+
+
+@pytest.mark.parametrize("columns", [4, 10, 16])
+@pytest.mark.parametrize("suffix", [".bs1", ".npy"])
+def test_the_columns_of_a_grid_do_not_bound_taxels_that_are_counted_without_rows(
+    tmp_path: Path, suffix: str, columns: int
+) -> None:
+    path = tmp_path / f"sample_0{suffix}"
+    if suffix == ".bs1":
+        path.write_bytes(b"".join((x << 24 | p << 23 | t).to_bytes(5, "big") for t, x, p in FLAT))
+    else:
+        np.save(path, np.array(FLAT, dtype=[("t", int), ("x", int), ("p", int)]))
+    found = read_recordings(path, sensor=SensorLayout("grid", 80, 2, columns=columns)).spikes
+    assert (found.shape, places(found[0])) == ((1, 3, 160), [(0, 159), (1, 6), (2, 81)])

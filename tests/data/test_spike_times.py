@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from locsnn_compile.data.read import read_recordings
+from locsnn_compile.data.sensor import asked_layout
 from locsnn_compile.errors import InputError
 
 TIMES = [[0.0, 0.013, 0.055], [], [0.029]]
@@ -37,6 +38,13 @@ def test_spike_times_become_bins(tmp_path: Path) -> None:
     assert found.labels.tolist() == [1, 0, 1]
     assert found.class_names == ("zero", "one")
     assert found.step_seconds == 0.01
+
+
+@pytest.mark.parametrize(("grid", "polarities"), [("35x10", 2), ("35x20", 1)])
+def test_units_are_channels_of_a_grid(tmp_path: Path, grid: str, polarities: int) -> None:
+    sensor = asked_layout(grid, polarities, None, None)
+    found = read_recordings(heidelberg(tmp_path / "shd.h5"), step_seconds=0.01, sensor=sensor)
+    assert np.argwhere(found.spikes).tolist() == [[0, 0, 3], [0, 1, 699], [0, 5, 3], [2, 2, 0]]
 
 
 def test_steps_cut_and_count_what_is_lost(tmp_path: Path) -> None:
