@@ -9,6 +9,7 @@ module join_sums #(
     input  logic                            clk,
     input  logic                            child,
     input  logic                            first,
+    input  logic                            last,  // or not: then the sum need not be written
     input  logic [$clog2(COMPARTMENTS)-1:0] parent,
     input  logic signed [23:0]              v,
     input  logic                            read,
@@ -21,7 +22,7 @@ module join_sums #(
 
     memory #(.WIDTH(WIDTH), .DEPTH(COMPARTMENTS)) sums (
         .clk,
-        .write        (child),
+        .write        (child && last),
         .write_address(parent),
         .write_data   (sum),
         .read,

@@ -32,7 +32,7 @@ def arrays_of(core: CoreProgram, sizes: Sizes, counts: Counts) -> list[Array]:
     # With two slots no synapse has a delay.
     synapse = widths["synapses"] - (2 if sizes.slots == 2 else 0)
     charges = sizes.slots << (words.states - 1).bit_length() - 1
-    parents, children, read_out = (_updates_of(core, name) for name in ("has_children", "child", "read_out"))
+    parents, read_out = (_updates_of(core, name) for name in ("has_children", "read_out"))
     scanned = needs.visits * (core.row_words + 1)
 
     def one(name: str, words: int, bits: int, reads: float, writes: float = 0.0, **more: bool | int) -> Array:
@@ -56,7 +56,7 @@ def arrays_of(core: CoreProgram, sizes: Sizes, counts: Counts) -> list[Array]:
         one("states", words.states, 48, active, active, halves=2),
         one("rests", -(-words.states // RESTING), 2 * RESTING, updates / RESTING, updates / RESTING),
         *constants,
-        one("sums", words.sums, sizes.join, parents, children),
+        one("sums", words.sums, sizes.join, parents, parents),
         one("places", held(sizes), source, spikes, spikes),
         one("tallies", needs.entries, 24, read_out, spikes),
         one("bitmap", needs.bitmap, sizes.word, counts.input_events + scanned, counts.input_events, halves=1),

@@ -67,17 +67,32 @@ module update #(
     wire               ticking;  // while a compartment is on its way
     logic [7:0]        issued;  // cycles 1 to 8; a word that is not valid is a gap between a child and its parent
     logic              valid2, valid3, valid4, valid5, valid6, valid7, valid8;
-    logic [NUMBER-1:0] number1, number2, number3, number4, number5, number6, number7, number8;
+    logic [NUMBER-1:0] number3, number4, number7, number8;
     logic              first1;
 
     always_ff @(posedge ticking) begin
         issued <= clear ? 8'b0 : {issued[6:0], issue};
         first1 <= first_step;
-        number1 <= number;
-        {number2, number3, number4, number5} <= {number1, number2, number3, number4};
-        {number6, number7, number8} <= {number5, number6, number7};
+        {number4, number8} <= {number3, number7};
         {valid3, valid4, valid5, valid6, valid7, valid8} <= clear ? 6'b0 : {valid2, valid3, valid4, valid5, valid6, valid7};
     end
+    // Numbers of a sweep follow each other: with LAZY they are counted, so that fewer registers change.
+    generate
+        if (LAZY != 0) begin : counted
+            logic [NUMBER-1:0] begins;
+            always_ff @(posedge ticking) begin
+                if (issue && !issued[0]) begins <= number;
+                number3 <= issued[2] ? number3 + 1'b1 : begins;
+                number7 <= issued[6] ? number7 + 1'b1 : begins;
+            end
+        end else begin : handed_on
+            logic [NUMBER-1:0] number1, number2, number5, number6;
+            always_ff @(posedge ticking) begin
+                {number1, number2, number3} <= {number, number1, number2};
+                {number5, number6, number7} <= {number4, number5, number6};
+            end
+        end
+    endgenerate
     assign busy = |issued;
     assign early_number = number7;
     clock_gate gate (.clk, .enable(issue || busy || clear || load_leak || load_fire), .gated(ticking));
@@ -123,8 +138,8 @@ module update #(
         some2 <= some1 && !first1;
         waits2 <= waits1 && !first1;
         lasting2 <= keep_u1 != 0 || keep_v1 != 0;
-        {lasting3, lasting4, lasting5} <= {lasting2, lasting3, lasting4};
-        {lasting6, lasting7, lasting8} <= {lasting5, lasting6, lasting7};
+        {lasting3, lasting4, lasting5, lasting6, lasting7, lasting8}
+            <= {lasting2, lasting3, lasting4, lasting5, lasting6, lasting7};
     end
     assign keeps8 = waits8 || (lasting8 && new_state8[47:0] != 0);
     generate
@@ -203,7 +218,6 @@ module update #(
     logic               u_wrap5, u_wrap6, u_wrap7, u_wrap8;
     always_ff @(posedge ticking) begin
         u_wrap5 <= sum4[24] != sum4[23];
-        {u_wrap6, u_wrap7, u_wrap8} <= {u_wrap5, u_wrap6, u_wrap7};
     end
     always_ff @(posedge ticking5) {u5, left_v5} <= {sum4[23:0], left_v4};
     always_ff @(posedge ticking6) u6 <= u5;
@@ -218,7 +232,7 @@ module update #(
     logic signed [SUM-1:0] rest6;
     always_ff @(posedge ticking) begin
         drive_wrap6 <= drive5[24] != drive5[23];
-        {drive_wrap7, drive_wrap8} <= {drive_wrap6, drive_wrap7};
+        {u_wrap6, u_wrap7, u_wrap8, drive_wrap7, drive_wrap8} <= {u_wrap5, u_wrap6, u_wrap7, drive_wrap6, drive_wrap7};
         active6 <= active5 || joins5;
         {active7, active8} <= {active6, active7};
     end
@@ -302,9 +316,11 @@ module update #(
             wire              child8, first_child8;
             wire [PARENT-1:0] parent8;
             assign {parent8, first_child8, child8} = fire8[OWN+:FAMILY];
+            wire sibling7 = valid7 && fire7[OWN+:2] == 2'b01;  // a child, and not the first
             join_sums #(.WIDTH(JOIN), .COMPARTMENTS(SHARED)) joins (
-                // A child does not fire.
-                .clk(ticking), .child(valid8 && child8), .first(first_child8), .parent(parent8), .v(clipped8),
+                // A child does not fire. Of siblings that follow each other, only the sum of all is written.
+                .clk(ticking), .child(valid8 && child8), .last(LAZY == 0 || !sibling7),
+                .first(first_child8), .parent(parent8), .v(clipped8),
                 .read(valid3 && has_children3), .read_address(place3[PARENT-1:0]), .joined(joined4)
             );
         end else begin : alone

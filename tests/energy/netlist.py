@@ -28,7 +28,7 @@ endmodule
 """The smallest latch of the library; it is never reset."""
 QUIET = {
     "locsnn_core": "", "transpose": "", "readout": "", "event_input": "", "queue": "", "activity": "",
-    "update": "bias* blocked* fire* vmin* vmax* issued entry*", "delivery": "at left add_charge", "accumulator": "addend*",
+    "update": "bias* blocked* fire* vmin* vmax* issued entry* valid* lasting* wrap* u_wrap*", "delivery": "at left add_charge", "accumulator": "addend*",
 }  # fmt: skip
 """Modules, and registers of them (all, where none is named), that seldom change: eight bits are clocked where one does."""
 QUIET_MAP = """module \\$dff (CLK, D, Q);

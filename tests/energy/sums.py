@@ -50,14 +50,13 @@ def _accesses(core: CoreProgram, recording: np.ndarray, found: hw.SimulationResu
     sent[: recording.shape[1]] += recording[: core.phases[0].steps].sum(axis=0)
     for channel, source in zip(core.tables["visits"]["channel"], core.tables["visits"]["source"], strict=True):
         sent[source + np.flatnonzero(recording[: core.kept, channel])] += 1
-    taken = parents = children = 0
+    taken = parents = 0
     states = np.zeros(2, dtype=np.int64)
     constants = core.tables["compartments"]
     assert not constants["blocks"].any()
     for phase in core.phases:
         numbers = core.numbers[phase.name]
         parents += int(constants["has_children"][numbers].sum()) * phase.steps
-        children += int(constants["child"][numbers].sum()) * phase.steps
         for name, columns in core.program.columns_of(phase.name).items():
             here = numbers[columns]
             u = found.u[name][i].astype(np.int64)
@@ -88,7 +87,7 @@ def _accesses(core: CoreProgram, recording: np.ndarray, found: hw.SimulationResu
             counts.synaptic_ops + taken + sizes.slots * (sizes.places or sizes.compartments),
         ),
         "states": tuple(states),
-        "sums": (parents, children),
+        "sums": (parents, parents),
         "places": (counts.spikes, counts.spikes),
         "tallies": (read_out, entries + counts.spikes),
         "bitmap": (events + visits * (core.row_words + 1), events + sizes.bitmap),
