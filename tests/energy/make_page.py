@@ -10,6 +10,7 @@ from pathlib import Path
 import mac
 import make_profile
 import memories
+import plans
 import pricing
 import runs
 from latches import Latches
@@ -64,16 +65,16 @@ def search(files: runs.Library) -> list[Plan]:
     """Return a plan for every price of area, each once."""
     traffic, found = runs.traffic_of(), {}
     for price in PRICES:
-        chosen = runs.plan(files, price, most=runs.MOST_AREA if price == runs.PRICE else float("inf"))
-        area = sum(runs.area(files, c) for c in chosen) / 1e6
-        energy = sum(runs.cost(files, c, traffic[c.shape.name]) for c in chosen) / 1e6
+        chosen = plans.plan(files, price, most=plans.MOST_AREA if price == plans.PRICE else float("inf"))
+        area = sum(plans.area(files, c) for c in chosen) / 1e6
+        energy = sum(plans.cost(files, c, traffic[c.shape.name]) for c in chosen) / 1e6
         found.setdefault((area, energy), Plan(price, area, energy, chosen))
     return list(found.values())
 
 
 def picture(rows: list[Plan]) -> bytes:
     """Return the front as a file."""
-    taken = next(row for row in rows if row.price == runs.PRICE)
+    taken = next(row for row in rows if row.price == plans.PRICE)
     curves = (
         Curve("plans of the search", tuple((row.area, row.energy) for row in sorted(rows, key=lambda row: row.area))),
         Curve("the one that is measured", ((taken.area, taken.energy),)),
@@ -128,7 +129,7 @@ def page(
     with make_profile.CHECK.open() as file:
         off = [abs(float(row["difference"])) for row in csv.DictReader(file)]
     saved = sorted(savings(built, played, high), key=lambda p: -p[1])
-    ours = next(row for row in rows if row.price == runs.PRICE)
+    ours = next(row for row in rows if row.price == plans.PRICE)
     front = table(
         ("area of memories, mm2", "accesses, µJ per recording"),
         [(f"{row.area:.2f}", f"{row.energy:.1f}" + (" (this one)" if row is ours else "")) for row in rows],
@@ -139,7 +140,7 @@ def page(
     most_uj, per_op = high.total.mean() / 1e6, high.total.mean() / ops
     mhz = {wires: 1000 / built.times[wires].worst for wires in ENDS}
     latches = [i for i in built.circuit.order if built.files.cells[i.type].kind == "latch"]
-    arrays = sum(runs.area(built.files, one) for one in built.chosen if isinstance(one, Latches)) / 1e6
+    arrays = sum(plans.area(built.files, one) for one in built.chosen if isinstance(one, Latches)) / 1e6
     spiking, cnn, gru = most_uj, MACS["CNN-3D"] * most / 1e6, MACS["GRU-MLP"] * most / 1e6
     sides = [f"{n} takes {'less' if uj < spiking else 'more'} energy" for n, uj in (("CNN-3D", cnn), ("GRU-MLP", gru))]
     if min(cnn, gru) > spiking:
@@ -162,7 +163,7 @@ def page(
         trained=make_profile.MADE_FROM + make_profile.QUIET, quiet=make_profile.QUIET,
         constants=sum(pj.mean() for name, pj in high.memory.items() if name.startswith(("leaks", "fires"))) / ops,
         clocks=high.of("clock").mean() / ops, both=(high.of("memory") + high.of("clock")).mean() / ops, compartments=runs.COMPARTMENTS,
-        places=next(len(one.shape.held) for one in built.chosen if one.shape.name == "states"), fillers=fillers(), states_more=(runs.area(built.files, Latches(states.shape, 8)) - runs.area(built.files, states)) / 1e6, least_area=min(row.area for row in rows),
+        places=next(len(one.shape.held) for one in built.chosen if one.shape.name == "states"), fillers=fillers(), states_more=(plans.area(built.files, Latches(states.shape, 8)) - plans.area(built.files, states)) / 1e6, least_area=min(row.area for row in rows),
     ))  # fmt: skip
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 import arrays
 import gates
 import numpy as np
+import plans
 import pricing
 import runs
 from latches import Latches
@@ -30,7 +31,7 @@ SUPPLY = "1.2 V, 25 C, typical"
 def build(folder: Path) -> runs.Built:
     """Return the core in the cells and macros of a folder."""
     files = runs.Library(folder)
-    return runs.Built(files, runs.plan(files, most=runs.MOST_AREA), gated=True)
+    return runs.Built(files, plans.plan(files, most=plans.MOST_AREA), gated=True)
 
 
 def given_library(what: str | None) -> Path:
@@ -91,8 +92,8 @@ def chip_file(built: runs.Built, least: pricing.Priced, most: pricing.Priced) ->
     constants = "".join(f"      {name}: {pj:.2f}\n" for name, pj in most.pj.items())
     ranges = "".join(f"      {name}: [{least.pj[name]:.2f}, {pj:.2f}]\n" for name, pj in most.pj.items())
     sources = "".join(f"      {name}: {text}\n" for name, text in SOURCES.items())
-    core = "".join(f"  {name}: {value}\n" for name, value in runs.capacity(built.chosen).items())
-    words = "".join(f"  {name}: {many}\n" for name, many in runs.memory_words(built.chosen).items())
+    core = "".join(f"  {name}: {value}\n" for name, value in plans.capacity(built.chosen).items())
+    words = "".join(f"  {name}: {many}\n" for name, many in plans.memory_words(built.chosen).items())
     return TEXT.format(
         words=words, of_process=macros_of(built), plan=plan, macros=lines, core=core, constants=constants, ranges=ranges, sources=sources,
         area=(built.cell_area + built.macro_area) / 1e6, cell_area=built.cell_area / 1e6,

@@ -1,6 +1,7 @@
 """Tables of the page on other networks than those that are measured: larger ones, and settings in their order."""
 
 import numpy as np
+import plans
 import pricing
 import repeats
 import runs
@@ -25,8 +26,8 @@ def larger(files: runs.Library, priced: pricing.Priced) -> list[tuple[str, ...]]
         program, recordings = runs.compiled(model), runs.real(dataset, "test", PLAYED.get(model, 1))
         mapped, core = runs.holding(program, recordings.shape[1])
         needs, done = mapped.needs, repeats.parts_of(runs.counted_for(program, recordings, core), mapped, core.sizes)
-        chosen = runs.plan(files, runs.PRICE, core, done)
-        area = sum(runs.area(files, one) for one in chosen)
+        chosen = plans.plan(files, plans.PRICE, core, done)
+        area = sum(plans.area(files, one) for one in chosen)
         counts = sum(hw.simulate(program, recordings, probe=()).per_recording, hw.Counts())
         many = len(recordings)
         if model in PLAYED:
@@ -38,7 +39,7 @@ def larger(files: runs.Library, priced: pricing.Priced) -> list[tuple[str, ...]]
             energy = built.energy(played, "modelled")
             spent, logic = energy.of("memory").mean(), (energy.of("logic") + energy.of("clock")).mean()
         else:
-            spent = sum(runs.cost(files, one, done[one.shape.name]) for one in chosen)
+            spent = sum(plans.cost(files, one, done[one.shape.name]) for one in chosen)
             logic = sum((priced.pj[name] - priced.memory[name]) * counts[name] for name in priced.pj) / many
         ops = counts.synaptic_ops / many
         rows.append((

@@ -6,6 +6,7 @@ import gates
 import memories
 import numpy as np
 import picojoules
+import plans
 import runs
 import traffic
 from latches import Latches
@@ -32,13 +33,13 @@ def savings(built: runs.Built, played: gates.Activity, spent: picojoules.Energy)
         memory = traffic[one.shape.name]
         # Macros, which do not answer at once, would need the pipeline of an FPGA.
         in_turn = replace(memory, at_once=False)
-        macros = [c for c in runs.options(files, in_turn) if isinstance(c, memories.Choice)]
+        macros = [c for c in plans.options(files, in_turn) if isinstance(c, memories.Choice)]
         if isinstance(one, Latches):
-            best = min(macros, key=lambda c: runs.cost(files, c, memory) + runs.PRICE * c.area)
-            in_macros, latched = in_macros + runs.cost(files, best, memory), latched + runs.cost(files, one, memory)
+            best = min(macros, key=lambda c: plans.cost(files, c, memory) + plans.PRICE * c.area)
+            in_macros, latched = in_macros + plans.cost(files, best, memory), latched + plans.cost(files, one, memory)
         else:
             least = min((c for c in macros if c.pack == 1), key=lambda c: c.area)
-            flat += runs.cost(files, least, memory) - runs.cost(files, one, memory)
+            flat += plans.cost(files, least, memory) - plans.cost(files, one, memory)
     return [
         ("targets that are told as steps, 24 bits for two synapses instead of 40", narrower(files) * scale / 1e6),
         (
@@ -59,8 +60,8 @@ def narrower(files: runs.Library) -> float:
     wide = replace(memory, bits=layouts(full.sizes)["synapses"].width, reads=memory.reads * fewer, rows=rows)
 
     def least(memory: traffic.Memory, core: runs.Core) -> float:
-        made = runs.options(files, memory, core)
-        return runs.cost(files, min(made, key=lambda c: runs.cost(files, c, memory) + runs.PRICE * c.area), memory)
+        made = plans.options(files, memory, core)
+        return plans.cost(files, min(made, key=lambda c: plans.cost(files, c, memory) + plans.PRICE * c.area), memory)
 
     return least(wide, full) - least(memory, runs.OURS)
 
