@@ -72,9 +72,8 @@ def _chosen(members: Members, split: str | None) -> list[str]:
     chosen = [name for name in names if split is None or part_of(name) == split]
     kinds = sorted({PurePosixPath(name).suffix for name in chosen})
     if not chosen:
-        raise InputError(
-            members.where, "no recordings inside", fix="Give sample_<i>_label_<k>.npy files, or one .npz file."
-        )
+        fix = "Give sample_<i>.npy or sample_<i>_label_<k>.npy files, or one .npz file."
+        raise InputError(members.where, "no recordings inside", fix=fix)
     if len(kinds) > 1:
         raise _several(members, ", ".join(kinds))
     return sorted(chosen, key=in_turn)

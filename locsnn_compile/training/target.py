@@ -118,6 +118,10 @@ def _registers(chip: hw.Chip) -> RegisterWidths:
 
 def _check_limits(chip: hw.Chip, config: TrainingConfig, description: NetworkDescription) -> None:
     """Refuse settings of the network that its chip does not hold."""
+    joined = description.structure.neurons == "srm" and config.strategy != "reset"
+    if joined and chip.open_core is not None and not chip.open_core.join:
+        what, fix = f"it joins no compartments, as strategy {config.strategy} does", "Add strategy reset."
+        raise TargetError(f"target {chip.name!r}", what, fix=fix)
     for what, value, key in (
         ("a delay", max(description.delays + description.location_delays), "delay_max"),
         ("the refractory count", config.refractory, "refractory_max"),

@@ -109,12 +109,12 @@ BAD: list[tuple[str, Callable[[Path], object], str]] = [
     (
         "nothing inside",
         lambda path: archive(path, {"notes.txt": b"x"}),
-        "archive 'a.zip': no recordings inside. Give sample_<i>_label_<k>.npy files, or one .npz file.",
+        "archive 'a.zip': no recordings inside. Give sample_<i>.npy or sample_<i>_label_<k>.npy files, or one .npz file.",
     ),
     (
         "empty folder",
         Path.mkdir,
-        "folder 'a.zip': no recordings inside. Give sample_<i>_label_<k>.npy files, or one .npz file.",
+        "folder 'a.zip': no recordings inside. Give sample_<i>.npy or sample_<i>_label_<k>.npy files, or one .npz file.",
     ),
     (
         "mixed shapes",

@@ -257,7 +257,7 @@ def test_a_member_without_a_name(tmp_path):
     with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
         archive.writestr(zipfile.ZipInfo(""), b"x")
     assert message_of(read_recordings, tmp_path / "a.zip") == (
-        "archive 'a.zip': no recordings inside. Give sample_<i>_label_<k>.npy files, or one .npz file."
+        "archive 'a.zip': no recordings inside. Give sample_<i>.npy or sample_<i>_label_<k>.npy files, or one .npz file."
     )
 
 

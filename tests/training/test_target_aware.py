@@ -214,6 +214,16 @@ def test_chips_that_are_not_trained_for(tmp_path: Path, start: Checkpoint) -> No
     )
 
 
+@pytest.mark.parametrize("strategy", ["dendrite", "delay-line"])
+def test_strategies_that_join_are_not_trained_for_a_core_that_joins_nothing(strategy: str) -> None:
+    with pytest.raises(TargetError) as caught:
+        train(touches(), replace(ON_CHIP, target="ice40up5k", strategy=strategy))
+    assert str(caught.value) == (
+        f"target 'ice40up5k': it joins no compartments, as strategy {strategy} does. Add strategy reset."
+    )
+    train(touches(), replace(ON_CHIP, target="ice40up5k", strategy="reset", epochs=1))
+
+
 def test_training_follows_the_widths_of_the_chip(tmp_path: Path, start: Checkpoint) -> None:
     target = chip_file(tmp_path, charge_bits=15, current_bits=17, voltage_bits=16)
     trained = check_program_spikes_alike(tmp_path, start, replace(ON_CHIP, target=target), hw.chip(target))
