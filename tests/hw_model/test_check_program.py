@@ -84,6 +84,12 @@ def phases(*all_of_them: Phase) -> ChipProgram:
     return replace(PROGRAM, phases=all_of_them)
 
 
+def two_phases(program: ChipProgram) -> ChipProgram:
+    """Core 1 runs in a phase of its own."""
+    cores = program.cores[0], replace(program.cores[1], phase="later")
+    return replace(program, phases=(TIME, replace(TIME, name="later")), cores=cores)
+
+
 TIME = PROGRAM.phases[0]
 WAYS = PROGRAM.input_routes[0]
 BROKEN = {
@@ -132,6 +138,8 @@ BROKEN = {
     "a core beside the board": (core(1, slot=128), "cores", "slots"),
     "a core that is not there": (axon_table(0, "out_core", 0, 2), "core 0", "destinations"),
     "an axon that is not there": (axon_table(0, "out_axon", 0, 5), "core 0", "destinations"),
+    "a spike into another phase": (two_phases(PROGRAM), "core 0", "destinations"),
+    "a group in two phases": (two_phases(slices(1, group="hidden", start=3, stop=5)), "compartments 'hidden'", "phases"),
     "a route to an axon that is not there": (route(axon=entry(WAYS.axon, 0, 5)), "input 'x'", "destinations"),
     "two senders of one axon": (axon_table(0, "out_axon", 0, 3), "core 1", "input axons"),
     "an axon without a sender": (route(**{key: getattr(WAYS, key)[1:] for key in ("line", "core", "axon")}), "core 0", "input axons"),

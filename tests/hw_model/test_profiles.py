@@ -49,6 +49,10 @@ def test_least_and_most_of_what_ships():
     assert sanafe.with_times("least").time_ns == {**sanafe.time_ns, "synaptic_ops": 3.8}
 
 
+def test_static_power_is_drawn_by_every_chip_for_the_whole_time():
+    assert StaticPower(2.0, "a data sheet").pj(3, 50.0) == 300.0
+
+
 def test_a_profile_of_ones_own_comes_first(tmp_path):
     chip = hw.priced_by(CHIP, written(tmp_path))
     assert list(chip.profiles) == ["mine", "davies2018", "sanafe"]

@@ -1,0 +1,66 @@
+"""Every parameter of compartments at the ends of its range, and one beyond; and joints that cannot be."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+import hw_model as hw
+from hw_model.mapping.check_graph import check_graph
+from hw_model.mapping.graph import CompartmentGraph
+
+CHIP = hw.chip("loihi-sim")
+
+
+DECAY, SCALE = (
+    "Give an effective decay, what is subtracted from 4096.",
+    "Raise the bias exponent or scale the bias down.",
+)
+RANGES = {
+    "decay_u": (0, 4096, DECAY),
+    "decay_v": (0, 4096, DECAY),
+    "threshold": (0, 131071, "The threshold is 64 times this mantissa: scale the weights down."),
+    "bias_mantissa": (-4096, 4095, SCALE),
+    "bias_exponent": (0, 7, "Use a smaller exponent and a larger mantissa."),
+    "refractory": (1, 63, "Shorten the refractory period; 1 blocks no step."),
+}
+
+
+def graph(group: int = 0, **changes: object) -> CompartmentGraph:
+    """Two groups of two compartments, of which the second joins the first; ``changes`` are of one of them."""
+    b = hw.ProgramBuilder(CHIP)
+    x = b.add_input("x", 2)
+    soma = b.add_compartments("soma", 2, threshold=5)
+    b.connect(x, b.add_compartments("dendrite", 2, threshold=5, joined_to=soma), [[20, 0], [0, 20]])
+    made = b.graph()
+    groups = list(made.groups)
+    groups[group] = replace(groups[group], **changes)
+    return replace(made, groups=tuple(groups))
+
+
+@pytest.mark.parametrize("name", RANGES)
+def test_a_parameter_has_its_own_range(name):
+    low, high, fix = RANGES[name]
+    for value in (low, high):
+        check_graph(graph(**{name: [low, value]}), CHIP)
+    for value in (low - 1, high + 1):
+        with pytest.raises(hw.TargetError) as error:
+            check_graph(graph(**{name: [low, value]}), CHIP)
+        wanted = f"compartments 'soma': {name} of compartment 1 is out of range ({value} against {low}..{high}). {fix}"
+        assert str(error.value) == wanted
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"joined_to": "nobody"}, {"joined_to": "dendrite"}, {"phase": "later"}],
+    ids=["nobody", "itself", "a group of another phase"],
+)
+def test_joints_that_cannot_be(changes):
+    made = graph(1, **changes)
+    made = replace(made, synapses=(), phases=(*made.phases, replace(made.phases[0], name="later")))
+    with pytest.raises(hw.InputError) as error:
+        check_graph(made, CHIP)
+    to = changes.get("joined_to", "soma")
+    wanted = f"compartments 'dendrite': cannot be joined to '{to}'. Join to another group of the same size and phase."
+    assert str(error.value) == wanted
