@@ -1,15 +1,10 @@
-"""``locsnn run`` step by step and stopped early, and Ctrl-C."""
+"""``locsnn run`` step by step and stopped early."""
 
 from __future__ import annotations
 
 import io
 import json
-import os
 import re
-import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +18,6 @@ from locsnn_compile.verification.streaming import Streamed, right_over_time, ste
 
 ROOT = Path(__file__).parents[2]
 MODEL = ROOT / "examples/models/objects-hybrid.pt"
-BIN = Path(sys.executable).parent
 
 
 @pytest.fixture(scope="module")
@@ -358,68 +352,6 @@ def test_streaming_to_a_terminal_shows_leads_as_they_grow(build, program, monkey
             if now != last and (last is not None or first > second):
                 wanted, last = wanted + 1, now
     assert len(shown) == wanted
-
-
-@pytest.fixture(scope="module")
-def endless(tmp_path_factory):
-    """A program that spikes everywhere in every step: a recording takes many seconds of compiled code."""
-    folder = tmp_path_factory.mktemp("endless")
-    builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
-    builder.add_input("touch", 1)
-    h = builder.add_compartments("h", 600, decay_u=4096, decay_v=4096, threshold=0, bias=524160)
-    builder.connect(h, h, 2 * np.random.default_rng(0).integers(-1, 2, (600, 600)), delay=1)
-    builder.read_out(h)
-    builder.build().save(folder)
-    np.save(folder / "one.npy", np.zeros((1, 1, 1_000_000), dtype=np.uint8))
-    np.save(folder / "two.npy", np.zeros((2, 1, 1_000_000), dtype=np.uint8))
-    return folder
-
-
-def interrupted(arguments, folder):
-    """Start a command, send SIGINT once it computes, and return exit code, output, and seconds from there."""
-    process = subprocess.Popen(
-        [BIN / arguments[0], *map(str, arguments[1:])],
-        cwd=folder,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
-    )
-    clock = os.sysconf("SC_CLK_TCK")
-    while process.poll() is None:
-        maps = Path(f"/proc/{process.pid}/maps").read_text()
-        fields = Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()
-        if "llvmlite" in maps and (int(fields[11]) + int(fields[12])) / clock > 2.5:
-            break
-        time.sleep(0.02)
-    assert process.poll() is None, process.communicate()
-    start = time.monotonic()
-    process.send_signal(signal.SIGINT)
-    out, error = process.communicate(timeout=60)
-    return process.returncode, out, error, time.monotonic() - start
-
-
-on_linux = pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="what a process does is read from /proc")
-
-
-@on_linux
-@pytest.mark.parametrize("recordings", ["one.npy", "two.npy"], ids=["in the main thread", "in other threads"])
-def test_ctrl_c_ends_compiled_code_at_once(endless, recordings):
-    code, out, error, seconds = interrupted(("locsnn", "run", endless, "--events", endless / recordings), endless)
-    assert (code, out, error) == (130, "", "Interrupted.\n")
-    assert seconds < 5
-
-
-@on_linux
-def test_ctrl_c_leaves_no_build(build, tmp_path):
-    r = np.random.default_rng(0)
-    np.save(tmp_path / "many.npy", (r.random((3000, 78, 250)) < 0.05).astype(np.uint8))
-    before = sorted(path.name for path in tmp_path.iterdir())
-    code, out, error, seconds = interrupted(("locsnn-compile", MODEL, "--events", "many.npy", "-o", "out"), tmp_path)
-    assert (code, out) == (130, "")
-    assert error in ("Interrupted.\n", "Interrupted; nothing was written.\n")
-    assert seconds < 5
-    assert sorted(path.name for path in tmp_path.iterdir()) == before
 
 
 @pytest.mark.parametrize(

@@ -132,6 +132,18 @@ def echoes(children: int, late: int = 0, shift: int = 0) -> hw.ProgramBuilder:
     return builder
 
 
+def echoes_alone() -> hw.ProgramBuilder:
+    """Neurons whose spikes come back to a dendrite that nothing else reaches, and that is updated before the one that drives."""
+    builder = hw.ProgramBuilder(CHIP)
+    x = builder.add_input("x", 3)
+    soma = builder.add_compartments("soma", 20, threshold=40, **FORGETS)
+    own = builder.add_compartments("own", 20, decay_u=2000, decay_v=1000, threshold=0, joined_to=soma)
+    builder.connect(soma, own, np.diag(4 * np.arange(20) - 42))
+    drive = builder.add_compartments("drive", 20, threshold=0, joined_to=soma, **FORGETS)
+    builder.connect(x, drive, np.add.outer(2 * np.arange(20), [20, 8, 4]))
+    return builder
+
+
 def sums_of_two(*, chain: bool, refractory: int) -> hw.ProgramBuilder:
     """A soma that keeps nothing between steps, except that it may be blocked, with two dendrites: next to each other, or in a row."""
     builder = hw.ProgramBuilder(CHIP)
@@ -174,6 +186,7 @@ PROGRAMS = {
     "pairs, the first slow": lambda: pairs((4096, 300), (4096, 4096)),
     "echoes": lambda: echoes(2),
     "echoes of three": lambda: echoes(3),
+    "echoes into what rests": echoes_alone,
     "echoes, a step too late": lambda: echoes(2, late=1),
     "echoes from a neighbour": lambda: echoes(2, shift=1),
     "pairs, the second slow": lambda: pairs((4096, 4096), (4096, 300)),
@@ -245,10 +258,10 @@ def test_what_is_due_after_the_end_is_counted_by_input():
 @pytest.mark.parametrize(
     ("build", "taken"),
     [
-        (lambda: echoes(2), True), (lambda: echoes(3), True), (lambda: echoes(2, late=1), False),
+        (lambda: echoes(2), True), (lambda: echoes(3), True), (echoes_alone, True), (lambda: echoes(2, late=1), False),
         (lambda: echoes(2, shift=1), False), (lambda: pairs((4096, 4096), (1000, 300)), False),
     ],
-    ids=["pairs", "three", "late", "of a neighbour", "of all"],
+    ids=["pairs", "three", "alone", "late", "of a neighbour", "of all"],
 )  # fmt: skip
 def test_spikes_that_come_back_to_their_own_dendrite_are_no_link(build, taken):
     program = build().build()
