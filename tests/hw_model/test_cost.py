@@ -109,6 +109,14 @@ def test_the_critical_core_is_the_one_that_is_last_for_longest(synapses, core):
     assert latency(program, activity, CHIP.profile("davies2018")).critical_core == core
 
 
+def test_the_critical_core_is_one_of_the_program_and_not_of_its_phase():
+    program, recording = hybrid().program, hybrid().recording
+    activity = hw.simulate(program, recording, probe=("activity",)).activity
+    for phase, (item,) in activity.items():
+        (core,) = program.cores_of(phase)
+        assert latency(program, {phase: item}, CHIP.profile("davies2018")).critical_core == core.number
+
+
 @pytest.mark.parametrize(
     ("worked", "slowest_ns"),
     [(chain(), 8.4 + 5.3 + 2.1 + 3.5 + 113.0), (hybrid(), 8.4 + 2 * 3.5 + 113.0)],

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 import hw_model as hw
 from hw_model.accounting import activity
-from hw_model.accounting.cost import PARTS, critical_path, latency, step_times
+from hw_model.accounting.cost import PARTS, SENDING, SYNAPSES, UPDATES, critical_path, latency, step_times
 from hw_model.accounting.usage import measure, total_ns
 from hw_model.description.counts import BY_CORE
 from hw_model.program.check import check_program
@@ -112,6 +112,14 @@ def test_times_by_part_step_path_and_phase_add_up(profile, seed):
         for i in range(2)
     ]
     assert all(tuple(used.parts_ns) == PARTS for used in usage.values())
+    for phase, used in usage.items():
+        for part, names in (("updates", UPDATES), ("sending", SENDING), ("synapses", SYNAPSES)):
+            spent = [
+                item.count(name).sum(axis=0) * profile.time_ns.get(name, 0.0)
+                for item in result.activity[phase]
+                for name in names
+            ]
+            assert used.busy_ns[part] == pytest.approx(sum(spent), rel=1e-12)
 
 
 def test_events_of_a_direct_input_are_not_read_from_the_buffer():
