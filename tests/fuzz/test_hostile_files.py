@@ -163,6 +163,7 @@ ARRAYS = [
     ("a pickle", lambda arrays: packed(arrays, bytes_of={"core0/target": header((1,), "|O") + pickle.dumps(print)}), "program.npz, 'core0/target.npy': its values are not numbers (dtype object). Write it again with numpy.save."),
     ("less than it says", lambda arrays: packed(arrays, bytes_of={"core0/target": header((50,)) + b"\0" * 392}), "program.npz, 'core0/target.npy': it is truncated (392 of 400 bytes). Write it again with numpy.save."),
     ("floats", lambda arrays: packed(arrays | {"core0/target": np.zeros(2)}), NO_PROGRAM),
+    ("a column of biases", lambda arrays: packed(arrays | {"core0/bias_mantissa": np.zeros((2, 1), dtype=np.int64)}), NO_PROGRAM),
     ("no archive", lambda arrays: b"PK", NO_PROGRAM),
     ("weights of other synapses", lambda arrays: packed(arrays | {"core0/mantissa": np.arange(7)}), "core 0: its synapse tables do not make a program. Compile it again."),
     ("profiles of another number", lambda arrays: packed(arrays | {"core0/profile": np.zeros(5, dtype=np.int64)}), "core 0: its compartment tables do not make a program. Compile it again."),
