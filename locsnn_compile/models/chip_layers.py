@@ -23,7 +23,7 @@ from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT, effective_w
 from hw_model.engine.compiled import absorbed, compiled_with_arrays
 from hw_model.engine.lane_arithmetic import rz, wrap
 from hw_model.values import AnyArray, ByteArray, Int32Array, IntArray
-from locsnn_compile.models.chip_entry import USUAL_REGISTERS, ChipPopulation, RegisterWidths
+from locsnn_compile.models.chip_entry import ChipPopulation, RegisterWidths
 from locsnn_compile.models.dense_layer import DenseLayer, to_device, to_host
 from locsnn_compile.models.description import NeuronParameters
 from locsnn_compile.network.chip_neurons import ChipCuba
@@ -147,24 +147,14 @@ def charge_gradient(gradient, carry, constants, found):  # type: ignore[no-untyp
                 du[i] = dv[i] + keep_u * du[i]
 
 
-class _Round(torch.autograd.Function):
-    """mantissa = step * round(w / (unit * step)), clipped to the range; d mantissa / d w = 1 / unit."""
-
-    @staticmethod
-    def forward(ctx: Any, weight: Tensor, numbers: ChipPopulation) -> Tensor:
-        ctx.unit = numbers.unit
-        high, step = numbers.grid.high, numbers.grid.step
-        return torch.round(weight / (numbers.unit * step)).clamp_(-(high // step), high // step).mul_(step)
-
-    @staticmethod
-    def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor, None]:
-        return grads[0] / ctx.unit, None
-
-
 def rounded(weight: Tensor, numbers: ChipPopulation) -> Tensor:
-    """Return the mantissas of latent weights, as floats; rounding passes the gradient straight through."""
-    found: Tensor = _Round.apply(weight, numbers)  # type: ignore[no-untyped-call]
-    return found
+    """Return the mantissas of latent weights, as floats: step * round(w / (unit * step)), clipped to the range.
+
+    Rounding passes the gradient straight through: d mantissa / d w = 1 / unit.
+    """
+    high, step, scaled = numbers.grid.high, numbers.grid.step, weight / numbers.unit
+    held = torch.round(weight.detach() / (numbers.unit * step)).clamp_(-(high // step), high // step).mul_(step)
+    return held + (scaled - scaled.detach())
 
 
 def to_format(weight: Tensor, numbers: ChipPopulation) -> None:
@@ -214,22 +204,14 @@ class _Steps(torch.autograd.Function):
 class ChipLayer(DenseLayer[NeuronParameters]):
     """A fully connected population as the chip runs it, recurring over the middle axis of its input.
 
-    Input (batch, steps, in_features), floats 0 or 1; output (batch, steps, out_features). ``weight`` [out, in] is
-    latent: what counts is :meth:`mantissas`. ``events``: charge wraps, current wraps and voltage clips so far.
+    Input (batch, steps, inputs), floats 0 or 1; output (batch, steps, outputs). ``weight`` [out, in] is latent: what
+    counts is :meth:`mantissas`. ``events``: charge wraps, current wraps and voltage clips so far.
     """
 
     def __init__(
-        self,
-        in_features: int,
-        out_features: int,
-        neuron: NeuronParameters,
-        numbers: ChipPopulation,
-        *,
-        generator: torch.Generator,
-        initial_scale: float,
-        registers: RegisterWidths = USUAL_REGISTERS,
+        self, inputs: int, outputs: int, neuron: NeuronParameters, numbers: ChipPopulation, registers: RegisterWidths
     ) -> None:
-        super().__init__(in_features, out_features, neuron, generator=generator, initial_scale=initial_scale)
+        super().__init__(inputs, outputs, neuron)
         self.numbers, self.registers, self._ends = numbers, registers, register_ends(registers)
         self.events = np.zeros(3, dtype=np.int64)
 

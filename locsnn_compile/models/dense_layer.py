@@ -24,30 +24,20 @@ Neuron = TypeVar("Neuron", NeuronParameters, LifParameters)
 class DenseLayer(nn.Module, Generic[Neuron]):
     """A fully connected layer of neurons of one kind, recurring over the middle axis of its input.
 
-    Input (batch, steps, in_features), output (batch, steps, out_features); ``weight`` [out, in], no bias. Weights start
-    uniform within +-``initial_scale`` / sqrt(inputs).
+    Input (batch, steps, inputs), output (batch, steps, outputs); ``weight`` [out, in], no bias, starts at 0: see
+    :func:`draw_weights`.
     """
 
-    def __init__(
-        self,
-        in_features: int,
-        out_features: int,
-        neuron: Neuron,
-        *,
-        generator: torch.Generator,
-        initial_scale: float = INITIAL_SCALE,
-    ) -> None:
+    def __init__(self, inputs: int, outputs: int, neuron: Neuron) -> None:
         super().__init__()
         self.neuron: Neuron = neuron
-        self.weight = uniform_weight((out_features, in_features), in_features, initial_scale, generator)
+        self.weight = nn.Parameter(torch.zeros(outputs, inputs))
 
 
-def uniform_weight(
-    shape: tuple[int, ...], inputs: int, initial_scale: float, generator: torch.Generator
-) -> nn.Parameter:
-    """Return float32 weights, uniform within +-``initial_scale`` / sqrt(inputs)."""
-    bound = initial_scale / math.sqrt(inputs)
-    return nn.Parameter(torch.empty(*shape, dtype=torch.float32).uniform_(-bound, bound, generator=generator))
+def draw_weights(weight: nn.Parameter, initial_scale: float, generator: torch.Generator) -> None:
+    """Draw weights [out, in] uniformly within +-``initial_scale`` / sqrt(inputs)."""
+    bound = initial_scale / math.sqrt(weight.shape[1])
+    nn.init.uniform_(weight, -bound, bound, generator=generator)
 
 
 def to_host(values: Tensor) -> AnyArray:

@@ -23,7 +23,7 @@ from torch import Tensor, nn
 
 from hw_model.values import AnyArray, FloatArray, IntArray
 from locsnn_compile.models.branch_graph import BranchGraph
-from locsnn_compile.models.dense_layer import DenseLayer, to_device, to_host, uniform_weight
+from locsnn_compile.models.dense_layer import DenseLayer, to_device, to_host
 from locsnn_compile.models.description import LifParameters
 from locsnn_compile.models.lif_scan import list_active, scan, scan_active, scan_active_back, scan_back
 
@@ -144,20 +144,12 @@ class GraphLayer(nn.Module):
     hop: Tensor
     places: Tensor
 
-    def __init__(
-        self,
-        graph: BranchGraph,
-        features: int,
-        neuron: LifParameters,
-        *,
-        generator: torch.Generator,
-        initial_scale: float,
-    ) -> None:
+    def __init__(self, graph: BranchGraph, features: int, neuron: LifParameters) -> None:
         super().__init__()
         self.neuron = neuron
         self.nodes, self.inputs = graph.lines.shape
         terms = graph.hop.shape[0] // self.nodes * self.inputs
-        self.weight = uniform_weight((features, terms), terms, initial_scale, generator)
+        self.weight = nn.Parameter(torch.zeros(features, terms))
         heard, self._hop = _heard(graph)
         # Row ``line * nodes + node`` of the spread weights, for every input of a node that is heard.
         places = (graph.lines[heard[1]] * self.nodes + heard[0][:, np.newaxis]).reshape(-1)

@@ -6,7 +6,6 @@ floats 0 or 1, and return their spikes by population name: ``time_*`` (batch, st
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 import torch
@@ -18,7 +17,7 @@ from locsnn_compile.models.ann import Cnn3d, GruMlp
 from locsnn_compile.models.branch_graph import branch_graph
 from locsnn_compile.models.chip_entry import ChipNumbers
 from locsnn_compile.models.chip_layers import ChipLayer, potential_of_sum, rounded, to_format
-from locsnn_compile.models.dense_layer import INITIAL_SCALE, to_device, to_host
+from locsnn_compile.models.dense_layer import INITIAL_SCALE, draw_weights, to_device, to_host
 from locsnn_compile.models.description import LifParameters, NetworkDescription
 from locsnn_compile.models.lif import GraphLayer, LifLayer
 from locsnn_compile.models.srm import SRMLayer, transpose_recording
@@ -160,23 +159,24 @@ class TouchNetwork(TouchModel):
         self._branches = [branch for branch in description.branches if branch != description.structure.window_branch]
         for branch in self._branches:
             for name in description.populations(branch):
-                self.add_module(name, self._make(name, branch, generator, initial_scale))
+                layer = self._make(name, branch)
+                draw_weights(layer.weight, initial_scale, generator)
+                self.add_module(name, layer)
         self.windows = WindowNetwork(description, chip) if description.window is not None else None
 
-    def _make(self, name: str, branch: str, generator: torch.Generator, initial_scale: float) -> Layer:
-        """Return the layer of a population with its initial weights."""
+    def _make(self, name: str, branch: str) -> Layer:
+        """Return the layer of a population."""
         description = self.description
         outputs, inputs = description.weight_shapes[name]
-        start: dict[str, Any] = {"generator": generator, "initial_scale": initial_scale}
         neuron = description.neuron_of(branch)
         if isinstance(neuron, LifParameters):
             if name.endswith("_graph"):
-                return GraphLayer(branch_graph(description, branch), outputs, neuron, **start)
-            return LifLayer(inputs, outputs, neuron, **start)
+                return GraphLayer(branch_graph(description, branch), outputs, neuron)
+            return LifLayer(inputs, outputs, neuron)
         if self.chip is not None:
             numbers, registers = self.chip.populations[name], self.chip.registers
-            return ChipLayer(inputs, outputs, description.srm(branch), numbers, registers=registers, **start)
-        return SRMLayer(inputs, outputs, description.srm(branch), **start)
+            return ChipLayer(inputs, outputs, description.srm(branch), numbers, registers)
+        return SRMLayer(inputs, outputs, description.srm(branch))
 
     def layer(self, name: str) -> Layer:
         """Return the layer of a population."""

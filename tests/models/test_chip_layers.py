@@ -96,9 +96,7 @@ def layer_of(
         weights.shape[0],
         neuron or NeuronParameters(),
         numbers.population(strategy, len(weights)),
-        generator=torch.Generator(),
-        initial_scale=1.0,
-        registers=registers,
+        registers,
     )
     with torch.no_grad():
         layer.weight.copy_(torch.from_numpy(weights))

@@ -8,6 +8,7 @@ import networkx as nx
 import numpy as np
 import pytest
 import torch
+from drawn_layers import drawn
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -116,7 +117,7 @@ def test_layer_and_its_gradient_equal_those_of_the_spread_weights(
     lines = rng.permutation(nodes * inputs).reshape(nodes, inputs)
     parts, neuron = BranchGraph(hop_matrix(edges, nodes, hops), lines), LifParameters()
     generator = torch.Generator().manual_seed(seed)
-    layer = GraphLayer(parts, 2, neuron, generator=generator, initial_scale=2.0).double()
+    layer = drawn(GraphLayer(parts, 2, neuron), generator, 2.0).double()
     x = (rng.random((2, 9, nodes * inputs)) < 0.4).astype(np.float64)
     sent = rng.normal(size=(2, 9, nodes * 2))
     spikes = layer(torch.from_numpy(x))

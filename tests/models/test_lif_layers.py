@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 import torch
+from drawn_layers import drawn
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -121,7 +122,7 @@ def test_adding_active_inputs_equals_a_matrix_product(inputs: int, size: int, sh
 
 
 def test_a_large_layer_adds_active_inputs() -> None:
-    layer = LifLayer(300, 64, LifParameters(), generator=torch.Generator().manual_seed(3), initial_scale=2.0).double()
+    layer = drawn(LifLayer(300, 64, LifParameters()), 3, 2.0).double()
     x = torch.from_numpy((np.random.default_rng(5).random((2, 12, 300)) < 0.1).astype(np.float64))
     spikes = layer(x)
     assert spikes.sum() > 10
@@ -130,7 +131,7 @@ def test_a_large_layer_adds_active_inputs() -> None:
 
 def test_layer_equals_brute_force() -> None:
     neuron = LifParameters()
-    layer = LifLayer(6, 4, neuron, generator=torch.Generator().manual_seed(3), initial_scale=2.0).double()
+    layer = drawn(LifLayer(6, 4, neuron), 3, 2.0).double()
     x = (np.random.default_rng(5).random((2, 20, 6)) < 0.3).astype(np.float64)
     spikes = layer(torch.from_numpy(x)).detach().numpy()
     expected = brute_scan(x @ layer.weight.detach().numpy().T, neuron)[0]
@@ -139,7 +140,7 @@ def test_layer_equals_brute_force() -> None:
 
 
 def test_initial_weights_fill_their_bound() -> None:
-    layer = LifLayer(100, 50, LifParameters(), generator=torch.Generator().manual_seed(1), initial_scale=2.0)
+    layer = drawn(LifLayer(100, 50, LifParameters()), 1, 2.0)
     largest = float(layer.weight.detach().abs().max())
     assert 0.95 * 2.0 / math.sqrt(100) < largest <= 2.0 / math.sqrt(100)
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from drawn_layers import drawn
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -136,7 +137,7 @@ def test_gradient_is_that_of_the_recursion_by_autograd(
     ours = (torch.randn(2, 20, 3, generator=generator, dtype=torch.float64) * theta).requires_grad_()
     theirs = ours.detach().clone().requires_grad_()
     weight = torch.randn(2, 20, 3, generator=generator, dtype=torch.float64)
-    layer = SRMLayer(3, 3, neuron, generator=generator).double()
+    layer = SRMLayer(3, 3, neuron).double()
     layer.weight.data.copy_(torch.eye(3))
     (layer(ours) * weight).sum().backward()
     (stepped(theirs, neuron) * weight).sum().backward()
@@ -149,7 +150,7 @@ def test_gradient_is_that_of_the_recursion_by_autograd(
 def test_gradients_of_two_layers_are_those_of_the_recursion_by_autograd() -> None:
     neuron = NeuronParameters()
     generator = torch.Generator().manual_seed(11)
-    layers = [SRMLayer(*shape, neuron, generator=generator, initial_scale=40.0).double() for shape in ((5, 6), (6, 4))]
+    layers = [drawn(SRMLayer(*shape, neuron), generator, 40.0).double() for shape in ((5, 6), (6, 4))]
     x = (torch.rand(3, 30, 5, generator=generator) < 0.3).double()
     aim = torch.randn(3, 30, 4, generator=generator, dtype=torch.float64)
     spikes = layers[1](layers[0](x))
@@ -167,7 +168,7 @@ def test_gradients_of_two_layers_are_those_of_the_recursion_by_autograd() -> Non
 def test_gradient_of_sums_over_the_steps_of_a_transposed_recording() -> None:
     neuron = NeuronParameters()
     generator = torch.Generator().manual_seed(5)
-    layer = SRMLayer(7, 4, neuron, generator=generator, initial_scale=40.0).double()
+    layer = drawn(SRMLayer(7, 4, neuron), generator, 40.0).double()
     x = (torch.rand(3, 7, 30, generator=generator) < 0.3).double().transpose(1, 2)
     aim = torch.randn(3, 4, generator=generator, dtype=torch.float64)
     spikes = layer(x).sum(dim=1)
@@ -191,7 +192,7 @@ def brute_layer(x: np.ndarray, weight: np.ndarray, neuron: NeuronParameters) -> 
 def test_layer_equals_brute_force() -> None:
     neuron = NeuronParameters()
     generator = torch.Generator().manual_seed(3)
-    layer = SRMLayer(6, 4, neuron, generator=generator, initial_scale=10.0).double()
+    layer = drawn(SRMLayer(6, 4, neuron), generator, 10.0).double()
     x = np.random.default_rng(5).random((2, 20, 6)) < 0.3
     spikes = layer(torch.from_numpy(x.astype(np.float64))).detach().numpy()
     expected = brute_layer(x, layer.weight.detach().numpy(), neuron)
@@ -200,7 +201,7 @@ def test_layer_equals_brute_force() -> None:
 
 
 def test_layer_takes_input_that_is_not_contiguous() -> None:
-    layer = SRMLayer(20, 3, NeuronParameters(), generator=torch.Generator().manual_seed(1))
+    layer = drawn(SRMLayer(20, 3, NeuronParameters()), 1)
     x = (torch.rand(2, 20, 6, generator=torch.Generator().manual_seed(2)) < 0.4).float()
     turned = x.transpose(1, 2)
     assert not turned.is_contiguous()

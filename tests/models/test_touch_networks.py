@@ -77,7 +77,7 @@ def test_location_branch_steps_over_the_walk() -> None:
     network = build_network(description("location-tactile-snn"), seed=2)
     x = recording(samples=1)
     walk = channel_walk(LOCATION_ORDERS["whorl"], neutouch(1))
-    layer = SRMLayer(30, 7, NeuronParameters(), generator=torch.Generator())
+    layer = SRMLayer(30, 7, NeuronParameters())
     layer.weight = network.get_submodule("location_hidden").weight
     by_hand = torch.stack([x[0, :, channel] for channel in walk]).unsqueeze(0)
     assert torch.equal(network(x)["location_hidden"], layer(by_hand))
