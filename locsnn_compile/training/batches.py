@@ -44,13 +44,14 @@ Spikes = NDArray[np.float32]
 
 def augmented(spikes: Spikes, config: TrainingConfig, rng: np.random.Generator, polarities: int = POLARITIES) -> Spikes:
     """Return spikes with all augmentations that the configuration asks for."""
+    channels, taxels = spikes.shape[2], spikes.shape[2] // polarities
     spikes = add_events(spikes, config.event_noise, rng)
-    spikes = drop_events(spikes, config.event_dropout, rng)
-    spikes = drop_channels(spikes, config.channel_dropout, rng)
-    spikes = drop_taxels(spikes, config.taxel_dropout, rng, polarities)
+    spikes = drop(spikes, config.event_dropout, rng)
+    spikes = drop(spikes, config.channel_dropout, rng, channels)
+    spikes = drop(spikes, config.taxel_dropout, rng, taxels)
     spikes = stretch_time(spikes, config.time_stretch, rng)
     spikes = cut_end(spikes, config.cut_end, rng)
-    spikes = shift_in_time(spikes, config.taxel_shift, rng, parts=spikes.shape[2] // polarities)
+    spikes = shift_in_time(spikes, config.taxel_shift, rng, taxels)
     return shift_in_time(spikes, config.time_shift, rng)
 
 
@@ -58,38 +59,28 @@ def mix_taxels(
     spikes: Spikes, others: Spikes, largest: float, rng: np.random.Generator, polarities: int = POLARITIES
 ) -> Spikes:
     """Take taxels with all polarities from ``others``, with a probability of 0..``largest`` for each recording."""
-    return np.where(_kept_taxels(spikes, largest, rng, polarities), spikes, others)
+    return np.where(_kept(spikes, largest, rng, spikes.shape[2] // polarities), spikes, others)
 
 
 def add_events(spikes: Spikes, largest: float, rng: np.random.Generator) -> Spikes:
     """Add events where there are none, with a probability of 0..``largest`` for each recording."""
-    return spikes if largest == 0 else np.where(_kept(spikes.shape, largest, rng), spikes, np.float32(1))
+    return spikes if largest == 0 else np.where(_kept(spikes, largest, rng), spikes, np.float32(1))
 
 
-def drop_events(spikes: Spikes, largest: float, rng: np.random.Generator) -> Spikes:
-    """Drop events, with a probability of 0..``largest`` for each recording."""
-    return spikes if largest == 0 else spikes * _kept(spikes.shape, largest, rng)
+def drop(spikes: Spikes, largest: float, rng: np.random.Generator, parts: int | None = None) -> Spikes:
+    """Drop events, with a probability of 0..``largest`` for each recording.
+
+    With ``parts``, equal parts of the channels lose all their events, such as a channel, or the polarities of a taxel.
+    """
+    return spikes if largest == 0 else spikes * _kept(spikes, largest, rng, parts)
 
 
-def drop_channels(spikes: Spikes, largest: float, rng: np.random.Generator) -> Spikes:
-    """Drop channels with all their events, with a probability of 0..``largest`` for each recording."""
-    return spikes if largest == 0 else spikes * _kept((len(spikes), 1, spikes.shape[2]), largest, rng)
-
-
-def drop_taxels(spikes: Spikes, largest: float, rng: np.random.Generator, polarities: int = POLARITIES) -> Spikes:
-    """Drop taxels with all polarities, with a probability of 0..``largest`` for each recording."""
-    return spikes if largest == 0 else spikes * _kept_taxels(spikes, largest, rng, polarities)
-
-
-def _kept_taxels(spikes: Spikes, largest: float, rng: np.random.Generator, polarities: int) -> BoolArray:
-    shape = len(spikes), 1, spikes.shape[2] // polarities
-    return _kept(shape, largest, rng).repeat(polarities, axis=2)
-
-
-def _kept(shape: tuple[int, ...], largest: float, rng: np.random.Generator) -> BoolArray:
-    """Draw what is kept of (batch, steps, channels); each recording loses with a probability of 0..``largest``."""
-    probability = rng.random((shape[0], 1, 1), dtype=np.float32) * np.float32(largest)
-    return rng.random(shape, dtype=np.float32) >= probability
+def _kept(spikes: Spikes, largest: float, rng: np.random.Generator, parts: int | None = None) -> BoolArray:
+    """Draw what is kept, event by event or part by part; each recording loses with a probability of 0..``largest``."""
+    batch, _, channels = spikes.shape
+    probability = rng.random((batch, 1, 1), dtype=np.float32) * np.float32(largest)
+    kept = rng.random((batch, 1, parts) if parts else spikes.shape, dtype=np.float32) >= probability
+    return kept.repeat(channels // parts, axis=2) if parts else kept
 
 
 def cut_end(spikes: Spikes, largest: float, rng: np.random.Generator) -> Spikes:

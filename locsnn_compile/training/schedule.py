@@ -1,8 +1,6 @@
 """How fast a run learns, which of its epochs it keeps, and the running average of its weights."""
 
 import math
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
 
 import numpy as np
 import torch
@@ -42,38 +40,8 @@ def choose_epoch(history: list[EpochRecord], smoothing_epochs: int, held: int) -
     return rows[int(np.flatnonzero(near)[-1])].epoch
 
 
-class WeightAverage:
-    """average = decay * average + (1 - decay) * weights after every step; with decay 0, the weights themselves.
-
-    ``values`` by parameter name are the averages to continue; without them, it begins with the network's weights.
-    """
-
-    def __init__(self, network: nn.Module, decay: float, values: Mapping[str, Tensor]) -> None:
-        self._weights = dict(network.named_parameters())
-        self._decay = decay
-        self.values: dict[str, Tensor] = {}
-        if decay:
-            begin = values or {name: weight.detach() for name, weight in self._weights.items()}
-            self.values = {name: value.to(self._weights[name].device, copy=True) for name, value in begin.items()}
-
-    def update(self) -> None:
-        """Include the weights after a step."""
-        if self.values:
-            with torch.no_grad():
-                weights: list[Tensor] = [self._weights[name] for name in self.values]
-                torch._foreach_lerp_(list(self.values.values()), weights, 1.0 - self._decay)
-
-    @contextmanager
-    def in_place(self) -> Iterator[None]:
-        """Put the averages into the network while the context lasts."""
-        own = {name: self._weights[name].detach().clone() for name in self.values}
-        self._put(self.values)
-        try:
-            yield
-        finally:
-            self._put(own)
-
-    def _put(self, values: Mapping[str, Tensor]) -> None:
-        with torch.no_grad():
-            for name, value in values.items():
-                self._weights[name].copy_(value)
+@torch.no_grad()
+def follow_weights(average: nn.Module, network: nn.Module, decay: float) -> None:
+    """Include a network's weights after a step: average = decay * average + (1 - decay) * weights."""
+    held: list[Tensor] = list(network.parameters())
+    torch._foreach_lerp_(list(average.parameters()), held, 1.0 - decay)

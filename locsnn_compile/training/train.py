@@ -3,11 +3,10 @@
 The test part is never used here. Equal configuration, data, torch and machine give equal bits, also after a resume.
 """
 
-import csv
-import io
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import astuple, replace
+from copy import deepcopy
+from dataclasses import asdict, replace
 from itertools import chain
 from pathlib import Path
 
@@ -26,13 +25,14 @@ from locsnn_compile.models.chip_entry import ChipNumbers
 from locsnn_compile.models.description import NetworkDescription
 from locsnn_compile.models.networks import build_network
 from locsnn_compile.models.touch_model import TouchModel
+from locsnn_compile.report.figures.flat import csv_bytes
 from locsnn_compile.training.batches import batches, epoch_generator
 from locsnn_compile.training.config import EpochRecord, Progress, TrainingConfig
 from locsnn_compile.training.describe import check_recordings, describe
 from locsnn_compile.training.measure import Loss, check_events, class_weights, data_remarks, evaluate, result_remarks
 from locsnn_compile.training.profile import profile
 from locsnn_compile.training.prototypes import PROTOTYPES, set_prototypes
-from locsnn_compile.training.schedule import WeightAverage, choose_epoch, learning_rate
+from locsnn_compile.training.schedule import choose_epoch, follow_weights, learning_rate
 from locsnn_compile.training.state import TrainingState, load_state, run_key, save_state
 from locsnn_compile.training.target import chip_numbers
 
@@ -155,7 +155,10 @@ class _Run(Frozen, eq=False):
 
 
 class _Phase:
-    """One phase of a run: a network that learns from the recordings ``rows``, from where ``state`` is."""
+    """One phase of a run: a network that learns from the recordings ``rows``, from where ``state`` is.
+
+    ``kept`` is the network itself, or the one whose weights are a running average of its weights.
+    """
 
     def __init__(self, run: _Run, state: TrainingState, rows: IntArray) -> None:
         config, recordings = run.config, run.recordings
@@ -168,7 +171,8 @@ class _Phase:
         if state.weights:
             self.network.load_state_dict(state.weights)
             self.optimizer.load_state_dict(state.optimizer)
-        self.average = WeightAverage(self.network, config.weight_average, state.averages)
+        self.kept = deepcopy(self.network) if config.weight_average else self.network
+        self.kept.load_state_dict(state.averages, strict=False)
         self.class_shares = class_weights(config, self.labels, run.description.classes)
 
     def drawn(self, epoch: int) -> Iterator[tuple[NDArray[np.float32], IntArray]]:
@@ -194,7 +198,8 @@ class _Phase:
             loss.backward()  # type: ignore[no-untyped-call]
             self.optimizer.step()
             network.hold()
-            self.average.update()
+            if self.kept is not network:
+                follow_weights(self.kept, network, run.config.weight_average)
             total += float(loss.detach()) * len(y)
         return total / len(self.labels)
 
@@ -208,12 +213,12 @@ def _run_phase(run: _Run, state: TrainingState, rows: IntArray, held: IntArray, 
         rate = learning_rate(config, epoch, epochs)
         loss = phase.learn(epoch, rate)
         state.weights = _weights(phase.network)
-        with phase.average.in_place():
-            figures = evaluate(phase.network, run.loss, *validation) if len(held) else (None, None)
-            found = _weights(phase.network)
+        figures = evaluate(phase.kept, run.loss, *validation) if len(held) else (None, None)
+        found = _weights(phase.kept)
         record = EpochRecord(state.phase, epoch, rate, loss, *figures)
         state.history.append(record)
-        state.epoch, state.averages, state.optimizer = epoch, phase.average.values, phase.optimizer.state_dict()
+        state.averages = found if config.weight_average else {}
+        state.epoch, state.optimizer = epoch, phase.optimizer.state_dict()
         chosen = state.phase == "select" and choose_epoch(state.history, config.smoothing_epochs, len(held)) == epoch
         if chosen:
             state.chosen_epoch, state.chosen_weights = epoch, found
@@ -253,9 +258,5 @@ def _torch_for_small_layers() -> Iterator[None]:
 
 
 def _write_log(path: Path, history: list[EpochRecord]) -> None:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["phase", "epoch", "learning_rate", "loss", "validation_loss", "validation_accuracy"])
-    for phase, epoch, *figures in map(astuple, history):
-        writer.writerow([phase, epoch, *("" if value is None else f"{value:.6g}" for value in figures)])
-    replace_file(path, text.getvalue().encode(), f"training log {path.name!r}")
+    rows = [{k: f"{v:.6g}" if isinstance(v, float) else v for k, v in asdict(record).items()} for record in history]
+    replace_file(path, csv_bytes(rows), f"training log {path.name!r}")

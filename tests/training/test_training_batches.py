@@ -13,9 +13,7 @@ from locsnn_compile.training.batches import (
     augmented,
     batches,
     cut_end,
-    drop_channels,
-    drop_events,
-    drop_taxels,
+    drop,
     epoch_generator,
     mix_taxels,
     shift_in_time,
@@ -65,22 +63,22 @@ def test_every_recording_once(samples: int, size: int, seed: int) -> None:
 def test_dropping_never_adds(largest: float, seed: int) -> None:
     rng = np.random.default_rng(seed)
     spikes = (rng.random((4, 10, 6)) < 0.5).astype(np.float32)
-    kept = drop_events(spikes, largest, rng)
+    kept = drop(spikes, largest, rng)
     assert kept.dtype == np.float32
     assert ((kept == spikes) | (kept == 0)).all()
 
 
 def test_whole_channels_are_dropped() -> None:
     spikes = np.ones((300, 5, 78), dtype=np.float32)
-    kept = drop_channels(spikes, 0.4, epoch_generator(0, 1, 1))
+    kept = drop(spikes, 0.4, epoch_generator(0, 1, 1), 78)
     assert (kept == kept[:, :1]).all()
     assert 1 - kept.mean() == pytest.approx(0.2, abs=0.02)
-    assert drop_channels(spikes, 0.0, epoch_generator(0, 1, 1)) is spikes
+    assert drop(spikes, 0.0, epoch_generator(0, 1, 1), 78) is spikes
 
 
 def test_dropping_takes_another_share_of_every_recording() -> None:
     spikes = np.ones((400, 50, 40), dtype=np.float32)
-    share = 1 - drop_events(spikes, 0.6, epoch_generator(0, 1, 1)).mean(axis=(1, 2))
+    share = 1 - drop(spikes, 0.6, epoch_generator(0, 1, 1)).mean(axis=(1, 2))
     # Uniform on 0..0.6: mean 0.3, standard deviation 0.6 / sqrt(12).
     assert share.mean() == pytest.approx(0.3, abs=0.03)
     assert share.std() == pytest.approx(0.6 / np.sqrt(12), abs=0.02)
@@ -89,12 +87,12 @@ def test_dropping_takes_another_share_of_every_recording() -> None:
 
 def test_dropped_taxels_lose_both_polarities() -> None:
     spikes = np.ones((40, 3, 78), dtype=np.float32)
-    kept = drop_taxels(spikes, 0.5, epoch_generator(0, 1, 1))
+    kept = drop(spikes, 0.5, epoch_generator(0, 1, 1), 39)
     by_taxel = kept[:, 0].reshape(40, 39, 2)
     assert (by_taxel[:, :, 0] == by_taxel[:, :, 1]).all()
     assert (kept == kept[:, :1]).all()
     assert 0.7 < kept.mean() < 0.8
-    assert drop_taxels(spikes, 0.0, epoch_generator(0, 1, 1)) is spikes
+    assert drop(spikes, 0.0, epoch_generator(0, 1, 1), 39) is spikes
 
 
 @given(steps=st.integers(1, 9), largest=st.integers(1, 12), seed=st.integers(0, 2**31))
@@ -118,7 +116,7 @@ def test_shifts_go_both_ways() -> None:
 
 def test_what_is_off_does_not_change_what_is_drawn() -> None:
     spikes = np.ones((4, 5, 78), dtype=np.float32)
-    alone = drop_channels(drop_events(spikes, 0.5, rng := epoch_generator(1, 1, 1)), 0.3, rng)
+    alone = drop(drop(spikes, 0.5, rng := epoch_generator(1, 1, 1)), 0.3, rng, 78)
     both = augmented(spikes, TrainingConfig(event_dropout=0.5, channel_dropout=0.3), epoch_generator(1, 1, 1))
     assert np.array_equal(both, alone)
 

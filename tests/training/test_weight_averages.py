@@ -13,7 +13,7 @@ from torch import nn
 from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.training.config import TrainingConfig
 from locsnn_compile.training.profile import profile
-from locsnn_compile.training.schedule import WeightAverage
+from locsnn_compile.training.schedule import follow_weights
 from locsnn_compile.training.state import EpochRecord
 from locsnn_compile.training.train import train
 
@@ -29,32 +29,11 @@ def layer(value: float) -> nn.Linear:
 
 
 def test_an_average_follows_the_weights() -> None:
-    network = layer(1.0)
-    average = WeightAverage(network, 0.75, {})
-    for value in (5.0, 5.0):
-        with torch.no_grad():
-            network.weight.fill_(value)
-        average.update()
-    assert average.values["weight"].item() == 1.0 * 0.75**2 + 5.0 * (1 - 0.75**2)
-    with average.in_place():
-        assert network.weight.item() == 2.75
+    network, average = layer(5.0), layer(1.0)
+    for _ in range(2):
+        follow_weights(average, network, 0.75)
+    assert average.weight.item() == 1.0 * 0.75**2 + 5.0 * (1 - 0.75**2)
     assert network.weight.item() == 5.0
-
-
-def test_an_average_goes_on_from_values() -> None:
-    network = layer(1.0)
-    average = WeightAverage(network, 0.5, {"weight": torch.full((1, 1), 3.0)})
-    average.update()
-    assert average.values["weight"].item() == 2.0
-
-
-def test_without_averages_weights_stay() -> None:
-    network = layer(1.0)
-    average = WeightAverage(network, 0.0, {})
-    average.update()
-    with average.in_place():
-        assert network.weight.item() == 1.0
-    assert average.values == {}
 
 
 @pytest.mark.parametrize("refit", [False, True], ids=["chosen", "refitted"])
