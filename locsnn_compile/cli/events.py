@@ -53,8 +53,7 @@ def run(args: argparse.Namespace) -> int:
 
 def statistics_lines(found: Mapping[str, Any], binning: str | None) -> list[str]:
     """Return the figures as lines; ``binning`` says what was left out on reading."""
-    from locsnn_compile.report.told import facts
-    from locsnn_compile.report.words import sentence
+    from locsnn_compile.report.words import facts, sentence
 
     width, steps, polarity, rate = (found[key] for key in ("step_seconds", "steps", "polarity", "rate_hz_per_channel"))
     seconds = "" if width is None else f" of {width:g} s ({steps * width:g} s)"

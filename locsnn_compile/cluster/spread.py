@@ -165,6 +165,8 @@ def connected(address: str) -> Iterator[Cluster]:
         yield Cluster(client, where, distributed)
 
 
+INTERRUPTS = signal.SIGINT, signal.SIG_IGN
+"""Ctrl-C is left to the parent of the processes."""
 ATTEMPTS = 3
 """Pools of processes that may die in a row without finishing a part."""
 
@@ -191,7 +193,7 @@ def _one_pool(workers: int, job: bytes, parts: Mapping[int, bytes]) -> Iterator[
     """Yield the results of a pool, until the end or until one of its processes dies, which ends the pool."""
     before = set(active_children())
     # Forking may hang, because the engine has threads.
-    pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_leave_interrupts_to_parent)
+    pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=signal.signal, initargs=INTERRUPTS)
     try:
         futures = {pool.submit(work_packed, job, part): number for number, part in parts.items()}
         for future in as_completed(futures):
@@ -207,7 +209,3 @@ def _one_pool(workers: int, job: bytes, parts: Mapping[int, bytes]) -> Iterator[
         raise
     finally:
         pool.shutdown(cancel_futures=True)
-
-
-def _leave_interrupts_to_parent() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)

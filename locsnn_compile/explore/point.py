@@ -21,7 +21,7 @@ from hw_model.values import ByteArray, Frozen
 from locsnn_compile.api import compile
 from locsnn_compile.cluster.spread import code_version
 from locsnn_compile.data.recordings import Recordings
-from locsnn_compile.errors import InputError, LocsnnError, TargetError
+from locsnn_compile.errors import TargetError
 from locsnn_compile.frontends import load
 from locsnn_compile.network.network import Network
 from locsnn_compile.settings import Setting
@@ -130,26 +130,6 @@ class Figures(Losses):
         )
 
 
-class Refusal(Frozen):
-    """Why a setting was refused: the parts of the error, which are compared and stored."""
-
-    kind: str
-    where: str
-    what: str
-    measured: str
-    fix: str
-
-    @classmethod
-    def of(cls, error: LocsnnError) -> "Refusal":
-        """Return the parts of an error."""
-        return cls(type(error).__name__, **vars(error))
-
-    def error(self) -> LocsnnError:
-        """Return the error made of the parts."""
-        kind = TargetError if self.kind == "TargetError" else InputError
-        return kind(self.where, self.what, measured=self.measured, fix=self.fix)
-
-
 class Timing(Frozen):
     """Seconds per recording of an engine, played so many recordings on the machine that measured the point."""
 
@@ -158,17 +138,28 @@ class Timing(Frozen):
 
 
 class Point(Frozen):
-    """A setting with its figures or refusal, ``timings`` by engine, and the version of the code that measured it."""
+    """A setting with its figures or refusal, ``timings`` by engine, and the version of the code that measured it.
+
+    ``refusal`` are the parts of the error, which are compared and stored.
+    """
 
     setting: Setting
     figures: Figures | None
-    refusal: Refusal | None
+    refusal: Mapping[str, str] | None
     timings: Mapping[str, Timing]
     code: str
 
+    @property
+    def refused(self) -> TargetError | None:
+        """Why the chip cannot hold the setting."""
+        return TargetError(**self.refusal) if self.refusal else None
+
 
 def measure(study: Study, setting: Setting) -> Point:
-    """Compile and check a setting as ``locsnn-compile`` does, then time each engine."""
+    """Compile and check a setting as ``locsnn-compile`` does, then time each engine.
+
+    A setting that the chip cannot hold is also a point; an ``InputError`` is common to all settings, and is raised.
+    """
     try:
         compiled = compile(
             study.network,
@@ -178,8 +169,8 @@ def measure(study: Study, setting: Setting) -> Point:
             diagnosis=False,
             **asdict(setting),
         )
-    except LocsnnError as error:
-        return Point(setting, None, Refusal.of(error), {}, code_version())
+    except TargetError as error:
+        return Point(setting, None, vars(error), {}, code_version())
     played = compiled.network.fit(study.recordings.spikes, study.recordings.source)
     timings = _timings(compiled.program, played, study.engines)
     return Point(setting, Figures.of(compiled.report), None, timings, code_version())

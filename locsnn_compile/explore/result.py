@@ -78,7 +78,7 @@ def _points(found: Exploration) -> list[Document]:
         {
             "setting": asdict(point.setting),
             "figures": point.figures and _figures(point.figures),
-            "refused": point.refusal and str(point.refusal.error()),
+            "refused": point.refused and str(point.refused),
             "on_front": mark,
             "recommended": point is found.recommendation.taken,
             "reported": (figures := reported.get(point.setting)) and _figures(figures),
@@ -199,8 +199,8 @@ def _table(found: Exploration) -> list[str]:
             sign = ">" if point is found.recommendation.taken else "*" if mark else ""
             timings = [time(1e9 * point.timings[name].seconds) for name in engines]
             rows.append([sign, *map(str, point.setting.values), *_cells(point), *timings])
-        elif point.refusal:
-            refused.append(f"{point.setting}: {point.refusal.error()}")
+        elif point.refused:
+            refused.append(f"{point.setting}: {point.refused}")
     timed = (
         [f"{' and '.join(engines)}: time per recording in the simulator's engines, on this machine."] if engines else []
     )

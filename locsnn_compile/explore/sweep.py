@@ -83,15 +83,13 @@ def sweep(
         with closing(spread(partial(measure, study), missing)) as measured:
             for point in measured:
                 check_code(f"setting {point.setting}", point.code)
-                if point.refusal and point.refusal.kind == InputError.__name__:
-                    raise point.refusal.error()
                 store.write(keys[point.setting], point)
                 points[point.setting] = point
                 if progress:
                     progress(len(points), len(keys))
     done = tuple(points[setting] for setting in keys)
-    if done and done[0].refusal and not any(point.figures for point in done):
-        raise done[0].refusal.error()
+    if done and done[0].refused and not any(point.figures for point in done):
+        raise done[0].refused
     return done
 
 

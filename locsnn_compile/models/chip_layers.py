@@ -26,6 +26,7 @@ from hw_model.values import AnyArray, ByteArray, Int32Array, IntArray
 from locsnn_compile.models.chip_entry import ChipPopulation, RegisterWidths
 from locsnn_compile.models.dense_layer import DenseLayer, to_device, to_host
 from locsnn_compile.models.description import NeuronParameters
+from locsnn_compile.models.srm import respond_back
 from locsnn_compile.network.chip_neurons import ChipCuba
 
 Ends = tuple[np.int32, np.int32, np.int32]
@@ -124,29 +125,6 @@ def scan(  # type: ignore[no-untyped-def]
     events[2] += clips.sum()
 
 
-@compiled_with_arrays
-def charge_gradient(gradient, carry, constants, found):  # type: ignore[no-untyped-def]
-    """Write into ``found`` the gradient by the charge that each step sends on, of that by v, both (batch, steps, n).
-
-    The linear step, backwards: dv(t) = gradient(t) + keep_v * carry(t) * dv(t + 1), du(t) = dv(t) + keep_u * du(t + 1)
-    and, one step of latency later, found(t) = du(t + 1). ``carry`` (uint8) is 0 where v is reset and does not go on.
-    ``constants``: keep_u and keep_v as fractions, and 0, in the type of ``gradient``.
-    """
-    keep_u, keep_v, zero = constants
-    batch, steps, n = gradient.shape
-    du, dv = np.zeros(n, gradient.dtype), np.zeros(n, gradient.dtype)
-    many = np.uint64(n)
-    for b in range(batch):
-        du[:] = zero
-        dv[:] = zero
-        for t in range(steps - 1, -1, -1):
-            for i in range(many):
-                found[b, t, i] = du[i]
-                kept = keep_v * dv[i] if carry[b, t, i] else zero
-                dv[i] = gradient[b, t, i] + kept
-                du[i] = dv[i] + keep_u * du[i]
-
-
 def rounded(weight: Tensor, numbers: ChipPopulation) -> Tensor:
     """Return the mantissas of latent weights, as floats: step * round(w / (unit * step)), clipped to the range.
 
@@ -187,18 +165,15 @@ class _Steps(torch.autograd.Function):
         numbers, neuron = layer.numbers, layer.neuron
         width = neuron.tau_rho * neuron.theta
         u = to_device(ctx.potential, grads[0]).to(grads[0].dtype).div_(numbers.scale)
-        slope = u.sub_(neuron.theta).abs_().mul_(-1.0 / width).exp_().mul_(neuron.scale_rho / width)
-        by_voltage = slope.mul_(grads[0])
-        carry = np.ones_like(ctx.spikes)
+        slope = to_host(u.sub_(neuron.theta).abs_().mul_(-1.0 / width).exp_().mul_(neuron.scale_rho / width))
+        carry = None
         if "refractory" in numbers.neuron.registers:
-            by_voltage.mul_(to_device(ctx.live, by_voltage))
+            slope *= ctx.live
             carry = ctx.live & (1 - ctx.spikes)
-        gradient = to_host(by_voltage)
-        kind = gradient.dtype.type
-        keep = kind((DECAY_ONE - int(numbers.neuron.decay_u[0])) / DECAY_ONE)
-        found = np.empty_like(gradient)
-        charge_gradient(gradient, carry, (keep, keep, kind(0)), found)
-        return to_device(found, grads[0]).mul_((1 << (WEIGHT_SHIFT + numbers.exponent)) / numbers.scale), None
+        keep = (DECAY_ONE - int(numbers.neuron.decay_u[0])) / DECAY_ONE
+        values = keep, (1 << (WEIGHT_SHIFT + numbers.exponent)) / numbers.scale, 0
+        respond_back(slope, to_host(grads[0]), carry, tuple(slope.dtype.type(value) for value in values))
+        return to_device(slope, grads[0]), None
 
 
 class ChipLayer(DenseLayer[NeuronParameters]):

@@ -104,10 +104,7 @@ class WindowNetwork(TouchModel):
         """Return copies of the weights by name, the bias as the kept network has it."""
         with torch.no_grad():
             bias = self.bias.double() - self.output.double() @ self.usual.double()
-        return {
-            self.names[0]: self.output.detach().to(torch.float32).cpu().numpy().copy(),
-            self.names[1]: bias.to(torch.float32).cpu().numpy(),
-        }
+        return super().weights() | {self.names[1]: bias.to(torch.float32).cpu().numpy()}
 
     def load_weights(self, weights: Mapping[str, AnyArray]) -> None:
         """Take weights by name; ``InputError`` where a name or shape does not fit."""

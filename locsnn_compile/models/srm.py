@@ -48,23 +48,29 @@ def _respond(values: AnyArray, constants: tuple[Any, ...], spikes: AnyArray) -> 
 
 
 @compiled_with_arrays
-def _respond_back(
-    values: AnyArray, by_spikes: AnyArray, constants: tuple[Any, ...]
-) -> None:  # pragma: no cover - compiled
-    # In ``values``, the gradients by the drive replace those of the surrogate.
+def respond_back(slope, by_spikes, carry, constants):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+    """Turn the slope of a surrogate, (batch, steps, n), into the gradient by what each step sends on.
+
+    The linear steps, backwards: dv(t) = slope(t) * by_spikes(t) + decay * carry(t) * dv(t + 1),
+    du(t) = dv(t) + decay * du(t + 1) and, one step of latency later, the gradient gain * du(t + 1). ``carry`` (uint8)
+    is 0 where v is reset and does not go on; None: it always does. ``constants`` are decay, gain and 0.
+    """
     decay, gain, zero = constants
-    batch, steps, size = values.shape
+    batch, steps, size = slope.shape
     # A gradient of sums over steps is the same in all steps, so only one is given.
     stride = 1 if by_spikes.shape[1] == steps else 0
-    current, response = np.empty(size, values.dtype), np.empty(size, values.dtype)
+    du, dv = np.empty(size, slope.dtype), np.empty(size, slope.dtype)
     for b in range(batch):
-        current[:] = zero
-        response[:] = zero
+        du[:] = zero
+        dv[:] = zero
         for t in range(steps - 1, -1, -1):
             for i in range(size):
-                response[i] = decay * response[i] + current[i]
-                current[i] = decay * current[i] + values[b, t, i] * by_spikes[b, stride * t, i]
-                values[b, t, i] = gain * response[i]
+                du[i] = decay * du[i] + dv[i]
+                kept = decay * dv[i]
+                if carry is not None:
+                    kept = kept if carry[b, t, i] else zero
+                dv[i] = kept + slope[b, t, i] * by_spikes[b, stride * t, i]
+                slope[b, t, i] = gain * du[i]
 
 
 def respond(drive: AnyArray, neuron: NeuronParameters) -> tuple[AnyArray, AnyArray]:
@@ -94,7 +100,7 @@ def _gradient_of_drive(u: AnyArray, by_spikes: Tensor, neuron: NeuronParameters)
         by_spikes = by_spikes[:, :1]
     decay, gain = alpha_recursion(neuron.tau_sr)
     constants = (kind(decay), kind(gain * neuron.scale_rho / width), kind(0))
-    _respond_back(slope, to_host(by_spikes), constants)
+    respond_back(slope, to_host(by_spikes), None, constants)
     return slope
 
 

@@ -8,14 +8,14 @@ from small_model import explore, figures, lasting, point
 from locsnn_compile.cluster.spread import code_version
 from locsnn_compile.errors import TargetError
 from locsnn_compile.explore import sweep as store_module
-from locsnn_compile.explore.point import Refusal, Timing, digest_of
+from locsnn_compile.explore.point import Timing, digest_of
 from locsnn_compile.explore.sweep import Store
 from locsnn_compile.settings import Setting
 
 KEY = "0" * 64
 POINTS = {
     "figures": point(found=figures(0.1 + 0.2, 1 / 3), timings={"fast": Timing(16, 1e-3 / 3)}),
-    "refusal": point(refusal=Refusal.of(TargetError("layer 'a'", "too large", measured="2 against 1", fix="Cut it."))),
+    "refusal": point(refusal=vars(TargetError("layer 'a'", "too large", measured="2 against 1", fix="Cut it."))),
 }
 
 
@@ -34,7 +34,7 @@ def test_a_point_comes_back_exactly(store, kept):
 
 def test_a_refusal_is_the_same_error_again():
     error = TargetError("layer 'a'", "too large", measured="2 against 1", fix="Cut it.")
-    again = Refusal.of(error).error()
+    again = point(refusal=vars(error)).refused
     assert (type(again), str(again)) == (TargetError, "layer 'a': too large (2 against 1). Cut it.")
 
 

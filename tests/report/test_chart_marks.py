@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from locsnn_compile.report.pictures.axis import nice_step
 from locsnn_compile.report.pictures.scatter import Mark, Panel, draw
-from locsnn_compile.report.pictures.ticks import nice_step
 
 SVG = "{http://www.w3.org/2000/svg}"
 FIGURE = st.floats(0, 1e12, allow_subnormal=False)

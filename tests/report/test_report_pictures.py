@@ -16,8 +16,8 @@ import locsnn_compile as lc
 from locsnn_compile.network.neurons import Cuba
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.content import Mesh, Plot, Raster, Section, Table
+from locsnn_compile.report.pictures.axis import round_numbers, step_ticks
 from locsnn_compile.report.pictures.drawings import mesh, raster
-from locsnn_compile.report.pictures.ticks import round_numbers, step_ticks
 from locsnn_compile.report.renderers.html import render_html
 from locsnn_compile.verification.excerpt import (
     LINES,

@@ -10,8 +10,7 @@ import locsnn_compile
 from hw_model.texts.pieces import Pieces
 from hw_model.texts.templates import sections
 from locsnn_compile.report.content import Block, Fact, Facts, Table
-from locsnn_compile.report.told import facts, notice, share_of, table
-from locsnn_compile.report.words import STAGES, fill, section_words, sentence, words
+from locsnn_compile.report.words import STAGES, facts, fill, notice, section_words, sentence, share_of, table, words
 from locsnn_compile.verification.error_budget.budget import STAGES as COMPILED
 
 REPORT = Path(locsnn_compile.__file__).parent / "report"

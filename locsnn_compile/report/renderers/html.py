@@ -24,19 +24,9 @@ MAX_ROWS = 200
 
 def render_html(report: content.Report) -> str:
     """Return the page of a report; equal content gives equal bytes."""
-    return filled(
-        __package__,
-        "page.html",
-        title=text(report.title),
-        subtitle=text(report.subtitle),
-        kind=text(report.kind),
-        patterns=drawings.patterns(),
-        verdicts=_PIECES.piece("verdicts", report),
-        notices=_PIECES.each(report.notices, "notice"),
-        contents=_PIECES.piece("contents", report),
-        sections=_PIECES.each(report.sections, "section"),
-        footer=text(report.footer),
-    )
+    texts = {name: text(getattr(report, name)) for name in ("title", "subtitle", "kind", "footer")}
+    parts = {name: _PIECES.piece(name, report) for name in ("verdicts", "notices", "contents", "sections")}
+    return filled(__package__, "page.html", patterns=drawings.patterns(), **texts, **parts)
 
 
 def render_summary(report: content.Report) -> str:
@@ -105,15 +95,5 @@ def _breakable(name: str) -> str:
 
 _DRAWINGS = ("stack", "span", "mark", "plot", "curve_mark", "raster", "stroke_mark", "mesh")
 _SHOWN = {name: getattr(drawings, name) for name in _DRAWINGS}
-_GIVEN = {"assumed": ASSUMED}
-_PIECES = Pieces(
-    __package__,
-    "pieces.html",
-    text,
-    folded=True,
-    given=_GIVEN,
-    sign=SIGNS.__getitem__,
-    prose=prose,
-    table=_table,
-    **_SHOWN,
-)
+_SHOWN |= {"sign": SIGNS.__getitem__, "prose": prose, "table": _table}
+_PIECES = Pieces(__package__, "pieces.html", text, folded=True, given={"assumed": ASSUMED}, **_SHOWN)

@@ -6,8 +6,7 @@ from itertools import accumulate
 
 from locsnn_compile.report.content import Bar, Curve, Document, Plot, Section, Table
 from locsnn_compile.report.format import NONE, SILENT, agreed, any_value, count, plural, ratio, share
-from locsnn_compile.report.told import facts, section, table
-from locsnn_compile.report.words import STAGES, listed, no_spikes, sentence, stage_words
+from locsnn_compile.report.words import STAGES, facts, listed, no_spikes, section, sentence, stage_words, table
 
 _DRAWN = 8
 """Populations whose margins are drawn; a table has those of all."""

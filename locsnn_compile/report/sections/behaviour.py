@@ -5,8 +5,7 @@ import math
 from locsnn_compile.report.content import Bar, Block, Document, Section, Table
 from locsnn_compile.report.format import NONE, any_value, count, energy, known, plural, ratio, share, told_apart
 from locsnn_compile.report.sections.accuracy import cause, equal_spikes
-from locsnn_compile.report.told import section, share_of, table
-from locsnn_compile.report.words import listed, no_spikes, sentence, words
+from locsnn_compile.report.words import listed, no_spikes, section, sentence, share_of, table, words
 
 _SCORE = 1.959964
 """Two-sided 95 % point of the normal distribution."""

@@ -7,8 +7,7 @@ from locsnn_compile.choose_strategy import Candidate, Choice
 from locsnn_compile.report.content import Bar, Bullets, Document, Section, Table
 from locsnn_compile.report.format import NONE, any_value, count, plural, share
 from locsnn_compile.report.sections.verdict import fullness, outside, starts
-from locsnn_compile.report.told import facts, section, table
-from locsnn_compile.report.words import limit_words, listed, sentence, words
+from locsnn_compile.report.words import facts, limit_words, listed, section, sentence, table, words
 from locsnn_compile.settings import LAYOUTS
 
 _WITHOUT_JOINED = {"reset", "native"}

@@ -9,8 +9,7 @@ from locsnn_compile.errors import InputError, listed
 from locsnn_compile.report.content import Bar, Document, Fact, Facts, Notice, Report, Section, Status, Table, Verdict
 from locsnn_compile.report.figures.flat import Figures, flatten
 from locsnn_compile.report.format import NONE, agreed, any_value, count, plural, points, share, shortened
-from locsnn_compile.report.told import facts, notice, section, table, verdict
-from locsnn_compile.report.words import SHOWN, texts, words
+from locsnn_compile.report.words import SHOWN, facts, notice, section, table, texts, verdict, words
 
 MAX_ROWS = 150
 """Most changed figures in a section of the page; --json has all."""

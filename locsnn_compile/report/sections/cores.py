@@ -6,8 +6,7 @@ from typing import NamedTuple
 from locsnn_compile.report.content import Document, Mesh, MeshCore, Section
 from locsnn_compile.report.format import count, energy, plural, share
 from locsnn_compile.report.sections.verdict import fullness
-from locsnn_compile.report.told import section
-from locsnn_compile.report.words import core_words, words
+from locsnn_compile.report.words import core_words, section, words
 
 _CHIPS = 4
 """Most chips that are drawn; a board may have thousands."""

@@ -9,8 +9,7 @@ from locsnn_compile.report.content import Bar, Document, Facts, Section, Table, 
 from locsnn_compile.report.format import count, energy, time
 from locsnn_compile.report.sections.cost_tables import ENERGY, TIME, by_branch, constants, shares, stack
 from locsnn_compile.report.sections.verdict import against_anns, pace
-from locsnn_compile.report.told import facts, section, share_of, table, verdict
-from locsnn_compile.report.words import core_words, sentence, words
+from locsnn_compile.report.words import core_words, facts, section, sentence, share_of, table, verdict, words
 
 
 def energy_section(document: Document) -> Section:

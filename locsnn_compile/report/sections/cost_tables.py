@@ -6,9 +6,8 @@ from typing import Any
 from hw_model.values import Frozen
 from locsnn_compile.report.content import Bar, Curve, Document, Fact, Plot, Span, Stack, Table
 from locsnn_compile.report.format import NONE, count, energy, share, time
-from locsnn_compile.report.pictures.ticks import round_numbers
-from locsnn_compile.report.told import share_of, table
-from locsnn_compile.report.words import words
+from locsnn_compile.report.pictures.axis import round_numbers
+from locsnn_compile.report.words import share_of, table, words
 
 Shown = Callable[[float], str]
 _OF_CONSTANTS = {"energy_pj": "pJ", "time_ns": "ns"}

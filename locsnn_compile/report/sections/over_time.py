@@ -4,8 +4,7 @@ from locsnn_compile.report.content import Bar, Curve, Document, Plot, Section, T
 from locsnn_compile.report.format import count, energy, share, short, time
 from locsnn_compile.report.sections.accuracy import sample
 from locsnn_compile.report.sections.cost_tables import ENERGY, PARTS, TIME
-from locsnn_compile.report.told import facts, section
-from locsnn_compile.report.words import sentence, words
+from locsnn_compile.report.words import facts, section, sentence, words
 
 
 def over_time(document: Document) -> Section:

@@ -9,9 +9,8 @@ import numpy as np
 from hw_model.values import ByteArray
 from locsnn_compile.report.content import Curve, Document, Plot, Raster, Section, Strokes, Table
 from locsnn_compile.report.format import NONE, SILENT, count, plural, told_apart
-from locsnn_compile.report.pictures.ticks import step_ticks, value_axis
-from locsnn_compile.report.told import section, table
-from locsnn_compile.report.words import no_spikes, words
+from locsnn_compile.report.pictures.axis import step_ticks, value_axis
+from locsnn_compile.report.words import no_spikes, section, table, words
 from locsnn_compile.verification.excerpt import Excerpt, NeuronPotential, SpikeRows
 
 _BESIDE = 3

@@ -3,8 +3,7 @@
 from locsnn_compile.report.content import Document, Fact, Facts, Notice, Status, Verdict
 from locsnn_compile.report.format import NONE, SILENT, count, energy, known, plural, points, ratio, share, time
 from locsnn_compile.report.sections.behaviour import defined_anns
-from locsnn_compile.report.told import facts, notice, verdict
-from locsnn_compile.report.words import limit_words, listed, sentence, stage_words, words
+from locsnn_compile.report.words import facts, limit_words, listed, notice, sentence, stage_words, verdict, words
 
 _SIDES = {
     "paper operations": ("ratio", "the trained network, by the published method"),

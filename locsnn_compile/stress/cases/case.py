@@ -49,50 +49,31 @@ class Case(Frozen, eq=False):
         return self.name in QUICK.get(self.group, {}).get(self.strategy, ())
 
 
-def srm_cases(
-    name: str,
-    neuron: SrmAlpha | None = None,
-    given: ArrayLike | None = None,
-    played: ByteArray | None = None,
-    **more: Any,
-) -> Iterator[Case]:
+def srm_cases(name: str, neuron: SrmAlpha | None = None, given: ArrayLike | None = None, **more: Any) -> Iterator[Case]:
     """Yield a network of spike response neurons for every strategy.
 
     Defaults are the published neuron, random weights and random input; ``more`` as in :func:`case_of`.
     """
-    made = case_of(name, USUAL[0], neuron or srm(), weights() if given is None else given, played, **more)
+    made = case_of(name, USUAL[0], neuron or srm(), weights() if given is None else given, **more)
     for strategy in USUAL:
         yield replace(made, strategy=strategy)
 
 
-def lif_case(
-    name: str,
-    neuron: Cuba | None = None,
-    given: ArrayLike | None = None,
-    played: ByteArray | None = None,
-    **more: Any,
-) -> Case:
+def lif_case(name: str, neuron: Cuba | None = None, given: ArrayLike | None = None, **more: Any) -> Case:
     """Return a network of integrate-and-fire neurons, by default with random weights and random input."""
-    return case_of(name, NATIVE, neuron or lif(), weights(response="leak") if given is None else given, played, **more)
+    return case_of(name, NATIVE, neuron or lif(), weights(response="leak") if given is None else given, **more)
 
 
 def case_of(
-    name: str,
-    strategy: str,
-    neuron: Neuron,
-    given: ArrayLike,
-    played: ByteArray | None = None,
-    *,
-    delay: int | IntArray = 0,
-    exponent: int = 0,
-    signs: Signs = "apart",
-    **more: Any,
+    name: str, strategy: str, neuron: Neuron, given: ArrayLike, played: ByteArray | None = None, **more: Any
 ) -> Case:
-    """Return neurons with weights, by default with random input; ``more`` are fields of the case."""
+    """Return neurons with weights, by default with random input.
+
+    ``more`` are fields of the case, and ``delay``, ``exponent`` and ``signs`` of the network's weights.
+    """
     recordings = random_input() if played is None else played
-    steps = recordings.shape[1]
-    network = network_of(neuron, given, steps=steps, delay=delay, exponent=exponent, signs=signs)
-    return Case(name, strategy, network, recordings, **more)
+    of_weights = {key: more.pop(key) for key in ("delay", "exponent", "signs") if key in more}
+    return Case(name, strategy, network_of(neuron, given, steps=recordings.shape[1], **of_weights), recordings, **more)
 
 
 def network_of(
@@ -219,14 +200,7 @@ def _balanced() -> tuple[FloatArray, ByteArray]:
 
 
 def _run(
-    name: str,
-    strategy: str,
-    neuron: Cuba | SrmAlpha,
-    given: FloatArray,
-    block: ByteArray,
-    blocks: int,
-    *,
-    fades: bool = True,
+    name: str, strategy: str, neuron: Neuron, given: FloatArray, block: ByteArray, blocks: int, *, fades: bool = True
 ) -> LongRun:
     played = np.tile(block, (blocks, 1))[None]
     return LongRun(case_of(name, strategy, neuron, given, played, group=GROUP), block, fades)

@@ -39,10 +39,10 @@ def time_constants() -> Iterator[Case]:
     for tau in STEPS_OF_TAU:
         played = usual.random_input(LONG if tau >= FROM else SHORT, samples=1)
         given, leaky = weights(tau), weights(tau, response="leak")
-        yield from srm_cases(f"tau_sr {tau:g}", srm(tau_sr=tau), given, played, x=tau)
-        yield lif_case(f"leak of {tau:g} steps", lif(tau), leaky, played, x=tau)
+        yield from srm_cases(f"tau_sr {tau:g}", srm(tau_sr=tau), given, played=played, x=tau)
+        yield lif_case(f"leak of {tau:g} steps", lif(tau), leaky, played=played, x=tau)
         both = lif(tau, decay_u=-np.expm1(-1 / tau))
-        yield lif_case(f"leak and current of {tau:g}", both, given / tau**0.5, played)
+        yield lif_case(f"leak and current of {tau:g}", both, given / tau**0.5, played=played)
 
 
 def refractory_time_constants() -> Iterator[Case]:
@@ -88,9 +88,9 @@ def exact_thresholds() -> Iterator[Case]:
     for rule in RULES:
         for parts in PARTS:
             name, neuron = "one spike" if parts == 1 else f"{parts} spikes", lif(size=1, decay_v=0.0, rule=rule)
-            yield lif_case(f"integrator, {name}, rule {rule}", neuron, [[usual.THETA / parts]], one)
-        neuron = lif(size=1, decay_v=1.0, rule=rule)
-        yield lif_case(f"memoryless, 1/4 and 3/4, rule {rule}", neuron, [[0.25 * usual.THETA, 0.75 * usual.THETA]], two)
+            yield lif_case(f"integrator, {name}, rule {rule}", neuron, [[usual.THETA / parts]], played=one)
+        neuron, given = lif(size=1, decay_v=1.0, rule=rule), [[0.25 * usual.THETA, 0.75 * usual.THETA]]
+        yield lif_case(f"memoryless, 1/4 and 3/4, rule {rule}", neuron, given, played=two)
     # Single spikes, so far apart that the kernel of one ends before the next.
     apart = np.zeros_like(one)
     apart[:, 0 : usual.STEPS : usual.STEPS // 2] = 1
@@ -117,7 +117,7 @@ def biases() -> Iterator[Case]:
     for bias in (1e-9, 1e-6, 1e-3, 0.05, 1.0, 100.0, LIMIT, LIMIT + 10, -0.05, -100.0, -LIMIT):
         yield lif_case(f"{bias:g} thresholds", lif(bias=bias * usual.THETA))
     alone = lif(bias=0.2 * usual.THETA, decay_v=0.0)
-    yield lif_case("bias alone, nothing fades", alone, np.zeros((usual.NEURONS, 1)), one)
+    yield lif_case("bias alone, nothing fades", alone, np.zeros((usual.NEURONS, 1)), played=one)
     for mantissa, exponent in ((-4096, 7), (4095, 7), (4095, 0), (4096, 0), (-4097, 0), (1, 8)):
         neuron = ChipCuba.of(
             usual.NEURONS, decay_u=4096, decay_v=410, threshold=8000, bias_mantissa=mantissa, bias_exponent=exponent
