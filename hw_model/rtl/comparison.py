@@ -8,7 +8,7 @@ import numpy as np
 from hw_model.engine.playing import Spikes, read_streams
 from hw_model.engine.probes import Kind
 from hw_model.program.chip_program import ChipProgram
-from hw_model.rtl.cosimulation import ANSWER, PATIENCE, play_on_core, shaped_by
+from hw_model.rtl.cosimulation import ANSWER, PATIENCE, play_on_core
 from hw_model.rtl.cycles import predicted_cycles
 from hw_model.rtl.images import SIMULATED, CoreProgram, Sizes
 from hw_model.rtl.simulators import Simulator
@@ -36,7 +36,7 @@ def compare(
     if expected.scores is not None:
         pairs += [(expected.scores, found.scores), (expected.prediction, of_core["class"])]
     recordings = np.concatenate(list(read_streams(program, spikes)[0].values()), axis=2)
-    core = CoreProgram(program, recordings.shape[1], None, shaped_by(program, sizes))
+    core = CoreProgram(program, recordings.shape[1], None, program.chip.open_core or sizes)
     predicted = predicted_cycles(core, recordings, expected.spikes)
     cycles = of_core["cycles"].tolist()
     return {

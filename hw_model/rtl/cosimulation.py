@@ -64,7 +64,7 @@ def play_on_core(
     """
     streams, batched = read_streams(program, spikes)
     recordings = np.concatenate([streams[name] for name in program.streams], axis=2)
-    core = CoreProgram(program, recordings.shape[1], steps, shaped_by(program, sizes))
+    core = CoreProgram(program, recordings.shape[1], steps, program.chip.open_core or sizes)
     sizes = sizes_for(core.needs, sizes)
     binary = built(simulator, sizes, texts)
     readout, batch = program.readout, len(recordings)
@@ -91,11 +91,6 @@ def play_on_core(
     found = play_recordings(program, spikes, steps, probe, run_phase, Player())
     found.count_tables[names[-1]][:, COUNTED.index("cycles")] = answers[:, 2]
     return replace(found, scores=(scores if batched else scores[0]) if readout else None), answers
-
-
-def shaped_by(program: ChipProgram, sizes: Sizes) -> Sizes:
-    """Return the sizes that say what words are like: those of the program's chip, if it is an open core."""
-    return program.chip.open_core or sizes
 
 
 def words_of(core: CoreProgram, recording: ByteArray) -> list[int]:

@@ -25,7 +25,7 @@ def on_core(program: ChipProgram, rows: int, device: Chip) -> CoreProgram:
 
     What the core does not have, or has too few of, is a ``TargetError``.
     """
-    core = _core_for(program, rows, device)
+    core = _as_core(program, rows, None, device.open_core)
     for name, (need, limit) in _short_of(core, device).items():
         raise TargetError(
             f"program {program.name!r}",
@@ -34,12 +34,6 @@ def on_core(program: ChipProgram, rows: int, device: Chip) -> CoreProgram:
             fix=_way_out(core),
         )
     return core
-
-
-def _core_for(program: ChipProgram, rows: int, device: Chip) -> CoreProgram:
-    """Return a program for the core of a device, whether it fits or not."""
-    assert device.open_core is not None
-    return _as_core(program, rows, None, device.open_core)
 
 
 def _short_of(core: CoreProgram, device: Chip) -> dict[str, tuple[int, int]]:
@@ -91,6 +85,6 @@ def activity(core: CoreProgram, counts: Counts, recordings: int) -> dict[str, di
 
 def _way_out(core: CoreProgram) -> str:
     """Name the devices that hold what is needed."""
-    devices = [device for device in map(chip, chip_names()) if device.open_core]
-    held = [each.name for each in devices if not _short_of(_core_for(core.program, core.rows, each), each)]
+    devices = [(each, each.open_core) for each in map(chip, chip_names()) if each.open_core]
+    held = [each.name for each, its in devices if not _short_of(_as_core(core.program, core.rows, None, its), each)]
     return f"Use the device {listed(held, 'or')}." if held else "Use another strategy, or a smaller network."

@@ -135,14 +135,13 @@ def check(pieces: Sequence[Piece], arrays: Iterable[Array], macros: Mapping[str,
         word, bit = np.broadcast_arrays(piece.first + piece.every * row + bit // bits, bit % bits)
         np.add.at(held, (word[word < words], bit[word < words]), 1)
     for name, held in known.items():
-        for wrong, what, fix in (
-            (held == 0, "the plan is too small", "Add macros."),
-            (held > 1, "macros of the plan overlap", "Give every bit one place."),
-        ):
-            if wrong.any():
-                word, bit = np.argwhere(wrong)[0]
-                measured = f"{held[word, bit]} hold bit {bit} of word {word}"
-                raise InputError(f"memory {name!r}", what, measured=measured, fix=fix)
+        for word, bit in [*np.argwhere(held == 0), *np.argwhere(held > 1)]:
+            measured = f"{held[word, bit]} hold bit {bit} of word {word}"
+            if held[word, bit]:
+                what, fix = "macros of the plan overlap", "Give every bit one place."
+            else:
+                what, fix = "the plan is too small", "Add macros."
+            raise InputError(f"memory {name!r}", what, measured=measured, fix=fix)
 
 
 def as_csv(pieces: Iterable[Piece]) -> bytes:
