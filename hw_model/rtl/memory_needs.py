@@ -15,7 +15,7 @@ from hw_model.rtl.memory_plan import PACKS, Array
 
 OWN: dict[str, tuple[str, ...]] = {"leaks": (), "fires": ("parent", "entry")}
 """Memories of constants, and their fields that compartments of a kind do not have in common."""
-FLAGGED, RESTING = 16, 8
+FLAGGED, RESTING = 32, 8
 """Words of constants in a word of flags, whose first two are always read; compartments in one that says who rests."""
 
 

@@ -1,8 +1,8 @@
 """Memories of constants that compartments share: a word that equals the last but one is not read again.
 
 Words are swept in order, even and odd ones lie in memories of their own, and these keep showing what was read last. A
-latch for each word says whether it repeats the last but one; of sixteen words the first two are always read, so that words
-may be written in any order.
+latch for each word says whether it repeats the last but one; of 32 words the first two are always read, so that words may
+be written in any order.
 """
 
 from collections.abc import Mapping
@@ -12,10 +12,12 @@ from memories import Shape
 from traffic import Memory
 
 from hw_model.rtl.images import CoreProgram, Sizes, layouts
+from hw_model.rtl.memory_needs import FLAGGED, own_bits, repeats
 from hw_model.rtl.memory_needs import OWN as OWN_FIELDS
-from hw_model.rtl.memory_needs import own_bits, repeats
 
 SAME, OWN, FLAGS = "_same", "_own", "_flags"
+PLACE = (FLAGGED - 1).bit_length()
+"""Bits of an address that choose a flag of its word."""
 
 
 @dataclass(frozen=True)
@@ -59,8 +61,9 @@ def parts_of(traffic: Mapping[str, Memory], core: CoreProgram, sizes: Sizes) -> 
                     seen=tuple(-(-word // 2) for word in memory.seen),
                 )
             found[name] = part
-        flags, many = split.shape.name + FLAGS, memory.reads / 8
-        found[flags] = Memory(flags, memory.words // 16, 16, 1, many, 1e-9, dict.fromkeys(memory.rows, many), False)
+        flags, many = split.shape.name + FLAGS, memory.reads * 2 / FLAGGED
+        words = memory.words // FLAGGED
+        found[flags] = Memory(flags, words, FLAGGED, 1, many, 1e-9, dict.fromkeys(memory.rows, many), False)
     return found
 
 
@@ -94,8 +97,9 @@ def verilog(split: Split) -> str:
     shown = ", ".join(from_part[bit] for bit in reversed(range(shape.bits)))
     lines.append(f"    assign read_data = {{{shown}}};")
     return "\n".join([*lines, "endmodule", ""]) + REPEATS.format(
-        name=shape.name, flags=shape.name + FLAGS, top=top, last=shape.bits - len(split.own) - 1
-    )
+        name=shape.name, flags=shape.name + FLAGS, top=top, last=shape.bits - len(split.own) - 1,
+        word=FLAGGED - 1, low=PLACE - 1, bits=PLACE,
+    )  # fmt: skip
 
 
 REPEATS = """\
@@ -103,25 +107,25 @@ module repeats_{name} (input logic clk, write, read, input logic [{top}:0] write
     input logic [{last}:0] write_data, output logic again);
     logic [{last}:0] previous, earlier;
     logic [{top}:0] following, row, coming;
-    logic [15:0] flags;
+    logic [{word}:0] flags;
     logic [1:0] streak;
     logic put, second;
-    wire in_order = write_address == following && write_address[3:0] != 0;
+    wire in_order = write_address == following && write_address[{low}:0] != 0;
     wire equal = in_order && second && earlier == write_data;
     always_ff @(posedge clk) begin
         put <= write;
         if (write) begin
             {{earlier, previous, following, row}} <= {{previous, write_data, write_address + 1'b1, write_address}};
             second <= in_order;
-            flags <= (in_order ? flags : 16'b0) | ({{15'b0, equal}} << write_address[3:0]);
+            flags <= (in_order ? flags : 0) | ({{{word}'b0, equal}} << write_address[{low}:0]);
         end
         if (write) streak <= 0; else if (read) streak <= read_address != coming ? 1 : streak == 0 ? 1 : 2;
         if (read) coming <= read_address + 1'b1;
     end
-    wire sequel = streak == 2 && read_address == coming && read_address[3:1] != 0;
-    wire [15:0] same;
-    memory_{flags} {flags} (.clk, .write(put), .write_address(row[{top}:4]), .write_data(flags),
-        .read(read && !sequel), .read_address(read_address[{top}:4]), .read_data(same));
-    assign again = read && sequel && same[read_address[3:0]];
+    wire sequel = streak == 2 && read_address == coming && read_address[{low}:1] != 0;
+    wire [{word}:0] same;
+    memory_{flags} {flags} (.clk, .write(put), .write_address(row[{top}:{bits}]), .write_data(flags),
+        .read(read && !sequel), .read_address(read_address[{top}:{bits}]), .read_data(same));
+    assign again = read && sequel && same[read_address[{low}:0]];
 endmodule
 """

@@ -107,7 +107,7 @@ def _accesses(core: CoreProgram, recording: np.ndarray, found: hw.SimulationResu
 
 
 def _differs(fields: list, begin: int, end: int) -> np.ndarray:
-    """Return which compartments of a phase differ from the last but one, or are among the first of it or of sixteen."""
+    """Return which compartments of a phase differ from the last but one, or are among the first of it or of 32."""
     number = np.arange(begin, end)
-    first = (number < begin + 2) | (number % 16 < 2)
+    first = (number < begin + 2) | (number % 32 < 2)
     return first | np.any([field[number] != field[np.maximum(number - 2, 0)] for field in fields], axis=0)

@@ -120,7 +120,7 @@ def test_words_that_repeat_are_not_read_again_and_come_out_the_same(tmp_path):
     parts = (
         memories.Choice(memories.Shape("leaks_same", 32, 6, 1, 2), (macro(16, 8, 1),), 2, 1),
         memories.Choice(memories.Shape("leaks_own", 64, 4, 1), (macro(32, 8, 1),), 1, 2),
-        Latches(memories.Shape("leaks_flags", 4, 16, 2), 4),
+        Latches(memories.Shape("leaks_flags", 2, 32, 2), 2),
     )
     text = modules(*parts) + repeats.verilog(split)
     differ, _, skipped, _ = played(tmp_path, text + CONSTANTS)
