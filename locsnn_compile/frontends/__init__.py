@@ -67,7 +67,7 @@ def load(
         from locsnn_compile.frontends.checkpoint import network_of
         from locsnn_compile.models.checkpoint_reader import read_models
 
-        way_out = "Give slayerPytorch's YAML with it (--config FILE.yaml)."
+        way_out = "If it is slayerPytorch's, give its YAML (--config FILE.yaml); else export the network as NIR (.nir)."
         held = model if isinstance(model, Checkpoint) else read_models(path, state_dict=way_out)
         if isinstance(held, Checkpoint):
             network = network_of(held)

@@ -108,7 +108,7 @@ def test_a_state_dict_names_the_option_that_it_needs(tmp_path):
     for name in ("model.pt", "model.pth"):
         assert run(COMMAND.format("compile"), name, folder=tmp_path, code=2) == (
             f"checkpoint '{name}': it holds tensors and does not say of which network. "
-            "Give slayerPytorch's YAML with it (--config FILE.yaml).\n"
+            "If it is slayerPytorch's, give its YAML (--config FILE.yaml); else export the network as NIR (.nir).\n"
         )
 
 

@@ -301,6 +301,7 @@ REFUSED = [
     ("a list of other layers", lambda f: listed(f, [*LISTED[:1], {"dim": "4c5z"}, *LISTED[2:]])[:2], "model 'model.pt', layer 'blocks.0.weightOp': its weights are not those that the YAML lists ((4, 2, 3, 3, 1) against (4, 2, 5, 5)). Give the YAML that this checkpoint was trained with."),
     ("kernels the other way around", turned, "model 'model.pt', layer 'blocks.0.weightOp': its weights are not those that the YAML lists ((2, 4, 3, 3, 1) against (4, 2, 3, 3)). Give the YAML that this checkpoint was trained with."),
     ("a layer that is a list", lambda f: replaced(f, "fc1.weight", [[1.0]]), "model 'model.pt', entry 'fc1.weight': it is not a dense float tensor (list). Save net.state_dict() with torch.save."),
+    ("biases", lambda f: replaced(f, "fc1.bias", torch.tensor([0.0, 1, 0, 0])), "model 'model.pt', entry 'fc1.bias': layers of slayerPytorch have no biases. Train without biases, or export the network as NIR."),
     ("a layer of a long name", lambda f: replaced(f, "x" * 300 + ".weight", torch.zeros(3, 4)), f"model 'model.pt', entry '{'x' * 80}': its name is too long (307 characters against 200). Rename it."),
     ("a number beyond floats", yaml_text(f"simulation: {{Ts: {10**400}}}\nneuron: {{type: SRMALPHA}}"), f"config 'net.yaml': Ts must be a number from 1e-06 on (1{'0' * 39}). Correct it."),
     ("no weights", lambda f: write(f, {}), "model 'model.pt': it holds no weights (['slayer.srmKernel', 'slayer.refKernel']). Save net.state_dict() with torch.save."),
@@ -318,3 +319,7 @@ def test_what_cannot_be_used_is_said_in_a_line(made, message, tmp_path):
     with pytest.raises(lc.InputError) as caught:
         lc.load(*made(tmp_path), kernels=kernels)
     assert str(caught.value) == message
+
+
+def test_biases_of_zero_change_nothing(tmp_path):
+    assert [p.name for p in lc.load(*replaced(tmp_path, "fc1.bias", torch.zeros(4))).populations] == ["fc1", "fc2"]

@@ -204,6 +204,9 @@ def _layers(tensors: Mapping[str, Any], config: SlayerConfig, where: str) -> tup
         found = {name: dense_layer(kernel, f"{where}, layer {name!r}") for name, kernel in kernels.items()}
     layers = [_Layer(name, matrix(weights, np.float64), channels) for name, (weights, channels) in found.items()]
     for key, values in tensors.items():
+        if key.endswith(".bias") and values.any():
+            fix = "Train without biases, or export the network as NIR."
+            raise InputError(f"{where}, entry {key!r}", "layers of slayerPytorch have no biases", fix=fix)
         if key == "delay" or key.endswith(".delay"):
             _attach(layers, key, values.reshape(-1), config, f"{where}, entry {key!r}")
     return tuple(layers)
