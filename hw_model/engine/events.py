@@ -4,7 +4,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from hw_model.engine.compiled import called, compiled
+from hw_model.engine.compiled import absorbed, called, compiled
 from hw_model.engine.lanes import Given, Place, Returned, kernel, put
 from hw_model.engine.layout import LANES
 from hw_model.engine.threads import in_parts
@@ -69,23 +69,30 @@ def _list_lanes(given: Place, channel: Place, first: Given, until: Given) -> Ret
     return (put(channel, (given[0] != 0) & inside, first),)
 
 
+@absorbed
+def list_row(given, low, channels, channel, many):  # type: ignore[no-untyped-def]
+    """List a row of so many channels, bytes from ``low`` on, behind the ``many`` that are listed; return how many are.
+
+    ``channel`` has room for all events and, behind them, for all lanes.
+    """
+    for at in range(low, low + channels, LANES):
+        if at + LANES <= len(given):
+            many += np.uint64(_list_lanes(given, at, channel, many, at - low, channels)[0])
+            continue
+        for c in range(at - low, channels):
+            channel[many] = c
+            many += np.uint64(given[low + c] != 0)
+    return many
+
+
 @compiled
 def list_into(given, channels, first, channel):  # type: ignore[no-untyped-def]
-    """List rows of so many channels, bytes side by side, into ``first`` (batch, rows + 1) and ``channel``.
-
-    The latter has room for all events and, behind them, for all lanes.
-    """
+    """List rows of so many channels, bytes side by side, into ``first`` (batch, rows + 1) and ``channel``."""
     many, low = np.uint64(0), 0
     for b in range(first.shape[0]):
         first[b, 0] = many
         for row in range(1, first.shape[1]):
-            for at in range(low, low + channels, LANES):
-                if at + LANES <= len(given):
-                    many += np.uint64(_list_lanes(given, at, channel, many, at - low, channels)[0])
-                    continue
-                for c in range(at - low, channels):
-                    channel[many] = c
-                    many += np.uint64(given[low + c] != 0)
+            many = list_row(given, low, channels, channel, many)
             low += channels
             first[b, row] = many
 

@@ -44,13 +44,13 @@ def _run_part(
         room = rooms.pop()  # of two threads that ask for the last one, one finds none
     except IndexError:
         room = first_state(layout), workspace(layout)
-    arguments = (low, high, *given, *room, skip, False, *written)
-    machine_code(layout, arguments)(*arguments)
+    arguments = (low, high, *given, *room, skip, *written)
+    _machine_code(layout, arguments)(*arguments)
     if layout.columns <= SMALL:
         rooms.append(room)
 
 
-def machine_code(layout: FastLayout, arguments: tuple[Any, ...]) -> Callable[..., Any]:
+def _machine_code(layout: FastLayout, arguments: tuple[Any, ...]) -> Callable[..., Any]:
     """Return the loop over recordings for a layout, given arguments of the kinds that it is always called with."""
     _, loop = _made(layout)
     if not loop:
@@ -97,7 +97,6 @@ def _run(  # type: ignore[no-untyped-def]
     state,
     work,
     skip,
-    on,
     spikes,
     sent,
     active,
@@ -105,22 +104,16 @@ def _run(  # type: ignore[no-untyped-def]
     totals,
     kept,
 ):
-    """Run recordings ``low..high`` one after the other, each tile by tile.
-
-    ``on``: go on from the last state, and add up nothing.
-    """
+    """Run recordings ``low..high`` one after the other, each tile by tile."""
     tile = len(work.masks)
     for b in range(low, high):
-        if not on:
-            reset(state)
+        reset(state)
         for step in range(start[b], stop[b], tile):
             rows = min(tile, stop[b] - step)
             totals[b, SKIPPED] += run_tile(
                 step, rows, first[b, step:], line, nodes, chunks, links, state, work, skip,
                 spikes[b, step:], sent[b], active[b, step:], b, kept,
             )  # fmt: skip
-        if on:
-            continue
         for k in range(len(chunks.first_column)):
             for i in range(chunks.width[k]):
                 at = k * FIELDS * LANES + i

@@ -37,7 +37,7 @@ from hw_model.engine.layout import (
 )
 from hw_model.mapping.graph import Input
 from hw_model.streaming.time_phase import Read
-from hw_model.values import AnyArray, ByteArray
+from hw_model.values import AnyArray, ByteArray, IntArray
 
 
 class Visits(NamedTuple):
@@ -124,7 +124,8 @@ class Replay:
             visits, read, layout.nodes, chunks, layout.links, _order(layout, read), registers, self._history,
         )  # fmt: skip
         self._silence = np.zeros((1, len(visits.step)), dtype=np.uint8)
-        self._push = entry(_push, 0, self._silence, *self._played, np.zeros((1, layout.columns), dtype=np.int64))
+        self._columns = np.zeros((1, layout.columns), dtype=np.int64)
+        self._push = entry(_push, 0, self._silence, *self._played, self._columns, 0)
         self.reset()
 
     def reset(self) -> None:
@@ -134,25 +135,21 @@ class Replay:
         for array in (self._history.charge, self._history.masks, self._history.spikes):
             array[:] = 0
         self._history.changed[:] = 0
-        self.push(0, self._silence)
+        self.push(0, self._silence, self._columns, 0)
         self._history.run[0] = 0
 
-    def wait(self, rows: ByteArray) -> AnyArray:
-        """Leave rows out that come before the first one that is played, and return what every column gives so far."""
+    def wait(self, rows: ByteArray, counts: IntArray, low: int) -> None:
+        """Leave rows out that come before the first one that is played, and note what every column gives so far."""
         self._start += len(rows)
-        return self._add(0, np.zeros_like(rows))
+        self._push(0, np.zeros_like(rows), *self._played, counts, low)
 
-    def push(self, before: int, rows: ByteArray) -> AnyArray:
+    def push(self, before: int, rows: ByteArray, counts: IntArray, low: int) -> None:
         """Add rows from row ``before`` on, (rows, channels), side by side in memory and writeable.
 
-        Return what every column gives so far after each, (rows, columns): its spikes or, if read, largest potential.
+        Note what every column gives so far after each, its spikes or, if read, largest potential, in ``counts`` (rows,
+        columns of all phases), from column ``low`` on.
         """
-        return self._add(before - self._start, rows)
-
-    def _add(self, time: int, rows: ByteArray) -> AnyArray:
-        counts = np.empty((len(rows), self._layout.columns), dtype=np.int64)
-        self._push(time, rows, *self._played, counts)
-        return counts
+        self._push(before - self._start, rows, *self._played, counts, low)
 
     @property
     def steps_run(self) -> int:
@@ -199,7 +196,7 @@ def _order(layout: FastLayout, of: Read) -> Order:
 
 @compiled
 def _push(  # type: ignore[no-untyped-def]
-    before, rows, visits, read, nodes, chunks, links, order, registers, history, counts
+    before, rows, visits, read, nodes, chunks, links, order, registers, history, counts, low
 ):
     steps = len(history.masks)
     for row in range(len(rows)):
@@ -223,8 +220,8 @@ def _push(  # type: ignore[no-untyped-def]
         if ran:
             for j in range(len(read.columns)):
                 history.spikes[history.slot[read.columns[j]]] = _largest(order.read_at[j], read.first[j], history)
-        for column in range(counts.shape[1]):
-            counts[row, column] = history.spikes[history.slot[column]]
+        for column in range(len(history.slot)):
+            counts[row, low + column] = history.spikes[history.slot[column]]
 
 
 @absorbed

@@ -7,7 +7,6 @@ step: see :mod:`hw_model.streaming.location_phase`.
 
 import sys
 from collections.abc import Mapping
-from typing import NamedTuple
 
 import numpy as np
 
@@ -71,13 +70,19 @@ class Session:
         self._by_potential = program.readout.from_step
         self.steps = 0
         self._length = _length(program, psi)
-        self._branches = [_Branch(program, phase) for phase in program.phases]
-        place = {name: i for i, branch in enumerate(self._branches) for name in branch.columns}
+        self._branches: list[_Branch] = []
+        self._columns = 0
+        for phase in program.phases:
+            self._branches.append(_Branch(program, phase, self._columns))
+            self._columns += self._branches[-1].many
+        of = {name: branch for branch in self._branches for name in branch.columns}
+        self._output = {name: of[name].columns[name] for name, _ in program.readout.terms}
+        self._weight = np.array([[float(weight)] for _, weight in program.readout.terms])
+        self._is_location = np.array([[of[name].phase.axis == "location"] for name in self._output])
+        self._scored = np.array([its.start for its in self._output.values()])
         self._classes = program.populations[program.readout.populations[0]]
-        self._output = [
-            _Output(name, np.array([float(weight)]), place[name], self._branches[place[name]].columns[name])
-            for name, weight in program.readout.terms
-        ]
+        streams = list(program.streams.items())
+        self._only = streams[0] if len(streams) == 1 else None
 
     def reset(self) -> None:
         """Forget the recording, and be ready for another."""
@@ -92,21 +97,21 @@ class Session:
         """
         streams = self._read(spikes)
         rows = len(next(iter(streams.values())))
-        counts = [branch.push(self.steps, streams) for branch in self._branches]
+        counts, scores = np.empty((rows, self._columns), dtype=np.int64), np.zeros((rows, self._classes))
+        for branch in self._branches:
+            branch.push(self.steps, streams, counts)
         self.steps += rows
+        called(weigh, counts, self._scored, self._weights(rows), scores)
         spikes_of: dict[str, IntArray] = {}
         potential: dict[str, IntArray] = {}
-        scores = np.zeros((rows, self._classes))
-        for output in self._output:
-            found = counts[output.branch][:, output.columns]
-            (potential if output.population in self._by_potential else spikes_of)[output.population] = found
-            called(weigh, counts[output.branch], output.columns.start, self._weights(output, rows), scores)
+        for name, columns in self._output.items():
+            (potential if name in self._by_potential else spikes_of)[name] = counts[:, columns]
         return StepScores(spikes_of, potential, scores)
 
     def _read(self, spikes: Spikes) -> dict[str, ByteArray]:
         """Return the rows of every stream, (rows, channels), as loops can be given them: whole, and writeable."""
-        if isinstance(spikes, np.ndarray) and (rows := _plain_rows(self.program, spikes)) is not None:
-            return rows
+        if self._only and isinstance(spikes, np.ndarray) and (rows := _plain_rows(spikes, self._only[1])) is not None:
+            return {self._only[0]: rows}
         given = spikes if isinstance(spikes, Mapping) else {name: spikes for name in list(self.program.streams)[:1]}
         streams, batched = read_streams(self.program, {name: _rows(array) for name, array in given.items()})
         if batched:
@@ -123,16 +128,16 @@ class Session:
         """Return the spikes of a population of a transposed phase as things stand, (steps, n)."""
         for branch in self._branches:
             if isinstance(branch.run, Replay) and population in branch.columns:
-                return branch.run.spikes()[:, branch.columns[population]]
+                its = branch.columns[population]
+                return branch.run.spikes()[:, its.start - branch.low : its.stop - branch.low]
         raise InputError(f"population {population!r}", "is in no transposed phase", fix="Read its counts from push.")
 
-    def _weights(self, output: "_Output", rows: int) -> FloatArray:
-        """Return what a spike or potential counts for after each of the last rows, (rows,), or (1,) for all."""
+    def _weights(self, rows: int) -> FloatArray:
+        """Return what each term's spikes or potentials count for after the last rows, (terms, rows), or (terms, 1)."""
         if self.psi is None:
-            return output.weight
+            return self._weight
         location = location_share(self.psi, np.arange(self.steps - rows + 1, self.steps + 1), self._length)
-        axis = self._branches[output.branch].phase.axis
-        return output.weight * (location if axis == "location" else 1.0 - location)
+        return self._weight * np.where(self._is_location, location, 1.0 - location)
 
 
 def location_share(psi: float, step: IntArray, steps: int) -> FloatArray:
@@ -148,20 +153,15 @@ def check_psi(psi: float) -> None:
         raise InputError("psi", "it is not a valid rate", measured=f"got {psi}", fix="Give 0 or more, such as 10.")
 
 
-class _Output(NamedTuple):
-    """A population of the readout: its ``columns`` in the phase of ``branch``; ``weight`` is (1,)."""
-
-    population: str
-    weight: FloatArray
-    branch: int
-    columns: slice
-
-
 class _Branch:
-    """A phase of a session: played as it comes, or replayed from the first change on."""
+    """A phase of a session: played as it comes, or replayed from the first change on.
 
-    def __init__(self, program: ChipProgram, phase: Phase) -> None:
-        self.phase, self.columns = phase, program.columns_of(phase.name)
+    What it gives is ``many`` columns of those of all phases, ``low`` on; ``columns`` are those of its populations.
+    """
+
+    def __init__(self, program: ChipProgram, phase: Phase, low: int) -> None:
+        self.phase, self.low, own = phase, low, program.columns_of(phase.name)
+        self.columns = {name: slice(its.start + low, its.stop + low) for name, its in own.items()}
         inputs = program.inputs_of(phase.name)
         self._streams = [item.stream for item in inputs]
         positions = [item.positions for item in inputs if item.positions is not None]
@@ -170,7 +170,7 @@ class _Branch:
             fix = "Use simulate."
             raise InputError(f"phase {phase.name!r}", what, fix=fix)
         layout = fast_layout(program, phase.name)
-        read = _read(program.readout, self.columns)
+        self.many, read = layout.columns, _read(program.readout, own)
         if positions:
             self.run: Replay | Live = Replay(layout, length_of(program, phase, 1), inputs, read)
         else:
@@ -183,27 +183,30 @@ class _Branch:
         self.run.reset()
         self._started = self._align is None
 
-    def push(self, before: int, streams: dict[str, ByteArray]) -> IntArray:
-        """Push rows (rows, channels), and return the spikes so far after each, (rows, columns)."""
-        given = [streams[name] for name in self._streams]
-        rows = given[0] if len(given) == 1 else np.concatenate(given, axis=1)
+    def push(self, before: int, streams: dict[str, ByteArray], counts: IntArray) -> None:
+        """Push rows (rows, channels), and note what every column gives so far in ``counts`` (rows, all columns)."""
+        if len(self._streams) == 1:
+            rows = streams[self._streams[0]]
+        else:
+            rows = np.concatenate([streams[name] for name in self._streams], axis=1)
         if self._started or self._align is None:
-            return self.run.push(before, rows)
+            return self.run.push(before, rows, counts, self.low)
         first = int(first_touch([list_events(streams[name][None]) for name in set(self._streams)], self._align)[0])
         self._started = first < len(rows)
-        waited = self.run.wait(rows[:first])
-        return np.concatenate((waited, self.run.push(before + first, rows[first:]))) if self._started else waited
-
-
-def _plain_rows(program: ChipProgram, given: AnyArray) -> dict[str, ByteArray] | None:
-    """Return what are bytes of 0 and 1, rows for the only stream; None for all else, which is looked into."""
-    if len(program.streams) > 1 or given.dtype != np.uint8 or not 0 < given.ndim <= 2 or not given.size:
+        self.run.wait(rows[:first], counts[:first], self.low)
+        if self._started:
+            self.run.push(before + first, rows[first:], counts[first:], self.low)
         return None
-    ((name, channels),) = program.streams.items()
+
+
+def _plain_rows(given: AnyArray, channels: int) -> ByteArray | None:
+    """Return what are bytes of 0 and 1 as rows (rows, channels); None for all else, which is looked into."""
+    if given.dtype != np.uint8 or not 0 < given.ndim <= 2 or not given.size or given.shape[-1] != channels:
+        return None
     # What is left without 0 and 1: for a row, numpy's maximum takes ten times as long.
-    if given.shape[-1] != channels or given.tobytes().translate(None, b"\0\1"):
+    if given.tobytes().translate(None, b"\0\1"):
         return None
-    return {name: _plain(given.reshape(-1, channels))}
+    return _plain(given.reshape(-1, channels))
 
 
 def _plain(rows: ByteArray) -> ByteArray:
