@@ -182,8 +182,8 @@ def test_arrays_of_a_program_that_hurt(tmp_path, change, message):
 
 
 def large_directory(path, *, wide):
-    """Write an archive whose end claims a directory of a terabyte, or of 4 GB less a byte."""
-    end = struct.pack("<4s4H2LH", b"PK\x05\x06", 0, 0, 1, 1, 2**32 - 1, 0, 0)
+    """Write an archive whose end claims a directory of a terabyte beside one of no byte, or of 4 GB less a byte."""
+    end = struct.pack("<4s4H2LH", b"PK\x05\x06", 0, 0, 1, 1, 0 if wide else 2**32 - 1, 0, 0)
     if wide:
         end64 = struct.pack("<4sQ2H2L4Q", b"PK\x06\x06", 44, 45, 45, 0, 0, 1, 1, 2**40, 0)
         end = end64 + struct.pack("<4sLQL", b"PK\x06\x07", 0, 0, 1) + end
@@ -206,7 +206,7 @@ def test_archives_that_claim_a_huge_directory(tmp_path, wide):
 
 def test_archives_of_a_usual_directory_pass(tmp_path):
     with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
-        archive.writestr("a", b"x")
+        archive.writestr("a", b"PK\x05\x06" + b"\xff" * 18)  # looks like the end of an archive
         archive.comment = b"c" * 60_000
     with (tmp_path / "a.zip").open("rb") as stream:
         check_directory(stream)

@@ -192,6 +192,16 @@ def test_sparse_and_dense_weights_make_the_same_program():
     assert results[0].counts == results[1].counts
 
 
+def test_scores_are_the_spikes_of_what_is_read_out():
+    b = hw.ProgramBuilder(hw.chip("loihi-sim"))
+    x = b.add_input("x", 2)
+    read = [b.add_compartments(name, 2, decay_u=4096, decay_v=4096, threshold=1) for name in ("first", "second")]
+    for node, weights in zip(read, ([[20, 20], [0, 20]], [[0, 0], [20, 0]]), strict=True):
+        b.connect(x, node, weights)
+    b.read_out(*read)
+    assert hw.simulate(b.build(), [[1, 0], [1, 0], [0, 1], [0, 0]]).scores.tolist() == [3.0, 3.0]
+
+
 def test_zeros_make_no_synapse_and_are_counted():
     program = build(inputs=3, size=2, weights=np.array([[2, 0, -4], [0, 0, 6]]))
     assert program.synapses_pruned == 3
