@@ -22,6 +22,7 @@ from locsnn_compile.network.projections import (
     matrix,
     of_target,
     row_maxima,
+    row_sums,
     values_of,
     with_values,
 )
@@ -151,6 +152,16 @@ def test_a_matrix_cannot_be_written_to(form):
     m = matrix(form(GIVEN), np.float64)
     with pytest.raises(ValueError, match="read-only"):
         values_of(m)[...] = 1
+
+
+def test_a_weight_of_zero_that_is_stored_reaches_nobody():
+    m = sparse.csr_array(([3.0, 0.0, -5.0], ([0, 1, 1], [0, 0, 1])), shape=(2, 2))
+    assert fan_out(m).tolist() == [1, 1]
+
+
+def test_the_sums_of_a_row_are_of_one_sign():
+    """Positive and negative weights never add up in one: the larger side counts."""
+    assert row_sums(np.array([[3.0, -2.0, 1.0], [1.0, -4.0, 0.0]])).tolist() == [4.0, 4.0]
 
 
 def test_entries_given_twice_are_added():

@@ -8,9 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from networks import hybrid, recordings
 
+import hw_model as hw
+from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.network.chip_neurons import ChipCuba
 from locsnn_compile.network.neurons import SrmAlpha
-from locsnn_compile.reference.evaluate import evaluate
+from locsnn_compile.reference import evaluate as evaluation
+from locsnn_compile.reference.evaluate import calibrate, evaluate
 from locsnn_compile.reference.float_neurons import SrmSteps
+from locsnn_compile.reference.integer_neurons import ChipCubaSteps
 
 
 def srm_response(drive, neuron):
@@ -83,3 +88,23 @@ def test_scores_add_the_spikes_of_both_branches_and_ties_go_to_the_first_class()
     silent = evaluate(network, np.zeros((1, network.steps, network.channels), dtype=np.uint8))
     assert silent.scores.tolist() == [[0.0, 0.0]]
     assert silent.prediction.tolist() == [0]
+
+
+def test_drive_wraps_with_its_bias():
+    """The current alone fits its register; with the bias it does not, and comes back at the other end."""
+    neuron = ChipCuba.of(1, decay_u=0, decay_v=4096, threshold=131071, bias_mantissa=64)
+    state = ChipCubaSteps(neuron, 1, 1, hw.chip("loihi-sim").registers)
+    state.u[:] = 2**23 - 10
+    fired, potential = state.step(np.zeros((1, 1), dtype=np.int64))
+    assert (fired.tolist(), potential.tolist(), state.u.tolist()) == ([[False]], [[54 - 2**23]], [[2**23 - 10]])
+
+
+def test_calibration_takes_recordings_from_the_first_to_the_last(monkeypatch):
+    monkeypatch.setattr(evaluation, "SAMPLES", 3)
+    network = hybrid()
+    played = recordings(network, samples=7)
+    found = calibrate(network, Recordings(played, None, None, "seven"), hw.chip("loihi-sim").registers)
+    wanted = evaluate(network, played[[0, 3, 6]]).spikes
+    assert found.samples == 3
+    assert all(np.array_equal(found.spikes[name], spikes) for name, spikes in wanted.items())
+    assert len({spikes.tobytes() for spikes in played}) == 7
