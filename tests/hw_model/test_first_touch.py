@@ -246,6 +246,25 @@ def test_a_potential_is_0_until_the_touch():
     assert stop_before_a_touch(builder) == [7]
 
 
+def test_a_reset_forgets_the_largest_potential():
+    """Before the touch of the second recording the potential is 0, more than what follows, and not that of the first."""
+    builder = hw.ProgramBuilder(CHIP)
+    b = builder.add_compartments("b", 1, decay_u=4096, decay_v=4096, threshold=100_000, vmin=-511)
+    builder.connect(builder.add_input("z", 2), b, [[6, -6]])
+    phase = in_phase(builder.graph(), "time", 8)
+    phase = replace(phase, phases=(replace(phase.phases[0], align_events=1),))
+    session = hw.Session(assembled(CHIP, Readout(("b",), (1.0,), 0), phase))
+    played = []
+    for row, channel in ((0, 0), (2, 1)):
+        rows = np.zeros((4, 2), dtype=np.uint8)
+        rows[row, channel] = 1
+        played.append(
+            (session.push(rows).potential["b"][:, 0].tolist(), int(hw.simulate(session.program, rows).scores[0]))
+        )
+        session.reset()
+    assert played == [([0, 384, 384, 384], 384), ([0, 0, 0, 0], 0)]
+
+
 def test_events_before_the_touch_are_not_played():
     """One event, in a channel of its own, comes before the row with two that starts the recording."""
     builder = hw.ProgramBuilder(CHIP)
