@@ -1,4 +1,4 @@
-"""Compiled functions that look at the kinds of their arguments in the first call only are given the same in every call.
+"""Compiled functions that look at the kinds of their arguments once only are given the same in every call.
 
 Arguments of another kind would be read as if they were of that kind: numbers nobody gave.
 """
@@ -14,7 +14,7 @@ from hybrids import random_hybrid
 
 import hw_model as hw
 from hw_model.engine import compiled, events
-from hw_model.streaming import session, time_phase
+from hw_model.streaming import location_phase, session, time_phase
 
 KINDS: dict[str, Callable[[np.ndarray], object]] = {
     "bytes": lambda rows: rows,
@@ -36,17 +36,34 @@ class OfOneKind:
         self.given: dict[object, tuple[object, ...]] = {}
 
     def __call__(self, function: Callable[..., object], *arguments: object) -> object:
-        kinds = tuple(numba.typeof(argument) for argument in arguments)
-        first = self.given.setdefault(function, kinds)
-        assert kinds == first, f"{function.__name__} is given {kinds} after {first}"
+        self._check(function, arguments, self.given.setdefault(function, _kinds(arguments)))
         return compiled.called(function, *arguments)
+
+    def entry(self, function: Callable[..., object], *arguments: object) -> Callable[..., object]:
+        code, first = compiled.entry(function, *arguments), _kinds(arguments)
+        self.given[function] = first
+
+        def checked(*given: object) -> object:
+            self._check(function, given, first)
+            return code(*given)
+
+        return checked
+
+    def _check(self, function: Callable[..., object], given: tuple[object, ...], first: tuple[object, ...]) -> None:
+        assert _kinds(given) == first, f"{function.__name__} is given {_kinds(given)} after {first}"
+
+
+def _kinds(arguments: tuple[object, ...]) -> tuple[object, ...]:
+    return tuple(numba.typeof(argument) for argument in arguments)
 
 
 @pytest.fixture
 def watched(monkeypatch):
     watch = OfOneKind()
-    for module in (events, session, time_phase):
+    for module in (events, session):
         monkeypatch.setattr(module, "called", watch)
+    for module in (location_phase, time_phase):
+        monkeypatch.setattr(module, "entry", watch.entry)
     return watch
 
 
@@ -63,7 +80,7 @@ def test_recordings_of_every_kind_reach_compiled_code_as_one(watched, kind):
         scores = np.concatenate([by_row.push(row).scores for row in rows])
         assert np.array_equal(at_once.scores, scores)
         assert np.array_equal(scores[-1], wanted.scores)
-    assert {function.__name__ for function in watched.given} == {"list_into", "_transpose", "weigh"}
+    assert {function.__name__ for function in watched.given} == {"list_into", "_transpose", "weigh", "_run", "_push"}
 
 
 FIRST, CHANNEL = np.zeros((1, 2), np.int64), np.zeros(40, np.int32)
@@ -85,6 +102,8 @@ FIRST, CHANNEL = np.zeros((1, 2), np.int64), np.zeros(40, np.int32)
 def test_another_kind_is_found(watched, planted, place):
     right = np.zeros(4, np.uint8), 4, FIRST, CHANNEL
     watched(events.list_into, *right)
+    with pytest.raises(AssertionError, match="list_into is given"):
+        watched.entry(events.list_into, *right)(*planted)
     with pytest.raises(AssertionError) as caught:
         watched(events.list_into, *planted)
     first = tuple(map(numba.typeof, right))
