@@ -128,8 +128,15 @@ def commands(found: Found) -> Table:
     return ["command"], rows
 
 
+SOME_MISSING = """\
+These networks have no figures, or figures of fewer than five seeds. The times are for one seed on one core:
+"""
+NONE_MISSING = """\
+Every row has all five seeds. In the table of the chip's operations, *not run* stands for a maximum that earlier runs did not keep."""
+
+
 def missing(accuracy: Table) -> str:
-    """Return the rows without all seeds, a line for every data set, with the minutes that a seed takes where they are known."""
+    """Return the rows without all seeds, by data set, with the minutes that a seed takes where they are known."""
     lines, known = [], {row.label: row for row in ROWS}
     for place, dataset in enumerate(DATASETS.values()):
         words = []
@@ -140,7 +147,7 @@ def missing(accuracy: Table) -> str:
                 notes += [f"{minutes} min per seed"] if minutes else []
                 words.append(f"{row[0]} ({', '.join(notes)})" if notes else row[0])
         lines += [f"- {dataset.title}: {'; '.join(words)}."] if words else []
-    return "\n".join(lines) if lines else "Nothing: every row was run with all seeds."
+    return "\n".join(lines)
 
 
 TABLES: dict[str, Callable[[Found], Table]] = {
@@ -165,7 +172,7 @@ def page(tables: Mapping[str, Table]) -> str:
         "ratios": markdown(named(tables["ratios"])),
         "chip_ratios": markdown(named(tables["chip-ratios"])),
         "ann_table": markdown(ann_table()),
-        "missing": missing(tables["accuracy"]),
+        "missing": f"{SOME_MISSING}\n{gaps}" if (gaps := missing(tables["accuracy"])) else NONE_MISSING,
     }
     for name, text in values.items():
         template = template.replace(f"{{{{{name}}}}}", text)
