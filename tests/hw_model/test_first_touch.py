@@ -246,6 +246,27 @@ def test_a_potential_is_0_until_the_touch():
     assert stop_before_a_touch(builder) == [7]
 
 
+def test_a_session_plays_two_phases_in_time():
+    """Seven spikes of class 0; the potential of class 1 rises by 6 * 64 with each of the last two events, after step 10."""
+    builder = hw.ProgramBuilder(CHIP)
+    b = builder.add_compartments("b", 2, decay_u=4096, decay_v=0, threshold=100_000)
+    builder.connect(builder.add_input("z", 1), b, [[0], [6]])
+    program = spikes_and_late_potentials(builder)
+    rows = {"touch": np.ones((16, 1), dtype=np.uint8), "late": np.eye(16, 1, -11, dtype=np.uint8)}
+    rows["late"][13] = 1
+    found, whole = hw.Session(program).push(rows), hw.simulate(program, rows)
+    assert found.spikes["a"][[0, 1, 7, 15]].tolist() == [[0, 0], [1, 0], [7, 0], [7, 0]]
+    assert found.potential["b"][[0, 11, 12, 13, 14, 15]].tolist() == [
+        [0, 0],
+        [0, 0],
+        [0, 384],
+        [0, 384],
+        [0, 768],
+        [0, 768],
+    ]
+    assert found.scores[-1].tolist() == whole.scores.tolist() == [7, 7.68]
+
+
 def test_a_reset_forgets_the_largest_potential():
     """Before the touch of the second recording the potential is 0, more than what follows, and not that of the first."""
     builder = hw.ProgramBuilder(CHIP)
