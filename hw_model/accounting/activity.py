@@ -1,18 +1,17 @@
 """Count what a batch did in a phase, from its spikes and from the effects of one spike of each source."""
 
+import math
 from collections.abc import Mapping, Sequence
 from functools import cached_property, lru_cache
-from typing import Any
 
 import numpy as np
-from scipy import sparse
 
 from hw_model.accounting.mesh_routes import PER_PACKET, Routes, routes_of
 from hw_model.description.counts import BY_CORE, COUNTED
 from hw_model.engine.trace import TOTALS, PhaseInput, PhaseTrace
 from hw_model.program.chip_program import ChipProgram
 from hw_model.program.pieces import Pieces, pieces_of
-from hw_model.values import BoolArray, ByteArray, Frozen, IntArray, Shown
+from hw_model.values import AnyArray, BoolArray, ByteArray, Frozen, IntArray, Shown
 
 
 class StepActivity(Shown):
@@ -66,6 +65,10 @@ _COLUMN = {name: k for k, name in enumerate(COUNTED)}
 _OF_SPIKES, _OF_TOTALS = [_COLUMN[name] for name in PER_SPIKE], [_COLUMN[name] for name in TOTALS]
 
 
+DENSE_MOST = 1 << 15
+"""Largest matrix of the effects of all spikes of a phase that is faster than following each spike."""
+
+
 def count_totals(program: ChipProgram, phase: str, played: PhaseInput, trace: PhaseTrace) -> IntArray:
     """Return the counts of every recording, (batch, fields of Counts): spikes of each source times their effects."""
     table = np.zeros((len(trace.sent), len(COUNTED)), dtype=np.int64)
@@ -95,18 +98,43 @@ def count_steps(program: ChipProgram, phase: str, played: PhaseInput, trace: Pha
 
 
 class _Causes(Frozen, eq=False):
-    """What a spike of each source (input lines, then columns) adds to a table of counts: ``added`` (sources, width).
+    """The effects of a spike of each source (input lines, then columns) on the columns of a table of counts.
 
-    ``columns`` of the table are those of each count.
+    Source s adds to the table's columns ``caused[k]``, ``times[k]`` times each, for the ``many[s]`` entries k from
+    ``first[s]``. ``columns`` are those of each count, out of ``width`` in all.
     """
 
-    added: Any
+    first: IntArray
+    many: IntArray
+    caused: IntArray
+    times: IntArray
     columns: dict[str, slice]
+    width: int
 
     def of(self, sent: ByteArray) -> dict[str, IntArray]:
         """Return the counts that spikes (steps, sources) cause, (steps, columns) each."""
-        table = (sparse.csr_array(sent) @ self.added).toarray()
+        # Sums of integers below 2^53 are exact in float64, and its matrix product is the fast one.
+        sums = sent.astype(np.float64) @ self._dense if self._dense.size else self._followed(sent)
+        table = sums.astype(np.int64)
         return {name: table[:, columns] for name, columns in self.columns.items()}
+
+    @cached_property
+    def _dense(self) -> AnyArray:
+        """All effects as a matrix (sources, columns); without columns if it would exceed :data:`DENSE_MOST` entries."""
+        sources = np.repeat(np.arange(len(self.many)), self.many)
+        shape = len(self.many), self.width
+        if math.prod(shape) > DENSE_MOST:
+            return np.zeros((shape[0], 0))
+        return np.bincount(sources * shape[1] + self.caused, self.times, math.prod(shape)).reshape(shape)
+
+    def _followed(self, sent: ByteArray) -> AnyArray:
+        """Follow every spike to its effects."""
+        # Bytes of 0 and 1 are also booleans, among which numpy finds the true ones fastest.
+        step, source = np.divmod(np.flatnonzero(sent.view(np.bool_)), sent.shape[1])
+        many = self.many[source]
+        entry = np.arange(many.sum()) + np.repeat(self.first[source] - (np.cumsum(many) - many), many)
+        at = np.repeat(step, many) * self.width + self.caused[entry]
+        return np.bincount(at, self.times[entry], len(sent) * self.width).reshape(len(sent), self.width)
 
 
 @lru_cache(maxsize=8)
@@ -137,9 +165,11 @@ def _causes(program: ChipProgram, phase: str) -> _Causes:
     source, caused, times = (
         np.concatenate(parts) for parts in zip(*((s, begin[name] + at, n) for name, s, at, n in entries), strict=True)
     )
+    order = np.argsort(source, kind="stable")
+    order = order[times[order] > 0]
+    many = np.bincount(source[order], minlength=lines + len(own))
     columns = {name: slice(begin[name], end) for name, end in ends.items()}
-    added = sparse.csr_array((times, (source, caused)), (lines + len(own), sum(widths.values())))
-    return _Causes(added, columns)
+    return _Causes(np.cumsum(many) - many, many, caused[order], times[order], columns, sum(widths.values()))
 
 
 def _through_buffer(program: ChipProgram, phase: str) -> BoolArray:
@@ -152,5 +182,9 @@ def _through_buffer(program: ChipProgram, phase: str) -> BoolArray:
 def fan_out(program: ChipProgram, phase: str) -> IntArray:
     """Return what one spike of each source (input lines, then columns) adds to each of :data:`PER_SPIKE`."""
     causes = _causes(program, phase)
-    added = causes.added.tocsc()
-    return np.column_stack([added[:, causes.columns[name]].sum(axis=1) for name in PER_SPIKE])
+    names = list(causes.columns)
+    count = np.repeat(np.arange(len(names)), [part.stop - part.start for part in causes.columns.values()])
+    source = np.repeat(np.arange(len(causes.many)), causes.many)
+    at = source * len(names) + count[causes.caused]
+    sums = np.bincount(at, causes.times, len(causes.many) * len(names)).astype(np.int64)
+    return sums.reshape(-1, len(names))[:, [names.index(name) for name in PER_SPIKE]]
