@@ -78,8 +78,8 @@ class Session:
         of = {name: branch for branch in self._branches for name in branch.columns}
         self._output = {name: of[name].columns[name] for name, _ in program.readout.terms}
         self._weight = np.array([[float(weight)] for _, weight in program.readout.terms])
-        self._is_location = np.array([[of[name].phase.axis == "location"] for name in self._output])
-        self._scored = np.array([its.start for its in self._output.values()])
+        self._is_location = np.array([[of[name].phase.axis == "location"] for name, _ in program.readout.terms])
+        self._scored = np.array([self._output[name].start for name, _ in program.readout.terms])
         self._classes = program.populations[program.readout.populations[0]]
         streams = list(program.streams.items())
         self._only = streams[0] if len(streams) == 1 else None
