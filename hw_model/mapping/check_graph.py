@@ -24,10 +24,21 @@ def check_graph(graph: CompartmentGraph, chip: Chip) -> None:
     for synapses in graph.synapses:
         _check_synapses(graph, synapses, chip)
     _check_charges(graph)
-    if graph.readout is not None:
-        sizes = {graph.group(name).size for name in graph.readout.populations}
-        if len(sizes) != 1:
-            raise InputError("readout", f"its populations differ in size: {sorted(sizes)}", fix="Make them equal.")
+    _check_readout(graph)
+
+
+def _check_readout(graph: CompartmentGraph) -> None:
+    names = graph.readout.populations if graph.readout is not None else ()
+    size_of = {group.name: group.size for group in graph.groups}
+    for name in names:
+        if name not in size_of:
+            fix = "Read out groups of compartments of this graph."
+            raise InputError("readout", f"{name!r} is no group of compartments", fix=fix)
+    sizes = {size_of[name] for name in names}
+    if graph.readout is not None and not sizes:
+        raise InputError("readout", "it names no population", fix="Name one, or leave out the readout.")
+    if len(sizes) > 1:
+        raise InputError("readout", f"its populations differ in size: {sorted(sizes)}", fix="Make them equal.")
 
 
 def _check_charges(graph: CompartmentGraph) -> None:

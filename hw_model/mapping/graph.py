@@ -11,6 +11,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import SignMode
+from hw_model.errors import InputError
 from hw_model.values import AnyArray, ArrayLike, FloatArray, Frozen, IntArray, sealed
 
 Axis = Literal["time", "location"]
@@ -160,12 +161,18 @@ class Readout(Frozen):
 
     A population gives its spike counts; with ``potentials_from``, its largest potentials from that step on: v as the
     threshold sees it, of neurons that do not spike. One value is for all, None among several for a population that
-    gives its spikes.
+    gives its spikes. Files hold a weight by name of a population, so a population that is named twice is an
+    ``InputError``.
     """
 
     populations: tuple[str, ...]
     weights: tuple[float, ...]
     potentials_from: int | tuple[int | None, ...] | None = None
+
+    def __post_init__(self) -> None:
+        for name in self.populations:
+            if self.populations.count(name) > 1:
+                raise InputError("readout", f"it names {name!r} twice", fix="Name it once, with the sum of its weights.")
 
     @property
     def from_step(self) -> dict[str, int]:

@@ -150,6 +150,27 @@ def test_joins_without_a_public_meaning(operation):
     )
 
 
+@pytest.mark.parametrize(
+    ("named", "message"),
+    [
+        (("n", "n"), "readout: it names 'n' twice. Name it once, with the sum of its weights."),
+        (("x",), "readout: 'x' is no group of compartments. Read out groups of compartments of this graph."),
+        (("n", "m"), "readout: its populations differ in size: [2, 3]. Make them equal."),
+        ((), "readout: it names no population. Name one, or leave out the readout."),
+    ],
+    ids=["a population twice", "an input", "two sizes", "nothing"],
+)
+def test_what_cannot_be_read_out(named, message):
+    builder = hw.ProgramBuilder(CHIP)
+    nodes = {"x": builder.add_input("x", 2)} | {
+        name: builder.add_compartments(name, size, threshold=1) for name, size in {"n": 2, "m": 3}.items()
+    }
+    with pytest.raises(hw.InputError) as caught:
+        builder.read_out(*(nodes[name] for name in named))
+        builder.build()
+    assert str(caught.value) == message
+
+
 def test_names_are_unique():
     builder = hw.ProgramBuilder(CHIP)
     builder.add_input("x", 1)
