@@ -172,7 +172,9 @@ class Readout(Frozen):
     def __post_init__(self) -> None:
         for name in self.populations:
             if self.populations.count(name) > 1:
-                raise InputError("readout", f"it names {name!r} twice", fix="Name it once, with the sum of its weights.")
+                raise InputError(
+                    "readout", f"it names {name!r} twice", fix="Name it once, with the sum of its weights."
+                )
 
     @property
     def from_step(self) -> dict[str, int]:

@@ -51,7 +51,7 @@ def main() -> None:
         )
     FRONT.write_bytes(picture(rows))
     priced = pricing.price(make_profile.made(built), "modelled")
-    unit, more = mac.measure(built.files), larger(built.files, priced)
+    unit, more = mac.measure(built.files), larger(built.files)
     PAGE.write_text(page(built, of_sets, rows, unit, more, stretch(priced)))
 
 
@@ -179,7 +179,7 @@ def page(
         uj_flat=flat.total.mean() / 1e6, op_flat=flat.total.mean() / ops, mac=f"{least:.0f} to {most:.0f}", mac_memory=of_mac,
         glitches=unit["glitches"], glitch_bound=high.of("logic").mean() / 1e6 * (unit["glitches"] - 1), ranking=ranking(),
         mac_area=unit["area"], sides=" and ".join(sides), larger=table(
-            ("network", "by", "synapses", "compartments", "memories, mm2", "synaptic operations", "updates", "accesses, µJ", "logic and clocks, µJ", "pJ per synaptic operation"), more),
+            ("network", "recordings", "synapses", "compartments", "memories, mm2", "synaptic operations", "updates", "accesses, µJ", "logic and clocks, µJ", "pJ per synaptic operation"), more),
         verdicts={"op": verdict(per_op, 60), "uj": verdict(most_uj, 16), "area": verdict(area, 3), "mhz": verdict(mhz["modelled"], 100, True),
                   "off": verdict(max(off), 0.05)},
         synapses=high.memory["synapses"].mean() / ops, states=high.memory["states"].mean() / ops,

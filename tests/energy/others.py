@@ -2,7 +2,6 @@
 
 import numpy as np
 import plans
-import pricing
 import repeats
 import runs
 from page_text import table
@@ -11,41 +10,31 @@ import hw_model as hw
 from locsnn_compile.frontends import load
 from locsnn_compile.pipeline import lower
 
-BEST = {"containers-best": "Containers", "objects-best": "Objects"}
-PLAYED = {"containers-best": 20}
-"""Recordings of networks that are mapped on a core of their own."""
+PLAYED = {"containers-best": ("Containers", 20), "objects-best": ("Objects", 1)}
+"""Networks on a core of their own: the set and how many of its test recordings are played at gate level."""
 
 
-def larger(files: runs.Library, priced: pricing.Priced) -> list[tuple[str, ...]]:
-    """Return rows on the best networks, each on a core that holds it, with memories of the same search.
-
-    One of windows is mapped and played like ours. Of the other, logic and clocks are the profile's.
-    """
+def larger(files: runs.Library) -> list[tuple[str, ...]]:
+    """Return rows on the best networks, each on a core that holds it, with memories of the same search."""
     rows = []
-    for model, dataset in BEST.items():
-        program, recordings = runs.compiled(model), runs.real(dataset, "test", PLAYED.get(model, 1))
+    for model, (dataset, many) in PLAYED.items():
+        program, recordings = runs.compiled(model), runs.real(dataset, "test", many)
         mapped, core = runs.holding(program, recordings.shape[1])
         needs, done = mapped.needs, repeats.parts_of(runs.counted_for(program, recordings, core), mapped, core.sizes)
         chosen = plans.plan(files, plans.PRICE, core, done)
-        area = sum(plans.area(files, one) for one in chosen)
-        counts = sum(hw.simulate(program, recordings, probe=()).per_recording, hw.Counts())
-        many = len(recordings)
-        if model in PLAYED:
-            built = runs.Built(files, chosen, gated=True, core=core)
-            played = built.play(program, runs.stacked(program, recordings))
-            found = hw.simulate(program, recordings, probe=())
-            assert (played.answers[:, 0] == found.prediction).all()
-            assert (played.answers[:, 2] == [one.synaptic_ops for one in found.per_recording]).all()
-            energy = built.energy(played, "modelled")
-            spent, logic = energy.of("memory").mean(), (energy.of("logic") + energy.of("clock")).mean()
-        else:
-            spent = sum(plans.cost(files, one, done[one.shape.name]) for one in chosen)
-            logic = sum((priced.pj[name] - priced.memory[name]) * counts[name] for name in priced.pj) / many
-        ops = counts.synaptic_ops / many
+        built = runs.Built(files, chosen, gated=True, core=core)
+        played = built.play(program, runs.stacked(program, recordings))
+        found = hw.simulate(program, recordings, probe=())
+        assert (played.answers[:, 0] == found.prediction).all()
+        assert (played.answers[:, 2] == [one.synaptic_ops for one in found.per_recording]).all()
+        energy = built.energy(played, "modelled")
+        spent, logic = energy.of("memory").mean(), (energy.of("logic") + energy.of("clock")).mean()
+        counts = sum(found.per_recording, hw.Counts())
+        area, ops = sum(plans.area(files, one) for one in chosen), counts.synaptic_ops / many
         rows.append((
-            f"`{model}`", "gate level" if model in PLAYED else "estimate", f"{needs.synapses:,}", f"{needs.compartments:,}",
-            f"{area / 1e6:.1f}", f"{ops:,.0f}", f"{counts.neuron_updates / many:,.0f}", f"{spent / 1e6:.1f}",
-            f"{logic / 1e6:.1f}", f"{(spent + logic) / ops:.0f}",
+            f"`{model}`", str(many), f"{needs.synapses:,}", f"{needs.compartments:,}", f"{area / 1e6:.1f}", f"{ops:,.0f}",
+            f"{counts.neuron_updates / many:,.0f}", f"{spent / 1e6:.1f}", f"{logic / 1e6:.1f}",
+            f"{(spent + logic) / ops:.0f}",
         ))  # fmt: skip
     return rows
 
