@@ -161,14 +161,17 @@ def test_joins_without_a_public_meaning(operation):
     ids=["a population twice", "an input", "two sizes", "nothing"],
 )
 def test_what_cannot_be_read_out(named, message):
-    builder = hw.ProgramBuilder(CHIP)
-    nodes = {"x": builder.add_input("x", 2)} | {
-        name: builder.add_compartments(name, size, threshold=1) for name, size in {"n": 2, "m": 3}.items()
-    }
     with pytest.raises(hw.InputError) as caught:
-        builder.read_out(*(nodes[name] for name in named))
-        builder.build()
+        read_out(named)
     assert str(caught.value) == message
+
+
+def read_out(named):
+    builder = hw.ProgramBuilder(CHIP)
+    nodes = {"x": builder.add_input("x", 2)}
+    nodes |= {name: builder.add_compartments(name, size, threshold=1) for name, size in {"n": 2, "m": 3}.items()}
+    builder.read_out(*(nodes[name] for name in named))
+    return builder.build()
 
 
 def test_names_are_unique():
