@@ -7,10 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import sparse
 
 import hw_model as hw
 from hw_model.engine.delivery import LONG
 from hw_model.engine.lay_out import fast_layout
+from hw_model.engine.layout import LIST
 from hw_model.engine.links import _packed
 from hw_model.engine.state import MOST_LISTED, TILE
 from hw_model.simulation import ENGINES
@@ -158,6 +160,45 @@ def sums_of_two(*, chain: bool, refractory: int) -> hw.ProgramBuilder:
     return builder
 
 
+def pairs_in_turn() -> hw.ProgramBuilder:
+    """Two dendrites, each driven by a channel of its own, so that one is reached while the other rests."""
+    builder = hw.ProgramBuilder(CHIP)
+    x = builder.add_input("x", 2)
+    soma = builder.add_compartments("soma", 20, threshold=90, **FORGETS)
+    for channel, name in enumerate("ab"):
+        relay = builder.add_compartments(f"to {name}", 1, threshold=90, **FORGETS)
+        builder.connect(x, relay, 100 * np.eye(2)[[channel]])
+        child = builder.add_compartments(name, 20, threshold=0, joined_to=soma, **FORGETS)
+        builder.connect(relay, child, np.full((20, 1), 100))
+    return builder
+
+
+def columns_in_reverse() -> hw.ProgramBuilder:
+    """A group whose columns come before those of the group that drives it, and that is updated after it."""
+    builder = hw.ProgramBuilder(CHIP)
+    x = builder.add_input("x", 3)
+    y = builder.add_compartments("y", 20, threshold=90, **FORGETS)
+    h = builder.add_compartments("h", 20, threshold=90, **FORGETS)
+    last = builder.add_compartments("last", 20, threshold=90, **FORGETS)
+    builder.connect(x, h, np.full((20, 3), 100))
+    builder.connect(h, y, 100 * np.eye(20))
+    builder.connect(y, last, 100 * np.eye(20))
+    return builder
+
+
+def wide_lists() -> hw.ProgramBuilder:
+    """Lists whose synapses need more than 32 bits: ten for the slot, six for the delay, and 17 for the weight."""
+    builder = hw.ProgramBuilder(CHIP)
+    size = 520
+    x = builder.add_input("x", size)
+    n = builder.add_compartments("n", size, threshold=90, **FORGETS)
+    delay = sparse.diags_array(np.arange(size) % 63, dtype=int)
+    heavy = np.where(np.arange(size) % 3, 100, -256)
+    builder.connect(x, n, sparse.diags_array(heavy, dtype=int), exponent=7, delay=delay)
+    builder.connect(x, n, sparse.eye_array(size, dtype=int), delay=delay, sign_mode="excitatory")
+    return builder
+
+
 def refractory() -> hw.ProgramBuilder:
     """Compartments that nothing but their refractory steps sets apart from the plainest."""
     builder = hw.ProgramBuilder(CHIP)
@@ -189,6 +230,9 @@ PROGRAMS = {
     "echoes into what rests": echoes_alone,
     "echoes, a step too late": lambda: echoes(2, late=1),
     "echoes from a neighbour": lambda: echoes(2, shift=1),
+    "pairs in turn": pairs_in_turn,
+    "columns in reverse": columns_in_reverse,
+    "wide lists": wide_lists,
     "pairs, the second slow": lambda: pairs((4096, 4096), (4096, 300)),
 }
 
@@ -269,6 +313,10 @@ def test_spikes_that_come_back_to_their_own_dendrite_are_no_link(build, taken):
     assert (chunks.echo_to >= 0).any() == taken
     if taken:
         assert chunks.echo.any()
+
+
+def test_wide_synapses_are_in_a_list_of_their_own():
+    assert fast_layout(wide_lists().build(), "time").links.kind.tolist() == [LIST]
 
 
 @pytest.mark.parametrize(("widest", "fits"), [(2**30 - 1, True), (2**30 + 1, False)], ids=["31 bits", "one more"])
