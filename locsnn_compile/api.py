@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 import hw_model as hw
+from hw_model.engine.compiled import compile_ahead
 from hw_model.io.build_folder import write_build
 from hw_model.io.given import checked
 from hw_model.program.write import program_files
@@ -182,6 +183,8 @@ def compile(
     # Recordings that do not fit are refused before all the work.
     network.fit(recordings.spikes[:1], recordings.source)
     calibrated = _calibration(network, recordings, calibration)
+    if diagnosis:
+        compile_ahead("hw_model.streaming.ahead")
     asked = Setting(strategy, weight_bits, split_weights or 0.0)
     with spread_over(scheduler) as spread:
         settled = split_weights is not None

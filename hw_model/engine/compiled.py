@@ -5,6 +5,9 @@ in the cache folder of the user: the first that can be written. Where none can, 
 """
 
 import logging
+import os
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from functools import lru_cache, partial
@@ -68,6 +71,29 @@ class _Announce(event.Listener):  # type: ignore[misc]
 
 event.register("numba:compile", _Announce())
 
+_ahead: dict[str, subprocess.Popen[bytes] | None] = {}
+"""Modules that compile the loops of their package in a process of their own, once something is found not compiled."""
+
+
+def compile_ahead(module: str) -> None:
+    """Let ``module`` compile the loops of its package as soon as others are compiled here, if there is a second core.
+
+    It is run as a process: numba compiles one function at a time. Loops of that package then wait for its end.
+    """
+    if module not in _ahead and (os.cpu_count() or 1) > 1 and sys.executable:
+        _ahead[module] = None
+
+
+def _start_ahead() -> None:
+    root = str(Path(__file__).parents[2])
+    for module, process in _ahead.items():
+        if process is None:
+            found = os.pathsep.join((root, os.environ.get("PYTHONPATH", ""))).rstrip(os.pathsep)
+            _ahead[module] = subprocess.Popen(
+                [sys.executable, "-P", "-m", module], env=os.environ | {"PYTHONPATH": found},
+                stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+            )  # fmt: skip
+
 
 def compiled(function: Callable[..., Any], **options: Any) -> Any:
     """Compile a function that takes no Python objects and holds no lock: it may run in threads."""
@@ -79,7 +105,8 @@ def compiled(function: Callable[..., Any], **options: Any) -> Any:
     cache, kept = dispatcher._cache, dispatcher._cache._cache_file
     # The cache looks at the age of the function's own file, but its code holds that of what it calls elsewhere too.
     kept._source_stamp = (kept._source_stamp, _stamp_of_loops())
-    cache.load_overload, cache.save_overload = partial(_load, cache), partial(_save, cache)
+    cache.load_overload = partial(_load, cache, function.__module__.rpartition(".")[0])
+    cache.save_overload = partial(_save, cache)
     return dispatcher
 
 
@@ -143,10 +170,22 @@ def called(function: Any, *arguments: Any) -> Any:
     return code(*arguments)
 
 
-def _load(cache: Any, signature: Any, target: Any) -> Any:
+def _compiled_ahead(package: str) -> bool:
+    """Wait for the process that compiles loops of a package, if there is one; else start those of others."""
+    for module, process in _ahead.items():
+        if module.startswith(package + ".") and process is not None:
+            return process.wait() == 0
+    _start_ahead()
+    return False
+
+
+def _load(cache: Any, package: str, signature: Any, target: Any) -> Any:
     """Return code from a cache; numba's own way loads first all that only compiling needs, for a fifth of a second."""
     rtsys.initialize(target)
-    return cache._load_overload(signature, target)
+    code = cache._load_overload(signature, target)
+    if code is None:
+        code = cache._load_overload(signature, target) if _compiled_ahead(package) else None
+    return code
 
 
 def _save(cache: Any, signature: Any, code: Any) -> None:

@@ -13,6 +13,7 @@ import pytest
 
 import hw_model.engine.compiled
 
+ROOT = Path(__file__).parents[2]
 PACKAGE = Path(hw_model.__file__).parent
 USER = """\
 from hw_model.engine.compiled import compiled
@@ -95,3 +96,84 @@ def test_where_there_is_no_room_for_code_it_is_used_and_not_kept(tmp_path):
     """No file may be larger than nothing."""
     assert run(tmp_path, limits="ulimit -f 0", NUMBA_CACHE_DIR=str(tmp_path / "cache")) == 5
     assert not any(path.stat().st_size for path in (tmp_path / "cache").rglob("*.nb?"))
+
+
+AHEAD = """\
+import sys
+from other.loops import twice
+if __name__ == "__main__":
+    twice(3)
+    sys.exit({code})
+"""
+LOOPS = """\
+from hw_model.engine.compiled import compiled
+
+@compiled
+def twice(x):
+    return 2 * x
+"""
+ASKS = """\
+from numba.core import event
+from hw_model.engine.compiled import compile_ahead
+import user
+from other.loops import twice
+
+class Listener(event.Listener):
+    def on_start(self, event):
+        if event.data["dispatcher"].py_func.__module__ in ("user", "other.loops"):
+            print(event.data["dispatcher"].py_func.__name__, end=" ")
+
+    def on_end(self, event):
+        pass
+
+event.register("numba:compile", Listener())
+compile_ahead("other.ahead")
+print(user.wrapped(5), twice(3))
+"""
+
+
+@pytest.mark.parametrize(
+    ("code", "cores", "said"),
+    [(0, 2, "wrapped 5 6"), (1, 2, "wrapped twice 5 6"), (0, 1, "wrapped twice 5 6")],
+    ids=["in another process", "which fails", "of one core"],
+)
+def test_loops_of_a_package_are_compiled_beside_others(tmp_path, code, cores, said):
+    files = {
+        "user": USER,
+        "other/__init__": "",
+        "other/loops": LOOPS,
+        "other/ahead": AHEAD.format(code=code),
+        "asks": ASKS,
+    }
+    shutil.copytree(PACKAGE, tmp_path / "hw_model", ignore=shutil.ignore_patterns("__pycache__"))
+    (tmp_path / "other").mkdir()
+    for name, text in files.items():
+        (tmp_path / f"{name}.py").write_text(text)
+    start = f"import os; os.cpu_count = lambda: {cores}; import runpy; runpy.run_path('asks.py')"
+    environment = os.environ | {"PYTHONPATH": str(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+
+    def asked():
+        done = subprocess.run(
+            [sys.executable, "-c", start], cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=100
+        )
+        assert (done.returncode, done.stderr) == (0, "")
+        return done.stdout.strip()
+
+    assert asked() == said
+    assert asked() == "5 6"
+
+
+@pytest.mark.slow
+def test_what_is_compiled_ahead_is_what_a_session_needs(tmp_path):
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    subprocess.run([sys.executable, "-m", "hw_model.streaming.ahead"], env=environment, check=True, timeout=300)
+    before = sorted(tmp_path.rglob("*.nbc"))
+    assert before
+    plays = (
+        "import numpy as np, hw_model as hw, locsnn_compile as lc\n"
+        "network = lc.load('examples/models/objects-hybrid.pt')\n"
+        "program = lc.compile(network, strategy='dendrite', diagnosis=False).program\n"
+        "hw.Session(program).push(np.ones((3, program.streams['touch']), dtype=np.uint8))\n"
+    )
+    subprocess.run([sys.executable, "-c", plays], cwd=ROOT, env=environment, check=True, timeout=300)
+    assert sorted(path for path in tmp_path.rglob("*.nbc") if path.parent.name.startswith("streaming")) == before
