@@ -4,6 +4,7 @@ That is the folder that NUMBA_CACHE_DIR names, else the ``__pycache__`` next to 
 in the cache folder of the user: the first that can be written. Where none can, every process compiles what it uses.
 """
 
+import atexit
 import logging
 import os
 import subprocess
@@ -89,10 +90,17 @@ def _start_ahead() -> None:
     for module, process in _ahead.items():
         if process is None:
             found = os.pathsep.join((root, os.environ.get("PYTHONPATH", ""))).rstrip(os.pathsep)
-            _ahead[module] = subprocess.Popen(
+            _ahead[module] = started = subprocess.Popen(
                 [sys.executable, "-P", "-m", module], env=os.environ | {"PYTHONPATH": found},
                 stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
             )  # fmt: skip
+            atexit.register(_end, started)
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    """Let no process outlive this one: what it has not kept yet is compiled another time."""
+    process.kill()
+    process.wait()
 
 
 def compiled(function: Callable[..., Any], **options: Any) -> Any:

@@ -40,6 +40,8 @@ class Parser(argparse.ArgumentParser):
             if any("\udc80" <= letter <= "\udcff" for letter in text):
                 self.error(f"argument {text!r} is not text in this locale; rename the file, or choose a UTF-8 locale")
         found, rest = super().parse_known_args(args, namespace)
+        if rest:  # refused here, where the help of the command itself is at hand
+            self.error(f"unrecognized arguments: {' '.join(rest)}")
         if "--options" in self._option_string_actions and found.options is not None:
             values = read_options(self, found.options)
             # argparse sets a default only if the attribute is missing: what is still None after this was not typed.

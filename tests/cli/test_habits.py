@@ -196,10 +196,12 @@ def test_an_empty_value_is_refused(run, words, argument, tmp_path, monkeypatch, 
             "locsnn rtl: COMMAND 'place' is not known. Choose one of: fit, sim, stream. See locsnn rtl --help.\n",
         ),
         ([], "locsnn: the following arguments are required: COMMAND. See locsnn --help.\n"),
+        (["diff", "a", "b", "--nope"], "locsnn diff: unrecognized arguments: --nope. See locsnn diff --help.\n"),
+        (["rtl", "fit", "a", "-x", "3"], "locsnn rtl fit: unrecognized arguments: -x 3. See locsnn rtl fit --help.\n"),
     ],
-    ids=["misspelt", "unknown", "none"],
+    ids=["misspelt", "unknown", "none", "an unknown option", "an unknown option of a command below"],
 )
-def test_a_command_that_does_not_exist_is_one_line(words, line, capsys):
+def test_a_command_or_option_that_does_not_exist_is_one_line(words, line, capsys):
     with pytest.raises(SystemExit) as left:
         main(words)
     assert left.value.code == 2
