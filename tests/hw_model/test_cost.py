@@ -43,6 +43,28 @@ def test_energy_and_latency_worked_out_by_hand(worked, profile):
     assert round(time.after_last_row_ns, 9) == round(worked.after_last_row_ns[profile], 9)
 
 
+def test_a_wait_on_a_link_north_or_south_is_the_time_of_its_own_hop():
+    """Four cores in a row or a column: three packets share the first link, so the farthest waits two hops and takes three."""
+
+    def total_ns(columns, rows):
+        chip = replace(
+            CHIP,
+            limits=replace(CHIP.limits, compartments_per_core=1, cores_per_chip=4),
+            mesh=replace(CHIP.mesh, columns=columns, rows=rows, cores_per_tile=1),
+        )
+        builder = hw.ProgramBuilder(chip)
+        x = builder.add_input("x", 1)
+        first, others = (builder.add_compartments(name, n, **FORGETS) for name, n in (("first", 1), ("others", 3)))
+        builder.connect(x, first, [[20]])
+        builder.connect(first, others, [[20], [20], [20]])
+        program = assembled(chip, None, builder.graph())
+        result = hw.simulate(program, np.array([[1], [0], [0]]), probe=("activity",))
+        activity = {phase: found[0] for phase, found in result.activity.items()}
+        return latency(program, activity, CHIP.profile("davies2018")).total_ns
+
+    assert round(total_ns(1, 4) - total_ns(4, 1), 9) == round((3 + 2) * (6.5 - 4.1), 9)
+
+
 def test_the_figures_worked_out_by_hand_in_digits():
     """The same figures as numbers, so that a slip of the working would show."""
     found = {
