@@ -26,7 +26,6 @@ def refuse_unplayable(program: ChipProgram) -> None:
     refuse_unless(channels <= MOST_CHANNELS, program, f"more than {MOST_CHANNELS} channels", channels)
     read = program.readout.populations if program.readout else ()
     refuse_unless(len(read) <= MOST_POPULATIONS, program, f"readout of more than {MOST_POPULATIONS} groups", len(read))
-    refuse_unless(len(set(read)) == len(read), program, "readout of a group twice", ", ".join(read))
     for core in program.cores:
         for power in (1 - core.vmin, core.vmax + 1):
             refuse_unless(power & (power - 1) == 0, program, "voltage limit that is not 2^k from 1", power)

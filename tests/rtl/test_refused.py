@@ -28,10 +28,6 @@ def other_widths() -> hw.ChipProgram:
     return b.build()
 
 
-def a_group_twice() -> hw.ChipProgram:
-    return hybrids.assembled(benches.CHIP, Readout(("a/y", "a/y"), (1.0, 2.0)), branch("a", Phase("a", "time", 5)))
-
-
 def heavy_weights() -> hw.ChipProgram:
     return hybrids.assembled(benches.CHIP, Readout(("a/y",), (0.1,)), branch("a", Phase("a", "time", 5)))
 
@@ -74,7 +70,6 @@ def a_long_phase() -> hw.ChipProgram:
 
 CASES = {
     other_widths: "current_bits other than 23 (20)",
-    a_group_twice: "readout of a group twice (a/y, a/y)",
     heavy_weights: "magnitude of more than 32 bits (1099511627776)",
     two_starts: "phases that start at different numbers of events ([1, 2])",
     late_potentials: "readout of potentials of a phase that starts late ('a')",
