@@ -65,7 +65,7 @@ def streaming(record: Found) -> str:
         [label, f"{record[new] * 1e3:.2f}", f"{record[old] * 1e3:.2f}", ratio(record[old] / record[new])]
         for label, new, old in zip(("at once", "as rows arrive"), pushed, anew, strict=True)
     ]
-    head = ["a recording", "hw.Session, ms", "location branch anew, ms", "ratio (goal 8)"]
+    head = ["a recording", "hw.Session, ms", "location branch anew, ms", "ratio (goal 16 at once, 8 as rows arrive)"]
     return f"""All {record["steps"]} predictions of a recording of Ev-Objects, one after each step. The location branch is
 updated for what the events of a step change (`hw.Session`), or run anew on what is known so far. *At once*: the whole recording
 is given, and the {record["steps"]} runs anew are one batch; *as rows arrive*: a call for every step. All give the
