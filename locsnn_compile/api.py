@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 import hw_model as hw
-from hw_model.engine.compiled import compile_ahead
+from hw_model.engine.ahead import compile_ahead
 from hw_model.io.build_folder import write_build
 from hw_model.io.given import checked
 from hw_model.program.write import program_files
+from hw_model.streaming import ahead
 from hw_model.streaming.session import check_psi
 from hw_model.values import ArrayLike, Frozen
 from locsnn_compile.backends import EXCHANGE_KINDS, LEVEL_KINDS
@@ -184,7 +185,7 @@ def compile(
     network.fit(recordings.spikes[:1], recordings.source)
     calibrated = _calibration(network, recordings, calibration)
     if diagnosis:
-        compile_ahead("hw_model.streaming.ahead")
+        compile_ahead(ahead.__name__)
     asked = Setting(strategy, weight_bits, split_weights or 0.0)
     with spread_over(scheduler) as spread:
         settled = split_weights is not None

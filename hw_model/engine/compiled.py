@@ -4,11 +4,7 @@ That is the folder that NUMBA_CACHE_DIR names, else the ``__pycache__`` next to 
 in the cache folder of the user: the first that can be written. Where none can, every process compiles what it uses.
 """
 
-import atexit
 import logging
-import os
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from functools import lru_cache, partial
@@ -22,6 +18,8 @@ from numba.core import event
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.runtime import rtsys
+
+from hw_model.engine.ahead import compiled_ahead
 
 # Many arrays take part in an update; without this the compiler gives up proving that they do not overlap, and the loop
 # does not run in vectors.
@@ -71,36 +69,6 @@ class _Announce(event.Listener):  # type: ignore[misc]
 
 
 event.register("numba:compile", _Announce())
-
-_ahead: dict[str, subprocess.Popen[bytes] | None] = {}
-"""Modules that compile the loops of their package in a process of their own, once something is found not compiled."""
-
-
-def compile_ahead(module: str) -> None:
-    """Let ``module`` compile the loops of its package as soon as others are compiled here, if there is a second core.
-
-    It is run as a process: numba compiles one function at a time. Loops of that package then wait for its end.
-    """
-    if module not in _ahead and (os.cpu_count() or 1) > 1 and sys.executable:
-        _ahead[module] = None
-
-
-def _start_ahead() -> None:
-    root = str(Path(__file__).parents[2])
-    for module, process in _ahead.items():
-        if process is None:
-            found = os.pathsep.join((root, os.environ.get("PYTHONPATH", ""))).rstrip(os.pathsep)
-            _ahead[module] = started = subprocess.Popen(
-                [sys.executable, "-P", "-m", module], env=os.environ | {"PYTHONPATH": found},
-                stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-            )  # fmt: skip
-            atexit.register(_end, started)
-
-
-def _end(process: subprocess.Popen[bytes]) -> None:
-    """Let no process outlive this one: what it has not kept yet is compiled another time."""
-    process.kill()
-    process.wait()
 
 
 def compiled(function: Callable[..., Any], **options: Any) -> Any:
@@ -178,21 +146,12 @@ def called(function: Any, *arguments: Any) -> Any:
     return code(*arguments)
 
 
-def _compiled_ahead(package: str) -> bool:
-    """Wait for the process that compiles loops of a package, if there is one; else start those of others."""
-    for module, process in _ahead.items():
-        if module.startswith(package + ".") and process is not None:
-            return process.wait() == 0
-    _start_ahead()
-    return False
-
-
 def _load(cache: Any, package: str, signature: Any, target: Any) -> Any:
     """Return code from a cache; numba's own way loads first all that only compiling needs, for a fifth of a second."""
     rtsys.initialize(target)
     code = cache._load_overload(signature, target)
-    if code is None:
-        code = cache._load_overload(signature, target) if _compiled_ahead(package) else None
+    if code is None and compiled_ahead(package):
+        code = cache._load_overload(signature, target)
     return code
 
 

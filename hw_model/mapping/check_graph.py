@@ -28,14 +28,15 @@ def check_graph(graph: CompartmentGraph, chip: Chip) -> None:
 
 
 def _check_readout(graph: CompartmentGraph) -> None:
-    names = graph.readout.populations if graph.readout is not None else ()
+    if graph.readout is None:
+        return
     size_of = {group.name: group.size for group in graph.groups}
-    for name in names:
+    for name in graph.readout.populations:
         if name not in size_of:
             fix = "Read out groups of compartments of this graph."
             raise InputError("readout", f"{name!r} is no group of compartments", fix=fix)
-    sizes = {size_of[name] for name in names}
-    if graph.readout is not None and not sizes:
+    sizes = {size_of[name] for name in graph.readout.populations}
+    if not sizes:
         raise InputError("readout", "it names no population", fix="Name one, or leave out the readout.")
     if len(sizes) > 1:
         raise InputError("readout", f"its populations differ in size: {sorted(sizes)}", fix="Make them equal.")

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 import hw_model.engine.compiled
+from hw_model.streaming import ahead
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = Path(hw_model.__file__).parent
@@ -114,7 +115,7 @@ def twice(x):
 """
 ASKS = """\
 from numba.core import event
-from hw_model.engine.compiled import compile_ahead
+from hw_model.engine.ahead import compile_ahead
 import user
 from other.loops import twice
 
@@ -166,7 +167,7 @@ def test_loops_of_a_package_are_compiled_beside_others(tmp_path, code, cores, sa
 @pytest.mark.slow
 def test_what_is_compiled_ahead_is_what_a_session_needs(tmp_path):
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
-    subprocess.run([sys.executable, "-m", "hw_model.streaming.ahead"], env=environment, check=True, timeout=300)
+    subprocess.run([sys.executable, "-m", ahead.__name__], env=environment, check=True, timeout=300)
     before = sorted(tmp_path.rglob("*.nbc"))
     assert before
     plays = (
