@@ -35,7 +35,7 @@ class Parser(argparse.ArgumentParser):
     """An argument parser that reads the file of ``--options``, and whose errors are one line like all others."""
 
     def parse_known_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:  # type: ignore[override]
-        """Refuse arguments that are not text in this locale, because they become names in reports."""
+        """Refuse unknown arguments, and those that are not text in this locale: they become names in reports."""
         for text in sys.argv[1:] if args is None else args:
             if any("\udc80" <= letter <= "\udcff" for letter in text):
                 self.error(f"argument {text!r} is not text in this locale; rename the file, or choose a UTF-8 locale")

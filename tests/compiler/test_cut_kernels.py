@@ -7,13 +7,14 @@ from locsnn_compile.reference.float_neurons import _Cut
 
 STEPS = 40
 DECAY = 0.8
+"""A kernel is k a^(k-1) at lag k, with this a."""
 
 
-def filtered(x: np.ndarray) -> np.ndarray:
-    """The response of the full kernel k a^(k-1), by its sum."""
-    lag = np.arange(len(x))
-    kernel = lag * DECAY ** (lag - 1.0)
-    return np.convolve(x, kernel)[: len(x)]
+def response(x: np.ndarray, taps: int = STEPS) -> np.ndarray:
+    """What ``x`` (steps,) gives through a kernel that ends after so many values; without ``taps``, through all of it."""
+    lag = np.arange(STEPS)
+    kernel = np.where(lag < taps, lag * DECAY ** (lag - 1.0), 0)
+    return np.convolve(x, kernel)[:STEPS]
 
 
 @pytest.mark.parametrize("taps", [1, 2, 7, STEPS - 1, STEPS, STEPS + 1])
@@ -23,9 +24,6 @@ def test_a_kernel_is_the_full_one_up_to_its_end(taps, first):
     x[0] = first
     cut = _Cut(taps, DECAY)
     given = np.array([cut.step(np.array([[value]]))[0, 0] for value in x])
-    lag = np.arange(STEPS)
-    kernel = np.where(lag < taps, lag * DECAY ** (lag - 1.0), 0)
-    wanted = np.convolve(x, kernel)[:STEPS]
-    assert np.allclose(filtered(given), wanted, rtol=0, atol=1e-12)
+    assert np.allclose(response(given), response(x, taps), rtol=0, atol=1e-12)
     if taps < STEPS - 1:
-        assert not np.allclose(filtered(x), wanted)
+        assert not np.allclose(response(x), response(x, taps))

@@ -179,10 +179,8 @@ def columns_in_reverse() -> hw.ProgramBuilder:
     x = builder.add_input("x", 3)
     y = builder.add_compartments("y", 20, threshold=90, **FORGETS)
     h = builder.add_compartments("h", 20, threshold=90, **FORGETS)
-    last = builder.add_compartments("last", 20, threshold=90, **FORGETS)
     builder.connect(x, h, np.full((20, 3), 100))
     builder.connect(h, y, 100 * np.eye(20))
-    builder.connect(y, last, 100 * np.eye(20))
     return builder
 
 
