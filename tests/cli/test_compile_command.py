@@ -143,6 +143,20 @@ def test_gates(few, tmp_path, capsys, gate, value, said):
     assert [line[:16] for line in lines[1:]] == ["no setting keeps"] * (value in ("0", "1.1") and said is not None)
 
 
+@pytest.mark.parametrize(
+    ("gate", "value", "asked"),
+    [
+        ("--max-spike-error", "5", "from 0 to 1"),
+        ("--min-agreement", "-0.1", "from 0 up"),
+    ],
+)
+def test_a_gate_that_would_let_everything_pass_is_refused(few, tmp_path, capsys, gate, value, asked):
+    """Above all a share given in percent: no more than all spikes can differ."""
+    assert build(few, tmp_path / "out", gate, value) == 2
+    assert capsys.readouterr().err == f"{gate} {value}: it is out of range. Give a number {asked}.\n"
+    assert not (tmp_path / "out").exists()
+
+
 def test_gates_as_junit_xml(few, tmp_path, capsys):
     gates = ("--max-cores", "1", "--max-latency-us", "1e9", "--min-agreement", "0", "--max-energy-nj", "1")
     assert build(few, tmp_path / "out", *gates, "--junit", tmp_path / "g.xml") == 3

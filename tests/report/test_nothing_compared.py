@@ -183,19 +183,19 @@ def test_the_json_output_has_the_gates(tmp_path: Path, capsys: pytest.CaptureFix
 
 
 @pytest.mark.parametrize(
-    ("option", "bound"),
+    ("option", "bound", "asked"),
     [
-        ("--max-energy-nj", "inf"),
-        ("--min-agreement", "inf"),
-        ("--max-energy-nj", "nan"),
+        ("--max-energy-nj", "inf", "a finite number"),
+        ("--min-agreement", "inf", "a number from 0 up"),
+        ("--max-energy-nj", "nan", "a finite number"),
     ],
 )
 def test_a_bound_without_end_is_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], option: str, bound: str
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], option: str, bound: str, asked: str
 ) -> None:
     model = checkpoint(tmp_path / "loud.pt")
     assert main([str(model), "-o", str(tmp_path / "out"), option, bound]) == 2
-    assert capsys.readouterr().err == f"{option} {bound}: it is out of range. Give a finite number.\n"
+    assert capsys.readouterr().err == f"{option} {bound}: it is out of range. Give {asked}.\n"
     assert not (tmp_path / "out").exists()
 
 
