@@ -142,7 +142,9 @@ def terminal() -> "Console":
         def on_broken_pipe(self) -> None:
             raise BrokenPipeError
 
-    return Terminal()
+    console = Terminal()
+    console.width = console.width or 80  # some terminals say that they have no columns
+    return console
 
 
 def _as_typed(error: LocsnnError, typed: Sequence[str]) -> LocsnnError:

@@ -90,6 +90,15 @@ def test_the_surroundings_change_nothing(environment, folder):
     assert output.startswith(b"few.npz")
 
 
+@pytest.mark.parametrize("columns", ["0", "1", "x"])
+def test_a_terminal_without_columns_shows_the_summary_even_so(columns, monkeypatch, capsys):
+    from locsnn_compile.cli.shell import terminal
+
+    monkeypatch.setenv("COLUMNS", columns)
+    terminal().print("fits", soft_wrap=True)
+    assert capsys.readouterr().out == "fits\n"
+
+
 @pytest.mark.parametrize("redirect", STREAMS.values(), ids=STREAMS)
 def test_streams_may_be_closed(redirect, folder):
     code, output, errors = run(folder, "locsnn events few.npz", redirect=redirect)

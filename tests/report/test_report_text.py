@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import io
 import os
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -175,6 +176,25 @@ def test_terminal_uses_colour_where_there_is_any(document: dict[str, Any]) -> No
     stream = io.StringIO()
     render_terminal(compose(document), Console(file=stream, width=80, force_terminal=True, color_system="standard"))
     assert "\x1b[1;32m✓ Does it fit? Yes.\x1b[0m" in stream.getvalue()
+
+
+def _coloured(document: dict[str, Any], width: int) -> list[str]:
+    """Return the words in bold, line breaks aside."""
+    stream = io.StringIO()
+    render_terminal(compose(document), Console(file=stream, width=width, force_terminal=True, color_system="standard"))
+    marked = re.findall(r"\x1b\[(?:1|1;3\d)m(.*?)\x1b\[0m", stream.getvalue(), re.DOTALL)
+    return " ".join(marked).split()
+
+
+@pytest.mark.parametrize("width", [20, 30, 36, 40, 80])
+def test_colour_ends_with_the_answer_however_it_is_wrapped(document: dict[str, Any], width: int) -> None:
+    assert _coloured(document, width) == _coloured(document, 200)
+
+
+def test_bars_stand_on_a_line_of_a_narrow_terminal(document: dict[str, Any]) -> None:
+    shown = _terminal(document, width=40).splitlines()
+    assert [line for line in shown if set(line.strip()) <= set("█░") and line.strip()] == []
+    assert max(len(line) for line in shown) <= 40
 
 
 @pytest.mark.parametrize(

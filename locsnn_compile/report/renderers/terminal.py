@@ -1,5 +1,6 @@
 """The summary on the terminal: the three verdicts, and a bar for every population."""
 
+import re
 import textwrap
 from itertools import groupby
 from string import digits
@@ -13,7 +14,9 @@ from locsnn_compile.report.words import ASSUMED, SIGNS
 
 _STYLES = {"yes": "bold green", "nearly": "bold yellow", "no": "bold red", "unknown": "bold", "modelled": "bold"}
 _BAR = 24
-"""Characters of a full bar."""
+"""Characters of a full bar, where there is room."""
+_AFTER_BAR = 9
+"""Characters kept for what stands to the right of a bar."""
 _LONGEST = 60
 """Characters of a name; the rest is cut, but only here."""
 _LABEL, _WIDEST_LABEL = 18, 24
@@ -65,9 +68,10 @@ def _populations(console: Console, report: Report, width: int) -> None:
     blocks = (block for section in report.sections if section.key == "agreement" for block in section.blocks)
     rows = next((block.rows[:-1] for block in blocks if isinstance(block, Table)), ())
     lines = [list(alike) for _, alike in groupby(rows, _same_line)]
+    length = min(max(console.width - 2 - width - _AFTER_BAR, 2), _BAR)
     for alike in lines[:_SHOWN_POPULATIONS]:
         name, bar, equal, *_ = alike[0]
-        drawn = f"{_drawn(bar.share)} " if isinstance(bar, Bar) and bar.share is not None else ""
+        drawn = f"{_drawn(bar.share, length)} " if isinstance(bar, Bar) and bar.share is not None else ""
         many = f"{len(alike)} populations, " if len(alike) > 1 else ""
         label = f"{str(name).rstrip(digits)}*" if many else str(name)
         _row(console, _ending(label, width - 1), f"{many}{drawn}{equal}", width)
@@ -82,12 +86,12 @@ def _same_line(row: tuple[str | Bar, ...]) -> tuple[str | Bar, ...]:
     return (name,) if isinstance(bar, Bar) and bar.share is not None else (str(name).rstrip(digits), equal)
 
 
-def _drawn(value: float) -> str:
-    """Return a bar that is full only for 1 and empty only for 0."""
-    full = round(_BAR * value)
+def _drawn(value: float, length: int) -> str:
+    """Return a bar of so many characters that is full only for 1 and empty only for 0."""
+    full = round(length * value)
     if 0 < value < 1:
-        full = min(max(full, 1), _BAR - 1)
-    return "█" * full + "░" * (_BAR - full)
+        full = min(max(full, 1), length - 1)
+    return "█" * full + "░" * (length - full)
 
 
 def _row(console: Console, label: str, value: str, width: int) -> None:
@@ -103,7 +107,8 @@ def _line(console: Console, line: str, style: str, *, styled: int | None = None,
         break_on_hyphens=False,
     )
     made = Text(folded.replace(_HELD, " "))
-    made.stylize(style, 0, styled)
+    letters = len("".join(_readable(console, line[:styled]).split()))  # wrapping changes only the space around them
+    made.stylize(style, 0, re.match(rf"(?:\s*\S){{{letters}}}", made.plain).end())  # type: ignore[union-attr]
     console.print(made, soft_wrap=True)
 
 
