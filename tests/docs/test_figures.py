@@ -1,0 +1,93 @@
+"""Figures that pages repeat are those of the tables which ``make results`` writes and of the benchmark page."""
+
+from __future__ import annotations
+
+import csv
+import re
+from pathlib import Path
+
+import pytest
+from fences import ROOT
+
+TABLES = ROOT / "docs/results"
+BEST = TABLES / "best-networks.md"
+LABELS = {
+    "Hybrid, lambda 1, loop (the paper's)": "Hybrid, lambda 1, loop",
+    "Window-SNN and hybrid, joined (dendrite)": "Window-SNN and hybrid, joined",
+    "Three Window-SNNs and hybrid, joined (reset)": "Three Window-SNNs and hybrid, joined",
+    "the same, hybrid trained on the chip's integers": "Three Window-SNNs and hybrid, trained for the chip",
+    "Window-SNN, trained on the chip's integers with 2 bits": "Window-SNN, trained with 2 bits",
+    "the same, trained on the chip's integers with 2 bits": "Window-SNN, neighbouring levels, trained with 2 bits",
+}
+"""Names of networks in the table of the best ones that are not those of the other tables."""
+HEADLINES = {
+    "objects-best": ("Three Window-SNNs and hybrid, trained for the chip", "Objects"),
+    "containers-best": ("Window-SNN, neighbouring levels", "Containers"),
+}
+
+
+def table(page: Path, heading: str) -> list[list[str]]:
+    """Return the rows of a page's table whose head begins so, without emphasis and code."""
+    lines = iter(page.read_text("utf-8").splitlines())
+    next(line for line in lines if line.startswith(f"| {heading} |"))
+    next(lines)
+    found = []
+    for line in lines:
+        if not line.startswith("|"):
+            break
+        found.append([cell.strip() for cell in re.sub(r"[*`]", "", line).strip("|").split("|")])
+    return found
+
+
+def rows(name: str) -> list[list[str]]:
+    return list(csv.reader((TABLES / f"{name}.csv").read_text("utf-8").splitlines()))
+
+
+def chip(network: str, data: str) -> tuple[str, str, str]:
+    """Return the accuracy as trained, the accuracy on the chip, and microjoules per recording."""
+    _, trained, on_chip, _, _, energy = next(row for row in rows("chip") if row[0] == f"{network}, {data}")
+    return trained, on_chip, f"{float(energy):.1f}"
+
+
+@pytest.mark.parametrize("row", table(BEST, "set"), ids=lambda row: " ".join(row[:2]))
+def test_the_best_networks_are_those_that_were_measured(row):
+    data, label, trained, on_chip, energy, cores = row
+    network = LABELS.get(label, label)
+    assert (trained, on_chip, energy) == chip(network, data)
+    front = {(found[0], found[1], found[4]): found[6] for found in rows("front")}
+    assert (front.get((data, network, on_chip)) or cores) == cores
+
+
+@pytest.mark.parametrize(
+    ("heading", "name", "columns"),
+    [
+        ("what is wrong", "robustness", 4),
+        ("network", "time-seen", 4),
+        ("network | validation recordings", "margins", 8),
+    ],
+)
+def test_a_table_of_the_page_is_the_one_next_to_it(heading, name, columns):
+    measured = [row[1 : columns + 1] for row in rows(name)[1:]]
+    assert sorted(row[1:] for row in table(BEST, heading)) == sorted(measured)
+
+
+@pytest.mark.parametrize("model", HEADLINES)
+def test_headlines_and_cards_have_the_figures_of_the_tables(model):
+    network, data = HEADLINES[model]
+    _, on_chip, energy = chip(network, data)
+    mean, deviation = on_chip.split(" ± ")
+    readme = " ".join((ROOT / "README.md").read_text("utf-8").split())
+    assert re.search(rf"\b{mean} (on the chip )?\({data}, {energy} µJ", readme)
+    card = " ".join((ROOT / f"examples/models/{model}.md").read_text("utf-8").split())
+    assert re.search(rf"\b{mean} on the chip over five seeds, at {energy} µJ", card)
+    assert f"mean {mean}, sample standard deviation {deviation}" in card
+    assert f"**{on_chip} on {data}** (*{network}*)" in (ROOT / "docs/results.md").read_text("utf-8")
+
+
+def test_the_readme_has_the_operations_of_the_hybrid_and_the_speed_of_the_benchmark():
+    readme = " ".join((ROOT / "README.md").read_text("utf-8").split())
+    ratio = next(row[2] for row in rows("ratios") if row[0] == "Hybrid, lambda 1, loop, Objects, against CNN-3D")
+    assert f"The paper's hybrid takes {ratio} times fewer operations than CNN-3D" in readme
+    (large,) = (row[1] for row in table(ROOT / "docs/benchmarks.md", "network") if row[0] == "large")
+    times = int(large.split()[0].replace(",", ""))
+    assert f"about {round(times, -1)} times faster than nengo-loihi" in readme
