@@ -75,7 +75,7 @@ def run(args: Namespace) -> int:
     network = _network(args)
     recordings, calibration = _recordings(args, network)
     number = recording_of(args.recording, recordings)
-    with progress_bar("checking against the float reference", show=not args.quiet) as progress:
+    with progress_bar("checking against the trained network", show=not args.quiet) as progress:
         compiled = compile(
             network,
             args.target,
