@@ -61,6 +61,10 @@ class Signal(Frozen, eq=False):
                 terms.append(Term(term.source, term.delay + delay, kept))
         return Signal(tuple(terms), self.constant)
 
+    def aligned(self, late: Mapping[str, int]) -> Signal:
+        """Return it with the spikes of each source delayed by ``late[source]`` more steps."""
+        return Signal(tuple(Term(t.source, t.delay + late[t.source], t.weights) for t in self.terms), self.constant)
+
     def projections(self, target: str) -> tuple[Projection, ...]:
         """Return the projections of the terms: one per source, unless a connection has several delays."""
         by_source: dict[str, dict[int, Any]] = {}

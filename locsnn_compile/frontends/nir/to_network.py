@@ -1,11 +1,10 @@
 """From a NIR graph to a Network: linear nodes are multiplied out, and every neuron node becomes a population.
 
 As on the chip, a spike takes one step from one population to the next. In frameworks it takes none: their output at
-step t behind k populations comes at step t + k here.
+step t behind k populations comes at step t + k here, where k is the longest path (:mod:`.paths`).
 """
 
 from collections import deque
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, get_args
 
@@ -18,6 +17,7 @@ from locsnn_compile.errors import InputError, check_known, check_same
 from locsnn_compile.frontends.nir.flat import NEURONS, READOUTS, FlatGraph, flatten_graph, linear_order, targets_of
 from locsnn_compile.frontends.nir.graph import NirGraph, NirNode, read_nir
 from locsnn_compile.frontends.nir.neurons import DT_SECONDS, Discretisation, Reset, Stated, neurons_of, nir_assumptions
+from locsnn_compile.frontends.nir.paths import Paths
 from locsnn_compile.frontends.nir.signals import Signal, Term
 from locsnn_compile.frontends.parts import STEPS, Parts
 from locsnn_compile.network.network import InputView, Network, Population
@@ -45,12 +45,15 @@ def load_nir(
     flat = flatten_graph(graph, where)
     view = _input(flat, where)
     signals = _signals(flat, view, seconds, where)
-    parts, depth = Parts([view]), _depths(flat)
-    for found in _in_order(flat):
+    parts, order = Parts([view]), _in_order(flat)
+    arriving = {name: _arriving(flat, signals, name, f"{where}, node {name!r}") for name in order}
+    paths = Paths(((term.source, name) for name in order for term in arriving[name].terms), [view.name], order)
+    for found in order:
         place, size = f"{where}, node {found!r}", flat.size(found)
-        stated = neurons_of(flat.nodes[found], _arriving(flat, signals, found, place), size, seconds, how, after, place)
+        given = arriving[found].aligned({t.source: paths.delay(t.source, found) for t in arriving[found].terms})
+        stated = neurons_of(flat.nodes[found], given, size, seconds, how, after, place)
         parts.populations.append(Population(found, "time", size, stated.neuron))
-        parts.projections += _onto(found, stated, depth[found]).projections(found)
+        parts.projections += _onto(found, stated, paths.depths[found]).projections(found)
     sources = {projection.source for projection in parts.projections}
     # The second one is inhibited by its own spike, through a current that never decays.
     for name, decay_u in ((BIAS, 1.0), (START, 0.0)):
@@ -60,7 +63,7 @@ def load_nir(
     if START in sources:
         parts.projections.append(Projection(START, START, matrix(np.array([[-8.0]]), np.float64)))
     outputs = _outputs(flat, where)
-    parts.outputs = dict.fromkeys(outputs, _potentials_from(flat, outputs, depth, where))
+    parts.outputs = dict.fromkeys(outputs, _potentials_from(flat, outputs, paths.depths, where))
     said = {"any_length": True, "origin": graph, "assumptions": nir_assumptions(flat, known, reset, discretisation)}
     return parts.network_of_file(path, data, view.lines, STEPS, known, **said)
 
@@ -118,27 +121,15 @@ def _input(flat: FlatGraph, where: str) -> InputView:
 
 def _in_order(flat: FlatGraph) -> list[str]:
     """Return the neurons sorted by distance from an input, because files hold nodes and edges in any order."""
-    far = _far(flat, lambda _: 1)
-    return sorted(flat.named(*NEURONS), key=lambda name: far.get(name, len(flat.nodes)))
-
-
-def _depths(flat: FlatGraph) -> dict[str, int]:
-    """Return the least number of projections between an input and each neuron; 1 if no input leads there."""
-    far = _far(flat, lambda target: int(flat.nodes[target].kind in NEURONS))
-    return {name: far.get(name, 1) for name in flat.named(*NEURONS)}
-
-
-def _far(flat: FlatGraph, step: Callable[[str], int]) -> dict[str, int]:
-    """Return the least sum of ``step(target)`` on the way from an input to each node that can be reached."""
     far, targets = dict.fromkeys(flat.named("Input"), 0), targets_of(flat.sources)
     waiting = deque(far)
     while waiting:
         name = waiting.popleft()
         for target in targets[name]:
-            if far[name] + step(target) < far.get(target, len(targets)):
-                far[target] = far[name] + step(target)
+            if target not in far:
+                far[target] = far[name] + 1
                 waiting.append(target)
-    return far
+    return sorted(flat.named(*NEURONS), key=lambda name: far.get(name, len(flat.nodes)))
 
 
 def _signals(flat: FlatGraph, view: InputView, dt: float, where: str) -> dict[str, Signal]:
