@@ -63,7 +63,7 @@ def step(node, x, state, dt, how="euler", reset="zero"):
     if kind == "Threshold":
         return (x > node.threshold) * 1.0
     shape = np.broadcast_shapes(np.shape(x), np.shape(node.r))
-    rest = np.broadcast_to(getattr(node, "v_leak", 0.0), shape)
+    rest = np.broadcast_to(getattr(node, "v_leak", getattr(node, "v_reset", 0.0)), shape)
     v, i, before = (
         state.get("v", rest),
         state.get("i", np.zeros(shape)),

@@ -26,6 +26,7 @@ NEURONS = {
     "LIF of a tau of one step": nir.LIF(
         tau=np.full(12, DT), r=np.ones(12), v_leak=np.zeros(12), v_threshold=np.ones(12), v_reset=np.zeros(12)
     ),
+    "IF of a reset off 0": nir.IF(r=np.full(12, 1 / DT), v_threshold=np.full(12, 1.5), v_reset=np.full(12, -0.7)),
 }  # fmt: skip
 BACK = linear(RNG, 12, 12, 0.2)
 
@@ -161,10 +162,27 @@ def test_neurons_that_spike_for_ever_are_refused(reset, more, what, tmp_path):
     assert str(caught.value) == message
 
 
-def test_a_neuron_whose_rest_is_above_its_threshold_spikes_by_itself(tmp_path):
-    graph = chain((10,), ("fc", linear(RNG, 12, 10)), ("lif", lif(RNG, 12, v_leak=1.5)))
-    silence = np.zeros((1, 60, 10), dtype=np.uint8)
-    assert evaluate(load(graph, tmp_path), silence).spikes["lif"].sum() > 12
+OWN = np.random.default_rng(22)
+TONIC = {
+    "LIF": lif(OWN, 12, v_leak=1.5),
+    "some of them": lif(OWN, 12, v_leak=np.linspace(0.2, 1.8, 12), v_reset=-0.2),
+    "CubaLIF": cuba(OWN, 12, v_leak=1.4, v_reset=0.3),
+    "at the threshold": lif(OWN, 12, v_leak=1.0),
+}
+
+
+@pytest.mark.parametrize("reset", ["zero", "late-zero"])
+@pytest.mark.parametrize("how", ["euler", "hold"])
+@pytest.mark.parametrize("name", TONIC)
+def test_neurons_whose_rest_is_above_their_threshold_start_there_and_spike_by_themselves(name, how, reset, tmp_path):
+    graph, given = two_layers(TONIC[name]), spikes((10,))
+    graph.nodes["second"] = TONIC[name]
+    graph.nodes["fc2"] = linear(RNG, 12, 12, 0.3)
+    wanted = run(graph, given, DT, how=how, reset=reset)
+    found = evaluate(load(graph, tmp_path, reset=reset, discretisation=how), given[None]).spikes
+    for depth, node in enumerate(("first", "second"), start=1):
+        assert wanted[node][0].any()
+        np.testing.assert_array_equal(found[node][0, depth:], wanted[node][:-depth], err_msg=node)
 
 
 @pytest.mark.parametrize("reset", ["zero", "subtract"])

@@ -15,10 +15,11 @@ the input.
 
     I(t) = exp(-dt / tau_syn) * I(t - 1) + (1 - exp(-dt / tau_syn)) * w_in * x(t)         and v(t) in the same way
 
-Neurons start at rest, at v_leak. With a reset to a value, potentials are counted from v_reset, so that the chip's reset
-to 0 is NIR's; with a reset by subtraction, from v_leak. A constant input (a bias) comes from a neuron that spikes in
-every step, so that it begins with the first step of input that its layer sees, as in a framework. If the rest potential
-is not the reset value, a neuron that spikes once, in the first step, adds the difference.
+Neurons start at rest, at v_leak, and an IF at v_reset. With a reset to a value, potentials are counted from v_reset, so
+that the chip's reset to 0 is NIR's; with a reset by subtraction, from v_leak. A constant input (a bias) comes from a
+neuron that spikes in every step, so that it begins with the first step of input that its layer sees, as in a framework.
+If the rest potential is not the reset value, a neuron that spikes once, in the first step, adds the difference. Neurons
+whose rest is at their threshold or above spike by themselves: their rest is then a constant input.
 
 A reset by subtraction takes the threshold from the potential at once (``subtract``), or in the next step, after the
 decay (``late-subtract``). A membrane without synaptic current then becomes the chip's current, which no spike resets,
@@ -69,12 +70,14 @@ class Stated(Frozen, eq=False):
     """Neurons, and the signal that drives them, in units of their potential.
 
     ``own`` (n,): what a spike takes from the charge of the next step. ``first`` (n,): the potential before any input.
+    ``driven`` (n,): the rest of neurons that spike by themselves, which the signal's constant holds; else 0.
     """
 
     neuron: Cuba | SoftCuba
     signal: Signal
     own: FloatArray
     first: FloatArray
+    driven: FloatArray | float = 0.0
 
 
 def neurons_of(
@@ -83,7 +86,8 @@ def neurons_of(
     """Return the neurons of a node."""
     values = {name: node.each(name, size, "neuron", where) for name in node.parameters}
     stepping = _STEPPING[node.kind](values, dt, how, where)
-    leak, floor = (values.get(name, np.zeros(size)) for name in ("v_leak", "v_reset"))
+    floor = values.get("v_reset", np.zeros(size))
+    leak = values.get("v_leak", floor)
     # A current that receives decay_u of this in every step settles at the value of the constant.
     constant = stepping.constant * stepping.decay_u * signal.constant
     scaled = Signal(signal.scaled(stepping.spike).terms, constant)
@@ -95,11 +99,14 @@ def neurons_of(
     soft = reset in ("subtract", "late-subtract")
     zero = leak if soft else floor
     _check_threshold(limit, zero, "v_leak, where it starts" if soft else "the reset", where)
-    bias, nothing = stepping.decay_v * (leak - zero), np.zeros(size)
+    rest, nothing = leak - zero, np.zeros(size)
+    driven = np.where(leak < limit, 0.0, rest)
+    bias = stepping.decay_v * (rest - driven)
     if not soft:
+        scaled = Signal(scaled.terms, constant + stepping.decay_u * stepping.decay_v * driven)
         blocked, decays = 2 if reset == "late-zero" else 1, picked(stepping, "decay_u", "decay_v")
         made = Cuba.of(size, **decays, threshold=limit - zero, bias=bias, refractory=blocked)
-        return Stated(made, scaled, nothing, np.where(leak < limit, leak - zero, 0.0))
+        return Stated(made, scaled, nothing, rest - driven, driven)
     drop = (limit - floor) * (1.0 if reset == "late-subtract" else 1 - stepping.decay_v)
     if (stepping.decay_u == 1).all():
         held = Cuba.of(size, decay_u=stepping.decay_v, decay_v=1.0, threshold=limit - zero)

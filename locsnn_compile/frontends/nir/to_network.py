@@ -81,6 +81,10 @@ def _onto(name: str, stated: Stated, depth: int) -> Signal:
         terms.append(Term(START, 0, _column(missing)))
         if (neuron.decay_u < 1).any():
             terms.append(Term(START, 1, _column(-(1 - neuron.decay_u) * missing)))
+    if np.any(stated.driven):
+        # With the constant, whose current grows, this makes the potential the rest in the first step of the layer.
+        terms.append(Term(START, depth - 1, _column(stated.driven * (1 - neuron.decay_u * neuron.decay_v))))
+        terms.append(Term(START, depth, _column(-stated.driven * (1 - neuron.decay_u) * (1 - neuron.decay_v))))
     return Signal(tuple(terms), stated.signal.constant)
 
 
