@@ -11,7 +11,7 @@ import torch
 from framework_files import heard, recording, save_trace
 from sinabs.activation import MembraneReset, MembraneSubtract, SingleSpike
 from sinabs.nir import to_nir
-from torch.nn import Linear, Sequential
+from torch.nn import Conv1d, Conv2d, Flatten, Linear, Sequential
 
 ZERO = {"spike_fn": SingleSpike, "reset_fn": MembraneReset()}
 SUBTRACT = {"spike_fn": SingleSpike, "reset_fn": MembraneSubtract()}
@@ -32,18 +32,42 @@ def iaf(how):
     return sl.IAFSqueeze(batch_size=1, **how)
 
 
+def conv(kind, *shape, **more):
+    made = kind(*shape, **more)
+    made.weight.data *= 5
+    return made
+
+
+def readout(n):
+    return sl.ExpLeakSqueeze(tau_mem=torch.full((n,), 12.0), batch_size=1, norm_input=True)
+
+
 NETWORKS = {
     "lif": lambda: Sequential(linear(20, 16, 12), lif(16, ZERO), linear(16, 8, 12), lif(8, ZERO)),
     "lif-subtract": lambda: Sequential(linear(20, 16, 12), lif(16, SUBTRACT), linear(16, 8, 12), lif(8, SUBTRACT)),
     "iaf": lambda: Sequential(linear(20, 16, 4), iaf(ZERO), linear(16, 8, 4), iaf(ZERO)),
     "iaf-subtract": lambda: Sequential(linear(20, 16, 2), iaf(SUBTRACT), linear(16, 8, 2), iaf(SUBTRACT)),
+    "li": lambda: Sequential(linear(20, 16, 12), lif(16, ZERO), linear(16, 8, 4), readout(8)),
 }
+IMAGES = {
+    "conv": lambda: Sequential(
+        conv(Conv2d, 2, 4, 3, padding=1, bias=False), iaf(ZERO), sl.SumPool2d(2), conv(Conv2d, 4, 3, 3), iaf(ZERO),
+        Flatten(), linear(12, 5, 8), iaf(ZERO),
+    ),
+    "conv1d": lambda: Sequential(conv(Conv1d, 3, 4, 3, padding=1), iaf(ZERO), Flatten(), linear(48, 5, 8), iaf(ZERO)),
+}  # fmt: skip
+SHAPES = {"conv": (2, 8, 8), "conv1d": (3, 12)}
 
 if __name__ == "__main__":
-    for name, make in NETWORKS.items():
+    for name, make in {**NETWORKS, **IMAGES}.items():
         torch.manual_seed(0)
-        network, given = make(), recording((20,))
-        nir.write(f"{sys.argv[1]}/{name}.nir", to_nir(network, torch.zeros(1, 20)))
+        network, shape = make(), SHAPES.get(name, (20,))
+        given = recording(shape)
+        with torch.no_grad():
+            network(torch.zeros(1, *shape))  # neurons get their size in the first pass
+        graph = to_nir(network, torch.zeros(1, *shape))
+        graph.infer_types()  # a Flatten cannot be written without
+        nir.write(f"{sys.argv[1]}/{name}.nir", graph)
         layers = {key: m for key, m in network.named_modules() if isinstance(m, sl.StatefulLayer)}
         for layer in layers.values():
             layer.reset_states()

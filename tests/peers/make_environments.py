@@ -28,7 +28,7 @@ RECIPES: Mapping[str, Sequence[str]] = {
     "snntorch": ("numpy<3 torch==2.13.0 snntorch==1.0.0 nir==1.0.8 nirtorch==2.6",),
     "norse": ("norse==1.1.0 nir==1.0.8 nirtorch==2.6",),
     "sinabs": ("torch==2.13.0 sinabs==3.1.3 nir==1.0.4 nirtorch==2.0.2",),
-    "spikingjelly": ("numpy<3 torch==2.13.0 spikingjelly==2.0.0",),
+    "spikingjelly": ("numpy<3 torch==2.13.0 spikingjelly==2.0.0 nir==1.0.8 nirtorch==2.6",),
 }
 """The calls of ``pip install`` that fill an environment; lava-dl's own requirements cannot be met together."""
 
@@ -41,7 +41,8 @@ def python_of(name: str) -> Path:
 def why_missing(name: str) -> str | None:
     """Return why an environment cannot be used, or None if it can."""
     if _stamp(name).exists():
-        return None
+        followed = _stamp(name).read_text() == "\n".join(RECIPES[name])
+        return None if followed else "made by another recipe: run `make peers`"
     note = _note(name)
     return note.read_text().strip() if note.exists() else "not made yet: run `make peers`"
 

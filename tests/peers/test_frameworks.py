@@ -24,14 +24,17 @@ pytestmark = pytest.mark.peers
 SCRIPTS = Path(__file__).parent
 STEP = {"norse": 1e-6, "sinabs": 1.0}
 """Seconds of a step, where it is not the conventional one: in the units that each of them writes."""
-RESETS = {
-    "leaky-late-subtract": "late-subtract", "synaptic-late-subtract": "late-subtract", "synaptic-late-zero": "late-zero",
-    "lif-subtract": "subtract", "iaf-subtract": "subtract",
-}  # fmt: skip
+RESETS = ("late-zero", "late-subtract", "subtract")
+"""The reset of a network whose name ends so."""
 NETWORKS = {
-    "snntorch": ("leaky", "synaptic", "leaky-late-subtract", "synaptic-late-subtract", "synaptic-late-zero", "beta-0", "beta-1", "recurrent", "recurrent-one-to-one", "nested", "conv"),
-    "norse": ("lif", "lif-at-rest-off-0", "iaf", "li"),
-    "sinabs": ("lif", "lif-subtract", "iaf", "iaf-subtract"),
+    "snntorch": (
+        "leaky", "synaptic", "leaky-late-subtract", "synaptic-late-subtract", "synaptic-late-zero", "beta-0", "beta-1", "recurrent",
+        "recurrent-one-to-one", "recurrent-late-zero", "recurrent-late-subtract", "recurrent-synaptic-late-zero",
+        "recurrent-synaptic-late-subtract", "nested", "conv",
+    ),
+    "norse": ("lif", "lif-at-rest-off-0", "iaf", "li", "skip", "skips", "branches", "recurrent-skip", "spikes-by-itself"),
+    "sinabs": ("lif", "lif-subtract", "iaf", "iaf-subtract", "li", "conv", "conv1d"),
+    "spikingjelly": ("lif", "lif-at-rest-off-0", "lif-whole-input", "parametric", "if", "if-reset-off-0", "cuba", "skip", "skip-sum", "conv", "conv1d"),
     "lava-dl": ("dense", "weight-norm", "decay-of-each", "recurrent", "delay", "input", "conv", "conv-groups-delay", "affine"),
 }  # fmt: skip
 CHIP_LEAST = 0.85
@@ -61,12 +64,15 @@ def load(framework: str, name: str, folder: Path) -> lc.Network:
     if framework == "lava-dl":
         return lc.load(folder / f"{name}.net")
     how = "hold" if framework == "sinabs" else None
-    return lc.load(folder / f"{name}.nir", dt=STEP.get(framework), reset=RESETS.get(name), discretisation=how)
+    reset = next((reset for reset in RESETS if name.endswith(reset)), None)
+    return lc.load(folder / f"{name}.nir", dt=STEP.get(framework), reset=reset, discretisation=how)
 
 
 def depths(network: lc.Network) -> dict[str, int]:
-    graph = nx.DiGraph((p.source, p.target) for p in network.projections if not p.source.startswith("nir/"))
-    return dict(nx.single_source_shortest_path_length(graph, network.views[0].name))
+    """Return the longest way from the input to each population."""
+    pairs = {(p.source, p.target) for p in network.projections if not p.source.startswith("nir/")}
+    layers = nx.topological_generations(nx.DiGraph((a, b) for a, b in pairs if a != b))
+    return {name: depth for depth, names in enumerate(layers) for name in names}
 
 
 def agreement(ours, theirs) -> float:
