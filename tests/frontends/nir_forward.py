@@ -13,11 +13,9 @@ NEURONS = (("IF",), ("LIF", "LI", "CubaLIF", "CubaLI", "Threshold"))
 
 def run(graph, spikes, dt, how="euler", reset="zero"):
     """Return what every node gives, by name, (steps, *shape), for input spikes (steps, *shape)."""
-    order = nx.DiGraph()
+    order = nx.DiGraph(graph.edges)
     order.add_nodes_from(graph.nodes)
-    neurons = {k for k, n in graph.nodes.items() if type(n).__name__ in sum(NEURONS, ())}
-    order.add_edges_from(e for e in graph.edges)
-    back = [(a, b) for a, b in nx.DiGraph(graph.edges).edges if a in neurons and nx.has_path(order, b, a)]
+    back = closing(graph, order)
     order.remove_edges_from(back)
     state, gives = {}, {name: [] for name in graph.nodes}
     for row in spikes:
@@ -27,7 +25,8 @@ def run(graph, spikes, dt, how="euler", reset="zero"):
             late = [gives[a][-1] for a, b in back if b == name and gives[a]]
             arriving = sum(np.asarray(p, dtype=float).reshape(-1) for p in [*parts, *late]) if parts or late else 0.0
             if not parts and not late and name in {b for _, b in back}:
-                arriving = np.zeros(graph.nodes[name].weight.shape[1])
+                node = graph.nodes[name]
+                arriving = np.zeros(np.shape(node.delay) if type(node).__name__ == "Delay" else node.weight.shape[1])
             if parts:
                 arriving = np.asarray(arriving).reshape(np.shape(parts[0]))
             now[name] = (
@@ -38,6 +37,24 @@ def run(graph, spikes, dt, how="euler", reset="zero"):
         for name, value in now.items():
             gives[name].append(np.asarray(value))
     return {name: np.array(rows) for name, rows in gives.items()}
+
+
+def closing(graph, order):
+    """Return the edges by which a neuron's spikes return to a population that all ways to this neuron lead through.
+
+    They take a step. A loop without such an edge has several entrances, and no order of its own.
+    """
+    neurons = {k for k, n in graph.nodes.items() if type(n).__name__ in sum(NEURONS, ())}
+    (start,) = (k for k, n in graph.nodes.items() if type(n).__name__ == "Input")
+    above = nx.immediate_dominators(order, start)
+
+    def passed(name):
+        return {name} if above.get(name, name) == name else {name} | passed(above[name])
+
+    def next_neurons(name):
+        return {name} if name in neurons else set().union(*(next_neurons(after) for after in order.successors(name)))
+
+    return [(a, b) for a, b in order.edges if a in neurons and next_neurons(b) & passed(a)]
 
 
 def step(node, x, state, dt, how="euler", reset="zero"):

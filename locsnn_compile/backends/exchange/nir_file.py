@@ -2,8 +2,8 @@
 
 A network from NIR is written as the graph that it was, node by node and number by number. Others become Input, Linear,
 Delay, neuron and Output nodes, with constants whose usual Euler step is that of the network: a share d lost per step
-is ``tau = dt / d``, ``r = 1 / d``, and a bias b is ``v_leak = b / d``. Spikes of NIR take no step, so a Delay holds
-what a delay has beyond the alignment of paths (:mod:`locsnn_compile.frontends.nir.paths`).
+is ``tau = dt / d``, ``r = 1 / d``, and a bias b is ``v_leak = b / d``. Spikes of NIR take no step, or one where they
+close a loop; a Delay holds what they take more here (:mod:`locsnn_compile.frontends.nir.paths`).
 
 Metadata has dotted keys: ``dt``, if known; for each population ``quantized.<name>.threshold``, ``decay_u``,
 ``decay_v``, ``bias_mantissa``, ``bias_exponent``, ``refractory`` and ``scale``, with dots for slashes in the name; for
@@ -82,24 +82,20 @@ def nir_graph(network: Network) -> NirGraph:
         nodes[view.name] = NirNode("Input", {"shape": np.array([view.lines])})
     for population in network.populations:
         nodes[population.name] = _neuron(population, dt)
-    pairs = ((projection.source, projection.target) for projection in network.projections)
+    pairs = ((p.source, p.target) for p in network.projections)
     paths = Paths(pairs, [view.name for view in network.views], [p.name for p in network.populations])
+    paths.fit([(p.source, p.target, delay) for p in network.projections for delay in np.unique(p.delay).tolist()])
     for k, projection in enumerate(network.projections):
         weights, factor = _weights(projection)
-        within = paths.delay(projection.source, projection.target)
-        for delay, part in by_delay(weights, projection.delay) or [(within, weights)]:
+        late = paths.late(projection.source, projection.target)
+        for delay, part in by_delay(weights, projection.delay) or [(late, weights)]:
             name = f"weights{k}" if np.size(projection.delay) == 1 else f"weights{k}.{delay}"
             dense = (part.toarray() if sparse.issparse(part) else part) * factor
             nodes[name] = NirNode("Linear", {"weight": dense})
             edges.append((name, projection.target))
-            if delay < within:
-                place = f"--emit nir, population {projection.target!r}"
-                what = f"spikes of {projection.source!r} come before those on a longer path, and NIR's take no step"
-                measured, fix = f"a delay of {delay} against {within}", "Delay them, or emit another kind."
-                raise InputError(place, what, measured=measured, fix=fix)
-            if delay > within:
-                late = np.full(dense.shape[1], (delay - within) * dt)
-                nodes[f"{name}.delay"] = NirNode("Delay", {"delay": late})
+            if delay > late:
+                held = np.full(dense.shape[1], (delay - late) * dt)
+                nodes[f"{name}.delay"] = NirNode("Delay", {"delay": held})
                 edges += [(projection.source, f"{name}.delay"), (f"{name}.delay", name)]
             else:
                 edges.append((projection.source, name))

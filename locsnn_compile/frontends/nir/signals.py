@@ -62,8 +62,9 @@ class Signal(Frozen, eq=False):
         return Signal(tuple(terms), self.constant)
 
     def aligned(self, late: Mapping[str, int]) -> Signal:
-        """Return it with the spikes of each source delayed by ``late[source]`` more steps."""
-        return Signal(tuple(Term(t.source, t.delay + late[t.source], t.weights) for t in self.terms), self.constant)
+        """Return it with the spikes of each source delayed by ``late[source]`` more steps, as far as they can be."""
+        terms = (Term(t.source, max(t.delay + late[t.source], 0), t.weights) for t in self.terms)
+        return Signal(tuple(terms), self.constant)
 
     def projections(self, target: str) -> tuple[Projection, ...]:
         """Return the projections of the terms: one per source, unless a connection has several delays."""

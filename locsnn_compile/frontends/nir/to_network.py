@@ -50,7 +50,7 @@ def load_nir(
     paths = Paths(((term.source, name) for name in order for term in arriving[name].terms), [view.name], order)
     for found in order:
         place, size = f"{where}, node {found!r}", flat.size(found)
-        given = arriving[found].aligned({t.source: paths.delay(t.source, found) for t in arriving[found].terms})
+        given = arriving[found].aligned({t.source: paths.late(t.source, found) for t in arriving[found].terms})
         stated = neurons_of(flat.nodes[found], given, size, seconds, how, after, place)
         parts.populations.append(Population(found, "time", size, stated.neuron))
         parts.projections += _onto(found, stated, paths.depths[found]).projections(found)
@@ -64,8 +64,18 @@ def load_nir(
         parts.projections.append(Projection(START, START, matrix(np.array([[-8.0]]), np.float64)))
     outputs = _outputs(flat, where)
     parts.outputs = dict.fromkeys(outputs, _potentials_from(flat, outputs, paths.depths, where))
-    said = {"any_length": True, "origin": graph, "assumptions": nir_assumptions(flat, known, reset, discretisation)}
+    assumptions = (*nir_assumptions(flat, known, reset, discretisation), *_slow_loops(arriving, paths))
+    said = {"any_length": True, "origin": graph, "assumptions": assumptions}
     return parts.network_of_file(path, data, view.lines, STEPS, known, **said)
+
+
+def _slow_loops(arriving: dict[str, Signal], paths: Paths) -> tuple[str, ...]:
+    """Return a sentence on the connection that is slowest against a framework's, if a loop has one."""
+    rows = ((t.delay + paths.late(t.source, name), t.source, name) for name in arriving for t in arriving[name].terms)
+    early, source, target = min(rows, default=(0, "", ""))
+    steps = "a step" if early == -1 else f"{-early} steps"
+    said = "A loop over several populations takes a step for each of them here, and one step in a framework"
+    return (f"{said}: spikes of {source!r} reach {target!r} {steps} later.",) if early < 0 else ()
 
 
 def _onto(name: str, stated: Stated, depth: int) -> Signal:
