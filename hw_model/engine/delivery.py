@@ -12,6 +12,8 @@ LONG = 128
 
 # Unsigned, or each index would be tested for being negative.
 _LANES = np.uint64(LANES)
+_PARTS = np.uint64(4)
+"""Parts of a list of spikes that are delivered in turn: neighbours in one would wait for each other's charges."""
 
 
 @absorbed
@@ -74,10 +76,12 @@ def _add_listed(link, rows_from, rows_to, event, base, begin, m, charge, row_of,
         fill(row_of, at, r)
         for k in range(at + LANES, begin[r + 1, m] - first, LANES):
             fill(row_of, k, r)
-    offset, width, low = links.offset[link], np.uint64(links.width[link]), np.uint64(links.target[link])
-    for e in range(last - first):
-        at = np.uint64(row_of[e] + 1 + links.delay[link])
-        start = np.uint64(offset + event[base + first + e] * links.width[link])
+    offset, width, low = np.uint64(links.offset[link]), np.uint64(links.width[link]), np.uint64(links.target[link])
+    late, before, many = np.uint64(1 + links.delay[link]), np.uint64(base + first), np.uint64(last - first)
+    part = many // _PARTS
+    for i in range(many):
+        e = i % _PARTS * part + i // _PARTS if i < _PARTS * part else i
+        at, start = np.uint64(row_of[e]) + late, offset + np.uint64(event[before + e]) * width
         for j in range(np.uint64(0), width, _LANES):
             add_weights(charge, at, low + j, links.matrix, start + j)
 

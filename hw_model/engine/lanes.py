@@ -5,7 +5,8 @@ all compartments of a chunk. Lanes have the type of the arrays that the kernel i
 one bit; integers in a kernel are constants.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from inspect import Parameter, Signature
 from typing import Any
 
@@ -98,6 +99,13 @@ def _compress(place: "Place", numbers: Lanes, mask: Lanes) -> ir.Value:
 def bits(mask: Lanes) -> ir.Value:
     """Return a mask as a number: lane i is bit i."""
     return mask.builder.zext(mask.builder.bitcast(mask.value, ir.IntType(LANES)), COUNT)
+
+
+@contextmanager
+def seldom(mask: Lanes) -> Iterator[None]:
+    """Leave out what is inside, which is expected, where no lane of a mask is set."""
+    with mask.builder.if_then(mask.builder.icmp_unsigned("!=", bits(mask), COUNT(0)), likely=False):
+        yield
 
 
 def mask_of(place: "Place", number: Given) -> Lanes:

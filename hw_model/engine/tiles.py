@@ -12,6 +12,8 @@ from hw_model.engine.delivery import deliver
 from hw_model.engine.layout import FIELDS, LANES, POTENTIAL, U, V
 from hw_model.engine.state import is_silent, move_on
 
+_TOGETHER = 4
+"""Bundles that are updated in turn, row by row: within one, each row waits for the state that the last one left."""
 _ZERO = np.int64(0)
 """Of a type, as a variable is: loops are compiled anew for each literal that they are called with."""
 # Unsigned, or each index would be tested for being negative.
@@ -31,9 +33,7 @@ def run_tile(  # type: ignore[no-untyped-def]
     if skip and is_silent(rows, first, state):
         return rows
     for m in range(first.shape[1]):
-        low = np.uint64(nodes.first[m])
-        for e in range(np.uint64(first[0, m]), np.uint64(first[rows, m])):
-            sent[low + np.uint64(line[e])] += 1
+        _count(line, first[0, m], first[rows, m], nodes.first[m], sent)
     for r in range(rows):
         work.updated[r] = 0
     for block in range(len(chunks.feeds_itself)):
@@ -61,22 +61,20 @@ def _run_block(  # type: ignore[no-untyped-def]
         given, base, starts = (line, _ZERO, first) if m < first.shape[1] else (event, nodes.first[m] * tile, begin)
         deliver(link, _ZERO, rows, given, base, starts, m, charge, touched, work.row_of, nodes, links)
 
-    # A block that feeds itself is updated row by row; any other, bundle by bundle, with its registers in the cache.
+    # A block that feeds itself is updated row by row; any other, a few bundles at a time, with registers in the cache.
     by_row = chunks.feeds_itself[block]
     stride = 1 if by_row else rows
     for low in range(0, rows, stride):
         fired = _ZERO
         next_bundle = chunks.of_block[block]
         while next_bundle < chunks.of_block[block + 1]:
-            start = chunks.bundle[next_bundle]
-            next_bundle = chunks.of_block[block + 1] if by_row else next_bundle + 1
-            if not by_row and chunks.bundle[next_bundle] == start + 1 and not kept.watched:
-                fired |= _update_alone(np.uint64(chunks.member[start]), rows, chunks, state, work, skip, active)
+            bundle, next_bundle = next_bundle, min(next_bundle + _TOGETHER, chunks.of_block[block + 1])
+            start, stop = chunks.bundle[bundle], chunks.bundle[next_bundle]
+            if stop - start == next_bundle - bundle and not by_row and not kept.watched:
+                fired |= _update_alone(start, stop, rows, chunks, state, work, skip, active)
                 continue
             for r in range(low, low + stride):
-                fired |= _update_members(
-                    start, chunks.bundle[next_bundle], r, step, chunks, state, work, skip, active, recording, kept
-                )
+                fired |= _update_members(start, stop, r, step, chunks, state, work, skip, active, recording, kept)
         for index in range(chunks.of_node[block], chunks.of_node[block + 1]):
             m = chunks.spiking_node[index]
             _list_spikes(m, low, low + stride, fired, nodes, chunks, work, spikes, sent)
@@ -87,24 +85,24 @@ def _run_block(  # type: ignore[no-untyped-def]
 
 
 @absorbed
-def _update_alone(k, rows, chunks, state, work, skip, active):  # type: ignore[no-untyped-def]
-    """Do what :func:`_update_members` does for a chunk to which nothing is joined, in all rows: the shortest loop."""
-    piece = np.uint64(chunks.piece[k])
-    rests, plain = skip and state.at_rest[k], chunks.plain[k]
+def _update_alone(start, stop, rows, chunks, state, work, skip, active):  # type: ignore[no-untyped-def]
+    """Do what :func:`_update_members` does for chunks to which nothing is joined, in all rows: the shortest loop."""
+    at_rest, touched, registers = state.at_rest, state.touched, state.registers
     fired = np.int32(0)
     for r in range(np.uint64(rows)):
-        if rests and not state.touched[r, k]:
-            continue
-        if plain:
-            mask, busy, restless = update_plain(state.registers, k * _CHUNK, state.charge, r, k * _LANES)
-        else:
-            mask, busy, restless = update(state.registers, k * _CHUNK, state.charge, r, k * _LANES, chunks.widths)
-        rests = skip and restless == 0
-        work.masks[r, k] = mask
-        work.updated[r] = 1
-        active[r, piece] += busy
-        fired |= mask
-    state.at_rest[k] = rests
+        for index in range(start, stop):
+            k = np.uint64(chunks.member[index])
+            if skip and at_rest[k] and not touched[r, k]:
+                continue
+            if chunks.plain[k]:
+                mask, busy, restless = update_plain(registers, k * _CHUNK, state.charge, r, k * _LANES)
+            else:
+                mask, busy, restless = update(registers, k * _CHUNK, state.charge, r, k * _LANES, chunks.widths)
+            at_rest[k] = restless == 0
+            work.masks[r, k] = mask
+            work.updated[r] = 1
+            active[r, np.uint64(chunks.piece[k])] += busy
+            fired |= mask
     return fired
 
 
@@ -197,12 +195,20 @@ def _list_spikes(m, low, high, fired, nodes, chunks, work, spikes, sent):  # typ
                 # No branches: they would be guessed wrong too often.
                 found += list_lanes(event, base + found, column - nodes.first[m], mask)[0]
                 if column + LANES <= spikes.shape[1]:
-                    note(spikes, r, column, sent, lines + column, mask)
+                    note(spikes, r, column, mask)
                     continue
                 for i in range(width):
                     spikes[r, column + i] |= (mask >> i) & 1
-                    sent[lines + column + i] += (mask >> i) & 1
         begin[r + 1, m] = found
+    _count(event, base + begin[low, m], base + found, lines + nodes.first[m], sent)
+
+
+@inner
+def _count(event, first, last, source, sent):  # type: ignore[no-untyped-def]
+    """Count the spikes ``first..last`` of a list among those of the sources from ``source`` on."""
+    source = np.uint64(source)
+    for e in range(np.uint64(first), np.uint64(last)):
+        sent[source + np.uint64(event[e])] += 1
 
 
 @inner

@@ -4,6 +4,8 @@ Their integers are the same: numpy's scalars wrap as the machine's do. A place b
 hundred times as long, so that few examples are drawn.
 """
 
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 from hypothesis import settings
@@ -77,6 +79,7 @@ lanes.where = lambda mask, one, other: np.where(mask, one, other).astype(np.asar
 lanes.bits = lambda mask: np.int32(sum(1 << i for i in np.flatnonzero(mask).tolist()))
 lanes.count = lambda mask: np.int32(mask.sum())
 lanes.halves = lambda place, widths: widths
+lanes.seldom = lambda mask: nullcontext()
 lanes.short = lambda values: values
 
 
