@@ -92,6 +92,17 @@ ENDLESS = nir.LIF(tau=spread(12, np.inf), r=spread(12, np.inf), v_leak=np.zeros(
 UNIT = nir.IF(r=np.ones(12), v_threshold=spread(12, 1.5), v_reset=np.zeros(12))
 TWO_INPUTS = nir.NIRGraph({"a": nir.Input(np.array([10])), "b": nir.Input(np.array([10])), "n": lif(RNG, 10), "o": nir.Output(np.array([10]))}, [("a", "n"), ("b", "n"), ("n", "o")], type_check=False)  # fmt: skip
 TWO_OUTPUTS = nir.NIRGraph({"input": nir.Input(np.array([10])), "n": lif(RNG, 10), "m": lif(RNG, 10), "o": nir.Output(np.array([10])), "p": nir.Output(np.array([10]))}, [("input", "n"), ("n", "m"), ("n", "o"), ("m", "p")], type_check=False)  # fmt: skip
+SKIP = nir.NIRGraph({"input": nir.Input(np.array([10])), "n": lif(RNG, 10), "m": lif(RNG, 10), "o": nir.Output(np.array([10]))}, [("input", "n"), ("n", "m"), ("input", "m"), ("m", "o")], type_check=False)  # fmt: skip
+
+
+def loop(*between):
+    """Return a graph of two populations that feed each other, through these nodes on the way back."""
+    nodes = {"input": nir.Input(np.array([10])), "n": lif(RNG, 10), "m": lif(RNG, 10), "back": linear(RNG, 10, 10, 0.1)}
+    nodes |= {"o": nir.Output(np.array([10])), **dict(between)}
+    ways = itertools.pairwise(["m", *dict(between), "back", "n"])
+    return graph(nir.NIRGraph(nodes, [("input", "n"), ("n", "m"), ("m", "o"), *ways], type_check=False))
+
+
 IMAGE = {"type": "input", "shape": np.array([2, 6, 6])}
 CONV = {
     "type": "conv", "shape": np.array([4, 3, 3]), "inChannels": 2, "outChannels": 4, "kernelSize": np.array([3, 3]),
@@ -119,6 +130,9 @@ NIR_CELLS = [
     works("NIR", "tau and r without end (snnTorch, beta 1)", neurons(ENDLESS), dt=DT),
     works("NIR", "several Inputs: channels one after the other", graph(TWO_INPUTS), dt=DT),
     works("NIR", "several Outputs of one size", graph(TWO_OUTPUTS), dt=DT),
+    works("NIR", "connections that skip a population", graph(SKIP), dt=DT),
+    works("NIR", "a loop over two populations with a Delay", loop(("d", nir.Delay(spread(10, DT)))), dt=DT),
+    loses("NIR", "a loop over two populations without a Delay", loop(), "it takes a step for each; the report says so", lambda n: "A loop over" in n.assumptions[-1], dt=DT),
     works("NIR", "--reset subtract of LIF", neurons(lif(RNG, 12)), dt=DT, reset="subtract"),
     works("NIR", "--reset subtract of CubaLIF", neurons(cuba(RNG, 12)), dt=DT, reset="subtract"),
     works("NIR", "--reset late-subtract", neurons(integrate(RNG, 12)), dt=DT, reset="late-subtract"),
@@ -130,7 +144,8 @@ NIR_CELLS = [
     refused("NIR", "LI before other nodes", neurons(LI, linear(RNG, 5, 12), lif(RNG, 5)), ", node 'after0': it takes the potential of 'n', and the chip sends spikes only. End the graph at that node, or make it a LIF.", dt=DT),
     refused("NIR", "an Output of weights", neurons(lif(RNG, 12), linear(RNG, 5, 12)), ", node 'after0': the output is that of Linear, but the chip's is spikes. End the graph in a LIF, or in an LI whose potential is read.", dt=DT),
     refused("NIR", "no Input", graph(nir.NIRGraph({"n": lif(RNG, 10), "o": nir.Output(np.array([10]))}, [("n", "o")], type_check=False)), ": a graph needs an Input. Add an Input node before the first weights.", dt=DT),
-    refused("NIR", "Delay of a fraction of a step", graph(chain((10,), ("d", nir.Delay(spread(10, 1.5 * DT))), ("n", lif(RNG, 10)))), ", node 'd': a delay is not a whole number of steps (1.5 steps of 0.001 s). Give another --dt.", dt=DT),
+    refused("NIR", "an edge into an Input", graph(nir.NIRGraph(SKIP.nodes, [*SKIP.edges, ("m", "input")], type_check=False)), ", node 'input': an edge leads into an Input (from 'm'). Lead it to the nodes that the Input feeds.", dt=DT),
+    refused("NIR", "Delay of a fraction of a step", graph(chain((10,), ("d", nir.Delay(spread(10, 1.5 * DT))), ("n", lif(RNG, 10)))), ", node 'd': a delay is not a whole number of steps from 0 to 1e+06 (1.5 steps of 0.001 s). Correct it, or give another --dt.", dt=DT),
     refused("NIR", "tau shorter than a step, euler", neurons(nir.LIF(tau=spread(12, 1e-4), r=np.ones(12), v_leak=np.zeros(12), v_threshold=np.ones(12), v_reset=np.zeros(12))), ", node 'n': tau is shorter than a step (0.0001 s against 0.001 s). Give a smaller --dt, or --discretisation exact or hold.", dt=DT),
     refused("NIR", "a threshold below the reset", neurons(lif(RNG, 12, v_reset=1.5)), ", node 'n': the threshold is not above the reset (by -0.5). Train with a threshold above v_reset and v_leak, and above 0.", dt=DT),
 ]  # fmt: skip

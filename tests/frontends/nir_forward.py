@@ -22,13 +22,10 @@ def run(graph, spikes, dt, how="euler", reset="zero"):
         now = {}
         for name in nx.topological_sort(order):
             parts = [now[a] for a, b in graph.edges if b == name and (a, b) not in back]
-            late = [gives[a][-1] for a, b in back if b == name and gives[a]]
+            late = [gives[a][-1] if gives[a] else nothing(graph.nodes[a]) for a, b in back if b == name]
             arriving = sum(np.asarray(p, dtype=float).reshape(-1) for p in [*parts, *late]) if parts or late else 0.0
-            if not parts and not late and name in {b for _, b in back}:
-                node = graph.nodes[name]
-                arriving = np.zeros(np.shape(node.delay) if type(node).__name__ == "Delay" else node.weight.shape[1])
-            if parts:
-                arriving = np.asarray(arriving).reshape(np.shape(parts[0]))
+            if parts or late:
+                arriving = np.asarray(arriving).reshape(np.shape([*parts, *late][0]))
             now[name] = (
                 row
                 if type(graph.nodes[name]).__name__ == "Input"
@@ -37,6 +34,11 @@ def run(graph, spikes, dt, how="euler", reset="zero"):
         for name, value in now.items():
             gives[name].append(np.asarray(value))
     return {name: np.array(rows) for name, rows in gives.items()}
+
+
+def nothing(neuron):
+    """Return no spikes of a neuron node."""
+    return np.zeros(np.shape(neuron.threshold if hasattr(neuron, "threshold") else neuron.r))
 
 
 def closing(graph, order):
@@ -60,6 +62,8 @@ def closing(graph, order):
 def step(node, x, state, dt, how="euler", reset="zero"):
     """Return what a node gives for one step of its input."""
     kind = type(node).__name__
+    if kind in sum(NEURONS, ()) and np.size(x) == np.size(nothing(node)):
+        x = np.reshape(x, np.shape(nothing(node)))
     if kind in ("Output", "Flatten"):
         return np.reshape(x, -1) if kind == "Flatten" else x
     if kind == "Linear":

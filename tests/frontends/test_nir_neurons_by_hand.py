@@ -93,14 +93,14 @@ def test_a_constant_goes_through_what_follows():
 RNG = np.random.default_rng(2)
 
 
-@pytest.mark.parametrize(("delay", "measured"), [(2.3, "2.3"), (2.02, "2.02"), (-1.0, "-1")])
-def test_delays_between_steps_are_refused(delay, measured, tmp_path):
+@pytest.mark.parametrize(("delay", "measured"), [(2.3, "2.3"), (2.02, "2.02"), (-1.0, "-1"), (1e7, "1e+07")])
+def test_delays_between_steps_or_out_of_range_are_refused(delay, measured, tmp_path):
     graph = chain((3,), ("d", nir.Delay(np.full(3, delay * DT))), ("w", linear(RNG, 3, 3)), ("n", lif(RNG, 3)))
     with pytest.raises(InputError) as caught:
         load(graph, tmp_path)
     assert str(caught.value) == (
-        "model 'graph.nir', node 'd': a delay is not a whole number of steps "
-        f"({measured} steps of 0.001 s). Give another --dt."
+        "model 'graph.nir', node 'd': a delay is not a whole number of steps from 0 to 1e+06 "
+        f"({measured} steps of 0.001 s). Correct it, or give another --dt."
     )
 
 

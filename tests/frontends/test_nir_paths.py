@@ -1,5 +1,7 @@
 """Paths of different lengths that meet: what meets in one step of a framework meets in one step here."""
 
+import itertools
+
 import nir
 import numpy as np
 import pytest
@@ -93,14 +95,14 @@ HELD = [[], [3], [1], [3, 2], [1], [4, 2], [1, 2], [2]]
 """The delays that a graph of each of them needs, in steps."""
 
 
-def by_hand(ways):
+def by_hand(ways, names=None):
     """Return integers of populations of six with such delays between them."""
     cells = lc.ChipCuba.of(6, decay_u=4096, decay_v=0, threshold=400)
     onto = tuple(
         lc.ChipProjection(*way.split(), 2 * RNG.integers(-40, 120, (6, 6)), 0, 8, delay=late)
         for way, late in ways.items()
     )
-    names = sorted({way.split()[1] for way in ways})
+    names = names or sorted({way.split()[1] for way in ways})
     view, readout = lc.InputView("input", "time", 6), lc.Readout((names[-1],), (1.0,))
     populations = tuple(lc.Population(name, "time", 6, cells) for name in names)
     return quantize(lc.Network("skips", 6, 40, (view,), populations, onto, readout), chip("loihi-sim"))
@@ -135,3 +137,16 @@ def test_what_is_written_has_the_same_relative_delays_when_it_is_read_again(name
         ours, theirs = wanted[population.name][0], found[population.name][0]
         assert ours.sum() > 10
         assert any((ours[: 60 - late] == theirs[late:]).all() for late in range(4)), population.name
+
+
+@pytest.mark.parametrize("names", [("a/b", "c"), ("weights0", "c"), ("c.output", "c"), ("a", "a_", "a/b", "a.b")])
+def test_every_name_of_a_population_can_be_written(names, tmp_path):
+    """A slash made a file that cannot be read; a name of a node that is added was overwritten."""
+    chained = by_hand({f"{a} {b}": 0 for a, b in itertools.pairwise(["input", *names])}, names)
+    written(chained, tmp_path / "model.nir")
+    given = spikes((6,))[None]
+    wanted, found = (evaluate(n, given).spikes for n in (chained.on_grid(), lc.load(tmp_path / "model.nir")))
+    for (name, ours), (called, theirs) in zip(wanted.items(), found.items(), strict=True):
+        assert called.rstrip("_") == name.replace("/", ".").rstrip("_")
+        assert ours.any()
+        np.testing.assert_array_equal(ours, theirs)

@@ -13,6 +13,7 @@ neurons whose spikes lower their own potential, the self-synapses ``refractory.d
 """
 
 import io
+import itertools
 from collections.abc import Mapping
 from typing import Any
 
@@ -78,10 +79,20 @@ def nir_graph(network: Network) -> NirGraph:
     dt = network.step_seconds or DT_SECONDS
     nodes: dict[str, NirNode | NirGraph] = {}
     edges: list[Edge] = []
+    called: dict[str, str] = {}
+
+    def add(name: str, kind: str, parameters: Mapping[str, Array | str]) -> str:
+        # HDF5 would read a slash as a group.
+        name = name.replace("/", ".")
+        while name in nodes:
+            name += "_"
+        nodes[name] = NirNode(kind, parameters)
+        return name
+
     for view in network.views:
-        nodes[view.name] = NirNode("Input", {"shape": np.array([view.lines])})
+        called[view.name] = add(view.name, "Input", {"shape": np.array([view.lines])})
     for population in network.populations:
-        nodes[population.name] = _neuron(population, dt)
+        called[population.name] = add(population.name, *_neuron(population, dt))
     pairs = ((p.source, p.target) for p in network.projections)
     paths = Paths(pairs, [view.name for view in network.views], [p.name for p in network.populations])
     paths.fit([(p.source, p.target, delay) for p in network.projections for delay in np.unique(p.delay).tolist()])
@@ -91,17 +102,13 @@ def nir_graph(network: Network) -> NirGraph:
         for delay, part in by_delay(weights, projection.delay) or [(late, weights)]:
             name = f"weights{k}" if np.size(projection.delay) == 1 else f"weights{k}.{delay}"
             dense = (part.toarray() if sparse.issparse(part) else part) * factor
-            nodes[name] = NirNode("Linear", {"weight": dense})
-            edges.append((name, projection.target))
+            ways = [called[projection.source], add(name, "Linear", {"weight": dense}), called[projection.target]]
             if delay > late:
                 held = np.full(dense.shape[1], (delay - late) * dt)
-                nodes[f"{name}.delay"] = NirNode("Delay", {"delay": held})
-                edges += [(projection.source, f"{name}.delay"), (f"{name}.delay", name)]
-            else:
-                edges.append((projection.source, name))
+                ways.insert(1, add(f"{name}.delay", "Delay", {"delay": held}))
+            edges += itertools.pairwise(ways)
     for name in network.readout.populations:
-        nodes[f"{name}.output"] = NirNode("Output", {"shape": np.array([network.classes])})
-        edges.append((name, f"{name}.output"))
+        edges.append((called[name], add(f"{name}.output", "Output", {"shape": np.array([network.classes])})))
     return NirGraph(nodes, tuple(edges))
 
 
@@ -112,7 +119,8 @@ def _weights(projection: Projection | ChipProjection) -> tuple[Matrix, float]:
     return projection.weights, 1.0
 
 
-def _neuron(population: Population, dt: float) -> NirNode:
+def _neuron(population: Population, dt: float) -> tuple[str, dict[str, Array | str]]:
+    """Return the kind of a population's node, and its parameters."""
     where, neuron = f"--emit nir, population {population.name!r}", population.neuron
     if isinstance(neuron, ChipCuba):
         scale = 1 / 4096
@@ -132,11 +140,11 @@ def _neuron(population: Population, dt: float) -> NirNode:
         raise InputError(where, "a state that never decays has no time constant", fix="Emit another kind.")
     zero = np.zeros(population.size)
     if not v.any():
-        return NirNode("IF", {"r": zero + 1 / dt, "v_threshold": threshold, "v_reset": zero})
+        return "IF", {"r": zero + 1 / dt, "v_threshold": threshold, "v_reset": zero}
     common = {"r": 1 / v, "v_leak": bias / v, "v_threshold": threshold, "v_reset": zero}
     if (u == 1).all():
-        return NirNode("LIF", {"tau": dt / v, **common})
-    return NirNode("CubaLIF", {"tau_syn": dt / u, "tau_mem": dt / v, "w_in": 1 / u, **common})
+        return "LIF", {"tau": dt / v, **common}
+    return "CubaLIF", {"tau_syn": dt / u, "tau_mem": dt / v, "w_in": 1 / u, **common}
 
 
 def _integers(quantized: QuantizedNetwork) -> dict[str, Array | str]:

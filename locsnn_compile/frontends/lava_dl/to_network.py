@@ -215,8 +215,7 @@ def _pair(layer: NetLayer, name: str, where: str) -> tuple[int, int]:
 
 
 def _shape(layer: NetLayer, where: str) -> Shape:
-    values = layer.whole("shape", where).reshape(-1)
-    shape = tuple(int(n) for n in values)
+    shape = tuple(layer.whole("shape", where).reshape(-1).tolist())
     check_shape(shape, where)
     return shape
 
@@ -242,9 +241,8 @@ def _delay(layer: NetLayer, mantissa: Matrix, where: str) -> int | IntArray:
     if layer.kind == "conv" and delay.size == channels and rows % channels == 0:
         delay = np.repeat(delay, rows // channels)
     if delay.size not in (rows, columns):
-        raise export_again(
-            where, "the delays have the wrong size", f"{delay.size} against {rows} outputs or {columns} inputs"
-        )
+        measured = f"{delay.size} against {rows} outputs or {columns} inputs"
+        raise export_again(where, "the delays have the wrong size", measured)
     each = of_target(mantissa, delay) if delay.size == rows else of_source(mantissa, delay)
     return sealed(np.broadcast_to(each, values_of(mantissa).shape).astype(np.int64))
 
@@ -253,8 +251,7 @@ def _neurons(layer: NetLayer, shape: Shape, where: str) -> ChipCuba:
     kind = layer.text("neuron/type", where) or ("CUBA" if "neuron/vThMant" in layer.values else "")
     if kind not in ("CUBA", "LOIHI"):
         what = f"{kind[:40]!r} neurons have no single compartment on the chip" if kind else "it has no neurons"
-        fix = "Use CUBA neurons."
-        raise InputError(where, what, fix=fix)
+        raise InputError(where, what, fix="Use CUBA neurons.")
     if layer.one("neuron/gradedSpike", where, 0):
         raise InputError(where, "its spikes are graded", fix="Train with graded_spike=False.")
     if layer.one("neuron/wgtExp", where, 0):

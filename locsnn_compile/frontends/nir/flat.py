@@ -204,10 +204,9 @@ def layer_of(node: NirNode, given: Shape | None, where: str) -> Layer | None:
     """Return the layer of a node of :data:`WITH_WEIGHTS`; None while the input shape that it needs is unknown."""
     if node.kind in ("Linear", "Affine"):
         return _dense(node, where)
-    if node.kind in ("Conv1d", "Conv2d"):
-        image = _image(node, given, where)
-        return None if image is None else _convolved(node, image, where)
-    return None if given is None else _pooled(node, given, where)
+    if given is None and "input_shape" not in node.parameters:
+        return None
+    return (_convolved if node.kind in ("Conv1d", "Conv2d") else _pooled)(node, given or (), where)
 
 
 def _dense(node: NirNode, where: str) -> Layer:
@@ -219,19 +218,20 @@ def _dense(node: NirNode, where: str) -> Layer:
     return Layer(sparse.csr_array(weight.astype(np.float64)), bias, (len(weight),))
 
 
-def _image(node: NirNode, given: Shape | None, where: str) -> Shape | None:
+def _image(node: NirNode, given: Shape, where: str) -> Shape:
     """Return the input shape (channels, *spatial) of a convolution: its own, or the one it is given."""
     weight, axes = node.array("weight"), _axes(node)
     if weight.ndim != axes + 2:
         raise InputError(where, "its weight has the wrong axes", measured=f"{weight.shape}", fix="Give (out, in, ...).")
     if "input_shape" in node.parameters:
         return (weight.shape[1] * _ints(node, "groups", 1, where)[0], *_ints(node, "input_shape", axes, where))
-    if given is not None and len(_unbatched(given, axes)) != axes + 1:
+    if len(_unbatched(given, axes)) != axes + 1:
         raise InputError(where, "its input is not an image", measured=f"{given}", fix="Set its input_shape.")
-    return None if given is None else _unbatched(given, axes)
+    return _unbatched(given, axes)
 
 
-def _convolved(node: NirNode, image: Shape, where: str) -> Layer:
+def _convolved(node: NirNode, given: Shape, where: str) -> Layer:
+    image = _image(node, given, where)
     weight, groups = node.array("weight").astype(np.float64), _ints(node, "groups", 1, where)[0]
     weights, shape = convolution(weight, image, _window(node, where), groups=groups, where=where)
     bias = node.each("bias", shape[0], "channel", where)

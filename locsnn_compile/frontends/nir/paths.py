@@ -6,11 +6,13 @@ close a loop; a loop over several populations takes a step for each here, unless
 """
 
 from collections.abc import Iterable
-from graphlib import TopologicalSorter
+from typing import Any
 
 import numpy as np
 from scipy import sparse
 from scipy.sparse import csgraph
+
+from hw_model.values import IntArray
 
 Pair = tuple[str, str]
 
@@ -18,16 +20,12 @@ Pair = tuple[str, str]
 class Paths:
     """The depths of populations (1 behind the input), and by how many steps the spikes of a pair are late."""
 
-    def __init__(self, pairs: Iterable[Pair], inputs: list[str], populations: Iterable[str]) -> None:
-        names = [*inputs, *populations]
-        self._ahead = _ahead(set(pairs), names, len(inputs))
-        before: dict[str, list[str]] = {name: [] for name in names}
-        for source, target in self._ahead:
-            before[target].append(source)
-        self.depths: dict[str, int] = {}
-        for name in TopologicalSorter(before).static_order():
-            longest = max((self.depths[source] for source in before[name]), default=0)
-            self.depths[name] = 0 if name in inputs else longest + 1
+    def __init__(self, pairs: Iterable[Pair], inputs: list[str], populations: list[str]) -> None:
+        self._ahead = _ahead(set(pairs), [*inputs, *populations], len(inputs))
+        self.depths = dict.fromkeys(inputs, 0) | dict.fromkeys(populations, 1)
+        while behind := [(a, b) for a, b in self._ahead if self.depths[b] <= self.depths[a]]:
+            for source, target in behind:
+                self.depths[target] = max(self.depths[target], self.depths[source] + 1)
 
     def late(self, source: str, target: str) -> int:
         """Return the delay with which a spike arrives as in a framework; below 0 if it must be faster than a step."""
@@ -44,12 +42,9 @@ def _ahead(pairs: set[Pair], names: list[str], inputs: int) -> set[Pair]:
     """Return the pairs that close no loop: what leads to the population of a loop nearest to the input closes it."""
     index = {name: k for k, name in enumerate(names)}
     ends = np.array([(index[a], index[b]) for a, b in sorted(pairs)], dtype=np.int64).reshape(-1, 2).T
-    near = None
+    near = csgraph.dijkstra(_links(ends, len(names)), indices=range(inputs), unweighted=True, min_only=True)
     while True:
-        links = sparse.csr_array((np.ones(ends.shape[1]), tuple(ends)), shape=(len(names), len(names)))
-        if near is None:
-            near = csgraph.dijkstra(links, indices=range(inputs), unweighted=True, min_only=True)
-        loop = csgraph.connected_components(links, connection="strong")[1]
+        loop = csgraph.connected_components(_links(ends, len(names)), connection="strong")[1]
         nearest = np.full(len(names), np.inf)
         np.minimum.at(nearest, loop, near)
         source, target = ends
@@ -57,3 +52,7 @@ def _ahead(pairs: set[Pair], names: list[str], inputs: int) -> set[Pair]:
         if not closing.any():
             return {(names[a], names[b]) for a, b in ends.T.tolist()}
         ends = ends[:, ~closing]
+
+
+def _links(ends: IntArray, size: int) -> Any:
+    return sparse.csr_array((np.ones(ends.shape[1]), tuple(ends)), shape=(size, size))

@@ -80,10 +80,8 @@ def _joined(delays: Mapping[int, Any]) -> list[tuple[Matrix, int | IntArray]]:
     """Return pairs (weights, delay) for one source: a single pair with an array of delays if no connection has two."""
     held = {delay: _canonical(weights) for delay, weights in delays.items()}
     held = {delay: weights for delay, weights in held.items() if weights.nnz} or dict(list(held.items())[:1])
-    if len(held) == 1:
-        return [(compact(weights), delay) for delay, weights in held.items()]
     merged = _canonical(sum(abs(weights) for weights in held.values()))
-    if merged.nnz != sum(weights.nnz for weights in held.values()):
+    if len(held) == 1 or merged.nnz != sum(weights.nnz for weights in held.values()):
         return [(compact(weights), delay) for delay, weights in held.items()]
     total = matrix(sum(held.values()), np.float64)
     # One is added to delays, because a sparse matrix cannot hold a delay of 0 next to entries that are not stored.

@@ -128,6 +128,12 @@ def _input(flat: FlatGraph, where: str) -> InputView:
     names = flat.named("Input")
     if not names:
         raise InputError(where, "a graph needs an Input", fix="Add an Input node before the first weights.")
+    for name in names:
+        for source in flat.sources[name]:
+            fix = "Lead it to the nodes that the Input feeds."
+            raise InputError(
+                f"{where}, node {name!r}", "an edge leads into an Input", measured=f"from {source!r}", fix=fix
+            )
     if not flat.named(*NEURONS):
         raise InputError(where, "it has no neurons", fix="Export a network with LIF neurons.")
     return InputView(names[0] if len(names) == 1 else INPUTS, "time", sum(flat.size(name) for name in names))
@@ -175,7 +181,7 @@ def _arriving(flat: FlatGraph, signals: dict[str, Signal], name: str, where: str
         raise InputError(where, f"it takes the potential of {graded[0]!r}, and the chip sends spikes only", fix=fix)
     size = sizes.pop() if sizes else flat.size(name)
     if flat.nodes[name].kind in NEURONS:
-        check_same(size, flat.size(name), where, "its input has another size", fix="Correct it.")
+        check_same(size, flat.size(name), where, "its input has another size", fix="Give it a neuron for each value.")
     return Signal.total((signals[source] for source in sources), size)
 
 
@@ -200,7 +206,8 @@ def _delay_steps(node: NirNode, size: int, dt: float, where: str) -> Any:
     bad = steps[(steps < -0.01) | (np.abs(steps - whole) > 0.01) | (whole > 1e6)]
     if bad.size:
         measured = f"{bad[0]:g} steps of {dt:g} s"
-        raise InputError(where, "a delay is not a whole number of steps", measured=measured, fix="Give another --dt.")
+        what, fix = "a delay is not a whole number of steps from 0 to 1e+06", "Correct it, or give another --dt."
+        raise InputError(where, what, measured=measured, fix=fix)
     return whole.astype(np.int64)
 
 

@@ -26,9 +26,8 @@ def dense_layer(kernel: FloatArray, where: str) -> tuple[Matrix, int]:
 
     The input may be an image (channels, height, width).
     """
-    if kernel.ndim == 2 or (kernel.ndim == 5 and kernel.shape[4] == 1):
-        if math.prod(kernel.shape):
-            return kernel.reshape(len(kernel), -1), len(kernel)
+    if kernel.size and (kernel.ndim == 2 or (kernel.ndim == 5 and kernel.shape[4] == 1)):
+        return kernel.reshape(len(kernel), -1), len(kernel)
     fix = "Use slayer.dense layers, or list all layers in the YAML, as layer: [{dim: 34x34x2}, {dim: 16c5z}, ...]."
     raise InputError(where, "it is not a dense layer", measured=f"weight {kernel.shape}", fix=fix)
 

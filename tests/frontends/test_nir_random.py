@@ -1,0 +1,127 @@
+"""Random NIR graphs against the equations: skip connections, loops, delays, images."""
+
+import itertools
+import tempfile
+from pathlib import Path
+
+import hypothesis.strategies as st
+import networkx as nx
+import nir
+import numpy as np
+from hypothesis import given, settings
+from nir_forward import run
+from nir_graphs import DT, cuba, integrate, lif, linear
+
+import locsnn_compile as lc
+from locsnn_compile.reference.evaluate import evaluate
+
+STEPS = 40
+NEURONS = {
+    "zero": {
+        "lif": lambda rng, *n: lif(rng, *n),
+        "rest below": lambda rng, *n: lif(rng, *n, v_leak=-0.3, v_reset=-0.5),
+        "rest above": lambda rng, *n: lif(rng, *n, v_leak=1.3, v_reset=0.2),
+        "cuba": lambda rng, *n: cuba(rng, *n),
+        "cuba rest above": lambda rng, *n: cuba(rng, *n, v_leak=1.2, v_reset=-0.1),
+        "if": lambda rng, *n: nir.IF(np.full(n, 1 / DT), rng.uniform(0.8, 1.5, n), np.full(n, -0.3)),
+        "threshold": lambda rng, *n: nir.Threshold(rng.uniform(0.2, 1, n)),
+    },
+    "subtract": {
+        "lif": lambda rng, *n: lif(rng, *n, v_leak=-0.2),
+        "cuba": lambda rng, *n: cuba(rng, *n, v_leak=0.2),
+        "if": integrate,
+    },
+}
+
+
+def image(rng):
+    """Return nodes that lead from an input of (2, 6, 6), their neurons' shape, and what flattens it."""
+    kernel = {"stride": 2, "padding": 1, "dilation": 1, "groups": 2, "bias": rng.normal(0, 0.1, 4)}
+    conv = nir.Conv2d(input_shape=(6, 6), weight=rng.normal(0.1, 0.3, (4, 1, 3, 3)), **kernel)
+    pool = nir.SumPool2d(kernel_size=np.array([2, 2]), stride=np.array([1, 1]), padding=np.array([0, 0]))
+    return [("conv", conv), ("pool", pool)], (4, 2, 2)
+
+
+@st.composite
+def ways(draw, count):
+    """Draw pairs (source, target) of populations by number, 0 for an input, each with a delay; loops have enough."""
+    found = {}
+    for target in range(1, count + 1):
+        for source in draw(st.sets(st.integers(0, target - 1), min_size=1, max_size=3)):
+            found[source, target] = draw(st.sampled_from([0, 0, 0, 1, 3]))
+    graph = nx.DiGraph(list(found))
+    depth = {n: k for k, layer in enumerate(nx.topological_generations(graph)) for n in layer}
+    above = nx.immediate_dominators(graph, 0)
+    for source in draw(st.sets(st.integers(1, count), max_size=2)):
+        entry = [n for n in above if n and n in dominators(above, source)]
+        target = draw(st.sampled_from(sorted(entry)))
+        found[source, target] = depth[source] - depth[target] + draw(st.integers(0, 2))
+    return found, depth
+
+
+def dominators(above, name):
+    return {name} if above.get(name, name) in (name, None) else {name} | dominators(above, above[name])
+
+
+@st.composite
+def graphs(draw):
+    """Draw a graph, the shape of its input, depths of populations, and a reset."""
+    rng, count = np.random.default_rng(draw(st.integers(0, 2**32 - 1))), draw(st.integers(1, 5))
+    reset = draw(st.sampled_from([*NEURONS]))
+    found, depth = draw(ways(count))
+    names = ["input", *draw(st.permutations("abcde"))[:count]]
+    pictured = draw(st.booleans())
+    sizes = [72 if pictured else 8, *(draw(st.integers(2, 7)) for _ in range(count))]
+    nodes, edges = {}, []
+    for k in range(1, count + 1):
+        name, shape = names[k], (sizes[k],)
+        kinds = NEURONS[reset]
+        before = []
+        if pictured and k == 1:
+            before, shape = image(rng)
+            sizes[1] = 16
+        nodes[name] = kinds[draw(st.sampled_from([*kinds]))](rng, *shape)
+        if before:
+            found = {pair: late for pair, late in found.items() if pair != (0, 1)}
+            chain = ["input", *(f"{name}_{node}" for node, _ in before), name]
+            nodes |= {f"{name}_{node}": made for node, made in before}
+            edges += itertools.pairwise(chain)
+    for (source, target), late in found.items():
+        name = f"{names[source]}_{names[target]}"
+        scale = 0.2 if source >= target else 0.5
+        weight = linear(rng, sizes[target], sizes[source], scale)
+        chain = [names[source]]
+        if (sizes[source] == 72 and not source) or (pictured and source == 1):
+            nodes[f"{name}_flat"] = nir.Flatten(input_type={"input": np.array([2, 6, 6] if not source else [4, 2, 2])})
+            nodes[f"{name}_flat"].start_dim, nodes[f"{name}_flat"].end_dim = 0, -1
+            chain.append(f"{name}_flat")
+        if late:
+            nodes[f"{name}_delay"] = nir.Delay(np.full(sizes[source], late * DT))
+            chain.append(f"{name}_delay")
+        biased = source < target and draw(st.booleans())
+        nodes[name] = nir.Affine(weight.weight, rng.normal(0.05, 0.05, sizes[target])) if biased else weight
+        chain.append(name)
+        if draw(st.booleans()):
+            nodes[f"{name}_scale"] = nir.Scale(rng.uniform(0.5, 1.5, sizes[target]))
+            chain.append(f"{name}_scale")
+        edges += itertools.pairwise([*chain, names[target]])
+    shape = (2, 6, 6) if pictured else (8,)
+    nodes |= {"input": nir.Input(np.array(shape)), "output": nir.Output(np.array([sizes[count]]))}
+    edges = draw(st.permutations([*edges, (names[count], "output")]))
+    return nir.NIRGraph(nodes, edges, type_check=False), shape, {names[k]: depth[k] for k in range(1, count + 1)}, reset
+
+
+@given(graphs(), st.sampled_from(["euler", "hold"]))
+@settings(max_examples=30, deadline=None)
+def test_random_graphs_spike_as_the_equations_say(drawn, how):
+    graph, shape, depths, reset = drawn
+    spikes = (np.random.default_rng(3).random((STEPS, *shape)) < 0.2).astype(np.uint8)
+    wanted = run(graph, spikes, DT, how=how, reset=reset)
+    with tempfile.TemporaryDirectory() as folder:
+        nir.write(Path(folder) / "graph.nir", graph)
+        network = lc.load(Path(folder) / "graph.nir", dt=DT, discretisation=how, reset=reset)
+    assert network.assumptions == ()
+    found = evaluate(network, spikes.reshape(1, STEPS, -1)).spikes
+    for name, depth in depths.items():
+        expected = wanted[name].reshape(STEPS, -1)[:-depth]
+        np.testing.assert_array_equal(found[name][0, depth:], expected, err_msg=name)
