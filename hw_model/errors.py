@@ -54,10 +54,10 @@ def check_most(found: int, limit: int, where: str, what: str, *, unit: str = "",
         raise InputError(where, what, measured=f"{found}{unit and f' {unit}'} against {limit}", fix=fix)
 
 
-def check_same(found: object, wanted: object, where: str, what: str, *, unit: str = "", fix: str) -> None:
-    """Refuse what was given where something found, of a ``unit``, is not what it should be."""
+def check_same(found: object, wanted: object, where: str, what: str, *, fix: str) -> None:
+    """Refuse what was given where something found is not what it should be."""
     if found != wanted:
-        raise InputError(where, what, measured=f"{found}{unit and f' {unit}'} against {wanted}", fix=fix)
+        raise InputError(where, what, measured=f"{found} against {wanted}", fix=fix)
 
 
 def check_range(found: float, low: float, high: float, where: str) -> None:
@@ -71,6 +71,11 @@ def check_known(where: str, what: str, given: object, known: Collection[str], mo
     """Refuse a name that is none of those known; None is none. ``more``: a way out besides them."""
     if given is not None and given not in known:
         raise InputError(where, what, fix=did_you_mean(given, known) + more)
+
+
+def counted(number: int, one: str, many: str = "") -> str:
+    """Return a count with its noun: ``1 core``, ``2 cores``."""
+    return f"{number} {one if number == 1 else many or one + 's'}"
 
 
 def listed(items: Sequence[str], word: str = "and") -> str:

@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike as ArrayLike
 from numpy.typing import NDArray
 
+from hw_model.errors import counted
+
 AnyArray = NDArray[Any]
 BoolArray = NDArray[np.bool_]
 ByteArray = NDArray[np.uint8]
@@ -85,7 +87,7 @@ def _part(value: Any) -> str:
     if isinstance(value, str | bytes):
         return repr(value) if len(value) <= _LONGEST_TEXT else f"{value[:_LONGEST_TEXT]!r}..."
     if isinstance(value, Mapping):
-        return f"<{len(value)} entries>"
+        return f"<{counted(len(value), 'entry', 'entries')}>"
     if isinstance(value, Collection) and not isinstance(value, range):
         few = len(value) <= _MOST_ITEMS
         return f"({', '.join(map(_part, value))})" if few else f"<{len(value)} items>"

@@ -22,9 +22,9 @@ from locsnn_compile.backends.exchange import exchange_file
 from locsnn_compile.choose_strategy import Choice, choose_strategy, lower_as
 from locsnn_compile.cluster.spread import Spread, here, spread_over
 from locsnn_compile.data.read import read_recordings, recording_parts
-from locsnn_compile.data.recordings import Recordings, so_many
+from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.synthetic import synthetic_touches
-from locsnn_compile.errors import InputError, check_known
+from locsnn_compile.errors import InputError, check_known, counted
 from locsnn_compile.frontends import load
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.network.check import check_network
@@ -228,7 +228,8 @@ def join(
     spreads = [score_spread(network, recordings) or 1.0 for network in networks]
     found = committee(networks, [spreads[0] / spread for spread in spreads])
     said = ", ".join(f"{member.name} {member.weight:.4g}" for member in found.members)
-    said = f"Class scores vary alike on {so_many(len(recordings))} of {recordings.source}: weights {said} (--weights)."
+    on = f"{counted(len(recordings), 'recording')} of {recordings.source}"
+    said = f"Class scores vary alike on {on}: weights {said} (--weights)."
     return replace(found, assumptions=(*found.assumptions, said))
 
 

@@ -6,26 +6,8 @@ from functools import lru_cache
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT
-from hw_model.engine.layout import (
-    BIAS,
-    FACTOR_BITS,
-    FIELDS,
-    KEEP_U,
-    KEEP_V,
-    LANES,
-    REFRACTORY,
-    THRESHOLD,
-    USUAL_WIDTHS,
-    VMAX,
-    VMIN,
-    Chunks,
-    FastLayout,
-    Lanes,
-    Links,
-    Nodes,
-    Widths,
-    aligned,
-)
+from hw_model.engine import layout
+from hw_model.engine.layout import LANES, Chunks, FastLayout, Lanes, Links, Nodes, Widths, aligned
 from hw_model.engine.links import Blocks, Echoes, Ends, links_of, synapses_by_ends, take_echoes
 from hw_model.engine.places import Cut, Numbering, cut_pieces
 from hw_model.engine.trace import due_late
@@ -82,17 +64,17 @@ def _chunks(
         here, weights = slot[program.columns_of_core(core)], np.abs(core.effective_weights >> WEIGHT_SHIFT)
         arrived[here] = np.bincount(core.axons.target, weights, minlength=len(here))
         reached[here[core.axons.target] // LANES] = True
-    fits = widths == USUAL_WIDTHS and _largest_sum(program, phase, arrived) <= np.iinfo(np.int32).max
-    fits &= all(max(-core.vmin, core.vmax) < DECAY_ONE << FACTOR_BITS for core in program.cores_of(phase))
+    fits = widths == layout.USUAL_WIDTHS and _largest_sum(program, phase, arrived) <= np.iinfo(np.int32).max
+    fits &= all(max(-core.vmin, core.vmax) < DECAY_ONE << layout.FACTOR_BITS for core in program.cores_of(phase))
     never = np.iinfo(np.int32 if fits else np.int64).max  # the threshold of what cannot spike
-    shape = (count, FIELDS, LANES)
+    shape = (count, layout.FIELDS, LANES)
     registers: Lanes = np.zeros(shape, dtype=np.int32) if fits else np.zeros(shape, dtype=np.int64)
-    registers[:, THRESHOLD] = never
+    registers[:, layout.THRESHOLD] = never
     for field, values in _parameters(program, phase, never).items():
         registers[slot // LANES, field, slot % LANES] = values
-    keeps = registers[:, [KEEP_U, KEEP_V, BIAS]].any(axis=(1, 2))
-    plain = ~registers[:, BIAS].any(axis=1) & (registers[:, REFRACTORY] <= 1).all(axis=1)
-    plain &= _cannot_wrap(arrived.reshape(-1, LANES), DECAY_ONE - registers[:, KEEP_U], widths)
+    keeps = registers[:, [layout.KEEP_U, layout.KEEP_V, layout.BIAS]].any(axis=(1, 2))
+    plain = ~registers[:, layout.BIAS].any(axis=1) & (registers[:, layout.REFRACTORY] <= 1).all(axis=1)
+    plain &= _cannot_wrap(arrived.reshape(-1, LANES), DECAY_ONE - registers[:, layout.KEEP_U], widths)
     # A child lies next to its parent on the same core, so both are cut into chunks at the same places.
     joined = nodes.parent[cut.node] >= 0
     parent = np.full(count, -1, dtype=np.int64)
@@ -117,7 +99,7 @@ def _chunks(
     member = [chunk for block in bundles for each in block for chunk in each]
     starts = np.cumsum([0, *(len(each) for block in bundles for each in block)])
     sums = ~keeps & ~reached
-    forgets = sums & (registers[:, REFRACTORY].max(axis=1) <= 1)
+    forgets = sums & (registers[:, layout.REFRACTORY].max(axis=1) <= 1)
     pair = np.zeros(len(member), dtype=np.bool_)
     for low, (*dendrites, last) in zip(starts.tolist(), (each for block in bundles for each in block), strict=False):
         pair[low] = len(dendrites) == 2 and forgets[last] and (parent[dendrites] == last).all()
@@ -164,12 +146,12 @@ def _largest_sum(program: ChipProgram, phase: str, arrived: AnyArray) -> int:
 def _parameters(program: ChipProgram, phase: str, never: int) -> dict[int, IntArray]:
     """Return the parameters of every column by field; ``never`` is the threshold of what cannot spike."""
     values: dict[int, Callable[[Core], IntArray | int]] = {
-        KEEP_U: lambda core: DECAY_ONE - core.setting("decay_u"),
-        KEEP_V: lambda core: DECAY_ONE - core.setting("decay_v"),
-        THRESHOLD: lambda core: np.where(core.setting("joined") == 0, core.threshold_voltage, never),
-        BIAS: lambda core: core.bias,
-        REFRACTORY: lambda core: core.setting("refractory"),
-        VMIN: lambda core: core.vmin,
-        VMAX: lambda core: core.vmax,
+        layout.KEEP_U: lambda core: DECAY_ONE - core.setting("decay_u"),
+        layout.KEEP_V: lambda core: DECAY_ONE - core.setting("decay_v"),
+        layout.THRESHOLD: lambda core: np.where(core.setting("joined") == 0, core.threshold_voltage, never),
+        layout.BIAS: lambda core: core.bias,
+        layout.REFRACTORY: lambda core: core.setting("refractory"),
+        layout.VMIN: lambda core: core.vmin,
+        layout.VMAX: lambda core: core.vmax,
     }
     return {field: program.by_column(phase, value) for field, value in values.items()}

@@ -5,6 +5,7 @@ import os
 import zipfile
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,8 @@ from hw_model.values import AnyArray
 
 MAX_FILE_BYTES = 1_000_000_000
 """Size of the largest file that is read."""
+_ALIKE = 0.8
+"""Likeness of a name from which it is offered for one that does not exist; 1 is the same name."""
 
 
 def replace_file(path: Path, content: bytes, where: str) -> None:
@@ -58,7 +61,18 @@ def read_bytes(
         check_most(found.st_size, most, where, "it is too large", unit="bytes", fix=fix)
         return path.read_bytes()
     except OSError as error:
-        raise InputError(where, "it cannot be read", measured=error.strerror or "", fix=missing) from None
+        fix = near(path, missing) if isinstance(error, FileNotFoundError) else missing
+        raise InputError(where, "it cannot be read", measured=error.strerror or "", fix=fix) from None
+
+
+def near(path: Path, otherwise: str) -> str:
+    """Return the way out for a path that does not exist: one that differs by a few letters, or ``otherwise``."""
+    part = path
+    while not part.parent.is_dir() and part != part.parent:
+        part = part.parent
+    names = [] if os.path.lexists(part) else [beside.name for beside in part.parent.glob("*")]
+    close = get_close_matches(part.name, names, 1, _ALIKE)
+    return f"Did you mean {str(part.with_name(close[0]) / path.relative_to(part))!r}?" if close else otherwise
 
 
 @contextmanager

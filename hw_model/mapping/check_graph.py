@@ -6,7 +6,7 @@ import numpy as np
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_EXPONENTS, weight_grid
 from hw_model.description.chip import Chip
-from hw_model.errors import InputError, TargetError
+from hw_model.errors import InputError, TargetError, counted
 from hw_model.mapping.graph import CompartmentGraph, Compartments, Input, Phase, Synapses
 from hw_model.values import IntArray
 
@@ -50,7 +50,7 @@ def _check_charges(graph: CompartmentGraph) -> None:
         kept, compartments = max(delays, default=0) + 2, sum(names.values())
         if kept * compartments > MOST_CHARGES:
             what = "its longest delay keeps more charges under way than are simulated"
-            measured = f"{kept} steps of {compartments} compartments against {MOST_CHARGES}"
+            measured = f"{kept} steps of {counted(compartments, 'compartment')} against {MOST_CHARGES}"
             fix = "Shorten the delay, or relay the spike through compartments."
             raise TargetError(f"phase {phase.name!r}", what, measured=measured, fix=fix)
 

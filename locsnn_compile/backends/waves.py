@@ -12,7 +12,7 @@ import numpy as np
 import hw_model as hw
 from hw_model.values import Frozen, IntArray
 from locsnn_compile.backends.played import Played, unique_names
-from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.errors import InputError, counted, did_you_mean
 
 FILE = "waves.vcd"
 _FIRST_CODE, _CODES = 33, 94
@@ -163,7 +163,7 @@ def _read(program: hw.ChipProgram, probe: str) -> list[Compartment]:
     first = int(match["first"])
     stop = int(match["stop"]) if match["stop"] else first + 1
     if not first < stop <= sizes[group]:
-        measured = f"{sizes[group]} compartments"
+        measured = counted(sizes[group], "compartment")
         fix = f"Count from 0 to {sizes[group] - 1}."
         raise InputError(f"probe {probe!r}", f"{group!r} has no such compartment", measured=measured, fix=fix)
     return [Compartment(group, i) for i in range(first, stop)]

@@ -3,7 +3,7 @@
 import math
 
 from locsnn_compile.data.sensor import SensorLayout, frame_size
-from locsnn_compile.errors import InputError
+from locsnn_compile.errors import InputError, counted
 
 CONVOLUTIONS = (
     (4, (7, 3, 3), (4, 1, 1)),
@@ -20,8 +20,8 @@ def convolved(steps: int, sensor: SensorLayout) -> list[tuple[int, int, int]]:
         size = tuple((n - k) // s + 1 for n, k, s in zip(size, kernel, stride, strict=True))  # type: ignore[assignment]
         if min(size) < 1:
             what = "the recording is too short for its two convolutions"
-            fix = "Take longer recordings."
-            raise InputError("network 'cnn-3d'", what, measured=f"{steps} steps against at least 23", fix=fix)
+            measured, fix = f"{counted(steps, 'step')} against at least 23", "Take longer recordings."
+            raise InputError("network 'cnn-3d'", what, measured=measured, fix=fix)
         sizes.append(size)
     return sizes
 

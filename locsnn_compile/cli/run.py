@@ -92,7 +92,7 @@ def recording_line(row: dict[str, Any]) -> str:
     """Return the outcome of a recording as one line."""
     label = "" if row["label"] is None else f"  label {row['label']}"
     predicted = "all classes tie" if row["tied"] else f"class {row['prediction']}"
-    return f"recording {row['recording']}: {predicted}{label}  {row['spikes']:,} spikes"
+    return f"recording {row['recording']}: {predicted}{label}  {plural(row['spikes'], 'spike')}"
 
 
 def _summary(program: hw.ChipProgram, tally: Counter[str], counts: hw.Counts, totals: dict[str, float]) -> list[str]:

@@ -85,12 +85,18 @@ def run(args: argparse.Namespace) -> int:
                 log_path=output.with_suffix(".csv"),
                 progress=_after_epochs(args, moved),
             )
+            found = export_checkpoint(output, result, config, recordings, test, carried=args.recordings, start=start)
         except KeyboardInterrupt:
             kept = state_path.exists()
             way_on = "Go on with the same command and --resume." if kept else "No epoch was kept yet: start again."
             print(f"Stopped. {way_on}", file=sys.stderr)
             return EXIT_INTERRUPTED
-    found = export_checkpoint(output, result, config, recordings, test, carried=args.recordings, start=start)
+        except InputError as error:
+            # Only what the system refused can be mended between two equal commands.
+            if not (isinstance(error.__context__, OSError) and state_path.exists()):
+                raise
+            fix = "Make room or access, then go on with the same command and --resume."
+            raise InputError(error.where, error.what, measured=error.measured, fix=fix) from None
     state_path.unlink(missing_ok=True)
     if not args.quiet:
         print(_summary(output, result, found, recordings, test))

@@ -22,7 +22,7 @@ from typing import Any, Protocol, TypeVar
 
 import hw_model
 from hw_model.values import Frozen
-from locsnn_compile.errors import InputError, check_same
+from locsnn_compile.errors import InputError, check_same, counted
 
 PACKAGE = "locsnn-compile"
 _SUFFIXES = (".py", ".yaml")
@@ -184,7 +184,7 @@ def _in_processes(
             attempts = ATTEMPTS
             yield result
     if left:
-        measured = f"{ATTEMPTS} times in a row, {len(left)} settings left"
+        measured = f"{ATTEMPTS} times in a row, {counted(len(left), 'setting')} left"
         fix = "Give fewer workers, or fewer recordings with --recordings."
         raise InputError(f"--workers {workers}", "its processes die", measured=measured, fix=fix)
 

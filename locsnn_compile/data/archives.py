@@ -6,19 +6,12 @@ import numpy as np
 
 from hw_model.io.npy import load_npy
 from hw_model.values import ByteArray
+from locsnn_compile.data import member_names
 from locsnn_compile.data.aedat4 import parse_aedat4
 from locsnn_compile.data.axes import to_step_major
 from locsnn_compile.data.event_formats import EVENT_BYTES, parse_slayer_events, parse_structured
 from locsnn_compile.data.event_stream import MAX_EVENTS, Binning, EventStream, bin_streams
-from locsnn_compile.data.member_names import (
-    EVENT_SUFFIXES,
-    PARTS,
-    classes_of,
-    in_turn,
-    is_recording,
-    label_in_name,
-    part_of,
-)
+from locsnn_compile.data.member_names import EVENT_SUFFIXES, PARTS
 from locsnn_compile.data.members import TIMES, Members, open_members
 from locsnn_compile.data.recordings import MAX_ELEMENTS, Binned, Recordings, clean_spikes
 from locsnn_compile.data.tact import parse_tact
@@ -31,7 +24,7 @@ MAX_TEXT_BYTES = 10_000_000
 def archive_parts(path: Path) -> tuple[str, ...]:
     """Return which of ``train`` and ``test`` the archive or folder has; empty if it is not divided."""
     with open_members(path) as members:
-        found = {part_of(name) for name in members.sizes if is_recording(name)}
+        found = {*map(member_names.part_of, filter(member_names.is_recording, members.sizes))}
     return tuple(part for part in PARTS if part in found)
 
 
@@ -49,8 +42,8 @@ def read_archive(path: Path, *, split: str | None, binning: Binning) -> Recordin
         members.check_sizes(names)
         spikes, seconds, binned = _read(members, names, binning)
         # Classes of all parts: one may be missing from this part.
-        class_names, class_of = classes_of([name for name in members.sizes if is_recording(name)])
-    labels = [label_in_name(PurePosixPath(name).name) for name in names]
+        class_names, class_of = member_names.classes_of([*filter(member_names.is_recording, members.sizes)])
+    labels = [member_names.label_in_name(PurePosixPath(name).name) for name in names]
     if class_names is not None and not any(label is not None for label in labels):
         labels = [class_names.index(class_of(name)) for name in names]
     else:
@@ -61,22 +54,26 @@ def read_archive(path: Path, *, split: str | None, binning: Binning) -> Recordin
 
 def _chosen(members: Members, split: str | None) -> list[str]:
     """Return the names of the recordings of a part, in order."""
-    names = [name for name in members.sizes if is_recording(name)]
-    parts = [part for part in PARTS if any(part_of(name) == part for name in names)]
+    names = [name for name in members.sizes if member_names.is_recording(name)]
+    parts = [part for part in PARTS if any(member_names.part_of(name) == part for name in names)]
     if split is None and parts:
         split = "test" if "test" in parts else parts[0]
     if split is not None and split not in parts:
         has = f"it has {' and '.join(parts)}" if parts else "it is not divided"
         fix = did_you_mean(split, parts or PARTS)
         raise InputError(members.where, f"there is no part {split!r}", measured=has, fix=fix)
-    chosen = [name for name in names if split is None or part_of(name) == split]
+    chosen = [name for name in names if split is None or member_names.part_of(name) == split]
     kinds = sorted({PurePosixPath(name).suffix for name in chosen})
+    others = member_names.other_arrays(members.sizes)
+    if others and set(kinds) <= {".npy"}:
+        fix = "Rename it to sample_<i>.npy or sample_<i>_label_<k>.npy, or move it away."
+        raise InputError(members.where, f"{others[0][:80]!r} is not named as recordings are", fix=fix)
     if not chosen:
         fix = "Give sample_<i>.npy or sample_<i>_label_<k>.npy files, or one .npz file."
         raise InputError(members.where, "no recordings inside", fix=fix)
     if len(kinds) > 1:
         raise _several(members, ", ".join(kinds))
-    return sorted(chosen, key=in_turn)
+    return sorted(chosen, key=member_names.in_turn)
 
 
 def _several(members: Members, kinds: str) -> InputError:

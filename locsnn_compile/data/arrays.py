@@ -19,7 +19,7 @@ from locsnn_compile.data.member_names import label_in_name
 from locsnn_compile.data.recordings import MAX_ELEMENTS, Recordings, same
 from locsnn_compile.data.tensors import Tensor
 from locsnn_compile.data.torch_file import load_plain
-from locsnn_compile.errors import InputError
+from locsnn_compile.errors import InputError, counted
 
 #: Entries of ``.npz`` and ``.pt`` files that are not the recordings.
 _BESIDE = ("labels", "step_seconds", "class_names", "axes")
@@ -111,7 +111,7 @@ def _npz_entries(data: bytes, where: str) -> dict[str, AnyArray]:
     ):
         files, unpacked = archive.namelist(), archive.unpacked_bytes
         if unpacked > 8 * MAX_ELEMENTS or len(files) > 100:
-            measured = f"{unpacked} bytes in {len(files)} entries"
+            measured = f"{unpacked} bytes in {counted(len(files), 'entry', 'entries')}"
             raise InputError(where, "it is too large", measured=measured, fix="Give fewer recordings.")
         names = {file: file.removesuffix(".npy") for file in files}
         if len(set(names.values())) < len(names):

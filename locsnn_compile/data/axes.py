@@ -10,7 +10,7 @@ import numpy as np
 from hw_model.values import AnyArray
 from locsnn_compile.data.recordings import MAX_ELEMENTS
 from locsnn_compile.data.sensor import POLARITIES, TAXELS
-from locsnn_compile.errors import InputError, check_most
+from locsnn_compile.errors import InputError, check_most, counted
 
 Order = tuple[str, ...]
 AXES = ("samples", "steps", "channels", "rows", "columns", "taxels", "polarities")
@@ -50,7 +50,7 @@ def to_step_major(array: AnyArray, where: str, channels: int | None = None, orde
         check_axes(array, where, channels)
         order = _READ.get(array.ndim, ((),))[-1 if is_one(array.shape, channels) else 0]
     if array.ndim != len(order):
-        measured = f"{array.ndim} axes against {len(order) or '2 to 4'}"
+        measured = f"{counted(array.ndim, 'axis', 'axes')} against {len(order) or '2 to 4'}"
         usual = "(samples, channels, steps) or (samples, taxels, polarities, steps)"
         fix = f"Give {'(' + ', '.join(order) + ')' if order else usual}."
         raise InputError(where, "its shape is not one of recordings", measured=measured, fix=fix)

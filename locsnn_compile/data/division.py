@@ -96,6 +96,8 @@ def _rows_of_files(path: Path, fold: int, samples: int) -> list[IntArray]:
     for part in PARTS:
         file = path.with_name(f"{part}_80_20_{fold}.txt")
         where = f"file {file.name!r}"
+        if not file.exists():
+            raise InputError(where, "it does not exist, but the file of the other part does", fix="Give both.")
         try:
             rows = [[int(word) for word in line.split()] for line in read_bytes(file, where).splitlines()]
         except ValueError:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from hw_model.values import AnyArray, IntArray
 from locsnn_compile.data.event_stream import MAX_EVENTS, Binning, EventStream, bin_streams
 from locsnn_compile.data.recordings import Recordings
-from locsnn_compile.errors import InputError, check_most
+from locsnn_compile.errors import InputError, check_most, counted
 
 _FIX = "Give the fields t (microseconds), x, y where there is one, and p (0 or 1)."
 #: Largest x and y.
@@ -38,7 +38,7 @@ def parse_structured(array: AnyArray, where: str) -> EventStream:
     """
     names = array.dtype.names or ()
     if array.ndim != 1 or not {"t", "x", "p"} <= set(names) <= {"t", "x", "y", "p"}:
-        shown = f"fields {', '.join(names)}"[:80] if array.ndim == 1 else f"{array.ndim} axes"
+        shown = f"fields {', '.join(names)}"[:80] if array.ndim == 1 else counted(array.ndim, "axis", "axes")
         raise InputError(where, "its values are not events", measured=shown, fix=_FIX)
     times = _whole(array, "t", 0, 2**53, where)
     x = _whole(array, "x", 0, MAX_PLACE, where)
@@ -72,7 +72,7 @@ def parse_slayer_events(data: bytes, suffix: str, where: str) -> EventStream:
     Any five bytes are an event. Raises ``InputError`` for bytes that end within an event.
     """
     if len(data) % EVENT_BYTES:
-        measured = f"{len(data)} bytes, {EVENT_BYTES} per event"
+        measured = f"{counted(len(data), 'byte')}, {EVENT_BYTES} per event"
         raise InputError(where, "it ends within an event", measured=measured, fix="Give a whole file.")
     fields = np.frombuffer(data, dtype=np.uint8).reshape(-1, EVENT_BYTES).astype(np.int64).T
     times = (fields[2] & 0x7F) << 16 | fields[3] << 8 | fields[4]

@@ -6,7 +6,7 @@ events is a recording whatever its name, a ``.npy`` file if it is called ``sampl
 """
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path, PurePosixPath
 
 from locsnn_compile.data.tact import SLIP_CLASSES
@@ -24,6 +24,12 @@ def is_recording(name: str) -> bool:
     """Tell whether a file is read as a recording."""
     file = PurePosixPath(name)
     return file.suffix in EVENT_SUFFIXES or _ARRAY.fullmatch(file.name) is not None
+
+
+def other_arrays(names: Iterable[str]) -> list[str]:
+    """Return arrays that are not read as recordings, because of their names; hidden files, as of macOS, are none."""
+    files = {name: PurePosixPath(name).name for name in names}
+    return [name for name, file in files.items() if file.endswith(".npy") and file[0] != "." and not is_recording(file)]
 
 
 def recording_files(folder: Path) -> list[Path]:

@@ -13,6 +13,7 @@ MAX_VALUES = 2_000_000
 """Largest number of opcodes of a pickle, and of values that it unfolds to; 16 characters of text count as one value."""
 MAX_DEPTH = 200
 MAX_KEY = 16
+_PROTOCOL = 2
 
 _KEYS = frozenset((str, int, float, bool, bytes, type(None)))
 _PLAIN = frozenset(("BININT", "BININT1", "BININT2", "LONG1", "BINFLOAT", "BINUNICODE"))
@@ -89,7 +90,10 @@ def read_pickle(
             stack.pop()
         elif name == "BINPERSID":
             stack.append(stored(stack.pop()))
-        elif name not in ("PROTO", "STOP"):
+        elif name == "PROTO":
+            fix = "Save it with torch.save, without pickle_protocol."
+            check_most(arg, _PROTOCOL, budget.where, "its pickle has a newer protocol than torch's own", fix=fix)
+        elif name != "STOP":
             raise RefusedError(f"opcode {name}")
     (value,) = stack
     _check_tree(value, Budget(budget.where))

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from hw_model.io.files import near
 from hw_model.io.given import checked
 from locsnn_compile.data.archives import archive_parts, read_archive
 from locsnn_compile.data.arrays import HDF5_SUFFIXES, labels_beside, read_arrays
@@ -113,7 +114,7 @@ def _file_of(path: Path) -> Path:
 
 def _check_file(path: Path) -> None:
     if not path.exists():
-        raise InputError(f"file {path.name!r}", "it does not exist", fix="Check the path.")
+        raise InputError(f"file {path.name!r}", "it does not exist", fix=near(path, "Check the path."))
     if path.suffix not in _SUFFIXES:
         fix = f"Give one of: {', '.join(_SUFFIXES)}, or a folder."
         raise InputError(f"file {path.name!r}", "its kind is not known", measured=f"ending {path.suffix!r}", fix=fix)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from hw_model.io.records import Must
 from hw_model.values import ByteArray, Frozen, IntArray, Shown, sealed
-from locsnn_compile.errors import InputError, check_most, check_same
+from locsnn_compile.errors import InputError, check_most, check_same, counted
 
 #: Largest set of recordings accepted, in array elements: four times the largest published tactile set.
 MAX_ELEMENTS = 200_000_000
@@ -53,16 +53,11 @@ class Binned(Frozen):
     def words(self) -> str:
         """How many events are lost, and why."""
         bins = "" if self.threshold is None else f", {self.below} in bins of at most {self.threshold}"
-        return f"{self.dropped} of {self.events} events dropped: {self.outside} outside the steps{bins}"
+        return f"{self.dropped} of {counted(self.events, 'event')} dropped: {self.outside} outside the steps{bins}"
 
     def document(self) -> dict[str, int | None]:
         """Return the figures as plain values, for JSON."""
         return {**vars(self), "dropped": self.dropped}
-
-
-def so_many(count: int, kind: str = "recording") -> str:
-    """Return ``1 recording``, ``2 recordings``."""
-    return f"{count} {kind}{'' if count == 1 else 's'}"
 
 
 class Recordings(Shown):
@@ -168,8 +163,10 @@ def _clean_labels(where: str, labels: NDArray[np.generic], samples: int) -> IntA
     check_same(labels.shape, (samples,), where, "labels and recordings differ in number", fix=fix)
     values = labels.astype(np.float64) if labels.dtype.kind in "iuf" else np.full(samples, np.nan)
     # Written so that NaN is refused as well.
-    if not ((values == np.floor(values)) & (values >= 0) & (values <= MAX_LABEL)).all():
-        raise InputError(where, "its labels are not class numbers", measured=f"dtype {labels.dtype}", fix=fix)
+    wrong = ~((values == np.floor(values)) & (values >= 0) & (values <= MAX_LABEL))
+    if wrong.any():
+        measured = f"{str(labels[wrong][0])[:40]} of recording {int(wrong.argmax())} against 0..{MAX_LABEL}"
+        raise InputError(where, "its labels are not class numbers", measured=measured, fix=fix)
     return sealed(labels.astype(np.int64))
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from hw_model.io.records import RecordReader, between
 from hw_model.io.yaml_text import read_mapping
 from hw_model.values import FloatArray, Frozen, IntArray
-from locsnn_compile.errors import InputError, check_same
+from locsnn_compile.errors import InputError, check_same, counted
 
 #: Largest number of channels of a sensor: a few times what any published tactile sensor has.
 MAX_CHANNELS = 4_096
@@ -69,10 +69,11 @@ class SensorLayout(Frozen):
         if self.taxels % (self.columns or 1):
             raise self._refused("its last row is not full", f"{self.taxels} taxels")
         if self.columns is not None and self.positions is not None:
-            raise self._refused("it is a grid, whose positions are known, and has others", f"{self.columns} columns")
+            what = "it is a grid, whose positions are known, and has others"
+            raise self._refused(what, counted(self.columns, "column"))
         for what, entries in (("positions", self.positions), ("names", self.names)):
             if entries is not None and not len(entries) == len(set(entries)) == self.taxels:
-                counts = f"{len(set(entries))} different ones against {self.taxels} taxels"
+                counts = f"{len(set(entries))} different ones against {counted(self.taxels, 'taxel')}"
                 raise self._refused(f"its {what} do not fit its taxels", counts)
 
     def _refused(self, what: str, measured: str) -> InputError:
@@ -146,7 +147,7 @@ def asked_layout(
         taxels, rest = divmod(channels, polarities or 1)
         if rest:
             raise InputError("channels", "2 polarities need an even number", measured=f"{channels}", fix="Correct it.")
-        return SensorLayout(f"{channels} channels", taxels, polarities or 1)
+        return SensorLayout(counted(channels, "channel"), taxels, polarities or 1)
     found = None if layout is None else read_layout(Path(layout))
     return found if found is None or polarities is None else replace(found, polarities=polarities)
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from hw_model.values import ByteArray, FloatArray, IntArray
 from locsnn_compile.data.event_stream import STEP_SECONDS, EventStream
-from locsnn_compile.errors import InputError
+from locsnn_compile.errors import InputError, counted
 
 CELLS = 80
 MISSING_CELLS = (17, 49)
@@ -112,5 +112,6 @@ def _stretch(data: bytes, where: str) -> tuple[float, float]:
     grasping = named.get("grasping", times[3] if len(times) == len(PHASES) and not named else math.nan)
     if not math.isfinite(grasping):
         fix = f"Give the times of {', '.join(PHASES)}."
-        raise InputError(where, "it does not give the time of 'grasping'", measured=f"{len(times)} numbers", fix=fix)
+        what, measured = "it does not give the time of 'grasping'", counted(len(times), "number")
+        raise InputError(where, what, measured=measured, fix=fix)
     return grasping, GRASP_SECONDS

@@ -16,7 +16,8 @@ from locsnn_compile.data.plain_pickle import Budget, RefusedError, read_pickle
 from locsnn_compile.data.tensors import Storage, Tensor, named, rebuilt, width_of
 from locsnn_compile.errors import InputError
 
-_ARCHIVE, _MAGIC, _PROTOCOL = b"PK\x03\x04", b"\x8a\nl\xfc\x9cF\xf9 j\xa8P\x19.", 1001
+_ARCHIVE, _PICKLE, _PROTOCOL = b"PK\x03\x04", b"\x80", 1001
+_MAGIC = b"\x8a\nl\xfc\x9cF\xf9 j\xa8P\x19."
 
 
 def load_plain(data: bytes, where: str, *, fix: str) -> object:
@@ -82,6 +83,9 @@ def _from_archive(data: bytes, where: str, fix: str, budget: Budget) -> object:
 def _from_stream(data: bytes, budget: Budget) -> object:
     """Return the value of a file of the old format."""
     if data[2 : 2 + len(_MAGIC)] != _MAGIC:
+        if data.startswith(_PICKLE):
+            what = "it is a pickle that torch.save did not write, and nothing in it was run"
+            raise InputError(budget.where, what, fix="Save tensors with torch.save.")
         raise ValueError("another magic number")
     stream = io.BytesIO(data)
     stream.seek(2 + len(_MAGIC))

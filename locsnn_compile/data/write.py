@@ -14,7 +14,7 @@ from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.sensor import POLARITIES, TAXELS
 from locsnn_compile.data.tact import CHANNELS, GRASP_SECONDS, tact_text
 from locsnn_compile.data.torch_writer import torch_bytes
-from locsnn_compile.errors import InputError, check_known
+from locsnn_compile.errors import InputError, check_known, counted
 
 MEMBER_KINDS = ("npy", "events", "bs1", "bs2", "tact")
 """What the files of a folder or archive may be; ``events`` are structured arrays in ``.npy`` files."""
@@ -146,7 +146,7 @@ def _one_file(recordings: Recordings, index: int, kind: str, stem: str, where: s
 def _tact_files(recordings: Recordings, index: int, stem: str, where: str) -> dict[str, bytes]:
     spikes = recordings.spikes[index]
     if spikes.shape[1] not in (CHANNELS, CHANNELS // 2):
-        measured = f"{spikes.shape[1]} channels against {CHANNELS // 2} or {CHANNELS}"
+        measured = f"{counted(spikes.shape[1], 'channel')} against {CHANNELS // 2} or {CHANNELS}"
         raise InputError(where, "raw text holds one or two fingertips", measured=measured, fix="Write .npz.")
     if not spikes.any():
         raise InputError(where, f"recording {index} is silent, which raw text cannot say", fix="Write .npz.")

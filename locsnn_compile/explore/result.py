@@ -8,8 +8,10 @@ seconds that the engines took there.
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
+from functools import partial
 from typing import Any
 
+from hw_model.simulation import Engine
 from locsnn_compile.cluster.spread import code_version
 from locsnn_compile.explore.events import Chosen
 from locsnn_compile.explore.exploration import Exploration
@@ -130,14 +132,13 @@ def timings_picture(found: Exploration) -> bytes:
     panels = []
     for engine in found.study.engines:
         many = max(point.timings[engine].recordings for point in found.points if point.figures)
-
-        def nanoseconds(point: Point, figures: Figures, engine: str = engine) -> float:
-            return 1e9 * point.timings[engine].seconds
-
-        panels.append(
-            _panel(found, f"simulation time per recording, engine {engine}, {many} at a time", time, nanoseconds)
-        )
+        title = f"simulation time per recording, engine {engine}, {many} at a time"
+        panels.append(_panel(found, title, time, partial(_nanoseconds, engine)))
     return _picture(found, "time in the simulator", panels)
+
+
+def _nanoseconds(engine: Engine, point: Point, _: Figures) -> float:
+    return 1e9 * point.timings[engine].seconds
 
 
 def _picture(found: Exploration, what: str, panels: tuple[Panel, ...] | list[Panel]) -> bytes:
@@ -221,10 +222,5 @@ def _cells(point: Point) -> list[str]:
 def _aligned(rows: Sequence[Sequence[str]], names: int) -> list[str]:
     """Return rows with aligned columns: the first ``names`` columns to the left, the others to the right."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return [
-        "  ".join(
-            cell.ljust(width) if i < names else cell.rjust(width)
-            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in rows
-    ]
+    forms = [f"{'<' if i < names else '>'}{width}" for i, width in enumerate(widths)]
+    return ["  ".join(map(format, row, forms)).rstrip() for row in rows]

@@ -8,7 +8,7 @@ import numpy as np
 from scipy import sparse
 
 from hw_model.values import AnyArray, Frozen
-from locsnn_compile.errors import InputError, check_most
+from locsnn_compile.errors import InputError, check_most, counted
 
 Shape = tuple[int, ...]
 Ints = tuple[int, ...]
@@ -116,7 +116,7 @@ def _check_convolution(weight: AnyArray, input_shape: Shape, window: Window, gro
         fix = "Give a shape (channels, ...)."
         raise InputError(where, "its input is not an image of the kernel's axes", measured=measured, fix=fix)
     if groups < 1 or input_shape[0] != weight.shape[1] * groups or weight.shape[0] % groups:
-        measured = f"{input_shape[0]} channels, {groups} groups, weight {weight.shape}"
+        measured = f"{counted(input_shape[0], 'channel')}, {counted(groups, 'group')}, weight {weight.shape}"
         fix = "Correct the groups."
         raise InputError(where, "channels and groups do not fit the weight", measured=measured, fix=fix)
     stride, padding, dilation = window.stride, window.padding, window.dilation

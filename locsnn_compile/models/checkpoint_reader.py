@@ -20,16 +20,8 @@ from locsnn_compile.data.sensor import POLARITIES, TAXELS, SensorLayout, neutouc
 from locsnn_compile.data.tensors import Tensor
 from locsnn_compile.data.torch_file import load_plain
 from locsnn_compile.errors import InputError
-from locsnn_compile.models.checkpoint import (
-    CHIP_VERSION,
-    FORMAT,
-    OPTIONAL,
-    VERSION,
-    Checkpoint,
-    Pack,
-    Plain,
-    check_weights,
-)
+from locsnn_compile.models import checkpoint
+from locsnn_compile.models.checkpoint import CHIP_VERSION, VERSION, Checkpoint, Pack, Plain
 from locsnn_compile.models.chip_entry import ChipNumbers, parse_chip_entry
 from locsnn_compile.models.description import InputLayout, LifParameters, NetworkDescription, Neuron, NeuronParameters
 from locsnn_compile.models.graph_and_windows import GraphParameters, WindowParameters
@@ -96,7 +88,7 @@ def _is_state_dict(values: object) -> bool:
 
 def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Checkpoint:
     """Return the checkpoint that the plain dict ``values`` describes, every entry checked."""
-    if not isinstance(values, dict) or values.get("format") != FORMAT:
+    if not isinstance(values, dict) or values.get("format") != checkpoint.FORMAT:
         raise file_fault(where, "it is not a checkpoint of this project", _seen(values))
     version = values.get("version")
     against = f"version {version} against {VERSION}"
@@ -105,7 +97,7 @@ def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Ch
     more: dict[object, dict[str, tuple[type, ...]]]
     integers: dict[str, tuple[type, ...]] = {"chip": (dict,)}
     more = {CHIP_VERSION: integers, VERSION: {"graph": (dict, type(None))} | (integers if "chip" in values else {})}
-    optional = {name: (kind,) for name, kind in OPTIONAL.items() if name in values}
+    optional = {name: (kind,) for name, kind in checkpoint.OPTIONAL.items() if name in values}
     check_keys(where, "", values, _KEYS | (more.get(version, {}) if is_whole(version) else {}) | optional)
     if version not in (1, *more):
         raise file_fault(where, "its version does not exist", against)
@@ -214,7 +206,7 @@ def _weights(
             stored = f"{tensor.layout.removeprefix('torch.')} on {tensor.device}"
             raise file_fault(place, f"its weights are not dense {kind}", f"got {tensor.dtype}, {stored}")
         array = np.array(tensor.array(), dtype=np.float32 if chip is None else np.int64, order="C")
-        check_weights(place, array, None if chip is None else chip.populations[name])
+        checkpoint.check_weights(place, array, None if chip is None else chip.populations[name])
         array.setflags(write=False)
         weights[name] = array
     return weights

@@ -13,6 +13,7 @@ import numpy as np
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_BITS, WEIGHT_EXPONENTS, WeightGrid, weight_grid
 from hw_model.io.records import POSITIVE, Must, RecordReader, between
 from hw_model.values import AnyArray, Frozen, IntArray, picked
+from locsnn_compile.errors import counted
 from locsnn_compile.models.plain_checks import WRITE_AGAIN, file_fault
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm, Refractory
 from locsnn_compile.settings import TRAINABLE
@@ -153,8 +154,8 @@ def parse_chip_entry(
     for name, shape in shapes.items():
         part, strategy = parts[name], "reset" if name in windows else chip.strategy
         if len(part.own) > (most := _OWN_MOST[strategy]):
-            what, measured = f"it does not fit strategy {strategy!r}", f"{len(part.own)} synapses against 0..{most}"
-            raise file_fault(reader.place(f"chip.populations.{name}.own"), what, measured)
+            where, measured = f"chip.populations.{name}.own", f"{counted(len(part.own), 'synapse')} against 0..{most}"
+            raise file_fault(reader.place(where), f"it does not fit strategy {strategy!r}", measured)
         numbers = picked(part, "exponent", "weight_bits", "scale", "unit")
         found[name] = ChipPopulation(part.neuron(strategy, shape[0]), **numbers)
     return ChipNumbers(chip.target, chip.strategy, found, chip.registers)

@@ -13,7 +13,7 @@ from scipy import sparse
 
 from hw_model.io.records import AT_LEAST_ONE, Checked, between
 from hw_model.values import IntArray
-from locsnn_compile.errors import InputError, check_most
+from locsnn_compile.errors import InputError, check_most, counted
 from locsnn_compile.models.plain_checks import require_rising, rises
 
 HEARD_BY_OUTPUT = 1_024
@@ -49,7 +49,7 @@ class WindowParameters(Checked):
     def starts(self, steps: int) -> IntArray:
         """Return the first step of every window in a recording of ``steps`` steps; ``InputError`` if none fits."""
         if steps < self.steps:
-            measured = f"{steps} steps against {self.steps}"
+            measured = f"{counted(steps, 'step')} against {self.steps}"
             fix = "Take shorter windows (window_steps)."
             raise InputError("recordings", "they are shorter than one window", measured=measured, fix=fix)
         return np.arange(0, steps - self.steps + 1, self.stride, dtype=np.int64)

@@ -7,7 +7,7 @@ import numpy as np
 from hw_model.io.given import check_fields
 from hw_model.io.records import POSITIVE
 from hw_model.values import AnyArray
-from locsnn_compile.errors import InputError, check_same
+from locsnn_compile.errors import InputError, check_same, counted
 from locsnn_compile.network.network import MOST, InputView, Network, Population
 from locsnn_compile.network.neurons import TAPS, Neuron
 from locsnn_compile.network.projections import ChipProjection, Projection, values_of
@@ -94,7 +94,7 @@ def _check_view(view: InputView, network: Network) -> None:
         raise InputError(where, "its location order is not a permutation of the channels", fix=fix)
     if not 1 <= view.together <= network.channels or view.lines % view.together:
         what = "channels visited together do not have equal lines of their own"
-        measured = f"{view.together} of {network.channels} channels on {view.lines} lines"
+        measured = f"{view.together} of {counted(network.channels, 'channel')} on {counted(view.lines, 'line')}"
         raise InputError(where, what, measured=measured, fix="Give lines for every time step of each.")
     if view.silence < 0:
         raise InputError(where, "its silence is negative", measured=f"{view.silence} steps", fix="Give 0 or more.")

@@ -13,6 +13,7 @@ from hw_model.mapping.graph import Axis
 from hw_model.program.text import array_text
 from hw_model.texts.pieces import Pieces
 from hw_model.values import FloatArray, IntArray
+from locsnn_compile.errors import counted
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm, Refractory
 from locsnn_compile.network.network import InputView, Network
 from locsnn_compile.network.neurons import Cuba, Leaky, Neuron, SoftCuba, SrmAlpha
@@ -94,7 +95,7 @@ def _refractory_text(part: Refractory) -> str:
 
 def _matrix_text(m: Matrix) -> str:
     values = values_of(m)
-    return (f"{len(values)} entries " if values.ndim == 1 else "") + array_text(values)
+    return (f"{counted(len(values), 'entry', 'entries')} " if values.ndim == 1 else "") + array_text(values)
 
 
 def _delay_text(delay: int | IntArray) -> str:

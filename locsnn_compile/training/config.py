@@ -258,5 +258,9 @@ def read_config(path: Path | str) -> dict[str, Any]:
     path = Path(path)
     where = f"config {path.name!r}"
     values = read_mapping(path, where, "Give the YAML file of a training run.")
-    config_from_mapping(values, where)
+    try:
+        config_from_mapping(values, where)
+    except InputError as error:
+        place = where if error.where == where else f"{where}, {error.where}"
+        raise InputError(place, error.what, measured=error.measured, fix=error.fix) from None
     return values

@@ -13,8 +13,8 @@ import torch
 from torch import Tensor
 
 from hw_model.values import ByteArray, FloatArray, IntArray
-from locsnn_compile.data.recordings import Recordings, so_many
-from locsnn_compile.errors import InputError
+from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.errors import InputError, counted
 from locsnn_compile.models.touch_model import TouchModel
 from locsnn_compile.training.config import TrainingConfig
 
@@ -187,7 +187,7 @@ def check_events(recordings: Recordings) -> None:
     """Refuse training recordings if none of them has an event."""
     if not recordings.spikes.any():
         lost = recordings.binned is not None and recordings.binned.dropped > 0
-        measured = recordings.binned.words if recordings.binned and lost else so_many(len(recordings))
+        measured = recordings.binned.words if recordings.binned and lost else counted(len(recordings), "recording")
         fix = "Lower --threshold, or give more --steps." if lost else "Give recordings with events."
         raise InputError(f"recordings {recordings.source!r}", "none of them has an event", measured=measured, fix=fix)
 
@@ -200,7 +200,8 @@ def data_remarks(recordings: Recordings, classes: int, config: TrainingConfig) -
     counts = np.bincount(labels, minlength=classes)
     heard = np.bincount(labels[recordings.spikes.any(axis=(1, 2))], minlength=classes)
     if empty := len(labels) - int(heard.sum()):
-        found.append(f"{empty} of {so_many(len(recordings))} to train on {'has' if empty == 1 else 'have'} no event.")
+        of = f"{empty} of {counted(len(labels), 'recording')}"
+        found.append(f"{of} to train on {'has' if empty == 1 else 'have'} no event.")
     silent = np.flatnonzero((counts > 0) & (heard == 0))
     found += [f"No recording of {recordings.called(label)} has an event." for label in silent[:_NAMED]]
     missing = np.flatnonzero(counts == 0)
@@ -212,7 +213,8 @@ def data_remarks(recordings: Recordings, classes: int, config: TrainingConfig) -
     if np.count_nonzero(counts) == 1:
         found.append(f"All recordings to train on have label {most}: there is nothing to tell apart.")
     if counts[most] >= _UNEVEN * counts[least] and config.class_weights == "equal":
-        uneven = f"{recordings.called(most)} has {so_many(counts[most])}, {recordings.called(least)} {counts[least]}"
+        uneven = f"{recordings.called(most)} has {counted(counts[most], 'recording')}"
+        uneven += f", {recordings.called(least)} {counts[least]}"
         found.append(f"To train on, {uneven}: balanced class weights make labels count alike.")
     if counts[most] == 1 and config.validation_fraction > 0:
         found.append("Every label has one recording to train on: none was held back, and the last epoch was taken.")
@@ -227,7 +229,8 @@ def result_remarks(network: TouchModel, recordings: Recordings) -> list[str]:
     if (scores == scores[:, :1]).all() and scores.shape[1] > 1:
         spiking = network.description.structure.spiking and network.description.structure.neurons != "windows"
         what = "No output neuron spikes" if spiking else "All class scores are equal"
-        return [f"{what} in any of the {so_many(len(labels))} it was trained on: every prediction is a tie."]
+        trained = f"in any of the {counted(len(labels), 'recording')} it was trained on"
+        return [f"{what} {trained}: every prediction is a tie."]
     accuracy = float((scores.argmax(axis=1) == labels).mean())
     return chance_remarks(accuracy, labels, "it was trained on")
 
@@ -238,6 +241,6 @@ def chance_remarks(accuracy: float, labels: IntArray, which: str) -> list[str]:
     if chance == 1 or accuracy > chance + _LIKELY * math.sqrt(chance * (1 - chance) / len(labels)):
         return []
     return [
-        f"Accuracy {accuracy:.3f} on the {so_many(len(labels))} {which} cannot be told from chance, "
+        f"Accuracy {accuracy:.3f} on the {counted(len(labels), 'recording')} {which} cannot be told from chance, "
         f"{chance:.3f} for the commonest label."
     ]

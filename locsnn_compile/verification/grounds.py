@@ -3,7 +3,8 @@
 from collections.abc import Iterator
 
 from hw_model.values import Frozen
-from locsnn_compile.data.recordings import Binned, Origin, Recordings, so_many
+from locsnn_compile.data.recordings import Binned, Origin, Recordings
+from locsnn_compile.errors import counted
 from locsnn_compile.network.network import Network
 
 
@@ -42,11 +43,11 @@ def _of_recordings(network: Network, recordings: Recordings) -> Iterator[str]:
             "others may be lower."
         )
     if recordings.threshold is not None and network.event_threshold is None:
-        bins = f"A bin of more than {recordings.threshold} events is 1, the default"
+        bins = f"A bin of more than {counted(recordings.threshold, 'event')} is 1, the default"
         yield f"{bins}, because the model does not say (--threshold)."
     steps = recordings.spikes.shape[1]
     if not network.any_length and steps < network.steps:
-        yield f"The recordings have {steps} steps; silence follows, up to the {network.steps} of the model."
+        yield f"The recordings have {counted(steps, 'step')}; silence follows, up to the {network.steps} of the model."
 
 
 def _of_step(network: Network, known: float | None) -> Iterator[str]:
@@ -62,11 +63,11 @@ def _of_step(network: Network, known: float | None) -> Iterator[str]:
 def _of_calibration(network: Network, recordings: Recordings, calibration: Recordings) -> Iterator[str]:
     if not network.has_float_weights:
         return
-    on = f"{so_many(len(calibration))} that the model carries"
+    on = f"{counted(len(calibration), 'recording')} that the model carries"
     if calibration is recordings:
         on = "the recordings of the check itself"
     elif calibration.origin == "made up":
-        on = f"{so_many(len(calibration), 'made-up recording')} ({calibration.source})"
+        on = f"{counted(len(calibration), 'made-up recording')} ({calibration.source})"
     elif calibration.origin == "given":
         return
     yield f"The program was calibrated on {on}: its weights and settings suit these. Give others with --calibration."

@@ -128,7 +128,7 @@ def test_a_build_replaces_the_one_before_and_leaves_other_files(few, tmp_path):
         pytest.param("--min-agreement", "1.1", lambda report: f"prediction agreement is {report['match']['prediction_agreement']:.4f}, below 1.1", id="agreement"),
         pytest.param("--max-spike-error", "0", lambda report: f"{1 - report['match']['spike_agreement']:.4f} of the spikes differ, above 0", id="spikes"),
         pytest.param("--max-cores", "2", None, id="cores kept"),
-        pytest.param("--max-cores", "1", lambda report: "2 cores are used, above 1", id="cores"),
+        pytest.param("--max-cores", "1", lambda report: "the program takes 2 cores, above 1", id="cores"),
         pytest.param("--max-energy-nj", "1", lambda report: f"a recording takes {report['energy']['per_sample_pj'] / 1e3:.1f} nJ, above 1", id="energy"),
         pytest.param("--max-latency-us", "1e6", None, id="latency kept"),
         pytest.param("--max-latency-us", "1", lambda report: f"a recording takes {report['latency']['per_sample_ns'] / 1e3:.1f} µs, above 1", id="latency"),
@@ -174,7 +174,7 @@ def test_gates_as_junit_xml(few, tmp_path, capsys):
     failed = {
         name: case.find("failure").get("message") for name, case in cases.items() if case.find("failure") is not None
     }
-    assert failed["--max-cores"] == "2 cores are used, above 1"
+    assert failed["--max-cores"] == "the program takes 2 cores, above 1"
     lines = [f"gate failed: {name}: {message}.\n" for name, message in failed.items()]
     assert capsys.readouterr().err == "".join(lines)
     assert cases["--max-latency-us"].find("system-out").text.startswith("a recording takes ")

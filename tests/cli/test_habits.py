@@ -153,6 +153,8 @@ TYPED = [
     ("data", (main, "train", "--data", "./no/such.npz"), "file './no/such.npz': it does not exist. Check the path."),
     ("a configuration", (main, "train", "--data", TOUCHES, "--config", "a/b.yaml"), "config 'a/b.yaml': it cannot be read (No such file or directory). Check the path."),
     ("a name", (compile_main, "such.pt"), "checkpoint 'such.pt': it cannot be read (No such file or directory). Check the path."),
+    ("a model mistyped", (compile_main, MODEL.replace("hybrid", "hybird")), f"checkpoint {MODEL.replace('hybrid', 'hybird')!r}: it cannot be read (No such file or directory). Did you mean {MODEL!r}?"),
+    ("a folder mistyped", (main, "events", TOUCHES.replace("recordings", "recording")), f"file {TOUCHES.replace('recordings', 'recording')!r}: it does not exist. Did you mean {TOUCHES!r}?"),
     ("two of one name", (compile_main, "a/such.pt", "--events", "b/such.pt"), "checkpoint 'such.pt': it cannot be read (No such file or directory). Check the path."),
 ]  # fmt: skip
 

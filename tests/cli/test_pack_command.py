@@ -165,4 +165,4 @@ def test_a_gate_on_several_models(tmp_path, capsys):
     copy = shutil.copy(MODELS[0], tmp_path / "again.pt")
     arguments = [MODELS[0], str(copy), "--events", TOUCHES, "--strategy", "dendrite", "--max-cores", "3", "--quiet"]
     assert compile_command.main([*arguments, "-o", str(tmp_path / "dir")]) == 3
-    assert capsys.readouterr().err == "gate failed: --max-cores: 4 cores are used, above 3.\n"
+    assert capsys.readouterr().err == "gate failed: --max-cores: the program takes 4 cores, above 3.\n"

@@ -19,7 +19,7 @@ ROWS = [
     ("--max-score-error", 0.25, 0.2499, "class scores differ by 0.2500 of their spread, not above 0.25", "class scores differ by 0.2500 of their spread, above 0.2499"),
     ("--max-energy-nj", 2.5, 2.4999, "a recording takes 2.5 nJ, not above 2.5", "a recording takes 2.5 nJ, above 2.4999"),
     ("--max-latency-us", 1.5, 1.4999, "a recording takes 1.5 µs, not above 1.5", "a recording takes 1.5 µs, above 1.4999"),
-    ("--max-cores", 3, 2, "3 cores are used, not above 3", "3 cores are used, above 2"),
+    ("--max-cores", 3, 2, "the program takes 3 cores, not above 3", "the program takes 3 cores, above 2"),
 ]  # fmt: skip
 
 

@@ -112,6 +112,14 @@ BAD: list[tuple[str, Callable[[Path], object], str]] = [
         "archive 'a.zip': no recordings inside. Give sample_<i>.npy or sample_<i>_label_<k>.npy files, or one .npz file.",
     ),
     (
+        "an array of another name",
+        lambda path: archive(
+            path, {"a/sample_0.npy": npy(ONE[0]), "b/touch.npy": npy(ONE[1]), "b/._sample_0.npy": b""}
+        ),
+        "archive 'a.zip': 'b/touch.npy' is not named as recordings are. "
+        "Rename it to sample_<i>.npy or sample_<i>_label_<k>.npy, or move it away.",
+    ),
+    (
         "empty folder",
         Path.mkdir,
         "folder 'a.zip': no recordings inside. Give sample_<i>.npy or sample_<i>_label_<k>.npy files, or one .npz file.",

@@ -80,14 +80,14 @@ FIX = "Give a binned array (samples, channels, steps) of zeros and ones."
             np.zeros((2, 3, 4)),
             np.array([0, -1]),
             None,
-            "its labels are not class numbers (dtype int64). Give one class number from 0 on per recording.",
+            "its labels are not class numbers (-1 of recording 1 against 0..100000). Give one class number from 0 on per recording.",
             id="negative label",
         ),
         pytest.param(
             np.zeros((2, 3, 4)),
             np.array([0, np.nan]),
             None,
-            "its labels are not class numbers (dtype float64). Give one class number from 0 on per recording.",
+            "its labels are not class numbers (nan of recording 1 against 0..100000). Give one class number from 0 on per recording.",
             id="NaN label",
         ),
         pytest.param(

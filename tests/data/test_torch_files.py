@@ -445,3 +445,20 @@ def test_a_file_that_is_cut_or_changed_is_read_or_refused(archive, step):
     for value in found.values() if isinstance(found, dict) else ():
         if isinstance(value, Tensor):
             value.array()
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (pickle.dumps({"spikes": [0, 1]}, protocol=4), "it is a pickle that torch.save did not write, and nothing in it was run. Save tensors with torch.save."),
+        (pickle.dumps({"spikes": [0, 1]}, protocol=2), "it is a pickle that torch.save did not write, and nothing in it was run. Save tensors with torch.save."),
+        (None, "its pickle has a newer protocol than torch's own (4 against 2). Save it with torch.save, without pickle_protocol."),
+    ],
+    ids=["a plain pickle", "one of torch's protocol", "torch's file with another protocol"],
+)  # fmt: skip
+def test_a_pickle_of_another_kind_says_what_it_is(data, message):
+    if data is None:
+        stream = io.BytesIO()
+        torch.save({"spikes": torch.zeros(2)}, stream, pickle_protocol=4)
+        data = stream.getvalue()
+    assert refusal(data) == f"file 'a.pt': {message}"

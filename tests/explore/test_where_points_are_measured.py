@@ -104,7 +104,7 @@ def test_processes_that_always_die_are_one_error(study, grid, monkeypatch):
     with pytest.raises(InputError) as caught, spread_over(None, 2) as processes:
         list(processes(partial(measure, study), grid[:1]))
     assert str(caught.value) == (
-        "--workers 2: its processes die (3 times in a row, 1 settings left). "
+        "--workers 2: its processes die (3 times in a row, 1 setting left). "
         "Give fewer workers, or fewer recordings with --recordings."
     )
 

@@ -294,7 +294,7 @@ REFUSED = [
     ("another kernel", other_kernel(5.0), "model 'model.pt', entry 'slayer.srmKernel': the kernel is not that of the config (0.541 apart). Give the YAML that this checkpoint was trained with."),
     ("kernels of no name", lambda f: write(f, {"fc1": weights(4, 6)}), "kernels 'short': are not known. Choose one of: cut, full."),
     ("kernels of integers", lambda f: write(f, {"fc1": weights(4, 6)}, LOIHI), "kernels 'cut': LOIHI neurons have no kernels. Leave the option out."),
-    ("a gap in the chain", lambda f: write(f, {"fc1": weights(4, 6), "fc2": weights(3, 5)}), "model 'model.pt', layer 'fc2': it does not follow 'fc1' (5 inputs against 4). Save the layers of one chain in their order."),
+    ("a gap in the chain", lambda f: write(f, {"fc1": weights(4, 6), "fc2": weights(3, 5)}), "model 'model.pt', layer 'fc2': its inputs are not the neurons of 'fc1' (5 against 4). Save the layers of one chain in their order."),
     ("a convolution", lambda f: write(f, {}, extra={"conv1.weight": torch.randn(3, 2, 4, 5, 2)}), "model 'model.pt', layer 'conv1': it is not a dense layer (weight (3, 2, 4, 5, 2)). Use slayer.dense layers, or list all layers in the YAML, as layer: [{dim: 34x34x2}, {dim: 16c5z}, ...]."),
     ("a list without an input", lambda f: listed(f, LISTED[1:])[:2], "config 'net.yaml', layer 0: dim '4c3z' is not supported there. Give the input first, as 34x34x2, then 16c5z, 2a or 10."),
     ("a list of fewer layers", lambda f: listed(f, LISTED[:3])[:2], "model 'model.pt': the YAML lists another number of layers (2 against 4). List the input and every layer that has weights."),

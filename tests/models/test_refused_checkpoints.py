@@ -94,7 +94,7 @@ BAD: list[tuple[str, Callable[[Path], object], str]] = [
     (
         "plain pickle",
         lambda path: path.write_bytes(pickle.dumps({"format": "locsnn-checkpoint"})),
-        f"it is damaged, truncated or not a torch file. {AGAIN}",
+        "it is a pickle that torch.save did not write, and nothing in it was run. Save tensors with torch.save.",
     ),
     (
         "hostile pickle",

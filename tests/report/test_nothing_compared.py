@@ -177,7 +177,7 @@ def test_the_json_output_has_the_gates(tmp_path: Path, capsys: pytest.CaptureFix
         {"name": "--min-agreement", "bound": 0.5, "measured": agreement, "passed": True},
         {"name": "--max-cores", "bound": 0, "measured": 1, "passed": False},
     ]
-    assert printed.err == "gate failed: --max-cores: 1 cores are used, above 0.\n"
+    assert printed.err == "gate failed: --max-cores: the program takes 1 core, above 0.\n"
     assert main([str(model), "-o", str(tmp_path / "out"), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["gates"] == []
 

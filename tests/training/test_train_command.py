@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import errno
+import os
 import re
 import subprocess
 import sys
@@ -153,6 +155,30 @@ def test_a_stopped_run_resumes(
     assert run(*options, "--resume", "-o", str(tmp_path / "small.pt")) == 0
     assert (tmp_path / "small.pt").read_bytes() == (tmp_path / "whole" / "small.pt").read_bytes()
     assert (tmp_path / "small.csv").read_bytes() == (tmp_path / "whole" / "small.csv").read_bytes()
+
+
+def test_a_disk_that_is_full_at_the_end_loses_no_epoch(
+    tmp_path: Path, data: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    options, written = ("--data", data, "--epochs", "1", "--hidden", "5", "--quiet"), Path.write_bytes
+
+    def full(path: Path, content: bytes) -> int:
+        if path.name.startswith(".small.pt.partial-"):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return written(path, content)
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    output = str(tmp_path / "small.pt")
+    assert main(["train", *options, "-o", output]) == 2
+    assert capsys.readouterr() == (
+        "",
+        f"checkpoint {output!r}: it cannot be written (No space left on device). "
+        "Make room or access, then go on with the same command and --resume.\n",
+    )
+    monkeypatch.undo()
+    assert sorted(path.name for path in tmp_path.glob("small*")) == ["small.csv", "small.pt.state", "small.svg"]
+    assert main(["train", *options, "--resume", "-o", output]) == 0
+    assert not (tmp_path / "small.pt.state").exists()
 
 
 def test_a_state_of_another_shape_is_refused_in_a_line(

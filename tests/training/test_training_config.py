@@ -59,42 +59,42 @@ def test_whole_numbers_serve_as_numbers() -> None:
         ),
         pytest.param(
             "model: hybird",
-            "training option 'model': 'hybird' is not known. Did you mean 'hybrid'?",
+            "config 'a.yaml', training option 'model': 'hybird' is not known. Did you mean 'hybrid'?",
             id="misspelt model",
         ),
         pytest.param(
             "epochs: 0",
-            "training option 'epochs': it must be a whole number from 1 to 100000 (got 0). Correct it.",
+            "config 'a.yaml', training option 'epochs': it must be a whole number from 1 to 100000 (got 0). Correct it.",
             id="no epochs",
         ),
         pytest.param(
             "window_levels: 1",
-            "training option 'window_levels': it must be text (got 1). Put it in quotes.",
+            "config 'a.yaml', training option 'window_levels': it must be text (got 1). Put it in quotes.",
             id="a number for text",
         ),
         pytest.param(
             "epochs: 2.5",
-            "training option 'epochs': it must be a whole number from 1 to 100000 (got 2.5). Correct it.",
+            "config 'a.yaml', training option 'epochs': it must be a whole number from 1 to 100000 (got 2.5). Correct it.",
             id="half an epoch",
         ),
         pytest.param(
             "learning_rate: .nan",
-            "training option 'learning_rate': it must be a number from 1e-09 to 1000 (got nan). Correct it.",
+            "config 'a.yaml', training option 'learning_rate': it must be a number from 1e-09 to 1000 (got nan). Correct it.",
             id="NaN",
         ),
         pytest.param(
             "learning_rate: fast",
-            "training option 'learning_rate': it must be a number from 1e-09 to 1000 (got 'fast'). Correct it.",
+            "config 'a.yaml', training option 'learning_rate': it must be a number from 1e-09 to 1000 (got 'fast'). Correct it.",
             id="a word for a number",
         ),
         pytest.param(
             "refit: 1",
-            "training option 'refit': it must be true or false (got 1). Correct it.",
+            "config 'a.yaml', training option 'refit': it must be true or false (got 1). Correct it.",
             id="number for a truth value",
         ),
         pytest.param(
             "hidden: true",
-            "training option 'hidden': it must be a whole number from 1 to 4096 (got True). Correct it.",
+            "config 'a.yaml', training option 'hidden': it must be a whole number from 1 to 4096 (got True). Correct it.",
             id="truth value for a number",
         ),
         pytest.param(

@@ -7,7 +7,7 @@ import numpy as np
 
 from hw_model.values import AnyArray, Frozen, IntArray
 from locsnn_compile.data.hdf5.read import Group, open_hdf5
-from locsnn_compile.errors import InputError
+from locsnn_compile.errors import InputError, counted
 
 MAX_LAYERS = 1000
 
@@ -70,7 +70,7 @@ def read_net(path: Path, where: str) -> tuple[NetFile, bytes]:
         if not all(name.isascii() and name.isdecimal() and len(name) < 6 for name in names):
             raise export_again(where, "its layers are not numbered", f"{names[:4]}"[:80])
         if not 0 < len(names) <= MAX_LAYERS or sorted(int(name) for name in names) != list(range(len(names))):
-            raise export_again(where, "its layers are not numbered 0, 1, 2, ...", f"{len(names)} layers")
+            raise export_again(where, "its layers are not numbered 0, 1, 2, ...", counted(len(names), "layer"))
         layers = []
         for name in sorted(names, key=int):
             place = f"{where}, layer {name}"

@@ -16,7 +16,7 @@ from scipy import sparse
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE
 from hw_model.values import IntArray, sealed
-from locsnn_compile.errors import InputError
+from locsnn_compile.errors import InputError, counted
 from locsnn_compile.frontends.lava_dl.layers import NetFile, NetLayer, export_again, read_net
 from locsnn_compile.frontends.linear_maps import Ints, Shape, Window, check_entries, check_shape, convolution, pooling
 from locsnn_compile.frontends.parts import STEPS, Parts, eight_bit_signs
@@ -149,7 +149,8 @@ def _weights(built: _Built, layer: NetLayer, where: str) -> tuple[Matrix, Shape,
         source = held.shape[1] if rows_first else -1
         if source < 1 or (built.shape is not None and math.prod(built.shape) != source):
             what = "its weight has the wrong shape"
-            raise export_again(where, what, f"{weight.shape} for {size} neurons and an input of {built.shape}")
+            measured = f"{weight.shape} for {counted(size, 'neuron')} and an input of {built.shape}"
+            raise export_again(where, what, measured)
         return matrix(held, np.int64), shape, source
     given = built.shape or _image_before(layer, weight.shape, shape, where)
     kernel = _kernel(layer, weight, where)

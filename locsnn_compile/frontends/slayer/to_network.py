@@ -26,23 +26,16 @@ from locsnn_compile.data.orders import channel_walk, location_order
 from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.data.tensors import FLOATS, Tensor
 from locsnn_compile.data.torch_file import load_plain
-from locsnn_compile.errors import InputError, check_known, check_most, check_same
+from locsnn_compile.errors import InputError, check_known, check_most, check_same, counted
 from locsnn_compile.frontends.parts import STEPS, VIEW_NAMES, Parts, eight_bit_signs, touch_fingertips
 from locsnn_compile.frontends.slayer.config import DEFAULT_ORDER, LoihiNeuron, SlayerConfig, axis_of, read_config
 from locsnn_compile.frontends.slayer.layers import check_kernels, cut, dense_layer, listed_layers
 from locsnn_compile.models.checkpoint import FORMAT
+from locsnn_compile.network import projections
 from locsnn_compile.network.chip_neurons import ChipCuba
 from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.network.neurons import SrmAlpha
-from locsnn_compile.network.projections import (
-    ChipProjection,
-    Matrix,
-    Projection,
-    matrix,
-    of_source,
-    values_of,
-    with_values,
-)
+from locsnn_compile.network.projections import ChipProjection, Matrix, Projection, matrix, values_of, with_values
 
 MAX_WEIGHTS = 50_000_000
 DELAY_MAX = 62
@@ -97,9 +90,9 @@ def load_slayer(path: Path, config: Path, kernels: str | None = None) -> Network
     chains = {axis: [layer for layer in layers if layer.axis == axis] for axis in VIEW_NAMES}
     chains = {axis: chain for axis, chain in chains.items() if chain}
     for before, after in (pair for chain in chains.values() for pair in pairwise(chain)):
-        what, fix = f"it does not follow {before.name!r}", "Save the layers of one chain in their order."
+        what, fix = f"its inputs are not the neurons of {before.name!r}", "Save the layers of one chain in their order."
         place, inputs = f"{where}, layer {after.name!r}", after.weights.shape[1]
-        check_same(inputs, before.size, place, what, unit="inputs", fix=fix)
+        check_same(inputs, before.size, place, what, fix=fix)
     steps = chains["location"][0].weights.shape[1] if "location" in chains else description.steps or STEPS
     channels = chains["time"][0].weights.shape[1] if "time" in chains else None
     parts = Parts()
@@ -142,7 +135,7 @@ def _walk(order: str, channels: int | None, where: str) -> tuple[Any, int]:
     fingertips = touch_fingertips(count)
     if fingertips is None:
         if order != "loop":
-            what, measured = f"order {order[:40]!r} is only for fingertips", f"{count} channels"
+            what, measured = f"order {order[:40]!r} is only for fingertips", counted(count, "channel")
             raise InputError(where, what, measured=measured, fix="Take loop.")
         return np.arange(count), count
     return channel_walk(location_order(order, neutouch())[1], neutouch(fingertips)), count
@@ -157,7 +150,8 @@ def _stated(
     if delays is not None:
         late = int(delays[0])
         if (delays != late).any():
-            late = np.array(np.broadcast_to(of_source(layer.weights, delays), values_of(layer.weights).shape))
+            of_each = projections.of_source(layer.weights, delays)
+            late = np.array(np.broadcast_to(of_each, values_of(layer.weights).shape))
     n = config.neuron_of(layer.name)
     if not isinstance(n, LoihiNeuron):
         return Population(layer.name, axis, size, n), Projection(source, layer.name, layer.weights, late)
@@ -231,7 +225,7 @@ def _attach(layers: list[_Layer], key: str, delay: Any, config: SlayerConfig, wh
                 layer.assumed += (f"Delays {key!r} above {DELAY_MAX} steps were cut to {DELAY_MAX}.",)
             return
     fix = "Give one per neuron."
-    raise InputError(where, "no layer gives as many spikes", measured=f"{steps.size} delays", fix=fix)
+    raise InputError(where, "no layer gives as many spikes", measured=counted(steps.size, "delay"), fix=fix)
 
 
 def _weights(tensors: Mapping[str, Any], name: str, where: str) -> FloatArray:

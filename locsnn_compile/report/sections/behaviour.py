@@ -72,7 +72,7 @@ def comparison(document: Document) -> Section:
     its = Table(
         "Operations per recording",
         ("network", "", "operations", "times the trained network", "times the program"),
-        tuple((name, Bar(share_of(n, most), f"{count(n)} operations"), count(n), *by) for name, n, *by in rows),
+        tuple((name, Bar(share_of(n, most), plural(n, "operation")), count(n), *by) for name, n, *by in rows),
     )
     priced = _ann_energy(document) if document["energy"]["profile"] else ()
     return section("comparison", its, *priced)
@@ -119,8 +119,8 @@ def _populations(document: Document) -> Table:
 def _helpers(helpers: Document) -> str:
     """Say which neurons were not compared."""
     spikes = [
-        f"{name} ({count(found['reference_spikes'])} spikes in the network, {count(found['chip_spikes'])} on the chip)"
-        for name, found in helpers.items()
+        f"{name} ({plural(of['reference_spikes'], 'spike')} in the network, {count(of['chip_spikes'])} on the chip)"
+        for name, of in helpers.items()
     ]
     return f"Not counted, because only the compiler needs these neurons and the model has none: {listed(spikes)}."
 

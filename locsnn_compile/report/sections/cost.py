@@ -6,7 +6,7 @@ For the open core cycles are exact, and activity stands in for energy that is no
 from typing import Any
 
 from locsnn_compile.report.content import Bar, Document, Facts, Section, Table, Verdict
-from locsnn_compile.report.format import count, energy, time
+from locsnn_compile.report.format import energy, plural, time
 from locsnn_compile.report.sections.cost_tables import ENERGY, TIME, by_branch, constants, shares, stack
 from locsnn_compile.report.sections.verdict import against_anns, pace
 from locsnn_compile.report.words import core_words, facts, section, sentence, share_of, table, verdict, words
@@ -99,7 +99,7 @@ def _cores(cores: list[Document], total: float) -> Table:
 
 def _links(links: list[Document]) -> Table:
     most = max(row["packets"] for row in links)
-    bars = (Bar(row["packets"] / most, f"{count(row['packets'])} packets") for row in links)
+    bars = (Bar(row["packets"] / most, plural(row["packets"], "packet")) for row in links)
     return table("links", (row | {"bar": bar} for row, bar in zip(links, bars, strict=True)))
 
 
