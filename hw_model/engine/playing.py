@@ -22,9 +22,8 @@ def read_streams(program: ChipProgram, spikes: Spikes) -> tuple[dict[str, ByteAr
     if isinstance(spikes, np.ndarray) or not isinstance(spikes, Mapping):
         spikes = {name: spikes for name in list(expected)[:1]}
     if spikes.keys() != expected.keys():
-        raise InputError(
-            "spikes", f"the program plays {', '.join(sorted(expected))}", fix="Give a mapping with one array for each."
-        )
+        what = f"the program plays {', '.join(sorted(expected))}"
+        raise InputError("spikes", what, fix="Give a mapping with one array for each.")
     arrays = {name: _stream(name, spikes[name], channels) for name, channels in expected.items()}
     shape, *others = (array.shape[:-1] for array in arrays.values())
     if any(other != shape for other in others):
@@ -48,9 +47,8 @@ def _stream(name: str, given: ArrayLike, channels: int) -> ByteArray:
     else:
         binary = array.dtype.kind in "bif" and bool(((array == 0) | (array == 1)).all())
     if not binary:
-        raise InputError(
-            where, "values other than 0 and 1", fix="Binarise the events; graded spikes do not exist here."
-        )
+        fix = "Binarise the events; graded spikes do not exist here."
+        raise InputError(where, "values other than 0 and 1", fix=fix)
     return array.astype(np.uint8, copy=False)
 
 

@@ -63,9 +63,8 @@ class Session:
     @checked
     def __init__(self, program: ChipProgram, psi: float | None = None) -> None:
         if program.readout is None:
-            raise InputError(
-                f"program {program.name!r}", "has no readout, so it predicts nothing", fix="Add a readout."
-            )
+            what = "has no readout, so it predicts nothing"
+            raise InputError(f"program {program.name!r}", what, fix="Add a readout.")
         self.program, self.psi = program, psi
         self._by_potential = program.readout.from_step
         self.steps = 0

@@ -147,9 +147,8 @@ def _check_options(args: Namespace) -> None:
     from locsnn_compile.report.gates import GATES
 
     if args.recording is not None and not set(args.emit) & set(OF_RECORDING):
-        raise InputError(
-            "--recording", "nothing emitted is of a single recording", fix=f"Add --emit {listed(OF_RECORDING, 'or')}."
-        )
+        fix = f"Add --emit {listed(OF_RECORDING, 'or')}."
+        raise InputError("--recording", "nothing emitted is of a single recording", fix=fix)
     if args.weights and len(args.model) < 2:
         raise InputError("--weights", "there is one model, with nothing to weigh it against", fix="Leave it out.")
     if args.probe and "vcd" not in args.emit:

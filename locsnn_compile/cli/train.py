@@ -53,9 +53,8 @@ def run(args: argparse.Namespace) -> int:
     output = Path(args.output)
     check_path(output, f"-o {args.output!r}")
     if output.suffix != ".pt" or output.is_dir() or not output.parent.is_dir():
-        raise InputError(
-            f"output {output.name or str(output)!r}", "it is not a .pt file in an existing folder", fix="Correct -o."
-        )
+        where, what = f"output {output.name or str(output)!r}", "it is not a .pt file in an existing folder"
+        raise InputError(where, what, fix="Correct -o.")
     from locsnn_compile.data.torch_writer import need_torch
     from locsnn_compile.models.checkpoint_reader import read_checkpoint
 
@@ -121,9 +120,8 @@ def _check_places(args: argparse.Namespace, output: Path) -> None:
     check_places(reads, [(option, path) for path in (output, *beside)])
     for path, mark in beside.items():
         if path.exists() and mark not in path.read_bytes():
-            raise InputError(
-                option, f"{path.name!r} next to it would be replaced, but no training wrote it", fix="Write elsewhere."
-            )
+            what = f"{path.name!r} next to it would be replaced, but no training wrote it"
+            raise InputError(option, what, fix="Write elsewhere.")
     if args.resume and not _state_path(output).exists():
         measured = f"no {_state_path(output).name!r}"
         raise InputError("--resume", "there is nothing to go on from", measured=measured, fix="Train without --resume.")

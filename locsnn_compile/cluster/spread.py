@@ -143,9 +143,8 @@ def connected(address: str) -> Iterator[Cluster]:
         distributed.comm.addressing.resolve_address(address)
         client: Any = distributed.Client(address, timeout=PATIENCE_SECONDS, set_as_default=False)  # type: ignore[no-untyped-call]
     except ValueError as error:
-        raise InputError(
-            where, f"it is not an address: {error}", fix="Give one such as tcp://127.0.0.1:8786."
-        ) from None
+        fix = "Give one such as tcp://127.0.0.1:8786."
+        raise InputError(where, f"it is not an address: {error}", fix=fix) from None
     except OSError:
         fix = "Start one with: dask scheduler"
         raise InputError(where, "no scheduler answers", measured=waited, fix=fix) from None

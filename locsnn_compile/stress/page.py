@@ -38,9 +38,8 @@ def write_page(path: Path, rows: Sequence[Row], chip: hw.Chip) -> None:
     try:
         (path.parent / PICTURES).mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(
-            where, "its folder cannot be made", measured=error.strerror or "", fix="Give a file that can be written."
-        ) from None
+        fix = "Give a file that can be written."
+        raise InputError(where, "its folder cannot be made", measured=error.strerror or "", fix=fix) from None
     for name, picture in drawn.items():
         replace_file(path.parent / PICTURES / name, picture, where)
     figures = [flatten(row) for row in stress_document(rows, chip)["rows"]]
@@ -63,13 +62,11 @@ def _around(path: Path, where: str) -> tuple[str, str]:
     except FileNotFoundError:
         page = _NEW
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(
-            where, "it cannot be read", measured=getattr(error, "strerror", "") or "not text", fix="Give a text file."
-        ) from None
+        measured = getattr(error, "strerror", "") or "not text"
+        raise InputError(where, "it cannot be read", measured=measured, fix="Give a text file.") from None
     if page.count(BEGIN) != 1 or page.count(END) != 1 or page.index(BEGIN) > page.index(END):
-        raise InputError(
-            where, "it has no place for the table", fix=f"Put the lines {BEGIN} and {END} there, or give a new file."
-        )
+        fix = f"Put the lines {BEGIN} and {END} there, or give a new file."
+        raise InputError(where, "it has no place for the table", fix=fix)
     return page[: page.index(BEGIN)], page[page.index(END) + len(END) :]
 
 

@@ -33,9 +33,8 @@ class Build(Frozen):
         """Return a number of the report by its dotted key; ``InputError`` if there is none."""
         value: Any = self.figures.get(key)
         if not _is_number(value):
-            raise InputError(
-                f"build {self.name!r}", f"report.json has no number {key!r}", fix="Compile it again with this version."
-            )
+            what, fix = f"report.json has no number {key!r}", "Compile it again with this version."
+            raise InputError(f"build {self.name!r}", what, fix=fix)
         return float(value)
 
     def share(self, key: str) -> float | None:
