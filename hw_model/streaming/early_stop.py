@@ -2,7 +2,8 @@
 silence.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import TypeVar
 
 import numpy as np
 
@@ -16,8 +17,10 @@ from hw_model.io.given import checked
 from hw_model.program.chip_program import ChipProgram
 from hw_model.simulation import SimulationResult, simulate
 from hw_model.streaming.proof import Proof, members_of
-from hw_model.streaming.session import Session, leads
+from hw_model.streaming.session import Session, StepScores, leads
 from hw_model.values import BoolArray, ByteArray, FloatArray, IntArray, Shown
+
+T = TypeVar("T")
 
 
 class Stops(Shown):
@@ -51,9 +54,8 @@ def stop_when_proven(program: ChipProgram, spikes: Spikes) -> Stops:
         raise InputError(f"program {program.name!r}", "has no readout, so nothing wins", fix="Read the spikes.")
     streams = _batch(program, spikes)
     groups = tuple(member for name in readout.populations for member in members_of(program, name))
-    by_spikes = tuple(name for name in readout.populations if name not in readout.from_step)
-    kept: dict[Kind, tuple[str, ...]] = {"u": groups, "v": groups, "spikes": by_spikes}
-    kept["potential"] = tuple(readout.from_step)
+    spiking, read = (n for n in readout.populations if n not in readout.from_step), tuple(readout.from_step)
+    kept: dict[Kind, tuple[str, ...]] = {"u": groups, "v": groups, "spikes": tuple(spiking), "potential": read}
     probes = (Probe(kind, names) for kind, names in kept.items() if names)
     result = simulate(program, streams, probe=("activity", *probes))
     proof = Proof(program, readout, result, _rows(streams))
@@ -136,18 +138,22 @@ def timestep_scores(program: ChipProgram, spikes: Spikes, psi: float | None = No
 
     Recordings that are shorter than the program's are followed by silence.
     """
-    streams = to_the_end(program, spikes)
+    return np.stack(pushed_each(program, to_the_end(program, spikes), lambda pushed: pushed.scores, psi))
 
-    def part(start: int, stop: int) -> list[FloatArray]:
-        session = Session(program, psi)
-        found = []
+
+def pushed_each(
+    program: ChipProgram, streams: Mapping[str, ByteArray], take: Callable[[StepScores], T], psi: float | None = None
+) -> list[T]:
+    """Push every recording (batch, steps, channels) to a session, in threads; return what is taken of each."""
+
+    def part(start: int, stop: int) -> list[T]:
+        session, found = Session(program, psi), []
         for b in range(start, stop):
             session.reset()
-            found.append(session.push({name: array[b] for name, array in streams.items()}).scores)
+            found.append(take(session.push({name: array[b] for name, array in streams.items()})))
         return found
 
-    batch = len(next(iter(streams.values())))
-    return np.stack([scores for scores_of_part in in_parts(part, batch) for scores in scores_of_part])
+    return [taken for parts in in_parts(part, len(next(iter(streams.values())))) for taken in parts]
 
 
 def _batch(program: ChipProgram, spikes: Spikes) -> dict[str, ByteArray]:

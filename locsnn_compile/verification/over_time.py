@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 import hw_model as hw
-from hw_model.engine.threads import in_parts
-from hw_model.streaming.session import check_psi, location_share
+from hw_model.streaming.early_stop import pushed_each
+from hw_model.streaming.session import StepScores, check_psi, location_share
 from hw_model.values import ByteArray, FloatArray, Frozen, IntArray, added
 from locsnn_compile.cluster.spread import Spread, here
 from locsnn_compile.errors import InputError
@@ -134,17 +134,11 @@ def _scores(program: hw.ChipProgram, recordings: ByteArray, psi: float) -> dict[
     axis_of: dict[str, str] = {name: phase.axis for phase in program.phases for name in program.columns_of(phase.name)}
     voters = list(zip(readout.populations, readout.weights, strict=True))
 
-    def part(start: int, stop: int) -> list[dict[str, FloatArray]]:
-        session, found = hw.Session(program), []
-        for recording in recordings[start:stop]:
-            session.reset()
-            pushed = session.push(recording)
-            given = {**pushed.spikes, **pushed.potential}
-            votes = ({axis_of[name]: weight * given[name].astype(np.float64)} for name, weight in voters)
-            found.append(reduce(added, votes))
-        return found
+    def votes(pushed: StepScores) -> dict[str, FloatArray]:
+        given = {**pushed.spikes, **pushed.potential}
+        return reduce(added, ({axis_of[name]: weight * given[name].astype(np.float64)} for name, weight in voters))
 
-    each = [scores for scores_of_part in in_parts(part, len(recordings)) for scores in scores_of_part]
+    each = pushed_each(program, {next(iter(program.streams)): recordings}, votes)
     by_axis = {axis: np.stack([scores[axis] for scores in each]) for axis in each[0]}
     together = sum(by_axis.values(), start=np.zeros_like(next(iter(by_axis.values()))))
     if len(by_axis) == 1:

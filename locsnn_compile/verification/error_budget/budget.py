@@ -82,11 +82,10 @@ def twin_with(phase: Phase, stages: Collection[Stage]) -> Twin:
     )
 
 
-def working(phases: Collection[Phase], stage: Stage) -> bool:
-    """Tell whether a stage can change any number of these phases; otherwise it need not be run."""
-    if stage == "kernel":
-        return any(phase.float_neurons is not phase.program_neurons for phase in phases)
-    return stage != "delays"
+def working(phases: Collection[Phase]) -> list[Stage]:
+    """Return the stages that can change any number of these phases; the others need not be run."""
+    same = all(phase.float_neurons is phase.program_neurons for phase in phases)
+    return [stage for stage in STAGES if stage != "delays" and not (same and stage == "kernel")]
 
 
 def _group(pair: GroupNumbers, stages: Collection[Stage]) -> TwinGroup:
@@ -156,7 +155,7 @@ def error_budget(levels: Levels, recordings: ByteArray, progress: Progress | Non
     """Break the difference down on recordings (samples, steps, channels) with the network's steps and channels."""
     network, phases = _each(levels.network, methodcaller("whole")), phases_of(levels)
     cut, registers = _each(network, methodcaller("cut")), levels.program.chip.registers
-    stages = [stage for stage in STAGES if working(phases, stage)]
+    stages = working(phases)
     variants: list[Collection[Stage]] = [(), stages, *([stage] for stage in stages)]
     variants += [[other for other in stages if other != stage] for stage in stages]
     twins = [(phase, [twin_with(phase, variant) for variant in variants]) for phase in phases]
@@ -260,7 +259,7 @@ def find_cause(levels: Levels, recording: ByteArray, first: Divergence) -> Cause
     equal = {name: spikes[:, until] for name, spikes in reference.items()}
     scale = float(levels.quantized.population(first.population).scale[first.neuron])
 
-    stages = [stage for stage in STAGES if working(phases, stage)]
+    stages = working(phases)
     variants = [(), stages, *([stage] for stage in stages)]
     twins = [twin_with(phase, variant) for variant in variants]
     traces = run_twins(twins, lines, forced=equal, potentials=(first.population,))

@@ -80,14 +80,11 @@ def _delay_line(levels: Levels, q: QuantizedPopulation, neuron: SrmAlpha) -> tup
     whole = _srm(levels, q, neuron, dendrite, None, soma)
     alpha, _, top = whole.groups
     taps = _taps(graph, q, neuron, alpha)
+    nothing = np.zeros(q.population.size)
     errors = [
-        SynapseNumbers(
-            replace(tap.exact, weights=np.zeros(q.population.size)),
-            np.zeros(q.population.size),
-            tap.chip - tap.exact_fitted,
-            tap.chip - tap.exact_fitted,
-        )
+        SynapseNumbers(replace(tap.exact, weights=nothing), nothing, rounded, rounded)
         for tap in taps
+        for rounded in [tap.chip - tap.exact_fitted]
     ]
     inputs = tuple(s for s in whole.synapses if s.exact.target == alpha.exact.name)
     return replace(whole, synapses=(*whole.synapses, *errors)), Numbers((alpha, top), (*inputs, *taps))
