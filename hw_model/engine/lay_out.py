@@ -103,10 +103,11 @@ def _chunks(
     pair = np.zeros(len(member), dtype=np.bool_)
     for low, (*dendrites, last) in zip(starts.tolist(), (each for block in bundles for each in block), strict=False):
         pair[low] = len(dendrites) == 2 and forgets[last] and (parent[dendrites] == last).all()
-    echo_to, echo = np.full(count, -1, dtype=np.int64), aligned((count * LANES,), registers.dtype)
-    for node, (child, weight) in echoes.items():
+    latest = max((len(weights) for _, weights in echoes.values()), default=1)
+    echo_to, echo = np.full(count, -1, dtype=np.int64), aligned((latest, count * LANES), registers.dtype)
+    for node, (child, weights) in echoes.items():
         here, there = (slot[nodes.first[n] : nodes.first[n] + nodes.size[n]] for n in (node, child))
-        echo_to[here // LANES], echo[there] = there // LANES, weight
+        echo_to[here // LANES], echo[: len(weights), there] = there // LANES, weights
     spiking = [[n for n in block if nodes.parent[n] < 0] for block in blocks]
     feeds_itself = [any(links.from_node[n] < links.from_node[n + 1] for n in block) for block in blocks]
     return Chunks(
@@ -115,7 +116,7 @@ def _chunks(
         member=np.array(member, np.int64), begins=np.isin(np.arange(len(member)), starts), pair=pair, bundle=starts,
         of_block=np.cumsum([0, *map(len, bundles)]), feeds_itself=np.array(feeds_itself, np.uint8),
         spiking_node=np.array([n for block in spiking for n in block], np.int64),
-        of_node=np.cumsum([0, *map(len, spiking)]), echo_to=echo_to, echo=echo, widths=widths,
+        of_node=np.cumsum([0, *map(len, spiking)]), echo_to=echo_to, echo=echo.reshape(-1), widths=widths,
     )  # fmt: skip
 
 

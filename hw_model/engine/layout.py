@@ -66,8 +66,8 @@ class Chunks(NamedTuple):
     ``member[bundle[i]:bundle[i + 1]]``, and ``begins`` marks the first member of each, ``pair`` that of two chunks and
     one that is their sum, which keeps nothing from step to step. Block k is bundles ``of_block[k]`` to the next; it
     feeds itself where ``feeds_itself[k]``, and the nodes in it that can spike are
-    ``spiking_node[of_node[k]:of_node[k + 1]]``. Spikes of chunk k add ``echo`` (slots,) to the charges of a child,
-    chunk ``echo_to[k]`` if not -1, lane by lane, for the next step.
+    ``spiking_node[of_node[k]:of_node[k + 1]]``. Spikes of chunk k add ``echo`` (delays x slots,) to the charges of a
+    child, chunk ``echo_to[k]`` if not -1, lane by lane, from the next step on.
     """
 
     node: IntArray

@@ -43,22 +43,24 @@ def synapses_by_ends(program: ChipProgram, phase: str, nodes: Numbering) -> dict
 
 
 Echoes = dict[int, tuple[int, IntArray]]
-"""By node: one that is joined to it, and the weights (n,) of the synapses from each compartment to its own child."""
+"""By node: one that is joined to it, and weights (delays, n) of synapses from its compartments to their own child."""
 
 
 def take_echoes(nodes: Numbering, synapses: dict[Ends, list[_Synapses]]) -> Echoes:
-    """Take synapses out that lead from every compartment of a group to its own child, and are a step late.
+    """Take synapses out that lead from compartments of a group to their own child, with not many delays left out.
 
-    This is how a neuron is made refractory. They are added as vectors, chunk to chunk, and their block needs no lists.
+    This is how a neuron is made refractory: with one step late, or as a delay line. They are added as vectors, chunk to
+    chunk, and their block needs no lists.
     """
     found: Echoes = {}
     for node, to in sorted(synapses):
         if nodes.parent[to] != node or node in found:
             continue
         source, column, weight, delay = _sorted(synapses[node, to])
-        each = np.arange(nodes.size[node])
-        if np.array_equal(source, each) and np.array_equal(column, nodes.first[to] + each) and not delay.any():
-            found[node] = to, weight
+        weights = np.zeros((1 + delay.max(), nodes.size[node]), dtype=np.int64)
+        if np.array_equal(column, nodes.first[to] + source) and len(source) >= DENSE_SHARE * weights.size:
+            np.add.at(weights, (delay, source), weight)
+            found[node] = to, weights
             del synapses[node, to]
     return found
 

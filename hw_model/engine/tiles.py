@@ -172,11 +172,14 @@ def _update_pair(index, r, chunks, state, work, skip, active):  # type: ignore[n
 
 @absorbed
 def _echo(k, r, mask, chunks, state):  # type: ignore[no-untyped-def]
-    """Add what the spikes of a chunk pass to a child, which is due in the next row."""
+    """Add what the spikes of a chunk pass to a child, due from the next row on; without branches if that is one row."""
     if chunks.echo_to[k] >= 0:
-        to, due = np.uint64(chunks.echo_to[k]), r + np.uint64(1)
-        add_echo(state.charge, due, to * _LANES, chunks.echo, to * _LANES, mask)
-        state.touched[due, to] |= mask != 0
+        to, due, end = np.uint64(chunks.echo_to[k]), r + np.uint64(1), np.uint64(len(chunks.echo))
+        at = to * _LANES
+        while at < end:
+            add_echo(state.charge, due, to * _LANES, chunks.echo, at, mask)
+            state.touched[due, to] |= mask != 0
+            at, due = at + (np.uint64(state.charge.shape[1]) if mask else end), due + np.uint64(1)
 
 
 @absorbed

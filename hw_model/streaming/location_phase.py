@@ -337,12 +337,15 @@ def _run_member(step, index, chunks, order, registers, history):  # type: ignore
 @absorbed
 def _note(k, step, mask, chunks, history):  # type: ignore[no-untyped-def]
     """Note the spikes of a chunk in a step, count them, and change what those that came or went pass to a child."""
-    flips, after = mask ^ history.masks[step, k], step + _ONE_MORE
+    flips = mask ^ history.masks[step, k]
     history.flips[step, k], history.masks[step, k] = flips, mask
     count_changes(history.spikes, k * _LANES, flips & mask, flips & ~mask)
-    if chunks.echo_to[k] >= 0 and after < np.uint64(len(history.masks)):
-        to = np.uint64(chunks.echo_to[k]) * _LANES
-        change_echo(history.charge, after, to, chunks.echo, to, flips & mask, flips & ~mask)
+    if chunks.echo_to[k] >= 0:
+        to, due, end = np.uint64(chunks.echo_to[k]) * _LANES, step + _ONE_MORE, np.uint64(len(chunks.echo))
+        at = to
+        while at < end and due < np.uint64(len(history.masks)):
+            change_echo(history.charge, due, to, chunks.echo, at, flips & mask, flips & ~mask)
+            at, due = at + (np.uint64(history.charge.shape[1]) if flips else end), due + _ONE_MORE
 
 
 @inner

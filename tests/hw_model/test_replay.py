@@ -86,6 +86,27 @@ def echoing(children, **parameters):
     return build
 
 
+def delay_line(to=lambda neuron: neuron, onto=("h",)):
+    """Forty neurons in three chunks; for five steps each changes neuron ``to(neuron)``, or a dendrite of its number."""
+
+    def build(builder, x):
+        h = builder.add_compartments("h", 40, threshold=60, **FORGETS)
+        of_group = {"h": h} | {
+            name: builder.add_compartments(name, 40, threshold=0, joined_to=h, decay_u=2000, decay_v=1000)
+            for name in ("d0", "d1", "d2")
+        }
+        builder.connect(x, of_group[onto[0]], 30 + 60 * np.not_equal.outer(np.arange(40) % 2, [0, 1]))
+        for name in onto:
+            for delay in range(5):
+                weights = np.zeros((40, 40), dtype=np.int64)
+                weights[to(np.arange(40)), np.arange(40)] = 40 - 2 * np.arange(40) - 10 * delay
+                builder.connect(h, of_group[name], weights, delay=delay)
+        y = builder.add_compartments("y", 1, threshold=900, **FORGETS)
+        builder.connect(h, y, 4 * np.arange(40)[None])
+
+    return build
+
+
 LARGE = {"decay_u": 0, "bias": 4095 * 128}
 """A current that is kept, so that five charges of 254 * 2^13 take it, and a bias, beyond 2^23."""
 PHASES = {
@@ -124,6 +145,11 @@ PHASES = {
     ),
     "spikes that come back": echoing(2, decay_u=2000, decay_v=1000),
     "spikes that come back to one of three": echoing(3, decay_u=2000, decay_v=1000),
+    "a delay line": delay_line(),
+    "a delay line onto a dendrite": delay_line(onto=("d1",)),
+    "a delay line onto two dendrites": delay_line(onto=("d1", "d2")),
+    "a delay line onto a neighbour in the chunk": delay_line(lambda neuron: neuron ^ 1),
+    "a delay line onto the next chunk": delay_line(lambda neuron: (neuron + 16) % 32),
     "a pair with a bias": dendrites(2, [250, -250], {"threshold": 10_000}, bias=-64_000, decay_v=512),
 }
 

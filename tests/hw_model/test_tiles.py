@@ -119,7 +119,7 @@ def pairs(*decays: tuple[int, int]) -> hw.ProgramBuilder:
     return builder
 
 
-def echoes(children: int, late: int = 0, shift: int = 0) -> hw.ProgramBuilder:
+def echoes(children: int, delays: tuple[int, ...] = (0,), shift: int = 0) -> hw.ProgramBuilder:
     """Neurons whose spikes come back, each to a dendrite of its own, in the next step or later; or to their neighbour's."""
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 3)
@@ -127,20 +127,23 @@ def echoes(children: int, late: int = 0, shift: int = 0) -> hw.ProgramBuilder:
     for k in range(children):
         child = builder.add_compartments(f"d{k}", 20, decay_u=2000, decay_v=1000 * k, threshold=0, joined_to=soma)
         builder.connect(x, child, np.add.outer(2 * np.arange(20), [20, 8, 4 * k]))
-        own = np.diag(2 * k - 120 + 4 * np.arange(20))
-        builder.connect(soma, child, np.roll(own, shift, axis=0), delay=late)
+        for late in delays:
+            own = np.diag(2 * k - 120 + 4 * np.arange(20) + 10 * late)
+            builder.connect(soma, child, np.roll(own, shift, axis=0), delay=late)
     y = builder.add_compartments("y", 20, threshold=90, decay_u=4096, decay_v=300)
     builder.connect(soma, y, 40 * np.eye(20))
     return builder
 
 
-def echoes_alone() -> hw.ProgramBuilder:
+def echoes_alone(delays: tuple[int, ...] = (0,), **decays: int) -> hw.ProgramBuilder:
     """Neurons whose spikes come back to a dendrite that nothing else reaches, and that is updated before the one that drives."""
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 3)
     soma = builder.add_compartments("soma", 20, threshold=40, **FORGETS)
-    own = builder.add_compartments("own", 20, decay_u=2000, decay_v=1000, threshold=0, joined_to=soma)
-    builder.connect(soma, own, np.diag(4 * np.arange(20) - 42))
+    decays = {"decay_u": 2000, "decay_v": 1000, **decays}
+    own = builder.add_compartments("own", 20, threshold=0, joined_to=soma, **decays)
+    for late in delays:
+        builder.connect(soma, own, np.diag(4 * np.arange(20) - 42), delay=late)
     drive = builder.add_compartments("drive", 20, threshold=0, joined_to=soma, **FORGETS)
     builder.connect(x, drive, np.add.outer(2 * np.arange(20), [20, 8, 4]))
     return builder
@@ -226,7 +229,10 @@ PROGRAMS = {
     "echoes": lambda: echoes(2),
     "echoes of three": lambda: echoes(3),
     "echoes into what rests": echoes_alone,
-    "echoes, a step too late": lambda: echoes(2, late=1),
+    "late echoes into what rests": lambda: echoes_alone((2, 4), **FORGETS),
+    "echoes, a step too late": lambda: echoes(2, (1,)),
+    "echoes, over some steps": lambda: echoes(2, (0, 1, 2, 4)),
+    "echoes, seven steps too late": lambda: echoes(2, (7,)),
     "echoes from a neighbour": lambda: echoes(2, shift=1),
     "pairs in turn": pairs_in_turn,
     "columns in reverse": columns_in_reverse,
@@ -300,10 +306,11 @@ def test_what_is_due_after_the_end_is_counted_by_input():
 @pytest.mark.parametrize(
     ("build", "taken"),
     [
-        (lambda: echoes(2), True), (lambda: echoes(3), True), (echoes_alone, True), (lambda: echoes(2, late=1), False),
+        (lambda: echoes(2), True), (lambda: echoes(3), True), (echoes_alone, True), (lambda: echoes(2, (1,)), True),
+        (lambda: echoes(2, (0, 1, 2, 4)), True), (lambda: echoes(2, (7,)), False),
         (lambda: echoes(2, shift=1), False), (lambda: pairs((4096, 4096), (1000, 300)), False),
     ],
-    ids=["pairs", "three", "alone", "late", "of a neighbour", "of all"],
+    ids=["pairs", "three", "alone", "late", "over some steps", "seven steps late", "of a neighbour", "of all"],
 )  # fmt: skip
 def test_spikes_that_come_back_to_their_own_dendrite_are_no_link(build, taken):
     program = build().build()
