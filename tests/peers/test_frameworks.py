@@ -7,6 +7,7 @@ so spikes are lined up by depth; lava-dl's layers take the step too.
 from __future__ import annotations
 
 import subprocess
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
@@ -17,6 +18,10 @@ from make_environments import python_of, why_missing
 
 import hw_model as hw
 import locsnn_compile as lc
+from locsnn_compile.backends.exchange import exchange_file
+from locsnn_compile.network.neurons import Cuba
+from locsnn_compile.network.projections import Projection, matrix
+from locsnn_compile.passes.quantize import quantize
 from locsnn_compile.reference.evaluate import evaluate
 
 pytestmark = pytest.mark.peers
@@ -111,3 +116,57 @@ def test_we_spike_as_the_framework_does(framework, name, written):
         assert wanted.sum() > 5
         compared += 1
     assert compared
+
+
+CHAIN = (("input", "a", 0), ("a", "b", 0), ("b", "c", 0))
+NEURONS = {
+    "lif": {"decay_u": 1.0, "decay_v": 0.1, "threshold": 1.0},
+    "cuba": {"decay_u": 0.3, "decay_v": 0.1, "threshold": 1.5},
+    "if": {"decay_u": 1.0, "decay_v": 0.0, "threshold": 1.0},
+}
+OURS = {
+    **{name: (name, CHAIN) for name in NEURONS},
+    "lif-skip": ("lif", (*CHAIN, ("a", "c", 1))),
+    "lif-recurrent": ("lif", (*CHAIN, ("b", "b", 0))),
+    "cuba-recurrent": ("cuba", (*CHAIN, ("b", "b", 0))),
+}
+READ = {
+    "snntorch": ("lif", "cuba", "lif-skip"),  # its reader takes no IF whose r is not 1, and no recurrent one of ours
+    "norse": ("cuba", "if", "cuba-recurrent"),  # it leaves out the r of an LIF
+    "spikingjelly": tuple(OURS),
+}
+
+
+def our_network(kind: str, ways: Sequence[tuple[str, str, int]]) -> lc.Network:
+    """Return a network of three populations, with connections (source, target, delay)."""
+    rng, sizes = np.random.default_rng(0), {"input": 10, "a": 8, "b": 7, "c": 6}
+
+    def onto(source, target, delay):
+        scale = 0.2 if source == target else 0.6
+        return Projection(
+            source, target, matrix(rng.normal(0.1, scale, (sizes[target], sizes[source])), np.float64), delay
+        )
+
+    neurons = {name: Cuba.of(sizes[name], **NEURONS[kind], rule=">") for name in "abc"}
+    populations = tuple(lc.Population(name, "time", sizes[name], neurons[name]) for name in neurons)
+    view, projections = lc.InputView("input", "time", 10), tuple(onto(*way) for way in ways)
+    return lc.Network("ours", 10, 60, (view,), populations, projections, lc.Readout(("c",), (1.0,)))
+
+
+@pytest.mark.parametrize("framework", READ)
+def test_a_framework_spikes_as_the_network_that_we_write(framework, tmp_path):
+    if reason := why_missing(framework):
+        pytest.skip(f"{framework}: {reason}")
+    given = (np.random.default_rng(3).random((60, 10)) < 0.25).astype(np.uint8)
+    for name in READ[framework]:
+        quantized = quantize(our_network(*OURS[name]), hw.chip("loihi-sim"))
+        (tmp_path / f"{name}.nir").write_bytes(exchange_file("nir", quantized))
+        np.save(tmp_path / f"{name}.npy", given)
+    ran = subprocess.run([str(python_of(framework)), str(SCRIPTS / "read_nir.py"), framework, str(tmp_path)], capture_output=True, text=True)  # fmt: skip
+    assert ran.returncode == 0, ran.stderr
+    for name in READ[framework]:
+        ours = evaluate(our_network(*OURS[name]), given[None]).spikes
+        theirs = np.load(tmp_path / f"{name}.npz")
+        for late, population in enumerate("abc", start=1):
+            assert theirs[population].sum() > 10
+            np.testing.assert_array_equal(ours[population][0, late:], theirs[population][:-late], err_msg=name)
