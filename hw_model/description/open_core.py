@@ -14,6 +14,7 @@ class Sizes(Frozen):
     - ``join``: bits of the sum of joined voltages; 0 if no compartments are joined
     - ``phase_words``: eight for each phase, a power of two
     - ``one_port``: 1 if the buffer of events is a memory of one port
+    - ``later``: bits of slots that few compartments leave: with them, a second phase hears its events when they arrive
     - ``step``: bits of the step from one target of a list to the next; with 0, a list holds each target in full
     - ``places``: if phases share the memories of states and charges, the compartments of a phase, a power of two; 0 if
       each phase has its own
@@ -36,6 +37,7 @@ class Sizes(Frozen):
     places: Annotated[int, between(0, 1 << 20)] = 0
     sums: Annotated[int, between(0, 1 << 20)] = 0
     one_port: Annotated[int, between(0, 1)] = 0
+    later: Annotated[int, between(0, 4)] = 0
 
 
 class MemoryWords(Frozen):

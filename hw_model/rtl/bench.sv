@@ -24,7 +24,8 @@ module bench #(
     parameter integer STEP = 0,
     parameter integer PLACES = 0,
     parameter integer SUMS = 0,
-    parameter integer ONE_PORT = 0
+    parameter integer ONE_PORT = 0,
+    parameter integer LATER = 0
 ) ();
     logic         clk = 0, reset = 1;
     logic         load_valid = 0;
@@ -47,7 +48,7 @@ module bench #(
     locsnn_core #(
         .AXONS(AXONS), .SYNAPSES(SYNAPSES), .COMPARTMENTS(COMPARTMENTS), .SLOTS(SLOTS), .CHARGE(CHARGE), .JOIN(JOIN),
         .BITMAP(BITMAP), .VISITS(VISITS), .ENTRIES(ENTRIES), .WORD(WORD), .PHASE_WORDS(PHASE_WORDS),
-        .STEP(STEP), .PLACES(PLACES), .SUMS(SUMS), .ONE_PORT(ONE_PORT)
+        .STEP(STEP), .PLACES(PLACES), .SUMS(SUMS), .ONE_PORT(ONE_PORT), .LATER(LATER)
     ) core (
         .clk, .reset, .load_valid, .load_memory(load_memory[2:0]), .load_address, .load_data,
         .in_valid, .in_ready, .in_kind(word[17:16]), .in_channel(word[15:0]), .hold(1'b0),

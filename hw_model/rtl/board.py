@@ -2,7 +2,7 @@
 
 import struct
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 
@@ -67,10 +67,10 @@ class Board:
             said = f"got {welcome[0] if welcome else 'none'} against {VERSION}"
             fix = "Build the bitstream again, with this version."
             raise InputError("board", "it speaks another version of the protocol", measured=said, fix=fix)
-        self.buffer, *sizes = _numbers(welcome[2:])
+        self.buffer, *sizes, last = _numbers(welcome[2:])
         self._answers.clear()
         self._spikes.clear()
-        self.sizes = Sizes(*sizes)
+        self.sizes = replace(Sizes(*sizes, last & (1 << 20) - 1), later=last >> 20)
 
     def load(self, core: CoreProgram) -> None:
         """Fill the memories with a program, and start it; a ``TargetError`` names what has no room."""

@@ -12,9 +12,10 @@ from hw_model.rtl.images import CoreProgram
 from hw_model.rtl.phases import CorePhase
 from hw_model.values import BoolArray, ByteArray
 
-TICK, END, LAST, DROPPED, HIDDEN = -1, -2, -3, -4, -5
+TICK, END, LAST, DROPPED, HIDDEN, AGAIN = -1, -2, -3, -4, -5, -6
 """Words that are not sources: a step is over; the stream is, and silent steps may follow; the phase is; a word after
-the last step of the first phase; an event of a row that a visit does not tell of."""
+the last step of the first phase; an event of a row that a visit does not tell of; instead of cycles, that a source is
+what the event before it is in the second phase."""
 NEVER = 1 << 62
 Word = tuple[int, int]
 """Cycles from the word before it to its own, at least, and its source or kind."""
@@ -59,6 +60,11 @@ class _Clock:
         """Play the words of a phase to its ``compartments``; ``steps``: those that fire, in order."""
         fired = deque(steps)
         for wait, word in words:
+            if wait == AGAIN:
+                earliest = max(self.prepared + 4, self.consumed + 2)
+                self._deliver(earliest)
+                self.consumed = self._request(earliest, word)
+                continue
             self.prepared = max(self.prepared + wait, self.consumed + 1)
             if word == HIDDEN:
                 continue
@@ -119,7 +125,10 @@ def fired_in_order(
 def _streamed(core: CoreProgram, recording: ByteArray) -> Iterator[Word]:
     heard, steps = recording[: core.heard], core.phases[0].steps
     for step, row in enumerate(heard):
-        yield from ((1, channel if step < steps else DROPPED) for channel in np.flatnonzero(row).tolist())
+        for channel in np.flatnonzero(row).tolist():
+            yield 1, channel if step < steps else DROPPED
+            if core.later and step < core.kept:
+                yield AGAIN, int(core.tables["visits"]["source"][channel]) + step
         yield 1, TICK if step < steps else DROPPED
     yield 1, END
     yield from ((1, TICK if step < steps else DROPPED) for step in range(len(heard), core.heard))
@@ -131,7 +140,7 @@ def _transposed(core: CoreProgram, phase: CorePhase, recording: ByteArray) -> It
 
     A channel of a row takes a cycle, a visit four and one for every word of its rows.
     """
-    visits, origin = phase.visits.T.tolist(), phase.origin(recording)
+    visits, origin = [] if core.later else phase.visits.T.tolist(), phase.origin(recording)
     wait, at = core.swept + 10 + 5, 0  # charges are swept and the fields of the phase read first
     for step in phase.span(recording):
         if phase.by_rows:

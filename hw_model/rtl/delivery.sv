@@ -10,13 +10,17 @@
 //
 // With `STEP`, targets are told as steps of so many bits from those before them, which stepped.sv takes apart: words are
 // narrower, and the word of a list among the axons also says where it begins and with which exponent.
+//
+// With `LATER`, memory that compartments do not need makes so many bits of slots more; locsnn_core.sv says what for. The base
+// then has a bit above: the slot is the number of a step of the second phase; slots of the first are the last ones.
 module delivery #(
     parameter integer AXONS = 2048,
     parameter integer SYNAPSES = 16384,
     parameter integer COMPARTMENTS = 512,
     parameter integer SLOTS = 16,
     parameter integer CHARGE = 18,
-    parameter integer STEP = 0
+    parameter integer STEP = 0,
+    parameter integer LATER = 0
 ) (
     input  logic                                        clk,
     input  logic                                        clear,
@@ -28,8 +32,9 @@ module delivery #(
     input  logic                                        request,
     output logic                                        ready,
     input  logic [$clog2(AXONS)-1:0]                    source,
-    input  logic [$clog2(SLOTS)-1:0]                    base,
-    input  logic [$clog2(SLOTS)-1:0]                    slot_mask,
+    input  logic [(LATER != 0 ? LATER + 1 : 0)+$clog2(SLOTS)-1:0] base,
+    input  logic [LATER+$clog2(SLOTS)-1:0]              slot_mask,
+    input  logic                                        later,
     // By bank: slot and compartment without its lowest bit, and what is added.
     output logic [1:0]                                  add,
     output logic [2*($clog2(SLOTS)+$clog2(COMPARTMENTS)-1)-1:0] add_address,
@@ -39,6 +44,7 @@ module delivery #(
     localparam integer SYNAPSE_BITS = $clog2(SYNAPSES / 2);
     localparam integer TARGET_BITS = $clog2(COMPARTMENTS) - 1;
     localparam integer SLOT_BITS = $clog2(SLOTS);
+    localparam integer BASE = SLOT_BITS + (LATER != 0 ? LATER + 1 : 0);
     localparam integer ADDRESS = SLOT_BITS + TARGET_BITS;
     localparam integer SYNAPSE = TARGET_BITS + SLOT_BITS + 3 + 9;
     localparam integer HALF = STEP != 0 ? STEP + SLOT_BITS + 9 : SYNAPSE;
@@ -49,7 +55,7 @@ module delivery #(
 
     // Lookup: `found` says that the axon memory shows the list of an accepted request.
     logic                      found;
-    logic [SLOT_BITS-1:0]      found_base;
+    logic [BASE-1:0]           found_base;
     logic [LIST-1:0]           list;
     wire  [SYNAPSE_BITS-1:0]   list_start = list[SYNAPSE_BITS-1:0];
     wire  [LENGTH-1:0]         list_length = list[SYNAPSE_BITS+:LENGTH];
@@ -58,7 +64,7 @@ module delivery #(
     logic                    walking;
     logic [SYNAPSE_BITS-1:0] at;
     logic [LENGTH-1:0]       left;
-    logic [SLOT_BITS-1:0]    walk_base;
+    logic [BASE-1:0]         walk_base;
     wire                     last = left <= 1;
     wire                     begin_list = found && (!walking || last);
     assign ready = !found;
@@ -93,7 +99,7 @@ module delivery #(
 
     // Synapses: read, kept in a register because memories answer late in the cycle, then made an operation per bank.
     logic                 walked1, walked2, valid1, valid2;
-    logic [SLOT_BITS-1:0] base1, base2;
+    logic [BASE-1:0]      base1, base2;
     logic [WORD-1:0]      word1, word2;
 
     // Large memories of small devices have one port: it is written between recordings, and read while they run.
@@ -153,11 +159,21 @@ module delivery #(
             wire used = mantissa != 0 || exponent != 7;
             wire signed [15:0] weight = {{7{mantissa[8]}}, mantissa};
             wire [15:0]        effective = weight <<< exponent;
+            wire [ADDRESS-1:0] address;
+            if (LATER != 0) begin : more_slots
+                localparam integer ALL = SLOT_BITS + LATER;
+                wire [ALL-1:0]         sum = base2[ALL-1:0] + ALL'(delay);
+                wire [ALL-1:0]         slot = !later ? sum & slot_mask : base2[ALL] ? sum : sum | ~slot_mask;
+                wire [TARGET_BITS-1:0] above = TARGET_BITS'(slot[ALL-1:SLOT_BITS]) << (TARGET_BITS - LATER);
+                assign address = {slot[SLOT_BITS-1:0], target | above};
+            end else begin : plain
+                assign address = {(base2 + delay) & slot_mask, target};
+            end
             // A spike of step t acts at step t + 1 + delay, with 64 * mantissa * 2^exponent; charges are in units of 64.
             always_ff @(posedge clk) begin
                 add[bank] <= !clear && valid2 && used;
                 if (valid2) begin
-                    add_address[bank*ADDRESS+:ADDRESS] <= {(base2 + delay) & slot_mask, target};
+                    add_address[bank*ADDRESS+:ADDRESS] <= address;
                     add_charge[bank*CHARGE+:CHARGE] <= {{(CHARGE-15){effective[15]}}, effective[14:0]};
                 end
             end
@@ -165,5 +181,5 @@ module delivery #(
     endgenerate
     assign busy = found || walking || walked1 || walked2;
 
-    wire unused = &{1'b0, load_address, load_data};
+    wire unused = &{1'b0, load_address, load_data, later};
 endmodule

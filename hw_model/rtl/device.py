@@ -67,7 +67,7 @@ def activity(core: CoreProgram, counts: Counts, recordings: int) -> dict[str, di
     and compartments at rest are not written back: writes are the most that there can be.
     """
     updates, lists = counts.neuron_updates, counts.input_events + counts.transpose_events + counts.spikes
-    scanned = recordings * len(core.tables["visits"]["step"]) * core.row_words
+    scanned = 0 if core.later else recordings * len(core.tables["visits"]["step"]) * core.row_words
     written = {
         "charges": counts.synaptic_ops + updates,
         "states": updates,

@@ -95,7 +95,11 @@ class CoreProgram:
         self.channels = sum(program.streams.values())
         self._number()
         synapses = self._synapses()
-        placed = {**synapses, "target": self._places(synapses["target"])}
+        places = self._places(synapses["target"])
+        self.later = self._hears_later(_power(int(synapses["delay"].max(initial=0)) + 2))
+        if self.later:
+            places %= self.sizes.compartments >> self.sizes.later
+        placed = {**synapses, "target": places}
         lists = packed_lists(placed, self.first_source + self.ends[-1], self.sizes.step)
         self.starts, self.lengths = lists.starts, lists.lengths
         most, longest = (1 << LENGTH_BITS) - 1, int(self.lengths.max(initial=0))
@@ -106,6 +110,7 @@ class CoreProgram:
         # Larger weights are refused, and need not fit 64 bits for that.
         weights = [min(max(above * (self.scale // below), -(1 << 40)), 1 << 40) for above, below in ratios]
         visits = np.hstack([phase.visits for phase in self.phases])
+        visits = visits[:, np.argsort(visits[1])] if self.later else visits
         self.tables = {
             "axons": {"start": np.where(self.lengths > 0, self.starts, 0), "length": self.lengths, **lists.heads},
             "synapses": lists.words,
@@ -189,6 +194,17 @@ class CoreProgram:
         places: IntArray = numbers - begins[np.searchsorted(self.ends, numbers, side="right")]
         return places
 
+    def _hears_later(self, slots: int) -> bool:
+        """Tell whether the second phase hears its events when they arrive; charges take so many ``slots`` otherwise."""
+        sizes, (first, *others) = self.sizes, self.phases
+        if not sizes.later or len(others) != 1 or others[0].by_rows or others[0].align_events is not None:
+            return False
+        (second,), places = others, sizes.compartments >> sizes.later
+        fits = self.ends[-1] <= sizes.compartments and max(self.ends[0], self.ends[1] - self.ends[0]) <= places
+        fits &= slots <= sizes.slots and second.steps + 2 * slots <= sizes.slots << sizes.later
+        each_once = np.array_equal(np.sort(second.visits[1]), np.arange(self.channels))
+        return fits and each_once and max(second.visits[0]) < second.steps and self.kept <= first.steps
+
     def _joined(self, values: Callable[[Core], IntArray | int]) -> IntArray:
         """Return what ``values`` gives for the compartments of every core, core after core."""
         parts = [np.broadcast_to(values(core), core.compartments) for core in self.program.cores]
@@ -205,7 +221,7 @@ class CoreProgram:
             # More than there are channels are never on, however many more.
             "align_events": min(max(phase.align_events or 0 for phase in self.phases), self.channels + 1),
             "phases": len(self.phases),
-            "slot_mask": slots - 1,
+            "slot_mask": slots - 1 + (self.later << STEP_BITS - 1),
             "sweep": self._swept(held(sizes)),
             "classes": self.program.populations[readout.populations[0]] if readout else 0,
             "populations": len(readout.populations) if readout else 0,
@@ -215,11 +231,12 @@ class CoreProgram:
 
     def _swept(self, places: int) -> int:
         """Return the cycles in which memories are cleaned that hold the charges of so many compartments."""
-        return max(_power(self.needs.slots) * places // 2, self.needs.bitmap, self.needs.entries)
+        slots = self.sizes.slots if self.later else _power(self.needs.slots)
+        return max(slots * places // 2, self.needs.bitmap, self.needs.entries)
 
     def _phase_fields(self) -> IntArray:
         """Return eight words for each phase; :class:`hw_model.rtl.phases.CorePhase` says what they are."""
-        visits = np.cumsum([phase.visits.shape[1] for phase in self.phases]).tolist()
+        visits = np.cumsum([phase.visits.shape[1] * (not self.later) for phase in self.phases]).tolist()
         fields = (
             (p.steps, end, seen, p.rows, p.row_source, p.potentials_from, p.by_rows, bool(p.align_events))
             for p, end, seen in zip(self.phases, self.ends, visits, strict=True)
@@ -317,7 +334,8 @@ def parameters(sizes: Sizes) -> dict[str, int]:
 def sizes_for(needs: Sizes, least: Sizes) -> Sizes:
     """Return sizes that hold what is needed: those of ``least``, or twice as many words, or just enough bits."""
     grown = {
-        name: need if name in ("charge", "join", "one_port") else _power(need) for name, need in asdict(needs).items()
+        name: need if name in ("charge", "join", "one_port", "later") else _power(need)
+        for name, need in asdict(needs).items()
     }
     grown = {name: max(value, grown[name]) for name, value in asdict(least).items()}
     shared = {name: grown[name] * (getattr(needs, name) > 0) for name in ("places", "sums")}

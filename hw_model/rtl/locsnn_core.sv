@@ -27,6 +27,8 @@ module locsnn_core #(
     parameter integer STEP = 0,             // bits of the step from a target to the next, where they are not told in full
     parameter integer PLACES = 0,           // compartments of a phase, a power of two: states and charges lie from its first on
     parameter integer SUMS = 0,             // words for joined voltages, a power of two, where parents are close to their children
+    // 0, or bits of slots that few compartments leave: with them, a second phase hears its events when they arrive.
+    parameter integer LATER = 0,
     // 1: the buffer is a memory of one port, which writes what it was told in the cycle in which it would read again.
     parameter integer ONE_PORT = 0,
     // What saves energy on a chip, and costs logic elsewhere.
@@ -71,12 +73,13 @@ module locsnn_core #(
 );
     localparam integer SOURCE = $clog2(AXONS);
     localparam integer NUMBER = $clog2(COMPARTMENTS);
-    localparam integer SLOT = $clog2(SLOTS);
+    localparam integer SLOT = $clog2(SLOTS) + LATER;
+    localparam integer BASE = LATER != 0 ? SLOT + 1 : SLOT;
     localparam integer ENTRY = $clog2(ENTRIES);
     localparam integer PHASE_WORD = $clog2(PHASE_WORDS);
     localparam integer HELD = PLACES != 0 ? PLACES : COMPARTMENTS;  // states
     localparam integer PLACE = $clog2(HELD);
-    localparam integer ADDRESS = SLOT + PLACE - 1;
+    localparam integer ADDRESS = $clog2(SLOTS) + PLACE - 1;
     // Between recordings all of the largest memory is swept, and the others over and over.
     localparam integer SWEPT = ADDRESS > $clog2(BITMAP) ? ADDRESS : $clog2(BITMAP);
     localparam integer SWEEPING = SWEPT > ENTRY ? SWEPT : ENTRY;
@@ -146,7 +149,48 @@ module locsnn_core #(
     always_ff @(posedge clk) ending <= state == UPDATE && number + 6 >= number_end;
     wire spike = head_valid && (state == SPIKES || (state == UPDATE && ending));
     wire is_event = word_kind == EVENT, is_tick = word_kind == TICK;
-    wire word_ready = early ? is_event && delivery_ready
+    // Where the second phase hears its events when they arrive (`later`), it has the slots of its steps, and the first phase
+    // has the last ones; an event that both hear asks twice, the second time for what it is in the second.
+    wire               later, later_ready, later_asks;
+    wire [SOURCE-1:0]  later_source;
+    wire [BASE-1:0]    later_base;
+    wire [SLOT-1:0]    first_slot, next_slot;
+    wire [PLACE-1:0]   later_place;
+    wire [ADDRESS-1:0] later_address;
+    generate
+        if (LATER != 0) begin : arrive
+            assign later = settings[SLOT_MASK][23];
+            wire [SLOT-1:0]   slot_mask = settings[SLOT_MASK][SLOT-1:0];
+            wire              due, known;
+            wire [15:0]       step;
+            wire [SOURCE-1:0] source;
+            logic             again;
+            arrivals #(.VISITS(VISITS), .SOURCE(SOURCE)) arrived (
+                .clk, .clear, .load_visit(load_valid && load_memory == 5), .load_address, .load_data,
+                .kept(settings[KEPT]), .mark, .mark_channel(event_source), .mark_tick,
+                .due, .valid(known), .step, .source
+            );
+            wire asked = buffered || !later || !due || (again && known);
+            assign later_ready = early ? is_event && delivery_ready && asked
+                : row && (over && (is_event || is_tick) || (is_event ? delivery_ready && asked : !delivering));
+            assign later_asks = (early || (row && !over)) && word_valid && is_event && !(again && !known);
+            always_ff @(posedge clk)
+                again <= !clear && !(word_valid && later_ready) && (again || (later_asks && delivery_ready && !asked));
+            assign later_source = again ? source : word_source;
+            assign later_base = again && !spike ? {1'b1, SLOT'(step) + SLOT'(1)}
+                : {buffered, slot + (early ? SLOT'(2) : SLOT'(1))};
+            assign first_slot = later && !buffered ? ~slot_mask : {SLOT{1'b0}};
+            assign next_slot = !later ? (slot + 1) & slot_mask : buffered ? slot + 1 : (slot + 1) | ~slot_mask;
+            assign later_place = later ? number[PLACE-1:0] & {PLACE{1'b1}} >> LATER : PLACE'(number[NUMBER-1:0]);
+            assign later_address = {slot[SLOT-LATER-1:0], later_place[PLACE-1:1]
+                | (PLACE - 1)'(slot[SLOT-1:SLOT-LATER]) << (PLACE - 1 - LATER)};
+            wire unused_step = &{1'b0, step};
+        end else begin : replay
+            assign {later, later_ready, later_asks, later_source, later_base, first_slot, next_slot, later_place,
+                later_address} = 0;
+        end
+    endgenerate
+    wire word_ready = LATER != 0 ? later_ready : early ? is_event && delivery_ready
         : row && (over && (is_event || is_tick) || (is_event ? delivery_ready : !delivering));
     wire word_taken = word_valid && word_ready;
     wire phase_over = word_taken && !is_event && !is_tick;
@@ -165,7 +209,7 @@ module locsnn_core #(
                 if (sweeping) sweep_at <= sweep_at + 1;
                 else field <= field + 1;
                 following <= 1;
-                slot <= 0;
+                slot <= LATER != 0 ? first_slot : {SLOT{1'b0}};
                 first_step <= 1;
                 from_here <= its[POTENTIALS_FROM] == 0;
                 after_here <= 0;
@@ -193,7 +237,7 @@ module locsnn_core #(
                 from_here <= following == its[POTENTIALS_FROM];
                 after_here <= after_here || from_here;
                 over <= last_step;
-                slot <= (slot + 1) & settings[SLOT_MASK][SLOT-1:0];
+                slot <= LATER != 0 ? next_slot : (slot + 1) & settings[SLOT_MASK][SLOT-1:0];
                 state <= ROW;
             end
             READOUT: if (read_out_done) state <= ANSWER;
@@ -253,21 +297,22 @@ module locsnn_core #(
     );
 
     delivery #(
-        .AXONS(AXONS), .SYNAPSES(SYNAPSES), .COMPARTMENTS(HELD), .SLOTS(SLOTS), .CHARGE(CHARGE), .STEP(STEP)
+        .AXONS(AXONS), .SYNAPSES(SYNAPSES), .COMPARTMENTS(HELD), .SLOTS(SLOTS), .CHARGE(CHARGE), .STEP(STEP), .LATER(LATER)
     ) deliver (
         .clk, .clear, .load_axon(load_valid && load_memory == 1), .load_synapse(load_valid && load_memory == 2),
         .load_address, .load_data,
-        .request(spike || ((early || (row && !over)) && word_valid && is_event)),
+        .request(LATER != 0 ? spike || later_asks : spike || ((early || (row && !over)) && word_valid && is_event)),
         .ready(delivery_ready),
-        .source(spike ? head : word_source),
-        .base(slot + (early ? SLOT'(2) : SLOT'(1))), .slot_mask(settings[SLOT_MASK][SLOT-1:0]),
+        .source(spike ? head : LATER != 0 ? later_source : word_source),
+        .base(LATER != 0 ? later_base : BASE'(slot + (early ? SLOT'(2) : SLOT'(1)))),
+        .slot_mask(settings[SLOT_MASK][SLOT-1:0]), .later,
         .add, .add_address, .add_charge, .busy(delivering)
     );
 
     // Charges under way, in two banks that add at the same time; an update takes from that of its compartment.
     wire [NUMBER-1:0] origin = PLACES != 0 ? number_begin[NUMBER-1:0] : {NUMBER{1'b0}};
     wire [PLACE-1:0]  place = PLACE'(number[NUMBER-1:0] - origin);
-    wire  number_bank = ^{place, slot[0]};
+    wire  number_bank = LATER != 0 ? ^{later_place, slot[0]} : ^{place, slot[0]};
     logic bank1, bank2;
     always_ff @(posedge clk) {bank1, bank2} <= {number_bank, bank1};
     wire [CHARGE-1:0] charge = bank2 ? taken[2*CHARGE-1:CHARGE] : taken[CHARGE-1:0];
@@ -276,7 +321,8 @@ module locsnn_core #(
     generate
         for (bank = 0; bank < 2; bank = bank + 1) begin : banks
             wire take = state == UPDATE && number_bank == bank;
-            wire [ADDRESS-1:0] address = state == UPDATE ? {slot, place[PLACE-1:1]} : add_address[bank*ADDRESS+:ADDRESS];
+            wire [ADDRESS-1:0] address = state == UPDATE ? (LATER != 0 ? later_address : ADDRESS'({slot, place[PLACE-1:1]}))
+                : add_address[bank*ADDRESS+:ADDRESS];
             wire swept = (clear || sweeping) && 32'(sweep_at) < SLOTS * HELD / 2;
             if (AT_ONCE != 0) begin : at_once
                 accumulator_at_once #(.WIDTH(CHARGE), .DEPTH(SLOTS * HELD / 2)) charges (
@@ -330,5 +376,6 @@ module locsnn_core #(
     assign {probe_current_wraps, probe_voltage_clip} = {current_wraps, voltage_clip};
 
     wire unused = &{1'b0, settings[PHASES], settings[SLOT_MASK], settings[FIRST_SOURCE], its[NUMBER_END], its[BY_ROWS],
-        its[ALIGNED]};
+        its[ALIGNED],
+        later, later_ready, later_asks, later_source, later_base, first_slot, next_slot, later_place, later_address};
 endmodule
