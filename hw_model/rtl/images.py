@@ -197,7 +197,7 @@ class CoreProgram:
     def _hears_later(self, slots: int) -> bool:
         """Tell whether the second phase hears its events when they arrive; charges take so many ``slots`` otherwise."""
         sizes, (first, *others) = self.sizes, self.phases
-        if not sizes.later or len(others) != 1 or others[0].by_rows or others[0].align_events is not None:
+        if sizes.later < 1 or len(others) != 1 or others[0].by_rows or others[0].align_events is not None:
             return False
         (second,), places = others, sizes.compartments >> sizes.later
         fits = self.ends[-1] <= sizes.compartments and max(self.ends[0], self.ends[1] - self.ends[0]) <= places

@@ -304,7 +304,7 @@ module locsnn_core #(
         .request(LATER != 0 ? spike || later_asks : spike || ((early || (row && !over)) && word_valid && is_event)),
         .ready(delivery_ready),
         .source(spike ? head : LATER != 0 ? later_source : word_source),
-        .base(LATER != 0 ? later_base : BASE'(slot + (early ? SLOT'(2) : SLOT'(1)))),
+        .base(LATER != 0 ? later_base : BASE'(SLOT'(slot + (early ? SLOT'(2) : SLOT'(1))))),
         .slot_mask(settings[SLOT_MASK][SLOT-1:0]), .later,
         .add, .add_address, .add_charge, .busy(delivering)
     );
