@@ -159,21 +159,22 @@ module delivery #(
             wire used = mantissa != 0 || exponent != 7;
             wire signed [15:0] weight = {{7{mantissa[8]}}, mantissa};
             wire [15:0]        effective = weight <<< exponent;
-            wire [ADDRESS-1:0] address;
+            wire [ADDRESS-1:0] among_more;
             if (LATER != 0) begin : more_slots
                 localparam integer ALL = SLOT_BITS + LATER;
                 wire [ALL-1:0]         sum = base2[ALL-1:0] + ALL'(delay);
                 wire [ALL-1:0]         slot = !later ? sum & slot_mask : base2[ALL] ? sum : sum | ~slot_mask;
                 wire [TARGET_BITS-1:0] above = TARGET_BITS'(slot[ALL-1:SLOT_BITS]) << (TARGET_BITS - LATER);
-                assign address = {slot[SLOT_BITS-1:0], target | above};
-            end else begin : plain
-                assign address = {(base2 + delay) & slot_mask, target};
+                assign among_more = {slot[SLOT_BITS-1:0], target | above};
+            end else begin : as_many
+                assign among_more = 0;
             end
             // A spike of step t acts at step t + 1 + delay, with 64 * mantissa * 2^exponent; charges are in units of 64.
             always_ff @(posedge clk) begin
                 add[bank] <= !clear && valid2 && used;
                 if (valid2) begin
-                    add_address[bank*ADDRESS+:ADDRESS] <= address;
+                    add_address[bank*ADDRESS+:ADDRESS] 
+                        <= LATER != 0 ? among_more : {(base2[SLOT_BITS-1:0] + delay) & slot_mask[SLOT_BITS-1:0], target};
                     add_charge[bank*CHARGE+:CHARGE] <= {{(CHARGE-15){effective[15]}}, effective[14:0]};
                 end
             end
@@ -181,5 +182,5 @@ module delivery #(
     endgenerate
     assign busy = found || walking || walked1 || walked2;
 
-    wire unused = &{1'b0, load_address, load_data, later};
+    wire unused = &{1'b0, load_address, load_data, later, slot_mask};
 endmodule

@@ -154,7 +154,7 @@ module locsnn_core #(
     wire               later, later_ready, later_asks;
     wire [SOURCE-1:0]  later_source;
     wire [BASE-1:0]    later_base;
-    wire [SLOT-1:0]    first_slot, next_slot;
+    wire [SLOT-1:0]    next_slot;
     wire [PLACE-1:0]   later_place;
     wire [ADDRESS-1:0] later_address;
     generate
@@ -179,14 +179,13 @@ module locsnn_core #(
             assign later_source = again ? source : word_source;
             assign later_base = again && !spike ? {1'b1, SLOT'(step) + SLOT'(1)}
                 : {buffered, slot + (early ? SLOT'(2) : SLOT'(1))};
-            assign first_slot = later && !buffered ? ~slot_mask : {SLOT{1'b0}};
             assign next_slot = !later ? (slot + 1) & slot_mask : buffered ? slot + 1 : (slot + 1) | ~slot_mask;
             assign later_place = later ? number[PLACE-1:0] & {PLACE{1'b1}} >> LATER : PLACE'(number[NUMBER-1:0]);
             assign later_address = {slot[SLOT-LATER-1:0], later_place[PLACE-1:1]
                 | (PLACE - 1)'(slot[SLOT-1:SLOT-LATER]) << (PLACE - 1 - LATER)};
             wire unused_step = &{1'b0, step};
         end else begin : replay
-            assign {later, later_ready, later_asks, later_source, later_base, first_slot, next_slot, later_place,
+            assign {later, later_ready, later_asks, later_source, later_base, next_slot, later_place,
                 later_address} = 0;
         end
     endgenerate
@@ -209,7 +208,7 @@ module locsnn_core #(
                 if (sweeping) sweep_at <= sweep_at + 1;
                 else field <= field + 1;
                 following <= 1;
-                slot <= LATER != 0 ? first_slot : {SLOT{1'b0}};
+                slot <= 0;
                 first_step <= 1;
                 from_here <= its[POTENTIALS_FROM] == 0;
                 after_here <= 0;
@@ -377,5 +376,5 @@ module locsnn_core #(
 
     wire unused = &{1'b0, settings[PHASES], settings[SLOT_MASK], settings[FIRST_SOURCE], its[NUMBER_END], its[BY_ROWS],
         its[ALIGNED],
-        later, later_ready, later_asks, later_source, later_base, first_slot, next_slot, later_place, later_address};
+        later, later_ready, later_asks, later_source, later_base, next_slot, later_place, later_address};
 endmodule

@@ -7,6 +7,7 @@ import subprocess
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
+from dataclasses import replace
 from functools import cache
 from itertools import zip_longest
 from pathlib import Path
@@ -19,6 +20,7 @@ from desk import LAST, PRESS, STOP, Desk, over_a_line, rates, said, transcript
 import hw_model as hw
 from hw_model.rtl.comparison import compare
 from hw_model.rtl.cosimulation import END, TICK
+from hw_model.rtl.images import CoreProgram
 from hw_model.rtl.simulators import sources
 
 pytestmark = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
@@ -40,6 +42,10 @@ endmodule
 """What a chip puts in place of `clock_gate.sv`."""
 
 
+LATER = replace(SIZES, compartments=512, later=2)
+"""Here the second phase of a hybrid hears its events when they arrive."""
+
+
 def differ(texts, sizes=SIZES) -> bool:
     """Whether a bench tells these files from the core; a core that hangs is given up soon."""
     for program, spikes in benches():
@@ -54,8 +60,14 @@ def test_the_benches_wrap_and_clip():
     assert min(met.charge_wraps, met.current_wraps, met.voltage_clips) > 10
 
 
-def test_the_core_passes_every_bench():
-    assert not differ(sources())
+@pytest.mark.parametrize("sizes", [SIZES, LATER], ids=["plain", "later"])
+def test_the_core_passes_every_bench(sizes):
+    assert not differ(sources(), sizes)
+
+
+def test_hybrids_hear_events_when_they_arrive():
+    later = [CoreProgram(program, spikes.shape[1], None, LATER).later for program, spikes in benches()]
+    assert later == [len(program.phases) == 2 for program, _ in benches()]
 
 
 @pytest.mark.slow
@@ -171,4 +183,4 @@ def test_every_mutant_is_found(mutant, tmp_path):
     if name in SESSIONS:
         assert sounds_different(name, tmp_path, texts)
     else:
-        assert differ({**texts, "clock_gate.sv": STOPPING})
+        assert differ({**texts, "clock_gate.sv": STOPPING}, LATER if mutant.get("later") else SIZES)
