@@ -101,6 +101,19 @@ def long() -> tuple[hw.ChipProgram, np.ndarray]:
     return program, (r.random((1, steps, channels)) < 0.2).astype(np.uint8)
 
 
+def early_rows() -> tuple[hw.ChipProgram, np.ndarray]:
+    """A second phase that hears the first rows of a recording only, and the first phase all of them."""
+    r = np.random.default_rng(14)
+    rows, told, channels = 24, 10, 3
+    program = hybrids.assembled(
+        CHIP,
+        Readout(("time/y", "location/y"), (1.0, 1.0)),
+        hybrids.in_phase(hybrids.random_branch(r, "time", channels, 2, CHIP), "time", rows),
+        hybrids.in_phase(hybrids.random_branch(r, "location", told, 2, CHIP), "location", 4, r.permutation(channels)),
+    )
+    return program, (r.random((2, rows, channels)) < 0.4).astype(np.uint8)
+
+
 def by_potentials() -> tuple[hw.ChipProgram, np.ndarray]:
     """Two classes, the second as good as the first in the end; potentials count from the sixth step on."""
     r = np.random.default_rng(6)
@@ -205,6 +218,7 @@ def all_benches() -> list[tuple[hw.ChipProgram, np.ndarray]]:
         (potentials, few),
         hybrid(0),
         long(),
+        early_rows(),
         late_starts(),
         ends_of_ranges(),
         several_phases(),

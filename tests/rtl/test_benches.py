@@ -67,7 +67,7 @@ def test_the_core_passes_every_bench(sizes):
 
 def test_hybrids_hear_events_when_they_arrive():
     later = [CoreProgram(program, spikes.shape[1], None, LATER).later for program, spikes in benches()]
-    assert later.count(True) == 3
+    assert later.count(True) == 4
 
 
 @pytest.mark.slow
