@@ -14,7 +14,8 @@ class Sizes(Frozen):
     - ``join``: bits of the sum of joined voltages; 0 if no compartments are joined
     - ``phase_words``: eight for each phase, a power of two
     - ``one_port``: 1 if the buffer of events is a memory of one port
-    - ``later``: bits of slots that few compartments leave: with them, a second phase hears its events when they arrive
+    - ``later``: bits of slots that few compartments leave: with them, a second phase hears its events when they arrive,
+      unless phases share places
     - ``step``: bits of the step from one target of a list to the next; with 0, a list holds each target in full
     - ``places``: if phases share the memories of states and charges, the compartments of a phase, a power of two; 0 if
       each phase has its own

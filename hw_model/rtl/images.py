@@ -197,12 +197,14 @@ class CoreProgram:
     def _hears_later(self, slots: int) -> bool:
         """Tell whether the second phase hears its events when they arrive; charges take so many ``slots`` otherwise."""
         sizes, (first, *others) = self.sizes, self.phases
-        if sizes.later < 1 or len(others) != 1 or others[0].by_rows or others[0].align_events is not None:
+        # Shared places are swept before the second phase, and with them what it heard.
+        if not sizes.later or sizes.places or len(others) != 1:
             return False
         (second,), places = others, sizes.compartments >> sizes.later
         fits = self.ends[-1] <= sizes.compartments and max(self.ends[0], self.ends[1] - self.ends[0]) <= places
         fits &= slots <= sizes.slots and second.steps + 2 * slots <= sizes.slots << sizes.later
         each_once = np.array_equal(np.sort(second.visits[1]), np.arange(self.channels))
+        each_once &= not second.by_rows and second.align_events is None
         return fits and each_once and max(second.visits[0]) < second.steps and self.kept <= first.steps
 
     def _joined(self, values: Callable[[Core], IntArray | int]) -> IntArray:

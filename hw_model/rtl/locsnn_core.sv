@@ -149,6 +149,8 @@ module locsnn_core #(
     always_ff @(posedge clk) ending <= state == UPDATE && number + 6 >= number_end;
     wire spike = head_valid && (state == SPIKES || (state == UPDATE && ending));
     wire is_event = word_kind == EVENT, is_tick = word_kind == TICK;
+    wire [NUMBER-1:0] origin = PLACES != 0 ? number_begin[NUMBER-1:0] : {NUMBER{1'b0}};
+    wire [PLACE-1:0]  place = PLACE'(number[NUMBER-1:0] - origin);
     // Where the second phase hears its events when they arrive (`later`), it has the slots of its steps, and the first phase
     // has the last ones; an event that both hear asks twice, the second time for what it is in the second.
     wire               later, later_ready, later_asks;
@@ -180,7 +182,7 @@ module locsnn_core #(
             assign later_base = again && !spike ? {1'b1, SLOT'(step) + SLOT'(1)}
                 : {buffered, slot + (early ? SLOT'(2) : SLOT'(1))};
             assign next_slot = !later ? (slot + 1) & slot_mask : buffered ? slot + 1 : (slot + 1) | ~slot_mask;
-            assign later_place = later ? number[PLACE-1:0] & {PLACE{1'b1}} >> LATER : PLACE'(number[NUMBER-1:0]);
+            assign later_place = later ? place & {PLACE{1'b1}} >> LATER : place;
             assign later_address = {slot[SLOT-LATER-1:0], later_place[PLACE-1:1]
                 | (PLACE - 1)'(slot[SLOT-1:SLOT-LATER]) << (PLACE - 1 - LATER)};
             wire unused_step = &{1'b0, step};
@@ -309,8 +311,6 @@ module locsnn_core #(
     );
 
     // Charges under way, in two banks that add at the same time; an update takes from that of its compartment.
-    wire [NUMBER-1:0] origin = PLACES != 0 ? number_begin[NUMBER-1:0] : {NUMBER{1'b0}};
-    wire [PLACE-1:0]  place = PLACE'(number[NUMBER-1:0] - origin);
     wire  number_bank = LATER != 0 ? ^{later_place, slot[0]} : ^{place, slot[0]};
     logic bank1, bank2;
     always_ff @(posedge clk) {bank1, bank2} <= {number_bank, bank1};

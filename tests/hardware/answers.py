@@ -17,6 +17,7 @@ from shipped import MODELS, ROOT, example_files, model_file
 
 import hw_model as hw
 import locsnn_compile as lc
+from hw_model.description.open_core import Sizes
 from hw_model.rtl import cycles
 from hw_model.rtl.cosimulation import ANSWER, PATIENCE, play_on_core
 from hw_model.rtl.images import SIMULATED, CoreProgram
@@ -27,10 +28,11 @@ sys.path.insert(0, str(ROOT / "tests/benchmarks"))
 from page_section import put_section
 
 PAGE = ROOT / "docs/hardware.md"
-CLOCKS_MHZ = (100,)
-HEAD = f"""\
-| model | strategy | step that is under way | phases that follow | readout | after the last word | {" | ".join(f"ms at {clock} MHz" for clock in CLOCKS_MHZ)} |
-| --- | --- | ---: | ---: | ---: | ---: |{" ---: |" * len(CLOCKS_MHZ)}"""
+HEAD = """\
+| model | strategy | step that is under way | phases that follow | readout | after the last word | ms at {mhz:.0f} MHz |
+| --- | --- | ---: | ---: | ---: | ---: | ---: |"""
+ON_ARRIVAL = "ecp5-85f"
+"""The device whose second phase hears its events when they arrive."""
 
 
 def timed_from_the_last_word() -> dict[str, str]:
@@ -68,31 +70,37 @@ def parts(core: CoreProgram, recording: np.ndarray, spikes: dict[str, np.ndarray
     return np.diff([accepted[0], ends[0], ends[-1], total]).tolist()
 
 
-def row(model: str, strategy: str, kept: Path | None) -> str:
+def row(model: str, strategy: str, kept: Path | None, sizes: Sizes, mhz: float) -> str | None:
+    """Return a row for the core of these sizes, or None if they are to hear events on arrival, and do not for this program."""
     network = lc.load(model_file(model))
     program = program_of(model, strategy, network, kept)
     recordings = recordings_for(network, example_files(model)[0])
     spikes = network.fit(recordings.spikes, recordings.source)
+    core = CoreProgram(program, spikes.shape[1], None, sizes)
+    if sizes.later and not core.later:
+        return None
     found = hw.simulate(program, spikes, probe=("spikes",))
-    core = CoreProgram(program, spikes.shape[1], None)
     predicted = [
         parts(core, one, {name: its[index] for name, its in found.spikes.items()}) for index, one in enumerate(spikes)
     ]
-    answers = play_on_core(program, spikes, None, (), "verilator", timed_from_the_last_word(), SIMULATED, PATIENCE)[1]
+    answers = play_on_core(program, spikes, None, (), "verilator", timed_from_the_last_word(), sizes, PATIENCE)[1]
     of_rtl = answers[:, ANSWER.index("cycles")]
     assert of_rtl.tolist() == [sum(one) for one in predicted], (of_rtl, predicted)
     means, after = np.mean(predicted, axis=0), of_rtl.mean()
-    times = " | ".join(f"{after / clock / 1000:.2f}" for clock in CLOCKS_MHZ)
-    return (
-        f"| `{model}` | `{strategy}` | " + " | ".join(f"{mean:,.0f}" for mean in means) + f" | {after:,.0f} | {times} |"
-    )
+    counted = " | ".join(f"{value:,.0f}" for value in (*means, after))
+    return f"| `{model}` | `{strategy}` | {counted} | {after / mhz / 1000:.2f} |"
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--programs", type=Path)
-    kept = parser.parse_args().programs
-    put_section(PAGE, "answers", "\n".join([HEAD, *(row(model, strategy, kept) for model, strategy in MODELS)]))
+    kept, arrival = parser.parse_args().programs, hw.chip(ON_ARRIVAL)
+    for section, sizes, mhz in (
+        ("answers", SIMULATED, 100.0),
+        ("arrivals", arrival.open_core, 1000 * arrival.clock_ghz),
+    ):
+        rows = [row(model, strategy, kept, sizes, mhz) for model, strategy in MODELS]
+        put_section(PAGE, section, "\n".join([HEAD.format(mhz=mhz), *filter(None, rows)]))
 
 
 if __name__ == "__main__":
