@@ -101,9 +101,10 @@ module transpose #(
 
     wire               write = ONE_PORT != 0 ? marked || sweep : write_back;
 
-    // The first row with enough events; as many as are kept where there is none.
+    // The first row with enough events, or that none has them: where phases keep more rows than the recording has, the last
+    // row that came does not tell.
     logic [SOURCE:0]  together;
-    logic             counted, touched;
+    logic             counted, touched, never;
     logic [ROW-1:0]   touch;
     logic [PLACE-1:0] touch_place;
     wire              full = row == kept[ROW-1:0];
@@ -122,7 +123,8 @@ module transpose #(
         if (!touched && state == IDLE) {touch, touch_place} <= {row, row_place};
         if (start || (counted && together == align_events[SOURCE:0])) touched <= 1;
         if (mark_tick || clear) together <= 0;
-        if (clear) touched <= 0;
+        if (start && !touched) never <= 1;
+        if (clear) {touched, never} <= 0;
     end
 
     memory #(.WIDTH(WORD), .DEPTH(BITMAP)) bitmap (
@@ -158,7 +160,7 @@ module transpose #(
     wire           row_over = state == IDLE ? mark_tick && !full : go && state == NEXT && !row_next && !due;
 
     always_ff @(posedge ticking) begin
-        over <= step == steps[STEP-1:0] || (by_rows && aligned && row == rows[ROW-1:0]);
+        over <= step == steps[STEP-1:0] || (by_rows && aligned && (never || row == rows[ROW-1:0]));
         fetched <= go && (state == FETCH || state == PRIME);
         if (fetched) visit <= visit_word;
         if (out_ready) out_valid <= 0;

@@ -203,6 +203,19 @@ def late_starts() -> tuple[hw.ChipProgram, np.ndarray]:
     return program, spikes
 
 
+def never_starts() -> tuple[hw.ChipProgram, np.ndarray]:
+    """A phase that never begins, since no row has two events, next to one that knows more rows than come."""
+    r = np.random.default_rng(14)
+    channels, rows, told = 3, 6, 17
+    program = together(
+        in_phase(hybrids.random_branch(r, "a", channels, 2, CHIP), Phase("a", "time", rows, 2)),
+        in_phase(
+            hybrids.random_branch(r, "b", told, 2, CHIP), Phase("b", "location", 4), {"positions": r.permutation(channels)}
+        ),
+    )
+    return program, np.eye(channels, dtype=np.uint8)[r.integers(0, channels, (2, rows))]
+
+
 def all_benches() -> list[tuple[hw.ChipProgram, np.ndarray]]:
     """Return all, the quickest first: most faults are found by several, and the first that finds one ends its test."""
     program, spikes = hybrid(22)
@@ -220,6 +233,7 @@ def all_benches() -> list[tuple[hw.ChipProgram, np.ndarray]]:
         long(),
         early_rows(),
         late_starts(),
+        never_starts(),
         ends_of_ranges(),
         several_phases(),
     ]
