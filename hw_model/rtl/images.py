@@ -7,7 +7,7 @@ valid fills a gap.
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 
@@ -137,6 +137,15 @@ class CoreProgram:
             place = {"address": np.arange(len(data)), "memory": np.full(len(data), MEMORIES.index(name))}
             rows.append(np.hstack((np.pad(data, ((0, 0), (0, LOAD_BITS - layout.width))), PLACE.pack(place))))
         return np.concatenate(rows)
+
+    def simulated(self, least: Sizes) -> Sizes:
+        """Return sizes of a simulated core that holds it: those of ``least``, or more.
+
+        Where events are heard on arrival, charges lie as the device has room for them.
+        """
+        told = ("compartments", "slots") if self.later else ()
+        exact = {name: getattr(self.sizes, name) for name in (*told, "later")}
+        return replace(sizes_for(self.needs, least), **exact)
 
     @property
     def words(self) -> MemoryWords:

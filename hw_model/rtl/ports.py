@@ -3,7 +3,7 @@
 import subprocess
 
 from hw_model.errors import InputError
-from hw_model.rtl.images import SIMULATED, Sizes, sizes_for
+from hw_model.rtl.images import Sizes
 from hw_model.rtl.simulators import built, command_of, sources
 
 WAIT = 512
@@ -77,7 +77,7 @@ Port = SimulatedBoard | SerialPort
 """A line to a board. ``read`` returns the bytes that came, none after some time without any."""
 
 
-def open_port(name: str, baud: int, needs: Sizes) -> Port:
-    """Open a serial device, or with ``sim:NAME`` a simulated board that has what is needed."""
+def open_port(name: str, baud: int, sizes: Sizes) -> Port:
+    """Open a serial device, or with ``sim:NAME`` a simulated board of these sizes."""
     kind, _, simulator = name.partition(":")
-    return SimulatedBoard(simulator, sizes_for(needs, SIMULATED)) if kind == "sim" else SerialPort(name, baud)
+    return SimulatedBoard(simulator, sizes) if kind == "sim" else SerialPort(name, baud)

@@ -23,7 +23,8 @@ def stream(program: ChipProgram, spikes: Spikes, port: str, baud: int, report: b
     """
     recordings = np.concatenate(list(read_streams(program, spikes)[0].values()), axis=2)
     plain = replace(program.chip.open_core or SIMULATED, step=0, places=0)
-    with closing(open_port(port, baud, CoreProgram(program, recordings.shape[1], None, plain).needs)) as line:
+    sizes = CoreProgram(program, recordings.shape[1], None, plain).simulated(SIMULATED)
+    with closing(open_port(port, baud, sizes)) as line:
         try:
             board = Board(line)
             core = CoreProgram(program, recordings.shape[1], None, board.sizes)

@@ -18,6 +18,9 @@ SIZES = Sizes(
     axons=256, synapses=4096, compartments=64, slots=64, charge=26, join=36, bitmap=256, visits=32, entries=32, word=8
 )
 
+LATER = replace(SIZES, compartments=128, later=2)
+"""Here the second phase of a hybrid hears its events when they arrive."""
+
 
 def with_fault(texts: dict[str, str]) -> dict[str, str]:
     """Return the SystemVerilog by file with :data:`FAULT` in it."""
@@ -210,7 +213,9 @@ def never_starts() -> tuple[hw.ChipProgram, np.ndarray]:
     program = together(
         in_phase(hybrids.random_branch(r, "a", channels, 2, CHIP), Phase("a", "time", rows, 2)),
         in_phase(
-            hybrids.random_branch(r, "b", told, 2, CHIP), Phase("b", "location", 4), {"positions": r.permutation(channels)}
+            hybrids.random_branch(r, "b", told, 2, CHIP),
+            Phase("b", "location", 4),
+            {"positions": r.permutation(channels)},
         ),
     )
     return program, np.eye(channels, dtype=np.uint8)[r.integers(0, channels, (2, rows))]

@@ -14,7 +14,7 @@ from hw_model.rtl import ports
 from hw_model.rtl.board import Answer, Board
 from hw_model.rtl.cosimulation import END, TICK, words_of
 from hw_model.rtl.frames import HELLO, LOAD, REPORT, WORDS, FrameReader, framed
-from hw_model.rtl.images import CoreProgram, sizes_for
+from hw_model.rtl.images import CoreProgram, Sizes
 from hw_model.rtl.memory_words import hex_words
 from hw_model.rtl.ports import SimulatedBoard
 from hw_model.rtl.simulators import built, run
@@ -29,10 +29,10 @@ PATIENCE = 3000
 class Desk:
     """A program, its recording, and simulated boards that hold it; ``texts`` stand in place of the SystemVerilog."""
 
-    def __init__(self):
+    def __init__(self, sizes: Sizes = benches.SIZES):
         self.program, self.spikes = benches.hybrid(22)
-        self.core = CoreProgram(self.program, self.spikes.shape[1], sizes=benches.SIZES)
-        self.sizes = sizes_for(self.core.needs, benches.SIZES)
+        self.core = CoreProgram(self.program, self.spikes.shape[1], sizes=sizes)
+        self.sizes = self.core.simulated(sizes)
         self.words = words_of(self.core, self.spikes[0])
 
     def port(self, texts: Mapping[str, str] | None = None, **more) -> SimulatedBoard:

@@ -7,14 +7,13 @@ import subprocess
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
-from dataclasses import replace
 from functools import cache
 from itertools import zip_longest
 from pathlib import Path
 
 import pytest
 import yaml
-from benches import SIZES, all_benches
+from benches import LATER, SIZES, all_benches
 from desk import LAST, PRESS, STOP, Desk, over_a_line, rates, said, transcript
 
 import hw_model as hw
@@ -40,10 +39,6 @@ STOPPING = """module clock_gate (input logic clk, input logic enable, output log
 endmodule
 """
 """What a chip puts in place of `clock_gate.sv`."""
-
-
-LATER = replace(SIZES, compartments=128, later=2)
-"""Here the second phase of a hybrid hears its events when they arrive."""
 
 
 def differ(texts, sizes=SIZES) -> bool:

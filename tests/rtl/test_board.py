@@ -6,9 +6,10 @@ import shutil
 from contextlib import closing
 from dataclasses import replace
 
+import benches
 import numpy as np
 import pytest
-from desk import PRESS, REFUSED_LOADS, WORD, Desk, damaged, over_a_line, said, say, stream_words
+from desk import PATIENCE, PRESS, REFUSED_LOADS, WORD, Desk, damaged, over_a_line, said, say, stream_words
 
 import hw_model as hw
 from hw_model.rtl.board import PROBLEMS, Board, spike_numbers
@@ -151,6 +152,28 @@ def test_a_recording_that_is_cut_off_does_no_harm(desk, loaded, share):
     say(port, WORDS, 2, stream_words(words[: int(share * len(words))]))
     assert [kind for kind, _, _ in say(port, HELLO, 0) if kind != SPIKES] == [ERROR, WELCOME]
     assert Board(port).play(desk.core, desk.spikes[0]) == plain
+
+
+def test_a_board_that_hears_events_on_arrival(desk):
+    """It says so, answers as the simulator does, and forgets a recording that is cut off."""
+    later = Desk(benches.LATER)
+    port = later.port(patience=2 * PATIENCE)
+    board = Board(port)
+    assert (later.core.later, board.sizes) == (True, later.sizes)
+    board.load(later.core)
+    board.report(True)
+    first = board.play(later.core, later.spikes[0])
+    greeted(port)
+    say(port, WORDS, 1, stream_words(later.words[: len(later.words) // 2]))
+    board = Board(port)
+    again = board.play(later.core, later.spikes[0])
+    port.close()
+    expected = hw.simulate(later.program, later.spikes, probe=("spikes",))
+    times = spike_numbers(later.core, later.spikes[0], {name: its[0] for name, its in expected.spikes.items()})
+    counts = tuple(expected.per_recording[0][name] for name in ANSWER[3:])
+    assert (first.error, first.winner, first.counts) == (0, expected.prediction[0], counts)
+    assert list(first.spikes) == times
+    assert (board.cut_off, again.winner, again.counts) == (True, first.winner, first.counts)
 
 
 def test_the_host_says_that_a_recording_was_cut_off(loaded):

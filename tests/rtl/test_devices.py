@@ -42,7 +42,9 @@ def small() -> tuple[hw.ChipProgram, np.ndarray, CoreProgram]:
     return replace(program, chip=device(sizes_for(core.needs, benches.SIZES))), spikes, core
 
 
-NAMES = [name for name in Sizes.__dataclass_fields__ if name not in ("word", "step", "places", "sums", "one_port")]
+NAMES = [
+    name for name in Sizes.__dataclass_fields__ if name not in ("word", "step", "places", "sums", "one_port", "later")
+]
 
 
 @pytest.mark.parametrize("name", NAMES)

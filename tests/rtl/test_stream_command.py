@@ -15,7 +15,7 @@ from desk import Desk
 
 import hw_model as hw
 from hw_model.rtl import ports, streaming
-from hw_model.rtl.images import CoreProgram
+from hw_model.rtl.images import SIMULATED
 from locsnn_compile.cli import main as locsnn
 from locsnn_compile.cli.compile import main as compile_main
 
@@ -57,8 +57,7 @@ def test_equal(desk, on_desk, capsys):
     assert capsys.readouterr().out == (
         f"recording 0: class {winner}\nrecording 1: class {winner}\nrecordings 2, different from the simulator 0\n"
     )
-    needs = CoreProgram(desk.program, desk.spikes.shape[1]).needs
-    assert on_desk == [("/dev/ttyUSB7", 9600, needs)]
+    assert on_desk == [("/dev/ttyUSB7", 9600, SIMULATED)]
 
 
 @icarus
