@@ -13,22 +13,10 @@ from hw_model.rtl.cycles import fired_in_order
 from hw_model.rtl.images import CoreProgram, Sizes
 from hw_model.rtl.ports import Port
 from hw_model.rtl.refused import refuse_unless
+from hw_model.texts.templates import filled
 from hw_model.values import ByteArray, Frozen
 
-PROBLEMS = (
-    "",
-    "a byte has no stop bit",
-    "a checksum is wrong",
-    "a frame is too short",
-    "a frame is longer than its buffer",
-    "a frame is out of order",
-    "a recording was cut off",
-    "there is no such command",
-    "a payload has the wrong form",
-    "an address is outside its memory",
-    "a program was loaded during a recording",
-    "words came before a program",
-)
+PROBLEMS = ("", *filled(__package__, "problems.txt").splitlines())
 """What a board says by number; the first are those of the line, where sending again helps."""
 LINE, OUT_OF_ORDER, CUT_OFF = range(1, 5), 5, 6
 TRIES = 4
