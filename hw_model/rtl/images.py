@@ -210,7 +210,7 @@ class CoreProgram:
         if not sizes.later or sizes.places or len(others) != 1:
             return False
         (second,), places = others, sizes.compartments >> sizes.later
-        fits = self.ends[-1] <= sizes.compartments and max(self.ends[0], self.ends[1] - self.ends[0]) <= places
+        fits = self.ends[-1] <= sizes.compartments and max(2, self.ends[0], self.ends[1] - self.ends[0]) <= places
         fits &= slots <= sizes.slots and second.steps + 2 * slots <= sizes.slots << sizes.later
         each_once = np.array_equal(np.sort(second.visits[1]), np.arange(self.channels))
         each_once &= not second.by_rows and second.align_events is None

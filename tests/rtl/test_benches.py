@@ -7,16 +7,20 @@ import subprocess
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
+from dataclasses import replace
 from functools import cache
 from itertools import zip_longest
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
-from benches import LATER, SIZES, all_benches
+from benches import CHIP, LATER, SIZES, all_benches
 from desk import LAST, PRESS, STOP, Desk, over_a_line, rates, said, transcript
+from hybrids import assembled, in_phase
 
 import hw_model as hw
+from hw_model.mapping.graph import Readout
 from hw_model.rtl.comparison import compare
 from hw_model.rtl.cosimulation import END, TICK
 from hw_model.rtl.images import CoreProgram
@@ -41,6 +45,14 @@ endmodule
 """What a chip puts in place of `clock_gate.sv`."""
 
 
+def one_compartment(axis):
+    builder = hw.ProgramBuilder(CHIP)
+    x = builder.add_input(f"{axis}/x", 2 if axis == "time" else 8)
+    y = builder.add_compartments(f"{axis}/y", 1, decay_u=1024, decay_v=128, threshold=300)
+    builder.connect(x, y, np.full((1, x.size), 100))
+    return builder.graph()
+
+
 def differ(texts, sizes=SIZES) -> bool:
     """Whether a bench tells these files from the core; a core that hangs is given up soon."""
     for program, spikes in benches():
@@ -63,6 +75,17 @@ def test_the_core_passes_every_bench(sizes):
 def test_hybrids_hear_events_when_they_arrive():
     later = [CoreProgram(program, spikes.shape[1], None, LATER).later for program, spikes in benches()]
     assert later.count(True) == 4
+
+
+@pytest.mark.parametrize(("places", "later"), [(1, False), (2, True)])
+def test_events_wait_where_a_phase_has_one_place(places, later):
+    """The lowest bit of a place chooses a bank, so slots cannot take it."""
+    single = [in_phase(one_compartment(axis), axis, 8, at) for axis, at in (("time", None), ("location", np.arange(2)))]
+    program = assembled(CHIP, Readout(("time/y", "location/y"), (1.0, 1.0)), *single)
+    spikes, sizes = np.ones((1, 8, 2), dtype=np.uint8), replace(SIZES, compartments=4 * places, slots=8, later=2)
+    found = compare(program, spikes, sources(), "icarus", sizes=sizes, patience=20000)
+    assert CoreProgram(program, 8, None, sizes).later is later
+    assert (found["mismatches"], found["cycle_mismatches"]) == (0, 0)
 
 
 @pytest.mark.slow
