@@ -52,7 +52,7 @@ class Desk:
         binary = built("icarus", self.sizes, texts, "axis_bench", waits=waits, **more)
         (folder / "load").write_bytes(hex_words(self.core.load_words(self.sizes)))
         (folder / "words").write_text("".join(f"{beat:x}\n" for beat in beats))
-        run(binary, folder, 4000)
+        run(binary, folder, 8000)  # more than the cleaning of the core takes
         answers = [line.split() for line in (folder / "answers").read_text().splitlines()]
         return answers, (folder / "spikes").read_text().split()
 

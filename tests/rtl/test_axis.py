@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 
 import pytest
+from benches import LATER, SIZES
 from desk import LAST, STOP, Desk
 
 import hw_model as hw
@@ -15,9 +16,9 @@ from hw_model.rtl.simulators import sources
 pytestmark = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
 
 
-@pytest.fixture(scope="module")
-def desk():
-    return Desk()
+@pytest.fixture(scope="module", params=[SIZES, LATER], ids=["plain", "later"])
+def desk(request):
+    return Desk(request.param)
 
 
 @pytest.fixture(scope="module")
