@@ -173,7 +173,7 @@ module delivery #(
             always_ff @(posedge clk) begin
                 add[bank] <= !clear && valid2 && used;
                 if (valid2) begin
-                    add_address[bank*ADDRESS+:ADDRESS] 
+                    add_address[bank*ADDRESS+:ADDRESS]
                         <= LATER != 0 ? among_more : {(base2[SLOT_BITS-1:0] + delay) & slot_mask[SLOT_BITS-1:0], target};
                     add_charge[bank*CHARGE+:CHARGE] <= {{(CHARGE-15){effective[15]}}, effective[14:0]};
                 end

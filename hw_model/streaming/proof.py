@@ -222,9 +222,6 @@ def _each(program: ChipProgram, phase: str, name: str, values: Callable[[Core], 
     return program.by_column(phase, values)[program.columns_of(phase)[name]]
 
 
-def _proof(program: ChipProgram) -> dict[int, BoolArray]:
-    return {found.core: found.cannot_wrap for found in prove_range(program)}
-
-
 def _cannot_wrap(program: ChipProgram, phase: str, name: str) -> bool:
-    return bool(_each(program, phase, name, lambda core: _proof(program)[core.number].astype(np.int64)).all())
+    proved = {found.core: found.cannot_wrap.astype(np.int64) for found in prove_range(program)}
+    return bool(_each(program, phase, name, lambda core: proved[core.number]).all())
