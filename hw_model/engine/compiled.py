@@ -26,22 +26,8 @@ from hw_model.engine.ahead import compiled_ahead
 llvmlite.binding.set_option("hw_model", "-runtime-memory-check-threshold=200")
 
 
-FILES_OF_LOOPS = (
-    "arithmetic/fixed_point",
-    "engine/chunks",
-    "engine/compiled",
-    "engine/delivery",
-    "engine/events",
-    "engine/fast",
-    "engine/lane_arithmetic",
-    "engine/lanes",
-    "engine/layout",
-    "engine/state",
-    "engine/tiles",
-    "streaming/location_phase",
-    "streaming/time_phase",
-)
-
+FOLDERS_OF_LOOPS = ("arithmetic", "engine", "streaming")
+"""A change of a file in them compiles the loops anew."""
 OPTIONS = {"_nrt": False, "nogil": True, "boundscheck": False, "no_cfunc_wrapper": True}
 """Without its runtime (nrt) loops count no references to arrays, which would take a locked instruction each and most of
 the time of short loops; nor can they make any. Nothing asks for the other way in."""
@@ -165,6 +151,7 @@ def _save(cache: Any, signature: Any, code: Any) -> None:
 
 @lru_cache(maxsize=1)
 def _stamp_of_loops() -> tuple[tuple[int, int], ...]:
-    """Return age and size of every file of this package that holds compiled loops, or constants of theirs."""
-    files = [(Path(__file__).parents[1] / f"{name}.py").stat() for name in FILES_OF_LOOPS]
+    """Return age and size of every file that may hold compiled loops, or constants of theirs."""
+    folders = [Path(__file__).parents[1] / name for name in FOLDERS_OF_LOOPS]
+    files = [path.stat() for folder in folders for path in sorted(folder.glob("*.py"))]
     return tuple((file.st_mtime_ns, file.st_size) for file in files)

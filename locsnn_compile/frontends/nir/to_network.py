@@ -130,10 +130,8 @@ def _input(flat: FlatGraph, where: str) -> InputView:
         raise InputError(where, "a graph needs an Input", fix="Add an Input node before the first weights.")
     for name in names:
         for source in flat.sources[name]:
-            fix = "Lead it to the nodes that the Input feeds."
-            raise InputError(
-                f"{where}, node {name!r}", "an edge leads into an Input", measured=f"from {source!r}", fix=fix
-            )
+            place, fix = f"{where}, node {name!r}", "Lead it to the nodes that the Input feeds."
+            raise InputError(place, "an edge leads into an Input", measured=f"from {source!r}", fix=fix)
     if not flat.named(*NEURONS):
         raise InputError(where, "it has no neurons", fix="Export a network with LIF neurons.")
     return InputView(names[0] if len(names) == 1 else INPUTS, "time", sum(flat.size(name) for name in names))
