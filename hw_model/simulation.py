@@ -120,7 +120,7 @@ def play_recordings(
         raise InputError("steps", "nothing to simulate", measured=f"{steps} against at least 1", fix="Raise steps.")
     check_most(steps or 1, MAX_STEPS, "steps", "a simulation does not hold so many", fix="Lower steps.")
     probes = read_probes(program, probe)
-    streams, batched = read_streams(program, spikes)
+    streams, batched, silent = read_streams(program, spikes)
     batch, rows = next(iter(streams.values())).shape[:2]
     if batch == 0 or (rows == 0 and steps is None):
         measured = f"recordings: {batch}, steps: {rows}"
@@ -128,9 +128,8 @@ def play_recordings(
     longest = _plan(program, tuple(probes.values()), rows, steps)[1]
     size = max(1, sum(program.populations.values()) * longest)
     asked = program, tuple(probes.values()), rows, steps, batched, run_phase, player
-    if remember and batch == 1 and size <= MAX_REMEMBERED:
-        if not any(array.view(np.bool_).any() for array in streams.values()):
-            return SimulationResult(**_copied(vars(_of_nothing(*asked))))
+    if silent and remember and batch == 1 and size <= MAX_REMEMBERED:
+        return SimulationResult(**_copied(vars(_of_nothing(*asked))))
     return _played(streams, *asked)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from hw_model.accounting.mesh_routes import PER_PACKET, Routes, routes_of
 from hw_model.description.counts import BY_CORE, COUNTED
-from hw_model.engine.trace import TOTALS, PhaseInput, PhaseTrace
+from hw_model.engine.trace import PLAYED, TOTALS, PhaseInput, PhaseTrace
 from hw_model.program.chip_program import ChipProgram
 from hw_model.program.pieces import Pieces, pieces_of
 from hw_model.values import AnyArray, BoolArray, ByteArray, Frozen, IntArray, Shown
@@ -62,7 +62,7 @@ def stacked(items: Sequence[StepActivity]) -> StepActivity:
 PER_SPIKE = ("synaptic_ops", "spikes", *PER_PACKET, "input_packets")
 """Counts that are sums over the spikes and input events of a recording."""
 _COLUMN = {name: k for k, name in enumerate(COUNTED)}
-_OF_SPIKES, _OF_TOTALS = [_COLUMN[name] for name in PER_SPIKE], [_COLUMN[name] for name in TOTALS]
+_ADDED_UP = np.array([_COLUMN[name] for name in (*PER_SPIKE, *TOTALS, *PLAYED)])
 
 
 DENSE_MOST = 1 << 15
@@ -72,13 +72,8 @@ DENSE_MOST = 1 << 15
 def count_totals(program: ChipProgram, phase: str, played: PhaseInput, trace: PhaseTrace) -> IntArray:
     """Return the counts of every recording, (batch, fields of Counts): spikes of each source times their effects."""
     table = np.zeros((len(trace.sent), len(COUNTED)), dtype=np.int64)
-    table[:, _OF_SPIKES] = trace.sent @ fan_out(program, phase)
-    table[:, _OF_TOTALS] = trace.totals
-    table[:, _COLUMN["input_events"]] = played.input_events
-    table[:, _COLUMN["transpose_events"]] = played.transpose_events
-    table[:, _COLUMN["events_dropped"]] = played.events_dropped
-    table[:, _COLUMN["neuron_updates"]] = (played.stop - played.start) * trace.spikes.shape[2]
-    table[:, _COLUMN["aligned_steps"]] = played.aligned_steps
+    of_spikes = trace.sent @ fan_out(program, phase)
+    table[:, _ADDED_UP] = np.concatenate((of_spikes, trace.totals, played.counts.T), axis=1)
     return table
 
 

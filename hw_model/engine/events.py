@@ -7,7 +7,7 @@ import numpy as np
 from hw_model.engine.compiled import absorbed, called, compiled
 from hw_model.engine.lanes import Given, Place, Returned, kernel, put
 from hw_model.engine.layout import LANES
-from hw_model.engine.threads import in_parts
+from hw_model.engine.threads import LITTLE, in_parts
 from hw_model.engine.trace import EventLists
 from hw_model.mapping.graph import Input
 from hw_model.values import ByteArray, Int32Array, IntArray, joined
@@ -21,10 +21,10 @@ def list_events(recordings: ByteArray) -> EventLists:
 
     def listed(low: int, high: int) -> tuple[IntArray, Int32Array]:
         given, starts = plain[low:high].reshape(-1), first[low:high]
-        # Bytes of 0 and 1 are booleans, and numpy counts these fastest.
-        channel = np.empty(np.count_nonzero(given.view(np.bool_)) + LANES, dtype=np.int32)
-        called(list_into, given, recordings.shape[2], starts, channel)
-        return starts, channel[:-LANES]
+        # Bytes of 0 and 1 are booleans, and numpy counts these fastest. Where they are few there is room for all.
+        most = given.size if given.size < LITTLE else np.count_nonzero(given.view(np.bool_))
+        channel = np.empty(most + LANES, dtype=np.int32)
+        return starts, channel[: called(list_into, given, recordings.shape[2], starts, channel)]
 
     parts, before = in_parts(listed, len(recordings), plain.size), 0
     for starts, channel in parts:
@@ -87,7 +87,10 @@ def list_row(given, low, channels, channel, many):  # type: ignore[no-untyped-de
 
 @compiled
 def list_into(given, channels, first, channel):  # type: ignore[no-untyped-def]
-    """List rows of so many channels, bytes side by side, into ``first`` (batch, rows + 1) and ``channel``."""
+    """List rows of so many channels, bytes side by side, into ``first`` (batch, rows + 1) and ``channel``.
+
+    Return how many events there are. ``channel`` has room for all of them and, behind, for all lanes.
+    """
     many, low = np.uint64(0), 0
     for b in range(first.shape[0]):
         first[b, 0] = many
@@ -95,6 +98,7 @@ def list_into(given, channels, first, channel):  # type: ignore[no-untyped-def]
             many = list_row(given, low, channels, channel, many)
             low += channels
             first[b, row] = many
+    return many
 
 
 @compiled

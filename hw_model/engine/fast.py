@@ -134,9 +134,10 @@ def _add_up(start, stop, first, line, nodes, links, spikes, active, events, tota
                 totals[0] += due_late[late, nodes.first[m] + line[e]]
         for column in range(columns):
             totals[0] += spikes[row, column] * due_late[late, lines + column]
+    totals[1] = (stop - start) * columns
     for row in range(start, stop):
         for piece in range(active.shape[1]):
-            totals[1] += active[row, piece]
+            totals[2] += active[row, piece]
     for event in range(len(events)):
         for column in range(columns):
-            totals[2 + event] += events[event, column]
+            totals[3 + event] += events[event, column]

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from hw_model.engine.threads import in_parts
-from hw_model.engine.trace import EventLists, PhaseInput
+from hw_model.engine.trace import PLAYED, EventLists, PhaseInput
 from hw_model.errors import InputError
 from hw_model.io.given import as_array
 from hw_model.mapping.graph import Input, Phase
@@ -15,8 +15,8 @@ from hw_model.values import AnyArray, ArrayLike, ByteArray, Frozen, IntArray
 Spikes = ArrayLike | Mapping[str, ArrayLike]
 
 
-def read_streams(program: ChipProgram, spikes: Spikes) -> tuple[dict[str, ByteArray], bool]:
-    """Return every stream as (batch, steps, channels) of 0 and 1, and whether a batch was given."""
+def read_streams(program: ChipProgram, spikes: Spikes) -> tuple[dict[str, ByteArray], bool, bool]:
+    """Return every stream as (batch, steps, channels) of 0 and 1, whether a batch was given, and whether all are 0."""
     expected = program.streams
     # Arrays first: to find out that one is not a mapping takes a while.
     if isinstance(spikes, np.ndarray) or not isinstance(spikes, Mapping):
@@ -24,32 +24,31 @@ def read_streams(program: ChipProgram, spikes: Spikes) -> tuple[dict[str, ByteAr
     if spikes.keys() != expected.keys():
         what = f"the program plays {', '.join(sorted(expected))}"
         raise InputError("spikes", what, fix="Give a mapping with one array for each.")
-    arrays = {name: _stream(name, spikes[name], channels) for name, channels in expected.items()}
-    shape, *others = (array.shape[:-1] for array in arrays.values())
+    found = {name: _stream(name, spikes[name], channels) for name, channels in expected.items()}
+    shape, *others = (array.shape[:-1] for array, _ in found.values())
     if any(other != shape for other in others):
         raise InputError("spikes", "the streams differ in batch or steps", fix="Give arrays of equal length.")
     batched = len(shape) == 2
-    return arrays if batched else {name: array[None] for name, array in arrays.items()}, batched
+    arrays = {name: array if batched else array[None] for name, (array, _) in found.items()}
+    return arrays, batched, not any(largest for _, largest in found.values())
 
 
-def _stream(name: str, given: ArrayLike, channels: int) -> ByteArray:
+def _stream(name: str, given: ArrayLike, channels: int) -> tuple[ByteArray, int]:
+    """Return a stream, and the largest number in it."""
     where = f"spikes of {name!r}"
     array: AnyArray = given if isinstance(given, np.ndarray) else as_array(where, given)
     if array.ndim not in (2, 3) or array.shape[-1] != channels:
         measured = f"{array.shape} against (steps, {channels}) or (batch, steps, {channels})"
         raise InputError(where, "the shape does not fit", measured=measured, fix="Give one column per channel.")
+    largest = 2
     if array.dtype.kind == "u":
-
-        def largest(low: int, high: int) -> int:
-            return int(np.maximum.reduce(array[low:high], axis=None, initial=0))
-
-        binary = max(in_parts(largest, len(array), array.nbytes)) <= 1
-    else:
-        binary = array.dtype.kind in "bif" and bool(((array == 0) | (array == 1)).all())
-    if not binary:
+        largest = max(in_parts(lambda low, high: int(array[low:high].max(initial=0)), len(array), array.nbytes))
+    elif array.dtype.kind in "bif" and ((array == 0) | (array == 1)).all():
+        largest = int(array.any())
+    if largest > 1:
         fix = "Binarise the events; graded spikes do not exist here."
         raise InputError(where, "values other than 0 and 1", fix=fix)
-    return array.astype(np.uint8, copy=False)
+    return array.astype(np.uint8, copy=False), largest
 
 
 def list_events(recordings: ByteArray) -> EventLists:
@@ -97,11 +96,12 @@ def play(
     """Lay recordings out as the lines of a phase, of so many ``steps`` where it does not fix them."""
     rows, batch = next((events.rows, len(events.first)) for events in streams.values())
     length = length_of(program, phase, rows, steps)
-    played, transposed, dropped, before, start = np.zeros((5, batch), dtype=np.int64)
+    counts = np.zeros((len(PLAYED), batch), dtype=np.int64)
+    played, transposed, dropped, before = counts
     inputs = program.inputs_of(phase.name)
-    stop = np.full(batch, length)
+    start, stop = np.zeros(batch, dtype=np.int64), before + length
     if phase.align_events is not None:
-        before = first_touch([streams[name] for name in {item.stream for item in inputs}], phase.align_events)
+        before[:] = first_touch([streams[name] for name in {item.stream for item in inputs}], phase.align_events)
         if phase.axis == "time":
             many = steps_of(program, phase, rows, steps)
             start = np.where(before < rows, before, many)
@@ -117,12 +117,11 @@ def play(
             late = recorded if phase.align_events is None else recorded.moved(before)
             lists.append(player.transpose(late, item, length))
             counted = transposed
-        given = lists[-1].until(length)
+        given = lists[-1].events
         counted += given
         if lists[-1] is not recorded:
-            dropped += recorded.until(rows) - given
-    sizes = tuple(item.size for item in inputs)
-    return PhaseInput(length, sizes, tuple(lists), played, transposed, dropped, start, stop, before)
+            dropped += recorded.events - given
+    return PhaseInput(length, tuple(item.size for item in inputs), tuple(lists), counts, start, stop)
 
 
 def length_of(program: ChipProgram, phase: Phase, rows: int, steps: int | None = None) -> int:

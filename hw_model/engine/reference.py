@@ -14,7 +14,7 @@ from hw_model.values import ByteArray, IntArray
 
 def run_phase(program: ChipProgram, phase: str, played: PhaseInput, windows: dict[Register, Window]) -> PhaseTrace:
     """Run a batch through one phase, recording by recording; keep of the registers what the windows ask for."""
-    recordings = [played.lines(b) for b in range(len(played.input_events))]
+    recordings = [played.lines(b) for b in range(len(played.start))]
     spans = zip(played.start.tolist(), played.stop.tolist(), strict=True)
     traces = [_run_recording(program, phase, *each, windows) for each in zip(recordings, spans, strict=True)]
     spikes = np.stack([trace[0] for trace in traces])

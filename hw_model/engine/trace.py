@@ -4,9 +4,8 @@ Columns are the compartments of the phase, group by group, as
 :meth:`hw_model.program.chip_program.ChipProgram.columns_of` says.
 """
 
-from dataclasses import field
 from functools import lru_cache
-from typing import Literal, get_args
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
@@ -18,9 +17,11 @@ REGISTERS: tuple[Register, ...] = get_args(Register)
 """``u`` and ``v`` are registers after the step (v is 0 on a spike row); ``potential`` is v as the threshold saw it."""
 
 EVENTS = ("charge_wraps", "current_wraps", "voltage_clips")
-TOTALS = ("synaptic_ops_after_end", "neuron_updates_active", *EVENTS, "skipped_steps")
+TOTALS = ("synaptic_ops_after_end", "neuron_updates", "neuron_updates_active", *EVENTS, "skipped_steps")
 """Counts that an engine adds up over all steps and compartments; steps in which nothing had to be updated are last."""
 SKIPPED = TOTALS.index("skipped_steps")
+PLAYED = ("input_events", "transpose_events", "events_dropped", "aligned_steps")
+"""Counts of what is played: as it came, through the transpose buffer, not at all; and rows before the start."""
 
 
 class Window(Frozen, eq=False):
@@ -38,7 +39,7 @@ class Window(Frozen, eq=False):
 NOTHING = Window(np.empty(0, dtype=np.int64), 0, 0)
 
 
-class EventLists(Frozen, eq=False):
+class EventLists(NamedTuple):
     """Spikes of a batch as lists: those of recording b in row r are channels ``channel[first[b, r]:first[b, r + 1]]``.
 
     ``first`` (batch, rows + 1), ``channel`` (events,), ascending within a row.
@@ -52,9 +53,10 @@ class EventLists(Frozen, eq=False):
         """Rows of every recording."""
         return int(self.first.shape[1]) - 1
 
-    def until(self, rows: int) -> IntArray:
-        """Count the events of every recording before a row, (batch,)."""
-        return self.first[:, min(rows, self.rows)] - self.first[:, 0]
+    @property
+    def events(self) -> IntArray:
+        """Events of every recording, (batch,)."""
+        return self.first[:, -1] - self.first[:, 0]
 
     def between(self, start: IntArray, stop: IntArray) -> "EventLists":
         """Return the lists without the spikes of rows before ``start`` and from ``stop`` on, (batch,) each."""
@@ -68,38 +70,33 @@ class EventLists(Frozen, eq=False):
         return EventLists(np.take_along_axis(self.first, source, axis=1), self.channel)
 
 
-class PhaseInput(Frozen, eq=False):
+class PhaseInput(NamedTuple):
     """Spikes of a phase's input lines, as the buffer leaves them, one :class:`EventLists` of ``steps`` rows an input.
 
-    ``sizes``: lines of each input. ``input_events``, ``transpose_events`` and ``events_dropped`` (batch,) count what
-    was played as it came, what went through the transpose buffer, and what lay in rows that are not played. Each
-    recording runs from step ``start`` to before step ``stop``, (batch,); ``aligned_steps`` (batch,) are those of the
-    recording before its start.
+    ``sizes``: lines of each input. ``counts`` (:data:`PLAYED`, batch). Each recording runs from step ``start`` to
+    before step ``stop``, (batch,).
     """
 
     steps: int
     sizes: tuple[int, ...]
     events: tuple[EventLists, ...]
-    input_events: IntArray
-    transpose_events: IntArray
-    events_dropped: IntArray
+    counts: IntArray
     start: IntArray
     stop: IntArray
-    aligned_steps: IntArray
 
-    def lines(self, recording: int, start: int = 0) -> ByteArray:
-        """Return rows ``start`` and later of a recording, (steps, lines) of 0 and 1, inputs one after the other."""
-        dense = np.zeros((self.steps - start, sum(self.sizes)), dtype=np.uint8)
+    def lines(self, recording: int) -> ByteArray:
+        """Return the rows of a recording, (steps, lines) of 0 and 1, inputs one after the other."""
+        dense = np.zeros((self.steps, sum(self.sizes)), dtype=np.uint8)
         offset = 0
         for events, size in zip(self.events, self.sizes, strict=True):
-            first = events.first[recording, start:]
-            rows = np.repeat(np.arange(self.steps - start), np.diff(first))
+            first = events.first[recording]
+            rows = np.repeat(np.arange(self.steps), np.diff(first))
             dense[rows, offset + events.channel[first[0] : first[-1]]] = 1
             offset += size
         return dense
 
 
-class PhaseTrace(Frozen, eq=False):
+class PhaseTrace(NamedTuple):
     """What a batch did in a phase of n columns.
 
     ``spikes`` (batch, steps, n); ``sent`` (batch, lines + n): spikes of every source over all steps, input lines first;
@@ -114,12 +111,12 @@ class PhaseTrace(Frozen, eq=False):
     active: IntArray
     events: IntArray
     totals: IntArray
-    registers: dict[Register, IntArray] = field(default_factory=dict)
+    registers: dict[Register, IntArray]
 
     @classmethod
     def empty(cls, played: PhaseInput, n: int, pieces: int, windows: dict[Register, Window]) -> "PhaseTrace":
         """Return room for a trace, all 0."""
-        batch = len(played.input_events)
+        batch = len(played.start)
         return cls(
             spikes=np.zeros((batch, played.steps, n), np.uint8),
             sent=np.zeros((batch, sum(played.sizes) + n), np.int64),
@@ -157,4 +154,5 @@ def add_up(
     for b, (start, stop) in enumerate(zip(played.start, played.stop, strict=True)):
         sent = np.hstack((played.lines(b), spikes[b]))[max(start, stop - len(table)) : stop][::-1]
         late[b] = (sent * table[: len(sent)]).sum()
-    return np.column_stack((late, active.sum(axis=(1, 2)), events.sum(axis=2), np.zeros_like(late)))
+    updates = (played.stop - played.start) * spikes.shape[2]
+    return np.column_stack((late, updates, active.sum(axis=(1, 2)), events.sum(axis=2), np.zeros_like(late)))

@@ -62,7 +62,7 @@ def play_on_core(
 
     ``texts``: SystemVerilog files by name; ``sizes``: the least; ``patience``: cycles until a silent core is given up.
     """
-    streams, batched = read_streams(program, spikes)
+    streams, batched, _ = read_streams(program, spikes)
     recordings = np.concatenate([streams[name] for name in program.streams], axis=2)
     core = CoreProgram(program, recordings.shape[1], steps, program.chip.open_core or sizes)
     sizes = core.simulated(sizes)
@@ -84,7 +84,7 @@ def play_on_core(
 
     def run_phase(program: ChipProgram, phase: str, played: PhaseInput, windows: dict[Register, Window]) -> PhaseTrace:
         begin = played_so_far[phase]
-        played_so_far[phase] += len(played.input_events)
+        played_so_far[phase] += len(played.start)
         places = len(names) * np.arange(begin, played_so_far[phase]) + names.index(phase)
         return _trace(core, phase, played, windows, [updates[ends[at] : ends[at + 1]] for at in places])
 

@@ -112,7 +112,7 @@ class Session:
         if self._only and isinstance(spikes, np.ndarray) and (rows := _plain_rows(spikes, self._only[1])) is not None:
             return {self._only[0]: rows}
         given = spikes if isinstance(spikes, Mapping) else {name: spikes for name in list(self.program.streams)[:1]}
-        streams, batched = read_streams(self.program, {name: _rows(array) for name, array in given.items()})
+        streams, batched, _ = read_streams(self.program, {name: _rows(array) for name, array in given.items()})
         if batched:
             raise InputError("spikes", "a session plays one recording", fix="Give rows, (rows, channels).")
         return {name: _plain(array[0]) for name, array in streams.items()}

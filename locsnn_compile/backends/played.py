@@ -74,7 +74,7 @@ class Played(Frozen, eq=False):
 
 def play_recording(program: hw.ChipProgram, spikes: Spikes, title: str = "recording 0") -> Played:
     """Play one recording (steps, channels), or a mapping of them by stream, and keep everything."""
-    streams, batched = read_streams(program, spikes)
+    streams, batched, _ = read_streams(program, spikes)
     if batched:
         raise InputError("recording", "several recordings were given", fix="Give one, of shape (steps, channels).")
     recording = {name: array[0] for name, array in streams.items()}

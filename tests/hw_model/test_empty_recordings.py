@@ -87,16 +87,19 @@ def test_events_of_one_stream_are_played_beside_an_empty_one():
     assert (found.counts.input_events, found.counts.spikes) == (1, 1)
 
 
-def test_an_empty_recording_is_played_once(monkeypatch):
+@pytest.mark.parametrize("kind", ["uint8", "bool", "int64", "float64"])
+def test_an_empty_recording_is_played_once(monkeypatch, kind):
     played = []
     monkeypatch.setattr(simulation, "play", lambda *given, play=simulation.play: (played.append(1), play(*given))[1])
-    program, nothing = biased(), np.zeros((STEPS, 3), dtype=np.uint8)
+    program, nothing = biased(), np.zeros((STEPS, 3), dtype=kind)
     for _ in range(3):
         hw.simulate(program, nothing)
     assert len(played) == 1
     for _ in range(2):
         hw.simulate(program, nothing, engine="reference")
     assert len(played) == 3
+    nothing[2, 1] = 1
+    assert hw.simulate(program, nothing).counts.input_events == 1
 
 
 def test_what_is_large_is_not_remembered(monkeypatch):
