@@ -13,15 +13,17 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
-from multiprocessing.connection import Connection, Pipe
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hw_model.io.files import parsing, read_bytes
 from hw_model.values import AnyArray, FloatArray
 from locsnn_compile.errors import InputError, check_most
+
+if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
 
 MAX_BYTES = 500_000_000
 """Largest size of all datasets of a file together, unpacked."""
@@ -39,8 +41,10 @@ _lock = threading.Lock()
 
 
 @cache
-def _prober(owner: int) -> Connection:
+def _prober(owner: int) -> "Connection":
     """Start the process that tries files for the process ``owner``, ends with it, and return the connection."""
+    from multiprocessing.connection import Pipe
+
     ours, theirs = Pipe()
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
     command, passed = [sys.executable, "-P", str(_PROBE), str(theirs.fileno())], [theirs.fileno()]
