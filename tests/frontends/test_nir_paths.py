@@ -86,13 +86,13 @@ CHIPS = {
     "a longer one": {"input a": 0, "a b": 0, "input b": 4},
     "a shorter one": {"input a": 0, "a b": 0, "input b": 0},
     "shorter ones": {"input a": 0, "a b": 0, "b c": 2, "input c": 1, "a c": 0, "c d": 0, "input d": 0},
-    "a shorter one told last": {"c d": 0, "b c": 0, "a b": 0, "input a": 0, "input c": 0},
+    "a shorter one told last": {"c d": 0, "b d": 0, "b c": 0, "a b": 0, "input a": 0, "input c": 0},
     "a loop of two": LOOP,
     "a loop of three": {**LOOP, "b a": 3, "c a": 0},
     "a loop and a shorter path": {**LOOP, "input c": 0},
     "two that feed each other": {"input a": 0, "input b": 0, "a b": 0, "b a": 2, "a c": 0},
 }
-HELD = [[], [3], [1], [3, 2], [2], [1], [4, 2], [1, 2], [2]]
+HELD = [[], [3], [1], [3, 2], [1, 2], [1], [4, 2], [1, 2], [2]]
 """The delays that a graph of each of them needs, in steps."""
 
 
