@@ -211,13 +211,10 @@ def check_chip(chip: Chip, where: str) -> None:
         raise InputError(f"{where}: profiles", what, fix="Give at least one.")
     mesh = chip.mesh
     if mesh.tiles * mesh.cores_per_tile != chip.limits.cores_per_chip:
-        raise InputError(
-            f"{where}: mesh",
-            "its tiles and the cores of a chip disagree",
-            measured=f"{mesh.columns} x {mesh.rows} tiles of {mesh.cores_per_tile} against cores_per_chip "
-            f"{chip.limits.cores_per_chip}",
-            fix="Make them equal.",
-        )
+        tiles = f"{mesh.columns} x {mesh.rows} tiles of {mesh.cores_per_tile}"
+        measured = f"{tiles} against cores_per_chip {chip.limits.cores_per_chip}"
+        what = "its tiles and the cores of a chip disagree"
+        raise InputError(f"{where}: mesh", what, measured=measured, fix="Make them equal.")
 
 
 @checked

@@ -79,13 +79,9 @@ def _check_visits(item: Input, phase: Phase) -> None:
         fix = "Give the phase more steps."
         raise InputError(where, "a channel is visited outside its phase", measured=measured, fix=fix)
     if lines is not None and (lines.shape != item.positions.shape or lines.min(initial=0) < 0 or item.rows < 1):
-        raise InputError(
-            where,
-            "its first lines do not fit",
-            measured=f"{len(lines)} within {lines.min(initial=0)}..{lines.max(initial=0)} against "
-            f"{item.channels} within 0..{item.size - 1}",
-            fix="Give one per channel.",
-        )
+        found = f"{len(lines)} within {lines.min(initial=0)}..{lines.max(initial=0)}"
+        measured = f"{found} against {item.channels} within 0..{item.size - 1}"
+        raise InputError(where, "its first lines do not fit", measured=measured, fix="Give one per channel.")
     if item.lines_are_shared:
         raise InputError(where, "two channels of one step share lines", fix="Give each lines of its own.")
 
@@ -177,12 +173,10 @@ def _check_synapses(graph: CompartmentGraph, synapses: Synapses, chip: Chip) -> 
         raise TargetError(where, f"weights of {synapses.weight_bits} bits are too wide", measured=measured, fix=fix)
     bad = np.flatnonzero(grid.off_grid(synapses.mantissa))
     if len(bad):
-        raise TargetError(
-            where,
-            f"weight {synapses.mantissa[bad[0]]} is not on the grid of {grid.weight_bits}-bit {grid.sign_mode} weights",
-            measured=f"multiples of {grid.step} in {grid.low}..{grid.high}; {len(bad)} of {len(synapses.mantissa)} off",
-            fix="Round the weights onto the grid first.",
-        )
+        kind, fix = f"{grid.weight_bits}-bit {grid.sign_mode} weights", "Round the weights onto the grid first."
+        what = f"weight {synapses.mantissa[bad[0]]} is not on the grid of {kind}"
+        measured = f"multiples of {grid.step} in {grid.low}..{grid.high}; {len(bad)} of {len(synapses.mantissa)} off"
+        raise TargetError(where, what, measured=measured, fix=fix)
     if synapses.exponent not in WEIGHT_EXPONENTS:
         measured = f"{synapses.exponent} against -8..7"
         raise TargetError(where, "the weight exponent is out of range", measured=measured, fix="Rescale the weights.")

@@ -172,9 +172,8 @@ class Readout(Frozen):
     def __post_init__(self) -> None:
         for name in self.populations:
             if self.populations.count(name) > 1:
-                raise InputError(
-                    "readout", f"it names {name!r} twice", fix="Name it once, with the sum of its weights."
-                )
+                fix = "Name it once, with the sum of its weights."
+                raise InputError("readout", f"it names {name!r} twice", fix=fix)
 
     @property
     def from_step(self) -> dict[str, int]:

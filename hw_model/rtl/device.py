@@ -27,12 +27,8 @@ def on_core(program: ChipProgram, rows: int, device: Chip) -> CoreProgram:
     """
     core = _as_core(program, rows, None, device.open_core)
     for name, (need, limit) in _short_of(core, device).items():
-        raise TargetError(
-            f"program {program.name!r}",
-            f"the open core of {device.name} is too small in {name!r}",
-            measured=f"{need} against {limit}",
-            fix=_way_out(core),
-        )
+        what, measured = f"the open core of {device.name} is too small in {name!r}", f"{need} against {limit}"
+        raise TargetError(f"program {program.name!r}", what, measured=measured, fix=_way_out(core))
     return core
 
 

@@ -5,10 +5,7 @@ import math
 from locsnn_compile.data.sensor import SensorLayout, frame_size
 from locsnn_compile.errors import InputError, counted
 
-CONVOLUTIONS = (
-    (4, (7, 3, 3), (4, 1, 1)),
-    (8, (5, 3, 3), (3, 1, 1)),
-)
+CONVOLUTIONS = ((4, (7, 3, 3), (4, 1, 1)), (8, (5, 3, 3), (3, 1, 1)))
 """Output channels, kernel and stride (steps, rows, columns) of CNN-3D's convolutions."""
 
 

@@ -5,14 +5,17 @@ code made them.
 """
 
 import hashlib
+import logging
 import pickle
 import signal
+import socket
+import time
 import zlib
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache, lru_cache, partial
 from importlib.metadata import PackageNotFoundError, version
 from multiprocessing import active_children, get_context
@@ -83,8 +86,8 @@ def work_packed(work: bytes, part: bytes) -> Any:
     return unpacked(work)(unpacked.__wrapped__(part))
 
 
-PATIENCE_SECONDS = 30
-"""How long to wait for the scheduler, and for its first worker."""
+ANSWER_SECONDS, PATIENCE_SECONDS = 10, 30
+"""How long to wait for the scheduler, and then for its first worker."""
 AHEAD = 2
 """Parts in progress per thread of the cluster, so the next one is there when one is done."""
 
@@ -129,6 +132,17 @@ def spread_over(address: str | None, processes: int | None = None) -> Iterator[S
         yield cluster.spread
 
 
+def _listens(place: tuple[str, int]) -> bool:
+    """Tell whether something listens at a host and port within :data:`ANSWER_SECONDS`."""
+    deadline = time.monotonic() + ANSWER_SECONDS
+    while time.monotonic() < deadline:
+        with suppress(OSError):
+            socket.create_connection(place, 1).close()
+            return True
+        time.sleep(0.1)
+    return False
+
+
 @contextmanager
 def connected(address: str) -> Iterator[Cluster]:
     """Connect to a scheduler with at least one worker, all running this code; Dask must be installed."""
@@ -137,17 +151,21 @@ def connected(address: str) -> Iterator[Cluster]:
     except ImportError:
         fix = "Install it with: pip install 'locsnn-compile[dask]'"
         raise InputError("--scheduler", "Dask is not installed", fix=fix) from None
+    # What it would log when a scheduler is lost, in dozens of lines, is one of the errors below.
+    for name in ("distributed", "distributed.client"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     where, waited = f"--scheduler {address}", f"within {PATIENCE_SECONDS} s"
     try:
-        # With a wrong address, the client would wait a minute and print a traceback.
-        distributed.comm.addressing.resolve_address(address)
-        client: Any = distributed.Client(address, timeout=PATIENCE_SECONDS, set_as_default=False)  # type: ignore[no-untyped-call]
+        # A client that finds nobody ends with a traceback, after three times as long.
+        if not _listens(distributed.comm.addressing.get_address_host_port(address)):
+            raise TimeoutError
+        client: Any = distributed.Client(address, timeout=ANSWER_SECONDS, set_as_default=False)  # type: ignore[no-untyped-call]
     except ValueError as error:
         fix = "Give one such as tcp://127.0.0.1:8786."
         raise InputError(where, f"it is not an address: {error}", fix=fix) from None
-    except OSError:
+    except (OSError, MemoryError):  # the answer of another service is taken for the size of a message
         fix = "Start one with: dask scheduler"
-        raise InputError(where, "no scheduler answers", measured=waited, fix=fix) from None
+        raise InputError(where, "no scheduler answers", measured=f"within {ANSWER_SECONDS} s", fix=fix) from None
     with client:
         try:
             client.wait_for_workers(1, timeout=PATIENCE_SECONDS)

@@ -121,7 +121,7 @@ def commands(build, model, many):
 
 @pytest.mark.parametrize("command", ["run", "compile"])
 def test_a_scheduler_that_does_not_answer(build, model, many, command, monkeypatch, capsys):
-    monkeypatch.setattr(spread, "PATIENCE_SECONDS", 0.2)
+    monkeypatch.setattr(spread, "ANSWER_SECONDS", 0.2)
     assert commands(build, model, many)[command]("--scheduler", "tcp://127.0.0.1:9") == 2
     line = "--scheduler tcp://127.0.0.1:9: no scheduler answers (within 0.2 s). Start one with: dask scheduler\n"
     assert capsys.readouterr() == ("", line)

@@ -1,9 +1,12 @@
 """Processes and Dask workers measure what one process does, byte for byte, and whoever dies takes nothing along."""
 
+import logging
 import multiprocessing
 import os
 import signal
+import socket
 import sys
+import threading
 from dataclasses import replace
 from functools import partial
 
@@ -15,7 +18,7 @@ from small_model import explore, lasting, narrow, setting, workers_of
 import hw_model as hw
 import locsnn_compile as lc
 from locsnn_compile.cluster import spread
-from locsnn_compile.cluster.spread import here, packed, spread_over, work_packed
+from locsnn_compile.cluster.spread import connected, here, packed, spread_over, work_packed
 from locsnn_compile.errors import InputError
 from locsnn_compile.explore.events import choose_events
 from locsnn_compile.explore.point import Study, measure
@@ -125,7 +128,7 @@ def test_without_dask_there_is_a_command_to_install_it(model, tmp_path, monkeypa
     ids=["nobody", "no address"],
 )  # fmt: skip
 def test_schedulers_that_do_not_answer(model, address, line, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(spread, "PATIENCE_SECONDS", 0.2)
+    monkeypatch.setattr(spread, "ANSWER_SECONDS", 0.2)
     assert explore(model, "--scheduler", address, "-o", tmp_path / "out") == 2
     assert capsys.readouterr() == ("", f"--scheduler {address}: {line}\n")
 
@@ -136,6 +139,40 @@ def test_no_client_is_made_for_what_is_not_an_address(model, address, tmp_path, 
     monkeypatch.setattr(distributed, "Client", None)
     assert explore(model, "--scheduler", address, "-o", tmp_path / "out") == 2
     assert capsys.readouterr().err.startswith(f"--scheduler {address}: it is not an address: ")
+
+
+def test_a_scheduler_that_starts_late_is_waited_for():
+    with socket.socket() as late:
+        late.bind(("127.0.0.1", 0))
+        threading.Timer(0.5, late.listen).start()
+        assert spread._listens(late.getsockname())
+
+
+def test_another_service_is_no_scheduler(model, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(spread, "ANSWER_SECONDS", 1)
+    with socket.create_server(("127.0.0.1", 0)) as other:
+
+        def answer():
+            while True:
+                try:
+                    caller, _ = other.accept()
+                except OSError:  # the test is over
+                    return
+                with caller:
+                    caller.sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n" * 4)
+
+        threading.Thread(target=answer, daemon=True).start()
+        address = f"tcp://127.0.0.1:{other.getsockname()[1]}"
+        assert explore(model, "--scheduler", address, "-o", tmp_path / "out") == 2
+    assert capsys.readouterr() == (
+        "",
+        f"--scheduler {address}: no scheduler answers (within 1 s). Start one with: dask scheduler\n",
+    )
+
+
+def test_dask_does_not_log_what_our_errors_say():
+    with LocalCluster(n_workers=1, processes=False, dashboard_address=":0") as one, connected(one.scheduler_address):
+        assert {logging.getLogger(name).level for name in ("distributed", "distributed.client")} == {logging.CRITICAL}
 
 
 def test_a_cluster_without_workers(monkeypatch):

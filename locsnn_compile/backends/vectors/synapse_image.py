@@ -42,12 +42,9 @@ def synapse_layouts(chip: Chip) -> dict[str, Layout]:
     }
     spare = memory.run_header_bits - sum(header.values())
     if spare < 0:
-        raise InputError(
-            f"chip {chip.name}",
-            "the header of a run has no room for a format and a length",
-            measured=f"run_header_bits {memory.run_header_bits} against {sum(header.values())}",
-            fix="Leave out --emit vectors.",
-        )
+        what = "the header of a run has no room for a format and a length"
+        measured = f"run_header_bits {memory.run_header_bits} against {sum(header.values())}"
+        raise InputError(f"chip {chip.name}", what, measured=measured, fix="Leave out --emit vectors.")
     return {
         "axon": Layout.of(first_list=words, lists=words),
         "list": Layout.of(first_word=words, words=words, base=compartment),

@@ -114,11 +114,9 @@ def unmet_budget(choice: Choice) -> str:
     """Say in one line that no setting keeps the budget, what the best one loses, and what to do."""
     best, bounds = choice.taken, choice.budget
     silent = best.spike_agreement is None or (bounds.min_agreement is not None and best.prediction_agreement is None)
-    fix = (
-        "Give --calibration recordings in which outputs spike."
-        if silent
-        else "Train for the chip with locsnn train --target, or allow more."
-    )
+    fix = "Train for the chip with locsnn train --target, or allow more."
+    if silent:
+        fix = "Give --calibration recordings in which outputs spike."
     setting = setting_words(asdict(best.setting))
     return (
         f"no setting keeps {bounds.words()} on {plural(choice.samples, 'recording')} of {choice.source}: "
