@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from hw_model.io.files import replace_file
-from hw_model.values import Frozen, IntArray
+from hw_model.values import ByteArray, Frozen, IntArray
 from locsnn_compile.data.division import stratified_split
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
@@ -107,7 +107,8 @@ def train(
             picture = log_path.with_suffix(".svg")
             replace_file(picture, profile(state.history, name), f"training profile {picture.name!r}")
 
-    run = _Run(config, loss, description, recordings, chip, weights_at_start, saved, save_every, progress)
+    spikes = recordings.spikes
+    run = _Run(config, loss, description, spikes, labels, chip, weights_at_start, saved, save_every, progress)
     with _torch_for_small_layers():
         training, held = stratified_split(labels, config.validation_fraction, config.seed)
         if state.phase == "select":
@@ -134,24 +135,16 @@ class _Run(Frozen, eq=False):
     config: TrainingConfig
     loss: Loss
     description: NetworkDescription
-    recordings: Recordings
+    spikes: ByteArray
+    """Of the train part, (samples, steps, channels)."""
+    labels: IntArray
+    """Of the train part, (samples,)."""
     chip: ChipNumbers | None
     start: Mapping[str, NDArray[np.float32]] | None
+    """Weights [out, in] by name that every phase begins with; None: those of the seed."""
     saved: Callable[[], None]
     save_every: int
     progress: Progress | None
-
-    def network(self) -> TouchModel:
-        """Return the network with which a phase begins."""
-        config = self.config
-        network = build_network(self.description, seed=config.seed, initial_scale=config.initial_scale, chip=self.chip)
-        network = network.to(config.device)
-        if self.start is not None:
-            network.load_weights(self.start)
-        if config.pruned:
-            network.prune(config.pruned)
-        network.hold()
-        return network
 
 
 class _Phase:
@@ -161,11 +154,16 @@ class _Phase:
     """
 
     def __init__(self, run: _Run, state: TrainingState, rows: IntArray) -> None:
-        config, recordings = run.config, run.recordings
-        assert recordings.labels is not None
+        config = run.config
         self.run, self.number = run, _PHASES[state.phase]
-        self.spikes, self.labels = recordings.spikes[rows], recordings.labels[rows]
-        self.network = run.network()
+        self.spikes, self.labels = run.spikes[rows], run.labels[rows]
+        network = build_network(run.description, seed=config.seed, initial_scale=config.initial_scale, chip=run.chip)
+        self.network = network.to(config.device)
+        if run.start is not None:
+            self.network.load_weights(run.start)
+        if config.pruned:
+            self.network.prune(config.pruned)
+        self.network.hold()
         self.network.begin(self.spikes)
         self.optimizer = _optimizer(self.network, config)
         if state.weights:
@@ -206,9 +204,7 @@ class _Phase:
 
 def _run_phase(run: _Run, state: TrainingState, rows: IntArray, held: IntArray, epochs: int) -> None:
     """Take ``state`` from where it is to ``epochs`` on the recordings ``rows``, validating on ``held``."""
-    config, recordings, phase = run.config, run.recordings, _Phase(run, state, rows)
-    assert recordings.labels is not None
-    validation = recordings.spikes[held], recordings.labels[held]
+    config, phase, validation = run.config, _Phase(run, state, rows), (run.spikes[held], run.labels[held])
     for epoch in range(state.epoch + 1, epochs + 1):
         rate = learning_rate(config, epoch, epochs)
         loss = phase.learn(epoch, rate)
