@@ -7,9 +7,8 @@ from typing import Any, NamedTuple
 
 from hw_model.io.xml_text import escaped, xml_file
 from hw_model.texts.pieces import Pieces
+from locsnn_compile.report.content import Document
 from locsnn_compile.report.words import fill, texts
-
-Report = Mapping[str, Any]
 
 
 class Gate(NamedTuple):
@@ -25,12 +24,12 @@ class Gate(NamedTuple):
 GATES: tuple[str, ...] = tuple(texts("gates"))
 
 
-def check_gates(report: Report, bounds: Mapping[str, float]) -> tuple[Gate, ...]:
+def check_gates(report: Document, bounds: Mapping[str, float]) -> tuple[Gate, ...]:
     """Return a gate for each bound by option, in the order of :data:`GATES`; without a measured value it fails."""
     return tuple(_gate(option, report, bounds[option]) for option in GATES if option in bounds)
 
 
-def _gate(option: str, report: Report, bound: float) -> Gate:
+def _gate(option: str, report: Document, bound: float) -> Gate:
     rule = texts("gates", option)
     value: Any = reduce(getitem, rule["figure"].split("."), report)
     if value is None:
@@ -42,7 +41,7 @@ def _gate(option: str, report: Report, bound: float) -> Gate:
     return Gate(option, bound, value, holds, f"{fill(rule['said'], {'value': value})}, {side} {bound:g}")
 
 
-def gates_entry(gates: Sequence[Gate]) -> list[dict[str, Any]]:
+def gates_entry(gates: Sequence[Gate]) -> list[Document]:
     """Return ``gates`` of report.json."""
     return [
         {"name": gate.option, "bound": gate.bound, "measured": gate.measured, "passed": gate.holds} for gate in gates
