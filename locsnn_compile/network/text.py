@@ -18,7 +18,7 @@ from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm, R
 from locsnn_compile.network.network import InputView, Network
 from locsnn_compile.network.neurons import Cuba, Leaky, Neuron, SoftCuba, SrmAlpha
 from locsnn_compile.network.projections import Matrix, values_of
-from locsnn_compile.network.quantized import KernelFit, QuantizedNetwork, QuantizedPopulation
+from locsnn_compile.network.quantized import QuantizedNetwork, QuantizedPopulation
 
 
 def network_text(network: Network) -> str:
@@ -40,12 +40,10 @@ def _view(view: InputView, network: Network) -> dict[str, Any]:
 
 def _integers(q: QuantizedPopulation) -> dict[str, Any]:
     text = neuron_text(q.neuron, q.population.axis)
-    fit = None if q.fit is None else {"strategy": q.strategy, "own": _own(q.fit), **vars(q.fit)}
+    fit = None
+    if q.fit is not None:
+        fit = {"strategy": q.strategy, "own": None if q.fit.refractory_max is None else q.fit, **vars(q.fit)}
     return {"name": q.population.name, "text": text, "scale": q.scale, "fit": fit}
-
-
-def _own(fit: KernelFit) -> KernelFit | None:
-    return None if fit.refractory_max is None else fit
 
 
 @singledispatch
