@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, field
+from dataclasses import asdict
 from typing import Any, Literal, get_args
 
 import hw_model as hw
@@ -100,7 +100,7 @@ class Row(Frozen):
     verdict: Verdict
     causes: tuple[str, ...] = ()
     measured: Measured | None = None
-    drift: Drift | None = field(default=None)
+    drift: Drift | None = None
 
 
 def by_verdict(rows: Iterable[Row]) -> dict[Verdict, int]:

@@ -100,12 +100,10 @@ def network_of(
         name="stress",
         channels=channels,
         steps=steps,
-        step_seconds=None,
         views=(InputView(TOUCH, "time", channels),),
         populations=(Population(POPULATION, "time", size, neuron),),
         projections=(projection,),
         readout=Readout((POPULATION,), (1.0,)),
-        sha256="0" * 64,
     )
 
 
