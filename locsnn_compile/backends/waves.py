@@ -125,7 +125,7 @@ def _plain(text: str) -> str:
     return " ".join(text.replace("$", "_").split()).encode("ascii", "replace").decode()
 
 
-class Compartment(Frozen, order=True):
+class Compartment(Frozen):
     """Compartment ``index`` of a group."""
 
     group: str

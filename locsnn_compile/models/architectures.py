@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 
+# Not Frozen: that imports numpy, and the help of the commands, which names the networks, must not.
 @dataclass(frozen=True)
 class Architecture:
     """The structure of a kind of network.
