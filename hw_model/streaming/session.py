@@ -173,7 +173,7 @@ class _Branch:
         if positions:
             self.run: Replay | Live = Replay(layout, length_of(program, phase, 1), inputs, read)
         else:
-            self.run = Live(layout, phase.steps, read)
+            self.run = Live(layout, phase.steps, read, phase.align_events is not None)
         self._align = phase.align_events
         self._started = self._align is None
 

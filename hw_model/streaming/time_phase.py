@@ -39,15 +39,20 @@ class Room(NamedTuple):
 
 TILE = 8
 """Steps that a session keeps charges for at a time: few rows come at once, and after each push the rest is moved."""
+_NO_END = 1 << 62
+"""Later than any step of a recording, by more than the steps that a phase can wait for its first."""
 _NO_STEP, _SKIP = np.int64(0), np.bool_(True)
 """Of a type, as variables are: loops are compiled anew for each literal that they are called with."""
 
 
 class Live:
-    """A phase of ``steps`` steps, or without end, before its first step."""
+    """A phase of ``steps`` steps, or without end, before its first step.
 
-    def __init__(self, layout: FastLayout, steps: int | None, read: Read) -> None:
-        self._end = self._steps = np.iinfo(np.int64).max if steps is None else steps
+    ``starts_late``: it waits for its first step, and registers are 0 in the steps after its last, as in those before.
+    """
+
+    def __init__(self, layout: FastLayout, steps: int | None, read: Read, starts_late: bool = False) -> None:
+        self._end = self._steps = _NO_END if steps is None else steps
         begin, columns = np.cumsum([0, *layout.nodes.size[: layout.inputs]]), layout.columns
         lines, many = int(begin[-1]), len(read.columns)
         potential, kept = np.zeros((1, TILE, many), dtype=np.int64), state.NOTHING_KEPT
@@ -63,7 +68,8 @@ class Live:
             np.zeros((TILE, layout.pieces), np.int64), potential, np.zeros(columns, np.int64), np.zeros(many, np.int64),
         )  # fmt: skip
         self._state, work = state.first_state(layout, TILE), state.workspace(layout, TILE)
-        self._played = self._room, read, layout.nodes, layout.chunks, layout.links, self._state, work, kept
+        tables = layout.nodes, layout.chunks, layout.links
+        self._played = self._room, read, *tables, self._state, work, kept, np.bool_(starts_late)
         self._run = entry(_run, 0, 0, np.zeros(0, np.uint8), *self._played, np.zeros((0, 0), np.int64), 0)
 
     def reset(self) -> None:
@@ -88,7 +94,7 @@ class Live:
 
 @compiled
 def _run(  # type: ignore[no-untyped-def]
-    before, end, given, room, read, nodes, chunks, links, now, work, kept, counts, at
+    before, end, given, room, read, nodes, chunks, links, now, work, kept, starts_late, counts, at
 ):
     """Play rows, bytes side by side, from step ``before`` up to ``end``; note what every column gives after each."""
     begin, lasting = room.begin, max(0, min(len(counts), end - before))
@@ -111,6 +117,8 @@ def _run(  # type: ignore[no-untyped-def]
             _take_largest(before + low + row, row, room, read)
             _note(room.so_far, counts, low + row, at)
     for row in range(lasting, len(counts)):
+        if starts_late:
+            _take_largest(before + row, 0, room, read)  # of room that is 0 between tiles
         _note(room.so_far, counts, row, at)
 
 

@@ -11,7 +11,7 @@ from early_stops import futures, in_streams
 from hybrids import CHIP, assembled, in_phase, random_hybrid
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_session import check_every_step
+from test_session import check_every_step, largest_so_far
 
 import hw_model as hw
 from hw_model.accounting.cost import step_times
@@ -126,6 +126,24 @@ def test_sessions_know_the_same_after_every_step(seed, time, location, kind, row
         scores = np.concatenate([part.scores for part in parts])
         check_every_step(program, recording, hw.StepScores(spikes, potential, scores))
         session.reset()
+
+
+@pytest.mark.parametrize("first", [0, 1, 2, 3, 4, 9], ids=lambda first: f"from step {first}")
+@pytest.mark.parametrize("steps", [None, 1, 2, 9], ids=lambda steps: f"{steps} steps")
+def test_a_session_of_a_late_phase_that_ends_before_its_recording_or_with_it(steps, first):
+    """Potentials are below 0 while it runs, and 0 before and after."""
+    b = hw.ProgramBuilder(CHIP)
+    x, y = b.add_input("x", 1), b.add_compartments("y", 2, threshold=9, bias=[-640, -64], decay_u=4096, decay_v=4096)
+    b.connect(x, y, [[2], [-2]])
+    graph = b.graph()
+    late = replace(graph, phases=(replace(graph.phases[0], steps=steps, align_events=1),))
+    program = assembled(CHIP, Readout(("y",), (1.0,), first), late)
+    recording = np.array([[0], [0], [1], [0], [1], [0], [0]], dtype=np.uint8)
+    for rows in (1, 3, 7):
+        session = hw.Session(program)
+        pushed = [session.push(recording[at : at + rows]).scores for at in range(0, 7, rows)]
+        whole = hw.simulate(program, recording, engine="reference", probe=("potential",)).potential["y"][:7]
+        assert np.concatenate(pushed).tolist() == largest_so_far(whole, first).tolist()
 
 
 @settings(max_examples=20, deadline=None)
