@@ -174,7 +174,7 @@ def _played(
     for start in range(0, batch, together):
         stop = min(start + together, batch)
         part = {name: player.list_events(array[start:stop]) for name, array in streams.items()}
-        score = np.zeros((stop - start, _classes(program)))
+        given: dict[str, AnyArray] = {}
         for phase, wanted, deciding, keeping, windows in parts:
             played = play(program, phase, part, steps, player)
             trace = run_phase(program, phase.name, played, windows)
@@ -185,13 +185,13 @@ def _played(
                 kept["spikes"].setdefault(name, []).append(array)
             for kind, register in trace.registers.items():
                 if deciding is not None and kind in deciding.kinds:
-                    _add_potentials(program, deciding.of_register(kind, register, keeping), score)
+                    given |= _largest_potentials(program, deciding.of_register(kind, register, keeping))
                 if kind in probes:
                     for name, array in wanted.of_register(kind, register, keeping).items():
                         kept[kind].setdefault(name, []).append(array)
             _add_events(program, phase.name, trace, events)
-            _add_scores(program, phase.name, trace, score)
-        scores.append(score)
+            given |= {name: trace.sent[:, columns] for name, columns in _counting(program, phase.name)}
+        scores.append(_weighed(program, given, stop - start))
 
     def result(kind: Kind) -> dict[str, AnyArray]:
         return {name: joined(arrays) if batched else arrays[0][0] for name, arrays in kept[kind].items()}
@@ -260,20 +260,14 @@ def _add_events(program: ChipProgram, phase: str, trace: PhaseTrace, events: dic
     events[phase] = events.get(phase, 0) + found.T
 
 
-def _add_scores(program: ChipProgram, phase: str, trace: PhaseTrace, scores: FloatArray) -> None:
-    """Add what the populations of a phase give to the class scores, (batch, classes)."""
-    for columns, weight in _terms(program, phase):
-        scores += weight * trace.sent[:, columns]
-
-
 @lru_cache(maxsize=8)
-def _terms(program: ChipProgram, phase: str) -> list[tuple[slice, float]]:
-    """Return what of ``sent`` gives class scores by its spikes, with its weight."""
+def _counting(program: ChipProgram, phase: str) -> list[tuple[str, slice]]:
+    """Return the populations of a phase that give the readout their spikes, and where in ``sent`` those are."""
     if program.readout is None:
         return []
     columns, lines = program.columns_of(phase), sum(item.size for item in program.inputs_of(phase))
-    taken = [(name, w) for name, w in program.readout.terms if name not in program.readout.from_step]
-    return [(slice(lines + columns[n].start, lines + columns[n].stop), w) for n, w in taken if n in columns]
+    names = [n for n in program.readout.populations if n in columns and n not in program.readout.from_step]
+    return [(name, slice(lines + columns[name].start, lines + columns[name].stop)) for name in names]
 
 
 def _decisive(program: ChipProgram) -> dict[Kind, Probe]:
@@ -282,10 +276,19 @@ def _decisive(program: ChipProgram) -> dict[Kind, Probe]:
     return {"potential": Probe("potential", tuple(first), range(min(first.values()), sys.maxsize))} if first else {}
 
 
-def _add_potentials(program: ChipProgram, found: Mapping[str, IntArray], scores: FloatArray) -> None:
-    """Add the largest potentials (batch, rows, classes) of the populations of a phase to the class scores."""
+def _largest_potentials(program: ChipProgram, found: Mapping[str, IntArray]) -> dict[str, FloatArray]:
+    """Return the largest of potentials (batch, rows, classes), by population."""
     assert program.readout is not None
     first = program.readout.from_step
-    for name, weight in program.readout.terms:
-        if name in found:
-            scores += weight * largest(found[name], first[name] - min(first.values()))
+    return {name: largest(array, first[name] - min(first.values())) for name, array in found.items()}
+
+
+def _weighed(program: ChipProgram, given: Mapping[str, AnyArray], batch: int) -> FloatArray:
+    """Return the class scores (batch, classes) of what populations give, added in the order of the readout.
+
+    Sums of weights that are not whole depend on their order, and sessions add in this one.
+    """
+    scores = np.zeros((batch, _classes(program)))
+    for name, weight in program.readout.terms if program.readout else ():
+        scores += weight * given[name]
+    return scores

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tracemalloc
 from dataclasses import replace
-from itertools import pairwise
+from itertools import pairwise, permutations
 from pathlib import Path
 
 import numpy as np
@@ -111,6 +111,29 @@ def test_any_split_of_the_rows_gives_the_same(seed, together, data):
     for name, counts in whole.spikes.items():
         assert np.array_equal(np.concatenate([part.spikes[name] for part in parts]), counts), name
     assert (in_parts.steps, in_parts.replayed) == (at_once.steps, at_once.replayed)
+
+
+@pytest.mark.parametrize("names", list(permutations("abc")), ids="".join)
+@pytest.mark.parametrize("first", [None, 0, (None, 1, None)], ids=lambda first: f"potentials from {first}")
+def test_scores_are_added_in_the_order_of_the_readout_everywhere(names, first):
+    """0.1 + 0.2 + 0.3 is another float than 0.2 + 0.3 + 0.1, which decides between classes that are as good."""
+    graphs = []
+    for name in "abc":
+        b = hw.ProgramBuilder(CHIP)
+        x, y = b.add_input(f"{name}/x", 1), b.add_compartments(name, 2, decay_u=4096, decay_v=4096, threshold=9)
+        b.connect(x, y, [[20], [14]])
+        graph = in_phase(b.graph(), "time", None)
+        phase = replace(graph.phases[0], name=name)
+        inputs, groups = ([replace(one, phase=name) for one in both] for both in (graph.inputs, graph.groups))
+        graphs.append(replace(graph, phases=(phase,), inputs=tuple(inputs), groups=tuple(groups)))
+    weights = {"a": 0.1, "b": 0.2, "c": 0.3}
+    readout = Readout(names, tuple(weights[name] for name in names), first)
+    program, recording = assembled(CHIP, readout, *graphs), np.array([[1], [0]], dtype=np.uint8)
+    found = hw.simulate(program, recording, probe=("spikes", "potential"))
+    batch = {kind: {n: array[None] for n, array in getattr(found, kind).items()} for kind in ("spikes", "potential")}
+    assert found.scores.tolist() == readout.scores(**batch)[0].tolist()
+    assert found.scores.tolist() == hw.Session(program).push(recording).scores[-1].tolist()
+    assert found.scores.tolist() == hw.simulate(program, recording, engine="reference").scores.tolist()
 
 
 @settings(max_examples=10, deadline=None)
