@@ -20,8 +20,8 @@ class Numbering:
         self.lines = int(self.size[: self.inputs].sum())
         self._begin = np.cumsum(self.size) - self.size
         number = {name: node for node, name in enumerate(self.names)}
-        parents = [program.joined_to.get(name, "") for name in self.names]
-        self.parent = np.array([number.get(name, -1) for name in parents], dtype=np.int64)
+        parents = [number[program.joined_to[name]] if name in program.joined_to else -1 for name in self.names]
+        self.parent = np.array(parents, dtype=np.int64)
 
     def of_source(self, source: IntArray) -> tuple[IntArray, IntArray]:
         """Return the nodes of sources, lines and then columns, and the numbers of these on them."""

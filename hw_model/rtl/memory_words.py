@@ -68,7 +68,11 @@ def bits_of(values: IntArray, field: Field) -> BitArray:
 
 
 def hex_words(bits: BitArray) -> bytes:
-    """Return words (rows, width), bit 0 first, as a line of hexadecimal digits each, the highest digit first."""
+    """Return words (rows, width), bit 0 first, as a line of hexadecimal digits each, the highest digit first.
+
+    Words of no bits are written as 0.
+    """
+    bits = bits if bits.shape[1] else np.zeros((len(bits), 1), dtype=np.uint8)
     digits = -(-bits.shape[1] // 4)
     words = np.packbits(bits, axis=1, bitorder="little")[:, ::-1]
     text = np.frombuffer(words.tobytes().hex().encode(), dtype=np.uint8).reshape(len(bits), 2 * words.shape[1])

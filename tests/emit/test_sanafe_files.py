@@ -192,3 +192,11 @@ def test_hostile_names_are_code_in_the_readmes_and_plain_elsewhere():
     groups = [group["name"] for group in documents(played)["time.yaml"]["network"]["groups"]]
     assert groups == ["a____b_0____tile0", "_0__3___x_"]
     assert yaml.safe_load(vectors_files(played)["vectors/manifest.yaml"])["program"] == name
+
+
+def test_a_population_may_be_called_like_the_lines_of_an_input():
+    b = hw.ProgramBuilder(CHIP)
+    b.connect(b.add_input("x", 1), b.add_compartments("x_tile0", 1, decay_u=4096, threshold=1), [[2]])
+    network = documents(play_recording(b.build(), [[1], [0]]))["time.yaml"]["network"]
+    assert [group["name"] for group in network["groups"]] == ["x_tile0", "x_tile0_2"]
+    assert [list(edge) for edge in network["edges"]] == [["x_tile0.0 -> x_tile0_2.0"]]

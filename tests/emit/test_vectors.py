@@ -246,3 +246,10 @@ def test_a_chip_whose_runs_have_no_room_for_a_header():
         "chip loihi-sim: the header of a run has no room for a format and a length (run_header_bits 8 against 10). "
         "Leave out --emit vectors."
     )
+
+
+def test_a_core_that_nothing_reaches_has_a_row_of_spikes_for_each_step():
+    b = hw.ProgramBuilder(CHIP)
+    b.connect(b.add_input("x", 1), b.add_compartments("h", 2, threshold=1), [[0], [0]])
+    files = vectors_files(play_recording(b.build(), [[1], [0], [1]]))
+    assert files["vectors/core0/axon_spikes.hex"] == b"0\n0\n0\n"

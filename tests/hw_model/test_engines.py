@@ -365,3 +365,14 @@ def test_a_bias_is_never_skipped():
     program = builder.build()
     result = hw.simulate(program, np.zeros((100, 1), dtype=np.uint8))
     assert (result.counts.skipped_steps, result.counts.spikes) == (0, 9)
+
+
+@pytest.mark.parametrize("engine", ["fast", "reference"])
+def test_a_group_without_a_name_is_played_like_another(engine):
+    def spikes(name):
+        b = hw.ProgramBuilder(hw.chip("loihi-sim"))
+        b.connect(b.add_input("x", 1), b.add_compartments(name, 1, threshold=1), [[20]])
+        return hw.simulate(b.build(), [[1], [0], [1]], engine=engine).spikes[name]
+
+    assert np.array_equal(spikes(""), spikes("h"))
+    assert spikes("").any()

@@ -28,8 +28,8 @@ class PhaseNetwork:
         self._played, self._phase, self._replayed = played, phase, replayed
         program = played.program
         self._program, self._cores = program, program.cores_of(phase)
-        inputs = [item.name for item in program.inputs_of(phase)]
-        self._names = unique_names([*inputs, *program.columns_of(phase)])
+        lines = [_lines_of(item, tile) for item, tile, _ in self._inputs()]
+        self._names = unique_names([*lines, *program.columns_of(phase)])
 
     def lines_by_tile(self) -> dict[int, int]:
         """Return how many input lines each tile needs."""
@@ -73,7 +73,7 @@ class PhaseNetwork:
 
     def _groups(self) -> Iterator[str]:
         for item, tile, lines in self._inputs():
-            yield f"    - name: {self._names[item.name]}_tile{tile}"
+            yield f"    - name: {self._names[_lines_of(item, tile)]}"
             yield "      attributes: {log_spikes: true}"
             yield "      neurons:"
             for i, spikes in enumerate(self._spikes_of(item)[:, lines].T):
@@ -130,7 +130,7 @@ class PhaseNetwork:
                 route = self._program.route_of(item.name)
                 here = route.core == core.number
                 for axon, line in zip(route.axon[here].tolist(), route.line[here].tolist(), strict=True):
-                    found[axon] = f"{self._names[item.name]}_tile{tile}.{np.searchsorted(lines, line)}"
+                    found[axon] = f"{self._names[_lines_of(item, tile)]}.{np.searchsorted(lines, line)}"
         for sender in self._cores:
             neurons, axons = self._neurons(sender), sender.axons
             for k in np.flatnonzero(axons.out_core == core.number).tolist():
@@ -147,7 +147,7 @@ class PhaseNetwork:
         for item, tile, lines in self._inputs():
             for i in range(len(lines)):
                 soma = f"{LINE}[{used.get(tile, 0)}]"
-                yield f'  - {self._names[item.name]}_tile{tile}.{i}: {{core: {tile}.{host}, soma: "{soma}"}}'
+                yield f'  - {self._names[_lines_of(item, tile)]}.{i}: {{core: {tile}.{host}, soma: "{soma}"}}'
                 used[tile] = used.get(tile, 0) + 1
         for core in self._cores:
             place = f"core: {self._tile(core)}.{core.slot % self._program.chip.mesh.cores_per_tile}"
@@ -160,6 +160,11 @@ class PhaseNetwork:
                         yield f'  - {name}.{piece.start + i}: {{{place}, {units}, soma: "{soma}"}}'
                 else:
                     yield f"  - {name}.{piece.start}..{piece.stop - 1}: {{{place}, {units}, soma: {SOMA}}}"
+
+
+def _lines_of(item: Input, tile: int) -> str:
+    """Return what an input's lines on a tile are named after: by its null character, no population is called so."""
+    return f"{item.name}\0tile{tile}"
 
 
 def _spike_list(spikes: ByteArray) -> str:
