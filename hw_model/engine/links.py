@@ -15,6 +15,8 @@ DENSE_MOST = 1 << 27
 """Entries of the largest matrix, 256 MiB."""
 REACH_SHARE = 0.33
 """Lists with at least as many synapses as this share of the chunks in the rows that they might reach mark all these."""
+LONG_LIST = 16
+"""Synapses of a source with one delay, on average, from which on each delay has lists of its own."""
 PACKED_BITS = 32
 """Bits in which the slot, delay and weight of every synapse of a link have to fit, or its lists are wide ones."""
 _Synapses = tuple[Int32Array, ...]
@@ -70,19 +72,20 @@ def links_of(
 ) -> Links:
     """Lay out the synapses by their ends; they are taken out, so that no more than one link is there twice."""
     slot = cut.slot
+    divided = _by_delay(nodes, synapses)
     block_of = {node: k for k, block in enumerate(blocks) for node in block}
-    external: list[list[Ends]] = [[] for _ in blocks]
-    internal: list[list[Ends]] = [[] for _ in nodes.names]
-    for source, target in sorted(synapses):
+    external: list[list[tuple[int, int, int]]] = [[] for _ in blocks]
+    internal: list[list[tuple[int, int, int]]] = [[] for _ in nodes.names]
+    for source, target, part in sorted(divided):
         inside = source >= nodes.inputs and block_of[source] == block_of[target]
-        (internal[source] if inside else external[block_of[target]]).append((source, target))
+        (internal[source] if inside else external[block_of[target]]).append((source, target, part))
     listed = [ends for part in (*external, *internal) for ends in part]
     rows, matrices, packed, wide, starts_of_lists = [], [], [], [], []
     nothing = np.empty((3, 0), dtype=np.int64)
     matrix_size = list_rows = 0
     sizes = {LIST: 0, PACKED_LIST: 0}
-    for node, to in listed:
-        sources, column, weights, delay = _sorted(synapses.pop((node, to)))
+    for node, to, part in listed:
+        sources, column, weights, delay = _sorted(divided.pop((node, to, part)))
         low, high = LANES * int(cut.of_node[to]), LANES * int(cut.of_node[to + 1])
         place = slot[column] - low
         matrix = _matrix(sources, place, weights, delay, (int(nodes.size[node]), high - low))
@@ -118,6 +121,20 @@ def links_of(
         into_block=np.cumsum([0, *map(len, external)]), from_node=np.cumsum([0, *map(len, internal)]) + outside,
         due_late=by_delay,
     )  # fmt: skip
+
+
+def _by_delay(nodes: Numbering, synapses: dict[Ends, list[_Synapses]]) -> dict[tuple[int, int, int], list[_Synapses]]:
+    """Divide long lists by delay: what spikes of one step add is due in one row then, which stays in the cache."""
+    found = {}
+    for node, to in sorted(synapses):
+        parts = synapses.pop((node, to))
+        delays = sorted({delay for part in parts for delay in np.flatnonzero(np.bincount(part[3])).tolist()})
+        if sum(len(part[3]) for part in parts) < LONG_LIST * int(nodes.size[node]) * len(delays):
+            found[node, to, 0] = parts
+            continue
+        for delay in delays:
+            found[node, to, delay] = [tuple(column[part[3] == delay] for column in part) for part in parts]
+    return found
 
 
 def _sorted(parts: list[_Synapses]) -> tuple[IntArray, ...]:

@@ -187,6 +187,18 @@ def columns_in_reverse() -> hw.ProgramBuilder:
     return builder
 
 
+def lists_by_delay() -> hw.ProgramBuilder:
+    """So many synapses a source with each delay that each has lists of its own, from an input and in a circle."""
+    r = np.random.default_rng(0)
+    builder = hw.ProgramBuilder(CHIP)
+    x = builder.add_input("x", 4)
+    n = builder.add_compartments("n", 200, threshold=300, decay_u=2000, decay_v=500)
+    for source, size in ((x, 4), (n, 200)):
+        weights = 2 * r.integers(-99, 100, (200, size)) * (r.random((200, size)) < 0.24)
+        builder.connect(source, n, weights, delay=2 * r.integers(0, 2, (200, size)))
+    return builder
+
+
 def wide_lists() -> hw.ProgramBuilder:
     """Lists whose synapses need more than 32 bits: ten for the slot, six for the delay, and 17 for the weight."""
     builder = hw.ProgramBuilder(CHIP)
@@ -236,6 +248,7 @@ PROGRAMS = {
     "echoes from a neighbour": lambda: echoes(2, shift=1),
     "pairs in turn": pairs_in_turn,
     "columns in reverse": columns_in_reverse,
+    "lists by delay": lists_by_delay,
     "wide lists": wide_lists,
     "pairs, the second slow": lambda: pairs((4096, 4096), (4096, 300)),
 }
@@ -322,6 +335,7 @@ def test_spikes_that_come_back_to_their_own_dendrite_are_no_link(build, taken):
 
 def test_wide_synapses_are_in_a_list_of_their_own():
     assert fast_layout(wide_lists().build(), "time").links.kind.tolist() == [LIST]
+    assert fast_layout(lists_by_delay().build(), "time").links.delay.tolist() == [0, 2, 0, 2]
 
 
 @pytest.mark.parametrize(("widest", "fits"), [(2**30 - 1, True), (2**30 + 1, False)], ids=["31 bits", "one more"])
