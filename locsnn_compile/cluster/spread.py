@@ -152,8 +152,8 @@ def connected(address: str) -> Iterator[Cluster]:
         fix = "Install it with: pip install 'locsnn-compile[dask]'"
         raise InputError("--scheduler", "Dask is not installed", fix=fix) from None
     # What it would log when a scheduler is lost, in dozens of lines, is one of the errors below.
-    for name in ("distributed", "distributed.client"):
-        logging.getLogger(name).setLevel(logging.CRITICAL)
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
     where, waited = f"--scheduler {address}", f"within {PATIENCE_SECONDS} s"
     try:
         # A client that finds nobody ends with a traceback, after three times as long.

@@ -250,7 +250,7 @@ BAD_MODELS = [
     ("missing", lambda t: t / "gone.pt", "checkpoint 'gone.pt': it cannot be read (No such file or directory). Check the path."),
     ("truncated", truncated, "checkpoint 'model.pt': it is damaged, truncated or not a torch file. Write it again with 'locsnn train'."),
     ("hostile", hostile, "checkpoint 'model.pt': it holds objects that would run code when read, so it was not read (posix.system). Save tensors and plain values only."),
-    ("plain pickle", plain_pickle, "checkpoint 'model.pt': it is damaged, truncated or not a torch file. Write it again with 'locsnn train'."),
+    ("plain pickle", plain_pickle, "checkpoint 'model.pt': it is a pickle that torch.save did not write, and nothing in it was run. Save tensors with torch.save."),
     ("nan", lambda t: changed(t, set_weight("time_hidden", float("nan"))), "checkpoint 'model.pt', population 'time_hidden': weight [3, 5] is not finite (got nan, 1 such weights). Train the network again."),
     ("infinite", lambda t: changed(t, set_weight("location_output", float("-inf"))), "checkpoint 'model.pt', population 'location_output': weight [3, 5] is not finite (got -inf, 1 such weights). Train the network again."),
     ("shape", lambda t: changed(t, cut_weights), "checkpoint 'model.pt', population 'time_output': its weights have another shape (got (36, 31) against (36, 32) (out, in)). Write it again with 'locsnn train'."),

@@ -80,11 +80,12 @@ def test_a_verbose_command_says_what_it_does(tmp_path, capsys, levels):
 
 
 def test_there_is_one_logger():
+    """Of ours; those of Dask are told to be silent."""
     found = set()
     for package in ("hw_model", "locsnn_compile"):
         for path in (ROOT / package).rglob("*.py"):
             found |= set(re.findall(r"getLogger\((.*?)\)", path.read_text("utf-8")))
-    assert found == {'"locsnn"'}
+    assert found == {'"locsnn"', '"distributed"', '"distributed.client"'}
 
 
 def parsed(tmp_path, text, *words, model="m.pt"):
