@@ -42,7 +42,6 @@ FAULTS = [
     ("constants are read by the number of a gap", "update.sv", "issued[2] ? number3 + 1'b1 : begins", "issued[3] ? number3 + 1'b1 : begins"),
     ("a clock stops too early", "update.sv", ".enable(leaks2 || leaks3)", ".enable(leaks2)"),
     ("a clock stops while a tally comes", "readout.sv", "early_read || early7 ||", "early_read ||"),
-    ("a clock stops before the buffer knows its row", "transpose.sv", "mark_tick || row_began ||", "mark_tick ||"),
     ("a clock stops while a word is marked", "transpose.sv", "mark || counted || marked ||", "mark ||"),
     ("a clock stops while nobody takes the words of the buffer", "transpose.sv", "row_began || out_ready", "row_began"),
     ("a clock stops after an event", "event_input.sv", "clear || accepted || mark || mark_tick ||", "clear || accepted ||"),
