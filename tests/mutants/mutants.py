@@ -5,6 +5,7 @@
     - module: hw_model.streaming.early_stop
       tests: [test_early_stop.py]        # what is run, wherever it lies in tests; likeliest killers first
       loops: false                       # true: the module holds compiled loops, or constants of theirs
+      compiled: false                    # true: the tests compile the fault
       mutants:
         _Voter.spikes_after:             # a function or class of the module; "module" for lines outside of them
           - ["| (not self._safe)", ""]   # occurs once there
@@ -24,14 +25,16 @@ import yaml
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
+RUN = ("loops", "compiled")
+"""Keys of a section that say how its faults are run."""
 
 
 @dataclass(frozen=True)
 class Mutant:
     """``old`` becomes ``new`` in a scope of a module.
 
-    ``loops``: its loops are compiled ones, and interpreted in the tests; ``equivalent``: why the fault changes nothing,
-    where it is so.
+    ``loops``: its loops are compiled ones, and interpreted in the tests; ``compiled``: the tests compile the fault itself;
+    ``equivalent``: why the fault changes nothing, where it is so.
     """
 
     module: str
@@ -40,6 +43,7 @@ class Mutant:
     new: str
     tests: tuple[str, ...]
     loops: bool = False
+    compiled: bool = False
     equivalent: str = ""
 
     @property
@@ -76,7 +80,9 @@ class Mutant:
 def mutants() -> list[Mutant]:
     """Return all mutants of the table."""
     return [
-        Mutant(section["module"], scope, row[0], row[1], tuple(section["tests"]), section.get("loops", False), *row[2:])
+        Mutant(
+            section["module"], scope, *row[:2], tuple(section["tests"]), *(section.get(k, False) for k in RUN), *row[2:]
+        )
         for path in sorted((HERE / "table").glob("*.yaml"))
         for section in yaml.safe_load(path.read_text())
         for scope, rows in section["mutants"].items()

@@ -82,6 +82,7 @@ class Run:
     def __init__(self, mutant: Mutant, *, faulty: bool = True) -> None:
         self.mutant, self.faulty = mutant, faulty
         output, self._output = tempfile.mkstemp(dir=BUILD)
+        self._compiled = tempfile.mkdtemp(dir=BUILD)
         self.process = os.fork()
         if not self.process:
             os.dup2(output, 1)
@@ -93,6 +94,7 @@ class Run:
         """Return ``killed`` and the test that did it, or ``survived``; tests that cannot be run end the program."""
         text = Path(self._output).read_text(errors="replace")
         os.unlink(self._output)
+        shutil.rmtree(self._compiled)
         held = HELD.search(text)
         file, colons, test = (held[1] if held else "crashed, or out of time" if code < 0 else "").partition("::")
         by = Path(file).name + colons + test
@@ -115,6 +117,10 @@ class Run:
             resource.setrlimit(resource.RLIMIT_CPU, (limit, limit))
             resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
             sys.meta_path.insert(0, Faulty(self.mutant))  # type: ignore[arg-type]
+            if (
+                self.mutant.compiled
+            ):  # for this process alone: from the shared cache, every later run would load the fault
+                os.environ["NUMBA_CACHE_DIR"] = import_module("numba").config.CACHE_DIR = self._compiled
         names = [str(file_of(name, TREE)) + "".join(name.partition("::")[1:]) for name in self.mutant.tests]
         plugins = [
             "-p",
