@@ -31,24 +31,23 @@ def parse(kind: type[T], text: str, where: str, **given: Any) -> T:
 
 
 def check_profile(profile: Profile, where: str) -> None:
-    """Refuse costs of what is not counted, ranges that their constant is not in, and sources of what has no cost."""
-    costs = {**profile.energy_pj, **profile.time_ns}
+    """Refuse no prices, prices of what is not counted, ranges beside their constant, and sources of no constant."""
+    if not profile.energy_pj:
+        raise InputError(f"{where}: energy_pj", "it prices nothing, so all would take 0 pJ", fix="Price a count.")
     for key, names, known, what in (
         ("energy_pj", profile.energy_pj, COUNT_NAMES, "is not counted"),
         ("time_ns", profile.time_ns, TIMED, "is not counted"),
         *(("not_included", left_out.bound_pj, COUNT_NAMES, "is not counted") for left_out in profile.not_included),
         ("energy_pj_range", profile.energy_pj_range, profile.energy_pj, "has no constant"),
         ("time_ns_range", profile.time_ns_range, profile.time_ns, "has no constant"),
-        ("sources", profile.sources, costs, "has no constant"),
+        ("sources", profile.sources, {**profile.energy_pj, **profile.time_ns}, "has no constant"),
     ):
         for name in names:
             check_known(f"{where}: {key}", f"{name!r} {what}", name, known)
-    for key, ranges, of in (
-        ("energy_pj_range", profile.energy_pj_range, profile.energy_pj),
-        ("time_ns_range", profile.time_ns_range, profile.time_ns),
-    ):
-        for name, (low, high) in ranges.items():
-            if not (low or 0.0) <= of[name] <= (of[name] if high is None else high):
-                what = f"the constant {of[name]:g} is not within {'' if low is None else f'{low:g} '}to"
+    for key in ("energy_pj", "time_ns"):
+        for name, (low, high) in getattr(profile, f"{key}_range").items():
+            constant = getattr(profile, key)[name]
+            if not (low or 0.0) <= constant <= (constant if high is None else high):
+                what = f"the constant {constant:g} is not within {'' if low is None else f'{low:g} '}to"
                 end = "" if high is None else f" {high:g}"
-                raise InputError(f"{where}: {key}.{name}", f"{what}{end}", fix="Correct it.")
+                raise InputError(f"{where}: {key}_range.{name}", f"{what}{end}", fix="Correct it.")

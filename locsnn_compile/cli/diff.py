@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from locsnn_compile.cli.shell import terminal
-from locsnn_compile.errors import InputError
+from locsnn_compile.errors import InputError, check_same
 
 if TYPE_CHECKING:
     from locsnn_compile.report.sections.comparison import Build
@@ -41,8 +41,7 @@ def run(args: argparse.Namespace) -> int:
         replace_file(Path(args.html), page.encode(), where=f"--html {args.html!r}")
     if args.json:
         print(json.dumps({key: {"before": a, "after": b} for key, (a, b) in changed.items()}, indent=2))
-        return 0
-    if not changed:
+    elif not changed:
         print("The builds are equal.")
     elif args.all:
         for key, (a, b) in changed.items():
@@ -61,8 +60,11 @@ def _build(folder: Path) -> "Build":
     from locsnn_compile.report.figures.program import program_figures
     from locsnn_compile.report.sections.comparison import Build
 
-    report = read_report(folder)
-    return Build(folder.absolute().name, report, program_figures(hw.load_program(folder)))
+    build = Build(folder.absolute().name, read_report(folder), program_figures(hw.load_program(folder)))
+    held = sum(group["synapses"] for group in build.program["groups"].values())
+    where, what = f"build {build.name!r}", "report.json counts other synapses than the program has"
+    check_same(build.figures.get("resources.synapses", held), held, where, what, fix="Compile again.")
+    return build
 
 
 def read_report(folder: Path) -> dict[str, Any]:

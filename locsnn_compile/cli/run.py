@@ -19,13 +19,13 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import partial
-from itertools import chain
+from itertools import chain, count
 from typing import TYPE_CHECKING, Any
 
 import hw_model as hw
 from locsnn_compile.cli.shell import progress_bar, say
 from locsnn_compile.cli.step_options import CHUNK, chunks_for_program, read_for_program
-from locsnn_compile.errors import InputError
+from locsnn_compile.errors import InputError, check_most
 from locsnn_compile.report.format import plural
 
 if TYPE_CHECKING:
@@ -116,10 +116,9 @@ def _play(
         for found in chunks
         for start in range(0, len(found), CHUNK)
     )
-    number = 0
+    number = count()
     for rows, counts in spread(partial(_play_part, program, engine), parts):
-        yield [{"recording": number + i, **row} for i, row in enumerate(rows)], counts
-        number += len(rows)
+        yield [{"recording": next(number), **row} for row in rows], counts
 
 
 def _play_part(program: hw.ChipProgram, engine: Any, part: tuple[Any, Any]) -> tuple[list[dict[str, Any]], hw.Counts]:
@@ -130,6 +129,9 @@ def _play_part(program: hw.ChipProgram, engine: Any, part: tuple[Any, Any]) -> t
     spikes, labels = part
     found = hw.simulate(program, spikes, engine=engine, probe=())
     assert found.scores is not None  # a program without a readout has been refused
+    if labels is not None:
+        most, fix = found.scores.shape[1] - 1, "Check that the recordings belong to this program."
+        check_most(int(labels.max()), most, "labels of --events", "no class has this number", fix=fix)
     tied = (found.scores == found.scores[:, :1]).all(axis=1)
     labels = [None] * len(spikes) if labels is None else labels.tolist()
     columns = (found.prediction.tolist(), tied.tolist(), labels, [counts.spikes for counts in found.per_recording])

@@ -62,6 +62,14 @@ def test_where_all_classes_tie_run_predicts_nothing_as_the_report_does(build, tm
     assert (found["stop"]["accuracy"], found["stop"]["whole_accuracy"]) == (0.0, 0.0)
 
 
+def test_run_refuses_labels_of_classes_that_the_program_does_not_have(build, tmp_path, capsys):
+    np.save(tmp_path / "others.npy", np.zeros((2, 78, 60), np.uint8))
+    np.save(tmp_path / "others_labels.npy", np.array([35, 36]))
+    assert main(["run", str(build / "out"), "--events", str(tmp_path / "others.npy")]) == 2
+    line = "labels of --events: no class has this number (36 against 35). Check that the recordings belong to this program.\n"  # fmt: skip
+    assert capsys.readouterr() == ("", line)
+
+
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
@@ -124,6 +132,18 @@ def test_diff_names_what_changed(build, tmp_path, capsys):
         assert question in summary
     assert main(["diff", str(build / "out"), str(build / "out")]) == 0
     assert capsys.readouterr().out == "The builds are equal.\n"
+
+
+def test_diff_refuses_a_report_that_is_not_of_its_program(build, tmp_path, capsys):
+    report = json.loads((build / "out/report.json").read_text())
+    held = report["resources"]["synapses"]
+    report["resources"]["synapses"] += 1
+    for name in ("program.yaml", "program.npz"):
+        (tmp_path / name).write_bytes((build / "out" / name).read_bytes())
+    (tmp_path / "report.json").write_text(json.dumps(report))
+    assert main(["diff", str(build / "out"), str(tmp_path)]) == 2
+    line = f"build {str(tmp_path)!r}: report.json counts other synapses than the program has ({held + 1} against {held}). Compile again.\n"  # fmt: skip
+    assert capsys.readouterr() == ("", line)
 
 
 @pytest.mark.parametrize(

@@ -84,6 +84,7 @@ def test_only_what_a_profile_must_say_is_asked_for(tmp_path):
         ({"basis": KeyError}, "mine.yaml: the key 'basis' is missing. Add it."),
         ({"voltage": 1}, "mine.yaml: unknown key 'voltage'. Did you mean 'voltage_v'?"),
         ({"voltage_v": "low"}, "mine.yaml: voltage_v: it must be a number from 0 to 1099511627776 (got 'low'). Correct it."),
+        ({"energy_pj": {}}, "mine.yaml: energy_pj: it prices nothing, so all would take 0 pJ. Price a count."),
         ({"energy_pj": {"spike": 1}}, "mine.yaml: energy_pj: 'spike' is not counted. Did you mean 'spikes'?"),
         ({"energy_pj": {"spikes": -1}}, "mine.yaml: energy_pj.spikes: it must be a number from 0 to 1099511627776 (got -1). Correct it."),
         ({"energy_pj": {"spikes": float("nan")}}, "mine.yaml: energy_pj.spikes: it must be a number from 0 to 1099511627776 (got nan). Correct it."),
@@ -117,7 +118,7 @@ def test_only_what_a_profile_must_say_is_asked_for(tmp_path):
         ({"barrier_ns": {"one_tile": 1}}, "mine.yaml: barrier_ns: the key 'all_tiles' is missing. Add it."),
     ],
     ids=[
-        "missing", "unknown", "voltage", "not counted", "negative", "not a number", "not timed", "range above",
+        "missing", "unknown", "voltage", "no price", "not counted", "negative", "not a number", "not timed", "range above",
         "range beside", "no range", "range of nothing", "source of nothing", "static without source", "static number",
         "no list", "no text", "bound not counted", "half a barrier",
     ],
