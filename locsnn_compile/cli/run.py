@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
     if args.stop == "margin":
         from locsnn_compile.cli.run_margin import known_margin
 
-        margin = known_margin(args, program)
+        margin = known_margin(args, program, recordings)
     counts, tally, rows = hw.Counts(), Counter[str](), list[dict[str, Any]]()
     shown = not (args.json or args.stream)
     with spread_over(args.scheduler) as spread:

@@ -16,12 +16,16 @@ from locsnn_compile.errors import InputError
 MIN_AGREEMENT = 0.99
 
 
-def known_margin(args: argparse.Namespace, program: hw.ChipProgram) -> dict[str, Any]:
-    """Return the margin and where it comes from; it is infinite if no lead was enough."""
+def known_margin(args: argparse.Namespace, program: hw.ChipProgram, played: Recordings) -> dict[str, Any]:
+    """Return the margin and where it comes from, which is not what is ``played``; infinite if no lead was enough."""
     if args.margin is not None:
         return {"margin": args.margin, "calibrated_on": None}
     asked = MIN_AGREEMENT if args.min_agreement is None else args.min_agreement
-    recordings, part = _calibration(args, program)
+    part = "train" if "train" in recording_parts(args.calibrate, test_share=args.split) else None
+    recordings = read_for_program(args, args.calibrate, program, part)
+    if np.array_equal(recordings.spikes, played.spikes):
+        what = "these recordings are also played, and a margin always fits the recordings it was found on"
+        raise InputError(f"--calibrate {Path(args.calibrate).name!r}", what, fix="Give others.")
     with progress_bar("calibrating", show=True):
         margin = hw.calibrate_margin(program, recordings.spikes, asked, args.psi)
         stops = hw.stop_at_margin(program, recordings.spikes, margin, args.psi)
@@ -35,12 +39,3 @@ def known_margin(args: argparse.Namespace, program: hw.ChipProgram) -> dict[str,
             "agreement": float(np.mean(stops.prediction == stops.final)),
         },
     }
-
-
-def _calibration(args: argparse.Namespace, program: hw.ChipProgram) -> tuple[Recordings, str | None]:
-    """Return the recordings to calibrate on, never those that are played, and their part of the archive."""
-    part = "train" if "train" in recording_parts(args.calibrate, test_share=args.split) else None
-    if part is None and Path(args.calibrate).resolve() == Path(args.events).resolve():
-        what = "these recordings are also played, and a margin always fits the recordings it was found on"
-        raise InputError(f"--calibrate {Path(args.calibrate).name!r}", what, fix="Give others.")
-    return read_for_program(args, args.calibrate, program, part), part

@@ -309,6 +309,14 @@ def test_bad_options_are_one_line(build, capsys, monkeypatch, options, line):
     assert capsys.readouterr() == ("", line + "\n")
 
 
+def test_a_copy_of_what_is_played_calibrates_nothing(build, tmp_path, capsys):
+    copy = tmp_path / "copy.npy"
+    copy.write_bytes((build / "few.npy").read_bytes())
+    assert run(build, "--stop", "margin", "--calibrate", copy) == 2
+    line = f"--calibrate {str(copy)!r}: these recordings are also played, and a margin always fits the recordings it was found on. Give others.\n"  # fmt: skip
+    assert capsys.readouterr() == ("", line)
+
+
 def test_a_recording_that_is_streamed():
     leads, seen = [0.0, 2.0, 1.0, 0.0, 3.0], [0, 4, 4, 2, 4]
     found = Streamed(np.array(seen), np.array(leads), np.array([1.0, 1.0, 1.0, 1.0, 6.0]))
