@@ -61,6 +61,11 @@ def test_the_folder_plays_by_itself_and_tells_a_fault(emitted):
     right = faulty.read_text()
     faulty.write_text(benches.with_fault({faulty.name: right})[faulty.name])
     assert make(emitted, "sim", "SIMULATOR=icarus").returncode != 0
+    for name in ("words", "expected_updates", "expected_answers"):
+        (emitted / name).write_text("")
+    done = make(emitted, "sim", "SIMULATOR=icarus")
+    assert done.returncode != 0
+    assert "answers: empty, so nothing was compared; emit the folder again" in done.stdout
     faulty.write_text(right)
 
 
