@@ -131,8 +131,7 @@ def commands(found: Found) -> Table:
 SOME_MISSING = """\
 These networks have no figures, or figures of fewer than five seeds. The times are for one seed on one core:
 """
-NONE_MISSING = """\
-Every row has all five seeds. In the table of the chip's operations, *not run* stands for a maximum that earlier runs did not keep."""
+NONE_MISSING = "Every row has all five seeds."
 
 
 def missing(accuracy: Table) -> str:
@@ -164,16 +163,26 @@ TABLES: dict[str, Callable[[Found], Table]] = {
 """What stands in ``docs/results/NAME.csv``."""
 
 
-def page(tables: Mapping[str, Table]) -> str:
-    """Return the whole page."""
-    template = (Path(__file__).with_name("results_template.md")).read_text(encoding="utf-8")
+def pages(tables: Mapping[str, Table]) -> dict[str, str]:
+    """Return the results page and the page of operations, by the file of their template."""
+    ratio = {row[0]: row[2] for row in tables["ratios"][1]}
+    short = {"hybrid": "Hybrid, lambda 1, loop", "window": "Window-SNN"}
     values = {
         "accuracy": markdown(tables["accuracy"]),
         "ratios": markdown(named(tables["ratios"])),
         "chip_ratios": markdown(named(tables["chip-ratios"])),
         "ann_table": markdown(ann_table()),
         "missing": f"{SOME_MISSING}\n{gaps}" if (gaps := missing(tables["accuracy"])) else NONE_MISSING,
+    } | {
+        f"{key}_{name}": ratio.get(f"{label}, {name.title()}, against CNN-3D", NOT_RUN)
+        for key, label in short.items()
+        for name in ("objects", "containers")
     }
-    for name, text in values.items():
-        template = template.replace(f"{{{{{name}}}}}", text)
-    return template
+    return {name: _filled(f"{name}_template.md", values) for name in ("results", "operations")}
+
+
+def _filled(template: str, values: Mapping[str, str]) -> str:
+    text = Path(__file__).with_name(template).read_text(encoding="utf-8")
+    for name, value in values.items():
+        text = text.replace(f"{{{{{name}}}}}", value)
+    return text

@@ -1,10 +1,10 @@
-"""Everything that ``make results`` does: train and measure every row of the results over five seeds, then write the page.
+"""Everything that ``make results`` does: train and measure every row of the results over five seeds, then write the pages.
 
     python tests/results/run_results.py --data FOLDER
 
 ``FOLDER`` holds Ev-Objects.zip and Ev-Containers.zip. Every network and its figures are files under ``--work``: what is
 there is not made again, and a killed training goes on, so the script takes up where it was stopped. All of it takes many
-hours on one core; ``--rows``, ``--datasets`` and ``--seeds`` make a part of it, ``--page-only`` writes the page from what is
+hours on one core; ``--rows``, ``--datasets`` and ``--seeds`` make a part of it, ``--page-only`` writes the pages from what is
 there, and the page says which rows are missing.
 """
 
@@ -16,7 +16,7 @@ from pathlib import Path
 from measure_run import make
 from result_pictures import draw
 from result_rows import DATASETS, ROW_NAMES, ROWS, SEEDS
-from results_page import page, read, write_tables
+from results_page import pages, read, write_tables
 
 ROOT = Path(__file__).parents[2]
 
@@ -41,7 +41,9 @@ def main() -> None:
     found = read(args.work)
     draw(found, args.page.parent / "images")
     tables = write_tables(found, args.page.with_suffix(""))
-    args.page.write_text(page(tables), encoding="utf-8")
+    texts = pages(tables)
+    args.page.write_text(texts["results"], encoding="utf-8")
+    (args.page.with_suffix("") / "operations.md").write_text(texts["operations"], encoding="utf-8")
 
 
 if __name__ == "__main__":

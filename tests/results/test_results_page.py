@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -146,10 +147,21 @@ def test_missing_seeds_say_how_many_are_there_and_how_long_one_takes() -> None:
 
 
 def test_every_part_of_the_page_is_filled(work: Path) -> None:
-    from results_page import page, read, write_tables
+    from results_page import pages, read, write_tables
 
     for found in (read(work), {}):
-        assert "{{" not in page(write_tables(found, work / "results"))
+        assert not [text for text in pages(write_tables(found, work / "results")).values() if "{{" in text]
+
+
+def test_the_pages_are_those_of_their_tables_and_templates(tmp_path: Path) -> None:
+    from results_page import pages, write_tables
+
+    docs = HERE.parents[1] / "docs"
+    shutil.copytree(docs / "results", tmp_path / "results")
+    found = pages(write_tables({}, tmp_path / "results"))
+    assert found["results"] == (docs / "results.md").read_text(encoding="utf-8")
+    assert found["operations"] == (docs / "results/operations.md").read_text(encoding="utf-8")
+    assert len(found["results"].splitlines()) <= 150
 
 
 def test_long_tables_are_files_next_to_the_page(work: Path) -> None:
