@@ -22,10 +22,12 @@ module arrivals #(
     localparam integer VISIT = STEP + 2 * SOURCE;
     localparam integer INDEX = $clog2(VISITS);
 
-    logic [23:0]      row;
-    logic             looked, shown;
-    logic [VISIT-1:0] visit;
-    assign due = row != kept;
+    logic [23:0]       row;
+    logic              looked, shown;
+    logic [VISIT-1:0]  visit;
+    // Added when they are asked for: memories answer late in a cycle.
+    logic [SOURCE-1:0] first, its_row;
+    assign source = first + its_row;
 
     memory #(.WIDTH(VISIT), .DEPTH(VISITS)) visits (
         .clk,
@@ -35,8 +37,9 @@ module arrivals #(
 
     always_ff @(posedge clk) begin
         {looked, shown} <= clear ? 2'b0 : {mark && due, looked};
-        if (shown) {step, source} <= {visit[STEP-1:0], visit[STEP+SOURCE+:SOURCE] + SOURCE'(row)};
+        if (shown) {step, first, its_row} <= {visit[STEP-1:0], visit[STEP+SOURCE+:SOURCE], SOURCE'(row)};
         valid <= !mark && (shown || valid);
+        due <= row != kept;  // no word comes in the cycle after a tick
         if (clear) row <= 0;
         else if (mark_tick && due) row <= row + 1;
     end

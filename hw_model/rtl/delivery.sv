@@ -13,6 +13,9 @@
 //
 // With `LATER`, memory that compartments do not need makes so many bits of slots more; locsnn_core.sv says what for. The base
 // then has a bit above: the slot is the number of a step of the second phase; slots of the first are the last ones.
+//
+// A device with so much memory is large: what reaches all memories of synapses takes most of a cycle, and comes straight from
+// registers. They are written a cycle late, and of an empty list a word is read that nothing takes.
 module delivery #(
     parameter integer AXONS = 2048,
     parameter integer SYNAPSES = 16384,
@@ -102,16 +105,28 @@ module delivery #(
     logic [BASE-1:0]      base1, base2;
     logic [WORD-1:0]      word1, word2;
 
-    // Large memories of small devices have one port: it is written between recordings, and read while they run.
-    wire [SYNAPSE_BITS-1:0] word_at = load_synapse ? load_address[SYNAPSE_BITS-1:0] : at;
+    logic                    load;
+    logic [SYNAPSE_BITS-1:0] load_at;
+    logic [WORD-1:0]         loaded;
+    generate
+        if (LATER != 0) begin : late
+            always_ff @(posedge clk)
+                {load, load_at, loaded} <= {load_synapse, load_address[SYNAPSE_BITS-1:0], load_data[WORD-1:0]};
+        end else begin : at_once
+            assign {load, load_at, loaded} = {load_synapse, load_address[SYNAPSE_BITS-1:0], load_data[WORD-1:0]};
+        end
+    endgenerate
+    // Memories of small devices have one port: it is written between recordings, and read while they run.
+    wire                    one_port = LATER == 0;
+    wire [SYNAPSE_BITS-1:0] read_at = one_port && load ? load_at : at;
 
     memory #(.WIDTH(WORD), .DEPTH(SYNAPSES / 2)) synapses (
         .clk,
-        .write        (load_synapse),
-        .write_address(word_at),
-        .write_data   (load_data[WORD-1:0]),
-        .read         (walking && left != 0 && !load_synapse),
-        .read_address (word_at),
+        .write        (load),
+        .write_address(one_port ? read_at : load_at),
+        .write_data   (loaded),
+        .read         (walking && !(one_port && (left == 0 || load))),
+        .read_address (read_at),
         .read_data    (word1)
     );
 

@@ -84,6 +84,9 @@ module locsnn_core #(
     localparam integer SWEPT = ADDRESS > $clog2(BITMAP) ? ADDRESS : $clog2(BITMAP);
     localparam integer SWEEPING = SWEPT > ENTRY ? SWEPT : ENTRY;
 
+    // Shorter paths, for more logic: on a chip and on a large device, where memories are far apart.
+    localparam integer FAST = LATER != 0 || LAZY != 0 ? 1 : 0;
+
     // Settings: memory 0 of the load port.
     localparam integer HEARD = 0, KEPT = 1, CHANNELS = 2, BUFFERED = 3, ALIGN_EVENTS = 4, PHASES = 5, SLOT_MASK = 6,
         SWEEP = 7, CLASSES = 8, POPULATIONS = 9, FIRST_SOURCE = 10, RUN = 11;
@@ -158,6 +161,7 @@ module locsnn_core #(
     wire [BASE-1:0]    later_base;
     wire [SLOT-1:0]    next_slot;
     wire [PLACE-1:0]   later_place;
+    wire               later_bank;
     wire [ADDRESS-1:0] later_address;
     generate
         if (LATER != 0) begin : arrive
@@ -185,10 +189,16 @@ module locsnn_core #(
             assign later_place = later ? place & {PLACE{1'b1}} >> LATER : place;
             assign later_address = {slot[SLOT-LATER-1:0], later_place[PLACE-1:1]
                 | (PLACE - 1)'(slot[SLOT-1:SLOT-LATER]) << (PLACE - 1 - LATER)};
+            // Banks are far apart where there is so much memory: whose turn it is, is known a cycle ahead.
+            wire [NUMBER-1:0] following_number = state == UPDATE ? number[NUMBER-1:0] + 1'b1 : number_begin[NUMBER-1:0];
+            wire [PLACE-1:0]  following_place = PLACE'(following_number - origin) & {PLACE{1'b1}} >> (later ? LATER : 0);
+            logic             odd;
+            always_ff @(posedge clk) odd <= ^following_place;
+            assign later_bank = odd ^ slot[0];
             wire unused_step = &{1'b0, step};
         end else begin : replay
             assign {later, later_ready, later_asks, later_source, later_base, next_slot, later_place,
-                later_address} = 0;
+                later_bank, later_address} = 0;
         end
     endgenerate
     wire word_ready = LATER != 0 ? later_ready : early ? is_event && delivery_ready
@@ -271,7 +281,7 @@ module locsnn_core #(
         .mark, .mark_tick, .stop, .failed, .error
     );
 
-    transpose #(.BITMAP(BITMAP), .WORD(WORD), .VISITS(VISITS), .SOURCE(SOURCE), .ONE_PORT(ONE_PORT)) buffer (
+    transpose #(.BITMAP(BITMAP), .WORD(WORD), .VISITS(VISITS), .SOURCE(SOURCE), .ONE_PORT(ONE_PORT), .FAST(FAST)) buffer (
         .clk, .clear, .load_visit(load_valid && load_memory == 5), .load_address, .load_data,
         .kept(settings[KEPT]), .channels(settings[CHANNELS]),
         .words(settings[BUFFERED]), .align_events(settings[ALIGN_EVENTS]),
@@ -311,7 +321,7 @@ module locsnn_core #(
     );
 
     // Charges under way, in two banks that add at the same time; an update takes from that of its compartment.
-    wire  number_bank = LATER != 0 ? ^{later_place, slot[0]} : ^{place, slot[0]};
+    wire  number_bank = LATER != 0 ? later_bank : ^{place, slot[0]};
     logic bank1, bank2;
     always_ff @(posedge clk) {bank1, bank2} <= {number_bank, bank1};
     wire [CHARGE-1:0] charge = bank2 ? taken[2*CHARGE-1:CHARGE] : taken[CHARGE-1:0];
@@ -351,7 +361,7 @@ module locsnn_core #(
         .early_read, .early_entry, .read_out, .by_potential, .entry
     );
 
-    readout #(.ENTRIES(ENTRIES)) decide (
+    readout #(.ENTRIES(ENTRIES), .FAST(FAST)) decide (
         .clk, .clear, .load_weight(load_valid && load_memory == 6), .load_address, .load_data,
         .classes(settings[CLASSES]), .populations(settings[POPULATIONS]),
         .from_here, .after_here,
@@ -376,5 +386,6 @@ module locsnn_core #(
 
     wire unused = &{1'b0, settings[PHASES], settings[SLOT_MASK], settings[FIRST_SOURCE], its[NUMBER_END], its[BY_ROWS],
         its[ALIGNED],
-        later, later_ready, later_asks, later_source, later_base, next_slot, later_place, later_address};
+        later, later_ready, later_asks, later_source, later_base, next_slot, later_place, later_bank,
+        later_address};
 endmodule

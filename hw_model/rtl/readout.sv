@@ -4,7 +4,8 @@
 // step: all begin with 0). Tallies of a population follow each other, population by population. At the end the score of a class is the sum
 // of weight * tally over populations, multiplied bit by bit; the first of equal classes wins.
 module readout #(
-    parameter integer ENTRIES = 128
+    parameter integer ENTRIES = 128,
+    parameter integer FAST = 0  // 1: the sign of a weight, late from its memory, waits for the addition; this takes more logic
 ) (
     input  logic                       clk,
     input  logic                       clear,
@@ -82,11 +83,11 @@ module readout #(
     logic [ENTRY:0]     class_number;
     logic [31:0]        factor;
     logic               negative;
-    // -x is ~x + 1: of a negative weight, `addend` has the inverted bits, and 1 is added with it.
+    // -x is ~x + 1: of a negative weight, inverted bits of `addend` are added, and 1 with them.
     logic [63:0]        addend;
     logic signed [63:0] best;
     logic               better;
-    wire [64:0]         sum = {score, 1'b1} + {addend, negative};
+    wire [64:0]         sum = {score, 1'b1} + {FAST != 0 ? addend ^ {64{negative}} : addend, negative};
 
     assign score_valid = state == COMPARE;
     always_ff @(posedge ticking) begin
@@ -101,14 +102,14 @@ module readout #(
             end
             READ: state <= LOAD;
             LOAD: begin
-                addend <= {{40{stored[23]}}, stored} ^ {64{weight[32]}};
+                addend <= {{40{stored[23]}}, stored} ^ {64{FAST == 0 && weight[32]}};
                 {negative, factor} <= weight;
                 state <= MULTIPLY;
             end
             MULTIPLY:
             if (factor != 0) begin
                 if (factor[0]) score <= sum[64:1];
-                addend <= {addend[62:0], negative};
+                addend <= {addend[62:0], FAST == 0 && negative};
                 factor <= factor >> 1;
             end else begin
                 population <= population + 1;

@@ -12,7 +12,8 @@ module transpose #(
     parameter integer WORD = 32,  // a power of two
     parameter integer VISITS = 128,
     parameter integer SOURCE = 11,
-    parameter integer ONE_PORT = 0  // 1: the buffer is a memory of one port
+    parameter integer ONE_PORT = 0,  // 1: the buffer is a memory of one port
+    parameter integer FAST = 0  // 1: shorter paths, for more logic
 ) (
     input  logic                      clk,
     input  logic                      clear,
@@ -107,16 +108,17 @@ module transpose #(
     logic             counted, touched, never;
     logic [ROW-1:0]   touch;
     logic [PLACE-1:0] touch_place;
-    wire              full = row == kept[ROW-1:0];
-    logic             row_began;
+    logic             was_full, row_began;
+    wire              full = FAST != 0 ? was_full : row == kept[ROW-1:0];
     wire              ticking;  // while a word is marked, or looked for
-    always_ff @(posedge clk) row_began <= mark_tick;
+    always_ff @(posedge clk) row_began <= mark_tick;  // the first cycle of a row
     clock_gate gate (
         .clk, .enable(clear || load_visit || start || mark || counted || marked || write_back || mark_tick || row_began || out_ready
             || (go && (state != IDLE || found))), .gated(ticking)
     );
     always_ff @(posedge ticking) begin
         {counted, marked} <= clear ? 2'b0 : {mark, marking};
+        was_full <= row == kept[ROW-1:0];  // no word comes in the cycle after a tick
         write_back <= marked || sweep;
         {write_place, write_word} <= {address, written};
         if (mark) together <= together + 1;

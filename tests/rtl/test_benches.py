@@ -77,6 +77,29 @@ def test_hybrids_hear_events_when_they_arrive():
     assert later.count(True) == 4
 
 
+SLICES = (
+    ("slices take the lowest bits", "write_data[low+:BITS]", "write_data[0+:BITS]"),
+    ("slices show the lowest bits", "read_data[low+:BITS]", "read_data[0+:BITS]"),
+    ("the last slice is missing", "low < WIDTH; low", "low + SLICE < WIDTH; low"),
+)
+
+
+def in_slices(old: str = "", new: str = "") -> dict[str, str]:
+    """Return the SystemVerilog by file, with memories in slices of a few bits, as large devices have them."""
+    return {**sources(), "memory.sv": "`define MEMORY_BLOCK 256\n" + sources()["memory.sv"].replace(old, new)}
+
+
+@pytest.mark.parametrize("sizes", [SIZES, LATER], ids=["plain", "later"])
+def test_slices_of_memories_change_nothing(sizes):
+    assert not differ(in_slices(), sizes)
+
+
+@pytest.mark.parametrize(("old", "new"), [row[1:] for row in SLICES], ids=[row[0] for row in SLICES])
+def test_faults_of_slices_are_found(old, new):
+    assert sources()["memory.sv"].count(old) == 1
+    assert differ(in_slices(old, new))
+
+
 @pytest.mark.parametrize(("places", "later"), [(1, False), (2, True)])
 def test_events_wait_where_a_phase_has_one_place(places, later):
     """The lowest bit of a place chooses a bank, so slots cannot take it."""

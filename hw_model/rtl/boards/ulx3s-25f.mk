@@ -1,5 +1,5 @@
 # ULX3S with an LFE5U-25F, speed grade 6.
 DEVICE := ecp5-25f
 PART := --25k
-DEFINES := -DCLOCK_MHZ=100 -DPLL_INPUT=1 -DPLL_FEEDBACK=4 -DPLL_OUTPUT=6
+DEFINES := -DPLL_UP=24 -DPLL_DOWN=6
 include ulx3s.mk
