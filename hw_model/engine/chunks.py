@@ -6,6 +6,7 @@ holds every sum. Charges are in units of 64, the least that a weight can be; ``w
 of them do not rest.
 """
 
+from collections.abc import Mapping
 from functools import reduce
 from operator import or_
 
@@ -16,9 +17,12 @@ from hw_model.engine.lanes import (
     Lanes,
     Place,
     Returned,
+    before,
     bits,
     count,
+    each_row,
     halves,
+    held,
     kernel,
     mask_of,
     put,
@@ -46,12 +50,17 @@ from hw_model.engine.layout import (
     V,
 )
 
+Fields = Place | Mapping[int, Lanes]
+"""Registers of a chunk: where they lie, or what was read of them before a loop."""
+
 
 def _rz(x: Lanes, keep: Lanes) -> Lanes:
-    """Return sign(x) * ((|x| * keep) >> 12): with |x| = 4096 a + b no product is wider than x, or than 24 bits."""
-    magnitude, keep = where(x < 0, -x, x), short(keep)
-    left = short(magnitude >> 12) * keep + (((magnitude & 4095) * keep) >> 12)
-    return where(x < 0, -left, left)
+    """Return sign(x) * ((|x| * keep) >> 12): with x = 4096 a + b no product is wider than x, or than 24 bits.
+
+    Shifts round down; 4095 more, all bits that stand before a negative a, makes that towards 0.
+    """
+    high, keep = x >> 12, keep & (2 * 4096 - 1)
+    return short(high) * keep + (((x & 4095) * keep + before(high, 12)) >> 12)
 
 
 def _wrap(x: Lanes, half: Lanes | int) -> Lanes:
@@ -59,7 +68,7 @@ def _wrap(x: Lanes, half: Lanes | int) -> Lanes:
     return ((x & (half * 2 - 1)) ^ half) - half
 
 
-def _take_charge(c: Place, u: Lanes, charge: Lanes, ends: Ends) -> tuple[Lanes, Lanes, Lanes]:
+def _take_charge(c: Fields, u: Lanes, charge: Lanes, ends: Ends) -> tuple[Lanes, Lanes, Lanes]:
     """Decay u and take the charge of a step into it; return q, and u before and after it wraps."""
     half_charge, half_current = ends
     q = _wrap(charge, half_charge)
@@ -67,14 +76,14 @@ def _take_charge(c: Place, u: Lanes, charge: Lanes, ends: Ends) -> tuple[Lanes, 
     return q, unwrapped, _wrap(unwrapped, half_current)
 
 
-def _take_current(c: Place, v: Lanes, u: Lanes, added: Lanes | int, ends: Ends) -> tuple[Lanes, Lanes, Lanes]:
+def _take_current(c: Fields, v: Lanes, u: Lanes, added: Lanes | int, ends: Ends) -> tuple[Lanes, Lanes, Lanes]:
     """Decay v and take u, bias and what children add into it; return the drive, that wrapped, and v before clipping."""
     drive = u + c[BIAS]
     wrapped = _wrap(drive, ends[1])
     return drive, wrapped, _rz(v, c[KEEP_V]) + wrapped + added
 
 
-def _clip(c: Place, v: Lanes) -> Lanes:
+def _clip(c: Fields, v: Lanes) -> Lanes:
     v = where(v < c[VMIN], c[VMIN], v)
     return where(v > c[VMAX], c[VMAX], v)
 
@@ -175,7 +184,7 @@ def add_up(c: Place) -> Returned:
     return bits(fired), count(busy), bits(state != 0)
 
 
-def _respond(c: Place, u: Lanes, v: Lanes, charge: Lanes, ends: Ends, added: Lanes | int = 0) -> tuple[Lanes, Lanes]:
+def _respond(c: Fields, u: Lanes, v: Lanes, charge: Lanes, ends: Ends, added: Lanes | int = 0) -> tuple[Lanes, Lanes]:
     """Take charge and what children add into u and v, and count nothing; return u, and v before any threshold."""
     _, _, u = _take_charge(c, u, charge, ends)
     _, _, v = _take_current(c, v, u, added, ends)
@@ -196,18 +205,36 @@ def advance(c: Place, charge: Place, widths: Given) -> Returned:
     return (bits(fired),)
 
 
-@kernel("registers, at, before, step, member, after, next, same, charge, row, slot, e, f, g, widths", returns=1)
-def advance_pair(c: Place, before: Place, after: Place, charge: Place, other_charge: Place, widths: Given) -> Returned:
-    """Do the same for two chunks of dendrites, whose registers follow each other, and a third that is only their sum.
+@kernel(
+    "registers, at, before, step, member, after, next, same, charge, row, slot, e, f, g, echo, h, i, j, masks, k, l,"
+    "flips, m, n, numbers, o, spikes, many, widths",
+    returns=0,
+)
+def advance_pair(
+    c: Place, before: Place, after: Place, charge: Place, other_charge: Place, echo: Place, other_echo: Place,
+    masks: Place, flips: Place, numbers: Place, spikes: Given, many: Given, widths: Given,
+) -> None:  # fmt: skip
+    """Do the same in so ``many`` rows for two dendrites, whose registers follow each other, and a third, their sum.
 
     This is how a spike response neuron is lowered: its alpha dendrite, its refractory dendrite, and its soma. Their
-    states are read from one place and written to another.
+    states are read from one place and written to another; ``spikes`` are those of the row before, as bits, and
+    ``echo`` is what a spike adds to the charges of the next row. Spikes are written as bits, and counted.
     """
-    other, soma, ends, second = c.after(FIELDS), c.after(2 * FIELDS), halves(c, widths), KEPT_FIELDS
-    u, v = _respond(c, before[0], before[1], charge[0], ends)
-    u_other, v_other = _respond(other, before[second], before[second + 1], other_charge[0], ends)
-    after[0], after[1], after[second], after[second + 1] = u, v, u_other, v_other
-    return (bits(_clip(soma, v + v_other) > soma[THRESHOLD]),)
+    ends, second, parameters = halves(c, widths), KEPT_FIELDS, (KEEP_U, KEEP_V, BIAS, VMIN, VMAX, THRESHOLD)
+    one, other, soma = ({field: c.after(n * FIELDS)[field] for field in parameters} for n in range(3))
+    u, v, u_other, v_other = (held(before[field]) for field in (0, 1, second, second + 1))
+    fired, counted, echoes = held(mask_of(c, spikes)), held(numbers[0]), (echo[0], other_echo[0])
+    for row in each_row(c, many):
+        arrived, also = (where(fired[0], weights, weights & 0) for weights in echoes)
+        u[0], v[0] = _respond(one, u[0], v[0], charge.row(row)[0] + arrived, ends)
+        u_other[0], v_other[0] = _respond(other, u_other[0], v_other[0], other_charge.row(row)[0] + also, ends)
+        to, was = after.row(row), masks.row(row).bits()
+        to[0], to[1], to[second], to[second + 1] = u[0], v[0], u_other[0], v_other[0]
+        fired[0] = _clip(soma, v[0] + v_other[0]) > soma[THRESHOLD]
+        flips.row(row).put_bits(fired[0] != was)
+        masks.row(row).put_bits(fired[0])
+        counted[0] = counted[0] + fired[0] - was
+    numbers[0] = counted[0]
 
 
 @kernel("charge, row, slot, weights, at, times", returns=0)
@@ -220,12 +247,6 @@ def add_multiple(charge: Place, weights: Place, times: Given) -> None:
 def add_weights(charge: Place, weights: Place) -> None:
     """Add the weights of a spike to a chunk's charges."""
     charge[0] += weights[0]
-
-
-@kernel("charge, row, slot, echo, at, spikes", returns=0)
-def add_echo(charge: Place, echo: Place, spikes: Given) -> None:
-    """Add what spikes, given as bits, pass lane by lane from a chunk to another."""
-    charge[0] += where(mask_of(charge, spikes), echo[0], echo[0] & 0)
 
 
 @kernel("charge, row, slot, echo, at, came, went", returns=0)
@@ -251,7 +272,14 @@ def fill(numbers: Place, number: Given) -> None:
 @kernel("event, at, first, spikes", returns=1)
 def list_lanes(event: Place, first: Given, spikes: Given) -> Returned:
     """List a chunk's spikes, given as bits, counted from ``first``; return how many there are."""
-    return (put(event, mask_of(event, spikes), first),)
+    return (put(event, mask_of(event, spikes), event.each(first) + event.numbers()),)
+
+
+@kernel("event, at, rows, same, row, first, flips, spikes", returns=1)
+def list_flips(event: Place, rows: Place, row: Given, first: Given, flips: Given, spikes: Given) -> Returned:
+    """List with their row the spikes that came or went; those that went, not among ``spikes``, as ``~number``."""
+    numbers, rows[0] = event.each(first) + event.numbers(), rows.each(row)
+    return (put(event, mask_of(event, flips), where(mask_of(event, spikes), numbers, numbers ^ -1)),)
 
 
 @kernel("spikes, row, column, fired", returns=0)

@@ -65,8 +65,8 @@ def _list_lanes(given: Place, channel: Place, first: Given, until: Given) -> Ret
 
     They are channels ``first`` on. Return how many there are.
     """
-    inside = channel.each(first) + channel.numbers() < channel.each(until)
-    return (put(channel, (given[0] != 0) & inside, first),)
+    numbers = channel.each(first) + channel.numbers()
+    return (put(channel, (given[0] != 0) & (numbers < channel.each(until)), numbers),)
 
 
 @absorbed

@@ -44,7 +44,7 @@ def _run_part(
         room = rooms.pop()  # of two threads that ask for the last one, one finds none
     except IndexError:
         room = first_state(layout), workspace(layout)
-    arguments = (low, high, *given, *room, skip, *written)
+    arguments = (low, high, given, room, skip, written)
     _machine_code(layout, arguments)(*arguments)
     if layout.columns <= SMALL:
         rooms.append(room)
@@ -84,27 +84,11 @@ def join_lists(events: Sequence[EventLists]) -> tuple[IntArray, Int32Array]:
 
 
 @compiled
-def _run(  # type: ignore[no-untyped-def]
-    low,
-    high,
-    first,
-    line,
-    start,
-    stop,
-    nodes,
-    chunks,
-    links,
-    state,
-    work,
-    skip,
-    spikes,
-    sent,
-    active,
-    events,
-    totals,
-    kept,
-):
+def _run(low, high, given, room, skip, written):  # type: ignore[no-untyped-def]
     """Run recordings ``low..high`` one after the other, each tile by tile."""
+    first, line, start, stop, nodes, chunks, links = given
+    state, work = room
+    spikes, sent, active, events, totals, kept = written
     tile = len(work.masks)
     for b in range(low, high):
         reset(state)

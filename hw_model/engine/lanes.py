@@ -70,7 +70,17 @@ def where(mask: Lanes, one: Lanes | int, other: Lanes) -> Lanes:
 
 def short(lanes: Lanes) -> Lanes:
     """Return lanes that are within the bits of a factor; LLVM, which is told that, multiplies two of them faster."""
-    return lanes & ((1 << FACTOR_BITS) - 1) if lanes.value.type.element.width == 32 else lanes
+    if lanes.value.type.element.width > 32:
+        return lanes
+    factor = ir.VectorType(ir.IntType(FACTOR_BITS), LANES)
+    return lanes.with_value(lanes.builder.sext(lanes.builder.trunc(lanes.value, factor), lanes.value.type))
+
+
+def before(lanes: Lanes, many: int) -> Lanes:
+    """Return the first ``many`` bits of each lane as a number."""
+    kind = lanes.value.type
+    by = ir.Constant(kind, [kind.element.width - many] * LANES)
+    return lanes.with_value(lanes.builder.lshr(lanes.value, by))
 
 
 def halves(place: "Place", widths: Given) -> Ends:
@@ -78,14 +88,28 @@ def halves(place: "Place", widths: Given) -> Ends:
     return USUAL_WIDTHS if place.width == 32 else [place.each(widths, number) for number in range(2)]
 
 
-def put(place: "Place", mask: Lanes, first: Given) -> Given:
-    """Put ``first`` plus the number of each lane that is set at a place, side by side; return how many there are.
+def put(place: "Place", mask: Lanes, numbers: Lanes) -> Given:
+    """Put the numbers of the lanes that are set at a place, side by side; return how many there are.
 
     The place has room for all lanes.
     """
-    numbers = place.each(first) + place.numbers()
     place[0] = numbers.with_value(_compress(place, numbers, mask))
     return count(mask)
+
+
+def held(lanes: Lanes) -> "Place":
+    """Return a place for lanes that change in a loop, which keeps them in registers of the processor."""
+    kind = lanes.value.type
+    room = lanes.builder.bitcast(cgutils.alloca_once(lanes.builder, kind), kind.element.as_pointer())
+    place = Place(lanes.builder, room)
+    place[0] = lanes
+    return place
+
+
+def each_row(place: "Place", many: Given) -> Iterator[Given]:
+    """Loop over the numbers of so many rows: what is done with one, in a kernel, becomes a loop of the machine."""
+    with cgutils.for_range(place.builder, many) as loop:
+        yield loop.index
 
 
 def _compress(place: "Place", numbers: Lanes, mask: Lanes) -> ir.Value:
@@ -122,38 +146,52 @@ def count(mask: Lanes) -> ir.Value:
 class Place:
     """Vectors of an array from an element on, by number: fields of a chunk, or a row's charges."""
 
-    def __init__(self, builder: ir.IRBuilder, first: ir.Value) -> None:
-        self._builder, self._first = builder, first
+    def __init__(self, builder: ir.IRBuilder, first: ir.Value, row_bytes: ir.Value = None) -> None:
+        self.builder, self._first, self._row_bytes = builder, first, row_bytes
 
     def _at(self, field: int) -> ir.Value:
-        address = self._builder.gep(self._first, [ir.Constant(ir.IntType(64), field * LANES)])
-        return self._builder.bitcast(address, ir.VectorType(self._first.type.pointee, LANES).as_pointer())
+        address = self.builder.gep(self._first, [ir.Constant(ir.IntType(64), field * LANES)])
+        return self.builder.bitcast(address, ir.VectorType(self._first.type.pointee, LANES).as_pointer())
 
     def __getitem__(self, field: int) -> Lanes:
-        return Lanes(self._builder, self._builder.load(self._at(field), align=self.width // 8))
+        return Lanes(self.builder, self.builder.load(self._at(field), align=max(1, self.width // 8)))
 
     def __setitem__(self, field: int, lanes: Lanes | int) -> None:
         vector = ir.VectorType(self._first.type.pointee, LANES)
         value = lanes.value if isinstance(lanes, Lanes) else ir.Constant(vector, [lanes] * LANES)
-        self._builder.store(value, self._at(field), align=self.width // 8)
+        self.builder.store(value, self._at(field), align=max(1, self.width // 8))
 
     def each(self, given: Given, number: int | None = None) -> Lanes:
         """Return a number, or one of a pair, in each lane."""
         vector = ir.VectorType(self._first.type.pointee, LANES)
-        value = given if number is None else self._builder.extract_value(given, number)
+        value = given if number is None else self.builder.extract_value(given, number)
         if value.type != vector.element:
-            value = self._builder.trunc(value, vector.element)
-        one = self._builder.insert_element(ir.Constant(vector, ir.Undefined), value, COUNT(0))
+            value = self.builder.trunc(value, vector.element)
+        one = self.builder.insert_element(ir.Constant(vector, ir.Undefined), value, COUNT(0))
         first = ir.Constant(ir.VectorType(COUNT, LANES), [0] * LANES)
-        return Lanes(self._builder, self._builder.shuffle_vector(one, one, first))
+        return Lanes(self.builder, self.builder.shuffle_vector(one, one, first))
 
     def numbers(self) -> Lanes:
         """Return the number of each lane."""
-        return Lanes(self._builder, ir.Constant(ir.VectorType(self._first.type.pointee, LANES), list(range(LANES))))
+        return Lanes(self.builder, ir.Constant(ir.VectorType(self._first.type.pointee, LANES), list(range(LANES))))
 
     def after(self, fields: int) -> "Place":
         """Return the place so many fields on."""
-        return Place(self._builder, self._builder.gep(self._first, [ir.Constant(ir.IntType(64), fields * LANES)]))
+        return Place(self.builder, self.builder.gep(self._first, [ir.Constant(ir.IntType(64), fields * LANES)]))
+
+    def row(self, number: Given) -> "Place":
+        """Return the place so many rows of the array on."""
+        first = self.builder.bitcast(self._first, cgutils.voidptr_t)
+        first = self.builder.gep(first, [self.builder.mul(number, self._row_bytes)])
+        return Place(self.builder, self.builder.bitcast(first, self._first.type))
+
+    def bits(self) -> Lanes:
+        """Return the mask that the number here is."""
+        return mask_of(self, self.builder.load(self._first))
+
+    def put_bits(self, mask: Lanes) -> None:
+        """Put a mask here as a number."""
+        self.builder.store(bits(mask), self._first)
 
     @property
     def width(self) -> int:
@@ -178,7 +216,8 @@ def kernel(given: str, returns: int) -> Callable[[Callable[..., Any]], Any]:
                     indices = [context.cast(builder, at, typ, types.intp) for typ, at in rest[: kind.ndim]]
                     del rest[: kind.ndim]
                     array = context.make_array(kind)(context, builder, value)
-                    value = Place(builder, cgutils.get_item_pointer(context, builder, kind, array, indices))
+                    first = cgutils.get_item_pointer(context, builder, kind, array, indices)
+                    value = Place(builder, first, cgutils.unpack_tuple(builder, array.strides)[0])
                 given.append(value)
             found = function(*given)
             return context.make_tuple(builder, signature.return_type, found) if returns else context.get_dummy_value()

@@ -65,7 +65,7 @@ def _chunks(
         arrived[here] = np.bincount(core.axons.target, weights, minlength=len(here))
         reached[here[core.axons.target] // LANES] = True
     fits = widths == layout.USUAL_WIDTHS and _largest_sum(program, phase, arrived) <= np.iinfo(np.int32).max
-    fits &= all(max(-core.vmin, core.vmax) < DECAY_ONE << layout.FACTOR_BITS for core in program.cores_of(phase))
+    fits &= all(max(-core.vmin, core.vmax) < DECAY_ONE << layout.FACTOR_BITS - 1 for core in program.cores_of(phase))
     never = np.iinfo(np.int32 if fits else np.int64).max  # the threshold of what cannot spike
     shape = (count, layout.FIELDS, LANES)
     registers: Lanes = np.zeros(shape, dtype=np.int32) if fits else np.zeros(shape, dtype=np.int64)

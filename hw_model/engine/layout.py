@@ -30,8 +30,8 @@ KEPT_FIELDS = BLOCKED + 1 - U
 CACHE_LINE = 64
 """Bytes."""
 
-FACTOR_BITS = 15
-"""Of both factors of a product in 32-bit lanes, which processors multiply faster than wide ones."""
+FACTOR_BITS = 16
+"""With sign, of both factors of a product in 32-bit lanes, which processors multiply faster than wide ones."""
 
 LIST, MATRIX, PACKED_LIST = range(3)
 """Ways to hold a link."""

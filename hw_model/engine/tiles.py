@@ -6,7 +6,7 @@ change in it.
 
 import numpy as np
 
-from hw_model.engine.chunks import add_echo, add_up, list_lanes, note, pass_on, update, update_pair, update_plain
+from hw_model.engine.chunks import add_up, change_echo, list_lanes, note, pass_on, update, update_pair, update_plain
 from hw_model.engine.compiled import absorbed, inner
 from hw_model.engine.delivery import deliver
 from hw_model.engine.layout import FIELDS, LANES, POTENTIAL, U, V
@@ -14,7 +14,7 @@ from hw_model.engine.state import is_silent, move_on
 
 _TOGETHER = 4
 """Bundles that are updated in turn, row by row: within one, each row waits for the state that the last one left."""
-_ZERO = np.int64(0)
+_ZERO, _NONE = np.int64(0), np.int32(0)
 """Of a type, as a variable is: loops are compiled anew for each literal that they are called with."""
 # Unsigned, or each index would be tested for being negative.
 _LANES, _CHUNK = np.uint64(LANES), np.uint64(FIELDS * LANES)
@@ -177,7 +177,7 @@ def _echo(k, r, mask, chunks, state):  # type: ignore[no-untyped-def]
         to, due, end = np.uint64(chunks.echo_to[k]), r + np.uint64(1), np.uint64(len(chunks.echo))
         at = to * _LANES
         while at < end:
-            add_echo(state.charge, due, to * _LANES, chunks.echo, at, mask)
+            change_echo(state.charge, due, to * _LANES, chunks.echo, at, mask, _NONE)
             state.touched[due, to] |= mask != 0
             at, due = at + (np.uint64(state.charge.shape[1]) if mask else end), due + np.uint64(1)
 

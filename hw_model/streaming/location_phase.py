@@ -13,28 +13,16 @@ import numpy as np
 
 from hw_model.engine.chunks import (
     add_multiple,
-    add_up,
     advance,
     advance_pair,
     change_echo,
     copy_state,
     count_changes,
-    fill,
-    list_lanes,
+    list_flips,
     pass_on,
 )
 from hw_model.engine.compiled import absorbed, compiled, entry, inner
-from hw_model.engine.layout import (
-    FIELDS,
-    KEPT_FIELDS,
-    LANES,
-    LIST,
-    MATRIX,
-    POTENTIAL,
-    FastLayout,
-    U,
-    aligned,
-)
+from hw_model.engine.layout import FIELDS, KEPT_FIELDS, LANES, LIST, MATRIX, POTENTIAL, FastLayout, U, aligned
 from hw_model.mapping.graph import Input
 from hw_model.streaming.time_phase import Read
 from hw_model.values import AnyArray, ByteArray, IntArray
@@ -71,10 +59,10 @@ class History(NamedTuple):
     """Every step of a phase: ``charge`` (steps, slots), ``masks`` (steps, chunks) the spikes as bits.
 
     ``flips`` (steps, chunks): the spikes that came or went when its block last ran; ``event`` and ``row_of`` have room
-    for those of a node as a list, by source and step. ``before`` (steps + 1, state of all members) are the states
-    before each step, and in the end; ``spikes`` (slots,) counts spikes, or holds the largest potential of a column that
-    is read; ``changed`` (blocks,) is the first step with another charge, or the number of steps; ``run`` (1,) how many
-    steps of blocks have been run; ``block_of`` (nodes,), ``slot`` (columns,).
+    for those of a node as a list, by source, which is ``~source`` where it went, and step. ``before`` (steps + 1, state
+    of all members) are the states before each step, and in the end; ``spikes`` (slots,) counts spikes, or holds the
+    largest potential of a column that is read; ``changed`` (blocks,) is the first step with another charge, or the
+    number of steps; ``run`` (1,) how many steps of blocks have been run; ``block_of`` (nodes,), ``slot`` (columns,).
     """
 
     charge: AnyArray
@@ -90,8 +78,7 @@ class History(NamedTuple):
     slot: AnyArray
 
 
-_ONE, _ONE_MORE = np.int64(1), np.uint64(1)
-"""Of a type, as variables are: loops are compiled anew for each literal that they are called with."""
+_ONE_MORE = np.uint64(1)
 _LANES, _CHUNK, _STATE = np.uint64(LANES), np.uint64(FIELDS * LANES), np.uint64(U * LANES)
 _KEPT = np.uint64(KEPT_FIELDS * LANES)
 
@@ -185,7 +172,8 @@ def _order(layout: FastLayout, of: Read) -> Order:
     place = np.full(len(chunks.member) + 1, -1, dtype=np.int64)  # the last is the place of no chunk
     place[chunks.member] = np.arange(len(chunks.member))
     read = np.isin(chunks.member, slot // LANES)
-    is_pair = chunks.pair.copy()
+    # A pair is run with what its spikes pass to it in the next step, not later.
+    is_pair = chunks.pair & (len(chunks.echo) == len(chunks.node) * LANES)
     for low, high in pairwise(chunks.bundle.tolist()):
         is_pair[low] &= not read[low:high].any()  # a pair is run without a potential of its own
     link = np.argsort(layout.links.source, kind="stable")
@@ -209,12 +197,11 @@ def _push(  # type: ignore[no-untyped-def]
                     history.row_of[found] = visits.step[channel]
                     found += 1
             for index in range(order.link_of[node], order.link_of[node + 1]):
-                _change(np.uint64(order.link[index]), found, _ONE, links, history)
+                _change(np.uint64(order.link[index]), found, links, history)
         ran = False
         for block in range(len(history.changed)):
             start = history.changed[block]
             if start < steps:
-                history.changed[block] = steps
                 _run_again(block, start, nodes, chunks, links, order, registers, history)
                 ran = True
         if ran:
@@ -235,7 +222,7 @@ def _largest(at, first, history):  # type: ignore[no-untyped-def]
 
 
 @absorbed
-def _change(link, found, sign, links, history):  # type: ignore[no-untyped-def]
+def _change(link, found, links, history):  # type: ignore[no-untyped-def]
     """Add, or take away, the charges of the spikes listed, and note from where on the target has to run again."""
     block = np.uint64(history.block_of[links.target_node[link]])
     steps, first = len(history.masks), history.changed[block]
@@ -243,7 +230,9 @@ def _change(link, found, sign, links, history):  # type: ignore[no-untyped-def]
     stride = links.width[link] if is_matrix else 1
     width, low, delay = np.uint64(links.width[link]), np.uint64(links.target[link]), links.delay[link]
     for e in range(np.uint64(found)):
-        source = offset + history.event[e] * stride
+        event = np.int64(history.event[e])
+        sign = np.int64(1 if event >= 0 else -1)
+        source = offset + (event if event >= 0 else ~event) * stride
         if is_matrix:
             at = history.row_of[e] + 1 + delay
             if at < steps:
@@ -293,41 +282,40 @@ def _run_again(block, start, nodes, chunks, links, order, registers, history):  
     for first in range(start, steps, stride):
         for bundle in range(chunks.of_block[block], chunks.of_block[block + 1]):
             low, high = np.uint64(chunks.bundle[bundle]), np.uint64(chunks.bundle[bundle + 1])
+            if order.is_pair[low]:
+                _run_pair(np.uint64(first), stride, low, chunks, registers, history)
+                continue
             for row in range(np.uint64(first), np.uint64(first + stride)):
-                if order.is_pair[low]:
-                    mask = _run_pair(row, low, chunks, registers, history)
-                else:
-                    mask = np.int32(0)
-                    for each in range(low, high):
-                        mask = _run_member(row, each, chunks, order, registers, history)
+                mask = np.int32(0)
+                for each in range(low, high):
+                    mask = _run_member(row, each, chunks, order, registers, history)
                 _note(np.uint64(chunks.member[high - _ONE_MORE]), row, mask, chunks, history)
         for node in chunks.spiking_node[chunks.of_node[block] : chunks.of_node[block + 1]]:
             if order.link_of[node] < order.link_of[node + 1]:
-                _pass_flips_on(node, first, first + stride, _ONE, nodes, chunks, links, order, history)
-                _pass_flips_on(node, first, first + stride, -_ONE, nodes, chunks, links, order, history)
+                _pass_flips_on(node, first, first + stride, nodes, chunks, links, order, history)
     history.changed[block] = steps
     history.run[0] += steps - start
 
 
-@absorbed
-def _run_pair(step, index, chunks, registers, history):  # type: ignore[no-untyped-def]
-    """Update two dendrites and their sum in one step; return the spikes as bits."""
-    one, other = np.uint64(chunks.member[index]), np.uint64(chunks.member[index + _ONE_MORE])
-    before, charge = history.before, history.charge
-    return advance_pair(
-        registers, index * _CHUNK, before, step, index * _KEPT, before, step + _ONE_MORE, index * _KEPT,
-        charge, step, one * _LANES, charge, step, other * _LANES, chunks.widths,
-    )[0]  # fmt: skip
+@inner
+def _run_pair(first, many, index, chunks, registers, history):  # type: ignore[no-untyped-def]
+    """Update two dendrites and their sum in so many steps, with what its spikes pass to them one step late."""
+    at, last = index * _KEPT, np.uint64(chunks.member[index + _ONE_MORE + _ONE_MORE])
+    one, other = np.uint64(chunks.member[index]) * _LANES, np.uint64(chunks.member[index + _ONE_MORE]) * _LANES
+    before, charge, echo = history.before, history.charge, chunks.echo
+    spikes = history.masks[first - _ONE_MORE, last] if first > 0 else np.int32(0)
+    advance_pair(
+        registers, index * _CHUNK, before, first, at, before, first + _ONE_MORE, at, charge, first, one,
+        charge, first, other, echo, one, echo, other, history.masks, first, last, history.flips, first, last,
+        history.spikes, last * _LANES, spikes, many, chunks.widths,
+    )  # fmt: skip
 
 
 @absorbed
 def _run_member(step, index, chunks, order, registers, history):  # type: ignore[no-untyped-def]
     """Update one chunk in one step; return the spikes as bits."""
     k, at = np.uint64(chunks.member[index]), index * _CHUNK
-    if chunks.sums[k]:
-        mask = add_up(registers, at)[0]
-    else:
-        mask = advance(registers, at, history.charge, step, k * _LANES, chunks.widths)[0]
+    mask = advance(registers, at, history.charge, step, k * _LANES, chunks.widths)[0]
     if order.parent[index] >= 0:
         pass_on(registers, at, registers, np.uint64(order.parent[index]) * _CHUNK)
     copy_state(history.before, step + _ONE_MORE, index * _KEPT, registers, at + _STATE)
@@ -349,16 +337,15 @@ def _note(k, step, mask, chunks, history):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _pass_flips_on(node, low, high, sign, nodes, chunks, links, order, history):  # type: ignore[no-untyped-def]
-    """List the spikes of a node that came in steps ``low..high``, or with sign -1 went; change what they make due.
+def _pass_flips_on(node, low, high, nodes, chunks, links, order, history):  # type: ignore[no-untyped-def]
+    """List the spikes of a node that came or went in steps ``low..high``, and change what they make due.
 
     All of them first, without branches: which steps have any would be guessed wrong too often.
     """
     found, base = np.int64(0), nodes.first[node]
     for row in range(np.uint64(low), np.uint64(high)):
         for k in range(nodes.chunk[node], nodes.chunk[node + 1]):
-            spikes = history.masks[row, k] if sign > 0 else ~history.masks[row, k]
-            fill(history.row_of, found, row)
-            found += list_lanes(history.event, found, chunks.first_column[k] - base, spikes & history.flips[row, k])[0]
+            first, flips, spikes = chunks.first_column[k] - base, history.flips[row, k], history.masks[row, k]
+            found += list_flips(history.event, found, history.row_of, found, row, first, flips, spikes)[0]
     for index in range(order.link_of[node], order.link_of[node + 1]):
-        _change(np.uint64(order.link[index]), found, sign, links, history)
+        _change(np.uint64(order.link[index]), found, links, history)

@@ -30,6 +30,7 @@ class Place:
 
     def __init__(self, array, *at):
         self.flat, self.first = array.reshape(-1), int(np.ravel_multi_index([int(i) for i in at], array.shape))
+        self.row_size = array.size // len(array)
 
     def _of(self, field):
         return slice(self.first + field * LANES, self.first + (field + 1) * LANES)
@@ -49,6 +50,15 @@ class Place:
     def after(self, fields):
         return Place(self.flat, self.first + fields * LANES)
 
+    def row(self, number):
+        return Place(self.flat, self.first + number * self.row_size)
+
+    def bits(self):
+        return lanes.mask_of(self, self.flat[self.first])
+
+    def put_bits(self, mask):
+        self.flat[self.first] = lanes.bits(mask)
+
 
 def kernel(given, returns):
     def made(function):
@@ -67,8 +77,8 @@ def kernel(given, returns):
     return made
 
 
-def put(place, mask, first):
-    found = first + np.flatnonzero(mask)
+def put(place, mask, numbers):
+    found = numbers[mask]
     place.flat[place.first : place.first + len(found)] = found
     return np.int32(len(found))
 
@@ -81,6 +91,9 @@ lanes.count = lambda mask: np.int32(mask.sum())
 lanes.halves = lambda place, widths: widths
 lanes.seldom = lambda mask: nullcontext()
 lanes.short = lambda values: values
+lanes.held = lambda values: Place(values.copy(), 0)
+lanes.each_row = lambda place, many: range(many)
+lanes.before = lambda values, many: np.where(values < 0, (1 << many) - 1, 0).astype(values.dtype)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
