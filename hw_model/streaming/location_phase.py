@@ -78,9 +78,8 @@ class History(NamedTuple):
     slot: AnyArray
 
 
-_ONE_MORE = np.uint64(1)
 _LANES, _CHUNK, _STATE = np.uint64(LANES), np.uint64(FIELDS * LANES), np.uint64(U * LANES)
-_KEPT = np.uint64(KEPT_FIELDS * LANES)
+_ONE_MORE, _KEPT = np.uint64(1), np.uint64(KEPT_FIELDS * LANES)
 
 
 class Replay:

@@ -70,7 +70,7 @@ def side_by_side(builder, x):
     builder.connect(h, y, 200 * ends[None].astype(np.int64))
 
 
-def echoing(children, **parameters):
+def echoing(children, onto=1, **parameters):
     """Twenty neurons in two chunks; spikes come back to a dendrite of their own, each with a weight of its own."""
 
     def build(builder, x):
@@ -78,7 +78,7 @@ def echoing(children, **parameters):
         for k in range(children):
             child = builder.add_compartments(f"d{k}", 20, threshold=0, joined_to=h, **{**FORGETS, **parameters})
             builder.connect(x, child, np.add.outer(2 * np.arange(20), [60, 20]) * (k == 0))
-            if k == 1:
+            if k == onto:
                 builder.connect(h, child, np.diag(4 * np.arange(20) - 120))
         y = builder.add_compartments("y", 1, threshold=900, **FORGETS)
         builder.connect(h, y, np.full((1, 20), 100))
@@ -144,6 +144,7 @@ PHASES = {
         2, [10, 20], {"threshold": 100}, times=(0, 1), biases=(0, -40_960), decay_v=0
     ),
     "spikes that come back": echoing(2, decay_u=2000, decay_v=1000),
+    "spikes that come back to the first": echoing(2, onto=0, decay_u=2000, decay_v=1000),
     "spikes that come back to one of three": echoing(3, decay_u=2000, decay_v=1000),
     "a delay line": delay_line(),
     "a delay line onto a dendrite": delay_line(onto=("d1",)),
