@@ -91,3 +91,10 @@ def test_the_readme_has_the_operations_of_the_hybrid_and_the_speed_of_the_benchm
     (large,) = (row[1] for row in table(ROOT / "docs/benchmarks.md", "network") if row[0] == "large")
     times = int(large.split()[0].replace(",", ""))
     assert f"about {round(times, -1)} times faster than nengo-loihi" in readme
+
+
+@pytest.mark.parametrize("board", ["ulx3s-25f", "icebreaker"])
+def test_the_page_on_public_work_has_the_resources_that_were_placed(board):
+    placed = next(row for row in table(ROOT / "docs/hardware.md", "board | program") if row[0] == board)
+    beside = next(row for row in table(ROOT / "docs/hardware/public-work.md", "work") if row[0].endswith(board))
+    assert [cell.split(" ")[0] for cell in beside[2:5]] == [placed[column].split(" ")[0] for column in (2, 4, 6)]

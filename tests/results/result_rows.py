@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -37,8 +37,9 @@ class Row:
     ``published``: data set -> accuracy (Kang et al. 2022, two fingertips). ``config`` replaces that of the data set; in
     it ``{recipe}`` stands for the data set whose recipe is taken, ``{published}`` for that of the published targets. ``parts`` are
     networks that are trained apart and joined, a hybrid and windows; the hybrid is first trained further as ``further`` says.
-    ``strategy`` lays out spike response neurons. ``only`` is the one data set of the row. ``minutes``: about how long one seed takes on one core, by data set, where somebody who runs what is
-    missing should know.
+    ``strategy`` lays out spike response neurons. ``only`` is the one data set of the row. ``minutes``: about how long one
+    seed takes on one core, by data set, where somebody who runs what is missing should know. Rows that are not ``on_page``
+    stand in the tables' files only.
     """
 
     name: str
@@ -51,6 +52,7 @@ class Row:
     strategy: str = "dendrite"
     only: str | None = None
     minutes: Mapping[str, int] = field(default_factory=dict)
+    on_page: bool = True
 
     def config_for(self, dataset: Dataset) -> str:
         """Return the file in ``examples/configs`` that it is trained with."""
@@ -65,6 +67,20 @@ class Row:
 
 def _published(objects: str, containers: str, slip: str) -> dict[str, str]:
     return {"objects": objects, "containers": containers, "slip": slip}
+
+
+def _published_orders() -> Iterator[Row]:
+    """The published training with the other orders of taxels, for both lambdas."""
+    for half, weight in (("", 1), ("half-", 0.5)):
+        for order in ("arch", "whorl"):
+            yield Row(
+                f"hybrid-{half}{order}-published",
+                f"Hybrid, published training, lambda {weight}, {order}",
+                {"order": order, "location_weight": float(weight)},
+                config=f"{{published}}-hybrid-{half}published.yaml",
+                minutes={"objects": 3, "containers": 2, "slip": 1},
+                on_page=False,
+            )
 
 
 ROWS = (
@@ -104,6 +120,7 @@ ROWS = (
         config="{published}-hybrid-half-published.yaml",
         minutes={"objects": 3, "containers": 2, "slip": 1},
     ),
+    *_published_orders(),
     Row(
         "tactile-snn-delays",
         "Tactile-SNN, synapses of six delays",

@@ -168,7 +168,7 @@ def pages(tables: Mapping[str, Table]) -> dict[str, str]:
     ratio = {row[0]: row[2] for row in tables["ratios"][1]}
     short = {"hybrid": "Hybrid, lambda 1, loop", "window": "Window-SNN"}
     values = {
-        "accuracy": markdown(tables["accuracy"]),
+        "accuracy": markdown(_on_page(tables["accuracy"])),
         "ratios": markdown(named(tables["ratios"])),
         "chip_ratios": markdown(named(tables["chip-ratios"])),
         "ann_table": markdown(ann_table()),
@@ -179,6 +179,12 @@ def pages(tables: Mapping[str, Table]) -> dict[str, str]:
         for name in ("objects", "containers")
     }
     return {name: _filled(f"{name}_template.md", values) for name in ("results", "operations")}
+
+
+def _on_page(table: Table) -> Table:
+    """Leave out rows that only the table's file holds."""
+    left_out = {row.label for row in ROWS if not row.on_page}
+    return table[0], [row for row in table[1] if row[0] not in left_out]
 
 
 def _filled(template: str, values: Mapping[str, str]) -> str:
