@@ -9,27 +9,18 @@ import hw_model as hw
 from hw_model.io.xml_text import escaped, xml_file
 from hw_model.program.chip_program import Core
 from hw_model.texts.pieces import Pieces
-from hw_model.values import Frozen
 
 Values = Mapping[str, str | int | bool]
 Edge = tuple[str, str, Values]
 
 
-class ProgramGraph(Frozen, eq=False):
-    """Nodes by their names, and edges (source, target, values), in the program's order.
+def placed_graph(program: hw.ChipProgram) -> tuple[dict[str, Values], list[Edge]]:
+    """Return the nodes of a program by their names, and its edges (source, target, values), in the program's order.
 
     A node is an ``input`` or a slice of ``compartments``, ``start`` to ``stop`` of a group on a core. An edge counts
     ``synapses``, their axons and the hops of a spike, or ``joined`` compartments, which add their voltage one to one to
     those of the target.
     """
-
-    program: hw.ChipProgram
-    nodes: dict[str, Values]
-    edges: tuple[Edge, ...]
-
-
-def placed_graph(program: hw.ChipProgram) -> ProgramGraph:
-    """Return the graph of a program."""
     nodes: dict[str, Values] = {
         f"i{k}": {"kind": "input", "name": item.name, "phase": item.phase, "size": item.size}
         for k, item in enumerate(program.inputs)
@@ -44,7 +35,7 @@ def placed_graph(program: hw.ChipProgram) -> ProgramGraph:
             }  # fmt: skip
     synapses = [edge for core in program.cores for edge in _into(core, program)]
     joins = [edge for core in program.cores for edge in _joins(core)]
-    return ProgramGraph(program, nodes, (*synapses, *joins))
+    return nodes, synapses + joins
 
 
 def _slice(core: Core, number: int) -> str:
@@ -93,17 +84,17 @@ _TYPES = {str: "string", int: "long", bool: "boolean"}
 
 def graphml_file(program: hw.ChipProgram) -> dict[str, bytes]:
     """Return the file by name: a node for each input and slice, edges for synapses and joined compartments."""
-    graph = placed_graph(program)
+    nodes, edges = placed_graph(program)
     about: Values = {"name": program.name, "target": program.chip.name}
-    held = {"graph": [about], "node": graph.nodes.values(), "edge": [values for _, _, values in graph.edges]}
+    held = {"graph": [about], "node": nodes.values(), "edge": [values for _, _, values in edges]}
     kinds = {
         (domain, name): type(value) for domain, each in held.items() for its in each for name, value in its.items()
     }
     given = {
         "keys": [{"domain": domain, "name": name, "type": _TYPES[kind]} for (domain, name), kind in kinds.items()],
         "about": _data("graph", about),
-        "nodes": [{"id": identity, "data": _data("node", values)} for identity, values in graph.nodes.items()],
-        "edges": [{"source": a, "target": b, "data": _data("edge", values)} for a, b, values in graph.edges],
+        "nodes": [{"id": identity, "data": _data("node", values)} for identity, values in nodes.items()],
+        "edges": [{"source": a, "target": b, "data": _data("edge", values)} for a, b, values in edges],
     }
     made = Pieces(__package__, GRAPHML_FILE, escaped).piece("graph", given)
     return {GRAPHML_FILE: xml_file(made, xmlns=_NAMESPACE)}
@@ -111,18 +102,18 @@ def graphml_file(program: hw.ChipProgram) -> dict[str, bytes]:
 
 def dot_file(program: hw.ChipProgram) -> dict[str, bytes]:
     """Return the file by name: a box for each core, and dashed edges for joined compartments."""
-    graph = placed_graph(program)
-    inputs = [{"id": name, **item} for name, item in graph.nodes.items() if item["kind"] == "input"]
+    nodes, found = placed_graph(program)
+    inputs = [{"id": name, **item} for name, item in nodes.items() if item["kind"] == "input"]
     cores = []
     for core in program.cores:
         slices = [
             {"id": name, **item, "last": int(item["stop"]) - 1, "style": "" if item["spiking"] else ", style=rounded"}
-            for name, item in graph.nodes.items()
+            for name, item in nodes.items()
             if item.get("core") == core.number
         ]
         tile = program.chip.tile_of(core.slot)
         cores.append({"number": core.number, "phase": core.phase, "slot": core.slot, "tile": tile, "slices": slices})
-    edges = [{"source": source, "target": target, **values} for source, target, values in graph.edges]
+    edges = [{"source": source, "target": target, **values} for source, target, values in found]
     synapses, joins = ([edge for edge in edges if edge["kind"] == kind] for kind in ("synapses", "joined"))
     given = {"name": program.name, "inputs": inputs, "cores": cores, "synapses": synapses, "joins": joins}
     return {DOT_FILE: Pieces(__package__, DOT_FILE, _escaped).piece("graph", given).encode()}

@@ -54,7 +54,9 @@ WORDS = {"axes": declared(AXES)}
 def run(args: argparse.Namespace) -> int:
     """Explore as ``args`` ask; return the exit code. Raises ``InputError`` and ``TargetError``."""
     wanted: dict[str, list[Value]] = {axis.name: getattr(args, axis.name) or [] for axis in AXES}
-    _check_options(args, wanted)
+    if args.workers and args.scheduler:
+        raise InputError("--workers", "a scheduler has workers of its own", fix="Leave out --workers or --scheduler.")
+
     from hw_model.io.build_folder import check_folder, default_folder, write_build
     from locsnn_compile.cluster.spread import spread_over
 
@@ -126,9 +128,3 @@ def _check_places(args: argparse.Namespace, folder: Path, names: Sequence[str]) 
 
     reads = {"MODEL": args.model, **given(args, READ)}
     check_places(reads, [], [(f"-o {str(folder)!r}", folder / name) for name in names])
-
-
-def _check_options(args: argparse.Namespace, wanted: Mapping[str, Sequence[Value]]) -> None:
-    """Refuse options that would fail only after all the work."""
-    if args.workers and args.scheduler:
-        raise InputError("--workers", "a scheduler has workers of its own", fix="Leave out --workers or --scheduler.")

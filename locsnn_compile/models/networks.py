@@ -141,12 +141,7 @@ class TouchNetwork(TouchModel):
     """
 
     def __init__(
-        self,
-        description: NetworkDescription,
-        *,
-        seed: int = 0,
-        initial_scale: float = INITIAL_SCALE,
-        chip: ChipNumbers | None = None,
+        self, description: NetworkDescription, seed: int, initial_scale: float, chip: ChipNumbers | None
     ) -> None:
         super().__init__(description, chip)
         generator = torch.Generator().manual_seed(seed)
@@ -277,4 +272,4 @@ def build_network(
             return ARTIFICIAL[description.architecture](description)
     if description.structure.neurons == "windows":
         return WindowNetwork(description, chip)
-    return TouchNetwork(description, seed=seed, initial_scale=initial_scale, chip=chip)
+    return TouchNetwork(description, seed, initial_scale, chip)

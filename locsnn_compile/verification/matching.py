@@ -1,7 +1,6 @@
 """Float reference against chip, spike by spike, over a set of recordings."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import field
 from functools import partial
 
 import numpy as np
@@ -12,7 +11,7 @@ from hw_model.accounting.usage import PhaseUsage, measure, total_ns
 from hw_model.description.counts import Counts, total
 from hw_model.description.profile import Range
 from hw_model.rtl.device import latencies as core_latencies
-from hw_model.values import ByteArray, FloatArray, Frozen, IntArray, Shown, Sums
+from hw_model.values import ByteArray, FloatArray, Frozen, IntArray, Shown, Sums, picked
 from locsnn_compile.baselines.operations import network_additions
 from locsnn_compile.cluster.spread import Spread, here
 from locsnn_compile.errors import InputError, check_same
@@ -98,14 +97,31 @@ class Divergence(Frozen):
     threshold: float
 
 
-class Match(Shown):
+class _Figures(Frozen, eq=False):
+    """Figures of recordings that parts of them add up to.
+
+    ``counts`` are the chip's counts for every recording, and ``latencies`` their times under the default profile.
+    ``usage`` is, by phase, what cores did step by step; ``additions`` are the reference's operations by phase over all
+    recordings. ``member_ns`` is the time of each member of a committee over all recordings, if its cores ran by
+    themselves.
+    """
+
+    scores: ScoreMatch
+    counts: tuple[Counts, ...]
+    counts_by_phase: dict[str, Counts]
+    wraps_and_clips: dict[str, dict[str, int]]
+    latencies: tuple[Latency, ...]
+    usage: dict[str, PhaseUsage]
+    additions: dict[str, int]
+    member_ns: dict[str, float]
+
+
+class Match(Shown, _Figures):
     """How a program compares with the network it came from, over ``samples`` recordings.
 
     ``reference_prediction`` and ``chip_prediction`` are classes (samples,), or -1 if all scores tie and nothing was
     predicted; ``labels`` are (samples,) or None. ``helpers`` are populations that a frontend added, which count nowhere
-    else. ``counts`` are the chip's counts for every recording, ``latencies`` their times under the default profile, and
-    ``latency_range_ns`` the range of their mean if the profile has ranges. ``usage`` is, by phase, what cores did step
-    by step; ``additions`` are the reference's operations by phase over all recordings.
+    else. ``latency_range_ns`` is the range of the mean latency if the profile has ranges.
     """
 
     samples: int
@@ -115,17 +131,8 @@ class Match(Shown):
     labels: IntArray | None
     by_population: dict[str, PopulationMatch]
     helpers: dict[str, PopulationMatch]
-    scores: ScoreMatch
     first_divergence: Divergence | None
-    counts: tuple[Counts, ...]
-    counts_by_phase: dict[str, Counts]
-    wraps_and_clips: dict[str, dict[str, int]]
-    latencies: tuple[Latency, ...]
     latency_range_ns: Range
-    usage: dict[str, PhaseUsage]
-    additions: dict[str, int] = field(default_factory=dict)
-    member_ns: dict[str, float] = field(default_factory=dict)
-    """Time of each member of a committee over all recordings, if its cores ran by themselves."""
 
     @property
     def spikes(self) -> PopulationMatch:
@@ -200,14 +207,11 @@ def compare(
         helpers={name: found for name, found in both.matches.items() if name in helpers},
         first_divergence=_explain(quantized, program, recordings, first[0]) if first else None,
         latency_range_ns=(least, most),
-        **{name: getattr(both, name) for name in _ADDED_UP},
+        **picked(both, *_Figures.__dataclass_fields__),
     )
 
 
-_ADDED_UP = ("scores", "counts", "counts_by_phase", "wraps_and_clips", "latencies", "usage", "additions", "member_ns")
-
-
-class _Part(Sums, eq=False):
+class _Part(Sums, _Figures, eq=False):
     """The match of some recordings, as in :class:`Match`, and their time at both ends of the profile's ranges.
 
     ``differences`` has the first difference of each part, and ``predictions`` those of both sides in each part.
@@ -216,15 +220,7 @@ class _Part(Sums, eq=False):
     matches: dict[str, PopulationMatch]
     differences: tuple[Place, ...]
     predictions: tuple[tuple[IntArray, IntArray], ...]
-    scores: ScoreMatch
-    counts: tuple[Counts, ...]
-    counts_by_phase: dict[str, Counts]
-    wraps_and_clips: dict[str, dict[str, int]]
-    latencies: tuple[Latency, ...]
-    usage: dict[str, PhaseUsage]
     ends_ns: dict[str, float]
-    additions: dict[str, int]
-    member_ns: dict[str, float]
 
 
 def _compare_part(

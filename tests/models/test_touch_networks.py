@@ -205,7 +205,7 @@ def test_parameters_that_do_not_hold(kind: type, values: dict[str, object], mess
 
 def test_a_long_recording_runs_through_float_layers() -> None:
     layout = InputLayout(neutouch(1), steps=5000, step_seconds=0.02)
-    network = TouchNetwork(description("tactile-snn", layout), initial_scale=10.0)
+    network = build_network(description("tactile-snn", layout), initial_scale=10.0)
     spikes = network(torch.ones(1, 5000, layout.channels))["time_hidden"]
     assert spikes.shape == (1, 5000, network.description.hidden)
     assert spikes[0, -1000:].sum() > 0
