@@ -98,3 +98,11 @@ def test_the_page_on_public_work_has_the_resources_that_were_placed(board):
     placed = next(row for row in table(ROOT / "docs/hardware.md", "board | program") if row[0] == board)
     beside = next(row for row in table(ROOT / "docs/hardware/public-work.md", "work") if row[0].endswith(board))
     assert [cell.split(" ")[0] for cell in beside[2:5]] == [placed[column].split(" ")[0] for column in (2, 4, 6)]
+
+
+def test_the_page_on_boards_has_the_resources_that_were_placed():
+    placed = next(row for row in table(ROOT / "docs/hardware.md", "board | program") if row[0] == "ulx3s-25f")
+    luts, flip_flops, rams, multipliers = (cell.replace(",", "") for cell in placed[2:6])
+    page = (ROOT / "docs/how-to/put-a-model-on-a-board.md").read_text("utf-8")
+    assert f"takes {luts} LUTs, {flip_flops} flip-flops, {rams} block RAMs and {multipliers} multipliers" in page
+    assert f"clock: {placed[6].replace('of', ', the slowest of').replace(' ,', ',')} placements" in page
