@@ -152,8 +152,7 @@ def _check_voltage_limits(group: Compartments, chip: Chip) -> None:
 def _check_synapses(graph: CompartmentGraph, synapses: Synapses, chip: Chip) -> None:
     where = f"synapses {synapses.source!r} -> {synapses.target!r}"
     sizes = {node.name: node.size for node in graph.nodes}
-    targets = {group.name for group in graph.groups}
-    if synapses.source not in sizes or synapses.target not in targets:
+    if synapses.source not in sizes or synapses.target not in {group.name for group in graph.groups}:
         raise InputError(where, "an end does not exist", fix="Add it before connecting.")
     if graph.phase_of(synapses.source) != graph.phase_of(synapses.target):
         raise InputError(where, "the ends are in different phases", fix="Connect within one phase.")
@@ -180,8 +179,12 @@ def _check_synapses(graph: CompartmentGraph, synapses: Synapses, chip: Chip) -> 
     if synapses.exponent not in WEIGHT_EXPONENTS:
         measured = f"{synapses.exponent} against -8..7"
         raise TargetError(where, "the weight exponent is out of range", measured=measured, fix="Rescale the weights.")
-    delays = synapses.delay[(synapses.delay < 0) | (synapses.delay > chip.registers.delay_max)]
-    if len(delays):
-        measured = f"{delays[0]} against 0..{chip.registers.delay_max} steps"
-        fix = "Relay the spike through a compartment, or shorten the delay."
+    delays, most = synapses.delay, chip.registers.delay_max
+    off = delays[(delays < 0) | (delays > most)]
+    if len(off):
+        worst = int(off[np.abs(off).argmax()])
+        measured = f"{worst} against 0..{most} steps; {len(off)} of {len(delays)} off"
+        # A relay adds the step that every spike takes, so k of them reach a delay of (k + 1) * (delay_max + 1) - 1.
+        relays = counted(worst // (most + 1), "compartment")
+        fix = f"Relay the spike through {relays}, or shorten the delay." if worst > 0 else "Give 0 or more."
         raise TargetError(where, "a delay is out of range", measured=measured, fix=fix)

@@ -101,7 +101,7 @@ def integers(*, mantissa=((4, -6),), exponent=0, delay=0, signs="apart", **chang
         ({"mantissa": ((4, -256),)}, "synapses 'touch' -> 'n': weight -256 is not on the grid of 8-bit inhibitory weights (multiples of 1 in -255..0; 1 of 1 off). Round the weights onto the grid first."),
         ({"mantissa": ((4, -7),), "signs": "mixed"}, "synapses 'touch' -> 'n': weight -7 is not on the grid of 8-bit mixed weights (multiples of 2 in -256..254; 1 of 2 off). Round the weights onto the grid first."),
         ({"exponent": 8}, "synapses 'touch' -> 'n': the weight exponent is out of range (8 against -8..7). Rescale the weights."),
-        ({"delay": 63}, "synapses 'touch' -> 'n': a delay is out of range (63 against 0..62 steps). Relay the spike through a compartment, or shorten the delay."),
+        ({"delay": 63}, "synapses 'touch' -> 'n': a delay is out of range (63 against 0..62 steps; 1 of 1 off). Relay the spike through 1 compartment, or shorten the delay."),
     ],
     ids=["threshold", "decay", "refractory", "bias", "apart", "mixed", "exponent", "delay"],
 )  # fmt: skip

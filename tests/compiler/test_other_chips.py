@@ -142,7 +142,7 @@ def test_a_program_written_by_hand_on_another_chip():
     ("change", "message"),
     [
         ({"weight_bits": 5}, "synapses 'x' -> 'h': weights of 5 bits are too wide (other has weight_bits_max 4). Use narrower weights."),
-        ({"delay": 11}, "synapses 'x' -> 'h': a delay is out of range (11 against 0..10 steps). Relay the spike through a compartment, or shorten the delay."),
+        ({"delay": 11}, "synapses 'x' -> 'h': a delay is out of range (11 against 0..10 steps; 1 of 1 off). Relay the spike through 1 compartment, or shorten the delay."),
     ],
     ids=["weights", "delays"],
 )  # fmt: skip
@@ -178,7 +178,8 @@ def test_taps_that_a_chips_delays_do_not_hold(tmp_path, delay_max):
     start, _, rest = str(caught.value).partition("(an error of ")
     tau = next(p.neuron.tau_ref for p in network("objects-hybrid").populations if isinstance(p.neuron, SrmAlpha))
     assert start == (
-        f"population 'time_hidden': no {delay_max + 1} delayed synapses hold the refractory kernel of tau_ref {tau:g} "
+        f"population 'time_hidden': {delay_max + 1} delayed synapse{'s' if delay_max else ''} cannot hold "
+        f"a kernel of tau_ref {tau:g} "
     )
     assert rest.partition(" ")[2] == f"against 0.1; other has delay_max {delay_max}). Use strategy dendrite."
     compiled = lc.compile(network("objects-hybrid"), target=path, events=recordings("objects-hybrid"), diagnosis=False)

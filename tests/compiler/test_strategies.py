@@ -126,7 +126,7 @@ def test_a_kernel_that_outlasts_the_delays_is_refused():
     with pytest.raises(TargetError) as caught:
         quantized("delay-line", SrmAlpha(10.0, 10.0, 40.0, 2.0))
     assert str(caught.value) == (
-        "population 'n': no 63 delayed synapses hold the refractory kernel of tau_ref 40 "
+        "population 'n': 63 delayed synapses cannot hold a kernel of tau_ref 40 "
         "(an error of 0.51 against 0.1; loihi-sim has delay_max 62). Use strategy dendrite."
     )
 

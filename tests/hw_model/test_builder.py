@@ -35,7 +35,7 @@ LIMIT_ERRORS = [
     ("bias", {"parameters": {"bias": 4097}}, "compartments 'n': bias 4097 of compartment 0 is not a mantissa times a power of two (mantissa -4096..4095, exponent 0..7). The nearest is 4096."),
     ("vmin", {"parameters": {"vmin": -100}}, "compartments 'n': vmin -100 is not of the form 1 - 2^k. The nearest is -127."),
     ("vmax", {"parameters": {"vmax": 1000}}, "compartments 'n': vmax 1000 is not of the form 2^(9 + 2k) - 1. The nearest is 511."),
-    ("delay", {"delay": 63}, "synapses 'x' -> 'n': a delay is out of range (63 against 0..62 steps). Relay the spike through a compartment, or shorten the delay."),
+    ("delay", {"delay": 63}, "synapses 'x' -> 'n': a delay is out of range (63 against 0..62 steps; 2 of 2 off). Relay the spike through 1 compartment, or shorten the delay."),
     ("exponent", {"exponent": 8}, "synapses 'x' -> 'n': the weight exponent is out of range (8 against -8..7). Rescale the weights."),
     ("weight grid", {"weights": [[3, 2]]}, "synapses 'x' -> 'n': weight 3 is not on the grid of 8-bit mixed weights (multiples of 2 in -256..254; 1 of 2 off). Round the weights onto the grid first."),
     ("weight range", {"weights": [[-2, 2]], "sign_mode": "excitatory"}, "synapses 'x' -> 'n': weight -2 is not on the grid of 8-bit excitatory weights (multiples of 1 in 0..255; 1 of 2 off). Round the weights onto the grid first."),

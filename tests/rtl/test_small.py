@@ -80,8 +80,14 @@ REFUSED = [
     (
         "two-fingertips",
         "reset",
-        "synapses 'touch_transposed' -> 'location_hidden': a delay is out of range (4 against 0..0 steps). "
-        "Relay the spike through a compartment, or shorten the delay.",
+        "synapses 'touch_transposed' -> 'location_hidden': a delay is out of range (4 against 0..0 steps; 1136 of 1136 off). "
+        "Relay the spike through 4 compartments, or shorten the delay.",
+    ),
+    (
+        "objects-hybrid",
+        "delay-line",
+        "population 'time_hidden': 1 delayed synapse cannot hold a kernel of tau_ref 1 "
+        "(an error of 13 against 0.1; ice40up5k has delay_max 0). Use strategy reset.",
     ),
     (
         "containers-best",

@@ -18,7 +18,7 @@ import numpy as np
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WeightGrid
 from hw_model.description.chip import Chip
 from hw_model.values import FloatArray, Frozen, IntArray
-from locsnn_compile.errors import TargetError
+from locsnn_compile.errors import TargetError, counted
 from locsnn_compile.network.chip_neurons import ChipSrm, Refractory
 from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.passes.kernels import kernel, own_charges
@@ -63,12 +63,12 @@ def lay_out(neuron: SrmAlpha, decay: int, thresholds: Iterable[int], task: Task)
     best = found.error.min(axis=1)
     last = int(np.flatnonzero(best <= max(ENOUGH * best.min(), EXACT))[0])
     chosen = int(found.error[last].argmin())
-    error = float(found.error[last, chosen])
-    if error > ERROR_MAX:
-        what = f"no {_taps(chip)} delayed synapses hold the refractory kernel of tau_ref {neuron.tau_ref:g}"
+    if (error := float(found.error[last, chosen])) > ERROR_MAX:
+        what = f"{counted(_taps(chip), 'delayed synapse')} cannot hold a kernel of tau_ref {neuron.tau_ref:g}"
         measured = f"an error of {error:.2g} against {ERROR_MAX:g}"
         measured += f"; {chip.name} has delay_max {chip.registers.delay_max}"
-        raise TargetError(task.where, what, measured=measured, fix="Use strategy dendrite.")
+        other = "reset" if chip.open_core and not chip.open_core.join else "dendrite"
+        raise TargetError(task.where, what, measured=measured, fix=f"Use strategy {other}.")
     mantissa, exponent = found.mantissa[: last + 1, :, chosen], found.exponent[: last + 1, :, chosen]
     delay, part = np.nonzero(mantissa)
     size = task.population.size
