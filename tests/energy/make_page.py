@@ -15,6 +15,7 @@ import pricing
 import runs
 from latches import Latches
 from others import larger, ranking
+from packing import packing
 from page_text import table, wrapped
 from savings import fillers, savings
 
@@ -187,7 +188,7 @@ def page(
         trained=make_profile.MADE_FROM + make_profile.QUIET, quiet=make_profile.QUIET,
         constants=sum(pj.mean() for name, pj in high.memory.items() if name.startswith(("leaks", "fires"))) / ops,
         clocks=high.of("clock").mean() / ops, both=(high.of("memory") + high.of("clock")).mean() / ops, compartments=runs.COMPARTMENTS,
-        places=next(len(one.shape.held) for one in built.chosen if one.shape.name == "states"), fillers=fillers(), states_more=(plans.area(built.files, Latches(states.shape, 8)) - plans.area(built.files, states)) / 1e6, least_area=min(row.area for row in rows),
+        places=next(len(one.shape.held) for one in built.chosen if one.shape.name == "states"), fillers=fillers(), packing=packing(built.files), states_more=(plans.area(built.files, Latches(states.shape, 8)) - plans.area(built.files, states)) / 1e6, least_area=min(row.area for row in rows),
     ))  # fmt: skip
 
 

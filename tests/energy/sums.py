@@ -43,13 +43,23 @@ def memory_pj(program: hw.ChipProgram, recordings: np.ndarray) -> np.ndarray:
     ])  # fmt: skip
 
 
-def _accesses(core: CoreProgram, recording: np.ndarray, found: hw.SimulationResult, i: int, of: dict) -> dict:
-    """Return rows read and words written of every memory for one recording."""
-    counts, sizes = found.per_recording[i], hw.chip("locsnn-130nm").open_core
+def sent_by(core: CoreProgram, recording: np.ndarray, found: hw.SimulationResult, i: int) -> np.ndarray:
+    """Return how often each source sends (sources,) in recording ``i``, (steps, channels)."""
     sent = np.zeros(len(core.starts))
     sent[: recording.shape[1]] += recording[: core.phases[0].steps].sum(axis=0)
     for channel, source in zip(core.tables["visits"]["channel"], core.tables["visits"]["source"], strict=True):
         sent[source + np.flatnonzero(recording[: core.kept, channel])] += 1
+    for phase in core.phases:
+        for name, columns in core.program.columns_of(phase.name).items():
+            if name in found.spikes:
+                sent[core.first_source + core.numbers[phase.name][columns]] += found.spikes[name][i].sum(axis=0)
+    return sent
+
+
+def _accesses(core: CoreProgram, recording: np.ndarray, found: hw.SimulationResult, i: int, of: dict) -> dict:
+    """Return rows read and words written of every memory for one recording."""
+    counts, sizes = found.per_recording[i], hw.chip("locsnn-130nm").open_core
+    sent = sent_by(core, recording, found, i)
     taken = parents = 0
     states = np.zeros(2, dtype=np.int64)
     constants = core.tables["compartments"]
@@ -70,8 +80,6 @@ def _accesses(core: CoreProgram, recording: np.ndarray, found: hw.SimulationResu
             alone = not sizes.places and first % 8 == 7
             read = kept[:-1] | (here == first) | ((here == first + 1) & alone)
             states += [np.count_nonzero(read), np.count_nonzero(kept)]
-            if name in found.spikes:
-                sent[core.first_source + here] += found.spikes[name][i].sum(axis=0)
     starts, ends = core.starts, core.starts + core.lengths
     pack = of["synapses"][0]
     rows = np.where(ends > starts, (ends - 1) // pack - starts // pack + 1, 0)

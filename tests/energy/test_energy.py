@@ -10,6 +10,7 @@ from pathlib import Path
 import liberty
 import make_profile
 import numpy as np
+import packing
 import page_text
 import pytest
 import runs
@@ -165,3 +166,20 @@ def test_real_recordings_come_one_of_a_class_in_turn(tmp_path, monkeypatch):
     found = runs.real("Some", "test", 3)
     assert found.shape == (3, 3, 4)
     assert found[:, 0, 0].tolist() == [1, 0, 2]
+
+
+@NEEDS_LIBRARY
+def test_dense_rows_hold_every_synapse_and_are_never_fewer_than_full_ones():
+    program = runs.compiled("objects-hybrid-loihi")
+    recordings = np.load(runs.ROOT / "examples/recordings/touches.npz")["spikes"].transpose(0, 2, 1)[:2]
+    core = CoreProgram(program, recordings.shape[1], sizes=runs.OURS.sizes)
+    synapses = packing.dense(core, 1)
+    assert synapses.tolist() == packing.full(core, 1).tolist()
+    found = hw.simulate(program, recordings, probe=("spikes",))
+    sent = [sums.sent_by(core, recording, found, i) for i, recording in enumerate(recordings)]
+    assert [one @ synapses for one in sent] == [counts.synaptic_ops for counts in found.per_recording]
+    for row in packing.ROWS:
+        dense, full = packing.dense(core, row), packing.full(core, row)
+        assert (full <= dense).all()
+        assert (dense <= synapses).all()
+        assert (full * row >= synapses).all()
