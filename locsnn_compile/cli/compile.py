@@ -65,20 +65,23 @@ def run(args: Namespace) -> int:
     folder = Path(args.output) if args.output else default_folder(f"{name}.pt")
     _check_places(args, folder)
 
+    from hw_model.description.chip import chip
     from hw_model.io.files import replace_file
     from hw_model.values import picked
     from locsnn_compile.api import compile
+    from locsnn_compile.backends.files import check_kinds
     from locsnn_compile.report.gates import GATES, check_gates, gates_entry, junit_file
     from locsnn_compile.report.sections.build import unmet_budget
     from locsnn_compile.verification.error_bounds import ErrorBudget
 
     network = _network(args)
+    check_kinds(target := chip(args.target), args.emit)
     recordings, calibration = _recordings(args, network)
     number = recording_of(args.recording, recordings)
     with progress_bar("checking against the trained network", show=not args.quiet) as progress:
         compiled = compile(
             network,
-            args.target,
+            target,
             events=recordings,
             calibration=calibration,
             progress=progress,

@@ -18,6 +18,7 @@ from hw_model.rtl import simulators
 from hw_model.rtl.cosimulation import play_on_core
 from hw_model.rtl.device import activity, latencies, on_core
 from hw_model.rtl.images import CoreProgram, sizes_for
+from locsnn_compile.backends.files import bench_files
 from locsnn_compile.cli.compile import main as compile_main
 from locsnn_compile.cli.main import main as locsnn
 from locsnn_compile.frontends import load
@@ -240,16 +241,31 @@ def test_an_energy_gate_fails_as_not_known(build, capsys, tmp_path):
 
 REFUSED = [
     (["--profile", "davies2018"], "profile 'davies2018': ecp5-25f has cycles and no prices. Leave the profile out."),
-    (["--emit", "trace"], "--emit trace: ecp5-25f has no times of its operations. Leave it out."),
+    *((["--emit", kind], f"--emit {kind}: it describes a mesh of cores, and ecp5-25f is an open core. Use --emit rtl.")
+      for kind in ("vectors", "trace", "sanafe")),
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("options", "message"), REFUSED, ids=["profile", "trace"])
-def test_what_would_need_prices_is_refused(build, capsys, tmp_path, options, message):
+@pytest.mark.parametrize(("options", "message"), REFUSED, ids=["profile", "vectors", "trace", "sanafe"])
+def test_what_an_open_core_does_not_have_is_refused_before_it_is_played(
+    build, capsys, tmp_path, monkeypatch, options, message
+):
     _, arguments = build
+    monkeypatch.setattr(hw, "simulate", None)
     assert compile_main([*arguments, *options, "-o", str(tmp_path / "refused")]) == 2
     assert capsys.readouterr().err == f"{message}\n"
     assert not (tmp_path / "refused").exists()
+
+
+@pytest.mark.parametrize("kind", ["vectors", "trace", "sanafe"])
+@pytest.mark.parametrize("name", DEVICES)
+def test_files_of_a_mesh_are_refused_before_anything_is_played(small, kind, name):
+    program = replace(small[0], chip=hw.chip(name))
+    with pytest.raises(hw.InputError) as caught:
+        bench_files(program, ["rtl", kind], None)
+    assert str(caught.value) == (
+        f"--emit {kind}: it describes a mesh of cores, and {name} is an open core. Use --emit rtl."
+    )
 
 
 def test_run_shows_no_energy(build, capsys):
