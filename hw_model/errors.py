@@ -48,7 +48,7 @@ class TargetError(LocsnnError):
     """A sound model that this chip cannot hold as asked."""
 
 
-def check_most(found: int, limit: int, where: str, what: str, *, unit: str = "", fix: str) -> None:
+def check_most(found: float, limit: float, where: str, what: str, *, unit: str = "", fix: str) -> None:
     """Refuse what was given where a number, ``found`` of a ``unit``, is above its limit."""
     if found > limit:
         raise InputError(where, what, measured=f"{found}{unit and f' {unit}'} against {limit}", fix=fix)

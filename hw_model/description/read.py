@@ -5,7 +5,7 @@ from typing import Any, TypeVar
 
 from hw_model.description.counts import BY_CORE, COUNT_NAMES
 from hw_model.description.profile import Profile
-from hw_model.errors import InputError, check_known
+from hw_model.errors import InputError, check_known, check_most
 from hw_model.io.files import parsing, read_bytes
 from hw_model.io.records import RecordReader
 from hw_model.io.yaml_text import load_yaml
@@ -31,7 +31,10 @@ def parse(kind: type[T], text: str, where: str, **given: Any) -> T:
 
 
 def check_profile(profile: Profile, where: str) -> None:
-    """Refuse no prices, prices of what is not counted, ranges beside their constant, and sources of no constant."""
+    """Refuse no prices, prices of what is not counted, ranges beside their constant, and sources of no constant.
+
+    A hop is priced once, and a barrier of more tiles takes no less time.
+    """
     if not profile.energy_pj:
         raise InputError(f"{where}: energy_pj", "it prices nothing, so all would take 0 pJ", fix="Price a count.")
     for key, names, known, what in (
@@ -44,6 +47,11 @@ def check_profile(profile: Profile, where: str) -> None:
     ):
         for name in names:
             check_known(f"{where}: {key}", f"{name!r} {what}", name, known)
+    if "hops" in profile.energy_pj and not {"hops_x", "hops_y"}.isdisjoint(profile.energy_pj):
+        what, fix = "'hops' are hops_x and hops_y together, which would be priced twice", "Price either."
+        raise InputError(f"{where}: energy_pj", what, fix=fix)
+    one, every = profile.barrier_ns.one_tile, profile.barrier_ns.all_tiles
+    check_most(one, every, f"{where}: barrier_ns", "one tile takes longer than all tiles", unit="ns", fix="Correct it.")
     for key in ("energy_pj", "time_ns"):
         for name, (low, high) in getattr(profile, f"{key}_range").items():
             constant = getattr(profile, key)[name]

@@ -31,8 +31,8 @@ def check_gates(report: Document, bounds: Mapping[str, float]) -> tuple[Gate, ..
 
 def _gate(option: str, report: Document, bound: float) -> Gate:
     rule = texts("gates", option)
-    value: Any = reduce(getitem, rule["figure"].split("."), report)
-    if value is None:
+    found: list[Any] = [reduce(getitem, rule[key].split("."), report) for key in ("figure", "needs") if key in rule]
+    if (value := found[0]) is None or False in found[1:]:
         return Gate(option, bound, None, False, rule["unknown"])
     value = rule["whole"] - value if "whole" in rule else value / rule["per"] if "per" in rule else value
     at_least = "at_least" in rule

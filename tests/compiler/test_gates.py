@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
+from locsnn_compile.cli.compile import main
 from locsnn_compile.report.gates import GATES, check_gates
 
+MODEL = Path(__file__).parents[2] / "examples/models/objects-hybrid-loihi.pt"
 REPORT = {
     "match": {"prediction_agreement": 0.75, "spike_agreement": 0.875, "score_error": 0.25, "samples": 4},
     "energy": {"per_sample_pj": 2500.0},
-    "latency": {"per_sample_ns": 1500.0},
+    "latency": {"per_sample_ns": 1500.0, "timed": True},
     "resources": {"cores": 3},
 }
 ROWS = [
@@ -45,3 +49,23 @@ def test_a_gate_on_what_was_not_compared_fails(gate):
 def test_a_gate_on_energy_fails_where_no_energy_is_known():
     (found,) = check_gates(REPORT | {"energy": {"per_sample_pj": None}}, {"--max-energy-nj": 1e12})
     assert (found.holds, found.measured, found.found) == (False, None, "the energy of this target is not known")
+
+
+def test_a_gate_on_latency_fails_where_no_operation_has_a_time():
+    untimed = REPORT | {"latency": {"per_sample_ns": 1500.0, "timed": False}}
+    (found,) = check_gates(untimed, {"--max-latency-us": 1e12})
+    said = "the latency is not known, as the profile has no times of operations"
+    assert (found.holds, found.measured, found.found) == (False, None, said)
+
+
+def test_a_profile_without_times_keeps_no_bound_of_latency(tmp_path, capsys):
+    profile = tmp_path / "energy-only.yaml"
+    profile.write_text(
+        "{source: ours, basis: measured, energy_pj: {synaptic_ops: 30.0}, time_ns: {}, "
+        "barrier_ns: {one_tile: 100.0, all_tiles: 400.0}, not_included: []}"
+    )
+    arguments = [str(MODEL), "--profile", str(profile), "--max-latency-us", "1e9", "--max-energy-nj", "1e9", "--quiet"]
+    assert main([*arguments, "-o", str(tmp_path / "out")]) == 3
+    assert capsys.readouterr().err == (
+        "gate failed: --max-latency-us: the latency is not known, as the profile has no times of operations.\n"
+    )

@@ -116,11 +116,24 @@ def test_only_what_a_profile_must_say_is_asked_for(tmp_path):
             "mine.yaml: not_included: 'spike' is not counted. Did you mean 'spikes'?",
         ),
         ({"barrier_ns": {"one_tile": 1}}, "mine.yaml: barrier_ns: the key 'all_tiles' is missing. Add it."),
+        (
+            {"barrier_ns": {"one_tile": 2.5, "all_tiles": 1}},
+            "mine.yaml: barrier_ns: one tile takes longer than all tiles (2.5 ns against 1.0). Correct it.",
+        ),
+        (
+            {"energy_pj": {"synaptic_ops": 30, "neuron_updates": 70, "transpose_events": 5, "hops": 1, "hops_x": 2}},
+            "mine.yaml: energy_pj: 'hops' are hops_x and hops_y together, which would be priced twice. Price either.",
+        ),
+        (
+            {"energy_pj": {"synaptic_ops": 30, "neuron_updates": 70, "transpose_events": 5, "hops": 1, "hops_y": 0}},
+            "mine.yaml: energy_pj: 'hops' are hops_x and hops_y together, which would be priced twice. Price either.",
+        ),
     ],
     ids=[
         "missing", "unknown", "voltage", "no price", "not counted", "negative", "not a number", "not timed", "range above",
         "range beside", "no range", "range of nothing", "source of nothing", "static without source", "static number",
         "no list", "no text", "bound not counted", "half a barrier",
+        "barrier of one tile", "hops twice", "hops twice for nothing",
     ],
 )  # fmt: skip
 def test_profiles_that_are_refused(tmp_path, changes, message):
