@@ -1,5 +1,6 @@
 """Check a graph of compartments: every rule that its network or the chip sets, before anything is placed."""
 
+from collections.abc import Iterable
 from dataclasses import fields
 
 import numpy as np
@@ -17,6 +18,11 @@ MOST_CHARGES = 1 << 27
 def check_graph(graph: CompartmentGraph, chip: Chip) -> None:
     """Check the whole level; the first broken rule is an ``InputError`` or, for a chip limit, a ``TargetError``."""
     _check_names(graph)
+    for phase in graph.phases:
+        if not can_start(phase, graph.inputs):
+            measured = f"align_events {phase.align_events}, axis {phase.axis!r}"
+            fix = "Align to 1 event or more, with inputs of this axis alone."
+            raise InputError(f"phase {phase.name!r}", "it cannot be aligned", measured=measured, fix=fix)
     for item in graph.inputs:
         _check_visits(item, next(phase for phase in graph.phases if phase.name == item.phase))
     for group in graph.groups:
@@ -25,6 +31,12 @@ def check_graph(graph: CompartmentGraph, chip: Chip) -> None:
         _check_synapses(graph, synapses, chip)
     _check_charges(graph)
     _check_readout(graph)
+
+
+def can_start(phase: Phase, inputs: Iterable[Input]) -> bool:
+    """Tell whether the start of a phase is valid; an aligned phase is transposed as a whole, or not at all."""
+    kinds = {item.positions is not None for item in inputs if item.phase == phase.name}
+    return phase.align_events is None or (phase.align_events >= 1 and kinds == {phase.axis == "location"})
 
 
 def _check_readout(graph: CompartmentGraph) -> None:
@@ -145,8 +157,7 @@ def _check_voltage_limits(group: Compartments, chip: Chip) -> None:
             if value not in settings:
                 nearest = min(settings, key=lambda setting: abs(setting - value))
                 what = f"{name} {value} is not of the form {formula}"
-                fix = f"The nearest is {nearest}."
-                raise TargetError(f"compartments {group.name!r}", what, fix=fix)
+                raise TargetError(f"compartments {group.name!r}", what, fix=f"The nearest is {nearest}.")
 
 
 def _check_synapses(graph: CompartmentGraph, synapses: Synapses, chip: Chip) -> None:
@@ -156,11 +167,8 @@ def _check_synapses(graph: CompartmentGraph, synapses: Synapses, chip: Chip) -> 
         raise InputError(where, "an end does not exist", fix="Add it before connecting.")
     if graph.phase_of(synapses.source) != graph.phase_of(synapses.target):
         raise InputError(where, "the ends are in different phases", fix="Connect within one phase.")
-    for values, size in (
-        (synapses.source_index, sizes[synapses.source]),
-        (synapses.target_index, sizes[synapses.target]),
-    ):
-        if len(values) and (values.min() < 0 or values.max() >= size):
+    for values, end in ((synapses.source_index, synapses.source), (synapses.target_index, synapses.target)):
+        if len(values) and (values.min() < 0 or values.max() >= sizes[end]):
             raise InputError(where, "an index is outside its group", fix="Correct the indices.")
     lengths = {len(getattr(synapses, f.name)) for f in fields(synapses) if f.type == IntArray}
     if len(lengths) != 1:

@@ -10,13 +10,16 @@ import numpy as np
 from hw_model.arithmetic.fixed_point import SIGN_MODES, WEIGHT_EXPONENTS
 from hw_model.description.chip import Chip, Registers
 from hw_model.errors import InputError
-from hw_model.mapping.graph import AXES, Input, Phase
+from hw_model.mapping.check_graph import can_start
+from hw_model.mapping.graph import AXES, Input
 from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.values import IntArray
 
 MAX_STEPS, MAX_LINES = 10_000_000, 10_000_000
 """Largest number of steps of a phase, and of lines of an input: far more than a chip is used for."""
 MAX_DECAY = 4096
+MAX_WEIGHT = 1e100
+"""Largest magnitude of a readout's weight: scores and their bounds stay in float64."""
 _NONE = np.zeros(0, dtype=np.int64)
 _OF_COMPARTMENTS = ("profile", "threshold", "bias_mantissa", "bias_exponent", "parent")
 OF_SYNAPSES = ("target", "mantissa", "delay", "format_index")
@@ -35,7 +38,8 @@ def check_program(program: ChipProgram) -> None:
         ("names", len(set(phases)) == len(phases)),
         ("axes", all(phase.axis in AXES for phase in program.phases)),
         ("steps", all(phase.steps is None or _whole([phase.steps], 1, MAX_STEPS) for phase in program.phases)),
-        ("starts", all(phase.align_events is None or _starts(program, phase) for phase in program.phases)),
+        ("starts", all(_whole([phase.align_events or 1], 1, MAX_LINES) for phase in program.phases)
+         and all(can_start(phase, program.inputs) for phase in program.phases)),
     ])  # fmt: skip
     for index, core in enumerate(program.cores):
         _check(f"core {core.number}", _table_rules(index, core, phases, registers))
@@ -56,19 +60,11 @@ def check_program(program: ChipProgram) -> None:
     _check_ways(program)
 
 
-def _starts(program: ChipProgram, phase: Phase) -> bool:
-    """Tell whether the start of a phase is valid; such a phase is transposed as a whole, or not at all."""
-    kinds = {item.positions is not None for item in program.inputs_of(phase.name)}
-    return kinds == {phase.axis == "location"} and _whole([phase.align_events], 1, MAX_LINES)
-
-
 def _first_lines_fit(item: Input) -> bool:
     """Tell whether there is one line per channel, and channels of the same step do not share lines."""
-    if item.first_lines is None:
-        return not item.lines_are_shared
-    if item.positions is None or len(item.first_lines) != len(item.positions):
-        return False
-    return _within(item.first_lines, 0, item.size - 1) and not item.lines_are_shared
+    first, at = item.first_lines, item.positions
+    fit = first is None or (at is not None and len(first) == len(at) and _within(first, 0, item.size - 1))
+    return fit and not item.lines_are_shared
 
 
 def _table_rules(index: int, core: Core, phases: Sequence[str], registers: Registers) -> list[tuple[str, bool]]:
@@ -157,8 +153,8 @@ def _check_groups(program: ChipProgram) -> None:
         _check(f"compartments {name!r}", [("slices", starts == [0, *stops[:-1]]), ("phases", one_phase)])
     if program.readout is not None:
         sizes = {program.populations.get(name) for name in program.readout.populations}
-        finite = np.isfinite(program.readout.weights).all()
-        _check("readout", [("populations", len(sizes) == 1 and None not in sizes), ("weights", bool(finite))])
+        small = all(abs(weight) <= MAX_WEIGHT for weight in program.readout.weights)
+        _check("readout", [("populations", len(sizes) == 1 and None not in sizes), ("weights", small)])
 
 
 def _check(where: str, rules: Iterable[tuple[str, bool]]) -> None:

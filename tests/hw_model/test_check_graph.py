@@ -8,7 +8,7 @@ import pytest
 
 import hw_model as hw
 from hw_model.mapping.check_graph import check_graph
-from hw_model.mapping.graph import CompartmentGraph
+from hw_model.mapping.graph import CompartmentGraph, Input, Phase
 
 CHIP = hw.chip("loihi-sim")
 
@@ -64,3 +64,32 @@ def test_joints_that_cannot_be(changes):
     to = changes.get("joined_to", "soma")
     wanted = f"compartments 'dendrite': cannot be joined to '{to}'. Join to another group of the same size and phase."
     assert str(error.value) == wanted
+
+
+TURNED = Input("turned", 2, "time", "x", positions=[0, 1])
+
+
+@pytest.mark.parametrize(
+    ("phase", "inputs", "measured"),
+    [
+        (Phase("time", "time", None, 0), (), "align_events 0, axis 'time'"),
+        (Phase("time", "time", None, -1), (), "align_events -1, axis 'time'"),
+        (Phase("time", "time", 2, 1), (TURNED,), "align_events 1, axis 'time'"),
+        (Phase("time", "location", 2, 1), (TURNED,), "align_events 1, axis 'location'"),
+        (Phase("time", "location", 2, 1), (), "align_events 1, axis 'location'"),
+    ],
+    ids=["no event", "below 0", "mixed over time", "mixed over locations", "another axis"],
+)
+def test_a_phase_that_cannot_be_aligned(phase, inputs, measured):
+    made = graph()
+    made = replace(made, inputs=(*made.inputs, *inputs))
+    check_graph(replace(made, phases=(replace(phase, align_events=None),)), CHIP)
+    with pytest.raises(hw.InputError) as error:
+        check_graph(replace(made, phases=(phase,)), CHIP)
+    assert str(error.value) == (
+        f"phase 'time': it cannot be aligned ({measured}). Align to 1 event or more, with inputs of this axis alone."
+    )
+
+
+def test_a_phase_of_one_axis_can_be_aligned():
+    check_graph(replace(graph(), phases=(Phase("time", "time", None, 1),)), CHIP)

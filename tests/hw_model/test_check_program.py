@@ -151,6 +151,7 @@ BROKEN = {
     "a group that begins at its second neuron": (slices(0, start=1, stop=4), "compartments 'hidden'", "slices"),
     "a readout of what is not there": (replace(PROGRAM, readout=Readout(("z",), (1.0,))), "readout", "populations"),
     "a readout of two sizes": (replace(PROGRAM, readout=Readout(("hidden", "y"), (1.0, 1.0))), "readout", "populations"),
+    "a weight beyond 1e100": (replace(PROGRAM, readout=Readout(("y",), (-1.0001e100,))), "readout", "weights"),
     "a weight that is no number": (replace(PROGRAM, readout=Readout(("y",), (np.nan,))), "readout", "weights"),
 }  # fmt: skip
 
@@ -186,9 +187,10 @@ def test_an_entry_that_breaks_a_rule(case):
         core(0, vmin=1 - (1 << 23), vmax=(1 << 23) - 1),
         core(1, slot=127),
         phases(replace(TIME, steps=MAX_STEPS)),
+        replace(PROGRAM, readout=Readout(("y",), (-1e100,))),
     ],
     ids=["least bias", "most bias", "bias exponent", "least weight", "most weight", "delay", "profile", "thresholds",
-         "voltage limits", "last slot", "steps"],
+         "voltage limits", "last slot", "steps", "weight"],
 )  # fmt: skip
 def test_the_last_value_of_a_range_is_in_it(sound):
     check_program(sound)

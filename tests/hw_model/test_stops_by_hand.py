@@ -40,6 +40,19 @@ def test_stops_by_hand(options, stop):
     assert (found.steps.tolist(), found.all_steps, found.prediction.tolist()) == ([stop], 8, [0])
 
 
+@pytest.mark.parametrize("weight", [1e100, -1e100])
+def test_the_largest_weight_that_a_program_may_have_changes_no_stop(weight):
+    """Weights of 1e308 made scores and their bounds overflow."""
+    builder, _ = one_layer([[60, 0], [0, 60]], decay_u=4096, decay_v=1024)
+    program = builder.build()
+    large = replace(program, readout=replace(program.readout, weights=(weight,)))
+    one = replace(program, readout=replace(program.readout, weights=(weight / abs(weight),)))
+    recording = np.zeros((1, 8, 2), dtype=np.uint8)
+    recording[0, :4, 0] = 1
+    wanted, found = (hw.stop_when_proven(its, recording) for its in (one, large))
+    assert (found.steps.tolist(), found.prediction.tolist()) == (wanted.steps.tolist(), wanted.prediction.tolist())
+
+
 def test_what_may_wrap_may_spike():
     """Class 1 has no positive weight at all, but two of its negative ones together wrap to a charge above 0."""
     builder, _ = one_layer([[60, 0, 0], [0, -254, -254]], decay_u=4096, decay_v=4096, exponent=7, threshold=[30, 500])
