@@ -68,13 +68,13 @@ def check_fields(record: object) -> None:
     Numbers of numpy become Python's.
 
     ``record``: a dataclass that a user made, which itself takes what it is given. A list may stand for a tuple, and
-    arrays are not looked into.
+    arrays are not looked into. Errors name it by its ``where`` if it has one, else by its type.
     """
     from hw_model.io.records import check_value, field_kinds, said_of  # numpy: imported only when it is used
 
     own: type = type(record)
     try:
-        called, hints, said = own.__name__, get_type_hints(own), said_of(own)
+        called, hints, said = getattr(record, "where", own.__name__), get_type_hints(own), said_of(own)
     except NameError:  # a type from elsewhere, whose annotations may name what only type checkers import
         return
     for name in (item.name for item in fields(record)):  # type: ignore[arg-type]
@@ -131,18 +131,17 @@ def _kinds(hint: Any) -> tuple[Any, ...]:
 
 
 def _check(function: str, name: str, value: Any, kinds: tuple[Any, ...]) -> None:
+    where = f"{function}, {name}"
     if not any(_is_a(value, kind) for kind in kinds):
         names = [kind.__name__ for kind in kinds if kind is not type(None)]
         what = f"it must be {_article(names[0])} {listed(names, 'or')}"
         measured = f"got {type(value).__name__} {_short(repr(value))}"
         fix = next((_WAYS_OUT[kind] for kind in names if kind in _WAYS_OUT), "Correct it.")
-        raise InputError(f"{function}, {name}", what, measured=measured, fix=fix)
+        raise InputError(where, what, measured=measured, fix=fix)
     if float in kinds and isinstance(value, int) and abs(value) > sys.float_info.max:
-        raise InputError(
-            f"{function}, {name}", "no float holds it", measured=f"{value.bit_length()} bits", fix="Correct it."
-        )
+        raise InputError(where, "no float holds it", measured=f"{value.bit_length()} bits", fix="Correct it.")
     if object in kinds and isinstance(value, list | tuple):
-        as_array(f"{function}, {name}", value)
+        as_array(where, value)
     if Path in kinds and isinstance(value, str | Path):
         check_path(value, f"{name.rsplit('_', 1)[-1]} {_short(str(value))!r}")
 

@@ -135,7 +135,8 @@ def clean_spikes(where: str, spikes: NDArray[np.generic], first: int = 0) -> Byt
     ``first`` is the number of the first sample in error messages.
     """
     fix = "Give a binned array (samples, channels, steps) of zeros and ones."
-    if spikes.ndim != 3 or 0 in spikes.shape:
+    check_same(spikes.ndim, 3, where, "its number of axes is wrong", fix="Give an array (samples, steps, channels).")
+    if 0 in spikes.shape:
         raise InputError(where, "no recordings inside", measured=f"shape {spikes.shape}", fix=fix)
     check_most(spikes.size, MAX_ELEMENTS, where, "they are too large", unit="values", fix="Give fewer.")
     if spikes.dtype.kind not in "biuf":
@@ -149,13 +150,15 @@ def clean_spikes(where: str, spikes: NDArray[np.generic], first: int = 0) -> Byt
 
 
 def clean_class_names(where: str, names: Sequence[object], least: int) -> tuple[str, ...]:
-    """Return the names of classes: all different, and at least ``least``. ``InputError`` for anything else."""
-    held = [name for name in names if isinstance(name, str) and 0 < len(name) <= MAX_NAME and name.isprintable()]
-    if len(set(held)) != len(names) or not least <= len(names) <= MAX_LABEL:
-        measured = f"{len(set(held))} different ones against {max(least, len(names))}"
-        fix = f"Give a name of at most {MAX_NAME} characters for each class, from class 0 on."
+    """Return the names of classes: all different, and at least ``least``. ``InputError`` for what does not print."""
+    odd = [name for name in names if not (isinstance(name, str) and 0 < len(name) <= MAX_NAME and name.isprintable())]
+    fix = f"Give a name of 1 to {MAX_NAME} printable characters for each class, from class 0 on."
+    if odd:
+        raise InputError(where, "a class name cannot be used", measured=f"{odd[0]!r}"[: MAX_NAME + 2], fix=fix)
+    if (many := len(set(names))) != len(names) or not least <= len(names) <= MAX_LABEL:
+        measured = f"{many} different ones against {max(least, len(names))}"
         raise InputError(where, "its class names do not fit its classes", measured=measured, fix=fix)
-    return tuple(held)
+    return tuple(map(str, names))
 
 
 def _clean_labels(where: str, labels: NDArray[np.generic], samples: int) -> IntArray:

@@ -244,13 +244,24 @@ def test_class_names_travel_and_must_agree(capsys: Capture) -> None:
     )
 
 
-@pytest.mark.parametrize("names", [("press", "slide"), ("press", "press", "twist"), ("press", "", "twist")])
-def test_class_names_that_do_not_fit(names: tuple[str, ...], capsys: Capture) -> None:
+FIT = "its class names do not fit its classes (2 different ones against 3)"
+
+
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [
+        (("press", "slide"), FIT),
+        (("press", "press", "twist"), FIT),
+        (("press", "", "twist"), "a class name cannot be used ('')"),
+        (("press", "\x1b[31mslide", "twist"), "a class name cannot be used ('\\x1b[31mslide')"),
+        (("press", "x" * 81, "twist"), f"a class name cannot be used ('{'x' * 81})"),
+    ],
+    ids=["too few", "twice", "empty", "control character", "long"],
+)
+def test_class_names_that_do_not_fit(names: tuple[str, ...], said: str, capsys: Capture) -> None:
     assert train(write(GRID, class_names=names), "--grid", "4x5") == 2
-    held = len({name for name in names if name})
     assert capsys.readouterr().err == (
-        f"recordings 'a.npz': its class names do not fit its classes ({held} different ones against 3). "
-        "Give a name of at most 80 characters for each class, from class 0 on.\n"
+        f"recordings 'a.npz': {said}. Give a name of 1 to 80 printable characters for each class, from class 0 on.\n"
     )
 
 

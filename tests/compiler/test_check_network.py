@@ -95,7 +95,7 @@ NEW_RULES = [
     ("finite", lambda: single(NEURON, [[np.inf]]), "projection 'touch' -> 'n': a weight is not a finite number. Train again, with a lower learning rate."),
     ("delays", lambda: integers(chip_cuba(), delay=THREE), "projection 'touch' -> 'n': the delays have the wrong shape ((3,) against (2, 2)). Give one delay, or one for each weight that is held."),
     ("sparse delays", lambda: single(NEURON, sparse.csr_array([[1.0, 0.0]]), delay=np.array([[1, 2]])), "projection 'touch' -> 'n': the delays have the wrong shape ((1, 2) against (1,)). Give one delay, or one for each weight that is held."),
-    ("broken delay", lambda: single(NEURON, delay=0.5), "Projection, delay: it must be an int or ndarray (got float 0.5). Correct it."),
+    ("broken delay", lambda: single(NEURON, delay=0.5), "projection 'touch' -> 'n', delay: it must be an int or ndarray (got float 0.5). Correct it."),
     ("early delay", lambda: single(NEURON, delay=-1), "projection 'touch' -> 'n': a delay is not a whole number of steps from 0 on. Round the delays."),
     ("walk", lambda: replace(hybrid(), channels=5), "input 'touch_transposed': its location order is not a permutation of the channels. Visit every channel exactly once."),
     ("no walk", lambda: visiting(walk=None), "input 'touch_transposed': a location axis has no location order. Visit every channel exactly once."),

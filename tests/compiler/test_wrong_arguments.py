@@ -77,7 +77,7 @@ OF_A_NETWORK = [
     ("split_weights", "all", "compile, split_weights: it must be a float (got str 'all'). Correct it."),
     ("profile", 3, "compile, profile: it must be a str or Path (got int 3). Correct it."),
     ("progress", 3, "compile, progress: it must be a Callable (got int 3). Correct it."),
-    ("events", object(), "recordings 'array': no recordings inside (shape ()). Give a binned array (samples, channels, steps) of zeros and ones."),
+    ("events", object(), "recordings 'array': its number of axes is wrong (0 against 3). Give an array (samples, steps, channels)."),
     ("events", LONG, f"events '{LONG[:60]}...': the name is too long (300 bytes). Shorten it."),
     ("labels", [0], "labels: they belong to an array, and other events bring their own. Leave labels out."),
 ]  # fmt: skip

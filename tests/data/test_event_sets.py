@@ -123,7 +123,7 @@ def test_a_data_set_of_tonic_becomes_recordings() -> None:
         pytest.param(
             Digits([(structured(EVENTS), 2)]),
             "recordings 'Digits': its class names do not fit its classes (2 different ones against 3). "
-            "Give a name of at most 80 characters for each class, from class 0 on.",
+            "Give a name of 1 to 80 printable characters for each class, from class 0 on.",
             id="a class without a name",
         ),
     ],

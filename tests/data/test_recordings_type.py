@@ -61,7 +61,13 @@ FIX = "Give a binned array (samples, channels, steps) of zeros and ones."
             np.zeros((0, 3, 4)), None, None, f"no recordings inside (shape (0, 3, 4)). {FIX}", id="no samples"
         ),
         pytest.param(np.zeros((2, 0, 4)), None, None, f"no recordings inside (shape (2, 0, 4)). {FIX}", id="no steps"),
-        pytest.param(np.zeros((3, 4)), None, None, f"no recordings inside (shape (3, 4)). {FIX}", id="two axes"),
+        pytest.param(
+            np.zeros((3, 4)),
+            None,
+            None,
+            "its number of axes is wrong (2 against 3). Give an array (samples, steps, channels).",
+            id="two axes",
+        ),
         pytest.param(
             np.zeros((1, 1, 1), dtype=complex),
             None,
