@@ -14,7 +14,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 import hw_model as hw
-from hw_model.arithmetic.fixed_point import SIGN_MODES, WEIGHT_BITS, weight_grid
+from hw_model.arithmetic.fixed_point import SIGN_MODES, weight_grid
 from hw_model.description.chip import check_chip
 from hw_model.mapping.check_graph import voltage_maxima, voltage_minima
 from hw_model.mapping.graph import CompartmentGraph, Readout
@@ -92,7 +92,7 @@ SHAPES = {"none": (0, 0), "fan": (2, 4), "chain": (2, 5), "tree": (3, 6), "many"
 """Ways to join compartments, and how many at least and at most."""
 
 
-def _add_children(
+def add_children(
     builder: hw.ProgramBuilder, soma: Node, shape: str, chip: hw.Chip, r: np.random.Generator, kept: dict[str, int]
 ) -> list[Node]:
     """Join compartments to a population; often alike, and many at the end of their range more often than not."""
@@ -110,8 +110,9 @@ def _add_children(
     return nodes[1:]
 
 
-def _connect(r: np.random.Generator, builder: hw.ProgramBuilder, source: Node, target: Node, chip: hw.Chip) -> None:
-    bits, mode = int(r.choice(WEIGHT_BITS)), str(r.choice(SIGN_MODES))
+def connect(r: np.random.Generator, builder: hw.ProgramBuilder, source: Node, target: Node, chip: hw.Chip) -> None:
+    """Add synapses of any format, weights, exponent and delays; some pairs of compartments have none."""
+    bits, mode = int(r.choice(chip.registers.weight_bits)), str(r.choice(SIGN_MODES))
     grid = weight_grid(bits, mode)
     shape = (target.size, source.size)
     weights = grid.round(r.choice([20, 300]) * r.uniform(-1, 1, shape))
@@ -145,7 +146,7 @@ def graphs(
         size = classes if name == "y" else 1 if shape == "many" else int(r.integers(1, 6))
         soma = builder.add_compartments(f"{prefix}{name}", size, **parameters(r, size, chip), **kept)
         senders.append(soma)
-        children = _add_children(builder, soma, shape, chip, r, kept)
+        children = add_children(builder, soma, shape, chip, r, kept)
         joined += children
         seen["joined compartments"] += len(children) * size
         seen["fans of more than 255"] += len(children) > 255
@@ -153,7 +154,7 @@ def graphs(
     for _ in range(draw(st.integers(1, 8), label="links")):
         source, target = senders[int(r.integers(len(senders)))], targets[int(r.integers(len(targets)))]
         for _ in range(int(r.choice([1, 1, 2, 4]))):
-            _connect(r, builder, source, target, chip)
+            connect(r, builder, source, target, chip)
         seen["links"] += 1
         seen["recurrent links"] += source.name == target.name
     biases = np.concatenate([group.bias_mantissa << group.bias_exponent for group in builder.graph().groups])

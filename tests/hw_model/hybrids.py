@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy import sparse
 
 import hw_model as hw
 from hw_model.arithmetic.fixed_point import weight_grid
-from hw_model.mapping.graph import Axis, CompartmentGraph, Phase, Readout, read_only
+from hw_model.mapping.graph import Axis, CompartmentGraph, Phase, Readout
 from hw_model.mapping.placement import place_cores
 from hw_model.mapping.routing import route_axons
 from hw_model.program.assemble import assemble
@@ -20,17 +22,35 @@ SMALL = replace(CHIP, limits=replace(CHIP.limits, compartments_per_core=7))
 """Cores of seven compartments: the same programs spread over several cores."""
 
 
-def assembled(chip: hw.Chip, readout: Readout | None, *graphs: CompartmentGraph) -> ChipProgram:
-    """One program of several graphs, a phase each; cores are left where they come, which saves most of the time."""
-    joined = replace(
+def side_by_side(*graphs: CompartmentGraph) -> CompartmentGraph:
+    """All phases, inputs, groups and synapses of several graphs."""
+    return replace(
         graphs[0],
         phases=tuple(phase for graph in graphs for phase in graph.phases),
         inputs=tuple(item for graph in graphs for item in graph.inputs),
         groups=tuple(group for graph in graphs for group in graph.groups),
         synapses=tuple(synapses for graph in graphs for synapses in graph.synapses),
-        readout=readout,
     )
-    return assemble(route_axons(place_cores(joined, chip)))
+
+
+def assembled(chip: hw.Chip, readout: Readout | None, *graphs: CompartmentGraph) -> ChipProgram:
+    """One program of several graphs, a phase each; cores are left where they come, which saves most of the time."""
+    return assemble(route_axons(place_cores(replace(side_by_side(*graphs), readout=readout), chip)))
+
+
+def moved(graph: CompartmentGraph, phase: Phase, *feeds: Mapping[str, Any]) -> CompartmentGraph:
+    """Move a graph of a builder into a phase; ``feeds[i]``: stream, positions and first lines of its input i.
+
+    The stream is "touch" where none is named.
+    """
+    given = [*feeds, *[{}] * (len(graph.inputs) - len(feeds))]
+    inputs = zip(graph.inputs, given, strict=True)
+    return replace(
+        graph,
+        phases=(phase,),
+        inputs=tuple(replace(item, phase=phase.name, **{"stream": "touch", **its}) for item, its in inputs),
+        groups=tuple(replace(group, phase=phase.name) for group in graph.groups),
+    )
 
 
 def in_phase(
@@ -38,13 +58,7 @@ def in_phase(
 ) -> CompartmentGraph:
     """Move a graph of a builder into a phase of its own; with ``positions`` its inputs are transposed."""
     visits = {"positions": positions, "first_lines": first_lines}
-    visits = {name: None if array is None else read_only(array) for name, array in visits.items()}
-    return replace(
-        graph,
-        phases=(Phase(axis, axis, steps),),
-        inputs=tuple(replace(i, phase=axis, stream="touch", **visits) for i in graph.inputs),
-        groups=tuple(replace(group, phase=axis) for group in graph.groups),
-    )
+    return moved(graph, Phase(axis, axis, steps), *[visits] * len(graph.inputs))
 
 
 def random_branch(r: np.random.Generator, axis: Axis, lines: int, classes: int, chip: hw.Chip) -> CompartmentGraph:

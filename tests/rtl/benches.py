@@ -8,7 +8,7 @@ import hybrids
 import numpy as np
 
 import hw_model as hw
-from hw_model.mapping.graph import CompartmentGraph, Phase, Readout, read_only
+from hw_model.mapping.graph import CompartmentGraph, Phase, Readout
 from hw_model.rtl.images import Sizes
 
 CHIP = hw.chip("loihi-sim")
@@ -91,30 +91,26 @@ def hybrid(seed: int) -> tuple[hw.ChipProgram, np.ndarray]:
     return program, spikes[None]
 
 
-def long() -> tuple[hw.ChipProgram, np.ndarray]:
-    """A recording of more steps than two words of the transpose buffer hold."""
-    r = np.random.default_rng(8)
-    steps, channels = 70, 3
-    program = hybrids.assembled(
-        CHIP,
-        Readout(("time/y", "location/y"), (1.0, 1.0)),
-        hybrids.in_phase(hybrids.random_branch(r, "time", channels, 2, CHIP), "time", steps),
-        hybrids.in_phase(hybrids.random_branch(r, "location", steps, 2, CHIP), "location", 4, r.permutation(channels)),
-    )
-    return program, (r.random((1, steps, channels)) < 0.2).astype(np.uint8)
-
-
-def early_rows() -> tuple[hw.ChipProgram, np.ndarray]:
-    """A second phase that hears the first rows of a recording only, and the first phase all of them."""
-    r = np.random.default_rng(14)
-    rows, told, channels = 24, 10, 3
+def _hybrid_of(seed: int, rows: int, told: int, shape: tuple[int, int], density: float):
+    """Phases over time and over channels, of which the second hears ``told`` rows; ``shape``: recordings, channels."""
+    r, (batch, channels) = np.random.default_rng(seed), shape
     program = hybrids.assembled(
         CHIP,
         Readout(("time/y", "location/y"), (1.0, 1.0)),
         hybrids.in_phase(hybrids.random_branch(r, "time", channels, 2, CHIP), "time", rows),
         hybrids.in_phase(hybrids.random_branch(r, "location", told, 2, CHIP), "location", 4, r.permutation(channels)),
     )
-    return program, (r.random((2, rows, channels)) < 0.4).astype(np.uint8)
+    return program, (r.random((batch, rows, channels)) < density).astype(np.uint8)
+
+
+def long() -> tuple[hw.ChipProgram, np.ndarray]:
+    """A recording of more steps than two words of the transpose buffer hold."""
+    return _hybrid_of(8, 70, 70, (1, 3), 0.2)
+
+
+def early_rows() -> tuple[hw.ChipProgram, np.ndarray]:
+    """A second phase that hears the first rows of a recording only, and the first phase all of them."""
+    return _hybrid_of(14, 24, 10, (2, 3), 0.4)
 
 
 def by_potentials() -> tuple[hw.ChipProgram, np.ndarray]:
@@ -128,20 +124,6 @@ def by_potentials() -> tuple[hw.ChipProgram, np.ndarray]:
     b.connect(x, y, weights)
     program = hybrids.assembled(CHIP, Readout(("y",), (-1.5,), 5), b.graph())
     return program, (r.random((3, 30, 2)) < 0.4).astype(np.uint8)
-
-
-def in_phase(branch, phase: Phase, *visits: dict) -> CompartmentGraph:
-    """Move a branch into a phase; ``visits[i]``: what its input i has of positions and first lines."""
-    given = [*visits, *[{}] * (len(branch.inputs) - len(visits))]
-    return replace(
-        branch,
-        phases=(phase,),
-        inputs=tuple(
-            replace(item, phase=phase.name, stream="touch", **{name: read_only(value) for name, value in its.items()})
-            for item, its in zip(branch.inputs, given, strict=True)
-        ),
-        groups=tuple(replace(group, phase=phase.name) for group in branch.groups),
-    )
 
 
 def together(*branches: CompartmentGraph) -> hw.ChipProgram:
@@ -159,10 +141,10 @@ def several_phases() -> tuple[hw.ChipProgram, np.ndarray]:
         return hybrids.random_branch(r, name, lines, 3, CHIP)
 
     program = together(
-        in_phase(branch("a", rows), Phase("a", "location", 5), {"positions": r.permutation(channels)}),
-        in_phase(branch("b", channels), Phase("b", "time", 9)),
-        in_phase(branch("c", channels), Phase("c", "time", 14)),
-        in_phase(
+        hybrids.moved(branch("a", rows), Phase("a", "location", 5), {"positions": r.permutation(channels)}),
+        hybrids.moved(branch("b", channels), Phase("b", "time", 9)),
+        hybrids.moved(branch("c", channels), Phase("c", "time", 14)),
+        hybrids.moved(
             branch("d", 2 * 12), Phase("d", "location", 3), {"positions": [1, 0, 0, 1], "first_lines": [0, 0, 12, 12]}
         ),
     )
@@ -180,7 +162,7 @@ def both_ways() -> tuple[hw.ChipProgram, np.ndarray]:
     y = b.add_compartments("both/y", 4, decay_u=390, decay_v=300, threshold=60)
     b.connect(x, y, 2 * r.integers(-30, 60, (4, channels)), delay=2)
     b.connect(turned, y, 2 * r.integers(-30, 60, (4, rows)))
-    program = together(in_phase(b.graph(), Phase("both", "time", 9), {}, {"positions": [2, 2 + 5, 2 + 3]}))
+    program = together(hybrids.moved(b.graph(), Phase("both", "time", 9), {}, {"positions": [2, 2 + 5, 2 + 3]}))
     return program, (r.random((1, rows, channels)) < 0.3).astype(np.uint8)
 
 
@@ -194,9 +176,9 @@ def late_starts() -> tuple[hw.ChipProgram, np.ndarray]:
         return hybrids.random_branch(r, name, lines, 2, CHIP)
 
     program = together(
-        in_phase(branch("a", channels), Phase("a", "time", short, 2)),
-        in_phase(branch("b", short), Phase("b", "location", 4, 2), at),
-        in_phase(branch("c", rows), Phase("c", "location", 3), at),
+        hybrids.moved(branch("a", channels), Phase("a", "time", short, 2)),
+        hybrids.moved(branch("b", short), Phase("b", "location", 4, 2), at),
+        hybrids.moved(branch("c", rows), Phase("c", "location", 3), at),
     )
     spikes = (r.random((4, rows, channels)) < 0.3).astype(np.uint8)
     spikes[:, :, 1:] &= spikes[:, :, :1] ^ 1
@@ -211,8 +193,8 @@ def never_starts() -> tuple[hw.ChipProgram, np.ndarray]:
     r = np.random.default_rng(14)
     channels, rows, told = 3, 6, 17
     program = together(
-        in_phase(hybrids.random_branch(r, "a", channels, 2, CHIP), Phase("a", "time", rows, 2)),
-        in_phase(
+        hybrids.moved(hybrids.random_branch(r, "a", channels, 2, CHIP), Phase("a", "time", rows, 2)),
+        hybrids.moved(
             hybrids.random_branch(r, "b", told, 2, CHIP),
             Phase("b", "location", 4),
             {"positions": r.permutation(channels)},

@@ -18,7 +18,7 @@ CHANNELS = 3
 
 def branch(name: str, phase: Phase, lines: int = CHANNELS, *visits: dict):
     r = np.random.default_rng(1)
-    return benches.in_phase(hybrids.random_branch(r, name, lines, 2, benches.CHIP), phase, *visits)
+    return hybrids.moved(hybrids.random_branch(r, name, lines, 2, benches.CHIP), phase, *visits)
 
 
 def other_widths() -> hw.ChipProgram:
@@ -52,7 +52,7 @@ def different_lengths() -> hw.ChipProgram:
     for rows in (4, 5):
         b.connect(b.add_input(f"x{rows}", rows), y, np.full((2, rows), 20))
     at = {"positions": np.arange(CHANNELS)}
-    return benches.together(benches.in_phase(b.graph(), Phase("a", "location", CHANNELS), at, at))
+    return benches.together(hybrids.moved(b.graph(), Phase("a", "location", CHANNELS), at, at))
 
 
 def two_first_steps() -> hw.ChipProgram:

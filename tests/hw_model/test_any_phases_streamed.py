@@ -1,0 +1,133 @@
+"""Sessions and early stops of programs of several phases, against whole runs from the start."""
+
+from __future__ import annotations
+
+from collections import Counter
+from itertools import pairwise
+
+import any_phases
+import numpy as np
+import pytest
+from test_any_phases import MANY, QUICK
+
+import hw_model as hw
+from hw_model.simulation import ENGINES
+from hw_model.streaming.session import StepScores
+
+
+def pushed(session: hw.Session, recording: dict[str, np.ndarray], cuts: list[int]) -> StepScores:
+    """Push the rows between the cuts to a session that has forgotten all, and put together what it says."""
+    session.reset()
+    rows = len(next(iter(recording.values())))
+    ends = [0, *sorted(cuts), rows]
+    parts = [session.push({name: array[low:high] for name, array in recording.items()}) for low, high in pairwise(ends)]
+    spikes, potential = (
+        {name: np.concatenate([getattr(part, kind)[name] for part in parts]) for name in getattr(parts[0], kind)}
+        for kind in ("spikes", "potential")
+    )
+    return StepScores(spikes, potential, np.concatenate([part.scores for part in parts]))
+
+
+def check_so_far(case: any_phases.Case, step: int, found: StepScores) -> None:
+    """What a session says after a step is what the reference counts of the recording until then, silence after it.
+
+    Phases that play rows as they come have run so many steps; transposed ones run to their end.
+    """
+    heard = (np.arange(case.rows) <= step)[:, None]
+    so_far = {name: np.where(heard, array, 0).astype(np.uint8) for name, array in case.first.items()}
+    whole = hw.simulate(case.program, so_far, engine=ENGINES[1], probe=("spikes", "potential"))
+    scores, from_step = np.zeros(found.scores.shape[1]), case.program.readout.from_step
+    phase_of = {name: phase.name for phase in case.program.phases for name in case.program.columns_of(phase.name)}
+    for name, weight in case.program.readout.terms:
+        live = case.program.inputs_of(phase_of[name])[0].positions is None
+        ran = slice(0, step + 1) if live else slice(None)
+        if name in from_step:
+            seen = whole.potential[name][ran][from_step[name] :]
+            given = seen.max(axis=0) if len(seen) else np.zeros(seen.shape[1], dtype=int)
+            assert found.potential[name][step].tolist() == given.tolist(), (name, step)
+        else:
+            given = whole.spikes[name][ran].sum(axis=0, dtype=int)
+            assert found.spikes[name][step].tolist() == given.tolist(), (name, step)
+        scores += weight * given
+    assert np.array_equal(found.scores[step], scores, equal_nan=True)
+
+
+def check_session(case: any_phases.Case, r: np.random.Generator) -> None:
+    session = hw.Session(case.program)
+    found = pushed(session, case.first, [])
+    for step in {0, case.rows - 1, *r.integers(case.rows, size=2).tolist()}:
+        check_so_far(case, step, found)
+    every, some = list(range(1, case.rows)), r.integers(case.rows + 1, size=int(r.integers(1, 6))).tolist()
+    for cuts in (every, some):
+        again = pushed(session if r.random() < 0.5 else hw.Session(case.program), case.first, cuts)
+        assert np.array_equal(again.scores, found.scores, equal_nan=True)
+        for kind in ("spikes", "potential"):
+            ours, theirs = getattr(again, kind), getattr(found, kind)
+            assert [name for name in theirs if not np.array_equal(ours[name], theirs[name])] == []
+    live = [p for p in case.program.phases if case.program.inputs_of(p.name)[0].positions is None]
+    if all((phase.steps or 0) <= case.rows for phase in live):
+        assert np.array_equal(found.scores[-1], hw.simulate(case.program, case.first).scores, equal_nan=True)
+
+
+def check_stops(case: any_phases.Case, r: np.random.Generator) -> hw.Stops:
+    """Proven, at a margin and in silence: each says what a run of what was read says."""
+    program, spikes = case.program, case.spikes
+    final = hw.simulate(program, spikes).prediction
+    proven = hw.stop_when_proven(program, spikes)
+    assert proven.final.tolist() == proven.prediction.tolist() == final.tolist()
+    if len(program.phases) == 1 and program.inputs[0].positions is None:
+        done = int(proven.steps[0])
+        for density in (0.0, 0.05, 0.3, 0.7, 1.0):
+            later = {name: np.repeat(array[:1], 32, axis=0) for name, array in spikes.items()}
+            for array in later.values():
+                array[:, done:] = r.random(array[:, done:].shape) < density
+            assert set(hw.simulate(program, later).prediction.tolist()) == {proven.prediction[0]}
+    scores = hw.timestep_scores(program, spikes)
+    leads = np.sort(scores, axis=2)[..., -2:]
+    leads = leads[..., 1] - leads[..., 0] if scores.shape[2] > 1 else scores[..., 0]
+    at_margin = hw.stop_at_margin(program, spikes, 1.0)
+    for b, step in enumerate(at_margin.steps.tolist()):
+        assert step == next((t for t, lead in enumerate(leads[b], 1) if lead >= 1.0), scores.shape[1])
+        assert at_margin.prediction[b] == scores[b, step - 1].argmax()
+    for silence in (1, 3):
+        silent = hw.stop_in_silence(program, spikes, silence)
+        # Silence follows a recording that is shorter than a phase over time.
+        longer = ((0, 0), (0, silent.all_steps - case.rows), (0, 0))
+        heard = (np.arange(silent.all_steps) < silent.steps[:, None])[..., None]
+        read = {name: np.pad(array, longer) * heard for name, array in spikes.items()}
+        assert silent.prediction.tolist() == hw.simulate(program, read).prediction.tolist()
+        for b, step in enumerate(silent.steps.tolist()):
+            last = [array[b, max(0, step - silence) : step].any() for array in spikes.values()]
+            assert step == silent.all_steps or (step >= silence and not any(last))
+    return proven
+
+
+def check(seed: int) -> Counter[str]:
+    """Return what was met."""
+    case, r = any_phases.case(seed), np.random.default_rng([seed, 1])
+    if not case.rows:
+        return Counter()
+    if case.mixed:
+        with pytest.raises(hw.InputError) as caught:
+            hw.Session(case.program)
+        what = "mixes transposed inputs with inputs that are played as they come, so it cannot run as they arrive"
+        assert str(caught.value) == f"phase {case.mixed[0]!r}: {what}. Use simulate."
+        return Counter({"mixed phases": 1})
+    check_session(case, r)
+    proven = check_stops(case, r)
+    early = (proven.steps < proven.all_steps) & (proven.steps > 0)
+    return Counter({"sessions": 1, "proven in between": int(early.sum()), "one phase": len(case.program.phases) == 1})
+
+
+@pytest.mark.parametrize(
+    "seeds", [QUICK[at : at + 4] for at in range(0, len(QUICK), 4)], ids=lambda its: f"from {its[0]}"
+)
+def test_sessions_and_stops(seeds):
+    for seed in seeds:
+        check(seed)
+
+
+@pytest.mark.slow
+def test_sessions_and_stops_of_many():
+    met = sum(map(check, MANY), Counter())
+    assert min(met["sessions"], met["mixed phases"], met["proven in between"], met["one phase"]) >= 10, met

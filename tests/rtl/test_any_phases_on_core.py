@@ -1,0 +1,65 @@
+"""Programs of several phases on the open core: every value and every cycle, and refused by name where it cannot."""
+
+from __future__ import annotations
+
+import shutil
+from collections import Counter
+
+import any_phases
+import benches
+import pytest
+
+import hw_model as hw
+from hw_model.rtl.comparison import compare
+from hw_model.rtl.refused import refuse_unplayable
+from hw_model.rtl.simulators import Simulator, sources
+
+icarus = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
+FEW = (8, 10, 15, 17, 22, 25, 29, 30, 33, 35, 38, 39)
+"""Seeds of programs that the core runs, short enough for Icarus Verilog."""
+MANY = range(40, 340)
+
+
+def check(seed: int, simulator: Simulator, texts: dict[str, str], *given) -> Counter[str]:
+    """Return what was met; what the core refuses is not simulated. ``given``: sizes and patience."""
+    case = any_phases.case(seed, plain=True)
+    if not case.rows:
+        return Counter()
+    try:
+        refuse_unplayable(case.program)
+        found = compare(case.program, case.spikes, texts, simulator, *given)
+    except hw.TargetError as refused:
+        return Counter({str(refused).split(": ", 1)[1].split(" (")[0]: 1})
+    assert (found["mismatches"], found["cycle_mismatches"]) == (0, 0), found
+    begins = any(phase.align_events is not None for phase in case.program.phases)
+    return Counter({
+        "programs": 1, "of several phases": len(case.program.phases) > 1, "that begin at a touch": begins,
+        "values": found["compared_values"],
+    })  # fmt: skip
+
+
+def play_few(texts: dict[str, str]) -> Counter[str]:
+    return sum((check(seed, "icarus", texts, benches.SIZES, 20_000) for seed in FEW), Counter())
+
+
+@icarus
+def test_the_core_plays_any_phases(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    met = play_few(sources())
+    assert met["programs"] == len(FEW)
+    assert min(met["of several phases"], met["that begin at a touch"]) > 3, met
+
+
+@icarus
+def test_a_core_with_a_fault_does_not(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    with pytest.raises(AssertionError):
+        play_few(benches.with_fault(sources()))
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("verilator") is None, reason="Verilator is not installed")
+def test_the_core_plays_many():
+    met = sum((check(seed, "verilator", sources()) for seed in MANY), Counter())
+    assert met["programs"] >= len(MANY) / 3
+    assert min(met["of several phases"], met["that begin at a touch"]) > 30, met
