@@ -19,12 +19,12 @@ from hw_model.streaming.session import check_psi
 from hw_model.values import ArrayLike, Frozen
 from locsnn_compile.backends import EXCHANGE_KINDS, LEVEL_KINDS
 from locsnn_compile.backends.exchange import exchange_file
-from locsnn_compile.choose_strategy import Choice, choose_strategy, lower_as
+from locsnn_compile.choose_strategy import Choice, choose_strategy, lower_or_advise
 from locsnn_compile.cluster.spread import Spread, here, spread_over
 from locsnn_compile.data.read import read_recordings, recording_parts
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.synthetic import synthetic_touches
-from locsnn_compile.errors import InputError, check_known, counted
+from locsnn_compile.errors import InputError, check_known, check_range, counted
 from locsnn_compile.frontends import load
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.network.check import check_network
@@ -166,9 +166,7 @@ def compile(
     chip = target if isinstance(target, hw.Chip) else hw.chip(target)
     chip = chip if profile is None else hw.priced_by(chip, profile)
     weight_bits = weight_bits_of(chip, weight_bits)
-    if split_weights is not None and not 0 <= split_weights <= 1:
-        what, measured = "it is not a share of the weights", f"{split_weights:g} against 0..1"
-        raise InputError("split_weights", what, measured=measured, fix="Give 0 to 1.")
+    check_range(split_weights or 0.0, 0, 1, "split_weights")
     if isinstance(network, Sequence):
         network = join([load(one) if isinstance(one, Checkpoint) else one for one in network], weights, calibration)
     elif weights is not None:
@@ -217,11 +215,7 @@ def join(
     joined = committee(networks, weights or (1.0,) * len(networks))
     if weights:
         return joined
-    recordings = joined.recordings
-    if isinstance(calibration, str | Path):
-        recordings = calibration_recordings(joined, calibration)
-    elif calibration is not None:
-        recordings = recordings_for(joined, calibration)
+    recordings = joined.recordings if calibration is None else calibration_recordings(joined, calibration)
     if recordings is None:
         said = "Class scores of the networks are added as they are (--weights)."
         return replace(joined, assumptions=(*joined.assumptions, said))
@@ -286,8 +280,10 @@ def recordings_for(network: Network, events: Events | None, labels: ArrayLike | 
     return Recordings(np.asarray(events), given, network.step_seconds, "array")
 
 
-def calibration_recordings(network: Network, calibration: str | Path) -> Recordings:
-    """Return the recordings of a file or folder to make choices on: if it is divided, the train part."""
+def calibration_recordings(network: Network, calibration: Events | None) -> Recordings:
+    """Return the recordings to make choices on: if a file or folder is divided, its train part."""
+    if not isinstance(calibration, str | Path):
+        return recordings_for(network, calibration)
     part = "train" if "train" in recording_parts(calibration) else None
     return read_recordings(calibration, split=part, model=network.expected)
 
@@ -311,7 +307,7 @@ def _lower(
         if choice:
             return choice.levels, choice
     fixed = replace(asked, strategy=next(iter(STRATEGIES))) if asked.strategy == AUTO else asked
-    levels = lower_as(network, chip, fixed, calibrate(network, calibration, chip.registers))
+    levels = lower_or_advise(network, chip, fixed, calibrate(network, calibration, chip.registers))
     found = {population.strategy for population in levels.quantized.populations}
     # Neurons with a reset of their own are already what ``reset`` turns others into.
     if asked.strategy not in {AUTO, *found} and not (asked.strategy == "reset" and found == {NATIVE}):
@@ -323,11 +319,9 @@ def _lower(
 
 def _calibration(network: Network, recordings: Recordings, calibration: Events | None) -> Recordings:
     """Return the recordings that choices are made on: never those of the check, if there are others."""
-    if isinstance(calibration, str | Path):
-        return calibration_recordings(network, calibration)
-    if calibration is not None or network.recordings is not None or network.sensor is not None:
-        return recordings_for(network, calibration)
-    return recordings
+    if calibration is None and network.recordings is None and network.sensor is None:
+        return recordings
+    return calibration_recordings(network, calibration)
 
 
 def _compare(levels: Levels, recordings: Recordings, progress: Progress | None, spread: Spread = here) -> Match:

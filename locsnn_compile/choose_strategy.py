@@ -6,6 +6,7 @@ are bounded, the cheapest setting that keeps the budget is tried with fewer bits
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import hw_model as hw
@@ -89,8 +90,7 @@ def choose_strategy(
     limits = budget if budget.given else default_budget(candidates[0])
     # If nothing was compared, there is no reason to take a cheaper one.
     taken = (_cheapest(candidates, limits) if limits.given else None) or min(candidates, key=lambda c: c.losses)
-    levels = trial.levels[taken.setting]
-    return Choice(taken, levels, candidates, limits, len(recordings), recordings.source)
+    return Choice(taken, trial.levels[taken.setting], candidates, limits, len(recordings), recordings.source)
 
 
 def _split_more(trial: "_Trial", firsts: Sequence[Setting], budget: ErrorBudget, shares: Sequence[float]) -> None:
@@ -149,6 +149,20 @@ def lower_as(network: Network, chip: hw.Chip, setting: Setting, calibration: Cal
     """Lower by a setting, with the finest rounding."""
     rounding = replace(FINE, split=setting.split_weights)
     return lower(network, chip, setting.weight_bits, setting.strategy, rounding, calibration)
+
+
+def lower_or_advise(network: Network, chip: hw.Chip, setting: Setting, calibration: Calibration | None) -> Levels:
+    """Do the same; a ``TargetError`` of an open core then names the first strategy that fits, if any does."""
+    try:
+        return lower_as(network, chip, setting, calibration)
+    except TargetError as error:
+        said = vars(error)
+        for name in STRATEGIES if chip.open_core else ():
+            with suppress(TargetError):
+                lower_as(network, chip, replace(setting, strategy=name), calibration)
+                said = said | {"fix": f"Use strategy {name}."}
+                break
+        raise TargetError(**said) from None
 
 
 def _measured(setting: Setting, levels: Levels, recordings: Recordings, spread: Spread) -> Candidate:

@@ -83,4 +83,4 @@ def _way_out(core: CoreProgram) -> str:
     """Name the devices that hold what is needed."""
     devices = [(each, each.open_core) for each in map(chip, chip_names()) if each.open_core]
     held = [each.name for each, its in devices if not _short_of(_as_core(core.program, core.rows, None, its), each)]
-    return f"Use the device {listed(held, 'or')}." if held else "Use another strategy, or a smaller network."
+    return f"Use the device {listed(held, 'or')}." if held else "Use a smaller network."

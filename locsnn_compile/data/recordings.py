@@ -116,10 +116,8 @@ class Recordings(Shown):
         lost = int(self.spikes[:, steps:].sum())
         spikes = np.zeros((samples, steps, channels), dtype=np.uint8)
         spikes[:, : min(steps, now)] = self.spikes[:, :steps]
-        binned = self.binned
-        if lost:
-            before = binned or Binned(None, int(self.spikes.sum()), 0, 0)
-            binned = replace(before, outside=before.outside + lost)
+        before = self.binned or Binned(None, int(self.spikes.sum()), 0, 0)
+        binned = replace(before, outside=before.outside + lost) if lost else self.binned
         return replace(self, spikes=spikes, binned=binned)
 
     def subset(self, indices: IntArray | list[int]) -> "Recordings":

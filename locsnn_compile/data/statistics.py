@@ -85,7 +85,6 @@ def channel_place(channel: int, sensor: SensorLayout) -> str:
 
 
 def _spread(values: IntArray) -> dict[str, float]:
-    """Return mean, least and most over recordings."""
-    if not len(values):
-        return {"mean": 0.0, "least": 0, "most": 0}
+    """Return mean, least and most over recordings; of none, 0."""
+    values = values if len(values) else np.zeros(1, dtype=np.int64)
     return {"mean": float(values.mean()), "least": int(values.min()), "most": int(values.max())}

@@ -14,7 +14,7 @@ from hw_model.mapping.graph import Readout as Readout
 from hw_model.values import ByteArray, FloatArray, Frozen, IntArray, Shown
 from locsnn_compile.data.recordings import STEP_SECONDS, Expected, Recordings
 from locsnn_compile.data.sensor import SensorLayout
-from locsnn_compile.errors import InputError, counted
+from locsnn_compile.errors import InputError, check_most, counted
 from locsnn_compile.network.first_touch import from_first_touch
 from locsnn_compile.network.neurons import Neuron
 from locsnn_compile.network.projections import ChipProjection, Projection
@@ -220,9 +220,7 @@ class Network(Shown):
             measured = f"{counted(recordings.shape[-1], 'channel')} against {self.channels}"
             fix = f"Give recordings of shape (samples, steps, {self.channels})."
             raise InputError(where, "the channel count differs from the model's", measured=measured, fix=fix)
-        missing = 0 if self.any_length else self.steps - recordings.shape[1]
-        if missing < 0:
-            measured = f"{recordings.shape[1]} steps against {self.steps}"
-            fix = f"Cut them to {counted(self.steps, 'step')}."
-            raise InputError(where, "the recordings are longer than the model's", measured=measured, fix=fix)
-        return np.pad(recordings, ((0, 0), (0, missing), (0, 0))) if missing else recordings
+        cut = f"Cut them to {counted(self.steps, 'step')}."
+        rows = self.steps if self.any_length else recordings.shape[1]
+        check_most(rows, self.steps, where, "the recordings are longer than the model's", unit="steps", fix=cut)
+        return np.pad(recordings, ((0, 0), (0, self.steps - rows), (0, 0))) if rows < self.steps else recordings

@@ -57,7 +57,7 @@ def test_what_does_not_fit_is_refused_by_name(small, name):
     with pytest.raises(hw.TargetError) as caught:
         on_core(program, rows, device(replace(needs, **{name: need - 1})))
     held = [one for one in DEVICES if all(n <= getattr(hw.chip(one).open_core, k) for k, n in asdict(needs).items())]
-    fix = f"Use the device {listed(held, 'or')}." if held else "Use another strategy, or a smaller network."
+    fix = f"Use the device {listed(held, 'or')}." if held else "Use a smaller network."
     wanted = f"the open core of ecp5-25f is too small in {name!r} ({need} against {need - 1}). {fix}"
     assert str(caught.value) == f"program {program.name!r}: {wanted}"
 
@@ -108,7 +108,30 @@ def test_a_network_of_many_cores_is_too_large_for_the_one_that_hosts_them(name, 
         lower(load(MODELS / "containers-best.pt"), hw.chip(name), 8, "dendrite")
     assert str(caught.value) == (
         f"program 'containers-best': the open core of {name} is too small in 'axons' (33974 against {axons}). "
-        "Use another strategy, or a smaller network."
+        "Use a smaller network."
+    )
+
+
+ADVICE = [
+    ("locsnn-130nm", "paired-dendrite", "program 'containers-hybrid': the open core of locsnn-130nm is too small in 'axons' (923 against 768). Use strategy dendrite."),
+    ("locsnn-130nm", "delay-line", "population 'time_hidden': 1 delayed synapse cannot hold a kernel of tau_ref 1 (an error of 13 against 0.1; locsnn-130nm has delay_max 0). Use strategy dendrite."),
+    ("ice40up5k", "dendrite", "program 'containers-hybrid': the open core of ice40up5k is too small in 'axons' (715 against 512). Use strategy reset."),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("target", "strategy", "message"), ADVICE, ids=[f"{row[0]}-{row[1]}" for row in ADVICE])
+def test_the_strategy_that_fits_is_named(tmp_path, capsys, target, strategy, message):
+    arguments = [str(MODELS / "containers-hybrid.pt"), "--target", target, "--strategy", strategy, "--quiet"]
+    assert compile_main([*arguments, "-o", str(tmp_path / "out")]) == 1
+    assert capsys.readouterr().err == f"{message}\n"
+
+
+def test_where_no_strategy_fits_the_device_that_holds_it_is_named(tmp_path, capsys):
+    arguments = [str(MODELS / "containers-hybrid-loihi.pt"), "--target", "ice40up5k", "--quiet"]
+    assert compile_main([*arguments, "-o", str(tmp_path / "out")]) == 1
+    assert capsys.readouterr().err == (
+        "program 'containers-hybrid-loihi': the open core of ice40up5k is too small in 'axons' (715 against 512). "
+        "Use the device ecp5-25f, ecp5-85f or locsnn-130nm.\n"
     )
 
 
