@@ -1,6 +1,7 @@
 """What a NIR node's parameters make of its neurons, at the edges of every rule, worked out by hand."""
 
 import math
+from fractions import Fraction
 
 import nir
 import numpy as np
@@ -102,6 +103,18 @@ def test_delays_between_steps_or_out_of_range_are_refused(delay, measured, tmp_p
         "model 'graph.nir', node 'd': a delay is not a whole number of steps from 0 to 1e+06 "
         f"({measured} steps of 0.001 s). Correct it, or give another --dt."
     )
+
+
+@pytest.mark.parametrize("dt", [DT, 1e-4, 1 / 300, 7e-5])
+@pytest.mark.parametrize("off", [0.0, 0.009, -0.009])
+def test_delays_are_the_nearest_whole_steps(dt, off, tmp_path):
+    """Seconds are steps times dt in floats, and may be off by a hundredth of a step."""
+    steps = np.arange(1, 60)
+    delay = nir.Delay((steps + off) * dt)
+    graph = chain((59,), ("d", delay), ("w", nir.Linear(np.eye(59))), ("n", lif(RNG, 59)))
+    (projection,) = load(graph, tmp_path, dt=dt).projections
+    assert np.asarray(projection.delay).ravel().tolist() == steps.tolist()
+    assert [round(Fraction(float(one)) / Fraction(dt)) for one in delay.delay] == steps.tolist()
 
 
 def test_potentials_count_from_where_the_deepest_readout_begins(tmp_path):
