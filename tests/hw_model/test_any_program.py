@@ -13,7 +13,7 @@ import pytest
 from early_stops import futures, in_streams
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
-from test_session import check_every_step, largest_so_far
+from sessions import check_every_step, largest_so_far
 
 import hw_model as hw
 from hw_model.engine import lay_out, layout, links

@@ -11,7 +11,7 @@ from early_stops import futures, in_streams
 from hybrids import CHIP, assembled, in_phase, random_hybrid
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_session import check_every_step, largest_so_far
+from sessions import check_every_step, largest_so_far
 
 import hw_model as hw
 from hw_model.accounting.cost import step_times

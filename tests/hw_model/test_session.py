@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import tracemalloc
 from dataclasses import replace
-from itertools import pairwise, permutations
+from itertools import permutations
 from pathlib import Path
 
 import numpy as np
@@ -12,60 +11,14 @@ import pytest
 from hybrids import CHIP, assembled, in_phase, random_hybrid
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sessions import SEEDS, TOGETHER, check_every_step, live_program
 
 import hw_model as hw
-from hw_model.mapping.graph import Phase, Readout
-from hw_model.mapping.routing import InputRoute
-from hw_model.rtl.images import CoreProgram
-from hw_model.simulation import ENGINES
+from hw_model.mapping.graph import Readout
 from hw_model.streaming.session import StepScores
 from tests.real_recordings import REAL, on_real_recordings
 
 ROOT = Path(__file__).parents[2]
-
-SEEDS = st.integers(0, 2**32 - 1)
-TOGETHER = st.integers(1, 3)
-"""Channels that the location phase visits at one step."""
-
-
-def so_far(recording: np.ndarray) -> np.ndarray:
-    """The recording up to every step, followed by silence: (steps, steps, channels)."""
-    until = np.tri(len(recording), dtype=np.uint8)
-    return until[:, :, None] * recording
-
-
-def largest_so_far(potential: np.ndarray, first: int) -> np.ndarray:
-    """The largest of each column up to every step (steps, n), from step ``first`` on, and 0 before that."""
-    return np.stack([potential[first : t + 1].max(axis=0, initial=-(2**40)) if t >= first else 0 * potential[t]
-                     for t in range(len(potential))])  # fmt: skip
-
-
-def check_every_step(program: hw.ChipProgram, recording: np.ndarray, found) -> None:
-    """Time populations: their spikes up to the step. Location populations: a full run on the recording so far.
-
-    Where potentials predict, the largest of those instead of spikes.
-    """
-    whole = hw.simulate(program, recording, probe=("spikes", "potential"))
-    again = hw.simulate(program, so_far(recording), probe=("spikes", "potential"))
-    wanted = np.zeros_like(found.scores)
-    axis = {name: phase.axis for phase in program.phases for name in program.columns_of(phase.name)}
-    for name, weight in program.readout.terms:
-        first = program.readout.from_step.get(name)
-        if first is not None:
-            counts = largest_so_far(whole.potential[name][: len(recording)], first)
-            if axis[name] == "location":
-                counts = np.stack([largest_so_far(one, first)[-1] for one in again.potential[name]])
-        elif axis[name] == "time":
-            counts = whole.spikes[name].cumsum(axis=0, dtype=np.int64)[: len(recording)]
-        else:
-            counts = again.spikes[name].sum(axis=1, dtype=np.int64)
-        assert np.array_equal((found.spikes if first is None else found.potential)[name], counts), name
-        wanted += weight * counts
-    assert np.array_equal(found.scores, wanted)
-    assert np.array_equal(found.scores[-1], whole.scores)
-    assert np.array_equal(found.prediction, wanted.argmax(axis=1))
-    ordered = np.sort(wanted, axis=1)
-    assert np.array_equal(found.lead, ordered[:, -1] - (ordered[:, -2] if wanted.shape[1] > 1 else 0))
 
 
 @settings(max_examples=40, deadline=None)
@@ -180,42 +133,6 @@ def test_time_weighted_scores(seed, psi):
         assert np.allclose(weighted.scores[t - 1], (1 - w) * a * first + w * b * second, rtol=1e-12, atol=1e-300)
 
 
-def test_a_recording_is_as_long_as_the_longest_phase_over_time():
-    program, recording = random_hybrid(3)
-    short = [Phase(name, "time", 1) for name in ("before", "after")]
-    nowhere = np.zeros(0, dtype=np.int64)
-    (touch,) = (item for item in program.inputs if item.phase == "time")
-    longer = replace(
-        program,
-        phases=(short[0], *program.phases, short[1]),
-        inputs=(*program.inputs, *(replace(touch, name=phase.name, phase=phase.name) for phase in short)),
-        input_routes=(*program.input_routes, *(InputRoute(phase.name, nowhere, nowhere, nowhere) for phase in short)),
-    )
-    scores = hw.Session(longer, 10.0).push(recording).scores
-    assert np.array_equal(scores, hw.Session(program, 10.0).push(recording).scores)
-    assert not np.array_equal(scores, hw.Session(program).push(recording).scores)
-
-
-@pytest.mark.parametrize("psi", [None, 10.0], ids=["plain", "time-weighted"])
-@settings(max_examples=10, deadline=None)
-@given(seed=SEEDS, together=TOGETHER)
-def test_rows_past_the_end_change_nothing(psi, seed, together):
-    program, recording = random_hybrid(seed, together)
-    session = hw.Session(program, psi)
-    last = session.push(recording)
-    after = session.push(np.ones((5, recording.shape[1]), dtype=np.uint8))
-    assert np.array_equal(after.scores, np.repeat(last.scores[-1:], 5, axis=0))
-    assert session.steps == len(recording) + 5
-
-
-def test_no_rows():
-    program, recording = random_hybrid(1)
-    session = hw.Session(program)
-    assert session.push(recording[:0]).scores.shape == (0, program.populations["time/y"])
-    assert session.push(recording[:0]).prediction.shape == (0,)
-    check_every_step(program, recording, session.push(recording))
-
-
 def test_silence_runs_nothing_again():
     program, recording = random_hybrid(2)
     session = hw.Session(program)
@@ -232,72 +149,6 @@ def test_an_event_runs_no_more_than_all_again():
     assert 0 < run < of_all
 
 
-def live_program() -> hw.ChipProgram:
-    """One live phase with recurrence, a delay and a bias, which a recording of any length can be played to."""
-    builder = hw.ProgramBuilder(CHIP)
-    x = builder.add_input("touch", 6)
-    h = builder.add_compartments("h", 20, decay_u=1024, decay_v=128, threshold=1000, refractory=3)
-    y = builder.add_compartments("y", 3, decay_u=4096, decay_v=400, threshold=600, bias=[0, 64, 640])
-    r = np.random.default_rng(4)
-    builder.connect(x, h, 2 * r.integers(-60, 100, (20, 6)))
-    builder.connect(h, h, 2 * r.integers(-60, 40, (20, 20)), delay=5)
-    builder.connect(h, y, 2 * r.integers(-60, 100, (3, 20)))
-    builder.read_out(y)
-    return builder.build()
-
-
-def test_a_live_program_over_many_rows():
-    """A recording of any length, rows by thousands or one by one, in memory that does not grow."""
-    program = live_program()
-    rows = (np.random.default_rng(5).random((10_000, 6)) < 0.2).astype(np.uint8)
-    session = hw.Session(program)
-    found = session.push(rows)
-    counts = hw.simulate(program, rows).spikes["y"].cumsum(axis=0, dtype=np.int64)
-    assert np.array_equal(found.spikes["y"], counts)
-    assert counts[-1].min() > 0
-
-    session.reset()
-    one_by_one = [session.push(row).spikes["y"] for row in rows[:10]]
-    assert np.array_equal(np.concatenate(one_by_one), counts[:10])
-    held = {}
-    tracemalloc.start()
-    try:
-        for start in range(10, len(rows), 10):
-            session.push(rows[start : start + 10])
-            if session.steps in (5_000, 10_000):
-                held[session.steps] = tracemalloc.get_traced_memory()[0]
-    finally:
-        tracemalloc.stop()
-    assert session.steps == len(rows)
-    assert held[10_000] - held[5_000] < 4_000
-
-
-@pytest.mark.parametrize(("threshold", "first"), [(300, None), (100_000, 3), (100_000, 66)], ids=["spikes", "3", "66"])
-@pytest.mark.parametrize("cuts", [[], [70], [3, 5, 140]], ids=["at once", "in two", "in four"])
-def test_rows_of_more_than_a_tile(threshold, first, cuts):
-    """Tiles have 64 rows: two inputs, rests in between, and potentials that are largest in the first tile or the last."""
-    builder = hw.ProgramBuilder(CHIP)
-    y = builder.add_compartments("y", 2, decay_u=4096, decay_v=[1000, 2000], threshold=threshold, refractory=2)
-    for name, weights in (("x", [[100], [60]]), ("z", [[-20, 100], [140, -80]])):
-        builder.connect(builder.add_input(name, len(weights[0])), y, weights)
-    builder.read_out(y)
-    program = replace(builder.build(), readout=Readout(("y",), (1.0,), first))
-    r = np.random.default_rng(7)
-    density = np.repeat([0.9, 0.0, 0.3], [50, 40, 60])[:, None]
-    streams = {name: (r.random((150, n)) < density).astype(np.uint8) for name, n in (("x", 1), ("z", 2))}
-    whole = hw.simulate(program, streams, engine="reference", probe=("spikes", "potential"))
-    if first is None:
-        wanted = whole.spikes["y"].cumsum(axis=0, dtype=np.int64)
-    else:
-        wanted = largest_so_far(whole.potential["y"], first)
-    session = hw.Session(program)
-    for _ in range(2):
-        session.reset()
-        parts = [{name: rows[a:b] for name, rows in streams.items()} for a, b in pairwise([0, *cuts, 150])]
-        assert np.array_equal(np.concatenate([session.push(part).scores for part in parts]), wanted[:150])
-    assert len(np.unique(wanted)) > 5
-
-
 @pytest.mark.parametrize(
     ("given", "steps"),
     [(None, {}), (3, {"a": 3, "b": 3}), ((None, 10), {"b": 10}), ((2, None), {"a": 2}), ((0, 1), {"a": 0, "b": 1})],
@@ -305,38 +156,6 @@ def test_rows_of_more_than_a_tile(threshold, first, cuts):
 )
 def test_populations_that_give_potentials_have_a_first_step(given, steps):
     assert Readout(("a", "b"), (1.0, 1.0), given).from_step == steps
-
-
-@pytest.mark.parametrize("engine", ["reference", "fast"])
-@pytest.mark.parametrize("rows", [4, 5, 6], ids=["one row short", "as long", "one row long"])
-def test_recordings_next_to_the_length_of_their_program(rows, engine):
-    """A spike acts in the step after its row, so that the last row of five does not count."""
-    builder = hw.ProgramBuilder(CHIP)
-    y = builder.add_compartments("y", 1, decay_u=4096, decay_v=4096, threshold=10)
-    builder.connect(builder.add_input("x", 1), y, [[20]])
-    program = builder.build()
-    program = replace(program, phases=(replace(program.phases[0], steps=5),))
-    found = hw.simulate(program, np.ones((rows, 1), dtype=np.uint8), engine=engine)
-    assert found.spikes["y"].tolist() == [[0], [1], [1], [1], [1]]
-
-
-@pytest.mark.parametrize("rows", [1, 2, 6], ids=["one row", "fewer rows than visits", "more rows"])
-def test_a_transposed_phase_that_does_not_say_its_length_lasts_as_long_as_its_visits(rows):
-    """In a session and in both engines, however many rows the recording has; the last visit acts in no step."""
-    builder = hw.ProgramBuilder(CHIP)
-    y = builder.add_compartments("y", 1, decay_u=4096, decay_v=4096, threshold=10)
-    builder.connect(builder.add_input("x", 2), y, [[20, 20]])
-    program = assembled(CHIP, Readout(("y",), (1.0,)), in_phase(builder.graph(), "location", None, np.arange(4)))
-    recording, session = np.ones((rows, 4), dtype=np.uint8), hw.Session(program)
-    assert session.push(recording).spikes["y"].tolist() == [[3]] * rows
-    assert session.spikes("y").tolist() == [[0], [1], [1], [1]]
-    assert CoreProgram(program, rows).phases[-1].steps == 4
-    for engine in ENGINES:
-        found = hw.simulate(program, recording, engine=engine)
-        assert found.spikes["y"].tolist() == [[0], [1], [1], [1]]
-        assert found.counts.events_dropped == max(0, rows - 2) * 4
-        longer = hw.simulate(program, recording, steps=6, engine=engine)
-        assert longer.spikes["y"].tolist() == [[0], [1], [1], [1], [1], [0]]
 
 
 def test_a_readout_of_one_branch():

@@ -1,0 +1,67 @@
+"""What a session has to say after every step, from whole runs; and a program for recordings of any length."""
+
+from __future__ import annotations
+
+import numpy as np
+from hybrids import CHIP
+from hypothesis import strategies as st
+
+import hw_model as hw
+
+SEEDS = st.integers(0, 2**32 - 1)
+TOGETHER = st.integers(1, 3)
+"""Channels that the location phase visits at one step."""
+
+
+def so_far(recording: np.ndarray) -> np.ndarray:
+    """The recording up to every step, followed by silence: (steps, steps, channels)."""
+    until = np.tri(len(recording), dtype=np.uint8)
+    return until[:, :, None] * recording
+
+
+def largest_so_far(potential: np.ndarray, first: int) -> np.ndarray:
+    """The largest of each column up to every step (steps, n), from step ``first`` on, and 0 before that."""
+    return np.stack([potential[first : t + 1].max(axis=0, initial=-(2**40)) if t >= first else 0 * potential[t]
+                     for t in range(len(potential))])  # fmt: skip
+
+
+def check_every_step(program: hw.ChipProgram, recording: np.ndarray, found) -> None:
+    """Time populations: their spikes up to the step. Location populations: a full run on the recording so far.
+
+    Where potentials predict, the largest of those instead of spikes.
+    """
+    whole = hw.simulate(program, recording, probe=("spikes", "potential"))
+    again = hw.simulate(program, so_far(recording), probe=("spikes", "potential"))
+    wanted = np.zeros_like(found.scores)
+    axis = {name: phase.axis for phase in program.phases for name in program.columns_of(phase.name)}
+    for name, weight in program.readout.terms:
+        first = program.readout.from_step.get(name)
+        if first is not None:
+            counts = largest_so_far(whole.potential[name][: len(recording)], first)
+            if axis[name] == "location":
+                counts = np.stack([largest_so_far(one, first)[-1] for one in again.potential[name]])
+        elif axis[name] == "time":
+            counts = whole.spikes[name].cumsum(axis=0, dtype=np.int64)[: len(recording)]
+        else:
+            counts = again.spikes[name].sum(axis=1, dtype=np.int64)
+        assert np.array_equal((found.spikes if first is None else found.potential)[name], counts), name
+        wanted += weight * counts
+    assert np.array_equal(found.scores, wanted)
+    assert np.array_equal(found.scores[-1], whole.scores)
+    assert np.array_equal(found.prediction, wanted.argmax(axis=1))
+    ordered = np.sort(wanted, axis=1)
+    assert np.array_equal(found.lead, ordered[:, -1] - (ordered[:, -2] if wanted.shape[1] > 1 else 0))
+
+
+def live_program() -> hw.ChipProgram:
+    """One live phase with recurrence, a delay and a bias, which a recording of any length can be played to."""
+    builder = hw.ProgramBuilder(CHIP)
+    x = builder.add_input("touch", 6)
+    h = builder.add_compartments("h", 20, decay_u=1024, decay_v=128, threshold=1000, refractory=3)
+    y = builder.add_compartments("y", 3, decay_u=4096, decay_v=400, threshold=600, bias=[0, 64, 640])
+    r = np.random.default_rng(4)
+    builder.connect(x, h, 2 * r.integers(-60, 100, (20, 6)))
+    builder.connect(h, h, 2 * r.integers(-60, 40, (20, 20)), delay=5)
+    builder.connect(h, y, 2 * r.integers(-60, 100, (3, 20)))
+    builder.read_out(y)
+    return builder.build()

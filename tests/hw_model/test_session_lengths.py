@@ -1,0 +1,139 @@
+"""How long sessions last: recordings without rows, shorter or longer than the program, of a tile, and of any length."""
+
+from __future__ import annotations
+
+import tracemalloc
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hybrids import CHIP, assembled, in_phase, random_hybrid
+from hypothesis import given, settings
+from sessions import SEEDS, TOGETHER, check_every_step, largest_so_far, live_program
+
+import hw_model as hw
+from hw_model.mapping.graph import Phase, Readout
+from hw_model.mapping.routing import InputRoute
+from hw_model.rtl.images import CoreProgram
+from hw_model.simulation import ENGINES
+
+
+def test_a_recording_is_as_long_as_the_longest_phase_over_time():
+    program, recording = random_hybrid(3)
+    short = [Phase(name, "time", 1) for name in ("before", "after")]
+    nowhere = np.zeros(0, dtype=np.int64)
+    (touch,) = (item for item in program.inputs if item.phase == "time")
+    longer = replace(
+        program,
+        phases=(short[0], *program.phases, short[1]),
+        inputs=(*program.inputs, *(replace(touch, name=phase.name, phase=phase.name) for phase in short)),
+        input_routes=(*program.input_routes, *(InputRoute(phase.name, nowhere, nowhere, nowhere) for phase in short)),
+    )
+    scores = hw.Session(longer, 10.0).push(recording).scores
+    assert np.array_equal(scores, hw.Session(program, 10.0).push(recording).scores)
+    assert not np.array_equal(scores, hw.Session(program).push(recording).scores)
+
+
+@pytest.mark.parametrize("psi", [None, 10.0], ids=["plain", "time-weighted"])
+@settings(max_examples=10, deadline=None)
+@given(seed=SEEDS, together=TOGETHER)
+def test_rows_past_the_end_change_nothing(psi, seed, together):
+    program, recording = random_hybrid(seed, together)
+    session = hw.Session(program, psi)
+    last = session.push(recording)
+    after = session.push(np.ones((5, recording.shape[1]), dtype=np.uint8))
+    assert np.array_equal(after.scores, np.repeat(last.scores[-1:], 5, axis=0))
+    assert session.steps == len(recording) + 5
+
+
+def test_no_rows():
+    program, recording = random_hybrid(1)
+    session = hw.Session(program)
+    assert session.push(recording[:0]).scores.shape == (0, program.populations["time/y"])
+    assert session.push(recording[:0]).prediction.shape == (0,)
+    check_every_step(program, recording, session.push(recording))
+
+
+def test_a_live_program_over_many_rows():
+    """A recording of any length, rows by thousands or one by one, in memory that does not grow."""
+    program = live_program()
+    rows = (np.random.default_rng(5).random((10_000, 6)) < 0.2).astype(np.uint8)
+    session = hw.Session(program)
+    found = session.push(rows)
+    counts = hw.simulate(program, rows).spikes["y"].cumsum(axis=0, dtype=np.int64)
+    assert np.array_equal(found.spikes["y"], counts)
+    assert counts[-1].min() > 0
+
+    session.reset()
+    one_by_one = [session.push(row).spikes["y"] for row in rows[:10]]
+    assert np.array_equal(np.concatenate(one_by_one), counts[:10])
+    held = {}
+    tracemalloc.start()
+    try:
+        for start in range(10, len(rows), 10):
+            session.push(rows[start : start + 10])
+            if session.steps in (5_000, 10_000):
+                held[session.steps] = tracemalloc.get_traced_memory()[0]
+    finally:
+        tracemalloc.stop()
+    assert session.steps == len(rows)
+    assert held[10_000] - held[5_000] < 4_000
+
+
+@pytest.mark.parametrize(("threshold", "first"), [(300, None), (100_000, 3), (100_000, 66)], ids=["spikes", "3", "66"])
+@pytest.mark.parametrize("cuts", [[], [70], [3, 5, 140]], ids=["at once", "in two", "in four"])
+def test_rows_of_more_than_a_tile(threshold, first, cuts):
+    """Tiles have 64 rows: two inputs, rests in between, and potentials that are largest in the first tile or the last."""
+    builder = hw.ProgramBuilder(CHIP)
+    y = builder.add_compartments("y", 2, decay_u=4096, decay_v=[1000, 2000], threshold=threshold, refractory=2)
+    for name, weights in (("x", [[100], [60]]), ("z", [[-20, 100], [140, -80]])):
+        builder.connect(builder.add_input(name, len(weights[0])), y, weights)
+    builder.read_out(y)
+    program = replace(builder.build(), readout=Readout(("y",), (1.0,), first))
+    r = np.random.default_rng(7)
+    density = np.repeat([0.9, 0.0, 0.3], [50, 40, 60])[:, None]
+    streams = {name: (r.random((150, n)) < density).astype(np.uint8) for name, n in (("x", 1), ("z", 2))}
+    whole = hw.simulate(program, streams, engine="reference", probe=("spikes", "potential"))
+    if first is None:
+        wanted = whole.spikes["y"].cumsum(axis=0, dtype=np.int64)
+    else:
+        wanted = largest_so_far(whole.potential["y"], first)
+    session = hw.Session(program)
+    for _ in range(2):
+        session.reset()
+        parts = [{name: rows[a:b] for name, rows in streams.items()} for a, b in pairwise([0, *cuts, 150])]
+        assert np.array_equal(np.concatenate([session.push(part).scores for part in parts]), wanted[:150])
+    assert len(np.unique(wanted)) > 5
+
+
+@pytest.mark.parametrize("engine", ["reference", "fast"])
+@pytest.mark.parametrize("rows", [4, 5, 6], ids=["one row short", "as long", "one row long"])
+def test_recordings_next_to_the_length_of_their_program(rows, engine):
+    """A spike acts in the step after its row, so that the last row of five does not count."""
+    builder = hw.ProgramBuilder(CHIP)
+    y = builder.add_compartments("y", 1, decay_u=4096, decay_v=4096, threshold=10)
+    builder.connect(builder.add_input("x", 1), y, [[20]])
+    program = builder.build()
+    program = replace(program, phases=(replace(program.phases[0], steps=5),))
+    found = hw.simulate(program, np.ones((rows, 1), dtype=np.uint8), engine=engine)
+    assert found.spikes["y"].tolist() == [[0], [1], [1], [1], [1]]
+
+
+@pytest.mark.parametrize("rows", [1, 2, 6], ids=["one row", "fewer rows than visits", "more rows"])
+def test_a_transposed_phase_that_does_not_say_its_length_lasts_as_long_as_its_visits(rows):
+    """In a session and in both engines, however many rows the recording has; the last visit acts in no step."""
+    builder = hw.ProgramBuilder(CHIP)
+    y = builder.add_compartments("y", 1, decay_u=4096, decay_v=4096, threshold=10)
+    builder.connect(builder.add_input("x", 2), y, [[20, 20]])
+    program = assembled(CHIP, Readout(("y",), (1.0,)), in_phase(builder.graph(), "location", None, np.arange(4)))
+    recording, session = np.ones((rows, 4), dtype=np.uint8), hw.Session(program)
+    assert session.push(recording).spikes["y"].tolist() == [[3]] * rows
+    assert session.spikes("y").tolist() == [[0], [1], [1], [1]]
+    assert CoreProgram(program, rows).phases[-1].steps == 4
+    for engine in ENGINES:
+        found = hw.simulate(program, recording, engine=engine)
+        assert found.spikes["y"].tolist() == [[0], [1], [1], [1]]
+        assert found.counts.events_dropped == max(0, rows - 2) * 4
+        longer = hw.simulate(program, recording, steps=6, engine=engine)
+        assert longer.spikes["y"].tolist() == [[0], [1], [1], [1], [1], [0]]
