@@ -23,6 +23,8 @@ MAX_BYTES = 1_000_000
 
 #: The loader in C, if available: with bounded depth it gives the same result, many times faster.
 FAST_LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+SEAL = "# SHA-256 of all above: "
+"""Begins the last line of a file that carries its own checksum; a file without that line is read as it is."""
 WAY_ON = "Write one 'key: value' per line."
 
 

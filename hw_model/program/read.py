@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 
 from hw_model.description.chip import parse_chip
-from hw_model.errors import InputError
+from hw_model.errors import InputError, check_same
 from hw_model.io.files import parsing, read_bytes
 from hw_model.io.folders import finish_writing
 from hw_model.io.given import checked
 from hw_model.io.npy import load_npy
-from hw_model.io.yaml_text import FAST_LOADER, load_yaml
+from hw_model.io.yaml_text import FAST_LOADER, SEAL, load_yaml
 from hw_model.io.zip_directory import BoundedZip
 from hw_model.mapping.fan_in import SynapseFormat
 from hw_model.mapping.graph import Input, Phase, Readout, held
@@ -48,17 +48,19 @@ def load_program(folder: str | Path) -> ChipProgram:
     document = load_yaml(yaml_bytes, *asked, loader=FAST_LOADER, most_nodes=MAX_YAML_NODES)
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise InputError("program.yaml", "this is not a program", fix=fix)
-    if document.get("version") != VERSION:
-        measured = f"{document.get('version')!r} against {VERSION}"
-        fix = "Compile it again, or use the release that wrote it."
-        raise InputError("program.yaml", "the program has another format version", measured=measured, fix=fix)
+    version, fix = repr(document.get("version")), "Compile it again, or use the release that wrote it."
+    check_same(version, repr(VERSION), "program.yaml", "the program has another format version", fix=fix)
     if hashlib.sha256(npz_bytes).hexdigest() != document.get("arrays_sha256"):
         what = "the checksum differs: it is damaged, or of another program"
         raise InputError("program.npz", what, fix="Compile again.")
     with parsing("program.yaml", "its entries do not make a program", fix="Compile again."):
         program = _program(document, _unpack(npz_bytes))
         check_program(program)
-        return program
+    above, seal, said = yaml_bytes.replace(b"\r\n", b"\n").rpartition(SEAL.encode())
+    if seal and hashlib.sha256(above).hexdigest().encode() != said.strip():
+        fix = "Compile again or, to play it as edited, remove its last line."
+        raise InputError("program.yaml", "its checksum differs: it was edited, or is damaged", fix=fix)
+    return program
 
 
 def _unpack(content: bytes) -> dict[str, IntArray]:
@@ -118,7 +120,6 @@ def _readout(weights: dict[str, float], first: Any) -> Readout:
 
 def _core(core: dict[str, Any], arrays: dict[str, IntArray]) -> Core:
     prefix = f"core{int(core['number'])}/"
-    formats = tuple(SynapseFormat(**form) for form in core["synapse_formats"])
     held_as: dict[str, Any] = {name: int(core[name]) for name in ("number", "slot", "vmin", "vmax")}
     held_as |= {name: arrays[prefix + name] for name in CORE_ARRAYS}
     return Core(
@@ -128,7 +129,7 @@ def _core(core: dict[str, Any], arrays: dict[str, IntArray]) -> Core:
         profiles=tuple(CompartmentProfile(**profile) for profile in core["compartment_profiles"]),
         thresholds=tuple(map(int, core["threshold_mantissas"])),
         axons=AxonTables(
-            formats=formats,
+            formats=tuple(SynapseFormat(**form) for form in core["synapse_formats"]),
             synapse_words=int(core["synapse_words"]),
             **{name: arrays[prefix + name] for name in AXON_ARRAYS if name not in OF_SYNAPSES},
             **{name: held(arrays.pop(prefix + name)) for name in OF_SYNAPSES},

@@ -13,6 +13,7 @@ import yaml
 from hw_model.errors import InputError
 from hw_model.io.files import npy_bytes, pack_files
 from hw_model.io.folders import replace_entries
+from hw_model.io.yaml_text import SEAL
 from hw_model.mapping.routing import AxonTables
 from hw_model.values import IntArray, picked
 
@@ -38,6 +39,7 @@ def program_files(program: ChipProgram) -> dict[str, bytes]:
     document = {"format": FORMAT, "version": VERSION, "arrays_sha256": hashlib.sha256(arrays).hexdigest()}
     document.update(_document(program))
     text = yaml.dump(document, sort_keys=False, allow_unicode=True, width=120, Dumper=_Dumper)
+    text += f"{SEAL}{hashlib.sha256(text.encode()).hexdigest()}\n"
     return {"program.npz": arrays, "program.yaml": text.encode()}
 
 
@@ -108,10 +110,8 @@ def _potentials_from(readout: Readout) -> int | dict[str, int]:
 def _arrays(program: ChipProgram) -> dict[str, IntArray]:
     arrays: dict[str, IntArray] = {}
     for index, item in enumerate(program.inputs):
-        if item.positions is not None:
-            arrays[f"input{index}/positions"] = item.positions
-        if item.first_lines is not None:
-            arrays[f"input{index}/first_lines"] = item.first_lines
+        visits = picked(item, "positions", "first_lines")
+        arrays |= {f"input{index}/{name}": array for name, array in visits.items() if array is not None}
     for index, route in enumerate(program.input_routes):
         arrays.update({f"input{index}/{name}": array for name, array in picked(route, *ROUTE_ARRAYS).items()})
     for core in program.cores:

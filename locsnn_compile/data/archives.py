@@ -15,7 +15,7 @@ from locsnn_compile.data.member_names import EVENT_SUFFIXES, PARTS
 from locsnn_compile.data.members import TIMES, Members, open_members
 from locsnn_compile.data.recordings import MAX_ELEMENTS, Binned, Recordings, clean_spikes
 from locsnn_compile.data.tact import parse_tact
-from locsnn_compile.errors import InputError, check_most, did_you_mean
+from locsnn_compile.errors import InputError, check_most, check_same, did_you_mean
 
 #: Largest text of one recording: about 600,000 events.
 MAX_TEXT_BYTES = 10_000_000
@@ -95,9 +95,7 @@ def _read(members: Members, names: list[str], binning: Binning) -> tuple[ByteArr
             streams.append(parse_structured(array, place))
         else:
             array = to_step_major(array, place, binning.channels, binning.axes)
-            if len(array) != 1:
-                fix = "Give one per file."
-                raise InputError(place, "it is not one recording", measured=f"{len(array)} inside", fix=fix)
+            check_same(len(array), 1, place, "it is not one recording", fix="Give one per file.")
             arrays.append(clean_spikes(place, array)[0])
             _check_fits(arrays, len(names), members.where, place)
     if not arrays:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import hw_model as hw
+from hw_model.io.yaml_text import SEAL
 from locsnn_compile.cli.compile import main as compile_main
 from locsnn_compile.cli.main import main
 from locsnn_compile.cli.run_stream import LiveLine, lead_text, stream_lines
@@ -125,7 +126,7 @@ def test_the_length_of_a_step_is_told_or_left_out(build, capsys, tmp_path):
     refused = "step_seconds: program 'objects-hybrid' has another (got 0.5 against 0.02). Leave it out.\n"
     assert capsys.readouterr() == ("", refused)
     text = (build / "out/program.yaml").read_text().replace("step_seconds: 0.02\n", "")
-    (tmp_path / "program.yaml").write_text(text)
+    (tmp_path / "program.yaml").write_text(text.rpartition(SEAL)[0])
     (tmp_path / "program.npz").write_bytes((build / "out/program.npz").read_bytes())
     silent = ["run", str(tmp_path), "--events", str(build / "silent.npy"), "--stream"]
     assert main([*silent, "--step-seconds", "0.5", "--json"]) == 0

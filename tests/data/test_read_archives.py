@@ -168,7 +168,7 @@ BAD: list[tuple[str, Callable[[Path], object], str]] = [
     (
         "several recordings in one file",
         members(_0=npy(np.zeros((2, 39, 2, 5)))),
-        "archive 'a.zip', 'sample_0_label_0.npy': it is not one recording (2 inside). Give one per file.",
+        "archive 'a.zip', 'sample_0_label_0.npy': it is not one recording (2 against 1). Give one per file.",
     ),
 ]
 

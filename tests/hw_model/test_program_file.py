@@ -93,6 +93,39 @@ def test_damage_is_refused_by_name(saved, damage, message):
     assert str(caught.value) == message.replace("{folder}", str(saved))
 
 
+EDITED = (
+    "program.yaml: its checksum differs: it was edited, or is damaged. "
+    "Compile again or, to play it as edited, remove its last line."
+)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("threshold_mantissas:\n  - \\d+", "threshold_mantissas:\n  - 77"),
+        ("synapses_pruned: \\d+", "synapses_pruned: 12345"),
+        ("SHA-256 of all above: .", "SHA-256 of all above: x"),
+    ],
+    ids=["threshold", "a count", "the checksum itself"],
+)
+def test_an_edited_program_is_refused_until_its_checksum_is_removed(saved, old, new):
+    path = saved / "program.yaml"
+    replace_in(path, old, new)
+    with pytest.raises(hw.InputError) as caught:
+        hw.load_program(saved)
+    assert str(caught.value) == EDITED
+    *lines, last = path.read_text().splitlines(keepends=True)
+    assert last.startswith("# SHA-256 of all above: ")
+    path.write_text("".join(lines))
+    hw.load_program(saved)
+
+
+def test_lines_may_end_as_on_windows(saved):
+    path = saved / "program.yaml"
+    path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
+    hw.load_program(saved)
+
+
 def test_arrays_carry_no_time_stamp(saved):
     with zipfile.ZipFile(saved / "program.npz") as archive:
         assert {entry.date_time for entry in archive.infolist()} == {(1980, 1, 1, 0, 0, 0)}
