@@ -30,18 +30,8 @@ def build(tmp_path_factory):
         np.save(folder / f"{name}.npy", (r.random((samples, 78, 60)) < 0.1).astype(np.uint8))
         np.save(folder / f"{name}_labels.npy", np.arange(samples))
     np.save(folder / "silent.npy", np.zeros((2, 78, 60), dtype=np.uint8))
-    arguments = [
-        MODEL,
-        "--events",
-        folder / "few.npy",
-        "-o",
-        folder / "out",
-        "--quiet",
-        "--strategy",
-        "dendrite",
-        "--psi",
-        "3",
-    ]
+    options = "--quiet --strategy dendrite --psi 3".split()
+    arguments = [MODEL, "--events", folder / "few.npy", "-o", folder / "out", *options]
     assert compile_main([str(a) for a in arguments]) == 0
     return folder
 

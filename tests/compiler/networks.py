@@ -3,11 +3,13 @@
 import numpy as np
 from scipy import sparse
 
+import hw_model as hw
 from hw_model.mapping.graph import Readout
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm
 from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.network.projections import ChipProjection, Projection, matrix, values_of
+from locsnn_compile.reference.evaluate import evaluate
 
 NEURON = SrmAlpha(theta=10.0, tau_sr=10.0, tau_ref=1.0, scale_ref=2.0)
 
@@ -58,6 +60,15 @@ def hybrid(
 def recordings(network, samples=3, seed=0, rate=0.3):
     r = np.random.default_rng(seed)
     return (r.random((samples, network.steps, network.channels)) < rate).astype(np.uint8)
+
+
+def check_bit_for_bit(levels, played):
+    """The program has the spikes and potentials of the rounded network, whose integers the reference evaluates."""
+    wanted = evaluate(levels.quantized.on_grid(), played, potentials=True)
+    found = hw.simulate(levels.program, played, probe=("spikes", "potential"))
+    for population in levels.network.populations:
+        assert np.array_equal(found.spikes[population.name], wanted.spikes[population.name])
+        assert np.array_equal(found.potential[population.name], wanted.potential[population.name])
 
 
 def single(neuron, weights=((1.0,),), *, steps=20, classes=None, recurrent=None, delay=0):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from networks import NEURON, hybrid, recordings, single
+from networks import NEURON, check_bit_for_bit, hybrid, recordings, single
 from scipy import sparse
 
 import hw_model as hw
@@ -21,7 +21,7 @@ from locsnn_compile.passes.rounding.task import FINE, NEAREST, Rounding
 from locsnn_compile.passes.rounding.together import Metric, round_together
 from locsnn_compile.passes.srm.fine import RIDGE, drive_of
 from locsnn_compile.pipeline import lower
-from locsnn_compile.reference.evaluate import SAMPLES, calibrate, evaluate
+from locsnn_compile.reference.evaluate import SAMPLES, calibrate
 from locsnn_compile.reference.integer_neurons import effective
 from locsnn_compile.verification.matching import compare
 
@@ -216,12 +216,7 @@ def test_the_program_is_the_rounded_network_bit_for_bit(seed, strategy, bits, sp
     network = hybrid(seed, steps=25, hidden=3)
     calibration = calibrated(network, samples=2) if calibrates else None
     levels = lower(network, CHIP, bits, strategy, replace(FINE, split=split), calibration)
-    played = recordings(network, samples=2, seed=seed)
-    wanted = evaluate(levels.quantized.on_grid(), played, potentials=True)
-    found = hw.simulate(levels.program, played, probe=("spikes", "potential"))
-    for population in network.populations:
-        assert np.array_equal(found.spikes[population.name], wanted.spikes[population.name])
-        assert np.array_equal(found.potential[population.name], wanted.potential[population.name])
+    check_bit_for_bit(levels, recordings(network, samples=2, seed=seed))
 
 
 def test_every_improvement_buys_spikes():

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from networks import NEURON, hybrid, recordings, single
+from networks import NEURON, check_bit_for_bit, hybrid, recordings, single
 
 import hw_model as hw
 from locsnn_compile.errors import TargetError
@@ -17,7 +17,6 @@ from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.passes.quantize import quantize
 from locsnn_compile.passes.srm.quantize import LAYOUTS, refractory_count
 from locsnn_compile.pipeline import lower
-from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.reference.integer_neurons import input_response, own_spike_response
 from locsnn_compile.settings import STRATEGIES, TRAINABLE
 
@@ -46,12 +45,7 @@ def nu(neuron, steps):
 def test_the_program_is_the_rounded_network_bit_for_bit(seed, strategy, bits, tau_ref):
     network = hybrid(seed, steps=40, hidden=5, neuron=SrmAlpha(10.0, 10.0, tau_ref, 2.0))
     levels = lower(network, CHIP, bits, strategy)
-    played = recordings(network, samples=2, seed=seed)
-    wanted = evaluate(levels.quantized.on_grid(), played, potentials=True)
-    found = hw.simulate(levels.program, played, probe=("spikes", "potential"))
-    for population in network.populations:
-        assert np.array_equal(found.spikes[population.name], wanted.spikes[population.name])
-        assert np.array_equal(found.potential[population.name], wanted.potential[population.name])
+    check_bit_for_bit(levels, recordings(network, samples=2, seed=seed))
 
 
 @pytest.mark.parametrize(

@@ -27,19 +27,8 @@ def build(tmp_path_factory):
     r = np.random.default_rng(0)
     recordings = (r.random((2, 78, 120)) < 0.1).astype(np.uint8)
     np.save(folder / "few.npy", recordings)
-    arguments = [
-        MODEL,
-        "--events",
-        folder / "few.npy",
-        "-o",
-        folder / "out",
-        "--quiet",
-        "--recording",
-        CHOSEN,
-        "--strategy",
-        "dendrite",
-    ]
-    arguments += ["--probe", "time_output[3]", "--probe", "location_hidden[0:2]", "--emit", *BENCH_KINDS]
+    options = f"--quiet --recording {CHOSEN} --strategy dendrite --probe time_output[3] --probe location_hidden[0:2]"
+    arguments = [MODEL, "--events", folder / "few.npy", "-o", folder / "out", *options.split(), "--emit", *BENCH_KINDS]
     assert main([str(argument) for argument in arguments]) == 0
     program = hw.load_program(folder / "out")
     return folder / "out", program, hw.simulate(program, recordings[CHOSEN].T, probe=("spikes", "u", "v", "activity"))

@@ -8,7 +8,7 @@ import sys
 import nir
 import sinabs.layers as sl
 import torch
-from framework_files import heard, recording, save_trace
+from framework_files import save_played
 from sinabs.activation import MembraneReset, MembraneSubtract, SingleSpike
 from sinabs.nir import to_nir
 from torch.nn import Conv1d, Conv2d, Flatten, Linear, Sequential
@@ -62,7 +62,6 @@ if __name__ == "__main__":
     for name, make in {**NETWORKS, **IMAGES}.items():
         torch.manual_seed(0)
         network, shape = make(), SHAPES.get(name, (20,))
-        given = recording(shape)
         with torch.no_grad():
             network(torch.zeros(1, *shape))  # neurons get their size in the first pass
         graph = to_nir(network, torch.zeros(1, *shape))
@@ -71,8 +70,4 @@ if __name__ == "__main__":
         layers = {key: m for key, m in network.named_modules() if isinstance(m, sl.StatefulLayer)}
         for layer in layers.values():
             layer.reset_states()
-        found = heard(layers)
-        with torch.no_grad():
-            for row in given:
-                network(torch.tensor(row)[None])
-        save_trace(sys.argv[1], name, given, found)
+        save_played(sys.argv[1], name, network, layers, shape)

@@ -5,7 +5,7 @@ import sys
 import nir
 import snntorch as snn
 import torch
-from framework_files import heard, recording, save_trace
+from framework_files import save_played
 from snntorch.export_nir import export_to_nir
 from torch.nn import AvgPool2d, Conv2d, Flatten, Linear, Sequential
 
@@ -79,8 +79,4 @@ if __name__ == "__main__":
         neurons = {key: m for key, m in network.named_modules() if isinstance(m, snn.SpikingNeuron)}
         for neuron in neurons.values():
             neuron.reset_mem()
-        found, given = heard(neurons), recording(shape)
-        with torch.no_grad():
-            for row in given:
-                network(torch.tensor(row)[None])
-        save_trace(sys.argv[1], name, given, found)
+        save_played(sys.argv[1], name, network, neurons, shape)

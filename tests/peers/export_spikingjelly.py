@@ -3,7 +3,7 @@
 import sys
 
 import torch
-from framework_files import heard, recording, save_trace
+from framework_files import save_played
 from spikingjelly.activation_based import functional, layer
 from spikingjelly.activation_based.neuron import BaseNode, CUBALIFNode, IFNode, LIFNode, ParametricLIFNode
 from spikingjelly.activation_based.nir_exchange import export_to_nir
@@ -67,8 +67,4 @@ if __name__ == "__main__":
         functional.reset_net(network)
         # Nodes of a chain are called _0, _1, ...
         neurons = {f"_{k}" if k.isdigit() else k: m for k, m in network.named_modules() if isinstance(m, BaseNode)}
-        found, given = heard(neurons), recording(shape)
-        with torch.no_grad():
-            for row in given:
-                network(torch.tensor(row)[None])
-        save_trace(sys.argv[1], name, given, found)
+        save_played(sys.argv[1], name, network, neurons, shape)

@@ -23,6 +23,17 @@ def save_trace(folder: str, name: str, given: Any, layers: Mapping[str, Any]) ->
     np.savez_compressed(Path(folder) / f"{name}.npz", given=np.reshape(given, (len(given), -1)), **rows)
 
 
+def save_played(folder: str, name: str, network: Any, layers: Mapping[str, Any], shape) -> None:
+    """Play the recording to a torch network row by row, as batches of one, and write what its layers gave."""
+    import torch
+
+    found, given = heard(layers), recording(shape)
+    with torch.no_grad():
+        for row in given:
+            network(torch.tensor(row)[None])
+    save_trace(folder, name, given, found)
+
+
 def heard(modules: Mapping[str, Any]) -> dict[str, list[Any]]:
     """Return what torch modules give, call by call; their first value where they give several."""
     found: dict[str, list[Any]] = {name: [] for name in modules}

@@ -30,27 +30,27 @@ SIGN_MODE_SHARES = (0.5, 0.35, 0.15)
 
 @dataclass(frozen=True)
 class Abilities:
-    """What a peer can be asked for. Whatever is less than the chip's has a row in the peer's table of quirks."""
+    """What a peer can be asked for: all that the chip can, unless it says less, with a row in its table of quirks."""
 
-    overflow: bool
+    overflow: bool = True
     """It wraps q, u and u + bias, and clips v; otherwise networks that do so are drawn again."""
-    per_compartment: bool
+    per_compartment: bool = True
     """Compartments of a population may differ in their parameters."""
-    bias: bool
-    limits: bool
+    bias: bool = True
+    limits: bool = True
     """vmin and vmax can be set."""
-    refractory: bool
-    feedback: bool
+    refractory: bool = True
+    feedback: bool = True
     """A population may project to one before it, not only to itself."""
-    delay: Literal["none", "axon", "synapse"]
+    delay: Literal["none", "axon", "synapse"] = "synapse"
     """Delays may differ from source to source, or from synapse to synapse."""
-    threshold_max: int
-    exponents: range
-    floors_negative_exponents: bool
+    threshold_max: int = 131071
+    exponents: range = range(-8, 8)
+    floors_negative_exponents: bool = True
     """Otherwise only mantissas that lose no bits are drawn."""
-    odd_mantissas: bool
+    odd_mantissas: bool = True
     """The sign modes without a sign bit have them, at 8 bits."""
-    lowest_mantissa: range
+    lowest_mantissa: range = range(-8, 8)
     """Weight exponents at which the mantissa -256 is drawn."""
 
 

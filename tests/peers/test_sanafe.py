@@ -17,20 +17,7 @@ from random_networks import EVENTS, Abilities, random_network
 
 pytestmark = pytest.mark.peers
 
-CAN = Abilities(
-    overflow=False,
-    per_compartment=True,
-    bias=True,
-    limits=False,
-    refractory=False,
-    feedback=True,
-    delay="none",
-    threshold_max=131071,
-    exponents=range(-8, 8),
-    floors_negative_exponents=True,
-    odd_mantissas=True,
-    lowest_mantissa=range(-8, 8),
-)
+CAN = Abilities(overflow=False, limits=False, refractory=False, delay="none")
 SEEDS = range(12)
 """Few: loading one network takes SANA-FE a second or more."""
 

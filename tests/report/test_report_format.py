@@ -20,61 +20,34 @@ from locsnn_compile.report.format import (
 
 
 @pytest.mark.parametrize(
-    ("pj", "text"),
-    [
-        pytest.param(0.0, "0 pJ", id="nothing"),
-        pytest.param(0.0236, "0.0236 pJ", id="below-the-first-unit"),
-        pytest.param(23.6, "23.6 pJ", id="one-operation"),
-        pytest.param(999.4, "999 pJ", id="last-of-a-unit"),
-        pytest.param(999.5, "1.00 nJ", id="rounds-into-the-next"),
-        pytest.param(4378.2, "4.38 nJ", id="nano"),
-        pytest.param(936394.0, "936 nJ", id="no-decimals-from-100"),
-        pytest.param(10651708.6, "10.7 µJ", id="micro"),
-        pytest.param(9.996e6, "10.0 µJ", id="rounding-adds-a-digit"),
-        pytest.param(3.34e9, "3.34 mJ", id="milli"),
-        pytest.param(5e12, "5.00 J", id="joule"),
-        pytest.param(12345e12, "12,345 J", id="no-larger-unit"),
-    ],
-)
-def test_energy(pj: float, text: str) -> None:
-    assert energy(pj) == text
-
-
-@pytest.mark.parametrize(
-    ("ns", "text"),
-    [
-        pytest.param(0, "0 ns", id="nothing"),
-        pytest.param(113.0, "113 ns", id="nano"),
-        pytest.param(491127.2, "491 µs", id="micro"),
-        pytest.param(1401416.2, "1.40 ms", id="milli"),
-        pytest.param(5e9, "5.00 s", id="seconds"),
-        pytest.param(4.2e12, "4,200 s", id="no-larger-unit"),
-    ],
-)
-def test_time(ns: float, text: str) -> None:
-    assert time(ns) == text
-
-
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [
-        pytest.param(0.0, "0 %", id="none"),
-        pytest.param(1.0, "100 %", id="all"),
-        pytest.param(0.5, "50.0 %", id="half"),
-        pytest.param(143 / 144, "99.31 %", id="near-all-keeps-two-digits-of-the-rest"),
-        pytest.param(0.99996, "99.9960 %", id="never-rounded-to-all"),
-        pytest.param(0.999999999999, "> 99.999999 %", id="beyond-what-is-shown"),
-        pytest.param(6.25e-05, "0.0063 %", id="small"),
-        pytest.param(1e-12, "< 0.000001 %", id="never-rounded-to-none"),
-    ],
-)
-def test_share(value: float, text: str) -> None:
-    assert share(value) == text
-
-
-@pytest.mark.parametrize(
     ("made", "text"),
     [
+        pytest.param(energy(0.0), "0 pJ", id="energy-nothing"),
+        pytest.param(energy(0.0236), "0.0236 pJ", id="energy-below-the-first-unit"),
+        pytest.param(energy(23.6), "23.6 pJ", id="energy-one-operation"),
+        pytest.param(energy(999.4), "999 pJ", id="energy-last-of-a-unit"),
+        pytest.param(energy(999.5), "1.00 nJ", id="energy-rounds-into-the-next"),
+        pytest.param(energy(4378.2), "4.38 nJ", id="energy-nano"),
+        pytest.param(energy(936394.0), "936 nJ", id="energy-no-decimals-from-100"),
+        pytest.param(energy(10651708.6), "10.7 µJ", id="energy-micro"),
+        pytest.param(energy(9.996e6), "10.0 µJ", id="energy-rounding-adds-a-digit"),
+        pytest.param(energy(3.34e9), "3.34 mJ", id="energy-milli"),
+        pytest.param(energy(5e12), "5.00 J", id="energy-joule"),
+        pytest.param(energy(12345e12), "12,345 J", id="energy-no-larger-unit"),
+        pytest.param(time(0), "0 ns", id="time-nothing"),
+        pytest.param(time(113.0), "113 ns", id="time-nano"),
+        pytest.param(time(491127.2), "491 µs", id="time-micro"),
+        pytest.param(time(1401416.2), "1.40 ms", id="time-milli"),
+        pytest.param(time(5e9), "5.00 s", id="time-seconds"),
+        pytest.param(time(4.2e12), "4,200 s", id="time-no-larger-unit"),
+        pytest.param(share(0.0), "0 %", id="share-none"),
+        pytest.param(share(1.0), "100 %", id="share-all"),
+        pytest.param(share(0.5), "50.0 %", id="share-half"),
+        pytest.param(share(143 / 144), "99.31 %", id="share-near-all-keeps-two-digits-of-the-rest"),
+        pytest.param(share(0.99996), "99.9960 %", id="share-never-rounded-to-all"),
+        pytest.param(share(0.999999999999), "> 99.999999 %", id="share-beyond-what-is-shown"),
+        pytest.param(share(6.25e-05), "0.0063 %", id="share-small"),
+        pytest.param(share(1e-12), "< 0.000001 %", id="share-never-rounded-to-none"),
         pytest.param(count(243630.43), "243,630", id="mean-of-counts"),
         pytest.param(count(12.5), "12.5", id="small-mean"),
         pytest.param(count(7), "7", id="whole"),
@@ -100,7 +73,7 @@ def test_share(value: float, text: str) -> None:
         pytest.param(plain("µ touch 1"), "µ touch 1", id="printable"),
     ],
 )
-def test_others(made: str, text: str) -> None:
+def test_texts_of_values(made: str, text: str) -> None:
     assert made == text
 
 
