@@ -200,57 +200,21 @@ def test_a_state_of_another_shape_is_refused_in_a_line(
     assert (path.read_bytes(), sorted(tmp_path.glob("small*"))) == (before, [path])
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        pytest.param(("--data", "none.npz"), "file 'none.npz': it does not exist. Check the path.", id="missing data"),
-        pytest.param(
-            ("--recordings", "-1"),
-            "--recordings -1: it is out of range. Give a number from 0 up.",
-            id="negative recordings",
-        ),
-        pytest.param(
-            ("-o", "none/x.pt"),
-            "output 'x.pt': it is not a .pt file in an existing folder. Correct -o.",
-            id="no folder for the output",
-        ),
-        pytest.param(
-            ("-o", "x.nir"),
-            "output 'x.nir': it is not a .pt file in an existing folder. Correct -o.",
-            id="other kind of output",
-        ),
-        pytest.param(
-            ("--model", "hybird"),
-            "training option 'model': 'hybird' is not known. Did you mean 'hybrid'?",
-            id="misspelt model",
-        ),
-        pytest.param(
-            ("--strategy", "delayline"),
-            "--strategy delayline: it is not known. Did you mean 'delay-line'?",
-            id="misspelt strategy",
-        ),
-        pytest.param(
-            ("--weight-bits", "7"),
-            "training option 'weight_bits': 7 is not known. Choose one of: 1, 2, 3, 4, 5, 6, 8.",
-            id="weight bits",
-        ),
-        pytest.param(
-            ("--target", "loihi-3"),
-            "target 'loihi-3': no chip of this name ships. Did you mean 'loihi-sim'? A chip file of your own ends in .yaml.",
-            id="unknown chip",
-        ),
-        pytest.param(
-            ("--from", "none.pt"),
-            "checkpoint 'none.pt': it cannot be read (No such file or directory). Check the path.",
-            id="nothing to start from",
-        ),
-        pytest.param(
-            ("--order", "1,2,3"),
-            "location order: taxel 4 is missing (3 of 39 taxels given). Give every taxel from 1 to 39 exactly once.",
-            id="short order",
-        ),
-    ],
-)
+REFUSED = [
+    ("missing data", ("--data", "none.npz"), "file 'none.npz': it does not exist. Check the path."),
+    ("negative recordings", ("--recordings", "-1"), "--recordings -1: it is out of range. Give a number from 0 up."),
+    ("no folder for the output", ("-o", "none/x.pt"), "output 'x.pt': it is not a .pt file in an existing folder. Correct -o."),
+    ("other kind of output", ("-o", "x.nir"), "output 'x.nir': it is not a .pt file in an existing folder. Correct -o."),
+    ("misspelt model", ("--model", "hybird"), "training option 'model': 'hybird' is not known. Did you mean 'hybrid'?"),
+    ("misspelt strategy", ("--strategy", "delayline"), "--strategy delayline: it is not known. Did you mean 'delay-line'?"),
+    ("weight bits", ("--weight-bits", "7"), "training option 'weight_bits': 7 is not known. Choose one of: 1, 2, 3, 4, 5, 6, 8."),
+    ("unknown chip", ("--target", "loihi-3"), "target 'loihi-3': no chip of this name ships. Did you mean 'loihi-sim'? A chip file of your own ends in .yaml."),
+    ("nothing to start from", ("--from", "none.pt"), "checkpoint 'none.pt': it cannot be read (No such file or directory). Check the path."),
+    ("short order", ("--order", "1,2,3"), "location order: taxel 4 is missing (3 of 39 taxels given). Give every taxel from 1 to 39 exactly once."),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("arguments", "message"), [row[1:] for row in REFUSED], ids=[row[0] for row in REFUSED])
 def test_what_is_refused(
     tmp_path: Path, data: str, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], message: str
 ) -> None:
