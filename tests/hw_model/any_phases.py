@@ -20,7 +20,7 @@ from hw_model.description.chip import parse_chip
 from hw_model.mapping.check_graph import check_graph, voltage_maxima, voltage_minima
 from hw_model.mapping.graph import AXES, CompartmentGraph, Phase, Readout
 
-WEIGHTS = [0.0, -0.0, 1.0, -1.0, 0.1, 0.2, 0.3, -0.7, 1e-300, 1e250, 3.5, 1 / 3, 1e16, -1e16]
+WEIGHTS = [0.0, -0.0, 1.0, -1.0, 0.1, 0.2, 0.3, -0.7, 1e-300, 1e100, 3.5, 1 / 3, 1e16, -1e16]
 """Weights of readouts; sums of several depend on their order."""
 PLAIN_WEIGHTS = [0.0, 1.0, 2.0, -1.0, -0.5, 3.5]
 """Those that the open core can add in integers."""
