@@ -45,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
     recordings = read_recordings(args.file, split=args.part, sensor=sensor, **asked)
     number = recording_of(args.recording, recordings)
     found = event_statistics(recordings, sensor)
-    written = _write(args, recordings, number)
+    written = _write(args, recordings, number, sensor)
     said = statistics_lines(found, recordings.binned.words if recordings.binned else None)
     say(args, found, [*said, *_raster(recordings, number), *written])
     return 0
@@ -90,7 +90,7 @@ def _raster(recordings: "Recordings", index: int) -> Sequence[str]:
     return [f"recording {index}{label}:", *(f"|{line}|" for line in text_raster(recordings.spikes[index]))]
 
 
-def _write(args: argparse.Namespace, recordings: "Recordings", number: int) -> list[str]:
+def _write(args: argparse.Namespace, recordings: "Recordings", number: int, sensor: Any) -> list[str]:
     """Write the files asked for; return a line for each, and the options that restore what a format cannot hold."""
     lines = []
     if args.output is not None:
@@ -104,7 +104,8 @@ def _write(args: argparse.Namespace, recordings: "Recordings", number: int) -> l
     if args.to is not None:
         from locsnn_compile.data.write import write_recordings
 
-        left = write_recordings(args.to, recordings, members=args.members, structured=args.structured).options
+        how = {"members": args.members, "structured": args.structured, "sensor": sensor}
+        left = write_recordings(args.to, recordings, **how).options
         lines.append(f"wrote {args.to}")
         if left:
             options = " ".join(f"--{name.replace('_', '-')} {value!r}" for name, value in left.items())

@@ -56,8 +56,7 @@ def _chosen(members: Members, split: str | None) -> list[str]:
     """Return the names of the recordings of a part, in order."""
     names = [name for name in members.sizes if member_names.is_recording(name)]
     parts = [part for part in PARTS if any(member_names.part_of(name) == part for name in names)]
-    if split is None and parts:
-        split = "test" if "test" in parts else parts[0]
+    split = parts[-1] if split is None and parts else split
     if split is not None and split not in parts:
         has = f"it has {' and '.join(parts)}" if parts else "it is not divided"
         fix = did_you_mean(split, parts or PARTS)

@@ -11,7 +11,7 @@ from locsnn_compile.data.event_formats import COLUMNS, pack_slayer_events, struc
 from locsnn_compile.data.event_stream import STEP_SECONDS, recording_events
 from locsnn_compile.data.member_names import label_in_name
 from locsnn_compile.data.recordings import Recordings
-from locsnn_compile.data.sensor import POLARITIES, TAXELS
+from locsnn_compile.data.sensor import POLARITIES, TAXELS, SensorLayout
 from locsnn_compile.data.tact import CHANNELS, GRASP_SECONDS, tact_text
 from locsnn_compile.data.torch_writer import torch_bytes
 from locsnn_compile.errors import InputError, check_known, counted
@@ -29,14 +29,19 @@ class NotHeld(Frozen):
     options: dict[str, int | float]
 
 
+Sensor = SensorLayout | None
+
+
 def write_recordings(
-    path: Path | str, recordings: Recordings, *, members: str = "npy", structured: bool = False
+    path: Path | str, recordings: Recordings, *, members: str = "npy", structured: bool = False, sensor: Sensor = None
 ) -> NotHeld:
     """Write ``recordings`` in the format that the ending of ``path`` names; without one, a folder.
 
     ``.npz`` and ``.pt`` hold everything. ``.npy``, ``.tact``, ``.bs1`` and ``.bs2`` hold one array or recording, and a
     label if it is in the name (``_label_<k>``). A folder or ``.zip`` gets one file per recording, of the kind
-    ``members``. ``structured``: ``.npy`` and ``.npz`` files of one recording hold its events, as Tonic's do.
+    ``members``. ``structured``: ``.npy`` and ``.npz`` files of one recording hold its events, as Tonic's do. Events
+    have the cells of the ``sensor``; without one, those of NeuTouch if the channels are whole fingertips, else each
+    channel is a cell.
 
     Returns the options that are needed to read the same recordings again. Raises ``InputError`` for recordings that the
     format cannot hold, and if the file cannot be written.
@@ -44,9 +49,11 @@ def write_recordings(
     path = Path(path)
     where, suffix = f"file {path.name!r}", path.suffix
     check_known(where, f"files ending in {suffix!r} are not written", suffix or None, SUFFIXES)
+    if sensor is not None:
+        sensor.check_channels(recordings.spikes.shape[2], f"recordings {recordings.source!r}")
     check_known("members", f"{members!r} is not known", str(members), MEMBER_KINDS)
     if suffix in ("", ".zip"):
-        files = _member_files(recordings, members, where)
+        files = _member_files(recordings, members, where, sensor)
         if suffix == ".zip":
             replace_file(path, pack_files(files.items(), compressed=False), where)
         else:
@@ -55,33 +62,31 @@ def write_recordings(
                 what, fix = "it is not empty, and recordings would mix", "Name a new folder, or a .zip."
                 raise InputError(f"folder {path.name!r}", what, fix=fix)
             write_build(path, files)
-        return _not_held(recordings, members, startend=True)
+        return _not_held(recordings, members, sensor, start=True)
     kind = "events" if structured and suffix in (".npy", ".npz") else suffix[1:]
-    replace_file(path, _content(path, recordings, kind, where), where)
-    return NotHeld({}) if kind in ("npz", "pt") else _not_held(recordings, kind, width_held=suffix == ".npz")
+    replace_file(path, _content(path, recordings, kind, where, sensor), where)
+    return NotHeld({}) if kind in ("npz", "pt") else _not_held(recordings, kind, sensor, timed=suffix == ".npz")
 
 
-def _content(path: Path, recordings: Recordings, kind: str, where: str) -> bytes:
+def _content(path: Path, recordings: Recordings, kind: str, where: str, sensor: Sensor) -> bytes:
     """Return the bytes of a single file."""
     if kind not in ("npz", "pt"):
         _check_label(path, recordings, where)
     if path.suffix in (".npz", ".pt"):
-        entries = _entries(recordings, kind, where)
+        entries = _entries(recordings, kind, where, sensor)
         return torch_bytes(entries, where) if kind == "pt" else pack_arrays(entries, compressed=False)
     if kind == "npy":
         return npy_bytes(_channel_major(recordings.spikes))
-    content = _one_file(recordings, 0, kind, path.stem, where)[path.name]
+    content = _one_file(recordings, 0, kind, path.stem, where, sensor)[path.name]
     if kind == "tact" and not recordings.spikes[0, 0].any():
         what = "its first steps are silent, and without a .startend file a recording begins with its first event"
-        fix = "Write a folder or .zip with members tact."
-        raise InputError(where, what, fix=fix)
+        raise InputError(where, what, fix="Write a folder or .zip with members tact.")
     return content
 
 
 def _check_label(path: Path, recordings: Recordings, where: str) -> None:
     """Refuse to write several recordings of events, or labels that the name does not have, into a single file."""
-    binned = path.suffix == ".npy"
-    if len(recordings) > 1 and not binned:
+    if len(recordings) > 1 and path.suffix != ".npy":
         fix = "Write a folder or .zip, with members."
         raise InputError(where, "it holds one recording", measured=f"got {len(recordings)}", fix=fix)
     label = label_in_name(path.name) if len(recordings) == 1 else None
@@ -93,15 +98,14 @@ def _check_label(path: Path, recordings: Recordings, where: str) -> None:
         raise InputError(where, what, measured=measured, fix=fix)
 
 
-def _entries(recordings: Recordings, kind: str, where: str) -> dict[str, AnyArray]:
+def _entries(recordings: Recordings, kind: str, where: str, sensor: Sensor) -> dict[str, AnyArray]:
     """Return the arrays of a file that holds several, by name."""
     entries: dict[str, AnyArray] = {}
-    seconds = recordings.step_seconds
+    width = None if recordings.step_seconds is None else float(recordings.step_seconds)
     if kind == "events":
-        entries["events"], seconds = structured_events(*_timed(recordings, 0, where)), _width(recordings)
+        entries["events"], width = structured_events(*_timed(recordings, 0, where, sensor)), _width(recordings)
     else:
         entries["spikes"] = _channel_major(recordings.spikes)
-    width = None if seconds is None else float(seconds)
     more = {"labels": recordings.labels, "step_seconds": width, "class_names": recordings.class_names}
     return entries | {name: np.array(value) for name, value in more.items() if value is not None}
 
@@ -110,37 +114,39 @@ def _channel_major(spikes: ByteArray) -> ByteArray:
     return np.ascontiguousarray(spikes.swapaxes(-1, -2))
 
 
-def _polarities(recordings: Recordings) -> int:
-    """Return the polarities of a cell: two if the channels are those of whole fingertips, else one."""
-    return POLARITIES if recordings.spikes.shape[2] % (TAXELS * POLARITIES) == 0 else 1
+def _cells(recordings: Recordings, sensor: Sensor) -> tuple[int, int]:
+    """Return the polarities of a cell and the columns of the grid in which cells are numbered, row by row.
+
+    Without a sensor, there are two polarities if the channels are those of whole fingertips.
+    """
+    if sensor is not None:
+        return sensor.polarities, sensor.columns or COLUMNS
+    return POLARITIES if recordings.spikes.shape[2] % (TAXELS * POLARITIES) == 0 else 1, COLUMNS
 
 
 def _width(recordings: Recordings) -> float:
     return STEP_SECONDS if recordings.step_seconds is None else recordings.step_seconds
 
 
-def _timed(recordings: Recordings, index: int, where: str) -> tuple[IntArray, IntArray, IntArray]:
+def _timed(recordings: Recordings, index: int, where: str, sensor: Sensor) -> tuple[IntArray, IntArray, IntArray]:
     width = _width(recordings)
     if width < MIN_EVENT_STEP_SECONDS:
-        measured = f"{width:g} s against {MIN_EVENT_STEP_SECONDS:g}"
-        fix = "Write .npz."
+        measured, fix = f"{width:g} s against {MIN_EVENT_STEP_SECONDS:g}", "Write .npz."
         raise InputError(where, "its bins are too narrow for times in microseconds", measured=measured, fix=fix)
-    return recording_events(recordings.spikes[index], _polarities(recordings), width)
+    return recording_events(recordings.spikes[index], _cells(recordings, sensor)[0], width)
 
 
-def _one_file(recordings: Recordings, index: int, kind: str, stem: str, where: str) -> dict[str, bytes]:
+def _one_file(recordings: Recordings, index: int, kind: str, stem: str, where: str, sensor: Sensor) -> dict[str, bytes]:
     """Return the files of one recording by name."""
-    spikes = recordings.spikes[index]
     if kind == "npy":
-        return {f"{stem}.npy": npy_bytes(_channel_major(spikes))}
+        return {f"{stem}.npy": npy_bytes(_channel_major(recordings.spikes[index]))}
     if kind == "events":
-        return {f"{stem}.npy": npy_bytes(structured_events(*_timed(recordings, index, where)))}
+        return {f"{stem}.npy": npy_bytes(structured_events(*_timed(recordings, index, where, sensor)))}
     if kind == "tact":
         return _tact_files(recordings, index, stem, where)
-    times, cell, polarity = _timed(recordings, index, where)
-    if kind == "bs1":
-        return {f"{stem}.bs1": pack_slayer_events(times, cell, None, polarity, where)}
-    return {f"{stem}.bs2": pack_slayer_events(times, cell % COLUMNS, cell // COLUMNS, polarity, where)}
+    times, cell, polarity = _timed(recordings, index, where, sensor)
+    y, x = (None, cell) if kind == "bs1" else np.divmod(cell, _cells(recordings, sensor)[1])
+    return {f"{stem}.{kind}": pack_slayer_events(times, x, y, polarity, where)}
 
 
 def _tact_files(recordings: Recordings, index: int, stem: str, where: str) -> dict[str, bytes]:
@@ -153,31 +159,34 @@ def _tact_files(recordings: Recordings, index: int, stem: str, where: str) -> di
     return {f"{stem}.tact": tact_text(spikes, _width(recordings)), f"{stem}.startend": b"grasping 0\n"}
 
 
-def _member_files(recordings: Recordings, kind: str, where: str) -> dict[str, bytes]:
+def _member_files(recordings: Recordings, kind: str, where: str, sensor: Sensor) -> dict[str, bytes]:
     digits = len(str(len(recordings) - 1))
     files: dict[str, bytes] = {}
     for index in range(len(recordings)):
         label = "" if recordings.labels is None else f"_label_{recordings.labels[index]}"
-        files |= _one_file(recordings, index, kind, f"sample_{index:0{digits}}{label}", where)
+        files |= _one_file(recordings, index, kind, f"sample_{index:0{digits}}{label}", where, sensor)
     return files
 
 
-def _not_held(recordings: Recordings, kind: str, *, width_held: bool = False, startend: bool = False) -> NotHeld:
-    """Return the options without which a file of this kind would be read differently."""
+def _not_held(recordings: Recordings, kind: str, sensor: Sensor, timed: bool = False, start: bool = False) -> NotHeld:
+    """Return the options without which a file of this kind would be read differently.
+
+    ``timed``: the file has the width of a bin; ``start``: a ``.startend`` file next to it says where it begins.
+    """
     _, steps, channels = recordings.spikes.shape
-    width, polarities = _width(recordings), _polarities(recordings)
+    width, (polarities, columns) = _width(recordings), _cells(recordings, sensor)
     active: BoolArray = np.any(recordings.spikes, axis=0)
     read_steps, used = (int(np.flatnonzero(active.any(axis=axis)).max(initial=-1)) + 1 for axis in (1, 0))
     read_channels = -(-used // polarities) * polarities
     if kind == "tact":
         read_channels = CHANNELS
-        read_steps = round(GRASP_SECONDS / width) if startend else read_steps
-    last_column = active.any(axis=0).reshape(-1, polarities)[COLUMNS - 1 :: COLUMNS]
+        read_steps = round(GRASP_SECONDS / width) if start else read_steps
+    last_column = active.any(axis=0).reshape(-1, polarities)[columns - 1 :: columns]
     rows = (
-        ("step_seconds", recordings.step_seconds, not width_held and (kind == "npy" or width != STEP_SECONDS)),
+        ("step_seconds", recordings.step_seconds, not timed and (kind == "npy" or width != STEP_SECONDS)),
         ("channels", channels, kind != "npy" and read_channels != channels),
         ("steps", steps, kind != "npy" and read_steps != steps),
         ("polarities", 2, kind not in ("npy", "tact") and polarities == 2 and not active[:, 1::2].any()),
-        ("columns", COLUMNS, kind == "bs2" and channels > COLUMNS * polarities and not last_column.any()),
+        ("columns", columns, kind == "bs2" and channels > columns * polarities and not last_column.any()),
     )
     return NotHeld({name: value for name, value, needed in rows if needed and value is not None})

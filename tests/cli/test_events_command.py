@@ -157,3 +157,14 @@ def test_options_that_nothing_comes_of(
     assert main(["events", str(small), *options]) == 2
     assert capsys.readouterr().err == f"{message.replace(repr(small.name), repr(str(small)))}\n"
     assert [file.name for file in small.parent.iterdir()] == ["small.npz"]
+
+
+@pytest.mark.parametrize("members", ["npy", "events", "bs1", "bs2"])
+def test_files_of_a_grid_are_read_as_that_grid(tmp_path, monkeypatch, capsys, members):
+    monkeypatch.chdir(tmp_path)
+    spikes = np.ones((2, 3, 40), dtype=np.uint8)
+    write_recordings("grid.npz", Recordings(spikes, np.array([1, 0]), 0.02, "grid"))
+    assert main(["events", "grid.npz", "--grid", "4x5", "--to", "grid.zip", "--members", members]) == 0
+    assert main(["events", "grid.zip", "--grid", "4x5", "--step-seconds", "0.02", "--to", "again.npz"]) == 0
+    assert capsys.readouterr().err == ""
+    assert np.array_equal(read_recordings("again.npz").spikes, spikes)

@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from locsnn_compile.data import Recordings, read_recordings, synthetic_touches, write_recordings
+from locsnn_compile.data.sensor import SensorLayout
 from locsnn_compile.errors import InputError
 
 TOUCHES = synthetic_touches(3, steps=40, seed=5)
@@ -130,6 +131,51 @@ def test_any_recordings_come_back(
         again = Path(folder) / "b.zip"
         write_recordings(again, recordings, members=kind)
         assert again.read_bytes() == path.read_bytes()
+
+
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    grid=st.tuples(st.integers(1, 14), st.integers(1, 7), st.integers(1, 2)),
+    share=st.floats(0, 0.2),
+    kind=st.sampled_from(["npy", "events", "bs1", "bs2"]),
+)
+@example(seed=1, grid=(13, 6, 1), share=0.2, kind="bs2")  # 78 channels, as many as a fingertip has
+@example(seed=1, grid=(4, 5, 2), share=0.2, kind="bs1")
+@settings(max_examples=60, deadline=None)
+def test_recordings_of_a_grid_come_back_with_and_without_it(
+    seed: int, grid: tuple[int, int, int], share: float, kind: str
+) -> None:
+    columns, rows, polarities = grid
+    sensor = SensorLayout("grid", columns * rows, polarities, columns=columns)
+    spikes = (np.random.default_rng(seed).random((2, 9, sensor.channels)) < share).astype(np.uint8)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "a.zip"
+        left = write_recordings(path, Recordings(spikes, None, 0.02, "grid"), members=kind, sensor=sensor).options
+        without = read_recordings(path, **left)  # type: ignore[arg-type]
+        assert np.array_equal(without.spikes, spikes)
+        known = {name: value for name, value in left.items() if name in ("steps", "step_seconds")}
+        found = read_recordings(path, sensor=sensor, **known)  # type: ignore[arg-type]
+        assert np.array_equal(found.spikes, spikes)
+
+
+def test_events_of_a_grid_are_of_its_cells(tmp_path: Path) -> None:
+    spikes = np.zeros((1, 3, 40), dtype=np.uint8)
+    spikes[0, 1, 2 * (4 * 3 + 1) + 1] = 1  # row 3, column 1, polarity 1
+    recordings, sensor = Recordings(spikes, None, 0.02, "grid"), SensorLayout("grid 4x5", 20, 2, columns=4)
+    for name in ("a.bs1", "a.bs2"):
+        write_recordings(tmp_path / name, recordings, sensor=sensor)
+    assert (tmp_path / "a.bs1").read_bytes() == bytes([0, 13, 0x80, 30_000 >> 8, 30_000 & 0xFF])
+    assert (tmp_path / "a.bs2").read_bytes() == bytes([1, 3, 0x80, 30_000 >> 8, 30_000 & 0xFF])
+
+
+def test_recordings_of_another_sensor_are_not_written(tmp_path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        write_recordings(tmp_path / "a.zip", TOUCHES, sensor=SensorLayout("grid 4x5", 20, 2, columns=4))
+    assert str(caught.value) == (
+        f"recordings {TOUCHES.source!r}: their channels are not those of sensor 'grid 4x5' (78 against 40). "
+        "Say which sensor it was: --grid WxH, with --polarities 1 or 2, --channels N, or --layout FILE."
+    )
+    assert not list(tmp_path.iterdir())
 
 
 SILENT = Recordings(np.zeros((1, 5, 156), dtype=np.uint8), None, 0.02, "silent")
