@@ -68,7 +68,7 @@ def prove_range(program: ChipProgram) -> tuple[CoreRange, ...]:
 
 
 def _prove_core(core: Core, registers: Registers) -> CoreRange:
-    charge = _charge(core)
+    charge = charges(core)
     wrap_q = charge.within(-(1 << registers.charge_bits), (1 << registers.charge_bits) - 1)
     half = 1 << registers.current_bits
     u = _settled(charge, core.setting("decay_u"))
@@ -89,7 +89,8 @@ def _prove_core(core: Core, registers: Registers) -> CoreRange:
     return CoreRange(core.number, charge, u, v, cannot_wrap, cannot_clip, safe_period)
 
 
-def _charge(core: Core) -> Bounds:
+def charges(core: Core) -> Bounds:
+    """Bound q of every compartment before it wraps: every source of one sign spikes, and none of the other."""
     weight = core.effective_weights.astype(np.float64)
     n = core.compartments
     low, high = (

@@ -63,9 +63,9 @@ def _rz(x: Lanes, keep: Lanes) -> Lanes:
     return short(high) * keep + (((x & 4095) * keep + before(high, 12)) >> 12)
 
 
-def _wrap(x: Lanes, half: Lanes | int) -> Lanes:
+def _wrap(x: Lanes, half: Lanes | int | None) -> Lanes:
     """Return x in two's complement: its low bits, of which the highest, worth half, counts as negative."""
-    return ((x & (half * 2 - 1)) ^ half) - half
+    return x if half is None else ((x & (half * 2 - 1)) ^ half) - half
 
 
 def _take_charge(c: Fields, u: Lanes, charge: Lanes, ends: Ends) -> tuple[Lanes, Lanes, Lanes]:
@@ -78,7 +78,7 @@ def _take_charge(c: Fields, u: Lanes, charge: Lanes, ends: Ends) -> tuple[Lanes,
 
 def _take_current(c: Fields, v: Lanes, u: Lanes, added: Lanes | int, ends: Ends) -> tuple[Lanes, Lanes, Lanes]:
     """Decay v and take u, bias and what children add into it; return the drive, that wrapped, and v before clipping."""
-    drive = u + c[BIAS]
+    drive = u if ends[1] is None else u + c[BIAS]  # a chunk that is plain has no bias
     wrapped = _wrap(drive, ends[1])
     return drive, wrapped, _rz(v, c[KEEP_V]) + wrapped + added
 
@@ -218,19 +218,23 @@ def advance_pair(
 
     This is how a spike response neuron is lowered: its alpha dendrite, its refractory dendrite, and its soma. Their
     states are read from one place and written to another; ``spikes`` are those of the row before, as bits, and
-    ``echo`` is what a spike adds to the charges of the next row. Spikes are written as bits, and counted.
+    ``echo`` is what a spike adds to the charges of the next row. Spikes are written as bits, and counted. Without
+    ``widths``, an empty tuple, both dendrites are plain.
     """
     ends, second, parameters = halves(c, widths), KEPT_FIELDS, (KEEP_U, KEEP_V, BIAS, VMIN, VMAX, THRESHOLD)
     one, other, soma = ({field: c.after(n * FIELDS)[field] for field in parameters} for n in range(3))
     u, v, u_other, v_other = (held(before[field]) for field in (0, 1, second, second + 1))
     fired, counted, echoes = held(mask_of(c, spikes)), held(numbers[0]), (echo[0], other_echo[0])
+    # The sum is not kept, so it need not be clipped: where clipped ones never exceed the threshold, no sum exceeds
+    # another. None is raised above it, for vmin is 0 at most and the threshold 0 at least.
+    threshold = where(soma[VMAX] > soma[THRESHOLD], soma[THRESHOLD], one[VMAX] + other[VMAX])
     for row in each_row(c, many):
         arrived, also = (where(fired[0], weights, weights & 0) for weights in echoes)
         u[0], v[0] = _respond(one, u[0], v[0], charge.row(row)[0] + arrived, ends)
         u_other[0], v_other[0] = _respond(other, u_other[0], v_other[0], other_charge.row(row)[0] + also, ends)
         to, was = after.row(row), masks.row(row).bits()
         to[0], to[1], to[second], to[second + 1] = u[0], v[0], u_other[0], v_other[0]
-        fired[0] = _clip(soma, v[0] + v_other[0]) > soma[THRESHOLD]
+        fired[0] = v[0] + v_other[0] > threshold
         flips.row(row).put_bits(fired[0] != was)
         masks.row(row).put_bits(fired[0])
         counted[0] = counted[0] + fired[0] - was

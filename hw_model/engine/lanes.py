@@ -22,7 +22,7 @@ Given = Any
 Returned = Sequence[Any]
 """What a kernel returns, values of LLVM."""
 Ends = Sequence[Any]
-"""Half the ranges of q and of u: lanes, or constants."""
+"""Half the ranges of q and of u: lanes, or constants; None where nothing wraps."""
 
 
 def _operation(name: str) -> Callable[["Lanes", "Lanes | int"], "Lanes"]:
@@ -84,7 +84,12 @@ def before(lanes: Lanes, many: int) -> Lanes:
 
 
 def halves(place: "Place", widths: Given) -> Ends:
-    """Return the pair :class:`hw_model.engine.layout.Widths`; the usual one, in 32 bits, is known beforehand."""
+    """Return the pair :class:`hw_model.engine.layout.Widths`; the usual one, in 32 bits, is known beforehand.
+
+    Without widths, an empty tuple, nothing wraps.
+    """
+    if not widths.type.elements:
+        return None, None
     return USUAL_WIDTHS if place.width == 32 else [place.each(widths, number) for number in range(2)]
 
 

@@ -14,6 +14,7 @@ from hw_model.engine.trace import due_late
 from hw_model.mapping.circles import sources_first
 from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.program.pieces import pieces_of
+from hw_model.range_proof import charges
 from hw_model.values import AnyArray, BoolArray, IntArray
 
 
@@ -61,8 +62,8 @@ def _chunks(
     widths = Widths(1 << (limits.charge_bits - WEIGHT_SHIFT), 1 << limits.current_bits)
     arrived, reached = np.zeros(count * LANES), np.zeros(count, dtype=np.bool_)
     for core in program.cores_of(phase):
-        here, weights = slot[program.columns_of_core(core)], np.abs(core.effective_weights >> WEIGHT_SHIFT)
-        arrived[here] = np.bincount(core.axons.target, weights, minlength=len(here))
+        here, charge = slot[program.columns_of_core(core)], charges(core)
+        arrived[here] = np.maximum(-charge.low, charge.high) / (1 << WEIGHT_SHIFT)
         reached[here[core.axons.target] // LANES] = True
     fits = widths == layout.USUAL_WIDTHS and _largest_sum(program, phase, arrived) <= np.iinfo(np.int32).max
     fits &= all(max(-core.vmin, core.vmax) < DECAY_ONE << layout.FACTOR_BITS - 1 for core in program.cores_of(phase))
@@ -123,8 +124,7 @@ def _chunks(
 def _cannot_wrap(arrived: AnyArray, decay_u: Lanes, widths: Widths) -> BoolArray:
     """Tell which chunks neither q nor u can wrap in, whatever arrives of the charges ``arrived`` (chunks, LANES).
 
-    If all of a compartment's synapses, taken without their signs, bring a charge of a in every step, u stays within
-    64 a 4096 / decay_u.
+    Where charges lie within -a..a in every step, u stays within 64 a 4096 / decay_u.
     """
     grows_to = arrived * (DECAY_ONE << WEIGHT_SHIFT)
     return np.asarray(((arrived < widths.half_charge) & (grows_to < decay_u * float(widths.half_current))).all(axis=1))

@@ -6,7 +6,6 @@ changed; a spike that comes or goes changes charges of later steps by its weight
 """
 
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -155,9 +154,7 @@ class Replay:
 
 def _visits(inputs: Sequence[Input]) -> Visits:
     steps = [np.zeros(0, dtype=np.int64) if item.positions is None else item.positions for item in inputs]
-    lines = [
-        np.zeros(item.channels, dtype=np.int64) if item.first_lines is None else item.first_lines for item in inputs
-    ]
+    lines = [np.zeros(item.channels, np.int64) if item.first_lines is None else item.first_lines for item in inputs]
     return Visits(
         first_channel=np.cumsum([0, *map(len, steps)]),
         step=np.concatenate(steps),
@@ -173,8 +170,7 @@ def _order(layout: FastLayout, of: Read) -> Order:
     read = np.isin(chunks.member, slot // LANES)
     # A pair is run with what its spikes pass to it in the next step, not later.
     is_pair = chunks.pair & (len(chunks.echo) == len(chunks.node) * LANES)
-    for low, high in pairwise(chunks.bundle.tolist()):
-        is_pair[low] &= not read[low:high].any()  # a pair is run without a potential of its own
+    is_pair[chunks.bundle[:-1]] &= ~np.maximum.reduceat(read, chunks.bundle[:-1])  # it is run without a potential
     link = np.argsort(layout.links.source, kind="stable")
     link_of = np.searchsorted(layout.links.source[link], np.arange(len(layout.nodes.first) + 1))
     read_at = (place[slot // LANES] * KEPT_FIELDS + POTENTIAL - U) * LANES + slot % LANES
@@ -282,7 +278,10 @@ def _run_again(block, start, nodes, chunks, links, order, registers, history):  
         for bundle in range(chunks.of_block[block], chunks.of_block[block + 1]):
             low, high = np.uint64(chunks.bundle[bundle]), np.uint64(chunks.bundle[bundle + 1])
             if order.is_pair[low]:
-                _run_pair(np.uint64(first), stride, low, chunks, registers, history)
+                if chunks.plain[chunks.member[low]] and chunks.plain[chunks.member[low + _ONE_MORE]]:
+                    _run_pair(np.uint64(first), stride, low, chunks, registers, history, ())
+                else:
+                    _run_pair(np.uint64(first), stride, low, chunks, registers, history, chunks.widths)
                 continue
             for row in range(np.uint64(first), np.uint64(first + stride)):
                 mask = np.int32(0)
@@ -297,7 +296,7 @@ def _run_again(block, start, nodes, chunks, links, order, registers, history):  
 
 
 @inner
-def _run_pair(first, many, index, chunks, registers, history):  # type: ignore[no-untyped-def]
+def _run_pair(first, many, index, chunks, registers, history, widths):  # type: ignore[no-untyped-def]
     """Update two dendrites and their sum in so many steps, with what its spikes pass to them one step late."""
     at, last = index * _KEPT, np.uint64(chunks.member[index + _ONE_MORE + _ONE_MORE])
     one, other = np.uint64(chunks.member[index]) * _LANES, np.uint64(chunks.member[index + _ONE_MORE]) * _LANES
@@ -306,7 +305,7 @@ def _run_pair(first, many, index, chunks, registers, history):  # type: ignore[n
     advance_pair(
         registers, index * _CHUNK, before, first, at, before, first + _ONE_MORE, at, charge, first, one,
         charge, first, other, echo, one, echo, other, history.masks, first, last, history.flips, first, last,
-        history.spikes, last * _LANES, spikes, many, chunks.widths,
+        history.spikes, last * _LANES, spikes, many, widths,
     )  # fmt: skip
 
 

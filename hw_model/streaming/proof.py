@@ -19,7 +19,7 @@ from hw_model.accounting.activity import StepActivity
 from hw_model.arithmetic.fixed_point import clip, decay
 from hw_model.mapping.graph import Phase, Readout
 from hw_model.program.chip_program import ChipProgram, Core
-from hw_model.range_proof import prove_range
+from hw_model.range_proof import charges, prove_range
 from hw_model.simulation import SimulationResult
 from hw_model.values import BoolArray, IntArray
 
@@ -191,16 +191,10 @@ class _ByPotentials(_Voter):
         return low, high
 
 
-def _largest_charge(core: Core) -> IntArray:
-    charge = np.zeros(core.compartments, dtype=np.int64)
-    np.add.at(charge, core.axons.target, np.maximum(core.effective_weights, 0))
-    return charge
-
-
 _SETTINGS: dict[str, Callable[[Core], IntArray | int]] = {
     "decay_u": lambda core: core.setting("decay_u"),
     "decay_v": lambda core: core.setting("decay_v"),
-    "charge": _largest_charge,
+    "charge": lambda core: charges(core).high.astype(np.int64),
     "bias": lambda core: core.bias,
     "vmin": lambda core: core.vmin,
     "vmax": lambda core: core.vmax,

@@ -61,15 +61,16 @@ class TestStep:
         assert result.v["n"].ravel().tolist() == [-524288, -1048576]
         assert result.u["n"].ravel().tolist() == [0, 0]
 
-    def test_charge_wraps_at_21_bits(self, engine):
+    @pytest.mark.parametrize("sign", [1, -1], ids=["up", "down"])
+    def test_charge_wraps_at_21_bits(self, sign, engine):
         # 254 * 2^7 * 64 = 2080768 fits; two of them, from one input twice connected, do not.
         builder = hw.ProgramBuilder(CHIP)
         x = builder.add_input("x", 1)
         n = builder.add_compartments("n", 1, decay_u=4096, decay_v=4096, threshold=131071)
-        builder.connect(x, n, [[254]], exponent=7)
-        builder.connect(x, n, [[254]], exponent=7)
+        builder.connect(x, n, [[sign * 254]], exponent=7)
+        builder.connect(x, n, [[sign * 254]], exponent=7)
         result = played(builder.build(), [0], 3, engine)
-        assert result.u["n"].ravel().tolist() == [0, 2 * 2080768 - 2**22, 0]
+        assert result.u["n"].ravel().tolist() == [0, sign * (2 * 2080768 - 2**22), 0]
         assert (result.counts.charge_wraps, result.counts.current_wraps, result.counts.clips) == (1, 0, 0)
         assert result.events == {"n": {"charge_wraps": 1, "current_wraps": 0, "voltage_clips": 0}}
 

@@ -88,7 +88,7 @@ lanes.mask_of = lambda place, number: (int(number) >> np.arange(LANES)) & 1 != 0
 lanes.where = lambda mask, one, other: np.where(mask, one, other).astype(np.asarray(other).dtype)
 lanes.bits = lambda mask: np.int32(sum(1 << i for i in np.flatnonzero(mask).tolist()))
 lanes.count = lambda mask: np.int32(mask.sum())
-lanes.halves = lambda place, widths: widths
+lanes.halves = lambda place, widths: widths or (None, None)
 lanes.seldom = lambda mask: nullcontext()
 lanes.short = lambda values: values
 lanes.held = lambda values: Place(values.copy(), 0)
