@@ -8,12 +8,11 @@ recordings as the compiler rounds; nothing is trained or chosen here.
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from page_section import put_section
+from page_section import write_by_network
 
 import hw_model as hw
 import locsnn_compile as lc
@@ -32,17 +31,7 @@ from locsnn_compile.verification.grounds import Grounds
 from locsnn_compile.verification.matching import Match, compare
 
 ROOT = Path(__file__).parents[2]
-DATASETS = ("objects", "containers")
 WEIGHT_BITS = 8
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--data", type=Path, required=True)
-    parser.add_argument("--page", type=Path, required=True)
-    args = parser.parse_args()
-    written = "\n\n".join(section(args.data, dataset) for dataset in DATASETS)
-    put_section(args.page, "error-budget", written)
 
 
 def section(data: Path, dataset: str) -> str:
@@ -141,4 +130,4 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 if __name__ == "__main__":
-    main()
+    write_by_network(__doc__, "error-budget", section)

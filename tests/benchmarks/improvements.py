@@ -8,14 +8,13 @@ settings chosen, on training recordings; test recordings are only played.
 
 from __future__ import annotations
 
-import argparse
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from page_section import put_section
+from page_section import write_by_network
 
 import hw_model as hw
 import locsnn_compile as lc
@@ -39,21 +38,11 @@ from locsnn_compile.report.format import energy, share
 from locsnn_compile.verification.matching import PopulationMatch, compare
 
 ROOT = Path(__file__).parents[2]
-DATASETS = ("objects", "containers")
 CHIP = hw.chip("loihi-sim")
 BITS = 8
 PAIRED = "paired-dendrite"
 KEEP_SR, KEEP_REF = 3706 / 4096, 1507 / 4096
 """What decays of the chip's grid keep that are nearest to those of the published time constants."""
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--data", type=Path, required=True)
-    parser.add_argument("--page", type=Path, required=True)
-    args = parser.parse_args()
-    written = "\n\n".join(section(args.data, dataset) for dataset in DATASETS)
-    put_section(args.page, "improvements", written)
 
 
 def section(data: Path, dataset: str) -> str:
@@ -168,4 +157,4 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 if __name__ == "__main__":
-    main()
+    write_by_network(__doc__, "improvements", section)

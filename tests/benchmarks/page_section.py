@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import argparse
+from collections.abc import Callable
 from pathlib import Path
+
+NETWORKS = ("objects", "containers")
+"""Data sets of the example networks."""
 
 
 def markers(name: str) -> tuple[str, str]:
@@ -29,3 +34,12 @@ def with_section(page: str, name: str, text: str) -> str:
 def put_section(path: Path, name: str, text: str) -> None:
     """Write a section into the page at ``path``."""
     path.write_text(with_section(path.read_text(encoding="utf-8"), name, text), encoding="utf-8")
+
+
+def write_by_network(about: str | None, name: str, section: Callable[[Path, str], str]) -> None:
+    """Write ``section(data, network)`` of every example network, one below the other, as the command line says."""
+    parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, required=True)
+    parser.add_argument("--page", type=Path, required=True)
+    args = parser.parse_args()
+    put_section(args.page, name, "\n\n".join(section(args.data, network) for network in NETWORKS))
