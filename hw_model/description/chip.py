@@ -225,7 +225,7 @@ def priced_by(chip: Chip, name_or_path: str | Path) -> Chip:
     """
     text = str(name_or_path)
     if chip.open_core and not chip.profiles:
-        raise InputError(f"profile {text!r}", f"{chip.name} has cycles and no prices", fix="Leave the profile out.")
+        raise InputError(f"profile {text!r}", f"{chip.name} has cycles and no profiles", fix="Leave the profile out.")
     if not text.endswith(_YAML):
         return replace(chip, profiles={text: chip.profile(text), **chip.profiles})
     path = Path(text)

@@ -22,8 +22,8 @@ def read_streams(program: ChipProgram, spikes: Spikes) -> tuple[dict[str, ByteAr
     if isinstance(spikes, np.ndarray) or not isinstance(spikes, Mapping):
         spikes = {name: spikes for name in list(expected)[:1]}
     if spikes.keys() != expected.keys():
-        what = f"the program plays {', '.join(sorted(expected))}"
-        raise InputError("spikes", what, fix="Give a mapping with one array for each.")
+        what, names = "its streams are not the program's inputs", ", ".join(sorted(expected))
+        raise InputError("spikes", what, measured=names, fix="Give a mapping with one array for each.")
     found = {name: _stream(name, spikes[name], channels) for name, channels in expected.items()}
     shape, *others = (array.shape[:-1] for array, _ in found.values())
     if any(other != shape for other in others):

@@ -139,7 +139,7 @@ def _check(function: str, name: str, value: Any, kinds: tuple[Any, ...]) -> None
         fix = next((_WAYS_OUT[kind] for kind in names if kind in _WAYS_OUT), "Correct it.")
         raise InputError(where, what, measured=measured, fix=fix)
     if float in kinds and isinstance(value, int) and abs(value) > sys.float_info.max:
-        raise InputError(where, "no float holds it", measured=f"{value.bit_length()} bits", fix="Correct it.")
+        raise InputError(where, "it is too large for a float", measured=f"{value.bit_length()} bits", fix="Correct it.")
     if object in kinds and isinstance(value, list | tuple):
         as_array(where, value)
     if Path in kinds and isinstance(value, str | Path):

@@ -46,7 +46,7 @@ def _check_readout(graph: CompartmentGraph) -> None:
     for name in graph.readout.populations:
         if name not in size_of:
             fix = "Read out groups of compartments of this graph."
-            raise InputError("readout", f"{name!r} is no group of compartments", fix=fix)
+            raise InputError("readout", f"{name!r} is not a group of compartments", fix=fix)
     sizes = {size_of[name] for name in graph.readout.populations}
     if not sizes:
         raise InputError("readout", "it names no population", fix="Name one, or leave out the readout.")
@@ -61,7 +61,7 @@ def _check_charges(graph: CompartmentGraph) -> None:
         delays = [int(part.delay.max(initial=0)) for part in graph.synapses if part.target in names]
         kept, compartments = max(delays, default=0) + 2, sum(names.values())
         if kept * compartments > MOST_CHARGES:
-            what = "its longest delay keeps more charges under way than are simulated"
+            what = "its longest delay keeps more charges in flight than the simulator allows"
             measured = f"{kept} steps of {counted(compartments, 'compartment')} against {MOST_CHARGES}"
             fix = "Shorten the delay, or relay the spike through compartments."
             raise TargetError(f"phase {phase.name!r}", what, measured=measured, fix=fix)
@@ -132,7 +132,7 @@ def _check_range(group: Compartments, name: str, low: int, high: int, fix: str) 
     values: IntArray = getattr(group, name)
     where = f"compartments {group.name!r}"
     if values.shape != (group.size,):
-        raise InputError(where, f"{name} has shape {values.shape}, not ({group.size},)", fix="Give one a compartment.")
+        raise InputError(where, f"{name} has shape {values.shape}, not ({group.size},)", fix="Give one each.")
     bad = np.flatnonzero((values < low) | (values > high))
     if len(bad):
         measured = f"{values[bad[0]]} against {low}..{high}"
@@ -164,7 +164,7 @@ def _check_synapses(graph: CompartmentGraph, synapses: Synapses, chip: Chip) -> 
     where = f"synapses {synapses.source!r} -> {synapses.target!r}"
     sizes = {node.name: node.size for node in graph.nodes}
     if synapses.source not in sizes or synapses.target not in {group.name for group in graph.groups}:
-        raise InputError(where, "an end does not exist", fix="Add it before connecting.")
+        raise InputError(where, "it joins something that does not exist", fix="Add it before connecting.")
     if graph.phase_of(synapses.source) != graph.phase_of(synapses.target):
         raise InputError(where, "the ends are in different phases", fix="Connect within one phase.")
     for values, end in ((synapses.source_index, synapses.source), (synapses.target_index, synapses.target)):
@@ -172,7 +172,7 @@ def _check_synapses(graph: CompartmentGraph, synapses: Synapses, chip: Chip) -> 
             raise InputError(where, "an index is outside its group", fix="Correct the indices.")
     lengths = {len(getattr(synapses, f.name)) for f in fields(synapses) if f.type == IntArray}
     if len(lengths) != 1:
-        raise InputError(where, "the synapse arrays differ in length", fix="Give one row a synapse.")
+        raise InputError(where, "the synapse arrays differ in length", fix="Give one row per synapse.")
     grid = weight_grid(synapses.weight_bits, synapses.sign_mode)
     if synapses.weight_bits not in chip.registers.weight_bits:
         measured = f"{chip.name} has weight_bits_max {chip.registers.weight_bits_max}"

@@ -113,7 +113,7 @@ def plan(arrays: Iterable[Array], macros: Mapping[str, Macro], price: float = PR
     for array in arrays:
         options = list(ways(array, macros))
         if not options:
-            raise InputError(f"memory {array.name!r}", "no macros hold it", fix="Give wider ones, or of more ports.")
+            raise InputError(f"memory {array.name!r}", "no macros hold it", fix="Give wider macros or more ports.")
         found.append(min(options, key=lambda made: made.energy_pj + price * made.area_um2))
     return found
 
@@ -124,7 +124,7 @@ def check(pieces: Sequence[Piece], arrays: Iterable[Array], macros: Mapping[str,
     for piece in pieces:
         where, macro = f"memory {piece.memory!r}", macros.get(piece.macro)
         if piece.memory not in known:
-            raise InputError(where, "the core has none", fix="Leave it out.")
+            raise InputError(where, "the core has no such memory", fix="Leave it out.")
         if macro is None or piece.rows > macro.words or piece.bits > macro.bits:
             measured = f"{piece.rows} rows of {piece.bits} bits"
             raise InputError(where, f"no macro {piece.macro!r} holds its part", measured=measured, fix="Name another.")

@@ -117,7 +117,7 @@ def calibrate_margin(program: ChipProgram, spikes: Spikes, agreement: float, psi
     Give validation recordings: the margin is fitted to them. Where no lead is enough it is infinite.
     """
     if not 0.0 <= agreement <= 1.0:
-        raise InputError("agreement", "it is a share", measured=f"{agreement} against 0 to 1", fix="Correct it.")
+        raise InputError("agreement", "it must be a share", measured=f"{agreement} against 0 to 1", fix="Correct it.")
     scores = timestep_scores(program, spikes, psi)
     predictions, lead_over_time = scores.argmax(axis=2), leads(scores)
     margins = np.unique(lead_over_time[lead_over_time > 0])

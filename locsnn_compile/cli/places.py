@@ -36,7 +36,7 @@ def check_places(reads: Mapping[str, str | Path | None], files: Sequence[Place],
         inside = [reader for reader, read in inputs if _lies_in(os.path.realpath(read), target)]
         reader = known.get(_identity(path)) or next(iter(inside), None)
         if reader is not None:
-            raise InputError(option, f"{path.name!r} is what {reader} reads", fix="Write somewhere else.")
+            raise InputError(option, f"it would overwrite {path.name!r}", measured=reader, fix="Write somewhere else.")
     for option, path in files:
         target = os.path.realpath(path)
         other = next((said for place, said in taken.items() if _lies_in(target, place)), None)

@@ -24,7 +24,7 @@ def known_margin(args: argparse.Namespace, program: hw.ChipProgram, played: Reco
     part = "train" if "train" in recording_parts(args.calibrate, test_share=args.split) else None
     recordings = read_for_program(args, args.calibrate, program, part)
     if np.array_equal(recordings.spikes, played.spikes):
-        what = "these recordings are also played, and a margin always fits the recordings it was found on"
+        what = "these recordings are also played, and a margin always suits the recordings that it was found on"
         raise InputError(f"--calibrate {Path(args.calibrate).name!r}", what, fix="Give others.")
     with progress_bar("calibrating", show=True):
         margin = hw.calibrate_margin(program, recordings.spikes, asked, args.psi)

@@ -167,7 +167,7 @@ def _system_error(error: OSError) -> LocsnnError:
         return InputError("working directory", "it does not exist any more", fix="Change to one that does.")
     if error.errno in _NO_ROOM:
         return InputError("standard output", f"it cannot be written: {error.strerror}", fix="Write it elsewhere.")
-    return InputError("system", f"it refused: {error.strerror or type(error).__name__}", fix="Try again elsewhere.")
+    return InputError("system", f"an operation failed: {error.strerror or type(error).__name__}", fix="Try again.")
 
 
 def _ready_streams() -> None:

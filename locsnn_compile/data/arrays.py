@@ -83,7 +83,7 @@ def _order(entries: Mapping[str, AnyArray], asked: Order | None, where: str) -> 
     said = _texts(entries, "axes", where)
     own = None if said is None else parse_axes(" ".join(said), f"{where}, 'axes'")
     if own is not None and asked not in (None, own):
-        raise InputError("axes", f"{where} says another order", measured=",".join(own), fix="Leave it out.")
+        raise InputError("axes", f"{where} gives another order", measured=",".join(own), fix="Leave it out.")
     return asked or own
 
 
@@ -93,7 +93,7 @@ def _texts(entries: Mapping[str, AnyArray], name: str, where: str) -> tuple[str,
         return None
     held = entries[name].reshape(-1).tolist()
     if entries[name].dtype.kind not in "US":
-        raise InputError(where, f"its entry {name!r} does not hold texts", fix="Give texts.")
+        raise InputError(where, f"its entry {name!r} does not hold strings", fix="Store strings.")
     return tuple(text.decode("utf-8", "replace") if isinstance(text, bytes) else text for text in held)
 
 
@@ -204,7 +204,7 @@ def _streams(group: Group, where: str) -> list[EventStream]:
         good = (row >= 0) & (row < 1e9) & (unit >= 0) & (unit < MAX_PLACE) & (unit == np.floor(unit))
         if not good.all():
             at = int(np.argmin(good))
-            measured, fix = f"spike {at}: {row[at]} s, unit {unit[at]}", "Give seconds from 0 on, and whole numbers."
+            measured, fix = f"spike {at}: {row[at]} s, unit {unit[at]}", "Give seconds and units from 0 up."
             what = "it does not hold a time and a channel"
             raise InputError(f"{where}, recording {index}", what, measured=measured, fix=fix)
         streams.append(EventStream(np.rint(row * MICROSECONDS).astype(np.int64), unit.astype(np.int64), None, None))

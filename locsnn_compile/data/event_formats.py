@@ -19,7 +19,7 @@ from locsnn_compile.data.event_stream import MAX_EVENTS, Binning, EventStream, b
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError, check_most, counted
 
-_FIX = "Give the fields t (microseconds), x, y where there is one, and p (0 or 1)."
+_FIX = "Give the fields t (microseconds), x, y if there is one, and p (0 or 1)."
 #: Largest x and y.
 MAX_PLACE = 1 << 20
 #: The fields that are written; readers accept any order and any size.

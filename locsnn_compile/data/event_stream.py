@@ -156,7 +156,7 @@ def _check_sizes(where: str, samples: int, steps: int, channels: int, needed: in
     if needed > channels:
         measured = f"channel {needed - 1} against 0..{channels - 1}"
         fix = "Give events of this sensor, or more channels."
-        raise InputError(where, "it has events of channels that are not asked for", measured=measured, fix=fix)
+        raise InputError(where, "it has events on channels that the sensor does not have", measured=measured, fix=fix)
     if steps == 0 or channels == 0:
         raise InputError(where, "no events inside", fix="Give a recording with events.")
     if samples * steps * channels > MAX_ELEMENTS:

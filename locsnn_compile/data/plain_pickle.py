@@ -105,7 +105,7 @@ def filled(pairs: Iterable[tuple[Any, Any]], into: dict[Any, Any]) -> dict[Any, 
     for key, value in pairs:
         parts = key if type(key) is tuple and len(key) <= MAX_KEY else (key,)
         if any(type(part) not in _KEYS or (type(part) is int and abs(part) >> 60) for part in parts):
-            raise ValueError("a key that is no plain value")
+            raise ValueError("a key that is not a plain value")
         dict.__setitem__(into, key, value)
     return into
 

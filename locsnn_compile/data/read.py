@@ -75,7 +75,7 @@ def read_recordings(
         found = division.part(found, path, split or "test")
     if found.threshold is None:
         for name in (name for name, value in counts.items() if value is not None):
-            raise InputError(name, f"{found.source!r} holds bins and no single events to count", fix="Leave it out.")
+            raise InputError(name, f"{found.source!r} holds bins, not single events to count", fix="Leave it out.")
     held = found.spikes.shape[2]
     if channels is not None and held != channels:
         (sensor or SensorLayout(f"{channels} channels", channels)).check_channels(held, f"recordings {found.source!r}")

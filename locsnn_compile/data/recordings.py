@@ -160,7 +160,7 @@ def clean_class_names(where: str, names: Sequence[object], least: int) -> tuple[
 
 
 def _clean_labels(where: str, labels: NDArray[np.generic], samples: int) -> IntArray:
-    fix = "Give one class number from 0 on per recording."
+    fix = "Give one class number from 0 up per recording."
     check_same(labels.shape, (samples,), where, "labels and recordings differ in number", fix=fix)
     values = labels.astype(np.float64) if labels.dtype.kind in "iuf" else np.full(samples, np.nan)
     # Written so that NaN is refused as well.

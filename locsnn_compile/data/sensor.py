@@ -69,7 +69,7 @@ class SensorLayout(Frozen):
         if self.taxels % (self.columns or 1):
             raise self._refused("its last row is not full", f"{self.taxels} taxels")
         if self.columns is not None and self.positions is not None:
-            what = "it is a grid, whose positions are known, and has others"
+            what = "its positions follow from its columns, but others were given"
             raise self._refused(what, counted(self.columns, "column"))
         for what, entries in (("positions", self.positions), ("names", self.names)):
             if entries is not None and not len(entries) == len(set(entries)) == self.taxels:
@@ -104,7 +104,7 @@ class SensorLayout(Frozen):
     def needed_places(self, where: str) -> FloatArray:
         """Return the places; ``InputError`` if there are none. ``where`` names what needs them."""
         if (places := self.places) is None:
-            what = f"it needs to know where the taxels lie, and sensor {self.name!r} does not say it"
+            what = f"it needs to know where the taxels lie, and sensor {self.name!r} does not give their positions"
             raise InputError(where, what, fix="Give --grid WxH, or --layout FILE with positions.")
         return places
 

@@ -88,11 +88,11 @@ def _check_label(path: Path, recordings: Recordings, where: str) -> None:
     """Refuse to write several recordings of events, or labels that the name does not have, into a single file."""
     if len(recordings) > 1 and path.suffix != ".npy":
         fix = "Write a folder or .zip, with members."
-        raise InputError(where, "it holds one recording", measured=f"got {len(recordings)}", fix=fix)
+        raise InputError(where, "this format holds one recording only", measured=f"got {len(recordings)}", fix=fix)
     label = label_in_name(path.name) if len(recordings) == 1 else None
     wanted = None if recordings.labels is None else recordings.labels.tolist()
     if wanted != (None if label is None else [label]):
-        what = "it cannot hold labels, and its name does not have these"
+        what = "this format cannot hold labels, and the file name does not give them"
         measured = "none" if wanted is None else f"{len(wanted)} of them" if len(wanted) > 1 else f"{wanted[0]}"
         fix = "Write .npz, .pt, a folder or .zip, or one recording with _label_<k> in its name."
         raise InputError(where, what, measured=measured, fix=fix)
@@ -155,7 +155,7 @@ def _tact_files(recordings: Recordings, index: int, stem: str, where: str) -> di
         measured = f"{counted(spikes.shape[1], 'channel')} against {CHANNELS // 2} or {CHANNELS}"
         raise InputError(where, "raw text holds one or two fingertips", measured=measured, fix="Write .npz.")
     if not spikes.any():
-        raise InputError(where, f"recording {index} is silent, which raw text cannot say", fix="Write .npz.")
+        raise InputError(where, f"recording {index} is silent, which raw text cannot express", fix="Write .npz.")
     return {f"{stem}.tact": tact_text(spikes, _width(recordings)), f"{stem}.startend": b"grasping 0\n"}
 
 

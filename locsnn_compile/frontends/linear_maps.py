@@ -114,15 +114,15 @@ def _check_convolution(weight: AnyArray, input_shape: Shape, window: Window, gro
     if len(input_shape) != axes + 1 or 0 in weight.shape:
         measured = f"input {input_shape}, weight {weight.shape}"
         fix = "Give a shape (channels, ...)."
-        raise InputError(where, "its input is not an image of the kernel's axes", measured=measured, fix=fix)
+        raise InputError(where, "its input does not have the axes of its kernel", measured=measured, fix=fix)
     if groups < 1 or input_shape[0] != weight.shape[1] * groups or weight.shape[0] % groups:
         measured = f"{counted(input_shape[0], 'channel')}, {counted(groups, 'group')}, weight {weight.shape}"
         fix = "Correct the groups."
         raise InputError(where, "channels and groups do not fit the weight", measured=measured, fix=fix)
     stride, padding, dilation = window.stride, window.padding, window.dilation
     if min(stride) < 1 or min(dilation) < 1:
-        raise InputError(where, "stride and dilation are at least 1", measured=f"{stride}, {dilation}", fix="Correct.")
+        raise InputError(where, "stride or dilation is below 1", measured=f"{stride}, {dilation}", fix="Correct it.")
     if padding == "same" and set(stride) != {1}:
         raise InputError(where, "padding 'same' needs stride 1", measured=f"{stride}", fix="Give numbers.")
     if padding not in ("same", "valid") if isinstance(padding, str) else min(padding) < 0 or max(padding) > 10_000:
-        raise InputError(where, "its padding is not valid", measured=f"{padding!r}"[:80], fix="Give numbers from 0 on.")
+        raise InputError(where, "its padding is not valid", measured=f"{padding!r}"[:80], fix="Give numbers from 0 up.")

@@ -79,7 +79,7 @@ def output_parts(hidden_of_taxel: Sequence[int] | IntArray) -> list[slice]:
     parts: list[slice] = []
     start = end = 0
     for size in map(int, hidden_of_taxel):
-        what, fix = "one taxel has more hidden neurons than an output can hear", "Take a larger window_stride"
+        what, fix = "one taxel has more hidden neurons than an output can receive from", "Use a larger window_stride"
         check_most(size, AXONS_OF_CORE, "windows", what, fix=f"{fix}, or fewer window_levels.")
         if end > start and end + size - start > HEARD_BY_OUTPUT:
             parts.append(slice(start, end))

@@ -55,11 +55,11 @@ def _check_readout(network: Network) -> None:
     if len(set(found)) != 1 or not whole:
         measured = f"populations {readout.populations}, sizes {found}, weights {readout.weights}"
         fix = "Name populations of one size, each with its weight."
-        raise InputError("readout", "it does not add up scores of populations of one size", measured=measured, fix=fix)
+        raise InputError("readout", "its populations or weights do not fit together", measured=measured, fix=fix)
     given = readout.potentials_from
     steps = given if isinstance(given, tuple) else (given,) * len(found)
     if len(steps) != len(found) or not all(one is None or (type(one) is int and 0 <= one <= MOST) for one in steps):
-        fix = "Give a step from 0 on, or one or None for each population."
+        fix = "Give a step from 0 up, or one or None for each population."
         raise InputError("readout", "potentials_from is not a step", measured=f"{given!r}"[:80], fix=fix)
     _check_magnitude("readout", "a weight", weights[weights != 0], _LEAST)
 
@@ -134,7 +134,7 @@ def _check_joint(projection: Projection | ChipProjection, ends: _Ends, neurons: 
     """Check that both ends of a projection exist, that they go together, and that the target takes such weights."""
     where = projection.where
     if projection.source not in ends or projection.target not in neurons:
-        raise InputError(where, "an end does not exist", fix="Name an input or a population.")
+        raise InputError(where, "it joins something that does not exist", fix="Name an input or a population.")
     source_phase, target_phase = ends[projection.source][0], ends[projection.target][0]
     if source_phase != target_phase:
         raise InputError(where, f"joins the {source_phase} axis to the {target_phase} axis", fix="Keep to one axis.")
@@ -160,4 +160,4 @@ def _check_values(projection: Projection | ChipProjection, shape: tuple[int, int
         fix = "Give one delay, or one for each weight that is held."
         raise InputError(where, "the delays have the wrong shape", measured=measured, fix=fix)
     if delay.dtype.kind not in "iu" or (delay < 0).any():
-        raise InputError(where, "a delay is not a whole number of steps from 0 on", fix="Round the delays.")
+        raise InputError(where, "a delay is not a whole number of steps from 0 up", fix="Round the delays.")

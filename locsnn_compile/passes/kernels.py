@@ -138,5 +138,5 @@ def _energy(r: float) -> float:
 
 
 def _never_fades(where: str, measured: str) -> TargetError:
-    what = "the decay rounds to nothing, so the potential would never fade"
+    what = "the decay rounds to 0, so the potential would never decay"
     return TargetError(where, what, measured=measured, fix="Use a shorter time constant or a longer step.")

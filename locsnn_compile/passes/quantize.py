@@ -147,7 +147,7 @@ def check_heard(task: Task, rounded: Iterable[Iterable[ChipProjection]], steps: 
     reached = float((task.largest * answer).max())
     if reached >= 1:
         measured = f"one input that spikes in every step could reach {reached:.3g} thresholds"
-        raise TargetError(task.where, "every weight rounds to 0, so it would hear nothing", measured=measured, fix=fix)
+        raise TargetError(task.where, "every weight rounds to 0, so no input reaches it", measured=measured, fix=fix)
 
 
 @singledispatch

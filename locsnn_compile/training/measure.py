@@ -82,7 +82,7 @@ def label_shares(config: TrainingConfig, classes: int) -> FloatArray:
     left = 1.0 - given.sum(axis=1)
     crowded = int(np.argmin(left - given.max(axis=1)))
     if left[crowded] <= given[crowded].max():
-        where, what = "training option 'neighbour_smoothing'", f"label {crowded} would be no larger than its neighbours"
+        where, what = "training option 'neighbour_smoothing'", f"label {crowded} would get no more than a neighbour"
         measured = f"{left[crowded]:.3g} against {given[crowded].max():.3g}"
         raise InputError(where, what, measured=measured, fix="Give a smaller share.")
     smooth = config.label_smoothing

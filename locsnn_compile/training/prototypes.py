@@ -36,7 +36,7 @@ def set_prototypes(
     """
     if not isinstance(network, WindowNetwork):
         fix = "Take another optimizer, or model window-snn."
-        raise InputError("training option 'optimizer'", "only windows have prototypes", fix=fix)
+        raise InputError("training option 'optimizer'", "only window networks have prototypes", fix=fix)
     pairs = [(network.hidden(torch.from_numpy(x)), torch.from_numpy(y)) for x, y in drawn]
     hidden, labels = (torch.cat(parts) for parts in zip(*pairs, strict=True))
     member = torch.nn.functional.one_hot(labels, len(network.bias)).to(hidden)

@@ -109,7 +109,7 @@ def _registers(chip: hw.Chip) -> RegisterWidths:
     widths = {field.name: getattr(chip.registers, field.name) for field in fields(RegisterWidths)}
     for name, bits in widths.items():
         if not TRAINED_BITS[0] <= bits <= TRAINED_BITS[1]:
-            what = f"networks are not trained on registers of such {name}"
+            what = f"training does not support registers with such {name}"
             measured = f"{bits} against {TRAINED_BITS[0]}..{TRAINED_BITS[1]}"
             fix = "Train for a chip of narrower registers."
             raise TargetError(f"target {chip.name!r}", what, measured=measured, fix=fix)

@@ -147,7 +147,7 @@ def test_taxels_of_any_sensor_are_dropped_mixed_and_shifted() -> None:
         pytest.param(
             ("--channels", "40", "--model", "hybrid-graph", "--graph", "tree"),
             False,
-            "taxel graph 'tree': it needs to know where the taxels lie, and sensor '40 channels' does not say it. "
+            "taxel graph 'tree': it needs to know where the taxels lie, and sensor '40 channels' does not give their positions. "
             "Give --grid WxH, or --layout FILE with positions.",
             id="no places",
         ),
@@ -180,7 +180,7 @@ def test_another_order_of_axes_is_said_by_an_option_or_by_the_file(capsys: Captu
     assert all(np.array_equal(weights[0], other) for other in weights)
     assert train(said, "--grid", "4x5", "--axes", "samples,channels,steps") == 2
     assert capsys.readouterr().err == (
-        "axes: file 'c.npz' says another order (samples,steps,channels). Leave it out.\n"
+        "axes: file 'c.npz' gives another order (samples,steps,channels). Leave it out.\n"
     )
 
 

@@ -360,7 +360,7 @@ def test_a_model_that_the_chip_cannot_hold_is_exit_code_1(tmp_path, capsys):
     assert run(model, "-o", tmp_path / "out") == 1
     assert capsys.readouterr() == (
         "",
-        "population 'time_hidden': tau_sr: the decay rounds to nothing, so the potential would never fade "
+        "population 'time_hidden': tau_sr: the decay rounds to 0, so the potential would never decay "
         "(100000 steps against at most 8191). Use a shorter time constant or a longer step.\n",
     )
     assert not (tmp_path / "out").exists()

@@ -145,7 +145,7 @@ def test_a_file_of_options_that_is_not_there(tmp_path, capsys):
 def test_a_file_of_options_is_not_overwritten(tmp_path, capsys):
     (tmp_path / "report.json").write_text("quiet: true\n")
     words = [MODEL, "--options", str(tmp_path / "report.json"), "-o", str(tmp_path)]
-    assert refused(capsys, compile_main, *words) == f"-o {str(tmp_path)!r}: 'report.json' is what --options reads. Write somewhere else.\n"  # fmt: skip
+    assert refused(capsys, compile_main, *words) == f"-o {str(tmp_path)!r}: it would overwrite 'report.json' (--options). Write somewhere else.\n"  # fmt: skip
 
 
 TYPED = [

@@ -127,7 +127,7 @@ def test_the_length_of_a_step_is_told_or_left_out(build, capsys, tmp_path):
     assert lines[-2] == "already the last prediction: " + ", ".join(
         f"1.000 after step {step}" for step in (50, 100, 150, 200, 250)
     )
-    assert lines[-1].endswith("; how long it takes at the sensor is not known: give --step-seconds")
+    assert lines[-1].endswith("; the length of a step at the sensor is not known: give --step-seconds")
 
 
 def test_lines_of_the_summary():
@@ -289,7 +289,7 @@ def test_the_train_part_calibrates_and_the_test_part_is_played(build, program, c
         ("--stream --psi -3", "--psi -3: it is out of range. Give a number from 0 up."),
         ("--step-seconds 0.02", "--step-seconds: nothing requested is timed. Add --stream."),
         ("--stream --step-seconds inf", "--step-seconds inf: it is out of range. Give a number above 0."),
-        ("--stop margin --calibrate few.npy", "--calibrate 'few.npy': these recordings are also played, and a margin always fits the recordings it was found on. Give others."),
+        ("--stop margin --calibrate few.npy", "--calibrate 'few.npy': these recordings are also played, and a margin always suits the recordings that it was found on. Give others."),
         ("--stop margin --calibrate gone.npy", "file 'gone.npy': it does not exist. Check the path."),
     ],
     ids=["kind", "no margin", "two margins", "margin alone", "calibrate alone", "agreement alone", "no length", "silence alone", "no silence", "no lead", "not a number", "no share", "psi alone", "negative psi", "length alone", "endless step", "same recordings", "no file"],
@@ -304,7 +304,7 @@ def test_a_copy_of_what_is_played_calibrates_nothing(build, tmp_path, capsys):
     copy = tmp_path / "copy.npy"
     copy.write_bytes((build / "few.npy").read_bytes())
     assert run(build, "--stop", "margin", "--calibrate", copy) == 2
-    line = f"--calibrate {str(copy)!r}: these recordings are also played, and a margin always fits the recordings it was found on. Give others.\n"  # fmt: skip
+    line = f"--calibrate {str(copy)!r}: these recordings are also played, and a margin always suits the recordings that it was found on. Give others.\n"  # fmt: skip
     assert capsys.readouterr() == ("", line)
 
 

@@ -149,7 +149,7 @@ def test_a_configuration_file_sets_the_steps(slip: Path, tmp_path: Path) -> None
         (
             ["run", "{}/out", "--events", "{}/bare.npz"],
             ["--threshold", "0"],
-            "threshold: 'bare.npz' holds bins and no single events to count. Leave it out.",
+            "threshold: 'bare.npz' holds bins, not single events to count. Leave it out.",
         ),
         (
             ["run", "{}/out", "--events", "{}/bare.npz"],

@@ -38,7 +38,7 @@ def folder(tmp_path, monkeypatch):
 
 INTEGERS = "the weights of this model are integers of the chip already"
 NO_CHIP = "it would change nothing: the network is trained in float, and no chip holds it. Add --target CHIP."
-BINS = "'d.npz' holds bins and no single events to count. Leave it out."
+BINS = "'d.npz' holds bins, not single events to count. Leave it out."
 OTHER = (
     "recordings 'd.npz': their channels are not those of sensor '200 channels' (78 against 200). Say which sensor it was: "
     "--grid WxH, with --polarities 1 or 2, --channels N, or --layout FILE."

@@ -48,7 +48,7 @@ def test_one_input_that_would_reach_the_threshold_is_missed(name, neuron, answer
     if isinstance(neuron, SrmAlpha):
         fix = "Use larger weights, a shorter tau_sr, or a smaller scale_ref."
     assert str(caught.value) == (
-        "population 'n': every weight rounds to 0, so it would hear nothing "
+        "population 'n': every weight rounds to 0, so no input reaches it "
         f"(one input that spikes in every step could reach 1 thresholds). {fix}"
     )
 

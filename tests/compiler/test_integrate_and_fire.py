@@ -183,7 +183,7 @@ def test_a_bias_settles_where_it_does_in_float():
     [
         (
             Cuba.of(1, decay_v=1e-5, threshold=1.0),
-            "population 'n': decay_v: the decay rounds to nothing, so the potential would never fade "
+            "population 'n': decay_v: the decay rounds to 0, so the potential would never decay "
             "(1e-05 lost in a step against at least 0.000122). Use a shorter time constant or a longer step.",
         ),
         (

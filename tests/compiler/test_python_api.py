@@ -181,7 +181,7 @@ def test_what_a_network_holds_stays_as_it_was():
     assert replace(held, target="c").weights is held.weights
 
 
-READOUT = "readout: it does not add up scores of populations of one size"
+READOUT = "readout: its populations or weights do not fit together"
 ONE_SIZE = "Name populations of one size, each with its weight."
 ONE = lc.Projection("touch", "hidden", np.ones((3, 4)))
 BROKEN = [

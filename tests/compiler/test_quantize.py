@@ -73,7 +73,7 @@ def test_gain_and_error_are_those_of_the_kernels(tau):
     [
         (
             hybrid(neuron=replace(NEURON, tau_sr=1e5)),
-            "population 'time_hidden': tau_sr: the decay rounds to nothing, so the potential would never fade "
+            "population 'time_hidden': tau_sr: the decay rounds to 0, so the potential would never decay "
             "(100000 steps against at most 8191). Use a shorter time constant or a longer step.",
         ),
         (

@@ -126,7 +126,9 @@ ROWS = "it is not an array: its rows differ in length. Make them equal."
     ],
 )
 def test_wrong_arguments_of_a_session(program, call, message):
-    assert message_of(lambda: call(program)) == (message or "Session, psi: no float holds it (1329 bits). Correct it.")
+    assert message_of(lambda: call(program)) == (
+        message or "Session, psi: it is too large for a float (1329 bits). Correct it."
+    )
 
 
 def test_numbers_of_numpy_are_numbers(program):

@@ -35,7 +35,7 @@ def refused(call, *arguments):
         (lambda: Binned(0, 1, 1, 0).words, "1 of 1 event dropped: 1 outside the steps, 0 in bins of at most 0"),
         (lambda: Binned(0, 2, 1, 0).words, "1 of 2 events dropped: 1 outside the steps, 0 in bins of at most 0"),
         (lambda: asked_layout(None, None, 1, None).name, "1 channel"),
-        (lambda: refused(lambda: SensorLayout("skin", 2, 1, columns=1, positions=((0.0, 0.0), (1.0, 0.0)))), "sensor 'skin': it is a grid, whose positions are known, and has others (1 column). Correct the layout of the sensor."),
+        (lambda: refused(lambda: SensorLayout("skin", 2, 1, columns=1, positions=((0.0, 0.0), (1.0, 0.0)))), "sensor 'skin': its positions follow from its columns, but others were given (1 column). Correct the layout of the sensor."),
         (lambda: refused(parse_tact, b"1 2 3\n", "file 'a.tact'", b"1.5\n", "file 'a.startend'"), "file 'a.startend': it does not give the time of 'grasping' (1 number). Give the times of start, reaching, reached, grasping, lifting, holding."),
         (lambda: repr(_Holds({"a": 1})), "_Holds(values=<1 entry>)"),
     ],

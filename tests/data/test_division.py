@@ -167,7 +167,7 @@ def rows(text: str) -> Callable[[Path], Path]:
         pytest.param(rows("0 0\n1 0\n"), {}, f"file 'test_80_20_1.txt': recording 1 is in the round twice (of 20). {FIX}", id="in both parts"),
         pytest.param(
             rows(f"0 {10**30}\n"), {}, "recordings 'tact.pt': its labels are not class numbers (1000000000000000000000000000000 of recording 0 against 0..100000). "
-            "Give one class number from 0 on per recording.", id="absurd class",
+            "Give one class number from 0 up per recording.", id="absurd class",
         ),
     ],
 )  # fmt: skip

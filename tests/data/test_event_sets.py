@@ -111,12 +111,12 @@ def test_a_data_set_of_tonic_becomes_recordings() -> None:
         pytest.param(
             Digits([(np.zeros((3, 4)), 1)]),
             "data set 'Digits', recording 0: its values are not events (2 axes). "
-            "Give the fields t (microseconds), x, y where there is one, and p (0 or 1).",
+            "Give the fields t (microseconds), x, y if there is one, and p (0 or 1).",
             id="frames",
         ),
         pytest.param(
             Digits([(structured([(0, 0, 34, 0)]), 1)]),
-            "data set 'Digits': it has events of channels that are not asked for (channel 2312 against 0..2311). "
+            "data set 'Digits': it has events on channels that the sensor does not have (channel 2312 against 0..2311). "
             "Give events of this sensor, or more channels.",
             id="another sensor",
         ),

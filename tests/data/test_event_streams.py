@@ -162,17 +162,17 @@ def test_a_network_says_how_many_channels_there_are(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         recordings_for(network, tmp_path / "b.bs1")
     assert str(caught.value) == (
-        "file 'b.bs1': it has events of channels that are not asked for (channel 79 against 0..77). "
+        "file 'b.bs1': it has events on channels that the sensor does not have (channel 79 against 0..77). "
         "Give events of this sensor, or more channels."
     )
 
 
-FIELDS = "Give the fields t (microseconds), x, y where there is one, and p (0 or 1)."
+FIELDS = "Give the fields t (microseconds), x, y if there is one, and p (0 or 1)."
 BAD: list[tuple[str, Callable[[Path], Path], dict[str, Any], str]] = [
     ("half an event", put("a.bs1", bs1((0, 0, 0)) + b"ab"), {}, "file 'a.bs1': it ends within an event (7 bytes, 5 per event). Give a whole file."),
     ("no events", put("a.bs1", b""), {}, "file 'a.bs1': no events inside. Give a recording with events."),
     ("no events, but steps", put("a.bs2", b""), {"steps": 4}, "file 'a.bs2': no events inside. Give a recording with events."),
-    ("a channel too high", put("a.bs1", bs1((78, 0, 0))), {"channels": 78}, "file 'a.bs1': it has events of channels that are not asked for (channel 78 against 0..77). Give events of this sensor, or more channels."),
+    ("a channel too high", put("a.bs1", bs1((78, 0, 0))), {"channels": 78}, "file 'a.bs1': it has events on channels that the sensor does not have (channel 78 against 0..77). Give events of this sensor, or more channels."),
     ("outside the grid", put("a.bs2", bs2((7, 0, 0, 0))), {"columns": 7}, "file 'a.bs2': an event lies outside the grid (x 7 against 7 columns). Give more columns."),
     ("too many bins", put("a.bs1", bs1((0, 0, 8_000_000))), {"step_seconds": 1e-5}, "file 'a.bs1': it lasts too long for its bins (8 s in bins of 1e-05 s against 20000 bins). Give wider bins."),
     ("too large", put("a.bs1", bs1((65_535, 0, 8_000_000))), {"step_seconds": 0.001}, "file 'a.bs1': its recordings are too large together (1 x 8001 x 65536 values against 200000000). Give fewer recordings, or wider bins."),

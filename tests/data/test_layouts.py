@@ -74,7 +74,9 @@ def test_no_option_names_no_sensor() -> None:
             id="polarities of nothing",
         ),
         pytest.param(
-            (None, 2, 41, None), "channels: 2 polarities need an even number (41). Correct it.", id="half a taxel"
+            (None, 2, 41, None),
+            "channels: 2 polarities need an even number (41). Correct it.",
+            id="half a taxel",
         ),
         pytest.param(("16", None, None, None), "grid: it is not columns x rows (got '16'). Give 16x16.", id="one side"),
         pytest.param(
@@ -139,7 +141,7 @@ def test_a_layout_comes_back_from_its_plain_values() -> None:
         ),
         pytest.param(
             {"name": "x", "columns": 2, "positions": [[0, 1], [0, 2]]},
-            "sensor 'x': it is a grid, whose positions are known, and has others (2 columns). ",
+            "sensor 'x': its positions follow from its columns, but others were given (2 columns). ",
             id="a grid with positions",
         ),
         pytest.param(
@@ -203,7 +205,7 @@ def test_a_file_of_numbers_is_an_order(tmp_path: Path) -> None:
         pytest.param(
             "spiral",
             NOWHERE,
-            "location order 'spiral': it needs to know where the taxels lie, and sensor '8 channels' does not say it. "
+            "location order 'spiral': it needs to know where the taxels lie, and sensor '8 channels' does not give their positions. "
             "Give --grid WxH, or --layout FILE with positions.",
             id="no places",
         ),
@@ -241,7 +243,7 @@ def test_graphs_join_neighbours_of_a_grid() -> None:
         pytest.param(
             "tree",
             NOWHERE,
-            "taxel graph 'tree': it needs to know where the taxels lie, and sensor '8 channels' does not say it. "
+            "taxel graph 'tree': it needs to know where the taxels lie, and sensor '8 channels' does not give their positions. "
             "Give --grid WxH, or --layout FILE with positions.",
             id="no places",
         ),

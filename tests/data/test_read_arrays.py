@@ -204,7 +204,7 @@ BAD: list[tuple[str, str, Callable[[Path], object], str]] = [
         "a.npy",
         bad_label_shape,
         "recordings 'a.npy': labels and recordings differ in number ((3,) against (4,)). "
-        "Give one class number from 0 on per recording.",
+        "Give one class number from 0 up per recording.",
     ),
     (
         "truncated npz",

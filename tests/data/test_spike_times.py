@@ -88,7 +88,7 @@ def text(path: Path) -> None:
 
 
 PLACE = "file 'a.h5', recording 0: it does not hold a time and a channel"
-WAY = "Give seconds from 0 on, and whole numbers."
+WAY = "Give seconds and units from 0 up."
 
 
 @pytest.mark.parametrize(

@@ -152,7 +152,7 @@ def test_a_profile_of_a_core_in_cells_may_be_chosen_and_one_of_a_device_not():
     assert hw.priced_by(hw.chip("locsnn-130nm"), "ihp-sg13g2").default_profile == "ihp-sg13g2"
     with pytest.raises(InputError) as caught:
         hw.priced_by(hw.chip("ecp5-25f"), "ihp-sg13g2")
-    assert str(caught.value) == "profile 'ihp-sg13g2': ecp5-25f has cycles and no prices. Leave the profile out."
+    assert str(caught.value) == "profile 'ihp-sg13g2': ecp5-25f has cycles and no profiles. Leave the profile out."
 
 
 def test_real_recordings_come_one_of_a_class_in_turn(tmp_path, monkeypatch):

@@ -140,11 +140,11 @@ NIR_CELLS = [
     works("NIR", "--discretisation hold", neurons(lif(RNG, 12)), dt=DT, discretisation="hold"),
     works("NIR", "--discretisation exact", neurons(cuba(RNG, 12)), dt=DT, discretisation="exact"),
     loses("NIR", "time", neurons(lif(RNG, 12)), "it becomes steps: a spike is on the grid of `--dt`", lambda n: n.step_seconds == DT, dt=DT),
-    refused("NIR", "I", neurons(nir.I(r=np.ones(12))), ", node 'n': an integrator without leak or threshold overflows every register. Take an LI with a long tau, or an IF.", dt=DT),
+    refused("NIR", "I", neurons(nir.I(r=np.ones(12))), ", node 'n': an integrator without leak or threshold overflows every register. Use an LI with a long tau, or an IF.", dt=DT),
     refused("NIR", "LI before other nodes", neurons(LI, linear(RNG, 5, 12), lif(RNG, 5)), ", node 'after0': it takes the potential of 'n', and the chip sends spikes only. End the graph at that node, or make it a LIF.", dt=DT),
-    refused("NIR", "an Output of weights", neurons(lif(RNG, 12), linear(RNG, 5, 12)), ", node 'after0': the output is that of Linear, but the chip's is spikes. End the graph in a LIF, or in an LI whose potential is read.", dt=DT),
+    refused("NIR", "an Output of weights", neurons(lif(RNG, 12), linear(RNG, 5, 12)), ", node 'after0': it outputs the values of Linear, but the chip outputs spikes. End the graph in a LIF, or in an LI whose potential is read.", dt=DT),
     refused("NIR", "no Input", graph(nir.NIRGraph({"n": lif(RNG, 10), "o": nir.Output(np.array([10]))}, [("n", "o")], type_check=False)), ": a graph needs an Input. Add an Input node before the first weights.", dt=DT),
-    refused("NIR", "an edge into an Input", graph(nir.NIRGraph(SKIP.nodes, [*SKIP.edges, ("m", "input")], type_check=False)), ", node 'input': an edge leads into an Input (from 'm'). Lead it to the nodes that the Input feeds.", dt=DT),
+    refused("NIR", "an edge into an Input", graph(nir.NIRGraph(SKIP.nodes, [*SKIP.edges, ("m", "input")], type_check=False)), ", node 'input': an edge leads into an Input (from 'm'). Connect it to the nodes that the Input feeds.", dt=DT),
     refused("NIR", "Delay of a fraction of a step", graph(chain((10,), ("d", nir.Delay(spread(10, 1.5 * DT))), ("n", lif(RNG, 10)))), ", node 'd': a delay is not a whole number of steps from 0 to 1e+06 (1.5 steps of 0.001 s). Correct it, or give another --dt.", dt=DT),
     refused("NIR", "tau shorter than a step, euler", neurons(nir.LIF(tau=spread(12, 1e-4), r=np.ones(12), v_leak=np.zeros(12), v_threshold=np.ones(12), v_reset=np.zeros(12))), ", node 'n': tau is shorter than a step (0.0001 s against 0.001 s). Give a smaller --dt, or --discretisation exact or hold.", dt=DT),
     refused("NIR", "a threshold below the reset", neurons(lif(RNG, 12, v_reset=1.5)), ", node 'n': the threshold is not above the reset (by -0.5). Train with a threshold above v_reset and v_leak, and above 0.", dt=DT),
@@ -166,9 +166,9 @@ NET_CELLS = [
     loses("lava-dl", "a last layer that never spikes: class by potential", net(DENSE, dense(RNG, 4, 6, neuron=neuron(threshold=2**18 - 1))), "its threshold of 2^18 - 1 becomes 2^17 - 1, which potentials hardly reach", lambda n: set(n.populations[-1].neuron.threshold.tolist()) == {2**17 - 1}),
     loses("lava-dl", "delays beyond 62, or of fractions", net(dense(RNG, 6, 10, delay=70.5)), "they are 62 at most, and whole, as in netx", lambda n: n.projections[0].delay == 62),
     refused("lava-dl", "graded spikes", net(dense(RNG, 6, 10, neuron=neuron(gradedSpike=True))), ", layer 0: its spikes are graded. Train with graded_spike=False."),
-    refused("lava-dl", "other neurons", net(dense(RNG, 6, 10, neuron=neuron(kind="SDNN"))), ", layer 0: 'SDNN' neurons have no single compartment on the chip. Use CUBA neurons."),
+    refused("lava-dl", "other neurons", net(dense(RNG, 6, 10, neuron=neuron(kind="SDNN"))), ", layer 0: 'SDNN' neurons do not fit into one compartment of the chip. Use CUBA neurons."),
     refused("lava-dl", "weights out of 8 bits", net(dense(RNG, 6, 10, weight=np.full((6, 10), 300.0))), ", layer 0: a weight does not fit an 8-bit synapse (0..300 against -256..254, even, or -255..255). Export it again, with quantised weights."),
-    *(refused("lava-dl", kind, net(DENSE, {"type": kind, "shape": np.array([6])}), f", layer 1: {kind!r} has no meaning on the chip. {fix}") for kind, fix in {
+    *(refused("lava-dl", kind, net(DENSE, {"type": kind, "shape": np.array([6])}), f", layer 1: {kind!r} is a type of layer that the chip cannot run. {fix}") for kind, fix in {
         "convT": "Replace it with a convolution.", "unpool": "Train without it.", "average": "Count the spikes of the layer before it.", "concat": "Join the inputs before the network."}.items()),
 ]  # fmt: skip
 SLAYER_CELLS = [

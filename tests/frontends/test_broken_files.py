@@ -59,7 +59,7 @@ def absurd(file):
 
 BROKEN = [
     ("a dangling edge", edges(("input", "fc"), ("fc", "lif"), ("lif", "outputs")), "model 'model.nir': the edge 'lif' -> 'outputs' names a node that does not exist. Did you mean 'output'?"),
-    ("a circle of weights", circle, "model 'model.nir': a circle of edges passes no neuron (a -> b). Put a neuron into the circle."),
+    ("a circle of weights", circle, "model 'model.nir': a loop of edges has no neuron (a -> b). Put a neuron into the loop."),
     ("a slash in a name", rename, "model 'model.nir', node 'deep': it has no type; HDF5 makes groups of a name with a slash. Rename nodes without slashes."),
     ("an unknown primitive", put("node/nodes/lif/type", "LIFF"), "model 'model.nir', node 'lif': 'LIFF' is not a NIR primitive. Did you mean 'LIF'?"),
     ("absurd dimensions", absurd, "model 'model.nir', node 'fc': 'weight': the file unpacks to more than is read (8796093022208 bytes more against 499999984 of 500000000 left). Give a smaller file."),
@@ -73,9 +73,9 @@ BROKEN = [
     ("a tau below a step", put("node/nodes/lif/tau", np.full(12, 1e-4)), "model 'model.nir', node 'lif': tau is shorter than a step (0.0001 s against 0.001 s). Give a smaller --dt, or --discretisation exact or hold."),
     ("a threshold below the reset", put("node/nodes/lif/v_reset", np.full(12, 2.0)), "model 'model.nir', node 'lif': the threshold is not above the reset (by -1). Train with a threshold above v_reset and v_leak, and above 0."),
     ("too few parameters", put("node/nodes/lif/tau", np.full(5, 1e-2)), "model 'model.nir', node 'lif': tau is not one number per neuron ((5,) against 12). Give as many."),
-    ("an integrator", put("node/nodes/lif/type", "I"), "model 'model.nir', node 'lif': an integrator without leak or threshold overflows every register. Take an LI with a long tau, or an IF."),
+    ("an integrator", put("node/nodes/lif/type", "I"), "model 'model.nir', node 'lif': an integrator without leak or threshold overflows every register. Use an LI with a long tau, or an IF."),
     ("weights that do not fit", put("node/nodes/fc/weight", np.ones((12, 9))), "model 'model.nir', node 'fc': its input has another size (10 against 9). Correct its weight."),
-    ("an output of weights", edges(("input", "lif"), ("lif", "fc"), ("fc", "output")), "model 'model.nir', node 'lif': its parameters do not fit what it is given ((12,) against (10,)). Give one number per neuron."),
+    ("an output of weights", edges(("input", "lif"), ("lif", "fc"), ("fc", "output")), "model 'model.nir', node 'lif': its parameters do not fit its input ((12,) against (10,)). Give one number per neuron."),
     ("neurons that do not fit", put("node/nodes/fc/weight", np.ones((11, 10))), "model 'model.nir', node 'lif': its input has another size (11 against 12). Give it a neuron for each value."),
     ("a link out of the file", lambda f: (f.__delitem__("node/nodes/fc/weight"), f["node/nodes/fc"].__setitem__("weight", h5py.ExternalLink("/etc/passwd", "/"))), "model 'model.nir', node 'fc': 'weight' is a link, and links are not followed. Store the data itself."),
     ("no graph", lambda f: f.__delitem__("node"), "model 'model.nir': it holds neither a NIR graph nor a lava-dl network. Give a checkpoint (.pt) that `locsnn train` wrote, a NIR graph (.nir), or a lava-dl network (.net)."),
@@ -94,7 +94,7 @@ OPTIONS = [
     ("another discretisation", {"discretisation": "exakt"}, "discretisation 'exakt': is not known. Did you mean 'exact'?"),
     ("no time", {"dt": 0.0}, "dt: a step must last more than 0 s and at most 1e+06 s (0). Give the seconds per step."),
     ("no end of time", {"dt": 1e300}, "dt: a step must last more than 0 s and at most 1e+06 s (1e+300). Give the seconds per step."),
-    ("a whole number beyond floats", {"dt": 10**400}, "load, dt: no float holds it (1329 bits). Correct it."),
+    ("a whole number beyond floats", {"dt": 10**400}, "load, dt: it is too large for a float (1329 bits). Correct it."),
     ("a config", {"config": "net.yaml"}, "model 'model.nir': config was given, but a NIR graph contains this itself. Leave config out."),
 ]  # fmt: skip
 

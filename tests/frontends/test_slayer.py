@@ -167,13 +167,13 @@ KERNELS = (("srmKernel", 3.0, 1), ("refKernel", 2.0, -2.0 * 4.0))
     [
         pytest.param(
             {"type": "LOIHI"},
-            "config 'net.yaml', location_neuron.type: it is not that of the other neurons. Leave it out.",
+            "config 'net.yaml', location_neuron.type: it differs from the type of the other neurons. Leave it out.",
             id="another kind",
         ),
         pytest.param(3, "config 'net.yaml': section 'location_neuron' is missing. {fix}", id="no section"),
         pytest.param(
             {"tauSr": 4.0},
-            "model 'model.pt', entry 'locationSlayer.srmKernel': the kernel is not that of the config (0.239 apart). "
+            "model 'model.pt', entry 'locationSlayer.srmKernel': the kernel is not that of the YAML (0.239 apart). "
             "Give the YAML that this checkpoint was trained with.",
             id="another kernel",
         ),
@@ -290,14 +290,14 @@ def turned(folder):
 
 
 REFUSED = [
-    ("a kernel nearly the same", other_kernel(10.1), "model 'model.pt', entry 'slayer.srmKernel': the kernel is not that of the config (0.00836 apart). Give the YAML that this checkpoint was trained with."),
-    ("another kernel", other_kernel(5.0), "model 'model.pt', entry 'slayer.srmKernel': the kernel is not that of the config (0.541 apart). Give the YAML that this checkpoint was trained with."),
+    ("a kernel nearly the same", other_kernel(10.1), "model 'model.pt', entry 'slayer.srmKernel': the kernel is not that of the YAML (0.00836 apart). Give the YAML that this checkpoint was trained with."),
+    ("another kernel", other_kernel(5.0), "model 'model.pt', entry 'slayer.srmKernel': the kernel is not that of the YAML (0.541 apart). Give the YAML that this checkpoint was trained with."),
     ("kernels of no name", lambda f: write(f, {"fc1": weights(4, 6)}), "kernels 'short': are not known. Choose one of: cut, full."),
     ("kernels of integers", lambda f: write(f, {"fc1": weights(4, 6)}, LOIHI), "kernels 'cut': LOIHI neurons have no kernels. Leave the option out."),
     ("a gap in the chain", lambda f: write(f, {"fc1": weights(4, 6), "fc2": weights(3, 5)}), "model 'model.pt', layer 'fc2': its inputs are not the neurons of 'fc1' (5 against 4). Save the layers of one chain in their order."),
     ("a convolution", lambda f: write(f, {}, extra={"conv1.weight": torch.randn(3, 2, 4, 5, 2)}), "model 'model.pt', layer 'conv1': it is not a dense layer (weight (3, 2, 4, 5, 2)). Use slayer.dense layers, or list all layers in the YAML, as layer: [{dim: 34x34x2}, {dim: 16c5z}, ...]."),
     ("a list without an input", lambda f: listed(f, LISTED[1:])[:2], "config 'net.yaml', layer 0: dim '4c3z' is not supported there. Give the input first, as 34x34x2, then 16c5z, 2a or 10."),
-    ("a list of fewer layers", lambda f: listed(f, LISTED[:3])[:2], "model 'model.pt': the YAML lists another number of layers (2 against 4). List the input and every layer that has weights."),
+    ("a list of fewer layers", lambda f: listed(f, LISTED[:3])[:2], "model 'model.pt': the YAML lists a different number of layers (2 against 4). List the input and every layer that has weights."),
     ("a list of other layers", lambda f: listed(f, [*LISTED[:1], {"dim": "4c5z"}, *LISTED[2:]])[:2], "model 'model.pt', layer 'blocks.0.weightOp': its weights are not those that the YAML lists ((4, 2, 3, 3, 1) against (4, 2, 5, 5)). Give the YAML that this checkpoint was trained with."),
     ("kernels the other way around", turned, "model 'model.pt', layer 'blocks.0.weightOp': its weights are not those that the YAML lists ((2, 4, 3, 3, 1) against (4, 2, 3, 3)). Give the YAML that this checkpoint was trained with."),
     ("a layer that is a list", lambda f: replaced(f, "fc1.weight", [[1.0]]), "model 'model.pt', entry 'fc1.weight': it is not a dense float tensor (list). Save net.state_dict() with torch.save."),

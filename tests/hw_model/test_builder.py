@@ -121,7 +121,7 @@ def test_mistakes(arguments, message):
         (np.zeros((3, 3)), {}, "spikes of 'x': the shape does not fit ((3, 3) against (steps, 2) or (batch, steps, 2)). Give one column per channel."),
         (np.full((3, 2), 2), {}, "spikes of 'x': values other than 0 and 1. Binarise the events; graded spikes do not exist here."),
         (np.full((3, 2), np.nan), {}, "spikes of 'x': values other than 0 and 1. Binarise the events; graded spikes do not exist here."),
-        ({"y": np.zeros((3, 2))}, {}, "spikes: the program plays x. Give a mapping with one array for each."),
+        ({"y": np.zeros((3, 2))}, {}, "spikes: its streams are not the program's inputs (x). Give a mapping with one array for each."),
         (np.zeros((0, 3, 2)), {}, "spikes: nothing to simulate (recordings: 0, steps: 3). Give some recordings and steps."),
         (np.zeros((0, 2)), {}, "spikes: nothing to simulate (recordings: 1, steps: 0). Give some recordings and steps."),
         (np.zeros((3, 2)), {"steps": 0}, "steps: nothing to simulate (0 against at least 1). Raise steps."),
@@ -154,7 +154,7 @@ def test_joins_without_a_public_meaning(operation):
     ("named", "message"),
     [
         (("n", "n"), "readout: it names 'n' twice. Name it once, with the sum of its weights."),
-        (("x",), "readout: 'x' is no group of compartments. Read out groups of compartments of this graph."),
+        (("x",), "readout: 'x' is not a group of compartments. Read out groups of compartments of this graph."),
         (("n", "m"), "readout: its populations differ in size: [2, 3]. Make them equal."),
         ((), "readout: it names no population. Name one, or leave out the readout."),
     ],
@@ -241,6 +241,6 @@ def test_delays_that_memory_does_not_hold():
     with pytest.raises(hw.TargetError) as caught:
         builder.build()
     assert str(caught.value) == (
-        "phase 'time': its longest delay keeps more charges under way than are simulated "
+        "phase 'time': its longest delay keeps more charges in flight than the simulator allows "
         "(65536 steps of 2049 compartments against 134217728). Shorten the delay, or relay the spike through compartments."
     )

@@ -194,7 +194,7 @@ def _mixed() -> hw.ChipProgram:
         (lambda p, x: hw.Session(p).push(x[None]), "spikes: a session plays one recording. Give rows, (rows, channels)."),
         (lambda p, x: hw.Session(p).push(x[:, 1:]), "spikes of 'touch': the shape does not fit ((22, 7) against (steps, 8) or (batch, steps, 8)). Give one column per channel."),
         (lambda p, x: hw.Session(p).push(2 * x), "spikes of 'touch': values other than 0 and 1. Binarise the events; graded spikes do not exist here."),
-        (lambda p, x: hw.Session(p).push({"other": x}), "spikes: the program plays touch. Give a mapping with one array for each."),
+        (lambda p, x: hw.Session(p).push({"other": x}), "spikes: its streams are not the program's inputs (touch). Give a mapping with one array for each."),
         (lambda p, x: hw.Session(p).spikes("time/y"), "population 'time/y': is in no transposed phase. Read its counts from push."),
     ],
     ids=["no readout", "mixed phase", "no length", "negative", "not a number", "batch", "channels", "values", "stream", "live population"],

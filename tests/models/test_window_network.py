@@ -95,8 +95,8 @@ def test_outputs_hear_whole_taxels(sizes: list[int], wanted: list[tuple[int, int
 REFUSED = {
     "a taxel that no output can hear": (
         lambda: output_parts([10, 4097]),
-        "windows: one taxel has more hidden neurons than an output can hear (4097 against 4096). "
-        "Take a larger window_stride, or fewer window_levels.",
+        "windows: one taxel has more hidden neurons than an output can receive from (4097 against 4096). "
+        "Use a larger window_stride, or fewer window_levels.",
     ),
     "a recording shorter than a window": (
         lambda: described(3),

@@ -263,7 +263,7 @@ def test_an_energy_gate_fails_as_not_known(build, capsys, tmp_path):
 
 
 REFUSED = [
-    (["--profile", "davies2018"], "profile 'davies2018': ecp5-25f has cycles and no prices. Leave the profile out."),
+    (["--profile", "davies2018"], "profile 'davies2018': ecp5-25f has cycles and no profiles. Leave the profile out."),
     *((["--emit", kind], f"--emit {kind}: it describes a mesh of cores, and ecp5-25f is an open core. Use --emit rtl.")
       for kind in ("vectors", "trace", "sanafe")),
 ]  # fmt: skip

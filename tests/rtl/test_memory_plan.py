@@ -61,7 +61,7 @@ def test_words_of_even_and_odd_banks_alternate():
 def test_an_array_that_no_macros_hold_is_refused():
     with pytest.raises(InputError) as caught:
         plan([Array("a", 64, 100, 1, {1: 1.0})], MACROS)
-    assert str(caught.value) == "memory 'a': no macros hold it. Give wider ones, or of more ports."
+    assert str(caught.value) == "memory 'a': no macros hold it. Give wider macros or more ports."
 
 
 PIECE = Piece("a", 1, "small", 0, 1, 16, 1, 0, 8)
@@ -102,7 +102,7 @@ PIECE = Piece("a", 1, "small", 0, 1, 16, 1, 0, 8)
         ),
         pytest.param(
             [replace(PIECE, memory="b")],
-            "memory 'b': the core has none. Leave it out.",
+            "memory 'b': the core has no such memory. Leave it out.",
             id="no such memory",
         ),
     ],

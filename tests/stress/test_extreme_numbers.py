@@ -123,8 +123,8 @@ def test_delay_line_holds_a_refractory_kernel_that_hardly_matters():
 
 
 HEARD = [
-    ("srm", one(replace(SRM, tau_sr=4000.0), 0.01), "population 'n': every weight rounds to 0, so it would hear nothing (one input that spikes in every step could reach 1.88 thresholds). Use larger weights, a shorter tau_sr, or a smaller scale_ref."),
-    ("integrator", one(Cuba.of(1, decay_v=0.0, threshold=1e-3, bias=1.0), 1e-6), "population 'n': every weight rounds to 0, so it would hear nothing (one input that spikes in every step could reach 3 thresholds). Use larger weights, or smaller biases."),
+    ("srm", one(replace(SRM, tau_sr=4000.0), 0.01), "population 'n': every weight rounds to 0, so no input reaches it (one input that spikes in every step could reach 1.88 thresholds). Use larger weights, a shorter tau_sr, or a smaller scale_ref."),
+    ("integrator", one(Cuba.of(1, decay_v=0.0, threshold=1e-3, bias=1.0), 1e-6), "population 'n': every weight rounds to 0, so no input reaches it (one input that spikes in every step could reach 3 thresholds). Use larger weights, or smaller biases."),
 ]  # fmt: skip
 
 

@@ -184,7 +184,7 @@ RANGES = "Give, for example, '0-4 5-9'."
             "itself.csv",
             f"its matrix must hold 0 and more, and 0 for a class and itself (got 'itself.csv'). {RANGES}",
         ),
-        (0.4, "0-5", "label 1 would be no larger than its neighbours (0.2 against 0.4). Give a smaller share."),
+        (0.4, "0-5", "label 1 would get no more than a neighbour (0.2 against 0.4). Give a smaller share."),
     ],
 )
 def test_neighbours_that_are_none(

@@ -79,7 +79,7 @@ def test_only_windows_have_prototypes() -> None:
     with pytest.raises(InputError) as refused:
         train(touches(), config(model="hybrid"))
     assert str(refused.value) == (
-        "training option 'optimizer': only windows have prototypes. Take another optimizer, or model window-snn."
+        "training option 'optimizer': only window networks have prototypes. Take another optimizer, or model window-snn."
     )
 
 

@@ -209,7 +209,7 @@ def test_chips_that_are_not_trained_for(tmp_path: Path, start: Checkpoint) -> No
     with pytest.raises(TargetError) as caught:
         train(touches(), replace(ON_CHIP, target=target), start=start)
     assert str(caught.value) == (
-        "target 'other': networks are not trained on registers of such current_bits (30 against 9..29). "
+        "target 'other': training does not support registers with such current_bits (30 against 9..29). "
         "Train for a chip of narrower registers."
     )
 

@@ -82,7 +82,7 @@ def _layer(number: int, q: QuantizedPopulation, onto: list[ChipProjection]) -> N
         values["weight_rec" if projection.source == name else "weight"] = weights.astype(np.float32)
         if np.any(projection.delay):
             if projection.source == name or np.size(projection.delay) > 1:
-                raise InputError(where, "its delays differ", fix=_OTHER)
+                raise InputError(where, "one layer cannot have several delays in lava-dl", fix=_OTHER)
             values["delay"] = np.array(projection.delay)
     values["inFeatures"] = np.array(np.shape(values["weight"])[1])
     return NetLayer(number, "dense_rec" if "weight_rec" in values else "dense", values)

@@ -98,7 +98,7 @@ def _add(built: _Built, layer: NetLayer, where: str) -> None:
     elif kind in ("dense", "dense_rec", "conv", "pool"):
         _add_neurons(built, layer, where)
     elif kind in _REFUSED:
-        raise InputError(where, f"{kind!r} has no meaning on the chip", fix=_REFUSED[kind])
+        raise InputError(where, f"{kind!r} is a type of layer that the chip cannot run", fix=_REFUSED[kind])
     else:
         raise InputError(where, f"{kind[:40]!r} is not a known type of layer", fix="Use dense and conv layers.")
 
@@ -163,7 +163,7 @@ def _weights(built: _Built, layer: NetLayer, where: str) -> tuple[Matrix, Shape,
     else:
         found, out = convolution(kernel, given, window, groups=groups, where=where)
     if out != shape:
-        raise InputError(where, "its shape is not what it computes", measured=f"{shape} for {out}", fix="Export again.")
+        raise InputError(where, "its shape and its output differ", measured=f"{shape} for {out}", fix="Export again.")
     return matrix(found, np.int64), shape, math.prod(given)
 
 
@@ -251,7 +251,7 @@ def _delay(layer: NetLayer, mantissa: Matrix, where: str) -> int | IntArray:
 def _neurons(layer: NetLayer, shape: Shape, where: str) -> ChipCuba:
     kind = layer.text("neuron/type", where) or ("CUBA" if "neuron/vThMant" in layer.values else "")
     if kind not in ("CUBA", "LOIHI"):
-        what = f"{kind[:40]!r} neurons have no single compartment on the chip" if kind else "it has no neurons"
+        what = f"{kind[:40]!r} neurons do not fit into one compartment of the chip" if kind else "it has no neurons"
         raise InputError(where, what, fix="Use CUBA neurons.")
     if layer.one("neuron/gradedSpike", where, 0):
         raise InputError(where, "its spikes are graded", fix="Train with graded_spike=False.")
@@ -280,5 +280,5 @@ def _neurons(layer: NetLayer, shape: Shape, where: str) -> ChipCuba:
     for key, values, most in (("iDecay", made.decay_u, DECAY_ONE), ("vDecay", made.decay_v, DECAY_ONE)):
         if (values < 0).any() or (values > most).any():
             measured = f"{values.min()}..{values.max()} against 0..{most}"
-            raise InputError(where, f"{key} is not a decay", measured=measured, fix="Correct.")
+            raise InputError(where, f"{key} is not a decay", measured=measured, fix="Correct it.")
     return made

@@ -50,7 +50,7 @@ def flatten_graph(graph: NirGraph, where: str) -> FlatGraph:
         linear_order(nodes, sources)
     except CycleError as error:
         circle = " -> ".join(error.args[1][:-1][:6])[:200]
-        what, fix = "a circle of edges passes no neuron", "Put a neuron into the circle."
+        what, fix = "a loop of edges has no neuron", "Put a neuron into the loop."
         raise InputError(where, what, measured=circle, fix=fix) from None
     return FlatGraph(nodes, sources, *_shapes(nodes, sources, where))
 
@@ -186,7 +186,7 @@ def _joined(own: Shape, given: Shape, where: str) -> Shape:
     except ValueError:
         pass
     fix = "Give one number per neuron."
-    raise InputError(where, "its parameters do not fit what it is given", measured=f"{own} against {given}", fix=fix)
+    raise InputError(where, "its parameters do not fit its input", measured=f"{own} against {given}", fix=fix)
 
 
 WITH_WEIGHTS = ("Linear", "Affine", "Conv1d", "Conv2d", "SumPool2d", "AvgPool2d")

@@ -123,14 +123,14 @@ def _input(flat: FlatGraph, where: str) -> InputView:
     """Return the view of a graph's inputs; refuse a graph without inputs or neurons, or with an integrator."""
     for name in flat.named("I"):
         what = "an integrator without leak or threshold overflows every register"
-        fix = "Take an LI with a long tau, or an IF."
+        fix = "Use an LI with a long tau, or an IF."
         raise InputError(f"{where}, node {name!r}", what, fix=fix)
     names = flat.named("Input")
     if not names:
         raise InputError(where, "a graph needs an Input", fix="Add an Input node before the first weights.")
     for name in names:
         for source in flat.sources[name]:
-            place, fix = f"{where}, node {name!r}", "Lead it to the nodes that the Input feeds."
+            place, fix = f"{where}, node {name!r}", "Connect it to the nodes that the Input feeds."
             raise InputError(place, "an edge leads into an Input", measured=f"from {source!r}", fix=fix)
     if not flat.named(*NEURONS):
         raise InputError(where, "it has no neurons", fix="Export a network with LIF neurons.")
@@ -232,7 +232,7 @@ def _outputs(flat: FlatGraph, where: str) -> tuple[str, ...]:
         elif kind in ("Output", "Pass", "Flatten") and flat.sources[name]:
             waiting.extend(flat.sources[name])
         else:
-            what = f"the output is that of {kind}, but the chip's is spikes"
+            what = f"it outputs the values of {kind}, but the chip outputs spikes"
             fix = "End the graph in a LIF, or in an LI whose potential is read."
             raise InputError(f"{where}, node {name!r}", what, fix=fix)
     outputs = tuple(dict.fromkeys(found))

@@ -81,7 +81,7 @@ def read_config(path: Path) -> SlayerConfig:
     fix = "Give slayerPytorch's network description."
     values = load_yaml(read_bytes(path, where, MAX_CONFIG_BYTES, "Give only the YAML."), where, "it is not YAML", fix)
     if not isinstance(values, dict):
-        raise InputError(where, "it is not a description", fix=fix)
+        raise InputError(where, "it does not describe a network", fix=fix)
     return parse_config(values, where)
 
 
@@ -95,7 +95,7 @@ def parse_config(values: Mapping[Any, Any], where: str) -> SlayerConfig:
     key = next((key for key in ("location_neuron", "locationNeuron") if key in values), "neuron")
     location = {**section, **_section(values, key, where)}
     if location.get("type") != section.get("type"):
-        raise InputError(f"{where}, {key}.type", "it is not that of the other neurons", fix="Leave it out.")
+        raise InputError(f"{where}, {key}.type", "it differs from the type of the other neurons", fix="Leave it out.")
     layers = parse_layers(values["layer"], where) if "layer" in values else ()
     neurons = _neuron(section, ts, where), _neuron(location, ts, where)
     return SlayerConfig(*neurons, ts, steps, _order(values, where), layers)

@@ -37,7 +37,7 @@ def listed_layers(
 ) -> dict[str, tuple[Matrix, int]]:
     """Return the matrix and the channels of every kernel; the entries after the input belong to them in order."""
     weighted = entries[1:]
-    what, fix = "the YAML lists another number of layers", "List the input and every layer that has weights."
+    what, fix = "the YAML lists a different number of layers", "List the input and every layer that has weights."
     check_same(len(weighted), len(kernels), where, what, fix=fix)
     width, height, channels = entries[0].numbers
     shape: Shape = (channels, height, width)
@@ -98,5 +98,5 @@ def check_kernels(tensors: Mapping[str, Any], config: SlayerConfig, where: str) 
         scale = max(float(np.abs(made).max(initial=0)), 1e-9)
         apart = np.abs(held[:shared] - made[:shared]).max(initial=0.0)
         if apart > _CLOSE * scale:
-            what, fix = "the kernel is not that of the config", "Give the YAML that this checkpoint was trained with."
+            what, fix = "the kernel is not that of the YAML", "Give the YAML that this checkpoint was trained with."
             raise InputError(f"{where}, entry {key!r}", what, measured=f"{apart:.3g} apart", fix=fix)

@@ -111,7 +111,7 @@ def load_slayer(path: Path, config: Path, kernels: str | None = None) -> Network
     assert channels is not None  # one chain or the other says it
     sizes = [p.size for p in parts.populations if p.name in parts.outputs]
     if len(set(sizes)) > 1:
-        raise InputError(where, "its branches differ in classes", measured=f"{sizes}", fix="Train them together.")
+        raise InputError(where, "its branches differ in class count", measured=f"{sizes}", fix="Train them together.")
     said: dict[str, Any] = {"any_length": "location" not in chains}
     said |= {"assumptions": (*tails, *_assumed(layers, chains, description, channels))}
     return parts.network_of_file(path, data, channels, steps, description.ts / 1000, **said)
@@ -136,7 +136,7 @@ def _walk(order: str, channels: int | None, where: str) -> tuple[Any, int]:
     if fingertips is None:
         if order != "loop":
             what, measured = f"order {order[:40]!r} is only for fingertips", counted(count, "channel")
-            raise InputError(where, what, measured=measured, fix="Take loop.")
+            raise InputError(where, what, measured=measured, fix="Use loop.")
         return np.arange(count), count
     return channel_walk(location_order(order, neutouch())[1], neutouch(fingertips)), count
 
@@ -225,7 +225,7 @@ def _attach(layers: list[_Layer], key: str, delay: Any, config: SlayerConfig, wh
                 layer.assumed += (f"Delays {key!r} above {DELAY_MAX} steps were cut to {DELAY_MAX}.",)
             return
     fix = "Give one per neuron."
-    raise InputError(where, "no layer gives as many spikes", measured=counted(steps.size, "delay"), fix=fix)
+    raise InputError(where, "no layer has as many outputs", measured=counted(steps.size, "delay"), fix=fix)
 
 
 def _weights(tensors: Mapping[str, Any], name: str, where: str) -> FloatArray:
@@ -238,6 +238,6 @@ def _weights(tensors: Mapping[str, Any], name: str, where: str) -> FloatArray:
         axes = tuple(range(1, directions.ndim))
         norms = np.sqrt((directions**2).sum(axis=axes, keepdims=True))
         if gains.size != len(directions) or (norms == 0).any():
-            raise InputError(f"{where}, layer {name!r}", "its weight normalisation has no meaning", fix=_FIX)
+            raise InputError(f"{where}, layer {name!r}", "its weight normalisation is not valid", fix=_FIX)
         plain = gains.reshape(norms.shape) * directions / norms
     return np.asarray(plain, dtype=np.float64)
