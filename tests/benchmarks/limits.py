@@ -87,7 +87,7 @@ def deliveries(arriving: Sequence[NDArray[np.uint8]]) -> tuple[IntArray, IntArra
 
 
 def working_sets(sizes_kib: Sequence[int], width: int = 256) -> dict[int, float]:
-    """Return synaptic operations a second of adding random rows out of tables of so many KiB, one for each thread."""
+    """Return synaptic operations per second of adding random rows out of tables of so many KiB, one for each thread."""
     return {kib: _random_rows(kib, width) for kib in sizes_kib}
 
 

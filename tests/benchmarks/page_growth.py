@@ -42,7 +42,7 @@ def activity(record: Found) -> str:
                 f"{fitted * 1e3:.2f}", f"{m['synaptic_ops'] / m['seconds'] / 1e9:.2f}",
             ]
         )  # fmt: skip
-    head = ["compartments that fire", "million operations", "ms per recording", "line", "billion operations a second"]
+    head = ["compartments that fire", "million operations", "ms per recording", "line", "billion operations per second"]
     updates = record["rates"][0]["neuron_updates"]
     return f"""{table(head, rows, left=0)}
 
@@ -56,7 +56,7 @@ def tables(record: Found) -> str:
         [f"{kib:,}", f"{speed / 1e9:.1f}"]
         for kib, speed in zip(record["kib"], record["synaptic_ops_per_second"], strict=True)
     ]
-    return table(["KiB of weights a core", "billion operations a second"], rows, left=0)
+    return table(["KiB of weights per core", "billion operations per second"], rows, left=0)
 
 
 def growth(records: dict[str, Found]) -> str:
@@ -70,7 +70,7 @@ all compartments fire in a step. 100 steps.
 
 {KNEES}
 
-Rows of 256 weights in random order, out of tables of growing size, one table a core:
+Rows of 256 weights in random order, out of tables of growing size, one table per core:
 
 {tables(records["tables"])}
 
@@ -87,9 +87,9 @@ Local, 10 layers of 1,000, 250 synapses each:
 """
 
 
-KNEES = """*A layer's MiB* are its synapses as the engine holds them, and *in* the nearest cache that holds these. The engine
+KNEES = """*A layer's MiB* is the size of its synapses in the engine, and *in* is the nearest cache that holds them. The engine
 plays a tile of 64 steps of one layer, then of the next, so a layer is what has to stay near. Cost is linear in events between
-the knees, and there are three. Layers that are at least a quarter full are matrices of 2 bytes a synapse, added in vectors; the
+three knees. Layers that are at least a quarter full are matrices of 2 bytes per synapse, added in vectors; the
 others are lists, followed synapse by synapse, 4 bytes each where slot, delay and weight fit, else 12: that is the step from 3,000 compartments on. As a layer outgrows a
 cache, each spike fetches its synapses from farther away; the table below has the same for rows alone. In the small networks the
 part of a step that does not depend on events, the updates, is the larger one."""

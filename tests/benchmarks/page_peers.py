@@ -44,14 +44,14 @@ def side_by_side(record: Found) -> str:
         )
     limits = record["limits"]
     best = limit_seconds(record)
-    head = ["tool", "mode", "µs per recording", "middle half", "million operations a second", "ratio", "peak MiB"]
+    head = ["tool", "mode", "µs per recording", "middle half", "million operations per second", "ratio", "peak MiB"]
     return f"""## {record["name"]}: {record["text"]}
 
 A recording has {record["synaptic_ops"]:,.0f} synaptic operations, {record["neuron_updates"]:,.0f} compartment updates and {record["spikes"]:,.0f} spikes.
 
 {table([*head, "other spikes"], rows, left=2)}
 
-The limit: adding the same rows takes {times(best)} µs ({record["synaptic_ops"] / best / 1e9:.1f} billion operations a second; one row at a
+The limit: adding the same rows takes {times(best)} µs ({record["synaptic_ops"] / best / 1e9:.1f} billion operations per second; one row at a
 time {times(limits["plain"])} µs), and with the state read and written {times(limits["rows_and_state"])} µs. hw_model reaches {percent(best / ours)} and {percent(limits["rows_and_state"] / ours)} of these.
 """
 

@@ -26,15 +26,15 @@ def placement(records: dict[str, Found]) -> str:
         ]
         for m in records["hops"]["networks"]
     ]  # fmt: skip
-    hop_head = ["network", "cores", "hops a step, network order", "arranged", "saved", "seconds to arrange"]
+    hop_head = ["network", "cores", "hops per step, network order", "arranged", "saved", "seconds to arrange"]
     return f"""{table([*head, "s per million synapses", "peak GiB"], size_rows, left=0)}
 
 *Build* makes the graph through `ProgramBuilder`, checks included; *route* assembles the program too. Time grows with the
-number of synapses; arranging grows with the slots of the board instead, cubed, and is left out above 1,024 slots.
+number of synapses; arranging grows with the cube of the board's slots instead, and is left out above 1,024 slots.
 
 ## Hops that arranging cores saves
 
-{made_by("test_hops.py")} Expected hops a step if every compartment spikes once, cores in network order against arranged.
+{made_by("test_hops.py")} Expected hops per step if every compartment spikes once, cores in network order against arranged.
 
 {table(hop_head, hop_rows)}
 """

@@ -16,7 +16,7 @@ def test_set(records: dict[str, Found]) -> str:
         found["seconds"] * 1e3:.1f} ms (goal: below 100 ms), in one
 call and after start-up: {times(found["seconds"] / found["recordings"])} µs per recording, {
         found["synaptic_ops"] / found["seconds"] / 1e9:.2f} billion synaptic operations and {
-        found["neuron_updates"] / found["seconds"] / 1e9:.2f} billion compartment updates a second.
+        found["neuron_updates"] / found["seconds"] / 1e9:.2f} billion compartment updates per second.
 
 Played again and again as a stream of batches of {found["recordings"]}, in a process of its own:
 

@@ -41,7 +41,7 @@ PARTS = ("build", "place", "arrange", "route", "assemble", "save", "load", "lay 
 PAGE_TEXT = """## From a graph to a recording, against size
 
 Made by `python tests/benchmarks/scale.py SIZE... --write`, all figures in [scale.csv](../scale.csv): the networks of *cost against
-size*, 250 synapses a compartment, on as many chips as they take. A network is built, placed, arranged, routed and assembled, saved,
+size*, 250 synapses per compartment, on as many chips as they take. A network is built, placed, arranged, routed and assembled, saved,
 loaded, laid out for the engine, and plays a recording of 100 steps whose spikes are checked. Measured on
 {processor}, under a load of {load} by other work: seconds are processor
 seconds, of all threads.
@@ -56,7 +56,7 @@ What grows faster than the synapses, and why:
   of the size. Predictions, spikes and totals do not.
 
 A synapse takes 12 bytes in a graph and in a program, 4 to 12 in the engine's lists, and 32 in a file before it is packed. Memory is
-highest where several of these are there at once, at {each:.0f} bytes a synapse between the first row and the last.{million}
+highest where several of these are there at once, at {each:.0f} bytes per synapse between the first row and the last.{million}
 """
 STEPS = 100
 ACTIVITY = 0.02

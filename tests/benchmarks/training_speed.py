@@ -116,7 +116,7 @@ def section(count: int, seconds: dict[tuple[str, int], list[float]], versions: d
         ratios = ["" if tool == "own" else f"{medians[tool, batch] / medians['own', batch]:.0f}" for batch in BATCHES]
         rows.append("| " + " | ".join([name, *cells, *ratios]) + " |")
     table = "\n".join(rows)
-    return f"""One epoch of the hybrid on the {count} train recordings of Ev-Objects (250 steps, 78 channels, 32 hidden neurons a branch), in
+    return f"""One epoch of the hybrid on the {count} train recordings of Ev-Objects (250 steps, 78 channels, 32 hidden neurons per branch), in
 processor seconds on one thread, medians of {turns} turns that all tools take in one run: `python tests/benchmarks/training_speed.py --data FOLDER`.
 Every tool has its own second-order neurons (a synaptic current and a membrane), the same sizes, loss, optimizer and batches, and
 one matrix product for all steps of a layer; snnTorch and SpikingJelly have no refractory kernel, so their reset stands in its place
