@@ -16,6 +16,7 @@ class Sizes(Frozen):
     - ``one_port``: 1 if the buffer of events is a memory of one port
     - ``later``: bits of slots that few compartments leave: with them, a second phase hears its events when they arrive,
       unless phases share places
+    - ``groups``: 1 if rows of a recording may share a source of spikes, where all that they reach is the same
     - ``step``: bits of the step from one target of a list to the next; with 0, a list holds each target in full
     - ``places``: if phases share the memories of states and charges, the compartments of a phase, a power of two; 0 if
       each phase has its own
@@ -39,6 +40,7 @@ class Sizes(Frozen):
     sums: Annotated[int, between(0, 1 << 20)] = 0
     one_port: Annotated[int, between(0, 1)] = 0
     later: Annotated[int, between(0, 4)] = 0
+    groups: Annotated[int, between(0, 1)] = 0
 
 
 class MemoryWords(Frozen):

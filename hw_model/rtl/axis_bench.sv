@@ -19,6 +19,7 @@ module axis_bench #(
     parameter integer WORD = 32,
     parameter integer PHASE_WORDS = 512,
     parameter integer LATER = 0,
+    parameter integer GROUPS = 0,
     parameter integer SPIKES = 256,
     parameter integer WAITS = 2  // of four cycles, those in which each side waits
 ) ();
@@ -32,7 +33,7 @@ module axis_bench #(
     locsnn_axis #(
         .AXONS(AXONS), .SYNAPSES(SYNAPSES), .COMPARTMENTS(COMPARTMENTS), .SLOTS(SLOTS), .CHARGE(CHARGE), .JOIN(JOIN),
         .BITMAP(BITMAP), .VISITS(VISITS), .ENTRIES(ENTRIES), .WORD(WORD), .PHASE_WORDS(PHASE_WORDS),
-        .LATER(LATER), .SPIKES(SPIKES)
+        .LATER(LATER), .GROUPS(GROUPS), .SPIKES(SPIKES)
     ) dut (
         .aclk(clk), .aresetn, .report(1'b1), .s_load_tvalid, .s_load_tready, .s_load_tdata,
         .s_axis_tvalid, .s_axis_tready, .s_axis_tdata, .s_axis_tlast,

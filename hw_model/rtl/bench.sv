@@ -25,7 +25,8 @@ module bench #(
     parameter integer PLACES = 0,
     parameter integer SUMS = 0,
     parameter integer ONE_PORT = 0,
-    parameter integer LATER = 0
+    parameter integer LATER = 0,
+    parameter integer GROUPS = 0
 ) ();
     logic         clk = 0, reset = 1;
     logic         load_valid = 0;
@@ -48,7 +49,7 @@ module bench #(
     locsnn_core #(
         .AXONS(AXONS), .SYNAPSES(SYNAPSES), .COMPARTMENTS(COMPARTMENTS), .SLOTS(SLOTS), .CHARGE(CHARGE), .JOIN(JOIN),
         .BITMAP(BITMAP), .VISITS(VISITS), .ENTRIES(ENTRIES), .WORD(WORD), .PHASE_WORDS(PHASE_WORDS),
-        .STEP(STEP), .PLACES(PLACES), .SUMS(SUMS), .ONE_PORT(ONE_PORT), .LATER(LATER)
+        .STEP(STEP), .PLACES(PLACES), .SUMS(SUMS), .ONE_PORT(ONE_PORT), .LATER(LATER), .GROUPS(GROUPS)
     ) core (
         .clk, .reset, .load_valid, .load_memory(load_memory[2:0]), .load_address, .load_data,
         .in_valid, .in_ready, .in_kind(word[17:16]), .in_channel(word[15:0]), .hold(1'b0),

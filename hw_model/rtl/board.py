@@ -58,7 +58,7 @@ class Board:
         self.buffer, *sizes, last = _numbers(welcome[2:])
         self._answers.clear()
         self._spikes.clear()
-        self.sizes = replace(Sizes(*sizes), phase_words=last & (1 << 20) - 1, later=last >> 20)
+        self.sizes = replace(Sizes(*sizes), phase_words=last & (1 << 20) - 1, later=last >> 20 & 7, groups=last >> 23)
 
     def load(self, core: CoreProgram) -> None:
         """Fill the memories with a program, and start it; a ``TargetError`` names what has no room."""

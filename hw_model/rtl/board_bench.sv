@@ -22,6 +22,7 @@ module board_bench #(
     parameter integer PHASE_WORDS = 512,
     parameter integer ONE_PORT = 0,
     parameter integer LATER = 0,
+    parameter integer GROUPS = 0,
     parameter integer BUFFER = 1024,
     parameter integer SPIKES = 256,
     parameter integer BIT = 8,       // cycles per bit of the board
@@ -43,7 +44,7 @@ module board_bench #(
             top_uart #(
                 .CLOCK(BIT), .BAUD(1), .AXONS(AXONS), .SYNAPSES(SYNAPSES), .COMPARTMENTS(COMPARTMENTS), .SLOTS(SLOTS),
                 .CHARGE(CHARGE), .JOIN(JOIN), .BITMAP(BITMAP), .VISITS(VISITS), .ENTRIES(ENTRIES), .WORD(WORD),
-                .PHASE_WORDS(PHASE_WORDS), .ONE_PORT(ONE_PORT), .LATER(LATER), .BUFFER(BUFFER), .SPIKES(SPIKES)
+                .PHASE_WORDS(PHASE_WORDS), .ONE_PORT(ONE_PORT), .LATER(LATER), .GROUPS(GROUPS), .BUFFER(BUFFER), .SPIKES(SPIKES)
             ) board (.clk, .button, .rx(to_board), .tx(from_board), .leds);
             uart_rx #(.BIT(HOST_BIT)) listener (.clk, .reset, .rx(from_board), .valid(heard_valid), .data(heard), .broken);
         end else begin : directly
@@ -51,7 +52,7 @@ module board_bench #(
             locsnn_bytes #(
                 .AXONS(AXONS), .SYNAPSES(SYNAPSES), .COMPARTMENTS(COMPARTMENTS), .SLOTS(SLOTS),
                 .CHARGE(CHARGE), .JOIN(JOIN), .BITMAP(BITMAP), .VISITS(VISITS), .ENTRIES(ENTRIES), .WORD(WORD),
-                .PHASE_WORDS(PHASE_WORDS), .ONE_PORT(ONE_PORT), .LATER(LATER), .BUFFER(BUFFER), .SPIKES(SPIKES)
+                .PHASE_WORDS(PHASE_WORDS), .ONE_PORT(ONE_PORT), .LATER(LATER), .GROUPS(GROUPS), .BUFFER(BUFFER), .SPIKES(SPIKES)
             ) board (
                 .clk, .reset(reset || button), .in_valid(pass), .in_data(passed), .in_broken(pass_broken),
                 .out_valid(heard_valid), .out_ready(1'b1), .out_data(heard), .loaded, .running, .answered, .failed

@@ -114,11 +114,7 @@ def _numbers(path: Path, shape: tuple[int, ...]) -> IntArray:
 
 
 def _trace(
-    core: CoreProgram,
-    phase: str,
-    played: PhaseInput,
-    windows: dict[Register, Window],
-    updates: list[IntArray],
+    core: CoreProgram, phase: str, played: PhaseInput, windows: dict[Register, Window], updates: list[IntArray]
 ) -> PhaseTrace:
     """Return what an engine does, of the updates (updates, fields) of each of the recordings that are played."""
     numbers = core.numbers[phase]

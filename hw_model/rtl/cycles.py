@@ -154,7 +154,7 @@ def _transposed(core: CoreProgram, phase: CorePhase, recording: ByteArray) -> It
             read, wait = 0, wait + 2
             for row in np.flatnonzero(recording[: core.kept, channel]).tolist():
                 shown = 0 <= row - origin < phase.rows
-                yield wait + row // core.word + 1 - read, source + row - origin if shown else HIDDEN
+                yield wait + row // core.word + 1 - read, source + (row - origin >> phase.shared) if shown else HIDDEN
                 read, wait = row // core.word + 1, 1
             wait += core.row_words - read + 2
             at += 1

@@ -85,7 +85,7 @@ class CoreProgram:
         self.sizes = sizes or program.chip.open_core or SIMULATED
         self.word = self.sizes.word
         refuse_unplayable(program)
-        self.phases, self.first_source = core_phases(program, rows, steps)
+        self.phases, self.first_source = core_phases(program, rows, steps, self.sizes.groups)
         longest = max((phase.steps for phase in self.phases[1:]), default=0)
         most = (1 << VISIT_BITS) - 1
         refuse_unless(longest <= most, program, f"phase of more than {most} steps after the first", longest)
@@ -211,7 +211,7 @@ class CoreProgram:
             return False
         (second,), places = others, sizes.compartments >> sizes.later
         fits = self.ends[-1] <= sizes.compartments and max(2, self.ends[0], self.ends[1] - self.ends[0]) <= places
-        fits &= slots <= sizes.slots and second.steps + 2 * slots <= sizes.slots << sizes.later
+        fits &= not second.shared and slots <= sizes.slots and second.steps + 2 * slots <= sizes.slots << sizes.later
         each_once = np.array_equal(np.sort(second.visits[1]), np.arange(self.channels))
         each_once &= not second.by_rows and second.align_events is None
         return fits and each_once and max(second.visits[0]) < second.steps and self.kept <= first.steps
@@ -249,8 +249,8 @@ class CoreProgram:
         """Return eight words for each phase; :class:`hw_model.rtl.phases.CorePhase` says what they are."""
         visits = np.cumsum([phase.visits.shape[1] * (not self.later) for phase in self.phases]).tolist()
         fields = (
-            (p.steps, end, seen, p.rows, p.row_source, p.potentials_from, p.by_rows, bool(p.align_events))
-            for p, end, seen in zip(self.phases, self.ends, visits, strict=True)
+            (p.steps, end, at, p.rows, p.row_source, p.potentials_from, p.by_rows + 2 * p.shared, bool(p.align_events))
+            for p, end, at in zip(self.phases, self.ends, visits, strict=True)
         )
         return _array(field for of_phase in fields for field in of_phase)
 
@@ -271,6 +271,7 @@ class CoreProgram:
             entries=int(compartments["entry"].max()) + 1,
             word=self.word,
             phase_words=len(self.tables["phases"]["value"]),
+            groups=int(any(phase.shared for phase in self.phases)),
             step=self.sizes.step,
             places=self.words.states if self.sizes.places else 0,
             sums=self.words.sums if self.sizes.sums else 0,
@@ -294,7 +295,8 @@ class CoreProgram:
                 "exponent": np.maximum(exponent, 0) * (mantissa != 0),
                 "mantissa": mantissa,
             })  # fmt: skip
-        return {name: np.concatenate([part[name] for part in parts]).astype(np.int64) for name in parts[0]}
+        found = {name: np.concatenate([part[name] for part in parts]).astype(np.int64) for name in parts[0]}
+        return {name: column[found["source"] >= 0] for name, column in found.items()}
 
     def _compartments(self) -> Table:
         """Return the constants of every compartment; gaps have none."""
@@ -345,7 +347,7 @@ def parameters(sizes: Sizes) -> dict[str, int]:
 def sizes_for(needs: Sizes, least: Sizes) -> Sizes:
     """Return sizes that hold what is needed: those of ``least``, or twice as many words, or just enough bits."""
     grown = {
-        name: need if name in ("charge", "join", "one_port", "later") else _power(need)
+        name: need if name in ("charge", "join", "one_port", "later", "groups") else _power(need)
         for name, need in asdict(needs).items()
     }
     grown = {name: max(value, grown[name]) for name, value in asdict(least).items()}

@@ -20,6 +20,7 @@ module locsnn_axis #(
     parameter integer WORD = 32,
     parameter integer PHASE_WORDS = 512,
     parameter integer LATER = 0,
+    parameter integer GROUPS = 0,
     parameter integer SPIKES = 256  // spikes that wait; a power of two
 ) (
     input  logic         aclk,
@@ -85,7 +86,7 @@ module locsnn_axis #(
     wire [31:0]  synapses, updates, active_updates, spikes, charge_wraps, current_wraps, voltage_clips;
     locsnn_core #(
         .AXONS(AXONS), .SYNAPSES(SYNAPSES), .COMPARTMENTS(COMPARTMENTS), .SLOTS(SLOTS), .CHARGE(CHARGE), .JOIN(JOIN),
-        .BITMAP(BITMAP), .VISITS(VISITS), .ENTRIES(ENTRIES), .WORD(WORD), .PHASE_WORDS(PHASE_WORDS), .LATER(LATER)
+        .BITMAP(BITMAP), .VISITS(VISITS), .ENTRIES(ENTRIES), .WORD(WORD), .PHASE_WORDS(PHASE_WORDS), .LATER(LATER), .GROUPS(GROUPS)
     ) core (
         .clk(aclk), .reset, .load_valid(s_load_tvalid && s_load_tready), .load_memory(s_load_tdata[154:152]),
         .load_address(s_load_tdata[151:128]), .load_data(s_load_tdata[127:0]),

@@ -16,6 +16,7 @@ module locsnn_bytes #(
     parameter integer PHASE_WORDS = 512,
     parameter integer ONE_PORT = 0,
     parameter integer LATER = 0,
+    parameter integer GROUPS = 0,
     parameter integer BUFFER = 256,  // bytes of frames that wait; a power of two, and at least 64
     parameter integer SPIKES = 256   // spikes that wait for the host; a power of two
 ) (
@@ -69,7 +70,7 @@ module locsnn_bytes #(
     wire [31:0]  synapses, updates, active_updates, spikes, charge_wraps, current_wraps, voltage_clips;
     locsnn_core #(
         .AXONS(AXONS), .SYNAPSES(SYNAPSES), .COMPARTMENTS(COMPARTMENTS), .SLOTS(SLOTS), .CHARGE(CHARGE), .JOIN(JOIN),
-        .BITMAP(BITMAP), .VISITS(VISITS), .ENTRIES(ENTRIES), .WORD(WORD), .PHASE_WORDS(PHASE_WORDS), .ONE_PORT(ONE_PORT), .LATER(LATER)
+        .BITMAP(BITMAP), .VISITS(VISITS), .ENTRIES(ENTRIES), .WORD(WORD), .PHASE_WORDS(PHASE_WORDS), .ONE_PORT(ONE_PORT), .LATER(LATER), .GROUPS(GROUPS)
     ) core (
         .clk, .reset, .load_valid, .load_memory, .load_address, .load_data,
         .in_valid(word_valid), .in_ready(word_ready), .in_kind(word_kind), .in_channel(word_channel), .hold(spikes_wait),
@@ -104,7 +105,7 @@ module locsnn_bytes #(
     wire         reply_frame_valid, reply_frame_ready, reply_frame_last;
     wire [7:0]   reply_frame_data;
     localparam logic [263:0] SIZE = {24'(AXONS), 24'(SYNAPSES), 24'(COMPARTMENTS), 24'(SLOTS), 24'(CHARGE), 24'(JOIN),
-                                     24'(BITMAP), 24'(VISITS), 24'(ENTRIES), 24'(WORD), 4'(LATER), 20'(PHASE_WORDS)};
+                                     24'(BITMAP), 24'(VISITS), 24'(ENTRIES), 24'(WORD), 1'(GROUPS), 3'(LATER), 20'(PHASE_WORDS)};
     replies #(.BUFFER(BUFFER), .SIZES(11), .SIZE(SIZE)) reply (
         .clk, .reset, .error_valid, .error, .expected,
         .reply_valid, .reply_ready, .reply_hello, .reply_error, .reply_number, .loaded,

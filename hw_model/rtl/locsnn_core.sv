@@ -29,6 +29,8 @@ module locsnn_core #(
     parameter integer SUMS = 0,             // words for joined voltages, a power of two, where parents are close to their children
     // 0, or bits of slots that few compartments leave: with them, a second phase hears its events when they arrive.
     parameter integer LATER = 0,
+    // 1: up to 2^7 rows of a visit may share a source, where their lists are the same.
+    parameter integer GROUPS = 0,
     // 1: the buffer is a memory of one port, which writes what it was told in the cycle in which it would read again.
     parameter integer ONE_PORT = 0,
     // What saves energy on a chip, and costs logic elsewhere.
@@ -281,11 +283,11 @@ module locsnn_core #(
         .mark, .mark_tick, .stop, .failed, .error
     );
 
-    transpose #(.BITMAP(BITMAP), .WORD(WORD), .VISITS(VISITS), .SOURCE(SOURCE), .ONE_PORT(ONE_PORT), .FAST(FAST)) buffer (
+    transpose #(.BITMAP(BITMAP), .WORD(WORD), .VISITS(VISITS), .SOURCE(SOURCE), .ONE_PORT(ONE_PORT), .FAST(FAST), .GROUPS(GROUPS)) buffer (
         .clk, .clear, .load_visit(load_valid && load_memory == 5), .load_address, .load_data,
         .kept(settings[KEPT]), .channels(settings[CHANNELS]),
         .words(settings[BUFFERED]), .align_events(settings[ALIGN_EVENTS]),
-        .steps(its[STEPS]), .visits_end(its[VISITS_END]), .rows(its[ROWS]), .row_source(its[ROW_SOURCE]),
+        .steps(its[STEPS]), .visits_end(its[VISITS_END]), .rows(its[ROWS]), .shared(its[BY_ROWS][3:1]), .row_source(its[ROW_SOURCE]),
         .by_rows(its[BY_ROWS][0]), .aligned(its[ALIGNED][0]),
         .mark, .mark_channel(event_source), .mark_tick,
         .sweep(clear && 32'(sweep_at) < BITMAP), .sweep_address(sweep_at[$clog2(BITMAP)-1:0]),

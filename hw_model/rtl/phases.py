@@ -7,6 +7,7 @@ import numpy as np
 from hw_model.engine.playing import length_of
 from hw_model.mapping.graph import Phase
 from hw_model.program.chip_program import ChipProgram
+from hw_model.rtl.row_groups import rows_together
 from hw_model.values import ByteArray, Frozen, IntArray
 
 NO_ROW = 1 << 23
@@ -17,14 +18,16 @@ class CorePhase(Frozen, eq=False):
     """A phase of ``steps`` steps; one without a name has nothing to do while the recording arrives.
 
     ``kept``: rows of a recording that the buffer keeps for it. ``rows``: those that its visits tell of; where it is
-    aligned and plays by rows, those of the recording. ``row_source``: what channel 0 sends as, by rows. ``sources``
-    (lines,): what its input lines send as. ``visits`` (3, n): step, channel, and what its first row sends as.
+    aligned and plays by rows, those of the recording. Of rows that visits tell of, two to the power of ``shared`` send
+    as one. ``row_source``: what channel 0 sends as, by rows. ``sources`` (lines,): what its input lines send as, or -1
+    if the list of the line before is theirs too. ``visits`` (3, n): step, channel, and what its first row sends as.
     """
 
     name: str = ""
     steps: int = 0
     kept: int = 0
     rows: int = 0
+    shared: int = 0
     row_source: int = 0
     by_rows: bool = False
     align_events: int | None = None
@@ -47,23 +50,23 @@ class CorePhase(Frozen, eq=False):
         return range(start, min(start + self.steps, self.rows))
 
 
-def core_phases(program: ChipProgram, rows: int, steps: int | None) -> tuple[tuple[CorePhase, ...], int]:
+def core_phases(program: ChipProgram, rows: int, steps: int | None, groups: int) -> tuple[tuple[CorePhase, ...], int]:
     """Return the phases in order, for recordings of so many ``rows``, and the first source after theirs.
 
-    ``steps``: those of phases of no fixed length.
+    ``steps``: those of phases of no fixed length. ``groups``: 1 if rows share sources where they can.
     """
     plain = [phase for phase in program.phases if phase.align_events is None]
     streaming = next((p for p in plain if all(item.positions is None for item in program.inputs_of(p.name))), None)
     found, free = [] if streaming else [CorePhase()], sum(program.streams.values())
     for phase in sorted(program.phases, key=lambda phase: phase is not streaming):
         length = length_of(program, phase, rows, steps)
-        core_phase, free = _core_phase(program, phase, length, rows, free, phase is streaming)
+        core_phase, free = _core_phase(program, phase, length, rows, free, phase is streaming, groups)
         found.append(core_phase)
     return tuple(found), free
 
 
 def _core_phase(
-    program: ChipProgram, phase: Phase, steps: int, rows: int, free: int, streams: bool
+    program: ChipProgram, phase: Phase, steps: int, rows: int, free: int, streams: bool, groups: int
 ) -> tuple[CorePhase, int]:
     inputs = program.inputs_of(phase.name)
     ends = np.cumsum([0, *program.streams.values()]).tolist()
@@ -72,15 +75,20 @@ def _core_phase(
     row_source = free if by_rows else 0
     free += ends[-1] if by_rows else 0
     sources, visits = [CorePhase().sources], [CorePhase().visits]
+    shared = rows_together(program, phase.name) if groups else 0
     for item in inputs:
         channels = first_channel[item.stream] + np.arange(item.channels)
         if item.positions is None:
             sources.append(row_source + channels)
             continue
         first_lines = np.zeros_like(item.positions) if item.first_lines is None else item.first_lines
-        visits.append(np.stack((item.positions, channels, free + first_lines)))
-        sources.append(free + np.arange(item.size))
-        free += item.size
+        of_line, row = np.arange(item.size), np.arange(item.size) % item.rows
+        if shared:
+            of_line = of_line // item.rows * -(-item.rows >> shared) + (row >> shared)
+        visits.append(np.stack((item.positions, channels, free + of_line[first_lines])))
+        # Where rows share a source, the first of them has its list.
+        sources.append(np.where(row % (1 << shared), -1, free + of_line))
+        free += int(of_line[-1]) + 1
     table, events = np.hstack(visits), phase.align_events
     rows_of_visits = max((item.rows for item in inputs if item.positions is not None), default=0)
     kept = max(0 if streams else rows_of_visits, steps if by_rows else 0, 0 if events is None else rows)
@@ -88,4 +96,4 @@ def _core_phase(
     first = program.readout.from_step if program.readout else {}
     from_step = min(max((first[name] for name in program.columns_of(phase.name) if name in first), default=0), NO_ROW)
     lines, table = np.concatenate(sources), table[:, np.argsort(table[0], kind="stable")]
-    return CorePhase(phase.name, steps, kept, told, row_source, by_rows, events, from_step, lines, table), free
+    return CorePhase(phase.name, steps, kept, told, shared, row_source, by_rows, events, from_step, lines, table), free

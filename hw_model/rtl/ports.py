@@ -1,6 +1,7 @@
 """Ways to a board: a serial device, or a simulated board with its serial line."""
 
 import subprocess
+from collections.abc import Iterable
 
 from hw_model.errors import InputError
 from hw_model.rtl.images import Sizes
@@ -17,20 +18,16 @@ class SimulatedBoard:
         binary = built(simulator, sizes, sources(), "board_bench", **more)
         self._process = subprocess.Popen(command_of(binary), stdin=subprocess.PIPE, stdout=subprocess.PIPE)
 
-    def write(self, data: bytes) -> None:
-        """Send bytes."""
-        self.drive(*data)
-
-    def drive(self, *tokens: int) -> None:
-        """Do what the bench's numbers say."""
+    def write(self, data: Iterable[int]) -> None:
+        """Send bytes; numbers beyond those of a byte are for the bench."""
         assert self._process.stdin is not None
-        self._process.stdin.write("".join(f"{token}\n" for token in tokens).encode())
+        self._process.stdin.write("".join(f"{token}\n" for token in data).encode())
         self._process.stdin.flush()
 
     def read(self) -> bytes:
         """Let time pass until a byte comes."""
         assert self._process.stdout is not None
-        self.drive(WAIT)
+        self.write([WAIT])
         came = bytearray()
         for line in self._process.stdout:
             if line == b".\n":
@@ -47,18 +44,16 @@ class SerialPort:
     """A serial device, by pyserial."""
 
     def __init__(self, name: str, baud: int) -> None:
+        where = f"port {name!r}"
         try:
             import serial
         except ImportError:
-            raise InputError(
-                f"port {name!r}", "pyserial is not installed", fix="pip install 'locsnn-compile[rtl]'"
-            ) from None
+            raise InputError(where, "pyserial is not installed", fix="pip install 'locsnn-compile[rtl]'") from None
         try:
             self._device = serial.Serial(name, baud, timeout=2 + 40_000 / baud)
         except (OSError, ValueError) as error:
-            raise InputError(
-                f"port {name!r}", "cannot be opened", measured=str(error), fix="Name a serial device, or sim:verilator."
-            ) from None
+            fix = "Name a serial device, or sim:verilator."
+            raise InputError(where, "cannot be opened", measured=str(error), fix=fix) from None
 
     def write(self, data: bytes) -> None:
         """Send bytes."""

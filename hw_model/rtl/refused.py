@@ -12,9 +12,8 @@ MOST_POPULATIONS, MOST_CHANNELS, MOST_PHASES = 64, 1 << 16, 64
 def refuse_unless(fits: bool, program: ChipProgram, what: str, found: object) -> None:
     """Raise a ``TargetError`` that names what the core does not have, and what a program asks for."""
     if not fits:
-        raise TargetError(
-            f"program {program.name!r}", f"the open core has no {what}", measured=f"{found}", fix="Simulate it instead."
-        )
+        where, what = f"program {program.name!r}", f"the open core has no {what}"
+        raise TargetError(where, what, measured=f"{found}", fix="Simulate it instead.")
 
 
 def refuse_unplayable(program: ChipProgram) -> None:

@@ -16,6 +16,7 @@ module top_uart #(
     parameter integer PHASE_WORDS = 512,
     parameter integer ONE_PORT = 0,
     parameter integer LATER = 0,
+    parameter integer GROUPS = 0,
     parameter integer BUFFER = 256,      // bytes of frames that wait; a power of two, and at least 64
     parameter integer SPIKES = 256       // spikes that wait for the host; a power of two
 ) (
@@ -34,7 +35,7 @@ module top_uart #(
     uart_tx #(.BIT(BIT)) transmitter (.clk, .reset, .valid(out_valid), .ready(out_ready), .data(out_data), .tx);
     locsnn_bytes #(
         .AXONS(AXONS), .SYNAPSES(SYNAPSES), .COMPARTMENTS(COMPARTMENTS), .SLOTS(SLOTS), .CHARGE(CHARGE), .JOIN(JOIN),
-        .BITMAP(BITMAP), .VISITS(VISITS), .ENTRIES(ENTRIES), .WORD(WORD), .PHASE_WORDS(PHASE_WORDS), .ONE_PORT(ONE_PORT), .LATER(LATER),
+        .BITMAP(BITMAP), .VISITS(VISITS), .ENTRIES(ENTRIES), .WORD(WORD), .PHASE_WORDS(PHASE_WORDS), .ONE_PORT(ONE_PORT), .LATER(LATER), .GROUPS(GROUPS),
         .BUFFER(BUFFER), .SPIKES(SPIKES)
     ) bytes (
         .clk, .reset, .in_valid, .in_data, .in_broken, .out_valid, .out_ready, .out_data,

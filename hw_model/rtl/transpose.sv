@@ -5,15 +5,16 @@
 // channel are `channels` words away.
 //
 // A phase reads by visits, by rows, or both. In a visit a channel is read whole, at a step of its own: an event of row r
-// is then a spike of source `first + r`. By rows, an event of channel c in row r is a spike of source `row_source + c` at
-// step r. An aligned phase counts rows from the first with enough events on; by rows, it ends with the recording.
+// is then a spike of source `first + r`, or of `first + r / 2^k` where so many rows share one. By rows, an event of
+// channel c in row r is a spike of source `row_source + c` at step r. An aligned phase counts rows from the first with enough events on; by rows, it ends with the recording.
 module transpose #(
     parameter integer BITMAP = 1024,
     parameter integer WORD = 32,  // a power of two
     parameter integer VISITS = 128,
     parameter integer SOURCE = 11,
     parameter integer ONE_PORT = 0,  // 1: the buffer is a memory of one port
-    parameter integer FAST = 0  // 1: shorter paths, for more logic
+    parameter integer FAST = 0,  // 1: shorter paths, for more logic
+    parameter integer GROUPS = 0  // 1: rows of a visit may share a source
 ) (
     input  logic                      clk,
     input  logic                      clear,
@@ -29,6 +30,7 @@ module transpose #(
     input  logic [23:0]               steps,
     input  logic [23:0]               visits_end,    // its visits end before this one
     input  logic [23:0]               rows,          // that its visits tell of; aligned by rows: of the recording
+    input  logic [2:0]                shared,        // 2^shared of these rows are one source
     input  logic [23:0]               row_source,
     input  logic                      by_rows,
     input  logic                      aligned,
@@ -175,7 +177,7 @@ module transpose #(
             if (found) begin
                 out_valid <= !found_visited || event_row < rows[ROW-1:0];
                 out_kind <= found_kind;
-                out_source <= source + SOURCE'(event_row);
+                out_source <= source + SOURCE'(GROUPS != 0 && found_visited ? event_row >> shared : event_row);
             end
             case (state)
                 IDLE:
@@ -246,6 +248,6 @@ module transpose #(
         end
     end
 
-    wire unused = &{1'b0, load_address, load_data, kept, channels, words, align_events, steps, visits_end, rows, row_source,
-        row_channel};
+    wire unused = &{1'b0, load_address, load_data, kept, channels, words, align_events, steps, visits_end, rows, shared,
+        row_source, row_channel};
 endmodule

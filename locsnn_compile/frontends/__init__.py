@@ -14,12 +14,7 @@ _FORMATS = "Give a checkpoint (.pt) that `locsnn train` wrote, a NIR graph (.nir
 
 _SLAYER, _CHECKPOINT = "a slayerPytorch checkpoint", "a checkpoint"
 _NIR, _LAVA_DL = "a NIR graph", "a lava-dl network"
-_OPTIONS = {
-    _SLAYER: ("config", "kernels"),
-    _CHECKPOINT: (),
-    _NIR: ("dt", "reset", "discretisation"),
-    _LAVA_DL: (),
-}
+_OPTIONS = {_SLAYER: ("config", "kernels"), _CHECKPOINT: (), _NIR: ("dt", "reset", "discretisation"), _LAVA_DL: ()}
 """The options of each kind; files of the other kinds hold these values themselves."""
 
 

@@ -111,12 +111,7 @@ def by_verdict(rows: Iterable[Row]) -> dict[Verdict, int]:
 
 def stress_document(rows: Sequence[Row], chip: hw.Chip) -> dict[str, Any]:
     """Return what ``locsnn stress --json`` prints; errors and bounds are in thresholds."""
-    return {
-        "schema": SCHEMA,
-        "target": chip.name,
-        "verdicts": by_verdict(rows),
-        "rows": [_row(row) for row in rows],
-    }
+    return {"schema": SCHEMA, "target": chip.name, "verdicts": by_verdict(rows), "rows": [_row(row) for row in rows]}
 
 
 def _row(row: Row) -> dict[str, Any]:

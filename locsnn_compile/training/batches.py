@@ -22,11 +22,7 @@ def epoch_generator(seed: int, *purpose: int) -> np.random.Generator:
 
 
 def batches(
-    spikes: ByteArray,
-    labels: IntArray,
-    config: TrainingConfig,
-    rng: np.random.Generator,
-    polarities: int = POLARITIES,
+    spikes: ByteArray, labels: IntArray, config: TrainingConfig, rng: np.random.Generator, polarities: int = POLARITIES
 ) -> Iterator[tuple[NDArray[np.float32], IntArray]]:
     """Yield (spikes (batch, steps, channels), labels (batch,)) of one epoch, every recording once."""
     order = rng.permutation(len(labels))

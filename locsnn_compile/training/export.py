@@ -14,10 +14,7 @@ from locsnn_compile.training.train import TrainingResult
 
 
 def training_entry(
-    result: TrainingResult,
-    config: TrainingConfig,
-    recordings: Recordings,
-    found: IntArray | None,
+    result: TrainingResult, config: TrainingConfig, recordings: Recordings, found: IntArray | None
 ) -> dict[str, Plain]:
     """Return the checkpoint's ``training`` entry: data, figures, then the whole configuration."""
     figures: dict[str, Plain] = {

@@ -162,11 +162,7 @@ def _window(drawn: list[SpikeRows], centre: int) -> range:
 
 
 def _potential(
-    levels: Levels,
-    one: ByteArray,
-    wanted: ReferenceResult,
-    found: Mapping[str, ByteArray],
-    first: Divergence | None,
+    levels: Levels, one: ByteArray, wanted: ReferenceResult, found: Mapping[str, ByteArray], first: Divergence | None
 ) -> NeuronPotential:
     """Keep the potential that differs first or, if none does, that of the readout neuron that spikes most."""
     if first is None:

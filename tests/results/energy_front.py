@@ -51,6 +51,7 @@ KNOWN = {
     "Hybrid, lambda 0.5, loop": "hybrid",
     "Tactile-SNN": "hybrid",
     "Window-SNN": WINDOWS,
+    "Window-SNN, windows of 16 steps": WINDOWS,
     **dict.fromkeys(TWO_BITS, WINDOWS),
 }
 """Rows of ``chip.csv`` that are points as well, most at 8 bits."""

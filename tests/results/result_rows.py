@@ -70,17 +70,16 @@ def _published(objects: str, containers: str, slip: str) -> dict[str, str]:
 
 
 def _published_orders() -> Iterator[Row]:
-    """The published training with the other orders of taxels, for both lambdas."""
-    for half, weight in (("", 1), ("half-", 0.5)):
-        for order in ("arch", "whorl"):
-            yield Row(
-                f"hybrid-{half}{order}-published",
-                f"Hybrid, published training, lambda {weight}, {order}",
-                {"order": order, "location_weight": float(weight)},
-                config=f"{{published}}-hybrid-{half}published.yaml",
-                minutes={"objects": 3, "containers": 2, "slip": 1},
-                on_page=False,
-            )
+    """The published training with the other orders of taxels."""
+    for order in ("arch", "whorl"):
+        yield Row(
+            f"hybrid-{order}-published",
+            f"Hybrid, published training, {order}",
+            {"order": order},
+            config="{published}-hybrid-published.yaml",
+            minutes={"objects": 3, "containers": 2, "slip": 1},
+            on_page=False,
+        )
 
 
 ROWS = (
@@ -195,6 +194,12 @@ ROWS = (
         {"model": "window-snn"},
         config="containers-window-snn-levels-2-bits.yaml",
         only="containers",
+    ),
+    Row(
+        "window-snn-16-steps",
+        "Window-SNN, windows of 16 steps",
+        {"model": "window-snn"},
+        config="{recipe}-window-snn-16-steps.yaml",
     ),
     Row(
         "hybrid-graph",

@@ -18,8 +18,8 @@ SIZES = Sizes(
     axons=256, synapses=4096, compartments=64, slots=64, charge=26, join=36, bitmap=256, visits=32, entries=32, word=8
 )
 
-LATER = replace(SIZES, compartments=128, later=2)
-"""Here the second phase of a hybrid hears its events when they arrive."""
+LATER = replace(SIZES, compartments=128, later=2, groups=1)
+"""As on the largest device: the second phase of a hybrid hears its events when they arrive, and rows share sources."""
 
 
 def with_fault(texts: dict[str, str]) -> dict[str, str]:
@@ -203,6 +203,31 @@ def never_starts() -> tuple[hw.ChipProgram, np.ndarray]:
     return program, np.eye(channels, dtype=np.uint8)[r.integers(0, channels, (2, rows))]
 
 
+def windows(changed: slice = slice(0)) -> tuple[hw.ChipProgram, np.ndarray]:
+    """Two phases that hear windows of 4 and of 8 rows, the second aligned; weights of ``changed`` lines are others."""
+    r = np.random.default_rng(15)
+    channels, rows = 3, 22
+
+    def branch(name: str, window: int) -> CompartmentGraph:
+        b = hw.ProgramBuilder(CHIP, name=name)
+        x = b.add_input(f"{name}/x", channels * rows)
+        y = b.add_compartments(f"{name}/y", 4, decay_u=390, decay_v=300, threshold=60)
+        weights = 2 * r.integers(-30, 60, (4, channels, -(-rows // window))).repeat(window, axis=2)[:, :, :rows]
+        weights = weights.reshape(4, -1)
+        weights[1, changed] += 2
+        b.connect(x, y, weights)
+        return b.graph()
+
+    def visits() -> dict:
+        return {"positions": np.array([0, 2, 0]), "first_lines": rows * r.permutation(channels)}
+
+    program = together(
+        hybrids.moved(branch("a", 4), Phase("a", "location", 4), visits()),
+        hybrids.moved(branch("b", 8), Phase("b", "location", 5, 2), visits()),
+    )
+    return program, (r.random((2, rows, channels)) < 0.3).astype(np.uint8)
+
+
 def all_benches() -> list[tuple[hw.ChipProgram, np.ndarray]]:
     """Return all, the quickest first: most faults are found by several, and the first that finds one ends its test."""
     program, spikes = hybrid(22)
@@ -221,6 +246,7 @@ def all_benches() -> list[tuple[hw.ChipProgram, np.ndarray]]:
         early_rows(),
         late_starts(),
         never_starts(),
+        windows(),
         ends_of_ranges(),
         several_phases(),
     ]

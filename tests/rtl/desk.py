@@ -125,7 +125,7 @@ def chapters(desk: Desk) -> Iterator[list[int]]:
 
 def until_greeted(port: SimulatedBoard, number: int, tokens: Iterable[int]) -> bytes:
     """Send what is given and a hello; return all that comes up to its answer, or to silence, or very much of it."""
-    port.drive(*tokens, *framed(HELLO, number, b""))
+    port.write([*tokens, *framed(HELLO, number, b"")])
     ending, came = framed(0x81, number, b"")[:3], b""
     while ending not in came and len(came) < 2000 and (more := port.read()):
         came += more

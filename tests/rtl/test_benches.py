@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from benches import CHIP, LATER, SIZES, all_benches
+from benches import CHIP, LATER, SIZES, all_benches, windows
 from desk import LAST, PRESS, STOP, Desk, over_a_line, rates, said, transcript
 from hybrids import assembled, in_phase
 
@@ -75,6 +75,26 @@ def test_the_core_passes_every_bench(sizes):
 def test_hybrids_hear_events_when_they_arrive():
     later = [CoreProgram(program, spikes.shape[1], None, LATER).later for program, spikes in benches()]
     assert later.count(True) == 4
+
+
+@pytest.mark.parametrize(
+    ("changed", "shared"),
+    [
+        (slice(0), [0, 2, 3]),
+        (slice(22 + 4, 22 + 8), [0, 2, 2]),
+        (slice(22 + 6, 22 + 8), [0, 1, 1]),
+        (slice(5, 6), [0, 0, 0]),
+    ],
+    ids=["none", "half a window", "two rows", "one row"],
+)
+def test_rows_of_a_window_share_a_source_where_all_weights_are_equal(changed, shared):
+    program, spikes = windows(changed)
+    core, apart = (CoreProgram(program, spikes.shape[1], None, sizes) for sizes in (LATER, SIZES))
+    assert [phase.shared for phase in core.phases] == shared
+    assert [phase.shared for phase in apart.phases] == [0, 0, 0]
+    lines = sum(3 * (22 - -(-22 >> k)) for k in shared[1:])
+    assert apart.needs.axons - core.needs.axons == lines
+    assert core.needs.groups == any(shared)
 
 
 SLICES = (
@@ -145,9 +165,9 @@ def axis_streams(folder: Path, texts: Mapping[str, str]) -> Iterator[object]:
 def line_of_a_board(folder: Path, texts: Mapping[str, str]) -> Iterator[object]:
     """Yield what a board on a line says to a greeting, a broken byte and a reset."""
     with closing(desk().port(texts, bit=8, patience=400)) as port:
-        port.drive(256 + 97)
+        port.write([256 + 97])
         yield said(port)
-        port.drive(PRESS, 256 + 97)
+        port.write([PRESS, 256 + 97])
         yield said(port)
 
 

@@ -65,7 +65,7 @@ def test_answers_equal_the_simulators(desk, loaded):
 
 
 SPOILED = {
-    "a byte without its stop bit": (LINE, lambda port: port.drive(0x7E, HELLO, 256 + 1, 0x7E)),
+    "a byte without its stop bit": (LINE, lambda port: port.write([0x7E, HELLO, 256 + 1, 0x7E])),
     "a wrong checksum": (CHECKSUM, lambda port: port.write(damaged(framed(WORDS, 1, WORD)))),
     "a frame cut off in the middle": (CHECKSUM, lambda port: port.write(framed(WORDS, 1, WORD)[:5] + b"\x7e")),
     "a frame that ends in an escape": (CHECKSUM, lambda port: port.write(framed(WORDS, 1, WORD)[:-1] + b"\x7d\x7e")),
@@ -219,7 +219,7 @@ def test_words_before_a_program_are_refused(desk):
     assert say(port, LOAD, 1, b"\x01\0\0\0\x04abcd") == [(DONE, 1, b"")]
     assert say(port, WORDS, 2, WORD) == [(ERROR, 2, bytes((NO_PROGRAM,)))]
     Board(port).load(desk.core)
-    port.drive(PRESS)
+    port.write([PRESS])
     assert say(port, WORDS, 0, WORD) == [(ERROR, 0, bytes((NO_PROGRAM,)))]
     port.close()
 

@@ -21,13 +21,19 @@ from hw_model.rtl.images import CoreProgram, sizes_for
 from locsnn_compile.backends.files import bench_files
 from locsnn_compile.cli.compile import main as compile_main
 from locsnn_compile.cli.main import main as locsnn
+from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.frontends import load
 from locsnn_compile.pipeline import lower
 from locsnn_compile.report.format import time
+from locsnn_compile.training.config import config_from_mapping, read_config
+from locsnn_compile.training.export import export_checkpoint
+from locsnn_compile.training.train import train
 from locsnn_compile.verification.error_bounds import Losses
 
 MODELS = Path(__file__).parents[2] / "examples/models"
 NEEDS_ICARUS = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
+CONFIGS = Path(__file__).parents[2] / "examples/configs"
+SHORT = {"epochs": 1, "validation_fraction": 0.0, "refit": False}
 DEVICES = ("ecp5-25f", "ecp5-85f", "ice40up5k", "locsnn-130nm")
 
 
@@ -44,7 +50,9 @@ def small() -> tuple[hw.ChipProgram, np.ndarray, CoreProgram]:
 
 
 NAMES = [
-    name for name in Sizes.__dataclass_fields__ if name not in ("word", "step", "places", "sums", "one_port", "later")
+    name
+    for name in Sizes.__dataclass_fields__
+    if name not in ("word", "step", "places", "sums", "one_port", "later", "groups")
 ]
 
 
@@ -315,3 +323,19 @@ def test_settings_are_ranked_by_cycles():
     priced = Losses(1.0, 1.0, 0.0, 5.0, 30.0)
     assert min((slow, fast), key=lambda one: one.cost) is fast
     assert [one.cost for one in (slow, fast, priced)] == [20.0, 10.0, 5.0]
+
+
+@pytest.mark.parametrize(
+    ("dataset", "steps", "classes", "needs"), [("containers", 325, 20, 3316), ("objects", 250, 36, 2568)]
+)
+def test_windows_of_16_steps_fit_the_largest_device(dataset, steps, classes, needs, tmp_path):
+    recordings, own = synthetic_touches(2 * classes, steps=steps, classes=classes, seed=3), tmp_path / "own.pt"
+    config = config_from_mapping(read_config(CONFIGS / f"{dataset}-window-snn-16-steps.yaml") | SHORT)
+    export_checkpoint(own, train(recordings, config), config, recordings, None, carried=0)
+    program = lower(load(own), hw.chip("ecp5-85f"), 8, "auto").program
+    assert on_core(program, steps, program.chip).needs.axons == needs
+    without = replace(program.chip, open_core=replace(program.chip.open_core, groups=0))
+    with pytest.raises(
+        hw.TargetError, match=rf"too small in 'axons' \({needs + 78 * (steps - -(-steps // 16))} against 4096\)"
+    ):
+        on_core(program, steps, without)

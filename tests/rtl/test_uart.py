@@ -46,7 +46,7 @@ def test_a_greeting_over_the_line(desk):
     port = desk.port(bit=8, patience=200)
     board = Board(port)
     # A stop bit that lacks is told at once, and the next frame is heard.
-    port.drive(256 + ord("a"))
+    port.write([256 + ord("a")])
     broken = said(port)
     welcome = say(port, HELLO, 3)
     port.close()

@@ -61,12 +61,7 @@ def decays() -> Iterator[Case]:
         yield case_of(f"decay_u {decay_u}, decay_v {decay_v}", NATIVE, neuron, mantissa)
     for decay, own in ((0, 4096), (1, 4095), (4095, 1), (4096, 0)):
         dendrite = ChipSrm.with_taps(
-            usual.NEURONS,
-            decay=decay,
-            threshold=THRESHOLD,
-            refractory_decay=own,
-            mantissa=-200,
-            exponent=1,
+            usual.NEURONS, decay=decay, threshold=THRESHOLD, refractory_decay=own, mantissa=-200, exponent=1
         )
         yield case_of(f"decays {decay}, refractory {own}", "dendrite", dendrite, mantissa)
         taps = ChipSrm.with_taps(
