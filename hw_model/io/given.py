@@ -21,8 +21,8 @@ _WAYS_OUT = {
     "Network": "Read it with lc.load(path), or lc.load(path, config=...).",
     "CompiledModel": "Make one with lc.compile(network).",
     "ChipProgram": "Take .program of lc.compile(network), or read one with hw.load_program(folder).",
-    "Chip": "Take hw.chip('loihi-sim'), or hw.chip(path) of a chip file.",
-    "Profile": "Take chip.profile(name).",
+    "Chip": "Use hw.chip('loihi-sim'), or hw.chip(path) of a chip file.",
+    "Profile": "Use chip.profile(name).",
     "Counts": "Take .counts of hw.simulate(program, spikes).",
     "Sequence": "Put it in a list.",
 }

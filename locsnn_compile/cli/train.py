@@ -87,14 +87,14 @@ def run(args: argparse.Namespace) -> int:
             found = export_checkpoint(output, result, config, recordings, test, carried=args.recordings, start=start)
         except KeyboardInterrupt:
             kept = state_path.exists()
-            way_on = "Go on with the same command and --resume." if kept else "No epoch was kept yet: start again."
+            way_on = "Continue with the same command and --resume." if kept else "No epoch was kept yet: start again."
             print(f"Stopped. {way_on}", file=sys.stderr)
             return EXIT_INTERRUPTED
         except InputError as error:
             # Only what the system refused can be mended between two equal commands.
             if not (isinstance(error.__context__, OSError) and state_path.exists()):
                 raise
-            fix = "Make room or access, then go on with the same command and --resume."
+            fix = "Free space or fix access, then repeat the command with --resume."
             raise InputError(error.where, error.what, measured=error.measured, fix=fix) from None
     state_path.unlink(missing_ok=True)
     if not args.quiet:
@@ -124,7 +124,7 @@ def _check_places(args: argparse.Namespace, output: Path) -> None:
             raise InputError(option, what, fix="Write elsewhere.")
     if args.resume and not _state_path(output).exists():
         measured = f"no {_state_path(output).name!r}"
-        raise InputError("--resume", "there is nothing to go on from", measured=measured, fix="Train without --resume.")
+        raise InputError("--resume", "there is nothing to resume", measured=measured, fix="Train without --resume.")
 
 
 def _config(args: argparse.Namespace, start: Checkpoint | None) -> TrainingConfig:

@@ -87,7 +87,7 @@ def location_order(text: str, layout: SensorLayout) -> tuple[str, tuple[int, ...
         return text, LOCATION_ORDERS[text]
     if text in LOCATION_ORDERS:
         what = "it is a walk over the 39 taxels of a NeuTouch fingertip"
-        fix = f"Take one of: loop, {', '.join(BY_PLACE)}."
+        fix = f"Use one of: loop, {', '.join(BY_PLACE)}."
         raise InputError(f"location order {text!r}", what, measured=f"sensor {layout.name!r}", fix=fix)
     if "," not in text:
         raise InputError(_WHERE, f"{text!r} is not known", fix=did_you_mean(text, ORDERS))

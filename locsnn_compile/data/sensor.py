@@ -180,7 +180,7 @@ def frame_size(layout: SensorLayout) -> tuple[int, int]:
     rows = layout.taxels // (layout.columns or layout.taxels)
     if layout.columns is None or min(rows, layout.columns) < _LEAST:
         what = f"its frames need a grid of at least {_LEAST} x {_LEAST} taxels"
-        fix = "Give --grid WxH of the sensor, or take another network."
+        fix = "Give --grid WxH of the sensor, or use another network."
         raise InputError("network 'cnn-3d'", what, measured=f"sensor {layout.name!r}", fix=fix)
     return rows, layout.columns
 

@@ -52,7 +52,7 @@ def synthetic_touches(
     labels = np.arange(samples, dtype=np.int64) % classes
     sensor = sensor or neutouch(fingertips)
     size = samples * steps * sensor.channels
-    check_most(size, MAX_ELEMENTS, "synthetic touches", "they are too large", unit="values", fix="Take fewer.")
+    check_most(size, MAX_ELEMENTS, "synthetic touches", "they are too large", unit="values", fix="Ask for fewer.")
     spikes = np.empty((samples, steps, sensor.channels), dtype=np.uint8)
     for sample, label in enumerate(labels):
         rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, sample])))

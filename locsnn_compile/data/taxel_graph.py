@@ -31,7 +31,7 @@ def taxel_graph(kind: str, layout: SensorLayout, *, neighbours: int, nearer_mm: 
     if kind == "manual":
         if not layout.is_neutouch:
             what = "its edges were drawn by hand for a NeuTouch fingertip"
-            raise InputError(where, what, measured=f"sensor {layout.name!r}", fix="Take --graph nearest or tree.")
+            raise InputError(where, what, measured=f"sensor {layout.name!r}", fix="Use --graph nearest or tree.")
         return MANUAL_EDGES
     places = layout.needed_places(where)
     # Rounded so that equal distances compare as equal.

@@ -9,7 +9,7 @@ from locsnn_compile.report.words import sentence
 from locsnn_compile.verification.error_bounds import ErrorBudget
 
 FRONT_RULE = (
-    "A setting is on the front where no other is at least as good in spike error, changed predictions, error of class "
+    "A setting is on the front if no other is at least as good in spike error, changed predictions, error of class "
     "scores, energy and chip time, and better in one of them."
 )
 OBJECTIVES = ("spike_error", "prediction_error", "score_error", "energy_pj", "chip_time_ns")

@@ -213,7 +213,7 @@ class NetworkDescription(Frozen):
         neuron = self.neuron_of(name)
         if not isinstance(neuron, NeuronParameters):
             others = (name for name, a in ARCHITECTURES.items() if a.learns_integers)
-            raise self._refused("it has no spike response neurons", fix=f"Take one of: {', '.join(others)}.")
+            raise self._refused("it has no spike response neurons", fix=f"Use one of: {', '.join(others)}.")
         return neuron
 
     @property

@@ -50,7 +50,7 @@ class WindowParameters(Checked):
         """Return the first step of every window in a recording of ``steps`` steps; ``InputError`` if none fits."""
         if steps < self.steps:
             measured = f"{counted(steps, 'step')} against {self.steps}"
-            fix = "Take shorter windows (window_steps)."
+            fix = "Use shorter windows (window_steps)."
             raise InputError("recordings", "they are shorter than one window", measured=measured, fix=fix)
         return np.arange(0, steps - self.steps + 1, self.stride, dtype=np.int64)
 

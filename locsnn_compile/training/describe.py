@@ -21,7 +21,7 @@ def describe(recordings: Recordings, config: TrainingConfig, classes: int, name:
     channels = recordings.spikes.shape[2]
     sensor = config.sensor or neutouch(max(1, channels // (TAXELS * POLARITIES)))
     sensor.check_channels(channels, f"recordings {recordings.source!r}")
-    steps, fix = recordings.spikes.shape[1], "Cut them with --steps, or take wider bins."
+    steps, fix = recordings.spikes.shape[1], "Cut them with --steps, or use wider bins."
     check_most(steps, MAX_STEPS, f"recordings {recordings.source!r}", "they are too long", unit="steps", fix=fix)
     structure = ARCHITECTURES[config.model]
     neuron, location_neuron = _neuron(config), _neuron(config, location=True)

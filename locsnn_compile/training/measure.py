@@ -117,7 +117,7 @@ def _matrix(path: Path, classes: int) -> FloatArray:
     if near.shape != (classes, classes):
         raise _refused("its matrix is not (classes, classes)", f"got {near.shape} against {(classes, classes)}")
     if not (np.isfinite(near) & (near >= 0)).all() or near.diagonal().any():
-        raise _refused("its matrix must hold 0 and more, and 0 for a class and itself", f"got {path.name!r}")
+        raise _refused("its matrix must hold 0 or more, and 0 for a class and itself", f"got {path.name!r}")
     return near
 
 
@@ -215,7 +215,7 @@ def data_remarks(recordings: Recordings, classes: int, config: TrainingConfig) -
     if counts[most] >= _UNEVEN * counts[least] and config.class_weights == "equal":
         uneven = f"{recordings.called(most)} has {counted(counts[most], 'recording')}"
         uneven += f", {recordings.called(least)} {counts[least]}"
-        found.append(f"To train on, {uneven}: balanced class weights make labels count alike.")
+        found.append(f"Labels are uneven: {uneven}. With balanced class weights, all count equally.")
     if counts[most] == 1 and config.validation_fraction > 0:
         found.append("Every label has one recording to train on: none was held back, and the last epoch was taken.")
     return found
@@ -241,6 +241,6 @@ def chance_remarks(accuracy: float, labels: IntArray, which: str) -> list[str]:
     if chance == 1 or accuracy > chance + _LIKELY * math.sqrt(chance * (1 - chance) / len(labels)):
         return []
     return [
-        f"Accuracy {accuracy:.3f} on the {counted(len(labels), 'recording')} {which} cannot be told from chance, "
+        f"Accuracy {accuracy:.3f} on the {counted(len(labels), 'recording')} {which} is not clearly above chance, "
         f"{chance:.3f} for the commonest label."
     ]

@@ -35,7 +35,7 @@ def set_prototypes(
     class without recordings.
     """
     if not isinstance(network, WindowNetwork):
-        fix = "Take another optimizer, or model window-snn."
+        fix = "Use another optimizer, or model window-snn."
         raise InputError("training option 'optimizer'", "only window networks have prototypes", fix=fix)
     pairs = [(network.hidden(torch.from_numpy(x)), torch.from_numpy(y)) for x, y in drawn]
     hidden, labels = (torch.cat(parts) for parts in zip(*pairs, strict=True))
@@ -43,7 +43,7 @@ def set_prototypes(
     of_class = member.sum(dim=0)
     if not of_class.all():
         where, what = f"label {int(of_class.argmin())}", "it has no recording to learn from, so it has no prototype"
-        raise InputError(where, what, fix="Take another optimizer, or number the labels without a gap.")
+        raise InputError(where, what, fix="Use another optimizer, or number the labels without a gap.")
     means = member.T @ hidden / of_class[:, None]
     apart = hidden - means[labels]
     products = (apart @ apart.T).double()

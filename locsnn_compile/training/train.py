@@ -83,7 +83,7 @@ def train(
         fix = "Give labelled recordings."
         raise InputError(f"recordings {recordings.source!r}", "they have no labels to train on", fix=fix)
     if config.device == "cuda" and not torch.cuda.is_available():
-        fix = "Take cpu, or install torch with CUDA on a machine that has one."
+        fix = "Use cpu, or install torch with CUDA on a machine that has one."
         raise InputError("training option 'device'", "torch sees no CUDA device here", fix=fix)
     classes = max(classes or 0, int(labels.max()) + 1, len(recordings.class_names or ()))
     if start is None:

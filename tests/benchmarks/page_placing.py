@@ -29,7 +29,7 @@ def placement(records: dict[str, Found]) -> str:
     hop_head = ["network", "cores", "hops per step, network order", "arranged", "saved", "seconds to arrange"]
     return f"""{table([*head, "s per million synapses", "peak GiB"], size_rows, left=0)}
 
-*Build* makes the graph through `ProgramBuilder`, checks included; *route* assembles the program too. Time grows with the
+*Build* makes the graph through `ProgramBuilder`, checks included; *route* also assembles the program. Time grows with the
 number of synapses; arranging grows with the cube of the board's slots instead, and is left out above 1,024 slots.
 
 ## Hops that arranging cores saves

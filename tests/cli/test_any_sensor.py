@@ -141,7 +141,7 @@ def test_taxels_of_any_sensor_are_dropped_mixed_and_shifted() -> None:
             ("--channels", "40", "--model", "cnn-3d"),
             False,
             "network 'cnn-3d': its frames need a grid of at least 5 x 5 taxels (sensor '40 channels'). "
-            "Give --grid WxH of the sensor, or take another network.",
+            "Give --grid WxH of the sensor, or use another network.",
             id="no grid",
         ),
         pytest.param(
@@ -301,7 +301,7 @@ def test_recordings_that_are_too_long_are_told_before_training(capsys: Capture) 
     np.savez("a.npz", spikes=np.ones((2, 4, 20_001), dtype=np.uint8), labels=[0, 1])
     assert train("a.npz", "--channels", "4") == 2
     assert capsys.readouterr().err == (
-        "recordings 'a.npz': they are too long (20001 steps against 20000). Cut them with --steps, or take wider bins.\n"
+        "recordings 'a.npz': they are too long (20001 steps against 20000). Cut them with --steps, or use wider bins.\n"
     )
 
 

@@ -51,7 +51,7 @@ REFUSED = [
     ("train, order without locations", "locsnn train --data d.npz --model tactile-snn --order whorl -o new.pt", "--order: it would change nothing: the network has no location branch. Leave it out."),
     ("train, lambda of one branch", "locsnn train --data d.npz --model tactile-snn --lambda 2 -o new.pt", "--lambda: it would change nothing: the network has no second branch. Leave it out."),
     ("train, graph without one", "locsnn train --data d.npz --graph tree -o new.pt", "--graph: it would change nothing: the network has no graph. Choose a model with one, such as hybrid-graph."),
-    ("train, nothing to resume", "locsnn train --data d.npz --resume -o model.pt", "--resume: there is nothing to go on from (no 'model.pt.state'). Train without --resume."),
+    ("train, nothing to resume", "locsnn train --data d.npz --resume -o model.pt", "--resume: there is nothing to resume (no 'model.pt.state'). Train without --resume."),
     ("compile, bits of integers", f"locsnn-compile {GRID} --weight-bits 8", f"--weight-bits: it would change nothing: {INTEGERS}. Leave it out."),
     ("compile, split integers", f"locsnn-compile {GRID} --split-weights all", f"--split-weights: it would change nothing: {INTEGERS}. Leave it out."),
     ("compile, calibration of integers", f"locsnn-compile {GRID} --calibration d.npz", "--calibration: it would change nothing: no weights of this model are rounded for recordings. Leave it out."),

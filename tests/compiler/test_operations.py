@@ -33,7 +33,7 @@ def test_published_operations(name, steps, classes, operations):
             "cnn-3d",
             22,
             "network 'cnn-3d': the recording is too short for its two convolutions (22 steps against at least 23). "
-            "Take longer recordings.",
+            "Use longer recordings.",
         ),
     ],
 )

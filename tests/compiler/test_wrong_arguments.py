@@ -13,7 +13,7 @@ from hw_model.streaming.session import location_share
 
 NETWORK = "Read it with lc.load(path), or lc.load(path, config=...)."
 PROGRAM = "Take .program of lc.compile(network), or read one with hw.load_program(folder)."
-CHIP = "Take hw.chip('loihi-sim'), or hw.chip(path) of a chip file."
+CHIP = "Use hw.chip('loihi-sim'), or hw.chip(path) of a chip file."
 LONG = "n" * 300
 
 
@@ -58,7 +58,7 @@ WITHOUT = [
     ("scores of a path", lambda: hw.timestep_scores("build", [[1]]), f"timestep_scores, program: it must be a ChipProgram (got str 'build'). {PROGRAM}"),
     ("a proof of a path", lambda: hw.prove_range("build"), f"prove_range, program: it must be a ChipProgram (got str 'build'). {PROGRAM}"),
     ("energy of a number", lambda: hw.energy_pj(3, 4), "energy_pj, counts: it must be a Counts (got int 3). Take .counts of hw.simulate(program, spikes)."),
-    ("energy by a name", lambda: hw.energy_pj(hw.Counts(), "sanafe"), "energy_pj, profile: it must be a Profile (got str 'sanafe'). Take chip.profile(name)."),
+    ("energy by a name", lambda: hw.energy_pj(hw.Counts(), "sanafe"), "energy_pj, profile: it must be a Profile (got str 'sanafe'). Use chip.profile(name)."),
     ("a neuron of text", lambda: lc.Cuba.of(2, decay_v="x", threshold=1.0), "neurons: a parameter is not a number (<U1). Give numbers."),
     ("a neuron of a complex number", lambda: lc.Cuba.of(2, decay_v=1j, threshold=1.0), "neurons: a parameter is not a number (complex128). Give numbers."),
     ("a neuron of rows that differ", lambda: lc.ChipCuba.of(2, decay_u=[[1, 2], [3]], decay_v=0, threshold=1), "neurons, a parameter: it is not an array: its rows differ in length. Make them equal."),
@@ -68,7 +68,7 @@ WITHOUT = [
     ("more compartments than memory", lambda: hw.ProgramBuilder(hw.chip("tiny-sim")).add_compartments("h", 2**31, threshold=1), "'h': no chip holds so many (2147483648 against 10000000). Give a smaller size."),
 ]  # fmt: skip
 OF_A_NETWORK = [
-    ("target", 3, "compile, target: it must be a str, Path or Chip (got int 3). Take hw.chip('loihi-sim'), or hw.chip(path) of a chip file."),
+    ("target", 3, "compile, target: it must be a str, Path or Chip (got int 3). Use hw.chip('loihi-sim'), or hw.chip(path) of a chip file."),
     ("strategy", 5, "compile, strategy: it must be a str (got int 5). Correct it."),
     ("weight_bits", "8", "compile, weight_bits: it must be an int (got str '8'). Correct it."),
     ("weight_bits", True, "compile, weight_bits: it must be an int (got bool True). Correct it."),

@@ -199,7 +199,7 @@ def test_a_file_of_numbers_is_an_order(tmp_path: Path) -> None:
             "arch",
             GRID,
             "location order 'arch': it is a walk over the 39 taxels of a NeuTouch fingertip (sensor 'grid 4x3'). "
-            "Take one of: loop, raster, snake, spiral, hilbert, tour.",
+            "Use one of: loop, raster, snake, spiral, hilbert, tour.",
             id="arch of a grid",
         ),
         pytest.param(
@@ -237,7 +237,7 @@ def test_graphs_join_neighbours_of_a_grid() -> None:
             "manual",
             GRID,
             "taxel graph 'manual': its edges were drawn by hand for a NeuTouch fingertip (sensor 'grid 4x3'). "
-            "Take --graph nearest or tree.",
+            "Use --graph nearest or tree.",
             id="manual",
         ),
         pytest.param(
@@ -259,7 +259,7 @@ def test_frames_are_grids() -> None:
     assert frame_cells(layout).tolist() == list(range(30))
     assert refused(frame_size, GRID) == (
         "network 'cnn-3d': its frames need a grid of at least 5 x 5 taxels (sensor 'grid 4x3'). "
-        "Give --grid WxH of the sensor, or take another network."
+        "Give --grid WxH of the sensor, or use another network."
     )
 
 

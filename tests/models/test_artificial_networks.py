@@ -101,7 +101,7 @@ def test_recordings_that_are_too_short() -> None:
         Cnn3d(description("cnn-3d", steps=22))
     assert str(caught.value) == (
         "network 'cnn-3d': the recording is too short for its two convolutions (22 steps against at least 23). "
-        "Take longer recordings."
+        "Use longer recordings."
     )
 
 
@@ -111,5 +111,5 @@ def test_frames_need_a_grid() -> None:
         NetworkDescription("cnn-3d", layout, classes=5)
     assert str(caught.value) == (
         "network 'cnn-3d': its frames need a grid of at least 5 x 5 taxels (sensor '12 channels'). "
-        "Give --grid WxH of the sensor, or take another network."
+        "Give --grid WxH of the sensor, or use another network."
     )

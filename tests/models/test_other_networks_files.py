@@ -162,7 +162,7 @@ WINDOW_FAULTS = [
         "steps",
         10**18,
         ", recordings: they are shorter than one window (24 steps against 1000000000000000000). "
-        "Take shorter windows (window_steps).",
+        "Use shorter windows (window_steps).",
         id="endless windows",
     ),
     pytest.param(

@@ -177,12 +177,12 @@ RANGES = "Give, for example, '0-4 5-9'."
         (
             0.1,
             "minus.csv",
-            f"its matrix must hold 0 and more, and 0 for a class and itself (got 'minus.csv'). {RANGES}",
+            f"its matrix must hold 0 or more, and 0 for a class and itself (got 'minus.csv'). {RANGES}",
         ),
         (
             0.1,
             "itself.csv",
-            f"its matrix must hold 0 and more, and 0 for a class and itself (got 'itself.csv'). {RANGES}",
+            f"its matrix must hold 0 or more, and 0 for a class and itself (got 'itself.csv'). {RANGES}",
         ),
         (0.4, "0-5", "label 1 would get no more than a neighbour (0.2 against 0.4). Give a smaller share."),
     ],

@@ -92,7 +92,7 @@ def test_only_spike_response_neurons_and_windows_are_trained_on_the_chips_intege
     assert main(["train", "--data", "touches.npz", "--model", name, "--target", "loihi-sim"]) == 2
     assert capsys.readouterr().err == (
         f"architecture {name!r}: it has no spike response neurons. "
-        "Take one of: tactile-snn, location-tactile-snn, hybrid, window-snn, hybrid-window.\n"
+        "Use one of: tactile-snn, location-tactile-snn, hybrid, window-snn, hybrid-window.\n"
     )
 
 

@@ -79,7 +79,7 @@ def test_only_windows_have_prototypes() -> None:
     with pytest.raises(InputError) as refused:
         train(touches(), config(model="hybrid"))
     assert str(refused.value) == (
-        "training option 'optimizer': only window networks have prototypes. Take another optimizer, or model window-snn."
+        "training option 'optimizer': only window networks have prototypes. Use another optimizer, or model window-snn."
     )
 
 
@@ -89,6 +89,6 @@ def test_a_label_without_recordings_has_no_prototype() -> None:
     with pytest.raises(InputError) as refused:
         train(made.subset(np.flatnonzero(made.labels != 1)), config())
     assert str(refused.value) == (
-        "label 1: it has no recording to learn from, so it has no prototype. Take another optimizer, or number the labels "
+        "label 1: it has no recording to learn from, so it has no prototype. Use another optimizer, or number the labels "
         "without a gap."
     )

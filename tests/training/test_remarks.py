@@ -42,9 +42,7 @@ def remarks(capsys: Capture) -> list[str]:
 
 
 SILENT = "! No output neuron spikes in any of the 12 recordings it was trained on: every prediction is a tie."
-CHANCE = (
-    "! Accuracy 0.500 on the 12 recordings it was trained on cannot be told from chance, 0.500 for the commonest label."
-)
+CHANCE = "! Accuracy 0.500 on the 12 recordings it was trained on is not clearly above chance, 0.500 for the commonest label."
 QUICK = ("--model", "tactile-snn", "--hidden", "4", "--epochs", "1")
 STUCK = ("--hidden", "4", "--epochs", "1", "--learning-rate", "1e-9")
 
@@ -104,7 +102,7 @@ def test_a_test_part_at_chance(tmp_path: Path, capsys: Capture) -> None:
             np.save(tmp_path / "set" / part / f"sample_{i}_label_{i % 2}.npy", spikes)
     assert train(tmp_path, str(tmp_path / "set"), "--model", "window-snn", "--epochs", "8") == 0
     assert remarks(capsys) == [
-        "! Accuracy 0.000 on the 4 recordings of the test part cannot be told from chance, 0.500 for the commonest label."
+        "! Accuracy 0.000 on the 4 recordings of the test part is not clearly above chance, 0.500 for the commonest label."
     ]
 
 
@@ -187,8 +185,8 @@ def test_many_missing_labels_are_counted() -> None:
             [],
             {},
             [
-                "To train on, label 0 (press) has 10 recordings, label 2 (twist) 2: balanced class weights make labels "
-                "count alike."
+                "Labels are uneven: label 0 (press) has 10 recordings, label 2 (twist) 2. With balanced class weights, all "
+                "count equally."
             ],
             id="imbalance",
         ),

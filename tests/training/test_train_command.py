@@ -149,7 +149,7 @@ def test_a_stopped_run_resumes(
     capsys.readouterr()
     assert run(*options, "-o", str(tmp_path / "small.pt")) == 130
     *epochs, last = capsys.readouterr().err.splitlines()
-    assert (len(epochs), last) == (10, "Stopped. Go on with the same command and --resume.")
+    assert (len(epochs), last) == (10, "Stopped. Continue with the same command and --resume.")
     monkeypatch.setattr(training, "EpochRecord", record)
     assert (tmp_path / "small.pt.state").exists()
     assert run(*options, "--resume", "-o", str(tmp_path / "small.pt")) == 0
@@ -173,7 +173,7 @@ def test_a_disk_that_is_full_at_the_end_loses_no_epoch(
     assert capsys.readouterr() == (
         "",
         f"checkpoint {output!r}: it cannot be written (No space left on device). "
-        "Make room or access, then go on with the same command and --resume.\n",
+        "Free space or fix access, then repeat the command with --resume.\n",
     )
     monkeypatch.undo()
     assert sorted(path.name for path in tmp_path.glob("small*")) == ["small.csv", "small.pt.state", "small.svg"]
@@ -260,7 +260,7 @@ def test_a_device_that_is_not_there_is_refused(data: str, tmp_path: Path) -> Non
         run("--data", data, "--device", "cuda", "-o", str(tmp_path / "net.pt"))
     assert str(caught.value) == (
         "training option 'device': torch sees no CUDA device here. "
-        "Take cpu, or install torch with CUDA on a machine that has one."
+        "Use cpu, or install torch with CUDA on a machine that has one."
     )
     assert [file.name for file in tmp_path.iterdir()] == ["touches.npz"]
 

@@ -124,7 +124,7 @@ def input_patterns() -> Iterator[Case]:
         ("none", none),
         ("one spike", once),
         (
-            "one a channel, in turn",
+            "one per channel, in turn",
             np.eye(usual.CHANNELS, dtype=np.uint8)[np.arange(usual.STEPS) % usual.CHANNELS][None],
         ),
         ("alternating", alternating),
