@@ -31,6 +31,15 @@ EXIT_TARGET, EXIT_INPUT, EXIT_GATE = 1, 2, 3
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EIO)
 
 
+class _Help(argparse.RawDescriptionHelpFormatter):
+    """A help that breaks lines at blanks only, so that names such as ``locsnn-compile`` stay whole."""
+
+    def _split_lines(self, text: str, width: int) -> list[str]:
+        import textwrap
+
+        return textwrap.wrap(" ".join(text.split()), width, break_on_hyphens=False)
+
+
 class Parser(argparse.ArgumentParser):
     """An argument parser that reads the file of ``--options``, and whose errors are one line like all others."""
 
@@ -72,7 +81,7 @@ def texts_of(command: ModuleType) -> dict[str, Any]:
     """Return the texts for a command's parser from its docstring: a paragraph below the first line, and the example."""
     _, _, below = (command.__doc__ or "").partition("\n\n")
     description, _, example = below.partition("\n\n")
-    return {"description": description, "epilog": example, "formatter_class": argparse.RawDescriptionHelpFormatter}
+    return {"description": description, "epilog": example, "formatter_class": _Help}
 
 
 def add_command(commands: "argparse._SubParsersAction[Any]", command: ModuleType) -> None:

@@ -48,7 +48,7 @@ class Division(Frozen):
         fold, at = 1 if self.fold is None else self.fold, PARTS.index(part)
         if fold not in rounds:
             measured = f"got {fold} against {', '.join(map(str, rounds)) or 'none'}"
-            fix = "Choose one of them." if rounds else "Add --split with the share of every class that is to test."
+            fix = "Choose one of them." if rounds else "Add --split with the share of every class to test on."
             raise InputError("fold", f"{path.name!r} has no such round", measured=measured, fix=fix)
         if self.share is None:
             rows, labels = _rows_of_files(path, fold, len(found))[at].T

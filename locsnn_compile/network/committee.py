@@ -30,7 +30,7 @@ def committee(networks: Sequence[Network], weights: Sequence[float], name: str =
         raise InputError("networks", "they are not networks", measured=f"got {given}", fix="Read each with lc.load.")
     if len(weights) != len(networks) or not all(0 < w <= MOST_APART * min(weights) for w in weights):
         measured = f"{', '.join(f'{w:g}' for w in weights)} for {len(networks)} networks"
-        what = f"each network needs one above 0 and at most {MOST_APART:,} times another"
+        what = f"each network needs one above 0, at most {MOST_APART:,} times any other"
         raise InputError("weights", what, measured=measured, fix="Give numbers such as 1,2.")
     shared = {key: _shared(key, networks) for key in _SHARED}
     _shared("classes", networks)

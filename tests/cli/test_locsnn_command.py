@@ -160,3 +160,13 @@ def test_reports_that_are_none(tmp_path, content, line, capsys):
     assert main(["diff", str(tmp_path), str(tmp_path)]) == 2
     wanted = f"build {str(tmp_path)!r}: {line}. Give a folder that locsnn-compile wrote.\n"
     assert capsys.readouterr() == ("", wanted)
+
+
+@pytest.mark.parametrize("columns", ["40", "80"])
+@pytest.mark.parametrize("command", ["run", "train", "explore", "stress", "rtl sim"])
+def test_help_breaks_no_name_at_a_hyphen(command, columns, monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", columns)
+    with pytest.raises(SystemExit):
+        main([*command.split(), "--help"])
+    help_ = capsys.readouterr().out.partition("options:")[2]
+    assert [line for line in help_.splitlines() if line.endswith("-")] == []

@@ -153,7 +153,7 @@ def test_what_cannot_be_packed_or_joined(tmp_path, capsys):
     assert len(lines) == 6
     assert (
         lines[1]
-        == "weights: each network needs one above 0 and at most 1,000,000 times another (1, 2 for 3 networks). Give numbers such as 1,2."
+        == "weights: each network needs one above 0, at most 1,000,000 times any other (1, 2 for 3 networks). Give numbers such as 1,2."
     )
     assert lines[3] == "--output: it is not a .pt file. Give a name that ends in .pt."
     assert lines[4] == "--weights: there is one model, with nothing to weigh it against. Leave it out."

@@ -203,7 +203,7 @@ def test_weights_that_are_refused(weights):
     with pytest.raises(InputError) as caught:
         lc.compile([hybrid(), hybrid(1)], weights=weights)
     given = ", ".join(f"{w:g}" for w in weights)
-    what = "each network needs one above 0 and at most 1,000,000 times another"
+    what = "each network needs one above 0, at most 1,000,000 times any other"
     assert str(caught.value) == f"weights: {what} ({given} for 2 networks). Give numbers such as 1,2."
 
 

@@ -113,7 +113,7 @@ def test_own_spikes_that_leave_no_room():
         quantize(single(with_own(20_000)), CHIP, 8)
     assert str(caught.value) == (
         "population 'n': no scale holds both the threshold and the refractory kernel "
-        "(an own spike weighs 2e+04 thresholds against 16320). Use a smaller scale_ref, or strategy reset."
+        "(its own spike weighs 2e+04 thresholds against 16320). Use a smaller scale_ref, or strategy reset."
     )
 
 

@@ -143,7 +143,7 @@ def rows(text: str) -> Callable[[Path], Path]:
         pytest.param(
             write_single, {"fold": 3},
             "fold: 'set.npz' has no such round (got 3 against none). "
-            "Add --split with the share of every class that is to test.", id="no rounds",
+            "Add --split with the share of every class to test on.", id="no rounds",
         ),
         pytest.param(
             write_single, {"test_share": 1.0}, "split: it is out of range (got 1.0 against 0.001..0.9). Correct the number.", id="all"

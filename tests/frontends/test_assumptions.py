@@ -98,7 +98,7 @@ TAILS = "The reference has the tails of its kernels, which slayerPytorch cuts in
             {},
             {"neuron": LOIHI, "extra": {"delay.delay": torch.tensor([0.0, 1.2, 2.9, 70.0])}},
             (
-                "Delays 'delay.delay' are those of layer 'fc1', the first of as many spikes.",
+                "Delays 'delay.delay' are used for layer 'fc1', the first with as many outputs.",
                 "Delays 'delay.delay' above 62 steps were cut to 62.",
             ),
             id="delays",

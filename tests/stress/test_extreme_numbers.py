@@ -47,8 +47,8 @@ REFUSED = [
     ("largest bias", one(Cuba.of(1, decay_v=0.1, threshold=1.0, bias=-1e300)), "dendrite", "population 'n': bias is too large a number to compute with (-1e+300 against 1e+100). Give it in other units."),
 ]  # fmt: skip
 TOO_MUCH = [
-    ("own spikes", one(replace(SRM, scale_ref=1e6)), "dendrite", "population 'n': no scale holds both the threshold and the refractory kernel (an own spike weighs 1e+06 thresholds against 16320). Use a smaller scale_ref, or strategy reset."),
-    ("own taps", one(replace(SRM, scale_ref=1e6)), "delay-line", "population 'n': no scale holds both the threshold and the refractory kernel (an own spike weighs 1.07e+06 thresholds against 16320). Use a smaller scale_ref, or strategy reset."),
+    ("own spikes", one(replace(SRM, scale_ref=1e6)), "dendrite", "population 'n': no scale holds both the threshold and the refractory kernel (its own spike weighs 1e+06 thresholds against 16320). Use a smaller scale_ref, or strategy reset."),
+    ("own taps", one(replace(SRM, scale_ref=1e6)), "delay-line", "population 'n': no scale holds both the threshold and the refractory kernel (its own spike weighs 1.07e+06 thresholds against 16320). Use a smaller scale_ref, or strategy reset."),
     ("bias", one(Cuba.of(1, decay_v=0.1, threshold=1.0, bias=1e5)), "dendrite", "population 'n': no scale holds both the threshold and the largest bias (one bias reaches 100098 thresholds against 4095). Train with smaller biases, or a higher threshold."),
     ("weight of rule >=", one(Cuba.of(1, decay_v=1.0, threshold=1.0, rule=">="), 32200.0), "dendrite", "population 'n': no scale holds both the threshold and the largest weight (one weight reaches 3.22e+04 thresholds against 32138). Train with smaller weights, or a higher threshold."),
 ]  # fmt: skip

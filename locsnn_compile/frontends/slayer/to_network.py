@@ -220,7 +220,7 @@ def _attach(layers: list[_Layer], key: str, delay: Any, config: SlayerConfig, wh
         if layer.delays is None and steps.size in (1, layer.size, layer.channels):
             layer.delays = np.repeat(steps, layer.size // steps.size)
             if not beside:
-                layer.assumed += (f"Delays {key!r} are those of layer {layer.name!r}, the first of as many spikes.",)
+                layer.assumed += (f"Delays {key!r} are used for layer {layer.name!r}, the first with as many outputs.",)
             if (whole > DELAY_MAX).any():
                 layer.assumed += (f"Delays {key!r} above {DELAY_MAX} steps were cut to {DELAY_MAX}.",)
             return

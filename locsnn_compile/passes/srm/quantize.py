@@ -49,7 +49,7 @@ def quantize_srm(neuron: SrmAlpha, task: Task) -> Scaled:
     own = layout.heaviest_charge(share, decays.u, task)
     most_own = heaviest_weight(task.chip)
     if own > most_own / 2:
-        measured = f"an own spike weighs {own:.3g} thresholds against {most_own / 2:.0f}"
+        measured = f"its own spike weighs {own:.3g} thresholds against {most_own / 2:.0f}"
         raise task.no_scale("refractory kernel", measured, "Use a smaller scale_ref, or strategy reset.")
     cap = int(min(most_own / own - 1, mantissa_max)) if own else mantissa_max
     exponent, most = checked_scale(task, heaviest, cap, 1)
