@@ -207,8 +207,7 @@ def check_chip(chip: Chip, where: str) -> None:
     if chip.open_core:
         check_sizes(chip.open_core, chip.registers.slots, f"{where}: open_core")
     elif not chip.profiles:
-        what = "only an open core may have no energy profile"
-        raise InputError(f"{where}: profiles", what, fix="Give at least one.")
+        raise InputError(f"{where}: profiles", "only an open core may have no energy profile", fix="Give at least one.")
     mesh = chip.mesh
     if mesh.tiles * mesh.cores_per_tile != chip.limits.cores_per_chip:
         tiles = f"{mesh.columns} x {mesh.rows} tiles of {mesh.cores_per_tile}"

@@ -124,8 +124,7 @@ def _check_group(graph: CompartmentGraph, group: Compartments, chip: Chip) -> No
         raise InputError(f"compartments {group.name!r}", f"cannot be joined to {group.joined_to!r}", fix=fix)
     if any(s.source == group.name for s in graph.synapses):
         what = "joined compartments do not spike, so no synapse can start there"
-        fix = f"Connect from {group.joined_to!r}."
-        raise InputError(f"compartments {group.name!r}", what, fix=fix)
+        raise InputError(f"compartments {group.name!r}", what, fix=f"Connect from {group.joined_to!r}.")
 
 
 def _check_range(group: Compartments, name: str, low: int, high: int, fix: str) -> None:

@@ -88,8 +88,7 @@ class ProgramBuilder:
         node = _node(name, size)
         if join != "ADD":
             what = f"the join operation {join!r} is not modelled: no public source gives its integer timing"
-            fix = "Join with ADD."
-            raise TargetError(f"compartments {name!r}", what, fix=fix)
+            raise TargetError(f"compartments {name!r}", what, fix="Join with ADD.")
 
         def column(key: str, value: Ints) -> IntArray:
             return _whole(f"compartments {name!r}", key, value, (node.size,))

@@ -122,8 +122,7 @@ def _matrix(path: Path, classes: int) -> FloatArray:
 
 
 def _refused(what: str, measured: str) -> InputError:
-    fix = "Give, for example, '0-4 5-9'."
-    return InputError("training option 'class_order'", what, measured=measured, fix=fix)
+    return InputError("training option 'class_order'", what, measured=measured, fix="Give, for example, '0-4 5-9'.")
 
 
 _LIKELY = 1.645

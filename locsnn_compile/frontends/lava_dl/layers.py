@@ -73,8 +73,7 @@ def read_net(path: Path, where: str) -> tuple[NetFile, bytes]:
             raise export_again(where, "its layers are not numbered 0, 1, 2, ...", counted(len(names), "layer"))
         layers = []
         for name in sorted(names, key=int):
-            place = f"{where}, layer {name}"
-            group = held.group(name, place)
+            group = held.group(name, f"{where}, layer {name}")
             layers.append(NetLayer(int(name), group.text("type"), _values(group, "")))
         simulation = _values(root.group("simulation"), "") if "simulation" in root else {}
         return NetFile(tuple(layers), simulation), data

@@ -123,8 +123,7 @@ def _input(flat: FlatGraph, where: str) -> InputView:
     """Return the view of a graph's inputs; refuse a graph without inputs or neurons, or with an integrator."""
     for name in flat.named("I"):
         what = "an integrator without leak or threshold overflows every register"
-        fix = "Use an LI with a long tau, or an IF."
-        raise InputError(f"{where}, node {name!r}", what, fix=fix)
+        raise InputError(f"{where}, node {name!r}", what, fix="Use an LI with a long tau, or an IF.")
     names = flat.named("Input")
     if not names:
         raise InputError(where, "a graph needs an Input", fix="Add an Input node before the first weights.")

@@ -55,8 +55,7 @@ class Task(Frozen, eq=False):
 
     def no_scale(self, other: str, measured: str, fix: str) -> TargetError:
         """Return the error for neurons that no threshold mantissa from 1 up would fit."""
-        what = f"no scale holds both the threshold and the {other}"
-        return TargetError(self.where, what, measured=measured, fix=fix)
+        return TargetError(self.where, f"no scale holds both the threshold and the {other}", measured=measured, fix=fix)
 
     @property
     def largest(self) -> FloatArray:

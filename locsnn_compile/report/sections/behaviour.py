@@ -58,8 +58,7 @@ def comparison(document: Document) -> Section:
     entries = defined_anns(document)
     own = document["operations"]["published_method"]["operations"]
     if not entries:
-        text = "No comparison: the published networks are not defined for this network's input."
-        return section("comparison", text)
+        return section("comparison", "No comparison: the published networks are not defined for this network's input.")
     chip = document["operations"]["per_sample"]["synaptic_ops"]
     rows = [
         ("the trained network, on paper", own, "1" if own else NONE, NONE),
