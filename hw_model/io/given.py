@@ -135,9 +135,8 @@ def _check(function: str, name: str, value: Any, kinds: tuple[Any, ...]) -> None
     if not any(_is_a(value, kind) for kind in kinds):
         names = [kind.__name__ for kind in kinds if kind is not type(None)]
         what = f"it must be {_article(names[0])} {listed(names, 'or')}"
-        measured = f"got {type(value).__name__} {_short(repr(value))}"
         fix = next((_WAYS_OUT[kind] for kind in names if kind in _WAYS_OUT), "Correct it.")
-        raise InputError(where, what, measured=measured, fix=fix)
+        raise InputError(where, what, measured=f"got {type(value).__name__} {_short(repr(value))}", fix=fix)
     if float in kinds and isinstance(value, int) and abs(value) > sys.float_info.max:
         raise InputError(where, "it is too large for a float", measured=f"{value.bit_length()} bits", fix="Correct it.")
     if object in kinds and isinstance(value, list | tuple):

@@ -111,7 +111,6 @@ def _stretch(data: bytes, where: str) -> tuple[float, float]:
         return times[1], SLIP_SECONDS
     grasping = named.get("grasping", times[3] if len(times) == len(PHASES) and not named else math.nan)
     if not math.isfinite(grasping):
-        fix = f"Give the times of {', '.join(PHASES)}."
         what, measured = "it does not give the time of 'grasping'", counted(len(times), "number")
-        raise InputError(where, what, measured=measured, fix=fix)
+        raise InputError(where, what, measured=measured, fix=f"Give the times of {', '.join(PHASES)}.")
     return grasping, GRASP_SECONDS

@@ -148,9 +148,8 @@ def _weights(built: _Built, layer: NetLayer, where: str) -> tuple[Matrix, Shape,
         held = weight.reshape(size, -1) if rows_first else weight
         source = held.shape[1] if rows_first else -1
         if source < 1 or (built.shape is not None and math.prod(built.shape) != source):
-            what = "its weight has the wrong shape"
             measured = f"{weight.shape} for {counted(size, 'neuron')} and an input of {built.shape}"
-            raise export_again(where, what, measured)
+            raise export_again(where, "its weight has the wrong shape", measured)
         return matrix(held, np.int64), shape, source
     given = built.shape or _image_before(layer, weight.shape, shape, where)
     kernel = _kernel(layer, weight, where)

@@ -202,9 +202,8 @@ def _delay_steps(node: NirNode, size: int, dt: float, where: str) -> Any:
     whole = np.rint(steps)
     bad = steps[(steps < -0.01) | (np.abs(steps - whole) > 0.01) | (whole > 1e6)]
     if bad.size:
-        measured = f"{bad[0]:g} steps of {dt:g} s"
         what, fix = "a delay is not a whole number of steps from 0 to 1e+06", "Correct it, or give another --dt."
-        raise InputError(where, what, measured=measured, fix=fix)
+        raise InputError(where, what, measured=f"{bad[0]:g} steps of {dt:g} s", fix=fix)
     return whole.astype(np.int64)
 
 
