@@ -14,10 +14,12 @@ from typing import Any
 
 import llvmlite.binding
 import numba
-from numba.core import event
+import numpy as np
+from numba.core import cgutils, event, types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.runtime import rtsys
+from numba.extending import intrinsic
 
 from hw_model.engine.ahead import compiled_ahead
 
@@ -38,9 +40,7 @@ _log = logging.getLogger("locsnn")
 class _Announce(event.Listener):  # type: ignore[misc]
     """Log that loops are being compiled, which takes seconds, and how long it took: it happens once a machine."""
 
-    def __init__(self) -> None:
-        self._depth = 0
-        self._begun = 0.0
+    _depth, _begun = 0, 0.0
 
     def on_start(self, event: Any) -> None:
         if self._depth == 0:
@@ -72,9 +72,10 @@ def compiled(function: Callable[..., Any], **options: Any) -> Any:
     return dispatcher
 
 
-def compiled_with_arrays(function: Callable[..., Any]) -> Any:
-    """Compile one that makes arrays of its own: it has the runtime, and counts references to them."""
-    return compiled(function, _nrt=True)
+compiled_with_arrays = partial(compiled, _nrt=True)
+"""Compile a function that makes arrays of its own: it has the runtime, and counts references to them."""
+shared = partial(compiled, no_cpython_wrapper=True)
+"""Compile a function that others call by :func:`call_at`: once, and not again in each of them."""
 
 
 class _Part(JITCodeLibrary):  # type: ignore[misc]
@@ -116,6 +117,31 @@ def entry(function: Any, *arguments: Any) -> Callable[..., Any]:
     """
     found: Callable[..., Any] = function.compile(tuple(numba.typeof(argument) for argument in arguments))
     return found
+
+
+def address(function: Any, *arguments: Any) -> np.int64:
+    """Return where the machine code of a :func:`shared` function for arguments of these kinds begins."""
+    kinds = tuple(numba.typeof(argument) for argument in arguments)
+    function.compile(kinds)
+    made = function.overloads[kinds]
+    return np.int64(made.library.get_pointer_to_function(made.fndesc.llvm_func_name))
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def call_at(typing: Any, address: Any, arguments: Any) -> Any:
+    """Call a shared function at its :func:`address` with a tuple of arguments; it returns an integer.
+
+    They must be of the kinds that the address was asked for: others would be read as if they were.
+    """
+
+    def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+        kinds, convention = arguments.types, context.call_conv
+        code = builder.inttoptr(given[0], convention.get_function_type(types.int64, kinds).as_pointer())
+        values = cgutils.unpack_tuple(builder, given[1], len(kinds))
+        _, returned = convention.call_function(builder, code, types.int64, kinds, values)
+        return returned
+
+    return types.int64(address, arguments), generate
 
 
 _of_one_kind: dict[Any, Callable[..., Any]] = {}

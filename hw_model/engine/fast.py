@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from hw_model.engine.compiled import compiled, entry, inner
+from hw_model.engine.compiled import address, call_at, compiled, entry, inner
 from hw_model.engine.lay_out import fast_layout
 from hw_model.engine.layout import CHARGE_WRAPS, FIELDS, LANES, FastLayout
 from hw_model.engine.state import NOTHING_KEPT, Kept, KeptRegister, State, Workspace, first_state, reset, workspace
@@ -16,6 +16,7 @@ from hw_model.engine.trace import NOTHING, REGISTERS, SKIPPED, EventLists, Phase
 from hw_model.program.chip_program import ChipProgram
 from hw_model.values import Int32Array, IntArray
 
+_NO_STEP = np.int64(0)
 SMALL = 1 << 12
 """Compartments up to which a phase keeps its room, some MiB, for the next recording; making it takes time."""
 
@@ -39,27 +40,34 @@ def _run_part(
     layout: FastLayout, given: tuple[Any, ...], skip: bool, written: tuple[Any, ...], low: int, high: int
 ) -> None:
     """Run recordings ``low..high`` of those given, in a room of their own."""
-    rooms, _ = _made(layout)
+    rooms, code = _made(layout)
     try:
         room = rooms.pop()  # of two threads that ask for the last one, one finds none
     except IndexError:
         room = first_state(layout), workspace(layout)
-    arguments = (low, high, given, room, skip, written)
-    _machine_code(layout, arguments)(*arguments)
+    if not code:
+        code.append(_machine_code(given, room, skip, written))
+    tile_at, loop = code[0]
+    loop(low, high, tile_at, given, room, skip, written)
     if layout.columns <= SMALL:
         rooms.append(room)
 
 
-def _machine_code(layout: FastLayout, arguments: tuple[Any, ...]) -> Callable[..., Any]:
-    """Return the loop over recordings for a layout, given arguments of the kinds that it is always called with."""
-    _, loop = _made(layout)
-    if not loop:
-        loop.append(entry(_run, *arguments))
-    return loop[0]
+def _machine_code(
+    given: tuple[Any, ...], room: tuple[State, Workspace], skip: bool, written: tuple[Any, ...]
+) -> tuple[np.int64, Callable[..., Any]]:
+    """Return where a tile lies, and the loop over recordings, for arguments of the kinds that a layout always has."""
+    first, line, _, _, *tables = given
+    spikes, sent, active, _, _, kept = written
+    tile_at = address(
+        run_tile, _NO_STEP, _NO_STEP, first[0], line, *tables, *room, skip,
+        spikes[0], sent[0], active[0], _NO_STEP, kept,
+    )  # fmt: skip
+    return tile_at, entry(_run, 0, 0, tile_at, given, room, skip, written)
 
 
 @lru_cache(maxsize=8)
-def _made(layout: FastLayout) -> tuple[list[tuple[State, Workspace]], list[Callable[..., Any]]]:
+def _made(layout: FastLayout) -> tuple[list[tuple[State, Workspace]], list[tuple[np.int64, Callable[..., Any]]]]:
     """Return the rooms of a layout that no thread is using, whoever takes one resets it, and its machine code."""
     return [], []
 
@@ -75,16 +83,13 @@ def join_lists(events: Sequence[EventLists]) -> tuple[IntArray, Int32Array]:
     """Return the lists of several inputs as one: where each recording, row and input begins, and lines."""
     if len(events) == 1:
         return np.ascontiguousarray(events[0].first)[:, :, None], events[0].channel
-    offset = 0
-    first = np.empty((*events[0].first.shape, len(events)), dtype=np.int64)
-    for node, lists in enumerate(events):
-        np.add(lists.first, offset, out=first[:, :, node])
-        offset += len(lists.channel)
+    before = np.cumsum([0, *(len(lists.channel) for lists in events[:-1])])
+    first = np.stack([lists.first + offset for lists, offset in zip(events, before, strict=True)], axis=2)
     return first, np.concatenate([lists.channel for lists in events])
 
 
 @compiled
-def _run(low, high, given, room, skip, written):  # type: ignore[no-untyped-def]
+def _run(low, high, tile_at, given, room, skip, written):  # type: ignore[no-untyped-def]
     """Run recordings ``low..high`` one after the other, each tile by tile."""
     first, line, start, stop, nodes, chunks, links = given
     state, work = room
@@ -94,10 +99,10 @@ def _run(low, high, given, room, skip, written):  # type: ignore[no-untyped-def]
         reset(state)
         for step in range(start[b], stop[b], tile):
             rows = min(tile, stop[b] - step)
-            totals[b, SKIPPED] += run_tile(
+            totals[b, SKIPPED] += call_at(tile_at, (
                 step, rows, first[b, step:], line, nodes, chunks, links, state, work, skip,
                 spikes[b, step:], sent[b], active[b, step:], b, kept,
-            )  # fmt: skip
+            ))  # fmt: skip
         for k in range(len(chunks.first_column)):
             for i in range(chunks.width[k]):
                 at = k * FIELDS * LANES + i

@@ -7,7 +7,7 @@ change in it.
 import numpy as np
 
 from hw_model.engine.chunks import add_up, change_echo, list_lanes, note, pass_on, update, update_pair, update_plain
-from hw_model.engine.compiled import absorbed, inner
+from hw_model.engine.compiled import absorbed, inner, shared
 from hw_model.engine.delivery import deliver
 from hw_model.engine.layout import FIELDS, LANES, POTENTIAL, U, V
 from hw_model.engine.state import is_silent, move_on
@@ -21,7 +21,7 @@ _LANES, _CHUNK = np.uint64(LANES), np.uint64(FIELDS * LANES)
 _U, _V, _POTENTIAL = np.uint64(U * LANES), np.uint64(V * LANES), np.uint64(POTENTIAL * LANES)
 
 
-@inner
+@shared
 def run_tile(  # type: ignore[no-untyped-def]
     step, rows, first, line, nodes, chunks, links, state, work, skip, spikes, sent, active, recording, kept
 ):

@@ -1,11 +1,12 @@
 """A phase whose inputs are played as they come: rows are pushed, and its state goes on from push to push."""
 
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from hw_model.engine import state
-from hw_model.engine.compiled import absorbed, compiled, entry
+from hw_model.engine.compiled import absorbed, address, call_at, compiled, entry
 from hw_model.engine.events import list_row
 from hw_model.engine.layout import LANES, FastLayout
 from hw_model.engine.tiles import run_tile
@@ -68,9 +69,9 @@ class Live:
             np.zeros((TILE, layout.pieces), np.int64), potential, np.zeros(columns, np.int64), np.zeros(many, np.int64),
         )  # fmt: skip
         self._state, work = state.first_state(layout, TILE), state.workspace(layout, TILE)
-        tables = layout.nodes, layout.chunks, layout.links
-        self._played = self._room, read, *tables, self._state, work, kept, np.bool_(starts_late)
-        self._run = entry(_run, 0, 0, np.zeros(0, np.uint8), *self._played, np.zeros((0, 0), np.int64), 0)
+        tables = layout.nodes, layout.chunks, layout.links, self._state, work
+        self._played = self._room, read, *tables, kept, np.bool_(starts_late)
+        self._run = entry(_run, 0, 0, _NO_STEP, np.zeros(0, np.uint8), *self._played, np.zeros((0, 0), np.int64), 0)
 
     def reset(self) -> None:
         """Go back to before the first step."""
@@ -89,12 +90,21 @@ class Live:
         Note what every column gives so far after each, its spikes or, if read, largest potential, in ``counts`` (rows,
         columns of all phases), from column ``low`` on.
         """
-        self._run(before, self._end, rows.reshape(-1), *self._played, counts, low)
+        self._run(before, self._end, self._tile_at, rows.reshape(-1), *self._played, counts, low)
+
+    @cached_property
+    def _tile_at(self) -> np.int64:
+        """Return where the code of a tile lies: asked when one is run, since who compiles ahead runs none."""
+        room, _, *tables, kept, _ = self._played
+        return address(
+            run_tile, _NO_STEP, _NO_STEP, room.first, room.line, *tables, _SKIP,
+            room.spikes, room.sent, room.active, _NO_STEP, kept,
+        )  # fmt: skip
 
 
 @compiled
 def _run(  # type: ignore[no-untyped-def]
-    before, end, given, room, read, nodes, chunks, links, now, work, kept, starts_late, counts, at
+    before, end, tile_at, given, room, read, nodes, chunks, links, now, work, kept, starts_late, counts, at
 ):
     """Play rows, bytes side by side, from step ``before`` up to ``end``; note what every column gives after each."""
     begin, lasting = room.begin, max(0, min(len(counts), end - before))
@@ -106,10 +116,10 @@ def _run(  # type: ignore[no-untyped-def]
                 start = (low + row) * begin[-1] + begin[m]
                 many = list_row(given, start, begin[m + 1] - begin[m], room.line, many)
                 room.first[row + 1, m] = many
-        run_tile(
+        call_at(tile_at, (
             _NO_STEP, rows, room.first, room.line, nodes, chunks, links, now, work, _SKIP,
             room.spikes, room.sent, room.active, _NO_STEP, kept,
-        )  # fmt: skip
+        ))  # fmt: skip
         for row in range(rows):
             for column in range(len(room.so_far)):
                 room.so_far[column] += room.spikes[row, column]

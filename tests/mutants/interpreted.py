@@ -15,9 +15,10 @@ from hw_model.engine import compiled
 EXAMPLES = 4
 
 np.seterr(over="ignore")
-for name in ("compiled", "inner", "absorbed"):
+for name in ("compiled", "shared", "inner", "absorbed"):
     setattr(compiled, name, lambda given: given)
-compiled.entry = lambda function, *arguments: function
+compiled.entry = compiled.address = lambda function, *arguments: function
+compiled.call_at = lambda function, arguments: function(*arguments)
 
 from hw_model.engine import lane_arithmetic, lanes  # noqa: E402
 from hw_model.engine.layout import LANES  # noqa: E402
