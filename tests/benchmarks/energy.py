@@ -1,6 +1,6 @@
 """Energy and latency of the example networks on all test recordings, and write the tables.
 
-    python tests/benchmarks/energy.py --data FOLDER --page docs/energy.md
+    python tests/benchmarks/energy.py --data FOLDER --page docs/results/energy.md
 
 ``FOLDER`` holds Ev-Objects.zip and Ev-Containers.zip. All networks have the same strategy; nothing is chosen here.
 """
@@ -44,24 +44,24 @@ def report_of(name: str, data: Path) -> Report:
 def tables(reports: dict[str, Report]) -> str:
     """Return everything between the marks."""
     parts = [
-        "### By branch and profile",
+        "## By branch and profile",
         "Means per recording. The published claim is about the ratio location / time. Figures by `davies2018` are lower bounds.",
         by_branch(reports),
-        "### Over the recordings",
+        "## Over the recordings",
         over_recordings(reports),
-        "### By operation",
+        "## By operation",
         "Profile `davies2018`, mean per recording.",
         by_operation(reports),
-        "### On paper",
+        "## On paper",
         "The published method counts additions only: spikes of the float network times their fan-out.",
         on_paper(reports),
-        "### Time",
+        "## Time",
         "Profile `davies2018`, mean per recording; *after the last row* is the delay of the answer.",
         times(reports),
-        "### Static energy",
+        "## Static energy",
         "One chip's static energy while it works, and for as long as the sensor records. The figures above do not include it.",
         static(reports),
-        "### Next to conventional networks",
+        "## Next to conventional networks",
         "Arithmetic only, at 45 nm; in brackets, as a multiple of the network's whole energy, profile `davies2018`.",
         conventional(reports),
     ]

@@ -1,13 +1,15 @@
 """How often each feature of the chip occurs in the networks that a peer is compared on.
 
-Run as a script, it prints the table of ``docs/peers.md``.
+Run as a script, it writes ``docs/peers.csv``; the first rows are in ``docs/peers.md`` too.
 """
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +19,9 @@ from quirks import PEERS, Peer
 from random_networks import VOLTAGE_MAX
 
 import hw_model as hw
+
+TABLE = Path(__file__).parents[2] / "docs/peers.csv"
+IN_THE_PAGE = 5
 
 
 @dataclass(frozen=True)
@@ -127,12 +132,18 @@ def total(feature: Feature, peer: Peer) -> int:
 
 
 def table() -> str:
-    """Return the counts as a Markdown table; a dash is a feature left out."""
+    """Return the counts of the first features, sizes and spikes, as a Markdown table."""
     lines = [["", *(peer.name for peer in PEERS)], ["---", *("---:" for _ in PEERS)]]
-    for feature in FEATURES:
-        lines.append([feature.name, *(f"{total(feature, peer):,}" if total(feature, peer) else "-" for peer in PEERS)])
+    lines += [[feature.name, *(f"{total(feature, peer):,}" for peer in PEERS)] for feature in FEATURES[:IN_THE_PAGE]]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
+def rows() -> list[list[str]]:
+    """Return all counts as rows of text; what is left out is empty."""
+    counts = [[feature.name, *(str(total(feature, peer) or "") for peer in PEERS)] for feature in FEATURES]
+    return [["counted", *(peer.name for peer in PEERS)], *counts]
+
+
 if __name__ == "__main__":
-    print(table())
+    with TABLE.open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file, lineterminator="\n").writerows(rows())

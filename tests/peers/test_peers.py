@@ -5,13 +5,14 @@ No difference is allowed. What a peer cannot be asked for is in ``quirks.py``; `
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
-from feature_counts import FEATURES, table, total
+from feature_counts import FEATURES, TABLE, rows, table, total
 from make_environments import why_missing
 from numpy.typing import NDArray
 from peer_networks import PROBES, arrays_by_key
@@ -79,6 +80,8 @@ def test_every_feature_is_compared_or_has_a_quirk(peer):
 
 def test_the_page_has_the_counts():
     assert table() in PAGE.read_text()
+    with TABLE.open(encoding="utf-8", newline="") as file:
+        assert list(csv.reader(file)) == rows()
 
 
 @pytest.mark.parametrize("peer", PEERS, ids=lambda peer: peer.name)
