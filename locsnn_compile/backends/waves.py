@@ -15,8 +15,6 @@ from locsnn_compile.backends.played import Played, unique_names
 from locsnn_compile.errors import InputError, counted, did_you_mean
 
 FILE = "waves.vcd"
-_FIRST_CODE, _CODES = 33, 94
-"""Identifier codes consist of the printable characters ``!`` to ``~``."""
 _STEP_BITS = 32
 _PROBE = re.compile(r"(?P<group>.+)\[(?P<first>[0-9]{1,9})(?::(?P<stop>[0-9]{1,9}))?\]")
 
@@ -31,9 +29,17 @@ class _Signal(Frozen, eq=False):
     start: int
     values: IntArray
 
-    def bits(self, i: int) -> str:
-        """Return all bits of a value: readers fill up with zeros, which would make negative numbers positive."""
-        return format(int(self.values[i]) & (1 << self.width) - 1, f"0{self.width}b")
+    def changes(self) -> Iterator[tuple[int, str]]:
+        """Yield each time at which the value changes, with all bits of the new one.
+
+        Readers fill up with zeros, which would make negative numbers positive.
+        """
+        if self.start > 0:
+            yield 0, "0" if self.name == "running" else "x"
+        for i in np.flatnonzero(np.append(True, np.diff(self.values) != 0)).tolist():
+            yield self.start + i, format(int(self.values[i]) & (1 << self.width) - 1, f"0{self.width}b")
+        if self.name == "running":
+            yield self.start + len(self.values), "0"
 
 
 def vcd_file(played: Played, probes: Sequence[str]) -> dict[str, bytes]:
@@ -75,7 +81,7 @@ def _signals(played: Played, compartments: "Sequence[Compartment]", groups: dict
 
 
 def _declarations(signals: Sequence[_Signal]) -> Iterator[str]:
-    """Yield the variables between the start and end of their scopes."""
+    """Yield the variables between the start and end of their scopes; the code of signal 3 in the file is ``s3``."""
     open_scopes: tuple[str, ...] = ()
     for number, signal in enumerate(signals):
         common = 0
@@ -84,7 +90,7 @@ def _declarations(signals: Sequence[_Signal]) -> Iterator[str]:
         yield from ["$upscope $end"] * (len(open_scopes) - common)
         yield from (f"$scope module {name} $end" for name in signal.scopes[common:])
         bits = f" [{signal.width - 1}:0]" if signal.kind == "reg" else ""
-        yield f"$var {signal.kind} {signal.width} {_code(number)} {signal.name}{bits} $end"
+        yield f"$var {signal.kind} {signal.width} s{number} {signal.name}{bits} $end"
         open_scopes = signal.scopes
     yield from ["$upscope $end"] * len(open_scopes)
 
@@ -93,31 +99,14 @@ def _changes(signals: Sequence[_Signal], end: int) -> Iterator[str]:
     """Yield every time at which values change, with the new values."""
     changes: dict[int, list[str]] = {0: [], end: []}
     for number, signal in enumerate(signals):
-
-        def put(time: int, bits: str, signal: _Signal = signal, code: str = _code(number)) -> None:
-            changes.setdefault(time, []).append(f"{bits}{code}" if signal.width == 1 else f"b{bits} {code}")
-
-        if signal.start > 0:
-            put(0, "0" if signal.name == "running" else "x")
-        for i in np.flatnonzero(np.append(True, np.diff(signal.values) != 0)):
-            put(signal.start + int(i), signal.bits(int(i)))
-        if signal.name == "running":
-            put(signal.start + len(signal.values), "0")
+        form = "{}s{}" if signal.width == 1 else "b{} s{}"
+        for time, bits in signal.changes():
+            changes.setdefault(time, []).append(form.format(bits, number))
     for time in sorted(changes):
         yield f"#{time}"
         yield from ["$dumpvars"] * (time == 0)
         yield from changes[time]
         yield from ["$end"] * (time == 0)
-
-
-def _code(number: int) -> str:
-    """Return the identifier code of a signal: its number in base 94, with the lowest digit first."""
-    code = ""
-    while True:
-        number, digit = divmod(number, _CODES)
-        code += chr(_FIRST_CODE + digit)
-        if number == 0:
-            return code
 
 
 def _plain(text: str) -> str:

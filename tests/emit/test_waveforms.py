@@ -95,7 +95,7 @@ def test_names_that_are_no_identifiers():
     assert b"$comment odd _end #0, recording 0; 1 us is one step $end" in content
 
 
-def test_identifier_codes_beyond_the_first_94():
+def test_each_of_many_signals_has_a_code_of_its_own():
     many = hw.ProgramBuilder(CHIP)
     many.connect(many.add_input("x", 1), many.add_compartments("h", 60, threshold=1), np.full((60, 1), 2))
     paths, _ = read(vcd_file(play_recording(many.build(), [[1], [0]]), ["h"])["waves.vcd"])
