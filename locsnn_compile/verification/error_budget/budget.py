@@ -13,7 +13,7 @@ from typing import Literal, get_args
 
 import hw_model as hw
 from hw_model.description.chip import Registers
-from hw_model.values import ByteArray, FloatArray, Frozen, Sums
+from hw_model.values import ByteArray, FloatArray, Frozen, Sums, picked
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.neurons import Neuron
 from locsnn_compile.network.projections import values_of
@@ -88,18 +88,19 @@ def working(phases: Collection[Phase]) -> list[Stage]:
     return [stage for stage in STAGES if stage != "delays" and not (same and stage == "kernel")]
 
 
+_OF_STAGE: dict[str, Stage] = {
+    "keep_u": "decays",
+    "keep_v": "decays",
+    "threshold": "thresholds",
+    "truncates": "states",
+    "limited": "wraps_clips",
+}
+"""What a stage takes from the chip's group, by field."""
+
+
 def _group(pair: GroupNumbers, stages: Collection[Stage]) -> TwinGroup:
-    exact, chip = pair.exact, pair.chip
-    decays = chip if "decays" in stages else exact
-    return replace(
-        exact,
-        keep_u=decays.keep_u,
-        keep_v=decays.keep_v,
-        threshold=(chip if "thresholds" in stages else exact).threshold,
-        bias=_bias(pair, stages),
-        truncates=(chip if "states" in stages else exact).truncates,
-        limited=(chip if "wraps_clips" in stages else exact).limited,
-    )
+    taken = picked(pair.chip, *(name for name, stage in _OF_STAGE.items() if stage in stages))
+    return replace(pair.exact, bias=_bias(pair, stages), **taken)
 
 
 def _synapses(pair: SynapseNumbers, stages: Collection[Stage]) -> TwinSynapses:
