@@ -41,8 +41,13 @@ def test_any_figures_make_a_whole_picture(marks):
 def test_kinds_differ_in_shape_and_the_front_in_its_fill():
     root = drawn(mark(0.1, 5), mark(0.5, 3, kind=1), mark(0.6, 4, kind=2, front=False))
     found = {element.find(f"{SVG}title").text: element for element in shapes(root)}
-    assert [found[name].tag for name in ("at 0.1, 5", "at 0.5, 3")] == [f"{SVG}circle", f"{SVG}polygon"]
-    assert found["at 0.6, 4"].get("points").count(",") == 3
+    assert [found[name].get("href") for name in ("at 0.1, 5", "at 0.5, 3", "at 0.6, 4")] == [
+        "#shape0",
+        "#shape1",
+        "#shape2",
+    ]
+    defined = {element.get("id") for element in root.find(f"{SVG}defs")}
+    assert {element.get("href")[1:] for element in root.iter(f"{SVG}use")} <= defined
     assert [found[name].get("class") for name in ("at 0.1, 5", "at 0.6, 4")] == ["mark front", "mark"]
 
 
@@ -50,15 +55,15 @@ def test_lower_figures_are_lower_and_lower_errors_to_the_left():
     root = drawn(mark(0.1, 5), mark(0.5, 3))
     found = {element.find(f"{SVG}title").text: element for element in shapes(root)}
     first, second = found["at 0.1, 5"], found["at 0.5, 3"]
-    assert float(first.get("cx")) < float(second.get("cx"))
-    assert float(first.get("cy")) < float(second.get("cy"))
+    assert float(first.get("x")) < float(second.get("x"))
+    assert float(first.get("y")) < float(second.get("y"))
 
 
 def test_the_recommended_one_has_a_ring():
     root = drawn(mark(0.1, 5), mark(0.5, 3, taken=True))
     rings = [element for element in root.iter(f"{SVG}circle") if element.get("class") == "ring"]
     found = {element.find(f"{SVG}title").text: element for element in shapes(root)}
-    assert rings[0].get("cx") == found["at 0.5, 3"].get("cx")
+    assert rings[0].get("cx") == found["at 0.5, 3"].get("x")
     assert len(rings) == 2  # the other one is the legend's
 
 

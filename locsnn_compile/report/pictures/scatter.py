@@ -12,7 +12,8 @@ from hw_model.values import Frozen
 from locsnn_compile.report.pictures import chart
 from locsnn_compile.report.pictures.axis import linear_axis
 
-_SHAPES = ("circle", "square", "triangle", "diamond")
+_SHAPES = 4
+"""Shapes of marks in ``files.svg``."""
 _LEGEND, _BELOW = 68, 88
 """Pixels from the lower edge of the panels to the middle of the legend, and to the end of the picture."""
 _RADIUS, _RING = 4.5, 9
@@ -119,7 +120,7 @@ def _legend(kinds: Sequence[str], y: float) -> str:
     for text, shape in shapes:
         entries.append({"shape": shape(x, y), "x": x + 12, "y": y + 4, "text": text})
         x += 40 + _LETTER * len(text)
-    return chart.PIECES.each(entries, "entry")
+    return chart.PIECES.piece("legend", entries)
 
 
 def _ring(x: float, y: float, radius: int) -> str:
@@ -127,18 +128,7 @@ def _ring(x: float, y: float, radius: int) -> str:
 
 
 def _shape(kind: int, x: float, y: float, style: str, words: str | None = None) -> str:
-    r = _RADIUS
-    match _SHAPES[kind % len(_SHAPES)]:
-        case "circle":
-            return chart.PIECES.piece("circle", None, x=x, y=y, style=style, words=words)
-        case "square":
-            corners = [(-r, -r), (r, -r), (r, r), (-r, r)]
-        case "triangle":
-            corners = [(0, -r - 1), (r + 1, r), (-r - 1, r)]
-        case _:
-            corners = [(0, -r - 1), (r + 1, 0), (0, r + 1), (-r - 1, 0)]
-    path = chart.path([(x + dx, y + dy) for dx, dy in corners])
-    return chart.PIECES.piece("polygon", None, path=path, style=style, words=words)
+    return chart.PIECES.piece("shape", None, number=kind % _SHAPES, x=x, y=y, style=style, words=words)
 
 
 def _around(x: float, y: float, radius: float) -> Box:
