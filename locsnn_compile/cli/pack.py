@@ -14,9 +14,9 @@ from pathlib import Path
 
 def run(args: argparse.Namespace) -> int:
     """Read, weigh and write."""
+    from hw_model.io.extras import needed
     from locsnn_compile.api import join
     from locsnn_compile.cli.places import check_places
-    from locsnn_compile.data.torch_writer import need_torch
     from locsnn_compile.errors import InputError
     from locsnn_compile.frontends.checkpoint import network_of
     from locsnn_compile.models.checkpoint import Pack
@@ -28,7 +28,7 @@ def run(args: argparse.Namespace) -> int:
         raise InputError("--output", "it is not a .pt file", fix="Give a name that ends in .pt.")
     if args.weights and args.calibration:
         raise InputError("--calibration", "the weights are given", fix="Leave out --calibration or --weights.")
-    need_torch("locsnn pack")
+    needed("torch", "train", "locsnn pack")
     checkpoints = tuple(read_checkpoint(path) for path in args.model)
     joined = join([network_of(checkpoint) for checkpoint in checkpoints], args.weights, args.calibration)
     Pack(checkpoints, tuple(member.weight for member in joined.members)).save(args.output)

@@ -22,6 +22,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from hw_model.io.extras import needed
 from hw_model.io.given import check_path
 from locsnn_compile.cli.interrupt import EXIT_INTERRUPTED
 from locsnn_compile.cli.options import given
@@ -55,13 +56,12 @@ def run(args: argparse.Namespace) -> int:
     if output.suffix != ".pt" or output.is_dir() or not output.parent.is_dir():
         where, what = f"output {output.name or str(output)!r}", "it is not a .pt file in an existing folder"
         raise InputError(where, what, fix="Correct -o.")
-    from locsnn_compile.data.torch_writer import need_torch
     from locsnn_compile.models.checkpoint_reader import read_checkpoint
 
     _check_places(args, output)
     start = None if args.start is None else read_checkpoint(args.start)
     config = _config(args, start)
-    need_torch("locsnn train")
+    needed("torch", "train", "locsnn train")
 
     from locsnn_compile.training.export import export_checkpoint
     from locsnn_compile.training.from_python import all_classes, read_parts

@@ -24,6 +24,7 @@ from types import ModuleType
 from typing import Any, Protocol, TypeVar
 
 import hw_model
+from hw_model.io.extras import needed
 from hw_model.values import Frozen
 from locsnn_compile.errors import InputError, check_same, counted
 
@@ -146,11 +147,7 @@ def _listens(place: tuple[str, int]) -> bool:
 @contextmanager
 def connected(address: str) -> Iterator[Cluster]:
     """Connect to a scheduler with at least one worker, all running this code; Dask must be installed."""
-    try:
-        import distributed
-    except ImportError:
-        fix = "Install it with: pip install 'locsnn-compile[dask]'"
-        raise InputError("--scheduler", "Dask is not installed", fix=fix) from None
+    distributed = needed("distributed", "dask", "--scheduler")
     # What it would log when a scheduler is lost, in dozens of lines, is one of the errors below.
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
@@ -160,7 +157,7 @@ def connected(address: str) -> Iterator[Cluster]:
         within = address.startswith("inproc://")  # a scheduler in this process has no port
         if not within and not _listens(distributed.comm.addressing.get_address_host_port(address)):
             raise TimeoutError
-        client: Any = distributed.Client(address, timeout=ANSWER_SECONDS, set_as_default=False)  # type: ignore[no-untyped-call]
+        client = distributed.Client(address, timeout=ANSWER_SECONDS, set_as_default=False)
     except ValueError as error:
         fix = "Give one such as tcp://127.0.0.1:8786."
         raise InputError(where, f"it is not an address: {error}", fix=fix) from None

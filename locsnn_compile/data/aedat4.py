@@ -1,6 +1,5 @@
 """Read AEDAT4, the format of iniVation's cameras, with the package ``aedat``: the first stream of events in a file."""
 
-import importlib.util
 import os
 import subprocess
 import sys
@@ -8,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from hw_model.io.extras import needed
 from hw_model.io.npy import load_npy
 from locsnn_compile.data.event_formats import parse_structured
 from locsnn_compile.data.event_stream import MAX_EVENTS, EventStream
@@ -23,9 +23,7 @@ def parse_aedat4(data: bytes, where: str) -> EventStream:
     The package does not survive all damage, so a separate process reads a copy, within 10 seconds of processor time and
     2 GiB. Raises ``InputError`` for a file that it cannot read, for one without events, and if the package is missing.
     """
-    if importlib.util.find_spec("aedat") is None:
-        fix = "Install it with: pip install 'locsnn-compile[aedat]'."
-        raise InputError(where, "it needs the package aedat, which is not installed", fix=fix)
+    needed("aedat", "aedat", where)
     with TemporaryDirectory() as folder:
         path = Path(folder) / "a.aedat4"
         path.write_bytes(data)

@@ -6,24 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from locsnn_compile.errors import InputError
-
-
-def need_torch(where: str) -> None:
-    """Raise ``InputError`` if torch is not installed; ``where`` names what needs it."""
-    try:
-        import torch  # noqa: F401
-    except ImportError:
-        fix = "Install it with: pip install 'locsnn-compile[train]'."
-        raise InputError(where, "it needs torch, which is not installed", fix=fix) from None
+from hw_model.io.extras import needed
 
 
 def torch_bytes(values: dict[str, Any], where: str) -> bytes:
     """Return the file of a dict of plain values, dicts and arrays; arrays of text become lists, others tensors."""
-    need_torch(where)
-    import torch
-
-    content = io.BytesIO()
+    torch, content = needed("torch", "train", where), io.BytesIO()
     torch.save(_with_tensors(values), content)
     return content.getvalue()
 

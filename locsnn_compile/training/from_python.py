@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from hw_model.io.extras import needed
 from hw_model.io.given import checked
 from hw_model.values import ArrayLike, picked
 from locsnn_compile.data.read import read_recordings, recording_parts
 from locsnn_compile.data.recordings import OPEN, Expected, Recordings
-from locsnn_compile.data.torch_writer import need_torch
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.training.config import Progress, TrainingConfig, config_from_mapping, read_config
@@ -72,7 +72,7 @@ def train(
     Remarks about runs that learned nothing are logged as warnings. Raises ``InputError`` for data and options that
     cannot be used.
     """
-    need_torch("lc.train")
+    needed("torch", "train", "lc.train")
     from locsnn_compile.training.export import export_checkpoint
     from locsnn_compile.training.train import train as run
 

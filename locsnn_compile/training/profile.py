@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from locsnn_compile.errors import InputError
+from hw_model.io.extras import needed
 from locsnn_compile.report.content import Curve
 from locsnn_compile.report.pictures.chart import Panel, draw
 from locsnn_compile.training.config import EpochRecord, Progress
@@ -34,12 +34,7 @@ def _panel(title: str, curves: tuple[Curve, ...]) -> Panel:
 
 def tensorboard_log(folder: Path) -> Progress:
     """Return a function that writes every epoch's figures into a folder; ``InputError`` without TensorBoard."""
-    try:
-        from torch.utils.tensorboard import SummaryWriter
-    except ImportError:
-        fix = "Install it with pip install 'locsnn-compile[tensorboard]'."
-        raise InputError("--tensorboard", "the package tensorboard is not installed", fix=fix) from None
-    writer = SummaryWriter(str(folder))
+    writer = needed("torch.utils.tensorboard", "tensorboard", "--tensorboard").SummaryWriter(str(folder))
 
     def after_epoch(done: int, expected: int, record: EpochRecord) -> None:
         for name in ("learning_rate", "loss", "validation_loss", "validation_accuracy"):

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import importlib.util
 import shutil
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -218,13 +218,12 @@ def test_aedat4_that_takes_too_long(camera: Path, monkeypatch: pytest.MonkeyPatc
 
 
 def test_aedat4_says_which_package_it_needs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setitem(sys.modules, "aedat", None)
     (tmp_path / "a.aedat4").write_bytes(b"")
     with pytest.raises(InputError) as caught:
         read_recordings(tmp_path / "a.aedat4")
     assert str(caught.value) == (
-        "file 'a.aedat4': it needs the package aedat, which is not installed. "
-        "Install it with: pip install 'locsnn-compile[aedat]'."
+        "file 'a.aedat4': it needs aedat, which is not installed. Install it with: pip install 'locsnn-compile[aedat]'."
     )
 
 

@@ -30,6 +30,8 @@ def imported():
                     found |= {alias.name.split(".")[0] for alias in node.names}
                 elif isinstance(node, ast.ImportFrom) and node.level == 0:
                     found.add((node.module or "").split(".")[0])
+                elif isinstance(node, ast.Call) and getattr(node.func, "id", "") == "needed":
+                    found.add(node.args[0].value.split(".")[0])
     return found - sys.stdlib_module_names - OURS
 
 
