@@ -5,14 +5,13 @@ from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 from hw_model.arithmetic.fixed_point import WEIGHT_BITS
-from hw_model.io.records import Checked, between, field_kinds, said_of
+from hw_model.io.records import Checked, RecordReader, between, said_of
 from hw_model.io.yaml_text import read_mapping
 from hw_model.values import Frozen, Shown
 from locsnn_compile.data.sensor import MAX_CHANNELS, SensorLayout, asked_layout
 from locsnn_compile.data.taxel_graph import GRAPHS
-from locsnn_compile.errors import InputError, check_known
+from locsnn_compile.errors import InputError
 from locsnn_compile.models.architectures import ARCHITECTURES, Architecture
-from locsnn_compile.models.plain_checks import is_whole
 from locsnn_compile.settings import TRAINABLE
 
 LOSSES = ("cross-entropy", "spike-count")
@@ -237,17 +236,13 @@ def check_used(given: Mapping[str, str], *configs: TrainingConfig) -> None:
                 raise InputError(shown, f"it would change nothing: {need.why}", fix=need.fix)
 
 
-def config_from_mapping(values: Mapping[str, Any], where: str = "training configuration") -> TrainingConfig:
+def config_from_mapping(values: Mapping[str, Any], where: str = "training options") -> TrainingConfig:
     """Return the configuration with these ``values``, and the network's defaults for all other options.
 
     Raises ``InputError`` for an unknown key or an invalid value.
     """
-    known = field_kinds(TrainingConfig)
-    clean: dict[str, Any] = dict(USUAL.get(str(values.get("model")), {}))
-    for key, value in values.items():
-        check_known(where, f"key {key!r} is not known", str(key), known)
-        clean[key] = float(value) if is_whole(value) and float in known[key] else value
-    return TrainingConfig(**clean)
+    usual = USUAL.get(str(values.get("model")), {})
+    return RecordReader(where).record(TrainingConfig, {**usual, **values})
 
 
 def read_config(path: Path | str) -> dict[str, Any]:
@@ -255,12 +250,7 @@ def read_config(path: Path | str) -> dict[str, Any]:
 
     Raises ``InputError`` for a missing file, for one without a mapping, and for invalid keys or values.
     """
-    path = Path(path)
-    where = f"config {path.name!r}"
-    values = read_mapping(path, where, "Give the YAML file of a training run.")
-    try:
-        config_from_mapping(values, where)
-    except InputError as error:
-        place = where if error.where == where else f"{where}, {error.where}"
-        raise InputError(place, error.what, measured=error.measured, fix=error.fix) from None
+    where = f"config {Path(path).name!r}"
+    values = read_mapping(Path(path), where, "Give the YAML file of a training run.")
+    config_from_mapping(values, where)
     return values

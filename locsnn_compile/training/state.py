@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from hw_model.io.files import replace_file
+from hw_model.io.files import parsing, replace_file
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.checkpoint import Checkpoint
@@ -64,7 +64,8 @@ def load_state(path: Path, key: str, weights: Mapping[str, Tensor]) -> TrainingS
     if not path.exists():
         return None
     where = f"training state {path.name!r}"
-    try:
+    # Torch raises many kinds of exception on damaged bytes or partial files; each means the same to the user.
+    with parsing(where, "it is damaged", fix=_FIX):
         values = torch.load(path, map_location="cpu", weights_only=True)
         if values["format"] != _FORMAT or values["version"] != _VERSION:
             raise InputError(where, "it was written by another version", fix=_FIX)
@@ -75,11 +76,6 @@ def load_state(path: Path, key: str, weights: Mapping[str, Tensor]) -> TrainingS
         for found in (state.weights, state.chosen_weights, dict(weights) | state.averages):
             _check_weights(where, found, weights)
         return state
-    except InputError:
-        raise
-    # Torch raises many kinds of exception on damaged bytes or partial files; each means the same to the user.
-    except Exception:
-        raise InputError(where, "it is damaged", fix=_FIX) from None
 
 
 def _check_weights(where: str, found: Mapping[str, Tensor], usual: Mapping[str, Tensor]) -> None:

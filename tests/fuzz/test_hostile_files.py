@@ -302,8 +302,8 @@ def test_names_that_would_move_the_cursor_are_written_out(tmp_path):
 def test_names_that_never_end_are_cut(tmp_path):
     path = write(tmp_path / "a.yaml", f"? {'x' * 3000}\n: 1\n")
     message = message_of(read_training_config, path)
-    shown = f"key '{'x' * 3000}' is not known"[:MAX_PART]
-    assert message.startswith(f"config 'a.yaml': {shown}.... Choose one of: ")
+    assert message.startswith(f"config 'a.yaml': unknown key '{'x' * 60}'. Choose one of: ")
+    assert str(InputError("a", "x" * 3000, fix="Stop.")) == f"a: {'x' * MAX_PART}.... Stop."
 
 
 def test_hdf5_that_the_library_does_not_come_to_the_end_of(tmp_path, monkeypatch):

@@ -205,9 +205,9 @@ REFUSED = [
     ("negative recordings", ("--recordings", "-1"), "--recordings -1: it is out of range. Give a number from 0 up."),
     ("no folder for the output", ("-o", "none/x.pt"), "output 'x.pt': it is not a .pt file in an existing folder. Correct -o."),
     ("other kind of output", ("-o", "x.nir"), "output 'x.nir': it is not a .pt file in an existing folder. Correct -o."),
-    ("misspelt model", ("--model", "hybird"), "training option 'model': 'hybird' is not known. Did you mean 'hybrid'?"),
+    ("misspelt model", ("--model", "hybird"), "training options: model: 'hybird' is not known. Did you mean 'hybrid'?"),
     ("misspelt strategy", ("--strategy", "delayline"), "--strategy delayline: it is not known. Did you mean 'delay-line'?"),
-    ("weight bits", ("--weight-bits", "7"), "training option 'weight_bits': 7 is not known. Choose one of: 1, 2, 3, 4, 5, 6, 8."),
+    ("weight bits", ("--weight-bits", "7"), "training options: weight_bits: 7 is not known. Choose one of: 1, 2, 3, 4, 5, 6, 8."),
     ("unknown chip", ("--target", "loihi-3"), "target 'loihi-3': no chip of this name ships. Did you mean 'loihi-sim'? A chip file of your own ends in .yaml."),
     ("nothing to start from", ("--from", "none.pt"), "checkpoint 'none.pt': it cannot be read (No such file or directory). Check the path."),
     ("short order", ("--order", "1,2,3"), "location order: taxel 4 is missing (3 of 39 taxels given). Give every taxel from 1 to 39 exactly once."),
@@ -318,7 +318,8 @@ def test_without_tensorboard_nothing_is_trained(tmp_path: Path, data: str, monke
     with pytest.raises(InputError) as found:
         run("--data", data, "--tensorboard", str(tmp_path / "runs"), "-o", str(tmp_path / "small.pt"))
     assert str(found.value) == (
-        "--tensorboard: the package tensorboard is not installed. Install it with pip install 'locsnn-compile[tensorboard]'."
+        "--tensorboard: it needs torch.utils.tensorboard, which is not installed. "
+        "Install it with: pip install 'locsnn-compile[tensorboard]'."
     )
     assert not (tmp_path / "small.pt").exists()
 

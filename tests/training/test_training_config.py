@@ -54,47 +54,45 @@ def test_whole_numbers_serve_as_numbers() -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        pytest.param(
-            "epoch: 3", "config 'a.yaml': key 'epoch' is not known. Did you mean 'epochs'?", id="misspelt key"
-        ),
+        pytest.param("epoch: 3", "config 'a.yaml': unknown key 'epoch'. Did you mean 'epochs'?", id="misspelt key"),
         pytest.param(
             "model: hybird",
-            "config 'a.yaml', training option 'model': 'hybird' is not known. Did you mean 'hybrid'?",
+            "config 'a.yaml': model: 'hybird' is not known. Did you mean 'hybrid'?",
             id="misspelt model",
         ),
         pytest.param(
             "epochs: 0",
-            "config 'a.yaml', training option 'epochs': it must be a whole number from 1 to 100000 (got 0). Correct it.",
+            "config 'a.yaml': epochs: it must be a whole number from 1 to 100000 (got 0). Correct it.",
             id="no epochs",
         ),
         pytest.param(
             "window_levels: 1",
-            "config 'a.yaml', training option 'window_levels': it must be text (got 1). Put it in quotes.",
+            "config 'a.yaml': window_levels: it must be text (got 1). Put it in quotes.",
             id="a number for text",
         ),
         pytest.param(
             "epochs: 2.5",
-            "config 'a.yaml', training option 'epochs': it must be a whole number from 1 to 100000 (got 2.5). Correct it.",
+            "config 'a.yaml': epochs: it must be a whole number from 1 to 100000 (got 2.5). Correct it.",
             id="half an epoch",
         ),
         pytest.param(
             "learning_rate: .nan",
-            "config 'a.yaml', training option 'learning_rate': it must be a number from 1e-09 to 1000 (got nan). Correct it.",
+            "config 'a.yaml': learning_rate: it must be a number from 1e-09 to 1000 (got nan). Correct it.",
             id="NaN",
         ),
         pytest.param(
             "learning_rate: fast",
-            "config 'a.yaml', training option 'learning_rate': it must be a number from 1e-09 to 1000 (got 'fast'). Correct it.",
+            "config 'a.yaml': learning_rate: it must be a number from 1e-09 to 1000 (got 'fast'). Correct it.",
             id="a word for a number",
         ),
         pytest.param(
             "refit: 1",
-            "config 'a.yaml', training option 'refit': it must be true or false (got 1). Correct it.",
+            "config 'a.yaml': refit: it must be true or false (got 1). Correct it.",
             id="number for a truth value",
         ),
         pytest.param(
             "hidden: true",
-            "config 'a.yaml', training option 'hidden': it must be a whole number from 1 to 4096 (got True). Correct it.",
+            "config 'a.yaml': hidden: it must be a whole number from 1 to 4096 (got True). Correct it.",
             id="truth value for a number",
         ),
         pytest.param(
@@ -113,7 +111,7 @@ def test_whole_numbers_serve_as_numbers() -> None:
             "config 'a.yaml': it is nested too deeply (more than 50 levels). Correct its brackets.",
             id="deep",
         ),
-        pytest.param("3: 4", "config 'a.yaml': key 3 is not known. {known}", id="a number for a key"),
+        pytest.param("3: 4", "config 'a.yaml': unknown key '3'. {known}", id="a number for a key"),
     ],
 )
 def test_configurations_that_are_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, message: str) -> None:
