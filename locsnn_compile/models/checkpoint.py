@@ -55,14 +55,9 @@ VERSION = 3
 """The newest version."""
 CHIP_VERSION = 2
 """That of spike response neurons on a chip's arithmetic."""
-OPTIONAL: dict[str, type] = {
-    **dict.fromkeys(("delays", "location_delays"), list),
-    "location_neuron": dict,
-    "class_names": list,
-    "align_events": int,
-    "window": dict,
-}
-"""What of a description a file has only where it is not as usual, in this order, and its type."""
+OPTIONAL = ("delays", "location_delays", "location_neuron", "class_names", "align_events", "window")
+"""What of a description a file has only where it is not as usual, in this order."""
+USUAL = {its.name: its.default for its in fields(NetworkDescription)}
 
 #: What a training entry may be.
 Plain = str | int | float | bool | None
@@ -111,12 +106,13 @@ def checkpoint_values(checkpoint: Checkpoint) -> dict[str, Any]:
         kind = np.float32 if chip is None else np.int16
         arrays[name] = np.array(weights[name], dtype=kind, order="C")
     srm, order = description.structure.neurons == "srm", description.location_taxels
+    plain = asdict(description)
     values = {
         "format": FORMAT,
         "version": VERSION if not srm else CHIP_VERSION if chip is not None else 1,
         "name": description.name,
         "architecture": description.architecture,
-        "neuron": {} if description.neuron is None else asdict(description.neuron),
+        "neuron": plain["neuron"] or {},
         "input": _input_entry(description.input),
         "location_order": None if order is None else {"name": description.location_order, "taxels": list(order)},
         "hidden": description.hidden,
@@ -127,13 +123,12 @@ def checkpoint_values(checkpoint: Checkpoint) -> dict[str, Any]:
     }
     if chip is not None:
         values["chip"] = chip_entry(chip)
-    usual = {its.name: its.default for its in fields(NetworkDescription)}
-    for name, held_as in OPTIONAL.items():
-        if (value := getattr(description, name)) != usual[name]:
-            values[name] = asdict(value) if held_as is dict else held_as(value)
+    for name in OPTIONAL:
+        if plain[name] != USUAL[name]:
+            values[name] = list(plain[name]) if isinstance(plain[name], tuple) else plain[name]
     if not srm:
-        graph = description.graph
-        values["graph"] = graph and asdict(graph) | {"taxel_edges": [list(edge) for edge in graph.taxel_edges]}
+        graph = plain["graph"]
+        values["graph"] = graph and graph | {"taxel_edges": [list(edge) for edge in graph["taxel_edges"]]}
     return values
 
 

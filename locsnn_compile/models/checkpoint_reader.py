@@ -24,7 +24,7 @@ from locsnn_compile.models import checkpoint
 from locsnn_compile.models.checkpoint import CHIP_VERSION, VERSION, Checkpoint, Pack, Plain
 from locsnn_compile.models.chip_entry import ChipNumbers, parse_chip_entry
 from locsnn_compile.models.description import InputLayout, LifParameters, NetworkDescription, Neuron, NeuronParameters
-from locsnn_compile.models.graph_and_windows import GraphParameters, WindowParameters
+from locsnn_compile.models.graph_and_windows import WindowParameters
 from locsnn_compile.models.plain_checks import WRITE_AGAIN, file_fault, is_whole
 
 _KEYS: dict[str, tuple[type, ...]] = {
@@ -33,8 +33,8 @@ _KEYS: dict[str, tuple[type, ...]] = {
     **dict.fromkeys(("neuron", "input", "weights", "training"), (dict,)),
     **dict.fromkeys(("location_order", "recordings"), (dict, type(None))),
 }
-
-
+_LATER = (object, bool)
+"""The type of an entry that is checked when it is read."""
 _MEMBER: dict[str, tuple[type, ...]] = {"sha256": (str,), "weight": (float,), "checkpoint": (dict,)}
 
 
@@ -94,30 +94,24 @@ def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Ch
     against = f"version {version} against {VERSION}"
     if is_whole(version) and version > VERSION:
         raise InputError(where, "it was written by a newer version", measured=against, fix="Update locsnn-compile.")
-    more: dict[object, dict[str, tuple[type, ...]]]
-    integers: dict[str, tuple[type, ...]] = {"chip": (dict,)}
-    more = {CHIP_VERSION: integers, VERSION: {"graph": (dict, type(None))} | (integers if "chip" in values else {})}
-    optional = {name: (kind,) for name, kind in checkpoint.OPTIONAL.items() if name in values}
-    check_keys(where, "", values, _KEYS | (more.get(version, {}) if is_whole(version) else {}) | optional)
+    more: dict[object, tuple[str, ...]]
+    more = {CHIP_VERSION: ("chip",), VERSION: ("graph", "chip") if "chip" in values else ("graph",)}
+    optional = [name for name in checkpoint.OPTIONAL if name in values]
+    rest = (*(more.get(version, ()) if is_whole(version) else ()), *optional)
+    check_keys(where, "", values, _KEYS | dict.fromkeys(rest, _LATER))
     if version not in (1, *more):
         raise file_fault(where, "its version does not exist", against)
-    name = _name(where, "name", values["name"])
-    if (order := values["location_order"]) is not None:
+    order, srm = values["location_order"], version != VERSION
+    if order is not None:
         check_keys(where, "location_order", order, {"name": (str,), "taxels": (list, tuple)})
-    srm = version != VERSION
+    held = {name: values.get(name, usual) for name, usual in checkpoint.USUAL.items()}
+    held |= {"location_order": order and order["name"], "location_taxels": order and order["taxels"]}
     try:
-        description = NetworkDescription(
-            architecture=values["architecture"],
-            input=_input(where, values["input"]),
-            classes=values["classes"],
-            hidden=values["hidden"],
-            neuron=_neuron(where, values["neuron"], srm=srm),
-            location_order=order and order["name"],
-            location_taxels=order and tuple(order["taxels"]),
-            name=name,
-            graph=_graph(where, values.get("graph")),
-            **{key: _optional(where, key, values[key], srm=srm) for key in optional},
-        )
+        made: dict[str, Any] = {"input": _input(where, held.pop("input"))}
+        for name in ("neuron", "location_neuron"):
+            given = held.pop(name)
+            made[name] = _neuron(where, given, srm=srm) if name in values else None
+        description = RecordReader(where, WRITE_AGAIN, lacks=False).record(NetworkDescription, held, **made)
     except InputError as error:
         place = error.where if error.where.startswith(where) else f"{where}, {error.where}"
         raise InputError(place, error.what, measured=error.measured, fix=error.fix) from None
@@ -145,12 +139,6 @@ def check_keys(where: str, key: str, values: Any, known: Mapping[str, tuple[type
         check_value(reader.place(f"{key}.{name}" if key else name), value, known[name], fix=WRITE_AGAIN)
 
 
-def _name(where: str, key: str, name: str) -> str:
-    if not 0 < len(name) <= 200 or not name.isprintable() or "/" in name or "\\" in name:
-        raise file_fault(where, f"entry '{key}' is not a plain name", f"got {name[:80]!r}")
-    return name
-
-
 def _input(where: str, entry: Mapping[str, Any]) -> InputLayout:
     """Return the input layout; files have sizes for NeuTouch, and the layout of any other sensor."""
     sizes, known = ("taxels", "polarities", "fingertips"), field_kinds(InputLayout)
@@ -165,29 +153,13 @@ def _input(where: str, entry: Mapping[str, Any]) -> InputLayout:
     return InputLayout(sensor, **{name: value for name, value in entry.items() if name not in held})
 
 
-def _neuron(where: str, entry: dict[Any, Any], *, srm: bool) -> Neuron | None:
+def _neuron(where: str, entry: object, *, srm: bool) -> Neuron | None:
     """Return the constants of spike response neurons, integrate-and-fire neurons or windows; None if there are none."""
-    if not entry and not srm:
+    if entry == {} and not srm:
         return None
-    kind: type[Neuron] = NeuronParameters if srm else WindowParameters if "levels" in entry else LifParameters
+    windows = isinstance(entry, dict) and "levels" in entry
+    kind: type[Neuron] = NeuronParameters if srm else WindowParameters if windows else LifParameters
     return RecordReader(where, WRITE_AGAIN, lacks=False).record(kind, entry, "neuron")
-
-
-def _optional(where: str, name: str, value: Any, *, srm: bool) -> Any:
-    """Return the value of an entry of :data:`OPTIONAL`."""
-    if name == "location_neuron":
-        return _neuron(where, value, srm=srm)
-    if name == "window":
-        return RecordReader(where, WRITE_AGAIN, lacks=False).record(WindowParameters, value, name)
-    return tuple(value) if isinstance(value, list) else value
-
-
-def _graph(where: str, entry: dict[Any, Any] | None) -> GraphParameters | None:
-    if entry is None:
-        return None
-    graph = RecordReader(where, WRITE_AGAIN, lacks=False).record(GraphParameters, entry, "graph")
-    _name(where, "graph.name", graph.name)
-    return graph
 
 
 def _weights(

@@ -15,7 +15,7 @@ from locsnn_compile.data.sensor import SensorLayout, frame_size
 from locsnn_compile.errors import InputError, check_known
 from locsnn_compile.models.architectures import ARCHITECTURES, Architecture
 from locsnn_compile.models.graph_and_windows import MAX_WINDOW_NEURONS, GraphParameters, WindowParameters, output_parts
-from locsnn_compile.models.plain_checks import require_count, require_rising
+from locsnn_compile.models.plain_checks import PlainName, require_count, require_rising
 
 #: Largest sizes accepted anywhere: a few times what any published tactile recording needs.
 MAX_UNITS = 4_096
@@ -106,7 +106,7 @@ class NetworkDescription(Frozen):
     neuron: Neuron | None = None
     location_order: str | None = None
     location_taxels: tuple[int, ...] | None = None
-    name: str = "model"
+    name: PlainName = "model"
     graph: GraphParameters | None = None
     delays: tuple[int, ...] = (0,)
     class_names: tuple[str, ...] | None = None

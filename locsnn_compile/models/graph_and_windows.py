@@ -14,7 +14,7 @@ from scipy import sparse
 from hw_model.io.records import AT_LEAST_ONE, Checked, between
 from hw_model.values import IntArray
 from locsnn_compile.errors import InputError, check_most, counted
-from locsnn_compile.models.plain_checks import require_rising, rises
+from locsnn_compile.models.plain_checks import PlainName, require_rising, rises
 
 HEARD_BY_OUTPUT = 1_024
 """Largest number of hidden neurons that an output hears, if it hears several taxels.
@@ -96,7 +96,7 @@ class GraphParameters(Checked):
     axis, nodes are the time steps of the recording, joined to their neighbours in time, with ``step_features`` outputs.
     """
 
-    name: str
+    name: PlainName
     taxel_edges: tuple[tuple[int, int], ...]
     hops: Annotated[int, between(1, MAX_HOPS)] = 3
     features: Annotated[int, between(1, MAX_FEATURES)] = 64

@@ -1,11 +1,14 @@
 """Checks of plain values in descriptions and files; each error is a line that names the value."""
 
 from collections.abc import Sequence
-from typing import TypeGuard
+from typing import Annotated, TypeGuard
 
-from hw_model.io.records import between, check_value
+from hw_model.io.records import Must, between, check_value
 from locsnn_compile.errors import InputError
 
+_NAME = Must(lambda text: 0 < len(text) <= 200 and text.isprintable() and not {"/", "\\"} & {*text}, "that is a name")
+PlainName = Annotated[str, _NAME]
+"""Up to 200 printable characters without slashes."""
 WRITE_AGAIN = "Write it again with 'locsnn train'."
 
 

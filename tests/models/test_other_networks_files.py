@@ -90,7 +90,9 @@ GRAPH_FAULTS = [
         id="truth",
     ),
     pytest.param(
-        put("graph", "name", value="../x"), f": entry 'graph.name' is not a plain name (got '../x'). {AGAIN}", id="path"
+        put("graph", "name", value="../x"),
+        f": graph.name: it must be text that is a name (got '../x'). {AGAIN}",
+        id="path",
     ),
     pytest.param(
         put("graph", "taxel_edges", 0, value=[1, 2, 3]),

@@ -161,7 +161,7 @@ BAD: list[tuple[str, Callable[[Path], object], str]] = [
     ),
     ("a sensor of text", swap_sizes("glove"), f"input.sensor: it must be a mapping of names (got 'glove'). {AGAIN}"),
     ("truth value", put("classes", value=True), f"classes: it must be a whole number (got True). {AGAIN}"),
-    ("name with a path", put("name", value="../x"), f"entry 'name' is not a plain name (got '../x'). {AGAIN}"),
+    ("name with a path", put("name", value="../x"), f"name: it must be text that is a name (got '../x'). {AGAIN}"),
     (
         "training holds a tensor",
         put("training", "x", value=torch.zeros(1)),
