@@ -5,7 +5,6 @@ exactly, so the twin equals the simulator bit for bit. With every switch off, it
 """
 
 from collections.abc import Mapping, Sequence
-from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -91,14 +90,18 @@ def run_twins(
     registers = twins[0].registers
     blocks = _blocks(twins, batch, steps)
     home = {key: (block, columns) for block in blocks for key, columns in block.columns.items()}
-    joins = _joins(twins, home)
+    joins = [
+        (*home[i, group.name], home[i, group.joined_to][1])
+        for i, twin in enumerate(twins)
+        for group in twin.groups
+        if group.joined_to
+    ]
     *_, spiking = blocks
     early = {name: played.transpose(1, 0, 2).reshape(steps * batch, -1) for name, played in lines.items()}
     sparse_lines = {name: sparse_spikes(spikes, np.float64) for name, spikes in early.items()}
     synapses = [(i, s) for i, twin in enumerate(twins) for s in twin.synapses if s.delay + 1 < steps]
     longest = 1 + max((s.delay for _, s in synapses if s.weights.ndim == 1), default=0)
-    own: dict[tuple[_Block, int], _OwnCharges] = {}
-    reached: dict[_Key, list[str]] = {}
+    own: dict[tuple[_Key, _Key], FloatArray] = {}
     others: dict[_Key, list[tuple[int, _Block, slice, Matrix]]] = {}
     for i, s in synapses:
         target, to_columns = home[i, s.target]
@@ -110,14 +113,8 @@ def run_twins(
         elif s.weights.ndim == 2:
             others.setdefault((i, s.source), []).append((1 + s.delay, target, to_columns, s.weights))
         else:
-            targets = reached.setdefault((i, s.source), [])
-            targets += [s.target] * (s.target not in targets)
-            place, columns = (target, targets.index(s.target)), home[i, s.source][1]
-            if place not in own:
-                own[place] = np.full(spiking.size, -1), np.zeros((longest, spiking.size))
-            to, weights = own[place]
-            to[columns] = np.arange(to_columns.start, to_columns.stop)
-            weights[s.delay, columns] += s.weights
+            by_delay = own.setdefault(((i, s.source), (i, s.target)), np.zeros((longest, 1, len(s.weights))))
+            by_delay[s.delay] += s.weights
     watched = {key: columns for key, (_, columns) in home.items() if key[1] in potentials}
     potential = {key: np.empty((batch, steps, here.stop - here.start)) for key, here in watched.items()}
     for step in range(steps):
@@ -134,11 +131,11 @@ def run_twins(
         if forced is not None:
             fired = np.hstack([forced[name][:, step] for _, name in spiking.columns]).astype(np.bool_)
         spiking.reset(fired)
-        recording, column = np.nonzero(fired)
-        for (target, _), (to, weights) in own.items():
-            here = to[column] >= 0
-            later = target.charge[step + 1 : step + 1 + longest]
-            later[:, recording[here], to[column[here]]] += weights[: len(later), column[here]]
+        for (source, key), weights in own.items():
+            sent, (target, to_columns) = fired[:, home[source][1]], home[key]
+            if sent.any():
+                later = target.charge[step + 1 : step + 1 + longest, :, to_columns]
+                later += weights[: len(later)] * sent
         for key, onto in others.items():
             sent = fired[:, home[key][1]]
             for late, target, to_columns, weights in onto if sent.any() else ():
@@ -153,42 +150,15 @@ def run_twins(
 
 
 def _blocks(twins: Sequence[Twin], batch: int, steps: int) -> "list[_Block]":
-    """Return a block of the groups that are joined to others, and as the last block the others, which spike.
-
-    Joined groups are ordered by the groups they are joined to: first the first child of each, then the second.
-    """
-    spiking = {(i, group.name): group for i, twin in enumerate(twins) for group in twin.groups if not group.joined_to}
-    ranked = [
-        (rank, (i, child.name), child)
-        for i, name in spiking
-        for rank, child in enumerate(group for group in twins[i].groups if group.joined_to == name)
-    ]
-    joined = {key: child for _, key, child in sorted(ranked, key=itemgetter(0))}
-    return [_Block(groups, batch, steps) for groups in (joined, spiking) if groups]
-
-
-def _joins(twins: Sequence[Twin], home: "Mapping[_Key, tuple[_Block, slice]]") -> "list[tuple[_Block, slice, slice]]":
-    """Return blocks, columns in them, and the columns of the last block to add their v to; neighbours are merged."""
-    pairs = [
-        (*home[i, group.name], home[i, group.joined_to][1])
-        for i, twin in enumerate(twins)
-        for group in twin.groups
-        if group.joined_to
-    ]
-    found: list[tuple[_Block, slice, slice]] = []
-    for child, start, to in sorted(pairs, key=lambda pair: pair[1].start):
-        if found and found[-1][2].stop == to.start:
-            _, first, first_to = found.pop()
-            start, to = slice(first.start, start.stop), slice(first_to.start, to.stop)
-        found.append((child, start, to))
-    return found
+    """Return a block of the groups that are joined to others, and as the last block the others, which spike."""
+    groups = {(i, group.name): group for i, twin in enumerate(twins) for group in twin.groups}
+    joined = {key: group for key, group in groups.items() if group.joined_to}
+    spiking = {key: group for key, group in groups.items() if not group.joined_to}
+    return [_Block(held, batch, steps) for held in (joined, spiking) if held]
 
 
 _Key = tuple[int, str]
 """The number of a twin and the name of one of its groups."""
-_OwnCharges = tuple[IntArray, FloatArray]
-"""What spikes bring to neurons of the same number: the column of a block that each spiking column reaches, or -1, and
-weights (delays, columns)."""
 
 
 class _Block:
