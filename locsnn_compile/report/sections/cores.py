@@ -1,7 +1,6 @@
 """The section that shows the cores in use at their places on the mesh, how full each is, and its energy."""
 
 import math
-from typing import NamedTuple
 
 from locsnn_compile.report.content import Document, Mesh, MeshCore, Section
 from locsnn_compile.report.format import count, energy, plural, share
@@ -14,14 +13,8 @@ _TILES = 256
 """A chip with more tiles is not drawn."""
 _NAMED = 8
 """Cores that the text next to the picture names."""
-
-
-class _Use(NamedTuple):
-    """How far a core is filled, 0..1, the text in it, and its description in words."""
-
-    share: float
-    text: str
-    words: str
+_Use = tuple[float, str, str]
+"""How far a core is filled, 0..1, the text in it, and its description in words."""
 
 
 def cores(document: Document) -> Section:
@@ -41,42 +34,39 @@ def cores(document: Document) -> Section:
 
 
 def _room(document: Document, chip: int, rows: list[Document]) -> Mesh:
-    limits = document["resources"]["limits"]
-    fullest = {row["core"]: _fullest(limits, row) for row in rows}
-    of = f"chip {chip} of {document['target']}" if document["resources"]["mesh"]["chips"] > 1 else document["target"]
-    every = plural(document["resources"]["mesh"]["cores_per_chip"], "core")
-    title = f"Room used on {of}, in percent: {count(len(rows))} of {every} in use"
-    uses = {
-        core: _Use(full, f"{100 * full:.0f}", f"{share(full)} of its {limit}")
-        for core, (full, limit) in fullest.items()
-    }
-    return _mesh(document, chip, rows, title, uses)
+    found = document["resources"]
+    of = f"chip {chip} of {document['target']}" if found["mesh"]["chips"] > 1 else document["target"]
+    every = plural(found["mesh"]["cores_per_chip"], "core")
+    uses = []
+    for row in rows:
+        full, limit = _fullest(found["limits"], row)
+        uses.append((full, f"{100 * full:.0f}", f"{share(full)} of its {limit}"))
+    return _mesh(document, chip, rows, uses, f"Room used on {of}, in percent: {count(len(rows))} of {every} in use")
 
 
 def _energy(document: Document, chip: int, rows: list[Document], energies: dict[int, float]) -> Mesh:
     most, total = max(energies.values(), default=0.0) or 1.0, sum(energies.values()) or 1.0
-    title = f"Energy, in percent of all cores, profile {document['energy']['profile']}"
-    uses = {}
-    for core, pj in energies.items():
+    uses = []
+    for pj in (energies[row["core"]] for row in rows):
         percent = 100 * pj / total
-        text = f"{percent:.{int(percent < 9.95)}f}"
-        uses[core] = _Use(pj / most, text, f"{energy(pj)}, {share(pj / total)} of all")
-    return _mesh(document, chip, rows, title, uses)
+        uses.append((pj / most, f"{percent:.{int(percent < 9.95)}f}", f"{energy(pj)}, {share(pj / total)} of all"))
+    title = f"Energy, in percent of all cores, profile {document['energy']['profile']}"
+    return _mesh(document, chip, rows, uses, title)
 
 
-def _mesh(document: Document, chip: int, rows: list[Document], title: str, uses: dict[int, _Use]) -> Mesh:
+def _mesh(document: Document, chip: int, rows: list[Document], uses: list[_Use], title: str) -> Mesh:
     """Draw cores by their use, and name those with the most."""
     mesh = document["resources"]["mesh"]
     tile_columns = math.isqrt(mesh["cores_per_tile"] - 1) + 1
     tile_rows = -(-mesh["cores_per_tile"] // tile_columns)
     cores = []
-    for row in rows:
+    for row, (full, text, _) in zip(rows, uses, strict=True):
         inside_row, inside_column = divmod(row["slot"] % mesh["cores_per_chip"] % mesh["cores_per_tile"], tile_columns)
         column, tile_row = row["tile"][0] - chip * mesh["columns"], row["tile"][1]
         place = column * tile_columns + inside_column, tile_row * tile_rows + inside_row
-        cores.append(MeshCore(*place, *uses[row["core"]][:2]))
-    named = sorted(rows, key=lambda row: -uses[row["core"]].share)[:_NAMED]
-    said = "; ".join(f"{core_words(row)}: {uses[row['core']].words}" for row in named)
+        cores.append(MeshCore(*place, full, text))
+    named = sorted(zip(rows, uses, strict=True), key=lambda core: -core[1][0])[:_NAMED]
+    said = "; ".join(f"{core_words(row)}: {words}" for row, (_, _, words) in named)
     more = f"; and {count(len(rows) - _NAMED)} more" if len(rows) > _NAMED else ""
     return Mesh(title, said + more, mesh["columns"], mesh["rows"], tile_columns, tile_rows, tuple(cores))
 
