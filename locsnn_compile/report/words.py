@@ -9,7 +9,7 @@ from typing import Any
 from hw_model.errors import listed as listed
 from hw_model.texts.templates import Filler, yaml_table
 from locsnn_compile.report import format as numbers
-from locsnn_compile.report.content import Block, Fact, Facts, Notice, Section, Status, Table, Verdict
+from locsnn_compile.report.content import Bar, Block, Fact, Facts, Notice, Section, Status, Table, Verdict
 from locsnn_compile.report.format import SILENT, time
 
 ASSUMED = "What was assumed:"
@@ -122,7 +122,7 @@ def table(
     """Return a table of ``words.yaml``: each row fills the texts under the headings with the values of its keys.
 
     A row given by name has that as ``name``; a row that is not a mapping is its ``value``. The column without a heading
-    holds the row's ``bar``. ``columns`` replace the heading ``*``.
+    draws a share, the row's ``drawn``. ``columns`` replace the heading ``*``.
     """
     said = texts("tables", name)
     if isinstance(rows, Mapping):
@@ -130,7 +130,10 @@ def table(
     named: dict[str, str] = {}
     for heading, text in said["columns"].items():
         named |= columns or {} if heading == "*" else {fill(heading, given): text}
-    made = (tuple(fill(text, row) if head else row["bar"] for head, text in named.items()) for row in rows)
+    made = (
+        tuple(fill(text, row) if head else Bar(row["drawn"], fill(text, row)) for head, text in named.items())
+        for row in rows
+    )
     return Table(fill(said["caption"], given), tuple(named), tuple(made), total, folded)
 
 

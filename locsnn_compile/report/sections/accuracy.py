@@ -4,8 +4,8 @@ import math
 from collections.abc import Iterable, Sequence
 from itertools import accumulate
 
-from locsnn_compile.report.content import Bar, Curve, Document, Plot, Section, Table
-from locsnn_compile.report.format import NONE, SILENT, agreed, any_value, count, plural, ratio, share
+from locsnn_compile.report.content import Curve, Document, Plot, Section, Table
+from locsnn_compile.report.format import NONE, SILENT, agreed, any_value, count, plural, ratio
 from locsnn_compile.report.words import STAGES, facts, listed, no_spikes, section, sentence, stage_words, table
 
 _DRAWN = 8
@@ -46,7 +46,10 @@ def margins(document: Document) -> Section | None:
         table("distances", populations, columns=_nearest(populations)),
         table("errors", {name: one | {"errors": [*one["error"].values()]} for name, one in populations.items()}),
         *(_plot(name, populations[name], found["histogram_edges"]) for name in drawn[:_DRAWN]),
-        table("registers", {name: one | _fuller(one) for name, one in found["registers"].items()}),
+        table(
+            "registers",
+            {name: one | {"drawn": max(one["share_u"], one["share_v"])} for name, one in found["registers"].items()},
+        ),
         facts("recordings", recordings=sample(found)),
     )
 
@@ -91,10 +94,9 @@ def _stages(variants: Document, without: Sequence[str]) -> Document:
 
 
 def equal_spikes(agreement: float | None, none: str = SILENT) -> Document:
-    """Return the bar and the figure of equal spikes; an empty bar if neither side spikes."""
-    if agreement is None:
-        return {"bar": Bar(None, f"{none}, no spikes to compare"), "equal": none}
-    return {"bar": Bar(agreement, f"{share(agreement)} of spikes equal"), "equal": share(agreement)}
+    """Return the figure of equal spikes, to be drawn as well; nothing is drawn if neither side spikes."""
+    compared = ", no spikes to compare" if agreement is None else " of spikes equal"
+    return {"drawn": agreement, "equal": agreed(agreement, none), "compared": compared}
 
 
 def that_spike(populations: Iterable[str], match: Document) -> list[str]:
@@ -159,11 +161,6 @@ def _running(counts: Sequence[int], total: int) -> list[float]:
 def _points(x: Sequence[float], shares: Sequence[float], floor: float) -> list[tuple[float, float]]:
     """Return the points of the drawing, without those below its lower edge."""
     return [(at, 1.0 - math.log10(part) / floor) for at, part in zip(x, shares, strict=True) if part >= _LEAST_SHARE]
-
-
-def _fuller(registers: Document) -> Document:
-    used = max(registers["share_u"], registers["share_v"])
-    return {"bar": Bar(min(1.0, used), f"{share(used)} used")}
 
 
 def _signed(value: float) -> str:

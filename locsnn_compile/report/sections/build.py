@@ -4,7 +4,7 @@ from dataclasses import asdict
 from typing import Any
 
 from locsnn_compile.choose_strategy import Candidate, Choice
-from locsnn_compile.report.content import Bar, Bullets, Document, Section, Table
+from locsnn_compile.report.content import Bullets, Document, Section, Table
 from locsnn_compile.report.format import NONE, any_value, count, plural, share
 from locsnn_compile.report.sections.verdict import fullness, outside, starts
 from locsnn_compile.report.words import facts, limit_words, listed, section, sentence, table, words
@@ -21,14 +21,10 @@ def resources(document: Document) -> Section:
     return section(
         "resources",
         facts("resources", **found),
-        table("limits", {limit_words(name): entry | _fill(fullness(entry)) for name, entry in limits}),
+        table("limits", {limit_words(name): entry | {"drawn": fullness(entry)} for name, entry in limits}),
         _by_core(found["by_core"]),
         target=document["target"],
     )
-
-
-def _fill(full: float) -> Document:
-    return {"full": full, "bar": Bar(min(1.0, full), f"{share(full)} used")}
 
 
 def left_out(document: Document) -> Section:

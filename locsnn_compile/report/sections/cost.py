@@ -5,8 +5,8 @@ For the open core cycles are exact, and activity stands in for energy that is no
 
 from typing import Any
 
-from locsnn_compile.report.content import Bar, Document, Facts, Section, Table, Verdict
-from locsnn_compile.report.format import energy, plural, time
+from locsnn_compile.report.content import Document, Facts, Section, Table, Verdict
+from locsnn_compile.report.format import energy, time
 from locsnn_compile.report.sections.cost_tables import ENERGY, TIME, by_branch, constants, shares, stack
 from locsnn_compile.report.sections.verdict import against_anns, pace
 from locsnn_compile.report.words import core_words, facts, section, sentence, share_of, table, verdict, words
@@ -90,17 +90,14 @@ def _parts(found: Document) -> dict[str, dict[str, float]]:
 
 
 def _cores(cores: list[Document], total: float) -> Table:
-    rows = (
-        row | {"bar": Bar(share_of(row["last_ns"], total), f"done last in {time(row['last_ns'])}")} for row in cores
-    )
+    rows = (row | {"drawn": share_of(row["last_ns"], total)} for row in cores)
     busy = {words(name): f"{{busy_ns[{name}]:time}}" for name in cores[0]["busy_ns"]}
     return table("work of cores", rows, columns=busy)
 
 
 def _links(links: list[Document]) -> Table:
     most = max(row["packets"] for row in links)
-    bars = (Bar(row["packets"] / most, plural(row["packets"], "packet")) for row in links)
-    return table("links", (row | {"bar": bar} for row, bar in zip(links, bars, strict=True)))
+    return table("links", (row | {"drawn": row["packets"] / most} for row in links))
 
 
 def cycles(document: Document) -> Verdict:

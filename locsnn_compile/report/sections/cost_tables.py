@@ -53,8 +53,8 @@ class Cost(Frozen):
         shown = {}
         for row in rows:
             ends = {end: self.shown(row[f"{end}_{self.unit}"]) for end in ("mean", "min", "max")}
-            bar = Bar(share_of(row[f"mean_{self.unit}"], largest), f"mean {ends['mean']}")
-            shown[_class_name(document, row["class"])] = {"recordings": row["recordings"], "bar": bar, **ends}
+            drawn = share_of(row[f"mean_{self.unit}"], largest)
+            shown[_class_name(document, row["class"])] = {"recordings": row["recordings"], "drawn": drawn, **ends}
         return table("classes", shown, cost=self.name, by=_by(found))
 
     def course(self, document: Document) -> tuple[Plot, Table]:
