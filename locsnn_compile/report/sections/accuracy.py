@@ -41,15 +41,13 @@ def margins(document: Document) -> Section | None:
     found = document["margins"]
     populations = found["by_population"]
     drawn = that_spike(populations, document["match"])
+    registers = {name: one | {"drawn": max(one["share_u"], one["share_v"])} for name, one in found["registers"].items()}
     return section(
         "margins",
         table("distances", populations, columns=_nearest(populations)),
         table("errors", {name: one | {"errors": [*one["error"].values()]} for name, one in populations.items()}),
         *(_plot(name, populations[name], found["histogram_edges"]) for name in drawn[:_DRAWN]),
-        table(
-            "registers",
-            {name: one | {"drawn": max(one["share_u"], one["share_v"])} for name, one in found["registers"].items()},
-        ),
+        table("registers", registers),
         facts("recordings", recordings=sample(found)),
     )
 

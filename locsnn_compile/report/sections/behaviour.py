@@ -2,7 +2,7 @@
 
 import math
 
-from locsnn_compile.report.content import Bar, Block, Document, Section, Table
+from locsnn_compile.report.content import Block, Document, Section, Table
 from locsnn_compile.report.format import NONE, any_value, count, energy, known, plural, ratio, share, told_apart
 from locsnn_compile.report.sections.accuracy import cause, equal_spikes
 from locsnn_compile.report.words import listed, no_spikes, section, sentence, share_of, table, words
@@ -60,21 +60,15 @@ def comparison(document: Document) -> Section:
     if not entries:
         return section("comparison", "No comparison: the published networks are not defined for this network's input.")
     chip = document["operations"]["per_sample"]["synaptic_ops"]
-    rows = [
-        ("the trained network, on paper", own, "1" if own else NONE, NONE),
-        ("the program, synaptic operations", chip, NONE, "1" if chip else NONE),
-    ]
-    for name, entry in entries.items():
-        times = (known(entry[key], ratio) for key in ("ratio", "chip_ratio"))
-        rows.append((words(name), entry["operations"], *times))
-    most = max(row[1] for row in rows)
-    its = Table(
-        "Operations per recording",
-        ("network", "", "operations", "times the trained network", "times the program"),
-        tuple((name, Bar(share_of(n, most), plural(n, "operation")), count(n), *by) for name, n, *by in rows),
-    )
+    rows: Document = {
+        "the trained network, on paper": {"operations": own, "ratio": 1 if own else None, "chip_ratio": None},
+        "the program, synaptic operations": {"operations": chip, "ratio": None, "chip_ratio": 1 if chip else None},
+        **{words(name): entry for name, entry in entries.items()},
+    }
+    most = max(row["operations"] for row in rows.values())
+    drawn = {name: row | {"drawn": share_of(row["operations"], most)} for name, row in rows.items()}
     priced = _ann_energy(document) if document["energy"]["profile"] else ()
-    return section("comparison", its, *priced)
+    return section("comparison", table("operations compared", drawn), *priced)
 
 
 def _ann_energy(document: Document) -> tuple[Block, ...]:

@@ -1,10 +1,10 @@
 """The section on predictions while a recording plays, and on where it could stop."""
 
-from locsnn_compile.report.content import Bar, Curve, Document, Plot, Section, Table
+from locsnn_compile.report.content import Curve, Document, Plot, Section, Table
 from locsnn_compile.report.format import count, energy, share, short, time
 from locsnn_compile.report.sections.accuracy import sample
 from locsnn_compile.report.sections.cost_tables import ENERGY, PARTS, TIME
-from locsnn_compile.report.words import facts, section, sentence, words
+from locsnn_compile.report.words import facts, section, sentence, table, words
 
 
 def over_time(document: Document) -> Section:
@@ -66,14 +66,12 @@ def _table(entry: Document) -> Table:
 
 
 def _stop(found: Document) -> Table:
-    rows = []
+    rows = {}
     for name, shown in (("steps", count), ("synaptic_ops", count), ("energy_pj", energy), ("latency_ns", time)):
         until, whole = found[name], found[f"all_{name}"]
-        if whole is None:
-            continue
-        what, _, unit = name.rpartition("_")
-        label = f"{what}, profile {found['profile']}" if unit in ("pj", "ns") else words(name)
-        saved = 1.0 - until / whole if whole else 0.0
-        rows.append((label, Bar(saved, f"{share(saved)} saved"), shown(whole), shown(until), share(saved)))
-    columns = ("cost", "", "whole recording", "until the stop", "saved")
-    return Table("Stopped as soon as the winner is proven, mean per recording", columns, tuple(rows))
+        if whole is not None:
+            what, _, unit = name.rpartition("_")
+            label = f"{what}, profile {found['profile']}" if unit in ("pj", "ns") else words(name)
+            saved = 1.0 - until / whole if whole else 0.0
+            rows[label] = {"whole": shown(whole), "until": shown(until), "drawn": saved}
+    return table("stop", rows)
