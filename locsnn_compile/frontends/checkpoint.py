@@ -134,7 +134,7 @@ def _layer(
     numbers = chip.populations[target]
     form = numbers.exponent, numbers.weight_bits
     held = [ChipProjection(source, target, matrix(part, np.int64), *form, delay=delay) for delay, part in rows]
-    return Population(target, axis, size, numbers.neuron), held
+    return Population(target, axis, size, numbers.neurons(chip.strategy, size)), held
 
 
 def _weights(checkpoint: Checkpoint, axis: Axis, target: str) -> AnyArray | sparse.csr_array:

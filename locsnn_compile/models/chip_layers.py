@@ -23,7 +23,7 @@ from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT, effective_w
 from hw_model.engine.compiled import absorbed, compiled_with_arrays
 from hw_model.engine.lane_arithmetic import rz, wrap
 from hw_model.values import AnyArray, ByteArray, Int32Array, IntArray
-from locsnn_compile.models.chip_entry import ChipPopulation, RegisterWidths
+from locsnn_compile.models.chip_entry import ChipNumbers, ChipPopulation, RegisterWidths
 from locsnn_compile.models.dense_layer import DenseLayer, to_device, to_host
 from locsnn_compile.models.description import NeuronParameters
 from locsnn_compile.models.srm import respond_back
@@ -167,10 +167,10 @@ class _Steps(torch.autograd.Function):
         u = to_device(ctx.potential, grads[0]).to(grads[0].dtype).div_(numbers.scale)
         slope = to_host(u.sub_(neuron.theta).abs_().mul_(-1.0 / width).exp_().mul_(neuron.scale_rho / width))
         carry = None
-        if "refractory" in numbers.neuron.registers:
+        if layer.chip.strategy == "reset":
             slope *= ctx.live
             carry = ctx.live & (1 - ctx.spikes)
-        keep = (DECAY_ONE - int(numbers.neuron.decay_u[0])) / DECAY_ONE
+        keep = (DECAY_ONE - numbers.decay) / DECAY_ONE
         values = keep, (1 << (WEIGHT_SHIFT + numbers.exponent)) / numbers.scale, 0
         respond_back(slope, to_host(grads[0]), carry, tuple(slope.dtype.type(value) for value in values))
         return to_device(slope, grads[0]), None
@@ -184,10 +184,10 @@ class ChipLayer(DenseLayer[NeuronParameters]):
     """
 
     def __init__(
-        self, inputs: int, outputs: int, neuron: NeuronParameters, numbers: ChipPopulation, registers: RegisterWidths
+        self, inputs: int, outputs: int, neuron: NeuronParameters, numbers: ChipPopulation, chip: ChipNumbers
     ) -> None:
         super().__init__(inputs, outputs, neuron)
-        self.numbers, self.registers, self._ends = numbers, registers, register_ends(registers)
+        self.numbers, self.chip, self._ends = numbers, chip, register_ends(chip.registers)
         self.events = np.zeros(3, dtype=np.int64)
 
     def mantissas(self) -> IntArray:
@@ -215,15 +215,12 @@ class ChipLayer(DenseLayer[NeuronParameters]):
         charge = np.left_shift(whole, n.exponent) if n.exponent >= 0 else np.right_shift(whole, -n.exponent)
         spikes, live = np.empty(charge.shape, np.uint8), np.empty(charge.shape, np.uint8)
         potential = np.empty(charge.shape, np.int32)
-        neuron, pull, taps = n.neuron, None, np.zeros((2, 0), np.int32)
-        for own in neuron.own.values():
-            charges = effective_weight(own.mantissa[:, 0], own.exponent) >> WEIGHT_SHIFT
-            taps = np.stack([own.delay, charges]).astype(np.int32)
-        if "refractory" in neuron.parts:
-            pull = np.int32(DECAY_ONE - neuron.parts["refractory"][0][0]), taps[1, 0]
-            taps = taps[:, :0]
-        count = neuron.registers.get("refractory")
-        refractory = None if count is None else np.int32(count[0])
-        keep, threshold = np.int32(DECAY_ONE - neuron.decay_u[0]), np.int32(neuron.threshold[0] << WEIGHT_SHIFT)
+        mantissa, exponent, delay = np.array(n.own, dtype=np.int64).reshape(-1, 3).T
+        charges = effective_weight(mantissa, exponent) >> WEIGHT_SHIFT
+        pull, taps = None, np.stack([delay, charges]).astype(np.int32)
+        if self.chip.strategy == "dendrite":
+            pull, taps = (np.int32(DECAY_ONE - n.refractory_decay), taps[1].sum(dtype=np.int32)), taps[:, :0]
+        refractory = np.int32(n.refractory) if self.chip.strategy == "reset" else None
+        keep, threshold = np.int32(DECAY_ONE - n.decay), np.int32(n.threshold << WEIGHT_SHIFT)
         scan(charge, keep, threshold, pull, refractory, taps, self._ends, potential, spikes, live, self.events)
         return spikes, potential, live

@@ -166,8 +166,7 @@ class TouchNetwork(TouchModel):
                 return GraphLayer(branch_graph(description, branch), outputs, neuron)
             return LifLayer(inputs, outputs, neuron)
         if self.chip is not None:
-            numbers, registers = self.chip.populations[name], self.chip.registers
-            return ChipLayer(inputs, outputs, description.srm(branch), numbers, registers)
+            return ChipLayer(inputs, outputs, description.srm(branch), self.chip.populations[name], self.chip)
         return SRMLayer(inputs, outputs, description.srm(branch))
 
     def layer(self, name: str) -> Layer:

@@ -5,6 +5,7 @@ They are those that the compiler's ``quantize`` chooses for the network at the s
 
 from collections.abc import Mapping
 from dataclasses import fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +15,9 @@ from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_EXPONENTS, WEIGHT_
 from locsnn_compile.errors import TargetError
 from locsnn_compile.frontends.checkpoint import network_of
 from locsnn_compile.models.checkpoint import Checkpoint
-from locsnn_compile.models.chip_entry import TRAINED_BITS, ChipNumbers, ChipPopulation, RegisterWidths
+from locsnn_compile.models.chip_entry import TRAINED_BITS, ChipNumbers, ChipPopulation, OwnSynapse, RegisterWidths
 from locsnn_compile.models.description import NetworkDescription
-from locsnn_compile.network.chip_neurons import BIAS_PLACES, ChipCuba, integers
+from locsnn_compile.network.chip_neurons import BIAS_PLACES, ChipNeuron
 from locsnn_compile.network.projections import row_sums
 from locsnn_compile.passes.kernels import one_decay
 from locsnn_compile.passes.quantize import quantize
@@ -49,7 +50,7 @@ def chip_numbers(config: TrainingConfig, description: NetworkDescription, start:
         populations |= _of_spikes(config, description, start, chip)
     if description.structure.window_branch:
         populations |= _of_windows(config, description, start, chip)
-    return ChipNumbers(config.target, config.strategy, populations, registers)
+    return ChipNumbers(config.target, config.strategy, registers, populations)
 
 
 def _of_spikes(config: TrainingConfig, description: NetworkDescription, start: Start, chip: hw.Chip) -> _Numbers:
@@ -65,13 +66,24 @@ def _of_spikes(config: TrainingConfig, description: NetworkDescription, start: S
     populations = {}
     for projection in quantized.projections:
         found = quantized.population(projection.target)
-        scale, own = float(found.scale[0]), found.neuron
-        if isinstance(own, ChipCuba):
-            own = replace(own, refractory=integers(config.refractory, len(found.scale)))
+        scale = float(found.scale[0])
         gain = one_decay(description.srm(projection.target).tau_sr, "neuron: tau_sr").gain
         unit = 64 * 2**projection.exponent / (gain * scale)
-        populations[projection.target] = ChipPopulation(own, projection.exponent, weight_bits, scale, unit)
+        form = {"exponent": projection.exponent, "weight_bits": weight_bits, "scale": scale, "unit": unit}
+        populations[projection.target] = ChipPopulation(**_integers(found.neuron, config.refractory), **form)
     return populations
+
+
+def _integers(neuron: ChipNeuron, refractory: int) -> dict[str, Any]:
+    """Return the integers that all neurons of a population have; ``refractory`` is the count of those with a reset."""
+    own = [np.stack([taps.mantissa[:, 0], taps.exponent, taps.delay], axis=1) for taps in neuron.own.values()]
+    return {
+        "threshold": int(neuron.threshold[0]),
+        "decay": int(neuron.decay_u[0]),
+        "refractory_decay": int(neuron.parts["refractory"][0][0]) if "refractory" in neuron.parts else 0,
+        "refractory": refractory if "refractory" in neuron.registers else 1,
+        "own": tuple(tuple(synapse) for rows in own for synapse in rows.tolist()),
+    }
 
 
 def _of_windows(config: TrainingConfig, description: NetworkDescription, start: Start, chip: hw.Chip) -> _Numbers:
@@ -91,13 +103,13 @@ def _of_windows(config: TrainingConfig, description: NetworkDescription, start: 
     one = 64 * 2.0**exponent
     scale = max(1, int(one / (room * max(largest / grid.high, together * one / 64 / largest_charge(chip)))))
     threshold = min((registers.voltage_max - 1) // 64, registers.threshold_mantissa_max)
-    neuron = ChipCuba.of(description.classes, decay_u=DECAY_ONE, decay_v=DECAY_ONE, threshold=threshold)
+    alone: tuple[int, int, int, int, tuple[OwnSynapse, ...]] = threshold, DECAY_ONE, 0, 1, ()
     coarsest = min(registers.bias_exponent_max + BIAS_PLACES - WEIGHT_SHIFT, WEIGHT_EXPONENTS[-1])
     finest = exponent_holding(max(room, 1.0) * bias * scale / len(outputs), weight_grid(8, "excitatory")) - WEIGHT_SHIFT
     of_bias = min(finest, coarsest)
     return {
-        weight: ChipPopulation(neuron, exponent, grid.weight_bits, float(scale), one / scale),
-        offset: ChipPopulation(neuron, of_bias, 8, float(scale), len(outputs) * 64 * 2.0**of_bias / scale),
+        weight: ChipPopulation(*alone, exponent, grid.weight_bits, float(scale), one / scale),
+        offset: ChipPopulation(*alone, of_bias, 8, float(scale), len(outputs) * 64 * 2.0**of_bias / scale),
     }
 
 

@@ -15,7 +15,7 @@ from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
-from locsnn_compile.models.chip_entry import ChipNumbers, ChipPopulation, chip_entry
+from locsnn_compile.models.chip_entry import ChipNumbers, ChipPopulation, RegisterWidths, chip_entry
 from locsnn_compile.models.description import InputLayout, NetworkDescription
 from locsnn_compile.models.networks import build_network
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm
@@ -34,17 +34,18 @@ DESCRIPTION = NetworkDescription(
 POPULATION = {"exponent": 1, "weight_bits": 4, "scale": 41984.1, "unit": 0.0125}
 
 
-def chip_of(make: Callable[[int], ChipNeuron], strategy: str = "dendrite") -> ChipNumbers:
-    shapes = DESCRIPTION.weight_shapes.items()
-    populations = {name: ChipPopulation(make(shape[0]), **POPULATION) for name, shape in shapes}
-    return ChipNumbers("loihi-sim", strategy, populations)
+def chip_of(own_fields: dict[str, Any], strategy: str = "dendrite") -> ChipNumbers:
+    held = own_fields | {"own": tuple(map(tuple, own_fields["own"]))}
+    population = ChipPopulation(threshold=6560, decay=390, **held, **POPULATION)
+    return ChipNumbers("loihi-sim", strategy, RegisterWidths(), dict.fromkeys(DESCRIPTION.weight_shapes, population))
 
 
 def with_dendrite(size: int) -> ChipSrm:
     return ChipSrm.with_taps(size, decay=390, threshold=6560, refractory_decay=2589, mantissa=-205, exponent=6)
 
 
-CHIP = chip_of(with_dendrite)
+DENDRITE = {"refractory_decay": 2589, "refractory": 1, "own": [[-205, 6, 0]]}
+CHIP = chip_of(DENDRITE)
 
 
 def save(path: Path, chip: ChipNumbers = CHIP) -> Path:
@@ -81,7 +82,7 @@ def with_reset(size: int) -> ChipCuba:
         pytest.param(
             with_dendrite,
             "dendrite",
-            {"refractory_decay": 2589, "refractory": 1, "own": [[-205, 6, 0]]},
+            DENDRITE,
             id="dendrite",
         ),
         pytest.param(
@@ -97,14 +98,14 @@ def test_neurons_of_every_strategy_survive(
     tmp_path: Path, make: Callable[[int], ChipNeuron], strategy: str, own_fields: dict[str, Any]
 ) -> None:
     """The file holds one neuron's integers, under the keys that it always had; all of the population come back."""
-    path = save(tmp_path / "small.pt", chip_of(make, strategy))
+    path = save(tmp_path / "small.pt", chip_of(own_fields, strategy))
     entry = torch.load(path, weights_only=True)["chip"]
     assert entry["strategy"] == strategy
     assert entry["populations"]["time_hidden"] == {"threshold": 6560, "decay": 390, **own_fields, **POPULATION}
     found = read_checkpoint(path).chip
     assert found is not None
     for name, shape in DESCRIPTION.weight_shapes.items():
-        wanted, neuron = make(shape[0]), found.populations[name].neuron
+        wanted, neuron = make(shape[0]), found.populations[name].neurons(strategy, shape[0])
         assert type(neuron) is type(wanted)
         np.testing.assert_equal(vars_of(neuron), vars_of(wanted))
 

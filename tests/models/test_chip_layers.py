@@ -12,10 +12,9 @@ from hypothesis import strategies as st
 
 import hw_model as hw
 from hw_model.arithmetic.fixed_point import WEIGHT_BITS, weight_grid
-from locsnn_compile.models.chip_entry import USUAL_REGISTERS, ChipPopulation, RegisterWidths
+from locsnn_compile.models.chip_entry import ChipNumbers, ChipPopulation, RegisterWidths
 from locsnn_compile.models.chip_layers import ChipLayer
 from locsnn_compile.models.description import NeuronParameters
-from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm
 from locsnn_compile.settings import TRAINABLE
 
 CHIP = hw.chip("loihi-sim")
@@ -45,25 +44,9 @@ class Numbers:
     scale: float
     unit: float
 
-    def population(self, strategy: str, size: int) -> ChipPopulation:
-        return ChipPopulation(self.neuron(strategy, size), self.exponent, self.weight_bits, self.scale, self.unit)
-
-    def neuron(self, strategy: str, size: int) -> ChipNeuron:
-        filters = {"decay": self.decay, "threshold": self.threshold}
-        if strategy == "reset":
-            decay, refractory = self.decay, self.refractory
-            return ChipCuba.of(size, decay_u=decay, decay_v=decay, threshold=self.threshold, refractory=refractory)
-        if strategy == "delay-line":
-            taps = {name: [getattr(s, name) for s in self.own] for name in ("delay", "mantissa", "exponent")}
-            return ChipSrm.with_taps(size, **filters, **taps)
-        (own,) = self.own
-        return ChipSrm.with_taps(
-            size,
-            **filters,
-            refractory_decay=self.refractory_decay,
-            mantissa=own.mantissa,
-            exponent=own.exponent,
-        )
+    def population(self) -> ChipPopulation:
+        own = tuple((synapse.mantissa, synapse.exponent, synapse.delay) for synapse in self.own)
+        return ChipPopulation(**{**vars(self), "own": own})
 
     @property
     def largest(self) -> float:
@@ -71,6 +54,7 @@ class Numbers:
         return weight_grid(self.weight_bits, "excitatory").high * self.unit
 
 
+USUAL = RegisterWidths()
 NUMBERS = Numbers(
     threshold=6560,
     decay=390,
@@ -89,14 +73,14 @@ def layer_of(
     strategy: str,
     weights: np.ndarray,
     neuron: NeuronParameters | None = None,
-    registers: RegisterWidths = USUAL_REGISTERS,
+    registers: RegisterWidths = USUAL,
 ) -> ChipLayer:
     layer = ChipLayer(
         weights.shape[1],
         weights.shape[0],
         neuron or NeuronParameters(),
-        numbers.population(strategy, len(weights)),
-        registers,
+        numbers.population(),
+        ChipNumbers("loihi-sim", strategy, registers, {}),
     )
     with torch.no_grad():
         layer.weight.copy_(torch.from_numpy(weights))
@@ -189,7 +173,7 @@ def check_against_the_chip(layer: ChipLayer, numbers: Numbers, strategy: str, x:
     found = layer(torch.from_numpy(x).float()).detach().numpy()
     potential = layer.steps((x @ layer.mantissas().T).astype(np.float64))[1]
     wanted = hw.simulate(
-        program_of(numbers, strategy, layer.mantissas(), layer.registers),
+        program_of(numbers, strategy, layer.mantissas(), layer.chip.registers),
         x,
         engine="reference",
         probe=("spikes", "potential"),

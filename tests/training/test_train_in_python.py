@@ -74,7 +74,7 @@ def test_a_line_says_what_it_is(checkpoint: lc.Checkpoint) -> None:
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: lc.train(DATA, {"epoch": 3}), "training configuration: key 'epoch' is not known. Did you mean 'epochs'?"),
+        (lambda: lc.train(DATA, {"epoch": 3}), "training options: unknown key 'epoch'. Did you mean 'epochs'?"),
         (lambda: lc.train(DATA.spikes), "recordings 'array': they have no labels to train on. Give labelled recordings."),
         (lambda: lc.train(DATA, 3), "train, config: it must be a TrainingConfig, Mapping, str or Path (got int 3). Correct it."),
         (lambda: lc.train(DATA, "no.yaml"), "config 'no.yaml': it cannot be read (No such file or directory). Check the path."),
