@@ -37,6 +37,7 @@ from locsnn_compile.report.compose import compose
 from locsnn_compile.report.content import Report
 from locsnn_compile.report.figures.checks import choice_document
 from locsnn_compile.report.figures.document import report_document
+from locsnn_compile.report.grounds import grounds_of
 from locsnn_compile.report.renderers.csv_files import csv_files
 from locsnn_compile.report.renderers.html import render_html, render_summary
 from locsnn_compile.report.renderers.markdown import render_markdown
@@ -46,7 +47,6 @@ from locsnn_compile.verification.diagnosis import Diagnosis
 from locsnn_compile.verification.diagnosis import diagnose as find_diagnosis
 from locsnn_compile.verification.error_bounds import ErrorBudget
 from locsnn_compile.verification.excerpt import Excerpt, take_excerpt
-from locsnn_compile.verification.grounds import grounds_of
 from locsnn_compile.verification.matching import Match, Progress, compare
 from locsnn_compile.verification.over_time import PSI, over_time
 

@@ -22,12 +22,12 @@ from locsnn_compile.reference.evaluate import calibrate
 from locsnn_compile.report.figures.checks import cause_entry
 from locsnn_compile.report.figures.document import report_document
 from locsnn_compile.report.format import count, share, short
+from locsnn_compile.report.grounds import Grounds
 from locsnn_compile.report.sections.accuracy import cause
 from locsnn_compile.report.words import STAGES, stage_words
 from locsnn_compile.settings import STRATEGIES, Setting
 from locsnn_compile.verification.diagnosis import diagnose
 from locsnn_compile.verification.error_budget.budget import Deviation
-from locsnn_compile.verification.grounds import Grounds
 from locsnn_compile.verification.matching import Match, compare
 
 ROOT = Path(__file__).parents[2]

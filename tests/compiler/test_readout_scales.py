@@ -18,8 +18,8 @@ from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.report.figures.document import report_document
 from locsnn_compile.report.gates import check_gates
+from locsnn_compile.report.grounds import Grounds
 from locsnn_compile.report.sections.verdict import matches
-from locsnn_compile.verification.grounds import Grounds
 from locsnn_compile.verification.matching import compare
 
 RNG = np.random.default_rng(5)

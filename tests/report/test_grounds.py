@@ -21,7 +21,7 @@ from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.description import InputLayout, NetworkDescription
 from locsnn_compile.models.networks import build_network
 from locsnn_compile.network.network import Network
-from locsnn_compile.verification.grounds import grounds_of
+from locsnn_compile.report.grounds import grounds_of
 
 MADE_UP = (
     "The check plays made-up recordings (synthetic touches): accuracy is not known, and agreement, energy and time will "

@@ -24,9 +24,9 @@ from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.description import InputLayout, NetworkDescription
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.figures.document import report_document
+from locsnn_compile.report.grounds import Grounds
 from locsnn_compile.report.renderers.markdown import render_markdown
 from locsnn_compile.report.sections.verdict import matches
-from locsnn_compile.verification.grounds import Grounds
 
 STEPS = 40
 GROUNDS = Grounds(0.02, "given", ())

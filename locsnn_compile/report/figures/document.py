@@ -18,8 +18,8 @@ from locsnn_compile.report.figures.checks import budget_entry, cause_entry, marg
 from locsnn_compile.report.figures.energy import energy_entry
 from locsnn_compile.report.figures.latency import latency_entry
 from locsnn_compile.report.figures.spread import place
+from locsnn_compile.report.grounds import Grounds
 from locsnn_compile.verification.diagnosis import Diagnosis
-from locsnn_compile.verification.grounds import Grounds
 from locsnn_compile.verification.matching import Match, PopulationMatch
 from locsnn_compile.verification.over_time import OverTime
 

@@ -6,6 +6,7 @@ from hw_model.values import Frozen
 from locsnn_compile.data.recordings import Binned, Origin, Recordings
 from locsnn_compile.errors import counted
 from locsnn_compile.network.network import Network
+from locsnn_compile.report.words import sentence
 
 
 class Grounds(Frozen):
@@ -32,42 +33,28 @@ def grounds_of(network: Network, recordings: Recordings, calibration: Recordings
 
 
 def _of_recordings(network: Network, recordings: Recordings) -> Iterator[str]:
-    if recordings.origin == "made up":
-        yield (
-            f"The check plays made-up recordings ({recordings.source}): accuracy is not known, and agreement, energy "
-            "and time will differ on real ones."
-        )
-    if recordings.origin == "trained on":
-        yield (
-            "The check plays recordings that the network was trained on, which the model carries: its accuracy on "
-            "others may be lower."
-        )
+    if recordings.origin in ("made up", "trained on"):
+        yield sentence(recordings.origin, source=recordings.source)
     if recordings.threshold is not None and network.event_threshold is None:
-        bins = f"A bin of more than {counted(recordings.threshold, 'event')} is 1, the default"
-        yield f"{bins}, because the model does not say (--threshold)."
+        yield sentence("default threshold", events=counted(recordings.threshold, "event"))
     steps = recordings.spikes.shape[1]
     if not network.any_length and steps < network.steps:
-        yield f"The recordings have {counted(steps, 'step')}; silence follows, up to the {network.steps} of the model."
+        yield sentence("silence follows", steps=counted(steps, "step"), all_steps=network.steps)
 
 
 def _of_step(network: Network, known: float | None) -> Iterator[str]:
     if known is None:
-        yield (
-            "How long a step lasts is not known, because neither the model nor the recordings say it "
-            "(--step-seconds, or --dt of a NIR graph): there is no comparison with the pace of a sensor."
-        )
+        yield sentence("no step")
     elif network.step_seconds is None:
-        yield f"A step lasts {known:g} s, like the bins of the recordings, because the model does not say."
+        yield sentence("step of the bins", seconds=known)
 
 
 def _of_calibration(network: Network, recordings: Recordings, calibration: Recordings) -> Iterator[str]:
-    if not network.has_float_weights:
-        return
-    on = f"{counted(len(calibration), 'recording')} that the model carries"
-    if calibration is recordings:
-        on = "the recordings of the check itself"
-    elif calibration.origin == "made up":
-        on = f"{counted(len(calibration), 'made-up recording')} ({calibration.source})"
-    elif calibration.origin == "given":
-        return
-    yield f"The program was calibrated on {on}: its weights and settings suit these. Give others with --calibration."
+    given = calibration.origin == "given" and calibration is not recordings
+    if network.has_float_weights and not given:
+        on = f"{counted(len(calibration), 'recording')} that the model carries"
+        if calibration is recordings:
+            on = "the recordings of the check itself"
+        elif calibration.origin == "made up":
+            on = f"{counted(len(calibration), 'made-up recording')} ({calibration.source})"
+        yield sentence("calibrated", on=on)
