@@ -100,9 +100,7 @@ def run_twins(
     early = {name: played.transpose(1, 0, 2).reshape(steps * batch, -1) for name, played in lines.items()}
     sparse_lines = {name: sparse_spikes(spikes, np.float64) for name, spikes in early.items()}
     synapses = [(i, s) for i, twin in enumerate(twins) for s in twin.synapses if s.delay + 1 < steps]
-    longest = 1 + max((s.delay for _, s in synapses if s.weights.ndim == 1), default=0)
-    own: dict[tuple[_Key, _Key], FloatArray] = {}
-    others: dict[_Key, list[tuple[int, _Block, slice, Matrix]]] = {}
+    onto: dict[_Key, list[tuple[int, _Block, slice, Matrix]]] = {}
     for i, s in synapses:
         target, to_columns = home[i, s.target]
         if s.source in lines:
@@ -110,11 +108,8 @@ def run_twins(
             found = sparse_lines[s.source][: batch * (steps - 1 - s.delay)] @ s.weights.T
             charge = found.toarray() if sparse.issparse(found) else found
             target.charge[1 + s.delay :, :, to_columns] += charge.reshape(-1, batch, s.weights.shape[0])
-        elif s.weights.ndim == 2:
-            others.setdefault((i, s.source), []).append((1 + s.delay, target, to_columns, s.weights))
         else:
-            by_delay = own.setdefault(((i, s.source), (i, s.target)), np.zeros((longest, 1, len(s.weights))))
-            by_delay[s.delay] += s.weights
+            onto.setdefault((i, s.source), []).append((1 + s.delay, target, to_columns, s.weights))
     watched = {key: columns for key, (_, columns) in home.items() if key[1] in potentials}
     potential = {key: np.empty((batch, steps, here.stop - here.start)) for key, here in watched.items()}
     for step in range(steps):
@@ -131,16 +126,12 @@ def run_twins(
         if forced is not None:
             fired = np.hstack([forced[name][:, step] for _, name in spiking.columns]).astype(np.bool_)
         spiking.reset(fired)
-        for (source, key), weights in own.items():
-            sent, (target, to_columns) = fired[:, home[source][1]], home[key]
-            if sent.any():
-                later = target.charge[step + 1 : step + 1 + longest, :, to_columns]
-                later += weights[: len(later)] * sent
-        for key, onto in others.items():
+        for key, synapses_of in onto.items():
             sent = fired[:, home[key][1]]
-            for late, target, to_columns, weights in onto if sent.any() else ():
+            for late, target, to_columns, weights in synapses_of if sent.any() else ():
                 if step + late < steps:
-                    target.charge[step + late, :, to_columns] += (weights @ sent.T.astype(np.float64)).T
+                    charge = sent * weights if weights.ndim == 1 else (weights @ sent.T.astype(np.float64)).T
+                    target.charge[step + late, :, to_columns] += charge
     traces = [TwinTrace({}, {}) for _ in twins]
     for (i, name), columns in spiking.columns.items():
         traces[i].spikes[name] = np.ascontiguousarray(spiking.spikes[:, :, columns])
