@@ -10,10 +10,8 @@ Then `source` that file in ~/.bashrc or ~/.zshrc. For fish, write to ~/.config/f
 
 import argparse
 import os
-from collections.abc import Iterator
 
 PROGRAMS = ("locsnn", "locsnn-compile")
-_OF_CHIPS = {"--target", "--show"}
 
 
 def run(args: argparse.Namespace) -> int:
@@ -30,21 +28,10 @@ def answer_shell(parser: argparse.ArgumentParser) -> None:
         return
     import argcomplete
 
-    for action in _actions(parser):
-        if _OF_CHIPS.intersection(action.option_strings):
-            action.completer = _chips  # type: ignore[attr-defined]
     argcomplete.autocomplete(parser)
 
 
-def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
-    for action in parser._actions:
-        yield action
-        if isinstance(action.choices, dict):
-            for below in action.choices.values():
-                yield from _actions(below)
-
-
-def _chips(prefix: str, **_: object) -> list[str]:
+def chips(prefix: str, **_: object) -> list[str]:
     """Return the chips that ship, and chip files; all other options without choices complete files."""
     from argcomplete.completers import FilesCompleter
 

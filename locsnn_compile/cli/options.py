@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hw_model.texts.templates import sections
+from locsnn_compile.cli.completion import chips
 from locsnn_compile.errors import InputError, did_you_mean
 
 if TYPE_CHECKING:
@@ -36,7 +37,8 @@ KINDS: Mapping[str, Mapping[str, Any]] = {
     "extended": {"action": "extend", "nargs": "+", "default": []},
 }
 """Kinds of options, as arguments of argparse. There are also ``default VALUE``, ``dest NAME`` for the attribute,
-``one of A|B|C`` for names, and after the type of a number its range, in the words of :data:`RANGE`.
+``one of A|B|C`` for names, and after the type of a number its range, in the words of :data:`RANGE`. A value called ``CHIP`` is completed
+by the chips that ship.
 """
 RANGE = re.compile(r"a finite number|a number (from|above) (\S+)(?: up| to (\S+))?")
 """``a number from 0 to 1``, ``from 0 up`` or ``above 0``; it is always finite."""
@@ -58,7 +60,9 @@ def add_options(parser: argparse.ArgumentParser, command: str, words: Mapping[st
                 asked |= _one_of(names[0], asked.get("type", str), kind.removeprefix("one of ").split("|"))
             else:
                 asked |= KINDS.get(kind) or {key: value}
-        parser.add_argument(*(names or [last]), help=" ".join(said.split()), **asked)
+        action = parser.add_argument(*(names or [last]), help=" ".join(said.split()), **asked)
+        if last == "CHIP":
+            action.completer = chips  # type: ignore[attr-defined]
 
 
 def _in_range(option: str, read: Callable[[str], float], asked: str) -> Callable[[str], float]:
