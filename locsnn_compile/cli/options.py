@@ -37,8 +37,8 @@ KINDS: Mapping[str, Mapping[str, Any]] = {
     "extended": {"action": "extend", "nargs": "+", "default": []},
 }
 """Kinds of options, as arguments of argparse. There are also ``default VALUE``, ``dest NAME`` for the attribute,
-``one of A|B|C`` for names, and after the type of a number its range, in the words of :data:`RANGE`. A value called ``CHIP`` is completed
-by the chips that ship.
+``one of A|B|C`` for names, and after the type of a number its range, in the words of :data:`RANGE`.
+A value called ``CHIP`` is completed by the chips that ship.
 """
 RANGE = re.compile(r"a finite number|a number (from|above) (\S+)(?: up| to (\S+))?")
 """``a number from 0 to 1``, ``from 0 up`` or ``above 0``; it is always finite."""

@@ -49,11 +49,11 @@ def error_bound(
 
     ``numbers`` are those of both sides, with the same groups; a group that one side lacks is not bounded here.
     """
-    sent = {**lines, **spikes}
-    batch, steps = sent[population].shape[:2]
+    spiking = {**lines, **spikes}
+    batch, steps = spiking[population].shape[:2]
     states = {pair.exact.name: _Compartments(pair, batch, steps) for pair in numbers.groups}
     for pair in numbers.synapses:
-        state, played, delay = states[pair.exact.target], sent[pair.exact.source], pair.exact.delay
+        state, played, delay = states[pair.exact.target], spiking[pair.exact.source], pair.exact.delay
         due = played[:, : max(0, steps - 1 - delay)].astype(np.float64)
         for into, matrix in (
             (state.charge, pair.exact.weights),
@@ -61,7 +61,7 @@ def error_bound(
             (state.rounding[1], _apart(pair.exact_fitted, pair.exact.weights)),
         ):
             # Weights (n,) connect neurons of the same number.
-            into[:, 1 + delay :] += due * matrix if matrix.ndim == 1 else due @ matrix.T
+            into[:, 1 + delay :] += due * matrix if matrix.ndim == 1 else [sent @ matrix.T for sent in due]
     found = np.zeros((len(SOURCES), *spikes[population].shape))
     for step in range(steps):
         for state in states.values():

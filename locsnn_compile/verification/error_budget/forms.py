@@ -5,7 +5,6 @@ taps, ``reset`` is a different neuron - the float neuron is laid out as ``dendri
 numbers wherever the program has any for it.
 """
 
-import math
 from dataclasses import replace
 from functools import singledispatch
 
@@ -14,7 +13,6 @@ import numpy as np
 from hw_model.mapping.graph import CompartmentGraph
 from hw_model.values import FloatArray
 from locsnn_compile.network.neurons import Cuba, Neuron, SoftCuba, SrmAlpha, alpha_recursion
-from locsnn_compile.network.projections import Matrix
 from locsnn_compile.network.quantized import QuantizedPopulation
 from locsnn_compile.passes.kernels import kernel, own_charges
 from locsnn_compile.passes.lower_neurons import dendrite_name
@@ -25,8 +23,6 @@ from locsnn_compile.verification.error_budget.twin import TwinGroup, TwinSynapse
 
 SLACK = 1e-14
 """Relative: exact thresholds are moved this much to the safe side, so a tie is still a tie after scaling."""
-DENSE_ENTRIES = 1 << 22
-"""Matrices with at most this many entries are kept dense."""
 
 
 @singledispatch
@@ -42,8 +38,7 @@ def forms_of(neuron: Neuron, levels: Levels, q: QuantizedPopulation) -> tuple[Nu
     for part in parts:
         held_by_chip = numbers.chip_group(part)
         groups.append(GroupNumbers(held_by_chip, held_by_chip))
-        for (source, delay), held in numbers.chip_weights(graph, part.name).items():
-            weights = _plain(held)
+        for (source, delay), weights in numbers.chip_weights(graph, part.name).items():
             synapses.append(SynapseNumbers(TwinSynapses(source, part.name, weights, delay), weights, weights, weights))
     same = Numbers(tuple(groups), tuple(synapses))
     return same, same
@@ -201,8 +196,3 @@ def _(neuron: SoftCuba, levels: Levels, q: QuantizedPopulation) -> tuple[Numbers
 def _exactly(group: TwinGroup, keep_u: FloatArray, keep_v: FloatArray, threshold: FloatArray) -> TwinGroup:
     """Return a group with these numbers, whose registers hold any real number."""
     return replace(group, keep_u=keep_u, keep_v=keep_v, threshold=threshold, truncates=False, limited=False)
-
-
-def _plain(weights: Matrix) -> Matrix:
-    """Return a sparse matrix as a dense one, unless it is large."""
-    return weights.toarray() if math.prod(weights.shape) <= DENSE_ENTRIES else weights
