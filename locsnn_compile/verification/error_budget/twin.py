@@ -100,7 +100,7 @@ def run_twins(
     early = {name: played.transpose(1, 0, 2).reshape(steps * batch, -1) for name, played in lines.items()}
     sparse_lines = {name: sparse_spikes(spikes, np.float64) for name, spikes in early.items()}
     synapses = [(i, s) for i, twin in enumerate(twins) for s in twin.synapses if s.delay + 1 < steps]
-    onto: dict[_Key, list[tuple[int, _Block, slice, Matrix]]] = {}
+    onto: dict[tuple[int, _Key], list[tuple[int, _Block, slice, Matrix]]] = {}
     for i, s in synapses:
         target, to_columns = home[i, s.target]
         if s.source in lines:
@@ -109,9 +109,11 @@ def run_twins(
             charge = found.toarray() if sparse.issparse(found) else found
             target.charge[1 + s.delay :, :, to_columns] += charge.reshape(-1, batch, s.weights.shape[0])
         else:
-            onto.setdefault((i, s.source), []).append((1 + s.delay, target, to_columns, s.weights))
+            onto.setdefault((s.weights.ndim, (i, s.source)), []).append((1 + s.delay, target, to_columns, s.weights))
     watched = {key: columns for key, (_, columns) in home.items() if key[1] in potentials}
     potential = {key: np.empty((batch, steps, here.stop - here.start)) for key, here in watched.items()}
+    # What neurons send to those of the same number is added first: in another order, sums round differently.
+    sending = sorted(onto.items(), key=lambda item: item[0][0])
     for step in range(steps):
         for block in blocks[:-1]:
             block.update(step, registers)
@@ -126,7 +128,7 @@ def run_twins(
         if forced is not None:
             fired = np.hstack([forced[name][:, step] for _, name in spiking.columns]).astype(np.bool_)
         spiking.reset(fired)
-        for key, synapses_of in onto.items():
+        for (_, key), synapses_of in sending:
             sent = fired[:, home[key][1]]
             for late, target, to_columns, weights in synapses_of if sent.any() else ():
                 if step + late < steps:
