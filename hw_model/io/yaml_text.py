@@ -12,7 +12,7 @@ from typing import Any
 
 import yaml
 
-from hw_model.errors import InputError
+from hw_model.errors import InputError, check_most
 from hw_model.io.files import read_bytes
 
 MAX_DEPTH = 50
@@ -76,12 +76,8 @@ def _check_events(text: str | bytes, where: str, most_nodes: int) -> None:
             open_.append(_Container(isinstance(event, yaml.MappingStartEvent)))
         elif isinstance(event, yaml.CollectionEndEvent):
             open_.pop()
-        if len(open_) > MAX_DEPTH:
-            fix = "Correct its brackets."
-            raise InputError(where, "it is nested too deeply", measured=f"more than {MAX_DEPTH} levels", fix=fix)
-        if nodes > most_nodes:
-            fix = "Give a smaller file."
-            raise InputError(where, "it holds too much", measured=f"more than {most_nodes} values", fix=fix)
+        check_most(len(open_), MAX_DEPTH, where, "it is nested too deeply", unit="levels", fix="Correct its brackets.")
+        check_most(nodes, most_nodes, where, "it holds too much", unit="values", fix="Give a smaller file.")
 
 
 def read_mapping(path: Path, where: str, fix: str) -> dict[Any, Any]:

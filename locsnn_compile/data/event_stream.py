@@ -159,10 +159,8 @@ def _check_sizes(where: str, samples: int, steps: int, channels: int, needed: in
         raise InputError(where, "it has events on channels that the sensor does not have", measured=measured, fix=fix)
     if steps == 0 or channels == 0:
         raise InputError(where, "no events inside", fix="Give a recording with events.")
-    if samples * steps * channels > MAX_ELEMENTS:
-        measured = f"{samples} x {steps} x {channels} values against {MAX_ELEMENTS}"
-        fix = "Give fewer recordings, or wider bins."
-        raise InputError(where, "its recordings are too large together", measured=measured, fix=fix)
+    what, fix = "its recordings are too large together", "Give fewer recordings, or wider bins."
+    check_most(samples * steps * channels, MAX_ELEMENTS, where, what, unit="values", fix=fix)
 
 
 def recording_events(spikes: ByteArray, polarities: int, step_seconds: float) -> tuple[IntArray, IntArray, IntArray]:

@@ -19,7 +19,7 @@ from locsnn_compile.data.recordings import Origin, Recordings
 from locsnn_compile.data.sensor import POLARITIES, TAXELS, SensorLayout, neutouch, parse_layout
 from locsnn_compile.data.tensors import Tensor
 from locsnn_compile.data.torch_file import load_plain
-from locsnn_compile.errors import InputError
+from locsnn_compile.errors import InputError, check_same
 from locsnn_compile.models import checkpoint
 from locsnn_compile.models.checkpoint import CHIP_VERSION, VERSION, Checkpoint, Pack, Plain
 from locsnn_compile.models.chip_entry import ChipNumbers, parse_chip_entry
@@ -52,8 +52,7 @@ def read_models(path: Path | str, *, state_dict: str = WRITE_AGAIN) -> Checkpoin
     values, where, sha256 = read_plain(Path(path), state_dict)
     if not isinstance(values, dict) or values.get("format") != Pack.FORMAT:
         return parse_checkpoint(values, where, Path(path).name, sha256)
-    if values.get("version") != Pack.VERSION:
-        raise file_fault(where, "its version does not exist", f"version {values.get('version')} against {Pack.VERSION}")
+    check_same(values.get("version"), Pack.VERSION, where, "its version does not exist", fix=WRITE_AGAIN)
     check_keys(where, "", values, {"format": (str,), "version": (int,), "members": (dict,)})
     check_keys(where, "members", values["members"], dict.fromkeys(values["members"], (dict,)))
     members, weights = [], []
@@ -172,8 +171,7 @@ def _weights(
     weights: dict[str, AnyArray] = {}
     for name, shape in shapes.items():
         place, tensor = f"{where}, population {name!r}", entry[name]
-        if tensor.shape != shape:
-            raise file_fault(place, "its weights have another shape", f"got {tensor.shape} against {shape} (out, in)")
+        check_same(tensor.shape, shape, place, "its weights have another shape (out, in)", fix=WRITE_AGAIN)
         if tensor.dtype != f"torch.{kind}" or not tensor.dense:
             stored = f"{tensor.layout.removeprefix('torch.')} on {tensor.device}"
             raise file_fault(place, f"its weights are not dense {kind}", f"got {tensor.dtype}, {stored}")
@@ -192,9 +190,8 @@ def _recordings(
     check_keys(where, "recordings", entry, {"spikes": (Tensor,), "labels": (Tensor, type(None))})
     spikes, labels, layout = entry["spikes"], entry["labels"], description.input
     place, kinds = f"{where}, recordings", (spikes.dtype, None if labels is None else labels.dtype)
-    if spikes.shape[1:] != (layout.steps, layout.channels):
-        measured = f"got {spikes.shape} against (samples, {layout.steps}, {layout.channels})"
-        raise file_fault(place, "their shape is not that of the input", measured)
+    what, wanted = "their steps and channels are not those of the input", (layout.steps, layout.channels)
+    check_same(spikes.shape[1:], wanted, place, what, fix=WRITE_AGAIN)
     dense = spikes.dense and (labels is None or labels.dense)
     if not dense or kinds not in (("torch.uint8", "torch.int64"), ("torch.uint8", None)):
         raise file_fault(place, "spikes must be dense uint8 and labels int64", f"got {kinds[0]} and {kinds[1]}")

@@ -12,7 +12,7 @@ from locsnn_compile.baselines.ann_shapes import ann_shapes
 from locsnn_compile.data.orders import channel_walk, check_location_taxels
 from locsnn_compile.data.recordings import MAX_STEPS, clean_class_names
 from locsnn_compile.data.sensor import SensorLayout, frame_size
-from locsnn_compile.errors import InputError, check_known
+from locsnn_compile.errors import InputError, check_known, check_same
 from locsnn_compile.models.architectures import ARCHITECTURES, Architecture
 from locsnn_compile.models.graph_and_windows import MAX_WINDOW_NEURONS, GraphParameters, WindowParameters, output_parts
 from locsnn_compile.models.plain_checks import PlainName, require_count, require_rising
@@ -296,9 +296,7 @@ class NetworkDescription(Frozen):
         """Raise ``InputError`` if ``weights`` lacks a name, or has another shape for it; ``fix`` says what to do."""
         shape = self.weight_shapes[name]
         got = tuple(weights[name].shape) if name in weights else "none"
-        if got != shape:
-            measured = f"got {got} against {shape}"
-            raise InputError(f"population {name!r}", "its weights do not fit the network", measured=measured, fix=fix)
+        check_same(got, shape, f"population {name!r}", "its weights do not fit the network", fix=fix)
 
 
 _NEURONS: dict[str, type[Neuron] | None] = {

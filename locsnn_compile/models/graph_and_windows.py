@@ -13,7 +13,7 @@ from scipy import sparse
 
 from hw_model.io.records import AT_LEAST_ONE, Checked, between
 from hw_model.values import IntArray
-from locsnn_compile.errors import InputError, check_most, counted
+from locsnn_compile.errors import InputError, check_most
 from locsnn_compile.models.plain_checks import PlainName, require_rising, rises
 
 HEARD_BY_OUTPUT = 1_024
@@ -48,10 +48,8 @@ class WindowParameters(Checked):
 
     def starts(self, steps: int) -> IntArray:
         """Return the first step of every window in a recording of ``steps`` steps; ``InputError`` if none fits."""
-        if steps < self.steps:
-            measured = f"{counted(steps, 'step')} against {self.steps}"
-            fix = "Use shorter windows (window_steps)."
-            raise InputError("recordings", "they are shorter than one window", measured=measured, fix=fix)
+        what, fix = "one window is longer than they are", "Use shorter windows (window_steps)."
+        check_most(self.steps, steps, "recordings", what, unit="steps", fix=fix)
         return np.arange(0, steps - self.steps + 1, self.stride, dtype=np.int64)
 
     def of_channel(self, steps: int) -> int:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from hw_model.values import AnyArray, ByteArray, IntArray
-from locsnn_compile.errors import InputError
+from locsnn_compile.errors import check_same
 from locsnn_compile.models.chip_entry import ChipNumbers
 from locsnn_compile.models.description import NetworkDescription
 from locsnn_compile.network.first_touch import from_first_touch
@@ -56,11 +56,9 @@ class TouchModel(nn.Module):
 
     def check_shape(self, x: Tensor) -> None:
         """Refuse recordings that are not (batch, steps, channels) of the network's input."""
-        layout = self.description.input
-        if x.ndim != 3 or tuple(x.shape[1:]) != (layout.steps, layout.channels):
-            measured = f"got {tuple(x.shape[1:])} against {(layout.steps, layout.channels)} steps x channels"
-            fix = "Give recordings of the network's sensor and duration."
-            raise InputError("recordings", "their shape is not the network's", measured=measured, fix=fix)
+        layout, fix = self.description.input, "Give recordings of the network's sensor and duration."
+        wanted, what = (layout.steps, layout.channels), "their steps and channels are not the network's"
+        check_same(tuple(x.shape[1:]), wanted, "recordings", what, fix=fix)
 
     def prune(self, share: float) -> None:
         """Set the smallest weights of each population, a ``share`` of 0..1, to 0; :meth:`hold` keeps them at 0."""

@@ -9,7 +9,7 @@ from locsnn_compile.data.orders import location_order, order_text
 from locsnn_compile.data.recordings import MAX_STEPS, Recordings
 from locsnn_compile.data.sensor import POLARITIES, TAXELS, SensorLayout, asked_layout, neutouch
 from locsnn_compile.data.taxel_graph import taxel_graph
-from locsnn_compile.errors import InputError, check_most
+from locsnn_compile.errors import InputError, check_most, check_same
 from locsnn_compile.models.architectures import ARCHITECTURES
 from locsnn_compile.models.description import InputLayout, LifParameters, NetworkDescription, Neuron, NeuronParameters
 from locsnn_compile.models.graph_and_windows import GraphParameters, WindowParameters
@@ -122,12 +122,7 @@ def fine_tuning_config(config: TrainingConfig, start: NetworkDescription) -> Tra
 def check_recordings(start: NetworkDescription, recordings: Recordings, classes: int) -> None:
     """Raise ``InputError`` for recordings of another shape, or with more classes."""
     layout, (_, steps, channels) = start.input, recordings.spikes.shape
-    for what, got, wanted, fits in (
-        ("their steps are not those of", steps, layout.steps, steps == layout.steps),
-        ("their channels are not those of", channels, layout.channels, channels == layout.channels),
-        ("they have more classes than", classes, start.classes, classes <= start.classes),
-    ):
-        if not fits:
-            what = f"{what} the network to start from"
-            fix = "Give recordings like those that it was trained on."
-            raise InputError(f"recordings {recordings.source!r}", what, measured=f"{got} against {wanted}", fix=fix)
+    where, fix = f"recordings {recordings.source!r}", "Give recordings like those that it was trained on."
+    check_same(steps, layout.steps, where, "their steps are not those of the network to start from", fix=fix)
+    check_same(channels, layout.channels, where, "their channels are not those of the network to start from", fix=fix)
+    check_most(classes, start.classes, where, "they have more classes than the network to start from", fix=fix)

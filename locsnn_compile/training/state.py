@@ -13,7 +13,7 @@ from torch import Tensor
 
 from hw_model.io.files import parsing, replace_file
 from locsnn_compile.data.recordings import Recordings
-from locsnn_compile.errors import InputError
+from locsnn_compile.errors import InputError, check_same
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.training.config import EpochRecord, TrainingConfig
 
@@ -83,6 +83,5 @@ def _check_weights(where: str, found: Mapping[str, Tensor], usual: Mapping[str, 
     if found and found.keys() != usual.keys():
         raise InputError(where, "an earlier version wrote it, with other names of weights", fix=_FIX)
     for name, weight in found.items():
-        if weight.shape != usual[name].shape:
-            measured = f"got {tuple(weight.shape)} against {tuple(usual[name].shape)}"
-            raise InputError(where, f"weights {name!r} have another shape", measured=measured, fix=_FIX)
+        shape, wanted = tuple(weight.shape), tuple(usual[name].shape)
+        check_same(shape, wanted, where, f"weights {name!r} have another shape", fix=_FIX)

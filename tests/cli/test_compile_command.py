@@ -253,7 +253,7 @@ BAD_MODELS = [
     ("plain pickle", plain_pickle, "checkpoint 'model.pt': it is a pickle that torch.save did not write, and nothing in it was run. Save tensors with torch.save."),
     ("nan", lambda t: changed(t, set_weight("time_hidden", float("nan"))), "checkpoint 'model.pt', population 'time_hidden': weight [3, 5] is not finite (got nan, 1 such weights). Train the network again."),
     ("infinite", lambda t: changed(t, set_weight("location_output", float("-inf"))), "checkpoint 'model.pt', population 'location_output': weight [3, 5] is not finite (got -inf, 1 such weights). Train the network again."),
-    ("shape", lambda t: changed(t, cut_weights), "checkpoint 'model.pt', population 'time_output': its weights have another shape (got (36, 31) against (36, 32) (out, in)). Write it again with 'locsnn train'."),
+    ("shape", lambda t: changed(t, cut_weights), "checkpoint 'model.pt', population 'time_output': its weights have another shape (out, in) ((36, 31) against (36, 32)). Write it again with 'locsnn train'."),
     ("order", lambda t: changed(t, repeat_taxel), "checkpoint 'model.pt', location order: taxel 3 is repeated at entry 5. Give every taxel from 1 to 39 exactly once."),
     ("no ending", lambda t: t / "model", "model 'model': files without an ending are not read. Give a checkpoint (.pt) that `locsnn train` wrote, a NIR graph (.nir), or a lava-dl network (.net)."),
     ("suffix", lambda t: t / "model.onnx", "model 'model.onnx': files ending in '.onnx' are not read. Give a checkpoint (.pt) that `locsnn train` wrote, a NIR graph (.nir), or a lava-dl network (.net)."),

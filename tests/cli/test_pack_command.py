@@ -119,7 +119,7 @@ def not_a_number(values):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (newer, "checkpoint 'damaged.pt': its version does not exist (version 2 against 1)"),
+        (newer, "checkpoint 'damaged.pt': its version does not exist (2 against 1)"),
         (no_members, "checkpoint 'damaged.pt': it has no members"),
         (unknown, "checkpoint 'damaged.pt': unknown key 'code'"),
         (a_text, "checkpoint 'damaged.pt': members.2: it must be a mapping of names (got 'not a checkpoint')"),

@@ -78,7 +78,7 @@ def test_saving_refuses_weights_that_do_not_fit(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         Checkpoint(DESCRIPTION, weights).save(tmp_path / "x.pt")
     assert str(caught.value) == (
-        "population 'time_output': its weights do not fit the network (got none against (3, 4)). "
+        "population 'time_output': its weights do not fit the network (none against (3, 4)). "
         "Save the weights of a network of this description."
     )
     assert list(tmp_path.iterdir()) == []

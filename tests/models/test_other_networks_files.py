@@ -121,7 +121,7 @@ GRAPH_FAULTS = [
     ),
     pytest.param(
         put("weights", "time_graph", value=Tensor("torch.float32", (3, 5))),
-        f", population 'time_graph': its weights have another shape (got (3, 5) against (3, 6) (out, in)). {AGAIN}",
+        f", population 'time_graph': its weights have another shape (out, in) ((3, 5) against (3, 6)). {AGAIN}",
         id="weights of another graph",
     ),
 ]
@@ -163,14 +163,14 @@ WINDOW_FAULTS = [
     pytest.param(
         "steps",
         10**18,
-        ", recordings: they are shorter than one window (24 steps against 1000000000000000000). "
+        ", recordings: one window is longer than they are (1000000000000000000 steps against 24). "
         "Use shorter windows (window_steps).",
         id="endless windows",
     ),
     pytest.param(
         "stride",
         10**18,
-        ", population 'location_output': its weights have another shape (got (3, 1092) against (3, 156) (out, in)). "
+        ", population 'location_output': its weights have another shape (out, in) ((3, 1092) against (3, 156)). "
         f"{AGAIN}",
         id="one window",
     ),

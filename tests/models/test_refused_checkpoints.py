@@ -239,7 +239,7 @@ BAD_INSIDE: list[tuple[str, Callable[[Path], object], str]] = [
     (
         "wrong weight shape",
         put("weights", "time_hidden", value=torch.zeros(4, 77)),
-        f"population 'time_hidden': its weights have another shape (got (4, 77) against (4, 78) (out, in)). {AGAIN}",
+        f"population 'time_hidden': its weights have another shape (out, in) ((4, 77) against (4, 78)). {AGAIN}",
     ),
     (
         "wrong weight type",
@@ -264,7 +264,7 @@ BAD_INSIDE: list[tuple[str, Callable[[Path], object], str]] = [
     (
         "recordings of another shape",
         put("recordings", "spikes", value=torch.zeros(2, 8, 78, dtype=torch.uint8)),
-        f"recordings: their shape is not that of the input (got (2, 8, 78) against (samples, 9, 78)). {AGAIN}",
+        f"recordings: their steps and channels are not those of the input ((8, 78) against (9, 78)). {AGAIN}",
     ),
     (
         "recordings of floats",

@@ -104,7 +104,7 @@ def fails(call: object, *args: object) -> str:
 def test_recordings_of_another_shape_are_refused() -> None:
     network = build_network(description("hybrid"))
     assert fails(network, torch.zeros(1, 31, 78)) == (
-        "recordings: their shape is not the network's (got (31, 78) against (30, 78) steps x channels). "
+        "recordings: their steps and channels are not the network's ((31, 78) against (30, 78)). "
         "Give recordings of the network's sensor and duration."
     )
 
@@ -113,7 +113,7 @@ def test_weights_of_another_shape_are_refused() -> None:
     network = build_network(description("tactile-snn"))
     weights = network.weights() | {"time_output": np.zeros((5, 8), dtype=np.float32)}
     assert fails(network.load_weights, weights) == (
-        "population 'time_output': its weights do not fit the network (got (5, 8) against (5, 7)). "
+        "population 'time_output': its weights do not fit the network ((5, 8) against (5, 7)). "
         "Give the weights of a network of this description."
     )
 

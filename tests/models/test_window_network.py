@@ -100,7 +100,7 @@ REFUSED = {
     ),
     "a recording shorter than a window": (
         lambda: described(3),
-        "recordings: they are shorter than one window (3 steps against 4). Use shorter windows (window_steps).",
+        "recordings: one window is longer than they are (4 steps against 3). Use shorter windows (window_steps).",
     ),
     "more neurons than a chip has": (
         lambda: described(4000, windows=WindowParameters(1, 2, (1,))),

@@ -194,7 +194,7 @@ def test_a_state_of_another_shape_is_refused_in_a_line(
     options = ("--data", data, "--epochs", "2", "--hidden", "5")
     assert main(["train", *options, "--resume", "-o", str(tmp_path / "small.pt")]) == 2
     assert capsys.readouterr().err == (
-        "training state 'small.pt.state': weights 'time_hidden.weight' have another shape (got (6, 78) against (5, 78)). "
+        "training state 'small.pt.state': weights 'time_hidden.weight' have another shape ((6, 78) against (5, 78)). "
         "Delete it, or train without --resume.\n"
     )
     assert (path.read_bytes(), sorted(tmp_path.glob("small*"))) == (before, [path])

@@ -71,7 +71,7 @@ def another_shape(weights: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
 
 
 NAMES = "an earlier version wrote it, with other names of weights. "
-SHAPE = "weights 'time_output.weight' have another shape (got (3, 9) against (3, 8)). "
+SHAPE = "weights 'time_output.weight' have another shape ((3, 9) against (3, 8)). "
 
 
 @pytest.mark.parametrize("part", ["weights", "chosen_weights", "averages"])

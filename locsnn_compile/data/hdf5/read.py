@@ -20,7 +20,7 @@ import numpy as np
 
 from hw_model.io.files import parsing, read_bytes
 from hw_model.values import AnyArray, FloatArray
-from locsnn_compile.errors import InputError, check_most
+from locsnn_compile.errors import InputError, check_most, check_same
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
@@ -136,8 +136,7 @@ class Group:
     def text(self, name: str) -> str:
         """Return a dataset of exactly one text."""
         found = self.texts(name)
-        if len(found) != 1:
-            raise InputError(self.where, f"{name!r} must be one text", measured=f"{len(found)}", fix=_WHOLE)
+        check_same(len(found), 1, self.where, f"{name!r} must be one text", fix=_WHOLE)
         return found[0]
 
     def is_group(self, name: str) -> bool:

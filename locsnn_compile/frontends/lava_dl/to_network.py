@@ -16,7 +16,7 @@ from scipy import sparse
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE
 from hw_model.values import IntArray, sealed
-from locsnn_compile.errors import InputError, counted
+from locsnn_compile.errors import InputError, check_same, counted
 from locsnn_compile.frontends.lava_dl.layers import NetFile, NetLayer, export_again, read_net
 from locsnn_compile.frontends.linear_maps import Ints, Shape, Window, check_entries, check_shape, convolution, pooling
 from locsnn_compile.frontends.parts import STEPS, Parts, eight_bit_signs
@@ -161,8 +161,7 @@ def _weights(built: _Built, layer: NetLayer, where: str) -> tuple[Matrix, Shape,
         found, out = pooling(kernel[:1, :1], given, window, fill=fill, where=where)
     else:
         found, out = convolution(kernel, given, window, groups=groups, where=where)
-    if out != shape:
-        raise InputError(where, "its shape and its output differ", measured=f"{shape} for {out}", fix="Export again.")
+    check_same(shape, out, where, "its shape and its output differ", fix="Export again.")
     return matrix(found, np.int64), shape, math.prod(given)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from scipy import sparse
 
 from hw_model.values import FloatArray, Frozen
-from locsnn_compile.errors import InputError, check_known
+from locsnn_compile.errors import InputError, check_known, check_same
 from locsnn_compile.frontends.linear_maps import Shape, Window, check_entries, check_shape, convolution, pooling
 from locsnn_compile.frontends.nir.graph import Edge, NirGraph, NirNode
 
@@ -99,10 +99,8 @@ def _flat(graph: NirGraph, where: str, prefix: str, *, top: bool = False) -> tup
 
 def _only(graph: NirGraph, kind: str, where: str, name: str) -> str:
     found = [inner for inner, node in graph.nodes.items() if isinstance(node, NirNode) and node.kind == kind]
-    if len(found) != 1:
-        what = f"a graph inside a graph needs one {kind}"
-        fix = "Split it into graphs of one input and one output."
-        raise InputError(f"{where}, node {name!r}", what, measured=f"{len(found)} found", fix=fix)
+    what, fix = f"a graph inside a graph needs one {kind}", "Split it into graphs of one input and one output."
+    check_same(len(found), 1, f"{where}, node {name!r}", what, fix=fix)
     return found[0]
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from hw_model.io.yaml_text import read_mapping
 from hw_model.values import AnyArray, FloatArray, Frozen
 from locsnn_compile.data.hdf5.read import Group, open_hdf5
-from locsnn_compile.errors import InputError, check_known
+from locsnn_compile.errors import InputError, check_known, check_most
 
 MAX_NODES = 10_000
 MAX_DEPTH = 16
@@ -72,14 +72,12 @@ def read_nir(path: Path, where: str) -> tuple[NirGraph, bytes]:
 
 
 def _read_graph(group: Group, where: str, depth: int, seen: list[int]) -> NirGraph:
-    if depth > MAX_DEPTH:
-        raise InputError(where, "graphs are nested too deep", measured=f"more than {MAX_DEPTH}", fix="Flatten them.")
+    check_most(depth, MAX_DEPTH, where, "graphs are nested too deep", fix="Flatten them.")
     nodes: dict[str, NirNode | NirGraph] = {}
     held = group.group("nodes")
     for name in held.names():
         seen[0] += 1
-        if seen[0] > MAX_NODES:
-            raise InputError(where, "too many nodes", measured=f"more than {MAX_NODES}", fix="Give a smaller graph.")
+        check_most(seen[0], MAX_NODES, where, "too many nodes", fix="Give a smaller graph.")
         place = f"{where}, node {name[:60]!r}"
         if not name.isprintable() or len(name) > 200:
             raise InputError(place, "its name is not plain text", fix="Rename it.")
