@@ -75,8 +75,8 @@ def test_a_budget_that_nothing_keeps_is_a_gate_that_fails(model, tmp_path, capsy
 
 
 def words(row):
-    split = {0: "", 0.25: ", 25.0 % of weights split", 1: ", all weights split"}[row["split_weights"]]
-    return f"{row['strategy']}, {row['weight_bits']} bits{split}"
+    split = {0: "", 0.25: ", 25% split", 1: ", 100% split"}[row["split_weights"]]
+    return f"{row['strategy']}, {row['weight_bits']}-bit{split}"
 
 
 def test_more_weights_are_split_until_the_budget_is_kept(model, tmp_path, capsys):

@@ -1,6 +1,5 @@
 """Sections on the program itself: resources, what was left out, rounding, provenance, and the settings compared."""
 
-from dataclasses import asdict
 from typing import Any
 
 from locsnn_compile.choose_strategy import Candidate, Choice
@@ -8,7 +7,7 @@ from locsnn_compile.report.content import Bullets, Document, Section, Table
 from locsnn_compile.report.format import NONE, any_value, count, plural, share
 from locsnn_compile.report.sections.verdict import fullness, outside, starts
 from locsnn_compile.report.words import facts, limit_words, listed, section, sentence, table, words
-from locsnn_compile.settings import LAYOUTS
+from locsnn_compile.settings import AXES, LAYOUTS, Setting
 
 _WITHOUT_JOINED = {"reset", "native"}
 
@@ -98,12 +97,11 @@ def _number(key: str, value: object) -> str:
 
 def settings_compared(choice: Document) -> Table:
     """Return a table of the settings that were compared."""
-    taken = {**choice, "strategy": choice["taken"]}
     priced = choice["candidates"][0]["energy_pj"] is not None
-    rows = (row | {"setting": setting_words(row)} for row in choice["candidates"])
+    rows = (row | {"setting": Setting(*(row[axis.name] for axis in AXES))} for row in choice["candidates"])
     cost = {"energy": "{energy_pj:energy}"} if priced else {"time": "{chip_time_ns:time}"}
-    setting, why = setting_words(taken, "taken_"), _reason(choice)
-    return table("settings", rows, columns=cost, setting=setting, why=why, **choice)
+    taken = Setting(choice["taken"], choice["taken_weight_bits"], choice["taken_split_weights"])
+    return table("settings", rows, columns=cost, setting=taken, why=_reason(choice), **choice)
 
 
 def unmet_budget(choice: Choice) -> str:
@@ -113,10 +111,9 @@ def unmet_budget(choice: Choice) -> str:
     fix = "Train for the chip with locsnn train --target, or allow more."
     if silent:
         fix = "Give --calibration recordings in which outputs spike."
-    setting = setting_words(asdict(best.setting))
     return (
         f"no setting keeps {bounds.words()} on {plural(choice.samples, 'recording')} of {choice.source}: "
-        f"the best of {len(choice.candidates)} is {setting}, with {_lost(best)}. {fix}"
+        f"the best of {len(choice.candidates)} is {best.setting}, with {_lost(best)}. {fix}"
     )
 
 
@@ -127,13 +124,6 @@ def _lost(candidate: Candidate) -> str:
     if candidate.score_error is None:
         return f"{predictions} and {spikes}"
     return f"{predictions}, {spikes} and class scores off by {candidate.score_error:.4f} of their spread"
-
-
-def setting_words(row: dict[str, Any], prefix: str = "") -> str:
-    """Name a setting."""
-    part = row[f"{prefix}split_weights"]
-    split = f", {'all' if part == 1 else share(part) + ' of'} weights split" if part else ""
-    return f"{row['strategy']}, {row[f'{prefix}weight_bits']} bits{split}"
 
 
 def _reason(choice: dict[str, Any]) -> str:
