@@ -9,6 +9,7 @@ from locsnn_compile.cli.compile import main
 from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.description import InputLayout, NetworkDescription
+from locsnn_compile.report.format import share
 
 
 @pytest.fixture(scope="module")
@@ -67,9 +68,9 @@ def test_a_budget_that_nothing_keeps_is_a_gate_that_fails(model, tmp_path, capsy
     assert said == (
         f"gate failed: --max-spike-error: {error:.4f} of the spikes differ, above 0.\n"
         "no setting keeps --max-spike-error 0 on 16 recordings of synthetic touches: the best of "
-        f"{len(choice['candidates'])} is {words(best)}, with prediction agreement {best['prediction_agreement']:.4f}, "
-        f"{best['spike_error']:.4f} of the spikes different and class scores off by {best['score_error']:.4f} of their "
-        "spread. Train for the chip with locsnn train --target, or allow more.\n"
+        f"{len(choice['candidates'])} is {words(best)}, with {share(1 - best['prediction_agreement'])} of the predictions "
+        f"changed, {share(best['spike_error'])} of the spikes different and class scores off by {share(best['score_error'])} of "
+        "their spread. Train for the chip with locsnn train --target, or allow more.\n"
     )
     assert f"taken: {words(best)}, the most accurate" in (tmp_path / "b/report.md").read_text()
 

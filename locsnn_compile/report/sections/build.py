@@ -2,9 +2,9 @@
 
 from typing import Any
 
-from locsnn_compile.choose_strategy import Candidate, Choice
+from locsnn_compile.choose_strategy import Choice
 from locsnn_compile.report.content import Bullets, Document, Section, Table
-from locsnn_compile.report.format import NONE, any_value, count, plural, share
+from locsnn_compile.report.format import NONE, any_value, count, share
 from locsnn_compile.report.sections.verdict import fullness, outside, starts
 from locsnn_compile.report.words import facts, limit_words, listed, section, sentence, table, words
 from locsnn_compile.settings import AXES, LAYOUTS, Setting
@@ -111,19 +111,7 @@ def unmet_budget(choice: Choice) -> str:
     fix = "Train for the chip with locsnn train --target, or allow more."
     if silent:
         fix = "Give --calibration recordings in which outputs spike."
-    return (
-        f"no setting keeps {bounds.words()} on {plural(choice.samples, 'recording')} of {choice.source}: "
-        f"the best of {len(choice.candidates)} is {best.setting}, with {_lost(best)}. {fix}"
-    )
-
-
-def _lost(candidate: Candidate) -> str:
-    agreement, error = candidate.prediction_agreement, candidate.spike_error
-    predictions = "no prediction compared" if agreement is None else f"prediction agreement {agreement:.4f}"
-    spikes = "no spike compared" if error is None else f"{error:.4f} of the spikes different"
-    if candidate.score_error is None:
-        return f"{predictions} and {spikes}"
-    return f"{predictions}, {spikes} and class scores off by {candidate.score_error:.4f} of their spread"
+    return sentence("unmet budget", bounds=bounds.words(), choice=choice, many=len(choice.candidates), fix=fix)
 
 
 def _reason(choice: dict[str, Any]) -> str:
