@@ -8,11 +8,12 @@ from networks import NEURON, hybrid, on_grid, recordings, single
 
 import hw_model as hw
 import locsnn_compile as lc
-from locsnn_compile.choose_strategy import choose_strategy
+from locsnn_compile.choose_strategy import Candidate, Choice, choose_strategy
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.errors import InputError, TargetError
 from locsnn_compile.passes.quantize import quantize
+from locsnn_compile.report.sections.build import unmet_budget
 from locsnn_compile.settings import Setting
 from locsnn_compile.verification.error_bounds import SCORE_TOLERANCE, SPIKE_TOLERANCE, ErrorBudget
 
@@ -166,3 +167,17 @@ def test_strategies_that_cannot_be(make, strategy, message):
     with pytest.raises(InputError) as caught:
         lc.compile(network, strategy=strategy, events=np.zeros((1, network.steps, network.channels), dtype=np.uint8))
     assert str(caught.value) == message
+
+
+@pytest.mark.parametrize(
+    ("losses", "bounds", "said"),
+    [
+        pytest.param((0.5, 0.9, 0.25), ErrorBudget(0.9), "the best of 1 is reset, 4-bit, with 50.0 % of the predictions changed, 10.0 % of the spikes different and class scores off by 25.0 % of their spread. Train for the chip with locsnn train --target, or allow more.", id="all compared"),
+        pytest.param((None, 0.9, None), ErrorBudget(0.9), "the best of 1 is reset, 4-bit, with an unknown share of the predictions changed, 10.0 % of the spikes different and class scores off by an unknown share of their spread. Give --calibration recordings in which outputs spike.", id="scores tie"),
+        pytest.param((None, None, None), ErrorBudget(0.9), "the best of 1 is reset, 4-bit, with an unknown share of the predictions changed, an unknown share of the spikes different and class scores off by an unknown share of their spread. Give --calibration recordings in which outputs spike.", id="silent"),
+    ],
+)  # fmt: skip
+def test_a_budget_that_no_setting_keeps_is_said_with_a_way_out(losses, bounds, said):
+    best = Candidate(*losses, None, 1.0, Setting("reset", 4))
+    choice = Choice(best, None, (best,), bounds, 2, "a.npz")
+    assert unmet_budget(choice) == f"no setting keeps --min-agreement 0.9 on 2 recordings of a.npz: {said}"
