@@ -152,7 +152,7 @@ def lower_as(network: Network, chip: hw.Chip, setting: Setting, calibration: Cal
 
 
 def lower_or_advise(network: Network, chip: hw.Chip, setting: Setting, calibration: Calibration | None) -> Levels:
-    """Do the same; a ``TargetError`` of an open core then names the first strategy that fits, if any does."""
+    """Lower by a setting; a ``TargetError`` of an open core then names the first strategy that fits, if any does."""
     try:
         return lower_as(network, chip, setting, calibration)
     except TargetError as error:

@@ -7,7 +7,7 @@ nothing heavy, because help and completion show the names.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import astuple, dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -71,7 +71,7 @@ class Axis:
     neutral: Value
     needs: str
     help: str
-    text: str = "{}"
+    words: Callable[[Any], str] = str
     """How the name of a setting shows a value."""
     unsaid: Value | None = None
     """The value that the name of a setting leaves out."""
@@ -97,14 +97,14 @@ class Axis:
 
 AXES = (
     Axis("strategy", tuple(STRATEGIES), AUTO, "by_strategy", "lowerings of SRM neurons"),
-    Axis("weight_bits", (1, 2, 3, 4, 5, 6, 8), 8, "has_float_weights", "bits of a weight", "{}-bit"),
+    Axis("weight_bits", (1, 2, 3, 4, 5, 6, 8), 8, "has_float_weights", "bits of a weight", "{}-bit".format),
     Axis(
         "split_weights",
         (0.0, 0.5, 1.0),
         0.0,
         "has_float_weights",
         "shares of the weights that get a second synapse",
-        "{:.0%} split",
+        lambda share: f"{100 * share:.6g}% split",
         unsaid=0.0,
         bounds=(0.0, 1.0),
     ),
@@ -136,7 +136,7 @@ class Setting:
         """Return the values of a setting in words, on the axes with these numbers or on all."""
         rows = [(i, axis, value) for i, (axis, value) in enumerate(zip(AXES, self.values, strict=True))]
         return ", ".join(
-            axis.text.format(value) for i, axis, value in rows if (axes is None or i in axes) and value != axis.unsaid
+            axis.words(value) for i, axis, value in rows if (axes is None or i in axes) and value != axis.unsaid
         )
 
 

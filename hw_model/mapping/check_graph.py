@@ -181,7 +181,8 @@ def _check_synapses(graph: CompartmentGraph, synapses: Synapses, chip: Chip) -> 
     if len(bad):
         kind, fix = f"{grid.weight_bits}-bit {grid.sign_mode} weights", "Round the weights onto the grid first."
         what = f"weight {synapses.mantissa[bad[0]]} is not on the grid of {kind}"
-        measured = f"multiples of {grid.step} in {grid.low}..{grid.high}; {len(bad)} of {len(synapses.mantissa)} off"
+        of = counted(len(synapses.mantissa), "weight")
+        measured = f"multiples of {grid.step} in {grid.low}..{grid.high}; {len(bad)} of {of} off"
         raise TargetError(where, what, measured=measured, fix=fix)
     if synapses.exponent not in WEIGHT_EXPONENTS:
         measured = f"{synapses.exponent} against -8..7"
@@ -190,7 +191,7 @@ def _check_synapses(graph: CompartmentGraph, synapses: Synapses, chip: Chip) -> 
     off = delays[(delays < 0) | (delays > most)]
     if len(off):
         worst = int(off[np.abs(off).argmax()])
-        measured = f"{worst} against 0..{most} steps; {len(off)} of {len(delays)} off"
+        measured = f"{worst} against 0..{most} steps; {len(off)} of {counted(len(delays), 'delay')} outside"
         # A relay adds the step that every spike takes, so k of them reach a delay of (k + 1) * (delay_max + 1) - 1.
         relays = counted(worst // (most + 1), "compartment")
         fix = f"Relay the spike through {relays}, or shorten the delay." if worst > 0 else "Give 0 or more."

@@ -69,8 +69,8 @@ module locsnn_bytes #(
     wire [15:0]  answer_class;
     wire [31:0]  synapses, updates, active_updates, spikes, charge_wraps, current_wraps, voltage_clips;
     locsnn_core #(
-        .AXONS(AXONS), .SYNAPSES(SYNAPSES), .COMPARTMENTS(COMPARTMENTS), .SLOTS(SLOTS), .CHARGE(CHARGE), .JOIN(JOIN),
-        .BITMAP(BITMAP), .VISITS(VISITS), .ENTRIES(ENTRIES), .WORD(WORD), .PHASE_WORDS(PHASE_WORDS), .ONE_PORT(ONE_PORT), .LATER(LATER), .GROUPS(GROUPS)
+        .AXONS(AXONS), .SYNAPSES(SYNAPSES), .COMPARTMENTS(COMPARTMENTS), .SLOTS(SLOTS), .CHARGE(CHARGE), .JOIN(JOIN), .BITMAP(BITMAP),
+        .VISITS(VISITS), .ENTRIES(ENTRIES), .WORD(WORD), .PHASE_WORDS(PHASE_WORDS), .ONE_PORT(ONE_PORT), .LATER(LATER), .GROUPS(GROUPS)
     ) core (
         .clk, .reset, .load_valid, .load_memory, .load_address, .load_data,
         .in_valid(word_valid), .in_ready(word_ready), .in_kind(word_kind), .in_channel(word_channel), .hold(spikes_wait),

@@ -20,7 +20,7 @@ class CorePhase(Frozen, eq=False):
     ``kept``: rows of a recording that the buffer keeps for it. ``rows``: those that its visits tell of; where it is
     aligned and plays by rows, those of the recording. Of rows that visits tell of, two to the power of ``shared`` send
     as one. ``row_source``: what channel 0 sends as, by rows. ``sources`` (lines,): what its input lines send as, or -1
-    if the list of the line before is theirs too. ``visits`` (3, n): step, channel, and what its first row sends as.
+    if a line shares the source of the line before. ``visits`` (3, n): step, channel, and what its first row sends as.
     """
 
     name: str = ""

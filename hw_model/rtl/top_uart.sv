@@ -34,8 +34,8 @@ module top_uart #(
     uart_rx #(.BIT(BIT)) receiver (.clk, .reset, .rx, .valid(in_valid), .data(in_data), .broken(in_broken));
     uart_tx #(.BIT(BIT)) transmitter (.clk, .reset, .valid(out_valid), .ready(out_ready), .data(out_data), .tx);
     locsnn_bytes #(
-        .AXONS(AXONS), .SYNAPSES(SYNAPSES), .COMPARTMENTS(COMPARTMENTS), .SLOTS(SLOTS), .CHARGE(CHARGE), .JOIN(JOIN),
-        .BITMAP(BITMAP), .VISITS(VISITS), .ENTRIES(ENTRIES), .WORD(WORD), .PHASE_WORDS(PHASE_WORDS), .ONE_PORT(ONE_PORT), .LATER(LATER), .GROUPS(GROUPS),
+        .AXONS(AXONS), .SYNAPSES(SYNAPSES), .COMPARTMENTS(COMPARTMENTS), .SLOTS(SLOTS), .CHARGE(CHARGE), .JOIN(JOIN), .BITMAP(BITMAP),
+        .VISITS(VISITS), .ENTRIES(ENTRIES), .WORD(WORD), .PHASE_WORDS(PHASE_WORDS), .ONE_PORT(ONE_PORT), .LATER(LATER), .GROUPS(GROUPS),
         .BUFFER(BUFFER), .SPIKES(SPIKES)
     ) bytes (
         .clk, .reset, .in_valid, .in_data, .in_broken, .out_valid, .out_ready, .out_data,

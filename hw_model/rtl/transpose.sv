@@ -4,9 +4,9 @@
 // A word has WORD rows of a channel. Words of the same rows follow each other, channel by channel, so the next rows of a
 // channel are `channels` words away.
 //
-// A phase reads by visits, by rows, or both. In a visit a channel is read whole, at a step of its own: an event of row r
-// is then a spike of source `first + r`, or of `first + r / 2^k` where so many rows share one. By rows, an event of
-// channel c in row r is a spike of source `row_source + c` at step r. An aligned phase counts rows from the first with enough events on; by rows, it ends with the recording.
+// A phase reads by visits, by rows, or both. A visit reads a channel whole, at its own step: an event of row r spikes as
+// source `first + r`, or `first + r / 2^k` where so many rows share one. By rows, an event of channel c in row r spikes as
+// `row_source + c` at step r. An aligned phase counts from the first row with enough events; by rows, it ends with the last.
 module transpose #(
     parameter integer BITMAP = 1024,
     parameter integer WORD = 32,  // a power of two

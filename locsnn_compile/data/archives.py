@@ -135,5 +135,6 @@ def _check_fits(arrays: list[ByteArray], samples: int, where: str, place: str) -
         measured = f"got {last} against {first} steps x channels"
         fix = "Give recordings of one sensor."
         raise InputError(place, "its shape is not that of the other recordings", measured=measured, fix=fix)
-    what, fix = "its recordings are too large together", "Give fewer recordings."
+    what = f"its recordings of {samples} x {steps} x {channels} are too large"
+    fix = "Give fewer recordings."
     check_most(samples * steps * channels, MAX_ELEMENTS, where, what, unit="values", fix=fix)

@@ -159,7 +159,8 @@ def _check_sizes(where: str, samples: int, steps: int, channels: int, needed: in
         raise InputError(where, "it has events on channels that the sensor does not have", measured=measured, fix=fix)
     if steps == 0 or channels == 0:
         raise InputError(where, "no events inside", fix="Give a recording with events.")
-    what, fix = "its recordings are too large together", "Give fewer recordings, or wider bins."
+    what = f"its recordings of {samples} x {steps} x {channels} are too large"
+    fix = "Give fewer recordings, or wider bins."
     check_most(samples * steps * channels, MAX_ELEMENTS, where, what, unit="values", fix=fix)
 
 

@@ -229,7 +229,7 @@ def result_remarks(network: TouchModel, recordings: Recordings) -> list[str]:
         spiking = network.description.structure.spiking and network.description.structure.neurons != "windows"
         what = "No output neuron spikes" if spiking else "All class scores are equal"
         trained = f"in any of the {counted(len(labels), 'recording')} it was trained on"
-        return [f"{what} {trained}: every prediction is a tie."]
+        return [f"{what} {trained}: every prediction is a tie. Give more --epochs, or a larger --learning-rate."]
     accuracy = float((scores.argmax(axis=1) == labels).mean())
     return chance_remarks(accuracy, labels, "it was trained on")
 

@@ -98,10 +98,10 @@ def integers(*, mantissa=((4, -6),), exponent=0, delay=0, signs="apart", **chang
         ({"decay_u": 4097}, "compartments 'n': decay_u of compartment 0 is out of range (4097 against 0..4096). Give an effective decay, what is subtracted from 4096."),
         ({"refractory": 64}, "compartments 'n': refractory of compartment 0 is out of range (64 against 1..63). Shorten the refractory period; 1 blocks no step."),
         ({"bias_mantissa": 4096}, "compartments 'n': bias_mantissa of compartment 0 is out of range (4096 against -4096..4095). Raise the bias exponent or scale the bias down."),
-        ({"mantissa": ((4, -256),)}, "synapses 'touch' -> 'n': weight -256 is not on the grid of 8-bit inhibitory weights (multiples of 1 in -255..0; 1 of 1 off). Round the weights onto the grid first."),
-        ({"mantissa": ((4, -7),), "signs": "mixed"}, "synapses 'touch' -> 'n': weight -7 is not on the grid of 8-bit mixed weights (multiples of 2 in -256..254; 1 of 2 off). Round the weights onto the grid first."),
+        ({"mantissa": ((4, -256),)}, "synapses 'touch' -> 'n': weight -256 is not on the grid of 8-bit inhibitory weights (multiples of 1 in -255..0; 1 of 1 weight off). Round the weights onto the grid first."),
+        ({"mantissa": ((4, -7),), "signs": "mixed"}, "synapses 'touch' -> 'n': weight -7 is not on the grid of 8-bit mixed weights (multiples of 2 in -256..254; 1 of 2 weights off). Round the weights onto the grid first."),
         ({"exponent": 8}, "synapses 'touch' -> 'n': the weight exponent is out of range (8 against -8..7). Rescale the weights."),
-        ({"delay": 63}, "synapses 'touch' -> 'n': a delay is out of range (63 against 0..62 steps; 1 of 1 off). Relay the spike through 1 compartment, or shorten the delay."),
+        ({"delay": 63}, "synapses 'touch' -> 'n': a delay is out of range (63 against 0..62 steps; 1 of 1 delay outside). Relay the spike through 1 compartment, or shorten the delay."),
     ],
     ids=["threshold", "decay", "refractory", "bias", "apart", "mixed", "exponent", "delay"],
 )  # fmt: skip

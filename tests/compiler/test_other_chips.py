@@ -142,7 +142,7 @@ def test_a_program_written_by_hand_on_another_chip():
     ("change", "message"),
     [
         ({"weight_bits": 5}, "synapses 'x' -> 'h': weights of 5 bits are too wide (other has weight_bits_max 4). Use narrower weights."),
-        ({"delay": 11}, "synapses 'x' -> 'h': a delay is out of range (11 against 0..10 steps; 1 of 1 off). Relay the spike through 1 compartment, or shorten the delay."),
+        ({"delay": 11}, "synapses 'x' -> 'h': a delay is out of range (11 against 0..10 steps; 1 of 1 delay outside). Relay the spike through 1 compartment, or shorten the delay."),
     ],
     ids=["weights", "delays"],
 )  # fmt: skip

@@ -39,6 +39,13 @@ def test_a_setting_says_itself_three_ways(model):
     assert str(setting).startswith("dendrite, 1-bit")
 
 
+@pytest.mark.parametrize(
+    ("share", "said"), [(0.0, ""), (0.07, ", 7% split"), (0.125, ", 12.5% split"), (1.0, ", 100% split")]
+)
+def test_a_share_of_split_weights_is_said_in_full(share, said):
+    assert str(Setting("dendrite", 8, share)) == f"dendrite, 8-bit{said}"
+
+
 def test_the_last_axis_is_the_fastest_and_nothing_is_twice(model):
     network = lc.load(model)
     wanted = {axis.name: axis.values[:1] for axis in AXES} | {
@@ -58,7 +65,7 @@ def test_options_that_change_nothing_are_not_tried():
     assert setting.arguments(network) == []
 
 
-PSI = Axis("psi", (5.0, 10.0), 10.0, "populations", "late predictions", "psi {:g}", bounds=(0.0, 99.0))
+PSI = Axis("psi", (5.0, 10.0), 10.0, "populations", "late predictions", "psi {:g}".format, bounds=(0.0, 99.0))
 
 
 @dataclass(frozen=True)

@@ -41,7 +41,7 @@ def remarks(capsys: Capture) -> list[str]:
     return [line for line in printed.out.splitlines() if line.startswith("! ")]
 
 
-SILENT = "! No output neuron spikes in any of the 12 recordings it was trained on: every prediction is a tie."
+SILENT = "! No output neuron spikes in any of the 12 recordings it was trained on: every prediction is a tie. Give more --epochs, or a larger --learning-rate."
 CHANCE = "! Accuracy 0.500 on the 12 recordings it was trained on is not clearly above chance, 0.500 for the commonest label."
 QUICK = ("--model", "tactile-snn", "--hidden", "4", "--epochs", "1")
 STUCK = ("--hidden", "4", "--epochs", "1", "--learning-rate", "1e-9")
@@ -148,7 +148,7 @@ def test_networks_without_weights_are_silent(name: str, words: str) -> None:
     for weight in network.parameters():
         weight.data.zero_()
     assert result_remarks(network, recordings) == [
-        f"{words} in any of the 5 recordings it was trained on: every prediction is a tie."
+        f"{words} in any of the 5 recordings it was trained on: every prediction is a tie. Give more --epochs, or a larger --learning-rate."
     ]
 
 

@@ -28,7 +28,7 @@ from locsnn_compile.training.config import config_from_mapping
 from locsnn_compile.training.state import EpochRecord
 from locsnn_compile.training.train import train
 
-SILENT = "! No output neuron spikes in any of the 9 recordings it was trained on: every prediction is a tie.\n"
+SILENT = "! No output neuron spikes in any of the 9 recordings it was trained on: every prediction is a tie. Give more --epochs, or a larger --learning-rate.\n"
 
 
 def parser() -> argparse.ArgumentParser:

@@ -62,7 +62,7 @@ def test_a_test_part_is_measured_and_epochs_are_told() -> None:
 def test_a_run_that_learned_nothing_says_so(caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.WARNING, logger="locsnn"):
         lc.train(DATA, QUICK)
-    said = "No output neuron spikes in any of the 9 recordings it was trained on: every prediction is a tie."
+    said = "No output neuron spikes in any of the 9 recordings it was trained on: every prediction is a tie. Give more --epochs, or a larger --learning-rate."
     assert caplog.messages == [said]
 
 
