@@ -80,7 +80,7 @@ REFUSED = [
     (
         "two-fingertips",
         "reset",
-        "synapses 'touch_transposed' -> 'location_hidden': a delay is out of range (4 against 0..0 steps; 1136 of 1136 off). "
+        "synapses 'touch_transposed' -> 'location_hidden': a delay is out of range (4 against 0..0 steps; 1136 of 1136 delays outside). "
         "Relay the spike through 4 compartments, or shorten the delay.",
     ),
     (
