@@ -82,6 +82,6 @@ def test_the_message_names_the_longest_delay():
     with pytest.raises(hw.TargetError) as caught:
         builder.build()
     assert str(caught.value) == (
-        "synapses 'x' -> 'n': a delay is out of range (9 against 0..2 steps; 2 of 3 off). "
+        "synapses 'x' -> 'n': a delay is out of range (9 against 0..2 steps; 2 of 3 delays outside). "
         "Relay the spike through 3 compartments, or shorten the delay."
     )

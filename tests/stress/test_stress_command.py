@@ -76,7 +76,7 @@ def test_cases_have_names_of_their_own():
         ("refractory counts", "count 64", "native", "refused", "(64 against 1..63)"),
         ("biases", "1e-09 thresholds", "native", "limited", "4 of 4 biases round to 0"),
         ("delays", "delay 62", "dendrite", "ok", ""),
-        ("delays", "delay 63", "dendrite", "refused", "(63 against 0..62 steps; 6 of 6 off)"),
+        ("delays", "delay 63", "dendrite", "refused", "(63 against 0..62 steps; 6 of 6 delays outside)"),
         ("a million steps", "leak of 10 steps", "native", "ok", ""),
     ],
 )
