@@ -56,6 +56,8 @@ def load_yaml(
         return yaml.load(text, Loader=loader)
     # The loader trusts explicit tags: `!!int ''` and `!!bool x` raise exceptions that it does not document.
     except (yaml.YAMLError, ValueError, LookupError, AttributeError, TypeError, ArithmeticError, RecursionError) as met:
+        if "maximum nesting depth" in str(met):  # libyaml 0.2.6 and later look ahead, and stop at 1,000 levels
+            raise _too_deep(where) from met
         line = getattr(getattr(met, "problem_mark", None), "line", None)
         what = fault.format(line="" if line is None else f" at line {line + 1}")
         raise InputError(where, what, fix=fix) from met
@@ -76,8 +78,14 @@ def _check_events(text: str | bytes, where: str, most_nodes: int) -> None:
             open_.append(_Container(isinstance(event, yaml.MappingStartEvent)))
         elif isinstance(event, yaml.CollectionEndEvent):
             open_.pop()
-        check_most(len(open_), MAX_DEPTH, where, "it is nested too deeply", unit="levels", fix="Correct its brackets.")
+        if len(open_) > MAX_DEPTH:
+            raise _too_deep(where)
         check_most(nodes, most_nodes, where, "it holds too much", unit="values", fix="Give a smaller file.")
+
+
+def _too_deep(where: str) -> InputError:
+    what = "it is nested too deeply"
+    return InputError(where, what, measured=f"more than {MAX_DEPTH} levels", fix="Correct its brackets.")
 
 
 def read_mapping(path: Path, where: str, fix: str) -> dict[Any, Any]:

@@ -37,7 +37,7 @@ OF_YAML = {
         "a: [{b: 1, c: 2,\n  b: 3}]\n",
         "the key 'b' is given twice, again at line 2. Keep one.",
     ),
-    "deep": (DEEP, "it is nested too deeply (51 levels against 50). Correct its brackets."),
+    "deep": (DEEP, "it is nested too deeply (more than 50 levels). Correct its brackets."),
     "many": (MANY, "it holds too much (100001 values against 100000). Give a smaller file."),
 }
 NOT_YAML = {

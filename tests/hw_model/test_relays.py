@@ -58,11 +58,31 @@ def test_relays_make_a_delay(delay_max, delay):
 @pytest.mark.parametrize(
     ("delay_max", "delay", "measured", "fix"),
     [
-        (0, 1, "1 against 0..0 steps; 1 of 2 off", "Relay the spike through 1 compartment, or shorten the delay."),
-        (0, 17, "17 against 0..0 steps; 1 of 2 off", "Relay the spike through 17 compartments, or shorten the delay."),
-        (5, 11, "11 against 0..5 steps; 1 of 2 off", "Relay the spike through 1 compartment, or shorten the delay."),
-        (5, 12, "12 against 0..5 steps; 1 of 2 off", "Relay the spike through 2 compartments, or shorten the delay."),
-        (5, -1, "-1 against 0..5 steps; 1 of 2 off", "Give 0 or more."),
+        (
+            0,
+            1,
+            "1 against 0..0 steps; 1 of 2 delays outside",
+            "Relay the spike through 1 compartment, or shorten the delay.",
+        ),
+        (
+            0,
+            17,
+            "17 against 0..0 steps; 1 of 2 delays outside",
+            "Relay the spike through 17 compartments, or shorten the delay.",
+        ),
+        (
+            5,
+            11,
+            "11 against 0..5 steps; 1 of 2 delays outside",
+            "Relay the spike through 1 compartment, or shorten the delay.",
+        ),
+        (
+            5,
+            12,
+            "12 against 0..5 steps; 1 of 2 delays outside",
+            "Relay the spike through 2 compartments, or shorten the delay.",
+        ),
+        (5, -1, "-1 against 0..5 steps; 1 of 2 delays outside", "Give 0 or more."),
     ],
     ids=["one", "many", "last of one", "first of two", "negative"],
 )

@@ -108,7 +108,7 @@ def test_whole_numbers_serve_as_numbers() -> None:
         ),
         pytest.param(
             "model: " + "[" * 3000,
-            "config 'a.yaml': it is nested too deeply (51 levels against 50). Correct its brackets.",
+            "config 'a.yaml': it is nested too deeply (more than 50 levels). Correct its brackets.",
             id="deep",
         ),
         pytest.param("3: 4", "config 'a.yaml': unknown key '3'. {known}", id="a number for a key"),
