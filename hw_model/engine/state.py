@@ -36,11 +36,13 @@ class State(NamedTuple):
 class Workspace(NamedTuple):
     """The spikes of a tile, as bits by row and chunk and as lists by node and row; and which rows were updated.
 
-    ``row_of`` has room for the rows of spikes that are delivered together.
+    The lists of node n begin at ``event[list_start[n]]``; behind them is room for all lanes of a chunk, which are
+    written whether they spike or not. ``row_of`` has room for the rows of spikes that are delivered together.
     """
 
     masks: AnyArray
     event: AnyArray
+    list_start: AnyArray
     begin: AnyArray
     updated: AnyArray
     row_of: AnyArray
@@ -83,8 +85,10 @@ def workspace(layout: FastLayout, tile: int = TILE) -> Workspace:
     """Return room for the spikes of a tile."""
     masks = np.zeros((tile, len(layout.chunks.node)), dtype=np.int32)
     begin = np.zeros((tile + 1, len(layout.nodes.first)), dtype=np.int64)
-    event, updated = np.empty(tile * layout.columns + LANES, dtype=np.int32), np.zeros(tile, dtype=np.uint8)
-    return Workspace(masks, event, begin, updated, np.empty(MOST_LISTED + LANES, dtype=np.int32))
+    many = len(layout.nodes.first)
+    event, updated = np.empty(tile * layout.columns + LANES * many, dtype=np.int32), np.zeros(tile, dtype=np.uint8)
+    list_start = tile * layout.nodes.first + LANES * np.arange(many)
+    return Workspace(masks, event, list_start, begin, updated, np.empty(MOST_LISTED + LANES, dtype=np.int32))
 
 
 @compiled

@@ -55,10 +55,9 @@ def _run_block(  # type: ignore[no-untyped-def]
     """Run one block over the rows of a tile: at once, or, if it feeds itself, row by row."""
     charge, touched = state.charge, state.touched
     event, begin = work.event, work.begin
-    tile = len(work.masks)
     for link in range(links.into_block[block], links.into_block[block + 1]):
         m = links.source[link]
-        given, base, starts = (line, _ZERO, first) if m < first.shape[1] else (event, nodes.first[m] * tile, begin)
+        given, base, starts = (line, _ZERO, first) if m < first.shape[1] else (event, work.list_start[m], begin)
         deliver(link, _ZERO, rows, given, base, starts, m, charge, touched, work.row_of, nodes, links)
 
     # A block that feeds itself is updated row by row; any other, a few bundles at a time, with registers in the cache.
@@ -80,7 +79,7 @@ def _run_block(  # type: ignore[no-untyped-def]
             _list_spikes(m, low, low + stride, fired, nodes, chunks, work, spikes, sent)
             if fired:
                 for link in range(links.from_node[m], links.from_node[m + 1]):
-                    base = nodes.first[m] * tile
+                    base = work.list_start[m]
                     deliver(link, low, low + stride, event, base, begin, m, charge, touched, work.row_of, nodes, links)
 
 
@@ -186,7 +185,7 @@ def _echo(k, r, mask, chunks, state):  # type: ignore[no-untyped-def]
 def _list_spikes(m, low, high, fired, nodes, chunks, work, spikes, sent):  # type: ignore[no-untyped-def]
     """Turn the bits of node m in rows ``low..high`` into its lists, into 0 and 1, and into counts."""
     masks, event, begin = work.masks, work.event, work.begin
-    base = nodes.first[m] * len(masks)
+    base = work.list_start[m]
     lines = len(sent) - spikes.shape[1]
     found = begin[low, m] if low else 0
     begin[low, m] = found

@@ -187,6 +187,22 @@ def columns_in_reverse() -> hw.ProgramBuilder:
     return builder
 
 
+def always(*, circle: bool) -> hw.ProgramBuilder:
+    """Three groups that spike in every step, so that their lists are full: `first` is listed after `h`, but lies before
+    it, and `last` reads the list of `h` after that."""
+    builder = hw.ProgramBuilder(CHIP)
+    x = builder.add_input("x", 3)
+    first, h, last = (
+        builder.add_compartments(name, 3, threshold=0, bias=64, **FORGETS) for name in ("first", "h", "last")
+    )
+    builder.connect(x, h, np.full((3, 3), 100))
+    builder.connect(h, first, 2 * np.eye(3))
+    builder.connect(h, last, np.diag([2, 4, 6]))
+    if circle:
+        builder.connect(first, h, 2 * np.eye(3))
+    return builder
+
+
 def lists_by_delay() -> hw.ProgramBuilder:
     """So many synapses a source with each delay that each has lists of its own, from an input and in a circle."""
     r = np.random.default_rng(0)
@@ -248,6 +264,8 @@ PROGRAMS = {
     "echoes from a neighbour": lambda: echoes(2, shift=1),
     "pairs in turn": pairs_in_turn,
     "columns in reverse": columns_in_reverse,
+    "full lists": lambda: always(circle=False),
+    "full lists in a circle": lambda: always(circle=True),
     "lists by delay": lists_by_delay,
     "wide lists": wide_lists,
     "pairs, the second slow": lambda: pairs((4096, 4096), (4096, 300)),
