@@ -47,6 +47,11 @@ class Phase(Frozen, eq=False):
     float_neurons: Numbers
     program_neurons: Numbers
 
+    @property
+    def on_grid(self) -> bool:
+        """Whether no stage changes a number: all exact numbers are the chip's."""
+        return all(pair.exact is pair.chip for pair in self.program_neurons.groups)
+
 
 @lru_cache(maxsize=1)
 def phases_of(levels: Levels) -> tuple[Phase, ...]:
@@ -80,6 +85,12 @@ def twin_with(phase: Phase, stages: Collection[Stage]) -> Twin:
         tuple(s for pair in numbers.synapses if values_of((s := _synapses(pair, stages)).weights).any()),
         phase.registers,
     )
+
+
+def _twins(phase: Phase, variants: Sequence[Collection[Stage]]) -> list[Twin]:
+    if phase.on_grid:
+        return [twin_with(phase, STAGES)] * len(variants)
+    return [twin_with(phase, variant) for variant in variants]
 
 
 def working(phases: Collection[Phase]) -> list[Stage]:
@@ -159,7 +170,7 @@ def error_budget(levels: Levels, recordings: ByteArray, progress: Progress | Non
     stages = working(phases)
     variants: list[Collection[Stage]] = [(), stages, *([stage] for stage in stages)]
     variants += [[other for other in stages if other != stage] for stage in stages]
-    twins = [(phase, [twin_with(phase, variant) for variant in variants]) for phase in phases]
+    twins = [(phase, _twins(phase, variants)) for phase in phases]
     unexplained, tallies = 0, [Deviation()] * (len(variants) + network.by_strategy)
     at_once = max(1, NEURON_STEPS_AT_ONCE // (len(variants) * neuron_steps(network)))
     for start in range(0, len(recordings), at_once):
@@ -211,7 +222,9 @@ def _play(
     readout, traces = quantized.readout, []
     for phase, of_phase in twins:
         kept = tuple(sorted({group.name for group in of_phase[0].groups} & set(readout.from_step)))
-        traces.append(run_twins(of_phase, lines_of(network, phase, recordings), potentials=kept))
+        different = list(dict.fromkeys(of_phase))
+        ran = run_twins(different, lines_of(network, phase, recordings), potentials=kept)
+        traces.append([ran[different.index(twin)] for twin in of_phase])
     found: list[_Played] = []
     for variant in zip(*traces, strict=True):
         spikes, potential = (

@@ -5,6 +5,7 @@ exactly, so the twin equals the simulator bit for bit. With every switch off, it
 """
 
 from collections.abc import Mapping, Sequence
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,9 @@ from scipy import sparse
 from hw_model.description.chip import Registers
 from hw_model.values import BoolArray, ByteArray, FloatArray, Frozen, IntArray
 from locsnn_compile.network.projections import Matrix, sparse_spikes
+
+STACKED_ENTRIES = 1 << 14
+"""Matrices with at most this many entries are stacked: a call takes longer than its product, and a copy is small."""
 
 
 class TwinGroup(Frozen, eq=False):
@@ -42,7 +46,7 @@ class TwinGroup(Frozen, eq=False):
 
 
 class TwinSynapses(Frozen, eq=False):
-    """Weights (n_target, n_source), dense or CSR, or (n,) if each source reaches only the target with its own number.
+    """Weights (n_target, n_source), dense or CSR, or (n,) from each neuron onto itself, or onto what is joined to it.
 
     A spike in step t arrives at step ``t + 1 + delay``.
     """
@@ -88,38 +92,39 @@ def run_twins(
     """
     batch, steps = next(iter(lines.values())).shape[:2]
     registers = twins[0].registers
-    blocks = _blocks(twins, batch, steps)
-    home = {key: (block, columns) for block in blocks for key, columns in block.columns.items()}
-    joins = [
-        (*home[i, group.name], home[i, group.joined_to][1])
-        for i, twin in enumerate(twins)
-        for group in twin.groups
-        if group.joined_to
-    ]
-    *_, spiking = blocks
+    *joined, spiking = _blocks(twins, batch, steps)
+    home = {key: (block, columns) for block in (*joined, spiking) for key, columns in block.columns.items()}
     early = {name: played.transpose(1, 0, 2).reshape(steps * batch, -1) for name, played in lines.items()}
     sparse_lines = {name: sparse_spikes(spikes, np.float64) for name, spikes in early.items()}
     synapses = [(i, s) for i, twin in enumerate(twins) for s in twin.synapses if s.delay + 1 < steps]
-    onto: dict[tuple[int, _Key], list[tuple[int, _Block, slice, Matrix]]] = {}
+    longest = 1 + max((s.delay for _, s in synapses if s.weights.ndim == 1), default=0)
+    arrived: dict[tuple[str, int, int], FloatArray] = {}
+    own: dict[_Block, FloatArray] = {}
+    others: list[dict[str, list[_Onto]]] = [{} for _ in twins]
     for i, s in synapses:
         target, to_columns = home[i, s.target]
         if s.source in lines:
-            # Few lines spike, so their spikes are sparse, whatever the weights are.
-            found = sparse_lines[s.source][: batch * (steps - 1 - s.delay)] @ s.weights.T
-            charge = found.toarray() if sparse.issparse(found) else found
-            target.charge[1 + s.delay :, :, to_columns] += charge.reshape(-1, batch, s.weights.shape[0])
+            if (same := (s.source, s.delay, id(s.weights))) not in arrived:
+                # Few lines spike, so their spikes are sparse, whatever the weights are.
+                found = sparse_lines[s.source][: batch * (steps - 1 - s.delay)] @ s.weights.T
+                charge = found.toarray() if sparse.issparse(found) else found
+                arrived[same] = charge.reshape(-1, batch, s.weights.shape[0])
+            target.charge[1 + s.delay :, :, to_columns] += arrived[same]
+        elif s.weights.ndim == 1:
+            if target not in own:
+                own[target] = np.zeros((longest, 1, target.size))
+            own[target][s.delay, 0, to_columns] += s.weights
         else:
-            onto.setdefault((s.weights.ndim, (i, s.source)), []).append((1 + s.delay, target, to_columns, s.weights))
+            reach = (1 + s.delay, home[i, s.source][1], target, to_columns, s.weights)
+            others[i].setdefault(s.source, []).append(reach)
+    onto = _stacked(others)
     watched = {key: columns for key, (_, columns) in home.items() if key[1] in potentials}
     potential = {key: np.empty((batch, steps, here.stop - here.start)) for key, here in watched.items()}
-    # What neurons send to those of the same number is added first: in another order, sums round differently.
-    sending = sorted(onto.items(), key=lambda item: item[0][0])
     for step in range(steps):
-        for block in blocks[:-1]:
-            block.update(step, registers)
         spiking.joined[:] = 0.0
-        for child, from_columns, to_columns in joins:
-            spiking.joined[:, to_columns] += child.v[:, from_columns]
+        for block in joined:
+            block.update(step, registers)
+            spiking.joined[:, : block.size] += block.v
         spiking.update(step, registers)
         for key, kept in potential.items():
             block, columns = home[key]
@@ -128,12 +133,20 @@ def run_twins(
         if forced is not None:
             fired = np.hstack([forced[name][:, step] for _, name in spiking.columns]).astype(np.bool_)
         spiking.reset(fired)
-        for (_, key), synapses_of in sending:
-            sent = fired[:, home[key][1]]
-            for late, target, to_columns, weights in synapses_of if sent.any() else ():
-                if step + late < steps:
-                    charge = sent * weights if weights.ndim == 1 else (weights @ sent.T.astype(np.float64)).T
-                    target.charge[step + late, :, to_columns] += charge
+        sent = fired.astype(np.float64)
+        # What neurons send to those of the same number is added first: in another order, sums round differently.
+        for target, weights in own.items():
+            later = target.charge[step + 1 : step + 1 + longest]
+            later += weights[: len(later)] * sent[:, : target.size]
+        for late, columns, target, to_columns, weights in onto:
+            here = sent[:, columns]
+            if step + late < steps and here.any():
+                if sparse.issparse(weights):
+                    charge = (weights @ here.T).T
+                else:
+                    by_twin = here.reshape(batch, len(weights), -1).transpose(1, 2, 0)
+                    charge = (weights @ by_twin).transpose(2, 0, 1).reshape(batch, -1)
+                target.charge[step + late, :, to_columns] += charge
     traces = [TwinTrace({}, {}) for _ in twins]
     for (i, name), columns in spiking.columns.items():
         traces[i].spikes[name] = np.ascontiguousarray(spiking.spikes[:, :, columns])
@@ -143,15 +156,45 @@ def run_twins(
 
 
 def _blocks(twins: Sequence[Twin], batch: int, steps: int) -> "list[_Block]":
-    """Return a block of the groups that are joined to others, and as the last block the others, which spike."""
+    """Return blocks of the groups that are joined to others, and as the last block the others, which spike.
+
+    The first block has the first child of every group that has any, the next block the second ones. Groups with more
+    children come first, so all blocks have a group and what is joined to it in the same columns. Apart from that the
+    twins' groups of one name are neighbours.
+    """
     groups = {(i, group.name): group for i, twin in enumerate(twins) for group in twin.groups}
-    joined = {key: group for key, group in groups.items() if group.joined_to}
-    spiking = {key: group for key, group in groups.items() if not group.joined_to}
-    return [_Block(held, batch, steps) for held in (joined, spiking) if held]
+    children: dict[_Key, list[_Key]] = {key: [] for key, group in groups.items() if not group.joined_to}
+    for (i, name), group in groups.items():
+        if group.joined_to:
+            children[i, group.joined_to].append((i, name))
+    names = list(dict.fromkeys(name for _, name in groups))
+    ordered = sorted(children, key=lambda key: (-len(children[key]), names.index(key[1])))
+    ranks = [[children[key][k] for key in ordered if k < len(children[key])] for k in range(len(children[ordered[0]]))]
+    return [_Block({key: groups[key] for key in keys}, batch, steps) for keys in (*ranks, ordered)]
+
+
+def _stacked(others: "Sequence[Mapping[str, Sequence[_Onto]]]") -> "list[_Onto]":
+    """Stack small dense weights of neighbouring twins, (twins, n_target, n_source), and keep the order of each twin."""
+    numbered = [item for by_source in others for item in enumerate(chain.from_iterable(by_source.values()))]
+    found: list[_Onto] = []
+    for _, (late, columns, target, to_columns, weights) in sorted(
+        numbered, key=lambda item: (item[0], item[1][1].start)
+    ):
+        held = weights if sparse.issparse(weights) else weights[None]
+        if found and held.ndim == 3 and weights.size <= STACKED_ENTRIES:
+            late_before, before, target_before, to_before, held_before = found[-1]
+            neighbours = (before.stop, to_before.stop) == (columns.start, to_columns.start)
+            if neighbours and (late, target, *weights.shape) == (late_before, target_before, *held_before.shape[1:]):
+                columns, to_columns = slice(before.start, columns.stop), slice(to_before.start, to_columns.stop)
+                held = np.concatenate([found.pop()[-1], held])
+        found.append((late, columns, target, to_columns, held))
+    return found
 
 
 _Key = tuple[int, str]
 """The number of a twin and the name of one of its groups."""
+_Onto = tuple[int, slice, "_Block", slice, Matrix]
+"""Steps until spikes arrive, the columns that send them, the block and its columns that they reach, and the weights."""
 
 
 class _Block:
@@ -163,11 +206,12 @@ class _Block:
         self.columns, self.size = {key: slice(*ends[i : i + 2]) for i, key in enumerate(by_key)}, ends[-1]
         self._spiking = groups[0].joined_to is None
         self._keep_u, self._keep_v, self._threshold, self._bias, self._refractory, vmin, vmax = (
-            np.concatenate([getattr(group, key) for group in groups])
+            np.tile(np.concatenate([getattr(group, key) for group in groups]), (batch, 1))
             for key in ("keep_u", "keep_v", "threshold", "bias", "refractory", "vmin", "vmax")
         )
         self._truncates, self._limited = (
-            np.repeat([getattr(group, key) for group in groups], np.diff(ends)) for key in ("truncates", "limited")
+            np.tile(np.repeat([getattr(group, key) for group in groups], np.diff(ends)), (batch, 1))
+            for key in ("truncates", "limited")
         )
         self._vmin, self._vmax = np.where(self._limited, vmin, -np.inf), np.where(self._limited, vmax, np.inf)
         self._biased, self._blocks = bool(self._bias.any()), bool((self._refractory > 1).any())
@@ -178,10 +222,11 @@ class _Block:
 
     def update(self, step: int, registers: Registers) -> None:
         """Accumulate, decay and join; afterwards v is what the threshold sees."""
-        arrived = self._wrapped(self.charge[step], registers.charge_bits)
-        self._u = self._wrapped(self._kept(self._u, self._keep_u) + arrived, registers.current_bits)
-        drive = self._wrapped(self._u + self._bias, registers.current_bits) if self._biased else self._u
-        self.v = self._kept(self.v, self._keep_v) + drive
+        self._decay(self._u, self._keep_u)
+        self._u += self._wrapped(self.charge[step], registers.charge_bits)
+        self._u = self._wrapped(self._u, registers.current_bits)
+        self._decay(self.v, self._keep_v)
+        self.v += self._wrapped(self._u + self._bias, registers.current_bits) if self._biased else self._u
         if self._spiking:
             self.v += self.joined
         np.minimum(np.maximum(self.v, self._vmin, out=self.v), self._vmax, out=self.v)  # twice as fast as np.clip
@@ -202,9 +247,9 @@ class _Block:
         if self._blocks:
             self._blocked = np.where(spikes, self._refractory - 1, np.maximum(self._blocked - 1, 0))
 
-    def _kept(self, x: FloatArray, keep: FloatArray) -> FloatArray:
-        kept: FloatArray = x * keep
-        return np.trunc(kept, out=kept, where=self._truncates)
+    def _decay(self, x: FloatArray, keep: FloatArray) -> None:
+        x *= keep
+        np.trunc(x, out=x, where=self._truncates)
 
     def _wrapped(self, x: FloatArray, bits: int) -> FloatArray:
         """Return ``x``, wrapped where limited to ``bits`` bits plus sign in two's complement; fractions are kept."""
