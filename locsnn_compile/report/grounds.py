@@ -51,7 +51,8 @@ def _of_step(network: Network, known: float | None) -> Iterator[str]:
 
 def _of_calibration(network: Network, recordings: Recordings, calibration: Recordings) -> Iterator[str]:
     given = calibration.origin == "given" and calibration is not recordings
-    if network.has_float_weights and not given:
+    # The weights of other neurons round alike for any recordings.
+    if network.by_strategy and not given:
         on = f"{counted(len(calibration), 'recording')} that the model carries"
         if calibration is recordings:
             on = "the recordings of the check itself"

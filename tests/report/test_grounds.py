@@ -19,6 +19,7 @@ from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.frontends.parts import synthetic_recordings
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.description import InputLayout, NetworkDescription
+from locsnn_compile.models.graph_and_windows import WindowParameters
 from locsnn_compile.models.networks import build_network
 from locsnn_compile.network.network import Network
 from locsnn_compile.report.grounds import grounds_of
@@ -103,6 +104,24 @@ def test_every_assumption_stands_and_no_other(
     assert found.assumptions == ("The file left this open.", *wanted)
 
 
+def test_weights_that_round_alike_for_any_recordings_are_not_called_calibrated(tmp_path: Path) -> None:
+    file = tmp_path / "windows.pt"
+    layout, windows = InputLayout(neutouch(1), 40, 0.02), WindowParameters(steps=8, stride=8, levels=(1,))
+    order = tuple(range(1, 40))
+    description = NetworkDescription(
+        "window-snn", layout, 3, neuron=windows, location_order="own", location_taxels=order, name="windows"
+    )
+    Checkpoint(description, build_network(description, seed=1).weights()).save(file)
+    network = lc.load(file)
+    assert (network.has_float_weights, network.by_strategy) == (True, False)
+    programs = [
+        lc.compile(network, events=GIVEN, calibration=given, diagnosis=False).files()["program.npz"]
+        for given in (None, played(steps=40))
+    ]
+    assert programs[0] == programs[1]
+    assert grounds_of(network, GIVEN, played("made up")).assumptions == ()
+
+
 def in_seconds(value: object, key: str = "") -> dict[str, object]:
     """Return what a report says of seconds that passed at a sensor, by dotted keys."""
     if isinstance(value, dict):
@@ -167,15 +186,14 @@ def test_a_nir_graph_of_no_step_has_no_pace_and_says_what_was_taken(
     made_up = MADE_UP.replace("synthetic touches", "synthetic spikes, 5 % per step")
     report = json.loads((tmp_path / "out/report.json").read_text())
     network = lc.load(tmp_path / "g.nir")
-    calibration = calibrated("the recordings of the check itself")
-    assert report["assumptions"] == [*network.assumptions, made_up, NO_STEP, calibration]
+    assert report["assumptions"] == [*network.assumptions, made_up, NO_STEP]
     assert len(network.assumptions) == 3
     assert (report["latency"]["recording_ns"], report["latency"]["real_time"]) == (None, None)
     assert "times faster" not in unknown
     assert main([*model, "--dt", "1e-4", "--reset", "zero", "--discretisation", "euler"]) == 0
     assert "times faster than the 10.0 ms recorded" in " ".join(capsys.readouterr().out.split())
     report = json.loads((tmp_path / "out/report.json").read_text())
-    assert report["assumptions"] == [made_up, calibration]
+    assert report["assumptions"] == [made_up]
 
 
 def test_recordings_that_a_network_was_trained_on_are_told_from_others(tmp_path: Path) -> None:
