@@ -7,7 +7,10 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 STRATEGIES = ("dendrite", "delay-line", "reset")
 HYBRIDS = ("objects-hybrid", "containers-hybrid")
-TRAINED = ("objects-hybrid-loihi", "containers-hybrid-loihi", "two-fingertips", "containers-best", "objects-best")
+TRAINED = (
+    *("objects-hybrid-loihi", "containers-hybrid-loihi", "two-fingertips"),
+    *("containers-window-16", "containers-best", "objects-best"),
+)
 MODELS = [(model, strategy) for model in HYBRIDS for strategy in STRATEGIES] + [(model, "auto") for model in TRAINED]
 EXAMPLES = {
     "objects": ("touches",),

@@ -207,32 +207,41 @@ def test_every_strategy_spikes_as_trained_on_all_recordings(
         assert mismatches(found, network, recordings)[0] == 0
 
 
-def test_the_best_network_of_containers_is_the_one_of_its_configuration() -> None:
-    found = read_checkpoint(model("containers-best"))
-    assert (found.description.name, found.description.architecture) == ("containers-best", "window-snn")
+WINDOWS = {"containers-best": "levels", "containers-window-16": "16-steps"}
+"""The networks of windows that ship, and how their configurations end."""
+
+
+@pytest.mark.parametrize("name", WINDOWS)
+def test_networks_of_windows_are_those_of_their_configurations(name: str) -> None:
+    found = read_checkpoint(model(name))
+    assert (found.description.name, found.description.architecture) == (name, "window-snn")
     assert found.recordings is None
-    config = vars(config_from_mapping(read_config(ROOT / "examples/configs/containers-window-snn-levels.yaml")))
+    config = vars(
+        config_from_mapping(read_config(ROOT / f"examples/configs/containers-window-snn-{WINDOWS[name]}.yaml"))
+    )
     assert config["seed"] == found.training["seed"] == 0  # fixed beforehand, not picked
     assert {key: found.training[key] for key in config if key in found.training} == {
         key: value for key, value in config.items() if key in found.training
     }
 
 
-def test_its_card_agrees_with_it() -> None:
-    training = read_checkpoint(model("containers-best")).training
-    card = model("containers-best").with_suffix(".md").read_text(encoding="utf-8")
+@pytest.mark.parametrize(("name", "wrong"), [("containers-best", 37), ("containers-window-16", 38)])
+def test_cards_of_networks_of_windows(name: str, wrong: int) -> None:
+    training = read_checkpoint(model(name)).training
+    card = model(name).with_suffix(".md").read_text(encoding="utf-8")
     rows = {int(row[0]): row[1:] for row in re.findall(r"^\| (\d) \| ([\d.]+) \| ([\d.]+) \|$", card, re.M)}
     assert sorted(rows) == [0, 1, 2, 3, 4]
     assert rows[0][0] == f"{training['test_accuracy']:.3f}"
     right = np.array([round(60 * float(test)) for test, _ in rows.values()])
-    assert int(5 * 60 - right.sum()) == 37
+    assert int(5 * 60 - right.sum()) == wrong
     tests = right / 60
     assert f"Test: mean {tests.mean():.3f}, sample standard deviation {tests.std(ddof=1):.3f}, over five seeds" in card
 
 
 @on_real_recordings
-def test_the_best_network_of_containers_on_the_chip() -> None:
-    found, network = read_checkpoint(model("containers-best")), load(model("containers-best"))
+@pytest.mark.parametrize("name", WINDOWS)
+def test_networks_of_windows_on_the_chip(name: str) -> None:
+    found, network = read_checkpoint(model(name)), load(model(name))
     test = read_recordings(REAL / "Ev-Containers.zip", split="test")
     own = build_network(found.description)
     own.load_weights(found.weights)
