@@ -9,34 +9,33 @@ example:
 import argparse
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import hw_model as hw
+from hw_model.io.files import parsing, read_bytes, replace_file
+from hw_model.io.folders import finish_writing
+from hw_model.io.given import check_path
+from locsnn_compile.backends import BUILD_NAMES
+from locsnn_compile.cli.places import check_places
 from locsnn_compile.cli.shell import terminal
 from locsnn_compile.errors import InputError, check_same
-
-if TYPE_CHECKING:
-    from locsnn_compile.report.sections.comparison import Build
+from locsnn_compile.report.figures.program import program_figures
+from locsnn_compile.report.renderers.html import render_html
+from locsnn_compile.report.renderers.terminal import render_terminal
+from locsnn_compile.report.sections.comparison import Build, changes, comparison, percent
 
 MAX_REPORT_BYTES = 64 << 20
 
 
 def run(args: argparse.Namespace) -> int:
     """Print the summary, or every figure that differs, with the change in percent if both are numbers."""
-    from locsnn_compile.report.sections.comparison import changes, comparison, percent
-
     if args.html:
-        from locsnn_compile.backends import BUILD_NAMES
-        from locsnn_compile.cli.places import check_places
-
         builds = (("BUILD_A", args.before), ("BUILD_B", args.after))
         reads = {f"{option}, {name}": Path(folder) / name for option, folder in builds for name in BUILD_NAMES}
         check_places(reads, [(f"--html {args.html!r}", Path(args.html))])
     before, after = (_build(Path(folder)) for folder in (args.before, args.after))
     changed = changes(before, after)
     if args.html:
-        from hw_model.io.files import replace_file
-        from locsnn_compile.report.renderers.html import render_html
-
         page = render_html(comparison(before, after))
         replace_file(Path(args.html), page.encode(), where=f"--html {args.html!r}")
     if args.json:
@@ -48,18 +47,12 @@ def run(args: argparse.Namespace) -> int:
             by = percent(a, b)
             print(f"{key}: {a} -> {b}{f' ({by})' if by else ''}")
     else:
-        from locsnn_compile.report.renderers.terminal import render_terminal
-
         render_terminal(comparison(before, after), terminal())
         print("\n--all lists every figure that changed.")
     return 0
 
 
-def _build(folder: Path) -> "Build":
-    import hw_model as hw
-    from locsnn_compile.report.figures.program import program_figures
-    from locsnn_compile.report.sections.comparison import Build
-
+def _build(folder: Path) -> Build:
     build = Build(folder.absolute().name, read_report(folder), program_figures(hw.load_program(folder)))
     held = sum(group["synapses"] for group in build.program["groups"].values())
     where, what = f"build {build.name!r}", "report.json counts other synapses than the program has"
@@ -69,10 +62,6 @@ def _build(folder: Path) -> "Build":
 
 def read_report(folder: Path) -> dict[str, Any]:
     """Return report.json of a build; ``InputError`` if it cannot be read or is not a report."""
-    from hw_model.io.files import parsing, read_bytes
-    from hw_model.io.folders import finish_writing
-    from hw_model.io.given import check_path
-
     check_path(folder, f"build {folder.name[:60]!r}")
     finish_writing(folder)
     where, fix = f"build {folder.name!r}", "Give a folder that locsnn-compile wrote."

@@ -12,16 +12,23 @@ as in Tonic), bs1, bs2 or tact. If a format cannot hold something, the options t
 
 import argparse
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from hw_model.io.files import replace_file
+from hw_model.values import picked
 from locsnn_compile.cli.options import recording_of
+from locsnn_compile.cli.places import check_places
 from locsnn_compile.cli.shell import say
 from locsnn_compile.cli.step_options import asked_reading
+from locsnn_compile.data.read import read_recordings
+from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.data.sensor import asked_layout
+from locsnn_compile.data.statistics import event_statistics
+from locsnn_compile.data.write import write_recordings
 from locsnn_compile.errors import InputError
 from locsnn_compile.report.format import known, plural
-
-if TYPE_CHECKING:
-    from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.report.pictures.recording import raster_svg, text_raster
+from locsnn_compile.report.words import facts, sentence
 
 _SHOWN_LABELS, _SHOWN_DEAD = 12, 24
 
@@ -29,12 +36,6 @@ _SHOWN_LABELS, _SHOWN_DEAD = 12, 24
 def run(args: argparse.Namespace) -> int:
     """Print the figures, and write the files asked for."""
     _check_options(args)
-    from hw_model.values import picked
-    from locsnn_compile.cli.places import check_places
-    from locsnn_compile.data.read import read_recordings
-    from locsnn_compile.data.sensor import asked_layout
-    from locsnn_compile.data.statistics import event_statistics
-
     given = (("-o", args.output), ("--to", args.to))
     writes = [(f"{option} {str(path)!r}", path) for option, path in given if path is not None]
     # A folder is written only if it is new or empty.
@@ -53,8 +54,6 @@ def run(args: argparse.Namespace) -> int:
 
 def statistics_lines(found: Mapping[str, Any], binning: str | None) -> list[str]:
     """Return the figures as lines; ``binning`` says what was left out on reading."""
-    from locsnn_compile.report.words import facts, sentence
-
     width, steps, polarity, rate = (found[key] for key in ("step_seconds", "steps", "polarity", "rate_hz_per_channel"))
     seconds = "" if width is None else f" of {width:g} s ({steps * width:g} s)"
     rows = [(one["channel"], one["place"], one["events"]) for one in found["busiest_channels"]]
@@ -83,27 +82,20 @@ def _labels(labels: dict[int, int] | None) -> str:
     return f"{plural(len(labels), 'class', 'classes')} ({shown}{', ...' if len(labels) > _SHOWN_LABELS else ''})"
 
 
-def _raster(recordings: "Recordings", index: int) -> Sequence[str]:
-    from locsnn_compile.report.pictures.recording import text_raster
-
+def _raster(recordings: Recordings, index: int) -> Sequence[str]:
     label = "" if recordings.labels is None else f", {recordings.called(recordings.labels[index])}"
     return [f"recording {index}{label}:", *(f"|{line}|" for line in text_raster(recordings.spikes[index]))]
 
 
-def _write(args: argparse.Namespace, recordings: "Recordings", number: int, sensor: Any) -> list[str]:
+def _write(args: argparse.Namespace, recordings: Recordings, number: int, sensor: Any) -> list[str]:
     """Write the files asked for; return a line for each, and the options that restore what a format cannot hold."""
     lines = []
     if args.output is not None:
-        from hw_model.io.files import replace_file
-        from locsnn_compile.report.pictures.recording import raster_svg
-
         title = f"{recordings.source}, recording {number}"
         picture = raster_svg(recordings.spikes[number], title, recordings.step_seconds)
         replace_file(args.output, picture, f"file {args.output.name!r}")
         lines.append(f"wrote {args.output}")
     if args.to is not None:
-        from locsnn_compile.data.write import write_recordings
-
         how = {"members": args.members, "structured": args.structured, "sensor": sensor}
         left = write_recordings(args.to, recordings, **how).options
         lines.append(f"wrote {args.to}")

@@ -16,39 +16,32 @@ none is given, the bounds are those of --strategy auto: no more changed predicti
 more spikes that differ, and class scores off by at most 5 % more of their spread.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+import hw_model as hw
+from hw_model.io.build_folder import check_folder, default_folder, write_build
+from locsnn_compile.api import calibration_recordings
 from locsnn_compile.cli.interrupt import EXIT_INTERRUPTED
 from locsnn_compile.cli.options import given
+from locsnn_compile.cli.places import check_places
 from locsnn_compile.cli.shell import EXIT_GATE, progress_bar
+from locsnn_compile.cluster.spread import Spread, spread_over
 from locsnn_compile.errors import InputError
-from locsnn_compile.settings import AXES, Axis, Value, check_matters, settings
-
-if TYPE_CHECKING:
-    from locsnn_compile.cluster.spread import Spread
-    from locsnn_compile.explore.exploration import Exploration
+from locsnn_compile.explore.events import choose_events, report_events, written
+from locsnn_compile.explore.exploration import Exploration
+from locsnn_compile.explore.point import ModelFile, Study
+from locsnn_compile.explore.result import exploration_files, lines
+from locsnn_compile.explore.sweep import Store, auto_bounds, sweep
+from locsnn_compile.passes.quantize import weight_bits_of
+from locsnn_compile.settings import AXES, Value, check_matters, settings
+from locsnn_compile.verification.error_bounds import ErrorBudget
 
 ENGINES = ("fast", "reference")
 READ = ("--config", "--events", "--report-on", "--calibration", "--target")
 WRITTEN = ("explore.csv", "explore.json", "explore.svg", "timings.csv", "timings.svg")
-
-
-def declared(axes: Sequence[Axis]) -> str:
-    """Return the options of axes, as ``options.txt`` declares options."""
-    helped = ((axis, ", ".join(map(str, axis.values))) for axis in axes)
-    return "\n".join(
-        f"{axis.option} X, {axis.kind}, several\n    {axis.help} to try (default: {values})" for axis, values in helped
-    )
-
-
-WORDS = {"axes": declared(AXES)}
-"""Fill the placeholders in this command's options."""
 
 
 def run(args: argparse.Namespace) -> int:
@@ -56,10 +49,6 @@ def run(args: argparse.Namespace) -> int:
     wanted: dict[str, list[Value]] = {axis.name: getattr(args, axis.name) or [] for axis in AXES}
     if args.workers and args.scheduler:
         raise InputError("--workers", "a scheduler has workers of its own", fix="Leave out --workers or --scheduler.")
-
-    from hw_model.io.build_folder import check_folder, default_folder, write_build
-    from locsnn_compile.cluster.spread import spread_over
-
     folder = Path(args.output) if args.output else default_folder(args.model, "-explore")
     check_folder(folder, WRITTEN)
     _check_places(args, folder, WRITTEN)
@@ -69,9 +58,6 @@ def run(args: argparse.Namespace) -> int:
     except KeyboardInterrupt:
         print("Stopped. The same command resumes from here.", file=sys.stderr)
         return EXIT_INTERRUPTED
-
-    from locsnn_compile.explore.result import exploration_files, lines
-
     files = exploration_files(found)
     write_build(folder, files)
     if args.json:
@@ -88,15 +74,6 @@ def _explore(
     args: argparse.Namespace, wanted: Mapping[str, Sequence[Value]], folder: Path, spread: Spread
 ) -> Exploration:
     """Measure the grid, and then the front on the recordings of --report-on."""
-    import hw_model as hw
-    from locsnn_compile.api import calibration_recordings
-    from locsnn_compile.explore.events import choose_events, report_events, written
-    from locsnn_compile.explore.exploration import Exploration
-    from locsnn_compile.explore.point import ModelFile, Study
-    from locsnn_compile.explore.sweep import Store, auto_bounds, sweep
-    from locsnn_compile.passes.quantize import weight_bits_of
-    from locsnn_compile.verification.error_bounds import ErrorBudget
-
     model = ModelFile(args.model, args.config, args.dt, args.reset, args.discretisation, args.kernels)
     network, chip = model.load(), hw.chip(args.target)
     check_matters(network, {"calibration": "--calibration"} if args.calibration else {})
@@ -124,7 +101,5 @@ def _explore(
 
 def _check_places(args: argparse.Namespace, folder: Path, names: Sequence[str]) -> None:
     """Refuse to overwrite inputs with files of these ``names`` in the output folder."""
-    from locsnn_compile.cli.places import check_places
-
     reads = {"MODEL": args.model, **given(args, READ)}
     check_places(reads, [], [(f"-o {str(folder)!r}", folder / name) for name in names])

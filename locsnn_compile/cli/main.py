@@ -3,11 +3,9 @@
 import sys
 from collections.abc import Sequence
 
-from locsnn_compile.cli import compile, completion, diff, events, explore, pack, run, stress, targets, train
-from locsnn_compile.cli.rtl import fit, sim, stream
 from locsnn_compile.cli.shell import Parser, add_command, add_common, guarded
 
-COMMANDS = (compile, train, pack, run, events, explore, diff, stress, targets, completion)
+COMMANDS = ("compile", "train", "pack", "run", "events", "explore", "diff", "stress", "targets", "completion")
 
 
 def parser() -> Parser:
@@ -19,16 +17,14 @@ def parser() -> Parser:
         add_command(commands, command)
     core = commands.add_parser("rtl", help="run programs on the open core, simulated or on a board")
     kinds = core.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for command in (sim, fit, stream):
+    for command in ("rtl/sim", "rtl/fit", "rtl/stream"):
         add_command(kinds, command)
     return made
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command that the first argument names; return its exit code."""
-    made = parser()
-    completion.answer_shell(made)
-    return guarded(made, argv, lambda args: int(args.run(args)))
+    return guarded(parser(), argv, lambda args: int(args.run(args)))
 
 
 if __name__ == "__main__":

@@ -7,9 +7,13 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from hw_model.rtl.boards import BOARDS
 from hw_model.texts.templates import sections
+from locsnn_compile.backends import EMIT_KINDS
 from locsnn_compile.cli.completion import chips
-from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.errors import InputError, did_you_mean, listed
+from locsnn_compile.models.architectures import ARCHITECTURES
+from locsnn_compile.settings import AXES, STRATEGIES, TRAINABLE, Axis
 
 if TYPE_CHECKING:
     from locsnn_compile.data.recordings import Recordings
@@ -44,11 +48,37 @@ RANGE = re.compile(r"a finite number|a number (from|above) (\S+)(?: up| to (\S+)
 """``a number from 0 to 1``, ``from 0 up`` or ``above 0``; it is always finite."""
 
 
-def add_options(parser: argparse.ArgumentParser, command: str, words: Mapping[str, str]) -> None:
-    """Add the options of a command; ``words`` fill the placeholders in its section that do not name another section."""
+def declared(axes: Iterable[Axis]) -> str:
+    """Return the options of axes, as ``options.txt`` declares options."""
+    helped = ((axis, ", ".join(map(str, axis.values))) for axis in axes)
+    return "\n".join(
+        f"{axis.option} X, {axis.kind}, several\n    {axis.help} to try (default: {values})" for axis, values in helped
+    )
+
+
+WORDS: dict[str, Mapping[str, str]] = {
+    "compile": {
+        "strategies": ", ".join(STRATEGIES),
+        "names": "|".join(STRATEGIES),
+        "kinds": ", ".join(EMIT_KINDS),
+        "emitted": "|".join(EMIT_KINDS),
+    },
+    "train": {
+        "architectures": ", ".join(ARCHITECTURES),
+        "strategies": listed([f"{TRAINABLE[0]} (default)", *TRAINABLE[1:]], "or"),
+        "trainable": "|".join(TRAINABLE),
+    },
+    "explore": {"axes": declared(AXES)},
+    "fit": {"boards": ", ".join(BOARDS), "names": "|".join(BOARDS)},
+}
+"""By command, what fills the placeholders in its section that do not name another section."""
+
+
+def add_options(parser: argparse.ArgumentParser, command: str) -> None:
+    """Add the options of a command."""
     found = sections(__package__, "options.txt")
-    declared = found[command].format_map({**found, **words})
-    for line, said in re.findall(r"^(\S.*)((?:\n    .*)+)", declared, re.MULTILINE):
+    lines = found[command].format_map({**found, **WORDS.get(command, {})})
+    for line, said in re.findall(r"^(\S.*)((?:\n    .*)+)", lines, re.MULTILINE):
         named, *kinds = line.split(", ")
         *names, last = named.split()
         asked: dict[str, Any] = {"metavar": last} if names else {}

@@ -11,17 +11,17 @@ example:
 import argparse
 from pathlib import Path
 
+from hw_model.io.extras import needed
+from locsnn_compile.api import join
+from locsnn_compile.cli.places import check_places
+from locsnn_compile.errors import InputError
+from locsnn_compile.frontends.checkpoint import network_of
+from locsnn_compile.models.checkpoint import Pack
+from locsnn_compile.models.checkpoint_reader import read_checkpoint
+
 
 def run(args: argparse.Namespace) -> int:
     """Read, weigh and write."""
-    from hw_model.io.extras import needed
-    from locsnn_compile.api import join
-    from locsnn_compile.cli.places import check_places
-    from locsnn_compile.errors import InputError
-    from locsnn_compile.frontends.checkpoint import network_of
-    from locsnn_compile.models.checkpoint import Pack
-    from locsnn_compile.models.checkpoint_reader import read_checkpoint
-
     reads = {f"MODEL {path!r}": path for path in args.model} | {"--calibration": args.calibration}
     check_places(reads, [("--output", Path(args.output))])
     if Path(args.output).suffix != ".pt":

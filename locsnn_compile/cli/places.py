@@ -7,6 +7,7 @@ from pathlib import Path
 from hw_model.errors import InputError
 from hw_model.io.files import check_file
 from hw_model.io.given import check_path
+from locsnn_compile.data.member_names import recording_files
 
 Place = tuple[str, Path]
 """An option as messages show it, and the path that it writes: a file, or a folder that is replaced as a whole."""
@@ -49,8 +50,6 @@ def check_places(reads: Mapping[str, str | Path | None], files: Sequence[Place],
 def _read_of(path: Path) -> Iterable[Path]:
     """Return the files that are read for a path: the file itself, or the recordings in a folder."""
     if path.is_dir():
-        from locsnn_compile.data.member_names import recording_files
-
         return recording_files(path)
     return (path, path.with_name(f"{path.stem}_labels.npy"), path.with_suffix(".startend")) if path.name else ()
 

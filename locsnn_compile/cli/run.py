@@ -12,32 +12,38 @@ from an archive with a train part, that part is used. --stop silence ends a reco
 event, once everything is at rest.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import partial
 from itertools import chain, count
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 import hw_model as hw
+from locsnn_compile.cli.run_stream import stream_all, stream_lines
 from locsnn_compile.cli.shell import progress_bar, say
 from locsnn_compile.cli.step_options import CHUNK, chunks_for_program, read_for_program
+from locsnn_compile.cluster.spread import Spread, spread_over
+from locsnn_compile.data.read import recording_parts
+from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError, check_most
 from locsnn_compile.report.format import plural
+from locsnn_compile.report.words import sentence
+from locsnn_compile.verification.over_time import savings, stop_all
 
-if TYPE_CHECKING:
-    from locsnn_compile.cluster.spread import Spread
-    from locsnn_compile.data.recordings import Recordings
+Row = dict[str, Any]
+_SAVED = ("steps", "synaptic_ops", "energy_pj")
+MIN_AGREEMENT = 0.99
+"""Of a margin that is calibrated, unless another is asked for."""
 
 
 def run(args: argparse.Namespace) -> int:
     """Play every recording; print a line for each, or JSON."""
     _check_options(args)
-    from locsnn_compile.cluster.spread import spread_over
-
     program = hw.load_program(args.program)
     if args.profile:
         program = replace(program, chip=hw.priced_by(program.chip, args.profile))
@@ -49,12 +55,8 @@ def run(args: argparse.Namespace) -> int:
     recordings = next(chunks)
     if args.step_seconds is not None and not args.stream and recordings.threshold is None:
         raise InputError("--step-seconds", "nothing requested is timed", fix="Add --stream.")
-    margin = None
-    if args.stop == "margin":
-        from locsnn_compile.cli.run_margin import known_margin
-
-        margin = known_margin(args, program, recordings)
-    counts, tally, rows = hw.Counts(), Counter[str](), list[dict[str, Any]]()
+    margin = _known_margin(args, program, recordings) if args.stop == "margin" else None
+    counts, tally, rows = hw.Counts(), Counter[str](), list[Row]()
     shown = not (args.json or args.stream)
     with spread_over(args.scheduler) as spread:
         with progress_bar("simulating", show=not shown) as progress:
@@ -68,27 +70,23 @@ def run(args: argparse.Namespace) -> int:
                 if shown:
                     print("\n".join(map(recording_line, found)))
         totals = hw.energy_pj(counts, program.chip.costs)
-        result: dict[str, Any] = {"program": program.name, "recordings": rows}
+        result: Row = {"program": program.name, "recordings": rows}
         result |= {"counts": dict(counts), "energy_pj": totals}
         said = _summary(program, tally, counts, totals)
         if recordings.binned is not None:
             result["binning"] = recordings.binned.document()
             said.append(f"binning: {recordings.binned.words}")
         if args.stream:
-            from locsnn_compile.cli.run_stream import stream_all, stream_lines
-
             result["stream"] = stream_all(args, program, recordings, rows, margin)
             said += stream_lines(result["stream"])
         if args.stop:
-            from locsnn_compile.cli.run_stop import find_stops, stop_lines
-
-            result["stop"] = find_stops(args, program, recordings, rows, margin, spread)
-            said += stop_lines(result["stop"])
+            result["stop"] = _find_stops(args, program, recordings, rows, margin, spread)
+            said += _stop_lines(result["stop"])
     say(args, result, said)
     return 0
 
 
-def recording_line(row: dict[str, Any]) -> str:
+def recording_line(row: Row) -> str:
     """Return the outcome of a recording as one line."""
     label = "" if row["label"] is None else f"  label {row['label']}"
     predicted = "all classes tie" if row["tied"] else f"class {row['prediction']}"
@@ -109,7 +107,7 @@ def _summary(program: hw.ChipProgram, tally: Counter[str], counts: hw.Counts, to
 
 def _play(
     program: hw.ChipProgram, chunks: Iterable[Recordings], engine: str, spread: Spread
-) -> Iterator[tuple[list[dict[str, Any]], hw.Counts]]:
+) -> Iterator[tuple[list[Row], hw.Counts]]:
     """Yield the rows and the counts of a few recordings at a time."""
     parts = (
         (found.spikes[start : start + CHUNK], None if found.labels is None else found.labels[start : start + CHUNK])
@@ -121,7 +119,7 @@ def _play(
         yield [{"recording": next(number), **row} for row in rows], counts
 
 
-def _play_part(program: hw.ChipProgram, engine: Any, part: tuple[Any, Any]) -> tuple[list[dict[str, Any]], hw.Counts]:
+def _play_part(program: hw.ChipProgram, engine: Any, part: tuple[Any, Any]) -> tuple[list[Row], hw.Counts]:
     """Play some recordings with their labels; return their rows and counts.
 
     Where all classes tie, the prediction is the first class, but nothing is predicted: with a label, that is wrong.
@@ -134,10 +132,8 @@ def _play_part(program: hw.ChipProgram, engine: Any, part: tuple[Any, Any]) -> t
         check_most(int(labels.max()), most, "labels of --events", "no class has this number", fix=fix)
     tied = (found.scores == found.scores[:, :1]).all(axis=1)
     labels = [None] * len(spikes) if labels is None else labels.tolist()
-    columns = (found.prediction.tolist(), tied.tolist(), labels, [counts.spikes for counts in found.per_recording])
-    rows = [
-        dict(zip(("prediction", "tied", "label", "spikes"), row, strict=True)) for row in zip(*columns, strict=True)
-    ]
+    columns = zip(found.prediction.tolist(), tied.tolist(), labels, found.per_recording, strict=True)
+    rows = [{"prediction": best, "tied": tie, "label": label, "spikes": of.spikes} for best, tie, label, of in columns]
     return rows, found.counts
 
 
@@ -158,3 +154,76 @@ def _check_options(args: argparse.Namespace) -> None:
         raise InputError("--scheduler", "steps are timed on this machine", fix="Leave out --scheduler or --stream.")
     if args.psi is not None and not (args.stream or by_margin):
         raise InputError("--psi", "nothing requested weighs the branches", fix="Add --stream or --stop margin.")
+
+
+def _known_margin(args: argparse.Namespace, program: hw.ChipProgram, played: Recordings) -> Row:
+    """Return the margin and where it comes from, which is not what is ``played``; infinite if no lead was enough."""
+    if args.margin is not None:
+        return {"margin": args.margin, "calibrated_on": None}
+    asked = MIN_AGREEMENT if args.min_agreement is None else args.min_agreement
+    part = "train" if "train" in recording_parts(args.calibrate, test_share=args.split) else None
+    recordings = read_for_program(args, args.calibrate, program, part)
+    if np.array_equal(recordings.spikes, played.spikes):
+        what = "these recordings are also played, and a margin always suits the recordings that it was found on"
+        raise InputError(f"--calibrate {Path(args.calibrate).name!r}", what, fix="Give others.")
+    with progress_bar("calibrating", show=True):
+        margin = hw.calibrate_margin(program, recordings.spikes, asked, args.psi)
+        stops = hw.stop_at_margin(program, recordings.spikes, margin, args.psi)
+    return {
+        "margin": margin,
+        "calibrated_on": {
+            "source": recordings.source,
+            "part": part,
+            "recordings": len(recordings),
+            "min_agreement": asked,
+            "agreement": float(np.mean(stops.prediction == stops.final)),
+        },
+    }
+
+
+def _find_stops(
+    args: argparse.Namespace,
+    program: hw.ChipProgram,
+    recordings: Recordings,
+    rows: list[Row],
+    margin: Row | None,
+    spread: Spread,
+) -> Row:
+    """Stop every recording; add its ``stop`` to its row, and return the figures over all of them."""
+    if args.silence is not None:
+        stop = partial(hw.stop_in_silence, program, silence=args.silence)
+    elif margin is None:
+        stop = partial(hw.stop_when_proven, program)
+    else:
+        stop = partial(hw.stop_at_margin, program, margin=margin["margin"], psi=args.psi)
+    with progress_bar("stopping", show=True) as progress:
+        stops = stop_all(stop, recordings.spikes, progress, spread=spread)
+    for row, step, prediction in zip(rows, stops.steps.tolist(), stops.prediction.tolist(), strict=True):
+        row["stop"] = {"step": step, "prediction": prediction}
+    # JSON has no infinity: null means that no lead was enough.
+    how = {} if margin is None else {**margin, "margin": margin["margin"] if np.isfinite(margin["margin"]) else None}
+    # A recording in which all classes tie at the end predicts nothing, so it counts as wrong wherever it stops.
+    labels = None if recordings.labels is None else np.where([row["tied"] for row in rows], -1, recordings.labels)
+    return {
+        "kind": args.stop,
+        **how,
+        **savings(program, stops),
+        "agreement": float(np.mean(stops.prediction == stops.final)),
+        "accuracy": None if labels is None else float(np.mean(stops.prediction == labels)),
+        "whole_accuracy": None if labels is None else float(np.mean(stops.final == labels)),
+        "recordings": len(rows),
+    }
+
+
+def _stop_lines(found: Row) -> list[str]:
+    """Return, a line each, where the margin comes from, what stopping saves, and how predictions compare."""
+    lines = []
+    if calibrated := found.get("calibrated_on"):
+        of_part = f", {calibrated['part']} part" if calibrated["part"] else ""
+        lead = "no lead is" if found["margin"] is None else f"a lead of {found['margin']:.4g} is"
+        lines.append(sentence("margin", lead=lead, of_part=of_part, **calibrated))
+    saved = {key: 1 - found[key] / found[f"all_{key}"] if found[f"all_{key}"] else 0.0 for key in _SAVED}
+    priced = sentence("stopped, with costs", saved=saved, **found) if found["profile"] else ""
+    right = "" if found["accuracy"] is None else sentence("predicted, with labels", **found)
+    stopped = sentence("stopped", saved=saved, **found) + priced
+    return [*lines, stopped, sentence("predicted", **found) + right]

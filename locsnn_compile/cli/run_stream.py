@@ -29,16 +29,13 @@ class LiveLine:
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
         self.watched = stream.isatty()
-        self._open = False
 
     def show(self, line: str) -> None:
         """Write a line. On a terminal the next one replaces it; elsewhere it stays."""
         if not self.watched:
-            print(line, file=self._stream)
-            return
-        shown = line[: shutil.get_terminal_size().columns - 1]
-        print(_CLEAR, shown, sep="", end="", file=self._stream, flush=True)
-        self._open = True
+            return self.say(line)
+        self.close()
+        print(line[: shutil.get_terminal_size().columns - 1], end="", file=self._stream, flush=True)
 
     def say(self, line: str) -> None:
         """Write a line that stays."""
@@ -46,10 +43,8 @@ class LiveLine:
         print(line, file=self._stream, flush=True)
 
     def close(self) -> None:
-        """Clear the line that would be replaced."""
-        if self._open:
-            print(end=_CLEAR, file=self._stream, flush=True)
-            self._open = False
+        """On a terminal, clear the line that would be replaced."""
+        print(end=_CLEAR if self.watched else "", file=self._stream)
 
 
 def stream_all(

@@ -7,12 +7,15 @@ import io
 import logging
 import os
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from types import ModuleType
-from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from locsnn_compile import __version__
+from locsnn_compile.cli.completion import answer_shell
 from locsnn_compile.cli.interrupt import EXIT_INTERRUPTED, leaving_at_once
 from locsnn_compile.cli.options import add_options
 from locsnn_compile.cli.options_file import read_options
@@ -77,31 +80,33 @@ class Parser(argparse.ArgumentParser):
         raise SystemExit(EXIT_INPUT)
 
 
-def texts_of(command: ModuleType) -> dict[str, Any]:
+def _docstring_of(command: str) -> str:
+    """Return the help of a command: the docstring of its module, which is imported only if the command runs."""
+    return Path(__file__).parent.joinpath(f"{command}.py").read_text("utf-8").split('"""')[1]
+
+
+def texts_of(command: str) -> dict[str, Any]:
     """Return the texts for a command's parser from its docstring: a paragraph below the first line, and the example."""
-    _, _, below = (command.__doc__ or "").partition("\n\n")
-    description, _, example = below.partition("\n\n")
+    _, description, example = _docstring_of(command).split("\n\n", 2)
     return {"description": description, "epilog": example, "formatter_class": _Help}
 
 
-def add_command(commands: "argparse._SubParsersAction[Any]", command: ModuleType) -> None:
-    """Add a command below ``locsnn``: a module with ``run``, whose docstring is its help.
-
-    The module and its section of ``options.txt`` have the command's name; ``WORDS`` of the module fill placeholders.
-    """
-    name = command.__name__.rpartition(".")[2]
-    line, _, _ = (command.__doc__ or "").partition("\n")
-    help_ = line.partition(": ")[2].rstrip(".")
-    parser = commands.add_parser(name, help=help_, **texts_of(command))
-    declared(parser, name, getattr(command, "WORDS", {})).set_defaults(run=command.run)
+def add_command(commands: "argparse._SubParsersAction[Any]", command: str) -> None:
+    """Add a command: a module of this folder with ``run``, whose docstring is its help, such as ``rtl/sim``."""
+    name = command.rpartition("/")[2]
+    line = _docstring_of(command).partition("\n")[0]
+    parser = commands.add_parser(name, help=line.partition(": ")[2].rstrip("."), **texts_of(command))
+    declared(parser, name).set_defaults(run=partial(_run, command))
 
 
-AnyParser = TypeVar("AnyParser", bound=argparse.ArgumentParser)
+def _run(command: str, args: argparse.Namespace) -> int:
+    code: int = import_module(f"{__package__}.{command.replace('/', '.')}").run(args)
+    return code
 
 
-def declared(parser: AnyParser, section: str, words: Mapping[str, str]) -> AnyParser:
+def declared(parser: Parser, command: str) -> Parser:
     """Return the parser after adding the options of a command and those that all commands have."""
-    add_options(parser, section, words)
+    add_options(parser, command)
     add_common(parser)
     return parser
 
@@ -114,11 +119,12 @@ def add_common(parser: argparse.ArgumentParser) -> None:
 
 
 def guarded(parser: Parser, typed: Sequence[str] | None, run: Callable[[argparse.Namespace], int]) -> int:
-    """Run a command; print an error as one line, and return the exit code for its kind.
+    """Run a command, or answer a shell that completes its line; print an error as one line, and return the exit code.
 
     ``typed``: the words of the command line, by default those of this process.
     """
     _ready_streams()
+    answer_shell(parser)
     try:
         args = parser.parse_args(typed)
         _show_log("verbose" in args)

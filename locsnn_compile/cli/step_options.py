@@ -1,18 +1,17 @@
 """Options for turning recordings into steps and channels, where neither the recordings nor the model say how."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import hw_model as hw
+from hw_model.values import picked
+from locsnn_compile.data.read import read_in_chunks, read_recordings
+from locsnn_compile.data.recordings import Expected, Recordings
 from locsnn_compile.errors import InputError
-
-if TYPE_CHECKING:
-    import hw_model as hw
-    from locsnn_compile.data.recordings import Expected, Recordings
-    from locsnn_compile.network.network import Network
+from locsnn_compile.frontends.nir.graph import NirGraph
+from locsnn_compile.network.network import Network
 
 CHUNK = 16
 """Recordings held in memory at a time, if the file can be read in pieces."""
@@ -20,8 +19,6 @@ CHUNK = 16
 
 def asked_reading(args: argparse.Namespace) -> dict[str, Any]:
     """Return these options as arguments of ``read_recordings``."""
-    from hw_model.values import picked
-
     return picked(args, "step_seconds", "steps", "threshold", "axes", "fold") | {"test_share": args.split}
 
 
@@ -29,22 +26,16 @@ def read_for_program(
     args: argparse.Namespace, path: str, program: hw.ChipProgram, split: str | None = None
 ) -> Recordings:
     """Return recordings in the steps of a program, or as the options ask where the program does not say."""
-    from locsnn_compile.data.read import read_recordings
-
     return read_recordings(path, split=split, model=expected_by(program), **asked_reading(args))
 
 
 def chunks_for_program(args: argparse.Namespace, program: hw.ChipProgram) -> Iterator[Recordings]:
     """Yield the recordings of ``--events`` in the same way, a few at a time if the file allows it."""
-    from locsnn_compile.data.read import read_in_chunks
-
     return read_in_chunks(args.events, CHUNK, model=expected_by(program), **asked_reading(args))
 
 
 def expected_by(program: hw.ChipProgram) -> Expected:
     """Return the recordings that a program expects."""
-    from locsnn_compile.data.recordings import Expected
-
     fixed = [phase.steps for phase in program.phases if phase.axis == "time" and phase.steps is not None]
     turned = (item for item in program.inputs if item.positions is not None)
     fixed += [item.size - (0 if item.first_lines is None else int(item.first_lines.max())) for item in turned]
@@ -61,9 +52,6 @@ def expected_by(program: hw.ChipProgram) -> Expected:
 
 def with_steps(network: Network, args: argparse.Namespace) -> Network:
     """Return the network with the steps asked for; ``InputError`` if its file says otherwise."""
-    from hw_model.values import picked
-    from locsnn_compile.frontends.nir.graph import NirGraph
-
     if args.step_seconds is not None and args.dt is None and isinstance(network.origin, NirGraph):
         raise InputError("--step-seconds", "the neurons of a NIR graph depend on its step", fix="Give it as --dt.")
     found = network.expected.agreed(**picked(args, "step_seconds", "steps", "threshold"))

@@ -10,22 +10,17 @@ example:
 
 import argparse
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
 
+import hw_model as hw
+from locsnn_compile.cli.places import check_places
 from locsnn_compile.cli.shell import EXIT_GATE, progress_bar, say
-
-if TYPE_CHECKING:
-    from locsnn_compile.stress.row import Row
+from locsnn_compile.stress.page import check_page, write_page
+from locsnn_compile.stress.row import VERDICTS, Row, by_verdict, stress_document
+from locsnn_compile.stress.run import run_stress
 
 
 def run(args: argparse.Namespace) -> int:
     """Run the rows; print a table of verdicts, or JSON, and write the page if asked to."""
-    import hw_model as hw
-    from locsnn_compile.cli.places import check_places
-    from locsnn_compile.stress.page import check_page, write_page
-    from locsnn_compile.stress.row import stress_document
-    from locsnn_compile.stress.run import run_stress
-
     chip = hw.chip(args.target)
     if args.output is not None:
         check_places({"--target": args.target}, [(f"-o {str(args.output)!r}", args.output)])
@@ -38,10 +33,8 @@ def run(args: argparse.Namespace) -> int:
     return EXIT_GATE if any(row.verdict == "unexplained" for row in rows) else 0
 
 
-def _verdicts(rows: "Sequence[Row]") -> Iterator[str]:
+def _verdicts(rows: Sequence[Row]) -> Iterator[str]:
     """Yield a table of verdicts by group, and a line for each row that nothing explains."""
-    from locsnn_compile.stress.row import VERDICTS, by_verdict
-
     groups = list(dict.fromkeys(row.case.group for row in rows))
     width = max(map(len, groups))
     yield f"{'':{width}}  {'rows':>5}  {'  '.join(f'{verdict:>11}' for verdict in VERDICTS)}"

@@ -8,12 +8,12 @@ example:
 
 import argparse
 
+import hw_model as hw
+from locsnn_compile.report.words import sentence
+
 
 def run(args: argparse.Namespace) -> int:
     """List the chips, or print one."""
-    import hw_model as hw
-    from locsnn_compile.report.words import sentence
-
     if args.show:
         print(hw.chip(args.show).document, end="")
         return 0

@@ -24,29 +24,34 @@ from typing import TYPE_CHECKING, Any
 
 from hw_model.io.extras import needed
 from hw_model.io.given import check_path
+from hw_model.io.records import field_kinds
+from hw_model.values import IntArray
 from locsnn_compile.cli.interrupt import EXIT_INTERRUPTED
 from locsnn_compile.cli.options import given
+from locsnn_compile.cli.places import check_places
 from locsnn_compile.cli.shell import Moved, progress_bar
-from locsnn_compile.errors import InputError, listed
+from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.errors import InputError
 from locsnn_compile.models.architectures import ARCHITECTURES
-from locsnn_compile.settings import TRAINABLE
+from locsnn_compile.models.checkpoint import Checkpoint
+from locsnn_compile.models.checkpoint_reader import read_checkpoint
+from locsnn_compile.report.format import plural
+from locsnn_compile.training.config import (
+    EpochRecord,
+    Progress,
+    TrainingConfig,
+    check_used,
+    config_from_mapping,
+    read_config,
+)
+from locsnn_compile.training.describe import FINE_TUNING, check_fits_start, fine_tuning_config
+from locsnn_compile.training.profile import tensorboard_log
 
 if TYPE_CHECKING:
-    from hw_model.values import IntArray
-    from locsnn_compile.data.recordings import Recordings
-    from locsnn_compile.models.checkpoint import Checkpoint
-    from locsnn_compile.training.config import EpochRecord, Progress, TrainingConfig
     from locsnn_compile.training.train import TrainingResult
-
 
 SHOWN_CLASSES, SHOWN_NAMES = 20, 60
 """The confusion matrix is printed for so many classes at most, and with names if they have fewer letters in all."""
-WORDS = {
-    "architectures": ", ".join(ARCHITECTURES),
-    "strategies": listed([f"{TRAINABLE[0]} (default)", *TRAINABLE[1:]], "or"),
-    "trainable": "|".join(TRAINABLE),
-}
-"""Fill the placeholders in this command's options."""
 
 
 def run(args: argparse.Namespace) -> int:
@@ -56,8 +61,6 @@ def run(args: argparse.Namespace) -> int:
     if output.suffix != ".pt" or output.is_dir() or not output.parent.is_dir():
         where, what = f"output {output.name or str(output)!r}", "it is not a .pt file in an existing folder"
         raise InputError(where, what, fix="Correct -o.")
-    from locsnn_compile.models.checkpoint_reader import read_checkpoint
-
     _check_places(args, output)
     start = None if args.start is None else read_checkpoint(args.start)
     config = _config(args, start)
@@ -108,8 +111,6 @@ def _state_path(output: Path) -> Path:
 
 def _check_places(args: argparse.Namespace, output: Path) -> None:
     """Refuse outputs that are inputs, files next to them that no training wrote, and ``--resume`` without a state."""
-    from locsnn_compile.cli.places import check_places
-
     option = f"-o {args.output!r}"
     beside = {
         output.with_suffix(".csv"): b"phase,epoch,learning_rate,",
@@ -128,10 +129,6 @@ def _check_places(args: argparse.Namespace, output: Path) -> None:
 
 
 def _config(args: argparse.Namespace, start: Checkpoint | None) -> TrainingConfig:
-    from hw_model.io.records import field_kinds
-    from locsnn_compile.training.config import TrainingConfig, check_used, config_from_mapping, read_config
-    from locsnn_compile.training.describe import FINE_TUNING, check_fits_start, fine_tuning_config
-
     values: dict[str, Any] = read_config(args.config) if args.config is not None else {}
     of_file = {name: f"config {Path(args.config).name!r}, {name}" for name in values}
     options = field_kinds(TrainingConfig)
@@ -155,7 +152,6 @@ def _config(args: argparse.Namespace, start: Checkpoint | None) -> TrainingConfi
 def _summary(
     output: Path, result: TrainingResult, found: IntArray | None, recordings: Recordings, test: Recordings | None
 ) -> str:
-    from locsnn_compile.report.format import plural
     from locsnn_compile.training.export import accuracy_of
     from locsnn_compile.training.measure import chance_remarks
 
@@ -186,8 +182,6 @@ def _confusion(found: IntArray, names: tuple[str, ...] | None = None) -> list[st
 
 def _after_epochs(args: argparse.Namespace, moved: Moved | None) -> Progress:
     """Return the callback after each epoch: it moves the bar, or prints a line where there is none, and logs."""
-    from locsnn_compile.training.profile import tensorboard_log
-
     log = tensorboard_log(Path(args.tensorboard)) if args.tensorboard else None
 
     def after_epoch(done: int, expected: int, record: EpochRecord) -> None:

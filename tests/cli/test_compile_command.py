@@ -17,7 +17,8 @@ import yaml
 import hw_model as hw
 from hw_model.io.build_folder import OURS
 from locsnn_compile.backends import BENCH_KINDS, LEVEL_KINDS
-from locsnn_compile.cli.compile import main, written_names
+from locsnn_compile.cli.build import written_names
+from locsnn_compile.cli.compile import main
 
 ROOT = Path(__file__).parents[2]
 MODEL = ROOT / "examples/models/objects-hybrid.pt"

@@ -50,14 +50,14 @@ def test_the_package_runs_as_a_module():
 def test_compile_is_a_command_with_the_same_options():
     words = ["m.pt", "--target", "tiny-sim", "--emit", "vcd", "--psi", "3"]
     one, other = vars(compile_parser().parse_args(words)), vars(parser().parse_args(["compile", *words]))
-    assert other.pop("run").__module__ == "locsnn_compile.cli.compile"
+    assert other.pop("run").args == ("compile",)
     assert one == other
 
 
-@pytest.mark.parametrize("command", COMMANDS, ids=lambda module: module.__name__.rpartition(".")[2])
+@pytest.mark.parametrize("command", COMMANDS)
 def test_every_command_can_be_verbose(command):
     (below,) = (action.choices for action in parser()._actions if isinstance(action.choices, dict))
-    assert "--verbose" in below[command.__name__.rpartition(".")[2]]._option_string_actions
+    assert "--verbose" in below[command]._option_string_actions
 
 
 @pytest.fixture

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from locsnn_compile.cli import train
 from locsnn_compile.cli.shell import add_command
 from locsnn_compile.data.read import read_recordings
 
@@ -209,7 +208,7 @@ def test_commands_are_those_of_locsnn_train() -> None:
     from result_rows import DATASETS, ROWS, command
 
     parser = argparse.ArgumentParser()
-    add_command(parser.add_subparsers(), train)
+    add_command(parser.add_subparsers(), "train")
     for row in (row for row in ROWS if not row.parts):
         for dataset in DATASETS.values():
             args = parser.parse_args(command(row, dataset, 3).split()[1:])
@@ -241,7 +240,7 @@ def test_commands_of_a_joined_row_train_its_parts_on_the_whole_train_part(name: 
     from result_rows import DATASETS, ROWS, command
 
     parser = argparse.ArgumentParser()
-    add_command(parser.add_subparsers(), train)
+    add_command(parser.add_subparsers(), "train")
     row = next(row for row in ROWS if row.name == name)
     *lines, joined = command(row, DATASETS["objects"], 3).split(" && ")
     for line, part in zip(lines, trained.split(), strict=True):

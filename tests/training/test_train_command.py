@@ -33,7 +33,7 @@ SILENT = "! No output neuron spikes in any of the 9 recordings it was trained on
 
 def parser() -> argparse.ArgumentParser:
     whole = argparse.ArgumentParser(prog="locsnn")
-    add_command(whole.add_subparsers(required=True), command)
+    add_command(whole.add_subparsers(required=True), "train")
     return whole
 
 

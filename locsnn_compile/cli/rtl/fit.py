@@ -14,21 +14,17 @@ import argparse
 from pathlib import Path
 
 import hw_model as hw
+from hw_model.io.files import replace_file
 from hw_model.rtl.boards import BOARDS
+from hw_model.rtl.folder import fit
 from locsnn_compile.cli.shell import say
 from locsnn_compile.errors import InputError, listed
-
-WORDS = {"boards": ", ".join(BOARDS), "names": "|".join(BOARDS)}
-"""Fill the placeholders in this command's options."""
+from locsnn_compile.report.format import plain
+from locsnn_compile.report.words import sentence
 
 
 def run(args: argparse.Namespace) -> int:
     """Make the bitstream; print what it takes in a few lines, or as JSON."""
-    from hw_model.io.files import replace_file
-    from hw_model.rtl.folder import fit
-    from locsnn_compile.report.format import plain
-    from locsnn_compile.report.words import sentence
-
     program = hw.load_program(args.program)
     found, bitstream = fit(program, _board(args, program.chip.name), args.seeds)
     path = Path(args.program) / found["bitstream"]

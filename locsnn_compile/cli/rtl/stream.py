@@ -13,14 +13,13 @@ such as /dev/ttyUSB0, and needs pyserial: pip install 'locsnn-compile[rtl]'.
 import argparse
 
 import hw_model as hw
+from hw_model.rtl.streaming import stream
 from locsnn_compile.cli.shell import EXIT_GATE, say
 from locsnn_compile.cli.step_options import read_for_program
 
 
 def run(args: argparse.Namespace) -> int:
     """Stream; print the class of each recording and what differs, or the result as JSON."""
-    from hw_model.rtl.streaming import stream
-
     program = hw.load_program(args.program)
     spikes = read_for_program(args, args.events, program).spikes[: args.recordings]
     found = stream(program, spikes, args.port, args.baud, args.spikes)

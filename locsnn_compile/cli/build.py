@@ -1,0 +1,138 @@
+"""What ``locsnn compile`` does: read the model, compile and check it, and write the build."""
+
+import sys
+from argparse import Namespace
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from hw_model.description.chip import chip
+from hw_model.io.build_folder import check_folder, default_folder, write_build
+from hw_model.io.files import replace_file
+from hw_model.values import picked
+from locsnn_compile.api import CompiledModel, compile, join, recordings_for
+from locsnn_compile.backends import BENCH_KINDS, BUILD_NAMES, EMITTED_NAMES
+from locsnn_compile.backends.files import bench_files, check_kinds
+from locsnn_compile.cli.options import given, recording_of
+from locsnn_compile.cli.places import check_places
+from locsnn_compile.cli.shell import EXIT_GATE, progress_bar, terminal
+from locsnn_compile.cli.step_options import asked_reading, with_steps
+from locsnn_compile.data.read import read_recordings
+from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.errors import InputError, listed
+from locsnn_compile.frontends import load
+from locsnn_compile.network.network import Network
+from locsnn_compile.report.gates import GATES, check_gates, gates_entry, junit_file
+from locsnn_compile.report.renderers.terminal import render_terminal
+from locsnn_compile.report.sections.build import unmet_budget
+from locsnn_compile.report.viewer.page import render_viewer
+from locsnn_compile.settings import check_matters
+from locsnn_compile.verification.error_bounds import ErrorBudget
+
+READ = ("--options", "--config", "--events", "--calibration", "--target", "--profile")
+OF_RECORDING = ("vectors", "rtl", "vcd", "trace", "sanafe")
+
+
+def build(args: Namespace) -> int:
+    """Compile as ``args`` ask. Raises ``InputError`` and ``TargetError``."""
+    _check_options(args)
+
+    name = "+".join(Path(model).stem for model in args.model)
+    folder = Path(args.output) if args.output else default_folder(f"{name}.pt")
+    _check_places(args, folder)
+    network = _network(args)
+    check_kinds(target := chip(args.target), args.emit)
+    recordings, calibration = _recordings(args, network)
+    number = recording_of(args.recording, recordings)
+    with progress_bar("checking against the trained network", show=not args.quiet) as progress:
+        compiled = compile(
+            network,
+            target,
+            events=recordings,
+            calibration=calibration,
+            progress=progress,
+            budget=ErrorBudget(args.min_agreement, args.max_spike_error, args.max_score_error),
+            **picked(args, "strategy", "weight_bits", "split_weights", "psi", "profile", "scheduler"),
+        )
+    gates = check_gates(compiled.report, given(args, GATES))
+    compiled = replace(compiled, report=compiled.report | {"gates": gates_entry(gates)})
+    files = compiled.files(args.emit) | _emitted(args, compiled, recordings, number)
+    write_build(folder, files)
+    if args.junit:
+        replace_file(Path(args.junit), junit_file(gates, compiled.network.name), where="--junit")
+    if args.json:
+        sys.stdout.write(files["report.json"].decode())
+    elif not args.quiet:
+        console = terminal()
+        render_terminal(compiled.composed, console)
+        names = dict.fromkeys(f"{name.split('/')[0]}/" if "/" in name else name for name in files)
+        console.print(f"wrote {folder}/: {', '.join(names)}", markup=False, highlight=False, soft_wrap=True)
+    failed = [gate for gate in gates if not gate.holds]
+    for gate in failed:
+        print(f"gate failed: {gate.option}: {gate.found}.", file=sys.stderr)
+    if compiled.choice and not compiled.choice.keeps_budget:
+        print(unmet_budget(compiled.choice), file=sys.stderr)
+    return EXIT_GATE if failed else 0
+
+
+def _network(args: Namespace) -> Network:
+    """Read the model, or join several, in the steps asked for; refuse options that change nothing for it."""
+    options = picked(args, "config", "dt", "reset", "discretisation", "kernels")
+    networks = [load(model, **options) for model in args.model]
+    network = join(networks, args.weights, args.calibration) if len(networks) > 1 else networks[0]
+    asked = given(args, ("--weight-bits", "--split-weights", "--calibration", "--psi"))
+    check_matters(network, {option.strip("-").replace("-", "_"): option for option in asked})
+    return with_steps(network, args)
+
+
+def _recordings(args: Namespace, network: Network) -> tuple[Recordings, str | Recordings | None]:
+    """Return the recordings to check on, and those to calibrate on; never the same of a file that is divided here."""
+    divided = given(args, ("--split", "--fold"))
+    if args.events is None:
+        for option in (*divided, *given(args, ("--axes",))):
+            raise InputError(option, "there are no events to read", fix="Give them with --events.")
+        return recordings_for(network, None), args.calibration
+    reading = {"model": network.expected, **asked_reading(args)}
+    recordings = read_recordings(args.events, **reading)
+    if divided and args.calibration == args.events:
+        return recordings, read_recordings(args.events, split="train", **reading)
+    return recordings, args.calibration
+
+
+def _check_options(args: Namespace) -> None:
+    """Refuse options that would fail only after all the work."""
+    if args.recording is not None and not set(args.emit) & set(OF_RECORDING):
+        fix = f"Add --emit {listed(OF_RECORDING, 'or')}."
+        raise InputError("--recording", "nothing emitted is of a single recording", fix=fix)
+    if args.weights and len(args.model) < 2:
+        raise InputError("--weights", "there is one model, with nothing to weigh it against", fix="Leave it out.")
+    if args.probe and "vcd" not in args.emit:
+        raise InputError("--probe", "nothing emitted shows a neuron", fix="Add --emit vcd.")
+    if args.junit and not given(args, GATES):
+        raise InputError("--junit", "no gate is asked for", fix=f"Add one of {', '.join(GATES)}.")
+
+
+def _check_places(args: Namespace, folder: Path) -> None:
+    """Refuse outputs that are inputs, or that would replace files of others."""
+    names = written_names(args.emit)
+    check_folder(folder, names)
+    reads = {f"MODEL {model!r}" if args.model[1:] else "MODEL": model for model in args.model} | given(args, READ)
+    junit = [(f"--junit {args.junit!r}", Path(args.junit))] if args.junit else []
+    check_places(reads, junit, [(f"-o {str(folder)!r}", folder / name) for name in names])
+
+
+def written_names(emit: Sequence[str]) -> tuple[str, ...]:
+    """Return the names of what a build's folder holds; names of folders end in /."""
+    return (*BUILD_NAMES, *(EMITTED_NAMES[kind] for kind in emit))
+
+
+def _emitted(args: Namespace, compiled: CompiledModel, recordings: Recordings, number: int) -> dict[str, bytes]:
+    """Return the files for other tools, made from the program and one recording, and the viewer of several."""
+    found: dict[str, bytes] = {}
+    if kinds := [kind for kind in BENCH_KINDS if kind in args.emit]:
+        title = f"recording {number} of {recordings.source}"
+        found |= bench_files(compiled.program, kinds, recordings.spikes[number], title, args.probe)
+    if "viewer" in args.emit:
+        played, first = compiled.network.fit(recordings.spikes, recordings.source), compiled.match.first_divergence
+        found["viewer.html"] = render_viewer(compiled.levels, compiled.report, played, recordings.labels, first)
+    return found
