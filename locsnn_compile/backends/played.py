@@ -14,6 +14,7 @@ from hw_model.engine.playing import Player, Spikes, list_events, play, read_stre
 from hw_model.engine.trace import Register
 from hw_model.mapping.graph import Phase
 from hw_model.program.chip_program import Core
+from hw_model.texts.templates import filled
 from hw_model.values import ByteArray, Frozen, IntArray
 from locsnn_compile.errors import InputError
 
@@ -59,6 +60,11 @@ class Played(Frozen, eq=False):
         """Return all spikes that reach a core, from input lines and from compartments, (steps, input axons)."""
         return self._sent[core.phase][:, self.program.senders[core.number]]
 
+    def readme(self, package: str, **given: str) -> str:
+        """Return the README of an emitter, filled with the names of program, recording and chip, and with more."""
+        names = {"program": self.program.name, "title": self.title, "chip": self.program.chip.name}
+        return filled(package, "README.template.md", **{key: _code_span(name) for key, name in names.items()}, **given)
+
     @cached_property
     def _sent(self) -> dict[str, ByteArray]:
         """The spikes of all sources of each phase, (steps, lines + columns)."""
@@ -96,6 +102,6 @@ def unique_names(texts: Iterable[str]) -> dict[str, str]:
     return names
 
 
-def code_span(text: str) -> str:
+def _code_span(text: str) -> str:
     """Return a text as a code span of Markdown, on one line and without characters that would end it."""
     return f"`{' '.join(text.replace('`', chr(39)).split())}`"

@@ -64,40 +64,31 @@ def _names(played: Played, phase: str, process: int) -> Iterator[Event]:
     yield _meta("thread_name", process, _STEPS_THREAD, {"name": "steps"})
     for core in played.program.cores_of(phase):
         x, y = played.program.chip.tile_of(core.slot)
-        yield _meta("thread_name", process, _thread(core.number), {"name": f"core {core.number}, tile {x},{y}"})
+        yield _meta("thread_name", process, core.number + 1, {"name": f"core {core.number}, tile {x},{y}"})
 
 
 def _step(played: Played, phase: str, process: int, step: int, times: StepTimes, start_ns: float) -> Iterator[Event]:
     """Yield the events of a step: the step itself, its barrier, and the work of each core."""
-    core_ns, begin_ns, sent_ns = times.core_ns[step], times.begin_ns[step], times.sent_ns[step]
-    slowest = float(core_ns.max())
-    cores = played.program.cores_of(phase)
-    critical = {"slowest core": cores[int(core_ns.argmax())].number}
+    cores, activity = played.program.cores_of(phase), played.result.activity[phase][0]
+    slowest = float(times.core_ns[step].max())
+    critical = {"slowest core": cores[int(times.core_ns[step].argmax())].number}
     yield _slice(f"step {step}", process, _STEPS_THREAD, start_ns, slowest + times.barrier_ns, critical)
     yield _slice("barrier", process, _STEPS_THREAD, start_ns + slowest, times.barrier_ns, {})
-    activity = played.result.activity[phase][0]
     for i, core in enumerate(cores):
-        thread = _thread(core.number)
-        before = [(OPERATIONS[name], name) for name in UPDATES + SENDING if name in times.work_ns]
-        after = [(OPERATIONS[name], name) for name in DELIVERIES + SYNAPSES if name in times.work_ns]
-        if times.buffer_ns[step, i] > 0:
-            events = {"count": int(activity.buffered[step])}
-            begin = start_ns + float(begin_ns[i])
-            yield _slice("transposed events", process, thread, begin, float(times.buffer_ns[step, i]), events)
-        if begin_ns[i] > sent_ns[i]:
-            waits = float(begin_ns[i] - sent_ns[i])
-            yield _slice("wait for packets", process, thread, start_ns + float(sent_ns[i]), waits, {})
-        for drawn, first_ns in ((before, 0.0), (after, float(begin_ns[i] + times.buffer_ns[step, i]))):
+        begin, sent, buffer = (float(ns[step, i]) for ns in (times.begin_ns, times.sent_ns, times.buffer_ns))
+        drawn = [
+            ("transposed events", start_ns + begin, buffer, {"count": int(activity.buffered[step])}),
+            ("wait for packets", start_ns + sent, begin - sent, {}),
+        ]
+        for first_ns, names in ((0.0, UPDATES + SENDING), (begin + buffer, DELIVERIES + SYNAPSES)):
             at_ns = start_ns + first_ns
-            for title, name in drawn:
+            for name in (name for name in names if name in times.work_ns):
                 took_ns = float(times.work_ns[name][step, i])
-                if took_ns > 0:
-                    yield _slice(title, process, thread, at_ns, took_ns, {"count": int(activity.count(name)[step, i])})
-                    at_ns += took_ns
-
-
-def _thread(core: int) -> int:
-    return core + 1
+                drawn.append((OPERATIONS[name], at_ns, took_ns, {"count": int(activity.count(name)[step, i])}))
+                at_ns += took_ns
+        for title, at_ns, took_ns, values in drawn:
+            if took_ns > 0:
+                yield _slice(title, process, core.number + 1, at_ns, took_ns, values)
 
 
 def _slice(name: str, process: int, thread: int, start_ns: float, took_ns: float, values: dict[str, Any]) -> Event:

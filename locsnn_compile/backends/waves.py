@@ -4,8 +4,10 @@ A microsecond in the file is one algorithmic step, and phases follow each other.
 before it, and keep their last value after it.
 """
 
+import io
 import re
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -19,6 +21,10 @@ _STEP_BITS = 32
 _PROBE = re.compile(r"(?P<group>.+)\[(?P<first>[0-9]{1,9})(?::(?P<stop>[0-9]{1,9}))?\]")
 
 
+Compartment = tuple[str, int]
+"""Its group, and its number there."""
+
+
 class _Signal(Frozen, eq=False):
     """A signal in its scopes: ``values`` from time ``start`` on, in two's complement of ``width`` bits."""
 
@@ -28,48 +34,48 @@ class _Signal(Frozen, eq=False):
     width: int
     start: int
     values: IntArray
-
-    def changes(self) -> Iterator[tuple[int, str]]:
-        """Yield each time at which the value changes, with all bits of the new one.
-
-        Readers fill up with zeros, which would make negative numbers positive.
-        """
-        if self.start > 0:
-            yield 0, "0" if self.name == "running" else "x"
-        for i in np.flatnonzero(np.append(True, np.diff(self.values) != 0)).tolist():
-            yield self.start + i, format(int(self.values[i]) & (1 << self.width) - 1, f"0{self.width}b")
-        if self.name == "running":
-            yield self.start + len(self.values), "0"
+    before: str = "x"
+    """The value until then."""
 
 
 def vcd_file(played: Played, probes: Sequence[str]) -> dict[str, bytes]:
     """Return the file by name."""
+    from vcd import VCDWriter  # only who writes such a file waits for it
+
     compartments = probed(played, probes)
-    groups = unique_names(dict.fromkeys(c.group for c in compartments))
-    signals = list(_signals(played, compartments, groups))
-    end = sum(played.steps(phase.name) for phase in played.phases)
-    lines = [
-        "$version locsnn-compile $end",
-        f"$comment {_plain(played.program.name)}, {_plain(played.title)}; 1 us is one step $end",
-        *(f"$comment {name} is {_plain(group)} $end" for group, name in groups.items()),
-        "$timescale 1 us $end",
-        *_declarations(signals),
-        "$enddefinitions $end",
-        *_changes(signals, end),
+    groups = unique_names(dict.fromkeys(group for group, _ in compartments))
+    about = [
+        f"{_plain(played.program.name)}, {_plain(played.title)}; 1 us is one step",
+        *(f"{name} is {_plain(group)}" for group, name in groups.items()),
     ]
-    return {FILE: ("\n".join(lines) + "\n").encode()}
+    file = io.StringIO()
+    writer = VCDWriter(file, "1 us", date="", comment="\n".join(about), version="locsnn-compile")
+    changes: list[tuple[int, Any, int]] = []
+    for signal in _signals(played, compartments, groups):
+        bits = (signal.width - 1, 0) if signal.kind == "reg" else None
+        variable = writer.register_var(signal.scopes, signal.name, signal.kind, signal.width, signal.before, bits)
+        at = np.flatnonzero(np.append(True, np.diff(signal.values) != 0))
+        changes += (
+            (signal.start + i, variable, value)
+            for i, value in zip(at.tolist(), signal.values[at].tolist(), strict=True)
+        )
+    for time, variable, value in sorted(changes, key=lambda change: change[0]):
+        writer.change(variable, time, value)
+    writer.close(sum(played.steps(phase.name) for phase in played.phases))
+    return {FILE: file.getvalue().encode()}
 
 
-def _signals(played: Played, compartments: "Sequence[Compartment]", groups: dict[str, str]) -> Iterator[_Signal]:
+def _signals(played: Played, compartments: Sequence[Compartment], groups: dict[str, str]) -> Iterator[_Signal]:
     """Yield the signals phase by phase and scope by scope."""
     registers, result, start = played.program.chip.registers, played.result, 0
     current, voltage = registers.current_bits + 1, registers.voltage_bits + 1
     names = unique_names(phase.name for phase in played.phases)
     for phase in played.phases:
         steps = np.arange(played.steps(phase.name))
-        yield _Signal((names[phase.name],), "running", "wire", 1, start, np.ones_like(steps))
+        running = np.append(np.ones_like(steps), 0)
+        yield _Signal((names[phase.name],), "running", "wire", 1, start, running, before="0")
         yield _Signal((names[phase.name],), "step", "integer", _STEP_BITS, start, steps)
-        for group, i in ((c.group, c.index) for c in compartments):
+        for group, i in compartments:
             if group not in played.program.columns_of(phase.name):
                 continue
             scopes = (names[phase.name], groups[group], f"n{i}")
@@ -80,45 +86,9 @@ def _signals(played: Played, compartments: "Sequence[Compartment]", groups: dict
         start += len(steps)
 
 
-def _declarations(signals: Sequence[_Signal]) -> Iterator[str]:
-    """Yield the variables between the start and end of their scopes; the code of signal 3 in the file is ``s3``."""
-    open_scopes: tuple[str, ...] = ()
-    for number, signal in enumerate(signals):
-        common = 0
-        while common < min(len(open_scopes), len(signal.scopes)) and open_scopes[common] == signal.scopes[common]:
-            common += 1
-        yield from ["$upscope $end"] * (len(open_scopes) - common)
-        yield from (f"$scope module {name} $end" for name in signal.scopes[common:])
-        bits = f" [{signal.width - 1}:0]" if signal.kind == "reg" else ""
-        yield f"$var {signal.kind} {signal.width} s{number} {signal.name}{bits} $end"
-        open_scopes = signal.scopes
-    yield from ["$upscope $end"] * len(open_scopes)
-
-
-def _changes(signals: Sequence[_Signal], end: int) -> Iterator[str]:
-    """Yield every time at which values change, with the new values."""
-    changes: dict[int, list[str]] = {0: [], end: []}
-    for number, signal in enumerate(signals):
-        form = "{}s{}" if signal.width == 1 else "b{} s{}"
-        for time, bits in signal.changes():
-            changes.setdefault(time, []).append(form.format(bits, number))
-    for time in sorted(changes):
-        yield f"#{time}"
-        yield from ["$dumpvars"] * (time == 0)
-        yield from changes[time]
-        yield from ["$end"] * (time == 0)
-
-
 def _plain(text: str) -> str:
     """Return a text without characters that would end a comment or a line."""
     return " ".join(text.replace("$", "_").split()).encode("ascii", "replace").decode()
-
-
-class Compartment(Frozen):
-    """Compartment ``index`` of a group."""
-
-    group: str
-    index: int
 
 
 def probed(played: Played, probes: Sequence[str]) -> tuple[Compartment, ...]:
@@ -130,19 +100,17 @@ def probed(played: Played, probes: Sequence[str]) -> tuple[Compartment, ...]:
     program = played.program
     chosen = [compartment for probe in probes for compartment in _read(program, probe)]
     if not probes:
-        chosen = [Compartment(name, int(spikes.sum(axis=0).argmax())) for name, spikes in played.result.spikes.items()]
-    for compartment in chosen:
-        chosen += [
-            Compartment(name, compartment.index) for name, to in program.joined_to.items() if to == compartment.group
-        ]
+        chosen = [(name, int(spikes.sum(axis=0).argmax())) for name, spikes in played.result.spikes.items()]
+    for group, i in chosen:
+        chosen += [(name, i) for name, to in program.joined_to.items() if to == group]
     order = list(program.populations)
-    return tuple(sorted(set(chosen), key=lambda c: (order.index(c.group), c.index)))
+    return tuple(sorted(set(chosen), key=lambda c: (order.index(c[0]), c[1])))
 
 
 def _read(program: hw.ChipProgram, probe: str) -> list[Compartment]:
     sizes = program.populations
     if probe in sizes:
-        return [Compartment(probe, i) for i in range(sizes[probe])]
+        return [(probe, i) for i in range(sizes[probe])]
     match = _PROBE.fullmatch(probe)
     if match is None and "[" in probe:
         raise InputError(f"probe {probe!r}", "not an index", fix="Write population[index] or population[first:stop].")
@@ -155,4 +123,4 @@ def _read(program: hw.ChipProgram, probe: str) -> list[Compartment]:
         measured = counted(sizes[group], "compartment")
         fix = f"Count from 0 to {sizes[group] - 1}."
         raise InputError(f"probe {probe!r}", f"{group!r} has no such compartment", measured=measured, fix=fix)
-    return [Compartment(group, i) for i in range(first, stop)]
+    return [(group, i) for i in range(first, stop)]

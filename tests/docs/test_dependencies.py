@@ -9,7 +9,13 @@ import tomllib
 
 from fences import ROOT
 
-NAMES = {"pyyaml": {"yaml"}, "pyserial": {"serial"}, "dask": {"distributed"}, "lazy-loader": {"lazy_loader"}}
+NAMES = {
+    "pyyaml": {"yaml"},
+    "pyserial": {"serial"},
+    "dask": {"distributed"},
+    "lazy-loader": {"lazy_loader"},
+    "pyvcd": {"vcd"},
+}
 """Modules of a distribution, where they are not called as it is."""
 OURS = {"hw_model", "locsnn_compile"}
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]

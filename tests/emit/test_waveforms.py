@@ -11,7 +11,7 @@ from vcd.reader import TokenKind, tokenize
 
 import hw_model as hw
 from locsnn_compile.backends.played import play_recording
-from locsnn_compile.backends.waves import Compartment, probed, vcd_file
+from locsnn_compile.backends.waves import probed, vcd_file
 from locsnn_compile.errors import InputError
 
 
@@ -92,7 +92,7 @@ def test_names_that_are_no_identifiers():
     content = vcd_file(play_recording(b.build(), [[1], [0]]), ())["waves.vcd"]
     paths, _ = read(content)
     assert {path.split(".")[1] for path in paths} - {"running", "step"} == {"a_b", "a_b_2", "_0", "_end", "_"}
-    assert b"$comment odd _end #0, recording 0; 1 us is one step $end" in content
+    assert b"$comment\n\todd _end #0, recording 0; 1 us is one step\n" in content
 
 
 def test_each_of_many_signals_has_a_code_of_its_own():
@@ -123,16 +123,16 @@ def played():
     ids=["neuron", "with its dendrite", "dendrite alone", "range, once each", "population"],
 )
 def test_probes(played, probes, found):
-    assert probed(played, probes) == tuple(Compartment(*item) for item in found)
+    assert probed(played, probes) == tuple(found)
 
 
 def test_the_most_active_neuron_is_shown_by_default(played):
     spikes = played.result.spikes
     most = {name: int(spikes[name].sum(axis=0).argmax()) for name in ("h", "o")}
     assert probed(played, ()) == (
-        Compartment("h", most["h"]),
-        Compartment("o/dendrite", most["o"]),
-        Compartment("o", most["o"]),
+        ("h", most["h"]),
+        ("o/dendrite", most["o"]),
+        ("o", most["o"]),
     )
 
 

@@ -5,8 +5,7 @@ from collections.abc import Mapping
 import yaml
 
 from hw_model.description.profile import Profile
-from hw_model.texts.templates import filled
-from locsnn_compile.backends.played import Played, code_span, unique_names
+from locsnn_compile.backends.played import Played, unique_names
 from locsnn_compile.backends.sanafe.architecture import PROFILE, TileUse, architecture, priced_by, tile_number
 from locsnn_compile.backends.sanafe.network import PhaseNetwork
 from locsnn_compile.backends.sanafe.rules import UNIT_SIZE, obstacles, updates
@@ -39,18 +38,8 @@ def sanafe_files(played: Played) -> dict[str, bytes]:
         ],
     }
     first = played.phases[0].name
-    readme = filled(
-        __package__,
-        "README.template.md",
-        program=code_span(program.name),
-        title=code_span(played.title),
-        chip=code_span(program.chip.name),
-        profile=PROFILE,
-        first=names[first],
-        steps=str(played.steps(first)),
-    )
     texts = {
-        "README.md": readme,
+        "README.md": played.readme(__package__, profile=PROFILE, first=names[first], steps=str(played.steps(first))),
         "arch.yaml": architecture(program.chip, _uses(played, networks, notes)),
         **{f"{names[phase]}.yaml": network.text() for phase, network in networks.items()},
         "expected.yaml": yaml.safe_dump(expected, sort_keys=False, width=120),

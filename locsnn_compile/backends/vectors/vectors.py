@@ -12,9 +12,8 @@ from hw_model.arithmetic.fixed_point import DECAY_BITS, DECAY_ONE, SIGN_MODES, W
 from hw_model.description.chip import Chip
 from hw_model.program.chip_program import Core
 from hw_model.rtl.memory_words import BitArray, Layout, bits_for, bits_of, hex_words
-from hw_model.texts.templates import filled
 from hw_model.values import Frozen, IntArray, picked
-from locsnn_compile.backends.played import Played, code_span
+from locsnn_compile.backends.played import Played
 from locsnn_compile.backends.vectors.synapse_image import synapse_image, synapse_layouts
 from locsnn_compile.errors import check_most
 
@@ -66,14 +65,7 @@ def vectors_files(played: Played) -> dict[str, bytes]:
         "cores": cores,
     }
     text = yaml.safe_dump(manifest, sort_keys=False, allow_unicode=True, width=120, default_flow_style=None)
-    readme = filled(
-        __package__,
-        "README.template.md",
-        program=code_span(program.name),
-        title=code_span(played.title),
-        chip=code_span(program.chip.name),
-    )
-    files = {"manifest.yaml": text.encode(), "README.md": readme.encode(), **files}
+    files = {"manifest.yaml": text.encode(), "README.md": played.readme(__package__).encode(), **files}
     return {f"{FOLDER}/{name}": content for name, content in files.items()}
 
 
