@@ -9,6 +9,7 @@ The words and numbers are chosen once, in ``verdict.py`` and the section files; 
 from typing import Any, Literal
 
 from hw_model.values import Frozen
+from locsnn_compile.report.pictures.axis import Axis
 
 Document = dict[str, Any]
 """report.json, as ``figures/document.py`` builds it."""
@@ -98,24 +99,25 @@ class Span(Frozen):
 
 
 class Curve(Frozen):
-    """A line through points (x, y) in order; in a ``Plot`` they are 0..1 from the lower left corner."""
+    """A line through points (x, y) in order."""
 
     label: str
     points: tuple[tuple[float, float], ...]
 
 
 class Plot(Frozen):
-    """Curves over common axes; ticks are (place 0..1, text). A table of the section has the same figures.
-
-    ``marked`` is a place on the horizontal axis where a line is drawn.
-    """
+    """Curves over common axes, with a line at ``marked`` of the horizontal one. A table has the same figures."""
 
     title: str
     x_label: str
-    x_ticks: tuple[tuple[float, str], ...]
-    y_ticks: tuple[tuple[float, str], ...]
+    x: Axis
+    y: Axis
     curves: tuple[Curve, ...]
     marked: float | None = None
+
+    def placed(self, curve: Curve) -> list[tuple[float, float]]:
+        """Return the points of a curve, 0..1 from the lower left corner."""
+        return [(self.x.place(x), self.y.place(y)) for x, y in curve.points]
 
 
 class Strokes(Frozen):
@@ -127,7 +129,7 @@ class Strokes(Frozen):
 
 
 class Raster(Frozen):
-    """Spikes over ``columns`` steps and ``rows`` neurons; ticks are (place 0..1, text). ``description`` is in words.
+    """Spikes over ``columns`` steps and ``rows`` neurons. ``description`` is in words.
 
     ``flag`` is a (column, row) to point at. A table of the section has the same figures.
     """
@@ -137,7 +139,7 @@ class Raster(Frozen):
     columns: int
     rows: int
     x_label: str
-    x_ticks: tuple[tuple[float, str], ...]
+    x: Axis
     strokes: tuple[Strokes, ...]
     flag: tuple[int, int] | None = None
     flag_label: str = ""

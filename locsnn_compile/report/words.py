@@ -28,12 +28,6 @@ def texts(kind: str, name: str | None = None) -> Any:
     return _TEXTS[kind] if name is None else _TEXTS[kind][name]
 
 
-def section_words(name: str, /, **given: Any) -> tuple[str, str]:
-    """Return the title of a section and its lead."""
-    found = texts("sections", name)
-    return found["title"], fill(found["lead"], given)
-
-
 def sentence(name: str, /, **given: Any) -> str:
     """Return one of the longer sentences, with its placeholders filled."""
     return fill(texts("sentences", name), given)
@@ -88,7 +82,8 @@ fill = Filler(SHOWN).fill
 
 def section(key: str, *blocks: Block | None, called: str | None = None, **given: Any) -> Section:
     """Return a section with the blocks that are not None or empty, in the words for its key, or for ``called``."""
-    return Section(key, *section_words(called or key, **given), tuple(block for block in blocks if block))
+    said = texts("sections", called or key)
+    return Section(key, said["title"], fill(said["lead"], given), tuple(block for block in blocks if block))
 
 
 def facts(name: str, /, **given: Any) -> Facts:

@@ -22,14 +22,14 @@ def _plot(document: dict[str, Any]) -> Plot:
 def test_curves_are_drawn_at_their_steps(document: dict[str, Any]) -> None:
     plot = _plot(document)
     assert (plot.title, plot.x_label) == ("Accuracy after each step", "seconds")
-    assert plot.x_ticks == ((0.0, "0"), (0.2, "1.4"), (0.4, "2.8"), (0.6, "4.2"), (0.8, "5.6"), (1.0, "7.0"))
+    assert plot.x.places == [(0.0, "0"), (0.2, "1.4"), (0.4, "2.8"), (0.6, "4.2"), (0.8, "5.6"), (1.0, "7.0")]
     assert [curve.label for curve in plot.curves] == [
         "all branches together",
         "time branch",
         "location branch",
         "time-weighted",
     ]
-    assert plot.curves[1].points == ((0.2, 0.25), (0.4, 0.5), (0.6, 0.5), (0.8, 0.75), (1.0, 0.75))
+    assert plot.placed(plot.curves[1]) == [(0.2, 0.25), (0.4, 0.5), (0.6, 0.5), (0.8, 0.75), (1.0, 0.75)]
 
 
 def test_every_curve_has_a_look_of_its_own(document: dict[str, Any]) -> None:
@@ -61,7 +61,7 @@ def test_without_the_length_of_a_step_it_counts_steps(document: dict[str, Any]) 
     document["over_time"]["step_seconds"] = None
     plot = _plot(document)
     assert plot.x_label == "steps"
-    assert [text for _, text in plot.x_ticks] == ["0", "2", "4", "6", "8", "10"]
+    assert [text for _, text in plot.x.places] == ["0", "2", "4", "6", "8", "10"]
 
 
 def test_one_branch_needs_no_weights(document: dict[str, Any]) -> None:
@@ -99,4 +99,4 @@ def test_what_was_not_followed_says_why(document: dict[str, Any]) -> None:
 def test_only_a_bin_that_may_be_short_is_left_out(document: dict[str, Any], course: Any, points: Any) -> None:
     document["energy"]["by_step_pj"] = {"time": course}
     plot = next(b for b in _section(document).blocks if isinstance(b, Plot) and b.title.startswith("Energy of a step"))
-    assert plot.curves[0].points == tuple((pytest.approx(x), y) for x, y in points)
+    assert plot.placed(plot.curves[0]) == [(pytest.approx(x), y) for x, y in points]

@@ -16,7 +16,7 @@ import locsnn_compile as lc
 from locsnn_compile.network.neurons import Cuba
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.content import Mesh, Plot, Raster, Section, Table
-from locsnn_compile.report.pictures.axis import round_numbers, step_ticks
+from locsnn_compile.report.pictures.axis import round_numbers, step_axis
 from locsnn_compile.report.pictures.drawings import mesh, raster
 from locsnn_compile.report.renderers.html import render_html
 from locsnn_compile.verification.excerpt import (
@@ -51,7 +51,7 @@ def test_spikes_are_sorted_by_side(document: dict[str, Any], excerpt: Excerpt) -
         ("reference", "1 only in the float network", ((2, 1),)),
         ("chip", "1 only on the chip", ((3, 1),)),
     ]
-    assert drawn.x_ticks == ((0.125, "39"), (0.375, "40"), (0.625, "41"), (0.875, "42"))
+    assert drawn.x.places == [(0.125, "39"), (0.375, "40"), (0.625, "41"), (0.875, "42")]
 
 
 def test_a_network_in_its_own_integers_is_called_the_network(document: dict[str, Any], excerpt: Excerpt) -> None:
@@ -126,12 +126,12 @@ def test_the_potential_is_drawn_until_it_counts(document: dict[str, Any], excerp
     section = _section("potential", document, excerpt)
     both, error = (block for block in section.blocks if isinstance(block, Plot))
     assert [curve.label for curve in both.curves] == ["float potential", "chip potential", "threshold, 10"]
-    assert both.marked == pytest.approx(2 / 3)
+    assert both.x.place(both.marked) == pytest.approx(2 / 3)
     at_threshold = both.curves[2].points[0][1]
     assert [y > at_threshold for _, y in both.curves[0].points] == [False, True, True, False]
     assert [y > at_threshold for _, y in both.curves[1].points] == [False, True, False, True]
     # The error in percent of the threshold: 0, 0 and -5; what the chip does after that has another cause.
-    assert [y for _, y in error.curves[0].points] == pytest.approx([5.3 / 5.6, 5.3 / 5.6, 0.3 / 5.6])
+    assert [y for _, y in error.placed(error.curves[0])] == pytest.approx([5.3 / 5.6, 5.3 / 5.6, 0.3 / 5.6])
     table = next(block for block in section.blocks if isinstance(block, Table))
     assert table.rows[1:3] == (("40", "10.5", "10.5", "float and chip"), ("41", "10.25", "9.75", "float"))
 
@@ -195,11 +195,11 @@ def test_energy_of_a_step_over_the_steps(document: dict[str, Any]) -> None:
     blocks = _section("over-time", document).blocks
     (drawn,) = (block for block in blocks if isinstance(block, Plot) and block.title.startswith("Energy of a step"))
     # 15 and 45 nJ over 4 steps each, 5 nJ over 2; bins that may be shorter are left out. The largest is 11.25 nJ a step.
-    assert [curve.points for curve in drawn.curves] == [
-        ((pytest.approx(1 / 6), pytest.approx(1 / 3)), (pytest.approx(1 / 2), 1.0)),
-        ((pytest.approx(1 / 4), pytest.approx(2.5 / 11.25)),),
+    assert [drawn.placed(curve) for curve in drawn.curves] == [
+        [(pytest.approx(1 / 6), pytest.approx(1 / 3)), (pytest.approx(1 / 2), 1.0)],
+        [(pytest.approx(1 / 4), pytest.approx(2.5 / 11.25))],
     ]
-    assert [text for _, text in drawn.y_ticks] == ["5.00 nJ", "10.0 nJ"]
+    assert [text for _, text in drawn.y.places] == ["5.00 nJ", "10.0 nJ"]
 
 
 @pytest.mark.parametrize(
@@ -215,7 +215,7 @@ def test_round_numbers(low: float, high: float, numbers: list[float]) -> None:
 
 
 def test_one_step_has_one_tick() -> None:
-    assert step_ticks(range(7, 8), centred=True) == ((0.5, "7"),)
+    assert step_axis(range(7, 8), centred=True).places == [(0.5, "7")]
 
 
 @pytest.mark.slow

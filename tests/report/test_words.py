@@ -10,7 +10,7 @@ import locsnn_compile
 from hw_model.texts.pieces import Pieces
 from hw_model.texts.templates import sections
 from locsnn_compile.report.content import Block, Fact, Facts, Table
-from locsnn_compile.report.words import STAGES, facts, fill, notice, section_words, sentence, share_of, table, words
+from locsnn_compile.report.words import STAGES, facts, fill, notice, section, sentence, share_of, table, words
 from locsnn_compile.verification.error_budget.budget import STAGES as COMPILED
 
 REPORT = Path(locsnn_compile.__file__).parent / "report"
@@ -40,7 +40,8 @@ def test_a_share_is_that_of_the_sum_in_any_order(value, whole, share):
 
 
 def test_places_are_filled():
-    assert section_words("resources", target="tiny-sim") == ("Resources", "How much of tiny-sim the program uses.")
+    made = section("resources", target="tiny-sim")
+    assert (made.title, made.lead) == ("Resources", "How much of tiny-sim the program uses.")
     assert notice("wraps", times="2 times").text.startswith("A register overflowed 2 times and its value wrapped")
     assert sentence("polarity", rising=0.25, falling=0.75) == "25.0 % rising, 75.0 % falling"
 

@@ -65,14 +65,15 @@ def _recordings(diagnosis: Diagnosis) -> Document:
 
 def _deviation(found: Deviation) -> Document:
     return {
-        **_match(found.spikes),
+        **spikes_entry(found.spikes),
         "predictions_changed": found.predictions_changed,
         "score_error": found.scores.relative_error,
-        "by_population": {name: _match(one) for name, one in found.by_population.items()},
+        "by_population": {name: spikes_entry(one) for name, one in found.by_population.items()},
     }
 
 
-def _match(found: PopulationMatch) -> Document:
+def spikes_entry(found: PopulationMatch) -> Document:
+    """Return how equal the spikes of both sides are."""
     return {"spike_agreement": found.agreement, "spike_mismatches": found.mismatches}
 
 

@@ -14,7 +14,7 @@ from locsnn_compile.baselines.operations import ANN_NAMES, AnnCounts, ann_counts
 from locsnn_compile.network.network import Network
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.report.content import Document
-from locsnn_compile.report.figures.checks import budget_entry, cause_entry, margins_entry, over_time_entry
+from locsnn_compile.report.figures.checks import budget_entry, cause_entry, margins_entry, over_time_entry, spikes_entry
 from locsnn_compile.report.figures.energy import energy_entry
 from locsnn_compile.report.figures.latency import latency_entry
 from locsnn_compile.report.figures.spread import place
@@ -127,8 +127,7 @@ def _match(match: Match, counts: Counts, cause: Document | None) -> Document:
 
 
 def _spikes(found: PopulationMatch) -> Document:
-    both = picked(found, "reference_spikes", "chip_spikes")
-    return {"spike_agreement": found.agreement, "spike_mismatches": found.mismatches, **both}
+    return spikes_entry(found) | picked(found, "reference_spikes", "chip_spikes")
 
 
 def _readout(network: Network, match: Match) -> Document:

@@ -10,7 +10,10 @@ _TICKS = 6
 
 
 class Axis(Frozen):
-    """Values between two ends on a linear or logarithmic scale; ``text`` writes the ``ticks``."""
+    """Values between two ends on a scale that is linear or, where the ends are powers of ten, logarithmic.
+
+    ``text`` writes the ``ticks``.
+    """
 
     low: float
     high: float
@@ -21,6 +24,11 @@ class Axis(Frozen):
     def place(self, value: float) -> float:
         """Return the place of a value, 0..1."""
         return ((math.log10(value) if self.log else value) - self.low) / (self.high - self.low)
+
+    @property
+    def places(self) -> list[tuple[float, str]]:
+        """The place and the text of each tick."""
+        return [(self.place(value), self.text(value)) for value in self.ticks]
 
 
 def linear_axis(values: Sequence[float], text: Callable[[float], str]) -> Axis:
@@ -60,18 +68,16 @@ def round_numbers(low: float, high: float, about: int) -> list[float]:
     return [i * step for i in range(first, last + 1)]
 
 
-def step_ticks(steps: range, *, centred: bool) -> tuple[tuple[float, str], ...]:
-    """Return round step numbers with their places; ``centred`` if a step is as wide as its column."""
-    if len(steps) == 1:
-        return ((0.5, f"{steps.start:,}"),)
-    shift, length = (0.5, len(steps)) if centred else (0.0, len(steps) - 1)
-    whole = [number for number in round_numbers(steps[0], steps[-1], 6) if number == int(number)]
-    return tuple(((number - steps.start + shift) / length, f"{int(number):,}") for number in whole)
+def step_axis(steps: range, *, centred: bool) -> Axis:
+    """Return an axis of steps with round numbers on it; ``centred`` if a step is as wide as its column."""
+    half = 0.5 if centred or len(steps) == 1 else 0.0
+    found = [number for number in round_numbers(steps[0], steps[-1], 6) if number == int(number)] or [float(steps[0])]
+    return Axis(steps[0] - half, steps[-1] + half, tuple(found), "{:,.0f}".format)
 
 
-def value_axis(values: Sequence[float]) -> tuple[float, float, list[float]]:
-    """Return the ends of an axis that holds the values with some room, and round numbers on it."""
+def value_axis(values: Sequence[float], unit: str = "") -> Axis:
+    """Return an axis that holds the values with some room, and round numbers on it."""
     low, high = min(values), max(values)
     room = 0.06 * (high - low) or abs(high) or 1.0
     low, high = low - room, high + room
-    return low, high, round_numbers(low, high, 4)
+    return Axis(low, high, tuple(round_numbers(low, high, 4)), lambda value: f"{value:.6g}{unit}")

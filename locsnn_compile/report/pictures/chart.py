@@ -37,14 +37,14 @@ def chart(title: str, subtitle: str, style: str, panels: Sequence[str], below: i
 
 def axes(title: str, x_label: str, x: Axis, y: Axis) -> str:
     """Draw the axes of a panel."""
-    rows = ((HEIGHT * (1 - y.place(value)), y.text(value)) for value in y.ticks)
+    rows = ((HEIGHT * (1 - at), label) for at, label in y.places)
     return PIECES.piece(
         "axes",
         None,
         title=title,
         x_label=x_label,
         rows=[{"at": at, "below": at + 4, "label": label} for at, label in rows],
-        columns=[{"at": WIDTH * x.place(value), "label": x.text(value)} for value in x.ticks],
+        columns=[{"at": WIDTH * at, "label": label} for at, label in x.places],
     )
 
 

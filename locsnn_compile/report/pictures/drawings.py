@@ -88,8 +88,9 @@ def plot(drawn: Plot) -> str:
     Curves are drawn in a square of 100 by 100 that is stretched to its place, but their strokes are not stretched.
     """
     bottom = _PLOT_TOP + _PLOT_HEIGHT
-    places = ((_PLOT_TOP + (1.0 - at) * _PLOT_HEIGHT, label) for at, label in drawn.y_ticks)
-    lines = [" ".join(f"{100 * x:.4g},{100 * (1 - y):.4g}" for x, y in curve.points) for curve in drawn.curves]
+    places = ((_PLOT_TOP + (1.0 - at) * _PLOT_HEIGHT, label) for at, label in drawn.y.places)
+    lines = [" ".join(f"{100 * x:.4g},{100 * (1 - y):.4g}" for x, y in drawn.placed(curve)) for curve in drawn.curves]
+    marked = None if drawn.marked is None else 100 * drawn.x.place(drawn.marked)
     return _PIECES.piece(
         "plot",
         drawn,
@@ -98,7 +99,7 @@ def plot(drawn: Plot) -> str:
         top=_PLOT_TOP,
         high=_PLOT_HEIGHT,
         ticks=[{"y": y, "above": y - 3, "label": label} for y, label in places],
-        marks=[] if drawn.marked is None else [{"x": 100 * drawn.marked, "top": _PLOT_TOP, "bottom": bottom}],
+        marks=[] if marked is None else [{"x": marked, "top": _PLOT_TOP, "bottom": bottom}],
         axis=_axis(bottom, drawn),
         lines=[{"index": i, "path": path} for i, path in enumerate(lines) if path],
     )
@@ -172,10 +173,10 @@ def _rectangle(kind: str, left: float, top: float, width: float, height: float) 
 
 
 def _axis(bottom: int, drawn: Plot | Raster) -> str:
-    """Return the ticks of a horizontal axis at places 0..1 with their texts, and the label below them."""
+    """Return the ticks of a horizontal axis with their texts, and the label below them."""
     down = {"top": bottom, "end": bottom + 4, "below": bottom + 17}
     ticks = []
-    for at, text in drawn.x_ticks:
+    for at, text in drawn.x.places:
         anchor = "start" if at < 0.03 else "end" if at > 0.97 else "middle"
         ticks.append({"x": 100 * at, "anchor": anchor, "label": text, **down})
     return _PIECES.piece("axis", None, ticks=ticks, below=bottom + 33, label=drawn.x_label)

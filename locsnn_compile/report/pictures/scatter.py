@@ -65,7 +65,8 @@ def _marks(marks: Sequence[Mark], places: Sequence[chart.Point]) -> str:
     for i in order:
         drawn += _shape(marks[i].kind, *places[i], "mark front" if marks[i].front else "mark", marks[i].words)
         drawn += _ring(*places[i], _RING) if marks[i].taken else ""
-    taken = [_around(x, y, _RING if mark.taken else _RADIUS) for mark, (x, y) in zip(marks, places, strict=True)]
+    sizes = [_RING if mark.taken else _RADIUS for mark in marks]
+    taken = [(x - size, y - size, x + size, y + size) for (x, y), size in zip(places, sizes, strict=True)]
     for i in reversed(order):
         if not (marks[i].front or marks[i].taken):
             continue
@@ -129,10 +130,6 @@ def _ring(x: float, y: float, radius: int) -> str:
 
 def _shape(kind: int, x: float, y: float, style: str, words: str | None = None) -> str:
     return chart.PIECES.piece("shape", None, number=kind % _SHAPES, x=x, y=y, style=style, words=words)
-
-
-def _around(x: float, y: float, radius: float) -> Box:
-    return x - radius, y - radius, x + radius, y + radius
 
 
 def _overlap(one: Box, other: Box) -> bool:

@@ -6,12 +6,13 @@ from itertools import accumulate
 
 from locsnn_compile.report.content import Curve, Document, Plot, Section, Table
 from locsnn_compile.report.format import NONE, SILENT, agreed, any_value, count, plural, ratio
+from locsnn_compile.report.pictures.axis import Axis
 from locsnn_compile.report.words import STAGES, facts, listed, no_spikes, section, sentence, stage_words, table
 
 _DRAWN = 8
 """Populations whose margins are drawn; a table has those of all."""
 _LEAST_SHARE = 1e-5
-"""The lower end of the vertical axis of the margins."""
+"""The lower end of the vertical axis of the margins; what lies below it is not drawn."""
 
 
 def error_budget(document: Document) -> Section | None:
@@ -130,35 +131,29 @@ def _plot(name: str, one: Document, edges: Sequence[float]) -> Plot:
     nearer = _running(one["distance_histogram"], total)
     larger = _running(one["error_histogram"][::-1], total)[::-1]
     first, last = math.log10(edges[0]), math.log10(edges[-1])
-    x = [(math.log10(edge) - first) / (last - first) for edge in edges]
-    floor = math.log10(_LEAST_SHARE)
-    decades = range(round(first), round(last) + 1)
+    decades = tuple(10.0**power for power in range(round(first), round(last) + 1))
     return Plot(
         title=f"{name}: distance to the threshold, and error",
         x_label="thresholds",
-        x_ticks=tuple(((power - first) / (last - first), _power(power)) for power in decades),
-        y_ticks=tuple(((power - floor) / -floor, f"{100 * 10.0**power:g} %") for power in range(round(floor) + 1, 1)),
+        x=Axis(first, last, decades, _power, log=True),
+        y=Axis(math.log10(_LEAST_SHARE), 0.0, (1e-4, 1e-3, 0.01, 0.1, 1.0), lambda part: f"{100 * part:g} %", log=True),
         curves=tuple(
             Curve(f"neurons and steps {label} than that", points)
             for label, shares in (("nearer to the threshold", nearer), ("with a larger error", larger))
-            if (points := tuple(_points(x, shares, floor)))
+            if (points := tuple(point for point in zip(edges, shares, strict=True) if point[1] >= _LEAST_SHARE))
         ),
     )
 
 
-def _power(exponent: int) -> str:
+def _power(value: float) -> str:
     """Return a power of ten; a small one with a superscript exponent."""
-    return f"{10.0**exponent:g}" if exponent >= -3 else f"10⁻{'⁰¹²³⁴⁵⁶⁷⁸⁹'[-exponent]}"
+    exponent = round(math.log10(value))
+    return f"{value:g}" if exponent >= -3 else f"10⁻{'⁰¹²³⁴⁵⁶⁷⁸⁹'[-exponent]}"
 
 
 def _running(counts: Sequence[int], total: int) -> list[float]:
     """Return the share of the counts before each edge, from none to all."""
     return [so_far / total for so_far in accumulate(counts, initial=0)]
-
-
-def _points(x: Sequence[float], shares: Sequence[float], floor: float) -> list[tuple[float, float]]:
-    """Return the points of the drawing, without those below its lower edge."""
-    return [(at, 1.0 - math.log10(part) / floor) for at, part in zip(x, shares, strict=True) if part >= _LEAST_SHARE]
 
 
 def _signed(value: float) -> str:

@@ -188,16 +188,12 @@ def _recordings(build: Build) -> str:
 
 def _notices(before: Build, after: Build) -> tuple[Notice, ...]:
     """Return what makes the two less comparable."""
-    models, profiles = ({build.text(key) for build in (before, after)} for key in ("model.sha256", "energy.profile"))
-    recordings = [_recordings(build) for build in (before, after)]
-    found = []
-    if len(models) > 1:
-        found.append(notice("models differ"))
-    if len(set(recordings)) > 1:
-        found.append(notice("recordings differ", both=" and ".join(recordings)))
-    if len(profiles) > 1:
-        found.append(notice("profiles differ"))
-    return tuple(found)
+    said = {
+        "models differ": [build.text("model.sha256") for build in (before, after)],
+        "recordings differ": [_recordings(build) for build in (before, after)],
+        "profiles differ": [build.text("energy.profile") for build in (before, after)],
+    }
+    return tuple(notice(name, both=" and ".join(both)) for name, both in said.items() if len(set(both)) > 1)
 
 
 def _key_figures(before: Build, after: Build) -> Section:

@@ -41,12 +41,13 @@ def energy_section(document: Document) -> Section:
 def latency_section(document: Document) -> Section:
     """Time per recording: spread, breakdown, which core waits for which, and comparison with real time."""
     found = document["latency"]
-    mean = found["per_sample_ns"]
+    mean, real = found["per_sample_ns"], found["real_time"]
+    slowest = sentence("slowest step", **real) if real and real["slowest_step_factor"] else None
     return section(
         "latency",
         TIME.span(document),
         real_time(found),
-        facts("latency", **found, **TIME.facts(document), slowest=_slowest(found["real_time"])),
+        facts("latency", **found, **TIME.facts(document), slowest=slowest),
         by_branch(_parts(found), f"Time by branch and part, mean per recording, profile {found['profile']}", time),
         table("critical paths", (_path(mean=mean, **row) for row in found["critical_paths"])),
         _cores(found["by_core"], mean) if found["by_core"] else None,
@@ -70,10 +71,6 @@ def real_time(found: Document) -> str:
         return sentence("no pace")
     mean, slowest = (pace(ns, duration) for ns in (found["per_sample_ns"], found["over_samples_ns"]["max"]))
     return sentence("pace", mean=mean, slowest=slowest)
-
-
-def _slowest(real: Document | None) -> str | None:
-    return sentence("slowest step", **real) if real and real["slowest_step_factor"] else None
 
 
 def _path(*, mean: float, **row: Any) -> Document:

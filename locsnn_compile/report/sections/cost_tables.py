@@ -6,7 +6,7 @@ from typing import Any
 from hw_model.values import Frozen
 from locsnn_compile.report.content import Bar, Curve, Document, Fact, Plot, Span, Stack, Table
 from locsnn_compile.report.format import NONE, count, energy, share, time
-from locsnn_compile.report.pictures.axis import round_numbers
+from locsnn_compile.report.pictures.axis import Axis, round_numbers
 from locsnn_compile.report.words import share_of, table, words
 
 Shown = Callable[[float], str]
@@ -64,15 +64,15 @@ class Cost(Frozen):
         a_step = {branch: _per_step(its) for branch, its in by_step.items()}
         most = max((value for values in a_step.values() for value in values), default=0.0) or 1.0
         curves = tuple(
-            Curve(words(name), tuple(((i + 0.5) / len(by_step[name]["bins"]), x / most) for i, x in enumerate(values)))
+            Curve(words(name), tuple(((i + 0.5) / len(by_step[name]["bins"]), x) for i, x in enumerate(values)))
             for name, values in a_step.items()
         )
         return (
             Plot(
                 title=f"{self.name} of a step, mean over the recordings, {of_profile}",
                 x_label="part of the branch's steps",
-                x_ticks=tuple((part, f"{100 * part:.0f} %") for part in (0.0, *PARTS)),
-                y_ticks=tuple((x / most, self.shown(x)) for x in round_numbers(0.0, most, 4) if x),
+                x=Axis(0.0, 1.0, (0.0, *PARTS), lambda part: f"{100 * part:.0f} %"),
+                y=Axis(0.0, most, tuple(x for x in round_numbers(0.0, most, 4) if x), self.shown),
                 curves=curves,
             ),
             Table(

@@ -2,6 +2,7 @@
 
 from locsnn_compile.report.content import Curve, Document, Plot, Section, Table
 from locsnn_compile.report.format import count, energy, share, short, time
+from locsnn_compile.report.pictures.axis import Axis
 from locsnn_compile.report.sections.accuracy import sample
 from locsnn_compile.report.sections.cost_tables import ENERGY, PARTS, TIME
 from locsnn_compile.report.words import facts, section, sentence, table, words
@@ -36,23 +37,18 @@ def _title(entry: Document) -> str:
 
 
 def _plot(entry: Document) -> Plot:
-    last = entry["steps"][-1]
+    last, seconds = entry["steps"][-1], entry["step_seconds"]
+    moment = (lambda step: short(step * seconds)) if seconds else "{:.0f}".format
     return Plot(
         title=_title(entry),
-        x_label="seconds" if entry["step_seconds"] else "steps",
-        x_ticks=tuple((part, _moment(entry, part)) for part in (0.0, *PARTS)),
-        y_ticks=tuple((part, f"{100 * part:.0f} %") for part in (0.25, 0.5, 0.75, 1.0)),
+        x_label="seconds" if seconds else "steps",
+        x=Axis(0.0, last, tuple(part * last for part in (0.0, *PARTS)), moment),
+        y=Axis(0.0, 1.0, (0.25, 0.5, 0.75, 1.0), lambda share: f"{100 * share:.0f} %"),
         curves=tuple(
-            Curve(words(name), tuple((step / last, right) for step, right in zip(entry["steps"], values, strict=True)))
+            Curve(words(name), tuple(zip(entry["steps"], values, strict=True)))
             for name, values in entry["right"].items()
         ),
     )
-
-
-def _moment(entry: Document, part: float) -> str:
-    """Return the time or, if not known, the step after a part of a recording."""
-    steps = part * entry["steps"][-1]
-    return short(steps * entry["step_seconds"]) if entry["step_seconds"] else f"{steps:.0f}"
 
 
 def _table(entry: Document) -> Table:

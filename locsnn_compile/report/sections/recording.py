@@ -1,6 +1,5 @@
 """Sections on one recording: its input, the spikes of both sides, and the potential that differs first."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Literal
 
@@ -9,7 +8,7 @@ import numpy as np
 from hw_model.values import ByteArray
 from locsnn_compile.report.content import Curve, Document, Plot, Raster, Section, Strokes, Table
 from locsnn_compile.report.format import NONE, SILENT, count, plural, told_apart
-from locsnn_compile.report.pictures.axis import step_ticks, value_axis
+from locsnn_compile.report.pictures.axis import Axis, step_axis, value_axis
 from locsnn_compile.report.words import no_spikes, section, table, words
 from locsnn_compile.verification.excerpt import Excerpt, NeuronPotential, SpikeRows
 
@@ -97,9 +96,9 @@ def _population(item: SpikeRows, excerpt: Excerpt, side: str) -> Raster:
     )
 
 
-def _axes(item: SpikeRows, excerpt: Excerpt) -> tuple[int, int, str, tuple[tuple[float, str], ...]]:
-    """Return the columns and rows of a raster, and the label and ticks of its axis."""
-    return *item.reference.shape, f"{item.axis} step", step_ticks(excerpt.steps[item.phase], centred=True)
+def _axes(item: SpikeRows, excerpt: Excerpt) -> tuple[int, int, str, Axis]:
+    """Return the columns and rows of a raster, and its axis with the label."""
+    return *item.reference.shape, f"{item.axis} step", step_axis(excerpt.steps[item.phase], centred=True)
 
 
 def _spike_table(excerpt: Excerpt, side: str) -> Table:
@@ -139,7 +138,7 @@ def potential(document: Document, excerpt: Excerpt | None) -> Section | None:
 def _potentials(shown: NeuronPotential, side: str, at: int | None) -> Plot:
     both = {f"{side} potential": shown.reference.tolist(), "chip potential": shown.chip.tolist()}
     title, level = f"{shown.population}, neuron {shown.neuron}: potential", shown.threshold
-    marked = None if at is None else at / max(1, len(shown.reference) - 1)
+    marked = None if at is None else shown.first_step + at
     return _plot(title, shown, both, (f"threshold, {level:.6g}", level), marked=marked)
 
 
@@ -161,21 +160,12 @@ def _plot(
     marked: float | None = None,
 ) -> Plot:
     """Draw series of values by step, and a named level."""
-    low, high, ticks = value_axis([value for values in series.values() for value in values] + [level[1]])
     steps = len(next(iter(series.values())))
-
-    def curve(label: str, values: Sequence[float]) -> Curve:
-        last = max(1, len(values) - 1)
-        return Curve(label, tuple((i / last, (value - low) / (high - low)) for i, value in enumerate(values)))
-
-    return Plot(
-        title=title,
-        x_label=f"{shown.axis} step",
-        x_ticks=step_ticks(range(shown.first_step, shown.first_step + steps), centred=False),
-        y_ticks=tuple(((value - low) / (high - low), f"{value:.6g}{unit}") for value in ticks),
-        curves=(*(curve(*one) for one in series.items()), curve(level[0], [level[1]] * 2)),
-        marked=marked,
-    )
+    x = step_axis(range(shown.first_step, shown.first_step + steps), centred=False)
+    curves = [Curve(label, tuple(enumerate(values, shown.first_step))) for label, values in series.items()]
+    curves.append(Curve(level[0], ((x.low, level[1]), (x.high, level[1]))))
+    y = value_axis([value for curve in curves for _, value in curve.points], unit)
+    return Plot(title, f"{shown.axis} step", x, y, tuple(curves), marked)
 
 
 def _around(shown: NeuronPotential, side: str, at: int | None) -> Table:

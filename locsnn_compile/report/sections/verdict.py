@@ -44,7 +44,9 @@ def matches(document: Document) -> Verdict:
     its = facts(
         "match",
         accuracy=_accuracy(document),
-        spikes=known(match["spike_agreement"], _equal_spikes, "none on either side"),
+        spikes=known(
+            match["spike_agreement"], lambda part: f"{share(part)} at the same neuron and step", "none on either side"
+        ),
         first=_first_difference(document),
         scores=_scores(match) if "potentials" in match["readout"]["by"] else "",
         registers=_registers(document),
@@ -71,10 +73,6 @@ def _not_compared(match: Document) -> str:
     if not match["readout"]["silent"] or match["readout"]["by"] != "spikes":
         return "No class score is above another"
     return "No neuron spiked" if match["spike_agreement"] is None else "No output neuron spiked"
-
-
-def _equal_spikes(agreement: float) -> str:
-    return f"{share(agreement)} at the same neuron and step"
 
 
 def costs(document: Document) -> Verdict:
