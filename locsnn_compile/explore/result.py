@@ -8,14 +8,12 @@ seconds that the engines took there.
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
-from functools import partial
 from typing import Any
 
 from hw_model.simulation import Engine
 from locsnn_compile.cluster.spread import code_version
 from locsnn_compile.explore.events import Chosen
-from locsnn_compile.explore.exploration import Exploration
-from locsnn_compile.explore.front import FRONT_RULE, OBJECTIVES
+from locsnn_compile.explore.exploration import FRONT_RULE, OBJECTIVES, Exploration
 from locsnn_compile.explore.point import Figures, Point
 from locsnn_compile.report.content import Document
 from locsnn_compile.report.figures.flat import csv_bytes
@@ -129,19 +127,16 @@ def figures_picture(found: Exploration) -> bytes:
 
 def timings_picture(found: Exploration) -> bytes:
     """Draw the time of the simulator per recording, with a panel for each engine."""
-    panels = []
-    for engine in found.study.engines:
-        many = max(point.timings[engine].recordings for point in found.points if point.figures)
-        title = f"simulation time per recording, engine {engine}, {many} at a time"
-        panels.append(_panel(found, title, time, partial(_nanoseconds, engine)))
-    return _picture(found, "time in the simulator", panels)
+    return _picture(found, "time in the simulator", [_timed_panel(found, engine) for engine in found.study.engines])
 
 
-def _nanoseconds(engine: Engine, point: Point, _: Figures) -> float:
-    return 1e9 * point.timings[engine].seconds
+def _timed_panel(found: Exploration, engine: Engine) -> Panel:
+    many = max(point.timings[engine].recordings for point in found.points if point.figures)
+    title = f"simulation time per recording, engine {engine}, {many} at a time"
+    return _panel(found, title, time, lambda point, figures: 1e9 * point.timings[engine].seconds)
 
 
-def _picture(found: Exploration, what: str, panels: tuple[Panel, ...] | list[Panel]) -> bytes:
+def _picture(found: Exploration, what: str, panels: Sequence[Panel]) -> bytes:
     title = f"{found.study.network.name} on {found.study.chip.name}: {what}"
     return draw(title, found.events.words(), [str(kind) for kind in _kinds(found)], panels)
 

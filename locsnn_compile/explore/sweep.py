@@ -51,12 +51,7 @@ class Store(Frozen):
 
     def write(self, key: str, point: Point) -> None:
         """Write a point, completely or not at all."""
-        try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            what = "the folder cannot be made"
-            fix = "Choose a folder with -o."
-            raise InputError(f"output {self.folder.name!r}", what, measured=error.strerror or "", fix=fix) from None
+        self.folder.mkdir(parents=True, exist_ok=True)
         entry = asdict(point)
         document = {"schema": SCHEMA, "sha256": digest_of(entry), "point": entry}
         replace_file(self._path(key), (json.dumps(document, indent=1) + "\n").encode(), where=f"point {key[:12]}")

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from small_model import figures, point
 
-from locsnn_compile.explore.front import Recommendation, on_front, recommend
+from locsnn_compile.explore.exploration import Recommendation, on_front, recommend
 from locsnn_compile.verification.error_bounds import SCORE_TOLERANCE, SPIKE_TOLERANCE, ErrorBudget, default_budget
 
 FEW = st.sampled_from([0.25, 0.5, 0.75, 1.0])

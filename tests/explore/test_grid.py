@@ -11,8 +11,8 @@ import locsnn_compile as lc
 from hw_model.arithmetic.fixed_point import WEIGHT_BITS
 from locsnn_compile import settings as grid
 from locsnn_compile.cli import explore as explore_cli
+from locsnn_compile.cli import options
 from locsnn_compile.cli.compile import parser
-from locsnn_compile.cli.options import add_options
 from locsnn_compile.errors import InputError
 from locsnn_compile.explore import result
 from locsnn_compile.settings import AXES, STRATEGIES, Axis, Setting, settings
@@ -77,10 +77,10 @@ def test_a_row_and_its_field_add_an_axis(model, events, tmp_path, monkeypatch):
     """Option, grid, compilation, files and commands follow the table; ``psi`` is an option that changes no figure."""
     for module in (grid, explore_cli, result):
         monkeypatch.setattr(module, "AXES", (*AXES, PSI))
-    monkeypatch.setattr(explore_cli, "WORDS", {"axes": explore_cli.declared((*AXES, PSI))})
+    monkeypatch.setitem(options.WORDS, "explore", {"axes": options.declared((*AXES, PSI))})
     monkeypatch.setattr(grid, "Setting", Late)
-    options = (*narrow("reset"), "--psi", 5, 10, "--engines", "--quiet")
-    assert explore(model, "--events", events, *options, "-o", tmp_path / "out") == 0
+    words = (*narrow("reset"), "--psi", 5, 10, "--engines", "--quiet")
+    assert explore(model, "--events", events, *words, "-o", tmp_path / "out") == 0
     five, ten = explored(tmp_path / "out")["points"]
     assert (five["setting"]["psi"], ten["setting"]["psi"]) == (5.0, 10.0)
     assert five["figures"] == ten["figures"]
@@ -95,9 +95,10 @@ def test_a_row_and_its_field_add_an_axis(model, events, tmp_path, monkeypatch):
     [("0", None), ("7.5", None), ("99.5", "--psi 99.5: it is out of range. Give a number from 0 to 99.")],
     ids=["least", "between", "too large"],
 )
-def test_bounds_let_other_values_in(value, line):
+def test_bounds_let_other_values_in(value, line, monkeypatch):
     parser = argparse.ArgumentParser()
-    add_options(parser, "explore", {"axes": explore_cli.declared((PSI,))})
+    monkeypatch.setitem(options.WORDS, "explore", {"axes": options.declared((PSI,))})
+    options.add_options(parser, "explore")
     if line is None:
         assert parser.parse_args(["net.nir", "--psi", value]).psi == [float(value)]
         return

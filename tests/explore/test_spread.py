@@ -16,7 +16,7 @@ import locsnn_compile as lc
 from locsnn_compile.cli.compile import main as compile_main
 from locsnn_compile.cli.main import main
 from locsnn_compile.cluster import spread
-from locsnn_compile.cluster.spread import AHEAD, connected, packed, spread_over, unpacked
+from locsnn_compile.cluster.spread import AHEAD, packed, spread_over, unpacked
 from locsnn_compile.errors import InputError, TargetError
 
 MANY = 70
@@ -105,8 +105,8 @@ def test_errors_go_to_other_processes(kind):
 
 
 def test_workers_that_always_die_are_one_line(cluster):
-    with pytest.raises(InputError) as caught, connected(cluster.scheduler_address) as found:
-        list(found.spread(os._exit, [1]))
+    with pytest.raises(InputError) as caught, spread_over(cluster.scheduler_address) as spread:
+        list(spread(os._exit, [1]))
     where = f"--scheduler {cluster.scheduler_address}"
     assert str(caught.value) == f"{where}: its workers keep dying. Give them more memory, or fewer recordings."
 
