@@ -9,6 +9,7 @@ import logging
 import pickle
 import signal
 import socket
+import sys
 import time
 import zlib
 from collections import deque
@@ -20,12 +21,10 @@ from functools import cache, lru_cache, partial
 from importlib.metadata import PackageNotFoundError, version
 from multiprocessing import active_children, get_context
 from pathlib import Path
-from types import ModuleType
 from typing import Any, Protocol, TypeVar
 
 import hw_model
 from hw_model.io.extras import needed
-from hw_model.values import Frozen
 from locsnn_compile.errors import InputError, check_same, counted
 
 PACKAGE = "locsnn-compile"
@@ -93,34 +92,28 @@ AHEAD = 2
 """Parts in progress per thread of the cluster, so the next one is there when one is done."""
 
 
-class Cluster(Frozen):
-    """A connected ``distributed.Client``; ``where`` is how errors name it."""
+def _on_workers(
+    client: Any, where: str, work: Callable[[Part], Result], parts: Iterable[Part], /
+) -> Generator[Result, None, None]:
+    """Run parts on the workers of a ``distributed.Client``, a few at a time; ``where`` is how errors name it.
 
-    client: Any
-    where: str
-    distributed: ModuleType
-
-    def result(self, future: Any) -> Any:
-        """Return the result of a future. If its worker dies, Dask runs it again, but only a few times."""
-        try:
-            return future.result()
-        except self.distributed.KilledWorker:
-            fix = "Give them more memory, or fewer recordings."
-            raise InputError(self.where, "its workers keep dying", fix=fix) from None
-        except self.distributed.CancelledError:
-            raise InputError(self.where, "it was lost", fix="Start it and the command again.") from None
-
-    def spread(self, work: Callable[[Part], Result], parts: Iterable[Part], /) -> Generator[Result, None, None]:
-        """Run parts on the workers, a few at a time; see :class:`Spread`."""
-        # The work is sent with every part; if it were sent to workers beforehand, it would be lost with them.
-        job, waiting = packed(work), deque[Any]()
-        most = AHEAD * max(1, sum(self.client.nthreads().values()))
+    If a worker dies, Dask runs its part again, but only a few times.
+    """
+    # The work is sent with every part; if it were sent to workers beforehand, it would be lost with them.
+    job, most = packed(work), AHEAD * max(1, sum(client.nthreads().values()))
+    waiting = deque[Any]()
+    distributed = sys.modules["distributed"]
+    try:
         for part in parts:
-            waiting.append(self.client.submit(work_packed, job, packed(part), pure=False))
+            waiting.append(client.submit(work_packed, job, packed(part), pure=False))
             if len(waiting) == most:
-                yield self.result(waiting.popleft())
+                yield waiting.popleft().result()
         while waiting:
-            yield self.result(waiting.popleft())
+            yield waiting.popleft().result()
+    except distributed.KilledWorker:
+        raise InputError(where, "its workers keep dying", fix="Give them more memory, or fewer recordings.") from None
+    except distributed.CancelledError:
+        raise InputError(where, "it was lost", fix="Start it and the command again.") from None
 
 
 @contextmanager
@@ -129,8 +122,8 @@ def spread_over(address: str | None, processes: int | None = None) -> Iterator[S
     if address is None:
         yield partial(_in_processes, processes) if processes else here
         return
-    with connected(address) as cluster:
-        yield cluster.spread
+    with connected(address) as client:
+        yield partial(_on_workers, client, f"--scheduler {address}")
 
 
 def _listens(place: tuple[str, int]) -> bool:
@@ -145,8 +138,8 @@ def _listens(place: tuple[str, int]) -> bool:
 
 
 @contextmanager
-def connected(address: str) -> Iterator[Cluster]:
-    """Connect to a scheduler with at least one worker, all running this code; Dask must be installed."""
+def connected(address: str) -> Iterator[Any]:
+    """Connect a ``distributed.Client`` to a scheduler with a worker or more, all running this code."""
     distributed = needed("distributed", "dask", "--scheduler")
     # What it would log when a scheduler is lost, in dozens of lines, is one of the errors below.
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
@@ -177,7 +170,7 @@ def connected(address: str) -> Iterator[Cluster]:
             raise InputError(where, "a worker has no locsnn-compile", measured=str(error), fix=fix) from None
         for code in codes.values():
             check_code(where, code)
-        yield Cluster(client, where, distributed)
+        yield client
 
 
 INTERRUPTS = signal.SIGINT, signal.SIG_IGN

@@ -22,7 +22,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from hw_model.values import ByteArray, FloatArray, Frozen
+from hw_model.values import ByteArray, FloatArray
 from locsnn_compile.network.projections import Matrix, values_of, with_values
 from locsnn_compile.verification.error_budget.numbers import GroupNumbers, Numbers
 
@@ -30,23 +30,12 @@ Source = Literal["weights", "decays", "states"]
 SOURCES: tuple[Source, ...] = get_args(Source)
 
 
-class Bound(Frozen, eq=False):
-    """The most that each source of error moves a potential, ``parts[source]`` (batch, steps, n), in register units."""
-
-    parts: Mapping[Source, FloatArray]
-
-    @property
-    def total(self) -> FloatArray:
-        """All sources together, (batch, steps, n)."""
-        total: FloatArray = np.sum([self.parts[source] for source in SOURCES], axis=0)
-        return total
-
-
 def error_bound(
     numbers: Numbers, population: str, lines: Mapping[str, ByteArray], spikes: Mapping[str, ByteArray]
-) -> Bound:
+) -> dict[Source, FloatArray]:
     """Bound the error of a population's potential if ``lines`` and ``spikes`` (batch, steps, n), by name, are sent.
 
+    The bound is the most that each source moves the potential, (batch, steps, n), in register units; they add up.
     ``numbers`` are those of both sides, with the same groups; a group that one side lacks is not bounded here.
     """
     spiking = {**lines, **spikes}
@@ -73,7 +62,7 @@ def error_bound(
         for name, played in spikes.items():
             if name in states:
                 states[name].reset(played[:, step].astype(np.bool_))
-    return Bound(dict(zip(SOURCES, found, strict=True)))
+    return dict(zip(SOURCES, found, strict=True))
 
 
 class _Compartments:

@@ -18,7 +18,7 @@ from locsnn_compile.network.quantized import QuantizedPopulation
 from locsnn_compile.pipeline import Levels, lower
 from locsnn_compile.reference.evaluate import calibrate, evaluate
 from locsnn_compile.settings import NATIVE
-from locsnn_compile.stress.bounds import SOURCES, Bound, error_bound
+from locsnn_compile.stress.bounds import Source, error_bound
 from locsnn_compile.stress.cases.case import POPULATION, SEED, Case, random_input
 from locsnn_compile.stress.row import Lost, Measured
 from locsnn_compile.verification.error_budget.budget import STAGES, Phase, Stage, lines_of, phases_of, twin_with
@@ -65,7 +65,7 @@ class Sides:
         """Return what the twin does with all stages and its own spikes, which the program must do as well."""
         return run_twin(twin_with(self.phase, STAGES), self.lines, potentials=(POPULATION,))
 
-    def bound(self) -> Bound:
+    def bound(self) -> dict[Source, FloatArray]:
         """Bound the error of the potential if the float network's spikes are sent, without that of the neuron model."""
         return error_bound(self.phase.program_neurons, POPULATION, self.lines, {POPULATION: self.float.spikes})
 
@@ -124,18 +124,18 @@ def measure(case: Case, chip: hw.Chip) -> Measured:
     found = hw.simulate(levels.program, recordings, probe=("spikes", "potential"))
     wanted, unit = sides.float, sides.threshold
     chip_side, unlimited = sides.forced(*STAGES), sides.forced(*WITHOUT_LIMITS)
-    model_error = sides.model_error()
-    bound = sides.bound()
+    model_error, parts = sides.model_error(), sides.bound()
+    bound = model_error + sum(parts.values())
     slack = FLOAT_ROUNDING * (np.maximum.accumulate(np.abs(wanted.potential), axis=1) + unit)
-    outside = ~(np.abs(unlimited - wanted.potential) <= model_error + bound.total + slack)
+    outside = ~(np.abs(unlimited - wanted.potential) <= bound + slack)
     decided = chip_side > 64.0 * levels.quantized.population(POPULATION).neuron.threshold
     otherwise = decided != wanted.spikes.astype(np.bool_)
     tied = np.abs(wanted.potential - unit) <= FLOAT_ROUNDING * unit
     return Measured(
         spikes=PopulationMatch.of(wanted.spikes, found.spikes[POPULATION]),
         error_thresholds=float((np.abs(chip_side - wanted.potential) / unit).max()),
-        bound_thresholds=float(((model_error + bound.total) / unit).max()),
-        bound_parts_thresholds={source: float((bound.parts[source] / unit).max()) for source in SOURCES},
+        bound_thresholds=float((bound / unit).max()),
+        bound_parts_thresholds={source: float((part / unit).max()) for source, part in parts.items()},
         model_error_thresholds=float((model_error / unit).max()),
         decisions=otherwise.size,
         decisions_otherwise=int(otherwise.sum()),

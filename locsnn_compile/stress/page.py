@@ -35,11 +35,7 @@ def write_page(path: Path, rows: Sequence[Row], chip: hw.Chip) -> None:
     said = f"Every row with its figures is in [{table.name}]({table.name})."
     shown = (f"![{Path(name).stem.replace('-', ' ')}]({PICTURES}/{name})" for name in drawn)
     body = "\n\n".join([_summary(rows, chip), said, *shown])
-    try:
-        (path.parent / PICTURES).mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        fix = "Give a file that can be written."
-        raise InputError(where, "its folder cannot be made", measured=error.strerror or "", fix=fix) from None
+    (path.parent / PICTURES).mkdir(parents=True, exist_ok=True)
     for name, picture in drawn.items():
         replace_file(path.parent / PICTURES / name, picture, where)
     figures = [flatten(row) for row in stress_document(rows, chip)["rows"]]

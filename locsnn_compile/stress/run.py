@@ -125,7 +125,7 @@ def _bound(run: LongRun, chip: hw.Chip, quiet: BoolArray, steps: int) -> float:
     if not quiet.any():
         return 0.0
     sides = Sides(lowered(run.case, chip), run.case.recordings)
-    shares = (sides.model_error() + sides.bound().total) / sides.threshold
+    shares = (sides.model_error() + sum(sides.bound().values())) / sides.threshold
     settled = float(shares[:, -len(run.block) :][..., quiet].max())
     return settled * (1.0 if run.fades else steps / run.case.network.steps)
 

@@ -7,7 +7,6 @@ difference is carried along. Where the error is larger than the distance, a spik
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
@@ -15,7 +14,7 @@ import hw_model as hw
 from hw_model.arithmetic.fixed_point import WEIGHT_SHIFT
 from hw_model.description.chip import Registers
 from hw_model.mapping.graph import Compartments
-from hw_model.values import AnyArray, BoolArray, ByteArray, FloatArray, Frozen, IntArray, Shown
+from hw_model.values import AnyArray, BoolArray, ByteArray, FloatArray, Frozen, IntArray, Shown, added
 from locsnn_compile.network.network import Network, Population
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.reference.evaluate import evaluate
@@ -59,22 +58,6 @@ class RegisterUse(Frozen):
     wraps: int
     clips: int
 
-    @classmethod
-    def unused(cls, group: Compartments, registers: Registers) -> "RegisterUse":
-        """Return the use of a group before anything is played."""
-        limit_v = int(min(np.abs(group.vmin).min(), group.vmax.min()))
-        return cls(0, 1 << registers.current_bits, 0, limit_v, 0, 0)
-
-    def after(self, u: IntArray, potential: IntArray, events: Mapping[str, int]) -> "RegisterUse":
-        """Return the use after u and v as the threshold saw it, (batch, steps, n), and counts of wraps and clips."""
-        return replace(
-            self,
-            peak_u=max(self.peak_u, int(np.abs(u).max())),
-            peak_v=max(self.peak_v, int(np.abs(potential).max())),
-            wraps=self.wraps + events.get("charge_wraps", 0) + events.get("current_wraps", 0),
-            clips=self.clips + events.get("voltage_clips", 0),
-        )
-
     @property
     def share_u(self) -> float:
         """Largest use of the current register, 0..1."""
@@ -103,7 +86,8 @@ def margins(levels: Levels, recordings: ByteArray) -> Margins:
     """Measure margins over recordings (samples, steps, channels) with the network's steps and channels."""
     network, registers = levels.network, levels.program.chip.registers
     watched: dict[str, list[tuple[AnyArray, ...]]] = {p.name: [] for p in network.populations}
-    use = {group.name: RegisterUse.unused(group, registers) for group in levels.compartments.groups}
+    peaks: dict[str, IntArray] = {group.name: np.zeros(2, dtype=np.int64) for group in levels.compartments.groups}
+    events: dict[str, dict[str, int]] = {}
     for start in range(0, len(recordings), CHUNK):
         chunk = recordings[start : start + CHUNK]
         wanted = evaluate(network, chunk, potentials=True, registers=registers)
@@ -116,15 +100,26 @@ def margins(levels: Levels, recordings: ByteArray) -> Margins:
                 otherwise = wanted.spikes[name] != chip.spikes[name]
                 watched[name].append((wanted.potential[name], potential, otherwise))
         found = hw.simulate(levels.program, chunk, probe=("u", "potential"))
-        for name, before in use.items():
-            use[name] = before.after(found.u[name], found.potential[name], found.events.get(name, {}))
+        events = added(events, {name: dict(counts) for name, counts in found.events.items()})
+        for name, so_far in peaks.items():
+            peaks[name] = np.maximum(so_far, [np.abs(values[name]).max() for values in (found.u, found.potential)])
     return Margins(
         populations={
             p.name: _measured(_thresholds(p), *map(np.concatenate, zip(*watched[p.name], strict=True)))
             for p in network.populations
         },
-        registers=use,
+        registers={
+            group.name: _register_use(group, registers, peaks[group.name], events.get(group.name, {}))
+            for group in levels.compartments.groups
+        },
     )
+
+
+def _register_use(group: Compartments, registers: Registers, peaks: IntArray, events: Mapping[str, int]) -> RegisterUse:
+    """Return the use of a group, by the peaks of u and of v as the threshold saw it, and counts of wraps and clips."""
+    limits = 1 << registers.current_bits, int(min(np.abs(group.vmin).min(), group.vmax.min()))
+    wraps = events.get("charge_wraps", 0) + events.get("current_wraps", 0)
+    return RegisterUse(int(peaks[0]), limits[0], int(peaks[1]), limits[1], wraps, events.get("voltage_clips", 0))
 
 
 def _thresholds(population: Population) -> FloatArray:

@@ -80,7 +80,7 @@ def test_a_leaky_integrator_by_hand(tau):
             1.0 if v or before.any() else 0.0,
         ]
         v = wanted * v + arrived @ synapses.exact.weights[0]
-        found = [bound.parts[source][0, step, 0] for source in SOURCES]
+        found = [bound[source][0, step, 0] for source in SOURCES]
         assert found == pytest.approx(parts.tolist(), rel=1e-9, abs=1e-12)
 
 
@@ -88,7 +88,7 @@ def test_a_leaky_integrator_by_hand(tau):
 def test_every_potential_is_within_its_bound(strategy):
     sides, bound = played(network_of(srm(), weights()), strategy)
     error = np.abs(sides.forced(*STAGES) - sides.float.potential)
-    assert (error <= sides.model_error() + bound.total + 1e-6).all()
+    assert (error <= sides.model_error() + sum(bound.values()) + 1e-6).all()
     assert error.max() > 0
 
 
@@ -96,15 +96,15 @@ def test_stages_alone_are_within_their_parts():
     sides, bound = played(network_of(lif(), weights(response="leak")))
     exact = sides.forced()
     for stages, source in ((("weights",), "weights"), (("states",), "states")):
-        assert (np.abs(sides.forced(*stages) - exact) <= 1.01 * bound.parts[source] + 1e-6).all()
+        assert (np.abs(sides.forced(*stages) - exact) <= 1.01 * bound[source] + 1e-6).all()
 
 
 def test_numbers_that_the_chip_holds_leave_only_truncation():
     neuron = ChipCuba.of(3, decay_u=4096, decay_v=100, threshold=900, refractory=3)
     _, bound = played(network_of(neuron, np.arange(-9, 9).reshape(3, 6) * 20))
-    assert not bound.parts["weights"].any()
-    assert not bound.parts["decays"].any()
-    assert 0 < bound.parts["states"].max() <= state_bound(0.0, 1 - 100 / 4096)
+    assert not bound["weights"].any()
+    assert not bound["decays"].any()
+    assert 0 < bound["states"].max() <= state_bound(0.0, 1 - 100 / 4096)
 
 
 def test_a_spike_forgets_the_error_of_the_voltage():
@@ -114,4 +114,4 @@ def test_a_spike_forgets_the_error_of_the_voltage():
     assert spikes.any()
     after = np.flatnonzero(spikes)[0] + 1
     quiet = sides.lines["touch"][0, after - 1, 0] == 0
-    assert (bound.total[0, after, 0] == 0) == bool(quiet)
+    assert (sum(bound.values())[0, after, 0] == 0) == bool(quiet)

@@ -21,8 +21,8 @@ from locsnn_compile.network.quantized import QuantizedNetwork
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.reference.evaluate import ReferenceResult, decided, evaluate
 from locsnn_compile.verification.error_budget.forms import forms_of
-from locsnn_compile.verification.error_budget.numbers import GroupNumbers, Numbers, SynapseNumbers
-from locsnn_compile.verification.error_budget.twin import Twin, TwinGroup, TwinSynapses, run_twins
+from locsnn_compile.verification.error_budget.numbers import GroupNumbers, Numbers
+from locsnn_compile.verification.error_budget.twin import Twin, run_twins
 from locsnn_compile.verification.matching import Divergence, PopulationMatch, Progress, ScoreMatch
 
 Stage = Literal["kernel", "weights", "decays", "states", "thresholds", "delays", "wraps_clips"]
@@ -80,11 +80,11 @@ def neuron_steps(network: Network) -> int:
 def twin_with(phase: Phase, stages: Collection[Stage]) -> Twin:
     """Return the twin of a phase with some stages as on the chip and the others exact."""
     numbers = phase.program_neurons if "kernel" in stages else phase.float_neurons
-    return Twin(
-        tuple(_group(pair, stages) for pair in numbers.groups),
-        tuple(s for pair in numbers.synapses if values_of((s := _synapses(pair, stages)).weights).any()),
-        phase.registers,
-    )
+    taken = [name for name, stage in _OF_STAGE.items() if stage in stages]
+    groups = (replace(pair.exact, bias=_bias(pair, stages), **picked(pair.chip, *taken)) for pair in numbers.groups)
+    which = {"rounded": "weights" in stages, "chip_decays": "decays" in stages}
+    synapses = (replace(pair.exact, weights=pair.weights(**which)) for pair in numbers.synapses)
+    return Twin(tuple(groups), tuple(s for s in synapses if values_of(s.weights).any()), phase.registers)
 
 
 def _twins(phase: Phase, variants: Sequence[Collection[Stage]]) -> list[Twin]:
@@ -107,16 +107,6 @@ _OF_STAGE: dict[str, Stage] = {
     "limited": "wraps_clips",
 }
 """What a stage takes from the chip's group, by field."""
-
-
-def _group(pair: GroupNumbers, stages: Collection[Stage]) -> TwinGroup:
-    taken = picked(pair.chip, *(name for name, stage in _OF_STAGE.items() if stage in stages))
-    return replace(pair.exact, bias=_bias(pair, stages), **taken)
-
-
-def _synapses(pair: SynapseNumbers, stages: Collection[Stage]) -> TwinSynapses:
-    weights = pair.weights(rounded="weights" in stages, chip_decays="decays" in stages)
-    return replace(pair.exact, weights=weights)
 
 
 def _bias(pair: GroupNumbers, stages: Collection[Stage]) -> FloatArray:

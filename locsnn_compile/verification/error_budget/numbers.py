@@ -9,7 +9,7 @@ from scipy import sparse
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE, effective_weight
 from hw_model.mapping.graph import CompartmentGraph, Compartments
-from hw_model.values import FloatArray, Frozen, IntArray, Sums, added
+from hw_model.values import FloatArray, Frozen, IntArray, Sums, added, picked
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.projections import Matrix, Projection, by_delay, of_target, values_of, with_values
 from locsnn_compile.passes.kernels import best_gain
@@ -114,19 +114,16 @@ def times(weights: Matrix, factor: FloatArray) -> Matrix:
 def chip_group(group: Compartments) -> TwinGroup:
     """Return a group in the chip's numbers and arithmetic."""
     return TwinGroup(
-        name=group.name,
-        size=group.size,
+        **picked(group, "name", "size", "refractory", "joined_to"),
         keep_u=_kept(group.decay_u),
         keep_v=_kept(group.decay_v),
         # v >= this is v > 64 * threshold for any real v.
         threshold=np.nextafter(64.0 * group.threshold, np.inf),
         bias=(group.bias_mantissa << group.bias_exponent).astype(np.float64),
-        refractory=group.refractory,
         vmin=group.vmin.astype(np.float64),
         vmax=group.vmax.astype(np.float64),
         truncates=True,
         limited=True,
-        joined_to=group.joined_to,
     )
 
 
