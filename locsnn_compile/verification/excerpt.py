@@ -100,8 +100,9 @@ def take_excerpt(levels: Levels, recordings: ByteArray, first: Divergence | None
     all_steps = {phase.name: network.steps_of(phase.name) for phase in network.phases}
     inputs = [_input(view, wanted.spikes[view.name][0]) for view in network.views if view.phase in all_steps]
     rows = [_rows(p, wanted.spikes[p.name][0], found[p.name][0], first) for p in shown]
+    central = {} if first is None else {levels.quantized.population(first.population).population.phase: first.step}
     steps = {
-        phase: _window([item for item in (*inputs, *rows) if item.phase == phase], _centre(network, first, phase))
+        phase: _window([item for item in (*inputs, *rows) if item.phase == phase], central.get(phase, 0))
         for phase in all_steps
     }
     return Excerpt(
@@ -140,13 +141,6 @@ def _rows(population: Population, reference: ByteArray, chip: ByteArray, first: 
     neurons = np.sort(np.lexsort((-spikes, -differences))[:NEURONS])
     name, axis, phase = population.name, population.axis, population.phase
     return SpikeRows(name, axis, phase, population.size, neurons, reference[:, neurons], chip[:, neurons])
-
-
-def _centre(network: Network, first: Divergence | None, phase: str) -> int:
-    """Return the step of a phase that must be shown."""
-    if first is None or next(p.phase for p in network.populations if p.name == first.population) != phase:
-        return 0
-    return first.step
 
 
 def _window(drawn: list[SpikeRows], centre: int) -> range:

@@ -255,13 +255,13 @@ class Cause(Frozen, eq=False):
 def find_cause(levels: Levels, recording: ByteArray, first: Divergence) -> Cause:
     """Explain the first divergence in ``recording`` (steps, channels), with the network's steps and channels."""
     network, phases = levels.network, phases_of(levels)
-    name = next(p.phase for p in network.populations if p.name == first.population)
-    phase = next(phase for phase in phases if phase.name == name)
+    population = levels.quantized.population(first.population)
+    phase = next(phase for phase in phases if phase.name == population.population.phase)
     until = slice(0, first.step + 1)
     lines = {name: played[:, until] for name, played in lines_of(network, phase, recording[None]).items()}
     reference = evaluate(network, recording[None], registers=phase.registers).spikes
     equal = {name: spikes[:, until] for name, spikes in reference.items()}
-    scale = float(levels.quantized.population(first.population).scale[first.neuron])
+    scale = float(population.scale[first.neuron])
 
     stages = working(phases)
     variants = [(), stages, *([stage] for stage in stages)]
