@@ -10,7 +10,7 @@ import numpy as np
 from hw_model.accounting.activity import StepActivity, count_steps, count_totals
 from hw_model.description.counts import Counts, total
 from hw_model.engine.playing import Player, Spikes, length_of, play, read_streams, steps_of
-from hw_model.engine.probes import KINDS, Kind, PhaseProbes, Probe, hull, read_probes
+from hw_model.engine.probes import KINDS, Kind, Part, Probe, parts_of, read_probes
 from hw_model.engine.trace import EVENTS, TOTALS, PhaseInput, PhaseTrace, Register, Window
 from hw_model.errors import InputError, check_known, check_most
 from hw_model.io.given import checked
@@ -125,7 +125,7 @@ def play_recordings(
     if batch == 0 or (rows == 0 and steps is None):
         measured = f"recordings: {batch}, steps: {rows}"
         raise InputError("spikes", "nothing to simulate", measured=measured, fix="Give some recordings and steps.")
-    longest = _plan(program, tuple(probes.values()), rows, steps)[1]
+    longest = _plans(program, tuple(probes.values()), rows, steps)[1]
     size = max(1, sum(program.populations.values()) * longest)
     asked = program, tuple(probes.values()), rows, steps, batched, run_phase, player
     if silent and remember and batch == 1 and size <= MAX_REMEMBERED:
@@ -162,7 +162,7 @@ def _played(
     player: Player,
 ) -> SimulationResult:
     """Play recordings, all of so many rows, as many at a time as can be held, and keep what the probes ask for."""
-    parts, longest = _plan(program, asked, rows, steps)
+    plans, longest = _plans(program, asked, rows, steps)
     probes, batch = {probe.kind for probe in asked}, len(next(iter(streams.values())))
     together = max(1, MAX_TOGETHER // max(1, sum(program.populations.values()) * longest))
 
@@ -175,22 +175,18 @@ def _played(
         stop = min(start + together, batch)
         part = {name: player.list_events(array[start:stop]) for name, array in streams.items()}
         given: dict[str, AnyArray] = {}
-        for phase, wanted, deciding, keeping, windows in parts:
+        for phase, windows, wanted, deciding, counting in plans:
             played = play(program, phase, part, steps, player)
             trace = run_phase(program, phase.name, played, windows)
+            found: dict[Any, AnyArray] = {"spikes": trace.spikes, **trace.registers}
             counts[phase.name].append(count_totals(program, phase.name, played, trace))
             if "activity" in probes:
                 activity[phase.name] += count_steps(program, phase.name, played, trace)
-            for name, array in wanted.of_spikes(trace.spikes).items():
-                kept["spikes"].setdefault(name, []).append(array)
-            for kind, register in trace.registers.items():
-                if deciding is not None and kind in deciding.kinds:
-                    given |= _largest_potentials(program, deciding.of_register(kind, register, keeping))
-                if kind in probes:
-                    for name, array in wanted.of_register(kind, register, keeping).items():
-                        kept[kind].setdefault(name, []).append(array)
+            for one in wanted:
+                kept[one.kind].setdefault(one.name, []).append(one.of(found))
             _add_events(program, phase.name, trace, events)
-            given |= {name: trace.sent[:, columns] for name, columns in _counting(program, phase.name)}
+            given |= {one.name: largest(one.of(found), 0) for one in deciding}
+            given |= {name: trace.fired[:, columns] for name, columns in counting.items()}
         scores.append(_weighed(program, given, stop - start))
 
     def result(kind: Kind) -> dict[str, AnyArray]:
@@ -211,28 +207,29 @@ def _played(
     )  # fmt: skip
 
 
-class _Part(NamedTuple):
-    """A phase, and what is kept of it: what was asked for, what its scores need if any, both, and where it lies."""
+class _Plan(NamedTuple):
+    """A phase, and what to keep of it: for the probes, and, for the readout, potentials and counts of columns."""
 
     phase: Phase
-    wanted: PhaseProbes
-    deciding: PhaseProbes | None
-    keeping: PhaseProbes
     windows: dict[Register, Window]
+    wanted: list[Part]
+    deciding: list[Part]
+    counting: dict[str, slice]
 
 
 @lru_cache(maxsize=16)
-def _plan(program: ChipProgram, probes: tuple[Probe, ...], rows: int, steps: int | None) -> tuple[list[_Part], int]:
+def _plans(program: ChipProgram, probes: tuple[Probe, ...], rows: int, steps: int | None) -> tuple[list[_Plan], int]:
     """Return all that recordings of so many rows have in common, phase by phase, and the most steps of one."""
-    asked, decisive = {probe.kind: probe for probe in probes}, _decisive(program)
-    both = asked | {kind: hull(probe, asked.get(kind, probe)) for kind, probe in decisive.items()}
-    parts = []
+    first, read = ({}, ()) if program.readout is None else (program.readout.from_step, program.readout.populations)
+    decisive = [Probe("potential", (name,), range(step, sys.maxsize)) for name, step in first.items()]
+    plans = []
     for phase in program.phases:
-        many = steps_of(program, phase, rows, steps)
-        wanted, keeping = (PhaseProbes(program, phase.name, kept, many) for kept in (asked, both))
-        deciding = PhaseProbes(program, phase.name, decisive, many) if decisive else None
-        parts.append(_Part(phase, wanted, deciding, keeping, keeping.windows()))
-    return parts, max(length_of(program, phase, rows, steps) for phase in program.phases)
+        many, columns = steps_of(program, phase, rows, steps), program.columns_of(phase.name)
+        windows, parts = parts_of(program, phase.name, (*probes, *decisive), many)
+        wanted, deciding = ([part for probe in some for part in parts[probe]] for some in (probes, decisive))
+        counting = {name: columns[name] for name in read if name in columns and name not in first}
+        plans.append(_Plan(phase, windows, wanted, deciding, counting))
+    return plans, max(length_of(program, phase, rows, steps) for phase in program.phases)
 
 
 def _classes(program: ChipProgram) -> int:
@@ -258,29 +255,6 @@ def _add_events(program: ChipProgram, phase: str, trace: PhaseTrace, events: dic
     starts = [columns.start for columns in program.columns_of(phase).values()]
     found = np.add.reduceat(trace.events[0] if len(trace.events) == 1 else trace.events.sum(axis=0), starts, axis=1)
     events[phase] = events.get(phase, 0) + found.T
-
-
-@lru_cache(maxsize=8)
-def _counting(program: ChipProgram, phase: str) -> list[tuple[str, slice]]:
-    """Return the populations of a phase that give the readout their spikes, and where in ``sent`` those are."""
-    if program.readout is None:
-        return []
-    columns, lines = program.columns_of(phase), sum(item.size for item in program.inputs_of(phase))
-    names = [n for n in program.readout.populations if n in columns and n not in program.readout.from_step]
-    return [(name, slice(lines + columns[name].start, lines + columns[name].stop)) for name in names]
-
-
-def _decisive(program: ChipProgram) -> dict[Kind, Probe]:
-    """Return what to keep for the populations that the readout takes potentials of."""
-    first = {} if program.readout is None else program.readout.from_step
-    return {"potential": Probe("potential", tuple(first), range(min(first.values()), sys.maxsize))} if first else {}
-
-
-def _largest_potentials(program: ChipProgram, found: Mapping[str, IntArray]) -> dict[str, FloatArray]:
-    """Return the largest of potentials (batch, rows, classes), by population."""
-    assert program.readout is not None
-    first = program.readout.from_step
-    return {name: largest(array, first[name] - min(first.values())) for name, array in found.items()}
 
 
 def _weighed(program: ChipProgram, given: Mapping[str, AnyArray], batch: int) -> FloatArray:

@@ -1,7 +1,7 @@
 """What of a simulation to keep: spikes and registers, of all or chosen populations, in all or chosen steps."""
 
-from collections.abc import Sequence
-from typing import Literal, get_args
+from collections.abc import Mapping, Sequence
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
@@ -23,17 +23,6 @@ class Probe(Frozen):
     steps: range | None = None
 
 
-def hull(first: Probe, second: Probe) -> Probe:
-    """Return the probe of one kind that keeps at least what both keep."""
-    names = None
-    if first.populations is not None and second.populations is not None:
-        names = tuple(dict.fromkeys(first.populations + second.populations))
-    steps = None
-    if first.steps is not None and second.steps is not None:
-        steps = range(min(first.steps.start, second.steps.start), max(first.steps.stop, second.steps.stop))
-    return Probe(first.kind, names, steps)
-
-
 def read_probes(program: ChipProgram, probe: Sequence[Kind | Probe]) -> dict[Kind, Probe]:
     """Return the probes by kind; an unknown kind or population, or a kind twice, is an ``InputError``."""
     found: dict[Kind, Probe] = {}
@@ -52,56 +41,55 @@ def read_probes(program: ChipProgram, probe: Sequence[Kind | Probe]) -> dict[Kin
     return found
 
 
-class PhaseProbes:
-    """Where the populations that the probes want lie in the arrays of a phase."""
+class Part(NamedTuple):
+    """Rows of a population that are kept, and where they lie in what an engine gives: all spikes, or a window."""
 
-    def __init__(self, program: ChipProgram, phase: str, probes: dict[Kind, Probe], steps: int) -> None:
-        self.kinds = frozenset(probes)
-        self._rows = {kind: _rows(probe, steps) for kind, probe in probes.items()}
-        self._columns = {
-            kind: {
-                name: columns
-                for name, columns in program.columns_of(phase).items()
-                if (probe.populations is None or name in probe.populations)
-                and (kind != "spikes" or name in program.spiking)
-            }
-            for kind, probe in probes.items()
-        }
+    kind: Kind
+    name: str
+    rows: slice
+    columns: slice
+    few: bool
+    """A part of all spikes keeps them all in memory: where only a few are wanted, it is copied."""
 
-    def windows(self) -> dict[Register, Window]:
-        """Return what the engine must keep; spikes it gives anyway."""
-        found: dict[Register, Window] = {}
-        for kind in REGISTERS:
-            if kind in self._rows:
-                parts = [np.arange(columns.start, columns.stop) for columns in self._columns[kind].values()]
-                columns = np.concatenate([np.empty(0, dtype=np.int64), *parts])
-                found[kind] = Window(columns, self._rows[kind].start, self._rows[kind].stop)
-        return found
+    def of(self, given: Mapping[Kind, AnyArray]) -> AnyArray:
+        """Return them, (batch, rows, n), of what an engine gives by kind."""
+        found = given[self.kind][:, self.rows, self.columns]
+        return found.copy() if self.few else found
 
-    def of_spikes(self, spikes: AnyArray) -> dict[str, AnyArray]:
-        """Return the spikes asked for, (batch, rows, n) by population, of all (batch, steps, columns)."""
-        if "spikes" not in self._rows:
-            return {}
-        rows = slice(self._rows["spikes"].start, self._rows["spikes"].stop)
-        found = {name: spikes[:, rows, columns] for name, columns in self._columns["spikes"].items()}
-        # Parts of all spikes keep them all in memory: where only a few are wanted, these are copied.
-        few = sum(array.size for array in found.values()) < spikes.size // 4
-        return {name: array.copy() for name, array in found.items()} if few else found
 
-    def of_register(self, kind: Register, kept: AnyArray, keeping: "PhaseProbes") -> dict[str, AnyArray]:
-        """Return what these probes want of what the window of others kept, ``keeping``: (batch, rows, n) by name.
+def parts_of(
+    program: ChipProgram, phase: str, probes: Sequence[Probe], steps: int
+) -> tuple[dict[Register, Window], dict[Probe, list[Part]]]:
+    """Return what an engine must keep of a phase for some probes, of which it gives spikes anyway, and their parts."""
+    arrays = [probe for probe in probes if probe.kind != "activity"]
+    asked = {probe: (_columns(program, phase, probe), _rows(probe, steps)) for probe in arrays}
+    windows: dict[Register, Window] = {}
+    places: dict[Kind, tuple[int, dict[str, slice]]] = {"spikes": (0, program.columns_of(phase))}
+    for register in REGISTERS:
+        if its := [kept for probe, kept in asked.items() if probe.kind == register]:
+            columns = {name: place for names, _ in its for name, place in names.items()}
+            start, stop = min(rows.start for _, rows in its), max(rows.stop for _, rows in its)
+            each = [np.arange(place.start, place.stop) for place in columns.values()]
+            windows[register] = Window(np.concatenate([np.empty(0, dtype=np.int64), *each]), start, stop)
+            ends = np.cumsum([0, *map(len, each)]).tolist()
+            places[register] = start, dict(zip(columns, map(slice, ends, ends[1:]), strict=True))
+    parts: dict[Probe, list[Part]] = {probe: [] for probe in probes}
+    for probe, (names, rows) in asked.items():
+        start, columns = places[probe.kind]
+        size, whole = (sum(program.populations[name] for name in some) for some in (names, program.columns_of(phase)))
+        few, within = len(rows) * size < steps * whole // 4, slice(rows.start - start, rows.stop - start)
+        parts[probe] = [Part(probe.kind, n, within, columns[n], few and probe.kind == "spikes") for n in names]
+    return windows, parts
 
-        The others keep at least as much.
-        """
-        found, at = {}, 0
-        wanted, held = self._rows[kind], keeping._rows[kind]
-        rows = slice(wanted.start - held.start, wanted.stop - held.start)
-        for name, columns in keeping._columns[kind].items():
-            size = columns.stop - columns.start
-            if name in self._columns[kind]:
-                found[name] = kept[:, rows, at : at + size]
-            at += size
-        return found
+
+def _columns(program: ChipProgram, phase: str, probe: Probe) -> dict[str, slice]:
+    """Return the populations of a phase of which there is something to keep, and their columns."""
+    return {
+        name: columns
+        for name, columns in program.columns_of(phase).items()
+        if (probe.populations is None or name in probe.populations)
+        and (probe.kind != "spikes" or name in program.spiking)
+    }
 
 
 def _rows(probe: Probe, steps: int) -> range:

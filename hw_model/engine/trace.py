@@ -113,6 +113,11 @@ class PhaseTrace(NamedTuple):
     totals: IntArray
     registers: dict[Register, IntArray]
 
+    @property
+    def fired(self) -> IntArray:
+        """Spikes of every compartment over all steps, (batch, n)."""
+        return self.sent[:, self.sent.shape[1] - self.spikes.shape[2] :]
+
     @classmethod
     def empty(cls, played: PhaseInput, n: int, pieces: int, windows: dict[Register, Window]) -> "PhaseTrace":
         """Return room for a trace, all 0."""
