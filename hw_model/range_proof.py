@@ -24,7 +24,7 @@ from hw_model.arithmetic.fixed_point import DECAY_ONE
 from hw_model.description.chip import Registers
 from hw_model.io.given import checked
 from hw_model.program.chip_program import ChipProgram, Core
-from hw_model.values import BoolArray, FloatArray, Frozen, IntArray, Shown
+from hw_model.values import BoolArray, FloatArray, IntArray, Shown, Sums
 
 PERIODS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 512, 1024, 2048, 4096)
 """Steps between spikes of a source that are tried, shortest first."""
@@ -32,7 +32,7 @@ GUARD = 1e-9
 """Share that is added to a filter's answer: a thousand times what float64 rounds off in it."""
 
 
-class Bounds(Frozen, eq=False):
+class Bounds(Sums, eq=False):
     """Lowest and highest value that a register could reach before it wraps or is clipped; arrays (compartments,)."""
 
     low: FloatArray
@@ -73,11 +73,11 @@ def _prove_core(core: Core, registers: Registers) -> CoreRange:
     half = 1 << registers.current_bits
     u = _settled(charge, core.setting("decay_u"))
     bias = core.bias.astype(np.float64)
-    cannot_wrap = wrap_q & u.within(-half, half - 1) & Bounds(u.low + bias, u.high + bias).within(-half, half - 1)
+    driven = u + Bounds(bias, bias)
+    cannot_wrap = wrap_q & u.within(-half, half - 1) & driven.within(-half, half - 1)
     # A register that may wrap can hold anything.
-    low, high = np.where(cannot_wrap, u.low + bias, -half), np.where(cannot_wrap, u.high + bias, half - 1)
-    drive = Bounds(low.astype(np.float64), high.astype(np.float64))
-    v = _voltage(core, drive, filtered=False)
+    low, high = np.where(cannot_wrap, driven.low, -half), np.where(cannot_wrap, driven.high, half - 1)
+    v = _voltage(core, Bounds(low, high), filtered=False)
     cannot_clip = v.within(core.vmin, core.vmax)
 
     safe_period = np.where(cannot_wrap & cannot_clip, 1, 0)
@@ -130,27 +130,17 @@ def _voltage(core: Core, drive: Bounds, *, filtered: bool) -> Bounds:
     decays = core.setting("decay_v")
     low, high = drive.low.copy(), drive.high.copy()
     passed_low, passed_high = np.zeros_like(low), np.zeros_like(high)
-    for here in _children_first(core):
+    for here in core.turns:
         own, passed = Bounds(low[here], high[here]), Bounds(passed_low[here], passed_high[here])
         if filtered:
-            more = Bounds(_kept(passed.low, decays[here]), _kept(passed.high, decays[here]))
-            found = Bounds(own.low + more.low, own.high + more.high)
+            found = own + Bounds(_kept(passed.low, decays[here]), _kept(passed.high, decays[here]))
         else:
-            found = _settled(Bounds(own.low + passed.low, own.high + passed.high), decays[here])
+            found = _settled(own + passed, decays[here])
         low[here], high[here] = found.low, found.high
         joined = here[core.parent[here] >= 0]
         np.add.at(passed_low, core.parent[joined], np.maximum(low[joined], core.vmin))
         np.add.at(passed_high, core.parent[joined], np.minimum(high[joined], core.vmax))
     return Bounds(low, high)
-
-
-def _children_first(core: Core) -> list[IntArray]:
-    """Return the compartments in turns: each after all that join it."""
-    turn = np.zeros(core.compartments, dtype=np.int64)
-    for child, parent in enumerate(core.parent):
-        if parent >= 0:
-            turn[parent] = max(turn[parent], turn[child] + 1)
-    return [np.flatnonzero(turn == number) for number in range(int(turn.max(initial=-1)) + 1)]
 
 
 def _safe_at(core: Core, charge: Bounds, wrap_q: BoolArray, period: int, half: int) -> BoolArray:
@@ -167,7 +157,7 @@ def _safe_at(core: Core, charge: Bounds, wrap_q: BoolArray, period: int, half: i
             np.where(charge.low < 0, charge.low * v_gain, 0.0) + np.minimum(steady, 0.0),
             np.where(charge.high > 0, charge.high * v_gain, 0.0) + np.maximum(steady, 0.0),
         )
-    driven = Bounds(u.low + np.minimum(bias, 0), u.high + np.maximum(bias, 0))
+    driven = u + Bounds(np.minimum(bias, 0), np.maximum(bias, 0))
     v = _voltage(core, own, filtered=True)
     safe: BoolArray = wrap_q & driven.within(-half, half - 1) & v.within(core.vmin, core.vmax)
     # A child that may wrap could pass anything on.

@@ -1,6 +1,5 @@
 """Count what a batch did in a phase, from its spikes and from the effects of one spike of each source."""
 
-import math
 from collections.abc import Mapping, Sequence
 from functools import cached_property, lru_cache
 
@@ -11,7 +10,7 @@ from hw_model.description.counts import BY_CORE, COUNTED
 from hw_model.engine.trace import PLAYED, TOTALS, PhaseInput, PhaseTrace
 from hw_model.program.chip_program import ChipProgram
 from hw_model.program.pieces import Pieces, pieces_of
-from hw_model.values import AnyArray, BoolArray, ByteArray, Frozen, IntArray, Shown
+from hw_model.values import ByteArray, Frozen, IntArray, Shown
 
 
 class StepActivity(Shown):
@@ -65,10 +64,6 @@ _COLUMN = {name: k for k, name in enumerate(COUNTED)}
 _ADDED_UP = np.array([_COLUMN[name] for name in (*PER_SPIKE, *TOTALS, *PLAYED)])
 
 
-DENSE_MOST = 1 << 15
-"""Largest matrix of the effects of all spikes of a phase that is faster than following each spike."""
-
-
 def count_totals(program: ChipProgram, phase: str, played: PhaseInput, trace: PhaseTrace) -> IntArray:
     """Return the counts of every recording, (batch, fields of Counts): spikes of each source times their effects."""
     table = np.zeros((len(trace.sent), len(COUNTED)), dtype=np.int64)
@@ -107,43 +102,30 @@ class _Causes(Frozen, eq=False):
     width: int
 
     def of(self, sent: ByteArray) -> dict[str, IntArray]:
-        """Return the counts that spikes (steps, sources) cause, (steps, columns) each."""
-        # Sums of integers below 2^53 are exact in float64, and its matrix product is the fast one.
-        sums = sent.astype(np.float64) @ self._dense if self._dense.size else self._followed(sent)
-        table = sums.astype(np.int64)
-        return {name: table[:, columns] for name, columns in self.columns.items()}
-
-    @cached_property
-    def _dense(self) -> AnyArray:
-        """All effects as a matrix (sources, columns); without columns if it would exceed :data:`DENSE_MOST` entries."""
-        sources = np.repeat(np.arange(len(self.many)), self.many)
-        shape = len(self.many), self.width
-        if math.prod(shape) > DENSE_MOST:
-            return np.zeros((shape[0], 0))
-        return np.bincount(sources * shape[1] + self.caused, self.times, math.prod(shape)).reshape(shape)
-
-    def _followed(self, sent: ByteArray) -> AnyArray:
-        """Follow every spike to its effects."""
+        """Follow every spike (steps, sources) to its effects; return the counts, (steps, columns) each."""
         # Bytes of 0 and 1 are also booleans, among which numpy finds the true ones fastest.
         step, source = np.divmod(np.flatnonzero(sent.view(np.bool_)), sent.shape[1])
         many = self.many[source]
         entry = np.arange(many.sum()) + np.repeat(self.first[source] - (np.cumsum(many) - many), many)
         at = np.repeat(step, many) * self.width + self.caused[entry]
-        return np.bincount(at, self.times[entry], len(sent) * self.width).reshape(len(sent), self.width)
+        sums = np.bincount(at, self.times[entry], len(sent) * self.width).reshape(len(sent), self.width)
+        table = sums.astype(np.int64)
+        return {name: table[:, columns] for name, columns in self.columns.items()}
 
 
 @lru_cache(maxsize=8)
 def _causes(program: ChipProgram, phase: str) -> _Causes:
     """Collect the effects of the spikes of a phase, entry by entry: source, count, its column, how often."""
     cores, pieces, routes = program.cores_of(phase), pieces_of(program, phase), routes_of(program, phase)
-    buffered = _through_buffer(program, phase)
-    lines, own = len(buffered), np.arange(sum(core.compartments for core in cores))
+    inputs = program.inputs_of(phase)
+    buffered = np.flatnonzero(np.repeat([i.positions is not None for i in inputs], [i.size for i in inputs]))
+    lines, own = sum(item.size for item in inputs), np.arange(sum(core.compartments for core in cores))
     sender, way, packets = routes.sent
     entries: list[tuple[str, IntArray, IntArray, IntArray]] = [
         ("spikes", lines + own, pieces.of_column, np.ones_like(own)),
         ("packets", lines + sender, way, packets),
         *((name, lines + sender, routes.piece[way], each[way] * packets) for name, each in routes.per_packet.items()),
-        ("buffered", np.flatnonzero(buffered), np.zeros(buffered.sum(), np.int64), np.ones(buffered.sum(), np.int64)),
+        ("buffered", buffered, np.zeros_like(buffered), np.ones_like(buffered)),
     ]
     for index, core in enumerate(cores):
         axons, source = core.axons, program.senders[core.number]
@@ -165,12 +147,6 @@ def _causes(program: ChipProgram, phase: str) -> _Causes:
     many = np.bincount(source[order], minlength=lines + len(own))
     columns = {name: slice(begin[name], end) for name, end in ends.items()}
     return _Causes(np.cumsum(many) - many, many, caused[order], times[order], columns, sum(widths.values()))
-
-
-def _through_buffer(program: ChipProgram, phase: str) -> BoolArray:
-    """Return which lines of a phase the transpose buffer plays, (lines,)."""
-    inputs = program.inputs_of(phase)
-    return np.repeat([item.positions is not None for item in inputs], [item.size for item in inputs])
 
 
 @lru_cache(maxsize=8)

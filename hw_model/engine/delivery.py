@@ -4,7 +4,7 @@ import numpy as np
 
 from hw_model.engine.chunks import add_weights, fill
 from hw_model.engine.compiled import absorbed, inner
-from hw_model.engine.layout import LANES, MATRIX, PACKED_LIST
+from hw_model.engine.layout import LANES, LIST, MATRIX
 from hw_model.engine.state import MOST_LISTED
 
 LONG = 128
@@ -52,13 +52,10 @@ def deliver(  # type: ignore[no-untyped-def]
             for e in range(begin[r, m], begin[r + 1, m]):
                 source = np.uint64(offset + event[base + e])
                 first, last = np.uint64(links.list_start[source]), np.uint64(links.list_start[source + np.uint64(1)])
-                if links.kind[link] == PACKED_LIST:
-                    _follow_packed(link, due, first, last, charge, touched, links)
+                if links.kind[link] == LIST:
+                    _follow(link, due, first, last, charge, touched, links, links.word)
                 else:
-                    for k in range(first, last):
-                        at, slot = np.uint64(r + 1 + links.late[k]), np.uint64(links.slot[k])
-                        charge[at, slot] += links.weight[k]
-                        touched[at, slot // _LANES] = 1
+                    _follow(link, due, first, last, charge, touched, links, links.wide_word)
             if begin[r + 1, m] > begin[r, m]:
                 for late in range(np.uint64(width)):
                     _touch_all(links.target_node[link], due + late, nodes, touched)
@@ -94,24 +91,24 @@ def _touch_all(node, at, nodes, touched):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _follow_packed(link, at, first, last, charge, touched, links):  # type: ignore[no-untyped-def]
-    """Add the packed synapses ``first..last`` to the row of charges ``at``, and later ones."""
+def _follow(link, at, first, last, charge, touched, links, words):  # type: ignore[no-untyped-def]
+    """Add the synapses ``first..last``, packed in words, to the row of charges ``at``, and later ones."""
     low, slot_bits, shift = links.target[link], links.slot_bits[link], links.weight_shift[link]
     slots, lates = (1 << slot_bits) - 1, (1 << links.late_bits[link]) - 1
     above = slot_bits + links.late_bits[link]
     if links.width[link] == 0:
         for k in range(first, last):
-            word = np.int64(links.packed[k])
+            word = np.int64(words[k])
             due, slot = at + np.uint64((word >> slot_bits) & lates), np.uint64(low + (word & slots))
             charge[due, slot] += (word >> above) << shift
             touched[due, slot // _LANES] = 1
     elif lates == 0:
         for k in range(first, last):
-            word = np.int64(links.packed[k])
+            word = np.int64(words[k])
             charge[at, np.uint64(low + (word & slots))] += (word >> above) << shift
     else:
         for k in range(first, last):
-            word = np.int64(links.packed[k])
+            word = np.int64(words[k])
             late = np.uint64((word >> slot_bits) & lates)
             charge[at + late, np.uint64(low + (word & slots))] += (word >> above) << shift
 

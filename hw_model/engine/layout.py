@@ -33,8 +33,8 @@ CACHE_LINE = 64
 FACTOR_BITS = 16
 """With sign, of both factors of a product in 32-bit lanes, which processors multiply faster than wide ones."""
 
-LIST, MATRIX, PACKED_LIST = range(3)
-"""Ways to hold a link."""
+MATRIX, LIST, WIDE_LIST = range(3)
+"""Ways to hold a link: synapses of lists are words of 32 bits or, where one does not fit, of 64."""
 
 
 def aligned(shape: tuple[int, ...], dtype: npt.DTypeLike) -> AnyArray:
@@ -95,12 +95,12 @@ class Links(NamedTuple):
     """Synapses between nodes. Weights are in units of 64.
 
     Link l of source s adds, if ``kind[l]`` is a matrix, ``matrix[offset[l] + s * width[l] + j]`` to slot ``target[l] +
-    j``, ``delay[l]`` steps late; else, for rows k of ``list_start[offset[l] + s]`` to the next, ``weight[k]`` to slot
-    ``slot[k]``, ``late[k]`` steps late. A packed list has ``packed[k]`` for these: from the lowest bit on ``slot_bits``
-    of the slot, from ``target[l]`` on; ``late_bits`` of the delay, beyond ``delay[l]``; and the weight, in units of
-    2^``weight_shift``. A spike of lists touches all chunks of its target in ``width[l]`` rows; where that is 0, it
-    touches those of its synapses. Links into block k from other nodes are rows ``into_block[k]`` to the next; those
-    from node n into its own block are rows ``from_node[n]`` to the next. ``due_late`` counts them by delay.
+    j``, ``delay[l]`` steps late; else what ``word[k]``, or ``wide_word[k]``, says, for k from ``list_start[offset[l] +
+    s]`` to the next: from the lowest bit on ``slot_bits`` of the slot, from ``target[l]`` on; ``late_bits`` of the
+    delay, beyond ``delay[l]``; and the weight, in units of 2^``weight_shift``. A spike of lists touches all chunks of
+    its target in ``width[l]`` rows; where that is 0, it touches those of its synapses. Links into block k from other
+    nodes are rows ``into_block[k]`` to the next; those from node n into its own block are rows ``from_node[n]`` to the
+    next. ``due_late`` counts them by delay.
     """
 
     source: IntArray
@@ -114,11 +114,9 @@ class Links(NamedTuple):
     late_bits: IntArray
     weight_shift: IntArray
     matrix: npt.NDArray[np.int16]
-    packed: Int32Array
+    word: Int32Array
+    wide_word: IntArray
     list_start: IntArray
-    slot: Int32Array
-    weight: Int32Array
-    late: Int32Array
     into_block: IntArray
     from_node: IntArray
     due_late: IntArray

@@ -1,10 +1,10 @@
-"""Lay out the synapses of a phase for the fast engine: each link as a matrix, or as lists, packed where they fit."""
+"""Lay out the synapses of a phase for the fast engine: each link as a matrix, or as lists of packed words."""
 
 import numpy as np
 import numpy.typing as npt
 
 from hw_model.arithmetic.fixed_point import WEIGHT_SHIFT
-from hw_model.engine.layout import LANES, LIST, MATRIX, PACKED_LIST, Links, aligned
+from hw_model.engine.layout import LANES, LIST, MATRIX, WIDE_LIST, Lanes, Links, aligned
 from hw_model.engine.places import Cut, Numbering
 from hw_model.program.chip_program import ChipProgram
 from hw_model.values import Int32Array, IntArray
@@ -17,7 +17,7 @@ REACH_SHARE = 0.33
 """Lists with at least as many synapses as this share of the chunks in the rows that they might reach mark all these."""
 LONG_LIST = 16
 """Synapses of a source with one delay, on average, from which on each delay has lists of its own."""
-PACKED_BITS = 32
+WORD_BITS = 32
 """Bits in which the slot, delay and weight of every synapse of a link have to fit, or its lists are wide ones."""
 _Synapses = tuple[Int32Array, ...]
 """Some synapses from one node to another: number of the source there, column, weight in units of 64, and delay."""
@@ -80,10 +80,9 @@ def links_of(
         inside = source >= nodes.inputs and block_of[source] == block_of[target]
         (internal[source] if inside else external[block_of[target]]).append((source, target, part))
     listed = [ends for part in (*external, *internal) for ends in part]
-    rows, matrices, packed, wide, starts_of_lists = [], [], [], [], []
-    nothing = np.empty((3, 0), dtype=np.int64)
+    rows, matrices, starts_of_lists = [], [], [np.empty(0, dtype=np.int64)]
+    words: dict[int, list[Lanes]] = {LIST: [np.empty(0, dtype=np.int32)], WIDE_LIST: [np.empty(0, dtype=np.int64)]}
     matrix_size = list_rows = 0
-    sizes = {LIST: 0, PACKED_LIST: 0}
     for node, to, part in listed:
         sources, column, weights, delay = _sorted(divided.pop((node, to, part)))
         low, high = LANES * int(cut.of_node[to]), LANES * int(cut.of_node[to + 1])
@@ -95,29 +94,24 @@ def links_of(
             matrix_size += matrix.size
             continue
         first = np.searchsorted(sources, np.arange(nodes.size[node] + 1))
-        words, form = _packed(place, weights, delay, (high - low - 1).bit_length())
-        kind = LIST if words is None else PACKED_LIST
-        if words is None:
-            wide.append(np.stack((place + low, weights, delay)))
-        else:
-            packed.append(words)
+        packed, form = _packed(place, weights, delay, (high - low - 1).bit_length())
+        kind = LIST if packed.dtype == np.int32 else WIDE_LIST
         late_rows = int(delay.max() - delay.min()) + 1
-        if words is None or len(place) < REACH_SHARE * nodes.size[node] * late_rows * (high - low) // LANES:
+        if len(place) < REACH_SHARE * nodes.size[node] * late_rows * (high - low) // LANES:
             late_rows = 0
         rows.append((node, to, kind, list_rows, late_rows, low, int(delay.min()), *form))
-        starts_of_lists.append(first + sizes[kind])
-        sizes[kind] += len(place)
+        starts_of_lists.append(first + sum(map(len, words[kind])))
+        words[kind].append(packed)
         list_rows += len(first)
 
-    slot_of, weight, late = np.concatenate([nothing, *wide], axis=1).astype(np.int32)
     matrix = aligned((matrix_size,), np.int16)
     if matrices:
         np.concatenate(matrices, out=matrix)
     heads = dict(zip(Links._fields, np.array(rows, dtype=np.int64).reshape(-1, 10).T.copy(), strict=False))
     outside = sum(len(part) for part in external)
     return Links(
-        **heads, matrix=matrix, packed=np.concatenate([nothing[0].astype(np.int32), *packed]),
-        list_start=np.concatenate([nothing[0], *starts_of_lists]), slot=slot_of, weight=weight, late=late,
+        **heads, matrix=matrix, word=np.concatenate(words[LIST]), wide_word=np.concatenate(words[WIDE_LIST]),
+        list_start=np.concatenate(starts_of_lists),
         into_block=np.cumsum([0, *map(len, external)]), from_node=np.cumsum([0, *map(len, internal)]) + outside,
         due_late=by_delay,
     )  # fmt: skip
@@ -144,18 +138,15 @@ def _sorted(parts: list[_Synapses]) -> tuple[IntArray, ...]:
     return tuple(column[order].astype(np.int64) for column in together)
 
 
-def _packed(
-    slot: IntArray, weight: IntArray, delay: IntArray, slot_bits: int
-) -> tuple[Int32Array | None, tuple[int, int, int]]:
-    """Return synapses in a word each, None where one does not fit; and slot_bits, late_bits, weight_shift."""
+def _packed(slot: IntArray, weight: IntArray, delay: IntArray, slot_bits: int) -> tuple[Lanes, tuple[int, int, int]]:
+    """Return synapses in a word each, of 64 bits where one does not fit 32; and slot_bits, late_bits, weight_shift."""
     least, union = int(delay.min()), int(np.bitwise_or.reduce(weight))
     shift = (union & -union).bit_length() - 1 if union else 0
     late_bits = int(delay.max() - least).bit_length()
     widest = max(int(weight.max()), -int(weight.min())) >> shift
-    if slot_bits + late_bits + widest.bit_length() + 1 > PACKED_BITS:
-        return None, (0, 0, 0)
     words = (weight >> shift) << (slot_bits + late_bits) | (delay - least) << slot_bits | slot
-    return words.astype(np.int32), (slot_bits, late_bits, shift)
+    fits = slot_bits + late_bits + widest.bit_length() + 1 <= WORD_BITS
+    return words.astype(np.int32) if fits else words, (slot_bits, late_bits, shift)
 
 
 def _matrix(

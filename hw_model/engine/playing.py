@@ -67,20 +67,15 @@ def transpose(events: EventLists, item: Input, steps: int) -> EventLists:
     """
     assert item.positions is not None
     many = min(item.rows, events.rows)
-    first = np.zeros((len(events.first), steps + 1), dtype=np.int64)
-    parts, so_far = [np.empty(0, dtype=np.int32)], 0
+    turned = np.zeros((len(events.first), steps, item.size), dtype=np.uint8)
     for b, starts in enumerate(events.first):
         channel = events.channel[starts[0] : starts[many]]
         line = np.repeat(np.arange(many), np.diff(starts[: many + 1]))
         if item.first_lines is not None:
             line += item.first_lines[channel]
-        step = item.positions[channel]
-        order = np.lexsort((line, step))
-        order = order[: np.count_nonzero(step < steps)]
-        first[b] = so_far + np.searchsorted(step[order], np.arange(steps + 1))
-        parts.append(line[order].astype(np.int32))
-        so_far += len(order)
-    return EventLists(first, np.concatenate(parts))
+        played = item.positions[channel] < steps
+        turned[b, item.positions[channel[played]], line[played]] = 1
+    return list_events(turned)
 
 
 class Player(Frozen):
@@ -147,8 +142,6 @@ def first_touch(streams: Sequence[EventLists], events: int) -> IntArray:
 
 def _fit(events: EventLists, length: int) -> EventLists:
     """Cut lists, or follow them by silence, to a length in steps."""
-    missing = length - events.rows
-    if missing == 0:
+    if length == events.rows:
         return events
-    first = np.pad(events.first, ((0, 0), (0, missing)), mode="edge") if missing > 0 else events.first[:, : length + 1]
-    return EventLists(first, events.channel)
+    return EventLists(events.first[:, np.minimum(np.arange(length + 1), events.rows)], events.channel)

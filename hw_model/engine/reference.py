@@ -14,39 +14,25 @@ from hw_model.values import ByteArray, IntArray
 
 def run_phase(program: ChipProgram, phase: str, played: PhaseInput, windows: dict[Register, Window]) -> PhaseTrace:
     """Run a batch through one phase, recording by recording; keep of the registers what the windows ask for."""
-    recordings = [played.lines(b) for b in range(len(played.start))]
-    spans = zip(played.start.tolist(), played.stop.tolist(), strict=True)
-    traces = [_run_recording(program, phase, *each, windows) for each in zip(recordings, spans, strict=True)]
-    spikes = np.stack([trace[0] for trace in traces])
-    lines_sent = np.stack([lines.sum(axis=0, dtype=np.int64) for lines in recordings])
-    sent = np.concatenate((lines_sent, spikes.sum(axis=1, dtype=np.int64)), axis=1)
-    active = np.stack([trace[1] for trace in traces])
-    events = np.stack([trace[2] for trace in traces])
-    return PhaseTrace(
-        spikes,
-        sent,
-        active,
-        events,
-        totals=add_up(program, phase, played, spikes, active, events),
-        registers={kind: np.stack([trace[3][kind] for trace in traces]) for kind in windows},
-    )
+    pieces = [piece for core in program.cores_of(phase) for piece in core.slices]
+    trace = PhaseTrace.empty(played, sum(piece.size for piece in pieces), len(pieces), windows)
+    for b in range(len(played.start)):
+        lines = played.lines(b)
+        _run_recording(program, phase, lines, range(played.start[b], played.stop[b]), windows, b, trace)
+        trace.sent[b] = np.concatenate((lines, trace.spikes[b]), axis=1).sum(axis=0, dtype=np.int64)
+    totals = add_up(program, phase, played, trace.spikes, trace.active, trace.events)
+    return trace._replace(totals=totals)
 
 
 def _run_recording(
-    program: ChipProgram, phase: str, lines: ByteArray, span: tuple[int, int], windows: dict[Register, Window]
-) -> tuple[ByteArray, IntArray, IntArray, dict[Register, IntArray]]:
-    """Return spikes, active, events and registers of one recording, which runs from a step to before another."""
+    program: ChipProgram, phase: str, lines: ByteArray, span: range, windows: dict[Register, Window], b: int,
+    trace: PhaseTrace,
+) -> None:  # fmt: skip
+    """Run one recording through the steps of a span, and write row ``b`` of the trace."""
     cores = {core.number: _CoreState(core, program) for core in program.cores_of(phase)}
     columns = np.concatenate([program.columns_of_core(core) for core in program.cores_of(phase)])
-    routes, first = [], 0
-    for item in program.inputs_of(phase):
-        routes.append((program.route_of(item.name), lines[:, first : first + item.size]))
-        first += item.size
-    steps = len(lines)
-    spikes = np.zeros((steps, len(columns)), dtype=np.uint8)
-    active = np.zeros((steps, sum(len(core.slices) for core in program.cores_of(phase))), dtype=np.int64)
-    registers = {kind: window.empty(1)[0] for kind, window in windows.items()}
-    for step in range(*span):
+    routes = [(program.route_of(name), lines[:, here]) for name, here in program.lines_of(phase).items()]
+    for step in span:
         for state in cores.values():
             state.update(step)
 
@@ -58,16 +44,14 @@ def _run_recording(
             for k in np.flatnonzero(played[step][route.line]):
                 cores[int(route.core[k])].deliver(int(route.axon[k]), step)
 
-        spikes[step, columns] = np.concatenate([state.fired for state in cores.values()])
-        active[step] = np.concatenate([state.active() for state in cores.values()])
+        trace.spikes[b, step, columns] = np.concatenate([state.fired for state in cores.values()])
+        trace.active[b, step] = np.concatenate([state.active() for state in cores.values()])
         for kind, window in windows.items():
             if window.start <= step < window.stop:
                 register = np.empty(len(columns), dtype=np.int64)
                 register[columns] = np.concatenate([getattr(state, kind) for state in cores.values()])
-                registers[kind][step - window.start] = register[window.columns]
-    events = np.zeros((len(EVENTS), len(columns)), dtype=np.int64)
-    events[:, columns] = np.concatenate([state.events for state in cores.values()], axis=1)
-    return spikes, active, events, registers
+                trace.registers[kind][b, step - window.start] = register[window.columns]
+    trace.events[b][:, columns] = np.concatenate([state.events for state in cores.values()], axis=1)
 
 
 class _CoreState:
@@ -86,7 +70,7 @@ class _CoreState:
         self.blocked = np.zeros(n, dtype=np.int64)
         self.fired = np.zeros(n, dtype=np.bool_)
         self.busy = np.zeros(n, dtype=np.bool_)
-        self.generations = _generations(core.parent)
+        self.turns = core.turns
         self.events = np.zeros((len(EVENTS), n), dtype=np.int64)
 
     def update(self, step: int) -> None:
@@ -102,7 +86,7 @@ class _CoreState:
         self.u = self._counted("current_wraps", u, wrap(u, bits.current_bits))
 
         joined = np.zeros_like(self.v)
-        for members in self.generations:
+        for members in self.turns:
             busy[members] |= joined[members] != 0
             self._update_voltage(members, joined)
         self.busy = busy
@@ -140,11 +124,3 @@ class _CoreState:
     def _counted(self, event: str, before: IntArray, after: IntArray) -> IntArray:
         self.events[EVENTS.index(event)] += before != after
         return after
-
-
-def _generations(parent: IntArray) -> list[IntArray]:
-    """Return compartments without children, then those whose children all came before, and so on."""
-    height = np.zeros(len(parent), dtype=np.int64)
-    for i in np.flatnonzero(parent >= 0):
-        height[parent[i]] = max(height[parent[i]], height[i] + 1)
-    return [np.flatnonzero(height == h) for h in np.unique(height)]

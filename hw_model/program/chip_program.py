@@ -61,6 +61,14 @@ class Core(Frozen, eq=False):
         return np.repeat(np.arange(len(self.slices)), [piece.size for piece in self.slices])
 
     @property
+    def turns(self) -> list[IntArray]:
+        """The compartments in turns: those without children, then those whose children all came before, and so on."""
+        turn = np.zeros(self.compartments, dtype=np.int64)
+        for child in np.flatnonzero(self.parent >= 0):
+            turn[self.parent[child]] = max(turn[self.parent[child]], turn[child] + 1)
+        return [np.flatnonzero(turn == number) for number in np.unique(turn)]
+
+    @property
     def threshold_voltage(self) -> IntArray:
         """Voltage that v must exceed, ``64 * mantissa``, shape (compartments,)."""
         return np.array(self.thresholds, dtype=np.int64)[self.threshold] << WEIGHT_SHIFT

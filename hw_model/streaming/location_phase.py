@@ -21,7 +21,7 @@ from hw_model.engine.chunks import (
     pass_on,
 )
 from hw_model.engine.compiled import absorbed, compiled, entry, inner
-from hw_model.engine.layout import FIELDS, KEPT_FIELDS, LANES, LIST, MATRIX, POTENTIAL, FastLayout, U, aligned
+from hw_model.engine.layout import FIELDS, KEPT_FIELDS, LANES, MATRIX, POTENTIAL, WIDE_LIST, FastLayout, U, aligned
 from hw_model.mapping.graph import Input
 from hw_model.streaming.time_phase import Read
 from hw_model.values import AnyArray, ByteArray, IntArray
@@ -249,7 +249,7 @@ def _change(link, found, links, history):  # type: ignore[no-untyped-def]
 def _form_of(link, links):  # type: ignore[no-untyped-def]
     """Return how the lists of a link are held, for :func:`_synapse`: loops read it once."""
     return (
-        links.kind[link] != LIST, links.target[link], links.delay[link], links.slot_bits[link],
+        links.kind[link] == WIDE_LIST, links.target[link], links.delay[link], links.slot_bits[link],
         links.late_bits[link], links.weight_shift[link],
     )  # fmt: skip
 
@@ -257,10 +257,8 @@ def _form_of(link, links):  # type: ignore[no-untyped-def]
 @absorbed
 def _synapse(form, k, links):  # type: ignore[no-untyped-def]
     """Return delay, slot and weight of synapse k of a list."""
-    packed, low, delay, slot_bits, late_bits, shift = form
-    if not packed:
-        return np.int64(links.late[k]), np.uint64(links.slot[k]), np.int64(links.weight[k])
-    word = np.int64(links.packed[k])
+    is_wide, low, delay, slot_bits, late_bits, shift = form
+    word = links.wide_word[k] if is_wide else np.int64(links.word[k])
     late, slot = (word >> slot_bits) & ((1 << late_bits) - 1), word & ((1 << slot_bits) - 1)
     return delay + late, np.uint64(low + slot), (word >> (slot_bits + late_bits)) << shift
 

@@ -55,7 +55,7 @@ What grows faster than the synapses, and why:
 - *Counts of every step and core* (`probe=("activity",)`, which latency needs) keep synapses by source and piece, with the square
   of the size. Predictions, spikes and totals do not.
 
-A synapse takes 12 bytes in a graph and in a program, 4 to 12 in the engine's lists, and 32 in a file before it is packed. Memory is
+A synapse takes 12 bytes in a graph and in a program, 4 to 8 in the engine's lists, and 32 in a file before it is packed. Memory is
 highest where several of these are there at once, at {each:.0f} bytes per synapse between the first row and the last.{million}
 """
 STEPS = 100

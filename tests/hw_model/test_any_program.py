@@ -100,11 +100,11 @@ def draw_and_check(check, strategy, examples: int, phases=tuple(Phase)) -> Count
     @given(strategy, st.sampled_from([32, 32, 12]))
     def run(drawn, bits):
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(links, "PACKED_BITS", bits)  # 12 are too few for most: their lists are wide ones
+            patch.setattr(links, "WORD_BITS", bits)  # 12 are too few for most: their lists are wide ones
             met.update(check(drawn))
             for phase in drawn.program.phases:
                 kinds = lay_out.fast_layout(drawn.program, phase.name).links.kind.tolist()
-                met.update({"wide lists": kinds.count(layout.LIST), "packed lists": kinds.count(layout.PACKED_LIST)})
+                met.update({"wide lists": kinds.count(layout.WIDE_LIST), "lists": kinds.count(layout.LIST)})
 
     run()
     return met
@@ -113,7 +113,7 @@ def draw_and_check(check, strategy, examples: int, phases=tuple(Phase)) -> Count
 def test_any_program():
     met = draw_and_check(check_program, any_program.programs(), 40)
     for what in (*EVENTS, "spikes", "joined compartments", "fans of more than 255", "biases of more than 31 bits",
-                 "predict by potentials", "wide lists", "packed lists", "recurrent links", "programs of other widths", "programs of several cores"):  # fmt: skip
+                 "predict by potentials", "wide lists", "lists", "recurrent links", "programs of other widths", "programs of several cores"):  # fmt: skip
         assert met[what] > 0, what
 
 

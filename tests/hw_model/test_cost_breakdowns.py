@@ -13,7 +13,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import hw_model as hw
-from hw_model.accounting import activity
 from hw_model.accounting.cost import PARTS, SENDING, SYNAPSES, UPDATES, critical_path, latency, step_times
 from hw_model.accounting.usage import measure, total_ns
 from hw_model.description.counts import BY_CORE
@@ -48,22 +47,6 @@ def test_counts_by_step_piece_and_way_add_up(seed):
         assert sum(int(item.buffered.sum()) for item in items) == counts.transpose_events
         north_south = np.array([a[0] == b[0] for a, b in items[0].routes.links], dtype=bool)
         assert int(used.link_packets[north_south].sum()) == counts.hops_y
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_following_each_spike_counts_what_the_matrix_does(seed, monkeypatch):
-    """What spikes cause is held as a matrix up to a size; beyond it, each is followed."""
-    _, by_matrix = played(seed)
-    monkeypatch.setattr(activity, "DENSE_MOST", 0)
-    _, followed = played(seed)
-    for phase, items in by_matrix.activity.items():
-        for one, other in zip(items, followed.activity[phase], strict=True):
-            assert {name: counts.tolist() for name, counts in one.by_piece.items()} == {
-                name: counts.tolist() for name, counts in other.by_piece.items()
-            }
-            for name in ("packets", "input_packets", "buffered"):
-                assert getattr(one, name).tolist() == getattr(other, name).tolist()
-            assert one.by_piece["synaptic_ops"].any()
 
 
 @settings(max_examples=20, deadline=None)
