@@ -51,12 +51,11 @@ def transpose(events: EventLists, item: Input, steps: int) -> EventLists:
 @lru_cache(maxsize=8)
 def _visits(item: Input, steps: int) -> tuple[IntArray, IntArray, IntArray]:
     """Return the visit and the first line of every channel, and the first visit of every step."""
-    assert item.positions is not None
-    # A copy, whatever is given: loops are compiled anew for what is read-only.
-    first_lines = np.zeros_like(item.positions) if item.first_lines is None else np.array(item.first_lines)
+    at, first_lines = item.visits
     # Channels of one step have lines of their own, so that visit by visit, and by time within one, lines ascend.
-    visits = np.lexsort((first_lines, item.positions))
-    return np.argsort(visits), first_lines, np.searchsorted(item.positions[visits], np.arange(steps + 1))
+    visits = np.lexsort((first_lines, at))
+    # A copy, whatever is given: loops are compiled anew for what is read-only.
+    return np.argsort(visits), first_lines.copy(), np.searchsorted(at[visits], np.arange(steps + 1))
 
 
 @kernel("given, at, channel, many, first, until", returns=1)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from hw_model.engine.layout import LANES, Chunks, FastLayout, Lanes, Links, Node
 from hw_model.engine.links import Blocks, Echoes, Ends, links_of, synapses_by_ends, take_echoes
 from hw_model.engine.places import Cut, Numbering, cut_pieces
 from hw_model.engine.trace import due_late
-from hw_model.mapping.circles import sources_first
+from hw_model.mapping.circles import roots, sources_first
 from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.program.pieces import pieces_of
 from hw_model.range_proof import charges
@@ -38,20 +39,13 @@ def fast_layout(program: ChipProgram, phase: str) -> FastLayout:
 
 
 def _blocks(nodes: Numbering, pairs: Iterable[Ends]) -> Blocks:
-    """Return the groups' nodes block by block, sources before targets, children before parents."""
+    """Return the groups' nodes block by block, sources before targets."""
     first = nodes.inputs
     joined = [(child, int(parent)) for child, parent in enumerate(nodes.parent) if parent >= 0]
     # Both ways, for what is joined is updated together.
     edges = [(a, b) for a, b in sorted(pairs) if a >= first] + joined + [(parent, child) for child, parent in joined]
     order = sources_first(len(nodes.names) - first, [(a - first, b - first) for a, b in edges])
-
-    def depth(node: int) -> int:
-        above = 0
-        while (node := nodes.parent[node]) >= 0:
-            above += 1
-        return above
-
-    return [sorted((first + i for i in block), key=lambda node: (-depth(node), node)) for block in order]
+    return [[first + i for i in block] for block in order]
 
 
 def _chunks(
@@ -82,27 +76,17 @@ def _chunks(
     beside = nodes.first[nodes.parent[cut.node]] + cut.first_column - nodes.first[cut.node]
     parent[joined] = slot[beside[joined]] // LANES
     plain[parent[joined]] = False
-    children: dict[int, list[int]] = {}
-    for chunk in np.flatnonzero(joined).tolist():
-        children.setdefault(int(parent[chunk]), []).append(chunk)
-
-    def bundle(root: int) -> list[int]:
-        found, begun = [], [root]
-        while begun:
-            found.append(begun.pop())
-            begun += children.get(found[-1], [])
-        return found[::-1]
-
-    bundles = [
-        [bundle(c) for n in block for c in range(cut.of_node[n], cut.of_node[n + 1]) if parent[c] < 0]
-        for block in blocks
-    ]
-    member = [chunk for block in bundles for each in block for chunk in each]
-    starts = np.cumsum([0, *(len(each) for block in bundles for each in block)])
+    heads = [[c for n in block for c in range(cut.of_node[n], cut.of_node[n + 1]) if parent[c] < 0] for block in blocks]
+    (root, depth), rank = roots(parent), np.zeros(count, dtype=np.int64)
+    rank[[c for block in heads for c in block]] = np.arange(sum(map(len, heads)))
+    member = np.lexsort((-depth, rank[root]))
+    begins = np.diff(rank[root[member]], prepend=-1) != 0
+    bundle = np.append(np.flatnonzero(begins), count)
     sums = ~keeps & ~reached
     forgets = sums & (registers[:, layout.REFRACTORY].max(axis=1) <= 1)
-    pair = np.zeros(len(member), dtype=np.bool_)
-    for low, (*dendrites, last) in zip(starts.tolist(), (each for block in bundles for each in block), strict=False):
+    pair = np.zeros(count, dtype=np.bool_)
+    for low, high in pairwise(bundle.tolist()):
+        *dendrites, last = member[low:high]
         pair[low] = len(dendrites) == 2 and forgets[last] and (parent[dendrites] == last).all()
     latest = max((len(weights) for _, weights in echoes.values()), default=1)
     echo_to, echo = np.full(count, -1, dtype=np.int64), aligned((latest, count * LANES), registers.dtype)
@@ -114,8 +98,8 @@ def _chunks(
     return Chunks(
         node=cut.node, piece=cut.piece, parent=parent, first_column=cut.first_column, width=cut.width,
         sums=sums.astype(np.uint8), plain=plain.astype(np.uint8), registers=registers,
-        member=np.array(member, np.int64), begins=np.isin(np.arange(len(member)), starts), pair=pair, bundle=starts,
-        of_block=np.cumsum([0, *map(len, bundles)]), feeds_itself=np.array(feeds_itself, np.uint8),
+        member=member, begins=begins, pair=pair, bundle=bundle,
+        of_block=np.cumsum([0, *map(len, heads)]), feeds_itself=np.array(feeds_itself, np.uint8),
         spiking_node=np.array([n for block in spiking for n in block], np.int64),
         of_node=np.cumsum([0, *map(len, spiking)]), echo_to=echo_to, echo=echo.reshape(-1), widths=widths,
     )  # fmt: skip

@@ -65,16 +65,14 @@ def transpose(events: EventLists, item: Input, steps: int) -> EventLists:
 
     An event (step t, channel c) becomes line ``first_lines[c] + t`` at step ``positions[c]``, if both exist.
     """
-    assert item.positions is not None
+    at, first_lines = item.visits
     many = min(item.rows, events.rows)
     turned = np.zeros((len(events.first), steps, item.size), dtype=np.uint8)
     for b, starts in enumerate(events.first):
         channel = events.channel[starts[0] : starts[many]]
-        line = np.repeat(np.arange(many), np.diff(starts[: many + 1]))
-        if item.first_lines is not None:
-            line += item.first_lines[channel]
-        played = item.positions[channel] < steps
-        turned[b, item.positions[channel[played]], line[played]] = 1
+        line = np.repeat(np.arange(many), np.diff(starts[: many + 1])) + first_lines[channel]
+        played = at[channel] < steps
+        turned[b, at[channel[played]], line[played]] = 1
     return list_events(turned)
 
 

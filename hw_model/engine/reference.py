@@ -7,9 +7,9 @@ step to the accumulator slots of the steps in which their charge is due.
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import clip, decay, wrap
-from hw_model.engine.trace import EVENTS, PhaseInput, PhaseTrace, Register, Window, add_up
+from hw_model.engine.trace import EVENTS, PhaseInput, PhaseTrace, Register, Window, added_up
 from hw_model.program.chip_program import ChipProgram, Core
-from hw_model.values import ByteArray, IntArray
+from hw_model.values import IntArray
 
 
 def run_phase(program: ChipProgram, phase: str, played: PhaseInput, windows: dict[Register, Window]) -> PhaseTrace:
@@ -17,22 +17,19 @@ def run_phase(program: ChipProgram, phase: str, played: PhaseInput, windows: dic
     pieces = [piece for core in program.cores_of(phase) for piece in core.slices]
     trace = PhaseTrace.empty(played, sum(piece.size for piece in pieces), len(pieces), windows)
     for b in range(len(played.start)):
-        lines = played.lines(b)
-        _run_recording(program, phase, lines, range(played.start[b], played.stop[b]), windows, b, trace)
-        trace.sent[b] = np.concatenate((lines, trace.spikes[b]), axis=1).sum(axis=0, dtype=np.int64)
-    totals = add_up(program, phase, played, trace.spikes, trace.active, trace.events)
-    return trace._replace(totals=totals)
+        _run_recording(program, phase, played, windows, b, trace)
+    return added_up(program, phase, played, trace)
 
 
 def _run_recording(
-    program: ChipProgram, phase: str, lines: ByteArray, span: range, windows: dict[Register, Window], b: int,
-    trace: PhaseTrace,
-) -> None:  # fmt: skip
-    """Run one recording through the steps of a span, and write row ``b`` of the trace."""
+    program: ChipProgram, phase: str, played: PhaseInput, windows: dict[Register, Window], b: int, trace: PhaseTrace
+) -> None:
+    """Run recording ``b``, and write its row of the trace."""
     cores = {core.number: _CoreState(core, program) for core in program.cores_of(phase)}
     columns = np.concatenate([program.columns_of_core(core) for core in program.cores_of(phase)])
+    lines = played.lines(b)
     routes = [(program.route_of(name), lines[:, here]) for name, here in program.lines_of(phase).items()]
-    for step in span:
+    for step in range(played.start[b], played.stop[b]):
         for state in cores.values():
             state.update(step)
 
@@ -40,8 +37,8 @@ def _run_recording(
             axons = state.core.axons
             for k in np.flatnonzero(state.fired[axons.out_compartment]):
                 cores[int(axons.out_core[k])].deliver(int(axons.out_axon[k]), step)
-        for route, played in routes:
-            for k in np.flatnonzero(played[step][route.line]):
+        for route, own in routes:
+            for k in np.flatnonzero(own[step][route.line]):
                 cores[int(route.core[k])].deliver(int(route.axon[k]), step)
 
         trace.spikes[b, step, columns] = np.concatenate([state.fired for state in cores.values()])

@@ -147,17 +147,17 @@ def due_late(program: ChipProgram, phase: str) -> IntArray:
     return found
 
 
-def add_up(
-    program: ChipProgram, phase: str, played: PhaseInput, spikes: ByteArray, active: IntArray, events: IntArray
-) -> IntArray:
-    """Return the totals of a trace that skips nothing.
+def added_up(program: ChipProgram, phase: str, played: PhaseInput, trace: PhaseTrace) -> PhaseTrace:
+    """Return a trace that skips nothing with what was sent and the totals, of spikes and the rest that it holds.
 
     A spike d steps before the end is too late for a delay of d or more.
     """
     table = due_late(program, phase)
-    late = np.zeros(len(spikes), dtype=np.int64)
     for b, (start, stop) in enumerate(zip(played.start, played.stop, strict=True)):
-        sent = np.hstack((played.lines(b), spikes[b]))[max(start, stop - len(table)) : stop][::-1]
-        late[b] = (sent * table[: len(sent)]).sum()
-    updates = (played.stop - played.start) * spikes.shape[2]
-    return np.column_stack((late, updates, active.sum(axis=(1, 2)), events.sum(axis=2), np.zeros_like(late)))
+        sent = np.hstack((played.lines(b), trace.spikes[b]))
+        trace.sent[b] = sent.sum(axis=0, dtype=np.int64)
+        late = sent[max(start, stop - len(table)) : stop][::-1]
+        trace.totals[b, 0] = (late * table[: len(late)]).sum()
+    updates = (played.stop - played.start) * trace.spikes.shape[2]
+    trace.totals[:, 1:SKIPPED] = np.column_stack((updates, trace.active.sum(axis=(1, 2)), trace.events.sum(axis=2)))
+    return trace

@@ -1,9 +1,9 @@
 """Folders replaced as a whole: a process that is killed at any moment leaves either the old output or the new.
 
 The new folder is written next to the old one, with the old one's other entries linked into it. Then both change places
-in one system call (``renameat2``). If the system does not have it, the old folder is renamed away first, and
-:func:`recover_folder` brings it back if necessary. A folder that must stay where it is, because it is a mount point or
-somebody's working directory, gets its entries one by one from a journal inside it, which ``recover_folder`` completes.
+in one system call (``renameat2``). If the system does not have it, or the folder must stay where it is, because it is a
+mount point or somebody's working directory, it gets its entries one by one from a journal inside it, which
+:func:`recover_folder` completes.
 """
 
 import contextlib
@@ -21,7 +21,6 @@ from hw_model.io.partial import locked, partial_path, remove, remove_leftovers, 
 
 JOURNAL = ".locsnn-journal"
 """Folder of entries that belong into the folder around it: once it has this name, they are the output."""
-_AWAY = ".{}.locsnn-replaced"
 _AT_FDCWD, _RENAME_EXCHANGE = -100, 2
 
 
@@ -37,10 +36,8 @@ def replace_entries(folder: Path, files: Mapping[str, bytes], ours: str = ".*") 
     check_entries(folder, {name.split("/")[0] + "/" * ("/" in name) for name in files}, ours)
     for target in (folder, folder / JOURNAL):
         remove_leftovers(target)
-    if folder.exists() and _must_stay(folder):
+    if (folder.exists() and _must_stay(folder)) or not _write_and(folder, files, _put_in_place):
         _write_and(folder / JOURNAL, files, _finish_journal)
-    else:
-        _write_and(folder, files, lambda stage, target: _put_in_place(stage, target, files))
 
 
 def check_entries(folder: Path, names: Iterable[str], ours: str = ".*") -> None:
@@ -59,16 +56,8 @@ def check_entries(folder: Path, names: Iterable[str], ours: str = ".*") -> None:
 
 
 def recover_folder(folder: Path) -> None:
-    """Finish what a killed process began: bring back a folder that was renamed away, or complete a journal."""
+    """Finish what a killed process began: complete a journal."""
     folder = Path(os.path.realpath(folder))
-    if folder == folder.parent:
-        return
-    away = folder.with_name(_AWAY.format(folder.name))
-    if os.path.isdir(away):  # also False if the name is too long
-        if folder.exists():
-            remove(away)
-        else:
-            os.rename(away, folder)
     if (folder / JOURNAL).is_dir():
         _move_entries(folder / JOURNAL)
 
@@ -79,8 +68,8 @@ def finish_writing(folder: Path) -> None:
         recover_folder(folder)
 
 
-def _write_and(target: Path, files: Mapping[str, bytes], place: Callable[[Path, Path], None]) -> None:
-    """Write the files into a stage next to ``target``, and place it there."""
+def _write_and(target: Path, files: Mapping[str, bytes], place: Callable[[Path, Path, set[str]], bool]) -> bool:
+    """Write the files into a stage next to ``target``, and place it there; tell whether that could be done."""
     stage = partial_path(target)
     stage.mkdir()
     try:
@@ -90,15 +79,17 @@ def _write_and(target: Path, files: Mapping[str, bytes], place: Callable[[Path, 
                 (stage / name).write_bytes(content)
             for path in (*files, *{os.path.dirname(name) for name in files}):
                 sync(stage / path)
-            place(stage, target)
+            placed = place(stage, target, {name.split("/")[0] for name in files})
         sync(target.parent)
+        return placed
     finally:
         remove(stage)
 
 
-def _finish_journal(stage: Path, journal: Path) -> None:
+def _finish_journal(stage: Path, journal: Path, entries: set[str]) -> bool:
     os.rename(stage, journal)
     _move_entries(journal)
+    return True
 
 
 def _move_entries(journal: Path) -> None:
@@ -111,21 +102,18 @@ def _move_entries(journal: Path) -> None:
     journal.rmdir()
 
 
-def _put_in_place(stage: Path, folder: Path, files: Mapping[str, bytes]) -> None:
+def _put_in_place(stage: Path, folder: Path, entries: set[str]) -> bool:
     if not folder.exists():
         os.rename(stage, folder)
-        return
-    entries = {name.split("/")[0] for name in files}
+        return True
     shutil.copymode(folder, stage)
     _link_others(folder, stage, entries)
     if not _exchange(stage, folder):
-        away = folder.with_name(_AWAY.format(folder.name))
-        os.rename(folder, away)
-        os.rename(stage, folder)
-        os.rename(away, stage)
+        return False
     # Keep what came into the old folder meanwhile; if that fails, the new folder is in place all the same.
     with contextlib.suppress(OSError):
         _link_others(stage, folder, entries)
+    return True
 
 
 def _link_others(source: Path, target: Path, entries: set[str]) -> None:

@@ -3,8 +3,6 @@
 zipfile builds an object for every entry that a directory claims, and unpacks as much as the data gives.
 """
 
-import os
-import struct
 import zipfile
 from collections import Counter
 from typing import IO
@@ -13,9 +11,8 @@ from hw_model.errors import InputError
 
 MAX_DIRECTORY_BYTES = 20_000_000
 """About 200,000 entries."""
-_END, _END_BYTES, _MAX_COMMENT = b"PK\x05\x06", 22, 0xFFFF
-_LOCATOR, _LOCATOR_BYTES = b"PK\x06\x07", 20
-_END64, _END64_BYTES = b"PK\x06\x06", 56
+_SIZE = 5
+"""The entry of the end of an archive that says how large its directory is."""
 
 
 class BoundedZip(zipfile.ZipFile):
@@ -51,17 +48,8 @@ class BoundedZip(zipfile.ZipFile):
 
 def check_directory(stream: IO[bytes]) -> None:
     """Raise ``ValueError`` for a directory above :data:`MAX_DIRECTORY_BYTES`; what is no archive passes."""
-    length = stream.seek(0, os.SEEK_END)
-    begin = max(0, length - _END_BYTES - _MAX_COMMENT - _LOCATOR_BYTES - _END64_BYTES)
-    stream.seek(begin)
-    tail = stream.read()
+    # That of zipfile itself: another search might find another end than the one that is read.
+    end = zipfile._EndRecData(stream)  # type: ignore[attr-defined]
     stream.seek(0)
-    at = tail.rfind(_END)
-    if at < 0 or len(tail) < at + _END_BYTES:
-        return
-    (size,) = struct.unpack_from("<L", tail, at + 12)
-    before = at - _LOCATOR_BYTES - _END64_BYTES
-    if before >= 0 and tail.startswith(_END64, before) and tail.startswith(_LOCATOR, at - _LOCATOR_BYTES):
-        (size,) = struct.unpack_from("<Q", tail, before + 40)
-    if size > MAX_DIRECTORY_BYTES:
-        raise ValueError(f"a directory of {size} bytes")
+    if end is not None and end[_SIZE] > MAX_DIRECTORY_BYTES:
+        raise ValueError(f"a directory of {end[_SIZE]} bytes")

@@ -1,8 +1,8 @@
-"""In which order parts are worked on that feed each other: sources first, and a circle all at once."""
+"""In which order parts are worked on: sources first, a circle all at once, and what is joined from the leaves on."""
 
 import numpy as np
 
-from hw_model.values import ArrayLike
+from hw_model.values import ArrayLike, IntArray
 
 
 def sources_first(count: int, edges: ArrayLike) -> list[list[int]]:
@@ -23,3 +23,12 @@ def sources_first(count: int, edges: ArrayLike) -> list[list[int]]:
         before = {node: waits - len(circles[first]) * int(reached[first, node]) for node, waits in before.items()}
         order.append(circles[first].tolist())
     return order
+
+
+def roots(parent: IntArray) -> tuple[IntArray, IntArray]:
+    """Return the root of each node, given the parent of each, or -1, and how far below its root each node is."""
+    root, depth, above = np.arange(len(parent)), np.zeros_like(parent), parent
+    while (above >= 0).any():
+        depth += above >= 0
+        root, above = np.where(above >= 0, above, root), np.where(above >= 0, parent[above], -1)
+    return root, depth

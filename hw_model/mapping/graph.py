@@ -80,6 +80,12 @@ class Input(Frozen, eq=False):
         return self.size if self.positions is None else len(self.positions)
 
     @property
+    def visits(self) -> tuple[IntArray, IntArray]:
+        """Step and first line of every channel that goes through the transpose buffer."""
+        steps = np.empty(0, dtype=np.int64) if self.positions is None else self.positions
+        return steps, np.zeros_like(steps) if self.first_lines is None else self.first_lines
+
+    @property
     def rows(self) -> int:
         """Rows of a recording that the transpose buffer takes: one a line, from the highest of ``first_lines`` on."""
         return self.size if self.first_lines is None else self.size - int(self.first_lines.max(initial=0))
@@ -87,11 +93,9 @@ class Input(Frozen, eq=False):
     @property
     def lines_are_shared(self) -> bool:
         """Whether two channels of one step have a line in common."""
-        if self.positions is None:
-            return False
-        first_lines = np.zeros_like(self.positions) if self.first_lines is None else self.first_lines
-        order = np.lexsort((first_lines, self.positions))
-        one_step = np.diff(self.positions[order]) == 0
+        steps, first_lines = self.visits
+        order = np.lexsort((first_lines, steps))
+        one_step = np.diff(steps[order]) == 0
         return bool((one_step & (np.diff(first_lines[order]) < self.rows)).any())
 
 

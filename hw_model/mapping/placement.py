@@ -38,8 +38,7 @@ class PlacedGraph(Frozen, eq=False):
     """A graph with the core of every compartment; core i sits at ``slots[i]`` of the board.
 
     Slot ``k`` is core ``k % cores_per_chip`` of chip ``k // cores_per_chip``. ``axons[i]`` are the sources that reach
-    core i, numbered as :func:`hw_model.mapping.fan_in.first_source` does, ascending; its synapse lists take
-    ``words[i]``.
+    core i, numbered as :func:`hw_model.mapping.fan_in.first_source` does, ascending.
     """
 
     graph: CompartmentGraph
@@ -47,7 +46,6 @@ class PlacedGraph(Frozen, eq=False):
     slices: tuple[Slice, ...]
     slots: tuple[int, ...]
     axons: tuple[IntArray, ...]
-    words: tuple[int, ...]
 
     @property
     def cores(self) -> int:
@@ -135,8 +133,8 @@ def _fill(
         if not cores[-1]:
             cores.pop()
     slices = [piece for number, pieces in enumerate(cores) for piece in _slices(number, pieces)]
-    axons, words = zip(*(synapses(pieces, chip) for pieces in cores), strict=True)
-    return PlacedGraph(graph, chip, tuple(slices), tuple(range(len(cores))), axons, words)
+    axons = tuple(synapses(pieces, chip)[0] for pieces in cores)
+    return PlacedGraph(graph, chip, tuple(slices), tuple(range(len(cores))), axons)
 
 
 def _slices(core: int, pieces: list[Piece]) -> Iterator[Slice]:

@@ -72,7 +72,7 @@ def _document(program: ChipProgram) -> dict[str, Any]:
         "provenance": dict(program.provenance),
         "synapses_pruned": program.synapses_pruned,
         **{name: value for name, value in picked(program, *RECORDINGS).items() if value is not None},
-        "phases": [_given(asdict(phase), "align_events") for phase in program.phases],
+        "phases": [_given(asdict(phase)) for phase in program.phases],
         "inputs": [{**picked(i, *INPUT_ENTRIES), "transposed": i.positions is not None} for i in program.inputs],
         "readout": None if readout is None else dict(readout.terms),
         **({"readout_potentials_from": _potentials_from(readout)} if readout and readout.from_step else {}),
@@ -96,9 +96,9 @@ def _core(core: Core) -> dict[str, Any]:
     }
 
 
-def _given(entry: dict[str, Any], optional: str) -> dict[str, Any]:
-    """Return an entry without the ``optional`` key, if that is None."""
-    return {key: value for key, value in entry.items() if key != optional or value is not None}
+def _given(phase: dict[str, Any]) -> dict[str, Any]:
+    """Return a phase without its start, if it has none."""
+    return {key: value for key, value in phase.items() if key != "align_events" or value is not None}
 
 
 def _potentials_from(readout: Readout) -> int | dict[str, int]:

@@ -10,7 +10,7 @@ import numpy as np
 from hw_model.description.counts import COUNTED
 from hw_model.engine.playing import Player, Spikes, read_streams
 from hw_model.engine.probes import Kind, Probe
-from hw_model.engine.trace import EVENTS, PhaseInput, PhaseTrace, Register, Window, add_up
+from hw_model.engine.trace import EVENTS, PhaseInput, PhaseTrace, Register, Window, added_up
 from hw_model.io.given import checked
 from hw_model.program.chip_program import ChipProgram
 from hw_model.program.pieces import pieces_of
@@ -123,17 +123,11 @@ def _trace(
         here = mine.reshape(-1, len(numbers), len(UPDATE))[:, np.argsort(np.argsort(numbers))]
         here[here[..., 0] != numbers] = -1
         rows[start : start + len(here)] = here
-    fields = dict(zip(UPDATE, np.moveaxis(by_column, -1, 0), strict=True))
-    spikes = fields["fired"].astype(np.uint8)
-    lines = np.stack([played.lines(b).sum(axis=0, dtype=np.int64) for b in range(len(updates))])
-    pieces = pieces_of(core.program, phase)
-    active = np.stack([pieces.of_spikes((one > 0).astype(np.uint8)) for one in fields["active"]])
-    events = np.stack([fields[name].sum(axis=1) for name in EVENTS], axis=1)
-    return PhaseTrace(
-        spikes,
-        np.concatenate((lines, spikes.sum(axis=1, dtype=np.int64)), axis=1),
-        active,
-        events,
-        totals=add_up(core.program, phase, played, spikes, active, events),
-        registers={kind: fields[kind][:, w.start : w.stop, w.columns] for kind, w in windows.items()},
-    )
+    fields, pieces = dict(zip(UPDATE, np.moveaxis(by_column, -1, 0), strict=True)), pieces_of(core.program, phase)
+    trace = PhaseTrace.empty(played, len(numbers), len(pieces.group), windows)
+    trace.spikes[:] = fields["fired"]
+    trace.active[:] = [pieces.of_spikes((one > 0).astype(np.uint8)) for one in fields["active"]]
+    trace.events[:] = np.stack([fields[name].sum(axis=1) for name in EVENTS], axis=1)
+    for kind, window in windows.items():
+        trace.registers[kind][:] = fields[kind][:, window.start : window.stop, window.columns]
+    return added_up(core.program, phase, played, trace)

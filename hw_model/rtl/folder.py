@@ -22,7 +22,7 @@ from hw_model.rtl.cycles import core_cycles
 from hw_model.rtl.device import on_core
 from hw_model.rtl.images import SIMULATED, CoreProgram, parameters, sizes_for
 from hw_model.rtl.memory_needs import arrays_of
-from hw_model.rtl.memory_plan import as_csv, check, plan
+from hw_model.rtl.memory_plan import as_csv, plan
 from hw_model.rtl.memory_words import hex_words
 from hw_model.rtl.simulators import kept, said, sources
 from hw_model.simulation import SimulationResult, simulate
@@ -55,10 +55,8 @@ def rtl_files(program: ChipProgram, spikes: Spikes) -> dict[str, bytes]:
         "expected_updates": "".join(f"{' '.join(map(str, row))}\n" for row in updates.tolist()).encode(),
     }
     if device.macros:
-        arrays = arrays_of(core, sizes, played.counts)
-        pieces = [piece for one in plan(arrays, device.macros) for piece in one.pieces()]
-        check(pieces, arrays, device.macros)
-        made["memories.csv"] = as_csv(pieces)
+        planned = plan(arrays_of(core, sizes, played.counts), device.macros)
+        made["memories.csv"] = as_csv(piece for one in planned for piece in one.pieces())
     return {f"rtl/{name}": content for name, content in made.items()}
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT
 from hw_model.description.open_core import MemoryWords
 from hw_model.description.open_core import Sizes as Sizes
+from hw_model.mapping.circles import roots
 from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.rtl.lists import BANKS, Table, packed_lists
 from hw_model.rtl.memory_words import BitArray, Layout
@@ -175,10 +176,7 @@ class CoreProgram:
         parent = self._joined(lambda core: np.where(core.parent < 0, -1, begin[core.number] + core.parent))
         names = [phase.name for phase in self.phases]
         turn = self._joined(lambda core: names.index(core.phase))
-        depth, above, root = np.zeros_like(parent), parent, np.arange(len(parent))
-        while (above >= 0).any():
-            depth += above >= 0
-            root, above = np.where(above >= 0, above, root), np.where(above >= 0, parent[above], -1)
+        root, depth = roots(parent)
         # Families of a phase come so few at a time that their sums find room.
         rank, is_root = np.zeros_like(parent), parent < 0
         for index in range(len(names)):

@@ -81,11 +81,10 @@ def _core_phase(
         if item.positions is None:
             sources.append(row_source + channels)
             continue
-        first_lines = np.zeros_like(item.positions) if item.first_lines is None else item.first_lines
         of_line, row = np.arange(item.size), np.arange(item.size) % item.rows
         if shared:
             of_line = of_line // item.rows * -(-item.rows >> shared) + (row >> shared)
-        visits.append(np.stack((item.positions, channels, free + of_line[first_lines])))
+        visits.append(np.stack((item.positions, channels, free + of_line[item.visits[1]])))
         # Where rows share a source, the first of them has its list.
         sources.append(np.where(row % (1 << shared), -1, free + of_line))
         free += int(of_line[-1]) + 1

@@ -153,8 +153,7 @@ class Replay:
 
 
 def _visits(inputs: Sequence[Input]) -> Visits:
-    steps = [np.zeros(0, dtype=np.int64) if item.positions is None else item.positions for item in inputs]
-    lines = [np.zeros(item.channels, np.int64) if item.first_lines is None else item.first_lines for item in inputs]
+    steps, lines = zip(*(item.visits for item in inputs), strict=True)
     return Visits(
         first_channel=np.cumsum([0, *map(len, steps)]),
         step=np.concatenate(steps),

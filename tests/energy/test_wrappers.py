@@ -19,11 +19,11 @@ import repeats
 import runs
 import traffic
 from latches import Latches
+from plan_check import check
 
 import hw_model as hw
 from hw_model.errors import InputError
 from hw_model.rtl.comparison import compare
-from hw_model.rtl.memory_plan import check
 from hw_model.rtl.simulators import sources
 
 NEEDS_ICARUS = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")

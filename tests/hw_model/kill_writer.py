@@ -1,6 +1,6 @@
 """Kill a process that replaces output at every one of its file operations, and look at what is left.
 
-    kill_writer.py exchange|rename|journal|file|random FOLDER
+    kill_writer.py exchange|no exchange|journal|file|random FOLDER
 
 Prints ``{"killed": n, "old": n, "new": n, "other": [...]}``. Run as a process of its own: it forks.
 """
@@ -98,7 +98,7 @@ def at_every_operation(mode, root):
             return found
         assert os.WTERMSIG(status) == signal.SIGKILL, status
         found["killed"] += 1
-        if mode in ("rename", "journal"):
+        if mode in ("no exchange", "journal"):
             folders.recover_folder(target)
         left = tree(target)
         kind = "old" if left == old else "new" if left == new else "other"
@@ -142,7 +142,7 @@ def at_random_times(root):
 def main(mode, root):
     # A kill takes nothing from the system's buffers, and waiting for the disk takes most of the time.
     os.fsync = lambda handle: None
-    if mode == "rename":
+    if mode == "no exchange":
         folders._renameat2 = lambda: None
     if mode == "journal":
         folders._must_stay = lambda folder: True

@@ -13,8 +13,9 @@ from hw_model.errors import InputError
 from hw_model.rtl.device import on_core
 from hw_model.rtl.images import CoreProgram
 from hw_model.rtl.memory_needs import arrays_of, repeats
-from hw_model.rtl.memory_plan import Array, Piece, check, plan
+from hw_model.rtl.memory_plan import Array, Piece, plan
 from locsnn_compile.cli.compile import main as compile_main
+from tests.energy.plan_check import check
 
 CHIP = hw.chip("locsnn-130nm")
 MACROS = {
