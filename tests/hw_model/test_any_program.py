@@ -144,7 +144,7 @@ def test_a_sum_that_the_bound_forgets_is_found(monkeypatch, values):
 def test_any_hybrid():
     met = draw_and_check(check_streams, any_program.hybrid_programs(), 15)
     for what in ("joined compartments", "programs of other widths", "proven early", "steps replayed", "wide lists",
-                 "packed lists"):  # fmt: skip
+                 "lists"):  # fmt: skip
         assert met[what] > 0, what
 
 
