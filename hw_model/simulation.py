@@ -187,12 +187,12 @@ def _played(
             _add_events(program, phase.name, trace, events)
             given |= {one.name: largest(one.of(found), 0) for one in deciding}
             given |= {name: trace.fired[:, columns] for name, columns in counting.items()}
-        scores.append(_weighed(program, given, stop - start))
+        if program.readout is not None:
+            scores.append(program.readout.weighed(given))
 
     def result(kind: Kind) -> dict[str, AnyArray]:
         return {name: joined(arrays) if batched else arrays[0][0] for name, arrays in kept[kind].items()}
 
-    score = joined(scores)
     return SimulationResult(
         spikes=result("spikes"), u=result("u"), v=result("v"), potential=result("potential"),
         activity={phase: tuple(items) for phase, items in activity.items()},
@@ -203,7 +203,7 @@ def _played(
             for name, kinds in zip(program.columns_of(phase), found.tolist(), strict=True)
             if any(kinds)
         },
-        scores=None if program.readout is None else (score if batched else score[0]),
+        scores=None if program.readout is None else joined(scores) if batched else scores[0][0],
     )  # fmt: skip
 
 
@@ -232,10 +232,6 @@ def _plans(program: ChipProgram, probes: tuple[Probe, ...], rows: int, steps: in
     return plans, max(length_of(program, phase, rows, steps) for phase in program.phases)
 
 
-def _classes(program: ChipProgram) -> int:
-    return 1 if program.readout is None else program.populations[program.readout.populations[0]]
-
-
 @lru_cache(maxsize=4)
 def _engine(engine: Engine, skip: bool) -> tuple[Run, Player]:
     if engine == "reference":
@@ -255,14 +251,3 @@ def _add_events(program: ChipProgram, phase: str, trace: PhaseTrace, events: dic
     starts = [columns.start for columns in program.columns_of(phase).values()]
     found = np.add.reduceat(trace.events[0] if len(trace.events) == 1 else trace.events.sum(axis=0), starts, axis=1)
     events[phase] = events.get(phase, 0) + found.T
-
-
-def _weighed(program: ChipProgram, given: Mapping[str, AnyArray], batch: int) -> FloatArray:
-    """Return the class scores (batch, classes) of what populations give, added in the order of the readout.
-
-    Sums of weights that are not whole depend on their order, and sessions add in this one.
-    """
-    scores = np.zeros((batch, _classes(program)))
-    for name, weight in program.readout.terms if program.readout else ():
-        scores += weight * given[name]
-    return scores

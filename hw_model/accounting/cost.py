@@ -79,7 +79,8 @@ class StepTimes(Frozen, eq=False):
     def begin_ns(self) -> FloatArray:
         """When each core begins to handle what has arrived, (..., steps, cores)."""
         begin = self.sent_ns
-        np.maximum.at(begin.T, self.routes.target, self._arrived_ns.T)
+        arrived = (begin[..., self.routes.source] + self.mesh_ns) * self.used  # 0 where no packet comes
+        np.maximum.at(begin.T, self.routes.target, arrived.T)
         return begin
 
     @property
@@ -92,12 +93,6 @@ class StepTimes(Frozen, eq=False):
         """Time of each step, (..., steps)."""
         step_ns: FloatArray = self.core_ns.max(axis=-1) + self.barrier_ns * self.runs
         return step_ns
-
-    @property
-    def _arrived_ns(self) -> FloatArray:
-        """When the last packet on each way arrives; 0 if there is none."""
-        arrived: FloatArray = (self.sent_ns[..., self.routes.source] + self.mesh_ns) * self.used
-        return arrived
 
 
 class CriticalPath(Frozen, eq=False):

@@ -194,14 +194,20 @@ class Readout(Frozen):
     def scores(self, spikes: Mapping[str, AnyArray], potential: Mapping[str, AnyArray]) -> FloatArray:
         """Return the scores (batch, classes) of spikes and potentials (batch, steps, classes) by population."""
         first = self.from_step
-        given = [
-            largest(potential[name], first[name]) if name in first else spikes[name].sum(axis=1, dtype=np.float64)
+        given = {
+            name: largest(potential[name], first[name]) if name in first else spikes[name].sum(axis=1, dtype=np.float64)
             for name in self.populations
-        ]
-        total: FloatArray = np.zeros(np.shape(given[0]))
-        # In the order in which a simulation adds them, so that float sums are equal to the last bit.
-        for weight, part in zip(self.weights, given, strict=True):
-            total += weight * part
+        }
+        return self.weighed(given)
+
+    def weighed(self, given: Mapping[str, AnyArray]) -> FloatArray:
+        """Return the scores (batch, classes) of what each population gives, added in the order of the readout.
+
+        Sums of weights that are not whole depend on their order, and sessions add in this one.
+        """
+        total = np.zeros(np.shape(given[self.populations[0]]))
+        for name, weight in self.terms:
+            total += weight * given[name]
         return total
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from scipy import sparse
 
 from hw_model.arithmetic.fixed_point import SignMode
+from hw_model.arithmetic.whole import LARGEST
 from hw_model.description.chip import Chip
 from hw_model.errors import InputError, TargetError, check_most
 from hw_model.io.given import checked
@@ -21,8 +22,6 @@ from hw_model.program.chip_program import ChipProgram
 from hw_model.values import ArrayLike, Frozen, IntArray
 
 Ints = int | ArrayLike
-_LARGEST = 1 << 53
-"""Up to this magnitude, float64 and int64 hold the same numbers; far above it, numpy's integers overflow."""
 
 
 class Node(Frozen):
@@ -174,7 +173,7 @@ def _whole(where: str, key: str, value: Any, shape: tuple[int, ...]) -> IntArray
     array = np.asarray(value)
     if array.dtype.kind not in "biuf" or not np.array_equal(array, np.round(array)):
         raise InputError(where, f"{key} has values that are not whole numbers", fix="Quantise them first.")
-    beyond = array[(array < -_LARGEST) | (array > _LARGEST)]
+    beyond = array[(array < -LARGEST) | (array > LARGEST)]
     if beyond.size:
         fix = "Quantise them first."
         raise InputError(where, f"{key} has values that no register holds", measured=f"{beyond.flat[0]:g}", fix=fix)

@@ -5,7 +5,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from hw_model.program.chip_program import ChipProgram
-from hw_model.values import ByteArray, Frozen, IntArray
+from hw_model.values import Frozen, IntArray
 
 
 class Pieces(Frozen, eq=False):
@@ -31,14 +31,6 @@ class Pieces(Frozen, eq=False):
     def size(self) -> IntArray:
         """The number of compartments of each piece."""
         return self.stop - self.first
-
-    def of_spikes(self, spikes: ByteArray) -> IntArray:
-        """Count spikes (steps, columns) by piece, (steps, pieces)."""
-        steps, pieces = len(spikes), len(self.group)
-        # Bytes of 0 and 1 are also booleans, among which numpy finds the true ones fastest.
-        step, column = np.divmod(np.flatnonzero(spikes.view(np.bool_)), spikes.shape[1])
-        found: IntArray = np.bincount(step * pieces + self.of_column[column], minlength=steps * pieces)
-        return found.reshape(steps, pieces)
 
     def of_pieces(self, values: IntArray) -> IntArray:
         """Add up values (..., pieces) by core, (..., cores)."""

@@ -126,7 +126,8 @@ def _trace(
     fields, pieces = dict(zip(UPDATE, np.moveaxis(by_column, -1, 0), strict=True)), pieces_of(core.program, phase)
     trace = PhaseTrace.empty(played, len(numbers), len(pieces.group), windows)
     trace.spikes[:] = fields["fired"]
-    trace.active[:] = [pieces.of_spikes((one > 0).astype(np.uint8)) for one in fields["active"]]
+    for piece, (low, high) in enumerate(zip(pieces.first, pieces.stop, strict=True)):
+        trace.active[..., piece] = np.count_nonzero(fields["active"][..., low:high] > 0, axis=2)
     trace.events[:] = np.stack([fields[name].sum(axis=1) for name in EVENTS], axis=1)
     for kind, window in windows.items():
         trace.registers[kind][:] = fields[kind][:, window.start : window.stop, window.columns]

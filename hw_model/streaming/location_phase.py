@@ -137,14 +137,9 @@ class Replay:
         self._push(before - self._start, rows, *self._played, counts, low)
 
     @property
-    def steps_run(self) -> int:
-        """Steps of blocks run so far; running all of them again for a row takes :attr:`steps_of_all`."""
-        return int(self._history.run[0])
-
-    @property
-    def steps_of_all(self) -> int:
-        """Steps of blocks in one run of the phase."""
-        return self._steps * len(self._history.changed)
+    def replayed(self) -> tuple[int, int]:
+        """Steps of blocks run so far, and how many it would be to run all of them again for a row."""
+        return int(self._history.run[0]), self._steps * len(self._history.changed)
 
     def spikes(self) -> AnyArray:
         """Return the spikes of every step, (steps, columns) of 0 and 1."""

@@ -120,8 +120,8 @@ class Session:
     @property
     def replayed(self) -> tuple[int, int]:
         """Steps of transposed phases run so far, and how many it would be to run all again after every step."""
-        replays = [branch.run for branch in self._branches if isinstance(branch.run, Replay)]
-        return sum(replay.steps_run for replay in replays), self.steps * sum(r.steps_of_all for r in replays)
+        replayed = [branch.run.replayed for branch in self._branches if isinstance(branch.run, Replay)]
+        return sum(run for run, _ in replayed), self.steps * sum(every for _, every in replayed)
 
     def spikes(self, population: str) -> ByteArray:
         """Return the spikes of a population of a transposed phase as things stand, (steps, n)."""
