@@ -5,6 +5,7 @@ and area is taken.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import combinations_with_replacement
 
 from hw_model.description.open_core import Macro
 from hw_model.errors import InputError
@@ -93,16 +94,13 @@ def ways(array: Array, macros: Mapping[str, Macro]) -> Iterator[Made]:
                     yield Made(array, names, kinds, banks, pack, parts)
 
 
-def _rows(
-    macros: Sequence[tuple[str, Macro]], bits: int, most: int = WIDEST
-) -> Iterator[tuple[tuple[str, Macro], ...]]:
+def _rows(macros: Sequence[tuple[str, Macro]], bits: int) -> Iterator[tuple[tuple[str, Macro], ...]]:
     """Yield rows of macros that hold so many bits and no macro too many."""
-    if bits <= 0:
-        yield ()
-        return
-    for index, macro in enumerate(macros if most else ()):
-        for rest in _rows(macros[index:], bits - macro[1].bits, most - 1):
-            yield (macro, *rest)
+    for many in range(1, WIDEST + 1):
+        for row in combinations_with_replacement(macros, many):
+            before, (_, last) = sum(macro.bits for _, macro in row[:-1]), row[-1]
+            if before < bits <= before + last.bits:
+                yield row
 
 
 def plan(arrays: Iterable[Array], macros: Mapping[str, Macro], price: float = PRICE) -> list[Made]:

@@ -28,9 +28,9 @@ class Proof:
     """What is known of a batch that was run to its end, ``rows`` long, asked as if it had been run only so far."""
 
     def __init__(self, program: ChipProgram, readout: Readout, result: SimulationResult, rows: int) -> None:
-        self._phases: list[tuple[int, IntArray, list[_Voter]]] = []
+        self._phases: list[tuple[int, IntArray, list[_BySpikes | _ByPotentials]]] = []
         for phase in program.phases:
-            voters: list[_Voter] = [
+            voters: list[_BySpikes | _ByPotentials] = [
                 (_ByPotentials if name in readout.from_step else _BySpikes)(program, phase, name, weight, result)
                 for name, weight in readout.terms
                 if name in program.columns_of(phase.name)
@@ -112,10 +112,6 @@ class _Voter:
         """Return what counts after the first steps, (batch, n)."""
         return np.asarray(self._so_far[np.arange(len(step)), step])
 
-    def ends(self, step: IntArray, nothing_comes: BoolArray) -> tuple[IntArray, IntArray]:
-        """Return what counts at the end at the least and at the most, (batch, n), as known after ``step`` steps."""
-        raise NotImplementedError
-
     def _voltages(self, step: IntArray) -> Iterator[IntArray]:
         """Yield the highest voltages of every step from ``step`` on, (batch, n)."""
         each, last = np.arange(len(step)), np.maximum(step - 1, 0)
@@ -150,6 +146,7 @@ class _BySpikes(_Voter):
         self._free_from = np.concatenate((before, np.maximum.accumulate(free_from, axis=1)), axis=1)
 
     def ends(self, step: IntArray, nothing_comes: BoolArray) -> tuple[IntArray, IntArray]:
+        """Return what counts at the end at the least and at the most, (batch, n), as known after ``step`` steps."""
         given = self.given(step)
         return given, given + np.where(nothing_comes, 0, self._spikes_after(step))
 
@@ -177,6 +174,7 @@ class _ByPotentials(_Voter):
         self._so_far[:, self._first + 1 :] = np.maximum.accumulate(rows[:, self._first :], axis=1)
 
     def ends(self, step: IntArray, nothing_comes: BoolArray) -> tuple[IntArray, IntArray]:
+        """Return the same of potentials."""
         read, (vmin, vmax) = step[:, None], (self._settings[self._members[-1]][key] for key in ("vmin", "vmax"))
         given = self.given(step)
         most = np.broadcast_to(vmin, given.shape)

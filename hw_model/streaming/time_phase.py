@@ -56,12 +56,10 @@ class Live:
         self._end = self._steps = _NO_END if steps is None else steps
         begin, columns = np.cumsum([0, *layout.nodes.size[: layout.inputs]]), layout.columns
         lines, many = int(begin[-1]), len(read.columns)
-        potential, kept = np.zeros((1, TILE, many), dtype=np.int64), state.NOTHING_KEPT
-        if many:
-            place = np.full(columns, -1, dtype=np.int64)
-            place[read.columns] = np.arange(many)
-            register = state.KeptRegister(place, 0, potential)
-            kept = state.Kept(True, state.NO_REGISTER, state.NO_REGISTER, register)
+        potential, place = np.zeros((1, TILE, many), dtype=np.int64), np.full(columns, -1, dtype=np.int64)
+        place[read.columns] = np.arange(many)
+        register = state.KeptRegister(place, 0, potential)
+        kept = state.Kept(many > 0, state.NO_REGISTER, state.NO_REGISTER, register)
         # What the loop counts of a whole recording, sent and active: nobody asks a session for it.
         self._room = Room(
             begin, np.zeros((TILE + 1, layout.inputs), np.int64), np.empty(TILE * lines + LANES, np.int32),
