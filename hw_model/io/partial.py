@@ -24,12 +24,15 @@ def partial_path(target: Path) -> Path:
 
 
 @contextmanager
-def locked(path: Path, wait: bool = False) -> Iterator[None]:
-    """Hold the lock of an existing partial file or folder; ``wait`` for that of a file, which is created if missing."""
-    handle = os.open(path, os.O_RDONLY | (os.O_CREAT if wait else 0), 0o644)
+def locked(path: Path, wait: bool = False) -> Iterator[bool]:
+    """Hold the lock of an existing partial file or folder, and tell whether it could be taken.
+
+    ``wait`` for that of a file, which is created if missing.
+    """
+    plain = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+    handle = os.open(path, os.O_RDONLY | plain | (os.O_CREAT if wait else 0), 0o644)
     try:
-        _lock(handle, wait)
-        yield
+        yield _lock(handle, wait)
     finally:
         os.close(handle)
 
@@ -42,8 +45,9 @@ def remove_leftovers(target: Path) -> None:
     except OSError:
         return
     for name in found:
-        if not _is_locked(target.parent / name):
-            remove(target.parent / name)
+        with contextlib.suppress(OSError), locked(target.parent / name) as is_free:
+            if is_free:
+                remove(target.parent / name)
 
 
 def remove(path: Path) -> None:
@@ -68,17 +72,6 @@ def sync(path: Path) -> None:
 
 def _prefix(target: Path) -> str:
     return f".{os.fsdecode(os.fsencode(target.name)[:MAX_NAME_BYTES])}.partial-"
-
-
-def _is_locked(path: Path) -> bool:
-    try:
-        handle = os.open(path, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))
-    except OSError:
-        return False
-    try:
-        return not _lock(handle)
-    finally:
-        os.close(handle)
 
 
 def _lock(handle: int, wait: bool = False) -> bool:

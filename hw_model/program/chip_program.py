@@ -110,19 +110,11 @@ class ChipProgram(Shown):
 
     def cores_of(self, phase: str) -> tuple[Core, ...]:
         """Return the cores that run in a phase."""
-        return self._cores_of.get(phase, ())
-
-    @cached_property
-    def _cores_of(self) -> dict[str, tuple[Core, ...]]:
-        return {p.name: tuple(core for core in self.cores if core.phase == p.name) for p in self.phases}
+        return tuple(core for core in self.cores if core.phase == phase)
 
     def inputs_of(self, phase: str) -> tuple[Input, ...]:
         """Return the inputs of a phase."""
-        return self._inputs_of.get(phase, ())
-
-    @cached_property
-    def _inputs_of(self) -> dict[str, tuple[Input, ...]]:
-        return {p.name: tuple(item for item in self.inputs if item.phase == p.name) for p in self.phases}
+        return tuple(item for item in self.inputs if item.phase == phase)
 
     def route_of(self, name: str) -> InputRoute:
         """Return where the lines of an input go."""

@@ -137,8 +137,7 @@ class _BySpikes(_Voter):
 
     def __init__(self, program: ChipProgram, phase: Phase, name: str, weight: float, result: SimulationResult) -> None:
         super().__init__(program, phase, name, weight, result)
-        self._threshold = _each(program, phase.name, name, lambda core: core.threshold_voltage)
-        self._refractory = _each(program, phase.name, name, lambda core: core.setting("refractory"))
+        self._threshold, self._refractory = (self._settings[name][key] for key in ("threshold", "refractory"))
         spikes = result.spikes[name]
         before = np.zeros((len(spikes), 1, spikes.shape[2]), dtype=np.int64)
         self._so_far = np.concatenate((before, spikes.cumsum(axis=1, dtype=np.int64)), axis=1)
@@ -196,6 +195,8 @@ _SETTINGS: dict[str, Callable[[Core], IntArray | int]] = {
     "bias": lambda core: core.bias,
     "vmin": lambda core: core.vmin,
     "vmax": lambda core: core.vmax,
+    "threshold": lambda core: core.threshold_voltage,
+    "refractory": lambda core: core.setting("refractory"),
 }
 """What the bound of a compartment is made of."""
 
