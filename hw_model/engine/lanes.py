@@ -98,7 +98,12 @@ def put(place: "Place", mask: Lanes, numbers: Lanes) -> Given:
 
     The place has room for all lanes.
     """
-    place[0] = numbers.with_value(_compress(place, numbers, mask))
+    vector, builder = numbers.value.type, numbers.builder
+    kind = ir.FunctionType(vector, [vector, mask.value.type, vector])
+    name = f"llvm.experimental.vector.compress.v{LANES}i{place.width}"
+    compress = cgutils.get_or_insert_function(builder.module, kind, name)
+    found = builder.call(compress, [numbers.value, mask.value, ir.Constant(vector, ir.Undefined)])
+    place[0] = numbers.with_value(found)
     return count(mask)
 
 
@@ -115,14 +120,6 @@ def each_row(place: "Place", many: Given) -> Iterator[Given]:
     """Loop over the numbers of so many rows: what is done with one, in a kernel, becomes a loop of the machine."""
     with cgutils.for_range(place.builder, many) as loop:
         yield loop.index
-
-
-def _compress(place: "Place", numbers: Lanes, mask: Lanes) -> ir.Value:
-    vector, builder = numbers.value.type, numbers.builder
-    kind = ir.FunctionType(vector, [vector, mask.value.type, vector])
-    name = f"llvm.experimental.vector.compress.v{LANES}i{place.width}"
-    compress = cgutils.get_or_insert_function(builder.module, kind, name)
-    return builder.call(compress, [numbers.value, mask.value, ir.Constant(vector, ir.Undefined)])
 
 
 def bits(mask: Lanes) -> ir.Value:

@@ -134,7 +134,8 @@ def _check(function: str, name: str, value: Any, kinds: tuple[Any, ...]) -> None
     where = f"{function}, {name}"
     if not any(_is_a(value, kind) for kind in kinds):
         names = [kind.__name__ for kind in kinds if kind is not type(None)]
-        what = f"it must be {_article(names[0])} {listed(names, 'or')}"
+        article = "an" if names[0][0].lower() in "aeiou" else "a"
+        what = f"it must be {article} {listed(names, 'or')}"
         fix = next((_WAYS_OUT[kind] for kind in names if kind in _WAYS_OUT), "Correct it.")
         raise InputError(where, what, measured=f"got {type(value).__name__} {_short(repr(value))}", fix=fix)
     if float in kinds and isinstance(value, int) and abs(value) > sys.float_info.max:
@@ -164,7 +165,3 @@ def _is_a(value: Any, kind: Any) -> bool:
     if (isinstance(value, bool) and kind in _ACCEPTED) or (isinstance(value, str) and kind is Sequence):
         return False
     return isinstance(value, _ACCEPTED.get(kind, kind))
-
-
-def _article(noun: str) -> str:
-    return "an" if noun[0].lower() in "aeiou" else "a"

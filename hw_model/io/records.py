@@ -71,11 +71,6 @@ def _kinds(hint: Any) -> tuple[type, ...]:
     return tuple(kind for part in plain for kind in _HELD.get(part, (part,)))
 
 
-def is_one_of(value: object, kinds: tuple[type, ...]) -> bool:
-    """Tell whether a value is of one of the types; True and False are not numbers."""
-    return isinstance(value, kinds) and (bool in kinds or not isinstance(value, bool))
-
-
 def check_value(
     where: str, value: Any, kinds: tuple[type, ...], said: tuple[Any, ...] = (), fix: str = "Correct it."
 ) -> None:
@@ -85,7 +80,8 @@ def check_value(
     """
     rules = [rule for rule in said if isinstance(rule, Must)]
     finite = not isinstance(value, int | float) or abs(value) <= sys.float_info.max
-    if not (is_one_of(value, kinds) and finite and (value is None or all(rule.holds(value) for rule in rules))):
+    fits = isinstance(value, kinds) and (bool in kinds or not isinstance(value, bool))  # a truth is no number
+    if not (fits and finite and (value is None or all(rule.holds(value) for rule in rules))):
         kind = KIND_WORDS.get(kinds[0], f"a {kinds[0].__name__.lower()}")
         words = [f"of {rule.words}" if rule.words.startswith("at least") else rule.words for rule in rules]
         measured = f"got {value!r}" if isinstance(value, str | int | float | None) else f"got {type(value).__name__}"

@@ -103,7 +103,10 @@ class Replay:
             event=np.empty(most, np.int32), row_of=np.empty(most, np.int32), spikes=aligned((slots,), dtype),
             changed=np.zeros(blocks, np.int64), run=np.zeros(1, np.int64), block_of=block_of, slot=layout.slot,
         )  # fmt: skip
-        visits, registers = _visits(inputs), aligned((chunks.registers.size,), dtype)
+        played, lines = zip(*(item.visits for item in inputs), strict=True)
+        rows = np.array([item.rows for item in inputs])
+        visits = Visits(np.cumsum([0, *map(len, played)]), np.concatenate(played), np.concatenate(lines), rows)
+        registers = aligned((chunks.registers.size,), dtype)
         registers[:] = chunks.registers[chunks.member].reshape(-1)
         self._played = (
             visits, read, layout.nodes, chunks, layout.links, _order(layout, read), registers, self._history,
@@ -145,16 +148,6 @@ class Replay:
         """Return the spikes of every step, (steps, columns) of 0 and 1."""
         lanes = (self._history.masks[:, :, None] >> np.arange(LANES)) & 1
         return lanes.reshape(self._steps, -1)[:, self._layout.slot].astype(np.uint8)
-
-
-def _visits(inputs: Sequence[Input]) -> Visits:
-    steps, lines = zip(*(item.visits for item in inputs), strict=True)
-    return Visits(
-        first_channel=np.cumsum([0, *map(len, steps)]),
-        step=np.concatenate(steps),
-        first_line=np.concatenate(lines),
-        rows=np.array([item.rows for item in inputs]),
-    )
 
 
 def _order(layout: FastLayout, of: Read) -> Order:
