@@ -14,8 +14,14 @@ import hw_model as hw
 from hw_model.io.yaml_text import SEAL
 from locsnn_compile.cli.compile import main as compile_main
 from locsnn_compile.cli.main import main
-from locsnn_compile.cli.run_stream import LiveLine, lead_text, stream_lines
-from locsnn_compile.verification.streaming import Streamed, right_over_time, step_latency
+from locsnn_compile.cli.run_stream import (
+    LiveLine,
+    Streamed,
+    lead_text,
+    right_over_time,
+    step_latency,
+    stream_lines,
+)
 
 ROOT = Path(__file__).parents[2]
 MODEL = ROOT / "examples/models/objects-hybrid.pt"

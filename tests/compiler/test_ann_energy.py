@@ -2,8 +2,7 @@
 
 import pytest
 
-from locsnn_compile.baselines.ann_energy import ann_energy_pj
-from locsnn_compile.baselines.operations import AnnCounts, ann_counts
+from locsnn_compile.baselines.operations import AnnCounts, ann_counts, ann_energy_pj
 from locsnn_compile.data.sensor import neutouch
 
 

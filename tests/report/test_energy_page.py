@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import hw_model as hw
-from locsnn_compile.baselines.ann_energy import ARITHMETICS
+from locsnn_compile.baselines.operations import ARITHMETICS
 from locsnn_compile.report.words import words
 from tests.real_recordings import REAL, on_real_recordings
 

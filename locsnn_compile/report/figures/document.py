@@ -9,8 +9,7 @@ from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.rtl.device import activity, on_core, uses
 from hw_model.rtl.images import CoreProgram
 from hw_model.values import AnyArray, IntArray, picked
-from locsnn_compile.baselines.ann_energy import ANN_ENERGY_SOURCE, ANN_NOT_INCLUDED, ann_energy_pj
-from locsnn_compile.baselines.operations import ANN_NAMES, AnnCounts, ann_counts
+from locsnn_compile.baselines import operations as paper
 from locsnn_compile.network.network import Network
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.report.content import Document
@@ -211,12 +210,12 @@ def _ann_comparison(network: Network, match: Match, own_pj: float, synaptic_ops:
     """
     own = _published(network, match)["operations"]
     found: Document = {}
-    for name in ANN_NAMES:
+    for name in paper.ANN_NAMES:
         counted = _ann_counts(name, network)
         if counted is None:
             found[name] = dict.fromkeys(("operations", "ratio", "chip_ratio"))
             continue
-        energies = ann_energy_pj(counted)
+        energies = paper.ann_energy_pj(counted)
         found[name] = {
             "operations": counted.operations,
             "ratio": counted.operations / own if own else None,
@@ -224,18 +223,18 @@ def _ann_comparison(network: Network, match: Match, own_pj: float, synaptic_ops:
             **picked(counted, "macs", "multiplications", "additions"),
             "energy_pj": energies,
             "energy_ratio": {arithmetic: pj / own_pj if own_pj else None for arithmetic, pj in energies.items()},
-            "energy_source": ANN_ENERGY_SOURCE,
-            "energy_not_included": list(ANN_NOT_INCLUDED),
+            "energy_source": paper.ANN_ENERGY_SOURCE,
+            "energy_not_included": list(paper.ANN_NOT_INCLUDED),
         }
     return found
 
 
-def _ann_counts(name: str, network: Network) -> AnnCounts | None:
+def _ann_counts(name: str, network: Network) -> paper.AnnCounts | None:
     """Return the operations of an artificial network on this input; None if it is not defined for it."""
     if network.sensor is None:
         return None
     try:
-        return ann_counts(name, sensor=network.sensor, steps=network.steps, classes=network.classes)
+        return paper.ann_counts(name, sensor=network.sensor, steps=network.steps, classes=network.classes)
     except hw.InputError:  # no frames, or a recording too short for that network's kernels
         return None
 
