@@ -29,7 +29,7 @@ def test_profiles_and_arithmetics_are_those_of_the_code():
 def test_the_bound_of_the_buffer_is_that_of_the_chip_file():
     bounds = [item for item in hw.chip("loihi-sim").profile("davies2018").not_included if item.bound_pj]
     assert [item.bound_pj for item in bounds] == [{"transpose_events": 20.0}]
-    assert "20 pJ an event" in PAGE
+    assert "20 pJ per event" in PAGE
 
 
 @pytest.mark.slow
