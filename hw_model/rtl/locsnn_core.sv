@@ -10,7 +10,8 @@
 // the slots of t + 1 and later, so the order of deliveries does not matter.
 //
 // Memories are filled through the load port, between recordings; setting RUN, the last one, cleans all state and starts.
-// State is cleaned after every recording, answered or stopped. The layouts of all words are in docs/hardware.md.
+// State is cleaned after every recording, answered or stopped. The layouts of all words are in
+// docs/hardware/stream-and-memory-map.md.
 module locsnn_core #(
     parameter integer AXONS = 2048,         // channels, lines and compartments: all that sends spikes
     parameter integer SYNAPSES = 16384,

@@ -41,9 +41,12 @@ def savings(built: runs.Built, played: gates.Activity, spent: picojoules.Energy)
             least = min((c for c in macros if c.pack == 1), key=lambda c: c.area)
             flat += plans.cost(files, least, memory) - plans.cost(files, one, memory)
     return [
-        ("targets that are told as steps, 24 bits for two synapses instead of 40", narrower(files) * scale / 1e6),
         (
-            "clocks that stop: of modules, of registers with an enable, and of eight bits of which none changes",
+            "targets stored as distances from the one before, 24 bits for two synapses instead of 40",
+            narrower(files) * scale / 1e6,
+        ),
+        (
+            "clock gating: of modules, of registers with an enable, and of groups of eight bits in which none changes",
             stopped / 1e6,
         ),
         (f"latches in place of macros for the smallest memories ({bits:,} bits)", (in_macros - latched) * scale / 1e6),

@@ -120,8 +120,8 @@ BRIAN2_LOIHI = Peer(
     can=Abilities(overflow=False, per_compartment=False, bias=False, limits=False, lowest_mantissa=range(-8, 7)),
     quirks=(
         Quirk("first input", "acts in its own row", "translated", "row t is given as row t + 1"),
-        Quirk("delay", "one to a synapse group", "translated", "one group for each delay"),
-        Quirk("parameters", "one value to a neuron group", "in part", "one value to a population"),
+        Quirk("delay", "one per synapse group", "translated", "one group for each delay"),
+        Quirk("parameters", "one value per neuron group", "in part", "one value per population"),
         Quirk("bias", "has none", "left out", "bias 0"),
         Quirk("voltage limits", "has none", "left out", "the chip's widest"),
         Quirk(
@@ -183,8 +183,8 @@ LAVA_DL = Peer(
             "networks without an event; others are drawn again",
             witness("lava overflow", 254, sources=40, steps=40, decay_u=0),
         ),
-        Quirk("parameters", "one value to a neuron layer", "in part", "one value to a population"),
-        Quirk("delay", "one to an axon, and none in a layer's recurrence", "in part", "one to a source, forward only"),
+        Quirk("parameters", "one value per neuron layer", "in part", "one value per population"),
+        Quirk("delay", "one per axon, and none in a layer's recurrence", "in part", "one per source, forward only"),
         Quirk("recurrence", "within a layer", "in part", "no projection to an earlier population"),
         Quirk(
             "odd weights",
