@@ -170,7 +170,7 @@ def compile(
     if isinstance(network, Sequence):
         network = join([load(one) if isinstance(one, Checkpoint) else one for one in network], weights, calibration)
     elif weights is not None:
-        raise InputError("weights", "they are for several networks", fix="Leave them out.")
+        raise InputError("weights", "they apply only to several networks", fix="Leave them out.")
     network = load(network) if isinstance(network, Checkpoint) else network
     check_network(network)
     if psi is not None:

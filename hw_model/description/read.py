@@ -36,7 +36,9 @@ def check_profile(profile: Profile, where: str) -> None:
     A hop is priced once, and a barrier of more tiles takes no less time.
     """
     if not profile.energy_pj:
-        raise InputError(f"{where}: energy_pj", "it prices nothing, so all would take 0 pJ", fix="Price a count.")
+        raise InputError(
+            f"{where}: energy_pj", "it prices nothing, so everything would take 0 pJ", fix="Price a count."
+        )
     for key, names, known, what in (
         ("energy_pj", profile.energy_pj, COUNT_NAMES, "is not counted"),
         ("time_ns", profile.time_ns, TIMED, "is not counted"),

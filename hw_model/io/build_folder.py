@@ -61,4 +61,6 @@ def write_build(folder: Path, files: Mapping[str, bytes]) -> None:
 
 def _unwritable(folder: Path, reason: str) -> InputError:
     what = f"cannot be written: {reason[:1].lower()}{reason[1:]}"
-    return InputError(f"output {folder.name or str(folder)!r}", what, fix="Choose a folder you may write to with -o.")
+    return InputError(
+        f"output {folder.name or str(folder)!r}", what, fix="With -o, choose a folder that you may write to."
+    )

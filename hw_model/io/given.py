@@ -98,7 +98,7 @@ def check_path(path: str | Path, where: str) -> None:
     try:
         os.lstat(path)
     except ValueError:
-        raise InputError(where, "it holds a NUL character", fix="Give the path of a file.") from None
+        raise InputError(where, "it contains a NUL character", fix="Give the path of a file.") from None
     except OSError as error:
         if error.errno == errno.ENAMETOOLONG:
             longest = max(len(os.fsencode(part)) for part in Path(path).parts)

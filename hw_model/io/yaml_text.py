@@ -92,7 +92,7 @@ def read_mapping(path: Path, where: str, fix: str) -> dict[Any, Any]:
     """Return the mapping in a YAML file; ``InputError`` for any other file, with ``fix`` if it is too large."""
     values = load_yaml(read_bytes(path, where, MAX_BYTES, fix), where)
     if not isinstance(values, dict):
-        raise InputError(where, "it holds no mapping", measured=type(values).__name__, fix=WAY_ON)
+        raise InputError(where, "it is not a mapping", measured=type(values).__name__, fix=WAY_ON)
     return values
 
 

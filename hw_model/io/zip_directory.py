@@ -26,7 +26,7 @@ class BoundedZip(zipfile.ZipFile):
         super().__init__(stream)
         for name, count in Counter(self.namelist()).items():
             if count > 1 and not name.endswith("/"):
-                raise InputError(where, f"it holds {name[:80]!r} twice", fix=fix)
+                raise InputError(where, f"it contains {name[:80]!r} twice", fix=fix)
 
     @property
     def unpacked_bytes(self) -> int:

@@ -49,7 +49,7 @@ def save_program(program: ChipProgram, folder: str | Path) -> None:
     try:
         replace_entries(target, program_files(program))
     except OSError as error:
-        fix = "Choose a folder you may write to."
+        fix = "Choose a folder that you may write to."
         raise InputError(f"folder {target.name!r}", f"cannot be written: {error.strerror}", fix=fix) from error
 
 

@@ -83,7 +83,7 @@ class Board:
             self._command(frames.WORDS, part.tobytes())
         while not self._answers:
             if self._heard() is None:
-                raise InputError("board", "a recording was not answered", fix="Check the line; play it again.")
+                raise InputError("board", "it did not answer a recording", fix="Check the line; play it again.")
         return self._answers.pop()
 
     def _command(self, kind: int, payload: bytes = b"") -> bytes:

@@ -88,8 +88,8 @@ def additions_of_recordings(network: Network, spikes: Mapping[str, ByteArray]) -
 
 ANN_ENERGY_SOURCE = "Horowitz, Computing's energy problem, ISSCC 2014: arithmetic at 45 nm and 0.9 V"
 ANN_NOT_INCLUDED = (
-    "memory traffic: weights, activations and instructions (one 32-bit word from DRAM is 640 pJ or more)",
-    "activation functions, control and clock",
+    "memory traffic (weights, activations and instructions; a 32-bit word from DRAM takes 640 pJ or more)",
+    "activation functions, clocks and control",
     "static power",
 )
 

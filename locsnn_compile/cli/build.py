@@ -103,11 +103,11 @@ def _check_options(args: Namespace) -> None:
     """Refuse options that would fail only after all the work."""
     if args.recording is not None and not set(args.emit) & set(OF_RECORDING):
         fix = f"Add --emit {listed(OF_RECORDING, 'or')}."
-        raise InputError("--recording", "nothing emitted is of a single recording", fix=fix)
+        raise InputError("--recording", "no emitted file shows a single recording", fix=fix)
     if args.weights and len(args.model) < 2:
         raise InputError("--weights", "there is one model, with nothing to weigh it against", fix="Leave it out.")
     if args.probe and "vcd" not in args.emit:
-        raise InputError("--probe", "nothing emitted shows a neuron", fix="Add --emit vcd.")
+        raise InputError("--probe", "no emitted file shows a neuron", fix="Add --emit vcd.")
     if args.junit and not given(args, GATES):
         raise InputError("--junit", "no gate is asked for", fix=f"Add one of {', '.join(GATES)}.")
 

@@ -1,6 +1,6 @@
 """``locsnn diff``: compare two builds.
 
-Compare the reports and programs of two builds: does it match as well, cost less, take less room?
+Compare the reports and programs of two builds: does it match as well, cost less, use fewer resources?
 
 example:
   locsnn diff build/objects-hybrid build/objects-hybrid-4bit --html diff.html

@@ -1,6 +1,6 @@
-"""``locsnn events``: show what recordings hold, or write them in another format.
+"""``locsnn events``: show what recordings contain, or write them in another format.
 
-Show what recordings hold: rates, silence, polarity, busy and dead channels, and a raster of one. --to writes them in
+Show what recordings contain: rates, silence, polarity, busy and dead channels, and a raster of one. --to writes them in
 the format that the name ends in.
 
 example:

@@ -113,7 +113,7 @@ def declared(parser: Parser, command: str) -> Parser:
 
 def add_common(parser: argparse.ArgumentParser) -> None:
     """Add the options that all commands have."""
-    help_ = "say on standard error what is being done"
+    help_ = "report on standard error what is being done"
     parser.add_argument("--verbose", action="store_true", default=argparse.SUPPRESS, help=help_)
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}", help="print the version")
 

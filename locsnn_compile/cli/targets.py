@@ -1,6 +1,6 @@
-"""``locsnn targets``: list the chips that ship.
+"""``locsnn targets``: list the included chips.
 
-List the chips that ship, or print the description of one as a start for your own chip file.
+List the included chips, or print the description of one as a start for your own chip file.
 
 example:
   locsnn targets --show loihi-sim > my-chip.yaml

@@ -115,7 +115,7 @@ def _npz_entries(data: bytes, where: str) -> dict[str, AnyArray]:
             raise InputError(where, "it is too large", measured=measured, fix="Give fewer recordings.")
         names = {file: file.removesuffix(".npy") for file in files}
         if len(set(names.values())) < len(names):
-            raise InputError(where, "it holds an entry twice, with and without '.npy'", fix=fix)
+            raise InputError(where, "it contains an entry twice, with and without '.npy'", fix=fix)
         kinds = dict.fromkeys(_TEXTS, "US")
         return {
             name: load_npy(archive.content(file), f"{where}, {file!r}", kinds.get(name, "biuf"))

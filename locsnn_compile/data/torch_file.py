@@ -37,7 +37,7 @@ def load_plain(data: bytes, where: str, *, fix: str) -> object:
                 raise InputError(where, what, fix="Load it with an old torch, and save it again.")
             return _from_stream(data, budget)
         except RefusedError as error:
-            what = "it holds objects that would run code when read, so it was not read"
+            what = "it contains objects that would run code when read, so it was not read"
             raise InputError(where, what, measured=str(error), fix="Save tensors and plain values only.") from None
 
 

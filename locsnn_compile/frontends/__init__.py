@@ -93,5 +93,5 @@ def _kind(path: Path, where: str, *, described: bool) -> str:
     with open_hdf5(path, where) as (root, _):
         kind = next((kind for name, kind in (("node", _NIR), ("layer", _LAVA_DL)) if name in root), None)
     if kind is None:
-        raise InputError(where, "it holds neither a NIR graph nor a lava-dl network", fix=_FORMATS)
+        raise InputError(where, "it contains neither a NIR graph nor a lava-dl network", fix=_FORMATS)
     return kind

@@ -74,7 +74,7 @@ def read_plain(path: Path, state_dict: str) -> tuple[object, str, str]:
     data = read_bytes(path, where)
     values = load_plain(data, where, fix=WRITE_AGAIN)
     if _is_state_dict(values):
-        raise InputError(where, "it holds tensors and does not say of which network", fix=state_dict)
+        raise InputError(where, "it contains tensors, but does not name their network", fix=state_dict)
     return values, where, hashlib.sha256(data).hexdigest()
 
 

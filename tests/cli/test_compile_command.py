@@ -250,7 +250,7 @@ def repeat_taxel(entries):
 BAD_MODELS = [
     ("missing", lambda t: t / "gone.pt", "checkpoint 'gone.pt': it cannot be read (No such file or directory). Check the path."),
     ("truncated", truncated, "checkpoint 'model.pt': it is damaged, truncated or not a torch file. Write it again with 'locsnn train'."),
-    ("hostile", hostile, "checkpoint 'model.pt': it holds objects that would run code when read, so it was not read (posix.system). Save tensors and plain values only."),
+    ("hostile", hostile, "checkpoint 'model.pt': it contains objects that would run code when read, so it was not read (posix.system). Save tensors and plain values only."),
     ("plain pickle", plain_pickle, "checkpoint 'model.pt': it is a pickle that torch.save did not write, and nothing in it was run. Save tensors with torch.save."),
     ("nan", lambda t: changed(t, set_weight("time_hidden", float("nan"))), "checkpoint 'model.pt', population 'time_hidden': weight [3, 5] is not finite (got nan, 1 such weights). Train the network again."),
     ("infinite", lambda t: changed(t, set_weight("location_output", float("-inf"))), "checkpoint 'model.pt', population 'location_output': weight [3, 5] is not finite (got -inf, 1 such weights). Train the network again."),
@@ -290,7 +290,7 @@ BAD_OPTIONS = [
     ("bits", lambda t: ("--weight-bits", "7"), "--weight-bits: no synapse format has 7 bits. Choose one of 1, 2, 3, 4, 5, 6, 8."),
     ("config", lambda t: ("--config", "net.yaml"), "model 'objects-hybrid.pt': config was given, but a checkpoint contains this itself. Leave config out."),
     ("emit", lambda t: ("--emit", "programm"), "--emit programm: it is not known. Did you mean 'program'?"),
-    ("probe", lambda t: ("--probe", "time_output[3]"), "--probe: nothing emitted shows a neuron. Add --emit vcd."),
+    ("probe", lambda t: ("--probe", "time_output[3]"), "--probe: no emitted file shows a neuron. Add --emit vcd."),
     ("probed", lambda t: ("--strategy", "dendrite", "--emit", "vcd", "--probe", "time_outptu[3]"), "probe 'time_outptu[3]': there is no population 'time_outptu'. Did you mean 'time_output'?"),
     ("recording", lambda t: ("--emit", "vcd", "--recording", "16"), "--recording 16: there is no such recording (16 in synthetic touches). Count from 0 to 15."),
     ("before the first", lambda t: ("--emit", "vcd", "--recording", "-1"), "--recording -1: there is no such recording (16 in synthetic touches). Count from 0 to 15."),
@@ -342,7 +342,7 @@ def test_a_folder_without_write_permission(few, tmp_path, capsys):
     finally:
         if was_root:
             os.seteuid(0)
-    line = f"output {str(locked / 'out')!r}: cannot be written: permission denied. Choose a folder you may write to with -o.\n"
+    line = f"output {str(locked / 'out')!r}: cannot be written: permission denied. With -o, choose a folder that you may write to.\n"
     assert (code, capsys.readouterr()) == (2, ("", line))
     assert list(locked.iterdir()) == []
 
@@ -381,7 +381,7 @@ def test_a_write_that_fails_half_way_leaves_the_old_build(few, tmp_path, monkeyp
     monkeypatch.setattr(Path, "write_bytes", full)
     assert build(few, out, "--weight-bits", "4") == 2
     assert capsys.readouterr().err == (
-        f"output {str(out)!r}: cannot be written: no space left on device. Choose a folder you may write to with -o.\n"
+        f"output {str(out)!r}: cannot be written: no space left on device. With -o, choose a folder that you may write to.\n"
     )
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before
     assert [path.name for path in tmp_path.iterdir()] == ["out"]

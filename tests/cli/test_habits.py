@@ -122,7 +122,7 @@ BAD = [
     ("a number out of range", "psi: -1\n", ", psi: it is out of range (got -1). Give a number from 0 up."),
     ("nothing", "target:\n", ", target: it is not a value of this option (got None). Correct the value."),
     ("a number for a switch", "quiet: 1\n", ", quiet: it must be true or false (got 1). Correct the value."),
-    ("no mapping", "- a\n", ": it holds no mapping (list). Write one 'key: value' per line."),
+    ("no mapping", "- a\n", ": it is not a mapping (list). Write one 'key: value' per line."),
     ("no YAML", "a: [\n", ": it is not a YAML file. Write one 'key: value' per line."),
     ("a key given twice", "psi: 1\npsi: 2\n", ": the key 'psi' is given twice, again at line 2. Keep one."),
 ]  # fmt: skip

@@ -127,7 +127,7 @@ def test_diff_names_what_changed(build, tmp_path, capsys):
     assert lines[-1] == "--all lists every figure that changed."
     assert re.search(r"^  spikes on one side only \d", summary, flags=re.MULTILINE)
     assert len(lines) < 40
-    for question in ("Does it match as well?", "Does it cost less?", "Does it take less room?"):
+    for question in ("Does it match as well?", "Does it cost less?", "Does it use fewer resources?"):
         assert question in shown
         assert question in summary
     assert main(["diff", str(build / "out"), str(build / "out")]) == 0

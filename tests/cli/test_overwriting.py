@@ -84,11 +84,11 @@ REFUSED = [
     ("junit, a folder", "locsnn-compile m.pt -o o --max-cores 9 --junit recs", "--junit 'recs': it is a folder. Give the name of a file."),
     ("junit, a pipe", "locsnn-compile m.pt -o o --max-cores 9 --junit pipe", "--junit 'pipe': it is not a plain file. Give the name of a file."),
     ("compile, the model emitted again", "locsnn-compile network.nir --emit nir -o .", f"-o '.': it would overwrite 'network.nir' (MODEL). {ELSEWHERE}"),
-    ("compile, a chip that was emitted", "locsnn-compile m.pt --target out/sanafe/arch.yaml --emit sanafe -o out", "output 'out': cannot be written: it holds a folder 'report.json', which would be removed. Choose a folder you may write to with -o."),
-    ("compile, a folder called as a report", "locsnn-compile m.pt -o out", "output 'out': cannot be written: it holds a folder 'report.json', which would be removed. Choose a folder you may write to with -o."),
-    ("compile, notes among vectors", "locsnn-compile m.pt -o vec --emit vectors", "output 'vec': cannot be written: it holds 'vectors/notes.txt', which was not written here and would be removed. Choose a folder you may write to with -o."),
-    ("compile, a file called as vectors", "locsnn-compile m.pt -o file --emit vectors", "output 'file': cannot be written: it holds a file 'vectors', which would be removed. Choose a folder you may write to with -o."),
-    ("compile, the root", "locsnn-compile m.pt -o /", "output '/': cannot be written: it is the root of the file system. Choose a folder you may write to with -o."),
+    ("compile, a chip that was emitted", "locsnn-compile m.pt --target out/sanafe/arch.yaml --emit sanafe -o out", "output 'out': cannot be written: it holds a folder 'report.json', which would be removed. With -o, choose a folder that you may write to."),
+    ("compile, a folder called as a report", "locsnn-compile m.pt -o out", "output 'out': cannot be written: it holds a folder 'report.json', which would be removed. With -o, choose a folder that you may write to."),
+    ("compile, notes among vectors", "locsnn-compile m.pt -o vec --emit vectors", "output 'vec': cannot be written: it holds 'vectors/notes.txt', which was not written here and would be removed. With -o, choose a folder that you may write to."),
+    ("compile, a file called as vectors", "locsnn-compile m.pt -o file --emit vectors", "output 'file': cannot be written: it holds a file 'vectors', which would be removed. With -o, choose a folder that you may write to."),
+    ("compile, the root", "locsnn-compile m.pt -o /", "output '/': cannot be written: it is the root of the file system. With -o, choose a folder that you may write to."),
     ("explore, a part of the events", "locsnn explore m.pt --events run/events.npz --recordings 2 -o run", f"-o 'run': it would overwrite 'events.npz' (--events). {ELSEWHERE}"),
     ("explore, other events", "locsnn explore m.pt --events d.npz --recordings 2 --calibration run/events.npz -o run", f"-o 'run': it would overwrite 'events.npz' (--calibration). {ELSEWHERE}"),
     ("events, the same file", "locsnn events d.npz --to ./d.npz", f"--to 'd.npz': it would overwrite 'd.npz' (FILE). {ELSEWHERE}"),
@@ -143,7 +143,7 @@ def test_a_program_is_not_saved_over_folders(tmp_path):
         b.build().save(tmp_path)
     assert str(caught.value) == (
         f"folder {tmp_path.name!r}: cannot be written: it holds a folder 'program.npz', which would be removed. "
-        "Choose a folder you may write to."
+        "Choose a folder that you may write to."
     )
     assert [path.name for path in tmp_path.iterdir()] == ["program.npz"]
 

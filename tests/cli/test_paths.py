@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[2]
 MODEL = ROOT / "examples/models/objects-hybrid.pt"
 BAD = {
     "too long": ("n" * 300, "the name is too long ({bytes} bytes). Shorten it."),
-    "with a NUL": ("a\0b", "it holds a NUL character. Give the path of a file."),
+    "with a NUL": ("a\0b", "it contains a NUL character. Give the path of a file."),
 }
 COMPILE = f"locsnn-compile {MODEL}"
 OPTIONS = {
@@ -103,12 +103,12 @@ LINES = [
     ("below a file, read", "locsnn events d.npz/a.npz", "file 'd.npz/a.npz': it does not exist. Check the path."),
     ("below a file, written", "locsnn events d.npz --to d.npz/a.npz", "--to 'd.npz/a.npz': its folder does not exist. Make the folder first."),
     ("below a file, built", f"{COMPILE} -o d.npz/build", "output 'd.npz/build': 'd.npz' is a file. Choose a folder with -o."),
-    ("the root, a build", f"{COMPILE} -o /", "output '/': cannot be written: it is the root of the file system. Choose a folder you may write to with -o."),
-    ("the root, an exploration", f"locsnn explore {MODEL} -o /", "output '/': cannot be written: it is the root of the file system. Choose a folder you may write to with -o."),
+    ("the root, a build", f"{COMPILE} -o /", "output '/': cannot be written: it is the root of the file system. With -o, choose a folder that you may write to."),
+    ("the root, an exploration", f"locsnn explore {MODEL} -o /", "output '/': cannot be written: it is the root of the file system. With -o, choose a folder that you may write to."),
     ("the root, a model", "locsnn train --data d.npz -o /", "output '/': it is not a .pt file in an existing folder. Correct -o."),
     ("the root, a page", "locsnn stress -o /", "-o '/': it is a folder. Give the name of a file."),
     ("the root, a comparison", "locsnn diff build build --html /", "--html '/': it is a folder. Give the name of a file."),
-    ("the root, recordings", "locsnn events d.npz --to /", "output '/': cannot be written: it is the root of the file system. Choose a folder you may write to with -o."),
+    ("the root, recordings", "locsnn events d.npz --to /", "output '/': cannot be written: it is the root of the file system. With -o, choose a folder that you may write to."),
     ("the root, a program", "locsnn run / --events d.npz", "program '/', program.yaml: it cannot be read (No such file or directory). Give the folder that the compiler wrote."),
     ("a program that is not there", "locsnn run build/nope --events d.npz", "program 'build/nope', program.yaml: it cannot be read (No such file or directory). Give the folder that the compiler wrote."),
     ("a file as a program", "locsnn run d.npz --events d.npz", "program 'd.npz', program.yaml: it cannot be read (Not a directory). Give the folder that the compiler wrote."),

@@ -107,7 +107,7 @@ def test_a_state_dict_names_the_option_that_it_needs(tmp_path):
     (tmp_path / "model.pth").write_bytes((tmp_path / "model.pt").read_bytes())
     for name in ("model.pt", "model.pth"):
         assert run(COMMAND.format("compile"), name, folder=tmp_path, code=2) == (
-            f"checkpoint '{name}': it holds tensors and does not say of which network. "
+            f"checkpoint '{name}': it contains tensors, but does not name their network. "
             "If it is slayerPytorch's, give its YAML (--config FILE.yaml); else export the network as NIR (.nir).\n"
         )
 

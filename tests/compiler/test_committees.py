@@ -219,7 +219,7 @@ def test_what_is_not_a_network_is_refused(networks, given):
 def test_one_network_has_nothing_to_weigh():
     with pytest.raises(InputError) as caught:
         lc.compile(hybrid(), weights=(1,))
-    assert str(caught.value) == "weights: they are for several networks. Leave them out."
+    assert str(caught.value) == "weights: they apply only to several networks. Leave them out."
 
 
 def test_a_program_of_several_is_saved_and_loaded(tmp_path):

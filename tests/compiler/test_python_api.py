@@ -147,7 +147,7 @@ def test_a_folder_that_cannot_be_written_is_refused(compiled, tmp_path):
     with pytest.raises(lc.InputError) as caught:
         compiled.save(tmp_path / "file")
     assert str(caught.value) == (
-        "output 'file': cannot be written: not a directory. Choose a folder you may write to with -o."
+        "output 'file': cannot be written: not a directory. With -o, choose a folder that you may write to."
     )
     assert (tmp_path / "file").read_text() == "mine"
 

@@ -44,7 +44,7 @@ WITHOUT = [
     ("a step of text", lambda: lc.load("m.nir", dt="1e-3"), "load, dt: it must be a float (got str '1e-3'). Correct it."),
     ("a model of a long name", lambda: lc.load(f"{LONG}.pt"), f"model '{LONG[:60]}...': the name is too long (303 bytes). Shorten it."),
     ("a model of a long path", lambda: lc.load("d/" * 2100 + "m.pt"), f"model '{'d/' * 30}...': the path is too long (4204 bytes). Shorten it."),
-    ("a model of a NUL", lambda: lc.load("a\0.pt"), r"model 'a\x00.pt': it holds a NUL character. Give the path of a file."),
+    ("a model of a NUL", lambda: lc.load("a\0.pt"), r"model 'a\x00.pt': it contains a NUL character. Give the path of a file."),
     ("recordings of a number", lambda: lc.read_recordings(3), "read_recordings, path: it must be a Path or str (got int 3). Correct it."),
     ("steps of text", lambda: lc.read_recordings("d.npz", steps="3"), "read_recordings, steps: it must be an int (got str '3'). Correct it."),
     ("recordings of a long name", lambda: lc.read_recordings(LONG), f"path '{LONG[:60]}...': the name is too long (300 bytes). Shorten it."),

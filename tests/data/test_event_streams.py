@@ -187,7 +187,7 @@ BAD: list[tuple[str, Callable[[Path], Path], dict[str, Any], str]] = [
     ("a vector as place", put_npy(np.zeros(2, dtype=[("t", "i8"), ("x", "i8", (3,)), ("p", "i1")])), {}, f"file 'a.npy': its field 'x' is not one number (int64). {FIELDS}"),
     ("a pickle in a field", put_npy(np.zeros(2, dtype=[("t", "O"), ("x", "i8"), ("p", "i1")])), {}, "file 'a.npy': its values are not numbers (dtype [('t', 'O'), ('x', '<i8'), ('p', 'i1')]). Write it again with numpy.save."),
     ("several kinds", put_folder(a__bs1=bs1((0, 0, 0)), b__bs2=bs2((0, 0, 0, 0))), {}, "folder 'set': its recordings are of several kinds (.bs1, .bs2). Give recordings of one kind."),
-    ("a name twice", zip_of([("a.bs1", 0o644), ("a.bs1", 0o644)]), {}, "archive 'a.zip': it holds 'a.bs1' twice. Fetch the archive again."),
+    ("a name twice", zip_of([("a.bs1", 0o644), ("a.bs1", 0o644)]), {}, "archive 'a.zip': it contains 'a.bs1' twice. Fetch the archive again."),
     ("a link in an archive", zip_of([("a.bs1", stat.S_IFLNK | 0o777)]), {}, "archive 'a.zip': 'a.bs1' is a link, and links are not followed. Store the file itself."),
     ("half an event in a folder", put_folder(a__bs1=b"abc"), {}, "folder 'set', 'a.bs1': it ends within an event (3 bytes, 5 per event). Give a whole file."),
     ("text that is too long", put("a.tact", b"1 1 0\n" * 2_000_000), {}, "file 'a.tact': it is too large (12000000 bytes against 10000000). Give one recording."),

@@ -16,7 +16,7 @@ from locsnn_compile.data.tensors import Tensor
 from locsnn_compile.errors import InputError
 
 DAMAGED = "file 'a.pt': it is damaged, truncated or not a torch file. Write it again."
-CODE = "file 'a.pt': it holds objects that would run code when read, so it was not read ({}). Save tensors and plain values only."
+CODE = "file 'a.pt': it contains objects that would run code when read, so it was not read ({}). Save tensors and plain values only."
 FULL = f"file 'a.pt': it holds too many values ({{}} against {MAX_VALUES}). Save numbers as tensors."
 
 

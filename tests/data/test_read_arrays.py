@@ -235,13 +235,13 @@ BAD: list[tuple[str, str, Callable[[Path], object], str]] = [
         "npz with an entry twice",
         "a.npz",
         twice("spikes.npy", "spikes.npy"),
-        "file 'a.npz': it holds 'spikes.npy' twice. Write it again with numpy.savez.",
+        "file 'a.npz': it contains 'spikes.npy' twice. Write it again with numpy.savez.",
     ),
     (
         "npz with an entry of two spellings",
         "a.npz",
         twice("spikes.npy", "spikes"),
-        "file 'a.npz': it holds an entry twice, with and without '.npy'. Write it again with numpy.savez.",
+        "file 'a.npz': it contains an entry twice, with and without '.npy'. Write it again with numpy.savez.",
     ),
     (
         "pt with a label that no float holds",
@@ -265,7 +265,7 @@ BAD: list[tuple[str, str, Callable[[Path], object], str]] = [
         "hostile pt",
         "a.pt",
         lambda path: torch.save({"spikes": Hostile()}, path),
-        "file 'a.pt': it holds objects that would run code when read, so it was not read (posix.system). "
+        "file 'a.pt': it contains objects that would run code when read, so it was not read (posix.system). "
         "Save tensors and plain values only.",
     ),
     (

@@ -78,7 +78,7 @@ BROKEN = [
     ("an output of weights", edges(("input", "lif"), ("lif", "fc"), ("fc", "output")), "model 'model.nir', node 'lif': its parameters do not fit its input ((12,) against (10,)). Give one number per neuron."),
     ("neurons that do not fit", put("node/nodes/fc/weight", np.ones((11, 10))), "model 'model.nir', node 'lif': its input has another size (11 against 12). Give it a neuron for each value."),
     ("a link out of the file", lambda f: (f.__delitem__("node/nodes/fc/weight"), f["node/nodes/fc"].__setitem__("weight", h5py.ExternalLink("/etc/passwd", "/"))), "model 'model.nir', node 'fc': 'weight' is a link, and links are not followed. Store the data itself."),
-    ("no graph", lambda f: f.__delitem__("node"), "model 'model.nir': it holds neither a NIR graph nor a lava-dl network. Give a checkpoint (.pt) that `locsnn train` wrote, a NIR graph (.nir), or a lava-dl network (.net)."),
+    ("no graph", lambda f: f.__delitem__("node"), "model 'model.nir': it contains neither a NIR graph nor a lava-dl network. Give a checkpoint (.pt) that `locsnn train` wrote, a NIR graph (.nir), or a lava-dl network (.net)."),
 ]  # fmt: skip
 
 

@@ -304,7 +304,7 @@ REFUSED = [
     ("biases", lambda f: replaced(f, "fc1.bias", torch.tensor([0.0, 1, 0, 0])), "model 'model.pt', entry 'fc1.bias': layers of slayerPytorch have no biases. Train without biases, or export the network as NIR."),
     ("a layer of a long name", lambda f: replaced(f, "x" * 300 + ".weight", torch.zeros(3, 4)), f"model 'model.pt', entry '{'x' * 80}': its name is too long (307 characters against 200). Rename it."),
     ("a number beyond floats", yaml_text(f"simulation: {{Ts: {10**400}}}\nneuron: {{type: SRMALPHA}}"), f"config 'net.yaml': Ts must be a number from 1e-06 on (1{'0' * 39}). Correct it."),
-    ("no weights", lambda f: write(f, {}), "model 'model.pt': it holds no weights (['slayer.srmKernel', 'slayer.refKernel']). Save net.state_dict() with torch.save."),
+    ("no weights", lambda f: write(f, {}), "model 'model.pt': it has no weights (['slayer.srmKernel', 'slayer.refKernel']). Save net.state_dict() with torch.save."),
     ("a heavy weight", lambda f: write(f, {"fc1": np.full((2, 2), 300.0)}, LOIHI), "model 'model.pt', layer 'fc1': a weight does not fit an 8-bit synapse (0..300 against -256..254). Clamp the weights in training."),
     ("another neuron", yaml_text("simulation: {Ts: 1}\nneuron: {type: SRMALPHAA}"), "config 'net.yaml', neuron.type: 'SRMALPHAA' is not known. Did you mean 'SRMALPHA'?"),
     ("no neuron", yaml_text("simulation: {Ts: 1}"), "config 'net.yaml': section 'neuron' is missing. Give slayerPytorch's network description."),

@@ -84,7 +84,7 @@ def test_only_what_a_profile_must_say_is_asked_for(tmp_path):
         ({"basis": KeyError}, "mine.yaml: the key 'basis' is missing. Add it."),
         ({"voltage": 1}, "mine.yaml: unknown key 'voltage'. Did you mean 'voltage_v'?"),
         ({"voltage_v": "low"}, "mine.yaml: voltage_v: it must be a number from 0 to 1099511627776 (got 'low'). Correct it."),
-        ({"energy_pj": {}}, "mine.yaml: energy_pj: it prices nothing, so all would take 0 pJ. Price a count."),
+        ({"energy_pj": {}}, "mine.yaml: energy_pj: it prices nothing, so everything would take 0 pJ. Price a count."),
         ({"energy_pj": {"spike": 1}}, "mine.yaml: energy_pj: 'spike' is not counted. Did you mean 'spikes'?"),
         ({"energy_pj": {"spikes": -1}}, "mine.yaml: energy_pj.spikes: it must be a number from 0 to 1099511627776 (got -1). Correct it."),
         ({"energy_pj": {"spikes": float("nan")}}, "mine.yaml: energy_pj.spikes: it must be a number from 0 to 1099511627776 (got nan). Correct it."),

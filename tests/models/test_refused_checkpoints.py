@@ -99,13 +99,13 @@ BAD: list[tuple[str, Callable[[Path], object], str]] = [
     (
         "hostile pickle",
         lambda path: torch.save({"format": "locsnn-checkpoint", "name": Hostile()}, path),
-        "it holds objects that would run code when read, so it was not read (posix.system). "
+        "it contains objects that would run code when read, so it was not read (posix.system). "
         "Save tensors and plain values only.",
     ),
     (
         "whole module",
         lambda path: torch.save(torch.nn.Linear(2, 2), path),
-        "it holds objects that would run code when read, so it was not read (torch.nn.modules.linear.Linear). "
+        "it contains objects that would run code when read, so it was not read (torch.nn.modules.linear.Linear). "
         "Save tensors and plain values only.",
     ),
     (
@@ -116,7 +116,7 @@ BAD: list[tuple[str, Callable[[Path], object], str]] = [
     (
         "a state dict",
         lambda path: torch.save({"fc1.weight": torch.zeros(2)}, path),
-        f"it holds tensors and does not say of which network. {AGAIN}",
+        f"it contains tensors, but does not name their network. {AGAIN}",
     ),
     (
         "a dict of nothing",

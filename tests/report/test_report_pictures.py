@@ -77,7 +77,7 @@ def test_sides_are_told_apart_without_colour(document: dict[str, Any], excerpt: 
 
 def test_lines_share_rows(document: dict[str, Any], excerpt: Excerpt) -> None:
     drawn, _ = _rasters(document, excerpt)
-    assert drawn.title == "Input of the time branch: 5 lines, 2 to a row"
+    assert drawn.title == "Input of the time branch: 5 lines, 2 per row"
     assert [one.label for one in drawn.strokes] == ["4 strokes, each one event or more"]
 
 
@@ -141,7 +141,7 @@ def test_without_a_difference_a_neuron_is_an_example(document: dict[str, Any], e
     excerpt = replace(excerpt, first=None)
     assert _section("potential", document, excerpt).title == "Potential of a neuron"
     assert [drawn.flag for drawn in _rasters(document, excerpt)] == [None, None]
-    assert "the first; no spike of any recording differs." in render_html(compose(document, excerpt))
+    assert "the first one, as no spike of any recording differs." in render_html(compose(document, excerpt))
 
 
 def test_cores_sit_where_they_are_and_are_as_full_as_their_fullest_limit(document: dict[str, Any]) -> None:
@@ -151,7 +151,7 @@ def test_cores_sit_where_they_are_and_are_as_full_as_their_fullest_limit(documen
         (0, 0, 0.1875, "19"),
         (3, 3, 0.1875, "19"),
     ]
-    assert room.title == "Room used on loihi-sim, in percent: 2 of 128 cores in use"
+    assert room.title == "Fullest limit of each core of loihi-sim, in percent: 2 of 128 cores in use"
     assert room.description == (
         "core 0, time branch: 18.8 % of its synapse formats; core 1, location branch: 18.8 % of its synapse formats"
     )
@@ -171,7 +171,7 @@ def test_chips_are_drawn_one_by_one(document: dict[str, Any]) -> None:
     blocks = _section("cores", document).blocks
     drawn = [block for block in blocks if isinstance(block, Mesh)]
     assert [block.title for block in drawn[::2]] == [
-        f"Room used on chip {i} of loihi-sim, in percent: 1 of 128 cores in use" for i in range(4)
+        f"Fullest limit of each core of chip {i} of loihi-sim, in percent: 1 of 128 cores in use" for i in range(4)
     ]
     assert blocks[-1] == "2 chips are not drawn; see core by core."
     assert all(core.column == 0 for block in drawn for core in block.cores)

@@ -97,7 +97,7 @@ def test_whole_numbers_serve_as_numbers() -> None:
         ),
         pytest.param(
             "- epochs",
-            "config 'a.yaml': it holds no mapping (list). Write one 'key: value' per line.",
+            "config 'a.yaml': it is not a mapping (list). Write one 'key: value' per line.",
             id="a list",
         ),
         pytest.param("{", "config 'a.yaml': it is not a YAML file. Write one 'key: value' per line.", id="broken"),

@@ -1,4 +1,4 @@
-"""``locsnn rtl fit``: make a bitstream of the open core for a board, and say what it takes.
+"""``locsnn rtl fit``: make a bitstream of the open core for a board, and report its resources.
 
 Synthesise the open core for a board, place and route it, and write the bitstream next to the program. One bitstream
 serves all programs that fit the device; a program that does not fit is refused first. Nothing here runs on a board.

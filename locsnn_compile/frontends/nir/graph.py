@@ -67,7 +67,9 @@ def read_nir(path: Path, where: str) -> tuple[NirGraph, bytes]:
         top = root.group("node")
         kind = top.text("type")
         if kind != "NIRGraph":
-            raise InputError(where, "it holds one node, not a graph", measured=kind[:60], fix="Wrap it in a NIRGraph.")
+            raise InputError(
+                where, "it contains one node, not a graph", measured=kind[:60], fix="Wrap it in a NIRGraph."
+            )
         return _read_graph(top, where, 0, [0]), data
 
 

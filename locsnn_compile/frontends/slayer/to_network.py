@@ -191,7 +191,7 @@ def _layers(tensors: Mapping[str, Any], config: SlayerConfig, where: str) -> tup
     names = dict.fromkeys(key.removesuffix(end) for key in tensors for end in _WEIGHT if key.endswith(end))
     kernels = {name: _weights(tensors, name, where) for name in names}
     if not kernels:
-        raise InputError(where, "it holds no weights", measured=f"{list(tensors)[:3]}"[:80], fix=_FIX)
+        raise InputError(where, "it has no weights", measured=f"{list(tensors)[:3]}"[:80], fix=_FIX)
     if config.layers:
         found = listed_layers(kernels, config.layers, where)
     else:

@@ -41,7 +41,13 @@ def _room(document: Document, chip: int, rows: list[Document]) -> Mesh:
     for row in rows:
         full, limit = _fullest(found["limits"], row)
         uses.append((full, f"{100 * full:.0f}", f"{share(full)} of its {limit}"))
-    return _mesh(document, chip, rows, uses, f"Room used on {of}, in percent: {count(len(rows))} of {every} in use")
+    return _mesh(
+        document,
+        chip,
+        rows,
+        uses,
+        f"Fullest limit of each core of {of}, in percent: {count(len(rows))} of {every} in use",
+    )
 
 
 def _energy(document: Document, chip: int, rows: list[Document], energies: dict[int, float]) -> Mesh:

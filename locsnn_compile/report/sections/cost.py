@@ -29,7 +29,7 @@ def energy_section(document: Document) -> Section:
         stack(breakdown, f"Where the energy goes, profile {profile}"),
         shares("operation", f"Energy by operation, {mean}", operations, patterned=True),
         by_branch(columns, "Energy by branch and profile, mean per recording", energy),
-        shares("population", f"Energy by population, its dendrites included, {mean}", populations + elsewhere),
+        shares("population", f"Energy by population, including its dendrites, {mean}", populations + elsewhere),
         shares("core", f"Energy by core, {mean}", cores + elsewhere),
         ENERGY.by_class(document),
         *(_static(found["static"]) if found["static"] else ()),

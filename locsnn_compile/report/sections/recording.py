@@ -44,7 +44,11 @@ def _shown(excerpt: Excerpt) -> str:
     """Return which recording and steps are shown, and what is left out."""
     parts = [
         f"Recording {excerpt.recording}, "
-        + ("the first in which a spike differs." if excerpt.first else "the first; no spike of any recording differs.")
+        + (
+            "the first in which a spike differs."
+            if excerpt.first
+            else "the first one, as no spike of any recording differs."
+        )
     ]
     for phase, steps in excerpt.steps.items():
         every = excerpt.all_steps[phase]
@@ -53,7 +57,7 @@ def _shown(excerpt: Excerpt) -> str:
     thinned = [item.name for item in excerpt.populations if len(item.numbers) < item.size]
     if thinned:
         parts.append(
-            "Of a large population, the neurons with the most differences in the recording are drawn, then the busiest."
+            "Large populations are drawn in part: the neurons with the most differences, then the busiest ones."
         )
     if left := excerpt.populations_left_out:
         parts.append(f"{plural(left, 'further population is', 'further populations are')} not drawn.")
@@ -65,7 +69,7 @@ def _input(item: SpikeRows, excerpt: Excerpt) -> Raster:
     title = f"Input of the {words(item.phase)}: {plural(item.size, 'line')}"
     strokes = _strokes("event", item.reference, "input events" if alone else "strokes, each one event or more")
     return Raster(
-        title if alone else f"{title}, {item.together} to a row",
+        title if alone else f"{title}, {item.together} per row",
         f"{plural(int(item.reference.sum(dtype=np.int64)), 'event')} drawn.",
         *_axes(item, excerpt),
         strokes=(strokes,),
