@@ -98,9 +98,8 @@ def test_populations_read_by_potential_are_drawn_only_where_they_spike(
 def test_what_is_left_out_is_said(document: dict[str, Any], excerpt: Excerpt) -> None:
     first = _section("spikes", document, excerpt).blocks[0]
     assert first == (
-        "Recording 0, the first in which a spike differs. Of 100 time steps, 39 to 42 are drawn. Of a large "
-        "population, the neurons with the most differences in the recording are drawn, then the busiest. 1 further population "
-        "is not drawn."
+        "Recording 0, the first in which a spike differs. Of 100 time steps, 39 to 42 are drawn. Large populations "
+        "are drawn in part: the neurons with the most differences, then the busiest ones. 1 further population is not drawn."
     )
 
 
