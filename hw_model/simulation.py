@@ -66,7 +66,7 @@ class SimulationResult(Shown):
 
     @property
     def prediction(self) -> IntArray:
-        """Class with the highest score, the first of equals; (batch,) or a scalar array."""
+        """Class with the highest score, on a tie the first one; (batch,) or a scalar array."""
         if self.scores is None:
             raise InputError("prediction", "the program has no readout", fix="Read the spikes.")
         return np.asarray(np.argmax(self.scores, axis=-1), dtype=np.int64)

@@ -42,8 +42,8 @@ def cosimulate(
 ) -> SimulationResult:
     """Do what :func:`hw_model.simulate` does, on the open core's SystemVerilog.
 
-    ``counts["cycles"]`` are the core's, and scores those that it decides by. A program that the core cannot run is a
-    ``TargetError``; a simulator that is not installed is an ``InputError``.
+    ``counts["cycles"]`` are the core's cycles, and scores are those by which it decides. A program that the core cannot
+    run is a ``TargetError``; a simulator that is not installed is an ``InputError``.
     """
     return play_on_core(program, spikes, steps, probe, simulator, sources())[0]
 

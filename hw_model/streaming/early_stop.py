@@ -72,7 +72,7 @@ def stop_when_proven(program: ChipProgram, spikes: Spikes) -> Stops:
 def stop_at_margin(program: ChipProgram, spikes: Spikes, margin: float, psi: float | None = None) -> Stops:
     """Stop reading a recording as soon as its best class leads by ``margin``; transposed phases then run once.
 
-    Steps count the recording's, of which the phases that play it as it comes run as many. ``psi`` as for
+    Steps are those of the recording, which phases that play it as it comes also run. ``psi`` as for
     :class:`hw_model.Session`.
     """
     streams = to_the_end(program, spikes)
@@ -89,8 +89,8 @@ def stop_at_margin(program: ChipProgram, spikes: Spikes, margin: float, psi: flo
 def stop_in_silence(program: ChipProgram, spikes: Spikes, silence: int) -> Stops:
     """Stop reading a recording after ``silence`` steps without an event, once everything is at rest.
 
-    Transposed phases then run once. Steps count the recording's, as for :func:`stop_at_margin`. What comes later is not
-    seen; silence before the first event counts as well.
+    Transposed phases then run once. Steps are those of the recording, as for :func:`stop_at_margin`. What comes later
+    is not seen; silence before the first event counts as well.
     """
     if silence < 1:
         raise InputError("silence", "it is not a number of steps", measured=f"got {silence}", fix="Give 1 or more.")
@@ -112,7 +112,7 @@ def stop_in_silence(program: ChipProgram, spikes: Spikes, silence: int) -> Stops
 
 @checked
 def calibrate_margin(program: ChipProgram, spikes: Spikes, agreement: float, psi: float | None = None) -> float:
-    """Return the smallest lead at which, on these recordings, at least ``agreement`` of the stops predict as the end.
+    """Return the smallest lead at which at least ``agreement`` of these recordings predict what they do at the end.
 
     Give validation recordings: the margin is fitted to them. Where no lead is enough it is infinite.
     """

@@ -35,7 +35,7 @@ class StepScores(Shown):
 
     @property
     def prediction(self) -> IntArray:
-        """Class with the highest score after each step, the first of equals, (steps,)."""
+        """Class with the highest score after each step, on a tie the first one, (steps,)."""
         return np.asarray(self.scores.argmax(axis=1), dtype=np.int64)
 
     @property
@@ -119,7 +119,7 @@ class Session:
 
     @property
     def replayed(self) -> tuple[int, int]:
-        """Steps of transposed phases run so far, and how many it would be to run all again after every step."""
+        """Steps of transposed phases run so far, and how many would run if all ran again after every step."""
         replayed = [branch.run.replayed for branch in self._branches if isinstance(branch.run, Replay)]
         return sum(run for run, _ in replayed), self.steps * sum(every for _, every in replayed)
 

@@ -44,7 +44,7 @@ Coordinate = Annotated[float, between(-1e9, 1e9)]
 
 
 class SensorLayout(Frozen):
-    """The channels of a sensor: equal ``surfaces``, such as fingertips, with so many ``taxels`` and ``polarities``.
+    """The channels of a sensor: equal ``surfaces``, such as fingertips, each with ``taxels`` of ``polarities``.
 
     channel = polarities * taxel + polarity, where taxels are counted from 0 through all surfaces. ``positions`` are the
     (x, y) of the taxels of one surface, in any unit. A grid of ``columns`` has its own positions, row by row. ``names``

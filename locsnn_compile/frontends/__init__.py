@@ -30,7 +30,7 @@ def load(
 ) -> Network:
     """Read a model: a checkpoint of ``locsnn train`` or slayerPytorch, a NIR graph, or a lava-dl network.
 
-    A file of ``locsnn pack`` becomes one network of all that it holds. What ``lc.train`` returned needs no file.
+    A file of ``locsnn pack`` becomes one network of all that it contains. What ``lc.train`` returned needs no file.
 
     - A ``.pt`` file is a checkpoint. With ``config``, its YAML description, it is one of slayerPytorch.
     - HDF5 files are told apart by their content.

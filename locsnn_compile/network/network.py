@@ -30,8 +30,8 @@ class InputView(Shown):
     step ``i // together``: its event at time step t spikes on line ``(i % together) * (lines // together) + t`` in that
     step. ``silence`` steps without events follow the walk, in which the last events pass through the layers.
 
-    With ``align_events``, a recording starts at its first step with at least so many events; if there is none, nothing
-    is played. On the time axis, the neurons step from there on; on the location axis, that step is time step 0.
+    With ``align_events``, a recording starts at its first step with at least that many events; if there is none,
+    nothing is played. On the time axis, the neurons step from there on; on the location axis, that step is time step 0.
     """
 
     name: str

@@ -127,7 +127,7 @@ class TrainingConfig(Shown, Checked, eq=True):
     - ``window_steps``, ``window_stride`` and ``window_levels`` (numbers of events, separated by spaces): see
       :class:`locsnn_compile.models.graph_and_windows.WindowParameters`.
     - ``optimizer``: sgd has a momentum of 0.9. ``prototypes`` computes the output of ``window-snn`` from the recordings
-      of all epochs, without descent, with ``weight_decay`` as smoothing: see
+      of all epochs, without gradient descent, with ``weight_decay`` as smoothing: see
       :func:`locsnn_compile.training.prototypes.set_prototypes`.
     - ``target``: ``float``, or the chip whose integers the forward pass computes; there neurons are laid out by
       ``strategy``, weights have ``weight_bits``, and their range is ``weight_room`` times the largest weight of the
