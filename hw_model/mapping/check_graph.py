@@ -162,7 +162,9 @@ def _check_voltage_limits(group: Compartments, chip: Chip) -> None:
 def _check_synapses(graph: CompartmentGraph, synapses: Synapses, chip: Chip) -> None:
     where = f"synapses {synapses.source!r} -> {synapses.target!r}"
     sizes = {node.name: node.size for node in graph.nodes}
-    if synapses.source not in sizes or synapses.target not in {group.name for group in graph.groups}:
+    if synapses.target in {item.name for item in graph.inputs}:
+        raise InputError(where, "an input takes no synapses", fix="Connect it the other way round.")
+    if synapses.source not in sizes or synapses.target not in sizes:
         raise InputError(where, "it joins something that does not exist", fix="Add it before connecting.")
     if graph.phase_of(synapses.source) != graph.phase_of(synapses.target):
         raise InputError(where, "the ends are in different phases", fix="Connect within one phase.")

@@ -71,7 +71,7 @@ def write_recordings(
 def _content(path: Path, recordings: Recordings, kind: str, where: str, sensor: Sensor) -> bytes:
     """Return the bytes of a single file."""
     if kind not in ("npz", "pt"):
-        _check_label(path, recordings, where)
+        _check_label(path, recordings, kind, where)
     if path.suffix in (".npz", ".pt"):
         entries = _entries(recordings, kind, where, sensor)
         return torch_bytes(entries, where) if kind == "pt" else pack_arrays(entries, compressed=False)
@@ -84,9 +84,9 @@ def _content(path: Path, recordings: Recordings, kind: str, where: str, sensor: 
     return content
 
 
-def _check_label(path: Path, recordings: Recordings, where: str) -> None:
+def _check_label(path: Path, recordings: Recordings, kind: str, where: str) -> None:
     """Refuse to write several recordings of events, or labels that the name does not have, into a single file."""
-    if len(recordings) > 1 and path.suffix != ".npy":
+    if len(recordings) > 1 and kind != "npy":
         fix = "Write a folder or .zip, with members."
         raise InputError(where, "this format holds one recording only", measured=f"got {len(recordings)}", fix=fix)
     label = label_in_name(path.name) if len(recordings) == 1 else None

@@ -133,7 +133,9 @@ def _check_magnitude(where: str, key: str, values: AnyArray, least: float) -> No
 def _check_joint(projection: Projection | ChipProjection, ends: _Ends, neurons: Mapping[str, Neuron]) -> None:
     """Check that both ends of a projection exist, that they go together, and that the target takes such weights."""
     where = projection.where
-    if projection.source not in ends or projection.target not in neurons:
+    if projection.target in ends and projection.target not in neurons:
+        raise InputError(where, "an input takes no synapses", fix="Connect it the other way round.")
+    if projection.source not in ends or projection.target not in ends:
         raise InputError(where, "it joins something that does not exist", fix="Name an input or a population.")
     source_phase, target_phase = ends[projection.source][0], ends[projection.target][0]
     if source_phase != target_phase:

@@ -87,6 +87,7 @@ NEW_RULES = [
     ("no dendrites", lambda: integers(replace(joined(), dendrites=0)), "population 'n': its neurons have no dendrite (0). Give 1 or more."),
     ("no such dendrite", lambda: integers(replace(joined(), dendrites=2), dendrite=2), "projection 'touch' -> 'n': the target has no such dendrite (2 of 2, counted from 0). Name one that it has."),
     ("one compartment", lambda: integers(chip_cuba(), dendrite=1), "projection 'touch' -> 'n': the target has no such dendrite (1 of 1, counted from 0). Name one that it has."),
+    ("input as an end", lambda: replace(hybrid(), projections=(Projection("time_hidden", "touch", np.ones((1, 1))),)), "projection 'time_hidden' -> 'touch': an input takes no synapses. Connect it the other way round."),
     ("end", lambda: replace(hybrid(), projections=(Projection("touch", "no", np.ones((1, 1))),)), "projection 'touch' -> 'no': it joins something that does not exist. Name an input or a population."),
     ("axes", lambda: moved("location"), "projection 'touch' -> 'time_hidden': joins the time axis to the location axis. Keep to one axis."),
     ("float onto integers", lambda: replace(integers(chip_cuba()), projections=(Projection("touch", "n", np.ones((2, 2))),)), "projection 'touch' -> 'n': float weights reach integer neurons. Give a population and the weights onto it in one kind of number."),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -183,6 +184,7 @@ REFUSED: list[tuple[str, str, Recordings, dict[str, Any], str]] = [
     ("an unknown ending", "a.xyz", TOUCHES, {}, "file 'a.xyz': files ending in '.xyz' are not written. Choose one of: .bs1, .bs2, .npy, .npz, .pt, .tact, .zip."),
     ("an unknown kind", "a.zip", TOUCHES, {"members": "bs"}, "members: 'bs' is not known. Did you mean 'bs2'?"),
     ("several in one", "a.bs1", TOUCHES, {}, "file 'a.bs1': this format holds one recording only (got 3). Write a folder or .zip, with members."),
+    ("several as events", "a.npy", replace(TOUCHES, labels=None), {"structured": True}, "file 'a.npy': this format holds one recording only (got 3). Write a folder or .zip, with members."),
     ("labels of an array", "a.npy", TOUCHES, {}, "file 'a.npy': this format cannot hold labels, and the file name does not give them (3 of them). Write .npz, .pt, a folder or .zip, or one recording with _label_<k> in its name."),
     ("a label that is not in the name", "a.bs1", TOUCHES.subset([2]), {}, "file 'a.bs1': this format cannot hold labels, and the file name does not give them (2). Write .npz, .pt, a folder or .zip, or one recording with _label_<k> in its name."),
     ("a label only in the name", "a_label_1.tact", SILENT, {}, "file 'a_label_1.tact': this format cannot hold labels, and the file name does not give them (none). Write .npz, .pt, a folder or .zip, or one recording with _label_<k> in its name."),

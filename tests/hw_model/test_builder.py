@@ -174,6 +174,15 @@ def read_out(named):
     return builder.build()
 
 
+def test_an_input_takes_no_synapses():
+    builder = hw.ProgramBuilder(CHIP)
+    x = builder.add_input("x", 2)
+    builder.connect(builder.add_compartments("n", 1, threshold=5), x, [[20], [20]])
+    with pytest.raises(hw.InputError) as caught:
+        builder.build()
+    assert str(caught.value) == "synapses 'n' -> 'x': an input takes no synapses. Connect it the other way round."
+
+
 def test_names_are_unique():
     builder = hw.ProgramBuilder(CHIP)
     builder.add_input("x", 1)
