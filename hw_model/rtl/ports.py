@@ -48,7 +48,8 @@ class SerialPort:
         try:
             import serial
         except ImportError:
-            raise InputError(where, "pyserial is not installed", fix="pip install 'locsnn-compile[rtl]'") from None
+            fix = "Install it with: pip install 'locsnn-compile[rtl]'."
+            raise InputError(where, "pyserial is not installed", fix=fix) from None
         try:
             self._device = serial.Serial(name, baud, timeout=2 + 40_000 / baud)
         except (OSError, ValueError) as error:

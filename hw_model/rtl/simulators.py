@@ -93,10 +93,8 @@ def said(command: list[str], folder: Path, where: str) -> str:
     """
     tool, path = Path(command[0]).name, f"{os.environ.get('PATH', '')}{os.pathsep}{Path(sys.executable).parent}"
     if shutil.which(command[0], path=path) is None:
-        install = (
-            "pip install 'locsnn-compile[rtl]'" if tool.startswith("yowasp") else f"Debian: apt-get install {tool}"
-        )
-        raise InputError(where, f"{tool} is not installed", fix=install)
+        way = "pip install 'locsnn-compile[rtl]'" if tool.startswith("yowasp") else f"apt-get install {tool} (Debian)"
+        raise InputError(where, f"{tool} is not installed", fix=f"Install it with: {way}.")
     given = {**os.environ, "PATH": path}
     done = subprocess.run(command, cwd=folder, env=given, capture_output=True, text=True, check=False)
     if done.returncode:

@@ -70,5 +70,5 @@ def test_a_simulator_is_kept_where_it_can_be(tmp_path, monkeypatch):
 def test_a_missing_simulator(arguments, capsys, monkeypatch):
     monkeypatch.setenv("PATH", "")
     assert locsnn.main(arguments) == 2
-    wanted = "simulator 'icarus': iverilog is not installed. Debian: apt-get install iverilog\n"
+    wanted = "simulator 'icarus': iverilog is not installed. Install it with: apt-get install iverilog (Debian).\n"
     assert capsys.readouterr().err == wanted

@@ -148,7 +148,7 @@ def refused(capsys, *more: str, **given) -> str:
 
 def test_pyserial_is_missing(desk, capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "serial", None)
-    wanted = "port '/dev/ttyUSB7': pyserial is not installed. pip install 'locsnn-compile[rtl]'\n"
+    wanted = "port '/dev/ttyUSB7': pyserial is not installed. Install it with: pip install 'locsnn-compile[rtl]'.\n"
     assert refused(capsys) == wanted
 
 
