@@ -161,14 +161,14 @@ def test_torch_is_imported_by_models_and_training_and_to_write_its_files(path):
     name = path.relative_to(ROOT).with_suffix("").as_posix()
     if not name.startswith(("locsnn_compile/models/", "locsnn_compile/training/")):
         assert "torch" not in roots(imported(path, lazy=False))
-        assert "torch" not in roots(imported(path)) or name == "locsnn_compile/data/torch_writer"
+        assert "torch" not in roots(imported(path)) or name == "locsnn_compile/data/torch_file"
 
 
 def test_nothing_that_compiles_reaches_what_imports_torch():
     """Inside functions neither; only what writes torch's own files does, and says how to get it."""
     heavy = {name for name in MODULES if "torch" in roots(imported(ROOT / f"{name}.py", lazy=False))}
     light = [name for name in MODULES if not name.startswith(TRAINS)]
-    light += [f"locsnn_compile/models/{name}" for name in ("checkpoint_reader", "graph_and_windows", "branch_graph")]
+    light += [f"locsnn_compile/models/{name}" for name in ("checkpoint_reader", "graph_and_windows")]
     assert len(heavy) > 10
     assert len(light) > 200
     assert not {" > ".join(way) for target, way in reached(light) if target in heavy}

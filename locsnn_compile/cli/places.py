@@ -7,7 +7,7 @@ from pathlib import Path
 from hw_model.errors import InputError
 from hw_model.io.files import check_file
 from hw_model.io.given import check_path
-from locsnn_compile.data.member_names import recording_files
+from locsnn_compile.data.members import recording_files
 
 Place = tuple[str, Path]
 """An option as messages show it, and the path that it writes: a file, or a folder that is replaced as a whole."""

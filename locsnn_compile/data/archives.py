@@ -6,13 +6,10 @@ import numpy as np
 
 from hw_model.io.npy import load_npy
 from hw_model.values import ByteArray
-from locsnn_compile.data import member_names
-from locsnn_compile.data.aedat4 import parse_aedat4
 from locsnn_compile.data.axes import to_step_major
-from locsnn_compile.data.event_formats import EVENT_BYTES, parse_slayer_events, parse_structured
+from locsnn_compile.data.event_formats import EVENT_BYTES, parse_aedat4, parse_slayer_events, parse_structured
 from locsnn_compile.data.event_stream import MAX_EVENTS, Binning, EventStream, bin_streams
-from locsnn_compile.data.member_names import EVENT_SUFFIXES, PARTS
-from locsnn_compile.data.members import TIMES, Members, open_members
+from locsnn_compile.data.members import EVENT_SUFFIXES, PARTS, TIMES, Members, classes_of, label_in_name, open_members
 from locsnn_compile.data.recordings import MAX_ELEMENTS, Binned, Recordings, clean_spikes
 from locsnn_compile.data.tact import parse_tact
 from locsnn_compile.errors import InputError, check_most, check_same, did_you_mean
@@ -22,10 +19,16 @@ MAX_TEXT_BYTES = 10_000_000
 
 
 def archive_parts(path: Path) -> tuple[str, ...]:
-    """Return which of ``train`` and ``test`` the archive or folder has; empty if it is not divided."""
+    """Return which of ``train`` and ``test`` an archive or folder has; empty if it is not divided, or a single file."""
+    if not is_archive(path):
+        return ()
     with open_members(path) as members:
-        found = {*map(member_names.part_of, filter(member_names.is_recording, members.sizes))}
-    return tuple(part for part in PARTS if part in found)
+        return members.parts
+
+
+def is_archive(path: Path) -> bool:
+    """Tell archives and folders from single files."""
+    return path.is_dir() or path.suffix == ".zip"
 
 
 def read_archive(path: Path, *, split: str | None, binning: Binning) -> Recordings:
@@ -42,8 +45,8 @@ def read_archive(path: Path, *, split: str | None, binning: Binning) -> Recordin
         members.check_sizes(names)
         spikes, seconds, binned = _read(members, names, binning)
         # Classes of all parts: one may be missing from this part.
-        class_names, class_of = member_names.classes_of([*filter(member_names.is_recording, members.sizes)])
-    labels = [member_names.label_in_name(PurePosixPath(name).name) for name in names]
+        class_names, class_of = classes_of(members.recordings)
+    labels = [label_in_name(PurePosixPath(name).name) for name in names]
     if class_names is not None and not any(label is not None for label in labels):
         labels = [class_names.index(class_of(name)) for name in names]
     else:
@@ -54,16 +57,15 @@ def read_archive(path: Path, *, split: str | None, binning: Binning) -> Recordin
 
 def _chosen(members: Members, split: str | None) -> list[str]:
     """Return the names of the recordings of a part, in order."""
-    names = [name for name in members.sizes if member_names.is_recording(name)]
-    parts = [part for part in PARTS if any(member_names.part_of(name) == part for name in names)]
+    parts = members.parts
     split = parts[-1] if split is None and parts else split
     if split is not None and split not in parts:
         has = f"it has {' and '.join(parts)}" if parts else "it is not divided"
         fix = did_you_mean(split, parts or PARTS)
         raise InputError(members.where, f"there is no part {split!r}", measured=has, fix=fix)
-    chosen = [name for name in names if split is None or member_names.part_of(name) == split]
+    chosen = members.of_part(split)
     kinds = sorted({PurePosixPath(name).suffix for name in chosen})
-    others = member_names.other_arrays(members.sizes)
+    others = members.other_arrays
     if others and set(kinds) <= {".npy"}:
         fix = "Rename it to sample_<i>.npy or sample_<i>_label_<k>.npy, or move it away."
         raise InputError(members.where, f"{others[0][:80]!r} is not named as recordings are", fix=fix)
@@ -72,7 +74,7 @@ def _chosen(members: Members, split: str | None) -> list[str]:
         raise InputError(members.where, "no recordings inside", fix=fix)
     if len(kinds) > 1:
         raise _several(members, ", ".join(kinds))
-    return sorted(chosen, key=member_names.in_turn)
+    return chosen
 
 
 def _several(members: Members, kinds: str) -> InputError:
@@ -100,9 +102,9 @@ def _read(members: Members, names: list[str], binning: Binning) -> tuple[ByteArr
     if not arrays:
         spans = [one.span_seconds for one in streams]
         if None in spans and set(spans) != {None}:
-            place, what = members.place(names[spans.index(None)]), "it has no .startend file, although others have one"
+            place, what = streams[spans.index(None)].place, "it has no .startend file, although others have one"
             raise InputError(place, what, fix=f"Give it in folder {TIMES!r}, or leave the recording out.")
-        return bin_streams(streams, [members.place(name) for name in names], members.where, binning)
+        return bin_streams(streams, members.where, binning)
     if streams:
         raise _several(members, "binned arrays and structured ones")
     spikes = np.zeros((len(arrays), max(map(len, arrays)), arrays[0].shape[1]), dtype=np.uint8)
@@ -130,11 +132,7 @@ def _events(members: Members, name: str, place: str) -> EventStream:
 def _check_fits(arrays: list[ByteArray], samples: int, where: str, place: str) -> None:
     """Refuse the last array if its channels differ from the first, and ``samples`` arrays that would be too large."""
     steps, channels = max(map(len, arrays)), arrays[0].shape[1]
-    last, first = (" x ".join(map(str, one.shape)) for one in (arrays[-1], arrays[0]))
-    if arrays[-1].shape[1] != channels:
-        measured = f"got {last} against {first} steps x channels"
-        fix = "Give recordings of one sensor."
-        raise InputError(place, "its shape is not that of the other recordings", measured=measured, fix=fix)
-    what = f"its recordings of {samples} x {steps} x {channels} are too large"
-    fix = "Give fewer recordings."
+    what, fix = "its channels are not those of the first recording", "Give recordings of one sensor."
+    check_same(arrays[-1].shape[1], channels, place, what, fix=fix)
+    what, fix = f"its recordings of {samples} x {steps} x {channels} are too large", "Give fewer recordings."
     check_most(samples * steps * channels, MAX_ELEMENTS, where, what, unit="values", fix=fix)

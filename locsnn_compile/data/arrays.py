@@ -15,7 +15,7 @@ from locsnn_compile.data.axes import Order, parse_axes, to_step_major
 from locsnn_compile.data.event_formats import MAX_PLACE, parse_structured
 from locsnn_compile.data.event_stream import MICROSECONDS, Binning, EventStream, bin_streams
 from locsnn_compile.data.hdf5.read import Group, open_hdf5
-from locsnn_compile.data.member_names import label_in_name
+from locsnn_compile.data.members import label_in_name
 from locsnn_compile.data.recordings import MAX_ELEMENTS, Recordings, same
 from locsnn_compile.data.tensors import Tensor
 from locsnn_compile.data.torch_file import load_plain
@@ -47,8 +47,7 @@ def read_arrays(path: Path, binning: Binning, asked_seconds: float | None) -> Re
     if streams:
         wanted = binning.step_seconds
         binning = replace(binning, step_seconds=own if wanted is None else wanted)
-        places = [where] if len(streams) == 1 else [f"{where}, recording {i}" for i in range(len(streams))]
-        spikes, own, binned = bin_streams(streams, places, where, binning)
+        spikes, own, binned = bin_streams(streams, where, binning)
     else:
         if own is not None and asked_seconds is not None and not same(own, asked_seconds):
             measured = f"got {asked_seconds:g} against {own:g}"
@@ -200,12 +199,14 @@ def _streams(group: Group, where: str) -> list[EventStream]:
         raise InputError(where, "its times and units differ in number", fix="Give a time and a unit for each spike.")
     streams = []
     for index, (row, unit) in enumerate(zip(times, units, strict=True)):
+        place = f"{where}, recording {index}"
         # Written so that NaN is refused as well.
         good = (row >= 0) & (row < 1e9) & (unit >= 0) & (unit < MAX_PLACE) & (unit == np.floor(unit))
         if not good.all():
             at = int(np.argmin(good))
             measured, fix = f"spike {at}: {row[at]} s, unit {unit[at]}", "Give seconds and units from 0 up."
             what = "it does not hold a time and a channel"
-            raise InputError(f"{where}, recording {index}", what, measured=measured, fix=fix)
-        streams.append(EventStream(np.rint(row * MICROSECONDS).astype(np.int64), unit.astype(np.int64), None, None))
+            raise InputError(place, what, measured=measured, fix=fix)
+        microseconds = np.rint(row * MICROSECONDS).astype(np.int64)
+        streams.append(EventStream(microseconds, unit.astype(np.int64), None, None, place=place))
     return streams

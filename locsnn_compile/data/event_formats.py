@@ -1,4 +1,4 @@
-"""Formats of single events: structured arrays as Tonic has them, and the five bytes of SLAYER and N-MNIST.
+"""Formats of single events: structured arrays as Tonic has them, the five bytes of SLAYER and N-MNIST, and AEDAT4.
 
 Structured arrays have the fields ``t`` in microseconds, ``x``, ``y`` (optional) and ``p``. The five bytes are:
 
@@ -6,14 +6,23 @@ Structured arrays have the fields ``t`` in microseconds, ``x``, ``y`` (optional)
 - all: polarity, 1 bit, and time in microseconds, 23 bits, so no event is later than 8.388607 s
 
 In a ``.bin`` of N-MNIST or N-Caltech101, an entry with y 240 is not an event: it shifts all later times by 8,192
-microseconds (Orchard et al. 2015, and their Read_Ndataset).
+microseconds (Orchard et al. 2015, and their Read_Ndataset). AEDAT4 is the format of iniVation's cameras, which the
+package ``aedat`` reads: the first stream of events in a file.
 """
 
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hw_model.io.extras import needed
+from hw_model.io.npy import load_npy
 from hw_model.values import AnyArray, IntArray
 from locsnn_compile.data.event_stream import MAX_EVENTS, Binning, EventStream, bin_streams
 from locsnn_compile.data.recordings import Recordings
@@ -29,6 +38,8 @@ OVERFLOW_ROW, OVERFLOW_MICROSECONDS = 240, 1 << 13
 MAX_MICROSECONDS = (1 << 23) - 1
 #: Columns of the grid for recordings without a shape of their own: each row holds the taxels of one fingertip.
 COLUMNS = 39
+_AEDAT4_CHILD = Path(__file__).with_name("aedat4_child.py")
+_AEDAT4_SECONDS = 60
 
 
 def parse_structured(array: AnyArray, where: str) -> EventStream:
@@ -43,7 +54,7 @@ def parse_structured(array: AnyArray, where: str) -> EventStream:
     times = _whole(array, "t", 0, 2**53, where)
     x = _whole(array, "x", 0, MAX_PLACE, where)
     y = _whole(array, "y", 0, MAX_PLACE, where) if "y" in names else None
-    return EventStream(times, x, y, (_whole(array, "p", -1, 1, where) > 0).astype(np.int64))
+    return EventStream(times, x, y, (_whole(array, "p", -1, 1, where) > 0).astype(np.int64), place=where)
 
 
 def _whole(array: AnyArray, name: str, low: int, high: int, where: str) -> IntArray:
@@ -78,13 +89,37 @@ def parse_slayer_events(data: bytes, suffix: str, where: str) -> EventStream:
     times = (fields[2] & 0x7F) << 16 | fields[3] << 8 | fields[4]
     polarity = fields[2] >> 7
     if suffix == ".bs1":
-        return EventStream(times, fields[0] << 8 | fields[1], None, polarity)
+        return EventStream(times, fields[0] << 8 | fields[1], None, polarity, place=where)
     x, y = fields[0], fields[1]
     if suffix == ".bin":
         overflow = y == OVERFLOW_ROW
         times = times + OVERFLOW_MICROSECONDS * np.cumsum(overflow)
         times, x, y, polarity = (values[~overflow] for values in (times, x, y, polarity))
-    return EventStream(times, x, y, polarity)
+    return EventStream(times, x, y, polarity, place=where)
+
+
+def parse_aedat4(data: bytes, where: str) -> EventStream:
+    """Return the events in the bytes of an ``.aedat4`` file, with two polarities; time starts at the first event.
+
+    The package does not survive all damage, so a separate process reads a copy, within 10 seconds of processor time and
+    2 GiB. Raises ``InputError`` for a file that it cannot read, for one without events, and if the package is missing.
+    """
+    needed("aedat", "aedat", where)
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "a.aedat4"
+        path.write_bytes(data)
+        command = [sys.executable, "-P", str(_AEDAT4_CHILD), str(path), str(MAX_EVENTS)]
+        environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}  # each takes memory, of which little is allowed
+        try:
+            done = subprocess.run(command, env=environment, capture_output=True, timeout=_AEDAT4_SECONDS, check=True)
+        except subprocess.SubprocessError:
+            fix = "Give a whole AEDAT4 file with events."
+            raise InputError(where, "it is damaged, truncated or has no events", fix=fix) from None
+    size, array = done.stdout.split(b"\n", maxsplit=1)
+    width, height = map(int, size.split())
+    stream = parse_structured(load_npy(array, where), where)
+    start = float(stream.times.min()) if len(stream.times) else 0.0
+    return replace(stream, start=start, channels=2 * width * height, polarities=2, columns=width)
 
 
 def pack_slayer_events(times: IntArray, x: IntArray, y: IntArray | None, polarity: IntArray, where: str) -> bytes:
@@ -117,18 +152,17 @@ def from_tonic(
     polarities), determines the channels, and ``classes`` names the classes. Raises ``InputError`` for anything else.
     """
     where, source = f"data set {type(dataset).__name__!r}", type(dataset).__name__
-    places = [f"{where}, recording {index}" for index in range(len(dataset))]
     streams, labels, events = [], [], 0
-    for index, place in enumerate(places):
+    for index in range(len(dataset)):
         array, label = dataset[index]
-        streams.append(parse_structured(np.asarray(array), place))
+        streams.append(parse_structured(np.asarray(array), f"{where}, recording {index}"))
         labels.append(label)
         events += len(array)
         check_most(events, MAX_EVENTS, where, "it has too many events", fix="Give a part of it.")
     columns, rows, polarities = getattr(dataset, "sensor_size", None) or (None, None, None)
     channels = None if columns is None else columns * rows * polarities
     binning = Binning(step_seconds, threshold, channels, steps, polarities, columns)
-    spikes, width, binned = bin_streams(streams, places, where, binning)
+    spikes, width, binned = bin_streams(streams, where, binning)
     if not all(isinstance(label, int | np.integer) for label in labels):
         raise InputError(where, "its labels are not class numbers", fix="Give a target_transform that gives them.")
     names = getattr(dataset, "classes", None)

@@ -2,26 +2,20 @@
 
 import math
 from collections.abc import Sequence
+from typing import Annotated
 
 import numpy as np
 
+from hw_model.io.given import check_fields
+from hw_model.io.records import between
 from hw_model.values import AnyArray, ByteArray, FloatArray, Frozen, IntArray
 from locsnn_compile.data.recordings import MAX_ELEMENTS, MAX_STEPS, Binned
-from locsnn_compile.errors import InputError, check_most, check_range
+from locsnn_compile.errors import InputError, check_most
 
 STEP_SECONDS = 0.02
 MICROSECONDS = 1_000_000
 #: Most events of one set of recordings.
 MAX_EVENTS = 20_000_000
-_RANGES: dict[str, tuple[float, float]] = {
-    "step_seconds": (1e-6, 1e3),
-    "threshold": (0, MAX_EVENTS),
-    "channels": (1, MAX_ELEMENTS),
-    "steps": (1, MAX_STEPS),
-    "polarities": (1, 2),
-    "columns": (1, 1_000_000),
-}
-"""Least and largest value of each option."""
 
 
 class Binning(Frozen):
@@ -35,20 +29,20 @@ class Binning(Frozen):
     - ``axes``: the order of the axes of arrays, which hold bins already
     """
 
-    step_seconds: float | None = None
-    threshold: int | None = None
-    channels: int | None = None
-    steps: int | None = None
-    polarities: int | None = None
-    columns: int | None = None
+    step_seconds: Annotated[float | None, between(1e-6, 1e3)] = None
+    threshold: Annotated[int | None, between(0, MAX_EVENTS)] = None
+    channels: Annotated[int | None, between(1, MAX_ELEMENTS)] = None
+    steps: Annotated[int | None, between(1, MAX_STEPS)] = None
+    polarities: Annotated[int | None, between(1, 2)] = None
+    columns: Annotated[int | None, between(1, 1_000_000)] = None
     most_steps: int | None = None
     axes: tuple[str, ...] | None = None
 
+    where = "recordings"
+
     def check(self) -> None:
         """Refuse numbers that are out of range."""
-        for name, limits in _RANGES.items():
-            if (value := getattr(self, name)) is not None:
-                check_range(value, *limits, name)
+        check_fields(self)
 
 
 class EventStream(Frozen, eq=False):
@@ -57,7 +51,7 @@ class EventStream(Frozen, eq=False):
     Without ``y``, x counts taxels; without ``polarity`` as well, it counts channels. A grid's columns do not bound it.
     ``start`` is the tick at which bin 0 begins. ``span_seconds`` is the length of the recording, None if it ends with
     its last event. ``channels``, ``polarities`` and ``columns`` are those of the format, None if it does not fix them.
-    ``step_seconds`` is the default width of its bins.
+    ``step_seconds`` is the default width of its bins, and ``place`` names the recording in errors.
     """
 
     times: AnyArray
@@ -71,15 +65,14 @@ class EventStream(Frozen, eq=False):
     polarities: int | None = None
     columns: int | None = None
     step_seconds: float = STEP_SECONDS
+    place: str = ""
 
 
-def bin_streams(
-    streams: Sequence[EventStream], places: Sequence[str], where: str, binning: Binning
-) -> tuple[ByteArray, float, Binned]:
+def bin_streams(streams: Sequence[EventStream], where: str, binning: Binning) -> tuple[ByteArray, float, Binned]:
     """Return spikes (samples, steps, channels), the width of a bin in seconds, and what binning left out.
 
-    ``places`` names the recordings in errors. All get as many channels and steps as the largest needs. Raises
-    ``InputError`` if there are no events and no size is given, and for sizes above the limits.
+    All recordings get as many channels and steps as the largest needs. Raises ``InputError`` if there are no events and
+    no size is given, and for sizes above the limits.
     """
     usual = min((one.step_seconds for one in streams), default=STEP_SECONDS)
     width = usual if binning.step_seconds is None else binning.step_seconds
@@ -91,11 +84,9 @@ def bin_streams(
     both = any(one.polarities == 2 or (one.polarity is not None and one.polarity.any()) for one in streams)
     polarities = binning.polarities or (2 if both else 1)
     bins = [_bins(one, width) for one in streams]
-    lengths = [
-        binning.steps or _length(one, own, width, place, binning.most_steps)
-        for one, own, place in zip(streams, bins, places, strict=True)
-    ]
-    channel = [_channels(one, columns, polarities, place) for one, place in zip(streams, places, strict=True)]
+    rows = zip(streams, bins, strict=True)
+    lengths = [binning.steps or _length(one, own, width, binning.most_steps) for one, own in rows]
+    channel = [_channels(one, columns, polarities) for one in streams]
     needed = max((int(own.max()) + 1 for own in channel if len(own)), default=0)
     whole_cells = -(-needed // polarities) * polarities
     channels = binning.channels or max((one.channels or whole_cells for one in streams), default=0)
@@ -124,7 +115,7 @@ def _bins(one: EventStream, width_seconds: float) -> FloatArray:
     return found
 
 
-def _length(one: EventStream, bins: FloatArray, width_seconds: float, place: str, most: int | None = None) -> int:
+def _length(one: EventStream, bins: FloatArray, width_seconds: float, most: int | None) -> int:
     """Return the number of steps of a recording; 0 if it has no events and no span."""
     if one.span_seconds is not None:
         # Whole bins only; the small addend makes up for a quotient that rounds below a whole number.
@@ -138,16 +129,17 @@ def _length(one: EventStream, bins: FloatArray, width_seconds: float, place: str
         # In bins first: absurd times overflow to infinity there already.
         span = last * width_seconds if math.isinf(last) else float(one.times.max() - one.start) / one.ticks_per_second
         measured = f"{span:g} s in bins of {width_seconds:g} s against {MAX_STEPS} bins"
-        raise InputError(place, "it lasts too long for its bins", measured=measured, fix=f"Give {beside}wider bins.")
+        fix = f"Give {beside}wider bins."
+        raise InputError(one.place, "it lasts too long for its bins", measured=measured, fix=fix)
     return math.floor(last) + 1
 
 
-def _channels(one: EventStream, columns: int, polarities: int, place: str) -> IntArray:
+def _channels(one: EventStream, columns: int, polarities: int) -> IntArray:
     if one.polarity is None:
         return one.x
     if one.y is not None and int(one.x.max(initial=0)) >= columns:
         measured = f"x {int(one.x.max())} against {columns} columns"
-        raise InputError(place, "an event lies outside the grid", measured=measured, fix="Give more columns.")
+        raise InputError(one.place, "an event lies outside the grid", measured=measured, fix="Give more columns.")
     cells = one.x if one.y is None else columns * one.y + one.x
     return cells if polarities == 1 else 2 * cells + one.polarity
 

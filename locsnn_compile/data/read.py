@@ -1,6 +1,12 @@
-"""Read recordings of any supported format."""
+"""Recordings of any supported format: read, and divided into train and test parts where they have none.
+
+Files of rows divide them, or shares of each class. VT_SNN's preprocessed sets are a ``tact.pt`` of (samples, 78 cells,
+2 polarities, steps). Next to it lie, for each of five rounds k, ``train_80_20_<k>.txt`` and ``test_80_20_<k>.txt``,
+with the number and the class of one recording per line.
+"""
 
 import math
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -8,17 +14,111 @@ from typing import Any
 
 import numpy as np
 
-from hw_model.io.files import near
+from hw_model.io.files import near, read_bytes
 from hw_model.io.given import checked
-from locsnn_compile.data.archives import archive_parts, read_archive
+from hw_model.values import Frozen, IntArray
+from locsnn_compile.data.archives import archive_parts, is_archive, read_archive
 from locsnn_compile.data.arrays import HDF5_SUFFIXES, labels_beside, read_arrays
 from locsnn_compile.data.axes import check_axes, is_one, parse_axes
-from locsnn_compile.data.division import PREPROCESSED, Division
 from locsnn_compile.data.event_stream import Binning
-from locsnn_compile.data.member_names import EVENT_SUFFIXES, PARTS
+from locsnn_compile.data.members import EVENT_SUFFIXES, PARTS
 from locsnn_compile.data.recordings import MAX_ELEMENTS, OPEN, Expected, Recordings
 from locsnn_compile.data.sensor import SensorLayout
-from locsnn_compile.errors import InputError, check_known
+from locsnn_compile.errors import InputError, check_known, check_range
+
+PREPROCESSED = "tact.pt"
+_ROWS = re.compile(r"train_80_20_(\d{1,3})\.txt")
+
+
+class Division(Frozen):
+    """How recordings are divided: ``share`` of every class goes to the test part; ``fold`` is the round, from 1.
+
+    Each round tests on other recordings: with a share of 0.2, every recording is tested on in one of five rounds.
+    Without a share, the files next to the recordings divide them, if there are any.
+    """
+
+    share: float | None = None
+    fold: int | None = None
+
+    def divides(self, path: Path) -> bool:
+        """Tell whether it divides the recordings at ``path``; ``InputError`` if they are divided already."""
+        name, asked = ("fold", self.fold) if self.share is None else ("split", self.share)
+        rounds, parts = _rounds(path), () if asked is None else archive_parts(path)
+        if parts or (rounds and self.share is not None):
+            measured = f"into {', '.join(parts)}" if parts else "into rounds"
+            raise InputError(name, f"{path.name!r} is divided already", measured=measured, fix="Leave it out.")
+        return asked is not None or bool(rounds)
+
+    def part(self, found: Recordings, path: Path, part: str) -> Recordings:
+        """Return the train or test part of the recordings at ``path``; ``InputError`` if there is none."""
+        rounds = range(1, int(1 / self.share + 1e-9) + 1) if self.share else _rounds(path)
+        fold, at = 1 if self.fold is None else self.fold, PARTS.index(part)
+        if fold not in rounds:
+            measured = f"got {fold} against {', '.join(map(str, rounds)) or 'none'}"
+            fix = "Choose one of them." if rounds else "Add --split with the share of every class to test on."
+            raise InputError("fold", f"{path.name!r} has no such round", measured=measured, fix=fix)
+        if self.share is None:
+            rows, labels = _rows_of_files(path, fold, len(found))[at].T
+        elif found.labels is None:
+            where, what = f"recordings {found.source!r}", "they have no labels to divide them by"
+            raise InputError(where, what, fix="Give labelled recordings.")
+        else:
+            rows = stratified_split(found.labels, self.share, 0, fold)[at]
+            labels = found.labels[rows]
+        how = f"round {fold} of {len(rounds)}" if self.share is None else f"split {self.share:g}, round {fold}"
+        return replace(found.subset(rows), labels=labels, source=f"{path.name}, {part} part ({how})")
+
+    def __post_init__(self) -> None:
+        if self.share is not None:
+            check_range(self.share, 0.001, 0.9, "split")
+
+
+def stratified_split(labels: IntArray, fraction: float, seed: int, fold: int = 1) -> tuple[IntArray, IntArray]:
+    """Return sorted indices (kept, held out): each class gives ``fraction`` of its recordings, rounded.
+
+    If ``fraction`` is above 0, a class of two or more recordings gives at least one. The next ``fold`` takes the next
+    recordings. Equal numbers give equal draws on every machine.
+    """
+    rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, 0])))
+    held: list[IntArray] = [np.zeros(0, dtype=np.int64)]
+    for label in np.unique(labels):
+        members = np.flatnonzero(labels == label)
+        wanted = round(fraction * len(members))
+        if fraction > 0 and len(members) >= 2:
+            wanted = min(max(wanted, 1), len(members) - 1)
+        held.append(np.roll(rng.permutation(members), -(fold - 1) * wanted)[:wanted])
+    chosen = np.sort(np.concatenate(held))
+    return np.setdiff1d(np.arange(len(labels)), chosen), chosen
+
+
+def _rounds(path: Path) -> list[int]:
+    """Return the rounds for which there are files next to a ``tact.pt``."""
+    files = path.parent.glob("train_80_20_*.txt") if path.name == PREPROCESSED else ()
+    return sorted(int(match[1]) for match in (_ROWS.fullmatch(file.name) for file in files) if match)
+
+
+def _rows_of_files(path: Path, fold: int, samples: int) -> list[IntArray]:
+    """Return an array (rows, 2) for each part of a round: numbers of recordings, all different, and their classes."""
+    fix, taken, parts = "Write the number of a recording and its class on every line.", set[int](), []
+    for part in PARTS:
+        file = path.with_name(f"{part}_80_20_{fold}.txt")
+        where = f"file {file.name!r}"
+        if not file.exists():
+            raise InputError(where, "it does not exist, but the file of the other part does", fix="Give both.")
+        try:
+            rows = [[int(word) for word in line.split()] for line in read_bytes(file, where).splitlines()]
+        except ValueError:
+            rows = []
+        if not rows or {len(row) for row in rows} != {2}:
+            raise InputError(where, "it does not hold two whole numbers per line", fix=fix)
+        for number, _ in rows:
+            if number in taken or not 0 <= number < samples:
+                what = "in the round twice" if number in taken else "not there"
+                raise InputError(where, f"recording {str(number)[:20]} is {what}", measured=f"of {samples}", fix=fix)
+            taken.add(number)
+        parts.append(np.array(rows))
+    return parts
+
 
 _SUFFIXES = (".zip", ".npy", ".npz", ".pt", *HDF5_SUFFIXES, *EVENT_SUFFIXES)
 
@@ -46,7 +146,7 @@ def read_recordings(
     ``.pt`` or HDF5 file.
 
     - ``split``: ``train`` or ``test`` of an archive or folder that has these parts (None: ``test``). Recordings without
-      parts are divided by ``test_share`` and ``fold``: see :class:`locsnn_compile.data.division.Division`.
+      parts are divided by ``test_share`` and ``fold``: see :class:`locsnn_compile.data.read.Division`.
     - Events are put into bins as :class:`locsnn_compile.data.event_stream.Binning` describes, according to the options
       and to what ``model`` expects. Arrays hold bins already: (samples, channels, steps), unless ``axes`` or the file
       names another order, such as ``samples,steps,channels``. ``step_seconds`` is their width if the file does not
@@ -84,15 +184,13 @@ def read_recordings(
 
 
 def _read(path: Path, split: str | None, binning: Binning, asked: float | None) -> Recordings:
-    if not (path.is_dir() or path.suffix == ".zip"):
-        _check_file(path)
-        if split is not None:
-            measured = "a single file is not divided"
-            fix = "Leave the part out."
-            raise InputError(f"file {path.name!r}", f"there is no part {split!r}", measured=measured, fix=fix)
-        if path.suffix not in EVENT_SUFFIXES:
-            return read_arrays(path, binning, asked)
-    return read_archive(path, split=split, binning=binning)
+    _check_file(path)
+    if split is not None and not is_archive(path):
+        measured, fix = "a single file is not divided", "Leave the part out."
+        raise InputError(f"file {path.name!r}", f"there is no part {split!r}", measured=measured, fix=fix)
+    if is_archive(path) or path.suffix in EVENT_SUFFIXES:
+        return read_archive(path, split=split, binning=binning)
+    return read_arrays(path, binning, asked)
 
 
 @checked
@@ -101,10 +199,8 @@ def recording_parts(path: Path | str, *, test_share: float | None = None) -> tup
     path = _file_of(Path(path))
     if Division(test_share).divides(path):
         return PARTS
-    if path.is_dir() or path.suffix == ".zip":
-        return archive_parts(path)
     _check_file(path)
-    return ()
+    return archive_parts(path)
 
 
 def _file_of(path: Path) -> Path:
@@ -113,6 +209,8 @@ def _file_of(path: Path) -> Path:
 
 
 def _check_file(path: Path) -> None:
+    if is_archive(path):
+        return
     if not path.exists():
         raise InputError(f"file {path.name!r}", "it does not exist", fix=near(path, "Check the path."))
     if path.suffix not in _SUFFIXES:

@@ -28,6 +28,9 @@ SLIP_STEP_SECONDS = 0.001
 _TAXEL_OF_CELL = {
     cell: taxel for taxel, cell in enumerate(cell for cell in range(1, CELLS + 1) if cell not in MISSING_CELLS)
 }
+_CELLS = f"1 to {CELLS} without {MISSING_CELLS[0]} and {MISSING_CELLS[1]}"
+_PLANES = {1: 0, 0: 1, -1: 1}
+"""Polarity in a file -> that of a taxel."""
 #: Channels of a file: two fingertips with two polarities.
 CHANNELS = 2 * len(_TAXEL_OF_CELL)
 
@@ -45,7 +48,7 @@ def parse_tact(data: bytes, where: str, startend: bytes | None, startend_where: 
         start, span_seconds = _stretch(startend, startend_where)
     places = channels // 2, None, channels % 2
     width = SLIP_STEP_SECONDS if span_seconds == SLIP_SECONDS else STEP_SECONDS
-    return EventStream(seconds, *places, 1, start, span_seconds, CHANNELS, polarities=2, step_seconds=width)
+    return EventStream(seconds, *places, 1, start, span_seconds, CHANNELS, 2, step_seconds=width, place=where)
 
 
 def tact_text(spikes: ByteArray, step_seconds: float) -> bytes:
@@ -72,27 +75,20 @@ def _parse(data: bytes, where: str) -> tuple[IntArray, FloatArray]:
         try:
             polarity, cell, time, *rest = (field.decode("ascii") for field in fields)
             (nanoseconds,) = rest or ("0",)
-            event = (int(polarity), int(cell), float(time) + float(nanoseconds) / 1e9)
-        except ValueError:
+            channel = 2 * _TAXEL_OF_CELL[int(cell)] + _PLANES[int(polarity)]
+            seconds.append(float(time) + float(nanoseconds) / 1e9)
+            if not math.isfinite(seconds[-1]):
+                raise ValueError
+        except (ValueError, KeyError):
             shown = line.decode("ascii", "replace").strip()[:40]
-            raise _fault(where, number, "it is not an event", f"{shown!r}") from None
-        if event[0] not in (-1, 0, 1):
-            raise _fault(where, number, "its polarity is not 1, 0 or -1", event[0])
-        if event[1] not in _TAXEL_OF_CELL:
-            cells = f"1..{CELLS} without {MISSING_CELLS[0]} and {MISSING_CELLS[1]}"
-            raise _fault(where, number, "there is no such cell", f"{event[1]} against {cells}")
-        if not math.isfinite(event[2]):
-            raise _fault(where, number, "its time is not finite", event[2])
-        channels.append(2 * _TAXEL_OF_CELL[event[1]] + (0 if event[0] == 1 else 1))
-        seconds.append(event[2])
+            fix = f"Write 'polarity cell_index timestamp_seconds' on it: a polarity of 1, 0 or -1, a cell of {_CELLS}."
+            raise InputError(
+                f"{where}, line {number}", "it is not an event", measured=f"got {shown!r}", fix=fix
+            ) from None
+        channels.append(channel)
     if not seconds:
         raise InputError(where, "no events inside", fix="Give a recording with events.")
     return np.array(channels, dtype=np.int64), np.array(seconds, dtype=np.float64)
-
-
-def _fault(where: str, line: int, what: str, got: object) -> InputError:
-    fix = "Write 'polarity cell_index timestamp_seconds' on it."
-    return InputError(f"{where}, line {line}", what, measured=f"got {got}", fix=fix)
 
 
 def _stretch(data: bytes, where: str) -> tuple[float, float]:

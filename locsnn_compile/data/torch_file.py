@@ -1,15 +1,20 @@
-"""Read tensors and plain values from a ``.pt`` file, without torch and without running anything in it.
+"""Torch's files of tensors and plain values: read without torch and without running anything, written with torch.
 
 There are two formats. Since torch 1.6, a file is a zip archive with a pickle and one entry of bytes per storage. Before
 that, it was five pickles (a magic number, a version, a description of the machine, the value, the keys of the
-storages), followed by the storages, each preceded by its number of values.
+storages), followed by the storages, each preceded by its number of values. Torch is installed only for training:
+compiling needs it for nothing here.
 """
 
 import io
 import struct
+import sys
 from collections.abc import Callable
 from typing import Any, Literal
 
+import numpy as np
+
+from hw_model.io.extras import needed
 from hw_model.io.files import parsing
 from hw_model.io.zip_directory import BoundedZip
 from locsnn_compile.data.plain_pickle import Budget, RefusedError, read_pickle
@@ -104,4 +109,23 @@ def _from_stream(data: bytes, budget: Budget) -> object:
         if struct.unpack_from("<q", rest) != (storage.count,) or len(storage.data) < storage.size:
             raise ValueError("a storage that is cut short")
         rest = after
+    return value
+
+
+def torch_bytes(values: dict[str, Any], where: str) -> bytes:
+    """Return the file of a dict of plain values, dicts and arrays; arrays of text become lists, others tensors."""
+    torch, content = needed("torch", "train", where), io.BytesIO()
+    torch.save(_with_tensors(values), content)
+    return content.getvalue()
+
+
+def _with_tensors(value: Any) -> Any:
+    import torch
+
+    if isinstance(value, dict):
+        return {_with_tensors(key): _with_tensors(entry) for key, entry in value.items()}
+    if isinstance(value, str):
+        return sys.intern(value)  # equal texts are written once: equal values give equal bytes
+    if isinstance(value, np.ndarray):
+        return value.tolist() if value.dtype.kind == "U" else torch.tensor(value)
     return value

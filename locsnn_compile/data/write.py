@@ -9,11 +9,11 @@ from hw_model.io.files import npy_bytes, pack_arrays, pack_files, replace_file
 from hw_model.values import AnyArray, BoolArray, ByteArray, Frozen, IntArray
 from locsnn_compile.data.event_formats import COLUMNS, pack_slayer_events, structured_events
 from locsnn_compile.data.event_stream import STEP_SECONDS, recording_events
-from locsnn_compile.data.member_names import label_in_name
+from locsnn_compile.data.members import label_in_name
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.sensor import POLARITIES, TAXELS, SensorLayout
 from locsnn_compile.data.tact import CHANNELS, GRASP_SECONDS, tact_text
-from locsnn_compile.data.torch_writer import torch_bytes
+from locsnn_compile.data.torch_file import torch_bytes
 from locsnn_compile.errors import InputError, check_known, counted
 
 MEMBER_KINDS = ("npy", "events", "bs1", "bs2", "tact")

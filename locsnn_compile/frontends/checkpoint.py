@@ -13,13 +13,13 @@ from hw_model.mapping.graph import Axis
 from hw_model.values import AnyArray, picked
 from locsnn_compile.errors import TargetError
 from locsnn_compile.frontends.parts import VIEW_NAMES, Parts
-from locsnn_compile.models.branch_graph import branch_graph, spread_weights
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.description import LifParameters
+from locsnn_compile.models.graph_and_windows import spread_weights
 from locsnn_compile.network.chip_neurons import ChipCuba
 from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.network.neurons import Cuba, Neuron, SrmAlpha
-from locsnn_compile.network.projections import ChipProjection, Projection, matrix, row_sums
+from locsnn_compile.network.projections import ChipProjection, Matrix, Projection, matrix, row_sums
 
 LAYERS = 2
 """Number of steps from an event to the outputs."""
@@ -40,6 +40,7 @@ def _add_windows(parts: Parts, checkpoint: Checkpoint) -> None:
     levels, chip = np.tile(windows.levels, synapses.shape[0] // len(windows.levels)), checkpoint.chip
     first, *outputs = description.populations(branch)
     counting: Neuron
+    neuron: Neuron
     onto: Projection | ChipProjection
     if chip is None:
         counting = Cuba.of(len(levels), decay_v=1.0, threshold=levels - 0.5)
@@ -59,16 +60,13 @@ def _add_windows(parts: Parts, checkpoint: Checkpoint) -> None:
         if chip is None:
             # A share for each, so that none has to hold it all.
             bias = checkpoint.weights[offset].astype(np.float64) / len(outputs)
-            onto = Projection(first, name, matrix(sparse.csr_array(heard), np.float64))
             most = float(row_sums(heard).max() + np.abs(bias).max())
-            neuron: Neuron = Cuba.of(len(bias), decay_v=1.0, threshold=UNREACHED * most if most > 0 else 1.0, bias=bias)
+            neuron = Cuba.of(len(bias), decay_v=1.0, threshold=UNREACHED * most if most > 0 else 1.0, bias=bias)
         else:
-            numbers, neuron = chip.populations[weight], chip.window_output((weight, offset), checkpoint.weights)
-            held = matrix(sparse.csr_array(heard), np.int64)
-            onto = ChipProjection(first, name, held, numbers.exponent, numbers.weight_bits)
+            neuron = chip.window_output((weight, offset), checkpoint.weights)
             # In units of the float network, as spikes are.
-            parts.weights[name] = 1.0 / numbers.scale
-        parts.projections.append(onto)
+            parts.weights[name] = 1.0 / chip.populations[weight].scale
+        parts.projections.append(_onto(checkpoint, first, name, sparse.csr_array(heard), of=weight))
         parts.populations.append(replace(hidden, name=name, size=description.classes, neuron=neuron))
         parts.outputs[name] = LAYERS
 
@@ -122,26 +120,31 @@ def _layer(
 
     There is a projection for each delay, all from the same lines; their weights lie side by side in the checkpoint.
     """
-    description, chip = checkpoint.description, checkpoint.chip
-    weights = _weights(checkpoint, axis, target)
-    size = weights.shape[0]
-    delays = description.delays_onto(target)
+    chip, weights = checkpoint.chip, _weights(checkpoint, axis, target)
+    size, delays = weights.shape[0], checkpoint.description.delays_onto(target)
     parts = [weights] if delays == (0,) else np.split(np.asarray(weights), len(delays), axis=1)
-    rows = list(zip(delays, parts, strict=True))
-    if chip is None:
-        onto = [Projection(source, target, matrix(part, np.float64), delay=delay) for delay, part in rows]
-        return Population(target, axis, size, _neuron(checkpoint, axis, size)), onto
-    numbers = chip.populations[target]
+    rows = zip(delays, parts, strict=True)
+    onto = [_onto(checkpoint, source, target, part, of=target, delay=delay) for delay, part in rows]
+    neuron = chip.populations[target].neurons(chip.strategy, size) if chip else _neuron(checkpoint, axis, size)
+    return Population(target, axis, size, neuron), onto
+
+
+def _onto(
+    checkpoint: Checkpoint, source: str, target: str, weights: Matrix, *, of: str, delay: int = 0
+) -> Projection | ChipProjection:
+    """Return weights onto a population, in float or in the format of the weights that are called ``of``."""
+    if checkpoint.chip is None:
+        return Projection(source, target, matrix(weights, np.float64), delay)
+    numbers = checkpoint.chip.populations[of]
     form = numbers.exponent, numbers.weight_bits
-    held = [ChipProjection(source, target, matrix(part, np.int64), *form, delay=delay) for delay, part in rows]
-    return Population(target, axis, size, numbers.neurons(chip.strategy, size)), held
+    return ChipProjection(source, target, matrix(weights, np.int64), *form, delay=delay)
 
 
 def _weights(checkpoint: Checkpoint, axis: Axis, target: str) -> AnyArray | sparse.csr_array:
     """Return the weights, or mantissas, of single neurons; a graph convolution becomes sparse."""
     weights, description = checkpoint.weights[target], checkpoint.description
     if description.graph is not None and target == description.populations(axis)[0]:
-        return spread_weights(weights, branch_graph(description, axis))
+        return spread_weights(weights, description.graph_of(axis))
     return weights
 
 

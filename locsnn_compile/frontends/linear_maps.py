@@ -1,6 +1,6 @@
 """Linear layers of other frameworks as sparse matrices (outputs, inputs); images are flattened in C order."""
 
-import itertools
+import functools
 import math
 from typing import Any
 
@@ -31,25 +31,19 @@ def check_entries(entries: int, where: str) -> None:
 
 
 class Window(Frozen):
-    """How a kernel slides over an image: one number per spatial axis; ``padding`` may also be ``same`` or ``valid``."""
+    """How a kernel slides over an image: ``stride`` and ``dilation`` per spatial axis.
+
+    ``ends`` are the silent pixels that are added before and after each axis.
+    """
 
     stride: Ints
-    padding: Ints | str
+    ends: tuple[tuple[int, int], ...]
     dilation: Ints
 
-    def slid(self, spatial: Shape, kernel: Shape) -> Shape:
-        """Return how many places the kernel has on each axis; below 1 if it does not fit."""
-        return tuple(
-            (n + sum(ends) - d * (k - 1) - 1) // max(s, 1) + 1
-            for n, ends, d, k, s in zip(spatial, self.ends(kernel), self.dilation, kernel, self.stride, strict=True)
-        )
-
-    def ends(self, kernel: Shape) -> tuple[tuple[int, int], ...]:
-        """Return the padding before and after each axis; of the words, only ``same`` pads."""
-        if self.padding == "same":
-            total = [d * (k - 1) for d, k in zip(self.dilation, kernel, strict=True)]
-            return tuple((t // 2, t - t // 2) for t in total)
-        return ((0, 0),) * len(kernel) if isinstance(self.padding, str) else tuple((p, p) for p in self.padding)
+    @classmethod
+    def padded(cls, stride: Ints, padding: Ints, dilation: Ints, fill: Ints = (0, 0)) -> "Window":
+        """Return a window with the same padding before and after an axis, and ``fill`` more after it."""
+        return cls(stride, tuple((p, p + more) for p, more in zip(padding, fill, strict=False)), dilation)
 
 
 def convolution(weight: AnyArray, input_shape: Shape, window: Window, *, groups: int, where: str) -> tuple[Any, Shape]:
@@ -57,49 +51,42 @@ def convolution(weight: AnyArray, input_shape: Shape, window: Window, *, groups:
 
     ``weight`` (out, in / groups, *kernel), ``input_shape`` (in, *spatial). The values have the type of the weights.
     """
-    outs, per_group, kernel = weight.shape[0], weight.shape[1], weight.shape[2:]
-    spatial = input_shape[1:]
     _check_convolution(weight, input_shape, window, groups, where)
-    out_spatial = window.slid(spatial, kernel)
+    outs, per_group, *kernel = weight.shape
+    spatial = input_shape[1:]
+    axes = list(zip(spatial, kernel, window.stride, window.ends, window.dilation, strict=True))
+    out_spatial = tuple((n + sum(ends) - d * (k - 1) - 1) // s + 1 for n, k, s, ends, d in axes)
     if min(out_spatial) < 1:
-        raise InputError(where, "the kernel is larger than its input", measured=f"{kernel} against {spatial}",
-                         fix="Pad the input.")  # fmt: skip
+        measured = f"{tuple(kernel)} against {spatial}"
+        raise InputError(where, "the kernel is larger than its input", measured=measured, fix="Pad the input.")
     size_out, size_in = math.prod(out_spatial), math.prod(spatial)
-    check_entries(outs * per_group * math.prod(kernel) * size_out, where)
-    grid = np.indices(out_spatial).reshape(len(spatial), -1)
+    check_entries(weight.size * size_out, where)
+    # For each output pixel and tap of the kernel: which input pixel it is, and whether that lies inside the image.
+    grid = np.indices((*out_spatial, *kernel), sparse=True)
+    taps = zip(grid, grid[len(axes) :], axes, strict=False)
+    at = [o * s - lead + k * d for o, k, (_, _, s, (lead, _), d) in taps]
+    inside = functools.reduce(np.logical_and, [(0 <= a) & (a < n) for a, n in zip(at, spatial, strict=True)])
+    pixel = np.ravel_multi_index(np.broadcast_arrays(*at), spatial, mode="clip")
     channel = (np.arange(outs) // (outs // groups))[:, None] * per_group + np.arange(per_group)
-    taps = weight.reshape(outs, per_group, -1)
-    axes = list(zip(grid, window.stride, window.ends(kernel), window.dilation, strict=True))
-    rows, columns, values = [], [], []
-    for offset in itertools.product(*(range(k) for k in kernel)):
-        at = np.stack([g * s - lead + o * d for (g, s, (lead, _), d), o in zip(axes, offset, strict=True)])
-        held = np.flatnonzero(((at >= 0) & (at < np.array(spatial)[:, None])).all(axis=0))
-        source = np.ravel_multi_index(tuple(at[:, held]), spatial)
-        shape = (outs, per_group, len(held))
-        rows.append(np.broadcast_to(np.arange(outs)[:, None, None] * size_out + held, shape).ravel())
-        columns.append(np.broadcast_to(channel[:, :, None] * size_in + source, shape).ravel())
-        values.append(np.broadcast_to(taps[:, :, int(np.ravel_multi_index(offset, kernel)), None], shape).ravel())
-    placed = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
-    return sparse.csr_array(placed, shape=(outs * size_out, input_shape[0] * size_in)), (outs, *out_spatial)
+    held, *parts = np.broadcast_arrays(
+        inside.reshape(size_out, -1),
+        weight.reshape(outs, per_group, 1, -1),
+        np.arange(outs * size_out).reshape(outs, 1, size_out, 1),
+        channel[:, :, None, None] * size_in + pixel.reshape(size_out, -1),
+    )
+    values, rows, columns = (part[held] for part in parts)
+    shape = (outs * size_out, input_shape[0] * size_in)
+    return sparse.csr_array((values, (rows, columns)), shape=shape), (outs, *out_spatial)
 
 
-def pooling(
-    kernel: AnyArray, input_shape: Shape, window: Window, *, fill: Ints = (0, 0), where: str
-) -> tuple[Any, Shape]:
+def pooling(kernel: AnyArray, input_shape: Shape, window: Window, *, where: str) -> tuple[Any, Shape]:
     """Return the matrix and the output shape of a kernel (height, width) that is applied to each channel.
 
-    The kernel may have axes of length one in front. ``fill`` is the number of silent rows and columns that are added
-    behind an image (channels, height, width).
+    The kernel may have axes of length one in front.
     """
-    channels, *spatial = input_shape
+    channels = input_shape[0]
     check_entries(channels * kernel.size, where)
-    filled = (channels, *(n + more for n, more in zip(spatial, fill, strict=True)))
-    weight = np.tile(kernel, (channels, 1, 1, 1))
-    found, shape = convolution(weight, filled, window, groups=channels, where=where)
-    if any(fill):
-        inside = np.arange(math.prod(filled)).reshape(filled)[:, : spatial[0], : spatial[1]].ravel()
-        found = sparse.csr_array(found[:, inside])
-    return found, shape
+    return convolution(np.tile(kernel, (channels, 1, 1, 1)), input_shape, window, groups=channels, where=where)
 
 
 def product(left: Any, right: Any, where: str) -> Any:
@@ -119,10 +106,9 @@ def _check_convolution(weight: AnyArray, input_shape: Shape, window: Window, gro
         measured = f"{counted(input_shape[0], 'channel')}, {counted(groups, 'group')}, weight {weight.shape}"
         fix = "Correct the groups."
         raise InputError(where, "channels and groups do not fit the weight", measured=measured, fix=fix)
-    stride, padding, dilation = window.stride, window.padding, window.dilation
-    if min(stride) < 1 or min(dilation) < 1:
-        raise InputError(where, "stride or dilation is below 1", measured=f"{stride}, {dilation}", fix="Correct it.")
-    if padding == "same" and set(stride) != {1}:
-        raise InputError(where, "padding 'same' needs stride 1", measured=f"{stride}", fix="Give numbers.")
-    if padding not in ("same", "valid") if isinstance(padding, str) else min(padding) < 0 or max(padding) > 10_000:
-        raise InputError(where, "its padding is not valid", measured=f"{padding!r}"[:80], fix="Give numbers from 0 up.")
+    if min(window.stride + window.dilation) < 1:
+        measured = f"{window.stride}, {window.dilation}"
+        raise InputError(where, "stride or dilation is below 1", measured=measured, fix="Correct it.")
+    if not all(0 <= end <= 10_000 for ends in window.ends for end in ends):
+        fix = "Give numbers from 0 up."
+        raise InputError(where, "its padding is not valid", measured=f"{window.ends}"[:80], fix=fix)

@@ -45,7 +45,7 @@ from hw_model.io.files import replace_file
 from hw_model.values import AnyArray, Shown
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.sensor import neutouch
-from locsnn_compile.data.torch_writer import torch_bytes
+from locsnn_compile.data.torch_file import torch_bytes
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.chip_entry import ChipNumbers, ChipPopulation, chip_entry
 from locsnn_compile.models.description import InputLayout, NetworkDescription
@@ -107,6 +107,8 @@ def checkpoint_values(checkpoint: Checkpoint) -> dict[str, Any]:
         arrays[name] = np.array(weights[name], dtype=kind, order="C")
     srm, order = description.structure.neurons == "srm", description.location_taxels
     plain = asdict(description)
+    if description.structure.neurons == "windows":
+        plain |= {"neuron": plain["window"], "window": None}  # where there are no others
     values = {
         "format": FORMAT,
         "version": VERSION if not srm else CHIP_VERSION if chip is not None else 1,

@@ -22,10 +22,9 @@ from locsnn_compile.data.torch_file import load_plain
 from locsnn_compile.errors import InputError, check_same
 from locsnn_compile.models import checkpoint
 from locsnn_compile.models.checkpoint import CHIP_VERSION, VERSION, Checkpoint, Pack, Plain
-from locsnn_compile.models.chip_entry import ChipNumbers, parse_chip_entry
+from locsnn_compile.models.chip_entry import WRITE_AGAIN, ChipNumbers, file_fault, parse_chip_entry
 from locsnn_compile.models.description import InputLayout, LifParameters, NetworkDescription, Neuron, NeuronParameters
 from locsnn_compile.models.graph_and_windows import WindowParameters
-from locsnn_compile.models.plain_checks import WRITE_AGAIN, file_fault, is_whole
 
 _KEYS: dict[str, tuple[type, ...]] = {
     **dict.fromkeys(("format", "name", "architecture"), (str,)),
@@ -89,14 +88,15 @@ def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Ch
     """Return the checkpoint that the plain dict ``values`` describes, every entry checked."""
     if not isinstance(values, dict) or values.get("format") != checkpoint.FORMAT:
         raise file_fault(where, "it is not a checkpoint of this project", _seen(values))
-    version = values.get("version")
+    version: Any = values.get("version")
     against = f"version {version} against {VERSION}"
-    if is_whole(version) and version > VERSION:
+    whole = type(version) is int
+    if whole and version > VERSION:
         raise InputError(where, "it was written by a newer version", measured=against, fix="Update locsnn-compile.")
     more: dict[object, tuple[str, ...]]
     more = {CHIP_VERSION: ("chip",), VERSION: ("graph", "chip") if "chip" in values else ("graph",)}
     optional = [name for name in checkpoint.OPTIONAL if name in values]
-    rest = (*(more.get(version, ()) if is_whole(version) else ()), *optional)
+    rest = (*(more.get(version, ()) if whole else ()), *optional)
     check_keys(where, "", values, _KEYS | dict.fromkeys(rest, _LATER))
     if version not in (1, *more):
         raise file_fault(where, "its version does not exist", against)
@@ -110,6 +110,9 @@ def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Ch
         for name in ("neuron", "location_neuron"):
             given = held.pop(name)
             made[name] = _neuron(where, given, srm=srm) if name in values else None
+        if isinstance(made["neuron"], WindowParameters):
+            held = {name: value for name, value in held.items() if name != "window" or name in values}
+            made |= {"neuron": None, "window": made["neuron"]}
         description = RecordReader(where, WRITE_AGAIN, lacks=False).record(NetworkDescription, held, **made)
     except InputError as error:
         place = error.where if error.where.startswith(where) else f"{where}, {error.where}"
@@ -152,13 +155,14 @@ def _input(where: str, entry: Mapping[str, Any]) -> InputLayout:
     return InputLayout(sensor, **{name: value for name, value in entry.items() if name not in held})
 
 
-def _neuron(where: str, entry: object, *, srm: bool) -> Neuron | None:
+def _neuron(where: str, entry: object, *, srm: bool) -> Neuron | WindowParameters | None:
     """Return the constants of spike response neurons, integrate-and-fire neurons or windows; None if there are none."""
     if entry == {} and not srm:
         return None
     windows = isinstance(entry, dict) and "levels" in entry
-    kind: type[Neuron] = NeuronParameters if srm else WindowParameters if windows else LifParameters
-    return RecordReader(where, WRITE_AGAIN, lacks=False).record(kind, entry, "neuron")
+    kind: type[Any] = NeuronParameters if srm else WindowParameters if windows else LifParameters
+    found: Neuron | WindowParameters = RecordReader(where, WRITE_AGAIN, lacks=False).record(kind, entry, "neuron")
+    return found
 
 
 def _weights(

@@ -13,13 +13,18 @@ import numpy as np
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_BITS, WEIGHT_EXPONENTS, WeightGrid, weight_grid
 from hw_model.io.records import POSITIVE, Must, RecordReader, between
 from hw_model.values import AnyArray, Frozen, IntArray
-from locsnn_compile.errors import counted
-from locsnn_compile.models.plain_checks import WRITE_AGAIN, file_fault
+from locsnn_compile.errors import InputError, counted
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm
 from locsnn_compile.settings import TRAINABLE
 
 TRAINED_BITS = (9, 29)
 """Least and most bits of registers that networks are trained on: no sum on the way needs more than 32 bits."""
+WRITE_AGAIN = "Write it again with 'locsnn train'."
+
+
+def file_fault(where: str, what: str, measured: str = "") -> InputError:
+    """Return the error for a checkpoint that ``locsnn train`` would not have written."""
+    return InputError(where, what, measured=measured, fix=WRITE_AGAIN)
 
 
 class RegisterWidths(Frozen):

@@ -24,9 +24,9 @@ from hw_model.engine.compiled import absorbed, compiled_with_arrays
 from hw_model.engine.lane_arithmetic import rz, wrap
 from hw_model.values import AnyArray, ByteArray, Int32Array, IntArray
 from locsnn_compile.models.chip_entry import ChipNumbers, ChipPopulation, RegisterWidths
-from locsnn_compile.models.dense_layer import DenseLayer, to_device, to_host
 from locsnn_compile.models.description import NeuronParameters
 from locsnn_compile.models.srm import respond_back
+from locsnn_compile.models.touch_model import DenseLayer, to_device, to_host
 from locsnn_compile.network.chip_neurons import ChipCuba
 
 Ends = tuple[np.int32, np.int32, np.int32]

@@ -6,16 +6,23 @@ Nothing here imports torch, so that the compiler can read descriptions without i
 from collections.abc import Mapping
 from typing import Annotated
 
-from hw_model.io.records import NOT_NEGATIVE, POSITIVE, Checked, between
+from hw_model.io.records import NOT_NEGATIVE, POSITIVE, Checked, between, check_value
 from hw_model.values import AnyArray, Frozen, IntArray, picked
 from locsnn_compile.baselines.ann_shapes import ann_shapes
-from locsnn_compile.data.orders import channel_walk, check_location_taxels
 from locsnn_compile.data.recordings import MAX_STEPS, clean_class_names
 from locsnn_compile.data.sensor import SensorLayout, frame_size
+from locsnn_compile.data.walks_and_graphs import channel_walk, check_location_taxels
 from locsnn_compile.errors import InputError, check_known, check_same
 from locsnn_compile.models.architectures import ARCHITECTURES, Architecture
-from locsnn_compile.models.graph_and_windows import MAX_WINDOW_NEURONS, GraphParameters, WindowParameters, output_parts
-from locsnn_compile.models.plain_checks import PlainName, require_count, require_rising
+from locsnn_compile.models.graph_and_windows import (
+    MAX_WINDOW_NEURONS,
+    BranchGraph,
+    GraphParameters,
+    PlainName,
+    WindowParameters,
+    output_parts,
+    require_rising,
+)
 
 #: Largest sizes accepted anywhere: a few times what any published tactile recording needs.
 MAX_UNITS = 4_096
@@ -81,14 +88,14 @@ class LifParameters(Checked):
         return 1.0 - (1.0 - self.decay)
 
 
-Neuron = NeuronParameters | LifParameters | WindowParameters
+Neuron = NeuronParameters | LifParameters
 """The constants that the neurons of a network may have."""
 
 
 class NetworkDescription(Frozen):
     """A network without its weights.
 
-    - ``neuron`` and ``graph``: those of the architecture; None stands for the published neuron, and for no graph
+    - ``neuron`` and ``graph``: those of the architecture; None stands for the published neuron, or none, and no graph
     - ``location_order`` is the name of the walk, and ``location_taxels`` the walk itself, as 1-based taxel numbers of
       one fingertip; both are None for a network without a location branch
     - ``delays``: every channel has one synapse of each of these delays, in steps, onto each neuron of ``time_hidden``;
@@ -113,7 +120,7 @@ class NetworkDescription(Frozen):
     location_neuron: Neuron | None = None
     location_delays: tuple[int, ...] = (0,)
     window: WindowParameters | None = None
-    """The windows of a branch that counts in windows next to others."""
+    """The windows of the branch that counts in windows, if there is one."""
     align_events: int | None = None
     """Events in one step at which a recording starts; None: it starts at its first step."""
 
@@ -146,13 +153,13 @@ class NetworkDescription(Frozen):
 
     def _check_parts(self) -> None:
         """Refuse a neuron, a graph or windows that do not belong to the architecture."""
-        kind = _NEURONS[self.structure.neurons]
-        windows = WindowParameters if self.structure.window_branch and kind is not WindowParameters else None
+        kind = _NEURONS.get(self.structure.neurons)
+        windows = WindowParameters if self.structure.window_branch else None
         if self.neuron is None and kind is not None:
             object.__setattr__(self, "neuron", kind())
-        location = "location" in self.branches and kind is not WindowParameters and self.location_neuron is not None
         if self.window is None and windows is not None:
             object.__setattr__(self, "window", windows())
+        location = "location" in self.branches and self.location_neuron is not None
         for what, got, wanted in (
             ("neuron", self.neuron, kind),
             ("location neuron", self.location_neuron, kind if location else None),
@@ -165,7 +172,7 @@ class NetworkDescription(Frozen):
         if self.graph is not None:
             self.graph.check(self.input.sensor.taxels)
             for branch in self.branches:
-                nodes, _, features = self.graph_size(branch)
+                nodes, _, features = self.graph.size(branch, self.input.sensor, self.input.steps)
                 require_count(f"neurons of {branch}_graph", nodes * features, MAX_UNITS)
         if self.architecture == "cnn-3d":
             frame_size(self.input.sensor)
@@ -219,9 +226,8 @@ class NetworkDescription(Frozen):
     @property
     def windows(self) -> WindowParameters:
         """The windows of a network that has a branch of them."""
-        found = self.neuron if self.window is None else self.window
-        assert isinstance(found, WindowParameters)
-        return found
+        assert self.window is not None
+        return self.window
 
     @property
     def window_names(self) -> tuple[str, str]:
@@ -250,17 +256,10 @@ class NetworkDescription(Frozen):
         layers = ("graph", "hidden", "hidden_2", "output") if self.structure.graph else ("hidden", "output")
         return tuple(f"{branch}_{layer}" for layer in layers)
 
-    def graph_size(self, branch: str) -> tuple[int, int, int]:
-        """Return (nodes, inputs per node, features per node) of a branch's graph convolution.
-
-        The nodes of the time branch are the taxels. All fingertips share them, and each adds its polarities to the
-        inputs. The nodes of the location branch are the time steps, with one input: the event of a step at a location.
-        """
+    def graph_of(self, branch: str) -> BranchGraph:
+        """Return the graph of a branch of a network that has graph convolutions."""
         assert self.graph is not None
-        if branch == "time":
-            sensor = self.input.sensor
-            return sensor.taxels, sensor.surfaces * sensor.polarities, self.graph.features
-        return self.input.steps, 1, self.graph.step_features
+        return self.graph.of_branch(branch, self.input.sensor, self.input.steps)
 
     @property
     def weight_shapes(self) -> dict[str, tuple[int, ...]]:
@@ -274,22 +273,21 @@ class NetworkDescription(Frozen):
             said = picked(self.input, "sensor", "steps") | picked(self, "classes", "hidden")
             return ann_shapes(self.architecture, **said)
         shapes: dict[str, tuple[int, ...]] = {}
+        sizes: tuple[tuple[int, ...], ...]
         for branch in self.branches:
             if branch == self.structure.window_branch:
                 sizes = (self.classes, sum(self._hidden_of_taxel)), (self.classes,)
                 shapes |= zip(self.window_names, sizes, strict=True)
                 continue
-            names = self.populations(branch)
-            lines = self.input.channels if branch == "time" else self.input.steps
-            if self.graph is not None:
-                nodes, inputs, features = self.graph_size(branch)
-                shapes[names[0]] = (features, (self.graph.hops + 1) * inputs)
-                shapes[names[1]] = (self.hidden, nodes * features)
-                shapes[names[2]] = (2 * self.hidden, self.hidden)
-                shapes[names[3]] = (self.classes, 2 * self.hidden)
+            names, hidden = self.populations(branch), self.hidden
+            if self.graph is None:
+                lines = self.input.channels if branch == "time" else self.input.steps
+                sizes = (hidden, lines * len(self.delays_onto(names[0]))), (self.classes, hidden)
             else:
-                shapes[names[0]] = (self.hidden, lines * len(self.delays_onto(names[0])))
-                shapes[names[1]] = (self.classes, self.hidden)
+                nodes, inputs, features = self.graph.size(branch, self.input.sensor, self.input.steps)
+                of_graph = (features, (self.graph.hops + 1) * inputs), (hidden, nodes * features)
+                sizes = *of_graph, (2 * hidden, hidden), (self.classes, 2 * hidden)
+            shapes |= zip(names, sizes, strict=True)
         return shapes
 
     def check_shape(self, name: str, weights: Mapping[str, AnyArray], fix: str) -> None:
@@ -299,9 +297,9 @@ class NetworkDescription(Frozen):
         check_same(got, shape, f"population {name!r}", "its weights do not fit the network", fix=fix)
 
 
-_NEURONS: dict[str, type[Neuron] | None] = {
-    "srm": NeuronParameters,
-    "lif": LifParameters,
-    "windows": WindowParameters,
-    "none": None,
-}
+def require_count(where: str, value: int, limit: int) -> None:
+    """Raise ``InputError`` unless a value is a whole number from 1 to ``limit``."""
+    check_value(where, value, (int,), (between(1, limit),))
+
+
+_NEURONS: dict[str, type[Neuron]] = {"srm": NeuronParameters, "lif": LifParameters}

@@ -1,4 +1,4 @@
-"""First layers that are not dense, in plain values: graph convolutions and windows.
+"""First layers that are not dense, in plain values and as matrices: graph convolutions and windows.
 
 In ``window-snn``, hidden neuron ``(i * windows + w) * levels + k`` spikes if channel ``walk[i]`` had at least
 ``levels[k]`` events in window ``w``. Nothing here imports torch, so that the compiler can read descriptions and make
@@ -6,15 +6,16 @@ the synapses without it.
 """
 
 from collections.abc import Sequence
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
+import numpy.typing as npt
 from scipy import sparse
 
-from hw_model.io.records import AT_LEAST_ONE, Checked, between
-from hw_model.values import IntArray
+from hw_model.io.records import AT_LEAST_ONE, Checked, Must, between
+from hw_model.values import Frozen, IntArray
+from locsnn_compile.data.sensor import SensorLayout
 from locsnn_compile.errors import InputError, check_most
-from locsnn_compile.models.plain_checks import PlainName, require_rising, rises
 
 HEARD_BY_OUTPUT = 1_024
 """Largest number of hidden neurons that an output hears, if it hears several taxels.
@@ -28,6 +29,22 @@ MAX_WINDOW_NEURONS = 131_072
 """Largest number of hidden neurons of a network: 128 cores of 1,024."""
 MAX_HOPS = 16
 MAX_FEATURES = 1024
+_NAME = Must(lambda text: 0 < len(text) <= 200 and text.isprintable() and not {"/", "\\"} & {*text}, "that is a name")
+PlainName = Annotated[str, _NAME]
+"""Up to 200 printable characters without slashes."""
+
+
+def rises(values: Sequence[Any], least: int, most: int) -> bool:
+    """Tell whether values are one or more whole numbers from ``least`` to ``most``, each above the previous one."""
+    whole = all(type(value) is int and least <= value <= most for value in values)
+    return whole and bool(values) and list(values) == sorted(set(values))
+
+
+def require_rising(where: str, values: Sequence[object], least: int, most: int, what: str, fix: str) -> None:
+    """Raise ``InputError`` unless :func:`rises` holds; ``what`` names the numbers."""
+    if not rises(values, least, most):
+        measured = f"got {list(values)!r:.80} against {least}..{most}"
+        raise InputError(where, f"they must be {what}, each larger than the one before", measured=measured, fix=fix)
 
 
 class WindowParameters(Checked):
@@ -86,6 +103,13 @@ def output_parts(hidden_of_taxel: Sequence[int] | IntArray) -> list[slice]:
     return [*parts, slice(start, end)]
 
 
+class BranchGraph(Frozen, eq=False):
+    """The graph of a branch: ``powers`` are those of :func:`hop_powers`; ``lines[node, c]`` is the line of an input."""
+
+    powers: tuple[sparse.csr_array, ...]
+    lines: IntArray
+
+
 class GraphParameters(Checked):
     """The topology-adaptive graph convolutions of a network (Du et al. 2017), one for each of its branches.
 
@@ -102,6 +126,30 @@ class GraphParameters(Checked):
 
     called = "graph"
 
+    def size(self, branch: str, sensor: SensorLayout, steps: int) -> tuple[int, int, int]:
+        """Return (nodes, inputs per node, features per node) of a branch's graph convolution.
+
+        The nodes of the time branch are the taxels. All fingertips share them, and each adds its polarities to the
+        inputs. The nodes of the location branch are the time steps, with one input: the event of a step at a location.
+        """
+        if branch == "time":
+            return sensor.taxels, sensor.surfaces * sensor.polarities, self.features
+        return steps, 1, self.step_features
+
+    def of_branch(self, branch: str, sensor: SensorLayout, steps: int) -> BranchGraph:
+        """Return the graph of a branch; on the location axis, every time step is joined to the next.
+
+        The inputs of a taxel are its polarities on the first fingertip, then those on the next. Channels are numbered
+        as in :class:`~locsnn_compile.data.sensor.SensorLayout`.
+        """
+        nodes, inputs, _ = self.size(branch, sensor, steps)
+        if branch == "location":
+            edges = tuple((t, t + 1) for t in range(1, steps))
+            return BranchGraph(hop_powers(edges, nodes, self.hops), np.arange(nodes, dtype=np.int64)[:, np.newaxis])
+        channels = np.arange(sensor.channels, dtype=np.int64).reshape(sensor.surfaces, nodes, sensor.polarities)
+        lines = channels.transpose(1, 0, 2).reshape(nodes, inputs)
+        return BranchGraph(hop_powers(self.taxel_edges, nodes, self.hops), lines)
+
     def check(self, taxels: int) -> None:
         """Raise ``InputError`` for an edge that is not a pair of ``taxels`` taxels."""
         seen: set[tuple[int, int]] = set()
@@ -113,3 +161,35 @@ class GraphParameters(Checked):
             if (a, b) in seen:
                 raise InputError("taxel graph", f"edge {a}-{b} is given twice", fix="Give every edge once.")
             seen.add((a, b))
+
+
+def hop_powers(edges: tuple[tuple[int, int], ...], nodes: int, hops: int) -> tuple[sparse.csr_array, ...]:
+    """Return the matrices A^0, A^1, ... A^hops, each (nodes, nodes), float64: how strongly a node hears the others.
+
+    A = D^(-1/2) B D^(-1/2), with the adjacency matrix B and the degrees D of the undirected graph. A node without edges
+    only hears itself.
+    """
+    ends = np.array(edges, dtype=np.int64).reshape(-1, 2) - 1
+    rows, columns = np.concatenate([ends, ends[:, ::-1]]).T
+    adjacency = sparse.csr_array((np.ones(len(rows)), (rows, columns)), shape=(nodes, nodes))
+    degree = adjacency.sum(axis=1)
+    scale = sparse.diags_array(np.where(degree > 0, 1 / np.sqrt(np.maximum(degree, 1)), 0.0))
+    step = sparse.csr_array(scale @ adjacency @ scale)
+    powers = [sparse.csr_array(sparse.eye_array(nodes))]
+    for _ in range(hops):
+        powers.append(sparse.csr_array(powers[-1] @ step))
+    return tuple(powers)
+
+
+def spread_weights(weight: npt.NDArray[np.floating], graph: BranchGraph) -> sparse.csr_array:
+    """Return the weights of single neurons in a graph convolution, (nodes * features, lines), float64.
+
+    ``weight`` (features, (hops + 1) * inputs) has the weights of each hop next to each other. Neuron
+    ``node * features + f`` is feature f of a node.
+    """
+    of_hop = np.split(weight.astype(np.float64), len(graph.powers), axis=1)
+    parts = (sparse.kron(power, part, format="csr") for power, part in zip(graph.powers, of_hop, strict=True))
+    order = np.argsort(graph.lines.ravel())
+    spread = sparse.csr_array(sparse.csc_array(sum(parts))[:, order])
+    spread.sort_indices()
+    return spread

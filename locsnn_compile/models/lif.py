@@ -22,10 +22,10 @@ import torch
 from torch import Tensor, nn
 
 from hw_model.values import AnyArray, FloatArray, IntArray
-from locsnn_compile.models.branch_graph import BranchGraph
-from locsnn_compile.models.dense_layer import DenseLayer, to_device, to_host
 from locsnn_compile.models.description import LifParameters
+from locsnn_compile.models.graph_and_windows import BranchGraph
 from locsnn_compile.models.lif_scan import list_active, scan, scan_active, scan_active_back, scan_back
+from locsnn_compile.models.touch_model import DenseLayer, to_device, to_host
 
 _WORTH_LISTING = 1 << 14
 """Number of weights from which adding those of active inputs takes less time than a matrix product."""
@@ -148,8 +148,7 @@ class GraphLayer(nn.Module):
         super().__init__()
         self.neuron = neuron
         self.nodes, self.inputs = graph.lines.shape
-        terms = graph.hop.shape[0] // self.nodes * self.inputs
-        self.weight = nn.Parameter(torch.zeros(features, terms))
+        self.weight = nn.Parameter(torch.zeros(features, len(graph.powers) * self.inputs))
         heard, self._hop = _heard(graph)
         # Row ``line * nodes + node`` of the spread weights, for every input of a node that is heard.
         places = (graph.lines[heard[1]] * self.nodes + heard[0][:, np.newaxis]).reshape(-1)
@@ -179,8 +178,6 @@ class GraphLayer(nn.Module):
 
 def _heard(graph: BranchGraph) -> tuple[tuple[IntArray, IntArray], FloatArray]:
     """Return the pairs of nodes whose first hears the second, and how strongly after each hop, (pairs, hops + 1)."""
-    nodes = len(graph.lines)
-    powers = [graph.hop[start : start + nodes] for start in range(0, graph.hop.shape[0], nodes)]
-    pairs = sum(abs(power) for power in powers).nonzero()
+    pairs = sum(abs(power) for power in graph.powers).nonzero()
     first, second = (ends.astype(np.int64) for ends in pairs)
-    return (first, second), np.stack([power[first, second] for power in powers], axis=1)
+    return (first, second), np.stack([power[first, second] for power in graph.powers], axis=1)

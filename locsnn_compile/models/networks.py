@@ -14,14 +14,12 @@ from torch import Tensor, nn
 
 from hw_model.values import AnyArray, ByteArray, IntArray
 from locsnn_compile.models.ann import Cnn3d, GruMlp
-from locsnn_compile.models.branch_graph import branch_graph
 from locsnn_compile.models.chip_entry import ChipNumbers
 from locsnn_compile.models.chip_layers import ChipLayer, potential_of_sum, rounded, to_format
-from locsnn_compile.models.dense_layer import INITIAL_SCALE, draw_weights, to_device, to_host
 from locsnn_compile.models.description import LifParameters, NetworkDescription
 from locsnn_compile.models.lif import GraphLayer, LifLayer
 from locsnn_compile.models.srm import SRMLayer, transpose_recording
-from locsnn_compile.models.touch_model import TouchModel
+from locsnn_compile.models.touch_model import INITIAL_SCALE, TouchModel, draw_weights, to_device, to_host
 
 
 class WindowNetwork(TouchModel):
@@ -163,7 +161,7 @@ class TouchNetwork(TouchModel):
         neuron = description.neuron_of(branch)
         if isinstance(neuron, LifParameters):
             if name.endswith("_graph"):
-                return GraphLayer(branch_graph(description, branch), outputs, neuron)
+                return GraphLayer(description.graph_of(branch), outputs, neuron)
             return LifLayer(inputs, outputs, neuron)
         if self.chip is not None:
             return ChipLayer(inputs, outputs, description.srm(branch), self.chip.populations[name], self.chip)

@@ -17,8 +17,8 @@ from torch.autograd.function import once_differentiable
 
 from hw_model.engine.compiled import compiled_with_arrays
 from hw_model.values import AnyArray
-from locsnn_compile.models.dense_layer import DenseLayer, to_device, to_host
 from locsnn_compile.models.description import NeuronParameters
+from locsnn_compile.models.touch_model import DenseLayer, to_device, to_host
 from locsnn_compile.network.neurons import alpha_recursion
 
 

@@ -66,38 +66,30 @@ def _check_readout(network: Network) -> None:
 
 def _check_start(view: InputView, network: Network) -> None:
     """Views of a phase must start together, and nothing may act before the touch: the chip does not run then."""
-    where, events = f"input {view.name!r}", view.align_events
+    where, events = view.where, view.align_events
     if any(other.align_events != events for other in network.views if other.phase == view.phase):
         what, fix = f"other inputs of the {view.phase} phase start elsewhere", "Give them the same align_events."
         raise InputError(where, what, fix=fix)
-    if events is None:
-        return
-    if events < 1:
-        raise InputError(where, "it starts without an event", measured=f"align_events {events}", fix="Give 1 or more.")
-    for p in network.populations:
+    for p in network.populations if events is not None else ():
         if p.phase == view.phase == "time" and p.neuron.biased.any():
             what = f"it starts at the first touch, but population {p.name!r} has biases, which act before"
             raise InputError(where, what, fix="Train without biases, or do not align.")
 
 
 def _check_view(view: InputView, network: Network) -> None:
-    where = f"input {view.name!r}"
+    where = view.where
     _check_start(view, network)
     if view.axis == "time":
         if view.walk is not None or view.together != 1 or view.silence != 0:
             raise InputError(where, "only a location axis has a location order", fix="Leave it out.")
         return
-    if view.walk is None:
-        raise InputError(where, "a location axis has no location order", fix="Visit every channel exactly once.")
-    if sorted(view.walk.tolist()) != list(range(network.channels)):
+    if view.walk is None or sorted(view.walk.tolist()) != list(range(network.channels)):
         fix = "Visit every channel exactly once."
         raise InputError(where, "its location order is not a permutation of the channels", fix=fix)
-    if not 1 <= view.together <= network.channels or view.lines % view.together:
+    if view.together > network.channels or view.lines % view.together:
         what = "channels visited together do not have equal lines of their own"
         measured = f"{view.together} of {counted(network.channels, 'channel')} on {counted(view.lines, 'line')}"
         raise InputError(where, what, measured=measured, fix="Give lines for every time step of each.")
-    if view.silence < 0:
-        raise InputError(where, "its silence is negative", measured=f"{view.silence} steps", fix="Give 0 or more.")
 
 
 def _check_neuron(population: Population) -> None:

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from hw_model.io.records import NOT_NEGATIVE, between
+from hw_model.io.records import AT_LEAST_ONE, NOT_NEGATIVE, between
 from hw_model.mapping.graph import AXES, Axis, Phase
 from hw_model.mapping.graph import Readout as Readout
 from hw_model.values import ByteArray, FloatArray, Frozen, IntArray, Shown
@@ -38,12 +38,17 @@ class InputView(Shown):
     axis: Axis
     lines: Annotated[int, between(1, MOST)]
     walk: IntArray | None = None
-    together: int = 1
-    silence: int = 0
+    together: Annotated[int, between(1, MOST)] = 1
+    silence: Annotated[int, between(0, MOST)] = 0
     own_phase: str = ""
     """The phase in which it is played, if that is not the phase of its axis."""
-    align_events: int | None = None
+    align_events: Annotated[int | None, AT_LEAST_ONE] = None
     """Events in one step at which a recording starts; None: it starts at its first step."""
+
+    @property
+    def where(self) -> str:
+        """How errors name it."""
+        return f"input {self.name!r}"
 
     @property
     def phase(self) -> str:

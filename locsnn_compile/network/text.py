@@ -3,7 +3,6 @@
 ``levels.txt`` says how a level reads.
 """
 
-import math
 from functools import singledispatch
 from typing import Any
 
@@ -53,29 +52,15 @@ def neuron_text(n: Neuron, axis: Axis) -> str:
     return f"{type(n).__name__} neurons along {axis}, {', '.join(rows)}"
 
 
-@neuron_text.register
-def _(n: SrmAlpha, axis: Axis) -> str:
-    return _LEVELS.piece("SrmAlpha", n, axis=axis, cut=None if math.isinf(n.eps_taps) else n)
+def _own_text(n: Neuron, axis: Axis) -> str:
+    """Return the text of a model of this package, the piece of its name; of what is as usual, nothing is said."""
+    unusual = {"cut": n != n.whole(), "bias": n.biased.any(), "dendrites": n.dendrites != 1}
+    said: dict[str, Any] = {name: n if told else None for name, told in unusual.items()}
+    return _LEVELS.piece(type(n).__name__, n, axis=axis, **said)
 
 
-@neuron_text.register
-def _(n: Cuba, axis: Axis) -> str:
-    return _LEVELS.piece("Cuba", n, axis=axis, bias=n.bias if n.bias.any() else None)
-
-
-@neuron_text.register
-def _(n: SoftCuba, axis: Axis) -> str:
-    return _LEVELS.piece("SoftCuba", n, axis=axis)
-
-
-@neuron_text.register
-def _(n: ChipCuba, axis: Axis) -> str:
-    return _LEVELS.piece("ChipCuba", n, axis=axis, bias=n if n.biased.any() else None)
-
-
-@neuron_text.register
-def _(n: ChipSrm, axis: Axis) -> str:
-    return _LEVELS.piece("ChipSrm", n, axis=axis, dendrites=None if n.dendrites == 1 else n.dendrites)
+for _model in (SrmAlpha, Cuba, SoftCuba, ChipCuba, ChipSrm):
+    neuron_text.register(_model, _own_text)
 
 
 def _decays_text(n: Leaky | ChipNeuron) -> str:

@@ -1,22 +1,50 @@
 """The reference: a network evaluated with numpy only, float neurons in float64, on-grid neurons in int64.
 
 Populations that feed each other in a circle are stepped together, all others one after the other. Weights and scales
-are chosen for what the float network does on calibration recordings.
+are chosen for what the float network does on calibration recordings. The steps of each neuron model are in
+``float_neurons`` and, for neurons on the grid, in ``integer_neurons``.
 """
 
 from collections.abc import Mapping
+from functools import singledispatch
+from typing import Any, Protocol
 
 import numpy as np
 
 import hw_model as hw
 from hw_model.description.chip import Registers
 from hw_model.mapping.circles import sources_first
-from hw_model.values import AnyArray, ByteArray, FloatArray, Frozen, IntArray
+from hw_model.values import AnyArray, BoolArray, ByteArray, FloatArray, Frozen, IntArray
 from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.errors import InputError
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm
 from locsnn_compile.network.network import Network, Population
+from locsnn_compile.network.neurons import Cuba, Neuron, SoftCuba, SrmAlpha
 from locsnn_compile.network.projections import ChipProjection, Matrix, by_delay, charge
-from locsnn_compile.reference.integer_neurons import effective_weights
-from locsnn_compile.reference.neurons import steps_of as steps_of
+from locsnn_compile.reference.float_neurons import CubaSteps, SoftCubaSteps, SrmSteps
+from locsnn_compile.reference.integer_neurons import ChipCubaSteps, ChipSrmSteps, effective_weights
+
+
+class NeuronSteps(Protocol):
+    """The state of a population's neurons, (batch, n)."""
+
+    def step(self, arriving: Any) -> tuple[BoolArray, AnyArray]:
+        """Take the weights that arrive; return the spikes, and the potential that decided them."""
+
+
+@singledispatch
+def steps_of(neuron: Neuron, batch: int, size: int, registers: Registers | None = None) -> NeuronSteps:
+    """Return neurons at rest, as registered for their model; on-grid neurons wrap and clip in ``registers``."""
+    fix = "Register its state with locsnn_compile.reference.evaluate.steps_of."
+    raise InputError(f"neuron {type(neuron).__name__}", "nothing says how it steps", fix=fix)
+
+
+steps_of.register(SrmAlpha, SrmSteps)
+steps_of.register(Cuba, CubaSteps)
+steps_of.register(SoftCuba, SoftCubaSteps)
+steps_of.register(ChipCuba, ChipCubaSteps)
+steps_of.register(ChipSrm, ChipSrmSteps)
+
 
 Potentials = AnyArray
 """float64 for float neurons; int64 for on-grid neurons, in units of the registers."""

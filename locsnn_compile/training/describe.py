@@ -5,10 +5,9 @@ from dataclasses import asdict, fields, replace
 from typing import Any
 
 from hw_model.values import picked
-from locsnn_compile.data.orders import location_order, order_text
 from locsnn_compile.data.recordings import MAX_STEPS, Recordings
 from locsnn_compile.data.sensor import POLARITIES, TAXELS, SensorLayout, asked_layout, neutouch
-from locsnn_compile.data.taxel_graph import taxel_graph
+from locsnn_compile.data.walks_and_graphs import location_order, order_text, taxel_graph
 from locsnn_compile.errors import InputError, check_most, check_same
 from locsnn_compile.models.architectures import ARCHITECTURES
 from locsnn_compile.models.description import InputLayout, LifParameters, NetworkDescription, Neuron, NeuronParameters
@@ -41,7 +40,7 @@ def describe(recordings: Recordings, config: TrainingConfig, classes: int, name:
         delays=_whole_numbers("delays", config.delays, "0 20 40 60"),
         location_delays=_whole_numbers("location_delays", config.location_delays, "0 20 40 60"),
         class_names=recordings.class_names,
-        window=_windows(config) if structure.window_branch and structure.neurons != "windows" else None,
+        window=_windows(config) if structure.window_branch else None,
     )
 
 
@@ -58,9 +57,7 @@ def _whole_numbers(option: str, text: str, example: str) -> tuple[int, ...]:
 def _neuron(config: TrainingConfig, *, location: bool = False) -> Neuron | None:
     """Return the constants of the neurons, which have the names of options; location constants take precedence."""
     neurons = ARCHITECTURES[config.model].neurons
-    if neurons == "windows":
-        return _windows(config)
-    if neurons == "none":
+    if neurons not in LOCATION_CONSTANTS:
         return None
     kind = NeuronParameters if neurons == "srm" else LifParameters
     values = {item.name: getattr(config, item.name) for item in fields(kind)}
@@ -94,7 +91,7 @@ def fixed_by(start: NetworkDescription) -> dict[str, Any]:
     if start.structure.window_branch:
         windows = asdict(start.windows) | {"levels": " ".join(map(str, start.windows.levels))}
         found |= {f"window_{name}": value for name, value in windows.items()}
-    if start.neuron is not None and start.structure.neurons != "windows":
+    if start.neuron is not None:
         found |= asdict(start.neuron)
     if (graph := start.graph) is not None:
         found |= {"graph": graph.name} | {key: getattr(graph, key) for key in ("hops", "features", "step_features")}

@@ -17,7 +17,7 @@ from torch import Tensor
 
 from hw_model.io.files import replace_file
 from hw_model.values import ByteArray, Frozen, IntArray
-from locsnn_compile.data.division import stratified_split
+from locsnn_compile.data.read import stratified_split
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.checkpoint import Checkpoint

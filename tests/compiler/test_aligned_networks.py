@@ -184,7 +184,7 @@ def two_starts():
         ),
         (
             aligned(hybrid(), 0),
-            "input 'touch': it starts without an event (align_events 0). Give 1 or more.",
+            "input 'touch', align_events: it must be a whole number of at least 1 (got 0). Correct it.",
         ),
     ],
     ids=["biases", "two starts", "no event"],

@@ -146,7 +146,7 @@ def test_the_moments_are_those_of_the_kernels():
     calibration = calibrated(network, samples=3)
     u, v, gain, _ = two_decays(10.0, "tau")
     (projection,) = network.projections
-    drive = drive_of(NEURON, [projection], (u, v), gain, calibration)
+    drive = drive_of(NEURON, (projection,), (u, v), gain, calibration)
     spikes = calibration.spikes["touch"].astype(float)
     k = np.arange(1, 13)
     answer = ((1 - u / 4096) ** k - (1 - v / 4096) ** k) / ((v - u) / 4096)
@@ -167,15 +167,15 @@ def test_the_moments_are_those_of_the_kernels():
 def test_strategies_of_the_same_decays_share_what_is_known_of_the_inputs():
     network = single(NEURON, np.random.default_rng(0).normal(0, 4, (2, 3)))
     calibration, (projection,) = calibrated(network), network.projections
-    drive = drive_of(NEURON, [projection], (379, 401), 1.0, calibration)
-    assert drive_of(NEURON, [projection], (379, 401), 1.0, calibration) is drive
+    drive = drive_of(NEURON, (projection,), (379, 401), 1.0, calibration)
+    assert drive_of(NEURON, (projection,), (379, 401), 1.0, calibration) is drive
     assert drive.metric is drive.metric
     for decays, gain, others in [
         ((390, 390), 1.0, calibration),
         ((379, 401), 2.0, calibration),
         ((379, 401), 1.0, calibrated(network, seed=6)),
     ]:
-        assert drive_of(NEURON, [projection], decays, gain, others) is not drive
+        assert drive_of(NEURON, (projection,), decays, gain, others) is not drive
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from locsnn_compile.data import aedat4, event_stream, from_tonic, read_recordings, recording_parts
+from locsnn_compile.data import event_formats, event_stream, from_tonic, read_recordings, recording_parts
 from locsnn_compile.data.event_stream import Binning, EventStream, bin_streams
 from locsnn_compile.data.sensor import SensorLayout
 from locsnn_compile.errors import InputError
@@ -182,7 +182,7 @@ def test_aedat4_as_a_camera_writes_it(camera: Path) -> None:
 
 
 def test_aedat4_of_too_many_events(camera: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (aedat4, event_stream):
+    for module in (event_formats, event_stream):
         monkeypatch.setattr(module, "MAX_EVENTS", 2)
     with pytest.raises(InputError) as caught:
         read_recordings(camera)
@@ -211,7 +211,7 @@ def test_aedat4_that_is_damaged(
 
 
 def test_aedat4_that_takes_too_long(camera: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(aedat4, "_SECONDS", 0.0)
+    monkeypatch.setattr(event_formats, "_AEDAT4_SECONDS", 0.0)
     with pytest.raises(InputError) as caught:
         read_recordings(camera)
     assert str(caught.value) == DAMAGED
@@ -229,7 +229,7 @@ def test_aedat4_says_which_package_it_needs(tmp_path: Path, monkeypatch: pytest.
 
 def test_a_stream_may_say_its_columns() -> None:
     one = EventStream(*(np.array([value]) for value in (0, 1, 2, 0)), columns=5)
-    assert bin_streams([one], ["a"], "a", Binning())[0].shape == (1, 1, 12)
+    assert bin_streams([one], "a", Binning())[0].shape == (1, 1, 12)
 
 
 FLAT = [(0, 79, 1), (20_000, 3, 0), (45_000, 40, 1)]

@@ -127,8 +127,8 @@ BAD: list[tuple[str, Callable[[Path], object], str]] = [
     (
         "mixed shapes",
         members(_0=npy(ONE[0]), _1=npy(np.concatenate([ONE[1], ONE[1]]))),
-        "archive 'a.zip', 'sample_1_label_0.npy': its shape is not that of the other recordings "
-        "(got 12 x 156 against 12 x 78 steps x channels). Give recordings of one sensor.",
+        "archive 'a.zip', 'sample_1_label_0.npy': its channels are not those of the first recording "
+        "(156 against 78). Give recordings of one sensor.",
     ),
     (
         "a count inside",

@@ -15,7 +15,7 @@ import torch
 
 from hw_model.io.files import npy_bytes
 from locsnn_compile.data.read import read_recordings, recording_parts
-from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.data.recordings import Expected, Recordings
 from locsnn_compile.data.write import write_recordings
 from locsnn_compile.errors import InputError
 
@@ -318,6 +318,13 @@ def test_what_are_no_recordings(
     assert str(caught.value) == message
     assert not leaked
     assert not (tmp_path / "ran").exists()
+
+
+def test_bins_may_be_as_narrow_as_the_steps_of_a_model(tmp_path: Path) -> None:
+    """Limits are those of putting events into bins, and these are bins already."""
+    np.save(tmp_path / "a.npy", np.zeros((1, 2, 3)))
+    found = read_recordings(tmp_path / "a.npy", model=Expected("model 'a'", step_seconds=1e-7, channels=2))
+    assert (found.spikes.shape, found.step_seconds) == ((1, 3, 2), 1e-7)
 
 
 def test_a_file_has_no_parts(tmp_path: Path) -> None:

@@ -91,7 +91,7 @@ def message_of(path: Path) -> str:
     return str(caught.value)
 
 
-FIX = "Write 'polarity cell_index timestamp_seconds' on it."
+FIX = "Write 'polarity cell_index timestamp_seconds' on it: a polarity of 1, 0 or -1, a cell of 1 to 80 without 17 and 49."
 
 
 @pytest.mark.parametrize(
@@ -109,16 +109,16 @@ FIX = "Write 'polarity cell_index timestamp_seconds' on it."
         ),
         pytest.param(
             f"1 1 1 {'9' * 400}\n",
-            f"file 'a.tact', line 1: its time is not finite (got inf). {FIX}",
+            f"file 'a.tact', line 1: it is not an event (got '1 1 1 9999999999999999999999999999999999'). {FIX}",
             id="absurd nanoseconds",
         ),
-        pytest.param("2 1 1\n", f"file 'a.tact', line 1: its polarity is not 1, 0 or -1 (got 2). {FIX}", id="polarity"),
+        pytest.param("2 1 1\n", f"file 'a.tact', line 1: it is not an event (got '2 1 1'). {FIX}", id="polarity"),
         pytest.param(
             "1 17 1\n",
-            f"file 'a.tact', line 1: there is no such cell (got 17 against 1..80 without 17 and 49). {FIX}",
+            f"file 'a.tact', line 1: it is not an event (got '1 17 1'). {FIX}",
             id="cell that does not exist",
         ),
-        pytest.param("1 1 nan\n", f"file 'a.tact', line 1: its time is not finite (got nan). {FIX}", id="NaN"),
+        pytest.param("1 1 nan\n", f"file 'a.tact', line 1: it is not an event (got '1 1 nan'). {FIX}", id="NaN"),
         pytest.param("\n", "file 'a.tact': no events inside. Give a recording with events.", id="empty"),
         pytest.param(
             "1 1 0\n1 1 1e9\n",
@@ -144,17 +144,17 @@ def test_what_is_no_recording(tmp_path: Path, text: str, message: str) -> None:
     [
         pytest.param(
             {"step_seconds": 0.0},
-            "step_seconds: it is out of range (got 0.0 against 1e-06..1000.0). Correct the number.",
+            "recordings, step_seconds: it must be a number from 1e-06 to 1000 (got 0.0). Correct it.",
             id="no width",
         ),
         pytest.param(
             {"step_seconds": float("nan")},
-            "step_seconds: it is out of range (got nan against 1e-06..1000.0). Correct the number.",
+            "recordings, step_seconds: it must be a number from 1e-06 to 1000 (got nan). Correct it.",
             id="NaN",
         ),
         pytest.param(
             {"threshold": -1},
-            "threshold: it is out of range (got -1 against 0..20000000). Correct the number.",
+            "recordings, threshold: it must be a whole number from 0 to 20000000 (got -1). Correct it.",
             id="negative threshold",
         ),
     ],

@@ -109,7 +109,7 @@ WAY = "Give seconds and units from 0 up."
         ),
         pytest.param(
             lambda path: heidelberg(path, [[60_000.0]], [[0]]),
-            "file 'a.h5': it lasts too long for its bins (60000 s in bins of 0.02 s against 20000 bins). Give wider bins.",
+            "file 'a.h5', recording 0: it lasts too long for its bins (60000 s in bins of 0.02 s against 20000 bins). Give wider bins.",
             id="too long",
         ),
         pytest.param(
@@ -120,7 +120,7 @@ WAY = "Give seconds and units from 0 up."
         pytest.param(
             large,
             "file 'a.h5': 'spikes': the file unpacks to more than is read "
-            "(8000000000000 bytes more against 500000000 of 500000000 left). Give a smaller file.",
+            "(8000000000000 bytes against 500000000). Give a smaller file.",
             id="absurd array",
         ),
         pytest.param(

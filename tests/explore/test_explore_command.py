@@ -17,7 +17,7 @@ from hw_model.simulation import ENGINES
 from locsnn_compile.cli import explore as explore_cli
 from locsnn_compile.cli.compile import main as compile_main
 from locsnn_compile.cli.main import parser
-from locsnn_compile.data.member_names import PARTS
+from locsnn_compile.data.members import PARTS
 from locsnn_compile.explore import point as point_module
 from locsnn_compile.explore.point import Figures
 from locsnn_compile.settings import AXES

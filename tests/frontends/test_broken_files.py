@@ -62,7 +62,7 @@ BROKEN = [
     ("a circle of weights", circle, "model 'model.nir': a loop of edges has no neuron (a -> b). Put a neuron into the loop."),
     ("a slash in a name", rename, "model 'model.nir', node 'deep': it has no type; HDF5 makes groups of a name with a slash. Rename nodes without slashes."),
     ("an unknown primitive", put("node/nodes/lif/type", "LIFF"), "model 'model.nir', node 'lif': 'LIFF' is not a NIR primitive. Did you mean 'LIF'?"),
-    ("absurd dimensions", absurd, "model 'model.nir', node 'fc': 'weight': the file unpacks to more than is read (8796093022208 bytes more against 499999984 of 500000000 left). Give a smaller file."),
+    ("absurd dimensions", absurd, "model 'model.nir', node 'fc': 'weight': the file unpacks to more than is read (8796093022224 bytes against 500000000). Give a smaller file."),
     ("text for numbers", put("node/nodes/lif/tau", "long"), "model 'model.nir', node 'lif': 'tau' is not made of numbers (object). Give a whole file, or write it again."),
     ("a parameter missing", lambda f: f.__delitem__("node/nodes/lif/r"), "model 'model.nir', node 'lif': 'r' is missing. Give a whole file, or write it again."),
     ("a group for a number", lambda f: (f.__delitem__("node/nodes/lif/r"), f.create_group("node/nodes/lif/r")), "model 'model.nir', node 'lif': 'r' is a group, not a value. Give a whole file, or write it again."),

@@ -2,7 +2,7 @@
 
 import torch
 
-from locsnn_compile.models.dense_layer import INITIAL_SCALE, draw_weights
+from locsnn_compile.models.touch_model import INITIAL_SCALE, draw_weights
 
 
 def drawn(layer, generator, scale=INITIAL_SCALE):

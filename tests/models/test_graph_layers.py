@@ -13,11 +13,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from locsnn_compile.data.sensor import LOCATION_ORDERS, TAXEL_COORDINATES_MM, neutouch
-from locsnn_compile.data.taxel_graph import GRAPHS, taxel_graph
+from locsnn_compile.data.walks_and_graphs import GRAPHS, taxel_graph
 from locsnn_compile.errors import InputError
-from locsnn_compile.models.branch_graph import BranchGraph, branch_graph, hop_matrix, spread_weights, step_edges
 from locsnn_compile.models.description import InputLayout, LifParameters, NetworkDescription
-from locsnn_compile.models.graph_and_windows import GraphParameters
+from locsnn_compile.models.graph_and_windows import BranchGraph, GraphParameters, hop_powers, spread_weights
 from locsnn_compile.models.lif import GraphLayer, scan_spikes, spike
 
 SEEDS = st.integers(0, 2**31)
@@ -102,7 +101,7 @@ def test_spread_weights_sum_over_walks(
     rng = np.random.default_rng(seed)
     weight, x = rng.normal(size=(features, (hops + 1) * inputs)), rng.normal(size=nodes * inputs)
     lines = rng.permutation(nodes * inputs).reshape(nodes, inputs)
-    spread = spread_weights(weight, BranchGraph(hop_matrix(edges, nodes, hops), lines))
+    spread = spread_weights(weight, BranchGraph(hop_powers(edges, nodes, hops), lines))
     expected = brute_convolution(x[lines], weight, edges, hops).ravel()
     np.testing.assert_allclose(spread @ x, expected, rtol=1e-9, atol=1e-12)
 
@@ -115,7 +114,7 @@ def test_layer_and_its_gradient_equal_those_of_the_spread_weights(
     edges, nodes = graph
     rng = np.random.default_rng(seed)
     lines = rng.permutation(nodes * inputs).reshape(nodes, inputs)
-    parts, neuron = BranchGraph(hop_matrix(edges, nodes, hops), lines), LifParameters()
+    parts, neuron = BranchGraph(hop_powers(edges, nodes, hops), lines), LifParameters()
     generator = torch.Generator().manual_seed(seed)
     layer = drawn(GraphLayer(parts, 2, neuron), generator, 2.0).double()
     x = (rng.random((2, 9, nodes * inputs)) < 0.4).astype(np.float64)
@@ -151,18 +150,17 @@ def description(fingertips: int) -> NetworkDescription:
 
 @pytest.mark.parametrize("fingertips", [1, 2])
 def test_a_taxel_hears_its_polarities_on_every_fingertip(fingertips: int) -> None:
-    lines = branch_graph(description(fingertips), "time").lines
+    lines = description(fingertips).graph_of("time").lines
     assert lines[4].tolist() == [8, 9, 86, 87][: 2 * fingertips]
     assert sorted(lines.ravel().tolist()) == list(range(78 * fingertips))
 
 
 def test_a_time_step_hears_steps_up_to_three_away() -> None:
-    graph = branch_graph(description(1), "location")
+    graph = description(1).graph_of("location")
     weights = spread_weights(np.ones((2, 4)), graph).toarray()
     assert weights.shape == (14, 7)
     heard = {(neuron // 2, line) for neuron, line in zip(*np.nonzero(weights), strict=True)}
     assert heard == {(a, b) for a, b in product(range(7), repeat=2) if abs(a - b) <= 3}
-    assert step_edges(4) == ((1, 2), (2, 3), (3, 4))
 
 
 @pytest.mark.parametrize(

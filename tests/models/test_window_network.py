@@ -34,8 +34,8 @@ WEIGHT, BIAS = "location_output", "location_output_bias"
 
 def described(steps: int = 12, fingertips: int = 1, windows: WindowParameters | None = None) -> NetworkDescription:
     layout = InputLayout(neutouch(fingertips), steps=steps, step_seconds=0.02)
-    neuron = windows or WindowParameters(steps=4, stride=2, levels=(1, 3))
-    return NetworkDescription("window-snn", layout, 3, neuron=neuron, location_order="own", location_taxels=ORDER)
+    window = windows or WindowParameters(steps=4, stride=2, levels=(1, 3))
+    return NetworkDescription("window-snn", layout, 3, window=window, location_order="own", location_taxels=ORDER)
 
 
 def touches(samples: int, steps: int, fingertips: int = 1, share: float = 0.3) -> NDArray[np.uint8]:
@@ -177,7 +177,7 @@ def test_going_on_from_a_network_keeps_its_windows(tmp_path: Path) -> None:
     assert main([*train_with, "--config", str(tmp_path / "own.yaml"), "-o", str(first)]) == 0
     assert main([*train_with, "--from", str(first), "-o", str(second)]) == 0
     found, before = read_checkpoint(second), read_checkpoint(first)
-    assert found.description.neuron == before.description.neuron == WindowParameters(8, 5, (2, 4))
+    assert found.description.window == before.description.window == WindowParameters(8, 5, (2, 4))
     assert found.training["optimizer"] == "sgd"
     assert not np.array_equal(found.weights[WEIGHT], before.weights[WEIGHT])
 

@@ -15,7 +15,7 @@ from tables import Table, spread
 
 import hw_model as hw
 import locsnn_compile as lc
-from locsnn_compile.data.division import stratified_split
+from locsnn_compile.data.read import stratified_split
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.training.config import config_from_mapping, read_config
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from locsnn_compile.data.division import stratified_split
+from locsnn_compile.data.read import stratified_split
 from locsnn_compile.training.batches import (
     add_events,
     augmented,

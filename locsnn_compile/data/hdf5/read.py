@@ -107,8 +107,7 @@ class Group:
                 fix = "Train or export again."
                 raise InputError(self.where, f"{name!r} holds a number that is not finite", fix=fix)
         else:
-            if values.dtype.kind == "u" and values.size and int(values.max()) > 2**62:
-                raise InputError(self.where, f"{name!r} is too large", measured=f"{values.max()}", fix=_WHOLE)
+            check_most(int(values.max(initial=0)), 2**62, self.where, f"{name!r} is too large", fix=_WHOLE)
             values = values.astype(np.int64)
         values.setflags(write=False)
         return values
@@ -187,17 +186,14 @@ class Group:
 
 
 class _Budget:
-    """The number of bytes that may still be read."""
+    """The number of bytes that were read so far."""
 
-    def __init__(self) -> None:
-        self._left = MAX_BYTES
+    taken = 0
 
     def take(self, amount: int, where: str) -> None:
-        if amount > self._left:
-            measured = f"{amount} bytes more against {self._left} of {MAX_BYTES} left"
-            fix = "Give a smaller file."
-            raise InputError(where, "the file unpacks to more than is read", measured=measured, fix=fix)
-        self._left -= amount
+        self.taken += amount
+        what, fix = "the file unpacks to more than is read", "Give a smaller file."
+        check_most(self.taken, MAX_BYTES, where, what, unit="bytes", fix=fix)
 
 
 @contextmanager

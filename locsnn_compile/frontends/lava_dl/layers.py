@@ -17,37 +17,49 @@ Values = Mapping[str, Array | str]
 
 
 class NetLayer(Frozen, eq=False):
-    """A layer: its number in the file, its type, and its datasets."""
+    """A layer: its number in the file, its type, its datasets, and how errors name it."""
 
     number: int
     kind: str
     values: Values
+    where: str = ""
 
-    def whole(self, name: str, where: str) -> IntArray:
+    def whole(self, name: str) -> IntArray:
         """Return a dataset of whole numbers; ``InputError`` for other numbers."""
         values = self.values[name] if name in self.values else None
         if values is None or isinstance(values, str):
-            raise InputError(where, f"{name!r} is missing or not a number", fix="Export it again with lava-dl.")
+            raise InputError(self.where, f"{name!r} is missing or not a number", fix="Export it again with lava-dl.")
         bad = values[(values != np.rint(values)) | (np.abs(values) > 2**40)]
         if bad.size:
-            raise export_again(where, f"{name!r} is not made of integers", f"{bad.flat[0]:g}")
+            raise self.fault(f"{name!r} is not made of integers", f"{bad.flat[0]:g}")
         return np.asarray(values, dtype=np.int64)
 
-    def one(self, name: str, where: str, default: int) -> int:
+    def one(self, name: str, default: int) -> int:
         """Return a single whole number, or the default if the layer has none of this name."""
         if name not in self.values:
             return default
-        values = self.whole(name, where).reshape(-1)
+        values = self.whole(name).reshape(-1)
         if values.size == 0 or (values != values[0]).any():
-            raise export_again(where, f"{name!r} must be one number", f"{values[:4]}")
+            raise self.fault(f"{name!r} must be one number", f"{values[:4]}")
         return int(values[0])
 
-    def text(self, name: str, where: str) -> str:
+    def pair(self, name: str, default: int) -> tuple[int, int]:
+        """Return two whole numbers, for height and width; one in the file stands for both."""
+        values = self.whole(name).reshape(-1) if name in self.values else np.array([default])
+        if values.size not in (1, 2):
+            raise self.fault(f"{name!r} must be one number or two", f"{values.size}")
+        return int(values[0]), int(values[-1])
+
+    def text(self, name: str) -> str:
         """Return a text, or '' if there is none; ``InputError`` for numbers."""
         value = self.values.get(name, "")
         if isinstance(value, str):
             return value
-        raise export_again(where, f"{name!r} is not text", f"{value.dtype}")
+        raise self.fault(f"{name!r} is not text", f"{value.dtype}")
+
+    def fault(self, what: str, measured: str) -> InputError:
+        """Return the error for a layer that lava-dl would not have written."""
+        return export_again(self.where, what, measured)
 
 
 class NetFile(Frozen, eq=False):
@@ -74,7 +86,7 @@ def read_net(path: Path, where: str) -> tuple[NetFile, bytes]:
         layers = []
         for name in sorted(names, key=int):
             group = held.group(name, f"{where}, layer {name}")
-            layers.append(NetLayer(int(name), group.text("type"), _values(group, "")))
+            layers.append(NetLayer(int(name), group.text("type"), _values(group, ""), group.where))
         simulation = _values(root.group("simulation"), "") if "simulation" in root else {}
         return NetFile(tuple(layers), simulation), data
 

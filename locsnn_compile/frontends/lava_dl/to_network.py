@@ -9,7 +9,6 @@ number. A neuron spikes where v > 64 vThMant, and each layer takes one step. Del
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy import sparse
@@ -57,7 +56,7 @@ def load_lava_dl(path: Path) -> Network:
     file, data = read_net(path, where)
     built = _Built()
     for layer in file.layers:
-        _add(built, layer, f"{where}, layer {layer.number}")
+        _add(built, layer)
     if not built.populations:
         raise InputError(where, "it has no layer of neurons", fix="Export a network with a dense or conv layer.")
     lines = built.views[0].lines
@@ -86,62 +85,56 @@ def _simulation(file: NetFile, where: str) -> tuple[float | None, int]:
     return (ts / 1000 if ts > 0 else None), int(steps) if 1 <= steps <= 10_000 else STEPS
 
 
-def _add(built: _Built, layer: NetLayer, where: str) -> None:
+def _add(built: _Built, layer: NetLayer) -> None:
     kind = layer.kind
     if kind == "input":
-        built.shape = _shape(layer, where)
+        built.shape = _shape(layer)
         built.views.append(InputView(INPUT, "time", math.prod(built.shape)))
         if any(key.startswith("neuron/") for key in layer.values):
-            _add_input_neurons(built, layer, where)
+            # At these neurons, an event counts as the value 1.
+            one = INPUT_WEIGHT * sparse.eye_array(math.prod(built.shape), dtype=np.int64)
+            _append(built, layer, built.shape, matrix(sparse.csr_array(one), np.int64))
     elif kind == "flatten":
         built.shape = None if built.shape is None else (math.prod(built.shape),)
     elif kind in ("dense", "dense_rec", "conv", "pool"):
-        _add_neurons(built, layer, where)
+        _add_weights(built, layer)
     elif kind in _REFUSED:
-        raise InputError(where, f"{kind!r} is a type of layer that the chip cannot run", fix=_REFUSED[kind])
+        what = f"{kind!r} is a type of layer that the chip cannot run"
+        raise InputError(layer.where, what, fix=_REFUSED[kind])
     else:
-        raise InputError(where, f"{kind[:40]!r} is not a known type of layer", fix="Use dense and conv layers.")
+        what = f"{kind[:40]!r} is not a known type of layer"
+        raise InputError(layer.where, what, fix="Use dense and conv layers.")
 
 
-def _add_neurons(built: _Built, layer: NetLayer, where: str) -> None:
-    name = f"layer{layer.number}"
+def _add_weights(built: _Built, layer: NetLayer) -> None:
     if "weight/real" in layer.values or "weight/imag" in layer.values:
-        raise InputError(where, "its weights are complex", fix="Use CUBA neurons.")
-    mantissa, shape, source = _weights(built, layer, where)
-    size = math.prod(shape)
+        raise InputError(layer.where, "its weights are complex", fix="Use CUBA neurons.")
+    mantissa, shape, source = _weights(built, layer)
     if not built.views:
         built.views.append(InputView(INPUT, "time", source))
-    _append(built, layer, shape, mantissa, where)
+    _append(built, layer, shape, mantissa)
     if layer.kind == "dense_rec":
-        back = layer.whole("weight_rec", where)
-        check_entries(back.size, where)
+        name, size, back = built.source, math.prod(shape), layer.whole("weight_rec")
+        check_entries(back.size, layer.where)
         if back.size != size * size or (size > 1 and len(back) != size):
-            raise export_again(where, "weight_rec has the wrong size", f"{back.shape} for {size}")
-        built.projections.append(_projection(name, name, matrix(back.reshape(size, size), np.int64), 0, where))
+            raise layer.fault("weight_rec has the wrong size", f"{back.shape} for {size}")
+        again = matrix(back.reshape(size, size), np.int64)
+        built.projections.append(_projection(name, name, again, 0, layer.where))
 
 
-def _add_input_neurons(built: _Built, layer: NetLayer, where: str) -> None:
-    """Add the neurons of an input layer, at which an event counts as the value 1."""
-    assert built.shape is not None
-    built.source = INPUT
-    one = sparse.csr_array(INPUT_WEIGHT * sparse.eye_array(math.prod(built.shape), dtype=np.int64))
-    _append(built, layer, built.shape, matrix(one, np.int64), where)
-
-
-def _append(built: _Built, layer: NetLayer, shape: Shape, mantissa: Matrix, where: str) -> None:
+def _append(built: _Built, layer: NetLayer, shape: Shape, mantissa: Matrix) -> None:
     """Add the neurons of a layer, and the weights onto them from the last layer."""
     name = f"layer{layer.number}"
-    built.populations.append(Population(name, "time", math.prod(shape), _neurons(layer, shape, where)))
-    delay = 0 if layer.kind == "input" else _delay(layer, mantissa, where)
-    built.projections.append(_projection(built.source, name, mantissa, delay, where))
+    built.populations.append(Population(name, "time", math.prod(shape), _neurons(layer, shape)))
+    delay = 0 if layer.kind == "input" else _delay(layer, mantissa)
+    built.projections.append(_projection(built.source, name, mantissa, delay, layer.where))
     built.source, built.shape = name, shape
 
 
-def _weights(built: _Built, layer: NetLayer, where: str) -> tuple[Matrix, Shape, int]:
+def _weights(built: _Built, layer: NetLayer) -> tuple[Matrix, Shape, int]:
     """Return the mantissas (n, n_source), the layer's shape and n_source."""
-    weight = layer.whole("weight", where)
+    weight, shape, where = layer.whole("weight"), _shape(layer), layer.where
     check_entries(weight.size, where)
-    shape = _shape(layer, where)
     if layer.kind in ("dense", "dense_rec"):
         size = math.prod(shape)
         rows_first = weight.size > 0 and size in (1, len(weight) if weight.ndim else 1)
@@ -149,34 +142,32 @@ def _weights(built: _Built, layer: NetLayer, where: str) -> tuple[Matrix, Shape,
         source = held.shape[1] if rows_first else -1
         if source < 1 or (built.shape is not None and math.prod(built.shape) != source):
             measured = f"{weight.shape} for {counted(size, 'neuron')} and an input of {built.shape}"
-            raise export_again(where, "its weight has the wrong shape", measured)
+            raise layer.fault("its weight has the wrong shape", measured)
         return matrix(held, np.int64), shape, source
-    given = built.shape or _image_before(layer, weight.shape, shape, where)
-    kernel = _kernel(layer, weight, where)
+    given = built.shape or _image_before(layer, weight.shape, shape)
+    kernel, (stride, padding, dilation) = _kernel(layer, weight), _strides(layer)
     if kernel.ndim != 4 or len(given) != 3:
-        raise export_again(where, "it is not a layer of images", f"weight {weight.shape}")
-    window, groups = Window(*_strides(layer, where)), layer.one("groups", where, 1)
+        raise layer.fault("it is not a layer of images", f"weight {weight.shape}")
     if layer.kind == "pool":
-        fill = _fill(given, shape, window.stride)
-        found, out = pooling(kernel[:1, :1], given, window, fill=fill, where=where)
+        window = Window.padded(stride, padding, dilation, _fill(given, shape, stride))
+        found, out = pooling(kernel[:1, :1], given, window, where=where)
     else:
-        found, out = convolution(kernel, given, window, groups=groups, where=where)
+        window = Window.padded(stride, padding, dilation)
+        found, out = convolution(kernel, given, window, groups=layer.one("groups", 1), where=where)
     check_same(shape, out, where, "its shape and its output differ", fix="Export again.")
     return matrix(found, np.int64), shape, math.prod(given)
 
 
-def _kernel(layer: NetLayer, weight: IntArray, where: str) -> IntArray:
+def _kernel(layer: NetLayer, weight: IntArray) -> IntArray:
     """Return the kernel (out, in / groups, height, width); slayerPytorch writes it without its axes of length one."""
     if weight.ndim == 5 and weight.shape[4] == 1:
         return weight.reshape(weight.shape[:4])
     if weight.ndim >= 4 or "kernelSize" not in layer.values:
         return weight
-    height, width = _pair(layer, "kernelSize", where)
-    if layer.kind == "pool":
-        whole: Shape = (1, 1, height, width)
-    else:
-        groups = max(layer.one("groups", where, 1), 1)
-        whole = (layer.one("outChannels", where, 1), layer.one("inChannels", where, 1) // groups, height, width)
+    whole: Shape = (1, 1, *layer.pair("kernelSize", 1))
+    if layer.kind != "pool":
+        groups = max(layer.one("groups", 1), 1)
+        whole = (layer.one("outChannels", 1), layer.one("inChannels", 1) // groups, *whole[2:])
     return weight.reshape(whole) if weight.size == math.prod(whole) else weight
 
 
@@ -187,35 +178,26 @@ def _fill(given: Shape, shape: Shape, stride: Ints) -> Ints:
     return tuple(-n % s if out == -(-n // s) else 0 for n, out, s in zip(given[1:], shape[1:], stride, strict=True))
 
 
-def _image_before(layer: NetLayer, kernel: Shape, shape: Shape, where: str) -> Shape:
+def _image_before(layer: NetLayer, kernel: Shape, shape: Shape) -> Shape:
     """Return the shape of a convolution's input if no layer states it: with stride 1, its own shape determines it."""
-    stride, padding, dilation = _strides(layer, where)
+    stride, padding, dilation = _strides(layer)
     if layer.kind != "conv" or len(kernel) < 4 or len(shape) != 3 or set(stride) != {1}:
-        raise InputError(where, "the shape of its input is not known", fix="Export the input layer as well.")
+        raise InputError(layer.where, "the shape of its input is not known", fix="Export the input layer as well.")
     rows, columns = (
         n - 1 + d * (k - 1) + 1 - 2 * p for n, d, k, p in zip(shape[1:], dilation, kernel[2:4], padding, strict=True)
     )
     if min(rows, columns) < 1:
-        raise export_again(where, "its padding is wider than its input", f"{padding}")
-    return (kernel[1] * layer.one("groups", where, 1), rows, columns)
+        raise layer.fault("its padding is wider than its input", f"{padding}")
+    return (kernel[1] * layer.one("groups", 1), rows, columns)
 
 
-def _strides(layer: NetLayer, where: str) -> list[tuple[int, int]]:
-    return [_pair(layer, key, where) for key in ("stride", "padding", "dilation")]
+def _strides(layer: NetLayer) -> tuple[Ints, Ints, Ints]:
+    return layer.pair("stride", 1), layer.pair("padding", 0), layer.pair("dilation", 1)
 
 
-def _pair(layer: NetLayer, name: str, where: str) -> tuple[int, int]:
-    if name not in layer.values:
-        return (0, 0) if name == "padding" else (1, 1)
-    values = layer.whole(name, where).reshape(-1)
-    if values.size not in (1, 2):
-        raise export_again(where, f"{name!r} must be one number or two", f"{values.size}")
-    return int(values[0]), int(values[-1])
-
-
-def _shape(layer: NetLayer, where: str) -> Shape:
-    shape = tuple(layer.whole("shape", where).reshape(-1).tolist())
-    check_shape(shape, where)
+def _shape(layer: NetLayer) -> Shape:
+    shape = tuple(layer.whole("shape").reshape(-1).tolist())
+    check_shape(shape, layer.where)
     return shape
 
 
@@ -225,58 +207,57 @@ def _projection(source: str, target: str, mantissa: Matrix, delay: int | IntArra
     return ChipProjection(source, target, mantissa, 0, 8, signs, delay)
 
 
-def _delay(layer: NetLayer, mantissa: Matrix, where: str) -> int | IntArray:
+def _delay(layer: NetLayer, mantissa: Matrix) -> int | IntArray:
     """Return the delays as netx spreads them: one for all, one per neuron, or one per input."""
     if "delay" not in layer.values:
         return 0
     values = layer.values["delay"]
     if isinstance(values, str) or (values < 0).any():
-        raise InputError(where, "a delay is below 0", fix="Clamp the delays before the export.")
+        raise InputError(layer.where, "a delay is below 0", fix="Clamp the delays before the export.")
     delay = np.minimum(np.floor(values), DELAY_MAX).astype(np.int64).reshape(-1)
     rows, columns = mantissa.shape
     if (delay == delay[:1]).all() and delay.size in (1, rows, columns):
         return int(delay[0])
-    channels = layer.one("outChannels", where, 0)
+    channels = layer.one("outChannels", 0)
     if layer.kind == "conv" and delay.size == channels and rows % channels == 0:
         delay = np.repeat(delay, rows // channels)
     if delay.size not in (rows, columns):
         measured = f"{delay.size} against {rows} outputs or {columns} inputs"
-        raise export_again(where, "the delays have the wrong size", measured)
+        raise layer.fault("the delays have the wrong size", measured)
     each = of_target(mantissa, delay) if delay.size == rows else of_source(mantissa, delay)
     return sealed(np.broadcast_to(each, values_of(mantissa).shape).astype(np.int64))
 
 
-def _neurons(layer: NetLayer, shape: Shape, where: str) -> ChipCuba:
-    kind = layer.text("neuron/type", where) or ("CUBA" if "neuron/vThMant" in layer.values else "")
+def _neurons(layer: NetLayer, shape: Shape) -> ChipCuba:
+    kind = layer.text("neuron/type") or ("CUBA" if "neuron/vThMant" in layer.values else "")
     if kind not in ("CUBA", "LOIHI"):
         what = f"{kind[:40]!r} neurons do not fit into one compartment of the chip" if kind else "it has no neurons"
-        raise InputError(where, what, fix="Use CUBA neurons.")
-    if layer.one("neuron/gradedSpike", where, 0):
-        raise InputError(where, "its spikes are graded", fix="Train with graded_spike=False.")
-    if layer.one("neuron/wgtExp", where, 0):
-        raise InputError(where, "wgtExp is not 0, and lava-dl ignores it", fix="Export with wgtExp 0.")
+        raise InputError(layer.where, what, fix="Use CUBA neurons.")
+    if layer.one("neuron/gradedSpike", 0):
+        raise InputError(layer.where, "its spikes are graded", fix="Train with graded_spike=False.")
+    if layer.one("neuron/wgtExp", 0):
+        raise InputError(layer.where, "wgtExp is not 0, and lava-dl ignores it", fix="Export with wgtExp 0.")
     size = math.prod(shape)
 
-    def each(name: str, default: int | None = None) -> Any:
-        if default is not None and name not in layer.values:
-            return default
-        values = layer.whole(name, where).reshape(-1)
+    def each(name: str, default: int | None = None) -> IntArray:
+        missing = default is not None and name not in layer.values
+        values = np.array([default]) if missing else layer.whole(name).reshape(-1)
         if values.size not in (1, shape[0], size):
-            raise export_again(where, f"{name!r} has the wrong size", f"{values.size} for {shape}")
+            raise layer.fault(f"{name!r} has the wrong size", f"{values.size} for {shape}")
         return integers(np.repeat(values, size // values.size), size)
 
-    made = ChipCuba.of(
+    decays = {key: each(f"neuron/{key}") for key in ("iDecay", "vDecay")}
+    for key, values in decays.items():
+        if not 0 <= values.min() <= values.max() <= DECAY_ONE:
+            measured = f"{values.min()}..{values.max()} against 0..{DECAY_ONE}"
+            raise InputError(layer.where, f"{key} is not a decay", measured=measured, fix="Correct it.")
+    return ChipCuba.of(
         size,
-        decay_u=each("neuron/iDecay"),
-        decay_v=each("neuron/vDecay"),
+        decay_u=decays["iDecay"],
+        decay_v=decays["vDecay"],
         # Neurons that must not spike have more than the register holds; 2^17 - 1 is near the end of v itself.
         threshold=np.minimum(each("neuron/vThMant"), THRESHOLD_MAX),
         bias_mantissa=each("bias", 0),
         bias_exponent=BIAS_EXPONENT if "bias" in layer.values else 0,
         refractory=np.maximum(each("neuron/refDelay", 1), 1),
     )
-    for key, values, most in (("iDecay", made.decay_u, DECAY_ONE), ("vDecay", made.decay_v, DECAY_ONE)):
-        if (values < 0).any() or (values > most).any():
-            measured = f"{values.min()}..{values.max()} against 0..{most}"
-            raise InputError(where, f"{key} is not a decay", measured=measured, fix="Correct it.")
-    return made

@@ -231,7 +231,8 @@ def _image(node: NirNode, given: Shape, where: str) -> Shape:
 def _convolved(node: NirNode, given: Shape, where: str) -> Layer:
     image = _image(node, given, where)
     weight, groups = node.array("weight").astype(np.float64), _ints(node, "groups", 1, where)[0]
-    weights, shape = convolution(weight, image, _window(node, where), groups=groups, where=where)
+    window = _window(node, weight.shape[2:], where)
+    weights, shape = convolution(weight, image, window, groups=groups, where=where)
     bias = node.each("bias", shape[0], "channel", where)
     return Layer(weights, np.repeat(bias, math.prod(shape[1:])), shape)
 
@@ -244,7 +245,7 @@ def _pooled(node: NirNode, given: Shape, where: str) -> Layer:
         raise InputError(where, "its kernel is smaller than 1", measured=f"{kernel}", fix="Correct it.")
     # An average divides by the size of the kernel, padding included, which is torch's default.
     each = 1.0 / math.prod(kernel) if node.kind == "AvgPool2d" else 1.0
-    weights, shape = pooling(np.broadcast_to(each, kernel), image, _window(node, where), where=where)
+    weights, shape = pooling(np.broadcast_to(each, kernel), image, _window(node, kernel, where), where=where)
     return Layer(weights, 0.0, shape)
 
 
@@ -257,12 +258,18 @@ def _unbatched(given: Shape, axes: int) -> Shape:
     return given[1:] if len(given) == axes + 2 and given[0] == 1 else given
 
 
-def _window(node: NirNode, where: str) -> Window:
+def _window(node: NirNode, kernel: Shape, where: str) -> Window:
     """Return how the kernel slides."""
-    axes, padding = _axes(node), node.parameters["padding"]
+    axes, padding = len(kernel), node.parameters["padding"]
+    stride = _ints(node, "stride", axes, where)
     dilation = _ints(node, "dilation", axes, where) if "dilation" in node.parameters else (1,) * axes
-    slides = padding if isinstance(padding, str) else _ints(node, "padding", axes, where)
-    return Window(_ints(node, "stride", axes, where), slides, dilation)
+    if not isinstance(padding, str):
+        return Window.padded(stride, _ints(node, "padding", axes, where), dilation)
+    check_known(where, f"padding {padding[:60]!r} is not known", padding, ("same", "valid"))
+    if padding == "same" and set(stride) != {1}:
+        raise InputError(where, "padding 'same' needs stride 1", measured=f"{stride}", fix="Give numbers.")
+    total = [d * (k - 1) if padding == "same" else 0 for d, k in zip(dilation, kernel, strict=True)]
+    return Window(stride, tuple((t // 2, t - t // 2) for t in total), dilation)
 
 
 def _ints(node: NirNode, name: str, axes: int, where: str) -> tuple[int, ...]:

@@ -57,10 +57,10 @@ def _listed(kernel: FloatArray, entry: LayerEntry, given: Shape, where: str) -> 
     side, stride, padding, dilation = entry.numbers[-1], entry.stride, entry.padding, entry.dilation
     shape = (1 if flat else side, side)
     row = (1, 0, 1) if flat else (stride, padding, dilation)
-    window = Window((row[0], stride), (row[1], padding), (row[2], dilation))
+    fill = tuple(-n % side if entry.kind == "pool" else 0 for n in given[1:])
+    window = Window.padded((row[0], stride), (row[1], padding), (row[2], dilation), fill)
     if entry.kind == "pool":
-        fill = tuple(-n % side for n in given[1:])
-        return pooling(_shaped(kernel, shape, f"{shape}", where), given, window, fill=fill, where=where)
+        return pooling(_shaped(kernel, shape, f"{shape}", where), given, window, where=where)
     whole = (entry.numbers[0], given[0] // max(entry.groups, 1), *shape)
     return convolution(_shaped(kernel, whole, f"{whole}", where), given, window, groups=entry.groups, where=where)
 

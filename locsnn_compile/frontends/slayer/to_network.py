@@ -12,7 +12,7 @@ it does there.
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -22,10 +22,10 @@ import numpy as np
 from hw_model.io.files import read_bytes
 from hw_model.mapping.graph import Axis
 from hw_model.values import FloatArray
-from locsnn_compile.data.orders import channel_walk, location_order
 from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.data.tensors import FLOATS, Tensor
 from locsnn_compile.data.torch_file import load_plain
+from locsnn_compile.data.walks_and_graphs import channel_walk, location_order
 from locsnn_compile.errors import InputError, check_known, check_most, check_same, counted
 from locsnn_compile.frontends.parts import STEPS, VIEW_NAMES, Parts, eight_bit_signs, touch_fingertips
 from locsnn_compile.frontends.slayer.config import DEFAULT_ORDER, LoihiNeuron, SlayerConfig, axis_of, read_config
@@ -56,17 +56,13 @@ class _Layer:
     name: str
     weights: Matrix
     channels: int
-    delays: Any = field(default=None)
+    delays: Any = None
     assumed: tuple[str, ...] = ()
 
     @property
     def size(self) -> int:
         """Neurons."""
         return int(self.weights.shape[0])
-
-    @property
-    def axis(self) -> Axis:
-        return axis_of(self.name)
 
 
 def load_slayer(path: Path, config: Path, kernels: str | None = None) -> Network:
@@ -87,7 +83,7 @@ def load_slayer(path: Path, config: Path, kernels: str | None = None) -> Network
     tensors = _tensors(held, where)
     check_kernels(tensors, description, where)
     layers = _layers(tensors, description, where)
-    chains = {axis: [layer for layer in layers if layer.axis == axis] for axis in VIEW_NAMES}
+    chains = {axis: [layer for layer in layers if axis_of(layer.name) == axis] for axis in VIEW_NAMES}
     chains = {axis: chain for axis, chain in chains.items() if chain}
     for before, after in (pair for chain in chains.values() for pair in pairwise(chain)):
         what, fix = f"its inputs are not the neurons of {before.name!r}", "Save the layers of one chain in their order."
@@ -216,7 +212,7 @@ def _attach(layers: list[_Layer], key: str, delay: Any, config: SlayerConfig, wh
     block = key.rpartition(".")[0].rpartition(".")[0]
     beside = [layer for layer in layers if block and layer.name.rpartition(".")[0] == block]
     axis = axis_of(key.rpartition(".")[0])
-    for layer in beside or sorted(layers, key=lambda layer: layer.axis != axis):
+    for layer in beside or sorted(layers, key=lambda layer: axis_of(layer.name) != axis):
         if layer.delays is None and steps.size in (1, layer.size, layer.channels):
             layer.delays = np.repeat(steps, layer.size // steps.size)
             if not beside:

@@ -19,7 +19,7 @@ from hw_model.arithmetic.fixed_point import DECAY_ONE, WeightGrid
 from hw_model.description.chip import Chip
 from hw_model.values import FloatArray, Frozen, IntArray
 from locsnn_compile.errors import TargetError, counted
-from locsnn_compile.network.chip_neurons import ChipSrm, Refractory
+from locsnn_compile.network.chip_neurons import ChipSrm
 from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.passes.kernels import kernel, own_charges
 from locsnn_compile.passes.rounding.task import Task, exponent_holding, own_grid
@@ -71,9 +71,8 @@ def lay_out(neuron: SrmAlpha, decay: int, thresholds: Iterable[int], task: Task)
         raise TargetError(task.where, what, measured=measured, fix=f"Use strategy {other}.")
     mantissa, exponent = found.mantissa[: last + 1, :, chosen], found.exponent[: last + 1, :, chosen]
     delay, part = np.nonzero(mantissa)
-    size = task.population.size
-    own = Refractory.of(size, mantissa[delay, part], exponent[delay, part], delay)
-    return ChipSrm.of(size, decay_u=decay, decay_v=decay, threshold=int(candidates[chosen]), refractory=own)
+    taps = {"mantissa": mantissa[delay, part], "exponent": exponent[delay, part], "delay": delay}
+    return ChipSrm.with_taps(task.population.size, decay=decay, threshold=int(candidates[chosen]), **taps)
 
 
 def _taps(chip: Chip) -> int:

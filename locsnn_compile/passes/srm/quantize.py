@@ -13,7 +13,7 @@ import numpy as np
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WeightGrid
 from hw_model.values import FloatArray, IntArray
-from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm, Refractory, integers
+from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm, integers
 from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.passes.kernels import one_decay, two_decays
 from locsnn_compile.passes.rounding.task import Scaled, Task, checked_scale, exponent_holding, heaviest_weight, own_grid
@@ -92,8 +92,8 @@ def _with_dendrites(neuron: SrmAlpha, decay: int, thresholds: Iterable[int], tas
 
     threshold = min(thresholds, key=lambda t: rounded(t)[0])
     _, mantissa, exponent = rounded(threshold)
-    own = Refractory.of(size, mantissa, exponent, refractory_decay=refractory_decay)
-    return ChipSrm.of(size, decay_u=decay, decay_v=decay, threshold=threshold, refractory=own)
+    own = {"mantissa": mantissa, "exponent": exponent, "refractory_decay": refractory_decay}
+    return ChipSrm.with_taps(size, decay=decay, threshold=threshold, **own)
 
 
 def whole_mantissas(charge: float, thresholds: FloatArray, grid: WeightGrid) -> tuple[IntArray, IntArray, int]:
