@@ -12,7 +12,6 @@ from hw_model.io.files import replace_file
 from hw_model.values import picked
 from locsnn_compile.api import CompiledModel, compile, join, recordings_for
 from locsnn_compile.backends import BENCH_KINDS, BUILD_NAMES, EMITTED_NAMES
-from locsnn_compile.backends.files import bench_files, check_kinds
 from locsnn_compile.cli.options import given, recording_of
 from locsnn_compile.cli.places import check_places
 from locsnn_compile.cli.shell import EXIT_GATE, progress_bar, terminal
@@ -23,9 +22,7 @@ from locsnn_compile.errors import InputError, listed
 from locsnn_compile.frontends import load
 from locsnn_compile.network.network import Network
 from locsnn_compile.report.gates import GATES, check_gates, gates_entry, junit_file
-from locsnn_compile.report.renderers.terminal import render_terminal
 from locsnn_compile.report.sections.build import unmet_budget
-from locsnn_compile.report.viewer.page import render_viewer
 from locsnn_compile.settings import check_matters
 from locsnn_compile.verification.error_bounds import ErrorBudget
 
@@ -41,7 +38,11 @@ def build(args: Namespace) -> int:
     folder = Path(args.output) if args.output else default_folder(f"{name}.pt")
     _check_places(args, folder)
     network = _network(args)
-    check_kinds(target := chip(args.target), args.emit)
+    target = chip(args.target)
+    if args.emit:
+        from locsnn_compile.backends.files import check_kinds
+
+        check_kinds(target, args.emit)
     recordings, calibration = _recordings(args, network)
     number = recording_of(args.recording, recordings)
     with progress_bar("checking against the trained network", show=not args.quiet) as progress:
@@ -63,6 +64,8 @@ def build(args: Namespace) -> int:
     if args.json:
         sys.stdout.write(files["report.json"].decode())
     elif not args.quiet:
+        from locsnn_compile.report.renderers.terminal import render_terminal
+
         console = terminal()
         render_terminal(compiled.composed, console)
         names = dict.fromkeys(f"{name.split('/')[0]}/" if "/" in name else name for name in files)
@@ -130,9 +133,13 @@ def _emitted(args: Namespace, compiled: CompiledModel, recordings: Recordings, n
     """Return the files for other tools, made from the program and one recording, and the viewer of several."""
     found: dict[str, bytes] = {}
     if kinds := [kind for kind in BENCH_KINDS if kind in args.emit]:
+        from locsnn_compile.backends.files import bench_files
+
         title = f"recording {number} of {recordings.source}"
         found |= bench_files(compiled.program, kinds, recordings.spikes[number], title, args.probe)
     if "viewer" in args.emit:
+        from locsnn_compile.report.viewer.page import render_viewer
+
         played, first = compiled.network.fit(recordings.spikes, recordings.source), compiled.match.first_divergence
         found["viewer.html"] = render_viewer(compiled.levels, compiled.report, played, recordings.labels, first)
     return found

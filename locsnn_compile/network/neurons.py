@@ -10,6 +10,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import fields, replace
+from functools import lru_cache
 from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeVar, get_type_hints
 
 import numpy as np
@@ -213,12 +214,13 @@ def alpha_recursion(tau: float, factor: float = 1.0) -> tuple[float, float]:
     return a, factor * math.e * a / tau
 
 
+@lru_cache(maxsize=8)
 def alpha_taps(tau: float, factor: float, steps: int = MAX_TAPS) -> FloatArray:
     """Return the taps that slayerPytorch keeps of ``factor * k / tau * exp(1 - k / tau)``, k from 0."""
     k = np.arange(min(steps, MAX_TAPS))
     values = np.asarray(factor * k / tau * np.exp(1 - k / tau), dtype=np.float64)
     small = np.flatnonzero((np.abs(values) < SMALLEST) & (k > tau))
-    return values[: small[0]] if small.size else values
+    return sealed(values[: small[0]].copy() if small.size else values)
 
 
 def spread(value: ArrayLike, size: int, dtype: type[Number]) -> npt.NDArray[Number]:
