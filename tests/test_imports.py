@@ -11,6 +11,8 @@ from pathlib import Path
 import networkx as nx
 import pytest
 
+import locsnn_compile as lc
+
 sys.path.insert(0, str(Path(__file__).parent / "house"))
 from rooms import between, circles, imports_of, inner_circles, modules_of, room
 
@@ -225,5 +227,20 @@ def test_a_command_loads_nothing_that_it_does_not_need(tmp_path):
         "assert os.environ['OPENBLAS_NUM_THREADS']\n"
         "sys.exit(' '.join(sorted(heavy)) or 0)\n"
     )
+    done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_running_a_program_loads_no_network_and_no_report(tmp_path):
+    script = (
+        "import sys\n"
+        "from locsnn_compile.cli.main import main\n"
+        f"assert main(['run', {str(tmp_path)!r}, '--events', 'examples/recordings/touches.npz']) == 0\n"
+        "heavy = {'scipy.sparse', 'locsnn_compile.network.network', 'locsnn_compile.report.words'} & set(sys.modules)\n"
+        "sys.exit(' '.join(sorted(heavy)) or 0)\n"
+    )
+    recordings = lc.read_recordings(ROOT / "examples/recordings/touches.npz")
+    compiled = lc.compile(lc.load(ROOT / "examples/models/objects-hybrid-loihi.pt"), events=recordings, diagnosis=False)
+    compiled.save(tmp_path)
     done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")

@@ -24,7 +24,6 @@ from typing import Any
 import numpy as np
 
 import hw_model as hw
-from locsnn_compile.cli.run_stream import stream_all, stream_lines
 from locsnn_compile.cli.shell import progress_bar, say
 from locsnn_compile.cli.step_options import CHUNK, chunks_for_program, read_for_program
 from locsnn_compile.cluster.spread import Spread, spread_over
@@ -32,8 +31,6 @@ from locsnn_compile.data.read import recording_parts
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError, check_most
 from locsnn_compile.report.format import plural
-from locsnn_compile.report.words import sentence
-from locsnn_compile.verification.over_time import savings, stop_all
 
 Row = dict[str, Any]
 _SAVED = ("steps", "synaptic_ops", "energy_pj")
@@ -77,6 +74,8 @@ def run(args: argparse.Namespace) -> int:
             result["binning"] = recordings.binned.document()
             said.append(f"binning: {recordings.binned.words}")
         if args.stream:
+            from locsnn_compile.cli.run_stream import stream_all, stream_lines
+
             result["stream"] = stream_all(args, program, recordings, rows, margin)
             said += stream_lines(result["stream"])
         if args.stop:
@@ -190,6 +189,8 @@ def _find_stops(
     spread: Spread,
 ) -> Row:
     """Stop every recording; add its ``stop`` to its row, and return the figures over all of them."""
+    from locsnn_compile.verification.over_time import savings, stop_all
+
     if args.silence is not None:
         stop = partial(hw.stop_in_silence, program, silence=args.silence)
     elif margin is None:
@@ -217,6 +218,8 @@ def _find_stops(
 
 def _stop_lines(found: Row) -> list[str]:
     """Return, a line each, where the margin comes from, what stopping saves, and how predictions compare."""
+    from locsnn_compile.report.words import sentence
+
     lines = []
     if calibrated := found.get("calibrated_on"):
         of_part = f", {calibrated['part']} part" if calibrated["part"] else ""

@@ -3,15 +3,16 @@
 import argparse
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import hw_model as hw
 from hw_model.values import picked
 from locsnn_compile.data.read import read_in_chunks, read_recordings
 from locsnn_compile.data.recordings import Expected, Recordings
 from locsnn_compile.errors import InputError
-from locsnn_compile.frontends.nir.graph import NirGraph
-from locsnn_compile.network.network import Network
+
+if TYPE_CHECKING:  # for types alone: networks take locsnn run, which plays programs, a third of its time
+    from locsnn_compile.network.network import Network
 
 CHUNK = 16
 """Recordings held in memory at a time, if the file can be read in pieces."""
@@ -50,10 +51,13 @@ def expected_by(program: hw.ChipProgram) -> Expected:
     )
 
 
-def with_steps(network: Network, args: argparse.Namespace) -> Network:
+def with_steps(network: "Network", args: argparse.Namespace) -> "Network":
     """Return the network with the steps asked for; ``InputError`` if its file says otherwise."""
-    if args.step_seconds is not None and args.dt is None and isinstance(network.origin, NirGraph):
-        raise InputError("--step-seconds", "the neurons of a NIR graph depend on its step", fix="Give it as --dt.")
+    if args.step_seconds is not None and args.dt is None:
+        from locsnn_compile.frontends.nir.graph import NirGraph
+
+        if isinstance(network.origin, NirGraph):
+            raise InputError("--step-seconds", "the neurons of a NIR graph depend on its step", fix="Give it as --dt.")
     found = network.expected.agreed(**picked(args, "step_seconds", "steps", "threshold"))
     network = replace(network, step_seconds=found["step_seconds"], event_threshold=found["threshold"])
     if args.steps is None or not network.any_length:
