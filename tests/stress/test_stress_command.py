@@ -152,7 +152,7 @@ def test_the_page_is_written_between_its_marks(few, tmp_path, capsys):
 
 
 def test_a_new_page_and_its_pictures(rows, monkeypatch, tmp_path, capsys):
-    monkeypatch.setattr("locsnn_compile.stress.run.run_stress", lambda chip, quick, progress: rows)
+    monkeypatch.setattr("locsnn_compile.cli.stress.run_stress", lambda chip, quick, progress: rows)
     page = tmp_path / "new" / "numbers.md"
     page.parent.mkdir()
     assert main(["stress", "-o", str(page)]) == 0
@@ -174,7 +174,7 @@ def test_a_new_page_and_its_pictures(rows, monkeypatch, tmp_path, capsys):
     ids=["no marks", "marks the wrong way", "no text"],
 )  # fmt: skip
 def test_pages_that_cannot_be_written_to_are_refused_first(monkeypatch, tmp_path, content, line, capsys):
-    monkeypatch.setattr("locsnn_compile.stress.run.run_stress", None)  # it must not be called
+    monkeypatch.setattr("locsnn_compile.cli.stress.run_stress", None)  # it must not be called
     page = tmp_path / "p.md"
     page.write_bytes(content)
     assert main(["stress", "-o", str(page)]) == 2

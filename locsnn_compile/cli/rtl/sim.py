@@ -13,8 +13,8 @@ built once, in half a minute, and kept in ~/.cache/locsnn. Nothing here runs on 
 import argparse
 
 import hw_model as hw
+from hw_model.rtl import simulators
 from hw_model.rtl.comparison import compare
-from hw_model.rtl.simulators import sources
 from locsnn_compile.cli.shell import EXIT_GATE, say
 from locsnn_compile.cli.step_options import read_for_program
 
@@ -23,7 +23,7 @@ def run(args: argparse.Namespace) -> int:
     """Compare; print the result in a few lines, or as JSON."""
     program = hw.load_program(args.program)
     spikes = read_for_program(args, args.events, program).spikes[: args.recordings]
-    found = compare(program, spikes, sources(), args.simulator)
+    found = compare(program, spikes, simulators.sources(), args.simulator)
     cycles = found["cycles"]
     lines = (
         f"recordings {found['recordings']}, compared values {found['compared_values']}",
