@@ -113,7 +113,7 @@ def _run(low, high, tile_at, given, room, skip, written):  # type: ignore[no-unt
 
 @inner
 def _add_up(start, stop, first, line, nodes, links, spikes, active, events, totals):  # type: ignore[no-untyped-def]
-    """Add up what :func:`hw_model.engine.trace.add_up` does, of one recording."""
+    """Add up what :func:`hw_model.engine.trace.added_up` does, of one recording."""
     due_late, columns = links.due_late, spikes.shape[1]
     lines = due_late.shape[1] - columns
     for late in range(min(len(due_late), stop - start)):
