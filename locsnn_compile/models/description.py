@@ -9,9 +9,9 @@ from typing import Annotated
 from hw_model.io.records import NOT_NEGATIVE, POSITIVE, Checked, between, check_value
 from hw_model.values import AnyArray, Frozen, IntArray, picked
 from locsnn_compile.baselines.ann_shapes import ann_shapes
+from locsnn_compile.data.orders import channel_walk, check_location_taxels
 from locsnn_compile.data.recordings import MAX_STEPS, clean_class_names
 from locsnn_compile.data.sensor import SensorLayout, frame_size
-from locsnn_compile.data.walks_and_graphs import channel_walk, check_location_taxels
 from locsnn_compile.errors import InputError, check_known, check_same
 from locsnn_compile.models.architectures import ARCHITECTURES, Architecture
 from locsnn_compile.models.graph_and_windows import (

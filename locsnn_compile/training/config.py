@@ -9,7 +9,7 @@ from hw_model.io.records import Checked, RecordReader, between, said_of
 from hw_model.io.yaml_text import read_mapping
 from hw_model.values import Frozen, Shown
 from locsnn_compile.data.sensor import MAX_CHANNELS, SensorLayout, asked_layout
-from locsnn_compile.data.walks_and_graphs import GRAPHS
+from locsnn_compile.data.taxel_graph import GRAPHS
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.architectures import ARCHITECTURES, Architecture
 from locsnn_compile.settings import TRAINABLE
@@ -122,7 +122,7 @@ class TrainingConfig(Shown, Checked, eq=True):
       in locations.
     - ``hidden``: neurons of a hidden layer. In networks with a graph, they are those of the first one, and the second
       has twice as many. ``graph`` joins the taxels (``neighbours`` and ``nearer_mm``: see
-      :func:`locsnn_compile.data.walks_and_graphs.taxel_graph`); ``hops``, ``features`` and ``step_features``: see
+      :func:`locsnn_compile.data.taxel_graph.taxel_graph`); ``hops``, ``features`` and ``step_features``: see
       :class:`locsnn_compile.models.graph_and_windows.GraphParameters`.
     - ``window_steps``, ``window_stride`` and ``window_levels`` (numbers of events, separated by spaces): see
       :class:`locsnn_compile.models.graph_and_windows.WindowParameters`.

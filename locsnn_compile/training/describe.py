@@ -5,9 +5,10 @@ from dataclasses import asdict, fields, replace
 from typing import Any
 
 from hw_model.values import picked
+from locsnn_compile.data.orders import location_order, order_text
 from locsnn_compile.data.recordings import MAX_STEPS, Recordings
 from locsnn_compile.data.sensor import POLARITIES, TAXELS, SensorLayout, asked_layout, neutouch
-from locsnn_compile.data.walks_and_graphs import location_order, order_text, taxel_graph
+from locsnn_compile.data.taxel_graph import taxel_graph
 from locsnn_compile.errors import InputError, check_most, check_same
 from locsnn_compile.models.architectures import ARCHITECTURES
 from locsnn_compile.models.description import InputLayout, LifParameters, NetworkDescription, Neuron, NeuronParameters

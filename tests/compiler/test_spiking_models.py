@@ -7,8 +7,9 @@ import pytest
 import torch
 
 import hw_model as hw
+from locsnn_compile.data.orders import location_order
 from locsnn_compile.data.sensor import neutouch
-from locsnn_compile.data.walks_and_graphs import location_order, taxel_graph
+from locsnn_compile.data.taxel_graph import taxel_graph
 from locsnn_compile.errors import TargetError
 from locsnn_compile.frontends.checkpoint import network_of
 from locsnn_compile.models.architectures import ARCHITECTURES

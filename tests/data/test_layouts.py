@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from locsnn_compile.data.axes import parse_axes, to_step_major
+from locsnn_compile.data.orders import BY_PLACE, location_order, order_text
 from locsnn_compile.data.sensor import (
     SensorLayout,
     asked_layout,
@@ -18,7 +19,7 @@ from locsnn_compile.data.sensor import (
 )
 from locsnn_compile.data.statistics import channel_place
 from locsnn_compile.data.synthetic import synthetic_touches
-from locsnn_compile.data.walks_and_graphs import BY_PLACE, location_order, order_text, taxel_graph
+from locsnn_compile.data.taxel_graph import taxel_graph
 from locsnn_compile.errors import InputError
 
 

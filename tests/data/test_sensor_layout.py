@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from locsnn_compile.data.orders import channel_walk, location_order
 from locsnn_compile.data.sensor import LOCATION_ORDERS, TAXEL_COORDINATES_MM, TAXELS, neutouch
-from locsnn_compile.data.walks_and_graphs import channel_walk, location_order
 from locsnn_compile.errors import InputError
 
 

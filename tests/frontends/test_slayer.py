@@ -9,8 +9,8 @@ from slayer_files import LOIHI, SRM, kernel, srm_layer, write
 
 import hw_model as hw
 import locsnn_compile as lc
+from locsnn_compile.data.orders import channel_walk
 from locsnn_compile.data.sensor import LOCATION_ORDERS, neutouch
-from locsnn_compile.data.walks_and_graphs import channel_walk
 from locsnn_compile.network.neurons import alpha_taps
 from locsnn_compile.network.projections import values_of
 from locsnn_compile.network.text import network_text

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 import torch
 
+from locsnn_compile.data.orders import location_order
 from locsnn_compile.data.sensor import neutouch
-from locsnn_compile.data.walks_and_graphs import location_order
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint

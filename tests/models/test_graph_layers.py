@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from locsnn_compile.data.sensor import LOCATION_ORDERS, TAXEL_COORDINATES_MM, neutouch
-from locsnn_compile.data.walks_and_graphs import GRAPHS, taxel_graph
+from locsnn_compile.data.taxel_graph import GRAPHS, taxel_graph
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.description import InputLayout, LifParameters, NetworkDescription
 from locsnn_compile.models.graph_and_windows import BranchGraph, GraphParameters, hop_powers, spread_weights

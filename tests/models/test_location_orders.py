@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import torch
 
+from locsnn_compile.data.orders import location_order
 from locsnn_compile.data.sensor import neutouch
-from locsnn_compile.data.walks_and_graphs import location_order
 from locsnn_compile.models.description import InputLayout, LifParameters, NetworkDescription, NeuronParameters
 from locsnn_compile.models.networks import build_network
 

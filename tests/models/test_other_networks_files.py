@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from locsnn_compile.data.sensor import LOCATION_ORDERS, neutouch
+from locsnn_compile.data.taxel_graph import taxel_graph
 from locsnn_compile.data.tensors import Tensor
 from locsnn_compile.data.torch_file import load_plain
-from locsnn_compile.data.walks_and_graphs import taxel_graph
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.architectures import ARCHITECTURES
 from locsnn_compile.models.checkpoint import Checkpoint

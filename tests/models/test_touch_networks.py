@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import torch
 
+from locsnn_compile.data.orders import channel_walk
 from locsnn_compile.data.sensor import LOCATION_ORDERS, neutouch
-from locsnn_compile.data.walks_and_graphs import channel_walk
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.description import InputLayout, NetworkDescription, NeuronParameters
 from locsnn_compile.models.networks import TouchNetwork, build_network

@@ -23,9 +23,9 @@ from matplotlib.figure import Figure
 from result_pictures import INK, STYLE, _save
 from tables import Table, kept, write_table
 
+from locsnn_compile.data.orders import location_order
 from locsnn_compile.data.read import read_recordings
 from locsnn_compile.data.sensor import TAXEL_COORDINATES_MM, neutouch
-from locsnn_compile.data.walks_and_graphs import location_order
 
 ROOT = Path(__file__).parents[2]
 BLUE, ORANGE, GREEN, VIOLET = "#2f81c7", "#d98324", "#3f9c5a", "#8a4fbf"

@@ -22,10 +22,10 @@ import numpy as np
 from hw_model.io.files import read_bytes
 from hw_model.mapping.graph import Axis
 from hw_model.values import FloatArray
+from locsnn_compile.data.orders import channel_walk, location_order
 from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.data.tensors import FLOATS, Tensor
 from locsnn_compile.data.torch_file import load_plain
-from locsnn_compile.data.walks_and_graphs import channel_walk, location_order
 from locsnn_compile.errors import InputError, check_known, check_most, check_same, counted
 from locsnn_compile.frontends.parts import STEPS, VIEW_NAMES, Parts, eight_bit_signs, touch_fingertips
 from locsnn_compile.frontends.slayer.config import DEFAULT_ORDER, LoihiNeuron, SlayerConfig, axis_of, read_config

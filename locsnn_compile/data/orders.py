@@ -1,19 +1,14 @@
-"""Walks over the taxels of a surface, by number, by position or from a file, and graphs that join its taxels.
+"""The order in which a location network walks the taxels of a surface: by number, by position, or from a file."""
 
-A location network walks the taxels in an order. The graphs are those of TactileSGNet, for any sensor with known
-positions; source of the three kinds: Gu et al., IROS 2020. Edges are undirected here, and each is held once.
-"""
-
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.distance import cdist
 
 from hw_model.io.files import read_bytes
 from hw_model.values import FloatArray, IntArray, sealed
-from locsnn_compile.data.sensor import LOCATION_ORDERS, MANUAL_EDGES, SensorLayout
-from locsnn_compile.errors import InputError, check_known, did_you_mean
+from locsnn_compile.data.sensor import LOCATION_ORDERS, SensorLayout
+from locsnn_compile.errors import InputError, did_you_mean
 
 _WHERE = "location order"
 Places = FloatArray
@@ -145,59 +140,3 @@ def check_location_taxels(taxels: Sequence[int], count: int) -> None:
     if missing := [taxel for taxel in range(1, count + 1) if taxel not in seen]:
         measured = f"{len(seen)} of {count} taxels given"
         raise InputError(_WHERE, f"taxel {missing[0]} is missing", measured=measured, fix=fix)
-
-
-Edges = tuple[tuple[int, int], ...]
-GRAPHS = ("manual", "nearest", "tree")
-
-
-def taxel_graph(kind: str, layout: SensorLayout, *, neighbours: int, nearer_mm: float) -> Edges:
-    """Return the edges of a surface's graph, pairs of 1-based taxel numbers, the lower first, sorted.
-
-    - ``manual``: edges drawn by hand, for NeuTouch only
-    - ``nearest``: every taxel and its nearest ``neighbours``; among equally near ones, those with the lowest numbers
-    - ``tree``: the minimum spanning tree that grows from the middle taxel, and all pairs nearer than ``nearer_mm``, in
-      the unit of the layout
-
-    Raises ``InputError`` for another kind, and for a sensor without the positions that are needed.
-    """
-    check_known("taxel graph", f"{kind!r} is not known", str(kind), GRAPHS)
-    where = f"taxel graph {kind!r}"
-    if kind == "manual":
-        if not layout.is_neutouch:
-            what = "its edges were drawn by hand for a NeuTouch fingertip"
-            raise InputError(where, what, measured=f"sensor {layout.name!r}", fix="Use --graph nearest or tree.")
-        return MANUAL_EDGES
-    places = layout.needed_places(where)
-    # Rounded so that equal distances compare as equal.
-    distance: FloatArray = cdist(places, places).round(9)
-    if kind == "nearest":
-        near = np.argsort(distance + np.diag(np.full(len(places), np.inf)), axis=1, kind="stable")
-        return _edges((a, int(b)) for a in range(len(places)) for b in near[a, : min(neighbours, len(places) - 1)])
-    close = zip(*np.nonzero(np.triu(distance < nearer_mm, k=1)), strict=True)
-    middle = int(np.square(places - places.mean(axis=0)).sum(axis=1).round(9).argmin())
-    return _edges([*_spanning_tree(distance, middle), *((int(a), int(b)) for a, b in close)])
-
-
-def _spanning_tree(distance: FloatArray, middle: int) -> list[tuple[int, int]]:
-    """Return the 0-based edges by which a tree grows from the middle, always to the nearest taxel outside it.
-
-    Among equally near ones, it takes the edge from the lowest number inside, then to the lowest outside.
-    """
-    far, inside = distance[middle].copy(), np.full(len(distance), middle)
-    far[middle] = np.inf
-    edges = []
-    for _ in range(len(distance) - 1):
-        nearest = np.flatnonzero(far == far.min())
-        b = int(nearest[np.lexsort((nearest, inside[nearest]))[0]])
-        edges.append((int(inside[b]), b))
-        far[b] = np.inf
-        outside = np.isfinite(far)
-        better = outside & ((distance[b] < far) | ((distance[b] == far) & (b < inside)))
-        far, inside = np.where(better, distance[b], far), np.where(better, b, inside)
-    return edges
-
-
-def _edges(pairs: Iterable[tuple[int, int]]) -> Edges:
-    """Return sorted 1-based pairs, given 0-based ones that may occur twice or with their ends swapped."""
-    return tuple(sorted({(min(a, b) + 1, max(a, b) + 1) for a, b in pairs}))
