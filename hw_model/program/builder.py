@@ -4,6 +4,7 @@ import math
 from typing import Any
 
 import numpy as np
+from scipy import sparse
 
 from hw_model.arithmetic.fixed_point import SignMode
 from hw_model.arithmetic.whole import LARGEST
@@ -18,7 +19,6 @@ from hw_model.mapping.routing import route_axons
 from hw_model.program.assemble import assemble
 from hw_model.program.check import MAX_LINES
 from hw_model.program.chip_program import ChipProgram
-from hw_model.sparse import sparse
 from hw_model.values import ArrayLike, Frozen, IntArray
 
 Ints = int | ArrayLike

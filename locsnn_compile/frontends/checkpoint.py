@@ -6,10 +6,10 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
+from scipy import sparse
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE
 from hw_model.mapping.graph import Axis
-from hw_model.sparse import sparse
 from hw_model.values import AnyArray, picked
 from locsnn_compile.errors import TargetError
 from locsnn_compile.frontends.parts import VIEW_NAMES, Parts

@@ -5,8 +5,8 @@ import math
 from typing import Any
 
 import numpy as np
+from scipy import sparse
 
-from hw_model.sparse import sparse
 from hw_model.values import AnyArray, Frozen
 from locsnn_compile.errors import InputError, check_most, counted
 

@@ -10,9 +10,9 @@ from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy import sparse
 
 from hw_model.io.records import AT_LEAST_ONE, Checked, Must, between
-from hw_model.sparse import sparse
 from hw_model.values import Frozen, IntArray
 from locsnn_compile.data.sensor import SensorLayout
 from locsnn_compile.errors import InputError, check_most

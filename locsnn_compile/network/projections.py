@@ -9,10 +9,10 @@ from typing import Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
+from scipy import sparse
 
 from hw_model.arithmetic.whole import whole_numbers
 from hw_model.errors import InputError
-from hw_model.sparse import sparse
 from hw_model.values import AnyArray, ArrayLike, ByteArray, FloatArray, Frozen, IntArray, Shown, sealed
 
 Values = AnyArray

@@ -18,8 +18,8 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from scipy import sparse
 
-from hw_model.sparse import sparse
 from locsnn_compile.errors import InputError
 from locsnn_compile.frontends.nir.graph import Array, Edge, NirGraph, NirNode
 from locsnn_compile.frontends.nir.neurons import DT_SECONDS

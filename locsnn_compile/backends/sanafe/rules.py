@@ -8,10 +8,10 @@ fraction of a current is ever cut off, and if the program uses nothing that its 
 from collections.abc import Callable
 
 import numpy as np
+from scipy import sparse
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE
 from hw_model.program.chip_program import Core
-from hw_model.sparse import sparse
 from hw_model.values import BoolArray
 from locsnn_compile.backends.played import Played
 

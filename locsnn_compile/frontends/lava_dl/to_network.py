@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy import sparse
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE
-from hw_model.sparse import sparse
 from hw_model.values import IntArray, sealed
 from locsnn_compile.errors import InputError, check_same, counted
 from locsnn_compile.frontends.lava_dl.layers import NetFile, NetLayer, export_again, read_net

@@ -11,8 +11,8 @@ from graphlib import CycleError, TopologicalSorter
 from typing import Any
 
 import numpy as np
+from scipy import sparse
 
-from hw_model.sparse import sparse
 from hw_model.values import FloatArray, Frozen
 from locsnn_compile.errors import InputError, check_known, check_same
 from locsnn_compile.frontends.linear_maps import Shape, Window, check_entries, check_shape, convolution, pooling

@@ -9,9 +9,9 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
+from scipy import sparse
 from scipy.sparse import csgraph
 
-from hw_model.sparse import sparse
 from hw_model.values import IntArray
 
 Pair = tuple[str, str]

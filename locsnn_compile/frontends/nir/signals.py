@@ -6,8 +6,8 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
+from scipy import sparse
 
-from hw_model.sparse import sparse
 from hw_model.values import FloatArray, Frozen, IntArray, sealed
 from locsnn_compile.frontends.linear_maps import product
 from locsnn_compile.network.projections import Matrix, Projection, matrix

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
+from scipy import sparse
 
-from hw_model.sparse import sparse
 from hw_model.values import FloatArray
 from locsnn_compile.data.recordings import STEP_SECONDS
 from locsnn_compile.errors import InputError, check_known, check_same

@@ -9,8 +9,8 @@ The :class:`Drive` of a population is what its inputs add to its potentials on t
 from functools import cached_property, lru_cache
 
 import numpy as np
+from scipy import sparse
 
-from hw_model.sparse import sparse
 from hw_model.values import BoolArray, ByteArray, FloatArray, Frozen, IntArray
 from locsnn_compile.network.chip_neurons import ChipSrm, Refractory
 from locsnn_compile.network.neurons import SrmAlpha, alpha_recursion

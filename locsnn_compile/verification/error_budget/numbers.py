@@ -5,10 +5,10 @@ Exact numbers are also in units of the registers, but real: a float weight times
 """
 
 import numpy as np
+from scipy import sparse
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE, effective_weight
 from hw_model.mapping.graph import CompartmentGraph, Compartments
-from hw_model.sparse import sparse
 from hw_model.values import FloatArray, Frozen, IntArray, Sums, added, picked
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.projections import Matrix, Projection, by_delay, of_target, values_of, with_values

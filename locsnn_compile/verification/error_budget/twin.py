@@ -9,9 +9,9 @@ from itertools import chain
 from typing import Any
 
 import numpy as np
+from scipy import sparse
 
 from hw_model.description.chip import Registers
-from hw_model.sparse import sparse
 from hw_model.values import BoolArray, ByteArray, FloatArray, Frozen, IntArray
 from locsnn_compile.network.projections import Matrix, sparse_spikes
 
