@@ -109,7 +109,7 @@ def test_weights_that_round_alike_for_any_recordings_are_not_called_calibrated(t
     layout, windows = InputLayout(neutouch(1), 40, 0.02), WindowParameters(steps=8, stride=8, levels=(1,))
     order = tuple(range(1, 40))
     description = NetworkDescription(
-        "window-snn", layout, 3, neuron=windows, location_order="own", location_taxels=order, name="windows"
+        "window-snn", layout, 3, window=windows, location_order="own", location_taxels=order, name="windows"
     )
     Checkpoint(description, build_network(description, seed=1).weights()).save(file)
     network = lc.load(file)

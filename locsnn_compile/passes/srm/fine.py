@@ -6,7 +6,9 @@ and each neuron takes the one whose potential errs least on the calibration reco
 The :class:`Drive` of a population is what its inputs add to its potentials on these recordings, and what they should.
 """
 
-from functools import cached_property, lru_cache
+from functools import cached_property
+from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy import sparse
@@ -61,7 +63,10 @@ class Drive(Frozen, eq=False):
         return Metric.of(self.gram)
 
 
-@lru_cache(maxsize=16)  # settings that are compared seldom differ in what drives are made from
+_known: WeakKeyDictionary[Calibration, dict[Any, Drive | None]] = WeakKeyDictionary()
+"""Drives by what they were made from, in which compared settings seldom differ, as long as the recordings are held."""
+
+
 def drive_of(
     neuron: SrmAlpha, incoming: tuple[Projection, ...], decays: tuple[int, int], gain: float, calibration: Calibration
 ) -> Drive | None:
@@ -70,6 +75,15 @@ def drive_of(
     Return None for weights that are sparse or have delays of their own, for more inputs than :data:`INPUTS_MAX`, and
     for silent inputs.
     """
+    known, asked = _known.setdefault(calibration, {}), (neuron, incoming, decays, gain)
+    if asked not in known:
+        known[asked] = _drive_of(neuron, incoming, decays, gain, calibration)
+    return known[asked]
+
+
+def _drive_of(
+    neuron: SrmAlpha, incoming: tuple[Projection, ...], decays: tuple[int, int], gain: float, calibration: Calibration
+) -> Drive | None:
     weights = [p.weights for p in incoming]
     if not incoming or any(sparse.issparse(w) for w in weights) or any(np.ndim(p.delay) for p in incoming):
         return None
