@@ -80,7 +80,7 @@ def check_value(
     """
     rules = [rule for rule in said if isinstance(rule, Must)]
     finite = not isinstance(value, int | float) or abs(value) <= sys.float_info.max
-    fits = isinstance(value, kinds) and (bool in kinds or not isinstance(value, bool))  # a truth is no number
+    fits = isinstance(value, kinds) and (bool in kinds or not isinstance(value, bool))  # True and False are not numbers
     if not (fits and finite and (value is None or all(rule.holds(value) for rule in rules))):
         kind = KIND_WORDS.get(kinds[0], f"a {kinds[0].__name__.lower()}")
         words = [f"of {rule.words}" if rule.words.startswith("at least") else rule.words for rule in rules]
