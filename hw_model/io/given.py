@@ -10,7 +10,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Any, Literal, ParamSpec, TypeVar, get_args, get_origin, get_type_hints
+from types import UnionType
+from typing import Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from hw_model.errors import InputError, listed
 
@@ -119,10 +120,20 @@ def _bound(signature: inspect.Signature, args: Any, kwargs: Any) -> Mapping[str,
         return {}
 
 
+def alternatives_of(hint: Any) -> tuple[Any, ...]:
+    """Return the hints that a hint joins by ``|``, or the one that it is."""
+    return get_args(hint) if get_origin(hint) in (UnionType, Union) else (hint,)
+
+
+def class_of(hint: Any) -> Any:
+    """Return the class that a hint is about: ``tuple`` of ``tuple[int, ...]``, and ``ndarray`` of numpy's aliases."""
+    found = get_origin(hint) or hint
+    return class_of(found.__value__) if type(found).__name__ == "TypeAliasType" else found  # from Python 3.12
+
+
 def _kinds(hint: Any) -> tuple[Any, ...]:
     """Return the types that a hint accepts; ``object`` stands for those that ``isinstance`` cannot check."""
-    options = get_args(hint) if type(hint).__name__ in ("UnionType", "_UnionGenericAlias") else (hint,)
-    known = [get_origin(option) or option for option in options]
+    known = [class_of(option) for option in alternatives_of(hint)]
     plain = [
         isinstance(kind, type) and kind not in (bool, Any) and not kind.__module__.startswith("numpy.")
         for kind in known

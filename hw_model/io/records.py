@@ -12,6 +12,7 @@ from types import NoneType, UnionType
 from typing import Annotated, Any, ClassVar, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
 from hw_model.errors import InputError, did_you_mean
+from hw_model.io.given import alternatives_of, class_of
 from hw_model.values import Frozen
 
 T = TypeVar("T")
@@ -66,8 +67,7 @@ def _hints(record: type) -> dict[str, Any]:
 
 
 def _kinds(hint: Any) -> tuple[type, ...]:
-    parts = get_args(hint) if isinstance(hint, UnionType) else (hint,)
-    plain = [get_origin(part) or part for part in parts]
+    plain = map(class_of, alternatives_of(hint))
     return tuple(kind for part in plain for kind in _HELD.get(part, (part,)))
 
 

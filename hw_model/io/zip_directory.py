@@ -47,7 +47,10 @@ class BoundedZip(zipfile.ZipFile):
 
 
 def check_directory(stream: IO[bytes]) -> None:
-    """Raise ``ValueError`` for a directory above :data:`MAX_DIRECTORY_BYTES`; what is no archive passes."""
+    """Raise ``ValueError`` for a directory above :data:`MAX_DIRECTORY_BYTES`; what is no archive passes.
+
+    Newer versions of zipfile raise ``BadZipFile`` where the directory would begin outside the file.
+    """
     # That of zipfile itself: another search might find another end than the one that is read.
     end = zipfile._EndRecData(stream)  # type: ignore[attr-defined]
     stream.seek(0)

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import GenericAlias
+from typing import Any, Optional
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 import hw_model as hw
 import locsnn_compile as lc
+from hw_model.io.given import alternatives_of, class_of
 from hw_model.streaming.session import location_share
 
 NETWORK = "Read it with lc.load(path), or lc.load(path, config=...)."
@@ -152,3 +156,28 @@ def test_recordings_that_do_not_fit_are_refused_before_all_the_work(network, mon
     with pytest.raises(lc.InputError) as caught:
         lc.compile(network, events=np.zeros((1, 9, 5)))
     assert str(caught.value) == f"events 'array': {what}. Give recordings of shape (samples, steps, 78)."
+
+
+class TypeAliasType:
+    """Stands for Python's own, which versions before 3.12 lack: what numpy's aliases of arrays are there."""
+
+    def __init__(self, value: object) -> None:
+        self.__value__ = value
+
+
+ALIAS = GenericAlias(TypeAliasType(np.ndarray[Any, np.dtype[Any]]), (np.int64,))
+
+
+@pytest.mark.parametrize(
+    ("hint", "classes"),
+    [
+        pytest.param(int, [int], id="a class"),
+        pytest.param(tuple[int, ...], [tuple], id="a tuple"),
+        pytest.param(int | None, [int, type(None)], id="one or nothing"),
+        pytest.param(Optional[int], [int, type(None)], id="one or nothing, of typing"),  # noqa: UP045
+        pytest.param(int | NDArray[np.int64], [int, np.ndarray], id="an array of numpy"),
+        pytest.param(ALIAS, [np.ndarray], id="an alias"),
+    ],
+)
+def test_classes_behind_hints(hint, classes):
+    assert [class_of(option) for option in alternatives_of(hint)] == classes
