@@ -5,7 +5,7 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from hw_model.io.npy import load_npy
-from hw_model.values import ByteArray
+from hw_model.values import ByteArray, IntArray
 from locsnn_compile.data.axes import to_step_major
 from locsnn_compile.data.event_formats import EVENT_BYTES, parse_aedat4, parse_slayer_events, parse_structured
 from locsnn_compile.data.event_stream import MAX_EVENTS, Binning, EventStream, bin_streams
@@ -32,13 +32,13 @@ def is_archive(path: Path) -> bool:
 
 
 def read_archive(path: Path, *, split: str | None, binning: Binning) -> Recordings:
-    """Return one part of a ``.zip`` archive or of a folder of recordings, with labels if every name has one.
+    """Return one part of a ``.zip`` archive or of a folder of recordings, with the labels that their names give.
 
     A file of events is read like a folder that holds only this file. All recordings get the length of the longest;
     silence follows the others. ``split`` is a part; None takes ``test`` of a divided archive, and everything of one
     that is not divided. If names have no labels, the folders that recordings lie in are their classes, provided there
-    are several. Raises ``InputError`` for a damaged archive or member, members of different shapes, and nothing to
-    read.
+    are several. Raises ``InputError`` for a damaged archive or member, members of different shapes, labels in some of
+    the names only, and nothing to read.
     """
     with open_members(path) as members:
         names = _chosen(members, split)
@@ -46,13 +46,23 @@ def read_archive(path: Path, *, split: str | None, binning: Binning) -> Recordin
         spikes, seconds, binned = _read(members, names, binning)
         # Classes of all parts: one may be missing from this part.
         class_names, class_of = classes_of(members.recordings)
-    labels = [label_in_name(PurePosixPath(name).name) for name in names]
-    if class_names is not None and not any(label is not None for label in labels):
-        labels = [class_names.index(class_of(name)) for name in names]
-    else:
+        labels = _labels_in_names(members, names)
+    if labels is not None:
         class_names = None
-    held = None if None in labels else np.array(labels, dtype=np.int64)
-    return Recordings(spikes, held, seconds, path.name, binned=binned, class_names=class_names)
+    elif class_names is not None:
+        labels = np.array([class_names.index(class_of(name)) for name in names], dtype=np.int64)
+    return Recordings(spikes, labels, seconds, path.name, binned=binned, class_names=class_names)
+
+
+def _labels_in_names(members: Members, names: list[str]) -> IntArray | None:
+    """Return the label in the name of every recording, None if no name has one."""
+    labels = [label_in_name(PurePosixPath(name).name) for name in names]
+    if set(labels) == {None}:
+        return None
+    if None in labels:
+        place, what = members.place(names[labels.index(None)]), "its name has no label, although others have one"
+        raise InputError(place, what, fix="Name it like the others, or move it away.")
+    return np.array(labels, dtype=np.int64)
 
 
 def _chosen(members: Members, split: str | None) -> list[str]:

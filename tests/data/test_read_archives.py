@@ -166,6 +166,12 @@ BAD: list[tuple[str, Callable[[Path], object], str]] = [
         "(1000000x1000000x1000000 against 200000000 values). Give a smaller array.",
     ),
     (
+        "a label in some names",
+        lambda path: archive(path, {"sample_0_label_1.npy": npy(ONE[0]), "sample_1.npy": npy(ONE[1])}),
+        "archive 'a.zip', 'sample_1.npy': its name has no label, although others have one. "
+        "Name it like the others, or move it away.",
+    ),
+    (
         "several recordings in one file",
         members(_0=npy(np.zeros((2, 39, 2, 5)))),
         "archive 'a.zip', 'sample_0_label_0.npy': it is not one recording (2 against 1). Give one per file.",

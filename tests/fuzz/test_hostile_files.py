@@ -193,7 +193,9 @@ def large_directory(path, *, wide):
 @pytest.mark.parametrize("wide", [False, True], ids=["32 bits", "64 bits"])
 def test_archives_that_claim_a_huge_directory(tmp_path, wide):
     large_directory(tmp_path / "a.zip", wide=wide)
-    refused = r"^a directory of \d+ bytes$|^Corrupt zip64 end of central directory record$"  # the latter from Python 3.12
+    refused = (
+        r"^a directory of \d+ bytes$|^Corrupt zip64 end of central directory record$"  # the latter from Python 3.12
+    )
     with (tmp_path / "a.zip").open("rb") as stream, pytest.raises((ValueError, zipfile.BadZipFile), match=refused):
         check_directory(stream)
     for name, what in (
