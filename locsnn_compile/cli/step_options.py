@@ -9,7 +9,7 @@ import hw_model as hw
 from hw_model.values import picked
 from locsnn_compile.data.read import read_in_chunks, read_recordings
 from locsnn_compile.data.recordings import Expected, Recordings
-from locsnn_compile.errors import InputError
+from locsnn_compile.errors import InputError, counted
 
 if TYPE_CHECKING:  # for types alone: networks take locsnn run, which plays programs, a third of its time
     from locsnn_compile.network.network import Network
@@ -27,12 +27,26 @@ def read_for_program(
     args: argparse.Namespace, path: str, program: hw.ChipProgram, split: str | None = None
 ) -> Recordings:
     """Return recordings in the steps of a program, or as the options ask where the program does not say."""
-    return read_recordings(path, split=split, model=expected_by(program), **asked_reading(args))
+    return _fitting(program, read_recordings(path, split=split, model=expected_by(program), **asked_reading(args)))
 
 
 def chunks_for_program(args: argparse.Namespace, program: hw.ChipProgram) -> Iterator[Recordings]:
     """Yield the recordings of ``--events`` in the same way, a few at a time if the file allows it."""
-    return read_in_chunks(args.events, CHUNK, model=expected_by(program), **asked_reading(args))
+    found = read_in_chunks(args.events, CHUNK, model=expected_by(program), **asked_reading(args))
+    return (_fitting(program, part) for part in found)
+
+
+def _fitting(program: hw.ChipProgram, recordings: Recordings) -> Recordings:
+    """Return the recordings; ``InputError`` if they are of another sensor than those of the program."""
+    channels, wanted = recordings.spikes.shape[2], max(program.streams.values(), default=0)
+    if channels != wanted:
+        measured, fix = (
+            f"{counted(channels, 'channel')} against {wanted}",
+            "Give recordings of the sensor of its model.",
+        )
+        where = f"events {recordings.source!r}"
+        raise InputError(where, "the channel count differs from the program's", measured=measured, fix=fix)
+    return recordings
 
 
 def expected_by(program: hw.ChipProgram) -> Expected:

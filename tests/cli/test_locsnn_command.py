@@ -70,6 +70,14 @@ def test_run_refuses_labels_of_classes_that_the_program_does_not_have(build, tmp
     assert capsys.readouterr() == ("", line)
 
 
+def test_run_refuses_recordings_of_another_sensor(build, tmp_path, capsys):
+    few = tmp_path / "few.npz"
+    np.savez(few, spikes=np.zeros((2, 5, 250), dtype=np.uint8))
+    assert main(["run", str(build / "out"), "--events", str(few)]) == 2
+    what = "the channel count differs from the program's (5 channels against 78)"
+    assert capsys.readouterr() == ("", f"events '{few}': {what}. Give recordings of the sensor of its model.\n")
+
+
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
