@@ -24,7 +24,7 @@ ENGINES: tuple[Engine, ...] = get_args(Engine)
 
 _EVENTS = slice(TOTALS.index(EVENTS[0]), TOTALS.index(EVENTS[-1]) + 1)
 MAX_TOGETHER = 1 << 26
-"""Spikes, 0 or 1, that are held at a time before they are counted: recordings go in parts of at most so many."""
+"""Spikes, 0 or 1, that are held at a time before they are counted: recordings go in parts of at most this many."""
 MAX_REMEMBERED = 1 << 18
 """Spikes, 0 or 1, of an empty recording that is kept for later ones."""
 
@@ -135,7 +135,7 @@ def play_recordings(
 
 @lru_cache(maxsize=8)
 def _of_nothing(program: ChipProgram, probes: tuple[Probe, ...], rows: int, *rest: Any) -> SimulationResult:
-    """Return the result of an empty recording of so many rows, which nobody changes; others as for :func:`_played`."""
+    """Return the result of an empty recording of ``rows`` rows, which nobody changes; others as for :func:`_played`."""
     streams = {name: np.zeros((1, rows, channels), dtype=np.uint8) for name, channels in program.streams.items()}
     return _played(streams, program, probes, rows, *rest)
 
@@ -161,7 +161,7 @@ def _played(
     run_phase: Run,
     player: Player,
 ) -> SimulationResult:
-    """Play recordings, all of so many rows, as many at a time as can be held, and keep what the probes ask for."""
+    """Play recordings, all of ``rows`` rows, as many at a time as can be held, and keep what the probes ask for."""
     plans, longest = _plans(program, asked, rows, steps)
     probes, batch = {probe.kind for probe in asked}, len(next(iter(streams.values())))
     together = max(1, MAX_TOGETHER // max(1, sum(program.populations.values()) * longest))
@@ -219,7 +219,7 @@ class _Plan(NamedTuple):
 
 @lru_cache(maxsize=16)
 def _plans(program: ChipProgram, probes: tuple[Probe, ...], rows: int, steps: int | None) -> tuple[list[_Plan], int]:
-    """Return all that recordings of so many rows have in common, phase by phase, and the most steps of one."""
+    """Return all that recordings of ``rows`` rows have in common, phase by phase, and the most steps of one."""
     first, read = ({}, ()) if program.readout is None else (program.readout.from_step, program.readout.populations)
     decisive = [Probe("potential", (name,), range(step, sys.maxsize)) for name, step in first.items()]
     plans = []

@@ -60,7 +60,7 @@ class MemoryWords(Frozen):
 class Macro(Frozen):
     """A memory that a process offers: its square micrometres, and the picojoules to read and to write a row.
 
-    The figures hold for at most so many ``banks`` next to each other.
+    The figures hold for at most this many ``banks`` next to each other.
     """
 
     words: Annotated[int, between(1, 1 << 20)]

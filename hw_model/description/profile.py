@@ -42,7 +42,7 @@ class StaticPower(Frozen):
 class NotIncluded(Frozen):
     """Something that a profile does not price, with an upper bound if one is known.
 
-    The bound is so many picojoules for each count in ``bound_pj``, and ``bound_recording_pj`` for every recording.
+    The bound is a number of picojoules for each count in ``bound_pj``, and ``bound_recording_pj`` for every recording.
     """
 
     what: Text

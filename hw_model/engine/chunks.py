@@ -243,7 +243,7 @@ def advance_pair(
 
 @kernel("charge, row, slot, weights, at, times", returns=0)
 def add_multiple(charge: Place, weights: Place, times: Given) -> None:
-    """Add the weights of a spike to a chunk's charges so many ``times``: -1 takes them back."""
+    """Add the weights of a spike to a chunk's charges, ``times`` times: -1 takes them back."""
     charge[0] += charge.each(times) * weights[0]
 
 

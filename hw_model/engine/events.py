@@ -34,7 +34,7 @@ def list_events(recordings: ByteArray) -> EventLists:
 
 
 def transpose(events: EventLists, item: Input, steps: int) -> EventLists:
-    """Return what the buffer plays of a transposed input in ``steps`` steps, lists of so many rows.
+    """Return what the buffer plays of a transposed input in ``steps`` steps, lists of that many rows.
 
     An event (step t, channel c) becomes line ``first_lines[c] + t`` at step ``positions[c]``, if both exist.
     """
@@ -70,7 +70,7 @@ def _list_lanes(given: Place, channel: Place, first: Given, until: Given) -> Ret
 
 @absorbed
 def list_row(given, low, channels, channel, many):  # type: ignore[no-untyped-def]
-    """List a row of so many channels, bytes from ``low`` on, behind the ``many`` that are listed; return how many are.
+    """List a row of channels, bytes from ``low`` on, behind the ``many`` that are listed; return how many are.
 
     ``channel`` has room for all events and, behind them, for all lanes.
     """
@@ -86,7 +86,7 @@ def list_row(given, low, channels, channel, many):  # type: ignore[no-untyped-de
 
 @compiled
 def list_into(given, channels, first, channel):  # type: ignore[no-untyped-def]
-    """List rows of so many channels, bytes side by side, into ``first`` (batch, rows + 1) and ``channel``.
+    """List rows of channels, bytes side by side, into ``first`` (batch, rows + 1) and ``channel``.
 
     Return how many events there are. ``channel`` has room for all of them and, behind, for all lanes.
     """

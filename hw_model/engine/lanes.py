@@ -117,7 +117,7 @@ def held(lanes: Lanes) -> "Place":
 
 
 def each_row(place: "Place", many: Given) -> Iterator[Given]:
-    """Loop over the numbers of so many rows: what is done with one, in a kernel, becomes a loop of the machine."""
+    """Loop over the numbers of several rows: what is done with one, in a kernel, becomes a loop of the machine."""
     with cgutils.for_range(place.builder, many) as loop:
         yield loop.index
 
@@ -178,11 +178,11 @@ class Place:
         return Lanes(self.builder, ir.Constant(ir.VectorType(self._first.type.pointee, LANES), list(range(LANES))))
 
     def after(self, fields: int) -> "Place":
-        """Return the place so many fields on."""
+        """Return the place that many fields on."""
         return Place(self.builder, self.builder.gep(self._first, [ir.Constant(ir.IntType(64), fields * LANES)]))
 
     def row(self, number: Given) -> "Place":
-        """Return the place so many rows of the array on."""
+        """Return the place that many rows of the array on."""
         first = self.builder.bitcast(self._first, cgutils.voidptr_t)
         first = self.builder.gep(first, [self.builder.mul(number, self._row_bytes)])
         return Place(self.builder, self.builder.bitcast(first, self._first.type))
@@ -205,7 +205,7 @@ def kernel(given: str, returns: int) -> Callable[[Callable[..., Any]], Any]:
     """Make a function over places one that compiled loops call with what is ``given``, names with commas.
 
     A place is given as an array and the index of its first element; all else goes to the function as it is. It returns
-    so many 32-bit numbers.
+    ``returns`` 32-bit numbers.
     """
     names = [Parameter(name.strip(), Parameter.POSITIONAL_ONLY) for name in f"typing, {given}".split(",")]
 

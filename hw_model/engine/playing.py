@@ -61,7 +61,7 @@ def list_events(recordings: ByteArray) -> EventLists:
 
 
 def transpose(events: EventLists, item: Input, steps: int) -> EventLists:
-    """Return what the buffer plays of a transposed input in ``steps`` steps, lists of so many rows.
+    """Return what the buffer plays of a transposed input in ``steps`` steps, lists of that many rows.
 
     An event (step t, channel c) becomes line ``first_lines[c] + t`` at step ``positions[c]``, if both exist.
     """
@@ -86,7 +86,7 @@ class Player(Frozen):
 def play(
     program: ChipProgram, phase: Phase, streams: Mapping[str, EventLists], steps: int | None, player: Player
 ) -> PhaseInput:
-    """Lay recordings out as the lines of a phase, of so many ``steps`` where it does not fix them."""
+    """Lay recordings out as the lines of a phase, of ``steps`` steps where it does not fix them."""
     rows, batch = next((events.rows, len(events.first)) for events in streams.values())
     length = length_of(program, phase, rows, steps)
     counts = np.zeros((len(PLAYED), batch), dtype=np.int64)
@@ -133,7 +133,7 @@ def steps_of(program: ChipProgram, phase: Phase, rows: int, steps: int | None = 
 
 
 def first_touch(streams: Sequence[EventLists], events: int) -> IntArray:
-    """Return the first row in which streams have at least so many events together, or the number of rows, (batch,)."""
+    """Return the first row in which streams have at least ``events`` together, (batch,), or the number of rows."""
     enough = np.sum([np.diff(lists.first, axis=1) for lists in streams], axis=0) >= events
     return np.asarray((enough.cumsum(axis=1) == 0).sum(axis=1), dtype=np.int64)
 

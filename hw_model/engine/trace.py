@@ -65,7 +65,7 @@ class EventLists(NamedTuple):
         return EventLists(np.clip(self.first, *ends), self.channel)
 
     def moved(self, rows: IntArray) -> "EventLists":
-        """Return the lists without so many first rows of each recording, (batch,), and as many empty ones behind."""
+        """Return the lists without the first ``rows`` (batch,) of each recording, and as many empty ones behind."""
         source = np.minimum(np.arange(self.rows + 1) + rows[:, None], self.rows)
         return EventLists(np.take_along_axis(self.first, source, axis=1), self.channel)
 

@@ -21,7 +21,7 @@ from hw_model.values import ArrayLike, FloatArray, IntArray
 MAX_SLOTS = 1024
 """Boards that need more slots than this keep network order: the search takes time with their cube."""
 SHUFFLES, MAX_SHUFFLED = 4, 128
-"""So many shuffled starts are tried too, from a fixed seed, on boards of at most so many slots."""
+"""Shuffled starts that are tried too, from a fixed seed, and the most slots of a board on which they are."""
 
 
 def arrange_cores(placed: PlacedGraph, expected_spikes: FloatArray | None = None) -> PlacedGraph:

@@ -17,7 +17,7 @@ from hw_model.values import Frozen, IntArray
 PROFILE = ("decay_u", "decay_v", "refractory", "joined")
 """Parameters of a compartment that its profile holds."""
 STRIDE = 8
-"""So many times as many neurons are tried, until they are too many: what is counted in vain is small."""
+"""Factor by which the number of neurons tried grows until they are too many: what is counted in vain is small."""
 
 
 class Piece(Frozen, eq=False):

@@ -45,7 +45,7 @@ def _keep(record: object, kept: Callable[[Any], AnyArray], *names: str) -> None:
 class Phase(Frozen):
     """One run over one step axis; ``steps`` is None where the recording, or the last visit of its channels, decides.
 
-    With ``align_events`` a recording starts at the first step in which its streams have so many events together: what
+    With ``align_events`` a recording starts at the first step in which its streams have that many events together: what
     lies before is left out. Over time the phase begins there, and ends after its steps or with the recording; steps
     before and after are not run, and registers are 0 in them. A transposed phase takes that step for the first row.
     """

@@ -71,7 +71,7 @@ def held(sizes: Sizes) -> int:
 
 
 class CoreProgram:
-    """A program in the numbers of the core, for recordings of so many ``rows``; ``steps`` of phases of no fixed length.
+    """A program in the numbers of the core, for recordings of ``rows`` rows; ``steps`` of phases of no fixed length.
 
     ``phases``: in order, the first while the recording arrives. ``numbers[phase]`` (columns,): compartments by column;
     ``ends`` (phases,): the first number after each phase. ``starts``, ``lengths`` (sources,): words of the list of each
@@ -202,7 +202,7 @@ class CoreProgram:
         return places
 
     def _hears_later(self, slots: int) -> bool:
-        """Tell whether the second phase hears its events when they arrive; charges take so many ``slots`` otherwise."""
+        """Tell whether the second phase hears its events when they arrive; charges take ``slots`` otherwise."""
         sizes, (first, *others) = self.sizes, self.phases
         # Shared places are swept before the second phase, and with them what it heard.
         if not sizes.later or sizes.places or len(others) != 1:
@@ -239,7 +239,7 @@ class CoreProgram:
         }
 
     def _swept(self, places: int) -> int:
-        """Return the cycles in which memories are cleaned that hold the charges of so many compartments."""
+        """Return the cycles in which memories are cleaned that hold the charges of that many compartments."""
         slots = self.sizes.slots if self.later else _power(self.needs.slots)
         return max(slots * places // 2, self.needs.bitmap, self.needs.entries)
 

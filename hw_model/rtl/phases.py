@@ -51,7 +51,7 @@ class CorePhase(Frozen, eq=False):
 
 
 def core_phases(program: ChipProgram, rows: int, steps: int | None, groups: int) -> tuple[tuple[CorePhase, ...], int]:
-    """Return the phases in order, for recordings of so many ``rows``, and the first source after theirs.
+    """Return the phases in order, for recordings of ``rows`` rows, and the first source after theirs.
 
     ``steps``: those of phases of no fixed length. ``groups``: 1 if rows share sources where they can.
     """

@@ -208,7 +208,7 @@ def _read_until(
 
 
 def _spent(program: ChipProgram, result: SimulationResult, until: Mapping[str, IntArray]) -> Spent:
-    """Add up what recordings took: so many steps (batch,) of the phases of ``until``, all of the others."""
+    """Add up what recordings took: in the phases of ``until`` that many steps (batch,), in the others all."""
     profile = program.chip.costs
     found, ns = dict.fromkeys(BY_CORE, 0), 0.0
     for phase, items in result.activity.items():

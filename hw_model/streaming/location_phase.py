@@ -282,7 +282,7 @@ def _run_again(block, start, nodes, chunks, links, order, registers, history):  
 
 @inner
 def _run_pair(first, many, index, chunks, registers, history, widths):  # type: ignore[no-untyped-def]
-    """Update two dendrites and their sum in so many steps, with what its spikes pass to them one step late."""
+    """Update two dendrites and their sum in ``many`` steps, with what its spikes pass to them one step late."""
     at, last = index * _KEPT, np.uint64(chunks.member[index + _ONE_MORE + _ONE_MORE])
     one, other = np.uint64(chunks.member[index]) * _LANES, np.uint64(chunks.member[index + _ONE_MORE]) * _LANES
     before, charge, echo = history.before, history.charge, chunks.echo

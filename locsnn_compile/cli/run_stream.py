@@ -50,7 +50,7 @@ class Streamed(Frozen, eq=False):
         return [(t + 1, int(self.prediction[t]), float(self.lead[t])) for t in at]
 
     def filled(self, steps: int) -> IntArray:
-        """Return the prediction after each of so many steps, (steps,); after a stop it stays."""
+        """Return the prediction after each of the first steps, (steps,); after a stop it stays."""
         return np.pad(self.prediction, (0, steps - len(self.prediction)), mode="edge")
 
 

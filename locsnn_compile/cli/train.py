@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from locsnn_compile.training.train import TrainingResult
 
 SHOWN_CLASSES, SHOWN_NAMES = 20, 60
-"""The confusion matrix is printed for so many classes at most, and with names if they have fewer letters in all."""
+"""The confusion matrix is printed for this many classes at most, and with names if they have fewer letters in all."""
 
 
 def run(args: argparse.Namespace) -> int:

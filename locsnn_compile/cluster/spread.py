@@ -118,7 +118,7 @@ def _on_workers(
 
 @contextmanager
 def spread_over(address: str | None, processes: int | None = None) -> Iterator[Spread]:
-    """Give what runs the parts of a job: the cluster of a scheduler, so many processes, or this process."""
+    """Give what runs the parts of a job: the cluster of a scheduler, processes of this machine, or this process."""
     if address is None:
         yield partial(_in_processes, processes) if processes else here
         return
@@ -182,7 +182,7 @@ ATTEMPTS = 3
 def _in_processes(
     workers: int, work: Callable[[Part], Result], parts: Iterable[Part], /
 ) -> Generator[Result, None, None]:
-    """Run parts in so many processes of this machine; results come in any order."""
+    """Run parts in that many processes of this machine; results come in any order."""
     job, left = packed(work), dict(enumerate(map(packed, parts)))
     attempts = ATTEMPTS
     while left and attempts:

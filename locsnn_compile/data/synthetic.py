@@ -36,7 +36,7 @@ def synthetic_touches(
 ) -> Recordings:
     """Return ``samples`` recordings (samples, steps, channels) with labels 0, 1, ... in turn.
 
-    Channels are those of ``sensor``, by default of so many NeuTouch ``fingertips``. A class is a motion: the direction
+    Channels are those of ``sensor``, by default of NeuTouch ``fingertips``. A class is a motion: the direction
     of its strokes, their number, and the step at which the contact comes down. Where and how hard it touches varies
     between recordings. Equal arguments give equal recordings. Raises ``InputError`` for numbers out of range.
     """

@@ -131,7 +131,7 @@ class Figures(Losses):
 
 
 class Timing(Frozen):
-    """Seconds per recording of an engine, played so many recordings on the machine that measured the point."""
+    """Seconds per recording of an engine, played ``recordings`` at a time on the machine that measured the point."""
 
     recordings: int
     seconds: float

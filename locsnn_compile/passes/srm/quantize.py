@@ -65,7 +65,7 @@ def quantize_srm(neuron: SrmAlpha, task: Task) -> Scaled:
 
 
 def of_a_dendrite(neuron: SrmAlpha, dendrites: int) -> SrmAlpha:
-    """Return a neuron whose own spikes have the effect that they have in one of so many refractory dendrites."""
+    """Return a neuron whose own spikes have the effect that they have in one of several refractory dendrites."""
     return replace(neuron, scale_ref=neuron.scale_ref / dendrites)
 
 
