@@ -7,11 +7,10 @@ import os
 import stat
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields
 from numbers import Integral, Real
 from pathlib import Path
 from types import UnionType
-from typing import Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Any, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from hw_model.errors import InputError, listed
 
@@ -47,7 +46,7 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
         least = len(names) + 1
     passed: set[tuple[str, type]] = set()
     # Names in annotations may be unknown until all modules are imported.
-    kinds = functools.cache(lambda: {name: _kinds(hint) for name, hint in get_type_hints(function).items()})
+    kinds = functools.cache(lambda: {name: kinds_of(hint) for name, hint in get_type_hints(function).items()})
 
     @functools.wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> T:
@@ -55,43 +54,12 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
         plain = not kwargs and least <= len(args) <= len(names)
         for name, value in zip(names, args, strict=False) if plain else _bound(signature, args, kwargs).items():
             if (name, type(value)) not in passed:
-                _check(called, name, value, kinds().get(name, (object,)))
+                check_argument(called, name, value, kinds().get(name, (object,)))
                 if not isinstance(value, _LOOKED_INTO):
                     passed.add((name, type(value)))
         return function(*args, **kwargs)
 
     return call
-
-
-def check_fields(record: object) -> None:
-    """Refuse fields of a record that are not as annotated, with rules as in ``records``, and such items of its tuples.
-
-    Numbers of numpy become Python's.
-
-    ``record``: a dataclass that a user made, which itself takes what it is given. A list may stand for a tuple, and
-    arrays are not looked into. Errors name it by its ``where`` if it has one, else by its type.
-    """
-    from hw_model.io.records import check_value, field_kinds, said_of  # numpy: imported only when it is used
-
-    own: type = type(record)
-    try:
-        called, hints, said = getattr(record, "where", own.__name__), get_type_hints(own), said_of(own)
-    except NameError:  # a type from elsewhere, whose annotations may name what only type checkers import
-        return
-    for name in (item.name for item in fields(record)):  # type: ignore[arg-type]
-        value, hint = getattr(record, name), hints[name]
-        if isinstance(value, Real) and not isinstance(value, int | float):
-            value = value.item()  # type: ignore[attr-defined]  # files hold Python's numbers, not those of numpy
-            object.__setattr__(record, name, value)
-        if said[name]:
-            check_value(f"{called}, {name}", value, field_kinds(own)[name], said[name])
-            continue
-        kinds = (bool,) if hint is bool else (str,) if get_origin(hint) is Literal else _kinds(hint)
-        _check(called, name, tuple(value) if isinstance(value, list) and tuple in kinds else value, kinds)
-        for option in (hints[name], *get_args(hints[name])):
-            if get_origin(option) is tuple and get_args(option)[-1] is ... and isinstance(value, tuple | list):
-                for one in value:
-                    _check(called, name, one, _kinds(get_args(option)[0]))
 
 
 def check_path(path: str | Path, where: str) -> None:
@@ -131,7 +99,7 @@ def class_of(hint: Any) -> Any:
     return class_of(found.__value__) if type(found).__name__ == "TypeAliasType" else found  # from Python 3.12
 
 
-def _kinds(hint: Any) -> tuple[Any, ...]:
+def kinds_of(hint: Any) -> tuple[Any, ...]:
     """Return the types that a hint accepts; ``object`` stands for those that ``isinstance`` cannot check."""
     known = [class_of(option) for option in alternatives_of(hint)]
     plain = [
@@ -141,7 +109,8 @@ def _kinds(hint: Any) -> tuple[Any, ...]:
     return tuple(kind if told else object for kind, told in zip(known, plain, strict=True))
 
 
-def _check(function: str, name: str, value: Any, kinds: tuple[Any, ...]) -> None:
+def check_argument(function: str, name: str, value: Any, kinds: tuple[Any, ...]) -> None:
+    """Refuse a value that is none of these types, ragged rows where an array may stand, and a path of no file."""
     where = f"{function}, {name}"
     if not any(_is_a(value, kind) for kind in kinds):
         names = [kind.__name__ for kind in kinds if kind is not type(None)]

@@ -8,11 +8,12 @@ import sys
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, fields
 from functools import cache
+from numbers import Real
 from types import NoneType, UnionType
-from typing import Annotated, Any, ClassVar, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
 from hw_model.errors import InputError, did_you_mean
-from hw_model.io.given import alternatives_of, class_of
+from hw_model.io.given import alternatives_of, check_argument, class_of, kinds_of
 from hw_model.values import Frozen
 
 T = TypeVar("T")
@@ -101,6 +102,33 @@ class Checked(Frozen):
         own: type = type(self)
         for name, kinds in field_kinds(own).items():
             check_value(f"{self.called} {name!r}", getattr(self, name), kinds, said_of(own)[name])
+
+
+def check_fields(record: object) -> None:
+    """Refuse fields of a record that are not as annotated, and such items of tuples; numbers of numpy become Python's.
+
+    ``record``: a dataclass that a user made, which itself takes what it is given. A list may stand for a tuple, and
+    arrays are not looked into. Errors name it by its ``where`` if it has one, else by its type.
+    """
+    own: type = type(record)
+    try:
+        called, hints, said = getattr(record, "where", own.__name__), get_type_hints(own), said_of(own)
+    except NameError:  # a type from elsewhere, whose annotations may name what only type checkers import
+        return
+    for name in (item.name for item in fields(record)):  # type: ignore[arg-type]
+        value, hint = getattr(record, name), hints[name]
+        if isinstance(value, Real) and not isinstance(value, int | float):
+            value = value.item()  # type: ignore[attr-defined]  # files hold Python's numbers, not those of numpy
+            object.__setattr__(record, name, value)
+        if said[name]:
+            check_value(f"{called}, {name}", value, field_kinds(own)[name], said[name])
+            continue
+        kinds = (bool,) if hint is bool else (str,) if get_origin(hint) is Literal else kinds_of(hint)
+        check_argument(called, name, tuple(value) if isinstance(value, list) and tuple in kinds else value, kinds)
+        for option in (hints[name], *get_args(hints[name])):
+            if get_origin(option) is tuple and get_args(option)[-1] is ... and isinstance(value, tuple | list):
+                for one in value:
+                    check_argument(called, name, one, kinds_of(get_args(option)[0]))
 
 
 class RecordReader(Frozen):

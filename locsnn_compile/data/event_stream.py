@@ -6,8 +6,7 @@ from typing import Annotated
 
 import numpy as np
 
-from hw_model.io.given import check_fields
-from hw_model.io.records import between
+from hw_model.io.records import between, check_fields
 from hw_model.values import AnyArray, ByteArray, FloatArray, Frozen, IntArray
 from locsnn_compile.data.recordings import MAX_ELEMENTS, MAX_STEPS, Binned
 from locsnn_compile.errors import InputError, check_most

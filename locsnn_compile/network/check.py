@@ -4,8 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from hw_model.io.given import check_fields
-from hw_model.io.records import POSITIVE
+from hw_model.io.records import POSITIVE, check_fields
 from hw_model.values import AnyArray
 from locsnn_compile.errors import InputError, check_same, counted
 from locsnn_compile.network.network import MOST, InputView, Network, Population
