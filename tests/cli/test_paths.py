@@ -15,6 +15,7 @@ from locsnn_compile.cli.compile import main as compile_main
 from locsnn_compile.cli.main import main as locsnn_main
 from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.data.write import write_recordings
+from tests.marks import first_quick
 
 ROOT = Path(__file__).parents[2]
 MODEL = ROOT / "examples/models/objects-hybrid.pt"
@@ -132,7 +133,7 @@ FROM_NOWHERE = {
 }
 
 
-@pytest.mark.parametrize(("command", "code"), FROM_NOWHERE.values(), ids=FROM_NOWHERE)
+@pytest.mark.parametrize(("command", "code"), first_quick(FROM_NOWHERE.values(), 3), ids=FROM_NOWHERE)
 def test_a_working_directory_that_was_deleted(command, code, build, tmp_path):
     """In a process of its own, whose directory is removed before the command begins."""
     gone = tmp_path / "gone"

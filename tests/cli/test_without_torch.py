@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from locsnn_compile.data import synthetic_touches, write_recordings
+from tests.marks import first_quick
 
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "tests/frontends"))
@@ -55,7 +56,7 @@ def test_torch_is_missing(tmp_path):
     assert "No module named 'torch'" in run("import torch", folder=tmp_path, code=1)
 
 
-@pytest.mark.parametrize("paths", [SHIPPED, FIXTURES], ids=["shipped", "of all kinds"])
+@pytest.mark.parametrize("paths", first_quick([FIXTURES, SHIPPED]), ids=["of all kinds", "shipped"])
 def test_the_command_compiles_every_network(paths, tmp_path):
     """One after the other in one process, which spares seventeen starts."""
     found = json.loads(run(EACH, *paths, folder=tmp_path))

@@ -13,6 +13,7 @@ import pytest
 
 import hw_model.engine.compiled
 from hw_model.streaming import ahead
+from tests.marks import first_quick
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = Path(hw_model.__file__).parent
@@ -130,7 +131,7 @@ print(user.wrapped(5), twice(3))
 
 @pytest.mark.parametrize(
     ("code", "cores", "said"),
-    [(0, 2, "wrapped 5 6"), (1, 2, "wrapped twice 5 6"), (0, 1, "wrapped twice 5 6")],
+    first_quick([(0, 2, "wrapped 5 6"), (1, 2, "wrapped twice 5 6"), (0, 1, "wrapped twice 5 6")]),
     ids=["in another process", "which fails", "of one core"],
 )
 def test_loops_of_a_package_are_compiled_beside_others(tmp_path, code, cores, said):

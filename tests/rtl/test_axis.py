@@ -12,11 +12,12 @@ import hw_model as hw
 from hw_model.rtl.board import spike_numbers
 from hw_model.rtl.cosimulation import ANSWER, END, TICK
 from hw_model.rtl.simulators import sources
+from tests.marks import first_quick
 
 pytestmark = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
 
 
-@pytest.fixture(scope="module", params=[SIZES, LATER], ids=["plain", "later"])
+@pytest.fixture(scope="module", params=first_quick([SIZES, LATER]), ids=["plain", "later"])
 def desk(request):
     return Desk(request.param)
 
@@ -54,7 +55,7 @@ FAULTS = {
 }
 
 
-@pytest.mark.parametrize("name", FAULTS)
+@pytest.mark.parametrize("name", first_quick(FAULTS, 2))
 def test_a_fault_is_answered_and_forgotten(desk, play, expected, name):
     number, beats = FAULTS[name]
     wrong, *after = play([*beats(desk.core), *desk.beats()])[0]

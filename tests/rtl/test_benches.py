@@ -25,6 +25,7 @@ from hw_model.rtl.comparison import compare
 from hw_model.rtl.cosimulation import END, TICK
 from hw_model.rtl.images import CoreProgram
 from hw_model.rtl.simulators import sources
+from tests.marks import first_quick
 
 pytestmark = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
 MUTANTS = yaml.safe_load((Path(__file__).parent / "mutants.yaml").read_text())
@@ -67,7 +68,7 @@ def test_the_benches_wrap_and_clip():
     assert min(met.charge_wraps, met.current_wraps, met.voltage_clips) > 10
 
 
-@pytest.mark.parametrize("sizes", [SIZES, LATER], ids=["plain", "later"])
+@pytest.mark.parametrize("sizes", first_quick([LATER, SIZES]), ids=["later", "plain"])
 def test_the_core_passes_every_bench(sizes):
     assert not differ(sources(), sizes)
 
@@ -109,12 +110,13 @@ def in_slices(old: str = "", new: str = "") -> dict[str, str]:
     return {**sources(), "memory.sv": "`define MEMORY_BLOCK 256\n" + sources()["memory.sv"].replace(old, new)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sizes", [SIZES, LATER], ids=["plain", "later"])
 def test_slices_of_memories_change_nothing(sizes):
     assert not differ(in_slices(), sizes)
 
 
-@pytest.mark.parametrize(("old", "new"), [row[1:] for row in SLICES], ids=[row[0] for row in SLICES])
+@pytest.mark.parametrize(("old", "new"), first_quick(row[1:] for row in SLICES), ids=[row[0] for row in SLICES])
 def test_faults_of_slices_are_found(old, new):
     assert sources()["memory.sv"].count(old) == 1
     assert differ(in_slices(old, new))
@@ -225,7 +227,7 @@ def sounds_different(name: str, folder: Path, texts: Mapping[str, str]) -> bool:
         return True
 
 
-@pytest.mark.parametrize("name", ["locsnn_axis.sv", "uart_rx.sv", "top_uart.sv", "commands.sv"])
+@pytest.mark.parametrize("name", first_quick(["top_uart.sv", "locsnn_axis.sv", "uart_rx.sv", "commands.sv"]))
 def test_a_session_hears_the_same_twice(name, tmp_path):
     assert not sounds_different(name, tmp_path, {**sources(), "crc16.sv": sources()["crc16.sv"] + "\n"})
 

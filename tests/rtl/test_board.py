@@ -16,6 +16,7 @@ from hw_model.rtl.board import PROBLEMS, Board, spike_numbers
 from hw_model.rtl.cosimulation import ANSWER, END, TICK
 from hw_model.rtl.frames import ANSWER as ANSWERED
 from hw_model.rtl.frames import DONE, ERROR, HELLO, LOAD, REPORT, SPIKES, WELCOME, WORDS, framed
+from tests.marks import first_quick
 
 pytestmark = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
 LINE, CHECKSUM, SHORT, OVERRUN, SEQUENCE, CUT_OFF, NO_TYPE, FORM, NO_PLACE, BUSY, NO_PROGRAM = range(1, 12)
@@ -77,7 +78,7 @@ SPOILED = {
 }
 
 
-@pytest.mark.parametrize("name", SPOILED)
+@pytest.mark.parametrize("name", first_quick(SPOILED, 3))
 def test_a_frame_that_is_spoiled_is_answered_once_and_does_nothing(desk, loaded, name):
     port, plain = loaded
     problem, spoil = SPOILED[name]
@@ -101,7 +102,7 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize("name", REFUSED)
+@pytest.mark.parametrize("name", first_quick(REFUSED, 3))
 def test_a_frame_that_is_refused_is_answered(loaded, name):
     port, _ = loaded
     problem, kind, payload = REFUSED[name]
@@ -118,7 +119,7 @@ def empty(desk):
     port.close()
 
 
-@pytest.mark.parametrize("name", REFUSED_LOADS)
+@pytest.mark.parametrize("name", first_quick(REFUSED_LOADS, 3))
 def test_a_load_that_is_refused_is_answered(empty, name):
     problem = NO_PLACE if name in ("an address outside its memory", "a word that runs over the end") else FORM
     greeted(empty)
@@ -143,7 +144,7 @@ def test_a_load_during_a_recording_is_refused_and_the_recording_goes_on(desk, lo
     assert answer[2][:3] == bytes((plain.error, 0, plain.winner))
 
 
-@pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
+@pytest.mark.parametrize("share", first_quick([0.5, 0.1, 0.9]))
 def test_a_recording_that_is_cut_off_does_no_harm(desk, loaded, share):
     port, plain = loaded
     words = desk.words
@@ -154,6 +155,7 @@ def test_a_recording_that_is_cut_off_does_no_harm(desk, loaded, share):
     assert Board(port).play(desk.core, desk.spikes[0]) == plain
 
 
+@pytest.mark.slow
 def test_a_board_that_hears_events_on_arrival(desk):
     """It says so, answers as the simulator does, and forgets a recording that is cut off."""
     later = Desk(benches.LATER)
@@ -199,7 +201,7 @@ STREAM = {
 }
 
 
-@pytest.mark.parametrize("name", STREAM)
+@pytest.mark.parametrize("name", first_quick(STREAM, 2))
 def test_an_error_of_the_stream_is_answered(desk, loaded, name):
     port, plain = loaded
     number, words = STREAM[name]
@@ -209,6 +211,7 @@ def test_an_error_of_the_stream_is_answered(desk, loaded, name):
     assert Board(port).play(desk.core, desk.spikes[0]) == plain
 
 
+@pytest.mark.slow
 def test_words_before_a_program_are_refused(desk):
     port = desk.port()
     assert say(port, HELLO, 0)[0][2][1] == 0
@@ -286,7 +289,7 @@ def damaged_session(desk, every, seed):
         return line, board.play(desk.core, desk.spikes[0])
 
 
-@pytest.mark.parametrize(("every", "seed"), [(100, 1), (100, 2), (100, 3), (60, 1)])
+@pytest.mark.parametrize(("every", "seed"), first_quick([(100, 1), (100, 2), (100, 3), (60, 1)]))
 def test_damaged_bytes_do_no_harm(desk, monkeypatch, every, seed):
     # A frame of 64 bytes and what is said to it pass undamaged in half of the cases, at a byte of a hundred. Four tries
     # fail for one frame of sixteen, and a load has forty: with so few, whether the host gives up is chance.

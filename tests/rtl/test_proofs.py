@@ -12,6 +12,7 @@ import pytest
 import yaml
 
 from hw_model.rtl.simulators import sources
+from tests.marks import slow
 
 HERE = Path(__file__).parent
 BOARDS = HERE.parents[1] / "hw_model/rtl/boards"
@@ -32,7 +33,7 @@ def planted() -> list:
     for proof, rows in FAULTS.items():
         for at, row in enumerate(rows):
             its = MUTANTS[row] if isinstance(row, str) else row
-            marks = [pytest.mark.slow] if at >= {"step": 0, "readout": 1}.get(proof, 4) else []
+            marks = [pytest.mark.slow] if at >= {"step": 0, "readout": 0}.get(proof, 1) else []
             given = (proof, its["file"], its["old"], its["new"])
             params.append(pytest.param(*given, id=f"{proof}: {its['id']}", marks=marks))
     return params
@@ -76,9 +77,7 @@ def test_every_fault_fits():
 
 
 @needs_tools
-@pytest.mark.parametrize(
-    "proof", [pytest.param(proof, marks=[pytest.mark.slow] if proof == "step" else []) for proof in FAULTS]
-)
+@pytest.mark.parametrize("proof", [slow(proof) if proof in ("step", "readout") else proof for proof in FAULTS])
 def test_a_part_of_the_core_is_proved(tmp_path, proof):
     assert proved(tmp_path, proof, sources())
     assert (tmp_path / f"{proof}.log").read_text().count("Status: PASSED") == 2
