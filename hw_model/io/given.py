@@ -88,20 +88,17 @@ def _bound(signature: inspect.Signature, args: Any, kwargs: Any) -> Mapping[str,
         return {}
 
 
-def alternatives_of(hint: Any) -> tuple[Any, ...]:
-    """Return the hints that a hint joins by ``|``, or the one that it is."""
-    return get_args(hint) if get_origin(hint) in (UnionType, Union) else (hint,)
-
-
-def class_of(hint: Any) -> Any:
-    """Return the class that a hint is about: ``tuple`` of ``tuple[int, ...]``, and ``ndarray`` of numpy's aliases."""
-    found = get_origin(hint) or hint
-    return class_of(found.__value__) if type(found).__name__ == "TypeAliasType" else found  # from Python 3.12
+def classes_of(hint: Any) -> tuple[Any, ...]:
+    """Return the classes that a hint stands for: ``tuple`` for ``tuple[int, ...]``, two for ``int | None``."""
+    kind = get_origin(hint) or hint
+    if type(kind).__name__ == "TypeAliasType":  # what numpy's hints are from Python 3.12 on
+        return classes_of(kind.__value__)
+    return tuple(one for o in get_args(hint) for one in classes_of(o)) if kind in (UnionType, Union) else (kind,)
 
 
 def kinds_of(hint: Any) -> tuple[Any, ...]:
     """Return the types that a hint accepts; ``object`` stands for those that ``isinstance`` cannot check."""
-    known = [class_of(option) for option in alternatives_of(hint)]
+    known = classes_of(hint)
     plain = [
         isinstance(kind, type) and kind not in (bool, Any) and not kind.__module__.startswith("numpy.")
         for kind in known

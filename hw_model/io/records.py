@@ -13,7 +13,7 @@ from types import NoneType, UnionType
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
 from hw_model.errors import InputError, did_you_mean
-from hw_model.io.given import alternatives_of, check_argument, class_of, kinds_of
+from hw_model.io.given import check_argument, classes_of, kinds_of
 from hw_model.values import Frozen
 
 T = TypeVar("T")
@@ -68,8 +68,7 @@ def _hints(record: type) -> dict[str, Any]:
 
 
 def _kinds(hint: Any) -> tuple[type, ...]:
-    plain = map(class_of, alternatives_of(hint))
-    return tuple(kind for part in plain for kind in _HELD.get(part, (part,)))
+    return tuple(kind for part in classes_of(hint) for kind in _HELD.get(part, (part,)))
 
 
 def check_value(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 import hw_model as hw
 import locsnn_compile as lc
-from hw_model.io.given import alternatives_of, class_of
+from hw_model.io.given import classes_of
 from hw_model.streaming.session import location_share
 
 NETWORK = "Read it with lc.load(path), or lc.load(path, config=...)."
@@ -177,7 +177,8 @@ ALIAS = GenericAlias(TypeAliasType(np.ndarray[Any, np.dtype[Any]]), (np.int64,))
         pytest.param(Optional[int], [int, type(None)], id="one or nothing, of typing"),  # noqa: UP045
         pytest.param(int | NDArray[np.int64], [int, np.ndarray], id="an array of numpy"),
         pytest.param(ALIAS, [np.ndarray], id="an alias"),
+        pytest.param(TypeAliasType(int | ALIAS), [int, np.ndarray], id="an alias of several"),
     ],
 )
 def test_classes_behind_hints(hint, classes):
-    assert [class_of(option) for option in alternatives_of(hint)] == classes
+    assert list(classes_of(hint)) == classes
