@@ -8,8 +8,9 @@ import os
 from hypothesis import HealthCheck, settings
 
 if "PYTEST_XDIST_WORKER" in os.environ:
-    # With a process per core, threads of numpy's would wait for each other. Commands have one thread as well.
+    # With a process per core, threads of numpy and torch would wait for each other. Commands have one thread as well.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 settings.register_profile("same", derandomize=True, deadline=None)
 settings.register_profile("soak", deadline=None, suppress_health_check=list(HealthCheck))

@@ -113,9 +113,11 @@ def test_an_archive_of_raw_text_with_its_phases(tmp_path: Path) -> None:
 
 
 def test_a_part_without_labels(tmp_path: Path) -> None:
-    for name in ("sample_0.npy", "sample_1_label_3.npy"):
+    for name in ("test/sample_0.npy", "train/sample_1_label_3.npy"):
+        (tmp_path / name).parent.mkdir()
         np.save(tmp_path / name, np.ones((2, 3), dtype=np.uint8))
     assert read_recordings(tmp_path).labels is None
+    assert read_recordings(tmp_path, split="train").labels.tolist() == [3]
 
 
 def put(name: str, data: bytes) -> Callable[[Path], Path]:
