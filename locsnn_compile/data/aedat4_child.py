@@ -1,8 +1,8 @@
 """Read an AEDAT4 file on behalf of another process, which survives when the library panics on a damaged file.
 
 Run as a script with the path of the file and the number of events at which to stop. It writes the width and height of
-the first stream that has events, and the events as a ``.npy`` array. It imports nothing of this project, so that it
-starts at once.
+the stream of events that comes first in the file, and its events as a ``.npy`` array. It imports nothing of this
+project, so that it starts at once.
 """
 
 import contextlib
@@ -18,7 +18,8 @@ if __name__ == "__main__":
         resource.setrlimit(resource.RLIMIT_AS, (2 << 30, 2 << 30))
         resource.setrlimit(resource.RLIMIT_CPU, (10, 10))
     decoder, most = aedat.Decoder(sys.argv[1]), int(sys.argv[2])
-    number, stream = next((n, s) for n, s in decoder.id_to_stream().items() if s["type"] == "events")
+    # The library lists the streams in another order each time.
+    number, stream = next((n, s) for n, s in sorted(decoder.id_to_stream().items()) if s["type"] == "events")
     packets, count = [], 0
     for packet in decoder:
         if packet["stream_id"] == number and count <= most:

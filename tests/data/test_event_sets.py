@@ -181,6 +181,14 @@ def test_aedat4_as_a_camera_writes_it(camera: Path) -> None:
     assert places(found.spikes[0]) == PLACES
 
 
+def test_aedat4_of_several_cameras_gives_the_first(camera: Path) -> None:
+    """Its library lists them in another order each time."""
+    shutil.copy(CAMERA.with_name("cameras.aedat4"), camera)
+    found = read_recordings(camera)
+    assert found.spikes.shape == (1, 3, 2 * 34 * 34)
+    assert places(found.spikes[0]) == PLACES
+
+
 def test_aedat4_of_too_many_events(camera: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for module in (event_formats, event_stream):
         monkeypatch.setattr(module, "MAX_EVENTS", 2)

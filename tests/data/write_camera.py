@@ -1,4 +1,7 @@
-"""Write ``camera.aedat4`` with the library of its cameras: ``pip install dv-processing``, then run this."""
+"""Write ``camera.aedat4`` and ``cameras.aedat4``, of six cameras, with their library.
+
+``pip install dv-processing``, then run this.
+"""
 
 from pathlib import Path
 
@@ -16,3 +19,9 @@ if __name__ == "__main__":
     path = str(Path(__file__).with_name("camera.aedat4"))
     writer = dv.io.MonoCameraWriter(path, dv.io.MonoCameraWriter.EventOnlyConfig("camera", (34, 34)))
     writer.writeEvents(store)
+    config = dv.io.MonoCameraWriter.Config("cameras")
+    for number in range(6):
+        config.addEventStream((34 + number, 34), f"camera{number}")
+    writer = dv.io.MonoCameraWriter(str(Path(__file__).with_name("cameras.aedat4")), config)
+    for number in range(6):
+        writer.writeEvents(store, f"camera{number}")
