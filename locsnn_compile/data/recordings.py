@@ -221,5 +221,5 @@ OPEN = Expected("no model")
 
 
 def same(a: float, b: float) -> bool:
-    """Tell whether two numbers are equal up to the rounding of floats."""
-    return math.isclose(a, b, rel_tol=1e-9)
+    """Tell whether two numbers are equal up to the rounding of floats, of single precision as well."""
+    return math.isclose(a, b, rel_tol=1e-7)

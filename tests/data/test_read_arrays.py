@@ -94,6 +94,14 @@ def test_a_bin_width_that_is_not_the_files_is_refused(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.parametrize("width", [0.02, 0.001, 1e-4, 0.3])
+def test_a_bin_width_in_single_precision_is_that_of_its_model(tmp_path: Path, width: float) -> None:
+    np.savez(tmp_path / "x.npz", spikes=FULL, step_seconds=np.float32(width))
+    model = Expected("model 'm'", step_seconds=width, steps=FULL.shape[-1])
+    found = read_recordings(tmp_path / "x.npz", step_seconds=width, model=model)
+    assert found.step_seconds == float(np.float32(width))
+
+
 @pytest.mark.parametrize(
     "recordings",
     [
