@@ -70,7 +70,8 @@ def near(path: Path, otherwise: str) -> str:
     part = path
     while not part.parent.is_dir() and part != part.parent:
         part = part.parent
-    names = [] if os.path.lexists(part) else [beside.name for beside in part.parent.glob("*")]
+    others = [] if os.path.lexists(part) else part.parent.glob("*")
+    names = [beside.name for beside in others if part == path or beside.is_dir()]
     close = get_close_matches(part.name, names, 1, _ALIKE)
     return f"Did you mean {str(part.with_name(close[0]) / path.relative_to(part))!r}?" if close else otherwise
 

@@ -166,6 +166,16 @@ def test_an_error_shows_the_path_that_was_typed(call, message, capsys, tmp_path,
     assert refused(capsys, *call) == f"{message}\n"
 
 
+def test_a_folder_is_not_mistaken_for_a_file_of_like_name(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("touch-snn.pt").touch()
+    said = refused(capsys, main, "run", "touch-snn", "--events", "x.npz")
+    assert said == (
+        "program 'touch-snn', program.yaml: it cannot be read (No such file or directory). "
+        "Give the folder that the compiler wrote.\n"
+    )
+
+
 EMPTY = {
     "an output": (compile_main, ["net.pt", "-o", ""], "locsnn-compile: argument -o/--output"),
     "a file that is written": (main, ["diff", "a", "b", "--html="], "locsnn diff: argument --html"),
