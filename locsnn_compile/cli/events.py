@@ -8,6 +8,7 @@ example:
 
 A folder or .zip gets a file for each recording, of the kind of --members: npy, events (arrays with the fields t, x, p,
 as in Tonic), bs1, bs2 or tact. If a format cannot hold something, the options that restore it on reading are printed.
+No option restores the names of classes: a line says that they are left out.
 """
 
 import argparse
@@ -20,7 +21,7 @@ from locsnn_compile.cli.options import recording_of
 from locsnn_compile.cli.places import check_places
 from locsnn_compile.cli.shell import say
 from locsnn_compile.cli.step_options import asked_reading
-from locsnn_compile.data.read import read_recordings
+from locsnn_compile.data.read import read_recordings, recording_parts
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.sensor import asked_layout
 from locsnn_compile.data.statistics import event_statistics
@@ -99,6 +100,10 @@ def _write(args: argparse.Namespace, recordings: Recordings, number: int, sensor
         how = {"members": args.members, "structured": args.structured, "sensor": sensor}
         left = write_recordings(args.to, recordings, **how).options
         lines.append(f"wrote {args.to}")
+        if args.part is None and len(parts := recording_parts(args.file)) > 1:
+            lines.append(f"it holds the {parts[-1]} part alone: --part {parts[0]} gives the other")
+        if recordings.class_names is not None and args.to.suffix not in (".npz", ".pt"):
+            lines.append("names of classes are left out: only .npz and .pt files hold them")
         if left:
             options = " ".join(f"--{name.replace('_', '-')} {value!r}" for name, value in left.items())
             lines.append(f"read it with {options}: the format does not say so")

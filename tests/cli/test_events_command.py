@@ -118,6 +118,9 @@ def test_large_rasters_are_drawn_coarser() -> None:
     assert (lines[0].strip(), lines[-1].strip()) == ("█", "▒")
 
 
+NAMELESS = "names of classes are left out: only .npz and .pt files hold them"
+
+
 def test_conversion(small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["events", str(small), "--to", str(tmp_path / "out"), "--members", "bs1"]) == 0
     assert capsys.readouterr().out.splitlines()[-2:] == [
@@ -131,6 +134,30 @@ def test_conversion(small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[s
         "sample_1_label_0.bs1",
         "sample_2_label_1.bs1",
     ]
+
+
+@pytest.mark.parametrize(
+    ("options", "lines"),
+    [
+        (["--to", "out.zip"], ["it holds the test part alone: --part train gives the other", NAMELESS]),
+        (["--to", "out.zip", "--part", "test"], [NAMELESS]),
+        (["--to", "out.npz"], ["it holds the test part alone: --part train gives the other"]),
+        (["--to", "out.npz", "--part", "train"], []),
+    ],
+)
+def test_what_a_conversion_leaves_out(
+    tmp_path: Path,
+    options: list[str],
+    lines: list[str],
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for place in ("train/press", "train/slide", "test/press", "test/slide"):
+        Path("set", place).mkdir(parents=True)
+        np.save(Path("set", place, "sample_0.npy"), np.eye(4, dtype=np.uint8))
+    assert main(["events", "set", *options]) == 0
+    assert capsys.readouterr().out.splitlines()[-1 - len(lines) :] == [f"wrote {options[1]}", *lines]
 
 
 def test_the_example_of_the_help(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
