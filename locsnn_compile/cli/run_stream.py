@@ -19,6 +19,7 @@ from locsnn_compile.cli.diff import read_report
 from locsnn_compile.cli.shell import progress_bar
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
+from locsnn_compile.reference.evaluate import decided
 from locsnn_compile.report.words import sentence
 
 _CLEAR = "\r\x1b[K"
@@ -33,11 +34,13 @@ class Streamed(Frozen, eq=False):
     """What was known after every step of a recording, or until it was stopped; arrays (steps,).
 
     ``prediction`` is the class with the best score, ``lead`` by how much, ``seconds`` how long the step took here.
+    ``decided`` is the prediction, or -1 where all classes tie, so that nothing is predicted.
     """
 
     prediction: IntArray
     lead: FloatArray
     seconds: FloatArray
+    decided: IntArray
 
     @property
     def changes(self) -> list[tuple[int, int, float]]:
@@ -50,8 +53,8 @@ class Streamed(Frozen, eq=False):
         return [(t + 1, int(self.prediction[t]), float(self.lead[t])) for t in at]
 
     def filled(self, steps: int) -> IntArray:
-        """Return the prediction after each of the first steps, (steps,); after a stop it stays."""
-        return np.pad(self.prediction, (0, steps - len(self.prediction)), mode="edge")
+        """Return what is decided after each of the first steps, (steps,); after a stop it stays."""
+        return np.pad(self.decided, (0, steps - len(self.decided)), mode="edge")
 
 
 def stream(
@@ -61,18 +64,18 @@ def stream(
     session.reset()
     steps = len(next(iter(rows.values())))
     prediction, lead, seconds = np.zeros(steps, dtype=np.int64), np.zeros(steps), np.zeros(steps)
-    done = 0
+    sure, done = np.zeros(steps, dtype=np.int64), 0
     while done < steps:
         start = time.perf_counter()
         found = session.push({name: array[done] for name, array in rows.items()})
         seconds[done] = time.perf_counter() - start
-        prediction[done], lead[done] = found.prediction[0], found.lead[0]
+        prediction[done], lead[done], sure[done] = found.prediction[0], found.lead[0], decided(found.scores)[0]
         done += 1
         if on_step:
             on_step(done, int(prediction[done - 1]), float(lead[done - 1]))
         if margin is not None and lead[done - 1] >= margin:
             break
-    return Streamed(prediction[:done], lead[:done], seconds[:done])
+    return Streamed(prediction[:done], lead[:done], seconds[:done], sure[:done])
 
 
 def step_latency(streamed: Sequence[Streamed]) -> dict[str, float]:
@@ -82,7 +85,10 @@ def step_latency(streamed: Sequence[Streamed]) -> dict[str, float]:
 
 
 def right_over_time(streamed: Sequence[Streamed], wanted: ArrayLike, steps: int) -> FloatArray:
-    """Return the share of recordings that predict the wanted class (recordings,) after each step, (steps,)."""
+    """Return the share of recordings that predict the wanted class (recordings,) after each step, (steps,).
+
+    Where all classes tie, nothing is predicted: only a wanted -1 says so.
+    """
     predictions = np.stack([one.filled(steps) for one in streamed])
     shares: FloatArray = (predictions == np.asarray(wanted)[:, None]).mean(axis=0)
     return shares
@@ -136,7 +142,7 @@ def stream_all(
                 line.say(_settled(row, found[-1], stopped=lead is not None and found[-1].lead[-1] >= lead))
             if progress:
                 progress(i + 1, len(rows))
-    last = [row["prediction"] for row in rows]
+    last = [-1 if row["tied"] else row["prediction"] for row in rows]
     right = right_over_time(found, last if recordings.labels is None else recordings.labels, steps)
     latency = step_latency(found)
     return {

@@ -136,6 +136,15 @@ def test_the_length_of_a_step_is_told_or_left_out(build, capsys, tmp_path):
     assert lines[-1].endswith("; the length of a step at the sensor is not known: give --step-seconds")
 
 
+def test_where_all_classes_tie_the_label_is_not_predicted(build, capsys, tmp_path):
+    silent = tmp_path / "silent_label_0.npy"
+    np.save(silent, np.load(build / "silent.npy")[:1])
+    assert main(["run", str(build / "out"), "--events", str(silent), "--stream"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[1] == "accuracy 0.000 on 1 recording"
+    assert lines[3] == "accuracy over time: " + ", ".join(f"0.000 after {second}.00 s" for second in range(1, 6))
+
+
 def test_lines_of_the_summary():
     found = {
         "psi": None,
@@ -316,12 +325,14 @@ def test_a_copy_of_what_is_played_calibrates_nothing(build, tmp_path, capsys):
 
 def test_a_recording_that_is_streamed():
     leads, seen = [0.0, 2.0, 1.0, 0.0, 3.0], [0, 4, 4, 2, 4]
-    found = Streamed(np.array(seen), np.array(leads), np.array([1.0, 1.0, 1.0, 1.0, 6.0]))
+    decided = np.array([-1, 4, 4, 2, 4])
+    found = Streamed(np.array(seen), np.array(leads), np.array([1.0, 1.0, 1.0, 1.0, 6.0]), decided)
     assert found.changes == [(2, 4, 2.0), (4, 2, 0.0), (5, 4, 3.0)]
-    assert found.filled(7).tolist() == [0, 4, 4, 2, 4, 4, 4]
-    silent = Streamed(np.zeros(3, dtype=np.int64), np.zeros(3), np.full(3, 2.0))
+    assert found.filled(7).tolist() == [-1, 4, 4, 2, 4, 4, 4]
+    silent = Streamed(np.zeros(3, dtype=np.int64), np.zeros(3), np.full(3, 2.0), np.full(3, -1))
     assert silent.changes == []
-    assert right_over_time([found, silent], [4, 0], 5).tolist() == [0.5, 1.0, 1.0, 0.5, 1.0]
+    assert right_over_time([found, silent], [4, 0], 5).tolist() == [0.0, 0.5, 0.5, 0.0, 0.5]
+    assert right_over_time([found, silent], [4, -1], 5).tolist() == [0.5, 1.0, 1.0, 0.5, 1.0]
     latency = step_latency([found, silent])
     assert (latency["mean"], latency["worst"]) == (2.0, 6.0)
     assert latency["p99"] == np.quantile([1, 1, 1, 1, 6, 2, 2, 2], 0.99)
