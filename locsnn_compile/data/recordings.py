@@ -132,7 +132,7 @@ def clean_spikes(where: str, spikes: NDArray[np.generic], first: int = 0) -> Byt
 
     ``first`` is the number of the first sample in error messages.
     """
-    fix = "Give a binned array (samples, channels, steps) of zeros and ones."
+    fix = "Give binned recordings of zeros and ones."
     check_same(spikes.ndim, 3, where, "its number of axes is wrong", fix="Give an array (samples, steps, channels).")
     if 0 in spikes.shape:
         raise InputError(where, "no recordings inside", measured=f"shape {spikes.shape}", fix=fix)

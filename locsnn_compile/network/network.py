@@ -223,7 +223,7 @@ class Network(Shown):
         where = f"events {source!r}"
         if recordings.ndim != 3 or recordings.shape[2] != self.channels:
             measured = f"{counted(recordings.shape[-1], 'channel')} against {self.channels}"
-            fix = f"Give recordings of shape (samples, steps, {self.channels})."
+            fix = f"Give recordings of {counted(self.channels, 'channel')}."
             raise InputError(where, "the channel count differs from the model's", measured=measured, fix=fix)
         cut = f"Cut them to {counted(self.steps, 'step')}."
         rows = self.steps if self.any_length else recordings.shape[1]

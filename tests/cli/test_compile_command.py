@@ -285,7 +285,7 @@ def wrong_channels(tmp_path):
 
 BAD_OPTIONS = [
     ("target", lambda t: ("--target", "loihi-sin"), "target 'loihi-sin': no chip of this name ships. Did you mean 'loihi-sim'? A chip file of your own ends in .yaml."),
-    ("channels", lambda t: ("--events", wrong_channels(t)), "events 'wide.npy': the channel count differs from the model's (156 channels against 78). Give recordings of shape (samples, steps, 78)."),
+    ("channels", lambda t: ("--events", wrong_channels(t)), "events 'wide.npy': the channel count differs from the model's (156 channels against 78). Give recordings of 78 channels."),
     ("strategy", lambda t: ("--strategy", "dendrites"), "--strategy dendrites: it is not known. Did you mean 'dendrite'?"),
     ("bits", lambda t: ("--weight-bits", "7"), "--weight-bits: no synapse format has 7 bits. Choose one of 1, 2, 3, 4, 5, 6, 8."),
     ("config", lambda t: ("--config", "net.yaml"), "model 'objects-hybrid.pt': config was given, but a checkpoint contains this itself. Leave config out."),

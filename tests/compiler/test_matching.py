@@ -201,7 +201,7 @@ def test_a_short_recording_is_followed_by_silence(network, levels):
 @pytest.mark.parametrize(
     ("shape", "message"),
     [
-        ((2, 40, 5), "events 'array': the channel count differs from the model's (5 channels against 4). Give recordings of shape (samples, steps, 4)."),
+        ((2, 40, 5), "events 'array': the channel count differs from the model's (5 channels against 4). Give recordings of 4 channels."),
         ((2, 41, 4), "events 'array': the recordings are longer than the model's (41 steps against 40). Cut them to 40 steps."),
     ],
     ids=["channels", "steps"],

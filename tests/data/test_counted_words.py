@@ -49,5 +49,5 @@ def test_one_channel_against_those_of_a_network():
     network = lc.load("examples/models/two-fingertips.pt")
     assert refused(network.fit, np.zeros((1, 3, 1), np.uint8), "one.npy") == (
         "events 'one.npy': the channel count differs from the model's (1 channel against 156). "
-        "Give recordings of shape (samples, steps, 156)."
+        "Give recordings of 156 channels."
     )

@@ -197,15 +197,14 @@ BAD: list[tuple[str, str, Callable[[Path], object], str]] = [
         "no samples",
         "a.npy",
         lambda path: np.save(path, FULL[:0]),
-        "recordings 'a.npy': no recordings inside (shape (0, 10, 78)). "
-        "Give a binned array (samples, channels, steps) of zeros and ones.",
+        "recordings 'a.npy': no recordings inside (shape (0, 10, 78)). Give binned recordings of zeros and ones.",
     ),
     (
         "NaN",
         "a.npy",
         lambda path: np.save(path, np.full((1, 2, 3), np.nan)),
         "recordings 'a.npy': its values are not all 0 or 1 (nan at sample 0, channel 0, step 0). "
-        "Give a binned array (samples, channels, steps) of zeros and ones.",
+        "Give binned recordings of zeros and ones.",
     ),
     (
         "labels of another number",

@@ -37,7 +37,7 @@ def one(value: float) -> np.ndarray:
     return spikes
 
 
-FIX = "Give a binned array (samples, channels, steps) of zeros and ones."
+FIX = "Give binned recordings of zeros and ones."
 
 
 @pytest.mark.parametrize(
