@@ -78,6 +78,15 @@ def test_class_scores_count(
     assert {row.label: row.value for row in found.facts}["class scores"] == fact
 
 
+def test_predictions_that_were_not_compared_are_not_said_to_differ(builds: tuple[Build, Build]) -> None:
+    builds[0].report["match"]["prediction_agreement"] = None
+    found = comparison(*builds).verdicts[0]
+    assert (found.answer, found.sentence) == (
+        "Not known",
+        "The chip predicts the same class as the network in 95.0 % of recordings, an unknown share before.",
+    )
+
+
 def test_a_report_of_a_version_without_scores_is_compared(builds: tuple[Build, Build]) -> None:
     del builds[0].report["match"]["score_error"]
     assert comparison(*builds).verdicts[0].answer == "As before, but fewer spikes are equal"

@@ -121,7 +121,8 @@ def _matches(before: Build, after: Build) -> Verdict:
         scores=_now(*off),
         overflows=_both(before, after, "match.wraps", count, "match.clips"),
     )
-    return verdict("matches compared", status, answer, its, now=agreed(b, "none"), before=agreed(a, "none"))
+    same, same_before = (agreed(one, "an unknown share") for one in (b, a))
+    return verdict("matches compared", status, answer, its, now=same, before=same_before)
 
 
 def _shares(before: Build, after: Build, key: str) -> _Known:
