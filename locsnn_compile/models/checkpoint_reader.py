@@ -86,6 +86,8 @@ def _is_state_dict(values: object) -> bool:
 
 def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Checkpoint:
     """Return the checkpoint that the plain dict ``values`` describes, every entry checked."""
+    if isinstance(values, dict) and values.get("format") == Pack.FORMAT:
+        raise InputError(where, "it is a committee, not a single network", fix="Give the networks that it was made of.")
     if not isinstance(values, dict) or values.get("format") != checkpoint.FORMAT:
         raise file_fault(where, "it is not a checkpoint of this project", _seen(values))
     version: Any = values.get("version")

@@ -129,6 +129,11 @@ BAD: list[tuple[str, Callable[[Path], object], str]] = [
         f"it is not a checkpoint of this project (format 'other'). {AGAIN}",
     ),
     (
+        "a committee",
+        put("format", value="locsnn-committee"),
+        "it is a committee, not a single network. Give the networks that it was made of.",
+    ),
+    (
         "newer version",
         put("version", value=4),
         "it was written by a newer version (version 4 against 3). Update locsnn-compile.",
