@@ -75,7 +75,7 @@ def test_run_refuses_recordings_of_another_sensor(build, tmp_path, capsys):
     np.savez(few, spikes=np.zeros((2, 5, 250), dtype=np.uint8))
     assert main(["run", str(build / "out"), "--events", str(few)]) == 2
     what = "the channel count differs from the program's (5 channels against 78)"
-    assert capsys.readouterr() == ("", f"events '{few}': {what}. Give recordings of the sensor of its model.\n")
+    assert capsys.readouterr() == ("", f"events '{few}': {what}. Give recordings of 78 channels.\n")
 
 
 @pytest.mark.parametrize(
