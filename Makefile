@@ -12,7 +12,7 @@ test: .venv/installed-dev  ## install, then run the tests, a process a core
 	$(BIN)/pytest -n auto --dist worksteal
 
 test-slow: .venv/installed-dev  ## the tests that take minutes
-	$(BIN)/pytest -n auto --dist worksteal -m slow
+	$(BIN)/pytest -n auto --dist worksteal -m "slow and not mutants"
 
 soak: .venv/installed-dev  ## the tests on new examples: in every other run, hypothesis makes the same ones
 	$(BIN)/pytest -n auto --dist worksteal --hypothesis-profile soak
@@ -27,8 +27,9 @@ bench: .venv/installed-dev  ## measure speed and memory next to public simulator
 hardware: .venv/installed-dev  ## place the open core on its boards, play recordings to it, and write the tables of docs/hardware.md (ONLY=BOARD or ONLY=core, SEEDS=N)
 	PATH=$(CURDIR)/$(BIN):$$PATH $(BIN)/python tests/hardware/measure.py $(if $(ONLY),--only $(ONLY)) $(if $(SEEDS),--seeds $(SEEDS))
 
-mutants: .venv/installed-dev  ## put small faults into the code, one at a time: do the tests find them? writes tests/mutants/results.csv; half an hour on two cores, resumable
+mutants: .venv/installed-dev  ## put small faults into the code, one at a time: do the tests find them? writes tests/mutants/results.csv; then all of the core's; an hour on two cores
 	$(BIN)/python tests/mutants/run_mutants.py $(if $(ONLY),--only $(ONLY))
+	$(if $(ONLY),,$(BIN)/pytest -n auto --dist worksteal -m mutants)
 
 results: .venv/installed-dev  ## train every published network on both public data sets, five seeds, and write docs/results.md and its tables: hours, resumable
 	for script in run_results learning_curve chip_studies paper_pictures; do \

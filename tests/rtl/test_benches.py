@@ -25,7 +25,7 @@ from hw_model.rtl.comparison import compare
 from hw_model.rtl.cosimulation import END, TICK
 from hw_model.rtl.images import CoreProgram
 from hw_model.rtl.simulators import sources
-from tests.marks import first_quick
+from tests.marks import first_quick, sampled
 
 pytestmark = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
 MUTANTS = yaml.safe_load((Path(__file__).parent / "mutants.yaml").read_text())
@@ -238,8 +238,7 @@ def test_there_are_enough_mutants():
         assert sources()[mutant["file"]].count(mutant["old"]) == 1, mutant["id"]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("mutant", MUTANTS, ids=lambda mutant: mutant["id"])
+@pytest.mark.parametrize("mutant", sampled({mutant["id"]: (mutant,) for mutant in MUTANTS}))
 def test_every_mutant_is_found(mutant, tmp_path):
     name = mutant["file"]
     texts = {**sources(), name: sources()[name].replace(mutant["old"], mutant["new"])}

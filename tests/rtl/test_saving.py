@@ -11,6 +11,7 @@ import pytest
 from test_benches import STOPPING, differ
 
 from hw_model.rtl.simulators import sources
+from tests.marks import sampled
 
 pytestmark = [
     pytest.mark.slow,
@@ -93,7 +94,7 @@ def test_narrow_steps_and_places_change_nothing_alone(more):
     assert not differ(sources(), replace(benches.SIZES, **more))
 
 
-@pytest.mark.parametrize(("file", "old", "new"), [row[1:] for row in FAULTS], ids=[row[0] for row in FAULTS])
+@pytest.mark.parametrize(("file", "old", "new"), sampled({row[0]: row[1:] for row in FAULTS}))
 def test_faults_of_what_saves_are_found(file, old, new):
     texts = saving()
     assert texts[file].count(old) == 1
