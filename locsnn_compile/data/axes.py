@@ -71,16 +71,30 @@ def check_axes(array: AnyArray, where: str, channels: int | None = None) -> None
     They do if one axis has the ``channels`` of the sensor (by default those of whole fingertips), or two axes its
     taxels and its two polarities, at a place where no accepted order has them.
     """
-    read = _READ.get(array.ndim, ())
-    if any(_fits(order, array.shape, channels) for order in read):
-        return
+    found = _other_order(array.shape, channels)
+    if found is not None:
+        order, wanted = found
+        measured = f"{' x '.join(map(str, array.shape))} values"
+        fix = f"Give --axes {','.join(order)}, or transpose it to ({', '.join(wanted)}), as files have it."
+        raise InputError(where, f"its axes look like ({', '.join(order)})", measured=measured, fix=fix)
+
+
+def is_clear(shape: tuple[int, ...]) -> bool:
+    """Tell whether (samples, channels, steps) or (channels, steps) of these sizes are read as that for any sensor."""
+    return _other_order(shape) is None and not (len(shape) == 3 and is_one(shape))
+
+
+def _other_order(shape: tuple[int, ...], channels: int | None = None) -> tuple[Order, Order] | None:
+    """Return the order that sizes reveal and the accepted one that it turns; None if they fit an accepted order."""
+    read = _READ.get(len(shape), ())
+    if any(_fits(order, shape, channels) for order in read):
+        return None
     for wanted, order in [(names, turned) for names in read for turned in permutations(names)]:
         # With taxels on an axis, there may be as many recordings as taxels, or two: samples stay in front.
         in_front = order[0] == "samples" or not {"samples", "taxels"} <= set(order)
-        if in_front and _fits(order, array.shape, channels):
-            measured = f"{' x '.join(map(str, array.shape))} values"
-            fix = f"Give --axes {','.join(order)}, or transpose it to ({', '.join(wanted)}), as files have it."
-            raise InputError(where, f"its axes look like ({', '.join(order)})", measured=measured, fix=fix)
+        if in_front and _fits(order, shape, channels):
+            return order, wanted
+    return None
 
 
 def _fits(order: Order, shape: tuple[int, ...], channels: int | None) -> bool:

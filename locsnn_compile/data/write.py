@@ -7,6 +7,7 @@ import numpy as np
 from hw_model.io.build_folder import check_folder, write_build
 from hw_model.io.files import npy_bytes, pack_arrays, pack_files, replace_file
 from hw_model.values import AnyArray, BoolArray, ByteArray, Frozen, IntArray
+from locsnn_compile.data.axes import is_clear
 from locsnn_compile.data.event_formats import COLUMNS, pack_slayer_events, structured_events
 from locsnn_compile.data.event_stream import STEP_SECONDS, recording_events
 from locsnn_compile.data.members import label_in_name
@@ -107,6 +108,8 @@ def _entries(recordings: Recordings, kind: str, where: str, sensor: Sensor) -> d
     else:
         entries["spikes"] = _channel_major(recordings.spikes)
     more = {"labels": recordings.labels, "step_seconds": width, "class_names": recordings.class_names}
+    if kind != "events" and not is_clear(entries["spikes"].shape):
+        more["axes"] = ("samples", "channels", "steps")
     return entries | {name: np.array(value) for name, value in more.items() if value is not None}
 
 
@@ -171,9 +174,11 @@ def _member_files(recordings: Recordings, kind: str, where: str, sensor: Sensor)
 def _not_held(recordings: Recordings, kind: str, sensor: Sensor, timed: bool = False, start: bool = False) -> NotHeld:
     """Return the options without which a file of this kind would be read differently.
 
-    ``timed``: the file has the width of a bin; ``start``: a ``.startend`` file next to it says where it begins.
+    ``timed``: the file has the width of a bin; ``start``: there is a file for each recording, and for ``.tact`` a
+    ``.startend`` file next to it says where it begins.
     """
-    _, steps, channels = recordings.spikes.shape
+    samples, steps, channels = recordings.spikes.shape
+    shape = (channels, steps) if start else (samples, channels, steps)
     width, (polarities, columns) = _width(recordings), _cells(recordings, sensor)
     active: BoolArray = np.any(recordings.spikes, axis=0)
     read_steps, used = (int(np.flatnonzero(active.any(axis=axis)).max(initial=-1)) + 1 for axis in (1, 0))
@@ -184,7 +189,7 @@ def _not_held(recordings: Recordings, kind: str, sensor: Sensor, timed: bool = F
     last_column = active.any(axis=0).reshape(-1, polarities)[columns - 1 :: columns]
     rows = (
         ("step_seconds", recordings.step_seconds, not timed and (kind == "npy" or width != STEP_SECONDS)),
-        ("channels", channels, kind != "npy" and read_channels != channels),
+        ("channels", channels, not is_clear(shape) if kind == "npy" else read_channels != channels),
         ("steps", steps, kind != "npy" and read_steps != steps),
         ("polarities", 2, kind not in ("npy", "tact") and polarities == 2 and not active[:, 1::2].any()),
         ("columns", columns, kind == "bs2" and channels > columns * polarities and not last_column.any()),

@@ -61,6 +61,20 @@ SETS = [
 ]
 
 
+@pytest.mark.parametrize("name", ["out.npz", "out.pt", "out.npy", "out", "out.zip"])
+@pytest.mark.parametrize(
+    "shape",
+    [(39, 10, 2), (2, 78, 9), (1, 78, 9), (2, 39, 14), (2, 9, 117), (3, 156, 512), (78, 2, 39)],
+    ids=lambda shape: " x ".join(map(str, shape)),
+)
+def test_sizes_that_suggest_another_order_come_back(tmp_path: Path, shape: tuple[int, int, int], name: str) -> None:
+    """Sizes of NeuTouch on another axis, as 39 recordings of two channels, which read as one of 39 taxels."""
+    recordings = Recordings((np.random.default_rng(1).random(shape) < 0.2).astype(np.uint8), None, None, "a")
+    left = write_recordings(tmp_path / name, recordings)
+    assert left.options in ({}, {"channels": shape[2]})
+    same(read_recordings(tmp_path / name, **left.options), recordings)
+
+
 @pytest.mark.parametrize("recordings", SETS)
 @pytest.mark.parametrize("kind", ["npz", "pt", "npy", "events", "bs1", "bs2", "tact"])
 @pytest.mark.parametrize("suffix", ["", ".zip"])
