@@ -40,12 +40,9 @@ def _fitting(program: hw.ChipProgram, recordings: Recordings) -> Recordings:
     """Return the recordings; ``InputError`` if they are of another sensor than those of the program."""
     channels, wanted = recordings.spikes.shape[2], max(program.streams.values(), default=0)
     if channels != wanted:
-        measured, fix = (
-            f"{counted(channels, 'channel')} against {wanted}",
-            "Give recordings of the sensor of its model.",
-        )
-        where = f"events {recordings.source!r}"
-        raise InputError(where, "the channel count differs from the program's", measured=measured, fix=fix)
+        where, what = f"events {recordings.source!r}", "the channel count differs from the program's"
+        measured, fix = f"{counted(channels, 'channel')} against {wanted}", f"Give recordings of {wanted} channels."
+        raise InputError(where, what, measured=measured, fix=fix)
     return recordings
 
 
