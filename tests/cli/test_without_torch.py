@@ -68,7 +68,7 @@ def test_the_command_compiles_every_network(paths, tmp_path):
     assert all((tmp_path / name / "report.json").is_file() for name in found)
 
 
-@pytest.mark.parametrize("neuron", [SRM, LOIHI], ids=["srm", "loihi"])
+@pytest.mark.parametrize("neuron", first_quick([SRM, LOIHI]), ids=["srm", "loihi"])
 def test_a_slayer_checkpoint_and_recordings_in_torchs_format(neuron, tmp_path):
     rng = np.random.default_rng(5)
     write(tmp_path, {"fc1": rng.normal(size=(4, 78)) * 9, "fc2": rng.normal(size=(3, 4)) * 9}, neuron, steps=250)

@@ -45,7 +45,7 @@ def members(seed, events, first):
     return made
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(
     seed=st.integers(0, 2**31),
     events=st.tuples(st.tuples(EVENTS, EVENTS), st.tuples(EVENTS, EVENTS)),
