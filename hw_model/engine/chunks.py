@@ -26,6 +26,7 @@ from hw_model.engine.lanes import (
     kernel,
     mask_of,
     put,
+    put_numbers,
     seldom,
     short,
     where,
@@ -276,7 +277,7 @@ def fill(numbers: Place, number: Given) -> None:
 @kernel("event, at, first, spikes", returns=1)
 def list_lanes(event: Place, first: Given, spikes: Given) -> Returned:
     """List a chunk's spikes, given as bits, counted from ``first``; return how many there are."""
-    return (put(event, mask_of(event, spikes), event.each(first) + event.numbers()),)
+    return (put_numbers(event, mask_of(event, spikes), first),)
 
 
 @kernel("event, at, rows, same, row, first, flips, spikes", returns=1)

@@ -5,7 +5,7 @@ from functools import lru_cache
 import numpy as np
 
 from hw_model.engine.compiled import absorbed, called, compiled
-from hw_model.engine.lanes import Given, Place, Returned, kernel, put
+from hw_model.engine.lanes import Given, Place, Returned, first_lanes, kernel, put_numbers
 from hw_model.engine.layout import LANES
 from hw_model.engine.threads import LITTLE, in_parts
 from hw_model.engine.trace import EventLists
@@ -58,14 +58,13 @@ def _visits(item: Input, steps: int) -> tuple[IntArray, IntArray, IntArray]:
     return np.argsort(visits), first_lines.copy(), np.searchsorted(at[visits], np.arange(steps + 1))
 
 
-@kernel("given, at, channel, many, first, until", returns=1)
-def _list_lanes(given: Place, channel: Place, first: Given, until: Given) -> Returned:
-    """List which of the next bytes, as many as a chunk has lanes, are not 0, but none from channel ``until`` on.
+@kernel("given, at, channel, many, first, left", returns=1)
+def _list_lanes(given: Place, channel: Place, first: Given, left: Given) -> Returned:
+    """List which of the next ``left`` bytes are not 0, at most as many as a chunk has lanes; return how many are.
 
-    They are channels ``first`` on. Return how many there are.
+    They are channels ``first`` on.
     """
-    numbers = channel.each(first) + channel.numbers()
-    return (put(channel, (given[0] != 0) & (numbers < channel.each(until)), numbers),)
+    return (put_numbers(channel, first_lanes(given[0] != 0, left), first),)
 
 
 @absorbed
@@ -76,7 +75,7 @@ def list_row(given, low, channels, channel, many):  # type: ignore[no-untyped-de
     """
     for at in range(low, low + channels, LANES):
         if at + LANES <= len(given):
-            many += np.uint64(_list_lanes(given, at, channel, many, at - low, channels)[0])
+            many += np.uint64(_list_lanes(given, at, channel, many, at - low, low + channels - at)[0])
             continue
         for c in range(at - low, channels):
             channel[many] = c

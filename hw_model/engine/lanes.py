@@ -7,16 +7,20 @@ one bit; integers in a kernel are constants.
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import cache
 from inspect import Parameter, Signature
 from typing import Any
 
 from llvmlite import ir
-from numba.core import cgutils, types
+from llvmlite.binding import get_host_cpu_features
+from numba.core import cgutils, config, types
 from numba.extending import intrinsic
 
 from hw_model.engine.layout import FACTOR_BITS, LANES, USUAL_WIDTHS
 
 BIT, COUNT = ir.IntType(1), ir.IntType(32)
+EIGHT = 8
+"""Bits of a byte, each of which stands for a lane."""
 Given = Any
 """What a loop gives to a kernel, a value of LLVM."""
 Returned = Sequence[Any]
@@ -107,6 +111,45 @@ def put(place: "Place", mask: Lanes, numbers: Lanes) -> Given:
     return count(mask)
 
 
+def put_numbers(place: "Place", mask: Lanes, first: Given) -> Given:
+    """Put which lanes are set at a place, side by side, counted from ``first``; return how many there are.
+
+    The place has room for all lanes.
+    """
+    if compresses():
+        return put(place, mask, place.each(first) + place.numbers())
+    builder, found, many = place.builder, bits(mask), COUNT(0)
+    for low in range(0, LANES, EIGHT):
+        byte = builder.and_(builder.lshr(found, COUNT(low)), COUNT(255))
+        place.put_bytes(many, builder.load(builder.gep(_lanes_of_bytes(builder), [COUNT(0), byte])), first, low)
+        many = builder.add(many, builder.ctpop(byte))
+    return many
+
+
+@cache
+def compresses() -> bool:
+    """Tell whether the processor that is compiled for moves chosen lanes side by side at once, as AVX-512 does.
+
+    For others LLVM moves one lane after the other.
+    """
+    features = config.CPU_FEATURES
+    if features is None:
+        features = "" if config.CPU_NAME == "generic" else get_host_cpu_features().flatten()
+    return "+avx512f" in features.split(",")
+
+
+def _lanes_of_bytes(builder: ir.IRBuilder) -> ir.Value:
+    """Return the table of the bits that are set in a byte: their numbers, ascending, in eight bytes."""
+    name, module = "lanes_of_bytes", builder.module
+    if name not in module.globals:
+        of_bytes = (bytes(bit for bit in range(EIGHT) if byte >> bit & 1) for byte in range(256))
+        numbers = [int.from_bytes(of_byte, "little") for of_byte in of_bytes]
+        table = ir.Constant(ir.ArrayType(ir.IntType(64), 256), numbers)
+        made = ir.GlobalVariable(module, table.type, name)
+        made.linkage, made.global_constant, made.initializer = "internal", True, table
+    return module.globals[name]
+
+
 def held(lanes: Lanes) -> "Place":
     """Return a place for lanes that change in a loop, which keeps them in registers of the processor."""
     kind = lanes.value.type
@@ -132,6 +175,15 @@ def seldom(mask: Lanes) -> Iterator[None]:
     """Leave out what is inside, which is expected, where no lane of a mask is set."""
     with mask.builder.if_then(mask.builder.icmp_unsigned("!=", bits(mask), COUNT(0)), likely=False):
         yield
+
+
+def first_lanes(mask: Lanes, many: Given) -> Lanes:
+    """Return a mask without the lanes from number ``many`` on, above 0, of which there may be none."""
+    builder = mask.builder
+    beyond = builder.sub(COUNT(LANES), builder.trunc(many, COUNT))
+    beyond = builder.select(builder.icmp_signed(">", beyond, COUNT(0)), beyond, COUNT(0))
+    kept = builder.and_(bits(mask), builder.lshr(COUNT((1 << LANES) - 1), beyond))
+    return mask.with_value(builder.bitcast(builder.trunc(kept, ir.IntType(LANES)), mask.value.type))
 
 
 def mask_of(place: "Place", number: Given) -> Lanes:
@@ -172,6 +224,17 @@ class Place:
         one = self.builder.insert_element(ir.Constant(vector, ir.Undefined), value, COUNT(0))
         first = ir.Constant(ir.VectorType(COUNT, LANES), [0] * LANES)
         return Lanes(self.builder, self.builder.shuffle_vector(one, one, first))
+
+    def put_bytes(self, number: Given, eight: ir.Value, first: Given, more: int) -> None:
+        """Put eight bytes as numbers from element ``number`` on, each with ``first`` and ``more`` added."""
+        builder, element = self.builder, self._first.type.pointee
+        vector = ir.VectorType(element, EIGHT)
+        start = builder.add(builder.trunc(first, element), ir.Constant(element, more))
+        one = builder.insert_element(ir.Constant(vector, ir.Undefined), start, COUNT(0))
+        every = builder.shuffle_vector(one, one, ir.Constant(ir.VectorType(COUNT, EIGHT), [0] * EIGHT))
+        found = builder.zext(builder.bitcast(eight, ir.VectorType(ir.IntType(8), EIGHT)), vector)
+        at = builder.bitcast(builder.gep(self._first, [number]), vector.as_pointer())
+        builder.store(builder.add(found, every), at, align=max(1, self.width // 8))
 
     def numbers(self) -> Lanes:
         """Return the number of each lane."""

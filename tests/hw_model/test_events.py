@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from numba.core import config
 
 import hw_model as hw
 from hw_model.engine import events as event_scan
-from hw_model.engine import playing, threads
+from hw_model.engine import lanes, playing, threads
 from hw_model.engine.trace import PhaseInput
 from hw_model.mapping.graph import Input, read_only
 
@@ -119,3 +124,44 @@ def test_a_long_batch_is_listed_in_threads_as_one():
     recordings[-1, -1, -1] = 2
     with pytest.raises(hw.InputError, match="values other than 0 and 1"):
         hw.simulate(program.build(), recordings)
+
+
+EVERY_WIDTH = """\
+import sys
+import numpy as np
+from hw_model.engine import lanes
+lanes.compresses = lambda: {moves}
+from hw_model.engine.events import list_events
+r = np.random.default_rng(1)
+for channels in range(1, 70):
+    for density in (0.03, 0.5, 1.0):
+        recordings = (r.random((2, 5, channels)) < density).astype(np.uint8)
+        found = list_events(recordings)
+        rows, channel = np.nonzero(recordings.reshape(10, -1))
+        assert found.channel.tolist() == channel.tolist(), channels
+        ends = np.searchsorted(rows, np.arange(11))
+        assert np.array_equal(found.first, [ends[:6], ends[5:]]), channels
+"""
+
+
+@pytest.mark.parametrize("moves", [False, True], ids=["by a table", "at once"])
+def test_events_are_listed_on_every_processor(moves, tmp_path):
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    script = EVERY_WIDTH.format(moves=moves)
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False, env=environment)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize(
+    ("name", "features", "moves"),
+    [
+        ("generic", None, False),
+        (None, "+sse4.2,+avx2", False),
+        (None, "+avx2,+avx512f", True),
+        ("generic", "+avx512f", True),
+    ],
+)
+def test_what_a_processor_can_do_is_that_of_the_one_compiled_for(monkeypatch, name, features, moves):
+    monkeypatch.setattr(config, "CPU_NAME", name)
+    monkeypatch.setattr(config, "CPU_FEATURES", features)
+    assert lanes.compresses.__wrapped__() is moves
