@@ -103,11 +103,24 @@ def put(place: "Place", mask: Lanes, numbers: Lanes) -> Given:
     The place has room for all lanes.
     """
     vector, builder = numbers.value.type, numbers.builder
+    if not compresses():
+        return _put_each(place, mask, numbers)
     kind = ir.FunctionType(vector, [vector, mask.value.type, vector])
     name = f"llvm.experimental.vector.compress.v{LANES}i{place.width}"
     compress = cgutils.get_or_insert_function(builder.module, kind, name)
     found = builder.call(compress, [numbers.value, mask.value, ir.Constant(vector, ir.Undefined)])
     place[0] = numbers.with_value(found)
+    return count(mask)
+
+
+def _put_each(place: "Place", mask: Lanes, numbers: Lanes) -> Given:
+    """Put one number after the other: mostly there are few, and LLVM would move every lane."""
+    builder, every = place.builder, held(numbers)
+    left = cgutils.alloca_once_value(builder, bits(mask))
+    with cgutils.for_range(builder, count(mask)) as loop:
+        now = builder.load(left)
+        place.put_one(loop.index, every.one(builder.cttz(now, BIT(1))))
+        builder.store(builder.and_(now, builder.sub(now, COUNT(1))), left)
     return count(mask)
 
 
@@ -128,10 +141,7 @@ def put_numbers(place: "Place", mask: Lanes, first: Given) -> Given:
 
 @cache
 def compresses() -> bool:
-    """Tell whether the processor that is compiled for moves chosen lanes side by side at once, as AVX-512 does.
-
-    For others LLVM moves one lane after the other.
-    """
+    """Tell whether the processor that is compiled for moves chosen lanes side by side at once, as AVX-512 does."""
     features = config.CPU_FEATURES
     if features is None:
         features = "" if config.CPU_NAME == "generic" else get_host_cpu_features().flatten()
@@ -224,6 +234,14 @@ class Place:
         one = self.builder.insert_element(ir.Constant(vector, ir.Undefined), value, COUNT(0))
         first = ir.Constant(ir.VectorType(COUNT, LANES), [0] * LANES)
         return Lanes(self.builder, self.builder.shuffle_vector(one, one, first))
+
+    def one(self, lane: Given) -> ir.Value:
+        """Return the number of one lane."""
+        return self.builder.load(self.builder.gep(self._first, [lane]))
+
+    def put_one(self, lane: Given, number: ir.Value) -> None:
+        """Put the number of one lane."""
+        self.builder.store(number, self.builder.gep(self._first, [lane]))
 
     def put_bytes(self, number: Given, eight: ir.Value, first: Given, more: int) -> None:
         """Put eight bytes as numbers from element ``number`` on, each with ``first`` and ``more`` added."""

@@ -126,11 +126,11 @@ def test_a_long_batch_is_listed_in_threads_as_one():
         hw.simulate(program.build(), recordings)
 
 
-EVERY_WIDTH = """\
-import sys
+OF_EVERY_WIDTH = """\
 import numpy as np
 from hw_model.engine import lanes
 lanes.compresses = lambda: {moves}
+import hw_model as hw
 from hw_model.engine.events import list_events
 r = np.random.default_rng(1)
 for channels in range(1, 70):
@@ -141,13 +141,21 @@ for channels in range(1, 70):
         assert found.channel.tolist() == channel.tolist(), channels
         ends = np.searchsorted(rows, np.arange(11))
         assert np.array_equal(found.first, [ends[:6], ends[5:]]), channels
+from hybrids import random_hybrid
+for seed in range(12):
+    program, recording = random_hybrid(seed, together=1 + seed % 3)
+    pushed = hw.Session(program).push(recording)
+    wanted = hw.simulate(program, recording, engine="reference")
+    assert np.array_equal(pushed.scores[-1], wanted.scores), seed
 """
 
 
-@pytest.mark.parametrize("moves", [False, True], ids=["by a table", "at once"])
-def test_events_are_listed_on_every_processor(moves, tmp_path):
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
-    script = EVERY_WIDTH.format(moves=moves)
+@pytest.mark.slow
+@pytest.mark.parametrize("moves", [False, True], ids=["one by one", "at once"])
+def test_lists_are_the_same_on_every_processor(moves, tmp_path):
+    paths = os.pathsep.join([os.getcwd(), os.path.dirname(__file__)])
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": paths}
+    script = OF_EVERY_WIDTH.format(moves=moves)
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False, env=environment)
     assert (done.returncode, done.stderr) == (0, "")
 
