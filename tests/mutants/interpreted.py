@@ -85,6 +85,8 @@ def put(place, mask, numbers):
 
 
 lanes.kernel, lanes.put = kernel, put
+lanes.put_numbers = lambda place, mask, first: put(place, mask, place.each(first) + place.numbers())
+lanes.first_lanes = lambda mask, many: mask & (np.arange(LANES) < many)
 lanes.mask_of = lambda place, number: (int(number) >> np.arange(LANES)) & 1 != 0
 lanes.where = lambda mask, one, other: np.where(mask, one, other).astype(np.asarray(other).dtype)
 lanes.bits = lambda mask: np.int32(sum(1 << i for i in np.flatnonzero(mask).tolist()))
