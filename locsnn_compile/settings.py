@@ -21,7 +21,7 @@ AUTO = "auto"
 
 @dataclass(frozen=True)
 class Strategy:
-    """``layout`` describes a neuron in compartments, with ``dendrites`` of each kind.
+    """``layout`` describes a neuron in compartments, ``dendrites`` how many it has of each kind.
 
     ``trainable``: networks can be trained on its integers. A ``last_resort`` costs more than any other, even with split
     weights: it is tried only if no other strategy keeps the budget, or if asked for.

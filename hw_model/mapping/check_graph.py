@@ -105,12 +105,7 @@ def _parameter_rules(chip: Chip) -> tuple[tuple[str, int, int, str], ...]:
     return (
         ("decay_u", 0, DECAY_ONE, "Give an effective decay, what is subtracted from 4096."),
         ("decay_v", 0, DECAY_ONE, "Give an effective decay, what is subtracted from 4096."),
-        (
-            "threshold",
-            0,
-            r.threshold_mantissa_max,
-            "Give a 64th of the threshold; scale the weights down if that is too large.",
-        ),
+        ("threshold", 0, r.threshold_mantissa_max, "Give a 64th of the threshold, or scale the weights down."),
         ("bias_mantissa", -bias, bias - 1, "Raise the bias exponent or scale the bias down."),
         ("bias_exponent", 0, r.bias_exponent_max, "Use a smaller exponent and a larger mantissa."),
         ("refractory", 1, r.refractory_max, "Shorten the refractory period; 1 blocks no step."),

@@ -21,7 +21,7 @@ _as_core = lru_cache(maxsize=4)(CoreProgram)
 
 
 def on_core(program: ChipProgram, rows: int, device: Chip) -> CoreProgram:
-    """Return a program as the open core of a device holds it, for recordings of that many rows.
+    """Return a program as the open core of a device holds it, for recordings of ``rows`` rows.
 
     What the core does not have, or has too few of, is a ``TargetError``.
     """

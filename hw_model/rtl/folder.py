@@ -76,7 +76,7 @@ def board_files(sizes: Sizes, board: str) -> dict[str, bytes]:
 
 
 def fit(program: ChipProgram, board: str, seeds: int) -> tuple[dict[str, Any], bytes]:
-    """Return what a board's bitstream takes, with the slowest clock of several placements, and the bitstream.
+    """Return what a board's bitstream takes, with the slowest clock of ``seeds`` placements, and the bitstream.
 
     What does not fit the open core is refused before anything is made. All programs share the bitstream of a device,
     which is kept in the user's cache folder and placed by one process at a time. A missing tool is an ``InputError``, a

@@ -239,7 +239,7 @@ class CoreProgram:
         }
 
     def _swept(self, places: int) -> int:
-        """Return the cycles in which memories are cleaned that hold the charges of that many compartments."""
+        """Return the cycles in which memories are cleaned that hold the charges of ``places`` compartments."""
         slots = self.sizes.slots if self.later else _power(self.needs.slots)
         return max(slots * places // 2, self.needs.bitmap, self.needs.entries)
 

@@ -66,7 +66,7 @@ class Made(Frozen):
 
 
 class Piece(Frozen):
-    """A macro of a plan: a row for each block of words, from word ``first`` on; bits of it from ``bit`` on."""
+    """A macro of a plan: rows of it for every ``every`` words, from word ``first`` on; bits of it from ``bit`` on."""
 
     memory: str
     copies: int
@@ -95,7 +95,7 @@ def ways(array: Array, macros: Mapping[str, Macro]) -> Iterator[Made]:
 
 
 def _rows(macros: Sequence[tuple[str, Macro]], bits: int) -> Iterator[tuple[tuple[str, Macro], ...]]:
-    """Yield rows of macros that hold that many bits and no macro too many."""
+    """Yield rows of macros that hold ``bits`` bits and no macro too many."""
     for many in range(1, WIDEST + 1):
         for row in combinations_with_replacement(macros, many):
             before, (_, last) = sum(macro.bits for _, macro in row[:-1]), row[-1]

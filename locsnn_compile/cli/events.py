@@ -100,7 +100,7 @@ def _write(args: argparse.Namespace, recordings: Recordings, number: int, sensor
         how = {"members": args.members, "structured": args.structured, "sensor": sensor}
         left = write_recordings(args.to, recordings, **how).options
         lines.append(f"wrote {args.to}")
-        if args.part is None and len(parts := recording_parts(args.file)) > 1:
+        if args.part is None and len(parts := recording_parts(args.file, test_share=args.split)) > 1:
             lines.append(f"it holds the {parts[-1]} part alone: --part {parts[0]} gives the other")
         if recordings.class_names is not None and args.to.suffix not in (".npz", ".pt"):
             lines.append("names of classes are left out: only .npz and .pt files hold them")

@@ -37,9 +37,9 @@ def chunks_for_program(args: argparse.Namespace, program: hw.ChipProgram) -> Ite
 
 
 def _fitting(program: hw.ChipProgram, recordings: Recordings) -> Recordings:
-    """Return the recordings; ``InputError`` if they are of another sensor than those of the program."""
-    channels, wanted = recordings.spikes.shape[2], max(program.streams.values(), default=0)
-    if channels != wanted:
+    """Return the recordings; ``InputError`` if they are of another sensor than that of the program's only stream."""
+    channels, (wanted, *others) = recordings.spikes.shape[2], program.streams.values()
+    if channels != wanted and not others:
         where, what = f"events {recordings.source!r}", "the channel count differs from the program's"
         measured, fix = f"{counted(channels, 'channel')} against {wanted}", f"Give recordings of {wanted} channels."
         raise InputError(where, what, measured=measured, fix=fix)

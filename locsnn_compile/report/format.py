@@ -109,7 +109,7 @@ def plain(text: str) -> str:
 
 
 def shortened(text: str, longest: int) -> str:
-    """Return a text of at most that many characters; an ellipsis replaces the rest."""
+    """Return a text of at most ``longest`` characters; an ellipsis replaces the rest."""
     return text if len(text) <= longest else f"{text[: longest - 1]}…"
 
 

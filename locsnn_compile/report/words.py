@@ -46,7 +46,7 @@ def no_spikes(match: Mapping[str, Any], population: str) -> str:
 
 
 def percent(value: float, decimals: str) -> str:
-    """Return a share as a percentage with that many decimals."""
+    """Return a share as a percentage with ``decimals`` decimals."""
     return f"{100 * value:.{decimals}f} %"
 
 

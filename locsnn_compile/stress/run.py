@@ -131,7 +131,7 @@ def _bound(run: LongRun, chip: hw.Chip, quiet: BoolArray, steps: int) -> float:
 
 
 def _session_differs(program: hw.ChipProgram, played: ByteArray, spikes: ByteArray, rows: int) -> str | None:
-    """Push the run to a session, that many rows at a time; say where it first counts different spikes."""
+    """Push the run to a session, ``rows`` rows at a time; say where it first counts different spikes."""
     session, counted = hw.Session(program), spikes.cumsum(axis=0, dtype=np.int64)
     for start in range(0, len(played), rows):
         pushed = session.push(played[start : start + rows]).spikes[POPULATION]

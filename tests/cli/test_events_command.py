@@ -160,6 +160,14 @@ def test_what_a_conversion_leaves_out(
     assert capsys.readouterr().out.splitlines()[-1 - len(lines) :] == [f"wrote {options[1]}", *lines]
 
 
+def test_a_conversion_of_what_is_divided_on_reading_says_its_part(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    motions = str(ROOT / "examples/recordings/motions.npz")
+    assert main(["events", motions, "--split", "0.25", "--to", str(tmp_path / "part.npz")]) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == "it holds the test part alone: --part train gives the other"
+
+
 def test_the_example_of_the_help(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(ROOT)
     touches = "examples/recordings/touches.npz"

@@ -94,7 +94,7 @@ def integers(*, mantissa=((4, -6),), exponent=0, delay=0, signs="apart", **chang
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"threshold": 1 << 17}, "compartments 'n': threshold of compartment 0 is out of range (131072 against 0..131071). Give a 64th of the threshold; scale the weights down if that is too large."),
+        ({"threshold": 1 << 17}, "compartments 'n': threshold of compartment 0 is out of range (131072 against 0..131071). Give a 64th of the threshold, or scale the weights down."),
         ({"decay_u": 4097}, "compartments 'n': decay_u of compartment 0 is out of range (4097 against 0..4096). Give an effective decay, what is subtracted from 4096."),
         ({"refractory": 64}, "compartments 'n': refractory of compartment 0 is out of range (64 against 1..63). Shorten the refractory period; 1 blocks no step."),
         ({"bias_mantissa": 4096}, "compartments 'n': bias_mantissa of compartment 0 is out of range (4096 against -4096..4095). Raise the bias exponent or scale the bias down."),

@@ -30,7 +30,7 @@ def limited(**limits):
 LIMIT_ERRORS = [
     ("decay_u", {"parameters": {"decay_u": 4097}}, "compartments 'n': decay_u of compartment 0 is out of range (4097 against 0..4096). Give an effective decay, what is subtracted from 4096."),
     ("decay_v", {"parameters": {"decay_v": -1}}, "compartments 'n': decay_v of compartment 0 is out of range (-1 against 0..4096). Give an effective decay, what is subtracted from 4096."),
-    ("threshold", {"parameters": {"threshold": 2**17}}, "compartments 'n': threshold of compartment 0 is out of range (131072 against 0..131071). Give a 64th of the threshold; scale the weights down if that is too large."),
+    ("threshold", {"parameters": {"threshold": 2**17}}, "compartments 'n': threshold of compartment 0 is out of range (131072 against 0..131071). Give a 64th of the threshold, or scale the weights down."),
     ("refractory", {"parameters": {"refractory": 64}}, "compartments 'n': refractory of compartment 0 is out of range (64 against 1..63). Shorten the refractory period; 1 blocks no step."),
     ("bias", {"parameters": {"bias": 4097}}, "compartments 'n': bias 4097 of compartment 0 is not a mantissa times a power of two (mantissa -4096..4095, exponent 0..7). The nearest is 4096."),
     ("vmin", {"parameters": {"vmin": -100}}, "compartments 'n': vmin -100 is not of the form 1 - 2^k. The nearest is -127."),

@@ -20,7 +20,7 @@ DECAY, SCALE = (
 RANGES = {
     "decay_u": (0, 4096, DECAY),
     "decay_v": (0, 4096, DECAY),
-    "threshold": (0, 131071, "Give a 64th of the threshold; scale the weights down if that is too large."),
+    "threshold": (0, 131071, "Give a 64th of the threshold, or scale the weights down."),
     "bias_mantissa": (-4096, 4095, SCALE),
     "bias_exponent": (0, 7, "Use a smaller exponent and a larger mantissa."),
     "refractory": (1, 63, "Shorten the refractory period; 1 blocks no step."),

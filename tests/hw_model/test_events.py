@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -153,7 +154,7 @@ for seed in range(12):
 @pytest.mark.slow
 @pytest.mark.parametrize("moves", [False, True], ids=["one by one", "at once"])
 def test_lists_are_the_same_on_every_processor(moves, tmp_path):
-    paths = os.pathsep.join([os.getcwd(), os.path.dirname(__file__)])
+    paths = os.pathsep.join(map(str, (Path(__file__).parents[2], Path(__file__).parent)))
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": paths}
     script = OF_EVERY_WIDTH.format(moves=moves)
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False, env=environment)

@@ -29,7 +29,7 @@ FAULTS = yaml.safe_load((HERE / "proofs.yaml").read_text())
 
 
 def planted() -> list:
-    """Return (proof, file, old, new) of every fault: one of each proof that is quick, one in four that are slow."""
+    """Return (proof, file, old, new) of every fault: the first of each quick proof is in every run, others are sampled."""
     params, faults = [], {}
     for proof, rows in FAULTS.items():
         for at, row in enumerate(rows):

@@ -25,7 +25,7 @@ FORMATS_OF_TAPS = 6
 
 
 class Grades(Frozen):
-    """Grades of that many bits, finest first."""
+    """Grades of weights of ``weight_bits`` bits, finest first."""
 
     weight_bits: int
     held: tuple[int, ...]

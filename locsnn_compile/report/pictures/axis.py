@@ -60,7 +60,7 @@ def nice_step(least: float) -> float:
 
 
 def round_numbers(low: float, high: float, about: int) -> list[float]:
-    """Return about that many round numbers between the ends; none for an empty range."""
+    """Return about as many round numbers as asked between the ends; none for an empty range."""
     if not high > low:
         return []
     step = nice_step((high - low) / about)

@@ -87,7 +87,7 @@ def _same_line(row: tuple[str | Bar, ...]) -> tuple[str | Bar, ...]:
 
 
 def _drawn(value: float, length: int) -> str:
-    """Return a bar of that many characters that is full only for 1 and empty only for 0."""
+    """Return a bar of ``length`` characters that is full only for 1 and empty only for 0."""
     full = round(length * value)
     if 0 < value < 1:
         full = min(max(full, 1), length - 1)
