@@ -120,7 +120,7 @@ def play_recordings(
         raise InputError("steps", "nothing to simulate", measured=f"{steps} against at least 1", fix="Raise steps.")
     check_most(steps or 1, MAX_STEPS, "steps", "a simulation does not hold so many", fix="Lower steps.")
     probes = read_probes(program, probe)
-    streams, batched, silent = read_streams(program, spikes)
+    streams, batched = read_streams(program, spikes, listed=True)
     batch, rows = next(iter(streams.values())).shape[:2]
     if batch == 0 or (rows == 0 and steps is None):
         measured = f"recordings: {batch}, steps: {rows}"
@@ -128,7 +128,8 @@ def play_recordings(
     longest = _plans(program, tuple(probes.values()), rows, steps)[1]
     size = max(1, sum(program.populations.values()) * longest)
     asked = program, tuple(probes.values()), rows, steps, batched, run_phase, player
-    if silent and remember and batch == 1 and size <= MAX_REMEMBERED:
+    remember = remember and batch == 1 and size <= MAX_REMEMBERED
+    if remember and not any(array.max(initial=0) for array in streams.values()):
         return SimulationResult(**_copied(vars(_of_nothing(*asked))))
     return _played(streams, *asked)
 
@@ -173,7 +174,7 @@ def _played(
     scores: list[FloatArray] = []
     for start in range(0, batch, together):
         stop = min(start + together, batch)
-        part = {name: player.list_events(array[start:stop]) for name, array in streams.items()}
+        part = {name: player.list_events(name, array[start:stop]) for name, array in streams.items()}
         given: dict[str, AnyArray] = {}
         for phase, windows, wanted, deciding, counting in plans:
             played = play(program, phase, part, steps, player)

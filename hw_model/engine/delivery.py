@@ -12,6 +12,7 @@ LONG = 128
 
 # Unsigned, or each index would be tested for being negative.
 _LANES = np.uint64(LANES)
+_NEXT = np.uint64(1)
 _PARTS = np.uint64(4)
 """Parts of a list of spikes that are delivered in turn: neighbours in one would wait for each other's charges."""
 
@@ -24,39 +25,39 @@ def deliver(  # type: ignore[no-untyped-def]
 
     The spikes of row r are ``event[base + e]`` for e in ``begin[r, m]..begin[r + 1, m]``.
     """
-    offset, width = links.offset[link], links.width[link]
+    offset, width, ahead = links.offset[link], links.width[link], np.uint64(1 + links.delay[link])
     if links.kind[link] == MATRIX:
         node = links.target_node[link]
         many, low = np.uint64(width), np.uint64(links.target[link])
         if width < LONG and begin[rows_to, m] - begin[rows_from, m] <= MOST_LISTED:
             _add_listed(link, rows_from, rows_to, event, base, begin, m, charge, row_of, links)
-            for r in range(rows_from, rows_to):
-                at, anything = np.uint64(r + 1 + links.delay[link]), begin[r + 1, m] > begin[r, m]
+            for r in range(np.uint64(rows_from), np.uint64(rows_to)):
+                at, anything = r + ahead, begin[r + _NEXT, m] > begin[r, m]
                 for chunk in range(nodes.chunk[node], nodes.chunk[node + 1]):
                     touched[at, np.uint64(chunk)] |= anything
             return
-        for r in range(rows_from, rows_to):
-            if begin[r + 1, m] > begin[r, m]:
-                at = np.uint64(r + 1 + links.delay[link])
+        for r in range(np.uint64(rows_from), np.uint64(rows_to)):
+            if begin[r + _NEXT, m] > begin[r, m]:
+                at = r + ahead
                 rest = begin[r, m]
                 if width >= LONG:
-                    rest = _add_eights(link, base, rest, begin[r + 1, m], event, charge, at, links)
-                for e in range(rest, begin[r + 1, m]):
+                    rest = _add_eights(link, base, rest, begin[r + _NEXT, m], event, charge, at, links)
+                for e in range(rest, begin[r + _NEXT, m]):
                     start = np.uint64(offset + event[base + e] * width)
                     for j in range(many):
                         charge[at, low + j] += links.matrix[start + j]
                 _touch_all(node, at, nodes, touched)
     else:
-        for r in range(rows_from, rows_to):
-            due = np.uint64(r + 1 + links.delay[link])
-            for e in range(begin[r, m], begin[r + 1, m]):
+        for r in range(np.uint64(rows_from), np.uint64(rows_to)):
+            due = r + ahead
+            for e in range(begin[r, m], begin[r + _NEXT, m]):
                 source = np.uint64(offset + event[base + e])
                 first, last = np.uint64(links.list_start[source]), np.uint64(links.list_start[source + np.uint64(1)])
                 if links.kind[link] == LIST:
                     _follow(link, due, first, last, charge, touched, links, links.word)
                 else:
                     _follow(link, due, first, last, charge, touched, links, links.wide_word)
-            if begin[r + 1, m] > begin[r, m]:
+            if begin[r + _NEXT, m] > begin[r, m]:
                 for late in range(np.uint64(width)):
                     _touch_all(links.target_node[link], due + late, nodes, touched)
 

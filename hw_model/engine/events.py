@@ -5,28 +5,39 @@ from functools import lru_cache
 import numpy as np
 
 from hw_model.engine.compiled import absorbed, called, compiled
-from hw_model.engine.lanes import Given, Place, Returned, first_lanes, kernel, put_numbers
-from hw_model.engine.layout import LANES
+from hw_model.engine.lanes import Given, Place, Returned, count, first_lanes, kernel, put_numbers
+from hw_model.engine.layout import CACHE_LINE
+from hw_model.engine.playing import not_binary
 from hw_model.engine.threads import LITTLE, in_parts
 from hw_model.engine.trace import EventLists
 from hw_model.mapping.graph import Input
 from hw_model.values import ByteArray, Int32Array, IntArray, joined
 
 
-def list_events(recordings: ByteArray) -> EventLists:
-    """Return the spikes of recordings (batch, rows, channels), 0 or 1, as lists."""
-    first = np.empty((len(recordings), recordings.shape[1] + 1), dtype=np.int64)
+def list_events(name: str, recordings: ByteArray) -> EventLists:
+    """Return the spikes of a stream's recordings, bytes (batch, rows, channels), as lists."""
+    batch, rows, channels = recordings.shape
+    first = np.empty((batch, rows + 1), dtype=np.int64)
+    together = max(1, LITTLE // max(1, rows * channels))
     # A copy of what is read-only: loops are compiled anew for it.
     plain = recordings if recordings.flags.carray else np.array(recordings, order="C")
 
-    def listed(low: int, high: int) -> tuple[IntArray, Int32Array]:
-        given, starts = plain[low:high].reshape(-1), first[low:high]
-        # Bytes of 0 and 1 are booleans, and numpy counts these fastest. Where they are few there is room for all.
-        most = given.size if given.size < LITTLE else np.count_nonzero(given.view(np.bool_))
-        channel = np.empty(most + LANES, dtype=np.int32)
-        return starts, channel[: called(list_into, given, recordings.shape[2], starts, channel)]
+    def listed(low: int, high: int) -> list[tuple[IntArray, Int32Array]]:
+        found = []
+        for start in range(low, high, together):
+            stop = min(start + together, high)
+            given, starts = plain[start:stop].reshape(-1), first[start:stop]
+            # Where bytes are few there is room for all. Others are counted as booleans, which numpy does fastest.
+            most = given.size if given.size <= LITTLE else np.count_nonzero(given.view(np.bool_))
+            channel = np.empty(most + CACHE_LINE, dtype=np.int32)
+            many, larger = called(list_into, given, channels, starts, channel)
+            if larger:
+                raise not_binary(name)
+            found.append((starts, channel[:many] if stop - low == batch else channel[:many].copy()))
+        return found
 
-    parts, before = in_parts(listed, len(recordings), plain.size), 0
+    before = 0
+    parts = [part for parts in in_parts(listed, batch, plain.size) for part in parts]
     for starts, channel in parts:
         starts += before
         before += len(channel)
@@ -58,45 +69,53 @@ def _visits(item: Input, steps: int) -> tuple[IntArray, IntArray, IntArray]:
     return np.argsort(visits), first_lines.copy(), np.searchsorted(at[visits], np.arange(steps + 1))
 
 
-@kernel("given, at, channel, many, first, left", returns=1)
-def _list_lanes(given: Place, channel: Place, first: Given, left: Given) -> Returned:
-    """List which of the next ``left`` bytes are not 0, at most as many as a chunk has lanes; return how many are.
+@kernel("given, at, channel, many, first, left", returns=2)
+def _list_line(given: Place, channel: Place, first: Given, left: Given) -> Returned:
+    """List which of the next ``left`` bytes, of those in a line of the cache, are not 0: channels ``first`` on.
 
-    They are channels ``first`` on.
+    Return how many are, and how many in the whole line are above 1.
     """
-    return (put_numbers(channel, first_lanes(given[0] != 0, left), first),)
+    line = given.of(CACHE_LINE)[0]
+    return put_numbers(channel, first_lanes(line != 0, left), first), count((line & 254) != 0)
 
 
 @absorbed
 def list_row(given, low, channels, channel, many):  # type: ignore[no-untyped-def]
-    """List a row of channels, bytes from ``low`` on, behind the ``many`` that are listed; return how many are.
+    """List a row of channels, bytes from ``low`` on, behind the ``many`` that are listed.
 
-    ``channel`` has room for all events and, behind them, for all lanes.
+    Return how many are, and a number above 0 if a byte of the row, or near it, is above 1. ``channel`` has room for
+    all events and, behind them, for a line of the cache.
     """
-    for at in range(low, low + channels, LANES):
-        if at + LANES <= len(given):
-            many += np.uint64(_list_lanes(given, at, channel, many, at - low, low + channels - at)[0])
+    larger = np.int32(0)
+    for at in range(low, low + channels, CACHE_LINE):
+        if at + CACHE_LINE <= len(given):
+            found, above = _list_line(given, at, channel, many, at - low, low + channels - at)
+            many += np.uint64(found)
+            larger |= above
             continue
         for c in range(at - low, channels):
             channel[many] = c
             many += np.uint64(given[low + c] != 0)
-    return many
+            larger |= given[low + c] > 1
+    return many, larger
 
 
 @compiled
 def list_into(given, channels, first, channel):  # type: ignore[no-untyped-def]
     """List rows of channels, bytes side by side, into ``first`` (batch, rows + 1) and ``channel``.
 
-    Return how many events there are. ``channel`` has room for all of them and, behind, for all lanes.
+    Return how many events there are, and a number above 0 if a byte is above 1. ``channel`` has room for all of them
+    and, behind, for a line of the cache.
     """
-    many, low = np.uint64(0), 0
+    many, low, larger = np.uint64(0), 0, np.int32(0)
     for b in range(first.shape[0]):
         first[b, 0] = many
         for row in range(1, first.shape[1]):
-            many = list_row(given, low, channels, channel, many)
+            many, above = list_row(given, low, channels, channel, many)
+            larger |= above
             low += channels
             first[b, row] = many
-    return many
+    return many, larger
 
 
 @compiled

@@ -18,7 +18,7 @@ from numba.extending import intrinsic
 
 from hw_model.engine.layout import FACTOR_BITS, LANES, USUAL_WIDTHS
 
-BIT, COUNT = ir.IntType(1), ir.IntType(32)
+BIT, BYTE, COUNT = ir.IntType(1), ir.IntType(8), ir.IntType(32)
 EIGHT = 8
 """Bits of a byte, each of which stands for a lane."""
 Given = Any
@@ -50,7 +50,7 @@ class Lanes:
     def like(self, other: "Lanes | int") -> ir.Value:
         """Return what is combined with these lanes, in their type: an integer in every lane, a truth as 0 or 1."""
         if not isinstance(other, Lanes):
-            return ir.Constant(self.value.type, [other] * LANES)
+            return ir.Constant(self.value.type, [other] * self.value.type.count)
         wide, narrow = self.value.type, other.value.type
         if narrow == wide:
             return other.value
@@ -102,21 +102,12 @@ def put(place: "Place", mask: Lanes, numbers: Lanes) -> Given:
 
     The place has room for all lanes.
     """
-    vector, builder = numbers.value.type, numbers.builder
-    if not compresses():
-        return _put_each(place, mask, numbers)
-    kind = ir.FunctionType(vector, [vector, mask.value.type, vector])
-    name = f"llvm.experimental.vector.compress.v{LANES}i{place.width}"
-    compress = cgutils.get_or_insert_function(builder.module, kind, name)
-    found = builder.call(compress, [numbers.value, mask.value, ir.Constant(vector, ir.Undefined)])
-    place[0] = numbers.with_value(found)
-    return count(mask)
-
-
-def _put_each(place: "Place", mask: Lanes, numbers: Lanes) -> Given:
-    """Put one number after the other: mostly there are few, and LLVM would move every lane."""
+    if can("avx512f"):
+        place[0] = _side_by_side(mask, numbers)
+        return count(mask)
     builder, every = place.builder, held(numbers)
     left = cgutils.alloca_once_value(builder, bits(mask))
+    # One number after the other: mostly there are few, and LLVM would move every lane.
     with cgutils.for_range(builder, count(mask)) as loop:
         now = builder.load(left)
         place.put_one(loop.index, every.one(builder.cttz(now, BIT(1))))
@@ -129,23 +120,50 @@ def put_numbers(place: "Place", mask: Lanes, first: Given) -> Given:
 
     The place has room for all lanes.
     """
-    if compresses():
-        return put(place, mask, place.each(first) + place.numbers())
-    builder, found, many = place.builder, bits(mask), COUNT(0)
-    for low in range(0, LANES, EIGHT):
-        byte = builder.and_(builder.lshr(found, COUNT(low)), COUNT(255))
-        place.put_bytes(many, builder.load(builder.gep(_lanes_of_bytes(builder), [COUNT(0), byte])), first, low)
-        many = builder.add(many, builder.ctpop(byte))
+    builder, found, lanes = place.builder, bits(mask), mask.value.type.count
+    if can("avx512vbmi2"):
+        numbers = ir.Constant(ir.VectorType(BYTE, lanes), list(range(lanes)))
+        which, many = _side_by_side(mask, mask.with_value(numbers)).value, count(mask)
+        place.put_bytes(COUNT(0), _part(builder, which, 0, LANES), first)
+        if lanes > LANES:
+            with builder.if_then(builder.icmp_unsigned(">", many, COUNT(LANES)), likely=False):
+                for low in range(LANES, lanes, LANES):
+                    place.put_bytes(COUNT(low), _part(builder, which, low, LANES), first)
+        return many
+    many = COUNT(0)
+    for low in range(0, lanes, EIGHT):
+        byte = builder.and_(builder.lshr(found, found.type(low)), found.type(255))
+        eight = builder.load(builder.gep(_lanes_of_bytes(builder), [COUNT(0), byte]))
+        place.put_bytes(many, builder.bitcast(eight, ir.VectorType(BYTE, EIGHT)), first, low)
+        many = builder.add(many, _as_count(builder, builder.ctpop(byte)))
     return many
 
 
 @cache
-def compresses() -> bool:
-    """Tell whether the processor that is compiled for moves chosen lanes side by side at once, as AVX-512 does."""
+def can(feature: str) -> bool:
+    """Tell whether the processor that is compiled for has a feature, as LLVM calls it.
+
+    With AVX-512, and for bytes its VBMI2, it moves chosen lanes side by side at once.
+    """
     features = config.CPU_FEATURES
     if features is None:
         features = "" if config.CPU_NAME == "generic" else get_host_cpu_features().flatten()
-    return "+avx512f" in features.split(",")
+    return f"+{feature}" in features.split(",")
+
+
+def _side_by_side(mask: Lanes, numbers: Lanes) -> Lanes:
+    """Return the numbers of the lanes that are set in the first lanes; what the others hold does not count."""
+    vector, builder = numbers.value.type, mask.builder
+    kind = ir.FunctionType(vector, [vector, mask.value.type, vector])
+    name = f"llvm.experimental.vector.compress.v{vector.count}i{vector.element.width}"
+    compress = cgutils.get_or_insert_function(builder.module, kind, name)
+    return numbers.with_value(builder.call(compress, [numbers.value, mask.value, ir.Constant(vector, ir.Undefined)]))
+
+
+def _part(builder: ir.IRBuilder, vector: ir.Value, low: int, many: int) -> ir.Value:
+    """Return ``many`` lanes of a vector from lane ``low`` on."""
+    lanes = ir.Constant(ir.VectorType(COUNT, many), list(range(low, low + many)))
+    return builder.shuffle_vector(vector, vector, lanes)
 
 
 def _lanes_of_bytes(builder: ir.IRBuilder) -> ir.Value:
@@ -176,8 +194,9 @@ def each_row(place: "Place", many: Given) -> Iterator[Given]:
 
 
 def bits(mask: Lanes) -> ir.Value:
-    """Return a mask as a number: lane i is bit i."""
-    return mask.builder.zext(mask.builder.bitcast(mask.value, ir.IntType(LANES)), COUNT)
+    """Return a mask as a number, of 32 bits or, if there are more lanes, as many: lane i is bit i."""
+    found = mask.builder.bitcast(mask.value, ir.IntType(mask.value.type.count))
+    return found if found.type.width >= COUNT.width else mask.builder.zext(found, COUNT)
 
 
 @contextmanager
@@ -189,11 +208,13 @@ def seldom(mask: Lanes) -> Iterator[None]:
 
 def first_lanes(mask: Lanes, many: Given) -> Lanes:
     """Return a mask without the lanes from number ``many`` on, above 0, of which there may be none."""
-    builder = mask.builder
-    beyond = builder.sub(COUNT(LANES), builder.trunc(many, COUNT))
+    builder, lanes, found = mask.builder, mask.value.type.count, bits(mask)
+    beyond = builder.sub(COUNT(lanes), builder.trunc(many, COUNT))
     beyond = builder.select(builder.icmp_signed(">", beyond, COUNT(0)), beyond, COUNT(0))
-    kept = builder.and_(bits(mask), builder.lshr(COUNT((1 << LANES) - 1), beyond))
-    return mask.with_value(builder.bitcast(builder.trunc(kept, ir.IntType(LANES)), mask.value.type))
+    if found.type != COUNT:
+        beyond = builder.zext(beyond, found.type)
+    kept = builder.and_(found, builder.lshr(found.type((1 << lanes) - 1), beyond))
+    return mask.with_value(builder.bitcast(builder.trunc(kept, ir.IntType(lanes)), mask.value.type))
 
 
 def mask_of(place: "Place", number: Given) -> Lanes:
@@ -204,35 +225,46 @@ def mask_of(place: "Place", number: Given) -> Lanes:
 
 def count(mask: Lanes) -> ir.Value:
     """Return in how many lanes a mask is set."""
-    return mask.builder.ctpop(bits(mask))
+    return _as_count(mask.builder, mask.builder.ctpop(bits(mask)))
+
+
+def _as_count(builder: ir.IRBuilder, number: ir.Value) -> ir.Value:
+    return number if number.type == COUNT else builder.trunc(number, COUNT)
 
 
 class Place:
     """Vectors of an array from an element on, by number: fields of a chunk, or a row's charges."""
 
-    def __init__(self, builder: ir.IRBuilder, first: ir.Value, row_bytes: ir.Value = None) -> None:
-        self.builder, self._first, self._row_bytes = builder, first, row_bytes
+    def __init__(self, builder: ir.IRBuilder, first: ir.Value, row_bytes: ir.Value = None, lanes: int = LANES) -> None:
+        self.builder, self._first, self._row_bytes, self._lanes = builder, first, row_bytes, lanes
+
+    def of(self, lanes: int) -> "Place":
+        """Return the same place with vectors of so many lanes."""
+        return Place(self.builder, self._first, self._row_bytes, lanes)
+
+    @property
+    def _vector(self) -> ir.Type:
+        return ir.VectorType(self._first.type.pointee, self._lanes)
 
     def _at(self, field: int) -> ir.Value:
-        address = self.builder.gep(self._first, [ir.Constant(ir.IntType(64), field * LANES)])
-        return self.builder.bitcast(address, ir.VectorType(self._first.type.pointee, LANES).as_pointer())
+        address = self.builder.gep(self._first, [ir.Constant(ir.IntType(64), field * self._lanes)])
+        return self.builder.bitcast(address, self._vector.as_pointer())
 
     def __getitem__(self, field: int) -> Lanes:
         return Lanes(self.builder, self.builder.load(self._at(field), align=max(1, self.width // 8)))
 
     def __setitem__(self, field: int, lanes: Lanes | int) -> None:
-        vector = ir.VectorType(self._first.type.pointee, LANES)
-        value = lanes.value if isinstance(lanes, Lanes) else ir.Constant(vector, [lanes] * LANES)
+        value = lanes.value if isinstance(lanes, Lanes) else ir.Constant(self._vector, [lanes] * self._lanes)
         self.builder.store(value, self._at(field), align=max(1, self.width // 8))
 
     def each(self, given: Given, number: int | None = None) -> Lanes:
         """Return a number, or one of a pair, in each lane."""
-        vector = ir.VectorType(self._first.type.pointee, LANES)
+        vector = self._vector
         value = given if number is None else self.builder.extract_value(given, number)
         if value.type != vector.element:
             value = self.builder.trunc(value, vector.element)
         one = self.builder.insert_element(ir.Constant(vector, ir.Undefined), value, COUNT(0))
-        first = ir.Constant(ir.VectorType(COUNT, LANES), [0] * LANES)
+        first = ir.Constant(ir.VectorType(COUNT, self._lanes), [0] * self._lanes)
         return Lanes(self.builder, self.builder.shuffle_vector(one, one, first))
 
     def one(self, lane: Given) -> ir.Value:
@@ -243,20 +275,15 @@ class Place:
         """Put the number of one lane."""
         self.builder.store(number, self.builder.gep(self._first, [lane]))
 
-    def put_bytes(self, number: Given, eight: ir.Value, first: Given, more: int) -> None:
-        """Put eight bytes as numbers from element ``number`` on, each with ``first`` and ``more`` added."""
-        builder, element = self.builder, self._first.type.pointee
-        vector = ir.VectorType(element, EIGHT)
-        start = builder.add(builder.trunc(first, element), ir.Constant(element, more))
-        one = builder.insert_element(ir.Constant(vector, ir.Undefined), start, COUNT(0))
-        every = builder.shuffle_vector(one, one, ir.Constant(ir.VectorType(COUNT, EIGHT), [0] * EIGHT))
-        found = builder.zext(builder.bitcast(eight, ir.VectorType(ir.IntType(8), EIGHT)), vector)
-        at = builder.bitcast(builder.gep(self._first, [number]), vector.as_pointer())
-        builder.store(builder.add(found, every), at, align=max(1, self.width // 8))
+    def put_bytes(self, number: Given, given: ir.Value, first: Given, more: int = 0) -> None:
+        """Put a vector of bytes as numbers from element ``number`` on, each with ``first`` and ``more`` added."""
+        place = Place(self.builder, self.builder.gep(self._first, [number]), lanes=given.type.count)
+        numbers = Lanes(self.builder, self.builder.zext(given, place._vector))
+        place[0] = numbers + place.each(first) + more
 
     def numbers(self) -> Lanes:
         """Return the number of each lane."""
-        return Lanes(self.builder, ir.Constant(ir.VectorType(self._first.type.pointee, LANES), list(range(LANES))))
+        return Lanes(self.builder, ir.Constant(self._vector, list(range(self._lanes))))
 
     def after(self, fields: int) -> "Place":
         """Return the place that many fields on."""

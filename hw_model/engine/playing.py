@@ -4,7 +4,6 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from hw_model.engine.threads import in_parts
 from hw_model.engine.trace import PLAYED, EventLists, PhaseInput
 from hw_model.errors import InputError
 from hw_model.io.given import as_array
@@ -15,8 +14,11 @@ from hw_model.values import AnyArray, ArrayLike, ByteArray, Frozen, IntArray
 Spikes = ArrayLike | Mapping[str, ArrayLike]
 
 
-def read_streams(program: ChipProgram, spikes: Spikes) -> tuple[dict[str, ByteArray], bool, bool]:
-    """Return every stream as (batch, steps, channels) of 0 and 1, whether a batch was given, and whether all are 0."""
+def read_streams(program: ChipProgram, spikes: Spikes, listed: bool = False) -> tuple[dict[str, ByteArray], bool]:
+    """Return every stream as (batch, steps, channels) of 0 and 1, and whether a batch was given.
+
+    ``listed``: bytes are looked at when they are listed, and others than 0 and 1 refused then.
+    """
     expected = program.streams
     # Arrays first: to find out that one is not a mapping takes a while.
     if isinstance(spikes, np.ndarray) or not isinstance(spikes, Mapping):
@@ -24,36 +26,40 @@ def read_streams(program: ChipProgram, spikes: Spikes) -> tuple[dict[str, ByteAr
     if spikes.keys() != expected.keys():
         what, names = "its streams are not the program's inputs", ", ".join(sorted(expected))
         raise InputError("spikes", what, measured=names, fix="Give a mapping with one array for each.")
-    found = {name: _stream(name, spikes[name], channels) for name, channels in expected.items()}
-    shape, *others = (array.shape[:-1] for array, _ in found.values())
+    found = {name: _stream(name, spikes[name], channels, listed) for name, channels in expected.items()}
+    shape, *others = (array.shape[:-1] for array in found.values())
     if any(other != shape for other in others):
         raise InputError("spikes", "the streams differ in batch or steps", fix="Give arrays of equal length.")
     batched = len(shape) == 2
-    arrays = {name: array if batched else array[None] for name, (array, _) in found.items()}
-    return arrays, batched, not any(largest for _, largest in found.values())
+    return {name: array if batched else array[None] for name, array in found.items()}, batched
 
 
-def _stream(name: str, given: ArrayLike, channels: int) -> tuple[ByteArray, int]:
-    """Return a stream, and the largest number in it."""
+def _stream(name: str, given: ArrayLike, channels: int, listed: bool) -> ByteArray:
     where = f"spikes of {name!r}"
     array: AnyArray = given if isinstance(given, np.ndarray) else as_array(where, given)
     if array.ndim not in (2, 3) or array.shape[-1] != channels:
         measured = f"{array.shape} against (steps, {channels}) or (batch, steps, {channels})"
         raise InputError(where, "the shape does not fit", measured=measured, fix="Give one column per channel.")
-    largest = 2
-    if array.dtype.kind == "u":
-        largest = max(in_parts(lambda low, high: int(array[low:high].max(initial=0)), len(array), array.nbytes))
-    elif array.dtype.kind in "bif" and ((array == 0) | (array == 1)).all():
-        largest = int(array.any())
-    if largest > 1:
-        fix = "Binarise the events; graded spikes do not exist here."
-        raise InputError(where, "values other than 0 and 1", fix=fix)
-    return array.astype(np.uint8, copy=False), largest
+    if array.dtype != np.uint8:
+        binary = array.dtype.kind in "buif" and bool(((array == 0) | (array == 1)).all())
+    else:
+        binary = listed or array.max(initial=0) <= 1
+    if not binary:
+        raise not_binary(name)
+    return array.astype(np.uint8, copy=False)
 
 
-def list_events(recordings: ByteArray) -> EventLists:
-    """Return the spikes of recordings (batch, rows, channels) as lists."""
+def not_binary(name: str) -> InputError:
+    """Return what to raise where a stream has values other than 0 and 1."""
+    fix = "Binarise the events; graded spikes do not exist here."
+    return InputError(f"spikes of {name!r}", "values other than 0 and 1", fix=fix)
+
+
+def list_events(name: str, recordings: ByteArray) -> EventLists:
+    """Return the spikes of a stream's recordings, bytes (batch, rows, channels), as lists."""
     batch, rows, channels = recordings.shape
+    if recordings.max(initial=0) > 1:
+        raise not_binary(name)
     row, channel = divmod(np.flatnonzero(recordings), max(channels, 1))
     starts = np.searchsorted(row, np.arange(batch * rows + 1))
     first = starts[np.add.outer(np.arange(batch) * rows, np.arange(rows + 1))]
@@ -73,13 +79,13 @@ def transpose(events: EventLists, item: Input, steps: int) -> EventLists:
         line = np.repeat(np.arange(many), np.diff(starts[: many + 1])) + first_lines[channel]
         played = at[channel] < steps
         turned[b, at[channel[played]], line[played]] = 1
-    return list_events(turned)
+    return list_events(item.stream, turned)
 
 
 class Player(Frozen):
     """How events are listed and transposed; the two engines bring their own, which give the same lists."""
 
-    list_events: Callable[[ByteArray], EventLists] = list_events
+    list_events: Callable[[str, ByteArray], EventLists] = list_events
     transpose: Callable[[EventLists, Input, int], EventLists] = transpose
 
 

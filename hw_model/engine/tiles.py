@@ -185,24 +185,26 @@ def _echo(k, r, mask, chunks, state):  # type: ignore[no-untyped-def]
 def _list_spikes(m, low, high, fired, nodes, chunks, work, spikes, sent):  # type: ignore[no-untyped-def]
     """Turn the bits of node m in rows ``low..high`` into its lists, into 0 and 1, and into counts."""
     masks, event, begin = work.masks, work.event, work.begin
-    base = work.list_start[m]
-    lines = len(sent) - spikes.shape[1]
+    base, first = work.list_start[m], nodes.first[m]
+    columns = spikes.shape[1]
+    lines, last = len(sent) - columns, columns - LANES
     found = begin[low, m] if low else 0
     begin[low, m] = found
-    for r in range(low, high):
+    for r in range(np.uint64(low), np.uint64(high)):
         if fired:
-            for k in range(nodes.chunk[m], nodes.chunk[m + 1]):
-                mask, column, width = masks[r, k], chunks.first_column[k], chunks.width[k]
+            for k in range(np.uint64(nodes.chunk[m]), np.uint64(nodes.chunk[m + 1])):
+                mask, column = masks[r, k], chunks.first_column[k]
                 masks[r, k] = 0
                 # No branches: they would be guessed wrong too often.
-                found += list_lanes(event, base + found, column - nodes.first[m], mask)[0]
-                if column + LANES <= spikes.shape[1]:
-                    note(spikes, r, column, mask)
+                found += list_lanes(event, base + found, column - first, mask)[0]
+                at = min(column, last)
+                if at >= 0:
+                    note(spikes, r, at, mask << (column - at))
                     continue
-                for i in range(width):
-                    spikes[r, column + i] |= (mask >> i) & 1
-        begin[r + 1, m] = found
-    _count(event, base + begin[low, m], base + found, lines + nodes.first[m], sent)
+                for i in range(np.uint64(chunks.width[k])):
+                    spikes[r, np.uint64(column) + i] |= (mask >> i) & 1
+        begin[r + np.uint64(1), m] = found
+    _count(event, base + begin[low, m], base + found, lines + first, sent)
 
 
 @inner

@@ -62,7 +62,7 @@ def play_on_core(
 
     ``texts``: SystemVerilog files by name; ``sizes``: the least; ``patience``: cycles until a silent core is given up.
     """
-    streams, batched, _ = read_streams(program, spikes)
+    streams, batched = read_streams(program, spikes)
     recordings = np.concatenate([streams[name] for name in program.streams], axis=2)
     core = CoreProgram(program, recordings.shape[1], steps, program.chip.open_core or sizes)
     sizes = core.simulated(sizes)

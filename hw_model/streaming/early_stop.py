@@ -157,7 +157,7 @@ def pushed_each(
 
 
 def _batch(program: ChipProgram, spikes: Spikes) -> dict[str, ByteArray]:
-    streams, *_ = read_streams(program, spikes)
+    streams, _ = read_streams(program, spikes)
     if 0 in next(iter(streams.values())).shape[:2]:
         raise InputError("spikes", "there is no recording, or it has no steps", fix="Give some.")
     return streams

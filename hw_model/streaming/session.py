@@ -112,7 +112,7 @@ class Session:
         if self._only and isinstance(spikes, np.ndarray) and (rows := _plain_rows(spikes, self._only[1])) is not None:
             return {self._only[0]: rows}
         given = spikes if isinstance(spikes, Mapping) else {name: spikes for name in list(self.program.streams)[:1]}
-        streams, batched, _ = read_streams(self.program, {name: _rows(array) for name, array in given.items()})
+        streams, batched = read_streams(self.program, {name: _rows(array) for name, array in given.items()})
         if batched:
             raise InputError("spikes", "a session plays one recording", fix="Give rows, (rows, channels).")
         return {name: _plain(array[0]) for name, array in streams.items()}
@@ -190,7 +190,8 @@ class _Branch:
             rows = np.concatenate([streams[name] for name in self._streams], axis=1)
         if self._started or self._align is None:
             return self.run.push(before, rows, counts, self.low)
-        first = int(first_touch([list_events(streams[name][None]) for name in set(self._streams)], self._align)[0])
+        events = [list_events(name, streams[name][None]) for name in set(self._streams)]
+        first = int(first_touch(events, self._align)[0])
         self._started = first < len(rows)
         self.run.wait(rows[:first], counts[:first], self.low)
         if self._started:

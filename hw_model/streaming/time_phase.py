@@ -8,7 +8,7 @@ import numpy as np
 from hw_model.engine import state
 from hw_model.engine.compiled import absorbed, address, call_at, compiled, entry
 from hw_model.engine.events import list_row
-from hw_model.engine.layout import LANES, FastLayout
+from hw_model.engine.layout import CACHE_LINE, FastLayout
 from hw_model.engine.tiles import run_tile
 from hw_model.values import AnyArray, ByteArray, IntArray
 
@@ -62,7 +62,7 @@ class Live:
         kept = state.Kept(many > 0, state.NO_REGISTER, state.NO_REGISTER, register)
         # What the loop counts of a whole recording, sent and active: nobody asks a session for it.
         self._room = Room(
-            begin, np.zeros((TILE + 1, layout.inputs), np.int64), np.empty(TILE * lines + LANES, np.int32),
+            begin, np.zeros((TILE + 1, layout.inputs), np.int64), np.empty(TILE * lines + CACHE_LINE, np.int32),
             np.zeros((TILE, columns), np.uint8), np.zeros(lines + columns, np.int64),
             np.zeros((TILE, layout.pieces), np.int64), potential, np.zeros(columns, np.int64), np.zeros(many, np.int64),
         )  # fmt: skip
@@ -112,7 +112,7 @@ def _run(  # type: ignore[no-untyped-def]
             room.first[0, m] = many
             for row in range(rows):
                 start = (low + row) * begin[-1] + begin[m]
-                many = list_row(given, start, begin[m + 1] - begin[m], room.line, many)
+                many, _ = list_row(given, start, begin[m + 1] - begin[m], room.line, many)
                 room.first[row + 1, m] = many
         call_at(tile_at, (
             _NO_STEP, rows, room.first, room.line, nodes, chunks, links, now, work, _SKIP,

@@ -80,12 +80,12 @@ class Played(Frozen, eq=False):
 
 def play_recording(program: hw.ChipProgram, spikes: Spikes, title: str = "recording 0") -> Played:
     """Play one recording (steps, channels), or a mapping of them by stream, and keep everything."""
-    streams, batched, _ = read_streams(program, spikes)
+    streams, batched = read_streams(program, spikes)
     if batched:
         raise InputError("recording", "several recordings were given", fix="Give one, of shape (steps, channels).")
     recording = {name: array[0] for name, array in streams.items()}
     result = hw.simulate(program, recording, probe=("spikes", "u", "v", "potential", "activity"))
-    events = {name: list_events(array) for name, array in streams.items()}
+    events = {name: list_events(name, array) for name, array in streams.items()}
     lines = {phase.name: play(program, phase, events, None, Player()).lines(0) for phase in program.phases}
     return Played(program, title, lines, result)
 

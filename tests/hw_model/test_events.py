@@ -28,8 +28,8 @@ RECORDINGS = st.tuples(st.integers(1, 9), st.integers(1, 9), st.integers(1, 40))
 @settings(max_examples=60, deadline=None)
 @given(recordings=RECORDINGS, lines=st.integers(1, 12), seed=st.integers(0, 99))
 def test_compiled_lists_equal_those_of_numpy(recordings, lines, seed):
-    wanted = playing.list_events(recordings)
-    found = event_scan.list_events(recordings)
+    wanted = playing.list_events("x", recordings)
+    found = event_scan.list_events("x", recordings)
     assert np.array_equal(found.first, wanted.first)
     assert np.array_equal(found.channel, wanted.channel)
 
@@ -63,7 +63,7 @@ def _visits(seed: int, channels: int, lines: int) -> tuple[Input, int]:
 @settings(max_examples=30, deadline=None)
 @given(recordings=RECORDINGS)
 def test_lists_hold_the_recording_and_transpose_it(module, recordings):
-    events = module.list_events(recordings)
+    events = module.list_events("x", recordings)
     steps, channels = recordings.shape[1:]
     played = PhaseInput(steps, (channels,), (events,), *np.zeros((3, len(recordings)), dtype=np.int64))
     item = Input("x", steps, "location", "touch", np.arange(channels)[::-1].copy())
@@ -77,8 +77,8 @@ def test_lists_hold_the_recording_and_transpose_it(module, recordings):
 
 @pytest.mark.parametrize("module", [event_scan, playing], ids=["compiled", "numpy"])
 def test_no_rows_and_no_events(module):
-    assert module.list_events(np.zeros((2, 0, 3), dtype=np.uint8)).first.tolist() == [[0], [0]]
-    assert module.list_events(np.zeros((2, 1, 3), dtype=np.uint8)).first.tolist() == [[0, 0], [0, 0]]
+    assert module.list_events("x", np.zeros((2, 0, 3), dtype=np.uint8)).first.tolist() == [[0], [0]]
+    assert module.list_events("x", np.zeros((2, 1, 3), dtype=np.uint8)).first.tolist() == [[0, 0], [0, 0]]
 
 
 VISITS = [
@@ -106,17 +106,51 @@ def test_events_become_lines(module, positions, first_lines, lines, steps, wante
     recordings[1, [0, 0, 1, 1, 2], [0, 2, 0, 1, 2]] = 1
     first_lines = None if first_lines is None else read_only(first_lines)
     item = Input("x", lines, "location", "touch", read_only(positions), first_lines)
-    found = module.transpose(module.list_events(recordings), item, steps)
+    found = module.transpose(module.list_events("x", recordings), item, steps)
     assert found.rows == steps
     assert not found.first[0].any()
     assert [part.tolist() for part in np.split(found.channel, found.first[1, 1:-1])] == wanted
 
 
-def test_a_long_batch_is_listed_in_threads_as_one():
+@pytest.mark.parametrize("module", [event_scan, playing], ids=["compiled", "numpy"])
+@pytest.mark.parametrize("channels", [1, 63, 64, 65, 156])
+@pytest.mark.parametrize("value", [2, 128, 255])
+def test_a_byte_above_1_is_refused_wherever_it_is(module, channels, value):
+    message = "spikes of 'x': values other than 0 and 1. Binarise the events; graded spikes do not exist here."
+    for b, row, channel in np.ndindex(2, 3, channels):
+        recordings = np.ones((2, 3, channels), dtype=np.uint8)
+        recordings[b, row, channel] = value
+        with pytest.raises(hw.InputError) as caught:
+            module.list_events("x", recordings)
+        assert str(caught.value) == message
+
+
+@pytest.mark.parametrize("dtype", ["c8", "O", "U1", "m8[s]"])
+def test_ones_that_are_no_real_numbers_are_refused(dtype):
+    builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
+    builder.add_input("x", 2)
+    builder.add_compartments("n", 1, threshold=90)
+    with pytest.raises(hw.InputError, match=r"^spikes of 'x': values other than 0 and 1"):
+        hw.simulate(builder.build(), np.ones((3, 2), dtype=np.int64).astype(dtype))
+
+
+@pytest.mark.parametrize("channels", [1, 15, 16, 63, 64, 65, 156])
+@pytest.mark.parametrize("density", [0.0, 0.03, 0.5, 1.0])
+def test_rows_of_every_length_are_listed(channels, density):
+    recordings = (np.random.default_rng(channels).random((3, 7, channels)) < density).astype(np.uint8)
+    wanted, found = playing.list_events("x", recordings), event_scan.list_events("x", recordings)
+    assert np.array_equal(found.first, wanted.first)
+    assert np.array_equal(found.channel, wanted.channel)
+
+
+@pytest.mark.parametrize(
+    "shape", [(5, 300, 500), (2, 1100, 500), (40, 3, 500)], ids=["some", "one at a time", "all together"]
+)
+def test_a_batch_is_listed_in_threads_as_one(shape, monkeypatch):
     """Lists of more than a part begin where those of the parts before end; a byte beyond 1 in the last part is refused."""
-    recordings = (np.random.default_rng(0).random((5, 300, 500)) < 0.02).astype(np.uint8)
-    assert recordings.nbytes > threads.LITTLE
-    wanted, found = playing.list_events(recordings), event_scan.list_events(recordings)
+    monkeypatch.setattr(threads, "cores", lambda: 2)
+    recordings = (np.random.default_rng(0).random(shape) < 0.02).astype(np.uint8)
+    wanted, found = playing.list_events("x", recordings), event_scan.list_events("x", recordings)
     assert np.array_equal(found.first, wanted.first)
     assert np.array_equal(found.channel, wanted.channel)
     program = hw.ProgramBuilder(hw.chip("loihi-sim"))
@@ -130,14 +164,14 @@ def test_a_long_batch_is_listed_in_threads_as_one():
 OF_EVERY_WIDTH = """\
 import numpy as np
 from hw_model.engine import lanes
-lanes.compresses = lambda: {moves}
+lanes.can = lambda feature: {moves}
 import hw_model as hw
 from hw_model.engine.events import list_events
 r = np.random.default_rng(1)
-for channels in range(1, 70):
+for channels in (*range(1, 70), 127, 128, 129, 200):
     for density in (0.03, 0.5, 1.0):
         recordings = (r.random((2, 5, channels)) < density).astype(np.uint8)
-        found = list_events(recordings)
+        found = list_events("x", recordings)
         rows, channel = np.nonzero(recordings.reshape(10, -1))
         assert found.channel.tolist() == channel.tolist(), channels
         ends = np.searchsorted(rows, np.arange(11))
@@ -166,6 +200,7 @@ def test_lists_are_the_same_on_every_processor(moves, tmp_path):
     [
         ("generic", None, False),
         (None, "+sse4.2,+avx2", False),
+        (None, "+avx2,-avx512f,+avx512fp16", False),
         (None, "+avx2,+avx512f", True),
         ("generic", "+avx512f", True),
     ],
@@ -173,4 +208,4 @@ def test_lists_are_the_same_on_every_processor(moves, tmp_path):
 def test_what_a_processor_can_do_is_that_of_the_one_compiled_for(monkeypatch, name, features, moves):
     monkeypatch.setattr(config, "CPU_NAME", name)
     monkeypatch.setattr(config, "CPU_FEATURES", features)
-    assert lanes.compresses.__wrapped__() is moves
+    assert lanes.can.__wrapped__("avx512f") is moves

@@ -29,12 +29,15 @@ lane_arithmetic.fit = lambda value, like: like.dtype.type(np.int64(value))
 class Place:
     """What a kernel is given in place of an array and the index of its first element."""
 
-    def __init__(self, array, *at):
+    def __init__(self, array, *at, lanes=LANES):
         self.flat, self.first = array.reshape(-1), int(np.ravel_multi_index([int(i) for i in at], array.shape))
-        self.row_size = array.size // len(array)
+        self.row_size, self.lanes = array.size // len(array), lanes
+
+    def of(self, lanes):
+        return Place(self.flat, self.first, lanes=lanes)
 
     def _of(self, field):
-        return slice(self.first + field * LANES, self.first + (field + 1) * LANES)
+        return slice(self.first + field * self.lanes, self.first + (field + 1) * self.lanes)
 
     def __getitem__(self, field):
         return self.flat[self._of(field)].copy()
@@ -85,8 +88,8 @@ def put(place, mask, numbers):
 
 
 lanes.kernel, lanes.put = kernel, put
-lanes.put_numbers = lambda place, mask, first: put(place, mask, place.each(first) + place.numbers())
-lanes.first_lanes = lambda mask, many: mask & (np.arange(LANES) < many)
+lanes.put_numbers = lambda place, mask, first: put(place, mask, first + np.arange(len(mask)))
+lanes.first_lanes = lambda mask, many: mask & (np.arange(len(mask)) < many)
 lanes.mask_of = lambda place, number: (int(number) >> np.arange(LANES)) & 1 != 0
 lanes.where = lambda mask, one, other: np.where(mask, one, other).astype(np.asarray(other).dtype)
 lanes.bits = lambda mask: np.int32(sum(1 << i for i in np.flatnonzero(mask).tolist()))
