@@ -123,11 +123,9 @@ def _placed(folder: Path, board: str, device: str, seeds: int) -> tuple[dict[str
 def _too_much(log: Path) -> str:
     """Return what a placement takes more of than there is, as its log says: ``39 of 30 block RAMs``."""
     found = re.findall(r"(\w+): +(\d+)/ *(\d+) ", log.read_text("utf-8")) if log.exists() else []
-    kinds = {name: kind for kind, names in CELLS.items() for name in names}
+    kinds = {name: kind.replace("_rams", " RAMs") for kind, names in CELLS.items() for name in names}
     over = ((kinds.get(name, name), int(used), int(held)) for name, used, held in found)
-    return ", ".join(
-        f"{used:,} of {held:,} {kind.replace('_rams', ' RAMs')}" for kind, used, held in over if used > held
-    )
+    return ", ".join(f"{used:,} of {held:,} {kind}" for kind, used, held in over if used > held)
 
 
 def _updates(core: CoreProgram, recording: ByteArray, played: SimulationResult) -> IntArray:

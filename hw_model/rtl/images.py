@@ -1,29 +1,26 @@
 """A program as one core holds it: the words of every memory, and which layouts they have.
 
 All cores of a program become one. What sends spikes has one number: channels of the recording, then what phases read
-from the buffer, then compartments, phase by phase. Compartments are numbered in the order of their updates: deepest
-children first, siblings together, and a parent at least ``JOIN_DISTANCE`` after its last child; a word that is not
-valid fills a gap.
+from the buffer, then compartments as :mod:`.numbering` has them; a word that is not valid fills a gap.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import asdict, replace
+from functools import partial
 
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT
 from hw_model.description.open_core import MemoryWords
 from hw_model.description.open_core import Sizes as Sizes
-from hw_model.mapping.circles import roots
-from hw_model.program.chip_program import ChipProgram, Core
+from hw_model.program.chip_program import ChipProgram
 from hw_model.rtl.lists import BANKS, Table, packed_lists
 from hw_model.rtl.memory_words import BitArray, Layout
+from hw_model.rtl.numbering import numbered, of_compartments
 from hw_model.rtl.phases import core_phases
 from hw_model.rtl.refused import refuse_unless, refuse_unplayable
 from hw_model.values import IntArray
 
-JOIN_DISTANCE = 6
-"""Cycles from the issue of a child to the earliest of its parent: the sum is written in cycle 8 and read in cycle 3."""
 STEP_BITS, VISIT_BITS, LOAD_BITS = 24, 16, 128
 LENGTH_BITS = 9
 """Of the length of a list, in words, where targets are told as steps; ``LENGTH`` of delivery.sv."""
@@ -41,10 +38,8 @@ SIMULATED = Sizes(
 
 def layouts(sizes: Sizes) -> dict[str, Layout]:
     """Return the words of every memory, bit 0 first, in the order of loading; modules take them apart likewise."""
-    synapse, slot, entry, source = (
-        (getattr(sizes, name) - 1).bit_length() for name in ("synapses", "slots", "entries", "axons")
-    )
-    place, parent = ((words - 1).bit_length() for words in (held(sizes), sizes.sums or held(sizes)))
+    words = sizes.synapses, sizes.slots, sizes.entries, sizes.axons, held(sizes), sizes.sums or held(sizes)
+    synapse, slot, entry, source, place, parent = ((many - 1).bit_length() for many in words)
     family = {"child": 1, "first": 1, "parent": parent} if sizes.join else {}
     half = {"target": place - 1, "delay": slot, "exponent": 3, "mantissa": 9}
     lists = {"start": synapse - 1, "length": synapse - 1}
@@ -94,9 +89,10 @@ class CoreProgram:
         self.heard = max(self.kept, self.phases[0].steps)
         self.row_words = -(-self.kept // self.word)
         self.channels = sum(program.streams.values())
-        self._number()
+        self.numbering = numbered(program, [phase.name for phase in self.phases], self.sizes)
+        self.numbers, self.ends = self.numbering.of_phase, self.numbering.ends
         synapses = self._synapses()
-        places = self._places(synapses["target"])
+        places = self.numbering.places(synapses["target"])
         self.later = self._hears_later(_power(int(synapses["delay"].max(initial=0)) + 2))
         if self.later:
             places %= self.sizes.compartments >> self.sizes.later
@@ -153,53 +149,7 @@ class CoreProgram:
         """Words of memories that a chip may have fewer of than its sizes say."""
         weights = max(1, len(self.tables["weights"]["magnitude"]))
         states = int(np.diff(self.ends, prepend=0).max()) if self.sizes.places else self.ends[-1]
-        return MemoryWords(weights, len(self.tables["phases"]["value"]), states, self._sums())
-
-    def _sums(self) -> int:
-        """Return the least power of two that tells all parents apart that wait for their children at a time."""
-        numbers, parent = self.number[self.parent >= 0], self.number[self.parent[self.parent >= 0]]
-        parents, which = np.unique(parent, return_inverse=True)
-        begins = np.full(len(parents), self.ends[-1])
-        np.minimum.at(begins, which, numbers)
-        places, words = self._places(parents), 1
-        while True:
-            by_word = np.lexsort((begins, places % words))
-            same = np.diff(places[by_word] % words) == 0
-            if not (same & (begins[by_word][1:] + JOIN_DISTANCE <= parents[by_word][:-1] + 1)).any():
-                return words
-            words *= 2
-
-    def _number(self) -> None:
-        """Number the compartments of all cores: by phase, deepest children first, siblings together."""
-        cores = self.program.cores
-        begin = np.cumsum([0, *(core.compartments for core in cores)])
-        parent = self._joined(lambda core: np.where(core.parent < 0, -1, begin[core.number] + core.parent))
-        names = [phase.name for phase in self.phases]
-        turn = self._joined(lambda core: names.index(core.phase))
-        root, depth = roots(parent)
-        # Families of a phase come so few at a time that their sums find room.
-        rank, is_root = np.zeros_like(parent), parent < 0
-        for index in range(len(names)):
-            rank[turn == index] = np.cumsum(is_root[turn == index]) - 1
-        together = rank[root] // self.sizes.sums if self.sizes.sums else rank * 0
-        self.number, self.parent, following = np.empty_like(parent), parent, 0
-        earliest: dict[int, int] = {}
-        for index in np.lexsort((parent, -depth, together, turn)).tolist():
-            self.number[index] = max(following, earliest.get(index, 0))
-            following = int(self.number[index]) + 1
-            earliest[int(parent[index])] = following + JOIN_DISTANCE - 1
-        last = [self.number[turn == index].max(initial=-1) for index in range(len(names))]
-        self.ends = [end + 1 for end in np.maximum.accumulate(last).tolist()]
-        self.numbers = {
-            name: self.program.by_column(name, lambda core: self.number[begin[core.number] : begin[core.number + 1]])
-            for name in names
-        }
-
-    def _places(self, numbers: IntArray) -> IntArray:
-        """Return where states and charges of compartments lie, from the first of all or of their phase on."""
-        begins = np.array([0, *self.ends[:-1]]) * (self.sizes.places > 0)
-        places: IntArray = numbers - begins[np.searchsorted(self.ends, numbers, side="right")]
-        return places
+        return MemoryWords(weights, len(self.tables["phases"]["value"]), states, self.numbering.sums())
 
     def _hears_later(self, slots: int) -> bool:
         """Tell whether the second phase hears its events when they arrive; charges take ``slots`` otherwise."""
@@ -213,11 +163,6 @@ class CoreProgram:
         each_once = np.array_equal(np.sort(second.visits[1]), np.arange(self.channels))
         each_once &= not second.by_rows and second.align_events is None
         return fits and each_once and max(second.visits[0]) < second.steps and self.kept <= first.steps
-
-    def _joined(self, values: Callable[[Core], IntArray | int]) -> IntArray:
-        """Return what ``values`` gives for the compartments of every core, core after core."""
-        parts = [np.broadcast_to(values(core), core.compartments) for core in self.program.cores]
-        return np.concatenate(parts).astype(np.int64)
 
     def _settings(self, sizes: Sizes) -> dict[str, int]:
         """Return memory 0, a setting an address; writing the last one starts the core."""
@@ -256,7 +201,8 @@ class CoreProgram:
         compartments = self.tables["compartments"]
         charges = np.abs(synapses["mantissa"]) << synapses["exponent"]
         charge = np.bincount(synapses["target"], weights=charges, minlength=1).max()
-        children = int(np.bincount(self.parent[self.parent >= 0], minlength=1).max())
+        parent = self.numbering.parent
+        children = int(np.bincount(parent[parent >= 0], minlength=1).max())
         return Sizes(
             axons=len(self.starts),
             synapses=2 * int(self.lengths.sum() + 1),
@@ -298,35 +244,35 @@ class CoreProgram:
 
     def _compartments(self) -> Table:
         """Return the constants of every compartment; gaps have none."""
-        child = self.parent >= 0
-        parent = np.where(child, self.number[self.parent], -1)
-        place_of_parent = self._places(np.maximum(parent, 0)) * child
+        numbering, given = self.numbering, partial(of_compartments, self.program)
+        number, child = numbering.number, numbering.parent >= 0
+        parent = np.where(child, number[numbering.parent], -1)
+        place_of_parent = numbering.places(np.maximum(parent, 0)) * child
         if self.sizes.sums:
-            place_of_parent %= max(self.sizes.sums, self._sums())
+            place_of_parent %= max(self.sizes.sums, numbering.sums())
         # Siblings follow each other, gaps left out.
-        in_order = np.argsort(self.number)
+        in_order = np.argsort(number)
         first = np.empty_like(child)
         first[in_order] = np.diff(parent[in_order], prepend=-1) != 0
         columns = {
-            "valid": self._joined(lambda core: 1),
-            "keep_u": DECAY_ONE - self._joined(lambda core: core.setting("decay_u")),
-            "keep_v": DECAY_ONE - self._joined(lambda core: core.setting("decay_v")),
-            "bias": self._joined(lambda core: core.bias),
-            "has_children": np.isin(self.number, parent),
-            "threshold": self._joined(lambda core: core.threshold_voltage >> WEIGHT_SHIFT),
-            "blocks": np.maximum(self._joined(lambda core: core.setting("refractory")) - 1, 0),
-            "spiking": self._joined(lambda core: (core.vmax > core.threshold_voltage) & (core.setting("joined") == 0)),
-            "vmin_log": self._joined(lambda core: (1 - core.vmin).bit_length() - 1),
-            "vmax_log": self._joined(lambda core: core.vmax.bit_length()),
+            "valid": given(lambda core: 1),
+            "keep_u": DECAY_ONE - given(lambda core: core.setting("decay_u")),
+            "keep_v": DECAY_ONE - given(lambda core: core.setting("decay_v")),
+            "bias": given(lambda core: core.bias),
+            "has_children": np.isin(number, parent),
+            "threshold": given(lambda core: core.threshold_voltage >> WEIGHT_SHIFT),
+            "blocks": np.maximum(given(lambda core: core.setting("refractory")) - 1, 0),
+            "spiking": given(lambda core: (core.vmax > core.threshold_voltage) & (core.setting("joined") == 0)),
+            "vmin_log": given(lambda core: (1 - core.vmin).bit_length() - 1),
+            "vmax_log": given(lambda core: core.vmax.bit_length()),
             "child": child,
             "first": first & child,
             "parent": place_of_parent,
         }
-        table = {
-            name: np.zeros(self.ends[-1], dtype=np.int64) for name in (*columns, "read_out", "by_potential", "entry")
-        }
+        names = (*columns, "read_out", "by_potential", "entry")
+        table = {name: np.zeros(self.ends[-1], dtype=np.int64) for name in names}
         for name, column in columns.items():
-            table[name][self.number] = column
+            table[name][number] = column
         readout = self.program.readout
         for index, name in enumerate(readout.populations if readout else ()):
             phase = next(p.name for p in self.program.phases if name in self.program.columns_of(p.name))
@@ -344,10 +290,8 @@ def parameters(sizes: Sizes) -> dict[str, int]:
 
 def sizes_for(needs: Sizes, least: Sizes) -> Sizes:
     """Return sizes that hold what is needed: those of ``least``, or twice as many words, or just enough bits."""
-    grown = {
-        name: need if name in ("charge", "join", "one_port", "later", "groups") else _power(need)
-        for name, need in asdict(needs).items()
-    }
+    exact = ("charge", "join", "one_port", "later", "groups")
+    grown = {name: need if name in exact else _power(need) for name, need in asdict(needs).items()}
     grown = {name: max(value, grown[name]) for name, value in asdict(least).items()}
     shared = {name: grown[name] * (getattr(needs, name) > 0) for name in ("places", "sums")}
     return Sizes(**grown | shared | {"word": needs.word, "step": needs.step})

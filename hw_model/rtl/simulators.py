@@ -14,7 +14,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Literal, get_args
 
-from hw_model.errors import InputError, did_you_mean
+from hw_model.errors import InputError, check_known
 from hw_model.rtl.images import Sizes, parameters
 
 Simulator = Literal["verilator", "icarus"]
@@ -34,8 +34,7 @@ def built(simulator: str, sizes: Sizes, texts: Mapping[str, str], top: str = "be
 
     ``more``: parameters of the module ``top`` besides the sizes.
     """
-    if simulator not in SIMULATORS:
-        raise InputError(f"simulator {simulator!r}", "does not exist", fix=did_you_mean(simulator, SIMULATORS))
+    check_known(f"simulator {simulator!r}", "does not exist", simulator, SIMULATORS)
     given = parameters(sizes) | {name.upper(): value for name, value in more.items()}
     named = hashlib.sha256(repr((simulator, given, top, sorted(texts.items()))).encode()).hexdigest()[:16]
     found = kept(f"rtl-{named}-{_BINARY[simulator]}")
