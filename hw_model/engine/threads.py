@@ -27,8 +27,9 @@ def in_parts(work: Callable[[int, int], T], batch: int, size: int = LITTLE) -> l
 
 @lru_cache(maxsize=1)
 def cores() -> int:
-    """Return how many cores this machine has; asking it takes as long as a short recording's last steps."""
-    return os.cpu_count() or 1
+    """Return how many cores this process may use; asking for it takes as long as a short recording's last steps."""
+    may_use = getattr(os, "sched_getaffinity", None)  # macOS and Windows have none
+    return len(may_use(0)) if may_use else os.cpu_count() or 1
 
 
 @lru_cache(maxsize=1)

@@ -10,7 +10,6 @@ of the chip's rounding.
 
 from __future__ import annotations
 
-import os
 import statistics
 import time
 from collections.abc import Callable, Sequence
@@ -22,8 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 from workloads import IntArray, LayeredNetwork
 
+from hw_model.engine.threads import cores
+
 TILE = 64
-THREADS = os.cpu_count() or 1
+THREADS = cores()
 REPEATS = 7
 PLAIN, TOGETHER, WITH_STATE = range(3)
 

@@ -16,7 +16,7 @@ CACHES = Path("/sys/devices/system/cpu/cpu0/cache")
 def machine() -> dict[str, str]:
     """Return processor, caches, memory and versions, as text."""
     return {
-        "processor": f"{_processor()}, {os.cpu_count()} cores",
+        "processor": f"{processor()}, {os.cpu_count()} cores",
         "caches": ", ".join(f"{name} {kib:,} KiB" for name, kib in cache_kib().items()) or "unknown",
         "memory": _memory(),
         "system": f"{platform.system()} {platform.machine()}",
@@ -36,7 +36,8 @@ def cache_kib() -> dict[str, int]:
     return found
 
 
-def _processor() -> str:
+def processor() -> str:
+    """Return what the processor calls itself."""
     lines = Path("/proc/cpuinfo").read_text().splitlines() if Path("/proc/cpuinfo").exists() else []
     names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
     return names[0] if names else platform.processor() or platform.machine()

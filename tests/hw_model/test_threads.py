@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from concurrent.futures import ThreadPoolExecutor
 from threading import Barrier
 
 import numpy as np
+import pytest
 from sessions import live_program
 
 import hw_model as hw
@@ -33,3 +37,10 @@ def test_threads_do_not_disturb_each_other():
         for result in found:
             assert np.array_equal(result.spikes["y"], one.spikes["y"])
             assert result.counts == one.counts
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="cores cannot be taken away here")
+def test_cores_are_those_that_the_process_may_use():
+    asks = "import os; os.sched_setaffinity(0, {min(os.sched_getaffinity(0))}); from hw_model.engine import threads; print(threads.cores())"
+    done = subprocess.run([sys.executable, "-c", asks], capture_output=True, text=True, check=True)
+    assert done.stdout == "1\n"
