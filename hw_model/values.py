@@ -13,6 +13,7 @@ from hw_model.errors import counted
 AnyArray = NDArray[Any]
 BoolArray = NDArray[np.bool_]
 ByteArray = NDArray[np.uint8]
+Float32Array = NDArray[np.float32]
 FloatArray = NDArray[np.float64]
 Int32Array = NDArray[np.int32]
 IntArray = NDArray[np.int64]

@@ -115,7 +115,10 @@ class CompiledModel(Frozen, eq=False):
 
     @checked
     def save(self, folder: str | Path) -> None:
-        """Write the program and its reports into a folder, all or none of them; other files there stay."""
+        """Write the program and its reports into a folder, all or none of them.
+
+        Other files there stay, and with them what ``--emit`` wrote for an earlier build.
+        """
         write_build(Path(folder), self.files())
 
 
@@ -199,7 +202,7 @@ def compile(
         found = find_diagnosis(levels, played, match.first_divergence)
         followed = over_time(levels, played, recordings.labels, PSI if network.psi is None else network.psi)
         excerpt = take_excerpt(levels, played, match.first_divergence)
-    grounds = grounds_of(network, recordings, calibrated)
+    grounds = grounds_of(network, recordings, calibrated, chip.registers, chosen=choice is not None)
     report = report_document(levels, match, grounds, found, followed) | {"strategy_choice": choice_document(choice)}
     return CompiledModel(levels, match, report, choice, excerpt)
 
@@ -302,19 +305,21 @@ def _lower(
 
     ``settled``: the share of split weights is given, and not to be chosen.
     """
+    choice = None
     if asked.strategy == AUTO or budget.given:
         choice = choose_strategy(network, chip, asked, calibration, budget, spread, settled=settled)
-        if choice:
-            return choice.levels, choice
-    fixed = replace(asked, strategy=next(iter(STRATEGIES))) if asked.strategy == AUTO else asked
-    levels = lower_or_advise(network, chip, fixed, calibrate(network, calibration, chip.registers))
+    if choice:
+        levels = choice.levels
+    else:
+        fixed = replace(asked, strategy=next(iter(STRATEGIES))) if asked.strategy == AUTO else asked
+        levels = lower_or_advise(network, chip, fixed, calibrate(network, calibration, chip.registers))
     found = {population.strategy for population in levels.quantized.populations}
     # Neurons with a reset of their own are already what ``reset`` turns others into.
     if asked.strategy not in {AUTO, *found} and not (asked.strategy == "reset" and found == {NATIVE}):
         measured = f"its neurons are {levels.quantized.strategy}"
         fix = "Leave the strategy out."
         raise InputError(f"strategy {asked.strategy!r}", "no neuron of this model uses it", measured=measured, fix=fix)
-    return levels, None
+    return levels, choice
 
 
 def _calibration(network: Network, recordings: Recordings, calibration: Events | None) -> Recordings:

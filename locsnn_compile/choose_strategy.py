@@ -19,7 +19,7 @@ from locsnn_compile.network.network import Network
 from locsnn_compile.passes.rounding.task import FINE
 from locsnn_compile.pipeline import Levels, lower
 from locsnn_compile.reference.evaluate import Calibration, calibrate
-from locsnn_compile.settings import AUTO, STRATEGIES, Setting
+from locsnn_compile.settings import AUTO, NATIVE, STRATEGIES, USUAL, Setting
 from locsnn_compile.verification.error_bounds import ErrorBudget, Losses, default_budget
 from locsnn_compile.verification.matching import compare
 
@@ -68,14 +68,15 @@ def choose_strategy(
 
     ``asked`` has one strategy or ``auto``, the most weight bits to try, and a share of split weights, which is used if
     ``settled``; otherwise the least that keeps the budget is found. Settings that this chip cannot hold are skipped; if
-    it holds none, the first ``TargetError`` is raised. Returns None for a network without float SRM neurons, because
-    there is nothing to choose.
+    it holds none, the first ``TargetError`` is raised. Returns None if there is nothing to choose: no weight is
+    rounded, or no neuron is lowered by a strategy and no budget is given.
     """
-    if not network.by_strategy:
+    if not (network.by_strategy or (budget.given and network.has_float_weights)):
         return None
     trial = _Trial(network, chip, recordings, calibrate(network, recordings, chip.registers), spread)
-    firsts = [replace(asked, strategy=name) for name in STRATEGIES if asked.strategy in (AUTO, name)]
-    usual = [setting for setting in firsts if not STRATEGIES[setting.strategy].last_resort] or firsts
+    names = [name for name in STRATEGIES if asked.strategy in (AUTO, name)] if network.by_strategy else [NATIVE]
+    firsts = [replace(asked, strategy=name) for name in names]
+    usual = [setting for setting in firsts if setting.strategy in USUAL] or firsts
     for setting in usual:
         trial.measure(setting)
     if not trial.candidates:

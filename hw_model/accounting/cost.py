@@ -18,7 +18,8 @@ from hw_model.accounting.activity import StepActivity
 from hw_model.accounting.mesh_routes import Routes, routes_of
 from hw_model.description.counts import Counts
 from hw_model.description.profile import Profile
-from hw_model.io.given import checked
+from hw_model.errors import check_known
+from hw_model.io.given import check_argument, checked
 from hw_model.program.chip_program import ChipProgram
 from hw_model.values import BoolArray, FloatArray, Frozen, IntArray, Shown
 
@@ -115,6 +116,10 @@ class CriticalPath(Frozen, eq=False):
 @checked
 def latency(program: ChipProgram, activity: Mapping[str, StepActivity], profile: Profile) -> Latency:
     """Return the time of one recording, given its activity by phase."""
+    known = [phase.name for phase in program.phases]
+    for phase, steps in activity.items():
+        check_known("latency, activity", f"there is no phase {phase!r}", str(phase), known)
+        check_argument("latency", f"activity[{phase!r}]", steps, (StepActivity,))
     paths = {phase: critical_path(step_times(program, phase, steps, profile)) for phase, steps in activity.items()}
     return recording_latency(program, paths)
 
@@ -196,5 +201,4 @@ def _mesh_ns(routes: Routes, packets: IntArray, profile: Profile) -> FloatArray:
 
 def _at(values: FloatArray, core: IntArray) -> FloatArray:
     """Return the value of one core in each step, (..., steps)."""
-    found: FloatArray = np.take_along_axis(values, core[..., None], axis=-1)[..., 0]
-    return found
+    return np.take_along_axis(values, core[..., None], axis=-1)[..., 0]

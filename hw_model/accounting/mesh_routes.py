@@ -71,9 +71,8 @@ def routes_of(program: ChipProgram, phase: str) -> Routes:
             piece.append(int(pieces.of_core[index]) + own)
             target.append(place[to])
             hops.append(program.chip.hops(core.slot, program.cores[to].slot))
-            over.append(
-                [number_of.setdefault(link, len(number_of)) for link in _links(program, core, cores[place[to]])]
-            )
+            links = _links(program, core, cores[place[to]])
+            over.append([number_of.setdefault(link, len(number_of)) for link in links])
     longest = max(map(len, over), default=0)
     return Routes(
         piece=np.array(piece, dtype=np.int64),

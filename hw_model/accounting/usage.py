@@ -37,8 +37,7 @@ class PhaseUsage(Sums, eq=False):
     paths_ns: Mapping[tuple[int, int], float]
 
     def __add__(self, other: Self) -> Self:
-        link_most = np.maximum(self.link_most, other.link_most)
-        return replace(super().__add__(other), link_most=link_most)
+        return replace(super().__add__(other), link_most=np.maximum(self.link_most, other.link_most))
 
 
 def measure(

@@ -161,6 +161,11 @@ class Chip(Shown, eq=True):
         """The default profile, or one that prices nothing."""
         return next(iter(self.profiles.values()), UNPRICED)
 
+    @property
+    def timed(self) -> bool:
+        """Whether times are known: the exact cycles of an open core, or times of operations in the default profile."""
+        return bool(self.open_core or self.costs.time_ns)
+
     def profile(self, name: str) -> Profile:
         """Return the profile of this name; ``InputError`` lists those that exist."""
         what, more = f"there is no energy profile {name!r}", " A profile of your own is a file that ends in .yaml."

@@ -17,7 +17,7 @@ class Counts(Sums, Mapping[str, int]):
     transpose_events: int = 0
     """Events that went through the transpose buffer to a location phase."""
     events_dropped: int = 0
-    """Events in rows after the last simulated step: never played."""
+    """Events in rows after the last simulated step: never played, counted in every phase that misses them."""
     synaptic_ops: int = 0
     """Weights added: one for every synapse of every delivered spike, including those of the last step."""
     synaptic_ops_after_end: int = 0
@@ -45,7 +45,7 @@ class Counts(Sums, Mapping[str, int]):
     voltage_clips: int = 0
     """Compartment updates in which v was clipped to [vmin, vmax]."""
     skipped_steps: int = 0
-    """Steps that an engine skipped because they could not change anything."""
+    """Steps that an engine skipped because they could not change anything; the reference engine skips none."""
     aligned_steps: int = 0
     """Steps of recordings before their start, summed over the phases that begin at the first touch."""
     cycles: int = 0
@@ -72,8 +72,7 @@ class Counts(Sums, Mapping[str, int]):
         return self.voltage_clips
 
     def __iter__(self) -> Iterator[str]:
-        yield from (field.name for field in fields(self))
-        yield from DERIVED
+        return iter((*COUNTED, *DERIVED))
 
     def __len__(self) -> int:
         return len(COUNT_NAMES)

@@ -31,14 +31,13 @@ def parse(kind: type[T], text: str, where: str, **given: Any) -> T:
 
 
 def check_profile(profile: Profile, where: str) -> None:
-    """Refuse no prices, prices of what is not counted, ranges beside their constant, and sources of no constant.
+    """Refuse no prices, prices of what no chip counts, ranges beside their constant, and sources of no constant.
 
     A hop is priced once, and a barrier of more tiles takes no less time.
     """
     if not profile.energy_pj:
-        raise InputError(
-            f"{where}: energy_pj", "it prices nothing, so everything would take 0 pJ", fix="Price a count."
-        )
+        what = "it prices nothing, so everything would take 0 pJ"
+        raise InputError(f"{where}: energy_pj", what, fix="Price a count.")
     for key, names, known, what in (
         ("energy_pj", profile.energy_pj, COUNT_NAMES, "is not counted"),
         ("time_ns", profile.time_ns, TIMED, "is not counted"),
@@ -48,6 +47,9 @@ def check_profile(profile: Profile, where: str) -> None:
         ("sources", profile.sources, {**profile.energy_pj, **profile.time_ns}, "has no constant"),
     ):
         for name in names:
+            if name == "skipped_steps":
+                what = f"{name!r} depends on the engine, not on the chip"
+                raise InputError(f"{where}: {key}", what, fix="Leave it out.")
             check_known(f"{where}: {key}", f"{name!r} {what}", name, known)
     if "hops" in profile.energy_pj and not {"hops_x", "hops_y"}.isdisjoint(profile.energy_pj):
         what, fix = "'hops' are hops_x and hops_y together, which would be priced twice", "Price either."

@@ -5,6 +5,7 @@ in the cache folder of the user: the first that can be written. Where none can, 
 """
 
 import logging
+import os
 import time
 from collections.abc import Callable
 from functools import lru_cache, partial
@@ -33,6 +34,9 @@ FOLDERS_OF_LOOPS = ("arithmetic", "engine", "streaming")
 OPTIONS = {"_nrt": False, "nogil": True, "boundscheck": False, "no_cfunc_wrapper": True}
 """Without its runtime (nrt) loops count no references to arrays, which would take a locked instruction each and most of
 the time of short loops; nor can they make any. Nothing asks for the other way in."""
+
+CHECK_KINDS = "LOCSNN_CHECK_KINDS"
+"""Set in the environment, makes every call of an :func:`entry` look at its arguments."""
 
 _log = logging.getLogger("locsnn")
 
@@ -113,10 +117,27 @@ def entry(function: Any, *arguments: Any) -> Callable[..., Any]:
     """Return the machine code of a compiled function for arguments of these kinds; it must never be given others.
 
     A call of the function itself looks at the kind of every array that it is given, which takes longer than a short
-    loop.
+    loop. With :data:`CHECK_KINDS` in the environment, as in the tests, it does so: others are then a ``TypeError``.
     """
-    found: Callable[..., Any] = function.compile(tuple(numba.typeof(argument) for argument in arguments))
-    return found
+    kinds = tuple(map(numba.typeof, arguments))
+    found: Callable[..., Any] = function.compile(kinds)
+    if CHECK_KINDS not in os.environ:
+        return found
+
+    named = [*map(_named, kinds)]
+
+    def checked(*given: Any) -> Any:
+        for expected, argument in zip(named, given, strict=True):
+            if (kind := _named(numba.typeof(argument))) != expected:
+                raise TypeError(f"{function.py_func.__name__}: made for {expected}, given {kind}")
+        return found(*given)
+
+    return checked
+
+
+def _named(kind: types.Type) -> str:
+    """Return a kind without what does not matter: what is read-only lies in memory as other arrays do."""
+    return str(kind).replace("readonly ", "")
 
 
 def address(function: Any, *arguments: Any) -> np.int64:

@@ -80,11 +80,13 @@ def _kept(kind: Register, layout: FastLayout, trace: PhaseTrace, windows: dict[R
 
 
 def join_lists(events: Sequence[EventLists]) -> tuple[IntArray, Int32Array]:
-    """Return the lists of several inputs as one: where each recording, row and input begins, and lines."""
+    """Return the lists of several inputs as one: where each recording, row and input begins, and lines; in C order."""
     if len(events) == 1:
         return np.ascontiguousarray(events[0].first)[:, :, None], events[0].channel
     before = np.cumsum([0, *(len(lists.channel) for lists in events[:-1])])
-    first = np.stack([lists.first + offset for lists, offset in zip(events, before, strict=True)], axis=2)
+    first = np.empty((*events[0].first.shape, len(events)), dtype=np.int64)  # numpy would keep the order of those given
+    for m, lists in enumerate(events):
+        np.add(lists.first, before[m], out=first[:, :, m])
     return first, np.concatenate([lists.channel for lists in events])
 
 

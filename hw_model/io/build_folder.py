@@ -60,7 +60,5 @@ def write_build(folder: Path, files: Mapping[str, bytes]) -> None:
 
 
 def _unwritable(folder: Path, reason: str) -> InputError:
-    what = f"cannot be written: {reason[:1].lower()}{reason[1:]}"
-    return InputError(
-        f"output {folder.name or str(folder)!r}", what, fix="With -o, choose a folder that you may write to."
-    )
+    where, what = f"output {folder.name or str(folder)!r}", f"cannot be written: {reason[:1].lower()}{reason[1:]}"
+    return InputError(where, what, fix="With -o, choose a folder that you may write to.")

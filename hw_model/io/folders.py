@@ -144,12 +144,7 @@ def _must_stay(folder: Path) -> bool:
         here = Path.cwd()
     except FileNotFoundError:
         here = Path("/")
-    return (
-        folder == here
-        or folder in here.parents
-        or os.path.ismount(folder)
-        or not os.access(folder.parent, os.W_OK | os.X_OK)
-    )
+    return here.is_relative_to(folder) or os.path.ismount(folder) or not os.access(folder.parent, os.W_OK | os.X_OK)
 
 
 def _exchange(one: Path, other: Path) -> bool:

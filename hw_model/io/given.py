@@ -23,6 +23,7 @@ _WAYS_OUT = {
     "ChipProgram": "Take .program of lc.compile(network), or read one with hw.load_program(folder).",
     "Chip": "Use hw.chip('loihi-sim'), or hw.chip(path) of a chip file.",
     "Profile": "Use chip.profile(name).",
+    "StepActivity": "Take that of a recording, result.activity[phase][0].",
     "Counts": "Take .counts of hw.simulate(program, spikes).",
     "Sequence": "Put it in a list.",
 }
@@ -98,12 +99,11 @@ def classes_of(hint: Any) -> tuple[Any, ...]:
 
 def kinds_of(hint: Any) -> tuple[Any, ...]:
     """Return the types that a hint accepts; ``object`` stands for those that ``isinstance`` cannot check."""
-    known = classes_of(hint)
-    plain = [
-        isinstance(kind, type) and kind not in (bool, Any) and not kind.__module__.startswith("numpy.")
-        for kind in known
-    ]
-    return tuple(kind if told else object for kind, told in zip(known, plain, strict=True))
+    return tuple(kind if _can_be_checked(kind) else object for kind in classes_of(hint))
+
+
+def _can_be_checked(kind: Any) -> bool:
+    return isinstance(kind, type) and kind not in (bool, Any) and not kind.__module__.startswith("numpy.")
 
 
 def check_argument(function: str, name: str, value: Any, kinds: tuple[Any, ...]) -> None:

@@ -4,14 +4,13 @@ A partial file or folder lies next to its target, as ``.<name>.partial-<token>``
 writes it. The lock ends with the process, so a partial file that can be locked belongs to nobody.
 """
 
-import contextlib
 import os
 import re
 import secrets
 import shutil
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 MAX_NAME_BYTES = 100
@@ -45,7 +44,7 @@ def remove_leftovers(target: Path) -> None:
     except OSError:
         return
     for name in found:
-        with contextlib.suppress(OSError), locked(target.parent / name) as is_free:
+        with suppress(OSError), locked(target.parent / name) as is_free:
             if is_free:
                 remove(target.parent / name)
 
@@ -55,7 +54,7 @@ def remove(path: Path) -> None:
     if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path, ignore_errors=True)
         return
-    with contextlib.suppress(OSError):
+    with suppress(OSError):
         path.unlink(missing_ok=True)
 
 
@@ -64,7 +63,7 @@ def sync(path: Path) -> None:
     handle = os.open(path, os.O_RDONLY)
     try:
         # Some file systems cannot sync folders.
-        with contextlib.suppress(OSError):
+        with suppress(OSError):
             os.fsync(handle)
     finally:
         os.close(handle)

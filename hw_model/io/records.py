@@ -23,13 +23,12 @@ KIND_WORDS: dict[type, str] = {
     float: "a number",
     bool: "true or false",
     dict: "a mapping of names",
-    Mapping: "a mapping of names",
     list: "a list",
     tuple: "a list",
     NoneType: "nothing",
 }
 """What messages call a type."""
-_HELD: dict[type, tuple[type, ...]] = {float: (float, int), tuple: (list, tuple)}
+_HELD: dict[type, tuple[type, ...]] = {float: (float, int), tuple: (list, tuple), Mapping: (dict,)}
 """Type of a field -> those that a file may have for it, if they are others."""
 
 
@@ -122,8 +121,11 @@ def check_fields(record: object) -> None:
         if said[name]:
             check_value(f"{called}, {name}", value, field_kinds(own)[name], said[name])
             continue
-        kinds = (bool,) if hint is bool else (str,) if get_origin(hint) is Literal else kinds_of(hint)
+        chosen = get_args(hint) if get_origin(hint) is Literal else ()
+        kinds = (bool,) if hint is bool else (str,) if chosen else kinds_of(hint)
         check_argument(called, name, tuple(value) if isinstance(value, list) and tuple in kinds else value, kinds)
+        if chosen and value not in chosen:
+            raise InputError(f"{called}, {name}", f"there is no {value!r}"[:80], fix=did_you_mean(value, chosen))
         for option in (hints[name], *get_args(hints[name])):
             if get_origin(option) is tuple and get_args(option)[-1] is ... and isinstance(value, tuple | list):
                 for one in value:
@@ -152,16 +154,14 @@ class RecordReader(Frozen):
         for name, needed in required.items():
             if needed and name not in value:
                 raise InputError(self.place(key), f"the key {name!r} is missing", fix=self.fix or "Add it.")
-        entries: Mapping[str, Any] = value
-        return entries
+        return dict(value)
 
     def record(self, kind: type[T], value: Any, key: str = "", **given: object) -> T:
         """Return the record that a mapping describes, with the fields that are ``given``."""
         own: type = kind
         hints = _hints(own)
         wanted = [item for item in fields(kind) if item.name not in given]  # type: ignore[arg-type]
-        optional = {i.name for i in wanted if not (i.default is MISSING and i.default_factory is MISSING)}
-        required = {item.name: not (self.lacks and item.name in optional) for item in wanted}
+        required = {i.name: not self.lacks or (i.default is MISSING and i.default_factory is MISSING) for i in wanted}
         held = getattr(kind, "from_plain", lambda plain: plain)(value)
         entries = self.entries(held, key, required)
         inside = f"{key}." if key else ""
@@ -176,9 +176,7 @@ class RecordReader(Frozen):
         origin, parts = get_origin(hint) or hint, get_args(hint)
         if hasattr(origin, "__dataclass_fields__"):
             return self.record(origin, value, key)
-        check_value(
-            self.place(key), value, _kinds(hint) if origin is not Mapping else (dict,), said, self.fix or "Correct it."
-        )
+        check_value(self.place(key), value, _kinds(hint), said, self.fix or "Correct it.")
         if origin is Mapping:
             return {name: self.value(parts[1], entry, f"{key}.{name}") for name, entry in value.items()}
         if origin is tuple:

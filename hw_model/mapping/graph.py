@@ -125,14 +125,9 @@ class Compartments(Frozen, eq=False):
         _keep(self, lambda given: read_only(given if np.ndim(given) else np.full(self.size, given)), *names)
 
     @property
-    def spiking(self) -> bool:
-        """Whether these compartments can spike."""
-        return self.joined_to is None
-
-    @property
     def joined(self) -> IntArray:
         """1 for each compartment that adds its v to another, else 0."""
-        return np.full(self.size, int(not self.spiking))
+        return np.full(self.size, int(self.joined_to is not None))
 
 
 class Synapses(Frozen, eq=False):
@@ -194,11 +189,8 @@ class Readout(Frozen):
     def scores(self, spikes: Mapping[str, AnyArray], potential: Mapping[str, AnyArray]) -> FloatArray:
         """Return the scores (batch, classes) of spikes and potentials (batch, steps, classes) by population."""
         first = self.from_step
-        given = {
-            name: largest(potential[name], first[name]) if name in first else spikes[name].sum(axis=1, dtype=np.float64)
-            for name in self.populations
-        }
-        return self.weighed(given)
+        counts = {name: spikes[name].sum(axis=1, dtype=np.float64) for name in self.populations if name not in first}
+        return self.weighed(counts | {name: largest(potential[name], step) for name, step in first.items()})
 
     def weighed(self, given: Mapping[str, AnyArray]) -> FloatArray:
         """Return the scores (batch, classes) of what each population gives, added in the order of the readout.
@@ -209,6 +201,15 @@ class Readout(Frozen):
         for name, weight in self.terms:
             total += weight * given[name]
         return total
+
+
+def decided(scores: FloatArray) -> IntArray:
+    """Return the class with the highest score, the first of equals; -1 where all (..., classes) tie.
+
+    An only class ties with nothing: -1 where its score is 0.
+    """
+    tied = (scores == (scores[..., :1] if scores.shape[-1] > 1 else 0)).all(axis=-1)
+    return np.where(tied, -1, scores.argmax(axis=-1))
 
 
 def largest(potential: AnyArray, first: int) -> FloatArray:

@@ -20,7 +20,6 @@ MAX_STEPS, MAX_LINES = 10_000_000, 10_000_000
 MAX_DECAY = 4096
 MAX_WEIGHT = 1e100
 """Largest magnitude of a readout's weight: scores and their bounds stay in float64."""
-_NONE = np.zeros(0, dtype=np.int64)
 _OF_COMPARTMENTS = ("profile", "threshold", "bias_mantissa", "bias_exponent", "parent")
 OF_SYNAPSES = ("target", "mantissa", "delay", "format_index")
 _OF_OUTPUTS = ("out_compartment", "out_core", "out_axon")
@@ -45,13 +44,12 @@ def check_program(program: ChipProgram) -> None:
         _check(f"core {core.number}", _table_rules(index, core, phases, registers))
         _check(f"core {core.number}", _limit_rules(core, program.chip))
     for item, route in zip(program.inputs, program.input_routes, strict=True):
-        positions = _NONE if item.positions is None else item.positions
         steps = next((phase.steps for phase in program.phases if phase.name == item.phase), None)
         _check(f"input {item.name!r}", [
             ("sizes", _whole([item.size], 1, MAX_LINES)),
             ("phases", item.phase in phases),
             ("channels", item.channels == streams[item.stream]),
-            ("positions", _within(positions, 0, (steps or MAX_STEPS) - 1)),
+            ("positions", _within(item.visits[0], 0, (steps or MAX_STEPS) - 1)),
             ("first lines", _first_lines_fit(item)),
             ("routes", len(route.line) == len(route.core) == len(route.axon)),
             ("lines", _within(route.line, 0, item.size - 1)),

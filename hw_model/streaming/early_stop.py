@@ -72,9 +72,11 @@ def stop_when_proven(program: ChipProgram, spikes: Spikes) -> Stops:
 def stop_at_margin(program: ChipProgram, spikes: Spikes, margin: float, psi: float | None = None) -> Stops:
     """Stop reading a recording as soon as its best class leads by ``margin``; transposed phases then run once.
 
-    Steps are those of the recording, which phases that play it as it comes also run. ``psi`` as for
-    :class:`hw_model.Session`.
+    Steps are those of the recording, which phases that play it as it comes also run. It is followed by silence until
+    those of them that have ``steps`` end; one that has none lasts as long. ``psi`` as for :class:`hw_model.Session`.
     """
+    if not margin > 0:
+        raise InputError("margin", "it must be above 0", measured=f"got {margin}", fix="Use that of calibrate_margin.")
     streams = to_the_end(program, spikes)
     scores = timestep_scores(program, streams, psi)
     steps = _first(leads(scores) >= margin)

@@ -100,13 +100,14 @@ class _Voter:
         self._members = members_of(program, name)
         self._parent = program.joined_to
         self._starts_late = phase.align_events is not None
-        self._safe = all(_cannot_wrap(program, phase.name, member) for member in self._members)
         self._u, self._v = result.u, result.v
         self._steps = self._u[name].shape[1]
-        self._settings = {
-            member: {key: _each(program, phase.name, member, value) for key, value in _SETTINGS.items()}
-            for member in self._members
-        }
+        columns = program.columns_of(phase.name)
+        proved = {found.core: found.cannot_wrap.astype(np.int64) for found in prove_range(program)}
+        cannot_wrap = program.by_column(phase.name, lambda core: proved[core.number])
+        self._safe = all(cannot_wrap[columns[member]].all() for member in self._members)
+        settings = {key: program.by_column(phase.name, value) for key, value in _SETTINGS.items()}
+        self._settings = {its: {key: each[columns[its]] for key, each in settings.items()} for its in self._members}
 
     def given(self, step: IntArray) -> IntArray:
         """Return what counts after the first steps, (batch, n)."""
@@ -208,13 +209,3 @@ def members_of(program: ChipProgram, name: str) -> list[str]:
         found.append(begun.pop())
         begun += [child for child, parent in program.joined_to.items() if parent == found[-1]]
     return found[::-1]
-
-
-def _each(program: ChipProgram, phase: str, name: str, values: Callable[[Core], IntArray | int]) -> IntArray:
-    """Return what ``values`` gives for the compartments of a core, for those of a group, (n,)."""
-    return program.by_column(phase, values)[program.columns_of(phase)[name]]
-
-
-def _cannot_wrap(program: ChipProgram, phase: str, name: str) -> bool:
-    proved = {found.core: found.cannot_wrap.astype(np.int64) for found in prove_range(program)}
-    return bool(_each(program, phase, name, lambda core: proved[core.number]).all())

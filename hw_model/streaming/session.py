@@ -142,8 +142,7 @@ class Session:
 def location_share(psi: float, step: IntArray, steps: int) -> FloatArray:
     """Return w = 1 / (1 + exp(-psi (t / T - 1))) after step t of T, which rises to 1/2 (Kang et al. 2022)."""
     with np.errstate(over="ignore"):  # a large psi counts as 0 what is early
-        shares: FloatArray = 1.0 / (1.0 + np.exp(-float(psi) * (np.minimum(step, steps) / steps - 1.0)))
-    return shares
+        return 1.0 / (1.0 + np.exp(-float(psi) * (np.minimum(step, steps) / steps - 1.0)))
 
 
 def check_psi(psi: float) -> None:
@@ -166,8 +165,7 @@ class _Branch:
         positions = [item.positions for item in inputs if item.positions is not None]
         if 0 < len(positions) < len(inputs):
             what = "mixes transposed inputs with inputs that are played as they come, so it cannot run as they arrive"
-            fix = "Use simulate."
-            raise InputError(f"phase {phase.name!r}", what, fix=fix)
+            raise InputError(f"phase {phase.name!r}", what, fix="Use simulate.")
         layout = fast_layout(program, phase.name)
         self.many, read = layout.columns, _read(program.readout, own)
         if positions:
@@ -184,19 +182,16 @@ class _Branch:
 
     def push(self, before: int, streams: dict[str, ByteArray], counts: IntArray) -> None:
         """Push rows (rows, channels), and note what every column gives so far in ``counts`` (rows, all columns)."""
-        if len(self._streams) == 1:
-            rows = streams[self._streams[0]]
-        else:
-            rows = np.concatenate([streams[name] for name in self._streams], axis=1)
-        if self._started or self._align is None:
-            return self.run.push(before, rows, counts, self.low)
-        events = [list_events(name, streams[name][None]) for name in set(self._streams)]
-        first = int(first_touch(events, self._align)[0])
-        self._started = first < len(rows)
-        self.run.wait(rows[:first], counts[:first], self.low)
+        parts = [streams[name] for name in self._streams]
+        rows = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
+        if not self._started and self._align is not None:
+            events = [list_events(name, streams[name][None]) for name in set(self._streams)]
+            first = int(first_touch(events, self._align)[0])
+            self._started = first < len(rows)
+            self.run.wait(rows[:first], counts[:first], self.low)
+            before, rows, counts = before + first, rows[first:], counts[first:]
         if self._started:
-            self.run.push(before + first, rows[first:], counts[first:], self.low)
-        return None
+            self.run.push(before, rows, counts, self.low)
 
 
 def _plain_rows(given: AnyArray, channels: int) -> ByteArray | None:
@@ -230,9 +225,14 @@ def _read(readout: Readout | None, columns: Mapping[str, slice]) -> Read:
 
 def _length(program: ChipProgram, psi: float | None) -> int:
     """Return T, the steps of a whole recording, where it is needed."""
-    lengths = [phase.steps for phase in program.phases if phase.axis == "time" and phase.steps]
+    in_time = [phase for phase in program.phases if phase.axis == "time"]
+    lengths = [phase.steps for phase in in_time if phase.steps]
     if psi is not None:
         check_psi(psi)
-    if psi is not None and not lengths:
-        raise InputError("psi", "the program does not say how long a recording is", fix="Fix the steps of its phase.")
+        if in_time and not lengths:
+            fix = "Fix the steps of its phase."
+            raise InputError("psi", "the program does not say how long a recording is", fix=fix)
+        if len(in_time) in (0, len(program.phases)):
+            axis = "location" if in_time else "time"
+            raise InputError("psi", f"the program has no {axis} phase to weigh against another", fix="Leave it out.")
     return max(lengths, default=1)

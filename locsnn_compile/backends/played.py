@@ -6,6 +6,7 @@ Names are for formats that allow few characters, and for Markdown.
 import re
 from collections.abc import Iterable, Mapping
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 
@@ -22,18 +23,26 @@ from locsnn_compile.errors import InputError
 class Played(Frozen, eq=False):
     """A recording on a program.
 
-    ``lines[phase]`` (steps, lines) are the spikes of the phase's input lines, input by input, after the transpose
-    buffer. ``result`` holds spikes, u, v, potential and activity, arrays (steps, n). ``title`` names the recording.
+    ``runs[phase]`` are the steps that a phase runs: all, but for one over time that starts at the first touch. Lines
+    and what methods return hold these steps alone; ``result`` holds all. ``lines[phase]`` (steps, lines) are the spikes
+    of the phase's input lines, input by input, after the transpose buffer. ``title`` names the recording.
     """
 
     program: hw.ChipProgram
     title: str
+    runs: Mapping[str, range]
     lines: Mapping[str, ByteArray]
     result: hw.SimulationResult
 
     def steps(self, phase: str) -> int:
-        """Return the steps of a phase."""
-        return len(self.lines[phase])
+        """Return the number of steps that a phase runs."""
+        return len(self.runs[phase])
+
+    def recorded(self, phase: str, kind: Register | Literal["spikes"], group: str) -> IntArray:
+        """Return spikes, u, v or the potential of a group of a phase, (steps, compartments)."""
+        runs = self.runs[phase]
+        of_group: Mapping[str, IntArray] = getattr(self.result, kind)
+        return of_group[group][runs.start : runs.stop]
 
     @cached_property
     def phases(self) -> tuple[Phase, ...]:
@@ -42,8 +51,9 @@ class Played(Frozen, eq=False):
 
     def register(self, core: Core, kind: Register) -> IntArray:
         """Return a register of every compartment of a core, (steps, compartments)."""
-        of_group: Mapping[str, IntArray] = getattr(self.result, kind)
-        return np.concatenate([of_group[p.group][:, p.start : p.stop] for p in core.slices], axis=1)
+        return np.concatenate(
+            [self.recorded(core.phase, kind, p.group)[:, p.start : p.stop] for p in core.slices], axis=1
+        )
 
     def spikes(self, core: Core) -> ByteArray:
         """Return the spikes of every compartment of a core, (steps, compartments); joined ones never spike."""
@@ -73,7 +83,8 @@ class Played(Frozen, eq=False):
             count = sum(core.compartments for core in self.program.cores_of(phase))
             spikes = np.zeros((len(lines), count), dtype=np.uint8)
             for name, here in self.program.columns_of(phase).items():
-                spikes[:, here] = self.result.spikes.get(name, 0)
+                if name in self.result.spikes:
+                    spikes[:, here] = self.recorded(phase, "spikes", name)
             found[phase] = np.concatenate((lines, spikes), axis=1)
         return found
 
@@ -86,8 +97,10 @@ def play_recording(program: hw.ChipProgram, spikes: Spikes, title: str = "record
     recording = {name: array[0] for name, array in streams.items()}
     result = hw.simulate(program, recording, probe=("spikes", "u", "v", "potential", "activity"))
     events = {name: list_events(name, array) for name, array in streams.items()}
-    lines = {phase.name: play(program, phase, events, None, Player()).lines(0) for phase in program.phases}
-    return Played(program, title, lines, result)
+    inputs = {phase.name: play(program, phase, events, None, Player()) for phase in program.phases}
+    runs = {phase: range(int(given.start[0]), int(given.stop[0])) for phase, given in inputs.items()}
+    lines = {phase: given.lines(0)[runs[phase].start : runs[phase].stop] for phase, given in inputs.items()}
+    return Played(program, title, runs, lines, result)
 
 
 def unique_names(texts: Iterable[str]) -> dict[str, str]:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 import hw_model as hw
+from hw_model.engine.trace import REGISTERS
 from hw_model.values import Frozen, IntArray
 from locsnn_compile.backends.played import Played, unique_names
 from locsnn_compile.errors import InputError, counted, did_you_mean
@@ -54,7 +55,7 @@ def vcd_file(played: Played, probes: Sequence[str]) -> dict[str, bytes]:
     for signal in _signals(played, compartments, groups):
         bits = (signal.width - 1, 0) if signal.kind == "reg" else None
         variable = writer.register_var(signal.scopes, signal.name, signal.kind, signal.width, signal.before, bits)
-        at = np.flatnonzero(np.append(True, np.diff(signal.values) != 0))
+        at = np.flatnonzero(np.append(True, np.diff(signal.values) != 0)[: len(signal.values)])
         changes += (
             (signal.start + i, variable, value)
             for i, value in zip(at.tolist(), signal.values[at].tolist(), strict=True)
@@ -67,11 +68,11 @@ def vcd_file(played: Played, probes: Sequence[str]) -> dict[str, bytes]:
 
 def _signals(played: Played, compartments: Sequence[Compartment], groups: dict[str, str]) -> Iterator[_Signal]:
     """Yield the signals phase by phase and scope by scope."""
-    registers, result, start = played.program.chip.registers, played.result, 0
+    registers, start = played.program.chip.registers, 0
     current, voltage = registers.current_bits + 1, registers.voltage_bits + 1
     names = unique_names(phase.name for phase in played.phases)
     for phase in played.phases:
-        steps = np.arange(played.steps(phase.name))
+        steps = np.array(played.runs[phase.name], dtype=np.int64)
         running = np.append(np.ones_like(steps), 0)
         yield _Signal((names[phase.name],), "running", "wire", 1, start, running, before="0")
         yield _Signal((names[phase.name],), "step", "integer", _STEP_BITS, start, steps)
@@ -79,10 +80,11 @@ def _signals(played: Played, compartments: Sequence[Compartment], groups: dict[s
             if group not in played.program.columns_of(phase.name):
                 continue
             scopes = (names[phase.name], groups[group], f"n{i}")
-            for kind, width in (("u", current), ("v", voltage), ("potential", voltage)):
-                yield _Signal(scopes, kind, "reg", width, start, getattr(result, kind)[group][:, i])
-            if group in result.spikes:
-                yield _Signal(scopes, "spike", "wire", 1, start, result.spikes[group][:, i].astype(np.int64))
+            for kind, width in zip(REGISTERS, (current, voltage, voltage), strict=True):
+                yield _Signal(scopes, kind, "reg", width, start, played.recorded(phase.name, kind, group)[:, i])
+            if group in played.result.spikes:
+                spikes = played.recorded(phase.name, "spikes", group)[:, i].astype(np.int64)
+                yield _Signal(scopes, "spike", "wire", 1, start, spikes)
         start += len(steps)
 
 
@@ -119,7 +121,9 @@ def _read(program: hw.ChipProgram, probe: str) -> list[Compartment]:
         raise InputError(f"probe {probe!r}", f"there is no population {group!r}", fix=did_you_mean(group, sizes))
     first = int(match["first"])
     stop = int(match["stop"]) if match["stop"] else first + 1
-    if not first < stop <= sizes[group]:
+    if stop <= first:
+        raise InputError(f"probe {probe!r}", "it holds no compartment", fix="Let the stop be above the first.")
+    if stop > sizes[group]:
         measured = counted(sizes[group], "compartment")
         fix = f"Count from 0 to {sizes[group] - 1}."
         raise InputError(f"probe {probe!r}", f"{group!r} has no such compartment", measured=measured, fix=fix)

@@ -2,7 +2,7 @@
 
 import sys
 from argparse import Namespace
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,10 +23,12 @@ from locsnn_compile.frontends import load
 from locsnn_compile.network.network import Network
 from locsnn_compile.report.gates import GATES, check_gates, gates_entry, junit_file
 from locsnn_compile.report.sections.build import unmet_budget
+from locsnn_compile.report.words import sentence
 from locsnn_compile.settings import check_matters
 from locsnn_compile.verification.error_bounds import ErrorBudget
 
 READ = ("--options", "--config", "--events", "--calibration", "--target", "--profile")
+BOUNDS = ("--min-agreement", "--max-spike-error", "--max-score-error")
 OF_RECORDING = ("vectors", "rtl", "vcd", "trace", "sanafe")
 
 
@@ -58,6 +60,7 @@ def build(args: Namespace) -> int:
     gates = check_gates(compiled.report, given(args, GATES))
     compiled = replace(compiled, report=compiled.report | {"gates": gates_entry(gates)})
     files = compiled.files(args.emit) | _emitted(args, compiled, recordings, number)
+    earlier = _of_an_earlier_build(folder, files)
     write_build(folder, files)
     if args.junit:
         replace_file(Path(args.junit), junit_file(gates, compiled.network.name), where="--junit")
@@ -70,6 +73,8 @@ def build(args: Namespace) -> int:
         render_terminal(compiled.composed, console)
         names = dict.fromkeys(f"{name.split('/')[0]}/" if "/" in name else name for name in files)
         console.print(f"wrote {folder}/: {', '.join(names)}", markup=False, highlight=False, soft_wrap=True)
+    if earlier:
+        print(sentence("earlier build", folder=repr(str(folder)), names=listed(earlier)), file=sys.stderr)
     failed = [gate for gate in gates if not gate.holds]
     for gate in failed:
         print(f"gate failed: {gate.option}: {gate.found}.", file=sys.stderr)
@@ -78,12 +83,23 @@ def build(args: Namespace) -> int:
     return EXIT_GATE if failed else 0
 
 
+def _of_an_earlier_build(folder: Path, files: Mapping[str, bytes]) -> list[str]:
+    """Return what another build emitted there and this one does not: it stays, as it could be the user's by now."""
+    there = [folder / name for name in BUILD_NAMES if (folder / name).is_file()]
+    if all(path.read_bytes() == files[path.name] for path in there):
+        return []
+    written = {name.split("/")[0] for name in files}
+    return [name for name in EMITTED_NAMES.values() if name.strip("/") not in written and (folder / name).exists()]
+
+
 def _network(args: Namespace) -> Network:
     """Read the model, or join several, in the steps asked for; refuse options that change nothing for it."""
     options = picked(args, "config", "dt", "reset", "discretisation", "kernels")
     networks = [load(model, **options) for model in args.model]
     network = join(networks, args.weights, args.calibration) if len(networks) > 1 else networks[0]
     asked = given(args, ("--weight-bits", "--split-weights", "--calibration", "--psi"))
+    if network.has_float_weights and given(args, BOUNDS):  # settings are chosen on --calibration
+        asked.pop("--calibration", None)
     check_matters(network, {option.strip("-").replace("-", "_"): option for option in asked})
     return with_steps(network, args)
 

@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 
 import hw_model as hw
+from hw_model.mapping.graph import decided
 from locsnn_compile.cli.shell import progress_bar, say
 from locsnn_compile.cli.step_options import CHUNK, chunks_for_program, read_for_program
 from locsnn_compile.cluster.spread import Spread, spread_over
@@ -129,7 +130,7 @@ def _play_part(program: hw.ChipProgram, engine: Any, part: tuple[Any, Any]) -> t
     if labels is not None:
         most, fix = found.scores.shape[1] - 1, "Check that the recordings belong to this program."
         check_most(int(labels.max()), most, "labels of --events", "no class has this number", fix=fix)
-    tied = (found.scores == found.scores[:, :1]).all(axis=1)
+    tied = decided(found.scores) < 0
     labels = [None] * len(spikes) if labels is None else labels.tolist()
     columns = zip(found.prediction.tolist(), tied.tolist(), labels, found.per_recording, strict=True)
     rows = [{"prediction": best, "tied": tie, "label": label, "spikes": of.spikes} for best, tie, label, of in columns]
@@ -226,7 +227,8 @@ def _stop_lines(found: Row) -> list[str]:
         lead = "no lead is" if found["margin"] is None else f"a lead of {found['margin']:.4g} is"
         lines.append(sentence("margin", lead=lead, of_part=of_part, **calibrated))
     saved = {key: 1 - found[key] / found[f"all_{key}"] if found[f"all_{key}"] else 0.0 for key in _SAVED}
-    priced = sentence("stopped, with costs", saved=saved, **found) if found["profile"] else ""
+    times = "an unknown time" if found["latency_ns"] is None else sentence("stopped, with times", **found)
+    priced = sentence("stopped, with costs", saved=saved, times=times, **found) if found["profile"] else ""
     right = "" if found["accuracy"] is None else sentence("predicted, with labels", **found)
     stopped = sentence("stopped", saved=saved, **found) + priced
     return [*lines, stopped, sentence("predicted", **found) + right]

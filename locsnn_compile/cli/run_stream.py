@@ -13,13 +13,13 @@ from typing import Any, TextIO
 import numpy as np
 
 import hw_model as hw
+from hw_model.mapping.graph import decided
 from hw_model.streaming.early_stop import to_the_end
 from hw_model.values import ArrayLike, ByteArray, FloatArray, Frozen, IntArray
 from locsnn_compile.cli.diff import read_report
 from locsnn_compile.cli.shell import progress_bar
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
-from locsnn_compile.reference.evaluate import decided
 from locsnn_compile.report.words import sentence
 
 _CLEAR = "\r\x1b[K"
@@ -206,9 +206,10 @@ def lead_text(lead: float) -> str:
 
 def _settled(row: Row, found: Streamed, *, stopped: bool) -> str:
     label = "" if row["label"] is None else f"  label {row['label']}"
-    since = f"since step {row['changes'][-1]['step']}" if row["changes"] else "no lead"
+    since = f"  since step {row['changes'][-1]['step']}" if row["changes"] else ""
     end = f", stopped after step {len(found.prediction)}" if stopped else ""
-    return f"recording {row['recording']}: class {found.prediction[-1]}{label}  {since}{end}"
+    predicted = "all classes tie" if found.decided[-1] < 0 else f"class {found.prediction[-1]}"
+    return f"recording {row['recording']}: {predicted}{label}{since}{end}"
 
 
 def _step_seconds(args: argparse.Namespace, program: hw.ChipProgram, recordings: Recordings) -> float | None:

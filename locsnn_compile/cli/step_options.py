@@ -9,7 +9,7 @@ import hw_model as hw
 from hw_model.values import picked
 from locsnn_compile.data.read import read_in_chunks, read_recordings
 from locsnn_compile.data.recordings import Expected, Recordings
-from locsnn_compile.errors import InputError, counted
+from locsnn_compile.errors import InputError, check_most, counted
 
 if TYPE_CHECKING:  # for types alone: networks take locsnn run, which plays programs, a third of its time
     from locsnn_compile.network.network import Network
@@ -37,12 +37,20 @@ def chunks_for_program(args: argparse.Namespace, program: hw.ChipProgram) -> Ite
 
 
 def _fitting(program: hw.ChipProgram, recordings: Recordings) -> Recordings:
-    """Return the recordings; ``InputError`` if they are of another sensor than that of the program's only stream."""
-    channels, (wanted, *others) = recordings.spikes.shape[2], program.streams.values()
+    """Return the recordings; ``InputError`` if they last longer, or are of another sensor than its only stream's.
+
+    A program that begins with the first touch ends by itself, however long a recording is.
+    """
+    where, (wanted, *others) = f"events {recordings.source!r}", program.streams.values()
+    channels = recordings.spikes.shape[2]
     if channels != wanted and not others:
-        where, what = f"events {recordings.source!r}", "the channel count differs from the program's"
+        what = "the channel count differs from the program's"
         measured, fix = f"{counted(channels, 'channel')} against {wanted}", f"Give recordings of {wanted} channels."
         raise InputError(where, what, measured=measured, fix=fix)
+    steps, most = recordings.spikes.shape[1], expected_by(program).steps
+    if most is not None and all(phase.align_events is None for phase in program.phases):
+        what = "the recordings are longer than the program"
+        check_most(steps, most, where, what, unit="steps", fix=f"Cut them with --steps {most}.")
     return recordings
 
 

@@ -159,7 +159,7 @@ def _summary(
     if result.validation_accuracy is not None:
         lines[0] += f" by validation accuracy {result.validation_accuracy:.3f}"
     if found is not None and test is not None and test.labels is not None:
-        accuracy = accuracy_of(found)
+        accuracy = accuracy_of(found, test)
         if recordings.source != test.source:
             lines += [f"{part.source}: {plural(len(part), 'recording')}" for part in (recordings, test)]
         lines.append(f"test accuracy {accuracy:.3f} on {plural(len(test), 'recording')}")

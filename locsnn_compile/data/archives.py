@@ -9,7 +9,7 @@ from hw_model.values import ByteArray, IntArray
 from locsnn_compile.data.axes import to_step_major
 from locsnn_compile.data.event_formats import EVENT_BYTES, parse_aedat4, parse_slayer_events, parse_structured
 from locsnn_compile.data.event_stream import MAX_EVENTS, Binning, EventStream, bin_streams
-from locsnn_compile.data.members import EVENT_SUFFIXES, PARTS, TIMES, Members, classes_of, label_in_name, open_members
+from locsnn_compile.data.members import EVENT_SUFFIXES, TIMES, Members, classes_of, label_in_name, open_members
 from locsnn_compile.data.recordings import MAX_ELEMENTS, Binned, Recordings, clean_spikes
 from locsnn_compile.data.tact import parse_tact
 from locsnn_compile.errors import InputError, check_most, check_same, did_you_mean
@@ -71,7 +71,7 @@ def _chosen(members: Members, split: str | None) -> list[str]:
     split = parts[-1] if split is None and parts else split
     if split is not None and split not in parts:
         has = f"it has {' and '.join(parts)}" if parts else "it is not divided"
-        fix = did_you_mean(split, parts or PARTS)
+        fix = did_you_mean(split, parts) if parts else "Leave the part out, or divide it by --split."
         raise InputError(members.where, f"there is no part {split!r}", measured=has, fix=fix)
     chosen = members.of_part(split)
     kinds = sorted({PurePosixPath(name).suffix for name in chosen})

@@ -50,18 +50,13 @@ def read_arrays(path: Path, binning: Binning, asked_seconds: float | None) -> Re
         spikes, own, binned = bin_streams(streams, where, binning)
     else:
         if own is not None and asked_seconds is not None and not same(own, asked_seconds):
-            measured = f"got {asked_seconds:g} against {own:g}"
-            fix = "Leave it out."
-            raise InputError("step_seconds", f"{where} holds bins of another width", measured=measured, fix=fix)
+            what, measured = f"{where} holds bins of another width", f"got {asked_seconds:g} against {own:g}"
+            raise InputError("step_seconds", what, measured=measured, fix="Leave it out.")
         order = _order(entries, binning.axes, where)
         spikes = to_step_major(_find_spikes(entries, where), where, binning.channels, order)
-    labels = entries.get("labels")
-    if labels is None:
-        labels = labels_beside(path, len(spikes))
-    seconds = binning.step_seconds if own is None else own
-    return Recordings(
-        spikes, labels, seconds, path.name, binned=binned, class_names=_texts(entries, "class_names", where)
-    )
+    labels = entries["labels"] if "labels" in entries else labels_beside(path, len(spikes))
+    seconds, names = binning.step_seconds if own is None else own, _texts(entries, "class_names", where)
+    return Recordings(spikes, labels, seconds, path.name, binned=binned, class_names=names)
 
 
 def _entries(path: Path, where: str) -> tuple[Mapping[str, AnyArray], list[EventStream]]:
@@ -140,8 +135,7 @@ def _torch_entries(data: bytes, where: str) -> dict[str, AnyArray]:
 def _tensor_array(entry: object, where: str, name: str) -> AnyArray:
     measured, fix = type(entry).__name__, "Give the recordings as one tensor."
     if isinstance(entry, Tensor):
-        array = entry.array()
-        if array is not None:
+        if (array := entry.array()) is not None:
             return array
         measured, fix = entry.dtype, "Give uint8."
         if not entry.dense:
@@ -205,8 +199,7 @@ def _streams(group: Group, where: str) -> list[EventStream]:
         if not good.all():
             at = int(np.argmin(good))
             measured, fix = f"spike {at}: {row[at]} s, unit {unit[at]}", "Give seconds and units from 0 up."
-            what = "it does not hold a time and a channel"
-            raise InputError(place, what, measured=measured, fix=fix)
+            raise InputError(place, "it does not hold a time and a channel", measured=measured, fix=fix)
         microseconds = np.rint(row * MICROSECONDS).astype(np.int64)
         streams.append(EventStream(microseconds, unit.astype(np.int64), None, None, place=place))
     return streams

@@ -49,7 +49,7 @@ def to_step_major(array: AnyArray, where: str, channels: int | None = None, orde
     if order is None:
         check_axes(array, where, channels)
         order = _READ.get(array.ndim, ((),))[-1 if is_one(array.shape, channels) else 0]
-    if array.ndim != len(order):
+    if not order or array.ndim != len(order):
         measured = f"{counted(array.ndim, 'axis', 'axes')} against {len(order) or '2 to 4'}"
         usual = "(samples, channels, steps) or (samples, taxels, polarities, steps)"
         fix = f"Give {'(' + ', '.join(order) + ')' if order else usual}."
@@ -71,8 +71,7 @@ def check_axes(array: AnyArray, where: str, channels: int | None = None) -> None
     They do if one axis has the ``channels`` of the sensor (by default those of whole fingertips), or two axes its
     taxels and its two polarities, at a place where no accepted order has them.
     """
-    found = _other_order(array.shape, channels)
-    if found is not None:
+    if (found := _other_order(array.shape, channels)) is not None:
         order, wanted = found
         measured = f"{' x '.join(map(str, array.shape))} values"
         fix = f"Give --axes {','.join(order)}, or transpose it to ({', '.join(wanted)}), as files have it."

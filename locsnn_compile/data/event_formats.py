@@ -19,7 +19,6 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hw_model.io.extras import needed
 from hw_model.io.npy import load_npy
@@ -70,7 +69,7 @@ def _whole(array: AnyArray, name: str, low: int, high: int, where: str) -> IntAr
     return values.astype(np.int64)
 
 
-def structured_events(times: IntArray, x: IntArray, polarity: IntArray) -> NDArray[np.void]:
+def structured_events(times: IntArray, x: IntArray, polarity: IntArray) -> AnyArray:
     """Return the structured array of events."""
     events = np.empty(len(times), dtype=DTYPE)
     events["t"], events["x"], events["p"] = times, x, polarity
@@ -116,10 +115,10 @@ def parse_aedat4(data: bytes, where: str) -> EventStream:
             fix = "Give a whole AEDAT4 file with events."
             raise InputError(where, "it is damaged, truncated or has no events", fix=fix) from None
     size, array = done.stdout.split(b"\n", maxsplit=1)
-    width, height = map(int, size.split())
+    width, height, elsewhere = map(int, size.split())
     stream = parse_structured(load_npy(array, where), where)
     start = float(stream.times.min()) if len(stream.times) else 0.0
-    return replace(stream, start=start, channels=2 * width * height, polarities=2, columns=width)
+    return replace(stream, start=start, channels=2 * width * height, polarities=2, columns=width, elsewhere=elsewhere)
 
 
 def pack_slayer_events(times: IntArray, x: IntArray, y: IntArray | None, polarity: IntArray, where: str) -> bytes:

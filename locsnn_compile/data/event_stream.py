@@ -50,7 +50,8 @@ class EventStream(Frozen, eq=False):
     Without ``y``, x counts taxels; without ``polarity`` as well, it counts channels. A grid's columns do not bound it.
     ``start`` is the tick at which bin 0 begins. ``span_seconds`` is the length of the recording, None if it ends with
     its last event. ``channels``, ``polarities`` and ``columns`` are those of the format, None if it does not fix them.
-    ``step_seconds`` is the default width of its bins, and ``place`` names the recording in errors.
+    ``step_seconds`` is the default width of its bins, and ``place`` names the recording in errors. ``elsewhere`` counts
+    events of its file that belong to other streams, which are not read.
     """
 
     times: AnyArray
@@ -65,6 +66,7 @@ class EventStream(Frozen, eq=False):
     columns: int | None = None
     step_seconds: float = STEP_SECONDS
     place: str = ""
+    elsewhere: int = 0
 
 
 def bin_streams(streams: Sequence[EventStream], where: str, binning: Binning) -> tuple[ByteArray, float, Binned]:
@@ -99,7 +101,8 @@ def bin_streams(streams: Sequence[EventStream], where: str, binning: Binning) ->
         row[places_hit[counts > threshold]] = 1
         outside += len(own) - int(inside.sum())
         below += int(counts[counts <= threshold].sum())
-    binned = Binned(threshold, sum(map(len, bins)), outside, below)
+    elsewhere = sum(one.elsewhere for one in streams)
+    binned = Binned(threshold, sum(map(len, bins)) + elsewhere, outside, below, elsewhere)
     return spikes.reshape(len(streams), steps, channels), width, binned
 
 
@@ -110,8 +113,7 @@ def _bins(one: EventStream, width_seconds: float) -> FloatArray:
         ticks = round(ticks)
     # Absurd times overflow to infinity, which lies outside like any other late time.
     with np.errstate(over="ignore"):
-        found: FloatArray = np.floor((one.times - one.start) / ticks)
-    return found
+        return np.floor((one.times - one.start) / ticks)
 
 
 def _length(one: EventStream, bins: FloatArray, width_seconds: float, most: int | None) -> int:

@@ -149,8 +149,7 @@ def open_members(path: Path) -> Iterator[Members]:
                 return archive.content(name)
 
         entries = [entry for entry in archive.infolist() if not entry.filename.endswith("/")]
-        links = [entry.filename for entry in entries if stat.S_ISLNK(entry.external_attr >> 16)]
-        if links:
+        if links := [entry.filename for entry in entries if stat.S_ISLNK(entry.external_attr >> 16)]:
             what = f"{links[0][:80]!r} is a link, and links are not followed"
             raise InputError(where, what, fix="Store the file itself.")
         yield Members(where, {entry.filename: entry.file_size for entry in entries}, read, f"{where}, ")

@@ -59,13 +59,11 @@ class Division(Frozen):
             raise InputError("fold", f"{path.name!r} has no such round", measured=measured, fix=fix)
         if self.share is None:
             rows, labels = _rows_of_files(path, fold, len(found))[at].T
-        elif found.labels is None:
-            where, what = f"recordings {found.source!r}", "they have no labels to divide them by"
-            raise InputError(where, what, fix="Give labelled recordings.")
+            how = f"round {fold} of {len(rounds)}"
         else:
-            rows = stratified_split(found.labels, self.share, 0, fold)[at]
-            labels = found.labels[rows]
-        how = f"round {fold} of {len(rounds)}" if self.share is None else f"split {self.share:g}, round {fold}"
+            known = found.needed_labels("divide them by")
+            rows = stratified_split(known, self.share, 0, fold)[at]
+            labels, how = known[rows], f"split {self.share:g}, round {fold}"
         return replace(found.subset(rows), labels=labels, source=f"{path.name}, {part} part ({how})")
 
     def __post_init__(self) -> None:
@@ -233,15 +231,11 @@ def _chunks(path: Path, many: int, model: Expected) -> Iterator[Recordings] | No
     try:
         mapped = np.load(path, mmap_mode="r")
         shape, dtype, begin = mapped.shape, mapped.dtype, mapped.offset
-        one = math.prod(shape[1:])
-        if (
-            len(shape) not in (3, 4)
-            or is_one(shape, model.channels)
-            or not (mapped.flags.c_contiguous and 0 < one * many)
-        ):
-            return None
     # numpy's parser raises many kinds of exception on a damaged header.
     except Exception:
+        return None
+    one, several = math.prod(shape[1:]), len(shape) in (3, 4) and not is_one(shape, model.channels)
+    if not several or not mapped.flags.c_contiguous or one * many <= 0:
         return None
     labels = labels_beside(path, shape[0])
     if dtype.kind not in "biuf" or one * many > MAX_ELEMENTS or (labels is not None and len(labels) != shape[0]):

@@ -9,10 +9,9 @@ from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hw_model.io.records import Must
-from hw_model.values import ByteArray, Frozen, IntArray, Shown, sealed
+from hw_model.values import AnyArray, ByteArray, Frozen, IntArray, Shown, sealed
 from locsnn_compile.errors import InputError, check_most, check_same, counted
 
 #: Largest set of recordings accepted, in array elements: four times the largest published tactile set.
@@ -35,24 +34,26 @@ class Binned(Frozen):
     """What became of the ``events`` in files when they were put into bins.
 
     ``outside`` events lay before the first step or after the last. ``below`` events lay in bins with at most
-    ``threshold`` events; such bins are 0. If the files hold bins, ``threshold`` is None, and ``outside`` counts the
-    bins that were cut off.
+    ``threshold`` events; such bins are 0. ``elsewhere`` events lay in further streams of their files, which are not
+    read. If the files hold bins, ``threshold`` is None, and ``outside`` counts the bins that were cut off.
     """
 
     threshold: int | None
     events: int
     outside: int
     below: int
+    elsewhere: int = 0
 
     @property
     def dropped(self) -> int:
         """Events that are not in any bin."""
-        return self.outside + self.below
+        return self.outside + self.below + self.elsewhere
 
     @property
     def words(self) -> str:
         """How many events are lost, and why."""
         bins = "" if self.threshold is None else f", {self.below} in bins of at most {self.threshold}"
+        bins += f", {self.elsewhere} in further streams" if self.elsewhere else ""
         return f"{self.dropped} of {counted(self.events, 'event')} dropped: {self.outside} outside the steps{bins}"
 
     def document(self) -> dict[str, int | None]:
@@ -103,6 +104,13 @@ class Recordings(Shown):
         names = self.class_names or ()
         return f"label {label} ({names[label]})" if label < len(names) else f"label {label}"
 
+    def needed_labels(self, purpose: str) -> IntArray:
+        """Return the labels; ``InputError`` if there are none. ``purpose`` is what they are needed to do."""
+        if self.labels is None:
+            what, fix = f"they have no labels to {purpose}", "Give labelled recordings."
+            raise InputError(f"recordings {self.source!r}", what, fix=fix)
+        return self.labels
+
     @property
     def threshold(self) -> int | None:
         """The number of events that a bin has to exceed to become 1; None if the files hold bins."""
@@ -127,7 +135,7 @@ class Recordings(Shown):
         return replace(self, spikes=self.spikes[rows], labels=labels)
 
 
-def clean_spikes(where: str, spikes: NDArray[np.generic], first: int = 0) -> ByteArray:
+def clean_spikes(where: str, spikes: AnyArray, first: int = 0) -> ByteArray:
     """Return spikes (samples, steps, channels) as read-only uint8; ``InputError`` for anything else.
 
     ``first`` is the number of the first sample in error messages.
@@ -159,7 +167,7 @@ def clean_class_names(where: str, names: Sequence[object], least: int) -> tuple[
     return tuple(map(str, names))
 
 
-def _clean_labels(where: str, labels: NDArray[np.generic], samples: int) -> IntArray:
+def _clean_labels(where: str, labels: AnyArray, samples: int) -> IntArray:
     fix = "Give one class number from 0 up per recording."
     check_same(labels.shape, (samples,), where, "labels and recordings differ in number", fix=fix)
     values = labels.astype(np.float64) if labels.dtype.kind in "iuf" else np.full(samples, np.nan)

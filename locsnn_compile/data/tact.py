@@ -25,9 +25,8 @@ SLIP_CLASSES = ("stable", "rotate")
 GRASP_SECONDS, SLIP_SECONDS = 6.5, 0.15
 SLIP_STEP_SECONDS = 0.001
 
-_TAXEL_OF_CELL = {
-    cell: taxel for taxel, cell in enumerate(cell for cell in range(1, CELLS + 1) if cell not in MISSING_CELLS)
-}
+_CELL_OF_TAXEL = [cell for cell in range(1, CELLS + 1) if cell not in MISSING_CELLS]
+_TAXEL_OF_CELL = {cell: taxel for taxel, cell in enumerate(_CELL_OF_TAXEL)}
 _CELLS = f"1 to {CELLS} without {MISSING_CELLS[0]} and {MISSING_CELLS[1]}"
 _PLANES = {1: 0, 0: 1, -1: 1}
 """Polarity in a file -> that of a taxel."""
@@ -43,9 +42,7 @@ def parse_tact(data: bytes, where: str, startend: bytes | None, startend_where: 
     runs from the first event to the last. Raises ``InputError`` with the number of a line that is not an event.
     """
     channels, seconds = _parse(data, where)
-    start, span_seconds = float(seconds.min()), None
-    if startend is not None:
-        start, span_seconds = _stretch(startend, startend_where)
+    start, span_seconds = (float(seconds.min()), None) if startend is None else _stretch(startend, startend_where)
     places = channels // 2, None, channels % 2
     width = SLIP_STEP_SECONDS if span_seconds == SLIP_SECONDS else STEP_SECONDS
     return EventStream(seconds, *places, 1, start, span_seconds, CHANNELS, 2, step_seconds=width, place=where)
@@ -54,13 +51,12 @@ def parse_tact(data: bytes, where: str, startend: bytes | None, startend_where: 
 def tact_text(spikes: ByteArray, step_seconds: float) -> bytes:
     """Return the ``.tact`` lines of one recording, (steps, 156): one event for each bin that is 1, starting at 0 s."""
     steps, channels = np.nonzero(spikes)
-    cell_of = list(_TAXEL_OF_CELL)
     lines: list[str] = []
     for step, channel in zip(steps.tolist(), channels.tolist(), strict=True):
         # In the middle of the bin, so that rounding moves no event into another bin. The first event of a recording is
         # the exception: it may be the only sign of when the recording begins.
         seconds = (step + (0.5 if lines or step else 0.0)) * step_seconds
-        lines.append(f"{1 - channel % 2} {cell_of[channel // 2]} {seconds:.9f}\n")
+        lines.append(f"{1 - channel % 2} {_CELL_OF_TAXEL[channel // 2]} {seconds:.9f}\n")
     return "".join(lines).encode()
 
 
@@ -80,11 +76,9 @@ def _parse(data: bytes, where: str) -> tuple[IntArray, FloatArray]:
             if not math.isfinite(seconds[-1]):
                 raise ValueError
         except (ValueError, KeyError):
-            shown = line.decode("ascii", "replace").strip()[:40]
+            place, measured = f"{where}, line {number}", f"got {line.decode('ascii', 'replace').strip()[:40]!r}"
             fix = f"Write 'polarity cell_index timestamp_seconds' on it: a polarity of 1, 0 or -1, a cell of {_CELLS}."
-            raise InputError(
-                f"{where}, line {number}", "it is not an event", measured=f"got {shown!r}", fix=fix
-            ) from None
+            raise InputError(place, "it is not an event", measured=measured, fix=fix) from None
         channels.append(channel)
     if not seconds:
         raise InputError(where, "no events inside", fix="Give a recording with events.")

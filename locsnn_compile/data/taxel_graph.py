@@ -57,8 +57,7 @@ def _spanning_tree(distance: FloatArray, middle: int) -> list[tuple[int, int]]:
         b = int(nearest[np.lexsort((nearest, inside[nearest]))[0]])
         edges.append((int(inside[b]), b))
         far[b] = np.inf
-        outside = np.isfinite(far)
-        better = outside & ((distance[b] < far) | ((distance[b] == far) & (b < inside)))
+        better = np.isfinite(far) & ((distance[b] < far) | ((distance[b] == far) & (b < inside)))
         far, inside = np.where(better, distance[b], far), np.where(better, b, inside)
     return edges
 

@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from hw_model.values import AnyArray, Frozen
+from hw_model.values import AnyArray, Frozen, sealed
 from locsnn_compile.data.plain_pickle import RefusedError, filled
 
 MAX_DIMENSIONS, MAX_VALUES = 32, 1 << 59
@@ -62,9 +62,7 @@ class Storage:
             elif dtype == "torch.bool":
                 found = found.view(np.uint8) != 0
             found = np.conjugate(found) if "conj" in bits else found
-            found = np.negative(found) if "neg" in bits else found
-            found.setflags(write=False)
-            self._made[dtype, bits] = found
+            self._made[dtype, bits] = sealed(np.negative(found) if "neg" in bits else found)
         return self._made[dtype, bits]
 
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import astuple, replace
 from itertools import pairwise
 
 import numpy as np
@@ -10,7 +10,7 @@ from scipy import sparse
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE
 from hw_model.mapping.graph import Axis
-from hw_model.values import AnyArray, picked
+from hw_model.values import picked
 from locsnn_compile.errors import TargetError
 from locsnn_compile.frontends.parts import VIEW_NAMES, Parts
 from locsnn_compile.models.checkpoint import Checkpoint
@@ -87,6 +87,8 @@ def network_of(checkpoint: Checkpoint) -> Network:
         _add_windows(parts, checkpoint)
     said = picked(description.input, "channels", "steps", "step_seconds", "sensor", "event_threshold")
     said |= picked(description, "name", "class_names") | picked(checkpoint, "sha256", "recordings")
+    if chip := checkpoint.chip:
+        said["trained_on"] = {chip.target: astuple(chip.registers)}
     return parts.network(**said, psi=_psi(checkpoint))
 
 
@@ -119,9 +121,13 @@ def _layer(
     """Return a population and the weights onto it: in float, or in the integers that it was trained with.
 
     There is a projection for each delay, all from the same lines; their weights lie side by side in the checkpoint.
+    Those of a graph convolution are spread over its neurons, and become sparse.
     """
-    chip, weights = checkpoint.chip, _weights(checkpoint, axis, target)
-    size, delays = weights.shape[0], checkpoint.description.delays_onto(target)
+    chip, description = checkpoint.chip, checkpoint.description
+    weights: Matrix = checkpoint.weights[target]
+    if description.graph is not None and target == description.populations(axis)[0]:
+        weights = spread_weights(weights, description.graph_of(axis))
+    size, delays = weights.shape[0], description.delays_onto(target)
     parts = [weights] if delays == (0,) else np.split(np.asarray(weights), len(delays), axis=1)
     rows = zip(delays, parts, strict=True)
     onto = [_onto(checkpoint, source, target, part, of=target, delay=delay) for delay, part in rows]
@@ -138,14 +144,6 @@ def _onto(
     numbers = checkpoint.chip.populations[of]
     form = numbers.exponent, numbers.weight_bits
     return ChipProjection(source, target, matrix(weights, np.int64), *form, delay=delay)
-
-
-def _weights(checkpoint: Checkpoint, axis: Axis, target: str) -> AnyArray | sparse.csr_array:
-    """Return the weights, or mantissas, of single neurons; a graph convolution becomes sparse."""
-    weights, description = checkpoint.weights[target], checkpoint.description
-    if description.graph is not None and target == description.populations(axis)[0]:
-        return spread_weights(weights, description.graph_of(axis))
-    return weights
 
 
 def _neuron(checkpoint: Checkpoint, axis: Axis, size: int) -> SrmAlpha | Cuba:

@@ -99,8 +99,7 @@ def product(left: Any, right: Any, where: str) -> Any:
 def _check_convolution(weight: AnyArray, input_shape: Shape, window: Window, groups: int, where: str) -> None:
     axes = weight.ndim - 2
     if len(input_shape) != axes + 1 or 0 in weight.shape:
-        measured = f"input {input_shape}, weight {weight.shape}"
-        fix = "Give a shape (channels, ...)."
+        measured, fix = f"input {input_shape}, weight {weight.shape}", "Give a shape (channels, ...)."
         raise InputError(where, "its input does not have the axes of its kernel", measured=measured, fix=fix)
     if groups < 1 or input_shape[0] != weight.shape[1] * groups or weight.shape[0] % groups:
         measured = f"{counted(input_shape[0], 'channel')}, {counted(groups, 'group')}, weight {weight.shape}"

@@ -42,7 +42,6 @@ class Cnn3d(TouchModel):
         for number, (outputs, kernel, stride) in enumerate(CONVOLUTIONS, start=1):
             inputs = shapes[f"conv_{number}.weight"][1]
             self.add_module(f"conv_{number}", nn.Conv3d(inputs, outputs, kernel, stride))
-            self.add_module(f"relu_{number}", nn.ReLU())
         self.readout = nn.Linear(shapes["readout.weight"][1], description.classes)
         self.register_buffer("cells", torch.from_numpy(frame_cells(description.input.sensor).copy()), persistent=False)
 
@@ -56,6 +55,5 @@ class Cnn3d(TouchModel):
         frames[..., self.cells] = touch.permute(0, 2, 4, 1, 3)
         stream = frames.reshape(-1, sensor.polarities, steps, *frame)
         for number in range(1, len(CONVOLUTIONS) + 1):
-            for kind in ("conv", "relu"):
-                stream = self.get_submodule(f"{kind}_{number}")(stream)
+            stream = torch.relu(self.get_submodule(f"conv_{number}")(stream))
         return {"output": self.readout(stream.reshape(len(x), -1))}

@@ -39,10 +39,9 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hw_model.io.files import replace_file
-from hw_model.values import AnyArray, Shown
+from hw_model.values import AnyArray, Float32Array, Shown
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.data.torch_file import torch_bytes
@@ -88,7 +87,7 @@ class Checkpoint(Shown):
         replace_file(Path(path), torch_bytes(checkpoint_values(self), where), where)
 
     @property
-    def float_weights(self) -> dict[str, NDArray[np.float32]]:
+    def float_weights(self) -> dict[str, Float32Array]:
         """Weights [out, in] in the float network's units."""
         if self.chip is None:
             return self.weights
@@ -103,8 +102,7 @@ def checkpoint_values(checkpoint: Checkpoint) -> dict[str, Any]:
     for name in description.weight_shapes:
         description.check_shape(name, weights, "Save the weights of a network of this description.")
         check_weights(f"population {name!r}", weights[name], None if chip is None else chip.populations[name])
-        kind = np.float32 if chip is None else np.int16
-        arrays[name] = np.array(weights[name], dtype=kind, order="C")
+        arrays[name] = np.array(weights[name], dtype=np.float32 if chip is None else np.int16, order="C")
     srm, order = description.structure.neurons == "srm", description.location_taxels
     plain = asdict(description)
     if description.structure.neurons == "windows":

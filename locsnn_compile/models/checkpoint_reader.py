@@ -14,7 +14,7 @@ import numpy as np
 
 from hw_model.io.files import read_bytes
 from hw_model.io.records import RecordReader, check_value, field_kinds
-from hw_model.values import AnyArray
+from hw_model.values import AnyArray, sealed
 from locsnn_compile.data.recordings import Origin, Recordings
 from locsnn_compile.data.sensor import POLARITIES, TAXELS, SensorLayout, neutouch, parse_layout
 from locsnn_compile.data.tensors import Tensor
@@ -162,9 +162,8 @@ def _neuron(where: str, entry: object, *, srm: bool) -> Neuron | WindowParameter
     if entry == {} and not srm:
         return None
     windows = isinstance(entry, dict) and "levels" in entry
-    kind: type[Any] = NeuronParameters if srm else WindowParameters if windows else LifParameters
-    found: Neuron | WindowParameters = RecordReader(where, WRITE_AGAIN, lacks=False).record(kind, entry, "neuron")
-    return found
+    kind: type[Neuron | WindowParameters] = NeuronParameters if srm else WindowParameters if windows else LifParameters
+    return RecordReader(where, WRITE_AGAIN, lacks=False).record(kind, entry, "neuron")
 
 
 def _weights(
@@ -183,8 +182,7 @@ def _weights(
             raise file_fault(place, f"its weights are not dense {kind}", f"got {tensor.dtype}, {stored}")
         array = np.array(tensor.array(), dtype=np.float32 if chip is None else np.int64, order="C")
         checkpoint.check_weights(place, array, None if chip is None else chip.populations[name])
-        array.setflags(write=False)
-        weights[name] = array
+        weights[name] = sealed(array)
     return weights
 
 

@@ -69,6 +69,11 @@ class ChipPopulation(Frozen):
         """The magnitudes that a mantissa may have."""
         return weight_grid(self.weight_bits, "excitatory")
 
+    @property
+    def largest(self) -> float:
+        """The largest float weight that the format holds."""
+        return self.grid.high * self.unit
+
     def resetting(self, size: int) -> ChipCuba:
         """Return ``size`` neurons with the chip's own reset."""
         filters = {"decay_u": self.decay, "decay_v": self.decay, "threshold": self.threshold}

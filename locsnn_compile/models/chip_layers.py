@@ -26,7 +26,7 @@ from hw_model.values import AnyArray, ByteArray, Int32Array, IntArray
 from locsnn_compile.models.chip_entry import ChipNumbers, ChipPopulation, RegisterWidths
 from locsnn_compile.models.description import NeuronParameters
 from locsnn_compile.models.srm import respond_back
-from locsnn_compile.models.touch_model import DenseLayer, to_device, to_host
+from locsnn_compile.models.touch_model import DenseLayer, applied, constants, to_device, to_host
 from locsnn_compile.network.chip_neurons import ChipCuba
 
 Ends = tuple[np.int32, np.int32, np.int32]
@@ -70,9 +70,7 @@ def scan(  # type: ignore[no-untyped-def]
     charges in units of 64, with which own spikes come back.
     """
     batch, steps, n = charge.shape
-    longest = 0
-    for k in range(taps.shape[1]):
-        longest = max(longest, taps[0, k])
+    longest = taps[0].max() if taps.shape[1] > 0 else 0
     due = np.zeros((steps + 1 + longest, n), np.int32)
     u, v, fired = np.zeros(n, np.int32), np.zeros(n, np.int32), np.zeros(n, np.int32)
     pull_u, pull_v, blocked = np.zeros(n, np.int32), np.zeros(n, np.int32), np.zeros(n, np.int32)
@@ -135,13 +133,6 @@ def rounded(weight: Tensor, numbers: ChipPopulation) -> Tensor:
     return held + (scaled - scaled.detach())
 
 
-def to_format(weight: Tensor, numbers: ChipPopulation) -> None:
-    """Bring latent weights back into the range of the format: beyond it no gradient would be of use."""
-    largest = numbers.grid.high * numbers.unit
-    with torch.no_grad():
-        weight.clamp_(-largest, largest)
-
-
 def potential_of_sum(drive: AnyArray, neuron: ChipCuba, exponent: int, registers: RegisterWidths) -> IntArray:
     """Return the potentials (batch, n) of memoryless neurons for sums of mantissas that arrive at once, (batch, n)."""
     last = (1 << registers.voltage_bits) - 1
@@ -171,8 +162,8 @@ class _Steps(torch.autograd.Function):
             slope *= ctx.live
             carry = ctx.live & (1 - ctx.spikes)
         keep = (DECAY_ONE - numbers.decay) / DECAY_ONE
-        values = keep, (1 << (WEIGHT_SHIFT + numbers.exponent)) / numbers.scale, 0
-        respond_back(slope, to_host(grads[0]), carry, tuple(slope.dtype.type(value) for value in values))
+        gain = (1 << (WEIGHT_SHIFT + numbers.exponent)) / numbers.scale
+        respond_back(slope, to_host(grads[0]), carry, constants(slope.dtype, keep, gain, 0))
         return to_device(slope, grads[0]), None
 
 
@@ -194,18 +185,13 @@ class ChipLayer(DenseLayer[NeuronParameters]):
         """Return the mantissas [out, in] of the latent weights."""
         return to_host(rounded(self.weight.detach(), self.numbers)).astype(np.int64)
 
-    def hold(self) -> None:
-        """Bring latent weights back into the range of the format."""
-        to_format(self.weight, self.numbers)
-
     def forward(self, x: Tensor) -> Tensor:
         """Return the spikes of this population for spikes ``x``.
 
         Sums of mantissas are exact: at most 20,000 inputs of at most 255 each are far below the 2^24 of float32.
         """
         drive = torch.matmul(x, rounded(self.weight, self.numbers).T)
-        spikes: Tensor = _Steps.apply(drive, self)  # type: ignore[no-untyped-call]
-        return spikes
+        return applied(_Steps, drive, self)
 
     def steps(self, drive: AnyArray) -> tuple[ByteArray, Int32Array, ByteArray]:
         """Return spikes, potentials and live marks, (batch, steps, n), of sums of mantissas of that shape."""

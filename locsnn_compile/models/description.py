@@ -125,8 +125,7 @@ class NetworkDescription(Frozen):
     """Events in one step at which a recording starts; None: it starts at its first step."""
 
     def __post_init__(self) -> None:
-        named = str(self.architecture)
-        check_known("architecture", f"{self.architecture!r} is not known", named, ARCHITECTURES)
+        check_known("architecture", f"{self.architecture!r} is not known", str(self.architecture), ARCHITECTURES)
         self._check_parts()
         self._check_delays()
         if self.structure.window_branch:
@@ -142,9 +141,8 @@ class NetworkDescription(Frozen):
             require_count("classes", len(self.class_names), self.classes)
         if "location" not in self.branches:
             if self.location_taxels is not None or self.location_order is not None:
-                raise self._refused(
-                    "it has no location branch, so it takes no location order", fix="Leave the order out."
-                )
+                what = "it has no location branch, so it takes no location order"
+                raise self._refused(what, fix="Leave the order out.")
         elif self.location_taxels is None or self.location_order is None:
             fix = "Give its name, such as loop or snake, or a list of taxel numbers."
             raise self._refused("its location branch needs a location order", fix=fix)
@@ -184,9 +182,8 @@ class NetworkDescription(Frozen):
             require_rising(name, delays, 0, MAX_DELAY, "whole numbers of steps", "Give, for example, 0 20 40 60.")
             dense = branch in self.branches and not self.structure.graph and self.structure.neurons != "windows"
             if delays != (0,) and not dense:
-                raise self._refused(
-                    f"it has no fully connected layer over {steps}, so it takes no delays", fix="Leave the delays out."
-                )
+                what = f"it has no fully connected layer over {steps}, so it takes no delays"
+                raise self._refused(what, fix="Leave the delays out.")
 
     def _refused(self, what: str, *, measured: str = "", fix: str) -> InputError:
         """Return the error for something that does not go with the architecture."""

@@ -9,11 +9,10 @@ from collections.abc import Sequence
 from typing import Annotated, Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy import sparse
 
 from hw_model.io.records import AT_LEAST_ONE, Checked, Must, between
-from hw_model.values import Frozen, IntArray
+from hw_model.values import AnyArray, Frozen, IntArray
 from locsnn_compile.data.sensor import SensorLayout
 from locsnn_compile.errors import InputError, check_most
 
@@ -181,7 +180,7 @@ def hop_powers(edges: tuple[tuple[int, int], ...], nodes: int, hops: int) -> tup
     return tuple(powers)
 
 
-def spread_weights(weight: npt.NDArray[np.floating], graph: BranchGraph) -> sparse.csr_array:
+def spread_weights(weight: AnyArray, graph: BranchGraph) -> sparse.csr_array:
     """Return the weights of single neurons in a graph convolution, (nodes * features, lines), float64.
 
     ``weight`` (features, (hops + 1) * inputs) has the weights of each hop next to each other. Neuron

@@ -25,7 +25,7 @@ from hw_model.values import AnyArray, FloatArray, IntArray
 from locsnn_compile.models.description import LifParameters
 from locsnn_compile.models.graph_and_windows import BranchGraph
 from locsnn_compile.models.lif_scan import list_active, scan, scan_active, scan_active_back, scan_back
-from locsnn_compile.models.touch_model import DenseLayer, to_device, to_host
+from locsnn_compile.models.touch_model import DenseLayer, applied, constants, to_device, to_host
 
 _WORTH_LISTING = 1 << 14
 """Number of weights from which adding those of active inputs takes less time than a matrix product."""
@@ -38,12 +38,8 @@ def scan_spikes(drive: AnyArray, neuron: LifParameters) -> tuple[AnyArray, AnyAr
     """
     drive = np.ascontiguousarray(drive)
     potential, spikes = np.empty_like(drive), np.empty_like(drive)
-    scan(drive, _constants(drive.dtype, neuron.keep, neuron.threshold, 0, 1), potential, spikes)
+    scan(drive, constants(drive.dtype, neuron.keep, neuron.threshold, 0, 1), potential, spikes)
     return spikes, potential
-
-
-def _constants(kind: np.dtype[Any], *values: float) -> tuple[Any, ...]:
-    return tuple(kind.type(value) for value in values)
 
 
 class _Spike(torch.autograd.Function):
@@ -64,14 +60,13 @@ class _Spike(torch.autograd.Function):
         neuron: LifParameters = ctx.neuron
         gradient = to_host(grads[0])
         found = np.empty_like(gradient)
-        scan_back(gradient, ctx.u, _constants(gradient.dtype, neuron.keep, neuron.threshold, neuron.window, 0), found)
+        scan_back(gradient, ctx.u, constants(gradient.dtype, neuron.keep, neuron.threshold, neuron.window, 0), found)
         return to_device(found, grads[0]), None
 
 
 def spike(drive: Tensor, neuron: LifParameters) -> Tensor:
     """Return the spikes (0 or 1) of a drive (batch, steps, n), differentiable as above."""
-    spikes: Tensor = _Spike.apply(drive, neuron)  # type: ignore[no-untyped-call]
-    return spikes
+    return applied(_Spike, drive, neuron)
 
 
 class _SpikeOfSpikes(torch.autograd.Function):
@@ -86,7 +81,7 @@ class _SpikeOfSpikes(torch.autograd.Function):
         active = rows, ends, room[: list_active(rows, ends, room)].copy()
         u = np.empty((batch, steps, by_input.shape[1]), by_input.dtype)
         spikes = np.empty_like(u)
-        scan_active(*active, by_input, _constants(u.dtype, neuron.keep, neuron.threshold, 0, 1), u, spikes)
+        scan_active(*active, by_input, constants(u.dtype, neuron.keep, neuron.threshold, 0, 1), u, spikes)
         ctx.neuron, ctx.u, ctx.active = neuron, u, active
         ctx.save_for_backward(weight)
         return torch.from_numpy(spikes)
@@ -98,8 +93,8 @@ class _SpikeOfSpikes(torch.autograd.Function):
         batch, steps, size = gradient.shape
         by_weight = np.zeros(tuple(weight.shape), gradient.dtype)
         found = np.empty((batch * steps if ctx.needs_input_grad[0] else 1, size), gradient.dtype)
-        constants = _constants(gradient.dtype, ctx.neuron.keep, ctx.neuron.threshold, ctx.neuron.window, 0)
-        scan_active_back(gradient, ctx.u, constants, *ctx.active, by_weight, found)
+        given = constants(gradient.dtype, ctx.neuron.keep, ctx.neuron.threshold, ctx.neuron.window, 0)
+        scan_active_back(gradient, ctx.u, given, *ctx.active, by_weight, found)
         by_x = None
         if ctx.needs_input_grad[0]:
             # Into numpy's memory, which uses large pages: torch would take half the time of the product to allocate it.
@@ -117,8 +112,7 @@ def spike_of_spikes(x: Tensor, weight: Tensor, neuron: LifParameters) -> Tensor:
     """
     if x.device.type != "cpu":
         return spike(torch.matmul(x, weight), neuron)
-    spikes: Tensor = _SpikeOfSpikes.apply(x, weight, neuron)  # type: ignore[no-untyped-call]
-    return spikes
+    return applied(_SpikeOfSpikes, x, weight, neuron)
 
 
 class LifLayer(DenseLayer[LifParameters]):

@@ -9,13 +9,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from hw_model.values import AnyArray, ByteArray, IntArray
+from hw_model.values import AnyArray, ByteArray, Float32Array, IntArray
 from locsnn_compile.models.ann import Cnn3d, GruMlp
 from locsnn_compile.models.chip_entry import ChipNumbers
-from locsnn_compile.models.chip_layers import ChipLayer, potential_of_sum, rounded, to_format
+from locsnn_compile.models.chip_layers import ChipLayer, potential_of_sum, rounded
 from locsnn_compile.models.description import LifParameters, NetworkDescription
 from locsnn_compile.models.lif import GraphLayer, LifLayer
 from locsnn_compile.models.srm import SRMLayer, transpose_recording
@@ -98,7 +97,7 @@ class WindowNetwork(TouchModel):
         """Return the potentials of the output."""
         return {self.description.structure.window_branch: activity[self.names[0]]}
 
-    def weights(self) -> dict[str, NDArray[np.float32]]:
+    def weights(self) -> dict[str, Float32Array]:
         """Return copies of the weights by name, the bias as the kept network has it."""
         with torch.no_grad():
             bias = self.bias.double() - self.output.double() @ self.usual.double()
@@ -109,12 +108,6 @@ class WindowNetwork(TouchModel):
         super().load_weights(weights)
         with torch.no_grad():
             self.bias.add_(self.output @ self.usual)
-
-    def hold(self) -> None:
-        """Bring weights back where they must be after a step: pruned ones to 0, a chip's into their format's range."""
-        if self.chip is not None:
-            to_format(self.output, self.chip.populations[self.names[0]])
-        super().hold()
 
     @torch.no_grad()
     def mantissas(self) -> dict[str, IntArray]:
@@ -213,7 +206,7 @@ class TouchNetwork(TouchModel):
         scale = self.chip.populations[self.windows.names[0]].scale
         return (total * scale).round() / scale
 
-    def weights(self) -> dict[str, NDArray[np.float32]]:
+    def weights(self) -> dict[str, Float32Array]:
         """Return copies of the weights by name, the bias of windows as the kept network has it."""
         return super().weights() | ({} if self.windows is None else self.windows.weights())
 
@@ -226,13 +219,6 @@ class TouchNetwork(TouchModel):
     def hidden_spikes(self, activity: Mapping[str, Tensor]) -> list[Tensor]:
         """Return the spikes of every population but the outputs."""
         return [spikes for name, spikes in activity.items() if not name.endswith("_output")]
-
-    def hold(self) -> None:
-        """Bring weights back where they must be after a step: pruned ones to 0, a chip's into their format's range."""
-        for layer in self.children():
-            if isinstance(layer, ChipLayer | WindowNetwork):
-                layer.hold()
-        super().hold()
 
     def mantissas(self) -> dict[str, IntArray]:
         """Return the mantissas [out, in] by population name, of a network on the chip's integers."""

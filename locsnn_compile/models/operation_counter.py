@@ -53,10 +53,9 @@ def _is_counted(name: str, module: nn.Module) -> bool:
 
 
 def _counter(name: str, module: nn.Module) -> Counter:
-    for kind, counter in _COUNTERS.items():
-        if type(module) is kind and not getattr(module, "proj_size", 0):
-            return counter
-    raise _unknown(name, module)
+    if type(module) not in _COUNTERS or getattr(module, "proj_size", 0) > 0:
+        raise _unknown(name, module)
+    return _COUNTERS[type(module)]
 
 
 def _unknown(name: str, module: nn.Module) -> InputError:

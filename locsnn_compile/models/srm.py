@@ -18,7 +18,7 @@ from torch.autograd.function import once_differentiable
 from hw_model.engine.compiled import compiled_with_arrays
 from hw_model.values import AnyArray
 from locsnn_compile.models.description import NeuronParameters
-from locsnn_compile.models.touch_model import DenseLayer, to_device, to_host
+from locsnn_compile.models.touch_model import DenseLayer, applied, constants, to_device, to_host
 from locsnn_compile.network.neurons import alpha_recursion
 
 
@@ -31,10 +31,8 @@ def _respond(values: AnyArray, constants: tuple[Any, ...], spikes: AnyArray) -> 
     current, response = np.empty(size, values.dtype), np.empty(size, values.dtype)
     charge, pull = np.empty(size, values.dtype), np.empty(size, values.dtype)
     for b in range(batch):
-        current[:] = zero
-        response[:] = zero
-        charge[:] = zero
-        pull[:] = zero
+        for state in (current, response, charge, pull):
+            state[:] = zero
         for t in range(steps):
             for i in range(size):
                 response[i] = decay * response[i] + current[i]
@@ -79,28 +77,23 @@ def respond(drive: AnyArray, neuron: NeuronParameters) -> tuple[AnyArray, AnyArr
     The results have the float type of the drive. u(t) = psp(t) + gain * r(t), where r sums k * decay^(k - 1) over own
     past spikes; it spikes (1) where u(t) >= theta. Potentials overwrite ``drive``.
     """
-    kind = drive.dtype.type
-    own = alpha_recursion(neuron.tau_ref, -neuron.scale_ref * neuron.theta)
-    values = (neuron.theta, *alpha_recursion(neuron.tau_sr), *own, 0, 1)
-    spikes = np.empty_like(drive)
-    _respond(drive, tuple(kind(value) for value in values), spikes)
+    own, spikes = alpha_recursion(neuron.tau_ref, -neuron.scale_ref * neuron.theta), np.empty_like(drive)
+    _respond(drive, constants(drive.dtype, neuron.theta, *alpha_recursion(neuron.tau_sr), *own, 0, 1), spikes)
     return spikes, drive
 
 
 def _gradient_of_drive(u: AnyArray, by_spikes: Tensor, neuron: NeuronParameters) -> AnyArray:
     """Return the gradient by the drive, given the gradient by the spikes."""
-    kind = u.dtype.type
     width = neuron.tau_rho * neuron.theta
-    slope: AnyArray = u - kind(neuron.theta)
+    slope: AnyArray = u - neuron.theta
     np.abs(slope, out=slope)
-    slope *= kind(-1.0 / width)
+    slope *= -1.0 / width
     # numpy's exponential takes half the time of torch's.
     np.exp(slope, out=slope)
     if by_spikes.stride(1) == 0:
         by_spikes = by_spikes[:, :1]
     decay, gain = alpha_recursion(neuron.tau_sr)
-    constants = (kind(decay), kind(gain * neuron.scale_rho / width), kind(0))
-    respond_back(slope, to_host(by_spikes), None, constants)
+    respond_back(slope, to_host(by_spikes), None, constants(u.dtype, decay, gain * neuron.scale_rho / width, 0))
     return slope
 
 
@@ -135,11 +128,8 @@ class _Layer(torch.autograd.Function):
     def backward(ctx: Any, by_spikes: Tensor) -> tuple[Tensor | None, Tensor | None, None]:
         x, weight = ctx.saved_tensors
         by_drive = to_device(_gradient_of_drive(ctx.u, by_spikes, ctx.neuron), x)
-        by_x = by_weight = None
-        if ctx.needs_input_grad[0]:
-            by_x = torch.matmul(by_drive, weight)
-        if ctx.needs_input_grad[1]:
-            by_weight = _gradient_of_weight(x, by_drive)
+        by_x = torch.matmul(by_drive, weight) if ctx.needs_input_grad[0] else None
+        by_weight = _gradient_of_weight(x, by_drive) if ctx.needs_input_grad[1] else None
         return by_x, by_weight, None
 
 
@@ -154,8 +144,7 @@ class SRMLayer(DenseLayer[NeuronParameters]):
 
     def forward(self, x: Tensor) -> Tensor:
         """Return the spikes of this layer for spikes ``x``; they can be differentiated once."""
-        spikes: Tensor = _Layer.apply(x, self.weight, self.neuron)  # type: ignore[no-untyped-call]
-        return spikes
+        return applied(_Layer, x, self.weight, self.neuron)
 
 
 def transpose_recording(x: Tensor, walk: Tensor) -> Tensor:

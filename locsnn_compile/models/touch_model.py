@@ -6,14 +6,13 @@ device the matrix products run on. Inputs and outputs of the scans are copied th
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from hw_model.values import AnyArray, ByteArray, IntArray
+from hw_model.values import AnyArray, ByteArray, Float32Array, IntArray
 from locsnn_compile.errors import check_same
 from locsnn_compile.models.chip_entry import ChipNumbers
 from locsnn_compile.models.description import LifParameters, NetworkDescription, NeuronParameters
@@ -43,6 +42,17 @@ def draw_weights(weight: nn.Parameter, initial_scale: float, generator: torch.Ge
     """Draw weights [out, in] uniformly within +-``initial_scale`` / sqrt(inputs)."""
     bound = initial_scale / math.sqrt(weight.shape[1])
     nn.init.uniform_(weight, -bound, bound, generator=generator)
+
+
+def applied(function: type[torch.autograd.Function], *given: Any) -> Tensor:
+    """Return the result of a function that has a gradient of its own."""
+    made: Tensor = function.apply(*given)  # type: ignore[no-untyped-call]
+    return made
+
+
+def constants(kind: np.dtype[Any], *values: float) -> tuple[Any, ...]:
+    """Return numbers in the type of the arrays of a scan: literals would make its loops compute in float64."""
+    return tuple(kind.type(value) for value in values)
 
 
 def to_host(values: Tensor) -> AnyArray:
@@ -113,8 +123,15 @@ class TouchModel(nn.Module):
         self.hold()
 
     def hold(self) -> None:
-        """Bring weights back to where they must be after a step: pruned ones to 0."""
+        """Bring weights back to where they must be after a step: into the range of a chip's format, pruned ones to 0.
+
+        Beyond the range no gradient would be of use. Biases, of one axis, may leave it.
+        """
+        formats = {} if self.chip is None else self.chip.populations
         with torch.no_grad():
+            for name, numbers in formats.items():
+                if (weight := self.weight(name)).dim() > 1:
+                    weight.clamp_(-numbers.largest, numbers.largest)
             for name, kept in self._kept.items():
                 self.weight(name).mul_(kept)
 
@@ -127,7 +144,7 @@ class TouchModel(nn.Module):
         """Return the mantissas [out, in] by population name, of a network on the chip's integers."""
         return {}
 
-    def weights(self) -> dict[str, NDArray[np.float32]]:
+    def weights(self) -> dict[str, Float32Array]:
         """Return copies of the weights by name."""
         return {name: self.weight(name).detach().to(torch.float32).cpu().numpy().copy() for name in self.names}
 

@@ -5,7 +5,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from hw_model.io.records import POSITIVE, check_fields
+from hw_model.mapping.graph import Axis
 from hw_model.values import AnyArray
+from locsnn_compile.data.recordings import clean_class_names
 from locsnn_compile.errors import InputError, check_same, counted
 from locsnn_compile.network.network import MOST, InputView, Network, Population
 from locsnn_compile.network.neurons import TAPS, Neuron
@@ -26,9 +28,10 @@ def check_network(network: Network) -> None:
     ends: _Ends = {view.name: (view.phase, view.lines) for view in network.views}
     for population in network.populations:
         if population.name in ends:
-            raise InputError(f"population {population.name!r}", "the name is taken", fix="Rename it.")
+            raise InputError(population.where, "the name is taken", fix="Rename it.")
         ends[population.name] = (population.phase, population.size)
         _check_neuron(population)
+    _check_axes(network)
     for view in network.views:
         _check_view(view, network)
     for phase in dict.fromkeys(p.phase for p in network.populations if p.axis == "location"):
@@ -61,6 +64,21 @@ def _check_readout(network: Network) -> None:
         fix = "Give a step from 0 up, or one or None for each population."
         raise InputError("readout", "potentials_from is not a step", measured=f"{given!r}"[:80], fix=fix)
     _check_magnitude("readout", "a weight", weights[weights != 0], _LEAST)
+    if network.class_names is not None:
+        where = f"model {network.name!r}"
+        many = len(clean_class_names(where, network.class_names, network.classes))
+        what, fix = "its class names do not fit its classes", "Give one for each class."
+        check_same(many, network.classes, where, what, fix=fix)
+
+
+def _check_axes(network: Network) -> None:
+    """A phase steps along one axis."""
+    axes: dict[str, Axis] = {}
+    parts: tuple[InputView | Population, ...] = (*network.views, *network.populations)
+    for part in parts:
+        if axes.setdefault(part.phase, part.axis) != part.axis:
+            what = f"its phase {part.phase!r} has inputs or populations of the {axes[part.phase]} axis"
+            raise InputError(part.where, what, fix=f"Give it the {axes[part.phase]} axis, or another phase.")
 
 
 def _check_start(view: InputView, network: Network) -> None:
@@ -70,7 +88,7 @@ def _check_start(view: InputView, network: Network) -> None:
         what, fix = f"other inputs of the {view.phase} phase start elsewhere", "Give them the same align_events."
         raise InputError(where, what, fix=fix)
     for p in network.populations if events is not None else ():
-        if p.phase == view.phase == "time" and p.neuron.biased.any():
+        if view.axis == "time" and p.phase == view.phase and p.neuron.biased.any():
             what = f"it starts at the first touch, but population {p.name!r} has biases, which act before"
             raise InputError(where, what, fix="Train without biases, or do not align.")
 
@@ -82,7 +100,11 @@ def _check_view(view: InputView, network: Network) -> None:
         if view.walk is not None or view.together != 1 or view.silence != 0:
             raise InputError(where, "only a location axis has a location order", fix="Leave it out.")
         return
-    if view.walk is None or sorted(view.walk.tolist()) != list(range(network.channels)):
+    if (
+        view.walk is None
+        or view.walk.dtype.kind not in "iu"
+        or sorted(view.walk.tolist()) != [*range(network.channels)]
+    ):
         fix = "Visit every channel exactly once."
         raise InputError(where, "its location order is not a permutation of the channels", fix=fix)
     if view.together > network.channels or view.lines % view.together:
@@ -92,7 +114,7 @@ def _check_view(view: InputView, network: Network) -> None:
 
 
 def _check_neuron(population: Population) -> None:
-    where, neuron = f"population {population.name!r}", population.neuron
+    where, neuron = population.where, population.neuron
     parameters = neuron.parameters(population.size)
     for key, values, shape, _ in parameters:
         if values.shape not in ((), shape):

@@ -62,6 +62,7 @@ def committee(networks: Sequence[Network], weights: Sequence[float], name: str =
         recordings=next((network.recordings for network in networks if network.recordings is not None), None),
         assumptions=tuple(dict.fromkeys(said for network in networks for said in network.assumptions)),
         psi=networks[0].psi if len({network.psi for network in networks}) == 1 else None,
+        trained_on={name: bits for network in networks for name, bits in network.trained_on.items()},
         members=tuple(members),
         **shared,
     )

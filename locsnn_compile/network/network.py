@@ -4,6 +4,8 @@ Network -> QuantizedNetwork -> CompartmentGraph -> PlacedGraph -> RoutedGraph ->
 (this file)  quantize       lower_neurons      place_cores    route_axons    assemble
 """
 
+from collections.abc import Mapping
+from dataclasses import field
 from typing import Annotated, Any
 
 import numpy as np
@@ -101,6 +103,11 @@ class Population(Shown):
     """The phase in which it runs, if that is not the phase of its axis."""
 
     @property
+    def where(self) -> str:
+        """How errors name it."""
+        return f"population {self.name!r}"
+
+    @property
     def phase(self) -> str:
         """The phase in which it runs."""
         return self.own_phase or self.axis
@@ -158,6 +165,8 @@ class Network(Shown):
     """Of its classes, if they have names."""
     psi: Annotated[float | None, NOT_NEGATIVE] = None
     """How late its time-weighted prediction turns to the location branch; None if unknown."""
+    trained_on: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+    """Of training in integers: bits of the charge, current and voltage registers, by the name of the chip."""
     members: tuple[Member, ...] = ()
     """The networks of a committee, whose populations begin with ``name/``."""
 

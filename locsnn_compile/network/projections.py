@@ -157,21 +157,14 @@ def by_delay(m: Matrix, delay: int | IntArray) -> list[tuple[int, Matrix]]:
 
 def connections(m: Matrix) -> tuple[IntArray, IntArray, IntArray]:
     """Return (target, source, index into the flat values) of all values except 0, ordered by source, then target."""
-    if sparse.issparse(m):
-        target = np.repeat(np.arange(m.shape[0]), np.diff(m.indptr))
-        source, index = m.indices.astype(np.int64), np.flatnonzero(m.data)
-        target, source = target[index], source[index]
-    else:
-        target, source = (found.astype(np.int64) for found in np.nonzero(m))
-        index = target * m.shape[1] + source
-    order = np.lexsort((target, source))
+    target, source = (found.astype(np.int64) for found in m.nonzero())
+    index, order = np.flatnonzero(values_of(m)), np.lexsort((target, source))
     return target[order], source[order], index[order]
 
 
 def fan_out(m: Matrix) -> IntArray:
     """Return how many targets every source reaches with a weight other than 0, (n_source,)."""
-    reached = m.indices[m.data != 0] if sparse.issparse(m) else np.nonzero(m)[1]
-    return np.bincount(reached, minlength=m.shape[1]).astype(np.int64)
+    return np.bincount(m.nonzero()[1], minlength=m.shape[1]).astype(np.int64)
 
 
 def row_maxima(m: Matrix) -> FloatArray:

@@ -39,9 +39,7 @@ def _view(view: InputView, network: Network) -> dict[str, Any]:
 
 def _integers(q: QuantizedPopulation) -> dict[str, Any]:
     text = neuron_text(q.neuron, q.population.axis)
-    fit = None
-    if q.fit is not None:
-        fit = {"strategy": q.strategy, "own": None if q.fit.refractory_max is None else q.fit, **vars(q.fit)}
+    fit = q.fit and {"strategy": q.strategy, "own": None if q.fit.refractory_max is None else q.fit, **vars(q.fit)}
     return {"name": q.population.name, "text": text, "scale": q.scale, "fit": fit}
 
 

@@ -51,7 +51,8 @@ def quantize(
     for population in network.populations:
         neuron, incoming = population.neuron, network.into(population.name)
         if isinstance(neuron, ChipNeuron):
-            _check_voltage(population, neuron, chip)
+            if population.name not in network.readout.from_step:
+                _check_voltage(population, neuron, chip)
             populations.append(QuantizedPopulation(population, neuron, np.ones(population.size), None))
             rounded = [[p] for p in incoming if isinstance(p, ChipProjection)]
         else:
@@ -73,8 +74,7 @@ def quantize(
 def integers_of(neuron: Neuron, task: Task) -> Scaled:
     """Return the neurons of a task in integers, and how their weights are rounded, as registered for the model."""
     what = f"{task.chip.name} does not have {neuron.needs or type(neuron).__name__ + ' neurons'}"
-    fix = neuron.way_out
-    raise TargetError(task.where, what, fix=fix)
+    raise TargetError(task.where, what, fix=neuron.way_out)
 
 
 integers_of.register(SrmAlpha, quantize_srm)
@@ -111,7 +111,7 @@ def _check_voltage(population: Population, neuron: ChipNeuron, chip: Chip) -> No
     if registers.voltage_max <= threshold <= 64 * registers.threshold_mantissa_max:
         what = "its threshold is beyond every voltage, so it could never spike"
         measured = f"{threshold} against {registers.voltage_max}; {chip.name} has voltage_bits {registers.voltage_bits}"
-        raise TargetError(f"population {population.name!r}", what, measured=measured, fix="Train it for this chip.")
+        raise TargetError(population.where, what, measured=measured, fix="Train it for this chip.")
 
 
 def weight_bits_of(chip: Chip, asked: int | None) -> int:

@@ -64,12 +64,6 @@ class ReferenceResult(Frozen, eq=False):
         return np.asarray(self.scores.argmax(axis=1), dtype=np.int64)
 
 
-def decided(scores: FloatArray) -> IntArray:
-    """Return the class with the highest score, the first of equals; -1 where all scores (..., classes) tie."""
-    tied = (scores == scores[..., :1]).all(axis=-1)
-    return np.where(tied, -1, scores.argmax(axis=-1))
-
-
 def evaluate(
     network: Network, recordings: ByteArray, *, potentials: bool = False, registers: Registers | None = None
 ) -> ReferenceResult:

@@ -2,9 +2,10 @@
 
 from collections.abc import Iterator
 
+from hw_model.description.chip import Registers
 from hw_model.values import Frozen
 from locsnn_compile.data.recordings import Binned, Origin, Recordings
-from locsnn_compile.errors import counted
+from locsnn_compile.errors import counted, listed
 from locsnn_compile.network.network import Network
 from locsnn_compile.report.words import sentence
 
@@ -12,8 +13,9 @@ from locsnn_compile.report.words import sentence
 class Grounds(Frozen):
     """The length of a time step, None if it is not known; the origin of the recordings; and what was assumed.
 
-    ``assumptions`` are sentences in the order in which they were made: by the frontend, then on the recordings and the
-    step, then on what weights were rounded for. ``binned`` says what was left out on reading the recordings.
+    ``assumptions`` are sentences in the order in which they were made: by the frontend, then on the registers, the
+    recordings and the step, then on what weights were rounded for. ``binned`` says what was left out on reading the
+    recordings.
     """
 
     step_seconds: float | None
@@ -22,14 +24,29 @@ class Grounds(Frozen):
     binned: Binned | None = None
 
 
-def grounds_of(network: Network, recordings: Recordings, calibration: Recordings) -> Grounds:
-    """Return the grounds of a check of ``network`` on ``recordings``, its weights rounded on ``calibration``."""
+def grounds_of(
+    network: Network, recordings: Recordings, calibration: Recordings, registers: Registers, *, chosen: bool = False
+) -> Grounds:
+    """Return the grounds of a check of ``network`` on ``recordings``, its weights rounded on ``calibration``.
+
+    ``chosen``: settings were chosen on ``calibration`` as well.
+    """
     # The bins of made-up recordings say nothing about a sensor.
     of_bins = None if recordings.origin == "made up" else recordings.step_seconds
     known = of_bins if network.step_seconds is None else network.step_seconds
-    rest = (*_of_recordings(network, recordings), *_of_step(network, known))
-    last = tuple(_of_calibration(network, recordings, calibration))
+    rest = (*_of_registers(network, registers), *_of_recordings(network, recordings), *_of_step(network, known))
+    # The weights of neurons that no strategy lowers round alike for any recordings.
+    suits = network.by_strategy or chosen
+    last = tuple(_of_calibration(recordings, calibration)) if suits else ()
     return Grounds(known, recordings.origin, (*network.assumptions, *rest, *last), recordings.binned)
+
+
+def _of_registers(network: Network, registers: Registers) -> Iterator[str]:
+    """The reference wraps and clips like the chip of the program, which may not be that of the training."""
+    here = (registers.charge_bits, registers.current_bits, registers.voltage_bits)
+    for chip, bits in network.trained_on.items():
+        if bits != here:
+            yield sentence("other registers", chip=chip, bits=listed([*map(str, bits)]), here=listed([*map(str, here)]))
 
 
 def _of_recordings(network: Network, recordings: Recordings) -> Iterator[str]:
@@ -49,10 +66,8 @@ def _of_step(network: Network, known: float | None) -> Iterator[str]:
         yield sentence("step of the bins", seconds=known)
 
 
-def _of_calibration(network: Network, recordings: Recordings, calibration: Recordings) -> Iterator[str]:
-    given = calibration.origin == "given" and calibration is not recordings
-    # The weights of other neurons round alike for any recordings.
-    if network.by_strategy and not given:
+def _of_calibration(recordings: Recordings, calibration: Recordings) -> Iterator[str]:
+    if calibration.origin != "given" or calibration is recordings:
         on = f"{counted(len(calibration), 'recording')} that the model carries"
         if calibration is recordings:
             on = "the recordings of the check itself"

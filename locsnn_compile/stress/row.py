@@ -111,15 +111,17 @@ def by_verdict(rows: Iterable[Row]) -> dict[Verdict, int]:
 
 def stress_document(rows: Sequence[Row], chip: hw.Chip) -> dict[str, Any]:
     """Return what ``locsnn stress --json`` prints; errors and bounds are in thresholds."""
-    return {"schema": SCHEMA, "target": chip.name, "verdicts": by_verdict(rows), "rows": [_row(row) for row in rows]}
+    found = [_row(row, chip) for row in rows]
+    return {"schema": SCHEMA, "target": chip.name, "verdicts": by_verdict(rows), "rows": found}
 
 
-def _row(row: Row) -> dict[str, Any]:
+def _row(row: Row, chip: hw.Chip) -> dict[str, Any]:
     case = row.case
     return {
         "group": case.group,
         "case": case.name,
-        **picked(case, "strategy", "weight_bits"),
+        "strategy": case.strategy,
+        "weight_bits": case.weight_bits or chip.registers.weight_bits_max,
         "verdict": row.verdict,
         "causes": list(row.causes),
         "measured": None if row.measured is None else _measured(row.measured),

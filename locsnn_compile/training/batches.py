@@ -9,9 +9,8 @@ cut, taxels and recordings move in time. An augmentation that is off draws nothi
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hw_model.values import BoolArray, ByteArray, IntArray
+from hw_model.values import BoolArray, ByteArray, Float32Array, IntArray
 from locsnn_compile.data.sensor import POLARITIES
 from locsnn_compile.training.config import TrainingConfig
 
@@ -23,7 +22,7 @@ def epoch_generator(seed: int, *purpose: int) -> np.random.Generator:
 
 def batches(
     spikes: ByteArray, labels: IntArray, config: TrainingConfig, rng: np.random.Generator, polarities: int = POLARITIES
-) -> Iterator[tuple[NDArray[np.float32], IntArray]]:
+) -> Iterator[tuple[Float32Array, IntArray]]:
     """Yield (spikes (batch, steps, channels), labels (batch,)) of one epoch, every recording once."""
     order = rng.permutation(len(labels))
     for start in range(0, len(order), config.batch_size):
@@ -35,7 +34,7 @@ def batches(
         yield augmented(fed, config, rng, polarities), labels[rows]
 
 
-Spikes = NDArray[np.float32]
+Spikes = Float32Array
 
 
 def augmented(spikes: Spikes, config: TrainingConfig, rng: np.random.Generator, polarities: int = POLARITIES) -> Spikes:

@@ -14,11 +14,6 @@ from locsnn_compile.errors import InputError
 from locsnn_compile.models.architectures import ARCHITECTURES, Architecture
 from locsnn_compile.settings import TRAINABLE
 
-LOSSES = ("cross-entropy", "spike-count")
-OPTIMIZERS = ("adamw", "rmsprop", "sgd", "prototypes")
-CLASS_WEIGHTS = ("equal", "balanced")
-SCHEDULES = ("cosine", "constant")
-DEVICES = ("cpu", "cuda")
 SHARE = between(0.0, 1.0)
 STEPS = between(0, 20_000)
 
@@ -142,18 +137,18 @@ class TrainingConfig(Shown, Checked, eq=True):
     delays: str = "0"
     location_delays: Annotated[str, LOCATION] = "0"
     hidden: Annotated[int, between(1, 4096), LEARNED] = 32
-    loss: Annotated[str, LOSSES] = "cross-entropy"
+    loss: Annotated[str, ("cross-entropy", "spike-count")] = "cross-entropy"
     location_weight: Annotated[float, between(0.0, 1e3), BRANCHES] = 1.0
     branch_loss: Annotated[float, SHARE, BRANCHES] = 0.0
     target_right: Annotated[float, between(0.0, 1e6), SPIKE_COUNT] = 60.0
     target_wrong: Annotated[float, between(0.0, 1e6), SPIKE_COUNT] = 3.0
     count_scale: Annotated[float, between(1e-6, 1e3), CROSS_ENTROPY] = 0.1
-    class_weights: Annotated[str, CLASS_WEIGHTS] = "equal"
+    class_weights: Annotated[str, ("equal", "balanced")] = "equal"
     label_smoothing: Annotated[float, between(0.0, 0.999), CROSS_ENTROPY] = 0.05
     neighbour_smoothing: Annotated[float, between(0.0, 0.5), CROSS_ENTROPY, CLASS_ORDER] = 0.0
     class_order: Annotated[str, CROSS_ENTROPY, NEIGHBOURS] = ""
-    optimizer: Annotated[str, OPTIMIZERS] = "adamw"
-    schedule: Annotated[str, SCHEDULES] = "cosine"
+    optimizer: Annotated[str, ("adamw", "rmsprop", "sgd", "prototypes")] = "adamw"
+    schedule: Annotated[str, ("cosine", "constant")] = "cosine"
     learning_rate: Annotated[float, between(1e-9, 1e3)] = 0.003
     weight_decay: Annotated[float, between(0.0, 1e3)] = 0.1
     epochs: Annotated[int, between(1, 100_000)] = 250
@@ -173,7 +168,7 @@ class TrainingConfig(Shown, Checked, eq=True):
     smoothing_epochs: Annotated[int, between(1, 1_000)] = 10
     refit: bool = True
     seed: Annotated[int, between(0, 2**32 - 1)] = 0
-    device: Annotated[str, DEVICES] = "cpu"
+    device: Annotated[str, ("cpu", "cuda")] = "cpu"
     step_seconds: Annotated[float | None, between(1e-6, 1e3)] = None
     steps: Annotated[int | None, between(1, 20_000)] = None
     event_threshold: Annotated[int | None, between(0, 20_000_000)] = None

@@ -49,8 +49,7 @@ def _whole_numbers(option: str, text: str, example: str) -> tuple[int, ...]:
     """Return the numbers of an option, separated by spaces or commas; ``InputError`` for anything else."""
     parts = text.replace(",", " ").split()
     if not all(part.isascii() and part.isdigit() and len(part) < 9 for part in parts):
-        measured = f"got {text[:60]!r}"
-        fix = f"Give, for example, {example!r}."
+        measured, fix = f"got {text[:60]!r}", f"Give, for example, {example!r}."
         raise InputError(f"training option {option!r}", "it must be whole numbers", measured=measured, fix=fix)
     return tuple(int(part) for part in parts)
 

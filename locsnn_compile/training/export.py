@@ -14,24 +14,28 @@ from locsnn_compile.training.train import TrainingResult
 
 
 def training_entry(
-    result: TrainingResult, config: TrainingConfig, recordings: Recordings, found: IntArray | None
+    result: TrainingResult,
+    config: TrainingConfig,
+    recordings: Recordings,
+    test: Recordings | None = None,
+    found: IntArray | None = None,
 ) -> dict[str, Plain]:
-    """Return the checkpoint's ``training`` entry: data, figures, then the whole configuration."""
+    """Return the checkpoint's ``training`` entry: data, figures and confusion of the test, the whole configuration."""
     figures: dict[str, Plain] = {
         "dataset": recordings.source,
         "train_recordings": len(recordings),
         "chosen_epoch": result.chosen_epoch,
         "validation_accuracy": result.validation_accuracy,
-        "test_recordings": None if found is None else int(found.sum()),
-        "test_accuracy": None if found is None else accuracy_of(found),
+        "test_recordings": None if test is None else len(test),
+        "test_accuracy": None if test is None or found is None else accuracy_of(found, test),
         "test_confusion": None if found is None else "; ".join(" ".join(map(str, row)) for row in found.tolist()),
     }
     return figures | asdict(config)
 
 
-def accuracy_of(found: IntArray) -> float:
-    """Return the share of correct predictions in a confusion matrix."""
-    return int(np.trace(found)) / int(found.sum())
+def accuracy_of(found: IntArray, test: Recordings) -> float:
+    """Return the share of recordings that a confusion matrix has as predicted correctly."""
+    return int(np.trace(found)) / len(test)
 
 
 def carried_rows(labels: IntArray | None, available: int, wanted: int) -> IntArray:
@@ -77,11 +81,9 @@ def export_checkpoint(
     weights: dict[str, AnyArray] = {**(network.weights() if network.chip is None else network.mantissas())}
     # In float64, like the compiler's reference; the network stays in float64.
     found = None if test is None else confusion(network.double(), test)
-    kept: Recordings | None = None
-    if carried > 0:
-        pool = recordings if test is None else test
-        kept = pool.subset(carried_rows(pool.labels, len(pool), carried))
-    training = training_entry(result, config, recordings, found)
+    pool = recordings if test is None else test
+    kept = pool.subset(carried_rows(pool.labels, len(pool), carried)) if carried > 0 else None
+    training = training_entry(result, config, recordings, test, found)
     if start is not None:
         training |= {"start": start.description.name, "start_sha256": start.sha256}
     Checkpoint(network.description, weights, kept, training, chip=network.chip).save(path)

@@ -12,6 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from hw_model.mapping.graph import decided
 from hw_model.values import ByteArray, FloatArray, IntArray
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError, counted
@@ -152,7 +153,7 @@ def _played(network: TouchModel, spikes: ByteArray) -> Iterator[tuple[slice, Map
 
 @torch.no_grad()
 def class_scores(network: TouchModel, spikes: ByteArray) -> FloatArray:
-    """Return the scores (samples, classes) summed over all branches; the first of the largest is predicted."""
+    """Return the scores (samples, classes) summed over all branches."""
     found = [network.total(activity).cpu().numpy() for _, activity in _played(network, spikes)]
     return np.concatenate(found).astype(np.float64)
 
@@ -160,13 +161,12 @@ def class_scores(network: TouchModel, spikes: ByteArray) -> FloatArray:
 def confusion(network: TouchModel, recordings: Recordings) -> IntArray:
     """Return how often each label (row) was predicted as each class (column), (classes, classes).
 
+    Recordings in which all classes tie are in no column, since nothing is predicted.
     Raises ``InputError`` for recordings without labels, and for those that do not fit the network.
     """
-    if recordings.labels is None:
-        fix = "Give labelled recordings."
-        raise InputError(f"recordings {recordings.source!r}", "they have no labels to measure with", fix=fix)
-    classes = network.description.classes
-    pairs = recordings.labels * classes + class_scores(network, recordings.spikes).argmax(axis=1)
+    labels, classes = recordings.needed_labels("measure with"), network.description.classes
+    predicted = decided(class_scores(network, recordings.spikes))
+    pairs = (labels * classes + predicted)[predicted >= 0]
     return np.bincount(pairs, minlength=classes**2).reshape(classes, classes)
 
 
@@ -178,7 +178,7 @@ def evaluate(network: TouchModel, loss: Loss, spikes: ByteArray, labels: IntArra
         scores = network.total(activity)
         y = torch.from_numpy(labels[rows].copy()).to(scores.device)
         total += float(loss(network, activity, y)) * len(y)
-        right += int((scores.argmax(dim=1) == y).sum())
+        right += int((decided(scores.cpu().numpy()) == labels[rows]).sum())
     return total / len(labels), right / len(labels)
 
 
@@ -193,9 +193,7 @@ def check_events(recordings: Recordings) -> None:
 
 def data_remarks(recordings: Recordings, classes: int, config: TrainingConfig) -> list[str]:
     """Return a sentence for everything that recordings cannot teach: empty ones, and rare or missing labels."""
-    labels = recordings.labels
-    assert labels is not None  # the run's own check
-    found = []
+    labels, found = recordings.needed_labels("train on"), []
     counts = np.bincount(labels, minlength=classes)
     heard = np.bincount(labels[recordings.spikes.any(axis=(1, 2))], minlength=classes)
     if empty := len(labels) - int(heard.sum()):
@@ -222,15 +220,14 @@ def data_remarks(recordings: Recordings, classes: int, config: TrainingConfig) -
 
 def result_remarks(network: TouchModel, recordings: Recordings) -> list[str]:
     """Return a sentence if outputs are silent on the training recordings, or if their accuracy is at chance."""
-    labels = recordings.labels
-    assert labels is not None
-    scores = class_scores(network, recordings.spikes)
-    if (scores == scores[:, :1]).all() and scores.shape[1] > 1:
+    labels, scores = recordings.needed_labels("train on"), class_scores(network, recordings.spikes)
+    predicted = decided(scores)
+    if (predicted < 0).all() and scores.shape[1] > 1:
         spiking = network.description.structure.spiking and network.description.structure.neurons != "windows"
         what = "No output neuron spikes" if spiking else "All class scores are equal"
         trained = f"in any of the {counted(len(labels), 'recording')} it was trained on"
         return [f"{what} {trained}: every prediction is a tie. Give more --epochs, or a larger --learning-rate."]
-    accuracy = float((scores.argmax(axis=1) == labels).mean())
+    accuracy = float((predicted == labels).mean())
     return chance_remarks(accuracy, labels, "it was trained on")
 
 
@@ -239,7 +236,5 @@ def chance_remarks(accuracy: float, labels: IntArray, which: str) -> list[str]:
     chance = float(np.bincount(labels).max() / len(labels))
     if chance == 1 or accuracy > chance + _LIKELY * math.sqrt(chance * (1 - chance) / len(labels)):
         return []
-    return [
-        f"Accuracy {accuracy:.3f} on the {counted(len(labels), 'recording')} {which} is not clearly above chance, "
-        f"{chance:.3f} for the commonest label."
-    ]
+    what = f"Accuracy {accuracy:.3f} on the {counted(len(labels), 'recording')} {which} is not clearly above chance"
+    return [f"{what}, {chance:.3f} for the commonest label."]

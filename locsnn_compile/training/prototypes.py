@@ -11,11 +11,9 @@ training recordings minus the mean of their class. Only a matrix of recordings b
 
 from collections.abc import Iterable
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 
-from hw_model.values import IntArray
+from hw_model.values import Float32Array, IntArray
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.networks import WindowNetwork
 from locsnn_compile.models.touch_model import TouchModel
@@ -25,9 +23,7 @@ PROTOTYPES = "prototypes"
 
 
 @torch.no_grad()
-def set_prototypes(
-    network: TouchModel, drawn: Iterable[tuple[NDArray[np.float32], IntArray]], smoothing: float
-) -> None:
+def set_prototypes(network: TouchModel, drawn: Iterable[tuple[Float32Array, IntArray]], smoothing: float) -> None:
     """Set the output of a window network for recordings (spikes, labels), in batches.
 
     The ridge is ``smoothing`` times the mean squared distance of a recording to its prototype. Scores are scaled so

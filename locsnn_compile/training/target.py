@@ -8,10 +8,10 @@ from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import hw_model as hw
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_EXPONENTS, WEIGHT_SHIFT, weight_grid
+from hw_model.values import Float32Array
 from locsnn_compile.errors import TargetError
 from locsnn_compile.frontends.checkpoint import network_of
 from locsnn_compile.models.checkpoint import Checkpoint
@@ -24,7 +24,7 @@ from locsnn_compile.passes.quantize import quantize
 from locsnn_compile.passes.rounding.task import exponent_holding, largest_charge
 from locsnn_compile.training.config import TrainingConfig
 
-Start = Mapping[str, NDArray[np.float32]] | None
+Start = Mapping[str, Float32Array] | None
 """Weights by name that a run begins with; None: from scratch."""
 _Numbers = dict[str, ChipPopulation]
 
@@ -95,8 +95,7 @@ def _of_windows(config: TrainingConfig, description: NetworkDescription, start: 
     largest, together, bias = (usual / config.count_scale for usual in USUAL_WINDOWS)
     bias *= len(description.windows.levels)
     if start is not None and start[weight].any():
-        sizes = np.abs(start[weight])
-        largest, bias = float(sizes.max()), 2.0 * float(np.abs(start[offset]).max())
+        largest, bias = float(np.abs(start[weight]).max()), 2.0 * float(np.abs(start[offset]).max())
         together = max(float(row_sums(start[weight][:, part]).max()) for part in outputs)
     room, grid, registers = config.weight_room, weight_grid(_weight_bits(config, chip), "excitatory"), chip.registers
     exponent = exponent_holding(0.0, grid)

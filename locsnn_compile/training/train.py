@@ -12,11 +12,10 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
 from hw_model.io.files import replace_file
-from hw_model.values import ByteArray, Frozen, IntArray
+from hw_model.values import ByteArray, Float32Array, Frozen, IntArray
 from locsnn_compile.data.read import stratified_split
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
@@ -78,10 +77,7 @@ def train(
 
     Raises ``InputError`` for data without labels, or without any event.
     """
-    labels = recordings.labels
-    if labels is None:
-        fix = "Give labelled recordings."
-        raise InputError(f"recordings {recordings.source!r}", "they have no labels to train on", fix=fix)
+    labels = recordings.needed_labels("train on")
     if config.device == "cuda" and not torch.cuda.is_available():
         fix = "Use cpu, or install torch with CUDA on a machine that has one."
         raise InputError("training option 'device'", "torch sees no CUDA device here", fix=fix)
@@ -140,7 +136,7 @@ class _Run(Frozen, eq=False):
     labels: IntArray
     """Of the train part, (samples,)."""
     chip: ChipNumbers | None
-    start: Mapping[str, NDArray[np.float32]] | None
+    start: Mapping[str, Float32Array] | None
     """Weights [out, in] by name that every phase begins with; None: those of the seed."""
     saved: Callable[[], None]
     save_every: int
@@ -173,7 +169,7 @@ class _Phase:
         self.kept.load_state_dict(state.averages, strict=False)
         self.class_shares = class_weights(config, self.labels, run.description.classes)
 
-    def drawn(self, epoch: int) -> Iterator[tuple[NDArray[np.float32], IntArray]]:
+    def drawn(self, epoch: int) -> Iterator[tuple[Float32Array, IntArray]]:
         """Yield the batches of an epoch."""
         config, sensor = self.run.config, self.run.description.input.sensor
         rng = epoch_generator(config.seed, self.number, epoch)
@@ -215,8 +211,7 @@ def _run_phase(run: _Run, state: TrainingState, rows: IntArray, held: IntArray, 
         state.history.append(record)
         state.averages = found if config.weight_average else {}
         state.epoch, state.optimizer = epoch, phase.optimizer.state_dict()
-        chosen = state.phase == "select" and choose_epoch(state.history, config.smoothing_epochs, len(held)) == epoch
-        if chosen:
+        if state.phase == "select" and choose_epoch(state.history, config.smoothing_epochs, len(held)) == epoch:
             state.chosen_epoch, state.chosen_weights = epoch, found
         if run.progress is not None:
             others = config.epochs if state.phase == "refit" else 0

@@ -1,6 +1,8 @@
 """What a program may lose, and what a setting loses: the same bounds for ``auto`` and for ``locsnn explore``."""
 
-from hw_model.io.records import Checked
+from typing import Annotated
+
+from hw_model.io.records import NOT_NEGATIVE, Checked, between
 from hw_model.values import Frozen
 from locsnn_compile.errors import listed
 
@@ -18,9 +20,9 @@ class ErrorBudget(Checked):
     """
 
     called = "budget"
-    min_agreement: float | None = None
-    max_spike_error: float | None = None
-    max_score_error: float | None = None
+    min_agreement: Annotated[float | None, between(0, 1)] = None
+    max_spike_error: Annotated[float | None, between(0, 1)] = None
+    max_score_error: Annotated[float | None, NOT_NEGATIVE] = None
 
     @property
     def given(self) -> bool:
@@ -81,6 +83,6 @@ def default_budget(first: Losses) -> ErrorBudget:
     spikes, scores = first.spike_error, first.score_error
     return ErrorBudget(
         first.prediction_agreement,
-        None if spikes is None else spikes + SPIKE_TOLERANCE,
+        None if spikes is None else min(1.0, spikes + SPIKE_TOLERANCE),
         None if scores is None else scores + SCORE_TOLERANCE,
     )

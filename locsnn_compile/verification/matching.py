@@ -10,6 +10,7 @@ from hw_model.accounting.cost import Latency
 from hw_model.accounting.usage import PhaseUsage, measure, total_ns
 from hw_model.description.counts import Counts, total
 from hw_model.description.profile import Range
+from hw_model.mapping.graph import decided
 from hw_model.rtl.device import latencies as core_latencies
 from hw_model.values import ByteArray, FloatArray, Frozen, IntArray, Shown, Sums, picked
 from locsnn_compile.baselines.operations import network_additions
@@ -17,7 +18,7 @@ from locsnn_compile.cluster.spread import Spread, here
 from locsnn_compile.errors import InputError, check_same
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.quantized import QuantizedNetwork
-from locsnn_compile.reference.evaluate import decided, evaluate
+from locsnn_compile.reference.evaluate import evaluate
 
 CHUNK = 16
 """Recordings held at a time, so memory does not grow with their number."""

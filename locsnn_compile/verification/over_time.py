@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 import hw_model as hw
+from hw_model.mapping.graph import decided
 from hw_model.streaming.early_stop import pushed_each
 from hw_model.streaming.session import StepScores, check_psi, location_share
 from hw_model.values import ByteArray, FloatArray, Frozen, IntArray, added
@@ -14,7 +15,6 @@ from locsnn_compile.cluster.spread import Spread, here
 from locsnn_compile.errors import InputError
 from locsnn_compile.network.network import Network
 from locsnn_compile.pipeline import Levels
-from locsnn_compile.reference.evaluate import decided
 from locsnn_compile.verification.diagnosis import spread_sample
 from locsnn_compile.verification.matching import Progress
 
@@ -83,9 +83,9 @@ def over_time(levels: Levels, recordings: ByteArray, labels: IntArray | None, ps
 def savings(program: hw.ChipProgram, stops: hw.Stops) -> dict[str, Any]:
     """Return means per recording until it stops and for all of it; energy and latency by the default profile.
 
-    For an open core latency is None, and so is energy if it has no profile.
+    Latency is None for an open core or a profile without times, energy for an open core without a profile.
     """
-    profile = program.chip.costs
+    chip, profile = program.chip, program.chip.costs
     batch = len(stops.steps)
     found = {
         "steps": float(stops.steps.mean()),
@@ -96,10 +96,10 @@ def savings(program: hw.ChipProgram, stops: hw.Stops) -> dict[str, Any]:
         "all_energy_pj": sum(hw.energy_pj(stops.all_counts, profile).values()) / batch,
         "latency_ns": stops.latency_ns / batch,
         "all_latency_ns": stops.all_latency_ns / batch,
-        "profile": program.chip.default_profile,
+        "profile": chip.default_profile,
     }
-    ends = ("_ns",) if program.chip.profiles else ("_pj", "_ns")
-    return found | dict.fromkeys(name for name in found if program.chip.open_core and name.endswith(ends))
+    unknown = {"_ns": chip.open_core or not chip.timed, "_pj": not chip.profiles}
+    return found | dict.fromkeys(name for name in found if unknown.get(name[-3:]))
 
 
 def stop_all(

@@ -22,6 +22,7 @@ from locsnn_compile.cli.compile import main
 
 ROOT = Path(__file__).parents[2]
 MODEL = ROOT / "examples/models/objects-hybrid.pt"
+COARSEST = "--weight-bits 1 --split-weights 0"
 FILES = {"program.yaml", "program.npz", "report.json", "report.md", "report.html"}
 EMITTED = {"vectors", "rtl", "waves.vcd", "trace.json", "sanafe", "program.graphml", "program.dot", "csv"}
 
@@ -55,6 +56,23 @@ def test_a_build_is_whole_and_its_program_runs(few, tmp_path, capsys):
     out = capsys.readouterr().out
     assert "objects-hybrid" in out
     assert str(tmp_path / "out") in out
+
+
+def test_what_an_earlier_build_emitted_is_named(few, tmp_path, capsys):
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "trace.json").write_text("mine")
+    first = ("--emit", "vectors", "csv", "vcd", "network")
+    assert build(few, out, *first) == 0
+    assert build(few, out) == 0
+    assert build(few, out, "--emit", "csv") == 0
+    assert capsys.readouterr() == ("", ""), "the same build"
+    assert build(few, out, "--weight-bits", "4", "--emit", "csv") == 0
+    names = "network.txt, vectors/, waves.vcd and trace.json"
+    said = f"-o {str(out)!r}: an earlier build left {names} there. Emit them again, or remove them.\n"
+    assert capsys.readouterr() == ("", said)
+    assert (out / "waves.vcd").is_file()
+    assert (out / "trace.json").read_text() == "mine"
 
 
 def test_json_prints_the_report_and_nothing_else(few, tmp_path, capsys):
@@ -126,7 +144,7 @@ def test_a_build_replaces_the_one_before_and_leaves_other_files(few, tmp_path):
     ("gate", "value", "said"),
     [
         pytest.param("--min-agreement", "0", None, id="agreement kept"),
-        pytest.param("--min-agreement", "1.1", lambda report: f"prediction agreement is {report['match']['prediction_agreement']:.4f}, below 1.1", id="agreement"),
+        pytest.param("--min-agreement", f"1 {COARSEST}", lambda report: f"prediction agreement is {report['match']['prediction_agreement']:.4f}, below 1", id="agreement"),
         pytest.param("--max-spike-error", "0", lambda report: f"{1 - report['match']['spike_agreement']:.4f} of the spikes differ, above 0", id="spikes"),
         pytest.param("--max-cores", "2", None, id="cores kept"),
         pytest.param("--max-cores", "1", lambda report: "the program takes 2 cores, above 1", id="cores"),
@@ -136,23 +154,26 @@ def test_a_build_replaces_the_one_before_and_leaves_other_files(few, tmp_path):
     ],
 )  # fmt: skip
 def test_gates(few, tmp_path, capsys, gate, value, said):
-    code = build(few, tmp_path, gate, value)
+    code = build(few, tmp_path, gate, *value.split())
     lines = capsys.readouterr().err.splitlines()
     report = json.loads((tmp_path / "report.json").read_text())
     assert (code, lines[:1]) == ((0, []) if said is None else (3, [f"gate failed: {gate}: {said(report)}."]))
     # A budget that no setting keeps is a line of its own, with what came nearest.
-    assert [line[:16] for line in lines[1:]] == ["no setting keeps"] * (value in ("0", "1.1") and said is not None)
+    bounds = gate in ("--min-agreement", "--max-spike-error") and said is not None
+    assert [line[:16] for line in lines[1:]] == ["no setting keeps"] * bounds
 
 
 @pytest.mark.parametrize(
     ("gate", "value", "asked"),
     [
         ("--max-spike-error", "5", "from 0 to 1"),
-        ("--min-agreement", "-0.1", "from 0 up"),
+        ("--min-agreement", "-0.1", "from 0 to 1"),
+        ("--min-agreement", "99", "from 0 to 1"),
+        ("--max-score-error", "-0.1", "from 0 up"),
     ],
 )
-def test_a_gate_that_would_let_everything_pass_is_refused(few, tmp_path, capsys, gate, value, asked):
-    """Above all a share given in percent: no more than all spikes can differ."""
+def test_a_bound_that_no_program_decides_is_refused(few, tmp_path, capsys, gate, value, asked):
+    """And one that would let nothing pass; above all a share given in percent: no more than all spikes can differ."""
     assert build(few, tmp_path / "out", gate, value) == 2
     assert capsys.readouterr().err == f"{gate} {value}: it is out of range. Give a number {asked}.\n"
     assert not (tmp_path / "out").exists()

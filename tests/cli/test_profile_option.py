@@ -133,6 +133,19 @@ def test_a_run_is_priced_by_name(built, capsys):
     assert f"{sanafe / 1e6:.2f} µJ (profile sanafe)" in capsys.readouterr().out
 
 
+def test_a_profile_without_times_gives_no_time(built, tmp_path, capsys):
+    profile, few = tmp_path / "energy.yaml", str(built[0] / "few.npy")
+    static = {"chip_mw": 90.0, "source": "the same board"}
+    profile.write_text(yaml.safe_dump(MINE | {"time_ns": {}, "static_power": static}))
+    options = ["--events", few, "--profile", str(profile)]
+    assert compile_model([str(MODEL), *options, "-o", str(tmp_path / "out"), "--quiet"]) == 0
+    report = json.loads((tmp_path / "out/report.json").read_text())
+    assert (report["latency"]["timed"], report["energy"]["static"]["at_latency_pj"]) == (False, None)
+    assert report["over_time"]["proven_stop"]["latency_ns"] is None
+    assert locsnn(["run", str(tmp_path / "out"), *options, "--stop", "proven"]) == 0
+    assert "µJ, and an unknown time (profile energy)\n" in capsys.readouterr().out
+
+
 def test_a_profile_that_does_not_exist_stops_the_build(built, tmp_path, capsys):
     assert compile_model([str(MODEL), "--profile", "sanfe", "-o", str(tmp_path / "out")]) == 2
     assert capsys.readouterr().err == (

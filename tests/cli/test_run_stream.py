@@ -129,7 +129,7 @@ def test_the_length_of_a_step_is_told_or_left_out(build, capsys, tmp_path):
     assert json.loads(capsys.readouterr().out)["stream"]["step_seconds"] == 0.5
     assert main(silent) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0] == "recording 0: class 0  no lead"
+    assert lines[0] == "recording 0: all classes tie"
     assert lines[-2] == "already the last prediction: " + ", ".join(
         f"1.000 after step {step}" for step in (50, 100, 150, 200, 250)
     )

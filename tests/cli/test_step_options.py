@@ -75,6 +75,7 @@ def test_a_checkpoint_and_its_program_keep_the_steps(slip: Path) -> None:
         "events": 427,
         "outside": 0,
         "below": 0,
+        "elsewhere": 0,
         "dropped": 0,
         "words": "0 of 427 events dropped: 0 outside the steps, 0 in bins of at most 0",
     }
@@ -86,7 +87,7 @@ def test_run_plays_what_compile_checked(slip: Path, capsys: Capture) -> None:
     report = json.loads((slip / "out" / "report.json").read_text())
     assert found["counts"]["input_events"] == report["operations"]["per_sample"]["input_events"]
     assert found["counts"]["input_events"] == int(read_recordings(slip / "x.tact", step_seconds=0.001).spikes.sum())
-    assert found["binning"] == {"threshold": 0, "events": 427, "outside": 0, "below": 0, "dropped": 0}
+    assert found["binning"] == {"threshold": 0, "events": 427, "outside": 0, "below": 0, "elsewhere": 0, "dropped": 0}
     assert main(["run", str(slip / "out"), "--events", str(slip / "x.tact")]) == 0
     last = capsys.readouterr().out.splitlines()[-1]
     assert last == "binning: 0 of 427 events dropped: 0 outside the steps, 0 in bins of at most 0"
@@ -278,7 +279,7 @@ def test_what_binning_drops_is_shown(slip: Path, capsys: Capture) -> None:
         return document, next(line for line in capsys.readouterr().out.splitlines() if line.startswith("binning"))
 
     usual, line = binned()
-    assert usual == {"threshold": 0, "events": 427, "outside": 0, "below": 0, "dropped": 0}
+    assert usual == {"threshold": 0, "events": 427, "outside": 0, "below": 0, "elsewhere": 0, "dropped": 0}
     assert line == "binning           0 of 427 events dropped: 0 outside the steps, 0 in bins of at most 0"
     strict, line = binned("--threshold", "1")
     assert strict["below"] > 0.6 * 427

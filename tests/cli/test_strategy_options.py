@@ -9,6 +9,8 @@ from locsnn_compile.cli.compile import main
 from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.description import InputLayout, NetworkDescription
+from locsnn_compile.models.graph_and_windows import WindowParameters
+from locsnn_compile.models.networks import build_network
 from locsnn_compile.report.format import share
 
 
@@ -52,6 +54,23 @@ def test_auto_says_what_it_compared(model, tmp_path, capsys):
     assert choice["taken"] == report["strategy"]
     assert choice["calibration_source"] == "synthetic touches"
     assert "Settings compared on 16 recordings of synthetic touches" in (tmp_path / "b/report.md").read_text()
+
+
+def test_a_budget_of_windows_is_kept_on_the_calibration_recordings(tmp_path, capsys):
+    windows = WindowParameters(steps=8, stride=8, levels=(1,))
+    order = {"location_order": "own", "location_taxels": tuple(range(1, 40))}
+    layout = InputLayout(neutouch(1), 40, 0.02)
+    description = NetworkDescription("window-snn", layout, 3, window=windows, name="windows", **order)
+    Checkpoint(description, build_network(description, seed=1).weights()).save(tmp_path / "windows.pt")
+    few = tmp_path / "few.npy"
+    np.save(few, (np.random.default_rng(0).random((3, 78, 40)) < 0.1).astype(np.uint8))
+    options = ("--calibration", str(few), "--max-score-error", "0", "--weight-bits", "2")
+    code, report, said = compiled(tmp_path / "windows.pt", tmp_path / "b", capsys, *options)
+    choice = report["strategy_choice"]
+    assert (code, choice["kept"], choice["calibration_source"]) == (3, False, "few.npy")
+    assert {row["strategy"] for row in choice["candidates"]} == {"native"}
+    unmet = "no setting keeps --max-score-error 0 on 3 recordings of few.npy: the best of 3 is native, 2-bit"
+    assert said.splitlines()[1].startswith(unmet)
 
 
 def test_a_generous_budget_takes_the_cheapest(model, tmp_path, capsys):

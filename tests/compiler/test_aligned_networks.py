@@ -165,6 +165,13 @@ def biased():
     )
 
 
+def in_a_phase_of_its_own():
+    network = biased()
+    view, *views = network.views
+    populations = (replace(p, own_phase="touch") if p.axis == "time" else p for p in network.populations)
+    return replace(network, views=(replace(view, own_phase="touch"), *views), populations=(*populations,))
+
+
 def two_starts():
     network = aligned(hybrid())
     return replace(network, views=(*network.views, InputView("other", "time", 4, align_events=2)))
@@ -179,6 +186,11 @@ def two_starts():
             "Train without biases, or do not align.",
         ),
         (
+            in_a_phase_of_its_own(),
+            "input 'touch': it starts at the first touch, but population 'time_hidden' has biases, which act before. "
+            "Train without biases, or do not align.",
+        ),
+        (
             two_starts(),
             "input 'touch': other inputs of the time phase start elsewhere. Give them the same align_events.",
         ),
@@ -187,7 +199,7 @@ def two_starts():
             "input 'touch', align_events: it must be a whole number of at least 1 (got 0). Correct it.",
         ),
     ],
-    ids=["biases", "two starts", "no event"],
+    ids=["biases", "biases in another phase", "two starts", "no event"],
 )
 def test_what_is_refused(network, message):
     with pytest.raises(InputError) as caught:

@@ -42,6 +42,11 @@ def chip_cuba(**changes):
     return replace(ChipCuba.of(2, decay_u=4096, decay_v=100, threshold=10), **changes)
 
 
+def in_phase(phase):
+    first, *others = hybrid().populations
+    return replace(hybrid(), populations=(replace(first, own_phase=phase), *others))
+
+
 def tapped(**changes):
     neuron = ChipSrm.with_taps(2, decay=390, threshold=10, delay=[0, 1], mantissa=[-3, 2], exponent=[1, 1])
     return replace(neuron, refractory=replace(neuron.refractory, **changes))
@@ -68,6 +73,10 @@ def moved(axis):
     network = hybrid()
     first, *others = network.populations
     return replace(network, populations=(replace(first, axis=axis), *others))
+
+
+def named(*names):
+    return replace(hybrid(), class_names=names)
 
 
 PAIR, THREE = np.array([0.1, 0.2]), np.array([1, 2, 3])
@@ -99,6 +108,7 @@ NEW_RULES = [
     ("broken delay", lambda: single(NEURON, delay=0.5), "projection 'touch' -> 'n', delay: it must be an int or ndarray (got float 0.5). Correct it."),
     ("early delay", lambda: single(NEURON, delay=-1), "projection 'touch' -> 'n': a delay is not a whole number of steps from 0 up. Round the delays."),
     ("walk", lambda: replace(hybrid(), channels=5), "input 'touch_transposed': its location order is not a permutation of the channels. Visit every channel exactly once."),
+    ("walk in floats", lambda: visiting(walk=np.arange(78.0)), "input 'touch_transposed': its location order is not a permutation of the channels. Visit every channel exactly once."),
     ("no walk", lambda: visiting(walk=None), "input 'touch_transposed': its location order is not a permutation of the channels. Visit every channel exactly once."),
     ("walk over time", lambda: visiting("time", walk=np.arange(4)), "input 'touch': only a location axis has a location order. Leave it out."),
     ("silence over time", lambda: visiting("time", silence=1), "input 'touch': only a location axis has a location order. Leave it out."),
@@ -107,7 +117,13 @@ NEW_RULES = [
     ("lines that do not part", lambda: visiting(lines=13, together=2), "input 'touch_transposed': channels visited together do not have equal lines of their own (2 of 4 channels on 13 lines). Give lines for every time step of each."),
     ("negative silence", lambda: visiting(silence=-1), "input 'touch_transposed', silence: it must be a whole number from 0 to 10000000 (got -1). Correct it."),
     ("two walks", two_walks, "model 'small-hybrid': its inputs do not give the location axis one number of steps (steps 4, 5). Give inputs of that axis that take equal steps."),
+    ("two axes in a phase of inputs", lambda: visiting(own_phase="time"), "input 'touch_transposed': its phase 'time' has inputs or populations of the time axis. Give it the time axis, or another phase."),
+    ("two axes in a phase of populations", lambda: in_phase("location"), "population 'time_hidden': its phase 'location' has inputs or populations of the location axis. Give it the location axis, or another phase."),
     ("no input", lambda: replace(hybrid(), views=hybrid().views[:1]), "model 'small-hybrid': its inputs do not give the location axis one number of steps (steps of none). Give inputs of that axis that take equal steps."),
+    ("few class names", lambda: named("cup"), "model 'small-hybrid': its class names do not fit its classes (1 different ones against 2). Give a name of 1 to 80 printable characters for each class, from class 0 on."),
+    ("many class names", lambda: named("cup", "jug", "can"), "model 'small-hybrid': its class names do not fit its classes (3 against 2). Give one for each class."),
+    ("same class names", lambda: named("cup", "cup"), "model 'small-hybrid': its class names do not fit its classes (1 different ones against 2). Give a name of 1 to 80 printable characters for each class, from class 0 on."),
+    ("odd class names", lambda: named("cup", "jug\n"), "model 'small-hybrid': a class name cannot be used ('jug\\n'). Give a name of 1 to 80 printable characters for each class, from class 0 on."),
     ("name", lambda: replace(hybrid(), populations=hybrid().populations[:1] * 2), "population 'time_hidden': the name is taken. Rename it."),
 ]  # fmt: skip
 
@@ -200,15 +216,16 @@ def test_fields_of_a_network_have_their_types(changes, line):
 @pytest.mark.parametrize(
     ("changes", "line"),
     [
-        ({"size": "2"}, "Population, size: it must be a whole number from 1 to 10000000 (got '2'). Correct it."),
+        ({"size": "2"}, "population 'n', size: it must be a whole number from 1 to 10000000 (got '2'). Correct it."),
         (
             {"helper": True},
             "readout: its populations or weights do not fit together (populations ('n',), sizes [], weights (1.0,)). Name populations of one size, each with its weight.",
         ),
-        ({"axis": np.ones(2)}, "Population, axis: it must be a str (got ndarray array([1., 1.])). Correct it."),
-        ({"neuron": None}, "Population, neuron: it must be a Neuron (got NoneType None). Correct it."),
+        ({"axis": np.ones(2)}, "population 'n', axis: it must be a str (got ndarray array([1., 1.])). Correct it."),
+        ({"axis": "tme"}, "population 'n', axis: there is no 'tme'. Did you mean 'time'?"),
+        ({"neuron": None}, "population 'n', neuron: it must be a Neuron (got NoneType None). Correct it."),
     ],
-    ids=["size", "helper", "axis", "neuron"],
+    ids=["size", "helper", "axis", "no such axis", "neuron"],
 )
 def test_fields_of_a_population_have_their_types(changes, line):
     network = lif()

@@ -12,6 +12,7 @@ from locsnn_compile.choose_strategy import Candidate, Choice, choose_strategy
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.errors import InputError, TargetError
+from locsnn_compile.network.neurons import Cuba
 from locsnn_compile.passes.quantize import quantize
 from locsnn_compile.report.sections.build import unmet_budget
 from locsnn_compile.settings import Setting
@@ -90,7 +91,7 @@ def test_dendrites_are_paired_where_no_other_strategy_keeps_the_budget(network):
     def choose(bound):
         return choose_strategy(network, CHIP, Setting("auto", 2), played(network), ErrorBudget(max_spike_error=bound))
 
-    usual = min(c.spike_error for c in choose(-1.0).candidates if c.strategy != PAIRED)
+    usual = min(c.spike_error for c in choose(0.0).candidates if c.strategy != PAIRED)
     choice = choose(usual - 1e-6)
     assert choice.keeps_budget
     assert choice.taken.strategy == choice.levels.quantized.strategy == PAIRED
@@ -99,7 +100,7 @@ def test_dendrites_are_paired_where_no_other_strategy_keeps_the_budget(network):
 
 
 def test_where_nothing_keeps_the_budget_the_most_accurate_is_taken(choose):
-    choice = choose(ErrorBudget(max_spike_error=-1.0))
+    choice = choose(ErrorBudget(max_spike_error=0.0))
     best = max(choice.candidates, key=lambda c: (c.prediction_agreement, -c.spike_error))
     assert choice.taken == best
 
@@ -124,6 +125,33 @@ def test_integers_leave_nothing_to_choose():
     assert compiled.choice is None
     assert compiled.report["strategy_choice"] is None
     assert compiled.report["match"]["spike_mismatches"] == 0
+
+
+@pytest.mark.parametrize(
+    ("bound", "bits", "taken", "kept"),
+    [
+        (0.0, 8, "native, 8-bit, 100% split", True),
+        (0.1, 8, "native, 4-bit", True),
+        (0.1, 2, "native, 2-bit, 25% split", False),
+    ],
+    ids=["split weights", "fewer bits", "not kept"],
+)
+def test_a_budget_holds_for_neurons_that_no_strategy_lowers(bound, bits, taken, kept):
+    weights = np.random.default_rng(1).normal(0, 0.3, (6, 8))
+    network = single(Cuba.of(6, decay_v=0.1, threshold=1.0), weights, steps=60)
+    events, budget = recordings(network, samples=5), ErrorBudget(max_spike_error=bound)
+    compiled = lc.compile(network, weight_bits=bits, events=events, budget=budget, diagnosis=False)
+    choice, report = compiled.choice, compiled.report
+    assert (str(choice.taken.setting), choice.keeps_budget) == (taken, kept)
+    assert (1 - report["match"]["spike_agreement"] <= bound) == kept
+    assert report["strategy_choice"]["taken"] == report["strategy"] == "native"
+    assert [said for said in report["assumptions"] if "settings suit these" in said]
+    assert lc.compile(network, events=events, diagnosis=False).choice is None
+    with pytest.raises(InputError) as caught:
+        lc.compile(network, strategy="dendrite", events=events, budget=budget, diagnosis=False)
+    assert str(caught.value) == (
+        "strategy 'dendrite': no neuron of this model uses it (its neurons are native). Leave the strategy out."
+    )
 
 
 def test_the_report_says_what_was_compared(network):

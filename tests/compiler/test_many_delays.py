@@ -49,6 +49,29 @@ def test_the_program_is_the_rounded_network_bit_for_bit(strategy, share, apart):
     assert np.array_equal(found.potential["n"], wanted.potential["n"])
 
 
+@pytest.mark.parametrize(
+    ("strategy", "held", "taken"),
+    [
+        ("dendrite", 16, 9),
+        ("dendrite", 8, 7),
+        ("dendrite", 5, 5),
+        ("dendrite", 4, 3),
+        ("dendrite", 3, 3),
+        ("reset", 8, 8),
+        ("reset", 2, 2),
+        ("delay-line", 8, 6),
+    ],
+)
+def test_weights_of_one_delay_take_no_more_formats_than_a_core_holds(strategy, held, taken):
+    """Each grade takes two, one a sign; own spikes take one, or four in a line of delays."""
+    chip = replace(CHIP, limits=replace(CHIP.limits, synapse_formats_per_core=held))
+    weights = (
+        np.random.default_rng(0).choice([-1.0, 1.0], (5, 24)) * 2.0 ** np.arange(24).repeat(5).reshape(24, 5).T / 64
+    )
+    levels = lower(single(NEURON, weights / 64), chip, 8, strategy, Rounding(graded=True))
+    assert [len(core.axons.formats) for core in levels.program.cores] == [taken]
+
+
 def test_exponents_of_integer_weights_that_are_too_many():
     neuron = ChipCuba.of(1, decay_u=4096, decay_v=128, threshold=100)
     weights = np.array([[100, -100, 0, 0, 0, 0]])

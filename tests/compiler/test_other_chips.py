@@ -29,12 +29,12 @@ OTHER = {
 }
 
 
-def chip_text(compartments=64, **registers):
+def chip_text(compartments=64, formats=16, **registers):
     """Return the chip file of ``loihi-sim`` with these registers."""
     document = yaml.safe_load(hw.chip("loihi-sim").document)
     document["name"] = "other"
     document["registers"] |= registers
-    document["limits"]["compartments_per_core"] = compartments
+    document["limits"] |= {"compartments_per_core": compartments, "synapse_formats_per_core": formats}
     return yaml.safe_dump(document, sort_keys=False)
 
 
@@ -87,6 +87,21 @@ def test_examples_compile_for_another_chip(other, name, strategy):
     assert found.counts.spikes > 0
 
 
+@pytest.mark.parametrize(
+    ("strategy", "formats", "agreement"),
+    [("dendrite", 8, 0.98), ("dendrite", 5, 0.96), ("dendrite", 3, 0.95), ("delay-line", 8, 0.95), ("reset", 2, 0.5)],
+)
+def test_weights_take_as_many_formats_as_a_core_holds(tmp_path, strategy, formats, agreement):
+    """Signs and own spikes have formats of their own, so that three hold the published neuron: it has one grade then."""
+    path = tmp_path / "other.yaml"
+    path.write_text(chip_text(compartments=1024, formats=formats))
+    played = recordings("objects-hybrid")
+    compiled = lc.compile(network("objects-hybrid"), target=path, strategy=strategy, events=played, diagnosis=False)
+    assert max(len(core.axons.formats) for core in compiled.program.cores) <= formats
+    assert compiled.report["match"]["spike_agreement"] > agreement
+    check_engines(compiled.program, played)
+
+
 @pytest.mark.parametrize("name", ["objects-hybrid-loihi", "containers-hybrid-loihi"])
 @pytest.mark.parametrize(
     ("registers", "message"),
@@ -117,6 +132,23 @@ def test_examples_of_integers(tmp_path, name, registers, message):
         lc.compile(network(name), target=path, events=recordings(name), diagnosis=False)
     threshold = 64 * int(network(name).populations[0].neuron.threshold[0])
     assert str(caught.value) == message.format(threshold)
+
+
+def test_neurons_that_are_read_out_need_no_threshold_that_a_voltage_passes(tmp_path):
+    """A quarter of what the readout is made for arrives: on a chip of half the voltage, it adds up to the same."""
+    path = tmp_path / "other.yaml"
+    path.write_text(chip_text(voltage_bits=22))
+    read = lc.Population("read", "time", 2, lc.Cuba.of(2, decay_u=0.5, decay_v=0.25, threshold=8.8))
+    onto = lc.Projection("touch", "read", np.array([[1.0, 0.0], [-0.5, 0.25]]))
+    readout = lc.Readout(("read",), (1.0,), potentials_from=1)
+    network = lc.Network("reads", 2, 40, (lc.InputView("touch", "time", 2),), (read,), (onto,), readout)
+    played = np.zeros((1, 40, 2), dtype=np.uint8)
+    played[:, ::4] = 1
+    integers = lc.compile(network, events=played, diagnosis=False).levels.quantized.on_grid()
+    found, wanted = (lc.compile(integers, target=to, events=played, diagnosis=False) for to in (path, "loihi-sim"))
+    assert 64 * int(integers.populations[0].neuron.threshold[0]) > found.program.chip.registers.voltage_max
+    assert found.report["match"]["clips"] == 0
+    assert np.array_equal(*(hw.simulate(made.program, played).scores for made in (found, wanted)))
 
 
 def test_a_program_written_by_hand_on_another_chip():

@@ -39,6 +39,7 @@ def test_exponent_and_threshold(heaviest, chip, cap, headroom, wanted):
 
 
 ONE = {"decay_v": 1.0, "threshold": 1.0}
+READ = {"decay_u": 0.25, "decay_v": 0.125}
 SCALES = {
     "the largest bias fits, rule included": (ONE | {"bias": 1.0}, [0.0], 0, 8189),
     "many weights may wrap, none loses bits": (ONE, [1.0] * 200, 0, 255),
@@ -46,7 +47,10 @@ SCALES = {
     "bounded by the threshold: one fits": (ONE, [0.25] * 4, 5, 32640),
     "a bias passes the bound": (ONE | {"bias": 0.5}, [1.0], 5, 8160),
     "inputs pass the bound": (ONE, [0.75, 0.75], 4, 5440),
-    "a current outlasts the bound": (ONE | {"decay_u": 0.5}, [0.25], 3, 8160),
+    "a current adds up to the bound": (ONE | {"decay_u": 0.25}, [0.25], 7, 130560),
+    "a current passes the bound": (ONE | {"decay_u": 0.1875}, [0.25], 3, 8160),
+    "a readout adds up to 0.64 and fills the voltage": (ONE | READ, [0.01, 0.01], 2, 102000),
+    "a readout that inhibition takes to -1.28": (ONE | READ, [0.02, -0.02, -0.02], 0, 8191),
     "a current adds up for eight steps": (ONE | {"decay_u": 0.125}, [1.0] * 8, 3, 2040),
 }
 

@@ -63,6 +63,9 @@ WITHOUT = [
     ("a proof of a path", lambda: hw.prove_range("build"), f"prove_range, program: it must be a ChipProgram (got str 'build'). {PROGRAM}"),
     ("energy of a number", lambda: hw.energy_pj(3, 4), "energy_pj, counts: it must be a Counts (got int 3). Take .counts of hw.simulate(program, spikes)."),
     ("energy by a name", lambda: hw.energy_pj(hw.Counts(), "sanafe"), "energy_pj, profile: it must be a Profile (got str 'sanafe'). Use chip.profile(name)."),
+    ("a budget in percent", lambda: lc.ErrorBudget(2.0), "budget 'min_agreement': it must be a number from 0 to 1 (got 2.0). Correct it."),
+    ("a budget of more than all spikes", lambda: lc.ErrorBudget(None, 1.5), "budget 'max_spike_error': it must be a number from 0 to 1 (got 1.5). Correct it."),
+    ("a budget below any error", lambda: lc.ErrorBudget(None, None, -0.1), "budget 'max_score_error': it must be a number of at least 0 (got -0.1). Correct it."),
     ("a neuron of text", lambda: lc.Cuba.of(2, decay_v="x", threshold=1.0), "neurons: a parameter is not a number (<U1). Give numbers."),
     ("a neuron of a complex number", lambda: lc.Cuba.of(2, decay_v=1j, threshold=1.0), "neurons: a parameter is not a number (complex128). Give numbers."),
     ("a neuron of rows that differ", lambda: lc.ChipCuba.of(2, decay_u=[[1, 2], [3]], decay_v=0, threshold=1), "neurons, a parameter: it is not an array: its rows differ in length. Make them equal."),
@@ -93,6 +96,13 @@ OF_A_PROGRAM = [
 ]
 
 
+OF_ACTIVITY = [
+    ("of all recordings", lambda activity: activity, "latency, activity['time']: it must be a StepActivity (got tuple (StepActivity(pieces=<Pieces>, routes=<Routes>, by_piece=<8 ...). Take that of a recording, result.activity[phase][0]."),
+    ("a phase that does not exist", lambda activity: {"tiem": activity["time"][0]}, "latency, activity: there is no phase 'tiem'. Did you mean 'time'?"),
+    ("a phase without a name", lambda activity: {None: activity["time"][0]}, "latency, activity: there is no phase None. Choose one of: time."),
+]  # fmt: skip
+
+
 def message_of(call):
     with pytest.raises(hw.InputError) as caught:
         call()
@@ -102,6 +112,12 @@ def message_of(call):
 @pytest.mark.parametrize(("call", "message"), [row[1:] for row in WITHOUT], ids=[row[0] for row in WITHOUT])
 def test_wrong_arguments(call, message):
     assert message_of(call) == message
+
+
+@pytest.mark.parametrize(("given", "message"), [row[1:] for row in OF_ACTIVITY], ids=[row[0] for row in OF_ACTIVITY])
+def test_latency_of_what_is_not_the_activity_of_a_recording(program, given, message):
+    activity = hw.simulate(program, [[1], [0]], probe=("activity",)).activity
+    assert message_of(lambda: hw.latency(program, given(activity), hw.chip("tiny-sim").costs)) == message
 
 
 @pytest.mark.parametrize(

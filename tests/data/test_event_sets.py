@@ -187,6 +187,10 @@ def test_aedat4_of_several_cameras_gives_the_first(camera: Path) -> None:
     found = read_recordings(camera)
     assert found.spikes.shape == (1, 3, 2 * 34 * 34)
     assert places(found.spikes[0]) == PLACES
+    assert found.binned is not None
+    assert found.binned.words == (
+        "15 of 18 events dropped: 0 outside the steps, 0 in bins of at most 0, 15 in further streams"
+    )
 
 
 def test_aedat4_of_too_many_events(camera: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -205,6 +205,14 @@ def test_recordings_of_different_lengths(tmp_path: Path, steps: int | None) -> N
     )
 
 
+def test_a_part_of_what_is_not_divided(tmp_path: Path) -> None:
+    path = archive(tmp_path / "a.zip", {"sample_0_label_0.npy": npy(ONE[0])})
+    with pytest.raises(InputError) as caught:
+        read_recordings(path, split="train")
+    what = "there is no part 'train' (it is not divided)"
+    assert str(caught.value) == f"archive 'a.zip': {what}. Leave the part out, or divide it by --split."
+
+
 @pytest.mark.parametrize(
     ("split", "message"),
     [

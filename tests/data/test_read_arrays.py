@@ -194,6 +194,13 @@ BAD: list[tuple[str, str, Callable[[Path], object], str]] = [
         "Give (samples, channels, steps) or (samples, taxels, polarities, steps).",
     ),
     (
+        "a number",
+        "a.npy",
+        lambda path: np.save(path, 0),
+        "file 'a.npy': its shape is not one of recordings (0 axes against 2 to 4). "
+        "Give (samples, channels, steps) or (samples, taxels, polarities, steps).",
+    ),
+    (
         "no samples",
         "a.npy",
         lambda path: np.save(path, FULL[:0]),

@@ -51,7 +51,14 @@ def test_steps_cut_and_count_what_is_lost(tmp_path: Path) -> None:
     found = read_recordings(heidelberg(tmp_path / "shd.hdf5"), step_seconds=0.01, channels=700, steps=2)
     assert found.spikes.sum() == 2
     assert found.binned is not None
-    assert found.binned.document() == {"threshold": 0, "events": 4, "outside": 2, "below": 0, "dropped": 2}
+    assert found.binned.document() == {
+        "threshold": 0,
+        "events": 4,
+        "outside": 2,
+        "below": 0,
+        "elsewhere": 0,
+        "dropped": 2,
+    }
 
 
 @pytest.mark.parametrize("axes", ["samples,channels,steps", "samples,steps,channels"])

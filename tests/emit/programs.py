@@ -75,7 +75,7 @@ def played_streams(program, steps=40, rate=0.3, seed=0):
     return {name: (r.random((steps, n)) < rate).astype(np.uint8) for name, n in program.streams.items()}
 
 
-def two_phases():
+def two_phases(align_events=None, bias=0):
     """Return a program of a time phase and a location phase, a neuron each; four channels, five time steps."""
     axes = ("time", "location")
 
@@ -84,7 +84,7 @@ def two_phases():
 
     groups = tuple(
         Compartments(
-            name, axis, 1, column(4096), column(128), column(100), column(0), column(0), column(1),
+            name, axis, 1, column(4096), column(128), column(100), column(bias), column(0), column(1),
             column(-CHIP.registers.voltage_max), column(CHIP.registers.voltage_max),
         )
         for name, axis in zip("ab", axes, strict=True)
@@ -97,6 +97,6 @@ def two_phases():
         )
         for item, group in zip(inputs, groups, strict=True)
     )  # fmt: skip
-    phases = (Phase("time", "time", 5), Phase("location", "location", 4))
+    phases = (Phase("time", "time", 5, align_events), Phase("location", "location", 4, align_events))
     graph = CompartmentGraph("two phases", phases, inputs, groups, synapses)
     return assemble(route_axons(place_cores(graph, CHIP)))

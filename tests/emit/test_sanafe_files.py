@@ -140,6 +140,23 @@ def test_a_phase_is_a_network_of_its_own():
     assert np.array_equal(np.array(spikes).T, played.lines["location"])
 
 
+def test_steps_before_the_first_touch_are_left_out():
+    recording = np.zeros((12, 4), dtype=np.uint8)
+    recording[[0, 3, 3, 5], [1, 0, 2, 1]] = 1
+    found = documents(play_recording(two_phases(align_events=2, bias=700), recording))
+    phases = found["expected.yaml"]["phases"]
+    assert [(p["file"], p["first_step"], p["steps"]) for p in phases] == [("time.yaml", 3, 5), ("location.yaml", 0, 4)]
+    lines, cell = found["time.yaml"]["network"]["groups"]
+    assert [line[i]["spikes"] for i, line in enumerate(lines["neurons"])] == [
+        [1, 0, 0, 0, 0],
+        [0, 0, 1, 0, 0],
+        [1, 0, 0, 0, 0],
+        [0, 0, 0, 0, 0],
+    ]
+    assert phases[0]["counts"]["neurons_updated"] == 5 + 3
+    assert cell["name"] == "a"
+
+
 def test_weights_of_spikes_played_back_are_nothing():
     program = everything()
     found = documents(play_recording(program, played_streams(program)))

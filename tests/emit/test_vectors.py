@@ -11,7 +11,7 @@ import bench
 import numpy as np
 import pytest
 import yaml
-from programs import CHIP, everything, played_streams
+from programs import CHIP, everything, played_streams, two_phases
 
 import hw_model as hw
 import locsnn_compile as lc
@@ -224,6 +224,28 @@ def test_files_of_a_tiny_program():
     assert set(files) == {
         f"vectors/{entry['file']}" for core in manifest["cores"] for entry in core["files"].values()
     } | {"vectors/manifest.yaml", "vectors/README.md"}
+
+
+LOCATION = ("location", 0, 4)
+
+
+@pytest.mark.parametrize(
+    ("events", "phases"),
+    [
+        pytest.param([(0, 1), (3, 0), (3, 2), (5, 1), (9, 3)], [("time", 3, 5), LOCATION], id="ends after its steps"),
+        pytest.param([(9, 0), (9, 3), (10, 1)], [("time", 9, 3), LOCATION], id="ends with the recording"),
+        pytest.param([(9, 0)], [("time", 12, 0), LOCATION], id="never starts"),
+    ],
+)
+def test_only_steps_that_run_are_written(events, phases, tmp_path):
+    """With a bias, any bench would find other registers in steps before the first touch, in which the chip is at rest."""
+    recording = np.zeros((12, 4), dtype=np.uint8)
+    recording[tuple(zip(*events, strict=True))] = 1
+    vectors = written(play_recording(two_phases(align_events=2, bias=700), recording), tmp_path)
+    assert [(p["name"], p["first_step"], p["steps"]) for p in vectors.manifest["phases"]] == phases
+    for entry, (_, _, steps) in zip(vectors.manifest["cores"], phases, strict=True):
+        assert bench.run_core(vectors, entry) == bench.expected(vectors, entry)
+        assert [len(vectors.rows(entry["files"][name])) for name in ("axon_spikes", "spikes", "u")] == [steps] * 3
 
 
 def test_a_recording_that_would_fill_a_disk(monkeypatch):

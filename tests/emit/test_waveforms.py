@@ -84,6 +84,21 @@ def test_phases_follow_each_other():
     assert values(paths["time.a.n0.v"], 0, 5) == played.result.v["a"][:, 0].tolist()
 
 
+def test_steps_before_the_first_touch_do_not_run():
+    recording = np.zeros((12, 4), dtype=np.uint8)
+    recording[[3, 3, 5], [0, 2, 1]] = 1
+    played = play_recording(two_phases(align_events=2, bias=700), recording)
+    paths, end = read(vcd_file(played, ())["waves.vcd"])
+    assert end == 5 + 4
+    assert paths["time.running"] == [(0, "1"), (5, "0")]
+    assert values(paths["time.step"], 0, 5) == [3, 4, 5, 6, 7]
+    assert values(paths["time.a.n0.potential"], 0, 5) == played.result.potential["a"][3:8, 0].tolist()
+    assert values(paths["time.a.n0.spike"], 0, 5) == played.result.spikes["a"][3:8, 0].tolist()
+    never, end = read(vcd_file(play_recording(played.program, recording[4:]), ())["waves.vcd"])
+    assert end == 4
+    assert never["time.running"] == [(0, "0")]
+
+
 def test_names_that_are_no_identifiers():
     b = hw.ProgramBuilder(CHIP, name="odd $end\n#0")
     x = b.add_input("x", 1)
@@ -141,7 +156,7 @@ BAD_PROBES = [
     ("unknown population", "hh", "probe 'hh': there is no population 'hh'. Did you mean 'h'?"),
     ("form", "h[a]", "probe 'h[a]': not an index. Write population[index] or population[first:stop]."),
     ("far", "h[7]", "probe 'h[7]': 'h' has no such compartment (7 compartments). Count from 0 to 6."),
-    ("empty", "h[3:3]", "probe 'h[3:3]': 'h' has no such compartment (7 compartments). Count from 0 to 6."),
+    ("empty", "h[3:3]", "probe 'h[3:3]': it holds no compartment. Let the stop be above the first."),
     ("negative", "h[-1]", "probe 'h[-1]': not an index. Write population[index] or population[first:stop]."),
 ]
 

@@ -54,7 +54,7 @@ def packing(files: runs.Library) -> str:
 def dense(core: CoreProgram, row: int) -> np.ndarray:
     """Return the words of each source (sources,), with compartments in the order of the core."""
     synapses = core._synapses()
-    groups = (synapses["source"], synapses["exponent"], core._places(synapses["target"]) // row)
+    groups = (synapses["source"], synapses["exponent"], core.numbering.places(synapses["target"]) // row)
     return np.bincount(np.unique(groups, axis=1)[0], minlength=len(core.starts))
 
 

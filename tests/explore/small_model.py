@@ -3,6 +3,7 @@
 import json
 import os
 
+import dask
 import numpy as np
 import pytest
 from distributed import Client, LocalCluster
@@ -50,8 +51,12 @@ def divided(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def cluster():
-    """Two workers of this machine, each a process that is started again when it dies."""
-    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0", silence_logs=50) as made:
+    """Two workers of this machine, each a process that is started again when it dies.
+
+    Whoever asks a dead one for a result would wait for an answer for half a minute.
+    """
+    soon = dask.config.set({"distributed.comm.timeouts.connect": "5s"})
+    with soon, LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0", silence_logs=50) as made:
         yield made
 
 

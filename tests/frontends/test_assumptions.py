@@ -29,6 +29,9 @@ def saved(graph, tmp_path):
 
 THRESHOLDS = chain((3,), ("w", linear(RNG, 2, 3)), ("out", nir.Threshold(np.ones(2))))
 INTEGRATORS = chain((3,), ("w", linear(RNG, 2, 3)), ("out", nir.IF(np.ones(2), np.ones(2), v_reset=np.zeros(2))))
+IDLE = nir.NIRGraph(
+    THRESHOLDS.nodes | {"more": linear(RNG, 5, 2)}, [*THRESHOLDS.edges, ("out", "more")], type_check=False
+)
 LEAKY = chain((3,), ("w", linear(RNG, 2, 3)), ("out", lif(RNG, 2)))
 
 
@@ -42,6 +45,7 @@ LEAKY = chain((3,), ("w", linear(RNG, 2, 3)), ("out", lif(RNG, 2)))
         pytest.param(LEAKY, {"dt": 1e-3, "reset": "zero", "discretisation": "euler"}, (), id="none"),
         pytest.param(INTEGRATORS, {}, (STEP, RESET), id="nothing to discretise"),
         pytest.param(THRESHOLDS, {}, (), id="nothing of it matters"),
+        pytest.param(IDLE, {}, ("The weights of 'more' feed no node and were left out.",), id="weights lead nowhere"),
     ],
 )
 def test_what_a_nir_graph_leaves_open(graph, options, wanted, tmp_path):

@@ -75,6 +75,7 @@ BROKEN = [
     ("too few parameters", put("node/nodes/lif/tau", np.full(5, 1e-2)), "model 'model.nir', node 'lif': tau is not one number per neuron ((5,) against 12). Give as many."),
     ("an integrator", put("node/nodes/lif/type", "I"), "model 'model.nir', node 'lif': an integrator without leak or threshold overflows every register. Use an LI with a long tau, or an IF."),
     ("weights that do not fit", put("node/nodes/fc/weight", np.ones((12, 9))), "model 'model.nir', node 'fc': its input has another size (10 against 9). Correct its weight."),
+    ("weights that nothing feeds", edges(("input", "lif"), ("lif", "output"), ("fc", "lif")), "model 'model.nir', node 'fc': no node feeds it. Connect it to the input, or remove it."),
     ("an output of weights", edges(("input", "lif"), ("lif", "fc"), ("fc", "output")), "model 'model.nir', node 'lif': its parameters do not fit its input ((12,) against (10,)). Give one number per neuron."),
     ("neurons that do not fit", put("node/nodes/fc/weight", np.ones((11, 10))), "model 'model.nir', node 'lif': its input has another size (11 against 12). Give it a neuron for each value."),
     ("a link out of the file", lambda f: (f.__delitem__("node/nodes/fc/weight"), f["node/nodes/fc"].__setitem__("weight", h5py.ExternalLink("/etc/passwd", "/"))), "model 'model.nir', node 'fc': 'weight' is a link, and links are not followed. Store the data itself."),

@@ -21,11 +21,11 @@ CUBA = {"tau_syn": 2.0, "tau_mem": 4.0, "r": 1.0, "w_in": 1.0, "v_leak": 0.0, "v
 LI = {"tau": 2.0, "r": 1.0, "v_leak": 0.0}
 
 
-def stated(kind, parameters, how="euler", reset="zero", weights=((1.0,), (1.0,))):
-    """Two neurons behind weights, in steps of 1 s."""
+def stated(kind, parameters, how="euler", reset="zero", weights=((1.0,), (1.0,)), constant=0.0):
+    """Two neurons behind weights and a constant, in steps of 1 s."""
     node = NirNode(kind, {name: np.array(value) for name, value in parameters.items()})
     matrix = sparse.csr_array(np.array(weights))
-    signal = Signal.of_source("x", matrix.shape[1]).through(matrix, 0.0, "n")
+    signal = Signal.of_source("x", matrix.shape[1]).through(matrix, constant, "n")
     return neurons_of(node, signal, 2, 1.0, how, reset, "n")
 
 
@@ -71,10 +71,10 @@ def test_potentials_of_a_readout_are_counted_from_rest_where_that_is_one_for_all
     assert (found.first.tolist(), found.neuron.bias.tolist()) == (above, [value / 2 for value in above])
 
 
-def test_a_readout_has_the_threshold_that_no_excitation_of_any_neuron_reaches():
-    """Half of a weight arrives and half of it is lost in every step, so that the second neuron settles at 3."""
-    found = stated("LI", LI, weights=[[1.0, -1.0], [3.0, -9.0]])
-    assert found.neuron.threshold.tolist() == [3.0 * 1.001] * 2
+def test_a_readout_has_the_threshold_that_no_input_of_any_neuron_reaches():
+    """Half of a weight arrives and half of it is lost in every step, so that the second neuron settles at -13 at least."""
+    found = stated("LI", LI, weights=[[1.0, -1.0], [3.0, -9.0]], constant=-4.0)
+    assert found.neuron.threshold.tolist() == [13.0 * 1.1] * 2
 
 
 def test_the_exact_answer_of_equal_time_constants():

@@ -217,6 +217,10 @@ def test_archives_of_a_usual_directory_pass(tmp_path):
     assert MAX_DIRECTORY_BYTES > 100_000 * 100
 
 
+def test_what_is_no_archive_passes():
+    check_directory(io.BytesIO(b"no end of an archive"))
+
+
 def test_an_archive_that_unpacks_to_far_more(tmp_path):
     with zipfile.ZipFile(tmp_path / "a.zip", "w", zipfile.ZIP_DEFLATED) as archive:
         for i in range(17):

@@ -101,6 +101,18 @@ def test_engines_and_totals(seed, tmp_path):
     check(seed, tmp_path)
 
 
+@pytest.mark.usefixtures("unchecked")
+@pytest.mark.parametrize("seed", QUICK)
+def test_a_batch_after_one_recording(seed):
+    """Machine code is kept for the kinds of arrays that one recording has; a batch must have the same."""
+    case = any_phases.case(seed)
+    one = {name: array[:1] for name, array in case.spikes.items()}
+    several = {name: np.concatenate([array] * 2) for name, array in case.spikes.items()}
+    for given in (one, several):
+        wanted = hw.simulate(case.program, given, case.steps, ENGINES[1], PROBE)
+        check_equal(hw.simulate(case.program, given, case.steps, probe=PROBE), wanted)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "seeds", [MANY[at : at + 30] for at in range(0, len(MANY), 30)], ids=lambda its: f"from {its[0]}"

@@ -16,6 +16,7 @@ import hw_model as hw
 from hw_model.engine import compiled, events
 from hw_model.streaming import location_phase, session, time_phase
 
+FIRST, CHANNEL = np.zeros((1, 2), np.int64), np.zeros(40, np.int32)
 KINDS: dict[str, Callable[[np.ndarray], object]] = {
     "bytes": lambda rows: rows,
     "booleans": lambda rows: rows.astype(bool),
@@ -83,9 +84,6 @@ def test_recordings_of_every_kind_reach_compiled_code_as_one(watched, kind):
     assert {function.__name__ for function in watched.given} == {"list_into", "_transpose", "weigh", "_run", "_push"}
 
 
-FIRST, CHANNEL = np.zeros((1, 2), np.int64), np.zeros(40, np.int32)
-
-
 @pytest.mark.parametrize(
     ("planted", "place"),
     [
@@ -109,3 +107,14 @@ def test_another_kind_is_found(watched, planted, place):
     first = tuple(map(numba.typeof, right))
     other = (*first[:place], numba.typeof(planted[place]), *first[place + 1 :])
     assert str(caught.value).splitlines()[0] == f"list_into is given {other} after {first}"
+
+
+def test_in_the_tests_every_entry_looks_at_what_it_is_given(monkeypatch):
+    right, wrong = (np.zeros(4, np.uint8), 4, FIRST, CHANNEL), (np.zeros(8, np.uint8)[::2], 4, FIRST, CHANNEL)
+    code = compiled.entry(events.list_into, *right)
+    assert code(np.frombuffer(bytes(4), np.uint8), *right[1:]) == code(*right)  # read-only: it lies in memory as others
+    with pytest.raises(TypeError) as caught:
+        code(*wrong)
+    assert str(caught.value) == "list_into: made for array(uint8, 1d, C), given array(uint8, 1d, A)"
+    monkeypatch.delenv(compiled.CHECK_KINDS)
+    compiled.entry(events.list_into, *right)(*wrong)

@@ -146,7 +146,7 @@ def test_loops_of_a_package_are_compiled_beside_others(tmp_path, code, cores, sa
     (tmp_path / "other").mkdir()
     for name, text in files.items():
         (tmp_path / f"{name}.py").write_text(text)
-    start = f"import os; os.cpu_count = lambda: {cores}; import runpy; runpy.run_path('asks.py')"
+    start = f"import os; os.sched_getaffinity = lambda _: range({cores}); import runpy; runpy.run_path('asks.py')"
     environment = os.environ | {"PYTHONPATH": str(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
 
     def asked():

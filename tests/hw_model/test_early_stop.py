@@ -186,12 +186,14 @@ def test_a_shorter_recording_is_followed_by_silence():
         (lambda p, x: hw.stop_when_proven(replace(p, readout=None), x), "program 'program': has no readout, so nothing wins. Read the spikes."),
         (lambda p, x: hw.stop_when_proven(p, x[:0]), "spikes: there is no recording, or it has no steps. Give some."),
         (lambda p, x: hw.stop_at_margin(p, x[:, :0], 2.0), "spikes: there is no recording, or it has no steps. Give some."),
+        (lambda p, x: hw.stop_at_margin(p, x, 0), "margin: it must be above 0 (got 0). Use that of calibrate_margin."),
+        (lambda p, x: hw.stop_at_margin(p, x, float("nan")), "margin: it must be above 0 (got nan). Use that of calibrate_margin."),
         (lambda p, x: hw.stop_in_silence(p, x, 0), "silence: it is not a number of steps (got 0). Give 1 or more."),
         (lambda p, x: hw.calibrate_margin(p, x, 1.5), "agreement: it must be a share (1.5 against 0 to 1). Correct it."),
         (lambda p, x: hw.calibrate_margin(p, x, float("nan")), "agreement: it must be a share (nan against 0 to 1). Correct it."),
         (lambda p, x: hw.timestep_scores(p, x, -2.0), "psi: it is not a valid rate (got -2.0). Give 0 or more, such as 10."),
     ],
-    ids=["no readout", "no recordings", "no steps", "silence", "agreement", "not a number", "psi"],
+    ids=["no readout", "no recordings", "no steps", "no margin", "margin that is no number", "silence", "agreement", "not a number", "psi"],
 )  # fmt: skip
 def test_messages(use, line):
     program, recordings = batch_for(4)

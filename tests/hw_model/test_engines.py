@@ -11,7 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import hw_model as hw
+from hw_model.accounting.activity import count_totals
 from hw_model.arithmetic.fixed_point import weight_grid
+from hw_model.description.counts import COUNTED
+from hw_model.engine.playing import Player, list_events, play
+from hw_model.engine.trace import PhaseTrace
 from hw_model.simulation import ENGINES
 
 CHIP = hw.chip("loihi-sim")
@@ -295,6 +299,20 @@ def test_synaptic_ops_are_spikes_times_fan_out():
         late += int((sent[k["source"]][rows, sources].astype(bool) & (arrives >= steps)).sum())
     assert result.counts.synaptic_ops == ops
     assert result.counts.synaptic_ops_after_end == late
+
+
+@pytest.mark.parametrize("sent", [(1 << 30) + 1, (1 << 52) + 1, (1 << 58) + 1], ids=["few", "more than floats", "most"])
+def test_no_number_of_spikes_is_counted_inexactly(sent):
+    builder = hw.ProgramBuilder(CHIP)
+    x, y = builder.add_input("x", 1), builder.add_compartments("y", 7, threshold=1)
+    builder.connect(x, y, 2 * np.ones((7, 1), dtype=np.int64))
+    program = builder.build()
+    (phase,) = program.phases
+    lists = {"x": list_events("x", np.zeros((2, 1, 1), dtype=np.uint8))}
+    played = play(program, phase, lists, None, Player())._replace(steps=sent)
+    trace = PhaseTrace.empty(played._replace(steps=1), 7, 1, {})
+    trace.sent[1] = [sent, 1, 2, 3, 4, 5, 6, 7]
+    assert count_totals(program, phase.name, played, trace)[:, COUNTED.index("synaptic_ops")].tolist() == [0, 7 * sent]
 
 
 def test_a_batch_equals_its_recordings_one_by_one():

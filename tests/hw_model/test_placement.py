@@ -216,16 +216,26 @@ def test_formats_of_two_populations_add_up():
     assert cores == [[("first", 3), ("second", 3)], [("third", 3)]]
 
 
-def test_synapses_of_one_format_share_a_list():
+@pytest.mark.parametrize(
+    ("first", "second", "words"), [([2, 0], [0, 2], 1), ([2, 2], [2, 2], 2)], ids=["one each", "both"]
+)
+def test_synapses_of_one_format_share_a_list(first, second, words):
     """Of two projections from one line, which reach a target each: 10 + 2 * 19 bits are one word, dense lists two."""
-    words = {}
-    for name, (first, second) in {"one each": ([2, 0], [0, 2]), "both": ([2, 2], [2, 2])}.items():
-        builder = hw.ProgramBuilder(CHIP)
+
+    def cores(synapse_words):
+        limits = replace(CHIP.limits, synapse_words_per_core=synapse_words)
+        builder = hw.ProgramBuilder(replace(CHIP, limits=limits))
         x, n = builder.add_input("x", 1), builder.add_compartments("n", 2, threshold=1)
         for weights in (first, second):
             builder.connect(x, n, np.array(weights)[:, None])
-        words[name] = builder.build().cores[0].axons.synapse_words
-    assert words == {"one each": 1, "both": 2}
+        return builder.build().cores
+
+    assert [core.axons.synapse_words for core in cores(1000)] == [words]
+    # They are placed by the same count: what is just enough is, and a word less is not.
+    assert len(cores(words)) == 1
+    if words > 1:
+        with pytest.raises(hw.TargetError, match="synapse memory words"):
+            cores(words - 1)
 
 
 @pytest.mark.parametrize(

@@ -86,6 +86,7 @@ def test_only_what_a_profile_must_say_is_asked_for(tmp_path):
         ({"voltage_v": "low"}, "mine.yaml: voltage_v: it must be a number from 0 to 1099511627776 (got 'low'). Correct it."),
         ({"energy_pj": {}}, "mine.yaml: energy_pj: it prices nothing, so everything would take 0 pJ. Price a count."),
         ({"energy_pj": {"spike": 1}}, "mine.yaml: energy_pj: 'spike' is not counted. Did you mean 'spikes'?"),
+        ({"energy_pj": {"skipped_steps": 1}}, "mine.yaml: energy_pj: 'skipped_steps' depends on the engine, not on the chip. Leave it out."),
         ({"energy_pj": {"spikes": -1}}, "mine.yaml: energy_pj.spikes: it must be a number from 0 to 1099511627776 (got -1). Correct it."),
         ({"energy_pj": {"spikes": float("nan")}}, "mine.yaml: energy_pj.spikes: it must be a number from 0 to 1099511627776 (got nan). Correct it."),
         ({"time_ns": {"hop_x": 1}}, "mine.yaml: time_ns: 'hop_x' is not counted. Did you mean 'hops_x'?"),
@@ -115,6 +116,10 @@ def test_only_what_a_profile_must_say_is_asked_for(tmp_path):
             {"not_included": [{"what": "x", "bound_pj": {"spike": 1}}]},
             "mine.yaml: not_included: 'spike' is not counted. Did you mean 'spikes'?",
         ),
+        (
+            {"not_included": [{"what": "x", "bound_pj": {"skipped_steps": 1}}]},
+            "mine.yaml: not_included: 'skipped_steps' depends on the engine, not on the chip. Leave it out.",
+        ),
         ({"barrier_ns": {"one_tile": 1}}, "mine.yaml: barrier_ns: the key 'all_tiles' is missing. Add it."),
         (
             {"barrier_ns": {"one_tile": 2.5, "all_tiles": 1}},
@@ -130,9 +135,9 @@ def test_only_what_a_profile_must_say_is_asked_for(tmp_path):
         ),
     ],
     ids=[
-        "missing", "unknown", "voltage", "no price", "not counted", "negative", "not a number", "not timed", "range above",
+        "missing", "unknown", "voltage", "no price", "not counted", "of an engine", "negative", "not a number", "not timed", "range above",
         "range beside", "no range", "range of nothing", "source of nothing", "static without source", "static number",
-        "no list", "no text", "bound not counted", "half a barrier",
+        "no list", "no text", "bound not counted", "bound of an engine", "half a barrier",
         "barrier of one tile", "hops twice", "hops twice for nothing",
     ],
 )  # fmt: skip

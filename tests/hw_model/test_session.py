@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hybrids import CHIP, assembled, in_phase, random_hybrid
+from hybrids import CHIP, assembled, in_phase, random_branch, random_hybrid
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sessions import SEEDS, TOGETHER, check_every_step, live_program
 
 import hw_model as hw
-from hw_model.mapping.graph import Readout
+from hw_model.mapping.graph import Readout, decided
 from hw_model.streaming.session import StepScores
 from tests.real_recordings import REAL, on_real_recordings
 
@@ -158,6 +158,15 @@ def test_populations_that_give_potentials_have_a_first_step(given, steps):
     assert Readout(("a", "b"), (1.0, 1.0), given).from_step == steps
 
 
+@pytest.mark.parametrize(
+    ("scores", "wanted"),
+    [([1.0, 3.0, 3.0], 1), ([2.0, 2.0, 2.0], -1), ([2.0], 0), ([0.0], -1), ([[0.0, 0.0], [0.0, 1.0]], [-1, 1])],
+    ids=["first of equals", "all tie", "an only class", "an only class that is silent", "a row each"],
+)
+def test_classes_that_are_decided(scores, wanted):
+    assert decided(np.array(scores)).tolist() == wanted
+
+
 def test_a_readout_of_one_branch():
     program, recording = random_hybrid(6)
     for name in ("time/y", "location/y"):
@@ -172,6 +181,16 @@ def test_streams_by_name():
     found = hw.Session(named).push({"time": recording, "location": other})
     assert np.array_equal(found.spikes["time/y"], hw.Session(program).push(recording).spikes["time/y"])
     assert np.array_equal(found.spikes["location/y"], hw.Session(program).push(other).spikes["location/y"])
+
+
+def _location_only() -> hw.ChipProgram:
+    branch = random_branch(np.random.default_rng(0), "location", 8, 2, CHIP)
+    return assembled(CHIP, Readout(("location/y",), (1.0,)), in_phase(branch, "location", 8))
+
+
+def _time_only() -> hw.ChipProgram:
+    branch = random_branch(np.random.default_rng(0), "time", 8, 2, CHIP)
+    return assembled(CHIP, Readout(("time/y",), (1.0,)), replace(in_phase(branch, "time", 8)))
 
 
 def _mixed() -> hw.ChipProgram:
@@ -189,6 +208,8 @@ def _mixed() -> hw.ChipProgram:
         (lambda p, _: hw.Session(replace(p, readout=None)), "program 'program': has no readout, so it predicts nothing. Add a readout."),
         (lambda p, _: hw.Session(_mixed()), "phase 'location': mixes transposed inputs with inputs that are played as they come, so it cannot run as they arrive. Use simulate."),
         (lambda p, _: hw.Session(live_program(), 10.0), "psi: the program does not say how long a recording is. Fix the steps of its phase."),
+        (lambda p, _: hw.Session(_location_only(), 10.0), "psi: the program has no time phase to weigh against another. Leave it out."),
+        (lambda p, _: hw.Session(_time_only(), 10.0), "psi: the program has no location phase to weigh against another. Leave it out."),
         (lambda p, _: hw.Session(p, -1.0), "psi: it is not a valid rate (got -1.0). Give 0 or more, such as 10."),
         (lambda p, _: hw.Session(p, float("nan")), "psi: it is not a valid rate (got nan). Give 0 or more, such as 10."),
         (lambda p, x: hw.Session(p).push(x[None]), "spikes: a session plays one recording. Give rows, (rows, channels)."),
@@ -197,7 +218,7 @@ def _mixed() -> hw.ChipProgram:
         (lambda p, x: hw.Session(p).push({"other": x}), "spikes: its streams are not the program's inputs (touch). Give a mapping with one array for each."),
         (lambda p, x: hw.Session(p).spikes("time/y"), "population 'time/y': is in no transposed phase. Read its counts from push."),
     ],
-    ids=["no readout", "mixed phase", "no length", "negative", "not a number", "batch", "channels", "values", "stream", "live population"],
+    ids=["no readout", "mixed phase", "no length", "no time phase", "no location phase", "negative", "not a number", "batch", "channels", "values", "stream", "live population"],
 )  # fmt: skip
 def test_messages(use, line):
     program, recording = random_hybrid(4)

@@ -55,6 +55,7 @@ def test_no_rows():
     check_every_step(program, recording, session.push(recording))
 
 
+@pytest.mark.usefixtures("unchecked")  # the check takes memory of its own
 def test_a_live_program_over_many_rows():
     """A recording of any length, rows by thousands or one by one, in memory that does not grow."""
     program = live_program()

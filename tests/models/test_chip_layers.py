@@ -9,12 +9,14 @@ import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from small_checkpoint import DESCRIPTION
 
 import hw_model as hw
 from hw_model.arithmetic.fixed_point import WEIGHT_BITS, weight_grid
 from locsnn_compile.models.chip_entry import ChipNumbers, ChipPopulation, RegisterWidths
 from locsnn_compile.models.chip_layers import ChipLayer
 from locsnn_compile.models.description import NeuronParameters
+from locsnn_compile.models.networks import build_network
 from locsnn_compile.settings import TRAINABLE
 
 CHIP = hw.chip("loihi-sim")
@@ -249,8 +251,24 @@ def test_gradient_is_the_surrogate_through_the_filters(strategy: str) -> None:
 
 
 def test_weights_beyond_the_range_are_held_at_it() -> None:
-    layer = layer_of(NUMBERS, "dendrite", np.array([[100.0, -100.0, 0.5]]))
-    layer.hold()
+    populations = dict.fromkeys(DESCRIPTION.weight_shapes, NUMBERS.population())
+    network = build_network(DESCRIPTION, chip=ChipNumbers("loihi-sim", "dendrite", USUAL, populations))
     largest = np.float32(255 * NUMBERS.unit)
-    assert layer.weight.detach().numpy().tolist() == [[largest, -largest, 0.5]]
-    assert layer.mantissas().tolist() == [[255, -255, 40]]
+    for name in populations:
+        weight = network.weight(name).detach()
+        weight[0, :3] = torch.tensor([100.0, -100.0, 0.5])
+        network.hold()
+        assert weight[0, :3].tolist() == [largest, -largest, 0.5]
+        assert network.mantissas()[name][0, :3].tolist() == [255, -255, 40]
+
+
+def test_biases_of_windows_may_leave_the_range_that_weights_are_held_in() -> None:
+    description = replace(DESCRIPTION, architecture="window-snn", neuron=None)
+    populations = dict.fromkeys(description.window_names, NUMBERS.population())
+    network = build_network(description, chip=ChipNumbers("loihi-sim", "dendrite", USUAL, populations))
+    for name in populations:
+        network.weight(name).detach()[:] = 100.0
+    network.hold()
+    output, bias = (network.weight(name).detach() for name in populations)
+    assert output.unique().tolist() == [np.float32(255 * NUMBERS.unit)]
+    assert bias.unique().tolist() == [100.0]

@@ -131,6 +131,51 @@ def test_what_makes_them_less_comparable(builds: tuple[Build, Build]) -> None:
     assert (report.verdicts[1].status, report.verdicts[1].answer) == ("unknown", "Not comparable")
 
 
+NOT_KNOWN = Notice(
+    "Whether the models are equal is not known.",
+    "A network that was made in Python has no file to tell by. What changed may come from the model.",
+)
+CHIPS = Notice("The chips differ.", "What changed may come from what their cores and registers hold.")
+PROFILES = Notice("Their energy profiles differ.", "Their energies and times cannot be compared.")
+RECORDINGS = Notice(
+    "They were checked on different recordings.",
+    "20 recordings of touches.npz and 20 recordings of touches.npz: figures per recording cannot be compared.",
+)
+
+
+@pytest.mark.parametrize(
+    ("change", "notice", "answer"),
+    [
+        ({"model": {"sha256": ""}}, NOT_KNOWN, "Yes, 25.0 % less"),
+        ({"target": "mine"}, CHIPS, "Yes, 25.0 % less"),
+        ({"resources": {"limits": {"compartments": {"limit": 7}}}}, CHIPS, "Yes, 25.0 % less"),
+        ({"energy": {"profiles": {"davies2018": {"voltage_v": 0.5}}}}, PROFILES, "Not comparable"),
+        ({"operations": {"by_branch": {"time": {"input_events": 9.0}}}}, RECORDINGS, "Not comparable"),
+    ],
+    ids=["made in Python", "another target", "another core", "another profile of one name", "another array"],
+)
+def test_what_is_of_one_name_may_differ(
+    builds: tuple[Build, Build], change: dict[str, Any], notice: Notice, answer: str
+) -> None:
+    def merge(into: dict[str, Any], given: dict[str, Any]) -> None:
+        for key, value in given.items():
+            if isinstance(value, dict):
+                merge(into.setdefault(key, {}), value)
+            else:
+                into[key] = value
+
+    limits = {"limits": {"compartments": {"used": 5, "limit": 8}}}
+    first = {"resources": limits, "operations": {"by_branch": {"time": {"input_events": 8.0}}}}
+    for build in builds:
+        merge(build.report, {"energy": {"profiles": {"davies2018": {"voltage_v": 0.75}}}} | copy.deepcopy(first))
+    builds[1].report["resources"]["limits"]["compartments"]["used"] = 3
+    merge(builds[1].report, change)
+    fresh = tuple(Build(build.name, build.report, build.program) for build in builds)
+    report = comparison(*fresh)
+    assert report.notices == (notice,)
+    assert report.verdicts[1].answer == answer
+
+
 @pytest.mark.parametrize("change", [{"events_source": "others.npz"}, {"samples": 3}], ids=["others", "fewer"])
 def test_costs_of_different_recordings_are_not_comparable(builds: tuple[Build, Build], change: dict[str, Any]) -> None:
     builds[1].report["match"] |= change
@@ -169,7 +214,9 @@ def test_figures_of_a_program() -> None:
     line = builder.add_input("line", 2)
     cell = builder.add_compartments("cell", 2, decay_u=[4096, 2048], decay_v=128, threshold=15, bias=64, refractory=2)
     builder.connect(line, cell, [[20, -2], [0, 4]], delay=3)
-    assert program_figures(builder.build()) == {
+    found = program_figures(builder.build())
+    assert found.pop("registers")["voltage_bits"] == 23
+    assert found == {
         "cores": 1,
         "groups": {
             "cell": {

@@ -12,6 +12,7 @@ import nir
 import numpy as np
 import pytest
 
+import hw_model as hw
 import locsnn_compile as lc
 from locsnn_compile.cli.compile import main
 from locsnn_compile.data.recordings import Binned, Origin, Recordings
@@ -63,7 +64,9 @@ def network(tmp_path: Path) -> Network:
     return replace(lc.load(saved(tmp_path / "m.pt")), assumptions=("The file left this open.",))
 
 
+REGISTERS = hw.chip("loihi-sim").registers
 GIVEN = played()
+RAISED = np.random.default_rng(2).integers(0, 2, size=(2, 250, 78), dtype=np.uint8)
 OTHERS = played()
 
 
@@ -100,7 +103,7 @@ OTHERS = played()
 def test_every_assumption_stands_and_no_other(
     network: Network, recordings: Recordings, calibration: Recordings, step: float | None, wanted: tuple[str, ...]
 ) -> None:
-    found = grounds_of(replace(network, step_seconds=step), recordings, calibration)
+    found = grounds_of(replace(network, step_seconds=step), recordings, calibration, REGISTERS)
     assert found.assumptions == ("The file left this open.", *wanted)
 
 
@@ -119,7 +122,25 @@ def test_weights_that_round_alike_for_any_recordings_are_not_called_calibrated(t
         for given in (None, played(steps=40))
     ]
     assert programs[0] == programs[1]
-    assert grounds_of(network, GIVEN, played("made up")).assumptions == ()
+    assert grounds_of(network, GIVEN, played("made up"), REGISTERS).assumptions == ()
+
+
+@pytest.mark.parametrize("joined", [False, True], ids=["by itself", "in a committee"])
+def test_registers_other_than_those_of_the_training_are_named(joined: bool, tmp_path: Path) -> None:
+    shipped = Path(__file__).parents[2] / "examples/models"
+    network = lc.load(shipped / "objects-hybrid-loihi.pt")
+    given = [network, network] if joined else network
+    chip = hw.chip("loihi-sim")
+    narrow = replace(chip, name="narrow", registers=replace(chip.registers, voltage_bits=20))
+    said = (
+        "The network was trained in the integers of loihi-sim, whose registers of charge, current and voltage have 21, 23 "
+        "and 23 bits. Those of this chip have 21, 23 and 20: what is called as trained wraps and clips like them, not as "
+        "in the training."
+    )
+    for target, wanted in ((narrow, [said]), (chip, [])):
+        report = lc.compile(given, target, events=RAISED, diagnosis=False).report
+        assert [one for one in report["assumptions"] if "integers" in one] == wanted
+    assert lc.load(shipped / "objects-hybrid.pt").trained_on == {}
 
 
 def in_seconds(value: object, key: str = "") -> dict[str, object]:

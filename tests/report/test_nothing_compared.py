@@ -186,7 +186,7 @@ def test_the_json_output_has_the_gates(tmp_path: Path, capsys: pytest.CaptureFix
     ("option", "bound", "asked"),
     [
         ("--max-energy-nj", "inf", "a finite number"),
-        ("--min-agreement", "inf", "a number from 0 up"),
+        ("--min-agreement", "inf", "a number from 0 to 1"),
         ("--max-energy-nj", "nan", "a finite number"),
     ],
 )

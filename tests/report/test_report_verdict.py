@@ -125,6 +125,8 @@ def test_a_network_in_its_own_integers_is_as_trained(document: dict[str, Any]) -
         pytest.param((128, 128), "yes", "cores, 128 of 128 (100 %)", id="full"),
         pytest.param((192, 128), "no", "cores, 192 of 128 (150.0 %)", id="over"),
         pytest.param((0, 0), "yes", "synapse formats of a core, 3 of 16 (18.8 %)", id="limit-of-nothing"),
+        pytest.param((1, 1), "yes", "synapse formats of a core, 3 of 16 (18.8 %)", id="what-it-can-do"),
+        pytest.param((1, 0), "no", "cores, 1 of 0 (100 %)", id="what-it-cannot-do"),
     ],
 )
 def test_fit(document: dict[str, Any], cores: tuple[int, int], status: str, fullest: str) -> None:
@@ -201,6 +203,25 @@ def test_the_energy_is_called_dynamic(document: dict[str, Any]) -> None:
         verdict.sentence == "In the model, a recording takes 100 nJ of dynamic energy (profile davies2018) and 1.40 ms."
     )
     assert verdict.figure_label == "dynamic energy per recording, profile davies2018"
+
+
+def test_no_time_is_claimed_where_no_operation_has_one(document: dict[str, Any]) -> None:
+    document["latency"]["timed"] = False
+    verdict = costs(document)
+    said = "In the model, a recording takes 100 nJ of dynamic energy (profile davies2018) and an unknown time."
+    assert verdict.sentence == said
+    latency = next(fact.value for fact in verdict.facts if fact.label == "latency")
+    assert latency == "not known, as no operation has a time (profile davies2018)"
+    sections = {section.key: section for section in compose(document).sections}
+    its = sections["latency"]
+    assert its.lead == (
+        "Not known, as profile davies2018 has no times of operations: only barriers and the buffer are timed."
+    )
+    assert [block.caption for block in its.blocks if isinstance(block, Table)] == [
+        "Packets on the links of the mesh, mean per recording"
+    ]
+    assert len(its.blocks) == 1
+    assert "Time of a step" not in str(sections["over-time"])
 
 
 @pytest.mark.parametrize(

@@ -74,7 +74,7 @@ def test_cases_have_names_of_their_own():
         ("potentials at the threshold", "peak of a kernel of 1", "dendrite", "limited", "4 potentials exactly at the"),
         ("refractory counts", "count 63", "native", "ok", ""),
         ("refractory counts", "count 64", "native", "refused", "(64 against 1..63)"),
-        ("biases", "1e-09 thresholds", "native", "limited", "4 of 4 biases round to 0"),
+        ("biases", "bias 1e-09 thresholds", "native", "limited", "4 of 4 biases round to 0"),
         ("delays", "delay 62", "dendrite", "ok", ""),
         ("delays", "delay 63", "dendrite", "refused", "(63 against 0..62 steps; 6 of 6 delays outside)"),
         ("a million steps", "leak of 10 steps", "native", "ok", ""),
@@ -127,6 +127,15 @@ def test_json_has_every_figure(few, capsys):
     assert 0 < ok["measured"]["error_thresholds"] <= ok["measured"]["bound_thresholds"]
     assert refused["measured"] is None
     assert refused["causes"][0].startswith("synapses 'touch' -> 'n': a delay is out of range")
+
+
+def test_weights_are_as_wide_as_the_chip_holds(few, tmp_path, capsys):
+    """A chip of 4 bits refused every case of 8, so that nothing was put under stress."""
+    narrow = tmp_path / "narrow.yaml"
+    narrow.write_text(CHIP.document.replace("  delay_max:", "  weight_bits_max: 4\n  delay_max:"))
+    assert main(["stress", "--json", "--quick", "--target", str(narrow)]) == 0
+    found = json.loads(capsys.readouterr().out)["rows"]
+    assert [(row["verdict"], row["weight_bits"]) for row in found] == [("limited", 4), ("ok", 4), ("refused", 4)]
 
 
 def test_a_defect_is_exit_code_3(few, monkeypatch, capsys):

@@ -15,7 +15,7 @@ from locsnn_compile.models.description import InputLayout, NetworkDescription
 from locsnn_compile.models.networks import build_network
 from locsnn_compile.training.config import TrainingConfig
 from locsnn_compile.training.export import carried_rows
-from locsnn_compile.training.measure import chance_remarks, data_remarks, result_remarks
+from locsnn_compile.training.measure import Loss, chance_remarks, confusion, data_remarks, evaluate, result_remarks
 
 Capture = pytest.CaptureFixture[str]
 
@@ -150,6 +150,9 @@ def test_networks_without_weights_are_silent(name: str, words: str) -> None:
     assert result_remarks(network, recordings) == [
         f"{words} in any of the 5 recordings it was trained on: every prediction is a tie. Give more --epochs, or a larger --learning-rate."
     ]
+    # Two recordings are of the first class, which ties would go to.
+    assert evaluate(network, Loss(TrainingConfig(), 3), recordings.spikes, labels)[1] == 0.0
+    assert not confusion(network, recordings).any()
 
 
 @pytest.mark.parametrize(

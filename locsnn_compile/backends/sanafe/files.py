@@ -74,6 +74,7 @@ def _expected(
     lines = network.input_spikes()
     return {
         "phase": phase,
+        "first_step": played.runs[phase].start,
         "steps": played.steps(phase),
         "neurons": "replayed" if why_replayed else "simulated",
         "because": why_replayed,

@@ -89,9 +89,10 @@ class PhaseNetwork:
                 yield f"        - {start}..{stop - 1}: {settings[start]}"
 
     def _played_back(self, group: str) -> list[str]:
-        steps, n = self._played.steps(self._phase), self._program.populations[group]
-        spikes = self._played.result.spikes.get(group, np.zeros((steps, n), dtype=np.uint8))
-        return [_spike_list(column) for column in spikes.T]
+        if group not in self._played.result.spikes:
+            silent = np.zeros(self._played.steps(self._phase), dtype=np.uint8)
+            return [_spike_list(silent)] * self._program.populations[group]
+        return [_spike_list(column) for column in self._played.recorded(self._phase, "spikes", group).T]
 
     def _settings(self, group: str) -> list[str]:
         """Return the attributes of every neuron of a group, in order."""

@@ -60,7 +60,8 @@ def vectors_files(played: Played) -> dict[str, bytes]:
         "arithmetic": _arithmetic(program.chip),
         "layouts": layouts,
         "phases": [
-            {"name": phase.name, "axis": phase.axis, "steps": played.steps(phase.name)} for phase in played.phases
+            {"name": name, "axis": axis, "first_step": played.runs[name].start, "steps": played.steps(name)}
+            for name, axis in ((phase.name, phase.axis) for phase in played.phases)
         ],
         "cores": cores,
     }

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hw_model.io.files import parsing, read_bytes
-from hw_model.values import AnyArray, FloatArray
+from hw_model.values import AnyArray, FloatArray, sealed
 from locsnn_compile.errors import InputError, check_most, check_same
 
 if TYPE_CHECKING:
@@ -109,8 +109,7 @@ class Group:
         else:
             check_most(int(values.max(initial=0)), 2**62, self.where, f"{name!r} is too large", fix=_WHOLE)
             values = values.astype(np.int64)
-        values.setflags(write=False)
-        return values
+        return sealed(values)
 
     def rows(self, name: str) -> list[FloatArray]:
         """Return a dataset whose rows of numbers differ in length."""

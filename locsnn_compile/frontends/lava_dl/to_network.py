@@ -99,11 +99,9 @@ def _add(built: _Built, layer: NetLayer) -> None:
     elif kind in ("dense", "dense_rec", "conv", "pool"):
         _add_weights(built, layer)
     elif kind in _REFUSED:
-        what = f"{kind!r} is a type of layer that the chip cannot run"
-        raise InputError(layer.where, what, fix=_REFUSED[kind])
+        raise InputError(layer.where, f"{kind!r} is a type of layer that the chip cannot run", fix=_REFUSED[kind])
     else:
-        what = f"{kind[:40]!r} is not a known type of layer"
-        raise InputError(layer.where, what, fix="Use dense and conv layers.")
+        raise InputError(layer.where, f"{kind[:40]!r} is not a known type of layer", fix="Use dense and conv layers.")
 
 
 def _add_weights(built: _Built, layer: NetLayer) -> None:
@@ -183,9 +181,8 @@ def _image_before(layer: NetLayer, kernel: Shape, shape: Shape) -> Shape:
     stride, padding, dilation = _strides(layer)
     if layer.kind != "conv" or len(kernel) < 4 or len(shape) != 3 or set(stride) != {1}:
         raise InputError(layer.where, "the shape of its input is not known", fix="Export the input layer as well.")
-    rows, columns = (
-        n - 1 + d * (k - 1) + 1 - 2 * p for n, d, k, p in zip(shape[1:], dilation, kernel[2:4], padding, strict=True)
-    )
+    axes = zip(shape[1:], dilation, kernel[2:4], padding, strict=True)
+    rows, columns = (n + d * (k - 1) - 2 * p for n, d, k, p in axes)
     if min(rows, columns) < 1:
         raise layer.fault("its padding is wider than its input", f"{padding}")
     return (kernel[1] * layer.one("groups", 1), rows, columns)
@@ -222,8 +219,7 @@ def _delay(layer: NetLayer, mantissa: Matrix) -> int | IntArray:
     if layer.kind == "conv" and delay.size == channels and rows % channels == 0:
         delay = np.repeat(delay, rows // channels)
     if delay.size not in (rows, columns):
-        measured = f"{delay.size} against {rows} outputs or {columns} inputs"
-        raise layer.fault("the delays have the wrong size", measured)
+        raise layer.fault("the delays have the wrong size", f"{delay.size} against {rows} outputs or {columns} inputs")
     each = of_target(mantissa, delay) if delay.size == rows else of_source(mantissa, delay)
     return sealed(np.broadcast_to(each, values_of(mantissa).shape).astype(np.int64))
 

@@ -121,6 +121,8 @@ def _shapes(
         given = next((shapes[source] for source in sources[name] if source in shapes), None)
         node, place = nodes[name], f"{where}, node {name!r}"
         if node.kind in WITH_WEIGHTS:
+            if not sources[name]:
+                raise InputError(place, "no node feeds it", fix="Connect it to the input, or remove it.")
             layer = layer_of(node, given, place)
             layers |= {} if layer is None else {name: layer}
             shape = None if layer is None else layer.shape
@@ -218,7 +220,7 @@ def _dense(node: NirNode, where: str) -> Layer:
 
 def _image(node: NirNode, given: Shape, where: str) -> Shape:
     """Return the input shape (channels, *spatial) of a convolution: its own, or the one it is given."""
-    weight, axes = node.array("weight"), _axes(node)
+    weight, axes = node.array("weight"), 1 if node.kind == "Conv1d" else 2
     if weight.ndim != axes + 2:
         raise InputError(where, "its weight has the wrong axes", measured=f"{weight.shape}", fix="Give (out, in, ...).")
     if "input_shape" in node.parameters:
@@ -247,10 +249,6 @@ def _pooled(node: NirNode, given: Shape, where: str) -> Layer:
     each = 1.0 / math.prod(kernel) if node.kind == "AvgPool2d" else 1.0
     weights, shape = pooling(np.broadcast_to(each, kernel), image, _window(node, kernel, where), where=where)
     return Layer(weights, 0.0, shape)
-
-
-def _axes(node: NirNode) -> int:
-    return 1 if node.kind == "Conv1d" else 2
 
 
 def _unbatched(given: Shape, axes: int) -> Shape:

@@ -67,9 +67,8 @@ def read_nir(path: Path, where: str) -> tuple[NirGraph, bytes]:
         top = root.group("node")
         kind = top.text("type")
         if kind != "NIRGraph":
-            raise InputError(
-                where, "it contains one node, not a graph", measured=kind[:60], fix="Wrap it in a NIRGraph."
-            )
+            what = "it contains one node, not a graph"
+            raise InputError(where, what, measured=kind[:60], fix="Wrap it in a NIRGraph.")
         return _read_graph(top, where, 0, [0]), data
 
 
@@ -114,6 +113,5 @@ def _read_node(group: Group, where: str, depth: int, seen: list[int]) -> NirNode
     held: dict[str, Array | str] = {}
     for name in PARAMETERS[kind]:
         if name not in left_out:
-            words = name == "padding"
-            held[name] = group.value(name) if words else group.array(name, infinite=name in UNBOUNDED)
+            held[name] = group.value(name) if name == "padding" else group.array(name, infinite=name in UNBOUNDED)
     return NirNode(kind, held)

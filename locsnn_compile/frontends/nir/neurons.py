@@ -38,13 +38,13 @@ from locsnn_compile.frontends.nir.flat import READOUTS, FlatGraph
 from locsnn_compile.frontends.nir.graph import NirNode
 from locsnn_compile.frontends.nir.signals import Signal
 from locsnn_compile.network.neurons import Cuba, SoftCuba
-from locsnn_compile.network.projections import matrix
+from locsnn_compile.network.projections import matrix, row_sums
 
 Discretisation = Literal["euler", "exact", "hold"]
 Reset = Literal["zero", "subtract", "late-zero", "late-subtract"]
 
-_UNREACHED = 1.001
-"""The threshold of a neuron that never spikes, as a multiple of the potential that its inputs can reach."""
+_UNREACHED = 1.1
+"""The threshold of a neuron that never spikes, as a multiple of what its inputs can reach, rounded weights or not."""
 DT_SECONDS = 1e-4
 """The conventional step: NIR files do not contain one."""
 _IN_SECONDS = ("IF", "LIF", "CubaLIF", "LI", "CubaLI", "Delay")
@@ -93,9 +93,7 @@ def neurons_of(
     scaled = Signal(signal.scaled(stepping.spike).terms, constant)
     if node.kind in READOUTS:
         return _read_out(scaled, stepping, leak, where)
-    if node.kind == "Threshold":
-        reset = "zero"
-    limit = values["threshold" if node.kind == "Threshold" else "v_threshold"]
+    reset, limit = ("zero", values["threshold"]) if node.kind == "Threshold" else (reset, values["v_threshold"])
     soft = reset in ("subtract", "late-subtract")
     zero = leak if soft else floor
     _check_threshold(limit, zero, "v_leak, where it starts" if soft else "the reset", where)
@@ -166,9 +164,7 @@ def _current_based(p: dict[str, FloatArray], dt: float, how: Discretisation, whe
     u, v = (_lost(tau, dt, how, name, where) for tau, name in ((tau_syn, "tau_syn"), (tau_mem, "tau_mem")))
     weight = p.get("w_in", np.ones_like(u))
     settled = _gain(p["r"], v, where) * weight
-    spike = settled * u
-    if how == "exact":
-        spike = p["r"] * weight * dt * _alpha(tau_syn, tau_mem, dt)
+    spike = p["r"] * weight * dt * _alpha(tau_syn, tau_mem, dt) if how == "exact" else settled * u
     return Stepping(u, v, spike, settled)
 
 
@@ -204,12 +200,8 @@ _STEPPING: dict[str, Callable[[dict[str, FloatArray], float, Discretisation, str
 
 
 def _unreached(signal: Signal, bias: FloatArray, stepping: Stepping) -> FloatArray:
-    """Return thresholds that no input reaches, even with all excitation in every step, and the bias."""
-    most = np.zeros(len(bias))
-    for term in signal.terms:
-        positive = matrix(term.weights, np.float64)
-        most += np.asarray(positive.maximum(0).sum(axis=1)).reshape(-1)
-    most += np.maximum(signal.constant, 0)
+    """Return thresholds that no input reaches, up or down, even with all of one sign in every step, and the bias."""
+    most = np.abs(signal.constant) + np.sum([row_sums(matrix(t.weights, np.float64)) for t in signal.terms], axis=0)
     # The start at rest adds to this for some steps.
     reached = most / (stepping.decay_u * stepping.decay_v) + 2 * np.abs(bias) / stepping.decay_v
     return np.where(reached > 0, reached, 1.0) * _UNREACHED

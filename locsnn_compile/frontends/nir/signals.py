@@ -54,11 +54,8 @@ class Signal(Frozen, eq=False):
 
     def delayed(self, steps: IntArray) -> Signal:
         """Return it with each value delayed by its own number of steps, (n,)."""
-        terms = []
-        for term in self.terms:
-            for delay in np.unique(steps).tolist():
-                kept = sparse.diags_array((steps == delay).astype(np.float64)) @ term.weights
-                terms.append(Term(term.source, term.delay + delay, kept))
+        rows = {late: sparse.diags_array((steps == late).astype(np.float64)) for late in np.unique(steps).tolist()}
+        terms = (Term(t.source, t.delay + late, own @ t.weights) for t in self.terms for late, own in rows.items())
         return Signal(tuple(terms), self.constant)
 
     def aligned(self, late: Mapping[str, int]) -> Signal:
@@ -97,7 +94,6 @@ def _canonical(weights: Any) -> Any:
 
 
 def compact(weights: Any) -> Matrix:
-    """Return weights as the levels hold them: dense if most connections exist, else CSR."""
-    held = _canonical(weights)
-    small = held.nnz >= DENSE * held.shape[0] * held.shape[1]
-    return matrix(held.toarray() if small else held, np.float64)
+    """Return canonical weights as the levels hold them: dense if most connections exist, else CSR."""
+    small = weights.nnz >= DENSE * weights.shape[0] * weights.shape[1]
+    return matrix(weights.toarray() if small else weights, np.float64)

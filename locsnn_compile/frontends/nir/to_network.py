@@ -13,7 +13,7 @@ from scipy import sparse
 
 from hw_model.values import FloatArray
 from locsnn_compile.data.recordings import STEP_SECONDS
-from locsnn_compile.errors import InputError, check_known, check_same
+from locsnn_compile.errors import InputError, check_known, check_same, listed
 from locsnn_compile.frontends.nir.flat import NEURONS, READOUTS, FlatGraph, flatten_graph, linear_order, targets_of
 from locsnn_compile.frontends.nir.graph import NirGraph, NirNode, read_nir
 from locsnn_compile.frontends.nir.neurons import DT_SECONDS, Discretisation, Reset, Stated, neurons_of, nir_assumptions
@@ -29,7 +29,7 @@ BIAS = "nir/bias"
 START = "nir/start"
 """The population of one neuron that spikes once, in the first step, and sets potentials to rest."""
 INPUTS = "nir/inputs"
-"""The input of a graph with several inputs: their lines one after the other, in file order."""
+"""The input of a graph with several inputs: their lines one after the other, by name, as HDF5 lists nodes."""
 
 
 def load_nir(
@@ -64,7 +64,8 @@ def load_nir(
         parts.projections.append(Projection(START, START, matrix(np.array([[-8.0]]), np.float64)))
     outputs = _outputs(flat, where)
     parts.outputs = dict.fromkeys(outputs, _potentials_from(flat, outputs, paths.depths, where))
-    assumptions = (*nir_assumptions(flat, known, reset, discretisation), *_slow_loops(arriving, paths))
+    open_questions = nir_assumptions(flat, known, reset, discretisation)
+    assumptions = (*open_questions, *_slow_loops(arriving, paths), *_left_out(flat))
     said = {"any_length": True, "origin": graph, "assumptions": assumptions}
     return parts.network_of_file(path, data, view.lines, STEPS, known, **said)
 
@@ -76,6 +77,12 @@ def _slow_loops(arriving: dict[str, Signal], paths: Paths) -> tuple[str, ...]:
     steps = "a step" if early == -1 else f"{-early} steps"
     said = "A loop over several populations takes a step for each of them here, and one step in a framework"
     return (f"{said}: spikes of {source!r} reach {target!r} {steps} later.",) if early < 0 else ()
+
+
+def _left_out(flat: FlatGraph) -> tuple[str, ...]:
+    """Return a sentence on weights that lead nowhere, if there are any."""
+    idle = [repr(name) for name, targets in targets_of(flat.sources).items() if name in flat.layers and not targets]
+    return (f"The weights of {listed(idle)} feed no node and were left out.",) if idle else ()
 
 
 def _onto(name: str, stated: Stated, depth: int) -> Signal:
@@ -161,8 +168,7 @@ def _signals(flat: FlatGraph, view: InputView, dt: float, where: str) -> dict[st
     for name in linear_order(flat.nodes, flat.sources):
         if name not in signals:
             place = f"{where}, node {name!r}"
-            arriving = _arriving(flat, signals, name, place)
-            signals[name] = _passed(flat, name, arriving, dt, place)
+            signals[name] = _passed(flat, name, _arriving(flat, signals, name, place), dt, place)
     return signals
 
 

@@ -76,17 +76,11 @@ def axis_of(name: str) -> Axis:
 
 
 def read_config(path: Path) -> SlayerConfig:
-    """Read a description; ``InputError`` for other files."""
-    where = f"config {path.name!r}"
-    fix = "Give slayerPytorch's network description."
+    """Read a description, every entry checked; ``InputError`` for other files."""
+    where, fix = f"config {path.name!r}", "Give slayerPytorch's network description."
     values = load_yaml(read_bytes(path, where, MAX_CONFIG_BYTES, "Give only the YAML."), where, "it is not YAML", fix)
     if not isinstance(values, dict):
         raise InputError(where, "it does not describe a network", fix=fix)
-    return parse_config(values, where)
-
-
-def parse_config(values: Mapping[Any, Any], where: str) -> SlayerConfig:
-    """Return the description that plain values hold, every entry checked."""
     simulation = _section(values, "simulation", where)
     ts = _number(simulation, "Ts", where, least=1e-6)
     samples = _number(simulation, "tSample", where, least=0) if "tSample" in simulation else math.nan

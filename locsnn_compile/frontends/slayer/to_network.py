@@ -231,8 +231,7 @@ def _weights(tensors: Mapping[str, Any], name: str, where: str) -> FloatArray:
     if plain is None:
         if gains is None or directions is None:
             raise InputError(f"{where}, layer {name!r}", "half of its weight normalisation is missing", fix=_FIX)
-        axes = tuple(range(1, directions.ndim))
-        norms = np.sqrt((directions**2).sum(axis=axes, keepdims=True))
+        norms = np.sqrt((directions**2).sum(axis=tuple(range(1, directions.ndim)), keepdims=True))
         if gains.size != len(directions) or (norms == 0).any():
             raise InputError(f"{where}, layer {name!r}", "its weight normalisation is not valid", fix=_FIX)
         plain = gains.reshape(norms.shape) * directions / norms

@@ -25,13 +25,17 @@ def quantize_cuba(neuron: Cuba, task: Task) -> Scaled:
 
     All get the threshold mantissa T and the scale ``64 T / threshold``, or ``(64 T + 1) / threshold`` for the rule
     ``>=``. The comparison is then exact for every neuron, and a core needs one threshold profile for all. T is limited
-    so that no register wraps, unless weights would lose bits by that. If potentials are bounded by the threshold, the
-    voltage register only has to hold one threshold, and the limit holds whatever it costs in bits.
+    so that no register wraps, unless weights would lose bits by that. If potentials are bounded by the threshold, as
+    those of readouts, the voltage register only has to hold one threshold, and the limit holds whatever it costs in
+    bits.
     """
     chip, grid, where = task.chip, task.grid, task.where
-    room, bounded = _room(neuron, task.incoming, chip), _stays_below(neuron, task.incoming)
     size = len(neuron.threshold)
     decay_u, decay_v, gain = rounded_decays(neuron, where)
+    # What holds a steady input at the threshold: no charge of a step is larger if potentials stay below it.
+    holding = (1 - keeps(decay_u)) * (1 - keeps(decay_v)) / gain
+    bounded = _stays_below(neuron, task.incoming, holding)
+    room = (1 << chip.registers.charge_bits) / 64 / holding.max() if bounded else _room(neuron, task.incoming, chip)
     # A bias acts on the voltage only; the value at which it settles is preserved.
     bias = neuron.bias * np.divide(decay_v / 4096, neuron.decay_v, out=np.ones(size), where=neuron.decay_v > 0)
     over = 1 if neuron.rule == ">=" else 0
@@ -50,10 +54,13 @@ def quantize_cuba(neuron: Cuba, task: Task) -> Scaled:
     return Scaled(made, scale, gain, exponent)
 
 
-def _stays_below(neuron: Cuba, incoming: Sequence[Projection]) -> bool:
-    """Tell whether no input moves a potential past the threshold in either direction, as in outputs without memory."""
-    reached = np.abs(neuron.bias) + np.sum([row_sums(p.weights) for p in incoming], axis=0)
-    return bool(((neuron.decay_u == 1) & (neuron.decay_v == 1) & (reached <= neuron.threshold)).all())
+def _stays_below(neuron: Cuba, incoming: Sequence[Projection], holding: FloatArray) -> bool:
+    """Tell whether no input moves a potential past the threshold in either direction, as in neurons that are read out.
+
+    ``holding`` (n,): the share of a potential that an input has to bring in every step to hold it there.
+    """
+    driven = np.abs(neuron.bias) * neuron.decay_u + np.sum([row_sums(p.weights) for p in incoming], axis=0)
+    return bool(((holding > 0) & (driven <= holding * neuron.threshold)).all())
 
 
 def _room(neuron: Cuba, incoming: Sequence[Projection], chip: Chip) -> float:
@@ -77,9 +84,7 @@ def _room(neuron: Cuba, incoming: Sequence[Projection], chip: Chip) -> float:
 def _bias(values: FloatArray, chip: Chip) -> tuple[IntArray, IntArray]:
     """Round to mantissas (n,) times the smallest powers of two that hold them."""
     most = (1 << chip.registers.bias_mantissa_bits) - 1
-    exponent = np.zeros(len(values), dtype=np.int64)
-    for i, value in enumerate(np.abs(values)):
-        exponent[i] = max(0, math.ceil(math.log2(value / most))) if value > most else 0
+    exponent = np.array([math.ceil(math.log2(v / most)) if v > most else 0 for v in np.abs(values)], dtype=np.int64)
     mantissa = np.clip(np.rint(values / 2.0**exponent), -most, most).astype(np.int64)
     return mantissa, exponent
 

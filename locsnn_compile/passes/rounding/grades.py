@@ -73,16 +73,17 @@ class Grades(Frozen):
 def grades_for(largest: float, task: Task, neuron: ChipNeuron) -> Grades:
     """Return the grades for magnitudes up to ``largest`` quanta onto these neurons.
 
-    Each width of the delay field needs its own formats: the more widths there are, the fewer grades. If there are still
-    too many formats, counting that of own spikes, some share a delay field when cores are filled.
+    A core holds so many formats, and each width of the delay field needs its own: the more widths there are, the fewer
+    grades. If there are still too many formats, counting that of own spikes, some share a delay field when cores are
+    filled; with one width there is nothing to share.
     """
     split = task.rounding.split > 0
     taps = neuron.strategy == "delay-line"
     count = GRADES if not split else GRADES_BESIDE_TAPS if taps else GRADES_IF_SPLIT
-    kinds = len({int(np.max(p.delay, initial=0)).bit_length() for p in task.incoming})
-    if kinds > 1:
-        left = task.chip.limits.synapse_formats_per_core - (FORMATS_OF_TAPS if taps else 0)
-        count = max(1, min(count, left // (2 * kinds * (2 if split else 1))))
+    kinds = max(1, len({int(np.max(p.delay, initial=0)).bit_length() for p in task.incoming}))
+    own = FORMATS_OF_TAPS if taps else int(kinds == 1 and neuron.strategy != "native")
+    left = task.chip.limits.synapse_formats_per_core - own
+    count = max(1, min(count, left // (2 * kinds * (2 if split else 1))))
     return Grades.holding(largest, task.grid.weight_bits, count=count if task.rounding.graded else 1, split=split)
 
 
@@ -115,10 +116,8 @@ def in_grades(
     for dendrite, share in enumerate(shares(quanta, dendrites, step)):
         parts = list(grades.parts(share, grade, split)) or [(share, grades.exponent(grades.held[0]))]
         for mantissa, exponent in parts:
-            held = with_values(p.weights, mantissa)
-            made.append(
-                ChipProjection(p.source, p.target, held, exponent, grades.weight_bits, delay=p.delay, dendrite=dendrite)
-            )
+            form = with_values(p.weights, mantissa), exponent, grades.weight_bits
+            made.append(ChipProjection(p.source, p.target, *form, delay=p.delay, dendrite=dendrite))
     return made
 
 

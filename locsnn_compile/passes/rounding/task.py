@@ -51,7 +51,7 @@ class Task(Frozen, eq=False):
     @property
     def where(self) -> str:
         """How errors name it."""
-        return f"population {self.population.name!r}"
+        return self.population.where
 
     def no_scale(self, other: str, measured: str, fix: str) -> TargetError:
         """Return the error for neurons that no threshold mantissa from 1 up would fit."""

@@ -95,9 +95,8 @@ def _drive_of(
     keep_u, keep_v = (float(keep) for keep in keeps(np.array(decays)))
     gram, wanted, rate, peak, steps = np.zeros((n, n)), np.zeros((m, n)), np.zeros(n), np.zeros(m), 0
     for start in range(0, calibration.samples, CHUNK):
-        spikes = np.concatenate(
-            [_arriving(calibration.spikes[p.source][start : start + CHUNK], p) for p in incoming], axis=2
-        )
+        here = slice(start, start + CHUNK)
+        spikes = np.concatenate([_arriving(calibration.spikes[p.source][here], p) for p in incoming], axis=2)
         x = _filtered(spikes, keep_u, keep_v).reshape(-1, n)
         exact = _filtered(spikes, a, a).reshape(-1, n) * c
         gram += x.T @ x

@@ -90,13 +90,14 @@ def _members(levels: Levels, match: Match, energy: Document) -> list[Document]:
 
     Energy and time are None if not known: an open core hosts all members, one after the other.
     """
-    rows = []
+    rows, chip = [], levels.program.chip
     for member in levels.network.members:
         cores = [c for c in levels.program.cores if c.slices[0].group.startswith(f"{member.name}/")]
         by_population = energy["by_population_pj"]
         its = [found["pj"] for name, found in (by_population or {}).items() if name.startswith(f"{member.name}/")]
         per_sample_pj = None if by_population is None else sum(its)
-        per_sample_ns = None if levels.program.chip.open_core else match.member_ns[member.name] / match.samples
+        alone = chip.timed and not chip.open_core
+        per_sample_ns = match.member_ns[member.name] / match.samples if alone else None
         costs = {"per_sample_pj": per_sample_pj, "per_sample_ns": per_sample_ns}
         rows.append({**asdict(member), "cores": len(cores), **costs})
     return rows

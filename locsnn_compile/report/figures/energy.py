@@ -129,7 +129,7 @@ def _static(program: ChipProgram, match: Match, recording_ns: float | None, prof
         "chip_mw": power.chip_mw,
         "source": power.source,
         "chips": chips,
-        "at_latency_pj": power.pj(chips, match.mean_ns),
+        "at_latency_pj": power.pj(chips, match.mean_ns) if program.chip.timed else None,
         "at_real_time_pj": None if recording_ns is None else power.pj(chips, recording_ns),
     }
 

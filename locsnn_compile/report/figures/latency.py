@@ -38,7 +38,7 @@ def latency_entry(program: ChipProgram, match: Match, steps: int, step_seconds: 
     entry = {
         "profile": chip.default_profile,
         "basis": _basis(chip),
-        "timed": bool(chip.open_core or chip.costs.time_ns),
+        "timed": chip.timed,
         "per_sample_ns": mean_ns,
         "per_sample_cycles": round(mean_ns * chip.clock_ghz),
         "clock_ghz": chip.clock_ghz,

@@ -1,5 +1,7 @@
 """The contents of a program as figures, by which two builds are compared."""
 
+from dataclasses import asdict
+
 import numpy as np
 
 import hw_model as hw
@@ -8,7 +10,7 @@ from locsnn_compile.report.content import Document
 
 
 def program_figures(program: hw.ChipProgram) -> Document:
-    """Return the sizes and settings of every group of compartments, and the sums of its weights.
+    """Return the sizes and settings of every group of compartments, the sums of its weights, and the chip's registers.
 
     Settings are given by the least and the largest. Weights are effective: ``64 * floor(mantissa * 2^exponent)``.
     """
@@ -29,7 +31,8 @@ def program_figures(program: hw.ChipProgram) -> Document:
                 "weight": weights[onto],
             }
             parts.setdefault(piece.group, []).append(held)
-    return {"cores": len(program.cores), "groups": {name: _group(its) for name, its in parts.items()}}
+    groups = {name: _group(its) for name, its in parts.items()}
+    return {"cores": len(program.cores), "registers": asdict(program.chip.registers), "groups": groups}
 
 
 def _group(parts: list[dict[str, AnyArray]]) -> Document:

@@ -62,6 +62,7 @@ def _named(group: str) -> tuple[KeyFigure, ...]:
 
 
 _KEY_FIGURES = _named("all")
+_EVENTS = ("input_events", "transpose_events")
 _LARGEST = 1e200
 """Numbers must be smaller, so that ratios of them can be computed."""
 Change = tuple[Any, Any]
@@ -157,8 +158,7 @@ def _costs(before: Build, after: Build) -> Verdict:
         ("dynamic energy", f", profile {after.text('energy.profile')}") if figures == _KEY_FIGURES else ("time", "")
     )
     a, b = before.number(key), after.number(key)
-    comparable = before.text("energy.profile") == after.text("energy.profile")
-    comparable &= _recordings(before) == _recordings(after)
+    comparable = _same_profile(before, after) and _same_recordings(before, after)
     by = percent(a, b).lstrip("+-")
     answer = _answer(a, b, f"{by} less", f"{by} more") if comparable else ("unknown", "Not comparable")
     its = _changed(before, after, "costs")
@@ -187,14 +187,42 @@ def _recordings(build: Build) -> str:
     return f"{plural(build.number('match.samples'), 'recording')} of {build.text('match.events_source')}"
 
 
+def _same_recordings(before: Build, after: Build) -> bool:
+    """Tell whether recordings have one source and number, and as many events in every phase that both builds have."""
+    return _recordings(before) == _recordings(after) and _agree(before, after, "operations.by_branch.", _EVENTS)
+
+
+def _same_profile(before: Build, after: Build) -> bool:
+    """Tell whether both are priced by a profile of one name and, since chip files may change it, of equal constants."""
+    a, b = (build.text("energy.profile") for build in (before, after))
+    return a == b and _agree(before, after, f"energy.profiles.{a}.")
+
+
+def _same_chip(before: Build, after: Build) -> bool:
+    """Tell whether both are for a target of one name, whose registers and cores hold the same."""
+    equal = _agree(before, after, ("program.registers.", "resources.mesh."))
+    equal &= _agree(before, after, "resources.limits.", ".limit")  # how much of it is used is the program's
+    return before.text("target") == after.text("target") and equal
+
+
+def _agree(before: Build, after: Build, begin: str | tuple[str, ...], end: str | tuple[str, ...] = "") -> bool:
+    """Tell whether figures that both have are equal, by the beginning and the end of their keys."""
+    a, b = (_figures(build) for build in (before, after))
+    return all(a[key] == b[key] for key in a if key in b and key.startswith(begin) and key.endswith(end))
+
+
 def _notices(before: Build, after: Build) -> tuple[Notice, ...]:
     """Return what makes the two less comparable."""
+    models = {build.text("model.sha256") for build in (before, after)}
     said = {
-        "models differ": [build.text("model.sha256") for build in (before, after)],
-        "recordings differ": [_recordings(build) for build in (before, after)],
-        "profiles differ": [build.text("energy.profile") for build in (before, after)],
+        "models differ": len(models) > 1 and "" not in models,
+        "models not known": "" in models and bool(changes(before, after)),
+        "recordings differ": not _same_recordings(before, after),
+        "profiles differ": not _same_profile(before, after),
+        "chips differ": not _same_chip(before, after),
     }
-    return tuple(notice(name, both=" and ".join(both)) for name, both in said.items() if len(set(both)) > 1)
+    both = " and ".join(map(_recordings, (before, after)))
+    return tuple(notice(name, both=both) for name, holds in said.items() if holds)
 
 
 def _key_figures(before: Build, after: Build) -> Section:

@@ -8,7 +8,7 @@ from typing import Any
 from locsnn_compile.report.content import Document, Facts, Section, Table, Verdict
 from locsnn_compile.report.format import energy, time
 from locsnn_compile.report.sections.cost_tables import ENERGY, TIME, by_branch, constants, shares, stack
-from locsnn_compile.report.sections.verdict import against_anns, pace
+from locsnn_compile.report.sections.verdict import against_anns, pace, timed
 from locsnn_compile.report.words import core_words, facts, section, sentence, share_of, table, verdict, words
 
 
@@ -41,6 +41,8 @@ def energy_section(document: Document) -> Section:
 def latency_section(document: Document) -> Section:
     """Time per recording: spread, breakdown, which core waits for which, and comparison with real time."""
     found = document["latency"]
+    if not timed(document):
+        return section("latency", _links(found["links"]), called="latency not known", profile=found["profile"])
     mean, real = found["per_sample_ns"], found["real_time"]
     slowest = sentence("slowest step", **real) if real and real["slowest_step_factor"] else None
     return section(
@@ -51,7 +53,7 @@ def latency_section(document: Document) -> Section:
         by_branch(_parts(found), f"Time by branch and part, mean per recording, profile {found['profile']}", time),
         table("critical paths", (_path(mean=mean, **row) for row in found["critical_paths"])),
         _cores(found["by_core"], mean) if found["by_core"] else None,
-        _links(found["links"]) if found["links"] else None,
+        _links(found["links"]),
         TIME.by_class(document),
     )
 
@@ -92,9 +94,9 @@ def _cores(cores: list[Document], total: float) -> Table:
     return table("work of cores", rows, columns=busy)
 
 
-def _links(links: list[Document]) -> Table:
-    most = max(row["packets"] for row in links)
-    return table("links", (row | {"drawn": row["packets"] / most} for row in links))
+def _links(links: list[Document]) -> Table | None:
+    most = max((row["packets"] for row in links), default=0)
+    return table("links", (row | {"drawn": row["packets"] / most} for row in links)) if links else None
 
 
 def cycles(document: Document) -> Verdict:

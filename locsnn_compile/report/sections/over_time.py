@@ -5,14 +5,15 @@ from locsnn_compile.report.format import count, energy, share, short, time
 from locsnn_compile.report.pictures.axis import Axis
 from locsnn_compile.report.sections.accuracy import sample
 from locsnn_compile.report.sections.cost_tables import ENERGY, PARTS, TIME
+from locsnn_compile.report.sections.verdict import timed
 from locsnn_compile.report.words import facts, section, sentence, table, words
 
 
 def over_time(document: Document) -> Section:
     """The share of right predictions during a recording, and what a proven stop saves."""
     priced = document["energy"]["profile"]
-    timed = "activity" not in document
-    costs = (*(ENERGY.course(document) if priced else ()), *(TIME.course(document) if timed else ()))
+    by_step = timed(document) and "activity" not in document
+    costs = (*(ENERGY.course(document) if priced else ()), *(TIME.course(document) if by_step else ()))
     if "over_time" not in document:
         return section("over-time", *costs, called="over-time of costs")
     entry = document["over_time"]

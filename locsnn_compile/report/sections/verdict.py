@@ -77,14 +77,14 @@ def _not_compared(match: Document) -> str:
 
 def costs(document: Document) -> Verdict:
     """How much energy and time does a recording take in the model?"""
-    found, duration = document["energy"], document["latency"]["recording_ns"]
-    latency = document["latency"]["per_sample_ns"]
-    spread = found["over_samples_pj"]
-    real = "" if duration is None else f", {pace(latency, duration)}"
+    found, time_of = document["energy"], document["latency"]
+    latency = time_of["per_sample_ns"] if timed(document) else None
+    spread, duration = found["over_samples_pj"], time_of["recording_ns"]
+    real = "" if latency is None or duration is None else f", {pace(latency, duration)}"
     its = [
         Fact("range", f"{energy(spread['min'])} to {energy(spread['max'])}, median {energy(spread['p50'])}"),
         *(Fact("other profile", f"{energy(pj)} with {name}") for name, pj in found["other_profiles_pj"].items()),
-        Fact("latency", f"{time(latency)}{real} (profile {document['latency']['profile']})"),
+        Fact("latency", sentence("latency", latency=latency, real=real, profile=time_of["profile"])),
         *(Fact(member["name"], sentence("member", **member)) for member in document["model"].get("members", ())),
     ]
     if starts(document):
@@ -97,14 +97,15 @@ def fits(document: Document) -> Verdict:
     """Does the chip hold it, and how much room is left?"""
     resources = document["resources"]
     limits = resources["limits"]
-    worst = max(limits, key=lambda name: fullness(limits[name]))
-    inside = all(entry["used"] <= entry["limit"] for entry in limits.values())
+    over = {name for name, entry in limits.items() if entry["used"] > entry["limit"]}
+    # What a core can do or not, such as to group rows, says nothing about room.
+    worst = max(limits, key=lambda name: (name in over, limits[name]["limit"] > 1, fullness(limits[name])))
     of_cores = "the open core"
     if cores := limits.get("cores"):
         of_cores = f"{count(cores['used'])} of {plural(cores['limit'], 'core')}"
     entry = limits[worst]
     its = facts("fit", worst=limit_words(worst), full=fullness(entry), **entry, **resources)
-    status: tuple[Status, str] = ("yes", "Yes") if inside else ("no", "No")
+    status: tuple[Status, str] = ("no", "No") if over else ("yes", "Yes")
     return verdict("fit", *status, its, of_cores=of_cores, target=document["target"])
 
 
@@ -131,6 +132,11 @@ def starts(document: Document) -> dict[str, float]:
     """Return the steps before the start of each branch; nothing if all start with the recording."""
     found: dict[str, float] = document.get("input", {}).get("aligned_steps_by_branch", {})
     return found
+
+
+def timed(document: Document) -> bool:
+    """Return whether the latency is known: a profile may have no times. Earlier versions did not say."""
+    return bool(document["latency"].get("timed", True))
 
 
 def pace(latency_ns: float, recording_ns: float) -> str:

@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 
 import hw_model as hw
+from hw_model.mapping.graph import decided
 from hw_model.texts.templates import filled
 from hw_model.values import AnyArray, ByteArray, IntArray
 from locsnn_compile.network.network import Population
 from locsnn_compile.pipeline import Levels
-from locsnn_compile.reference.evaluate import decided, evaluate
+from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.content import Document
 from locsnn_compile.report.renderers.html import text

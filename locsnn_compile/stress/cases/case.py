@@ -30,7 +30,8 @@ QUICK: Mapping[str, Mapping[str, Sequence[str]]] = yaml_table(__package__, "quic
 class Case(Frozen, eq=False):
     """One row of the table: a network, how it is lowered, and recordings (samples, steps, channels) of 0 and 1.
 
-    It is rounded as `locsnn-compile` rounds, unless ``rounding`` says otherwise. ``x`` is the number that the group
+    It is rounded as `locsnn-compile` rounds, unless ``rounding`` says otherwise; ``weight_bits`` are by default the
+    chip's most. ``x`` is the number that the group
     varies, if it is drawn on an axis. The table of groups sets ``group``.
     """
 
@@ -38,7 +39,7 @@ class Case(Frozen, eq=False):
     strategy: str
     network: Network
     recordings: ByteArray
-    weight_bits: int = 8
+    weight_bits: int | None = None
     rounding: Rounding = FINE
     x: float | None = None
     group: str = ""

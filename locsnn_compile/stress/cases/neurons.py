@@ -110,7 +110,7 @@ def biases() -> Iterator[Case]:
     """A bias below half a unit of the register is lost, and one above 4,095 thresholds is refused."""
     one = usual.random_input(channels=1)
     for bias in (1e-9, 1e-6, 1e-3, 0.05, 1.0, 100.0, LIMIT, LIMIT + 10, -0.05, -100.0, -LIMIT):
-        yield lif_case(f"{bias:g} thresholds", lif(bias=bias * usual.THETA))
+        yield lif_case(f"bias {bias:g} thresholds", lif(bias=bias * usual.THETA))
     alone = lif(bias=0.2 * usual.THETA, decay_v=0.0)
     yield lif_case("bias alone, nothing fades", alone, np.zeros((usual.NEURONS, 1)), played=one)
     for mantissa, exponent in ((-4096, 7), (4095, 7), (4095, 0), (4096, 0), (-4097, 0), (1, 8)):

@@ -13,13 +13,14 @@ from typing import Literal, get_args
 
 import hw_model as hw
 from hw_model.description.chip import Registers
+from hw_model.mapping.graph import decided
 from hw_model.values import ByteArray, FloatArray, Frozen, Sums, picked
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.neurons import Neuron
 from locsnn_compile.network.projections import values_of
 from locsnn_compile.network.quantized import QuantizedNetwork
 from locsnn_compile.pipeline import Levels
-from locsnn_compile.reference.evaluate import ReferenceResult, decided, evaluate
+from locsnn_compile.reference.evaluate import ReferenceResult, evaluate
 from locsnn_compile.verification.error_budget.forms import forms_of
 from locsnn_compile.verification.error_budget.numbers import GroupNumbers, Numbers
 from locsnn_compile.verification.error_budget.twin import Twin, run_twins
