@@ -276,6 +276,7 @@ def recordings_for(network: Network, events: Events | None, labels: ArrayLike | 
         # Their labels are motions of the generator, not classes of this model.
         return Recordings(touches.spikes, None, network.step_seconds, touches.source, touches.origin)
     if isinstance(events, Recordings):
+        network.expected.check(events)
         return events
     if isinstance(events, str | Path):
         return read_recordings(events, model=network.expected)

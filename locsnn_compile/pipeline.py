@@ -50,7 +50,7 @@ def lower(
     compartments = lower_neurons(quantized, chip)
     placed = arrange_cores(place_cores(compartments, chip))
     routed = route_axons(placed)
-    kept = picked(network, "step_seconds", "event_threshold", "psi")
+    kept = picked(network, "step_seconds", "event_threshold", "psi", "class_names")
     program = replace(assemble(routed), **kept, **network.event_options)
     if chip.open_core:
         on_core(program, network.steps, chip)

@@ -107,6 +107,8 @@ class ChipProgram(Shown):
     """Polarities of channels, for events with x and y; None if unknown."""
     columns: int | None = None
     """Columns of the grid, for events with x and y; None if unknown."""
+    class_names: tuple[str, ...] | None = None
+    """Of the classes of the readout, if they have names."""
 
     def cores_of(self, phase: str) -> tuple[Core, ...]:
         """Return the cores that run in a phase."""

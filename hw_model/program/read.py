@@ -96,6 +96,7 @@ def _program(document: dict[str, Any], arrays: dict[str, IntArray]) -> ChipProgr
         synapses_pruned=int(document["synapses_pruned"]),
         provenance={str(key): str(value) for key, value in document["provenance"].items()},
         **{name: _known(document, name, kind) for name, kind in RECORDINGS.items()},
+        class_names=tuple(map(str, document.get("class_names") or ())) or None,
     )
 
 

@@ -72,6 +72,7 @@ def _document(program: ChipProgram) -> dict[str, Any]:
         "provenance": dict(program.provenance),
         "synapses_pruned": program.synapses_pruned,
         **{name: value for name, value in picked(program, *RECORDINGS).items() if value is not None},
+        **({"class_names": list(program.class_names)} if program.class_names else {}),
         "phases": [_given(asdict(phase)) for phase in program.phases],
         "inputs": [{**picked(i, *INPUT_ENTRIES), "transposed": i.positions is not None} for i in program.inputs],
         "readout": None if readout is None else dict(readout.terms),

@@ -65,6 +65,7 @@ def expected_by(program: hw.ChipProgram) -> Expected:
         program.event_threshold,
         min(fixed, default=None),
         max(program.streams.values(), default=None),
+        program.class_names,
         polarities=program.polarities,
         columns=program.columns,
     )

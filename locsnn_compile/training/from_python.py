@@ -15,7 +15,8 @@ from hw_model.io.extras import needed
 from hw_model.io.given import checked
 from hw_model.values import ArrayLike, picked
 from locsnn_compile.data.read import read_recordings, recording_parts
-from locsnn_compile.data.recordings import OPEN, Expected, Recordings
+from locsnn_compile.data.recordings import OPEN, Expected, Recordings, same
+from locsnn_compile.errors import InputError
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.training.config import Progress, TrainingConfig, config_from_mapping, read_config
@@ -46,6 +47,22 @@ def all_classes(recordings: Recordings, test: Recordings | None) -> int | None:
     return max(counts + [int(part.labels.max()) + 1 for part in parts if part.labels is not None], default=None)
 
 
+def _as_asked(part: Recordings, config: TrainingConfig) -> Recordings:
+    """Return recordings in memory in the length asked for; ``InputError`` for options that only a file can follow."""
+    said = {"step_seconds": part.step_seconds, "event_threshold": part.threshold}
+    for name in ("split", "fold", "axes", *said):
+        asked, own = getattr(config, name), said.get(name)
+        if asked is None or (own is not None and same(asked, own)) or (own is None and name == "step_seconds"):
+            continue
+        what = (
+            f"recordings {part.source!r} are in memory, as they are" if own is None else "the recordings have another"
+        )
+        measured = f"got {asked}" + ("" if own is None else f" against {own:g}")
+        fix = "Leave it out, or give a file."
+        raise InputError(f"training option {name!r}", what, measured=measured, fix=fix)
+    return part if config.steps is None else part.with_steps(config.steps)
+
+
 _log = logging.getLogger("locsnn")
 
 
@@ -63,7 +80,7 @@ def train(
     """Train a network and return it, to save, to load or to compile.
 
     - ``recordings``: a file, archive or folder; or :class:`Recordings`; or an array (samples, steps, channels) of 0 and
-      1 with ``labels`` (samples,)
+      1 with ``labels`` (samples,). What is in memory is in the order of these axes, and not divided
     - ``test``: a test part, which is measured once at the end; by default that of the file, if it has one
     - ``config``: training options by name, or a YAML file of them
     - ``carried``: the number of recordings that go into the checkpoint, for checks
@@ -82,10 +99,11 @@ def train(
         part, of_file = read_parts(recordings, config, None)
         test = test or of_file
     elif isinstance(recordings, Recordings):
-        part = recordings
+        part = _as_asked(recordings, config)
     else:
         known = None if labels is None else np.asarray(labels)
-        part = Recordings(np.asarray(recordings), known, config.step_seconds, "array")
+        part = _as_asked(Recordings(np.asarray(recordings), known, config.step_seconds, "array"), config)
+    test = test.with_steps(config.steps) if test and config.steps else test
     result = run(part, config, name=name, classes=all_classes(part, test), progress=progress)
     with TemporaryDirectory() as folder:
         path = Path(folder) / "model.pt"

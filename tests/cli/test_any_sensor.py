@@ -237,6 +237,19 @@ def test_class_names_travel_and_must_agree(capsys: Capture) -> None:
         "recordings 'b.npz': their classes have other names than those of model 'a' (twist, slide, press against press, "
         "slide, twist). Give recordings of the same classes, in the same order.\n"
     )
+    assert locsnn_main(["run", "built", "--events", other]) == 2
+    assert capsys.readouterr().err == (
+        "recordings 'b.npz': their classes have other names than those of program 'a' (twist, slide, press against press, "
+        "slide, twist). Give recordings of the same classes, in the same order.\n"
+    )
+    assert locsnn_main(["run", "built", "--events", "a.npz"]) == 0
+    model = lc.load("a.pt")
+    with pytest.raises(lc.InputError, match="their classes have other names than those of model 'a'"):
+        lc.compile(model, events=lc.read_recordings(other))
+    wide = replace(lc.read_recordings("a.npz"), step_seconds=0.5)
+    with pytest.raises(lc.InputError, match="their steps are not as long as those of model 'a'"):
+        lc.verify(lc.compile(replace(model, step_seconds=0.02), diagnosis=False), wide)
+    capsys.readouterr()
     assert train(other, "--grid", "4x5", "--from", "a.pt", output="b.pt") == 2
     assert capsys.readouterr().err == (
         "recordings 'b.npz': their classes have other names than those of the network to start from (twist, slide, press "

@@ -59,6 +59,14 @@ def test_a_test_part_is_measured_and_epochs_are_told() -> None:
     assert (found.training["test_recordings"], told) == (3, [1])
 
 
+def test_recordings_in_memory_get_the_steps_asked_for() -> None:
+    found = lc.train(DATA, QUICK | {"steps": 25}, test=DATA.subset([0, 1]))
+    assert found.description.input.steps == 25
+    assert found.recordings is not None
+    assert np.array_equal(found.recordings.spikes, DATA.spikes[: len(found.recordings), :25])
+    assert found.training["test_recordings"] == 2
+
+
 def test_a_run_that_learned_nothing_says_so(caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.WARNING, logger="locsnn"):
         lc.train(DATA, QUICK)
@@ -79,8 +87,12 @@ def test_a_line_says_what_it_is(checkpoint: lc.Checkpoint) -> None:
         (lambda: lc.train(DATA, 3), "train, config: it must be a TrainingConfig, Mapping, str or Path (got int 3). Correct it."),
         (lambda: lc.train(DATA, "no.yaml"), "config 'no.yaml': it cannot be read (No such file or directory). Check the path."),
         (lambda: lc.load(lc.train(DATA, QUICK), dt=1e-3), "model 'model': dt was given, but a checkpoint contains this itself. Leave dt out."),
+        (lambda: lc.train(DATA, {"split": 0.2}), "training option 'split': recordings 'synthetic touches' are in memory, as they are (got 0.2). Leave it out, or give a file."),
+        (lambda: lc.train(DATA, {"axes": "samples,steps,channels"}), "training option 'axes': recordings 'synthetic touches' are in memory, as they are (got samples,steps,channels). Leave it out, or give a file."),
+        (lambda: lc.train(DATA, {"event_threshold": 2}), "training option 'event_threshold': recordings 'synthetic touches' are in memory, as they are (got 2). Leave it out, or give a file."),
+        (lambda: lc.train(DATA, {"step_seconds": 0.5}), "training option 'step_seconds': the recordings have another (got 0.5 against 0.02). Leave it out, or give a file."),
     ],
-    ids=["an unknown option", "no labels", "a number", "no file", "an option of another format"],
+    ids=["an unknown option", "no labels", "a number", "no file", "an option of another format", "a part", "axes", "a threshold", "another width"],
 )  # fmt: skip
 def test_what_is_refused(call, message) -> None:  # type: ignore[no-untyped-def]
     with pytest.raises(lc.InputError) as found:
