@@ -9,7 +9,7 @@ import numpy as np
 from hw_model.io.records import between, check_fields
 from hw_model.values import AnyArray, ByteArray, FloatArray, Frozen, IntArray
 from locsnn_compile.data.recordings import MAX_ELEMENTS, MAX_STEPS, Binned
-from locsnn_compile.errors import InputError, check_most
+from locsnn_compile.errors import InputError, check_most, counted
 
 STEP_SECONDS = 0.02
 MICROSECONDS = 1_000_000
@@ -23,7 +23,7 @@ class Binning(Frozen):
     - ``step_seconds``: width of a bin, by default 0.02 s
     - ``threshold``: a bin with more events is 1, by default 0
     - ``channels``, ``steps``: size of every recording. Later events are cut off, events of other channels are refused.
-    - ``most_steps``: longer recordings are cut to this length
+    - ``most_steps``: longer recordings are cut to this length; ``of_model``: channels that a model expects
     - ``polarities``: 2, or 1 to merge both; ``columns``: width of a grid of x and y
     - ``axes``: the order of the axes of arrays, which hold bins already
     """
@@ -35,6 +35,7 @@ class Binning(Frozen):
     polarities: Annotated[int | None, between(1, 2)] = None
     columns: Annotated[int | None, between(1, 1_000_000)] = None
     most_steps: int | None = None
+    of_model: int | None = None
     axes: tuple[str, ...] | None = None
 
     where = "recordings"
@@ -82,8 +83,9 @@ def bin_streams(streams: Sequence[EventStream], where: str, binning: Binning) ->
     check_most(events, MAX_EVENTS, where, "it has too many events", fix="Give fewer recordings.")
     widest = [one.columns or 1 + int(one.x.max()) for one in streams if one.columns or len(one.x)]
     columns = binning.columns or max(widest, default=1)
-    both = any(one.polarities == 2 or (one.polarity is not None and one.polarity.any()) for one in streams)
-    polarities = binning.polarities or (2 if both else 1)
+    polarities = binning.polarities or _polarities(streams, where, binning.of_model, columns)
+    if binning.columns is None and binning.channels is not None:
+        _check_columns(streams, where, binning.channels, columns, polarities)
     bins = [_bins(one, width) for one in streams]
     rows = zip(streams, bins, strict=True)
     lengths = [binning.steps or _length(one, own, width, binning.most_steps) for one, own in rows]
@@ -104,6 +106,34 @@ def bin_streams(streams: Sequence[EventStream], where: str, binning: Binning) ->
     elsewhere = sum(one.elsewhere for one in streams)
     binned = Binned(threshold, sum(map(len, bins)) + elsewhere, outside, below, elsewhere)
     return spikes.reshape(len(streams), steps, channels), width, binned
+
+
+def _polarities(streams: Sequence[EventStream], where: str, channels: int | None, columns: int) -> int:
+    """Return 2 if the format or an event says so; ``InputError`` if the events do not tell taxels from channels."""
+    if any(one.polarities == 2 or (one.polarity is not None and one.polarity.any()) for one in streams):
+        return 2
+    cells = [_cells(one, columns) for one in streams if one.polarity is not None and len(one.x)]
+    highest = max((int(own.max()) for own in cells), default=None)
+    if channels is not None and channels % 2 == 0 and highest is not None and 2 * highest < channels:
+        # As taxels, their channels would be twice as high.
+        measured = f"up to {highest} of {counted(channels, 'channel')}"
+        fix = "Write bins with locsnn events --polarities 2 (taxels) or 1 (channels) --to FILE."
+        what = "its events have one polarity, so x may count taxels or channels"
+        raise InputError(where, what, measured=measured, fix=fix)
+    return 1
+
+
+def _check_columns(streams: Sequence[EventStream], where: str, channels: int, columns: int, polarities: int) -> None:
+    """Refuse a width that is only that of the events, unless they fill the channels: other files have other widths."""
+    guessed = [one.y for one in streams if one.columns is None and one.y is not None and one.y.any()]
+    rows = 1 + max((int(y.max()) for y in guessed), default=0)
+    if guessed and columns * rows * polarities != channels:
+        what, measured = (
+            "the width of its grid is not known",
+            f"up to {columns} x {rows} in {counted(channels, 'channel')}",
+        )
+        fix = "Train with --grid WxH, or write bins with locsnn events --columns W --to FILE."
+        raise InputError(where, what, measured=measured, fix=fix)
 
 
 def _bins(one: EventStream, width_seconds: float) -> FloatArray:
@@ -141,8 +171,12 @@ def _channels(one: EventStream, columns: int, polarities: int) -> IntArray:
     if one.y is not None and int(one.x.max(initial=0)) >= columns:
         measured = f"x {int(one.x.max())} against {columns} columns"
         raise InputError(one.place, "an event lies outside the grid", measured=measured, fix="Give more columns.")
-    cells = one.x if one.y is None else columns * one.y + one.x
+    cells = _cells(one, columns)
     return cells if polarities == 1 else 2 * cells + one.polarity
+
+
+def _cells(one: EventStream, columns: int) -> IntArray:
+    return one.x if one.y is None else columns * one.y + one.x
 
 
 def _check_sizes(where: str, samples: int, steps: int, channels: int, needed: int) -> None:

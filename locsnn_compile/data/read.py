@@ -168,7 +168,8 @@ def read_recordings(
     said = {name: getattr(asked, name) for name in ("step_seconds", "threshold", "channels", "polarities", "columns")}
     agreed = model.agreed(**said, steps=steps) | {"steps": steps}
     divided = division.divides(path)
-    found = _read(path, None if divided else split, replace(asked, **agreed, most_steps=model.steps), step_seconds)
+    binning = replace(asked, **agreed, most_steps=model.steps, of_model=model.channels)
+    found = _read(path, None if divided else split, binning, step_seconds)
     if divided:
         found = division.part(found, path, split or "test")
     if found.threshold is None:

@@ -169,6 +169,35 @@ def test_a_network_says_how_many_channels_there_are(tmp_path: Path) -> None:
     )
 
 
+def test_a_network_refuses_events_that_may_count_taxels_or_channels(tmp_path: Path) -> None:
+    network = lc.load(Path(__file__).parents[2] / "examples/models/objects-hybrid.pt")
+    (tmp_path / "a.bs1").write_bytes(bs1((38, 0, 0)))
+    with pytest.raises(InputError) as caught:
+        recordings_for(network, tmp_path / "a.bs1")
+    assert str(caught.value) == (
+        "file 'a.bs1': its events have one polarity, so x may count taxels or channels (up to 38 of 78 channels). "
+        "Write bins with locsnn events --polarities 2 (taxels) or 1 (channels) --to FILE."
+    )
+    for polarities, channel in ((1, 38), (2, 76)):
+        found = read_recordings(tmp_path / "a.bs1", polarities=polarities, model=network.expected)
+        assert np.argwhere(found.spikes).tolist() == [[0, 0, channel]]
+    (tmp_path / "a.bs1").write_bytes(bs1((39, 0, 0)))  # a fingertip has 39 taxels, 0 to 38
+    assert np.argwhere(recordings_for(network, tmp_path / "a.bs1").spikes).tolist() == [[0, 0, 39]]
+
+
+@pytest.mark.parametrize("highest", [3, 2], ids=["the last column", "no event in it"])
+def test_a_grid_of_another_width_is_never_assumed(tmp_path: Path, highest: int) -> None:
+    """A sensor of 12 channels without a layout: a file that does not reach its last column read as another grid."""
+    (tmp_path / "a.bs2").write_bytes(bs2((highest, 0, 0, 0), (1, 2, 0, 0)))
+    asked = {"channels": 12, "steps": 1, "polarities": 1}
+    if highest == 3:
+        assert found_events(tmp_path / "a.bs2", **asked) == ((1, 1, 12), [(0, 0, 3), (0, 0, 9)])
+    else:
+        with pytest.raises(InputError, match="the width of its grid is not known"):
+            read_recordings(tmp_path / "a.bs2", **asked)
+    assert found_events(tmp_path / "a.bs2", **asked, columns=4) == ((1, 1, 12), [(0, 0, highest), (0, 0, 9)])
+
+
 FIELDS = "Give the fields t (microseconds), x, y if there is one, and p (0 or 1)."
 BAD: list[tuple[str, Callable[[Path], Path], dict[str, Any], str]] = [
     ("half an event", put("a.bs1", bs1((0, 0, 0)) + b"ab"), {}, "file 'a.bs1': it ends within an event (7 bytes, 5 per event). Give a whole file."),
@@ -176,6 +205,7 @@ BAD: list[tuple[str, Callable[[Path], Path], dict[str, Any], str]] = [
     ("no events, but steps", put("a.bs2", b""), {"steps": 4}, "file 'a.bs2': no events inside. Give a recording with events."),
     ("a channel too high", put("a.bs1", bs1((78, 0, 0))), {"channels": 78}, "file 'a.bs1': it has events on channels that the sensor does not have (channel 78 against 0..77). Give events of this sensor, or more channels."),
     ("outside the grid", put("a.bs2", bs2((7, 0, 0, 0))), {"columns": 7}, "file 'a.bs2': an event lies outside the grid (x 7 against 7 columns). Give more columns."),
+    ("a grid of unknown width", put("a.bs2", bs2((2, 0, 0, 0), (0, 1, 0, 0))), {"channels": 8}, "file 'a.bs2': the width of its grid is not known (up to 3 x 2 in 8 channels). Train with --grid WxH, or write bins with locsnn events --columns W --to FILE."),
     ("too many bins", put("a.bs1", bs1((0, 0, 8_000_000))), {"step_seconds": 1e-5}, "file 'a.bs1': it lasts too long for its bins (8 s in bins of 1e-05 s against 20000 bins). Give wider bins."),
     ("too large", put("a.bs1", bs1((65_535, 0, 8_000_000))), {"step_seconds": 0.001}, "file 'a.bs1': its recordings of 1 x 8001 x 65536 are too large (524353536 values against 200000000). Give fewer recordings, or wider bins."),
     ("three polarities", put("a.bs1", b""), {"polarities": 3}, "recordings, polarities: it must be a whole number from 1 to 2 (got 3). Correct it."),
