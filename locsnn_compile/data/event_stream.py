@@ -46,10 +46,10 @@ class Binning(Frozen):
 
 
 class EventStream(Frozen, eq=False):
-    """The events of one recording: ``times`` in ticks, ``x``, ``y``, and ``polarity`` 0 or 1, each (events,).
+    """The events of one recording: ``times`` in microseconds, ``x``, ``y``, and ``polarity`` 0 or 1, each (events,).
 
     Without ``y``, x counts taxels; without ``polarity`` as well, it counts channels. A grid's columns do not bound it.
-    ``start`` is the tick at which bin 0 begins. ``span_seconds`` is the length of the recording, None if it ends with
+    ``start`` is the time at which bin 0 begins. ``span_seconds`` is the length of the recording, None if it ends with
     its last event. ``channels``, ``polarities`` and ``columns`` are those of the format, None if it does not fix them.
     ``step_seconds`` is the default width of its bins, and ``place`` names the recording in errors. ``elsewhere`` counts
     events of its file that belong to other streams, which are not read.
@@ -59,7 +59,6 @@ class EventStream(Frozen, eq=False):
     x: IntArray
     y: IntArray | None
     polarity: IntArray | None
-    ticks_per_second: int = MICROSECONDS
     start: float = 0.0
     span_seconds: float | None = None
     channels: int | None = None
@@ -137,13 +136,13 @@ def _check_columns(streams: Sequence[EventStream], where: str, channels: int, co
 
 
 def _bins(one: EventStream, width_seconds: float) -> FloatArray:
-    ticks = width_seconds * one.ticks_per_second
-    if one.ticks_per_second > 1 and abs(ticks - round(ticks)) < 1e-6:
+    width = width_seconds * MICROSECONDS
+    if abs(width - round(width)) < 1e-6:
         # 0.0003 s is not quite 300 microseconds in floats, and an event at 300 belongs to the second bin.
-        ticks = round(ticks)
+        width = round(width)
     # Absurd times overflow to infinity, which lies outside like any other late time.
     with np.errstate(over="ignore"):
-        return np.floor((one.times - one.start) / ticks)
+        return np.floor((one.times - one.start) / width)
 
 
 def _length(one: EventStream, bins: FloatArray, width_seconds: float, most: int | None) -> int:
@@ -156,9 +155,9 @@ def _length(one: EventStream, bins: FloatArray, width_seconds: float, most: int 
     if most is not None and not last < most:
         return most
     if not last < MAX_STEPS:
-        beside = "a .startend file next to it, or " if one.ticks_per_second == 1 else ""
+        beside = "a .startend file next to it, or " if one.place.endswith(".tact'") else ""
         # In bins first: absurd times overflow to infinity there already.
-        span = last * width_seconds if math.isinf(last) else float(one.times.max() - one.start) / one.ticks_per_second
+        span = last * width_seconds if math.isinf(last) else float(one.times.max() - one.start) / MICROSECONDS
         measured = f"{span:g} s in bins of {width_seconds:g} s against {MAX_STEPS} bins"
         fix = f"Give {beside}wider bins."
         raise InputError(one.place, "it lasts too long for its bins", measured=measured, fix=fix)

@@ -7,10 +7,11 @@ pressure (polarity 0 of a taxel), and 0 or -1 falling pressure (polarity 1).
 """
 
 import math
+from decimal import Decimal
 
 import numpy as np
 
-from hw_model.values import ByteArray, FloatArray, IntArray
+from hw_model.values import ByteArray, IntArray
 from locsnn_compile.data.event_stream import STEP_SECONDS, EventStream
 from locsnn_compile.errors import InputError, counted
 
@@ -35,17 +36,18 @@ CHANNELS = 2 * len(_TAXEL_OF_CELL)
 
 
 def parse_tact(data: bytes, where: str, startend: bytes | None, startend_where: str) -> EventStream:
-    """Return the events in the bytes of a ``.tact`` file, times in seconds; x counts taxels.
+    """Return the events in the bytes of a ``.tact`` file, times in microseconds from its begin; x counts taxels.
 
     With the bytes of a ``.startend`` file, the recording is the 6.5 s that start at "grasping". If that file has the
     four times of a slip, it is the 0.15 s that start at "reaching", by default in bins of 1 ms. Without such a file, it
     runs from the first event to the last. Raises ``InputError`` with the number of a line that is not an event.
     """
     channels, seconds = _parse(data, where)
-    start, span_seconds = (float(seconds.min()), None) if startend is None else _stretch(startend, startend_where)
+    start, span_seconds = (min(seconds), None) if startend is None else _stretch(startend, startend_where)
+    times = np.array([float((one - start).scaleb(6)) for one in seconds])
     places = channels // 2, None, channels % 2
     width = SLIP_STEP_SECONDS if span_seconds == SLIP_SECONDS else STEP_SECONDS
-    return EventStream(seconds, *places, 1, start, span_seconds, CHANNELS, 2, step_seconds=width, place=where)
+    return EventStream(times, *places, 0.0, span_seconds, CHANNELS, 2, step_seconds=width, place=where)
 
 
 def tact_text(spikes: ByteArray, step_seconds: float) -> bytes:
@@ -60,10 +62,18 @@ def tact_text(spikes: ByteArray, step_seconds: float) -> bytes:
     return "".join(lines).encode()
 
 
-def _parse(data: bytes, where: str) -> tuple[IntArray, FloatArray]:
+def _exact(text: str) -> Decimal:
+    """Return a number as it is written, NaN if a float cannot hold it.
+
+    As a float, a time on the edge of a bin may lie just before it.
+    """
+    return Decimal(text) if math.isfinite(float(text)) else Decimal("nan")
+
+
+def _parse(data: bytes, where: str) -> tuple[IntArray, list[Decimal]]:
     """Return (channel, seconds) of every event."""
     channels: list[int] = []
-    seconds: list[float] = []
+    seconds: list[Decimal] = []
     for number, line in enumerate(data.split(b"\n"), start=1):
         fields = line.split()
         if not fields:
@@ -72,35 +82,35 @@ def _parse(data: bytes, where: str) -> tuple[IntArray, FloatArray]:
             polarity, cell, time, *rest = (field.decode("ascii") for field in fields)
             (nanoseconds,) = rest or ("0",)
             channel = 2 * _TAXEL_OF_CELL[int(cell)] + _PLANES[int(polarity)]
-            seconds.append(float(time) + float(nanoseconds) / 1e9)
-            if not math.isfinite(seconds[-1]):
+            seconds.append(_exact(time) + _exact(nanoseconds).scaleb(-9))
+            if not seconds[-1].is_finite():
                 raise ValueError
-        except (ValueError, KeyError):
+        except (ValueError, KeyError, ArithmeticError):
             place, measured = f"{where}, line {number}", f"got {line.decode('ascii', 'replace').strip()[:40]!r}"
             fix = f"Write 'polarity cell_index timestamp_seconds' on it: a polarity of 1, 0 or -1, a cell of {_CELLS}."
             raise InputError(place, "it is not an event", measured=measured, fix=fix) from None
         channels.append(channel)
     if not seconds:
         raise InputError(where, "no events inside", fix="Give a recording with events.")
-    return np.array(channels, dtype=np.int64), np.array(seconds, dtype=np.float64)
+    return np.array(channels, dtype=np.int64), seconds
 
 
-def _stretch(data: bytes, where: str) -> tuple[float, float]:
+def _stretch(data: bytes, where: str) -> tuple[Decimal, float]:
     """Return the begin and length of a recording, from lines ``grasping <seconds>``, or from six or four numbers."""
     words = data.decode("ascii", "replace").replace(",", " ").replace(":", " ").split()
-    times: list[float] = []
-    named: dict[str, float] = {}
+    times: list[Decimal] = []
+    named: dict[str, Decimal] = {}
     for index, word in enumerate(words):
         try:
-            times.append(float(word))
-        except ValueError:
+            times.append(_exact(word))
+        except (ValueError, ArithmeticError):
             continue
         if index and words[index - 1].lower() in PHASES:
             named[words[index - 1].lower()] = times[-1]
-    if len(times) == SLIP_PHASES and not named and math.isfinite(times[1]):
+    if len(times) == SLIP_PHASES and not named and times[1].is_finite():
         return times[1], SLIP_SECONDS
-    grasping = named.get("grasping", times[3] if len(times) == len(PHASES) and not named else math.nan)
-    if not math.isfinite(grasping):
+    grasping = named.get("grasping", times[3] if len(times) == len(PHASES) and not named else Decimal("nan"))
+    if not grasping.is_finite():
         what, measured = "it does not give the time of 'grasping'", counted(len(times), "number")
         raise InputError(where, what, measured=measured, fix=f"Give the times of {', '.join(PHASES)}.")
     return grasping, GRASP_SECONDS

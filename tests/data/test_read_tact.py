@@ -51,6 +51,26 @@ def test_bins_and_threshold(tmp_path: Path) -> None:
     assert labels.tolist() == [4]
 
 
+@pytest.mark.parametrize("start", [0, 5, 1_583_850_000])
+@pytest.mark.parametrize(("milliseconds", "columns"), [(1, 1), (1, 2), (20, 1), (20, 2)])
+def test_an_event_on_an_edge_is_the_first_of_its_bin(
+    tmp_path: Path, start: int, milliseconds: int, columns: int
+) -> None:
+    lines = [f"1 1 {start + k // 1000}.{k % 1000:03}000000\n" for k in range(0, 6500, milliseconds)]
+    text = "".join(lines) if columns == 1 else "".join(lines).replace(".", " ")
+    (tmp_path / "a.tact").write_text(text)
+    for startend in ("", f"grasping {start}.0"):
+        if startend:
+            (tmp_path / "a.startend").write_text(startend)
+        spikes = read_recordings(tmp_path / "a.tact", step_seconds=milliseconds / 1000).spikes[0]
+        assert spikes[:, 0].all()
+        assert len(spikes) == len(lines)
+    # A nanosecond earlier, the event belongs to the bin before.
+    (tmp_path / "a.tact").write_text(f"1 1 {start}.{milliseconds - 1:03}999999\n1 1 {start}.{milliseconds:03}\n")
+    spikes = read_recordings(tmp_path / "a.tact", step_seconds=milliseconds / 1000).spikes[0]
+    assert np.flatnonzero(spikes[:, 0]).tolist() == [0, 1]
+
+
 @pytest.mark.parametrize(
     "text",
     [
@@ -111,6 +131,11 @@ FIX = "Write 'polarity cell_index timestamp_seconds' on it: a polarity of 1, 0 o
             f"1 1 1 {'9' * 400}\n",
             f"file 'a.tact', line 1: it is not an event (got '1 1 1 9999999999999999999999999999999999'). {FIX}",
             id="absurd nanoseconds",
+        ),
+        pytest.param(
+            "1 1 1e-99999999999999999999\n",
+            f"file 'a.tact', line 1: it is not an event (got '1 1 1e-99999999999999999999'). {FIX}",
+            id="absurd exponent",
         ),
         pytest.param("2 1 1\n", f"file 'a.tact', line 1: it is not an event (got '2 1 1'). {FIX}", id="polarity"),
         pytest.param(
