@@ -17,10 +17,12 @@ TIMES = [[0.0, 0.013, 0.055], [], [0.029]]
 UNITS = [[3, 699, 3], [], [0]]
 
 
-def heidelberg(path: Path, times: list = TIMES, units: list = UNITS, **more: object) -> Path:
+def heidelberg(
+    path: Path, times: list = TIMES, units: list = UNITS, kinds: tuple[str, str] = ("<f2", "<u2"), **more: object
+) -> Path:
     with h5py.File(path, "w") as file:
-        for name, rows, kind in (("times", times, np.float16), ("units", units, np.uint16)):
-            held = file.create_dataset(f"spikes/{name}", (len(rows),), dtype=h5py.vlen_dtype(kind))
+        for name, rows, kind in (("times", times, kinds[0]), ("units", units, kinds[1])):
+            held = file.create_dataset(f"spikes/{name}", (len(rows),), dtype=h5py.vlen_dtype(np.dtype(kind)))
             for index, row in enumerate(rows):
                 held[index] = np.array(row, dtype=kind)
         file["labels"] = np.array([1, 0, 1], dtype=np.uint16)[: len(times)]
@@ -38,6 +40,13 @@ def test_spike_times_become_bins(tmp_path: Path) -> None:
     assert found.labels.tolist() == [1, 0, 1]
     assert found.class_names == ("zero", "one")
     assert found.step_seconds == 0.01
+
+
+@pytest.mark.parametrize("kinds", [(">f2", "<u2"), (">f4", ">u2"), (">f8", ">i4"), ("<f8", ">i8"), (">i4", "<i4")])
+def test_any_order_of_bytes(tmp_path: Path, kinds: tuple[str, str]) -> None:
+    path = heidelberg(tmp_path / "shd.h5", [[0, 1, 5], [], [2]], kinds=kinds)
+    found = read_recordings(path, step_seconds=1.0, channels=700)
+    assert np.argwhere(found.spikes).tolist() == [[0, 0, 3], [0, 1, 699], [0, 5, 3], [2, 2, 0]]
 
 
 @pytest.mark.parametrize(("grid", "polarities"), [("35x10", 2), ("35x20", 1)])

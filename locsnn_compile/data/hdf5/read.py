@@ -122,7 +122,8 @@ class Group:
         check_most(len(found), MAX_ROWS, self.where, f"{name!r} has too many rows", fix="Give fewer recordings.")
         rows = []
         for index in range(len(found)):
-            row = found[index].astype(np.float64)
+            # The library returns the bytes as they are in the file, but calls them native.
+            row = found[index].view(kind).astype(np.float64)
             self._budget.take(row.nbytes, f"{self.where}: {name!r}")
             rows.append(row)
         return rows
