@@ -33,8 +33,9 @@ _ROWS = re.compile(r"train_80_20_(\d{1,3})\.txt")
 class Division(Frozen):
     """How recordings are divided: ``share`` of every class goes to the test part; ``fold`` is the round, from 1.
 
-    Each round tests on other recordings: with a share of 0.2, every recording is tested on in one of five rounds.
-    Without a share, the files next to the recordings divide them, if there are any.
+    Each round tests on other recordings: with a share of 0.2, every recording is tested on in one of five rounds. Of a
+    class with fewer recordings than rounds, each round tests on one, if there are two at least. Without a share, the
+    files next to the recordings divide them, if there are any.
     """
 
     share: float | None = None
@@ -51,7 +52,7 @@ class Division(Frozen):
 
     def part(self, found: Recordings, path: Path, part: str) -> Recordings:
         """Return the train or test part of the recordings at ``path``; ``InputError`` if there is none."""
-        rounds = range(1, int(1 / self.share + 1e-9) + 1) if self.share else _rounds(path)
+        rounds = range(1, _many_rounds(self.share) + 1) if self.share else _rounds(path)
         fold, at = 1 if self.fold is None else self.fold, PARTS.index(part)
         if fold not in rounds:
             measured = f"got {fold} against {', '.join(map(str, rounds)) or 'none'}"
@@ -71,11 +72,17 @@ class Division(Frozen):
             check_range(self.share, 0.001, 0.9, "split")
 
 
+def _many_rounds(share: float) -> int:
+    """Return in how many rounds a share of the recordings can be tested on, each time others."""
+    return int(1 / share + 1e-9)
+
+
 def stratified_split(labels: IntArray, fraction: float, seed: int, fold: int = 1) -> tuple[IntArray, IntArray]:
     """Return sorted indices (kept, held out): each class gives ``fraction`` of its recordings, rounded.
 
-    If ``fraction`` is above 0, a class of two or more recordings gives at least one. The next ``fold`` takes the next
-    recordings. Equal numbers give equal draws on every machine.
+    If ``fraction`` is above 0, a class of two or more recordings gives at least one. Later folds, up to 1 / fraction,
+    share what the first leaves of ``fraction`` times their number; a class of fewer recordings than folds starts again
+    when all were held out. Equal numbers give equal draws on every machine.
     """
     rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, 0])))
     held: list[IntArray] = [np.zeros(0, dtype=np.int64)]
@@ -84,7 +91,14 @@ def stratified_split(labels: IntArray, fraction: float, seed: int, fold: int = 1
         wanted = round(fraction * len(members))
         if fraction > 0 and len(members) >= 2:
             wanted = min(max(wanted, 1), len(members) - 1)
-        held.append(np.roll(rng.permutation(members), -(fold - 1) * wanted)[:wanted])
+        drawn, rounds = rng.permutation(members), 1 if fold == 1 else _many_rounds(fraction)
+        begin, end = 0, wanted
+        if len(members) < rounds:
+            drawn = np.roll(drawn, -(fold - 1) * wanted)
+        elif fold > 1:
+            rest = max(rounds, round(fraction * rounds * len(members))) - wanted
+            begin, end = (wanted + rest * (one - 2) // (rounds - 1) for one in (fold, fold + 1))
+        held.append(drawn[begin:end])
     chosen = np.sort(np.concatenate(held))
     return np.setdiff1d(np.arange(len(labels)), chosen), chosen
 

@@ -16,6 +16,7 @@ from published import write_preprocessed, write_slip
 from locsnn_compile.cli.compile import main as compile_main
 from locsnn_compile.cli.main import main
 from locsnn_compile.data import Recordings, read_recordings, recording_parts, write_recordings
+from locsnn_compile.data.read import stratified_split
 from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
@@ -58,6 +59,20 @@ def test_rounds_take_turns(tmp_path: Path) -> None:
     # The one recording of the last class is never to test.
     assert sorted(number for test in tested for number in test) == list(range(15))
     assert tested[0] == numbers(read_recordings(path, test_share=0.2))
+
+
+@pytest.mark.parametrize(("share", "rounds"), [(0.2, 5), (1 / 3, 3), (0.5, 2), (0.1, 10), (0.3, 3)])
+def test_no_round_tests_again(share: float, rounds: int) -> None:
+    for many in range(2, 40):
+        parts = [stratified_split(np.zeros(many, dtype=np.int64), share, 0, fold) for fold in range(1, rounds + 1)]
+        sizes, tested = [len(test) for _, test in parts], np.concatenate([test for _, test in parts])
+        assert all(np.array_equal(np.sort(np.concatenate(part)), np.arange(many)) for part in parts)
+        if many < rounds:
+            assert sizes == [1] * rounds
+            assert len(np.unique(tested)) == many
+        else:
+            assert max(sizes) - min(sizes) <= 1
+            assert len(np.unique(tested)) == len(tested) == round(share * rounds * many)
 
 
 def test_a_folder_without_parts_is_divided(tmp_path: Path) -> None:
