@@ -127,10 +127,8 @@ def _check_columns(streams: Sequence[EventStream], where: str, channels: int, co
     guessed = [one.y for one in streams if one.columns is None and one.y is not None and one.y.any()]
     rows = 1 + max((int(y.max()) for y in guessed), default=0)
     if guessed and columns * rows * polarities != channels:
-        what, measured = (
-            "the width of its grid is not known",
-            f"up to {columns} x {rows} in {counted(channels, 'channel')}",
-        )
+        what = "the width of its grid is not known"
+        measured = f"up to {columns} x {rows} in {counted(channels, 'channel')}"
         fix = "Train with --grid WxH, or write bins with locsnn events --columns W --to FILE."
         raise InputError(where, what, measured=measured, fix=fix)
 

@@ -50,15 +50,18 @@ def parse_tact(data: bytes, where: str, startend: bytes | None, startend_where: 
     return EventStream(times, *places, 0.0, span_seconds, CHANNELS, 2, step_seconds=width, place=where)
 
 
-def tact_text(spikes: ByteArray, step_seconds: float) -> bytes:
-    """Return the ``.tact`` lines of one recording, (steps, 156): one event for each bin that is 1, starting at 0 s."""
+def tact_text(spikes: ByteArray, step_seconds: float, polarities: int = 2) -> bytes:
+    """Return the ``.tact`` lines of one recording, (steps, channels): one event for each bin that is 1, from 0 s on.
+
+    There are at most 78 taxels. If each has one polarity, all of its events are rising.
+    """
     steps, channels = np.nonzero(spikes)
     lines: list[str] = []
     for step, channel in zip(steps.tolist(), channels.tolist(), strict=True):
         # In the middle of the bin, so that rounding moves no event into another bin. The first event of a recording is
         # the exception: it may be the only sign of when the recording begins.
         seconds = (step + (0.5 if lines or step else 0.0)) * step_seconds
-        lines.append(f"{1 - channel % 2} {_CELL_OF_TAXEL[channel // 2]} {seconds:.9f}\n")
+        lines.append(f"{1 - channel % polarities} {_CELL_OF_TAXEL[channel // polarities]} {seconds:.9f}\n")
     return "".join(lines).encode()
 
 

@@ -146,20 +146,21 @@ def _one_file(recordings: Recordings, index: int, kind: str, stem: str, where: s
     if kind == "events":
         return {f"{stem}.npy": npy_bytes(structured_events(*_timed(recordings, index, where, sensor)))}
     if kind == "tact":
-        return _tact_files(recordings, index, stem, where)
+        return _tact_files(recordings, index, stem, where, _cells(recordings, sensor)[0])
     times, cell, polarity = _timed(recordings, index, where, sensor)
     y, x = (None, cell) if kind == "bs1" else np.divmod(cell, _cells(recordings, sensor)[1])
     return {f"{stem}.{kind}": pack_slayer_events(times, x, y, polarity, where)}
 
 
-def _tact_files(recordings: Recordings, index: int, stem: str, where: str) -> dict[str, bytes]:
+def _tact_files(recordings: Recordings, index: int, stem: str, where: str, polarities: int) -> dict[str, bytes]:
     spikes = recordings.spikes[index]
-    if spikes.shape[1] not in (CHANNELS, CHANNELS // 2):
-        measured = f"{counted(spikes.shape[1], 'channel')} against {CHANNELS // 2} or {CHANNELS}"
+    taxels = spikes.shape[1] // polarities
+    if taxels not in (TAXELS, 2 * TAXELS):
+        measured = f"{counted(taxels, 'taxel')} against {TAXELS} or {2 * TAXELS}"
         raise InputError(where, "raw text holds one or two fingertips", measured=measured, fix="Write .npz.")
     if not spikes.any():
         raise InputError(where, f"recording {index} is silent, which raw text cannot express", fix="Write .npz.")
-    return {f"{stem}.tact": tact_text(spikes, _width(recordings)), f"{stem}.startend": b"grasping 0\n"}
+    return {f"{stem}.tact": tact_text(spikes, _width(recordings), polarities), f"{stem}.startend": b"grasping 0\n"}
 
 
 def _member_files(recordings: Recordings, kind: str, where: str, sensor: Sensor) -> dict[str, bytes]:
@@ -194,6 +195,7 @@ def _not_held(recordings: Recordings, kind: str, sensor: Sensor, timed: bool = F
         ("channels", channels, not is_clear(shape) if kind == "npy" else read_channels != channels),
         ("steps", steps, kind != "npy" and read_steps != steps),
         ("polarities", 2, kind not in ("npy", "tact") and polarities == 2 and not active[:, 1::2].any()),
+        ("polarities", 1, kind == "tact" and polarities == 1),
         ("columns", columns, kind == "bs2" and used > row and not (clear and last_column.any())),
     )
     return NotHeld({name: value for name, value, needed in rows if needed and value is not None})

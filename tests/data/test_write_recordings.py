@@ -86,7 +86,7 @@ def test_sets_come_back(tmp_path: Path, recordings: Recordings, kind: str, suffi
         with pytest.raises(InputError) as caught:
             write_recordings(path, recordings, members=members)
         assert str(caught.value) == (
-            f"file '{path.name}': raw text holds one or two fingertips (100 channels against 78 or 156). Write .npz."
+            f"file '{path.name}': raw text holds one or two fingertips (100 taxels against 39 or 78). Write .npz."
         )
         assert not list(tmp_path.iterdir())
         return
@@ -173,6 +173,17 @@ def test_recordings_of_a_grid_come_back_with_and_without_it(
         assert np.array_equal(found.spikes, spikes)
 
 
+@pytest.mark.parametrize("columns", [None, 13])
+@pytest.mark.parametrize(("taxels", "polarities"), [(39, 1), (78, 1), (39, 2), (78, 2)])
+def test_text_has_the_taxels_of_a_sensor(tmp_path: Path, taxels: int, polarities: int, columns: int | None) -> None:
+    sensor = SensorLayout("mine", taxels, polarities, columns=columns)
+    wanted = sparse(sensor.channels)
+    left = write_recordings(tmp_path / "a.zip", wanted, members="tact", sensor=sensor).options
+    assert left.get("polarities", 2) == polarities
+    same(read_recordings(tmp_path / "a.zip", **left), wanted)  # type: ignore[arg-type]
+    same(read_recordings(tmp_path / "a.zip", sensor=sensor, steps=30), wanted)
+
+
 def test_events_of_a_grid_are_of_its_cells(tmp_path: Path) -> None:
     spikes = np.zeros((1, 3, 40), dtype=np.uint8)
     spikes[0, 1, 2 * (4 * 3 + 1) + 1] = 1  # row 3, column 1, polarity 1
@@ -202,6 +213,7 @@ REFUSED: list[tuple[str, str, Recordings, dict[str, Any], str]] = [
     ("labels of an array", "a.npy", TOUCHES, {}, "file 'a.npy': this format cannot hold labels, and the file name does not give them (3 of them). Write .npz, .pt, a folder or .zip, or one recording with _label_<k> in its name."),
     ("a label that is not in the name", "a.bs1", TOUCHES.subset([2]), {}, "file 'a.bs1': this format cannot hold labels, and the file name does not give them (2). Write .npz, .pt, a folder or .zip, or one recording with _label_<k> in its name."),
     ("a label only in the name", "a_label_1.tact", SILENT, {}, "file 'a_label_1.tact': this format cannot hold labels, and the file name does not give them (none). Write .npz, .pt, a folder or .zip, or one recording with _label_<k> in its name."),
+    ("more taxels than two fingertips have", "a.zip", BOTH, {"members": "tact", "sensor": SensorLayout("mine", 156)}, "file 'a.zip': raw text holds one or two fingertips (156 taxels against 39 or 78). Write .npz."),
     ("silence as text", "a.tact", SILENT, {}, "file 'a.tact': recording 0 is silent, which raw text cannot express. Write .npz."),
     ("silence at the start of one text", "a_label_4.tact", sparse(78).subset([0]), {}, "file 'a_label_4.tact': its first steps are silent, and without a .startend file a recording begins with its first event. Write a folder or .zip with members tact."),
     ("times after 23 bits", "a.zip", sparse(4 * 39, steps=500), {"members": "bs1"}, "file 'a.zip': an event's microsecond does not fit its bits (9910000 against 8388607). Write .npz."),
