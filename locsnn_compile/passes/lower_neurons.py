@@ -28,6 +28,8 @@ from locsnn_compile.network.quantized import QuantizedNetwork, QuantizedPopulati
 def lower_neurons(quantized: QuantizedNetwork, chip: Chip) -> CompartmentGraph:
     """Lower every population by its strategy; weights of 0 make no synapse."""
     network = quantized.network
+    # A walk over the sensor has its length whatever the recording's.
+    open_end = {"time": None} if network.any_length else {}
     groups: list[Compartments] = []
     synapses: list[Synapses] = []
     for population in quantized.populations:
@@ -37,7 +39,7 @@ def lower_neurons(quantized: QuantizedNetwork, chip: Chip) -> CompartmentGraph:
         synapses += _by_sign(projection, _entrance(quantized.population(projection.target), projection.dendrite))
     graph = CompartmentGraph(
         name=network.name,
-        phases=tuple(replace(phase, steps=None) if network.any_length else phase for phase in network.phases),
+        phases=tuple(replace(phase, steps=open_end.get(phase.axis, phase.steps)) for phase in network.phases),
         inputs=tuple(Input(v.name, v.lines, v.phase, "touch", v.positions, v.first_lines) for v in network.views),
         groups=tuple(groups),
         synapses=tuple(synapses),

@@ -218,6 +218,16 @@ def test_a_network_of_any_length_takes_recordings_as_they_are(steps):
     assert endless.fit(given, "array") is given
 
 
+def test_a_network_of_any_length_walks_the_sensor_to_the_end_of_its_silence():
+    given = hybrid(1, steps=40, hidden=6, scale=20.0)
+    views = tuple(replace(view, silence=3 * (view.walk is not None)) for view in given.views)
+    endless = replace(given, views=views, any_length=True)
+    levels, played = lower(endless, CHIP, 3), recordings(endless)[:, :25]
+    walked = [phase.steps for phase in levels.program.phases]
+    assert walked == [None, endless.steps_of("location")] == [None, given.steps_of("location") + 3]
+    assert compare(levels.quantized, levels.program, played).samples == len(played)
+
+
 @pytest.mark.parametrize(
     ("labels", "message"),
     [
