@@ -27,8 +27,8 @@ def set_prototypes(network: TouchModel, drawn: Iterable[tuple[Float32Array, IntA
     """Set the output of a window network for recordings (spikes, labels), in batches.
 
     The ridge is ``smoothing`` times the mean squared distance of a recording to its prototype. Scores are scaled so
-    that their standard deviation over classes is 1 on average. Raises ``InputError`` for other networks, and for a
-    class without recordings.
+    that their standard deviation over classes is 1 on average. Raises ``InputError`` for other networks, for a
+    class without recordings, and for a single class.
     """
     if not isinstance(network, WindowNetwork):
         fix = "Use another optimizer, or model window-snn."
@@ -40,6 +40,9 @@ def set_prototypes(network: TouchModel, drawn: Iterable[tuple[Float32Array, IntA
     if not of_class.all():
         where, what = f"label {int(of_class.argmin())}", "it has no recording to learn from, so it has no prototype"
         raise InputError(where, what, fix="Use another optimizer, or number the labels without a gap.")
+    if len(of_class) == 1:
+        fix = "Use another optimizer, or recordings of several classes."
+        raise InputError("training option 'optimizer'", "prototypes tell classes apart, and there is one", fix=fix)
     means = member.T @ hidden / of_class[:, None]
     apart = hidden - means[labels]
     products = (apart @ apart.T).double()
