@@ -26,10 +26,11 @@ T = TypeVar("T")
 class Stops(Shown):
     """Where each recording of a batch stops, and what was done until then.
 
-    ``steps`` (batch,), over all phases run, of ``all_steps``; ``prediction`` (batch,) there, ``final`` (batch,) without
-    stopping; ``counts`` until there, ``all_counts`` without stopping, of all recordings together, in the counts that
-    cost energy (:data:`hw_model.description.counts.BY_CORE`); ``latency_ns`` and ``all_latency_ns`` likewise, by the
-    chip's default profile.
+    ``steps`` (batch,) of ``all_steps``: over all phases, one after the other, for :func:`stop_when_proven`, and of the
+    recording for the others. ``prediction`` (batch,) there, ``final`` (batch,) without stopping; ``counts`` until
+    there, ``all_counts`` without stopping, of all recordings together, in the counts that cost energy
+    (:data:`hw_model.description.counts.BY_CORE`): the others, wraps and clips too, are 0. ``latency_ns`` and
+    ``all_latency_ns`` likewise, by the chip's default profile.
     """
 
     steps: IntArray
