@@ -24,7 +24,7 @@ class Binning(Frozen):
     - ``threshold``: a bin with more events is 1, by default 0
     - ``channels``, ``steps``: size of every recording. Later events are cut off, events of other channels are refused.
     - ``most_steps``: longer recordings are cut to this length; ``of_model``: channels that a model expects
-    - ``polarities``: 2, or 1 to merge both; ``columns``: width of a grid of x and y
+    - ``polarities``: 2, or 1 to merge both, which ``merge`` allows; ``columns``: width of a grid of x and y
     - ``axes``: the order of the axes of arrays, which hold bins already
     """
 
@@ -36,6 +36,7 @@ class Binning(Frozen):
     columns: Annotated[int | None, between(1, 1_000_000)] = None
     most_steps: int | None = None
     of_model: int | None = None
+    merge: bool = True
     axes: tuple[str, ...] | None = None
 
     where = "recordings"
@@ -82,6 +83,10 @@ def bin_streams(streams: Sequence[EventStream], where: str, binning: Binning) ->
     check_most(events, MAX_EVENTS, where, "it has too many events", fix="Give fewer recordings.")
     widest = [one.columns or 1 + int(one.x.max()) for one in streams if one.columns or len(one.x)]
     columns = binning.columns or max(widest, default=1)
+    found = {int(p) for one in streams if one.polarity is not None for p in np.unique(one.polarity)}
+    if not binning.merge and len(found) > 1:
+        fix = "Keep them apart by --polarities 2, or merge them by --polarities 1."
+        raise InputError(where, "its events have two polarities, but the channels of the sensor have one", fix=fix)
     polarities = binning.polarities or _polarities(streams, where, binning.of_model, columns)
     if binning.columns is None and binning.channels is not None:
         _check_columns(streams, where, binning.channels, columns, polarities)

@@ -165,13 +165,15 @@ def read_recordings(
       give it.
     - ``steps``: shorter recordings are padded with silence, longer ones are cut. Without it, all recordings of an
       archive or folder get the length of the longest.
-    - ``sensor`` sets ``channels``, ``polarities`` and ``columns`` at once. Other channels are refused.
+    - ``sensor`` sets ``channels``, ``polarities`` and ``columns`` at once. Other channels are refused. If it
+      only counts channels of one polarity, ``polarities=1`` allows events of two to be merged.
 
     Raises ``InputError`` for anything that cannot be used, and for an option that contradicts the model or the file.
     """
     path = _file_of(Path(path))
     division = Division(test_share, fold)
     counts = {"threshold": threshold, "polarities": polarities, "columns": columns}
+    merge = sensor is None or sensor.laid_out or polarities is not None
     if sensor is not None:
         channels, polarities, columns = sensor.channels, sensor.polarities, sensor.columns
         counts = {"threshold": threshold}
@@ -182,7 +184,7 @@ def read_recordings(
     said = {name: getattr(asked, name) for name in ("step_seconds", "threshold", "channels", "polarities", "columns")}
     agreed = model.agreed(**said, steps=steps) | {"steps": steps}
     divided = division.divides(path)
-    binning = replace(asked, **agreed, most_steps=model.steps, of_model=model.channels)
+    binning = replace(asked, **agreed, most_steps=model.steps, of_model=model.channels, merge=merge)
     found = _read(path, None if divided else split, binning, step_seconds)
     if divided:
         found = division.part(found, path, split or "test")

@@ -85,6 +85,11 @@ class SensorLayout(Frozen):
         return self.surfaces * self.taxels * self.polarities
 
     @property
+    def laid_out(self) -> bool:
+        """Whether anything is known but a number of channels."""
+        return self.polarities == 2 or any(one is not None for one in (self.columns, self.positions, self.names))
+
+    @property
     def is_neutouch(self) -> bool:
         """Whether its surfaces are NeuTouch fingertips, for which there are published walks, graphs and frames."""
         return self.positions == TAXEL_COORDINATES_MM

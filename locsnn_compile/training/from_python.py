@@ -32,7 +32,7 @@ def read_parts(
         sizes = own.step_seconds, own.event_threshold, own.steps, own.channels
         model = Expected("the network to start from", *sizes, start.description.class_names, **own.sensor.event_options)
     parts = [part for part in ("train", "test") if part in recording_parts(data, test_share=config.split)]
-    asked = picked(config, "step_seconds", "steps", "axes", "sensor", "fold")
+    asked = picked(config, "step_seconds", "steps", "axes", "sensor", "polarities", "fold")
     asked |= {"threshold": config.event_threshold, "test_share": config.split, "model": model}
     read = [read_recordings(data, split=part, **asked) for part in (parts if "train" in parts else [None])]
     steps = max(part.spikes.shape[1] for part in read)

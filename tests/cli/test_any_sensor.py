@@ -12,6 +12,7 @@ import locsnn_compile as lc
 from locsnn_compile.cli.compile import main as compile_main
 from locsnn_compile.cli.main import main as locsnn_main
 from locsnn_compile.cli.step_options import expected_by
+from locsnn_compile.data import write_recordings
 from locsnn_compile.data.sensor import SensorLayout, asked_layout
 from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
@@ -255,6 +256,25 @@ def test_class_names_travel_and_must_agree(capsys: Capture) -> None:
         "recordings 'b.npz': their classes have other names than those of the network to start from (twist, slide, press "
         "against press, slide, twist). Give recordings of the same classes, in the same order.\n"
     )
+
+
+def test_polarities_are_merged_only_if_asked(capsys: Capture) -> None:
+    """With --channels 40 alone, events of both polarities of a taxel became the same channel."""
+    touches = lc.read_recordings(write(GRID))
+    write_recordings(Path("events.zip"), touches, members="bs1", sensor=GRID)
+    assert train("events.zip", "--channels", "40") == 2
+    assert capsys.readouterr().err == (
+        "archive 'events.zip': its events have two polarities, but the channels of the sensor have one. Keep them apart by "
+        "--polarities 2, or merge them by --polarities 1.\n"
+    )
+    assert train("events.zip", "--channels", "40", "--polarities", "2") == 0
+    found = read_checkpoint("a.pt").recordings
+    assert found is not None
+    assert np.array_equal(found.spikes, touches.spikes[: len(found)])
+    assert train("events.zip", "--channels", "20", "--polarities", "1", output="b.pt") == 0
+    found = read_checkpoint("b.pt").recordings
+    assert found is not None
+    assert np.array_equal(found.spikes, touches.spikes[: len(found), :, ::2] | touches.spikes[: len(found), :, 1::2])
 
 
 FIT = "its class names do not fit its classes (2 different ones against 3)"

@@ -125,7 +125,7 @@ def test_conversion(small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert main(["events", str(small), "--to", str(tmp_path / "out"), "--members", "bs1"]) == 0
     assert capsys.readouterr().out.splitlines()[-2:] == [
         f"wrote {tmp_path / 'out'}",
-        "read it with --channels 78: the format does not say so",
+        "read it with --channels 78 --polarities 2: the format does not say so",
     ]
     assert main(["events", str(tmp_path / "out"), "--channels", "78", "--to", str(tmp_path / "back.npz")]) == 0
     assert (tmp_path / "back.npz").read_bytes() == small.read_bytes()
