@@ -34,10 +34,10 @@ INPUT_ENTRIES = ("name", "size", "phase", "stream")
 
 def program_files(program: ChipProgram) -> dict[str, bytes]:
     """Return the two files as bytes, by name; the same program gives the same bytes."""
-    columns = ((f"{name}.npy", npy_bytes(array.astype(np.int64))) for name, array in _arrays(program).items())
+    columns = ((f"{name}.npy", npy_bytes(array.astype(np.int64))) for name, array in program_arrays(program).items())
     arrays = pack_files(columns, compressed=True)
     document = {"format": FORMAT, "version": VERSION, "arrays_sha256": hashlib.sha256(arrays).hexdigest()}
-    document.update(_document(program))
+    document.update(program_document(program))
     text = yaml.dump(document, sort_keys=False, allow_unicode=True, width=120, Dumper=_Dumper)
     text += f"{SEAL}{hashlib.sha256(text.encode()).hexdigest()}\n"
     return {"program.npz": arrays, "program.yaml": text.encode()}
@@ -64,7 +64,8 @@ def _text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
 _Dumper.add_representer(str, _text)
 
 
-def _document(program: ChipProgram) -> dict[str, Any]:
+def program_document(program: ChipProgram) -> dict[str, Any]:
+    """Return the entries of ``program.yaml`` but for its format and checksums."""
     readout = program.readout
     return {
         "name": program.name,
@@ -108,7 +109,8 @@ def _potentials_from(readout: Readout) -> int | dict[str, int]:
     return given if isinstance(given, int) else readout.from_step
 
 
-def _arrays(program: ChipProgram) -> dict[str, IntArray]:
+def program_arrays(program: ChipProgram) -> dict[str, IntArray]:
+    """Return the arrays of ``program.npz``: ``input<i>/<name>`` and ``core<number>/<name>``."""
     arrays: dict[str, IntArray] = {}
     for index, item in enumerate(program.inputs):
         visits = picked(item, "positions", "first_lines")

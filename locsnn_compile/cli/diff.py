@@ -18,11 +18,11 @@ from hw_model.io.given import check_path
 from locsnn_compile.backends import BUILD_NAMES
 from locsnn_compile.cli.places import check_places
 from locsnn_compile.cli.shell import terminal
-from locsnn_compile.errors import InputError, check_same
+from locsnn_compile.errors import InputError, check_same, listed
 from locsnn_compile.report.figures.program import program_figures
 from locsnn_compile.report.renderers.html import render_html
 from locsnn_compile.report.renderers.terminal import render_terminal
-from locsnn_compile.report.sections.comparison import Build, changes, comparison, percent
+from locsnn_compile.report.sections.comparison import Build, changes, comparison, contents_changed, percent
 
 MAX_REPORT_BYTES = 64 << 20
 
@@ -42,6 +42,8 @@ def run(args: argparse.Namespace) -> int:
         print(json.dumps({key: {"before": a, "after": b} for key, (a, b) in changed.items()}, indent=2))
     elif not changed:
         print("The builds are equal.")
+    elif parts := contents_changed(changed):
+        print(f"All figures are equal, but not the programs: they differ in {listed(parts)}.")
     elif args.all:
         for key, (a, b) in changed.items():
             by = percent(a, b)

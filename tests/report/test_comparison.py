@@ -216,6 +216,7 @@ def test_figures_of_a_program() -> None:
     builder.connect(line, cell, [[20, -2], [0, 4]], delay=3)
     found = program_figures(builder.build())
     assert found.pop("registers")["voltage_bits"] == 23
+    assert {"readout", "cores.mantissa", "inputs.line", "chip"} < found.pop("contents").keys()
     assert found == {
         "cores": 1,
         "groups": {

@@ -1,18 +1,26 @@
 """The contents of a program as figures, by which two builds are compared."""
 
+import re
 from dataclasses import asdict
+from hashlib import sha256
+from typing import Any
 
 import numpy as np
 
 import hw_model as hw
+from hw_model.program.write import program_arrays, program_document
 from hw_model.values import AnyArray
 from locsnn_compile.report.content import Document
+
+_ORIGIN = ("name", "target", "provenance", "synapses_pruned")
+"""Entries of a program that say where it came from; no spike, score or cost depends on them."""
 
 
 def program_figures(program: hw.ChipProgram) -> Document:
     """Return the sizes and settings of every group of compartments, the sums of its weights, and the chip's registers.
 
     Settings are given by the least and the largest. Weights are effective: ``64 * floor(mantissa * 2^exponent)``.
+    ``contents`` has a checksum of every kind of entry and array of the program's files, apart from its origin.
     """
     parts: dict[str, list[dict[str, AnyArray]]] = {}
     for core in program.cores:
@@ -32,7 +40,20 @@ def program_figures(program: hw.ChipProgram) -> Document:
             }
             parts.setdefault(piece.group, []).append(held)
     groups = {name: _group(its) for name, its in parts.items()}
-    return {"cores": len(program.cores), "registers": asdict(program.chip.registers), "groups": groups}
+    its = {"cores": len(program.cores), "registers": asdict(program.chip.registers), "groups": groups}
+    return its | {"contents": _contents(program)}
+
+
+def _contents(program: hw.ChipProgram) -> dict[str, str]:
+    chip = {key: value for key, value in asdict(program.chip).items() if key not in ("name", "description", "document")}
+    parts: dict[str, Any] = {**program_document(program), "chip": chip}
+    for core in parts.pop("cores"):
+        for key, value in core.items():
+            parts.setdefault(f"cores.{key}", []).append(value)
+    for key, array in program_arrays(program).items():
+        content = sha256(array.astype(np.int64).tobytes()).hexdigest()
+        parts.setdefault(re.sub(r"\d+/", "s.", key), []).append((key, content))
+    return {key: sha256(repr(value).encode()).hexdigest()[:12] for key, value in parts.items() if key not in _ORIGIN}
 
 
 def _group(parts: list[dict[str, AnyArray]]) -> Document:

@@ -1,6 +1,6 @@
 """Two builds side by side, as content without form: three questions, key figures, and everything that changed."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cached_property
 from typing import Any
 
@@ -62,6 +62,7 @@ def _named(group: str) -> tuple[KeyFigure, ...]:
 
 
 _KEY_FIGURES = _named("all")
+_CONTENTS = "program.contents."
 _EVENTS = ("input_events", "transpose_events")
 _LARGEST = 1e200
 """Numbers must be smaller, so that ratios of them can be computed."""
@@ -75,6 +76,16 @@ def changes(before: Build, after: Build) -> dict[str, Change]:
     a, b = (_figures(build) for build in (before, after))
     keys = [*a, *(key for key in b if key not in a)]
     return {key: (a.get(key), b.get(key)) for key in keys if a.get(key) != b.get(key)}
+
+
+def contents_changed(changed: Iterable[str], within: str = "") -> list[str]:
+    """Return what differs in two programs, if all keys of figures that ``changed`` and begin with ``within`` say that.
+
+    Then figures, which are sums and extremes, are equal, and programs are not.
+    """
+    keys = [key for key in changed if key.startswith(within)]
+    parts = [key.removeprefix(_CONTENTS) for key in keys if key.startswith(_CONTENTS)]
+    return parts if len(parts) == len(keys) else []
 
 
 def comparison(before: Build, after: Build) -> Report:
@@ -213,16 +224,18 @@ def _agree(before: Build, after: Build, begin: str | tuple[str, ...], end: str |
 
 def _notices(before: Build, after: Build) -> tuple[Notice, ...]:
     """Return what makes the two less comparable."""
-    models = {build.text("model.sha256") for build in (before, after)}
+    models, changed = {build.text("model.sha256") for build in (before, after)}, changes(before, after)
+    parts = contents_changed(changed, "program.")
     said = {
         "models differ": len(models) > 1 and "" not in models,
-        "models not known": "" in models and bool(changes(before, after)),
+        "models not known": "" in models and bool(changed),
         "recordings differ": not _same_recordings(before, after),
         "profiles differ": not _same_profile(before, after),
         "chips differ": not _same_chip(before, after),
+        "programs differ": bool(parts),
     }
     both = " and ".join(map(_recordings, (before, after)))
-    return tuple(notice(name, both=both) for name, holds in said.items() if holds)
+    return tuple(notice(name, both=both, parts=", ".join(parts)) for name, holds in said.items() if holds)
 
 
 def _key_figures(before: Build, after: Build) -> Section:
