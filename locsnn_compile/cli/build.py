@@ -96,6 +96,11 @@ def _network(args: Namespace) -> Network:
     """Read the model, or join several, in the steps asked for; refuse options that change nothing for it."""
     options = picked(args, "config", "dt", "reset", "discretisation", "kernels")
     networks = [load(model, **options) for model in args.model]
+    if args.weights and len(networks) < 2:
+        if networks[0].members:
+            fix = "Leave it out, or pack the models again: locsnn pack --weights."
+            raise InputError("--weights", "the file of this committee holds its weights", fix=fix)
+        raise InputError("--weights", "there is one model, with nothing to weigh it against", fix="Leave it out.")
     network = join(networks, args.weights, args.calibration) if len(networks) > 1 else networks[0]
     asked = given(args, ("--weight-bits", "--split-weights", "--calibration", "--psi"))
     if network.has_float_weights and given(args, BOUNDS):  # settings are chosen on --calibration
@@ -123,8 +128,6 @@ def _check_options(args: Namespace) -> None:
     if args.recording is not None and not set(args.emit) & set(OF_RECORDING):
         fix = f"Add --emit {listed(OF_RECORDING, 'or')}."
         raise InputError("--recording", "no emitted file shows a single recording", fix=fix)
-    if args.weights and len(args.model) < 2:
-        raise InputError("--weights", "there is one model, with nothing to weigh it against", fix="Leave it out.")
     if args.probe and "vcd" not in args.emit:
         raise InputError("--probe", "no emitted file shows a neuron", fix="Add --emit vcd.")
     if args.junit and not given(args, GATES):

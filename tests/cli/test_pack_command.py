@@ -161,6 +161,16 @@ def test_what_cannot_be_packed_or_joined(tmp_path, capsys):
     assert not any(tmp_path.iterdir())
 
 
+def test_a_committee_has_its_weights_already(tmp_path, capsys):
+    """The message said that there was one model, with nothing to weigh it against."""
+    assert pack(*MODELS[:2], "-o", tmp_path / "both.pt", "--weights", "1,2") == 0
+    capsys.readouterr()
+    assert compile_command.main([str(tmp_path / "both.pt"), "--weights", "1,1", "-o", str(tmp_path / "dir")]) == 2
+    line = "--weights: the file of this committee holds its weights. Leave it out, or pack the models again: locsnn pack --weights.\n"  # fmt: skip
+    assert capsys.readouterr() == ("", line)
+    assert not (tmp_path / "dir").exists()
+
+
 def test_a_gate_on_several_models(tmp_path, capsys):
     copy = shutil.copy(MODELS[0], tmp_path / "again.pt")
     arguments = [MODELS[0], str(copy), "--events", TOUCHES, "--strategy", "dendrite", "--max-cores", "3", "--quiet"]
