@@ -1,8 +1,9 @@
 """Recordings in one ``.npy``, ``.npz``, ``.pt`` or HDF5 file: arrays of 0 and 1, or events, with labels or without."""
 
 import io
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
+from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,8 @@ from locsnn_compile.errors import InputError, counted
 #: Entries of ``.npz`` and ``.pt`` files that are not the recordings.
 _BESIDE = ("labels", "step_seconds", "class_names", "axes")
 _TEXTS = _BESIDE[2:]
+_ALIKE = 0.82
+"""From which likeness on a name is one of these with an error in it: 0.83 for ``lables``, 0.8 for ``taxels``."""
 HDF5_SUFFIXES = (".h5", ".hdf5")
 
 
@@ -37,8 +40,8 @@ def read_arrays(path: Path, binning: Binning, asked_seconds: float | None) -> Re
     - Labels of a ``.npy``: in ``<stem>_labels.npy`` next to it; for a single recording also ``_label_<k>`` in its name.
     - Width of a bin: the file's. If it gives none, or holds events, that of ``binning``.
 
-    Raises ``InputError`` for anything else, for bins that are not ``asked_seconds`` wide, and for a file whose order of
-    axes is not that of ``binning``.
+    Raises ``InputError`` for anything else, for an entry whose name is almost one of these, for bins that are not
+    ``asked_seconds`` wide, and for a file whose order of axes is not that of ``binning``.
     """
     where = f"file {path.name!r}"
     entries, streams = _entries(path, where)
@@ -70,6 +73,15 @@ def _entries(path: Path, where: str) -> tuple[Mapping[str, AnyArray], list[Event
         entries = _npz_entries(data, where) if path.suffix == ".npz" else _torch_entries(data, where)
     found = _find_spikes(entries, where)
     return entries, [] if found.dtype.names is None else [parse_structured(found, where)]
+
+
+def _check_names(names: Collection[str], where: str) -> None:
+    """Refuse a name that differs by a few letters from one that a file lacks; other names may be anybody's."""
+    for name in names:
+        close = get_close_matches(name.lower(), [known for known in _BESIDE if known not in names], 1, _ALIKE)
+        if close and name not in _BESIDE:
+            fix = f"Did you mean {close[0]!r}? Rename or remove it."
+            raise InputError(f"{where}, entry {name!r}", "it has no meaning here", fix=fix)
 
 
 def _order(entries: Mapping[str, AnyArray], asked: Order | None, where: str) -> Order | None:
@@ -110,6 +122,7 @@ def _npz_entries(data: bytes, where: str) -> dict[str, AnyArray]:
         names = {file: file.removesuffix(".npy") for file in files}
         if len(set(names.values())) < len(names):
             raise InputError(where, "it contains an entry twice, with and without '.npy'", fix=fix)
+        _check_names(names.values(), where)
         kinds = dict.fromkeys(_TEXTS, "US")
         return {
             name: load_npy(archive.content(file), f"{where}, {file!r}", kinds.get(name, "biuf"))
@@ -123,6 +136,7 @@ def _torch_entries(data: bytes, where: str) -> dict[str, AnyArray]:
     if "format" in found and "weights" in found:
         fix = "Give it as the model, and recordings as events."
         raise InputError(where, "it is a trained network, not recordings", fix=fix)
+    _check_names(list(map(str, found)), where)
     entries: dict[str, AnyArray] = {}
     for name, entry in found.items():
         if name in _BESIDE and isinstance(entry, int | float | list | str):
@@ -180,6 +194,7 @@ def read_hdf5(path: Path, where: str) -> tuple[dict[str, AnyArray], list[EventSt
     """
     with open_hdf5(path, where) as (root, _):
         values = [name for name in root.names() if not root.is_group(name)]
+        _check_names(values, where)
         entries = {name: np.array(root.texts(name)) if name in _TEXTS else root.array(name) for name in values}
         if "extra" in root and root.is_group("extra") and "keys" in (extra := root.group("extra")):
             entries.setdefault("class_names", np.array(extra.texts("keys")))

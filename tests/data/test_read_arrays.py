@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 import torch
@@ -332,6 +333,35 @@ def test_what_are_no_recordings(
     assert str(caught.value) == message
     assert not leaked
     assert not (tmp_path / "ran").exists()
+
+
+MEANT = {"label": "labels", "Labels": "labels", "lables": "labels", "step_second": "step_seconds", "class_name": "class_names"}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", MEANT)
+@pytest.mark.parametrize("suffix", [".npz", ".pt", ".h5"])
+def test_an_entry_that_is_almost_of_a_known_name_is_refused(tmp_path: Path, name: str, suffix: str) -> None:
+    """Labels of another name were ignored silently."""
+    path = tmp_path / f"a{suffix}"
+    if suffix == ".npz":
+        np.savez(path, spikes=FULL, **{name: LABELS})
+    elif suffix == ".pt":
+        torch.save({"spikes": torch.from_numpy(FULL), name: torch.from_numpy(LABELS)}, path)
+    else:
+        with h5py.File(path, "w") as file:
+            file["spikes"], file[name] = FULL, LABELS
+    with pytest.raises(InputError) as caught:
+        read_recordings(path)
+    meant = f"Did you mean {MEANT[name]!r}? Rename or remove it."
+    assert str(caught.value) == f"file 'a{suffix}', entry {name!r}: it has no meaning here. {meant}"
+
+
+def test_arrays_of_others_may_lie_beside(tmp_path: Path) -> None:
+    others = ("taxels", "times", "names", "mask", "classes", "train_labels", "spikes2")
+    np.savez(tmp_path / "a.npz", spikes=FULL, labels=LABELS, label=LABELS + 1, **dict.fromkeys(others, LABELS))
+    found = read_recordings(tmp_path / "a.npz").labels
+    assert found is not None
+    assert np.array_equal(found, LABELS)
 
 
 def test_bins_may_be_as_narrow_as_the_steps_of_a_model(tmp_path: Path) -> None:
