@@ -14,9 +14,14 @@ def exchange_file(kind: str, quantized: QuantizedNetwork) -> bytes:
         what = "a committee" if network.members else "a start at the first touch"
         raise InputError(f"--emit {kind}", f"the format cannot hold {what}", fix="Emit without it.")
     if kind == "nir":
-        from locsnn_compile.backends.exchange.nir_file import nir_bytes
+        from locsnn_compile.backends.exchange.nir_file import nir_bytes as written
+    else:
+        from locsnn_compile.backends.exchange.net_file import net_bytes as written
+    from locsnn_compile.backends.exchange.floats import HELD
 
-        return nir_bytes(quantized)
-    from locsnn_compile.backends.exchange.net_file import net_bytes
-
-    return net_bytes(quantized)
+    content = written(quantized)
+    if set(network.readout.weights) != {1.0}:
+        measured = ", ".join(f"{weight:g}" for weight in network.readout.weights)[:80]
+        what = "the format cannot weigh what is read out"
+        raise InputError(f"--emit {kind}, readout", what, measured=f"weights {measured}", fix=HELD)
+    return content

@@ -5,9 +5,12 @@ from typing import Any
 
 import numpy as np
 
+from locsnn_compile.backends.exchange.floats import HELD, may_spike
 from locsnn_compile.errors import InputError
 from locsnn_compile.frontends.lava_dl.layers import Array, NetFile, NetLayer
+from locsnn_compile.frontends.lava_dl.to_network import SILENT
 from locsnn_compile.network.chip_neurons import ChipCuba
+from locsnn_compile.network.network import Network
 from locsnn_compile.network.projections import ChipProjection, Matrix, values_of
 from locsnn_compile.network.quantized import QuantizedNetwork, QuantizedPopulation
 
@@ -40,10 +43,14 @@ def file_bytes(file: NetFile) -> bytes:
 
 def net_file(quantized: QuantizedNetwork) -> NetFile:
     """Return the layers of a chain of populations in integers."""
-    if len(quantized.network.views) != 1 or any(phase.axis != "time" for phase in quantized.network.phases):
+    network = quantized.network
+    if {phase.axis for phase in network.phases} | {view.axis for view in network.views} != {"time"}:
         raise InputError(_WHERE, "lava-dl has no steps along locations", fix=_OTHER)
-    before, layers = quantized.network.views[0].name, []
-    layers.append(NetLayer(0, "input", {"shape": np.array([quantized.network.views[0].lines])}))
+    if len(network.views) != 1:
+        measured = f"{len(network.views)} against 1"
+        raise InputError(_WHERE, "lava-dl has one input", measured=measured, fix="Emit nir, or join them.")
+    before, layers = network.views[0].name, []
+    layers.append(NetLayer(0, "input", {"shape": np.array([network.views[0].lines])}))
     for number, q in enumerate(quantized.populations, start=1):
         name = q.population.name
         onto = [p for p in quantized.projections if p.target == name]
@@ -52,16 +59,31 @@ def net_file(quantized: QuantizedNetwork) -> NetFile:
             raise InputError(f"{_WHERE}, population {name!r}", "it is not the next layer of a chain", fix=_OTHER)
         if len(sources) < len(onto):
             raise InputError(f"{_WHERE}, population {name!r}", "its weights have several formats", fix=_OTHER)
-        layers.append(_layer(number, q, onto))
+        layers.append(_layer(number, q, onto, name in network.readout.from_step))
         before = name
+    _check_readout(network)
     return NetFile(tuple(layers), {})
 
 
-def _layer(number: int, q: QuantizedPopulation, onto: list[ChipProjection]) -> NetLayer:
+def _check_readout(network: Network) -> None:
+    """Refuse a readout of anything but the last layer, or of its potentials from another step than readers assume."""
+    readout, layers = network.readout, len(network.populations)
+    if readout.populations != (network.populations[-1].name,):
+        measured = ", ".join(readout.populations)[:80]
+        raise InputError(f"{_WHERE}, readout", "lava-dl reads out the last layer", measured=measured, fix=HELD)
+    for first in readout.from_step.values():
+        if first != layers:
+            what, measured = "lava-dl counts potentials from another step", f"{layers} against {first}"
+            raise InputError(f"{_WHERE}, readout", what, measured=measured, fix=HELD)
+
+
+def _layer(number: int, q: QuantizedPopulation, onto: list[ChipProjection], read: bool) -> NetLayer:
     name, neuron = q.population.name, q.neuron
     where = f"{_WHERE}, population {name!r}"
     if not isinstance(neuron, ChipCuba) or (neuron.refractory > 1).any():
         raise InputError(where, "lava-dl only runs neurons of one compartment without a refractory period", fix=_OTHER)
+    if read and may_spike(neuron, onto):
+        raise InputError(where, "neurons that lava-dl reads by potential never spike, and these may", fix=HELD)
     bias = neuron.bias_mantissa * 2**neuron.bias_exponent
     if (bias % 64).any():
         raise InputError(where, "a bias is not a multiple of 64", measured=f"{bias[bias % 64 != 0][0]}", fix=_OTHER)
@@ -71,7 +93,7 @@ def _layer(number: int, q: QuantizedPopulation, onto: list[ChipProjection]) -> N
         "neuron/type": "CUBA",
         "neuron/iDecay": neuron.decay_u,
         "neuron/vDecay": neuron.decay_v,
-        "neuron/vThMant": neuron.threshold,
+        "neuron/vThMant": np.full_like(neuron.threshold, SILENT) if read else neuron.threshold,
         "neuron/refDelay": np.array(1),
         "neuron/gradedSpike": np.array(0),
     }

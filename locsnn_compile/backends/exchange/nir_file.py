@@ -2,8 +2,9 @@
 
 A network from NIR is written as the graph that it was, node by node and number by number. Others become Input, Linear,
 Delay, neuron and Output nodes, with constants whose usual Euler step is that of the network: a share d lost per step
-is ``tau = dt / d``, ``r = 1 / d``, and a bias b is ``v_leak = b / d``. Spikes of NIR take no step, or one where they
-close a loop; a Delay holds what they take more here (:mod:`locsnn_compile.frontends.nir.paths`).
+is ``tau = dt / d``, ``r = 1 / d``, and a bias b is ``v_leak = b / d``. Neurons that are read by potential become LI or
+CubaLI. Spikes of NIR take no step, or one where they close a loop; a Delay holds what they take more here
+(:mod:`locsnn_compile.frontends.nir.paths`).
 
 Metadata has dotted keys: ``dt``, if known; for each population ``quantized.<name>.threshold``, ``decay_u``,
 ``decay_v``, ``bias_mantissa``, ``bias_exponent``, ``refractory`` and ``scale``, with dots for slashes in the name; for
@@ -20,6 +21,7 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
+from locsnn_compile.backends.exchange.floats import HELD, may_spike, neurons_of, weights_of
 from locsnn_compile.errors import InputError
 from locsnn_compile.frontends.nir.graph import Array, Edge, NirGraph, NirNode
 from locsnn_compile.frontends.nir.neurons import DT_SECONDS
@@ -27,7 +29,7 @@ from locsnn_compile.frontends.nir.paths import Paths
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm
 from locsnn_compile.network.network import Network, Population
 from locsnn_compile.network.neurons import Cuba
-from locsnn_compile.network.projections import ChipProjection, Matrix, Projection, by_delay, connections, values_of
+from locsnn_compile.network.projections import by_delay, connections, values_of
 from locsnn_compile.network.quantized import QuantizedNetwork
 
 _VERSION = "1.0"
@@ -89,15 +91,20 @@ def nir_graph(network: Network) -> NirGraph:
         nodes[name] = NirNode(kind, parameters)
         return name
 
-    for view in network.views:
-        called[view.name] = add(view.name, "Input", {"shape": np.array([view.lines])})
+    # All inputs over time play the same recording, and a reader would put the lines of several nodes side by side.
+    inputs = [view for view in network.views if view.axis == "time"]
+    for view in inputs:
+        called[view.name] = called.get(inputs[0].name) or add(view.name, "Input", {"shape": np.array([view.lines])})
+    read = network.readout.from_step
     for population in network.populations:
-        called[population.name] = add(population.name, *_neuron(population, dt))
+        called[population.name] = add(population.name, *_neuron(population, dt, population.name in read))
     pairs = ((p.source, p.target) for p in network.projections)
     paths = Paths(pairs, [view.name for view in network.views], [p.name for p in network.populations])
+    deep = dict(paths.depths)
     paths.fit([(p.source, p.target, delay) for p in network.projections for delay in np.unique(p.delay).tolist()])
+    _check_readout(network, deep, paths.depths)
     for k, projection in enumerate(network.projections):
-        weights, factor = _weights(projection)
+        weights, factor = weights_of(projection)
         late = paths.late(projection.source, projection.target)
         for delay, part in by_delay(weights, projection.delay) or [(late, weights)]:
             name = f"weights{k}" if np.size(projection.delay) == 1 else f"weights{k}.{delay}"
@@ -112,39 +119,51 @@ def nir_graph(network: Network) -> NirGraph:
     return NirGraph(nodes, tuple(edges))
 
 
-def _weights(projection: Projection | ChipProjection) -> tuple[Matrix, float]:
-    """Return weights and the factor that they stand for."""
-    if isinstance(projection, ChipProjection):
-        return projection.mantissa, 64.0 * 2.0**projection.exponent
-    return projection.weights, 1.0
+def _check_readout(network: Network, deep: Mapping[str, int], depths: Mapping[str, int]) -> None:
+    """Refuse a readout by potentials that a reader would take for another one.
+
+    Readers count potentials from the last of the ``deep`` steps after which inputs reach them; here inputs arrive after
+    ``depths``.
+    """
+    readout, read = network.readout, network.readout.from_step
+    where = "--emit nir, readout"
+    if 0 < len(read) < len(readout.populations):
+        raise InputError(where, "NIR cannot add spikes and potentials", fix=HELD)
+    for name, first in read.items():
+        late = deep[name] - depths[name]
+        if first + late != max(deep[its] for its in read):
+            what = f"NIR counts potentials of {name!r} from another step"
+            measured = f"{max(deep[its] for its in read) - late} against {first}"
+            raise InputError(where, what, measured=measured, fix=HELD)
+        neuron = next(p.neuron for p in network.populations if p.name == name)
+        if neuron.biased.any() or (isinstance(neuron, Cuba | ChipCuba) and may_spike(neuron, network.into(name))):
+            what = "neurons that NIR reads by potential have no biases and never spike"
+            raise InputError(f"--emit nir, population {name!r}", what, fix=HELD)
+        if any(p.source == name for p in network.projections):
+            what = "NIR sends no spikes on from neurons that it reads by potential"
+            raise InputError(f"--emit nir, population {name!r}", what, fix=HELD)
 
 
-def _neuron(population: Population, dt: float) -> tuple[str, dict[str, Array | str]]:
-    """Return the kind of a population's node, and its parameters."""
+def _neuron(population: Population, dt: float, read: bool) -> tuple[str, dict[str, Array | str]]:
+    """Return the kind of a population's node, and its parameters; ``read``: its potentials are read out."""
     where, neuron = f"--emit nir, population {population.name!r}", population.neuron
-    if isinstance(neuron, ChipCuba):
-        scale = 1 / 4096
-        u, v = neuron.decay_u * scale, neuron.decay_v * scale
-        threshold, bias = 64.0 * neuron.threshold, neuron.bias_mantissa * 2.0**neuron.bias_exponent
-    elif isinstance(neuron, Cuba):
-        u, v, bias = neuron.decay_u, neuron.decay_v, neuron.bias
-        # NIR spikes only above the threshold; to spike at it as well, take the next number below.
-        threshold = neuron.threshold if neuron.rule == ">" else np.nextafter(neuron.threshold, -np.inf)
-    else:
+    if not isinstance(neuron, Cuba | ChipCuba):
         raise InputError(where, "NIR has no neuron without reset", fix="Emit another kind.")
+    u, v, threshold, bias = neurons_of(neuron)
     if population.axis != "time":
         raise InputError(where, "NIR has no steps along locations", fix="Emit another kind.")
     if (neuron.refractory > 1).any():
         raise InputError(where, "NIR has no refractory period", fix="Emit another kind.")
-    if (u <= 0).any() or ((v <= 0).any() and ((v > 0).any() or (u < 1).any() or bias.any())):
+    if (u <= 0).any() or ((v <= 0).any() and (read or (v > 0).any() or (u < 1).any() or bias.any())):
         raise InputError(where, "a state that never decays has no time constant", fix="Emit another kind.")
     zero = np.zeros(population.size)
     if not v.any():
         return "IF", {"r": zero + 1 / dt, "v_threshold": threshold, "v_reset": zero}
-    common = {"r": 1 / v, "v_leak": bias / v, "v_threshold": threshold, "v_reset": zero}
+    fires = {} if read else {"v_threshold": threshold, "v_reset": zero}
+    common, suffix = {"r": 1 / v, "v_leak": bias / v, **fires}, "LI" if read else "LIF"
     if (u == 1).all():
-        return "LIF", {"tau": dt / v, **common}
-    return "CubaLIF", {"tau_syn": dt / u, "tau_mem": dt / v, "w_in": 1 / u, **common}
+        return suffix, {"tau": dt / v, **common}
+    return f"Cuba{suffix}", {"tau_syn": dt / u, "tau_mem": dt / v, "w_in": 1 / u, **common}
 
 
 def _integers(quantized: QuantizedNetwork) -> dict[str, Array | str]:
