@@ -30,6 +30,16 @@ def parse(kind: type[T], text: str, where: str, **given: Any) -> T:
     return RecordReader(where).record(kind, document, **given)
 
 
+_NEVER = {
+    "skipped_steps": ("depends on the engine, not on the chip", "Leave it out."),
+    "cycles": (
+        "is 0 in simulations, which do not run the core",
+        "Give power that does not depend on work as static_power.",
+    ),
+}
+"""Counts without a price: why, and what to do instead."""
+
+
 def check_profile(profile: Profile, where: str) -> None:
     """Refuse no prices, prices of what no chip counts, ranges beside their constant, and sources of no constant.
 
@@ -47,9 +57,9 @@ def check_profile(profile: Profile, where: str) -> None:
         ("sources", profile.sources, {**profile.energy_pj, **profile.time_ns}, "has no constant"),
     ):
         for name in names:
-            if name == "skipped_steps":
-                what = f"{name!r} depends on the engine, not on the chip"
-                raise InputError(f"{where}: {key}", what, fix="Leave it out.")
+            if name in _NEVER:
+                what, fix = _NEVER[name]
+                raise InputError(f"{where}: {key}", f"{name!r} {what}", fix=fix)
             check_known(f"{where}: {key}", f"{name!r} {what}", name, known)
     if "hops" in profile.energy_pj and not {"hops_x", "hops_y"}.isdisjoint(profile.energy_pj):
         what, fix = "'hops' are hops_x and hops_y together, which would be priced twice", "Price either."

@@ -171,7 +171,7 @@ class Readout(Frozen):
     def __post_init__(self) -> None:
         for name in self.populations:
             if self.populations.count(name) > 1:
-                fix = "Name it once, with the sum of its weights."
+                fix = "Name it once: it has one weight."
                 raise InputError("readout", f"it names {name!r} twice", fix=fix)
 
     @property

@@ -58,7 +58,10 @@ class _Dumper(yaml.SafeDumper):
 
 
 def _text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
-    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style="|" if "\n" in text else None)
+    # A reader takes what is left bare of these for the end of a line; no file can hold half of a surrogate pair.
+    text = text.encode(errors="backslashreplace").decode()
+    style = '"' if {*"\x85\u2028\u2029"} & {*text} else "|" if "\n" in text else None
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=style)
 
 
 _Dumper.add_representer(str, _text)

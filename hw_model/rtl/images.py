@@ -138,10 +138,13 @@ class CoreProgram:
     def simulated(self, least: Sizes) -> Sizes:
         """Return sizes of a simulated core that holds it: those of ``least``, or more.
 
-        Where events are heard on arrival, charges lie as the device has room for them.
+        Where events are heard on arrival, charges lie as the device has room for them. Where compartments share
+        places, as many are swept as the device has.
         """
         told = ("compartments", "slots") if self.later else ()
         exact = {name: getattr(self.sizes, name) for name in (*told, "later")}
+        if self.sizes.places:
+            exact["places"] = max(self.sizes.places, _power(self.needs.places))
         return replace(sizes_for(self.needs, least), **exact)
 
     @property

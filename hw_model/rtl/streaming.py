@@ -36,7 +36,7 @@ def stream(program: ChipProgram, spikes: Spikes, port: str, baud: int, report: b
     expected = simulate(program, spikes, probe=("spikes",))
     different: list[list[str]] = []
     for i, answer in enumerate(answers):
-        winner = answer.winner if expected.prediction is None else expected.prediction[i]
+        winner = answer.winner if expected.scores is None else expected.prediction[i]
         counts = [expected.per_recording[i][name] for name in ANSWER[3:]]
         found = dict(zip(ANSWER, (answer.error == 0, answer.winner == winner, True), strict=False))
         found |= {name: a == b for name, a, b in zip(ANSWER[3:], answer.counts, counts, strict=True)}
@@ -47,7 +47,7 @@ def stream(program: ChipProgram, spikes: Spikes, port: str, baud: int, report: b
     return {
         "recordings": len(answers),
         "classes": [answer.winner for answer in answers],
-        "expected": None if expected.prediction is None else expected.prediction.tolist(),
+        "expected": None if expected.scores is None else expected.prediction.tolist(),
         "errors": [answer.error for answer in answers],
         "lost_spikes": [answer.lost for answer in answers],
         "cycles": [answer.cycles for answer in answers],

@@ -34,5 +34,7 @@ def run(args: argparse.Namespace) -> int:
     Pack(checkpoints, tuple(member.weight for member in joined.members)).save(args.output)
     for member in joined.members:
         print(f"{member.name}: weight {member.weight:.6g}")
+    if not args.weights:
+        print(joined.assumptions[-1])
     print(f"wrote {args.output}")
     return 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -62,6 +63,25 @@ def test_a_pack_compiles_to_the_program_of_its_models(tmp_path, capsys):
     run = json.loads(capsys.readouterr().out)
     assert [row["prediction"] for row in run["recordings"]] == hw.simulate(one, _touches()).prediction.tolist()
     assert {"stop", "stream"} <= run.keys()
+
+
+def test_it_says_what_weights_rest_on_if_none_are_given(tmp_path, capsys):
+    assert pack(*MODELS[:2], "-o", tmp_path / "a.pt") == 0
+    *weights, said, _ = capsys.readouterr().out.splitlines()
+    assert len(weights) == 2
+    assert re.fullmatch(
+        r"Class scores (vary alike on .*|of the networks are added as they are) ?.*\(--weights\)\.", said
+    )
+
+
+def test_bits_of_weights_are_the_widest_of_the_members(tmp_path):
+    reports = []
+    for number, models in enumerate((MODELS[:2], MODELS[1::-1])):
+        out = tmp_path / str(number)
+        options = ["--weight-bits", "4", "--strategy", "dendrite", "--events", TOUCHES, "--quiet", "-o", str(out)]
+        assert compile_command.main([*models, *options]) == 0
+        reports.append(json.loads((out / "report.json").read_text())["weight_bits"])
+    assert reports == [5, 5]  # of the model that was trained on the chip
 
 
 def test_a_pack_is_the_same_bytes_and_keeps_recordings_once(tmp_path):

@@ -153,7 +153,7 @@ def test_joins_without_a_public_meaning(operation):
 @pytest.mark.parametrize(
     ("named", "message"),
     [
-        (("n", "n"), "readout: it names 'n' twice. Name it once, with the sum of its weights."),
+        (("n", "n"), "readout: it names 'n' twice. Name it once: it has one weight."),
         (("x",), "readout: 'x' is not a group of compartments. Read out groups of compartments of this graph."),
         (("n", "m"), "readout: its populations differ in size: [2, 3]. Make them equal."),
         ((), "readout: it names no population. Name one, or leave out the readout."),

@@ -87,6 +87,7 @@ def test_only_what_a_profile_must_say_is_asked_for(tmp_path):
         ({"energy_pj": {}}, "mine.yaml: energy_pj: it prices nothing, so everything would take 0 pJ. Price a count."),
         ({"energy_pj": {"spike": 1}}, "mine.yaml: energy_pj: 'spike' is not counted. Did you mean 'spikes'?"),
         ({"energy_pj": {"skipped_steps": 1}}, "mine.yaml: energy_pj: 'skipped_steps' depends on the engine, not on the chip. Leave it out."),
+        ({"energy_pj": {"cycles": 7}}, "mine.yaml: energy_pj: 'cycles' is 0 in simulations, which do not run the core. Give power that does not depend on work as static_power."),
         ({"energy_pj": {"spikes": -1}}, "mine.yaml: energy_pj.spikes: it must be a number from 0 to 1099511627776 (got -1). Correct it."),
         ({"energy_pj": {"spikes": float("nan")}}, "mine.yaml: energy_pj.spikes: it must be a number from 0 to 1099511627776 (got nan). Correct it."),
         ({"time_ns": {"hop_x": 1}}, "mine.yaml: time_ns: 'hop_x' is not counted. Did you mean 'hops_x'?"),
@@ -135,7 +136,7 @@ def test_only_what_a_profile_must_say_is_asked_for(tmp_path):
         ),
     ],
     ids=[
-        "missing", "unknown", "voltage", "no price", "not counted", "of an engine", "negative", "not a number", "not timed", "range above",
+        "missing", "unknown", "voltage", "no price", "not counted", "of an engine", "of the core", "negative", "not a number", "not timed", "range above",
         "range beside", "no range", "range of nothing", "source of nothing", "static without source", "static number",
         "no list", "no text", "bound not counted", "bound of an engine", "half a barrier",
         "barrier of one tile", "hops twice", "hops twice for nothing",

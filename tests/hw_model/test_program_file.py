@@ -16,6 +16,22 @@ import hw_model as hw
 from hw_model.program.write import program_files
 
 
+@pytest.mark.parametrize(
+    ("name", "read"),
+    [("a\x85b", "a\x85b"), ("a\u2028b", "a\u2028b"), ("a\r\nb", "a\r\nb"), (" a: #b ", " a: #b "), ("null", "null"), ("", ""), ("a\ud800b", "a\\ud800b")],
+    ids=["next line", "line separator", "line break", "YAML's own characters", "a word of YAML", "empty", "half a pair, which no file holds"],
+)  # fmt: skip
+def test_odd_names_are_read_back(name, read, tmp_path):
+    b = hw.ProgramBuilder(hw.chip("tiny-sim"), name=f"p{name}")
+    x, y = b.add_input(f"x{name}", 1), b.add_compartments(name, 1, threshold=1)
+    b.connect(x, y, [[2]])
+    b.read_out(y)
+    b.build().save(tmp_path)
+    found = hw.load_program(tmp_path)
+    assert (found.name, found.inputs[0].name, list(found.populations)) == (f"p{read}", f"x{read}", [read])
+    assert found.readout.populations == (read,)
+
+
 @settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_a_loaded_program_is_the_saved_one(seed, tmp_path_factory):

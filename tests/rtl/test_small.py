@@ -8,11 +8,13 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 import benches
+import hybrids
 import numpy as np
 import pytest
 from test_benches import differ
 
 import hw_model as hw
+from hw_model.mapping.graph import Readout
 from hw_model.rtl.board import Board
 from hw_model.rtl.comparison import compare
 from hw_model.rtl.cosimulation import ANSWER
@@ -58,6 +60,26 @@ def test_every_fault_fits():
 @NEEDS_ICARUS
 def test_a_small_core_passes_every_bench():
     assert not differ(sources(), SMALL)
+
+
+@NEEDS_ICARUS
+def test_a_core_that_shares_places_sweeps_as_many_as_the_device_has():
+    """A program of few compartments was simulated on a core of few places, whose cycles are fewer."""
+    chip = hw.chip("locsnn-130nm")
+
+    def branch(name: str, lines: int) -> hw.ProgramBuilder:
+        b = hw.ProgramBuilder(chip)
+        x, y = b.add_input(f"{name}/x", lines), b.add_compartments(f"{name}/y", 3, decay_v=400, threshold=20)
+        b.connect(x, y, np.full((3, lines), 20))
+        return b.graph()
+
+    time = hybrids.in_phase(branch("time", 4), "time", 10)
+    location = hybrids.in_phase(branch("location", 10), "location", 4, np.arange(4))
+    readout = Readout(("time/y", "location/y"), (1.0, 1.0))
+    spikes = (np.random.default_rng(0).random((2, 10, 4)) < 0.3).astype(np.uint8)
+    found = compare(hybrids.assembled(chip, readout, time, location), spikes, sources(), "icarus")
+    assert (found["mismatches"], found["cycle_mismatches"]) == (0, 0)
+    assert min(found["cycles"]) > chip.open_core.places * 2
 
 
 @pytest.mark.slow

@@ -51,6 +51,20 @@ def run(*more: str, port: str = "/dev/ttyUSB7") -> int:
 
 
 @icarus
+def test_a_program_without_a_readout_gives_counts_and_spikes(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    b = hw.ProgramBuilder(hw.chip("ecp5-25f"))
+    x, y = b.add_input("x", 3), b.add_compartments("y", 2, threshold=1, decay_u=4096, decay_v=100)
+    b.connect(x, y, [[20, -4, 4], [6, 2, 8]])
+    b.build().save("program")
+    np.save("spikes.npy", (np.random.default_rng(0).random((1, 3, 8)) < 0.4).astype(np.uint8))
+    axes = "samples,channels,steps"
+    assert run("--axes", axes, "--spikes", port="sim:icarus") == 0
+    assert capsys.readouterr().out == "recording 0: no readout\nrecordings 1, different from the simulator 0\n"
+
+
+@icarus
 def test_equal(desk, on_desk, capsys):
     assert run("--spikes", "--baud", "9600") == 0
     (winner,) = hw.simulate(desk.program, desk.spikes).prediction

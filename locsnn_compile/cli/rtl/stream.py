@@ -23,8 +23,9 @@ def run(args: argparse.Namespace) -> int:
     program = hw.load_program(args.program)
     spikes = read_for_program(args, args.events, program).spikes[: args.recordings]
     found = stream(program, spikes, args.port, args.baud, args.spikes)
+    said = "no readout" if found["expected"] is None else "class {}"
     lines = [
-        f"recording {index}: class {winner}" + (f"; different: {', '.join(differs)}" if differs else "")
+        f"recording {index}: {said.format(winner)}" + (f"; different: {', '.join(differs)}" if differs else "")
         for index, (winner, differs) in enumerate(zip(found["classes"], found["different"], strict=True))
     ]
     say(args, found, [*lines, f"recordings {found['recordings']}, different from the simulator {found['mismatches']}"])

@@ -47,7 +47,7 @@ def report_document(
         "model": {"name": network.name, "sha256": network.sha256, "members": _members(levels, match, energy)},
         "target": program.chip.name,
         "strategy": program.provenance["strategy"],
-        "weight_bits": levels.quantized.projections[0].weight_bits,
+        "weight_bits": max(projection.weight_bits for projection in levels.quantized.projections),
         "match": {
             "reference": "float64" if network.has_float_weights else "integers",
             "events_origin": grounds.events_origin,
