@@ -24,7 +24,7 @@ from locsnn_compile.cluster.spread import Spread, here, spread_over
 from locsnn_compile.data.read import read_recordings, recording_parts
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.synthetic import synthetic_touches
-from locsnn_compile.errors import InputError, check_known, check_range, counted
+from locsnn_compile.errors import InputError, check_known, check_range, counted, listed
 from locsnn_compile.frontends import load
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.network.check import check_network
@@ -152,7 +152,7 @@ def compile(
     - ``calibration``: recordings, given like ``events``, for which weights are rounded and settings chosen; from a
       divided archive, the train part. By default those in the model, or else synthetic touches, so that the program
       does not depend on the recordings of the check; if there are neither, ``events``
-    - ``budget``: take the cheapest setting of strategy, split weights and weight bits that keeps these bounds on
+    - ``budget``: take the cheapest setting tried of strategy, split weights and weight bits that keeps these bounds on
       ``calibration``
     - ``split_weights``: the share of the weights onto SRM neurons, 0 to 1, that get a second synapse
     - ``profile``: the costs of operations, as a profile of the chip (by default its first) or the path of a YAML file
@@ -222,7 +222,11 @@ def join(
     if recordings is None:
         said = "Class scores of the networks are added as they are (--weights)."
         return replace(joined, assumptions=(*joined.assumptions, said))
-    spreads = [score_spread(network, recordings) or 1.0 for network in networks]
+    spreads = [score_spread(network, recordings) for network in networks]
+    if 0.0 in spreads:
+        silent = listed([network.name for network, spread in zip(networks, spreads, strict=True) if not spread])
+        said = f"Class scores of {silent} are equal on {recordings.source}: scores are added as they are (--weights)."
+        return replace(joined, assumptions=(*joined.assumptions, said))
     found = committee(networks, [spreads[0] / spread for spread in spreads])
     said = ", ".join(f"{member.name} {member.weight:.4g}" for member in found.members)
     on = f"{counted(len(recordings), 'recording')} of {recordings.source}"

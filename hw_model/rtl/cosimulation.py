@@ -14,6 +14,7 @@ from hw_model.engine.trace import EVENTS, PhaseInput, PhaseTrace, Register, Wind
 from hw_model.io.given import checked
 from hw_model.program.chip_program import ChipProgram
 from hw_model.program.pieces import pieces_of
+from hw_model.rtl.device import check_room
 from hw_model.rtl.images import SIMULATED, CoreProgram, Sizes
 from hw_model.rtl.memory_words import hex_words
 from hw_model.rtl.simulators import Simulator, built, run, sources
@@ -65,6 +66,8 @@ def play_on_core(
     streams, batched = read_streams(program, spikes)
     recordings = np.concatenate([streams[name] for name in program.streams], axis=2)
     core = CoreProgram(program, recordings.shape[1], steps, program.chip.open_core or sizes)
+    if program.chip.open_core:
+        check_room(core, program.chip)
     sizes = core.simulated(sizes)
     binary = built(simulator, sizes, texts)
     readout, batch = program.readout, len(recordings)

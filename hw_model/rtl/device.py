@@ -26,10 +26,15 @@ def on_core(program: ChipProgram, rows: int, device: Chip) -> CoreProgram:
     What the core does not have, or has too few of, is a ``TargetError``.
     """
     core = _as_core(program, rows, None, device.open_core)
+    check_room(core, device)
+    return core
+
+
+def check_room(core: CoreProgram, device: Chip) -> None:
+    """Refuse what the open core of a device has too few of, as a ``TargetError``."""
     for name, (need, limit) in _short_of(core, device).items():
         what, measured = f"the open core of {device.name} is too small in {name!r}", f"{need} against {limit}"
-        raise TargetError(f"program {program.name!r}", what, measured=measured, fix=_way_out(core))
-    return core
+        raise TargetError(f"program {core.program.name!r}", what, measured=measured, fix=_way_out(core))
 
 
 def _short_of(core: CoreProgram, device: Chip) -> dict[str, tuple[int, int]]:

@@ -139,12 +139,13 @@ class CoreProgram:
         """Return sizes of a simulated core that holds it: those of ``least``, or more.
 
         Where events are heard on arrival, charges lie as the device has room for them. Where compartments share
-        places, as many are swept as the device has.
+        places, or parents sums, there are as many as the device has.
         """
         told = ("compartments", "slots") if self.later else ()
         exact = {name: getattr(self.sizes, name) for name in (*told, "later")}
-        if self.sizes.places:
-            exact["places"] = max(self.sizes.places, _power(self.needs.places))
+        for name in ("places", "sums"):
+            if of_device := getattr(self.sizes, name):
+                exact[name] = max(of_device, _power(getattr(self.needs, name)))
         return replace(sizes_for(self.needs, least), **exact)
 
     @property

@@ -11,6 +11,7 @@ from hw_model.errors import InputError
 from hw_model.program.chip_program import ChipProgram
 from hw_model.rtl.board import Board, spike_numbers
 from hw_model.rtl.cosimulation import ANSWER
+from hw_model.rtl.device import on_core
 from hw_model.rtl.images import SIMULATED, CoreProgram
 from hw_model.rtl.ports import open_port
 from hw_model.simulation import simulate
@@ -22,6 +23,8 @@ def stream(program: ChipProgram, spikes: Spikes, port: str, baud: int, report: b
     ``report``: compare every spike, not only classes and counts. A board that does not answer is an ``InputError``.
     """
     recordings = np.concatenate(list(read_streams(program, spikes)[0].values()), axis=2)
+    if program.chip.open_core and port.startswith("sim:"):
+        on_core(program, recordings.shape[1], program.chip)
     plain = replace(program.chip.open_core or SIMULATED, step=0, places=0)
     sizes = CoreProgram(program, recordings.shape[1], None, plain).simulated(SIMULATED)
     with closing(open_port(port, baud, sizes)) as line:

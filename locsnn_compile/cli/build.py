@@ -78,9 +78,10 @@ def build(args: Namespace) -> int:
     failed = [gate for gate in gates if not gate.holds]
     for gate in failed:
         print(f"gate failed: {gate.option}: {gate.found}.", file=sys.stderr)
-    if compiled.choice and not compiled.choice.keeps_budget:
+    unmet = compiled.choice is not None and not compiled.choice.keeps_budget
+    if compiled.choice and unmet:
         print(unmet_budget(compiled.choice), file=sys.stderr)
-    return EXIT_GATE if failed else 0
+    return EXIT_GATE if failed or unmet else 0
 
 
 def _of_an_earlier_build(folder: Path, files: Mapping[str, bytes]) -> list[str]:

@@ -37,13 +37,16 @@ def chunks_for_program(args: argparse.Namespace, program: hw.ChipProgram) -> Ite
 
 
 def _fitting(program: hw.ChipProgram, recordings: Recordings) -> Recordings:
-    """Return the recordings; ``InputError`` if they last longer, or are of another sensor than its only stream's.
+    """Return the recordings; ``InputError`` if they last longer, are of another sensor, or one stream of several.
 
     A program that begins with the first touch ends by itself, however long a recording is.
     """
     where, (wanted, *others) = f"events {recordings.source!r}", program.streams.values()
     channels = recordings.spikes.shape[2]
-    if channels != wanted and not others:
+    if others:
+        what, fix = "the program has several inputs, and a file holds one", "Play it in Python, by hw.simulate."
+        raise InputError(where, what, measured=", ".join(program.streams)[:80], fix=fix)
+    if channels != wanted:
         what = "the channel count differs from the program's"
         measured, fix = f"{counted(channels, 'channel')} against {wanted}", f"Give recordings of {wanted} channels."
         raise InputError(where, what, measured=measured, fix=fix)

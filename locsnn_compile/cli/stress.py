@@ -14,7 +14,7 @@ from collections.abc import Iterator, Sequence
 import hw_model as hw
 from locsnn_compile.cli.places import check_places
 from locsnn_compile.cli.shell import EXIT_GATE, progress_bar, say
-from locsnn_compile.stress.page import check_page, write_page
+from locsnn_compile.stress.page import TABLE, check_page, write_page
 from locsnn_compile.stress.row import VERDICTS, Row, by_verdict, stress_document
 from locsnn_compile.stress.run import run_stress
 
@@ -23,7 +23,8 @@ def run(args: argparse.Namespace) -> int:
     """Run the rows; print a table of verdicts, or JSON, and write the page if asked to."""
     chip = hw.chip(args.target)
     if args.output is not None:
-        check_places({"--target": args.target}, [(f"-o {str(args.output)!r}", args.output)])
+        written = {args.output, args.output.with_suffix(TABLE)}
+        check_places({"--target": args.target}, [(f"-o {str(args.output)!r}", path) for path in written])
         check_page(args.output)
     with progress_bar("stress", show=True) as progress:
         rows = run_stress(chip, quick=args.quick, progress=progress)

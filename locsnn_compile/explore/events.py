@@ -16,6 +16,7 @@ from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.write import write_recordings
 from locsnn_compile.errors import InputError
 from locsnn_compile.network.network import Network
+from locsnn_compile.verification.matching import check_labels
 
 CHOOSING = "train"
 """The part of divided recordings that settings are compared on."""
@@ -33,6 +34,11 @@ class Chosen(Frozen, eq=False):
     available: int
     part: str | None
     file: str | None
+
+    def shared(self, other: "Chosen") -> int:
+        """Return how many of these recordings, of those with events, are also among others."""
+        theirs = {one.tobytes() for one in other.recordings.spikes}
+        return sum(bool(one.any()) and one.tobytes() in theirs for one in self.recordings.spikes)
 
     def words(self) -> str:
         """Return a description such as ``64 of 576 recordings of Ev-Objects.zip, train part``."""
@@ -68,6 +74,10 @@ def choose_events(network: Network, events: str | None, part: str | None, bound:
 def report_events(network: Network, events: str) -> Chosen:
     """Return the recordings to report on: all, or the test part if they are divided."""
     chosen = choose_events(network, events, REPORTING if recording_parts(events) else None, None)
+    its = chosen.recordings
+    # What does not fit is refused before all the work.
+    network.fit(its.spikes[:1], its.source)
+    check_labels(network, its.labels, len(its), its.source)
     # `locsnn-compile` plays the test part of divided recordings.
     return replace(chosen, file=events)
 

@@ -17,7 +17,7 @@ from locsnn_compile.explore.exploration import FRONT_RULE, OBJECTIVES, Explorati
 from locsnn_compile.explore.point import Figures, Point
 from locsnn_compile.report.content import Document
 from locsnn_compile.report.figures.flat import csv_bytes
-from locsnn_compile.report.format import NONE, energy, plain, time
+from locsnn_compile.report.format import NONE, energy, plain, plural, time
 from locsnn_compile.report.pictures.scatter import Mark, Panel, draw
 from locsnn_compile.report.words import fill, sentence, texts
 from locsnn_compile.settings import AXES, Setting, Value
@@ -182,6 +182,8 @@ def lines(found: Exploration) -> list[str]:
     commands = ["Commands of the front:", *(f"  {found.command(setting)}" for setting in found.front)]
     warned = "Chosen on test recordings: figures on these no longer test the choice."
     warnings = [warned] if found.events.part == "test" else []
+    if found.reported_on and (shared := found.reported_on.shared(found.events)):
+        warnings.append(f"Reported on {plural(shared, 'recording')} that settings were also chosen on.")
     return [first, *warnings, "", *_table(found), "", *_reported(found), *recommended, *commands]
 
 

@@ -4,6 +4,7 @@ Network -> QuantizedNetwork -> CompartmentGraph -> PlacedGraph -> RoutedGraph ->
 (this file)  quantize       lower_neurons      place_cores    route_axons    assemble
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import field
 from typing import Annotated, Any
@@ -18,7 +19,7 @@ from locsnn_compile.data.recordings import STEP_SECONDS, Expected, Recordings
 from locsnn_compile.data.sensor import SensorLayout
 from locsnn_compile.errors import InputError, check_most, counted
 from locsnn_compile.network.first_touch import from_first_touch
-from locsnn_compile.network.neurons import Neuron
+from locsnn_compile.network.neurons import Neuron, SrmAlpha
 from locsnn_compile.network.projections import ChipProjection, Projection
 
 MOST = 10_000_000
@@ -179,6 +180,12 @@ class Network(Shown):
     def by_strategy(self) -> bool:
         """Whether there are neurons that a strategy lays out."""
         return any(population.neuron.by_strategy for population in self.populations)
+
+    @property
+    def cuts_kernels(self) -> bool:
+        """Whether it has kernels that end before their tails, which the chip keeps."""
+        kernels = (p.neuron for p in self.populations if isinstance(p.neuron, SrmAlpha))
+        return any(min(kernel.eps_taps, kernel.nu_taps) < math.inf for kernel in kernels)
 
     @property
     def has_float_weights(self) -> bool:

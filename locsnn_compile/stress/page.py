@@ -49,6 +49,11 @@ def check_page(path: Path) -> None:
     if path.suffix == TABLE:
         raise InputError(where, "the table next to the page has this name", fix="Give the page another, such as .md.")
     _around(path, where)
+    pictures = [f"{PICTURES}/{path.stem}-{name}" for name in (*_BY_CASE, "long-runs.svg")]
+    for name in () if path.exists() else (path.with_suffix(TABLE).name, *pictures):
+        if (path.parent / name).exists():
+            what = f"{name!r} next to it would be replaced, but belongs to no page"
+            raise InputError(where, what, fix="Give the page another name.")
 
 
 def _around(path: Path, where: str) -> tuple[str, str]:

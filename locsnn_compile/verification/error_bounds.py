@@ -12,6 +12,11 @@ SCORE_TOLERANCE = 0.05
 """Its class scores may also be off by this share of their spread more: spikes and classes say nothing of potentials."""
 
 
+def less(whole: float, share: float) -> float:
+    """Return what a share leaves of a whole, without the last digits of floats: 1 - 0.99 is not 0.01."""
+    return round(whole - share, 12)
+
+
 class ErrorBudget(Checked):
     """What a program may lose: at least ``min_agreement`` of the predictions stay, no more than ``max_spike_error`` of
     the spikes differ, and class scores are off by no more than ``max_score_error`` of their spread.
@@ -57,12 +62,12 @@ class Losses(Frozen):
     @property
     def prediction_error(self) -> float | None:
         """Share of predictions that differ from the float network's."""
-        return None if self.prediction_agreement is None else 1 - self.prediction_agreement
+        return None if self.prediction_agreement is None else less(1, self.prediction_agreement)
 
     @property
     def spike_error(self) -> float | None:
         """1 minus the spike agreement."""
-        return None if self.spike_agreement is None else 1 - self.spike_agreement
+        return None if self.spike_agreement is None else less(1, self.spike_agreement)
 
     def keeps(self, budget: ErrorBudget) -> bool:
         """Tell whether the budget is kept; a bound on something that was not compared is not kept."""

@@ -185,7 +185,7 @@ def compare(
     """
     network = quantized.network
     recordings = network.fit(recordings, source)
-    _check_labels(network, labels, len(recordings), source)
+    check_labels(network, labels, len(recordings), source)
     helpers = {p.name for p in network.populations if p.helper}
     both: _Part | None = None
     chunks = ((start, recordings[start : start + CHUNK]) for start in range(0, len(recordings), CHUNK))
@@ -258,7 +258,8 @@ def _compare_part(
     )
 
 
-def _check_labels(network: Network, labels: IntArray | None, samples: int, source: str) -> None:
+def check_labels(network: Network, labels: IntArray | None, samples: int, source: str) -> None:
+    """Refuse labels (samples,) that are not classes of the network, or too few or many."""
     if labels is None:
         return
     where, fix = f"labels of {source!r}", "Give one class number for every recording."

@@ -78,6 +78,22 @@ def test_run_refuses_recordings_of_another_sensor(build, tmp_path, capsys):
     assert capsys.readouterr() == ("", f"events '{few}': {what}. Give recordings of 78 channels.\n")
 
 
+def test_run_refuses_programs_of_several_inputs(tmp_path, capsys):
+    b = hw.ProgramBuilder(hw.chip("tiny-sim"), name="two")
+    y = b.add_compartments("y", 1, threshold=1)
+    for name in ("x", "z"):
+        b.connect(b.add_input(name, 2), y, [[2, 4]])
+    b.read_out(y)
+    b.build().save(tmp_path / "two")
+    np.save(tmp_path / "few.npy", np.ones((1, 2, 5), np.uint8))
+    assert (
+        main(["run", str(tmp_path / "two"), "--events", str(tmp_path / "few.npy"), "--axes", "samples,channels,steps"])
+        == 2
+    )
+    line = f"events {str(tmp_path / 'few.npy')!r}: the program has several inputs, and a file holds one (x, z). Play it in Python, by hw.simulate.\n"
+    assert capsys.readouterr() == ("", line)
+
+
 def test_run_refuses_recordings_that_last_longer_than_the_program(build, tmp_path, capsys):
     """What comes after its last step was left out silently, where locsnn-compile refuses it."""
     long = tmp_path / "long.npz"

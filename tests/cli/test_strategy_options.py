@@ -73,6 +73,17 @@ def test_a_budget_of_windows_is_kept_on_the_calibration_recordings(tmp_path, cap
     assert said.splitlines()[1].startswith(unmet)
 
 
+def test_a_budget_that_is_not_kept_in_calibration_is_exit_code_3(model, tmp_path, capsys):
+    """Even if the recordings of the check happen to keep it: here they are silent but for one event."""
+    quiet = np.zeros((1, 78, 40), np.uint8)
+    quiet[0, 0, 0] = 1
+    np.save(tmp_path / "quiet.npy", quiet)
+    options = ("--events", str(tmp_path / "quiet.npy"), "--max-score-error", "0", "--weight-bits", "1")
+    code, report, said = compiled(model, tmp_path / "b", capsys, *options)
+    assert (code, report["strategy_choice"]["kept"]) == (3, False)
+    assert "no setting keeps --max-score-error 0 on 16 recordings of synthetic touches" in said
+
+
 def test_a_generous_budget_takes_the_cheapest(model, tmp_path, capsys):
     code, report, _ = compiled(model, tmp_path / "b", capsys, "--max-spike-error", "1")
     assert (code, report["strategy"]) == (0, "reset")

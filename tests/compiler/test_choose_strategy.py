@@ -87,6 +87,15 @@ def test_the_cheapest_within_the_budget_is_taken(choose, budget, taken):
     )
 
 
+def test_fewer_bits_are_tried_down_to_the_fewest(network, monkeypatch):
+    """Losses may rise and fall with the bits: the search ended at the first number that does not keep the budget."""
+    budget, found = ErrorBudget(max_spike_error=0.9), Candidate.keeps
+    monkeypatch.setattr(Candidate, "keeps", lambda self, bounds: self.setting.weight_bits != 6 and found(self, bounds))
+    choice = choose_strategy(network, CHIP, Setting("reset", 8), played(network), budget)
+    assert [candidate.setting.weight_bits for candidate in choice.candidates] == [8, 6, 5, 4, 3, 2, 1]
+    assert choice.taken.setting.weight_bits < 6
+
+
 def test_dendrites_are_paired_where_no_other_strategy_keeps_the_budget(network):
     def choose(bound):
         return choose_strategy(network, CHIP, Setting("auto", 2), played(network), ErrorBudget(max_spike_error=bound))

@@ -78,6 +78,16 @@ def test_scores_are_the_weighted_sum_on_every_side(seed, events, first, weights)
     assert np.array_equal(stops.prediction, slow.prediction)
 
 
+def test_scores_that_do_not_vary_are_added_as_they_are():
+    """A spread of 0 counted as 1, and scores were said to vary alike."""
+    networks = [hybrid(0), replace(hybrid(1), name="other")]
+    silent = np.zeros((2, networks[0].steps, networks[0].channels), np.uint8)
+    joined = join(networks, calibration=silent)
+    assert [member.weight for member in joined.members] == [1.0, 1.0]
+    said = f"Class scores of {networks[0].name} and other are equal on array: scores are added as they are (--weights)."
+    assert joined.assumptions[-1] == said
+
+
 def three():
     """Two that play alike, and one that is aligned: hybrids of one input."""
     one, two, late = (replace(hybrid(seed, scale=20.0), name=name) for seed, name in enumerate(("one", "two", "late")))

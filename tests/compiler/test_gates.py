@@ -8,6 +8,7 @@ import pytest
 
 from locsnn_compile.cli.compile import main
 from locsnn_compile.report.gates import GATES, check_gates
+from locsnn_compile.verification.error_bounds import ErrorBudget, Losses
 
 MODEL = Path(__file__).parents[2] / "examples/models/objects-hybrid-loihi.pt"
 REPORT = {
@@ -32,6 +33,17 @@ def test_a_bound_is_kept_by_what_is_equal_to_it(gate, kept, broken, said, blamed
     (one,), (other,) = (check_gates(REPORT, {gate: bound}) for bound in (kept, broken))
     assert (one.option, one.holds, one.found) == (gate, True, said)
     assert (other.option, other.holds, other.found) == (gate, False, blamed)
+
+
+@pytest.mark.parametrize("bound", [0.01, 0.02, 0.05, 0.15, 0.3])
+def test_a_share_of_spikes_that_is_equal_to_a_bound_keeps_it(bound):
+    """1 - 0.99 is 0.010000000000000009 in floats: the message said that 0.0100 is above 0.01."""
+    agreement = round((1 - bound) * 100) / 100
+    (found,) = check_gates({"match": {"spike_agreement": agreement}}, {"--max-spike-error": bound})
+    assert found.holds
+    losses = Losses(1.0, agreement, 0.0, 1.0, 1.0)
+    assert losses.keeps(ErrorBudget(max_spike_error=bound))
+    assert not losses.keeps(ErrorBudget(max_spike_error=bound - 1e-6))
 
 
 def test_every_gate_has_its_row_and_they_come_in_order():

@@ -207,6 +207,27 @@ def test_the_front_is_reported_on_other_recordings(model, divided, tmp_path, cap
         assert {name: row[key][name] for name in vars(figures)} == vars(figures)
 
 
+def test_reporting_on_what_was_chosen_on_is_said(model, tmp_path, capsys):
+    np.save(tmp_path / "few.npy", (np.random.default_rng(2).random((3, 78, 40)) < 0.1).astype(np.uint8))
+    few = tmp_path / "few.npy"
+    assert explore(model, "--events", few, "--report-on", few, *narrow("dendrite"), "-o", tmp_path / "out") == 0
+    assert capsys.readouterr().out.splitlines()[1] == "Reported on 3 recordings that settings were also chosen on."
+
+
+def test_recordings_to_report_on_are_refused_before_all_the_work(model, divided, tmp_path, capsys):
+    np.save(tmp_path / "long.npy", np.ones((1, 78, 4000), np.uint8))
+    np.save(tmp_path / "odd.npy", np.ones((1, 78, 40), np.uint8))
+    np.save(tmp_path / "odd_labels.npy", np.array([99]))
+    for name, said in (
+        ("long.npy", "the recordings are longer than the model's"),
+        ("odd.npy", "a label is not one of"),
+    ):
+        given = "--events", divided, "--report-on", tmp_path / name, *narrow("dendrite"), "-o", tmp_path / "out"
+        assert explore(model, *given) == 2
+        assert said in capsys.readouterr().err
+        assert not (tmp_path / "out").exists()
+
+
 def test_choosing_on_test_recordings_is_said(model, divided, tmp_path, capsys):
     grid = narrow("dendrite")
     assert explore(model, "--events", divided, "--part", "test", *grid, "-o", tmp_path / "out") == 0

@@ -131,6 +131,21 @@ def test_what_makes_them_less_comparable(builds: tuple[Build, Build]) -> None:
     assert (report.verdicts[1].status, report.verdicts[1].answer) == ("unknown", "Not comparable")
 
 
+def test_a_time_that_a_build_does_not_know_is_not_compared(builds: tuple[Build, Build]) -> None:
+    assert "latency" in str(comparison(*builds).verdicts[1])
+    builds[1].__dict__.pop("figures", None)
+    builds[1].report["latency"]["timed"] = False
+    report = comparison(*builds)
+    assert "latency" not in str(report.verdicts[1])
+    assert "time per recording" not in str(report.sections[0])
+
+
+def test_committees_of_other_weights_are_other_models(builds: tuple[Build, Build]) -> None:
+    for build, weight in zip(builds, (1.0, 5.0), strict=True):
+        build.report["model"]["members"] = [{"name": "a", "weight": 1.0}, {"name": "b", "weight": weight}]
+    assert "The models differ." in [notice.title for notice in comparison(*builds).notices]
+
+
 NOT_KNOWN = Notice(
     "Whether the models are equal is not known.",
     "A network that was made in Python has no file to tell by. What changed may come from the model.",

@@ -23,6 +23,7 @@ from hw_model.rtl.folder import fit
 from hw_model.rtl.images import sizes_for
 from hw_model.rtl.ports import SimulatedBoard
 from hw_model.rtl.simulators import sources
+from hw_model.rtl.streaming import stream
 from locsnn_compile.data.read import read_recordings
 from locsnn_compile.frontends import load
 from locsnn_compile.pipeline import lower
@@ -80,6 +81,34 @@ def test_a_core_that_shares_places_sweeps_as_many_as_the_device_has():
     found = compare(hybrids.assembled(chip, readout, time, location), spikes, sources(), "icarus")
     assert (found["mismatches"], found["cycle_mismatches"]) == (0, 0)
     assert min(found["cycles"]) > chip.open_core.places * 2
+
+
+@NEEDS_ICARUS
+@pytest.mark.parametrize("somas", [1, 3, 20])
+def test_a_core_of_few_sums_has_as_many_as_the_device(somas):
+    """Parents were numbered for the device's sums, and the simulated core had fewer: a false refusal."""
+    b = hw.ProgramBuilder(hw.chip("locsnn-130nm"))
+    x, y = b.add_input("x", 4), b.add_compartments("y", somas, decay_v=400, threshold=20)
+    dendrites = b.add_compartments("y/d", somas, threshold=0, decay_u=400, decay_v=400, joined_to=y)
+    b.connect(x, dendrites, np.full((somas, 4), 20))
+    b.read_out(y)
+    spikes = (np.random.default_rng(0).random((2, 10, 4)) < 0.3).astype(np.uint8)
+    found = compare(b.build(), spikes, sources(), "icarus")
+    assert (found["mismatches"], found["cycle_mismatches"]) == (0, 0)
+
+
+def test_what_does_not_fit_the_device_is_not_simulated():
+    chip = hw.chip("ecp5-25f")
+    b = hw.ProgramBuilder(chip)
+    x, y = b.add_input("location/x", 900), b.add_compartments("location/y", 3, decay_v=400, threshold=20)
+    b.connect(x, y, np.full((3, 900), 20) * (np.arange(900) % 3 == 0))
+    program = hybrids.assembled(
+        chip, Readout(("location/y",), (1.0,)), hybrids.in_phase(b.graph(), "location", 40, np.arange(40))
+    )
+    spikes = np.ones((1, 900, 40), np.uint8)
+    for play in (lambda: hw.cosimulate(program, spikes), lambda: stream(program, spikes, "sim:icarus", 115200, False)):
+        with pytest.raises(hw.TargetError, match=r"the open core of ecp5-25f is too small in 'bitmap'"):
+            play()
 
 
 @pytest.mark.slow

@@ -211,3 +211,15 @@ def test_a_page_of_the_name_of_its_table_is_refused(tmp_path, capsys):
         f"page {str(tmp_path / 'p.csv')!r}: the table next to the page has this name. Give the page another, such as .md.\n"
     )
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["p.csv", "images/p-long-runs.svg"])
+def test_files_next_to_a_new_page_are_not_overwritten(name, monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr("locsnn_compile.cli.stress.run_stress", None)  # it must not be called
+    (tmp_path / name).parent.mkdir(exist_ok=True)
+    (tmp_path / name).write_text("mine")
+    page = tmp_path / "p.md"
+    assert main(["stress", "-o", str(page)]) == 2
+    said = f"page {str(page)!r}: {name!r} next to it would be replaced, but belongs to no page. Give the page another name.\n"
+    assert capsys.readouterr() == ("", said)
+    assert (tmp_path / name).read_text() == "mine"

@@ -177,7 +177,7 @@ def _resources(program: ChipProgram, core: CoreProgram | None) -> Document:
         chosen = ("word", "one_port")  # by the chip
         held = {name: {"used": used, "limit": limit} for name, (used, limit) in use.items() if name not in chosen}
     return {
-        "cores": len(program.cores),
+        "cores": 1 if program.chip.open_core else len(program.cores),
         "compartments": sum(row["compartments"] for row in rows),
         "synapses": sum(row["synapses"] for row in rows),
         "synapse_bits": sum(row["synapse_words"] for row in rows) * program.chip.synapse_memory.word_bits,

@@ -31,6 +31,7 @@ def error_budget(document: Document) -> Section | None:
         table("stages", _stages(variants, [*without, NONE]), total=True, recordings=len(budget["recordings"])),
         _by_population(variants, that_spike(budget["together"]["by_population"], document["match"])),
         _kernel_tail(budget["kernel_tail"]),
+        sentence("kernels cut") if "tails" in budget["alone"] else None,
         facts("recordings", recordings=sample(budget)),
     )
 
@@ -77,7 +78,7 @@ def sample(entry: Document, *, named: bool = True) -> str:
 
 
 def _checked(budget: Document) -> str:
-    exact = [stage_words(stage) for stage in STAGES if stage not in budget["alone"]]
+    exact = [stage_words(stage) for stage in STAGES if stage not in ("tails", *budget["alone"])]
     idle = f" {listed(exact).capitalize()} change nothing here, by construction." if exact else ""
     left = budget["unexplained_spikes"]
     if left:

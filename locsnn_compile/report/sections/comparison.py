@@ -1,6 +1,6 @@
 """Two builds side by side, as content without form: three questions, key figures, and everything that changed."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -28,6 +28,11 @@ class Build(Frozen):
     def figures(self) -> Figures:
         """Figures of the report by their dotted keys."""
         return flatten(self.report)
+
+    @property
+    def timed(self) -> bool:
+        """Whether the report knows how long a recording takes; reports of earlier versions do not say."""
+        return self.figures.get("latency.timed") is not False
 
     def number(self, key: str) -> float:
         """Return a number of the report by its dotted key; ``InputError`` if there is none."""
@@ -159,14 +164,20 @@ def _change_of_match(predictions: _Known, spikes: _Known, scores: _Known) -> tup
 def _key(before: Build, after: Build) -> tuple[KeyFigure, ...]:
     """Return the figures to compare; without energy, as for an open core, time comes first."""
     priced = NONE not in (before.text("energy.profile"), after.text("energy.profile"))
-    return _KEY_FIGURES if priced else _KEY_FIGURES[1:]
+    return _timed(before, after, _KEY_FIGURES if priced else _KEY_FIGURES[1:])
+
+
+def _timed(before: Build, after: Build, figures: Sequence[KeyFigure]) -> tuple[KeyFigure, ...]:
+    """Return figures without the time of a recording, if it is not known of both."""
+    known = before.timed and after.timed
+    return tuple(figure for figure in figures if known or not figure[1].startswith("latency."))
 
 
 def _costs(before: Build, after: Build) -> Verdict:
     figures = _key(before, after)
     _, key, shown = figures[0]
     what, profile = (
-        ("dynamic energy", f", profile {after.text('energy.profile')}") if figures == _KEY_FIGURES else ("time", "")
+        ("dynamic energy", f", profile {after.text('energy.profile')}") if key.startswith("energy.") else ("time", "")
     )
     a, b = before.number(key), after.number(key)
     comparable = _same_profile(before, after) and _same_recordings(before, after)
@@ -190,7 +201,8 @@ def _answer(before: float, after: float, less: str, more: str) -> tuple[Status, 
 
 
 def _changed(before: Build, after: Build, group: str) -> Facts:
-    return Facts(tuple(Fact(label, _both(before, after, key, shown)) for label, key, shown in _named(group)))
+    named = _timed(before, after, _named(group))
+    return Facts(tuple(Fact(label, _both(before, after, key, shown)) for label, key, shown in named))
 
 
 def _recordings(build: Build) -> str:
@@ -227,7 +239,8 @@ def _notices(before: Build, after: Build) -> tuple[Notice, ...]:
     models, changed = {build.text("model.sha256") for build in (before, after)}, changes(before, after)
     parts = contents_changed(changed, "program.")
     said = {
-        "models differ": len(models) > 1 and "" not in models,
+        "models differ": (len(models) > 1 and "" not in models)
+        or not _agree(before, after, "model.members.", ".weight"),
         "models not known": "" in models and bool(changed),
         "recordings differ": not _same_recordings(before, after),
         "profiles differ": not _same_profile(before, after),

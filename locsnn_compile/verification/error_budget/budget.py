@@ -38,6 +38,9 @@ Stage = Literal["kernel", "weights", "decays", "states", "thresholds", "delays",
 - ``wraps_clips``: charge and current wrap, the voltage clips
 """
 STAGES: tuple[Stage, ...] = get_args(Stage)
+TAILS: Literal["tails"] = "tails"
+"""Not of the chip's numbers: of a network that cuts its kernels, whose twins have whole ones, as the chip has."""
+AnyStage = Stage | Literal["tails"]
 
 
 class Phase(Frozen, eq=False):
@@ -143,12 +146,13 @@ class StageErrors(Frozen, eq=False):
     counts the spikes in which the twin without stages differs from the float reference, and the twin with all stages
     from the simulator: 0 if no stage is missing. ``kernel_tail``: the float network with its kernels cut where
     slayerPytorch cuts them. The chip does not do that, but it matters to networks trained that way; None without such
-    kernels.
+    kernels. Where the network itself cuts them, that is the stage :data:`TAILS`: it alone is the network with whole
+    kernels, with which other stages alone are compared.
     """
 
     samples: int
-    alone: Mapping[Stage, Deviation]
-    without: Mapping[Stage, Deviation]
+    alone: Mapping[AnyStage, Deviation]
+    without: Mapping[AnyStage, Deviation]
     together: Deviation
     unexplained: int
     kernel_tail: Deviation | None
@@ -156,36 +160,38 @@ class StageErrors(Frozen, eq=False):
 
 def error_budget(levels: Levels, recordings: ByteArray, progress: Progress | None = None) -> StageErrors:
     """Break the difference down on recordings (samples, steps, channels) with the network's steps and channels."""
-    network, phases = _each(levels.network, methodcaller("whole")), phases_of(levels)
-    cut, registers = _each(network, methodcaller("cut")), levels.program.chip.registers
+    whole, phases = _each(levels.network, methodcaller("whole")), phases_of(levels)
+    registers, cuts = levels.program.chip.registers, levels.network.cuts_kernels
+    cut = levels.network if cuts else _each(whole, methodcaller("cut"))
     stages = working(phases)
     variants: list[Collection[Stage]] = [(), stages, *([stage] for stage in stages)]
     variants += [[other for other in stages if other != stage] for stage in stages]
     twins = [(phase, _twins(phase, variants)) for phase in phases]
-    unexplained, tallies = 0, [Deviation()] * (len(variants) + network.by_strategy)
-    at_once = max(1, NEURON_STEPS_AT_ONCE // (len(variants) * neuron_steps(network)))
+    unexplained, tallies = 0, [Deviation()] * (len(variants) + whole.by_strategy)
+    at_once = max(1, NEURON_STEPS_AT_ONCE // (len(variants) * neuron_steps(whole)))
     for start in range(0, len(recordings), at_once):
         chunk = recordings[start : start + at_once]
-        wanted = evaluate(network, chunk, registers=registers)
-        played = _play(network, levels.quantized, twins, chunk)
+        wanted = mine = evaluate(whole, chunk, registers=registers)
+        played = _play(whole, levels.quantized, twins, chunk)
         unexplained += _different(played[0][0], wanted.spikes)
         unexplained += _different(played[1][0], hw.simulate(levels.program, chunk, probe=("spikes",)).spikes)
-        if network.by_strategy:
+        if whole.by_strategy:
             cut_short = evaluate(cut, chunk, registers=registers)
-            played.append((cut_short.spikes, cut_short.scores))
-        tallies = [so_far + _deviation(network, wanted, *its) for so_far, its in zip(tallies, played, strict=True)]
+            played.append(played[1] if cuts else (cut_short.spikes, cut_short.scores))
+            mine = cut_short if cuts else wanted
+        # Stages alone change the network of whole kernels; and without its tails, the chip is compared with that.
+        references = [mine, mine, *[wanted] * len(stages), *[mine] * len(stages), wanted]
+        both = zip(tallies, references, played, strict=False)
+        tallies = [so_far + _deviation(whole, reference, *its) for so_far, reference, its in both]
         if progress:
             progress(start + len(chunk), len(recordings))
-    _, together, *found = tallies
-    kernel_tail = found.pop() if network.by_strategy else None
-    return StageErrors(
-        samples=len(recordings),
-        alone=dict(zip(stages, found, strict=False)),
-        without=dict(zip(stages, found[len(stages) :], strict=True)),
-        together=together,
-        unexplained=unexplained,
-        kernel_tail=kernel_tail,
-    )
+    exact, together, *found = tallies
+    last = found.pop() if whole.by_strategy else None
+    alone = dict[AnyStage, Deviation](zip(stages, found, strict=False))
+    without = dict[AnyStage, Deviation](zip(stages, found[len(stages) :], strict=True))
+    if cuts and last is not None:
+        alone[TAILS], without[TAILS] = exact, last
+    return StageErrors(len(recordings), alone, without, together, unexplained, None if cuts else last)
 
 
 def _each(network: Network, changed: Callable[[Neuron], Neuron]) -> Network:
@@ -238,9 +244,9 @@ class Cause(Frozen, eq=False):
     the stages that alone make the neuron decide as on the chip. Stages that change no number are left out.
     """
 
-    moved: Mapping[Stage, float]
+    moved: Mapping[AnyStage, float]
     together: float
-    enough: tuple[Stage, ...]
+    enough: tuple[AnyStage, ...]
 
     @property
     def rest(self) -> float:
@@ -248,7 +254,7 @@ class Cause(Frozen, eq=False):
         return self.together - sum(self.moved.values())
 
     @property
-    def largest(self) -> Stage:
+    def largest(self) -> AnyStage:
         """The stage that moves the potential furthest in the direction of the difference."""
         return max(self.moved, key=lambda stage: self.moved[stage] if self.together >= 0 else -self.moved[stage])
 
@@ -270,13 +276,18 @@ def find_cause(levels: Levels, recording: ByteArray, first: Divergence) -> Cause
     traces = run_twins(twins, lines, forced=equal, potentials=(first.population,))
     at = (0, first.step, first.neuron)
     # For each variant, the potential in float units and whether the neuron spikes.
-    (exact, _), (chip, fires), *others = (
+    (exact, decides), (chip, fires), *others = (
         (float(trace.potential[first.population][at]) / scale, bool(trace.spikes[first.population][at]))
         for trace in traces
     )
     alone = dict(zip(stages, others, strict=True))
-    return Cause(
-        moved={stage: potential - exact for stage, (potential, _) in alone.items()},
-        together=chip - exact,
-        enough=tuple(stage for stage, (_, decision) in alone.items() if decision == fires),
-    )
+    moved: dict[AnyStage, float] = {stage: potential - exact for stage, (potential, _) in alone.items()}
+    decisions: dict[AnyStage, bool] = {stage: decision for stage, (_, decision) in alone.items()}
+    begin = exact
+    if network.cuts_kernels:
+        # Twins have whole kernels: what a stage does to the network's own potential, it does without them.
+        begin = first.reference_potential
+        decisions = {stage: begin + far >= first.threshold for stage, far in moved.items()} | {TAILS: decides}
+        moved[TAILS] = exact - begin
+    enough = tuple(stage for stage, decision in decisions.items() if decision == fires)
+    return Cause(moved, chip - begin, enough)
