@@ -27,6 +27,8 @@ def on_core(program: ChipProgram, rows: int, device: Chip) -> CoreProgram:
     """
     core = _as_core(program, rows, None, device.open_core)
     check_room(core, device)
+    assert device.open_core is not None
+    core.check_fields(device.open_core)
     return core
 
 

@@ -45,7 +45,7 @@ def rtl_files(program: ChipProgram, spikes: Spikes) -> dict[str, bytes]:
     sizes = device.open_core or sizes_for(core.needs, SIMULATED)
     played = simulate(program, spikes, probe=("spikes", "u", "v", "potential"))
     cycles = core_cycles(core, recording, played.spikes)
-    winner = 0 if played.prediction is None else int(played.prediction)
+    winner = 0 if played.scores is None else int(played.prediction)
     updates = _updates(core, recording, played)
     answer = [0, winner, cycles, *(played.counts[name] for name in ANSWER[3:])]
     made = board_files(sizes, board) | {

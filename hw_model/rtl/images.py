@@ -121,19 +121,29 @@ class CoreProgram:
 
     def load_words(self, sizes: Sizes) -> BitArray:
         """Return what goes through the load port, a row a word: data, address, memory; the settings come last."""
+        rows = []
+        for name, (layout, columns) in self._words(sizes).items():
+            data = layout.pack(columns)
+            place = {"address": np.arange(len(data)), "memory": np.full(len(data), MEMORIES.index(name))}
+            rows.append(np.hstack((np.pad(data, ((0, 0), (0, LOAD_BITS - layout.width))), PLACE.pack(place))))
+        return np.concatenate(rows)
+
+    def check_fields(self, sizes: Sizes) -> None:
+        """Refuse what no field of a core of these sizes can hold, as a ``TargetError``."""
+        self._words(sizes)
+
+    def _words(self, sizes: Sizes) -> dict[str, tuple[Layout, Table]]:
+        """Return what every memory holds, in the fields of its words."""
         settings = {"settings": {"value": _array(self._settings(sizes).values())}}
         compartments = self.tables["compartments"]
-        tables = self.tables | settings | {"leaks": compartments, "fires": compartments}
-        rows = []
+        tables, found = self.tables | settings | {"leaks": compartments, "fires": compartments}, {}
         for name, layout in layouts(sizes).items():
             columns = {field.name: tables[name][field.name] for field in layout.fields}
             for field in layout.fields:
                 what = f"{field.name} of more than {field.width} bits"
                 refuse_unless(field.holds(columns[field.name]), self.program, what, columns[field.name].max(initial=0))
-            data = layout.pack(columns)
-            place = {"address": np.arange(len(data)), "memory": np.full(len(data), MEMORIES.index(name))}
-            rows.append(np.hstack((np.pad(data, ((0, 0), (0, LOAD_BITS - layout.width))), PLACE.pack(place))))
-        return np.concatenate(rows)
+            found[name] = layout, columns
+        return found
 
     def simulated(self, least: Sizes) -> Sizes:
         """Return sizes of a simulated core that holds it: those of ``least``, or more.

@@ -23,9 +23,10 @@ def run(args: argparse.Namespace) -> int:
     """Run the rows; print a table of verdicts, or JSON, and write the page if asked to."""
     chip = hw.chip(args.target)
     if args.output is not None:
-        written = {args.output, args.output.with_suffix(TABLE)}
-        check_places({"--target": args.target}, [(f"-o {str(args.output)!r}", path) for path in written])
+        option, reads = f"-o {str(args.output)!r}", {"--target": args.target}
+        check_places(reads, [(option, args.output)])
         check_page(args.output)
+        check_places(reads, [(option, args.output.with_suffix(TABLE))])
     with progress_bar("stress", show=True) as progress:
         rows = run_stress(chip, quick=args.quick, progress=progress)
     if args.output is not None:

@@ -97,6 +97,19 @@ def test_a_core_of_few_sums_has_as_many_as_the_device(somas):
     assert (found["mismatches"], found["cycle_mismatches"]) == (0, 0)
 
 
+def test_numbers_of_more_bits_than_the_core_has_do_not_fit():
+    """The report said that it fits, with exact cycles; the words of the core were made later, and refused."""
+    b = hw.ProgramBuilder(hw.chip("ecp5-25f"), name="slow")
+    x, y = b.add_input("x", 2), b.add_compartments("y", 2, threshold=1, decay_v=400)
+    b.connect(x, y, [[20, 4], [6, 2]])
+    b.read_out(y)
+    program = b.build()
+    assert on_core(program, 10, program.chip)
+    heavy = replace(program, readout=replace(program.readout, weights=(float(1 << 33),)))
+    with pytest.raises(hw.TargetError, match="the open core has no magnitude of more than 32 bits"):
+        on_core(heavy, 10, program.chip)
+
+
 def test_what_does_not_fit_the_device_is_not_simulated():
     chip = hw.chip("ecp5-25f")
     b = hw.ProgramBuilder(chip)
