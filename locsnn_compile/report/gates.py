@@ -9,7 +9,7 @@ from hw_model.io.xml_text import escaped, xml_file
 from hw_model.texts.pieces import Pieces
 from locsnn_compile.report.content import Document
 from locsnn_compile.report.words import fill, texts
-from locsnn_compile.verification.error_bounds import less
+from locsnn_compile.verification.error_bounds import within
 
 
 class Gate(NamedTuple):
@@ -35,9 +35,9 @@ def _gate(option: str, report: Document, bound: float) -> Gate:
     found: list[Any] = [reduce(getitem, rule[key].split("."), report) for key in ("figure", "needs") if key in rule]
     if (value := found[0]) is None or False in found[1:]:
         return Gate(option, bound, None, False, rule["unknown"])
-    value = less(rule["whole"], value) if "whole" in rule else value / rule["per"] if "per" in rule else value
+    value = rule["whole"] - value if "whole" in rule else value / rule["per"] if "per" in rule else value
     at_least = "at_least" in rule
-    holds = value >= bound if at_least else value <= bound
+    holds = value >= bound if at_least else within(value, bound)
     side = ("not below" if holds else "below") if at_least else ("not above" if holds else "above")
     return Gate(option, bound, value, holds, f"{fill(rule['said'], {'value': value})}, {side} {bound:g}")
 

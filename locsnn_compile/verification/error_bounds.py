@@ -12,9 +12,9 @@ SCORE_TOLERANCE = 0.05
 """Its class scores may also be off by this share of their spread more: spikes and classes say nothing of potentials."""
 
 
-def less(whole: float, share: float) -> float:
-    """Return what a share leaves of a whole, without the last digits of floats: 1 - 0.99 is not 0.01."""
-    return round(whole - share, 12)
+def within(error: float, most: float) -> bool:
+    """Tell whether an error is not above a bound, apart from the last digits of floats: 1 - 0.99 is above 0.01."""
+    return error <= most or round(error, 12) <= most
 
 
 class ErrorBudget(Checked):
@@ -62,19 +62,19 @@ class Losses(Frozen):
     @property
     def prediction_error(self) -> float | None:
         """Share of predictions that differ from the float network's."""
-        return None if self.prediction_agreement is None else less(1, self.prediction_agreement)
+        return None if self.prediction_agreement is None else 1 - self.prediction_agreement
 
     @property
     def spike_error(self) -> float | None:
         """1 minus the spike agreement."""
-        return None if self.spike_agreement is None else less(1, self.spike_agreement)
+        return None if self.spike_agreement is None else 1 - self.spike_agreement
 
     def keeps(self, budget: ErrorBudget) -> bool:
         """Tell whether the budget is kept; a bound on something that was not compared is not kept."""
         agreement, least = self.prediction_agreement, budget.min_agreement
         errors = (self.spike_error, budget.max_spike_error), (self.score_error, budget.max_score_error)
         return (least is None or (agreement is not None and agreement >= least)) and all(
-            most is None or (error is not None and error <= most) for error, most in errors
+            most is None or (error is not None and within(error, most)) for error, most in errors
         )
 
     @property
