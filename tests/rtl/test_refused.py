@@ -70,7 +70,7 @@ def a_long_phase() -> hw.ChipProgram:
 
 CASES = {
     other_widths: "current_bits other than 23 (20)",
-    heavy_weights: "magnitude of more than 32 bits (1099511627776)",
+    heavy_weights: "weight of a readout of more than 32 bits as a whole number (3602879701896397)",
     two_starts: "phases that start at different numbers of events ([1, 2])",
     late_potentials: "readout of potentials of a phase that starts late ('a')",
     a_stream_of_two: "start by some of several streams (touch)",

@@ -106,7 +106,7 @@ def test_numbers_of_more_bits_than_the_core_has_do_not_fit():
     program = b.build()
     assert on_core(program, 10, program.chip)
     heavy = replace(program, readout=replace(program.readout, weights=(float(1 << 33),)))
-    with pytest.raises(hw.TargetError, match="the open core has no magnitude of more than 32 bits"):
+    with pytest.raises(hw.TargetError, match="the open core has no weight of a readout of more than 32 bits"):
         on_core(heavy, 10, program.chip)
 
 
