@@ -30,7 +30,7 @@ def parse(kind: type[T], text: str, where: str, **given: Any) -> T:
     return RecordReader(where).record(kind, document, **given)
 
 
-_NEVER = {
+_NOT_PRICED = {
     "skipped_steps": ("depends on the engine, not on the chip", "Leave it out."),
     "cycles": (
         "is 0 in simulations, which do not run the core",
@@ -57,8 +57,8 @@ def check_profile(profile: Profile, where: str) -> None:
         ("sources", profile.sources, {**profile.energy_pj, **profile.time_ns}, "has no constant"),
     ):
         for name in names:
-            if name in _NEVER:
-                what, fix = _NEVER[name]
+            if name in _NOT_PRICED:
+                what, fix = _NOT_PRICED[name]
                 raise InputError(f"{where}: {key}", f"{name!r} {what}", fix=fix)
             check_known(f"{where}: {key}", f"{name!r} {what}", name, known)
     if "hops" in profile.energy_pj and not {"hops_x", "hops_y"}.isdisjoint(profile.energy_pj):

@@ -96,7 +96,7 @@ def _program(document: dict[str, Any], arrays: dict[str, IntArray]) -> ChipProgr
         synapses_pruned=int(document["synapses_pruned"]),
         provenance={str(key): str(value) for key, value in document["provenance"].items()},
         **{name: _known(document, name, kind) for name, kind in RECORDINGS.items()},
-        class_names=tuple(map(str, document.get("class_names") or ())) or None,
+        class_names=_names(document.get("class_names")),
     )
 
 
@@ -108,6 +108,15 @@ def _known(document: dict[str, Any], name: str, kind: type[int] | type[float]) -
     if type(value) not in (kind, int) or not 0 <= value < math.inf or (name == "step_seconds" and value == 0):
         raise ValueError(name)
     return value
+
+
+def _names(names: Any) -> tuple[str, ...] | None:
+    """Return names of classes, which may be missing: a list of texts."""
+    if names is None:
+        return None
+    if not (isinstance(names, list) and all(isinstance(name, str) for name in names)):
+        raise ValueError("class_names")
+    return tuple(names)
 
 
 def _readout(weights: dict[str, float], first: Any) -> Readout:

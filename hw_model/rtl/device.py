@@ -27,16 +27,16 @@ def on_core(program: ChipProgram, rows: int, device: Chip) -> CoreProgram:
     """
     core = _as_core(program, rows, None, device.open_core)
     check_room(core, device)
-    assert device.open_core is not None
-    core.check_fields(device.open_core)
     return core
 
 
 def check_room(core: CoreProgram, device: Chip) -> None:
-    """Refuse what the open core of a device has too few of, as a ``TargetError``."""
+    """Refuse what the open core of a device has too few of, or no bits for, as a ``TargetError``."""
+    assert device.open_core is not None
     for name, (need, limit) in _short_of(core, device).items():
         what, measured = f"the open core of {device.name} is too small in {name!r}", f"{need} against {limit}"
         raise TargetError(f"program {core.program.name!r}", what, measured=measured, fix=_way_out(core))
+    core.check_fields(device.open_core)
 
 
 def _short_of(core: CoreProgram, device: Chip) -> dict[str, tuple[int, int]]:

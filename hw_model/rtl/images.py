@@ -26,7 +26,8 @@ LENGTH_BITS = 9
 """Of the length of a list, in words, where targets are told as steps; ``LENGTH`` of delivery.sv."""
 MEMORIES = ("settings", "axons", "synapses", "leaks", "fires", "visits", "weights", "phases")
 """By the number that the load port knows them by."""
-WEIGHT_BITS = 32
+READOUT_BITS = 32
+"""Of a weight of the readout, beside its sign: ``weight`` of readout.sv has one more."""
 PLACE = Layout.of(address=24, memory=8)
 """What follows the data of a word on the load port."""
 
@@ -55,7 +56,7 @@ def layouts(sizes: Sizes) -> dict[str, Layout]:
             threshold=17, blocks=6, spiking=1, vmin_log=5, vmax_log=5, **family, read_out=1, by_potential=1, entry=entry
         ),
         "visits": Layout.of(step=VISIT_BITS, channel=source, source=source),
-        "weights": Layout.of(magnitude=WEIGHT_BITS, negative=1),
+        "weights": Layout.of(magnitude=READOUT_BITS, negative=1),
         "phases": Layout.of(value=STEP_BITS),
         "settings": Layout.of(value=STEP_BITS),
     }  # fmt: skip
@@ -106,8 +107,8 @@ class CoreProgram:
         ratios = [weight.as_integer_ratio() for weight in program.readout.weights] if program.readout else []
         self.scale = max((below for _, below in ratios), default=1)
         weights = [above * (self.scale // below) for above, below in ratios]
-        heaviest, what = max(map(abs, weights), default=0), f"weight of a readout of more than {WEIGHT_BITS} bits"
-        refuse_unless(heaviest < 1 << WEIGHT_BITS, program, f"{what} as a whole number", heaviest)
+        heaviest, what = max(map(abs, weights), default=0), f"weight of a readout of more than {READOUT_BITS} bits"
+        refuse_unless(heaviest < 1 << READOUT_BITS, program, f"{what} as a whole number", heaviest)
         visits = np.hstack([phase.visits for phase in self.phases])
         visits = visits[:, np.argsort(visits[1])] if self.later else visits
         self.tables = {

@@ -23,8 +23,8 @@ class Binning(Frozen):
     - ``step_seconds``: width of a bin, by default 0.02 s
     - ``threshold``: a bin with more events is 1, by default 0
     - ``channels``, ``steps``: size of every recording. Later events are cut off, events of other channels are refused.
-    - ``most_steps``: longer recordings are cut to this length; ``of_model``: channels that a model expects
-    - ``polarities``: 2, or 1 to merge both, which ``merge`` allows; ``columns``: width of a grid of x and y
+    - ``most_steps``: longer recordings are cut to this length; ``model_channels``: channels that a model expects
+    - ``polarities``: 2, or 1 to merge both, which ``may_merge`` allows; ``columns``: width of a grid of x and y
     - ``axes``: the order of the axes of arrays, which hold bins already
     """
 
@@ -35,8 +35,8 @@ class Binning(Frozen):
     polarities: Annotated[int | None, between(1, 2)] = None
     columns: Annotated[int | None, between(1, 1_000_000)] = None
     most_steps: int | None = None
-    of_model: int | None = None
-    merge: bool = True
+    model_channels: int | None = None
+    may_merge: bool = True
     axes: tuple[str, ...] | None = None
 
     where = "recordings"
@@ -53,7 +53,8 @@ class EventStream(Frozen, eq=False):
     ``start`` is the time at which bin 0 begins. ``span_seconds`` is the length of the recording, None if it ends with
     its last event. ``channels``, ``polarities`` and ``columns`` are those of the format, None if it does not fix them.
     ``step_seconds`` is the default width of its bins, and ``place`` names the recording in errors. ``elsewhere`` counts
-    events of its file that belong to other streams, which are not read.
+    events of its file that belong to other streams, which are not read. ``if_too_long`` is the way out if it has too
+    many bins.
     """
 
     times: AnyArray
@@ -68,6 +69,7 @@ class EventStream(Frozen, eq=False):
     step_seconds: float = STEP_SECONDS
     place: str = ""
     elsewhere: int = 0
+    if_too_long: str = "Give wider bins."
 
 
 def bin_streams(streams: Sequence[EventStream], where: str, binning: Binning) -> tuple[ByteArray, float, Binned]:
@@ -84,10 +86,10 @@ def bin_streams(streams: Sequence[EventStream], where: str, binning: Binning) ->
     widest = [one.columns or 1 + int(one.x.max()) for one in streams if one.columns or len(one.x)]
     columns = binning.columns or max(widest, default=1)
     found = {int(p) for one in streams if one.polarity is not None for p in np.unique(one.polarity)}
-    if not binning.merge and len(found) > 1:
+    if not binning.may_merge and len(found) > 1:
         fix = "Keep them apart by --polarities 2, or merge them by --polarities 1."
         raise InputError(where, "its events have two polarities, but the channels of the sensor have one", fix=fix)
-    polarities = binning.polarities or _polarities(streams, where, binning.of_model, columns)
+    polarities = binning.polarities or _polarities(streams, where, binning.model_channels, columns)
     if binning.columns is None and binning.channels is not None:
         _check_columns(streams, where, binning.channels, columns, polarities)
     bins = [_bins(one, width) for one in streams]
@@ -158,12 +160,10 @@ def _length(one: EventStream, bins: FloatArray, width_seconds: float, most: int 
     if most is not None and not last < most:
         return most
     if not last < MAX_STEPS:
-        beside = "a .startend file next to it, or " if one.place.endswith(".tact'") else ""
         # In bins first: absurd times overflow to infinity there already.
         span = last * width_seconds if math.isinf(last) else float(one.times.max() - one.start) / MICROSECONDS
         measured = f"{span:g} s in bins of {width_seconds:g} s against {MAX_STEPS} bins"
-        fix = f"Give {beside}wider bins."
-        raise InputError(one.place, "it lasts too long for its bins", measured=measured, fix=fix)
+        raise InputError(one.place, "it lasts too long for its bins", measured=measured, fix=one.if_too_long)
     return math.floor(last) + 1
 
 

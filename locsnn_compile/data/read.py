@@ -173,7 +173,7 @@ def read_recordings(
     path = _file_of(Path(path))
     division = Division(test_share, fold)
     counts = {"threshold": threshold, "polarities": polarities, "columns": columns}
-    merge = sensor is None or sensor.laid_out or polarities is not None
+    may_merge = sensor is None or sensor.laid_out or polarities is not None
     if sensor is not None:
         channels, polarities, columns = sensor.channels, sensor.polarities, sensor.columns
         counts = {"threshold": threshold}
@@ -184,7 +184,7 @@ def read_recordings(
     said = {name: getattr(asked, name) for name in ("step_seconds", "threshold", "channels", "polarities", "columns")}
     agreed = model.agreed(**said, steps=steps) | {"steps": steps}
     divided = division.divides(path)
-    binning = replace(asked, **agreed, most_steps=model.steps, of_model=model.channels, merge=merge)
+    binning = replace(asked, **agreed, most_steps=model.steps, model_channels=model.channels, may_merge=may_merge)
     found = _read(path, None if divided else split, binning, step_seconds)
     if divided:
         found = division.part(found, path, split or "test")

@@ -7,6 +7,7 @@ pressure (polarity 0 of a taxel), and 0 or -1 falling pressure (polarity 1).
 """
 
 import math
+from dataclasses import replace
 from decimal import Decimal
 
 import numpy as np
@@ -47,7 +48,8 @@ def parse_tact(data: bytes, where: str, startend: bytes | None, startend_where: 
     times = np.array([float((one - start).scaleb(6)) for one in seconds])
     places = channels // 2, None, channels % 2
     width = SLIP_STEP_SECONDS if span_seconds == SLIP_SECONDS else STEP_SECONDS
-    return EventStream(times, *places, 0.0, span_seconds, CHANNELS, 2, step_seconds=width, place=where)
+    found = EventStream(times, *places, 0.0, span_seconds, CHANNELS, 2, step_seconds=width, place=where)
+    return replace(found, if_too_long="Give a .startend file next to it, or wider bins.")
 
 
 def tact_text(spikes: ByteArray, step_seconds: float, polarities: int = 2) -> bytes:

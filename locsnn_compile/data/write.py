@@ -187,16 +187,17 @@ def _not_held(recordings: Recordings, kind: str, sensor: Sensor, timed: bool = F
     if kind == "tact":
         read_channels = CHANNELS
         read_steps = round(GRASP_SECONDS / width) if start else read_steps
-    row = columns * polarities
-    clear = -(-used // row) * row == channels or read_channels == channels
+    of_row = columns * polarities
+    fills = -(-used // of_row) * of_row == channels or read_channels == channels
     last_column = active.any(axis=0).reshape(-1, polarities)[columns - 1 :: columns]
-    told = active[:, 1::2].any() and read_channels == channels  # options that mean the same in locsnn train
+    # With --channels, locsnn train takes one polarity unless another number is given.
+    told = active[:, 1::2].any() and read_channels == channels
     rows = (
         ("step_seconds", recordings.step_seconds, not timed and (kind == "npy" or width != STEP_SECONDS)),
         ("channels", channels, not is_clear(shape) if kind == "npy" else read_channels != channels),
         ("steps", steps, kind != "npy" and read_steps != steps),
         ("polarities", 2, kind not in ("npy", "tact") and polarities == 2 and not told),
         ("polarities", 1, kind == "tact" and polarities == 1),
-        ("columns", columns, kind == "bs2" and used > row and not (clear and last_column.any())),
+        ("columns", columns, kind == "bs2" and used > of_row and not (fills and last_column.any())),
     )
     return NotHeld({name: value for name, value, needed in rows if needed and value is not None})

@@ -49,17 +49,15 @@ def all_classes(recordings: Recordings, test: Recordings | None) -> int | None:
 
 def _as_asked(part: Recordings, config: TrainingConfig) -> Recordings:
     """Return recordings in memory in the length asked for; ``InputError`` for options that only a file can follow."""
-    said = {"step_seconds": part.step_seconds, "event_threshold": part.threshold}
-    for name in ("split", "fold", "axes", *said):
-        asked, own = getattr(config, name), said.get(name)
-        if asked is None or (own is not None and same(asked, own)) or (own is None and name == "step_seconds"):
+    theirs = {"step_seconds": part.step_seconds, "event_threshold": part.threshold}
+    for name in ("split", "fold", "axes", *theirs):
+        asked, own = getattr(config, name), theirs.get(name)
+        if asked is None or (name == "step_seconds" if own is None else same(asked, own)):
             continue
-        what = (
-            f"recordings {part.source!r} are in memory, as they are" if own is None else "the recordings have another"
-        )
-        measured = f"got {asked}" + ("" if own is None else f" against {own:g}")
-        fix = "Leave it out, or give a file."
-        raise InputError(f"training option {name!r}", what, measured=measured, fix=fix)
+        what, measured = f"recordings {part.source!r} are in memory, as they are", f"got {asked}"
+        if own is not None:
+            what, measured = "the recordings have another", f"{measured} against {own:g}"
+        raise InputError(f"training option {name!r}", what, measured=measured, fix="Leave it out, or give a file.")
     return part if config.steps is None else part.with_steps(config.steps)
 
 

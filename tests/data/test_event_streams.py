@@ -156,14 +156,18 @@ def zip_of(members: list[tuple[str, int]]) -> Callable[[Path], Path]:
     return make
 
 
+def refused(network: lc.Network, path: Path) -> str:
+    with pytest.raises(InputError) as caught:
+        recordings_for(network, path)
+    return str(caught.value)
+
+
 def test_a_network_says_how_many_channels_there_are(tmp_path: Path) -> None:
     network = lc.load(Path(__file__).parents[2] / "examples/models/objects-hybrid.pt")
     (tmp_path / "a.bs1").write_bytes(bs1((3, 0, 0), (1, 1, 40_000)))
     assert recordings_for(network, tmp_path / "a.bs1").spikes.shape == (1, 3, 78)
     (tmp_path / "b.bs1").write_bytes(bs1((39, 1, 0)))
-    with pytest.raises(InputError) as caught:
-        recordings_for(network, tmp_path / "b.bs1")
-    assert str(caught.value) == (
+    assert refused(network, tmp_path / "b.bs1") == (
         "file 'b.bs1': it has events on channels that the sensor does not have (channel 79 against 0..77). "
         "Give events of this sensor, or more channels."
     )
@@ -172,9 +176,7 @@ def test_a_network_says_how_many_channels_there_are(tmp_path: Path) -> None:
 def test_a_network_refuses_events_that_may_count_taxels_or_channels(tmp_path: Path) -> None:
     network = lc.load(Path(__file__).parents[2] / "examples/models/objects-hybrid.pt")
     (tmp_path / "a.bs1").write_bytes(bs1((38, 0, 0)))
-    with pytest.raises(InputError) as caught:
-        recordings_for(network, tmp_path / "a.bs1")
-    assert str(caught.value) == (
+    assert refused(network, tmp_path / "a.bs1") == (
         "file 'a.bs1': its events have one polarity, so x may count taxels or channels (up to 38 of 78 channels). "
         "Write bins with locsnn events --polarities 2 (taxels) or 1 (channels) --to FILE."
     )

@@ -111,7 +111,7 @@ REFUSED = {
     "nir, no leak": ("nir", network(silent(4, decay_v=0.0), potentials_from=2), f"nir, population 'two': {UNLEAKY}. Emit another kind."),
     "nir, a readout that sends on": ("nir", network(floats(4), silent(6), **read("one", potentials_from=1)), f"nir, population 'one': NIR sends no spikes on from neurons that it reads by potential. {HELD}"),
     "net, an inner layer": ("net", network(integers(4), **read("one")), f"net, readout: lava-dl reads out the last layer (one). {HELD}"),
-    "net, two inputs": ("net", network(integers(4), inputs=INPUTS), "net: lava-dl has one input (2 against 1). Emit nir, or join them."),
+    "net, two inputs": ("net", network(integers(4), inputs=INPUTS), "net: lava-dl has one input (2 against 1). Emit nir, or give the network one input."),
 }  # fmt: skip
 
 

@@ -94,13 +94,27 @@ def swap_arrays(folder):
             "program.yaml: its entries do not make a program. Compile again.",
         ),
         (
+            lambda f: replace_in(f / "program.yaml", "phases:", "class_names: slide\nphases:"),
+            "program.yaml: its entries do not make a program. Compile again.",
+        ),
+        (
             lambda f: replace_in(
                 f / "program.yaml", "weight_bits: \\d+", "weight_bits: !!python/object/apply:os.system [id]"
             ),
             "program.yaml: the file is not YAML: it is damaged. Compile again.",
         ),
     ],
-    ids=["missing", "truncated", "swapped", "no yaml", "no program", "newer", "unknown key", "code"],
+    ids=[
+        "missing",
+        "truncated",
+        "swapped",
+        "no yaml",
+        "no program",
+        "newer",
+        "unknown key",
+        "names that are no list",
+        "code",
+    ],
 )
 def test_damage_is_refused_by_name(saved, damage, message):
     damage(saved)

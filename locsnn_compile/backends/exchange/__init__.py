@@ -19,7 +19,7 @@ def exchange_file(kind: str, quantized: QuantizedNetwork) -> bytes:
         from locsnn_compile.backends.exchange.net_file import net_bytes as written
     from locsnn_compile.backends.exchange.floats import HELD
 
-    content = written(quantized)
+    content = written(quantized)  # first, since its refusals say more
     if set(network.readout.weights) != {1.0}:
         measured = ", ".join(f"{weight:g}" for weight in network.readout.weights)[:80]
         what = "the format cannot weigh what is read out"

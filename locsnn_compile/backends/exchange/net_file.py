@@ -48,7 +48,9 @@ def net_file(quantized: QuantizedNetwork) -> NetFile:
         raise InputError(_WHERE, "lava-dl has no steps along locations", fix=_OTHER)
     if len(network.views) != 1:
         measured = f"{len(network.views)} against 1"
-        raise InputError(_WHERE, "lava-dl has one input", measured=measured, fix="Emit nir, or join them.")
+        raise InputError(
+            _WHERE, "lava-dl has one input", measured=measured, fix="Emit nir, or give the network one input."
+        )
     before, layers = network.views[0].name, []
     layers.append(NetLayer(0, "input", {"shape": np.array([network.views[0].lines])}))
     for number, q in enumerate(quantized.populations, start=1):

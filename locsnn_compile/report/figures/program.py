@@ -40,8 +40,8 @@ def program_figures(program: hw.ChipProgram) -> Document:
             }
             parts.setdefault(piece.group, []).append(held)
     groups = {name: _group(its) for name, its in parts.items()}
-    its = {"cores": len(program.cores), "registers": asdict(program.chip.registers), "groups": groups}
-    return its | {"contents": _contents(program)}
+    registers = asdict(program.chip.registers)
+    return {"cores": len(program.cores), "registers": registers, "groups": groups, "contents": _contents(program)}
 
 
 def _contents(program: hw.ChipProgram) -> dict[str, str]:

@@ -39,7 +39,7 @@ Stage = Literal["kernel", "weights", "decays", "states", "thresholds", "delays",
 """
 STAGES: tuple[Stage, ...] = get_args(Stage)
 TAILS: Literal["tails"] = "tails"
-"""Not of the chip's numbers: of a network that cuts its kernels, whose twins have whole ones, as the chip has."""
+"""A stage of networks that cut their kernels: their twins have whole kernels, as the chip has."""
 AnyStage = Stage | Literal["tails"]
 
 
@@ -179,7 +179,7 @@ def error_budget(levels: Levels, recordings: ByteArray, progress: Progress | Non
             cut_short = evaluate(cut, chunk, registers=registers)
             played.append(played[1] if cuts else (cut_short.spikes, cut_short.scores))
             mine = cut_short if cuts else wanted
-        # Stages alone change the network of whole kernels; and without its tails, the chip is compared with that.
+        # With whole kernels, the network is what other stages alone change, and what is left without the tails.
         references = [mine, mine, *[wanted] * len(stages), *[mine] * len(stages), wanted]
         both = zip(tallies, references, played, strict=False)
         tallies = [so_far + _deviation(whole, reference, *its) for so_far, reference, its in both]
