@@ -74,14 +74,23 @@ def test_a_budget_of_windows_is_kept_on_the_calibration_recordings(tmp_path, cap
 
 
 def test_a_budget_that_is_not_kept_in_calibration_is_exit_code_3(model, tmp_path, capsys):
-    """Even if the recordings of the check happen to keep it: here they are silent but for one event."""
-    quiet = np.zeros((1, 78, 40), np.uint8)
-    quiet[0, 0, 0] = 1
-    np.save(tmp_path / "quiet.npy", quiet)
-    options = ("--events", str(tmp_path / "quiet.npy"), "--max-score-error", "0", "--weight-bits", "1")
-    code, report, said = compiled(model, tmp_path / "b", capsys, *options)
-    assert (code, report["strategy_choice"]["kept"]) == (3, False)
-    assert "no setting keeps --max-score-error 0 on 16 recordings of synthetic touches" in said
+    """Even if the recordings of the check happen to keep it."""
+    rates = {"sparse": 0.01, "dense": 0.3}
+    for name, rate in rates.items():
+        np.save(tmp_path / f"{name}.npy", (np.random.default_rng(1).random((4, 78, 40)) < rate).astype(np.uint8))
+    files = [str(tmp_path / f"{name}.npy") for name in rates]
+    options = ("--calibration", files[0], "--strategy", "reset", "--weight-bits", "1", "--split-weights", "0")
+    found = [
+        1 - compiled(model, tmp_path / "b", capsys, *options, "--events", f)[1]["match"]["spike_agreement"]
+        for f in files
+    ]
+    assert found[0] > found[1]
+    bound = str(sum(found) / 2)
+    code, report, said = compiled(
+        model, tmp_path / "b", capsys, *options, "--events", files[1], "--max-spike-error", bound
+    )
+    assert (report["gates"][0]["passed"], report["strategy_choice"]["kept"], code) == (True, False, 3)
+    assert said.startswith("no setting keeps --max-spike-error ")
 
 
 def test_a_generous_budget_takes_the_cheapest(model, tmp_path, capsys):
