@@ -101,6 +101,7 @@ EDITS = {
     "events of a bin": ("event_threshold", lambda p: replace(p, event_threshold=1)),
     "psi": ("psi", lambda p: replace(p, psi=3.0)),
     "polarities": ("polarities", lambda p: replace(p, polarities=2)),
+    "names of classes": ("class_names", lambda p: replace(p, class_names=("press", "slide"))),
     "columns": ("columns", lambda p: replace(p, columns=3)),
     "register": ("chip", lambda p: of_chip(p, "current_bits: 23", "current_bits: 22")),
     "energy": ("chip", lambda p: of_chip(p, "clock_ghz: 1.0", "clock_ghz: 1.5")),
