@@ -30,7 +30,10 @@ class Place:
     """What a kernel is given in place of an array and the index of its first element."""
 
     def __init__(self, array, *at, lanes=LANES):
-        self.flat, self.first = array.reshape(-1), int(np.ravel_multi_index([int(i) for i in at], array.shape))
+        self.flat, self.first = (
+            array.reshape(-1),
+            int(np.ravel_multi_index([int(i) for i in at], array.shape)),
+        )
         self.row_size, self.lanes = array.size // len(array), lanes
 
     def of(self, lanes):

@@ -15,6 +15,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache, lru_cache
@@ -69,9 +70,10 @@ class Mutant:
         return self._faulty(source[start:stop])
 
     def _faulty(self, part: str) -> str:
-        if (found := part.count(self.old)) != 1:
-            raise ValueError(f"{self.name}: found {found} times, not once")
-        mutated = part.replace(self.old, self.new)
+        places = _anyhow_broken(self.old).findall(part)
+        if len(places) != 1:
+            raise ValueError(f"{self.name}: found {len(places)} times, not once")
+        mutated = part.replace(places[0], self.new)
         if ast.dump(ast.parse(dedent(mutated))) == ast.dump(ast.parse(dedent(part))):
             raise ValueError(f"{self.name}: is the same program")
         return mutated
@@ -81,7 +83,12 @@ def mutants() -> list[Mutant]:
     """Return all mutants of the table."""
     return [
         Mutant(
-            section["module"], scope, *row[:2], tuple(section["tests"]), *(section.get(k, False) for k in RUN), *row[2:]
+            section["module"],
+            scope,
+            *row[:2],
+            tuple(section["tests"]),
+            *(section.get(k, False) for k in RUN),
+            *row[2:],
         )
         for path in sorted((HERE / "table").glob("*.yaml"))
         for section in yaml.safe_load(path.read_text())
@@ -97,6 +104,18 @@ def file_of(test: str, root: Path = ROOT) -> Path:
     if len(found) != 1:
         raise ValueError(f"{test}: {len(found)} files of that name, not one")
     return found[0]
+
+
+@cache
+def _anyhow_broken(text: str) -> re.Pattern[str]:
+    """Return a pattern of a text of a program, however the formatter breaks it into lines."""
+    words = text.split()
+    indent = text[: len(text) - len(text.lstrip())]
+    pattern = re.escape(indent) + r"\s+".join(map(re.escape, words))
+    if text[-1:].isspace():
+        pattern += re.escape(text[-1])
+    after_opening = re.sub(r"(\\[(\[])(?=.)", r"\1\\s*", pattern)
+    return re.compile(re.sub(r"(?<=.)(\\[)\]])", r",?\\s*\1", after_opening))
 
 
 @lru_cache(maxsize=256)

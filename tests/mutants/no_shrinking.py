@@ -19,4 +19,6 @@ settings.load_profile("mutants")
 def pytest_sessionstart(session: pytest.Session) -> None:
     import hw_model
 
-    assert Path(hw_model.__file__).is_relative_to(session.config.rootpath), "another tree would be tested"
+    assert Path(hw_model.__file__).is_relative_to(session.config.rootpath), (
+        "another tree would be tested"
+    )

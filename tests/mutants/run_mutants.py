@@ -35,7 +35,16 @@ TREE = BUILD / "tree"
 FOUND = BUILD / "found.jsonl"
 TABLE = HERE / "results.csv"
 COLUMNS = ("module", "scope", "old", "new", "outcome", "by")
-COPIED = ("hw_model", "locsnn_compile", "tests", "examples", "docs", "pyproject.toml", "README.md", "Makefile")
+COPIED = (
+    "hw_model",
+    "locsnn_compile",
+    "tests",
+    "examples",
+    "docs",
+    "pyproject.toml",
+    "README.md",
+    "Makefile",
+)
 PRELOADED = ("hypothesis.extra.numpy", "networkx", "numba", "pytest", "scipy.sparse", "yaml")
 """Imported once: runs of the tests are forks. The packages that are tested are not among them."""
 MEMORY = 8 << 30
@@ -96,11 +105,15 @@ class Run:
         os.unlink(self._output)
         shutil.rmtree(self._compiled)
         held = HELD.search(text)
-        file, colons, test = (held[1] if held else "crashed, or out of time" if code < 0 else "").partition("::")
+        file, colons, test = (
+            held[1] if held else "crashed, or out of time" if code < 0 else ""
+        ).partition("::")
         by = Path(file).name + colons + test
         if code and (not self.faulty or not by):
             fault = self.mutant.name if self.faulty else "without a fault"
-            raise SystemExit(f"{' '.join(self.mutant.tests)}: pytest fails, {fault}:\n{text[-3000:]}")
+            raise SystemExit(
+                f"{' '.join(self.mutant.tests)}: pytest fails, {fault}:\n{text[-3000:]}"
+            )
         return ("killed", by) if code else ("survived", "")
 
     def _run(self) -> int:
@@ -110,18 +123,25 @@ class Run:
         sys.path[:] = [
             str(TREE),
             here,
-            *(p for p in sys.path if p and (not p.startswith(str(ROOT)) or p.startswith(sys.prefix))),
+            *(
+                p
+                for p in sys.path
+                if p and (not p.startswith(str(ROOT)) or p.startswith(sys.prefix))
+            ),
         ]
         if self.faulty:
             limit = SECONDS[self.mutant.loops]
             resource.setrlimit(resource.RLIMIT_CPU, (limit, limit))
             resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
             sys.meta_path.insert(0, Faulty(self.mutant))  # type: ignore[arg-type]
-            if (
-                self.mutant.compiled
-            ):  # for this process alone: from the shared cache, every later run would load the fault
-                os.environ["NUMBA_CACHE_DIR"] = import_module("numba").config.CACHE_DIR = self._compiled
-        names = [str(file_of(name, TREE)) + "".join(name.partition("::")[1:]) for name in self.mutant.tests]
+            if self.mutant.compiled:  # for this process alone: from the shared cache, every later run would load the fault
+                os.environ["NUMBA_CACHE_DIR"] = import_module("numba").config.CACHE_DIR = (
+                    self._compiled
+                )
+        names = [
+            str(file_of(name, TREE)) + "".join(name.partition("::")[1:])
+            for name in self.mutant.tests
+        ]
         plugins = [
             "-p",
             "no:cacheprovider",
@@ -135,7 +155,10 @@ class Run:
 
 def digests(mutant: Mutant, root: Path = ROOT) -> dict[str, str]:
     """Return a number of all that a result depends on: the faulty function, and the tests."""
-    texts = {"scope": mutant.faulty_scope(root), "tests": "".join(file_of(t, root).read_text() for t in mutant.tests)}
+    texts = {
+        "scope": mutant.faulty_scope(root),
+        "tests": "".join(file_of(t, root).read_text() for t in mutant.tests),
+    }
     return {key: hashlib.sha256(text.encode()).hexdigest()[:16] for key, text in texts.items()}
 
 
@@ -151,7 +174,9 @@ def known(every: list[Mutant]) -> dict[str, tuple[str, str]]:
     for mutant in every:
         row, now = by_name.get(mutant.name), digests(mutant)
         if row and row["scope"] == now["scope"]:
-            holds = _is_there(row["by"]) if row["outcome"] == "killed" else row["tests"] == now["tests"]
+            holds = (
+                _is_there(row["by"]) if row["outcome"] == "killed" else row["tests"] == now["tests"]
+            )
             if holds:
                 found[mutant.name] = row["outcome"], row["by"]
     return found
@@ -176,11 +201,16 @@ def try_all(wanted: list[Mutant], jobs: int) -> None:
         run = running.pop(process)
         outcome, by = run.finished(os.waitstatus_to_exitcode(status))
         seconds, done = round(usage.ru_utime + usage.ru_stime, 1), done + 1
-        row = {"name": run.mutant.name, "outcome": outcome, "by": by, "seconds": seconds} | digests(run.mutant, TREE)
+        row = {"name": run.mutant.name, "outcome": outcome, "by": by, "seconds": seconds} | digests(
+            run.mutant, TREE
+        )
         with FOUND.open("a") as file:
             file.write(json.dumps(row) + "\n")
         passed = time.monotonic() - begun
-        print(f"{done}/{len(wanted)} {passed:.0f} s, {seconds} s: {outcome}: {run.mutant.name} {by}", flush=True)
+        print(
+            f"{done}/{len(wanted)} {passed:.0f} s, {seconds} s: {outcome}: {run.mutant.name} {by}",
+            flush=True,
+        )
 
 
 def check_killers(rows: list[tuple[Mutant, str, str]]) -> None:
@@ -188,10 +218,15 @@ def check_killers(rows: list[tuple[Mutant, str, str]]) -> None:
     for loops in (False, True):
         some = [(mutant, by) for mutant, _, by in rows if mutant.loops == loops and "::" in by]
         if some:
-            run = Run(replace(some[0][0], tests=tuple(sorted({by for _, by in some}))), faulty=False)
+            run = Run(
+                replace(some[0][0], tests=tuple(sorted({by for _, by in some}))), faulty=False
+            )
             _, status, usage = os.wait4(run.process, 0)
             run.finished(os.waitstatus_to_exitcode(status))
-            print(f"tests that found a fault, without any: {usage.ru_utime + usage.ru_stime:.1f} s", flush=True)
+            print(
+                f"tests that found a fault, without any: {usage.ru_utime + usage.ru_stime:.1f} s",
+                flush=True,
+            )
 
 
 def ready() -> None:
@@ -206,13 +241,23 @@ def outcome_of(mutant: Mutant, found: tuple[str, str]) -> tuple[str, str]:
     """Return the outcome as the table has it, and what tells of it: a test, or the reason."""
     if not mutant.equivalent:
         return found
-    return ("equivalent", mutant.equivalent) if found[0] == "survived" else ("not equivalent", found[1])
+    return (
+        ("equivalent", mutant.equivalent)
+        if found[0] == "survived"
+        else ("not equivalent", found[1])
+    )
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
-    parser.add_argument("--only", nargs="+", default=[""], metavar="TEXT", help="those whose name holds one of these")
+    parser.add_argument(
+        "--only",
+        nargs="+",
+        default=[""],
+        metavar="TEXT",
+        help="those whose name holds one of these",
+    )
     parser.add_argument("--dry", action="store_true", help="only list what is left to run")
     args = parser.parse_args()
     every = mutants()
@@ -233,9 +278,19 @@ def main() -> int:
         with TABLE.open("w", newline="") as file:
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow(COLUMNS)
-            writer.writerows((m.module, m.scope, m.old, m.new, outcome, by) for m, outcome, by in rows)
-    print(", ".join(f"{n} {outcome}" for outcome, n in Counter(outcome for _, outcome, _ in rows).items()))
-    wrong = [f"{outcome}: {m.name} {by}" for m, outcome, by in rows if outcome not in ("killed", "equivalent")]
+            writer.writerows(
+                (m.module, m.scope, m.old, m.new, outcome, by) for m, outcome, by in rows
+            )
+    print(
+        ", ".join(
+            f"{n} {outcome}" for outcome, n in Counter(outcome for _, outcome, _ in rows).items()
+        )
+    )
+    wrong = [
+        f"{outcome}: {m.name} {by}"
+        for m, outcome, by in rows
+        if outcome not in ("killed", "equivalent")
+    ]
     print("\n".join(wrong))
     return 1 if wrong or any(m.name not in kept for m in left) else 0
 

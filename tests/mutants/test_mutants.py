@@ -9,7 +9,10 @@ import pytest
 from mutants import Mutant, file_of, mutants
 
 EVERY = mutants()
-BY_MODULE = {name: list(part) for name, part in groupby(sorted(EVERY, key=lambda m: m.module), key=lambda m: m.module)}
+BY_MODULE = {
+    name: list(part)
+    for name, part in groupby(sorted(EVERY, key=lambda m: m.module), key=lambda m: m.module)
+}
 FIX = "Correct its row in tests/mutants/table, or take it out where what it was a fault of is gone."
 
 
@@ -26,14 +29,20 @@ def test_every_mutant_is_one_place_of_its_scope_and_another_program(module):
 
 def test_there_are_many_and_no_two_are_the_same():
     assert len(EVERY) >= 200
-    assert [name for name, times in Counter(mutant.name for mutant in EVERY).items() if times > 1] == []
+    assert [
+        name for name, times in Counter(mutant.name for mutant in EVERY).items() if times > 1
+    ] == []
 
 
 def test_their_tests_are_there():
     """By their file, and by the name of the function where one is named."""
     every = {test for mutant in EVERY for test in mutant.tests}
     named = {test: test.partition("[")[0].partition("::")[2].rpartition("::")[2] for test in every}
-    assert [test for test, name in named.items() if name and f"def {name}(" not in file_of(test).read_text()] == []
+    assert [
+        test
+        for test, name in named.items()
+        if name and f"def {name}(" not in file_of(test).read_text()
+    ] == []
     assert all(file_of(test).is_file() for test in every)
 
 
