@@ -23,7 +23,10 @@ def main(folder: Path) -> None:
         touches = synthetic_touches(samples, steps=steps, seed=seed)
         write_recordings(folder / name, replace(touches, labels=None))
     write_recordings(folder / "motions.npz", synthetic_touches(48, steps=100, classes=4, seed=3))
-    write_recordings(folder / "two-fingertips.npz", synthetic_touches(40, steps=60, fingertips=2, classes=4, seed=7))
+    write_recordings(
+        folder / "two-fingertips.npz",
+        synthetic_touches(40, steps=60, fingertips=2, classes=4, seed=7),
+    )
 
 
 if __name__ == "__main__":

@@ -11,7 +11,9 @@ import hw_model as hw
 chip = hw.chip("loihi-sim")
 builder = hw.ProgramBuilder(chip, name="answer")
 touch = builder.add_input("touch", 2)
-charger = builder.add_compartments("charger", 1, decay_u=1024, decay_v=128, threshold=400, refractory=4)
+charger = builder.add_compartments(
+    "charger", 1, decay_u=1024, decay_v=128, threshold=400, refractory=4
+)
 answer = builder.add_compartments("answer", 1, decay_u=4096, decay_v=4096, threshold=50)
 builder.connect(touch, charger, [[100, 40]])
 builder.connect(charger, answer, [[60]], delay=1)
@@ -26,6 +28,11 @@ assert np.array_equal(result.v["charger"], slow.v["charger"])
 
 print("charger spikes at steps", np.flatnonzero(result.spikes["charger"]).tolist())
 print("answer  spikes at steps", np.flatnonzero(result.spikes["answer"]).tolist())
-print("synaptic operations", result.counts.synaptic_ops, "- neuron updates", result.counts.neuron_updates)
+print(
+    "synaptic operations",
+    result.counts.synaptic_ops,
+    "- neuron updates",
+    result.counts.neuron_updates,
+)
 profile = chip.profile("davies2018")
 print(f"energy {sum(hw.energy_pj(result.counts, profile).values()):.1f} pJ ({profile.source})")

@@ -25,7 +25,9 @@ class LocsnnError(Exception):
     def __init__(self, where: str, what: str, *, measured: str = "", fix: str) -> None:
         self.where, self.what, self.measured, self.fix = where, what, measured, fix
         detail = f" ({_shown(measured)})" if measured else ""
-        super().__init__(f"{_shown(where)}: {_shown(what)}{detail}. {_shown(fix, MAX_FIX)}".rstrip())
+        super().__init__(
+            f"{_shown(where)}: {_shown(what)}{detail}. {_shown(fix, MAX_FIX)}".rstrip()
+        )
 
     def __reduce__(self) -> tuple[Any, ...]:
         # What goes to another process is made again from its parts.
@@ -37,7 +39,9 @@ def _shown(text: str, most: int = MAX_PART) -> str:
     line = " ".join(text.split())
     if len(line) > most:
         line = f"{line[:most]}..."
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in line)
+    return "".join(
+        c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in line
+    )
 
 
 class InputError(LocsnnError):
@@ -48,10 +52,14 @@ class TargetError(LocsnnError):
     """A sound model that this chip cannot hold as asked."""
 
 
-def check_most(found: float, limit: float, where: str, what: str, *, unit: str = "", fix: str) -> None:
+def check_most(
+    found: float, limit: float, where: str, what: str, *, unit: str = "", fix: str
+) -> None:
     """Refuse what was given where a number, ``found`` of a ``unit``, is above its limit."""
     if found > limit:
-        raise InputError(where, what, measured=f"{found}{unit and f' {unit}'} against {limit}", fix=fix)
+        raise InputError(
+            where, what, measured=f"{found}{unit and f' {unit}'} against {limit}", fix=fix
+        )
 
 
 def check_same(found: object, wanted: object, where: str, what: str, *, fix: str) -> None:
@@ -67,7 +75,9 @@ def check_range(found: float, low: float, high: float, where: str) -> None:
         raise InputError(where, "it is out of range", measured=measured, fix="Correct the number.")
 
 
-def check_known(where: str, what: str, given: object, known: Collection[str], more: str = "") -> None:
+def check_known(
+    where: str, what: str, given: object, known: Collection[str], more: str = ""
+) -> None:
     """Refuse a name that is none of those known; None is none. ``more``: a way out besides them."""
     if given is not None and given not in known:
         raise InputError(where, what, fix=did_you_mean(given, known) + more)

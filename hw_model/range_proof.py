@@ -76,7 +76,10 @@ def _prove_core(core: Core, registers: Registers) -> CoreRange:
     driven = u + Bounds(bias, bias)
     cannot_wrap = wrap_q & u.within(-half, half - 1) & driven.within(-half, half - 1)
     # A register that may wrap can hold anything.
-    low, high = np.where(cannot_wrap, driven.low, -half), np.where(cannot_wrap, driven.high, half - 1)
+    low, high = (
+        np.where(cannot_wrap, driven.low, -half),
+        np.where(cannot_wrap, driven.high, half - 1),
+    )
     v = _voltage(core, Bounds(low, high), filtered=False)
     cannot_clip = v.within(core.vmin, core.vmax)
 

@@ -52,7 +52,9 @@ class SimulationResult(Shown):
     @cached_property
     def per_recording(self) -> tuple[Counts, ...]:
         """Counts of every recording."""
-        return tuple(Counts(*row) for row in np.sum(list(self.count_tables.values()), axis=0).tolist())
+        return tuple(
+            Counts(*row) for row in np.sum(list(self.count_tables.values()), axis=0).tolist()
+        )
 
     @cached_property
     def counts(self) -> Counts:
@@ -62,7 +64,9 @@ class SimulationResult(Shown):
     @cached_property
     def counts_by_phase(self) -> dict[str, Counts]:
         """Counts of all recordings together, by phase."""
-        return {phase: Counts(*table.sum(axis=0).tolist()) for phase, table in self.count_tables.items()}
+        return {
+            phase: Counts(*table.sum(axis=0).tolist()) for phase, table in self.count_tables.items()
+        }
 
     @property
     def prediction(self) -> IntArray:
@@ -117,14 +121,26 @@ def play_recordings(
     ``remember``: an empty recording is played once, and later ones are given copies.
     """
     if steps is not None and steps < 1:
-        raise InputError("steps", "nothing to simulate", measured=f"{steps} against at least 1", fix="Raise steps.")
-    check_most(steps or 1, MAX_STEPS, "steps", "a simulation does not hold so many", fix="Lower steps.")
+        raise InputError(
+            "steps",
+            "nothing to simulate",
+            measured=f"{steps} against at least 1",
+            fix="Raise steps.",
+        )
+    check_most(
+        steps or 1, MAX_STEPS, "steps", "a simulation does not hold so many", fix="Lower steps."
+    )
     probes = read_probes(program, probe)
     streams, batched = read_streams(program, spikes, listed=True)
     batch, rows = next(iter(streams.values())).shape[:2]
     if batch == 0 or (rows == 0 and steps is None):
         measured = f"recordings: {batch}, steps: {rows}"
-        raise InputError("spikes", "nothing to simulate", measured=measured, fix="Give some recordings and steps.")
+        raise InputError(
+            "spikes",
+            "nothing to simulate",
+            measured=measured,
+            fix="Give some recordings and steps.",
+        )
     longest = _plans(program, tuple(probes.values()), rows, steps)[1]
     size = max(1, sum(program.populations.values()) * longest)
     asked = program, tuple(probes.values()), rows, steps, batched, run_phase, player
@@ -135,9 +151,14 @@ def play_recordings(
 
 
 @lru_cache(maxsize=8)
-def _of_nothing(program: ChipProgram, probes: tuple[Probe, ...], rows: int, *rest: Any) -> SimulationResult:
+def _of_nothing(
+    program: ChipProgram, probes: tuple[Probe, ...], rows: int, *rest: Any
+) -> SimulationResult:
     """Return the result of an empty recording of ``rows`` rows, which nobody changes; others as for :func:`_played`."""
-    streams = {name: np.zeros((1, rows, channels), dtype=np.uint8) for name, channels in program.streams.items()}
+    streams = {
+        name: np.zeros((1, rows, channels), dtype=np.uint8)
+        for name, channels in program.streams.items()
+    }
     return _played(streams, program, probes, rows, *rest)
 
 
@@ -169,12 +190,16 @@ def _played(
 
     kept: dict[Kind, dict[str, list[AnyArray]]] = {kind: {} for kind in KINDS}
     counts: dict[str, list[IntArray]] = {phase.name: [] for phase in program.phases}
-    activity: dict[str, list[StepActivity]] = {phase.name: [] for phase in program.phases if "activity" in probes}
+    activity: dict[str, list[StepActivity]] = {
+        phase.name: [] for phase in program.phases if "activity" in probes
+    }
     events: dict[str, IntArray] = {}
     scores: list[FloatArray] = []
     for start in range(0, batch, together):
         stop = min(start + together, batch)
-        part = {name: player.list_events(name, array[start:stop]) for name, array in streams.items()}
+        part = {
+            name: player.list_events(name, array[start:stop]) for name, array in streams.items()
+        }
         given: dict[str, AnyArray] = {}
         for phase, windows, wanted, deciding, counting in plans:
             played = play(program, phase, part, steps, player)
@@ -192,7 +217,9 @@ def _played(
             scores.append(program.readout.weighed(given))
 
     def result(kind: Kind) -> dict[str, AnyArray]:
-        return {name: joined(arrays) if batched else arrays[0][0] for name, arrays in kept[kind].items()}
+        return {
+            name: joined(arrays) if batched else arrays[0][0] for name, arrays in kept[kind].items()
+        }
 
     return SimulationResult(
         spikes=result("spikes"), u=result("u"), v=result("v"), potential=result("potential"),
@@ -219,15 +246,25 @@ class _Plan(NamedTuple):
 
 
 @lru_cache(maxsize=16)
-def _plans(program: ChipProgram, probes: tuple[Probe, ...], rows: int, steps: int | None) -> tuple[list[_Plan], int]:
+def _plans(
+    program: ChipProgram, probes: tuple[Probe, ...], rows: int, steps: int | None
+) -> tuple[list[_Plan], int]:
     """Return all that recordings of ``rows`` rows have in common, phase by phase, and the most steps of one."""
-    first, read = ({}, ()) if program.readout is None else (program.readout.from_step, program.readout.populations)
-    decisive = [Probe("potential", (name,), range(step, sys.maxsize)) for name, step in first.items()]
+    first, read = (
+        ({}, ())
+        if program.readout is None
+        else (program.readout.from_step, program.readout.populations)
+    )
+    decisive = [
+        Probe("potential", (name,), range(step, sys.maxsize)) for name, step in first.items()
+    ]
     plans = []
     for phase in program.phases:
         many, columns = steps_of(program, phase, rows, steps), program.columns_of(phase.name)
         windows, parts = parts_of(program, phase.name, (*probes, *decisive), many)
-        wanted, deciding = ([part for probe in some for part in parts[probe]] for some in (probes, decisive))
+        wanted, deciding = (
+            [part for probe in some for part in parts[probe]] for some in (probes, decisive)
+        )
         counting = {name: columns[name] for name in read if name in columns and name not in first}
         plans.append(_Plan(phase, windows, wanted, deciding, counting))
     return plans, max(length_of(program, phase, rows, steps) for phase in program.phases)
@@ -245,10 +282,14 @@ def _engine(engine: Engine, skip: bool) -> tuple[Run, Player]:
     return partial(engine_fast.run_phase, skip=skip), Player(list_events, transpose)
 
 
-def _add_events(program: ChipProgram, phase: str, trace: PhaseTrace, events: dict[str, IntArray]) -> None:
+def _add_events(
+    program: ChipProgram, phase: str, trace: PhaseTrace, events: dict[str, IntArray]
+) -> None:
     """Add up wraps and clips by phase, (populations, kinds)."""
     if not np.count_nonzero(trace.totals[:, _EVENTS]):
         return
     starts = [columns.start for columns in program.columns_of(phase).values()]
-    found = np.add.reduceat(trace.events[0] if len(trace.events) == 1 else trace.events.sum(axis=0), starts, axis=1)
+    found = np.add.reduceat(
+        trace.events[0] if len(trace.events) == 1 else trace.events.sum(axis=0), starts, axis=1
+    )
     events[phase] = events.get(phase, 0) + found.T

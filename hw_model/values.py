@@ -55,14 +55,19 @@ class Sums(Frozen, eq=False):
     """A value that adds up field by field."""
 
     def __add__(self, other: Self) -> Self:
-        return type(self)(*(added(getattr(self, f.name), getattr(other, f.name)) for f in fields(self)))
+        return type(self)(
+            *(added(getattr(self, f.name), getattr(other, f.name)) for f in fields(self))
+        )
 
 
 def added(one: Any, other: Any) -> Any:
     """Add two values: dictionaries key by key, of which each may lack some; all else by ``+``."""
     if not isinstance(one, dict):
         return one + other
-    return {**one, **{key: added(one[key], found) if key in one else found for key, found in other.items()}}
+    return {
+        **one,
+        **{key: added(one[key], found) if key in one else found for key, found in other.items()},
+    }
 
 
 class Shown(Frozen, eq=False):
@@ -73,7 +78,11 @@ class Shown(Frozen, eq=False):
 
     def __repr__(self) -> str:
         parts = ((field, getattr(self, field.name)) for field in fields(self) if field.repr)
-        said = (f"{f.name}={_part(part)}" for f, part in parts if not (isinstance(part, _PLAIN) and part == f.default))
+        said = (
+            f"{f.name}={_part(part)}"
+            for f, part in parts
+            if not (isinstance(part, _PLAIN) and part == f.default)
+        )
         text = f"{type(self).__name__}({', '.join(said)}"
         return f"{_cut(text, _LONGEST)})"
 

@@ -101,13 +101,22 @@ class CompiledModel(Frozen, eq=False):
         ``emit``: levels of the compiler, exchange formats and ``csv``, as for ``--emit``. Equal input, equal bytes.
         """
         texts = {
-            "report.json": json.dumps(self.report, indent=2, allow_nan=False, ensure_ascii=False) + "\n",
+            "report.json": json.dumps(self.report, indent=2, allow_nan=False, ensure_ascii=False)
+            + "\n",
             "report.md": render_markdown(self.composed),
             "report.html": self.to_html(),
-            **{f"{kind}.txt": LEVEL_TEXTS[kind](self.levels) for kind in LEVEL_KINDS if kind in emit},
+            **{
+                f"{kind}.txt": LEVEL_TEXTS[kind](self.levels)
+                for kind in LEVEL_KINDS
+                if kind in emit
+            },
         }
         quantized = self.levels.quantized
-        exchanged = {f"network.{kind}": exchange_file(kind, quantized) for kind in EXCHANGE_KINDS if kind in emit}
+        exchanged = {
+            f"network.{kind}": exchange_file(kind, quantized)
+            for kind in EXCHANGE_KINDS
+            if kind in emit
+        }
         tables = csv_files(self.report, self.excerpt) if "csv" in emit else {}
         # A name may hold characters that UTF-8 cannot; JSON can read their escapes.
         written = {name: text.encode(errors="backslashreplace") for name, text in texts.items()}
@@ -165,13 +174,19 @@ def compile(
 
     Raises ``InputError`` for something that cannot be used, and ``TargetError`` for a model that the chip cannot hold.
     """
-    check_known(f"strategy {strategy!r}", "unknown lowering strategy", strategy, (AUTO, *STRATEGIES))
+    check_known(
+        f"strategy {strategy!r}", "unknown lowering strategy", strategy, (AUTO, *STRATEGIES)
+    )
     chip = target if isinstance(target, hw.Chip) else hw.chip(target)
     chip = chip if profile is None else hw.priced_by(chip, profile)
     weight_bits = weight_bits_of(chip, weight_bits)
     check_range(split_weights or 0.0, 0, 1, "split_weights")
     if isinstance(network, Sequence):
-        network = join([load(one) if isinstance(one, Checkpoint) else one for one in network], weights, calibration)
+        network = join(
+            [load(one) if isinstance(one, Checkpoint) else one for one in network],
+            weights,
+            calibration,
+        )
     elif weights is not None:
         raise InputError("weights", "they apply only to several networks", fix="Leave them out.")
     network = load(network) if isinstance(network, Checkpoint) else network
@@ -190,7 +205,9 @@ def compile(
     asked = Setting(strategy, weight_bits, split_weights or 0.0)
     with spread_over(scheduler) as spread:
         settled = split_weights is not None
-        levels, choice = _lower(network, chip, asked, calibrated, budget or ErrorBudget(), spread, settled=settled)
+        levels, choice = _lower(
+            network, chip, asked, calibrated, budget or ErrorBudget(), spread, settled=settled
+        )
         match = _compare(levels, recordings, progress, spread)
     usual, measure = next(iter(STRATEGIES)), choice.candidates[0].strategy if choice else None
     if choice and strategy == AUTO and measure != usual and not (budget and budget.given):
@@ -200,15 +217,21 @@ def compile(
     if diagnosis:
         played = network.fit(recordings.spikes, recordings.source)
         found = find_diagnosis(levels, played, match.first_divergence)
-        followed = over_time(levels, played, recordings.labels, PSI if network.psi is None else network.psi)
+        followed = over_time(
+            levels, played, recordings.labels, PSI if network.psi is None else network.psi
+        )
         excerpt = take_excerpt(levels, played, match.first_divergence)
     grounds = grounds_of(network, recordings, calibrated, chip.registers, chosen=choice is not None)
-    report = report_document(levels, match, grounds, found, followed) | {"strategy_choice": choice_document(choice)}
+    report = report_document(levels, match, grounds, found, followed) | {
+        "strategy_choice": choice_document(choice)
+    }
     return CompiledModel(levels, match, report, choice, excerpt)
 
 
 def join(
-    networks: Sequence[Network], weights: Sequence[float] | None = None, calibration: Events | None = None
+    networks: Sequence[Network],
+    weights: Sequence[float] | None = None,
+    calibration: Events | None = None,
 ) -> Network:
     """Return several networks as one that adds their class scores.
 
@@ -218,13 +241,17 @@ def join(
     joined = committee(networks, weights or (1.0,) * len(networks))
     if weights:
         return joined
-    recordings = joined.recordings if calibration is None else calibration_recordings(joined, calibration)
+    recordings = (
+        joined.recordings if calibration is None else calibration_recordings(joined, calibration)
+    )
     if recordings is None:
         said = "Class scores of the networks are added as they are (--weights)."
         return replace(joined, assumptions=(*joined.assumptions, said))
     spreads = [score_spread(network, recordings) for network in networks]
     if 0.0 in spreads:
-        silent = listed([network.name for network, spread in zip(networks, spreads, strict=True) if not spread])
+        silent = listed(
+            [network.name for network, spread in zip(networks, spreads, strict=True) if not spread]
+        )
         said = f"Class scores of {silent} are equal on {recordings.source}: scores are added as they are (--weights)."
         return replace(joined, assumptions=(*joined.assumptions, said))
     found = committee(networks, [spreads[0] / spread for spread in spreads])
@@ -247,7 +274,9 @@ def verify(
     ``scheduler`` is the address of a Dask cluster that plays them, with the same result.
     """
     with spread_over(scheduler) as spread:
-        return _compare(compiled.levels, recordings_for(compiled.network, events, labels), progress, spread)
+        return _compare(
+            compiled.levels, recordings_for(compiled.network, events, labels), progress, spread
+        )
 
 
 @checked
@@ -265,10 +294,16 @@ def diagnose(
     return find_diagnosis(compiled.levels, played, first, samples=samples, progress=progress)
 
 
-def recordings_for(network: Network, events: Events | None, labels: ArrayLike | None = None) -> Recordings:
+def recordings_for(
+    network: Network, events: Events | None, labels: ArrayLike | None = None
+) -> Recordings:
     """Return the recordings to check on; without events those in the model, or else synthetic ones."""
     if labels is not None and (events is None or isinstance(events, str | Path | Recordings)):
-        raise InputError("labels", "they belong to an array, and other events bring their own", fix="Leave labels out.")
+        raise InputError(
+            "labels",
+            "they belong to an array, and other events bring their own",
+            fix="Leave labels out.",
+        )
     if events is None:
         if network.recordings is not None:
             return network.recordings
@@ -276,9 +311,13 @@ def recordings_for(network: Network, events: Events | None, labels: ArrayLike | 
             what = "carries no recordings, and its sensor is not known"
             raise InputError(f"model {network.name!r}", what, fix="Give events.")
         samples = min(SYNTHETIC_SAMPLES, 1 + SYNTHETIC_VALUES // (network.steps * network.channels))
-        touches = synthetic_touches(samples, steps=network.steps, sensor=network.sensor, seed=SYNTHETIC_SEED)
+        touches = synthetic_touches(
+            samples, steps=network.steps, sensor=network.sensor, seed=SYNTHETIC_SEED
+        )
         # Their labels are motions of the generator, not classes of this model.
-        return Recordings(touches.spikes, None, network.step_seconds, touches.source, touches.origin)
+        return Recordings(
+            touches.spikes, None, network.step_seconds, touches.source, touches.origin
+        )
     if isinstance(events, Recordings):
         network.expected.check(events)
         return events
@@ -317,24 +356,37 @@ def _lower(
         levels = choice.levels
     else:
         fixed = replace(asked, strategy=next(iter(STRATEGIES))) if asked.strategy == AUTO else asked
-        levels = lower_or_advise(network, chip, fixed, calibrate(network, calibration, chip.registers))
+        levels = lower_or_advise(
+            network, chip, fixed, calibrate(network, calibration, chip.registers)
+        )
     found = {population.strategy for population in levels.quantized.populations}
     # Neurons with a reset of their own are already what ``reset`` turns others into.
-    if asked.strategy not in {AUTO, *found} and not (asked.strategy == "reset" and found == {NATIVE}):
+    if asked.strategy not in {AUTO, *found} and not (
+        asked.strategy == "reset" and found == {NATIVE}
+    ):
         measured = f"its neurons are {levels.quantized.strategy}"
         fix = "Leave the strategy out."
-        raise InputError(f"strategy {asked.strategy!r}", "no neuron of this model uses it", measured=measured, fix=fix)
+        raise InputError(
+            f"strategy {asked.strategy!r}",
+            "no neuron of this model uses it",
+            measured=measured,
+            fix=fix,
+        )
     return levels, choice
 
 
-def _calibration(network: Network, recordings: Recordings, calibration: Events | None) -> Recordings:
+def _calibration(
+    network: Network, recordings: Recordings, calibration: Events | None
+) -> Recordings:
     """Return the recordings that choices are made on: never those of the check, if there are others."""
     if calibration is None and network.recordings is None and network.sensor is None:
         return recordings
     return calibration_recordings(network, calibration)
 
 
-def _compare(levels: Levels, recordings: Recordings, progress: Progress | None, spread: Spread = here) -> Match:
+def _compare(
+    levels: Levels, recordings: Recordings, progress: Progress | None, spread: Spread = here
+) -> Match:
     return compare(
         levels.quantized,
         levels.program,

@@ -73,8 +73,14 @@ def choose_strategy(
     """
     if not (network.by_strategy or (budget.given and network.has_float_weights)):
         return None
-    trial = _Trial(network, chip, recordings, calibrate(network, recordings, chip.registers), spread)
-    names = [name for name in STRATEGIES if asked.strategy in (AUTO, name)] if network.by_strategy else [NATIVE]
+    trial = _Trial(
+        network, chip, recordings, calibrate(network, recordings, chip.registers), spread
+    )
+    names = (
+        [name for name in STRATEGIES if asked.strategy in (AUTO, name)]
+        if network.by_strategy
+        else [NATIVE]
+    )
     firsts = [replace(asked, strategy=name) for name in names]
     usual = [setting for setting in firsts if setting.strategy in USUAL] or firsts
     for setting in usual:
@@ -85,16 +91,24 @@ def choose_strategy(
         shares = (asked.split_weights,) if settled else SHARES
         _split_more(trial, usual, budget, shares)
         if not any(candidate.keeps(budget) for candidate in trial.candidates.values()):
-            _split_more(trial, [setting for setting in firsts if setting not in usual], budget, shares)
+            _split_more(
+                trial, [setting for setting in firsts if setting not in usual], budget, shares
+            )
         _take_bits_away(trial, budget)
     candidates = tuple(trial.candidates.values())
     limits = budget if budget.given else default_budget(candidates[0])
     # If nothing was compared, there is no reason to take a cheaper one.
-    taken = (_cheapest(candidates, limits) if limits.given else None) or min(candidates, key=lambda c: c.losses)
-    return Choice(taken, trial.levels[taken.setting], candidates, limits, len(recordings), recordings.source)
+    taken = (_cheapest(candidates, limits) if limits.given else None) or min(
+        candidates, key=lambda c: c.losses
+    )
+    return Choice(
+        taken, trial.levels[taken.setting], candidates, limits, len(recordings), recordings.source
+    )
 
 
-def _split_more(trial: "_Trial", firsts: Sequence[Setting], budget: ErrorBudget, shares: Sequence[float]) -> None:
+def _split_more(
+    trial: "_Trial", firsts: Sequence[Setting], budget: ErrorBudget, shares: Sequence[float]
+) -> None:
     """Split more weights of each setting until it keeps the budget."""
     for setting in firsts:
         for share in shares:
@@ -109,7 +123,10 @@ def _take_bits_away(trial: "_Trial", budget: ErrorBudget) -> None:
     # A few recordings say much about spikes and scores but little about predictions: not enough to take bits away.
     if cheapest is None or budget == ErrorBudget(budget.min_agreement):
         return
-    for bits in sorted((b for b in trial.chip.registers.weight_bits if b < cheapest.setting.weight_bits), reverse=True):
+    for bits in sorted(
+        (b for b in trial.chip.registers.weight_bits if b < cheapest.setting.weight_bits),
+        reverse=True,
+    ):
         trial.measure(replace(cheapest.setting, weight_bits=bits))
 
 
@@ -144,13 +161,17 @@ class _Trial:
         return self.candidates[setting]
 
 
-def lower_as(network: Network, chip: hw.Chip, setting: Setting, calibration: Calibration | None) -> Levels:
+def lower_as(
+    network: Network, chip: hw.Chip, setting: Setting, calibration: Calibration | None
+) -> Levels:
     """Lower by a setting, with the finest rounding."""
     rounding = replace(FINE, split=setting.split_weights)
     return lower(network, chip, setting.weight_bits, setting.strategy, rounding, calibration)
 
 
-def lower_or_advise(network: Network, chip: hw.Chip, setting: Setting, calibration: Calibration | None) -> Levels:
+def lower_or_advise(
+    network: Network, chip: hw.Chip, setting: Setting, calibration: Calibration | None
+) -> Levels:
     """Lower by a setting; a ``TargetError`` of an open core then names the first strategy that fits, if any does."""
     try:
         return lower_as(network, chip, setting, calibration)
@@ -164,9 +185,16 @@ def lower_or_advise(network: Network, chip: hw.Chip, setting: Setting, calibrati
         raise TargetError(**said) from None
 
 
-def _measured(setting: Setting, levels: Levels, recordings: Recordings, spread: Spread) -> Candidate:
+def _measured(
+    setting: Setting, levels: Levels, recordings: Recordings, spread: Spread
+) -> Candidate:
     match = compare(
-        levels.quantized, levels.program, recordings.spikes, source=recordings.source, spread=spread, explain=False
+        levels.quantized,
+        levels.program,
+        recordings.spikes,
+        source=recordings.source,
+        spread=spread,
+        explain=False,
     )
     chip = levels.program.chip
     energy_pj = sum(hw.energy_pj(total(match.counts), chip.costs).values()) / match.samples

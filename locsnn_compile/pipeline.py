@@ -54,7 +54,9 @@ def lower(
     program = replace(assemble(routed), **kept, **network.event_options)
     if chip.open_core:
         on_core(program, network.steps, chip)
-    _log.debug("%s: %s, %d cores of %s", network.name, quantized.strategy, len(program.cores), chip.name)
+    _log.debug(
+        "%s: %s, %d cores of %s", network.name, quantized.strategy, len(program.cores), chip.name
+    )
     return Levels(network, quantized, compartments, placed, routed, program)
 
 

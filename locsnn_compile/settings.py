@@ -34,8 +34,12 @@ class Strategy:
 
 
 STRATEGIES = {
-    "dendrite": Strategy("three joined compartments per neuron: alpha dendrite, refractory dendrite, memoryless soma"),
-    "delay-line": Strategy("two joined compartments per neuron, the refractory kernel through delayed self-synapses"),
+    "dendrite": Strategy(
+        "three joined compartments per neuron: alpha dendrite, refractory dendrite, memoryless soma"
+    ),
+    "delay-line": Strategy(
+        "two joined compartments per neuron, the refractory kernel through delayed self-synapses"
+    ),
     "reset": Strategy("one compartment per neuron with the chip's own reset, an approximation"),
     "paired-dendrite": Strategy(
         "five joined compartments per neuron: dendrite with two dendrites of each kind, at a finer scale",
@@ -97,7 +101,14 @@ class Axis:
 
 AXES = (
     Axis("strategy", tuple(STRATEGIES), AUTO, "by_strategy", "lowerings of SRM neurons"),
-    Axis("weight_bits", (1, 2, 3, 4, 5, 6, 8), 8, "has_float_weights", "bits of a weight", "{}-bit".format),
+    Axis(
+        "weight_bits",
+        (1, 2, 3, 4, 5, 6, 8),
+        8,
+        "has_float_weights",
+        "bits of a weight",
+        "{}-bit".format,
+    ),
     Axis(
         "split_weights",
         (0.0, 0.5, 1.0),
@@ -126,7 +137,11 @@ class Setting:
 
     def arguments(self, network: Network) -> list[str]:
         """Return the options of ``locsnn-compile`` that matter to a network."""
-        rows = [(axis, value) for axis, value in zip(AXES, self.values, strict=True) if axis.matters(network)]
+        rows = [
+            (axis, value)
+            for axis, value in zip(AXES, self.values, strict=True)
+            if axis.matters(network)
+        ]
         return [text for axis, value in rows for text in (axis.option, str(value))]
 
     def __str__(self) -> str:
@@ -134,37 +149,62 @@ class Setting:
 
     def name(self, axes: Collection[int] | None = None) -> str:
         """Return the values of a setting in words, on the axes with these numbers or on all."""
-        rows = [(i, axis, value) for i, (axis, value) in enumerate(zip(AXES, self.values, strict=True))]
+        rows = [
+            (i, axis, value) for i, (axis, value) in enumerate(zip(AXES, self.values, strict=True))
+        ]
         return ", ".join(
-            axis.words(value) for i, axis, value in rows if (axes is None or i in axes) and value != axis.unsaid
+            axis.words(value)
+            for i, axis, value in rows
+            if (axes is None or i in axes) and value != axis.unsaid
         )
 
 
-def settings(network: Network, wanted: Mapping[str, Sequence[Value]], most_bits: int) -> tuple[Setting, ...]:
+def settings(
+    network: Network, wanted: Mapping[str, Sequence[Value]], most_bits: int
+) -> tuple[Setting, ...]:
     """Return the grid, the last axis fastest: on each axis the values wanted, by its name, or else all that matter.
 
     The chip's widest weights have ``most_bits``; wider ones are tried only if asked for.
 
     Raises ``InputError`` for options of rounding if no weights are rounded.
     """
-    of_weights = [axis for axis in AXES if axis.needs == "has_float_weights" and wanted.get(axis.name)]
+    of_weights = [
+        axis for axis in AXES if axis.needs == "has_float_weights" and wanted.get(axis.name)
+    ]
     check_matters(network, {axis.name: axis.option for axis in of_weights})
-    tried = [tuple(dict.fromkeys(wanted.get(axis.name) or _default(axis, network, most_bits))) for axis in AXES]
+    tried = [
+        tuple(dict.fromkeys(wanted.get(axis.name) or _default(axis, network, most_bits)))
+        for axis in AXES
+    ]
     return tuple(itertools.starmap(Setting, itertools.product(*tried)))
 
 
 def usual_settings(network: Network, most_bits: int) -> tuple[Setting, ...]:
     """Return what ``auto`` tries if no bound is given: each strategy, with defaults for everything else."""
-    return tuple(Setting(str(strategy), most_bits) for strategy in _default(AXES[0], network, most_bits))
+    return tuple(
+        Setting(str(strategy), most_bits) for strategy in _default(AXES[0], network, most_bits)
+    )
 
 
 def check_matters(network: Network, given: Mapping[str, str]) -> None:
     """Refuse options that would change nothing for this network; ``given`` has those given, as messages show them."""
     for name, needs, why in (
-        ("weight_bits", "has_float_weights", "the weights of this model are integers of the chip already"),
-        ("split_weights", "has_float_weights", "the weights of this model are integers of the chip already"),
+        (
+            "weight_bits",
+            "has_float_weights",
+            "the weights of this model are integers of the chip already",
+        ),
+        (
+            "split_weights",
+            "has_float_weights",
+            "the weights of this model are integers of the chip already",
+        ),
         ("calibration", "by_strategy", "no weights of this model are rounded for recordings"),
-        ("psi", "has_both_axes", "this model has one branch, and predictions have nothing to turn to"),
+        (
+            "psi",
+            "has_both_axes",
+            "this model has one branch, and predictions have nothing to turn to",
+        ),
     ):
         if name in given and not getattr(network, needs):
             raise InputError(given[name], f"it would change nothing: {why}", fix="Leave it out.")

@@ -14,7 +14,10 @@ def first_quick(cases: Iterable[Any], many: int = 1) -> list[Any]:
 def sampled(faults: Mapping[str, tuple[Any, ...]], every: int = 4) -> list[Any]:
     """Return planted faults, by their names, as cases: one in ``every`` is slow, the others are for ``make mutants``."""
     marks = pytest.mark.slow, pytest.mark.mutants
-    return [pytest.param(*its, id=name, marks=marks[at % every > 0]) for at, (name, its) in enumerate(faults.items())]
+    return [
+        pytest.param(*its, id=name, marks=marks[at % every > 0])
+        for at, (name, its) in enumerate(faults.items())
+    ]
 
 
 def slow(case: Any) -> Any:

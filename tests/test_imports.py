@@ -59,12 +59,22 @@ RULES = {
     ),
     "the reference knows no chip program": (
         ("locsnn_compile/reference/",),
-        ("hw_model/simulation", "hw_model/program/", "hw_model/engine/fast", "locsnn_compile/passes/"),
+        (
+            "hw_model/simulation",
+            "hw_model/program/",
+            "hw_model/engine/fast",
+            "locsnn_compile/passes/",
+        ),
         "what the chip is compared with must not come from the chip",
     ),
     "networks are plain": (
         ("locsnn_compile/network/",),
-        ("locsnn_compile/passes/", "locsnn_compile/pipeline", "locsnn_compile/frontends/", "locsnn_compile/models/"),
+        (
+            "locsnn_compile/passes/",
+            "locsnn_compile/pipeline",
+            "locsnn_compile/frontends/",
+            "locsnn_compile/models/",
+        ),
         "a level knows what it is, not where it comes from or goes",
     ),
     "back ends know programs": (
@@ -86,12 +96,18 @@ RULES = {
     ),
     "renderers know content": (
         ("locsnn_compile/report/renderers/", "locsnn_compile/report/pictures/"),
-        ("locsnn_compile/network/", "locsnn_compile/pipeline", "hw_model/program/", "hw_model/simulation"),
+        (
+            "locsnn_compile/network/",
+            "locsnn_compile/pipeline",
+            "hw_model/program/",
+            "hw_model/simulation",
+        ),
         "a figure is computed once, and every form of the report shows the same",
     ),
     "nobody below calls the command line": (
         tuple(
-            f"locsnn_compile/{name}/" for name in ("network", "passes", "verification", "report", "backends", "data")
+            f"locsnn_compile/{name}/"
+            for name in ("network", "passes", "verification", "report", "backends", "data")
         ),
         ("locsnn_compile/cli/", "locsnn_compile/api"),
         "one way in from above",
@@ -111,14 +127,18 @@ def test_no_module_reaches_what_it_must_not_know(rule):
     inside, outside, why = RULES[rule]
     members = [module for module in MODULES if module.startswith(inside)]
     assert members
-    assert all(any(module.startswith(one) for module in MODULES) for one in outside), "a rule that names nobody"
+    assert all(any(module.startswith(one) for module in MODULES) for one in outside), (
+        "a rule that names nobody"
+    )
     broken = {" > ".join(way) for target, way in reached(members) if target.startswith(outside)}
     assert not broken, why
 
 
 def test_a_way_round_is_found():
     files = nx.DiGraph([("passes/a", "reference/b"), ("reference/b", "verification/c")])
-    assert ["passes/a", "reference/b", "verification/c"] in [way for _, way in reached(["passes/a"], files)]
+    assert ["passes/a", "reference/b", "verification/c"] in [
+        way for _, way in reached(["passes/a"], files)
+    ]
 
 
 def test_no_circles():
@@ -129,7 +149,16 @@ def test_no_circles():
 
 @pytest.mark.parametrize("package", ["hw_model", "locsnn_compile"])
 def test_few_files_lie_loose(package):
-    assert len([module for module in MODULES if room(module) == module and module.startswith(f"{package}/")]) <= 8
+    assert (
+        len(
+            [
+                module
+                for module in MODULES
+                if room(module) == module and module.startswith(f"{package}/")
+            ]
+        )
+        <= 8
+    )
 
 
 def modules(package):
@@ -139,7 +168,11 @@ def modules(package):
 def imported(path, *, lazy=True):
     """Return the names of all modules that a file imports; without ``lazy`` only those at its top level."""
     tree = ast.parse(path.read_text())
-    nodes = ast.walk(tree) if lazy else [n for n in tree.body if isinstance(n, ast.Import | ast.ImportFrom)]
+    nodes = (
+        ast.walk(tree)
+        if lazy
+        else [n for n in tree.body if isinstance(n, ast.Import | ast.ImportFrom)]
+    )
     names = set()
     for node in nodes:
         if isinstance(node, ast.Import):
@@ -168,16 +201,22 @@ def test_torch_is_imported_by_models_and_training_and_to_write_its_files(path):
 
 def test_nothing_that_compiles_reaches_what_imports_torch():
     """Inside functions neither; only what writes torch's own files does, and says how to get it."""
-    heavy = {name for name in MODULES if "torch" in roots(imported(ROOT / f"{name}.py", lazy=False))}
+    heavy = {
+        name for name in MODULES if "torch" in roots(imported(ROOT / f"{name}.py", lazy=False))
+    }
     light = [name for name in MODULES if not name.startswith(TRAINS)]
-    light += [f"locsnn_compile/models/{name}" for name in ("checkpoint_reader", "graph_and_windows")]
+    light += [
+        f"locsnn_compile/models/{name}" for name in ("checkpoint_reader", "graph_and_windows")
+    ]
     assert len(heavy) > 10
     assert len(light) > 200
     assert not {" > ".join(way) for target, way in reached(light) if target in heavy}
 
 
 @pytest.mark.parametrize(
-    "path", [*modules("hw_model"), *modules("locsnn_compile")], ids=lambda p: str(p.relative_to(ROOT))
+    "path",
+    [*modules("hw_model"), *modules("locsnn_compile")],
+    ids=lambda p: str(p.relative_to(ROOT)),
 )
 def test_only_the_command_line_prints_or_exits(path):
     if "cli" in path.parts:
@@ -185,7 +224,11 @@ def test_only_the_command_line_prints_or_exits(path):
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
             assert node.func.id not in ("print", "exit"), f"line {node.lineno}"
-        if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call) and isinstance(node.exc.func, ast.Name):
+        if (
+            isinstance(node, ast.Raise)
+            and isinstance(node.exc, ast.Call)
+            and isinstance(node.exc.func, ast.Name)
+        ):
             assert node.exc.func.id != "SystemExit", f"line {node.lineno}"
 
 
@@ -198,7 +241,9 @@ def test_help_imports_nothing_heavy(command):
         "heavy = {'torch', 'numba', 'numpy', 'scipy', 'rich', 'yaml'} & set(sys.modules)\n"
         "sys.exit(' '.join(sorted(heavy)) or 0)\n"
     )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=False
+    )
     assert (done.returncode, done.stderr) == (0, "")
 
 
@@ -207,14 +252,18 @@ def test_every_public_name_is_there_without_torch():
         "import sys\nsys.modules['torch'] = None\nimport hw_model, locsnn_compile\n"
         "for package in (hw_model, locsnn_compile):\n    for name in package.__all__:\n        getattr(package, name)\n"
     )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=False
+    )
     assert (done.returncode, done.stderr) == (0, "")
 
 
 @pytest.mark.parametrize("package", ["hw_model", "locsnn_compile"])
 def test_names_that_are_not_imported_yet_are_completed(package):
     script = f"import sys, {package} as p\nassert {{*p.__all__}} <= {{*dir(p)}}\nassert 'numpy' not in sys.modules\n"
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=False
+    )
     assert (done.returncode, done.stderr) == (0, "")
 
 
@@ -227,7 +276,9 @@ def test_a_command_loads_nothing_that_it_does_not_need(tmp_path):
         "assert os.environ['OPENBLAS_NUM_THREADS']\n"
         "sys.exit(' '.join(sorted(heavy)) or 0)\n"
     )
-    done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=False
+    )
     assert (done.returncode, done.stderr) == (0, "")
 
 
@@ -240,7 +291,13 @@ def test_running_a_program_loads_no_network_and_no_report(tmp_path):
         "sys.exit(' '.join(sorted(heavy)) or 0)\n"
     )
     recordings = lc.read_recordings(ROOT / "examples/recordings/touches.npz")
-    compiled = lc.compile(lc.load(ROOT / "examples/models/objects-hybrid-loihi.pt"), events=recordings, diagnosis=False)
+    compiled = lc.compile(
+        lc.load(ROOT / "examples/models/objects-hybrid-loihi.pt"),
+        events=recordings,
+        diagnosis=False,
+    )
     compiled.save(tmp_path)
-    done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=False
+    )
     assert (done.returncode, done.stderr) == (0, "")

@@ -15,7 +15,11 @@ from locsnn_compile.cli import main as locsnn_command
 def parsers() -> dict[str, ArgumentParser]:
     """Return every parser, by how its program is called: ``locsnn-compile``, ``locsnn``, ``locsnn train``, ..."""
     locsnn = locsnn_command.parser()
-    return {"locsnn-compile": compile_command.parser(), "locsnn": locsnn, **_below("locsnn", locsnn)}
+    return {
+        "locsnn-compile": compile_command.parser(),
+        "locsnn": locsnn,
+        **_below("locsnn", locsnn),
+    }
 
 
 def _below(program: str, parser: ArgumentParser) -> dict[str, ArgumentParser]:

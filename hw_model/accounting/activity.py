@@ -54,7 +54,10 @@ def stacked(items: Sequence[StepActivity]) -> StepActivity:
     """Return recordings of one phase and of equal length, stacked, (recordings, steps, ...)."""
     first = items[0]
     by_piece = {name: np.stack([item.by_piece[name] for item in items]) for name in first.by_piece}
-    rest = (np.stack(arrays) for arrays in zip(*((i.packets, i.input_packets, i.buffered) for i in items), strict=True))
+    rest = (
+        np.stack(arrays)
+        for arrays in zip(*((i.packets, i.input_packets, i.buffered) for i in items), strict=True)
+    )
     return StepActivity(first.pieces, first.routes, by_piece, *rest)
 
 
@@ -63,7 +66,9 @@ PER_SPIKE = ("synaptic_ops", "spikes", *PER_PACKET, "input_packets")
 _ADDED_UP = np.array([COUNTED.index(name) for name in (*PER_SPIKE, *TOTALS, *PLAYED)])
 
 
-def count_totals(program: ChipProgram, phase: str, played: PhaseInput, trace: PhaseTrace) -> IntArray:
+def count_totals(
+    program: ChipProgram, phase: str, played: PhaseInput, trace: PhaseTrace
+) -> IntArray:
     """Return the counts of every recording, (batch, fields of Counts): spikes of each source times their effects."""
     table = np.zeros((len(trace.sent), len(COUNTED)), dtype=np.int64)
     # Twice as fast as a product of matrices; that of floats would wake threads, which then wait at full speed.
@@ -72,9 +77,15 @@ def count_totals(program: ChipProgram, phase: str, played: PhaseInput, trace: Ph
     return table
 
 
-def count_steps(program: ChipProgram, phase: str, played: PhaseInput, trace: PhaseTrace) -> list[StepActivity]:
+def count_steps(
+    program: ChipProgram, phase: str, played: PhaseInput, trace: PhaseTrace
+) -> list[StepActivity]:
     """Return the counts of every recording, step by step and core by core."""
-    causes, pieces, routes = _causes(program, phase), pieces_of(program, phase), routes_of(program, phase)
+    causes, pieces, routes = (
+        _causes(program, phase),
+        pieces_of(program, phase),
+        routes_of(program, phase),
+    )
     step, found = np.arange(played.steps), []
     runs = (step >= played.start[:, None]) & (step < played.stop[:, None])
     for i, spikes in enumerate(trace.spikes):
@@ -106,9 +117,13 @@ class _Causes(Frozen, eq=False):
         # Bytes of 0 and 1 are also booleans, among which numpy finds the true ones fastest.
         step, source = np.divmod(np.flatnonzero(sent.view(np.bool_)), sent.shape[1])
         many = self.many[source]
-        entry = np.arange(many.sum()) + np.repeat(self.first[source] - (np.cumsum(many) - many), many)
+        entry = np.arange(many.sum()) + np.repeat(
+            self.first[source] - (np.cumsum(many) - many), many
+        )
         at = np.repeat(step, many) * self.width + self.caused[entry]
-        sums = np.bincount(at, self.times[entry], len(sent) * self.width).reshape(len(sent), self.width)
+        sums = np.bincount(at, self.times[entry], len(sent) * self.width).reshape(
+            len(sent), self.width
+        )
         table = sums.astype(np.int64)
         return {name: table[:, columns] for name, columns in self.columns.items()}
 
@@ -116,23 +131,39 @@ class _Causes(Frozen, eq=False):
 @lru_cache(maxsize=8)
 def _causes(program: ChipProgram, phase: str) -> _Causes:
     """Collect the effects of the spikes of a phase, entry by entry: source, count, its column, how often."""
-    cores, pieces, routes = program.cores_of(phase), pieces_of(program, phase), routes_of(program, phase)
+    cores, pieces, routes = (
+        program.cores_of(phase),
+        pieces_of(program, phase),
+        routes_of(program, phase),
+    )
     inputs = program.inputs_of(phase)
-    buffered = np.flatnonzero(np.repeat([i.positions is not None for i in inputs], [i.size for i in inputs]))
-    lines, own = sum(item.size for item in inputs), np.arange(sum(core.compartments for core in cores))
+    buffered = np.flatnonzero(
+        np.repeat([i.positions is not None for i in inputs], [i.size for i in inputs])
+    )
+    lines, own = (
+        sum(item.size for item in inputs),
+        np.arange(sum(core.compartments for core in cores)),
+    )
     sender, way, packets = routes.sent
     entries: list[tuple[str, IntArray, IntArray, IntArray]] = [
         ("spikes", lines + own, pieces.of_column, np.ones_like(own)),
         ("packets", lines + sender, way, packets),
-        *((name, lines + sender, routes.piece[way], each[way] * packets) for name, each in routes.per_packet.items()),
+        *(
+            (name, lines + sender, routes.piece[way], each[way] * packets)
+            for name, each in routes.per_packet.items()
+        ),
         ("buffered", buffered, np.zeros_like(buffered), np.ones_like(buffered)),
     ]
     for index, core in enumerate(cores):
         axons, source = core.axons, program.senders[core.number]
         shape = (axons.input_axons, len(core.slices))
-        tally = np.bincount(axons.axon_of_synapse * shape[1] + core.slice_of_compartment[axons.target])
+        tally = np.bincount(
+            axons.axon_of_synapse * shape[1] + core.slice_of_compartment[axons.target]
+        )
         axon, piece = np.divmod(np.flatnonzero(tally), shape[1])
-        entries.append(("synaptic_ops", source[axon], pieces.of_core[index] + piece, tally[tally > 0]))
+        entries.append(
+            ("synaptic_ops", source[axon], pieces.of_core[index] + piece, tally[tally > 0])
+        )
         fed = source[source < lines]
         entries.append(("input_packets", fed, np.full_like(fed, index), np.ones_like(fed)))
     widths = dict.fromkeys(("synaptic_ops", "spikes", *PER_PACKET), len(pieces.group))
@@ -145,7 +176,9 @@ def _causes(program: ChipProgram, phase: str) -> _Causes:
     order = order[times[order] > 0]
     many = np.bincount(source[order], minlength=lines + len(own))
     columns = {name: slice(begin[name], end) for name, end in ends.items()}
-    return _Causes(np.cumsum(many) - many, many, caused[order], times[order], columns, sum(widths.values()))
+    return _Causes(
+        np.cumsum(many) - many, many, caused[order], times[order], columns, sum(widths.values())
+    )
 
 
 @lru_cache(maxsize=8)
@@ -153,8 +186,12 @@ def fan_out(program: ChipProgram, phase: str) -> IntArray:
     """Return what one spike of each source adds to each of :data:`PER_SPIKE`, (counts, lines + columns)."""
     causes = _causes(program, phase)
     names = list(causes.columns)
-    count = np.repeat(np.arange(len(names)), [part.stop - part.start for part in causes.columns.values()])
+    count = np.repeat(
+        np.arange(len(names)), [part.stop - part.start for part in causes.columns.values()]
+    )
     source = np.repeat(np.arange(len(causes.many)), causes.many)
     at = source * len(names) + count[causes.caused]
     sums = np.bincount(at, causes.times, len(causes.many) * len(names)).astype(np.int64)
-    return np.ascontiguousarray(sums.reshape(-1, len(names)).T[[names.index(name) for name in PER_SPIKE]])
+    return np.ascontiguousarray(
+        sums.reshape(-1, len(names)).T[[names.index(name) for name in PER_SPIKE]]
+    )

@@ -69,7 +69,10 @@ class StepTimes(Frozen, eq=False):
 
     def of(self, counts: tuple[str, ...]) -> FloatArray:
         """Return the time for some operations, (..., steps, cores)."""
-        return sum((self.work_ns[name] for name in counts if name in self.work_ns), start=np.zeros_like(self.buffer_ns))
+        return sum(
+            (self.work_ns[name] for name in counts if name in self.work_ns),
+            start=np.zeros_like(self.buffer_ns),
+        )
 
     @property
     def sent_ns(self) -> FloatArray:
@@ -80,7 +83,9 @@ class StepTimes(Frozen, eq=False):
     def begin_ns(self) -> FloatArray:
         """When each core begins to handle what has arrived, (..., steps, cores)."""
         begin = self.sent_ns
-        arrived = (begin[..., self.routes.source] + self.mesh_ns) * self.used  # 0 where no packet comes
+        arrived = (
+            begin[..., self.routes.source] + self.mesh_ns
+        ) * self.used  # 0 where no packet comes
         np.maximum.at(begin.T, self.routes.target, arrived.T)
         return begin
 
@@ -114,13 +119,18 @@ class CriticalPath(Frozen, eq=False):
 
 
 @checked
-def latency(program: ChipProgram, activity: Mapping[str, StepActivity], profile: Profile) -> Latency:
+def latency(
+    program: ChipProgram, activity: Mapping[str, StepActivity], profile: Profile
+) -> Latency:
     """Return the time of one recording, given its activity by phase."""
     known = [phase.name for phase in program.phases]
     for phase, steps in activity.items():
         check_known("latency, activity", f"there is no phase {phase!r}", str(phase), known)
         check_argument("latency", f"activity[{phase!r}]", steps, (StepActivity,))
-    paths = {phase: critical_path(step_times(program, phase, steps, profile)) for phase, steps in activity.items()}
+    paths = {
+        phase: critical_path(step_times(program, phase, steps, profile))
+        for phase, steps in activity.items()
+    }
     return recording_latency(program, paths)
 
 
@@ -141,19 +151,27 @@ def recording_latency(program: ChipProgram, paths: Mapping[str, CriticalPath]) -
     return Latency(sum(by_phase.values()), by_phase, int(critical.argmax()), after, slowest)
 
 
-def step_times(program: ChipProgram, phase: str, steps: StepActivity, profile: Profile) -> StepTimes:
+def step_times(
+    program: ChipProgram, phase: str, steps: StepActivity, profile: Profile
+) -> StepTimes:
     """Return the times of every step, core and way of a phase: counts multiplied by times."""
     chip, cores = program.chip, program.cores_of(phase)
     routes = routes_of(program, phase)
     read_ns = steps.buffered * (chip.transpose_buffer.cycles_per_event / chip.clock_ghz)
-    per_count = {name: cost for name, cost in profile.time_ns.items() if name not in ("hops_x", "hops_y")}
+    per_count = {
+        name: cost for name, cost in profile.time_ns.items() if name not in ("hops_x", "hops_y")
+    }
     return StepTimes(
         routes=routes,
-        work_ns={name: steps.count(name).astype(np.float64) * cost for name, cost in per_count.items()},
+        work_ns={
+            name: steps.count(name).astype(np.float64) * cost for name, cost in per_count.items()
+        },
         buffer_ns=np.repeat(read_ns[..., None], len(cores), axis=-1),
         mesh_ns=_mesh_ns(routes, steps.packets, profile),
         used=steps.packets > 0,
-        barrier_ns=profile.barrier_ns.ns(len({chip.tile_of(core.slot) for core in cores}), chip.mesh.tiles),
+        barrier_ns=profile.barrier_ns.ns(
+            len({chip.tile_of(core.slot) for core in cores}), chip.mesh.tiles
+        ),
         runs=np.asarray(steps.by_piece["neuron_updates"].any(axis=-1)),
     )
 
@@ -187,7 +205,9 @@ def _mesh_ns(routes: Routes, packets: IntArray, profile: Profile) -> FloatArray:
     """Return the time on each way in each step, (..., steps, ways): for its hops, and waiting on its busiest link."""
     cost_x, cost_y = profile.time_ns.get("hops_x", 0.0), profile.time_ns.get("hops_y", 0.0)
     taken = packets > 0
-    mesh_ns: FloatArray = taken.astype(np.float64) * (routes.hops[:, 0] * cost_x + routes.hops[:, 1] * cost_y)
+    mesh_ns: FloatArray = taken.astype(np.float64) * (
+        routes.hops[:, 0] * cost_x + routes.hops[:, 1] * cost_y
+    )
     if routes.links:
         waits = np.maximum(routes.loads(packets) - 1, 0) * np.where(routes.along_y, cost_y, cost_x)
         # The last column stands for no link: it is what the -1 after a way's last link refers to.

@@ -39,7 +39,9 @@ class Routes(Frozen, eq=False):
     def per_packet(self) -> dict[str, IntArray]:
         """What a packet on each way adds to each count of :data:`PER_PACKET`, (ways,)."""
         x, y = self.hops.T
-        return dict(zip(PER_PACKET, (np.ones_like(x), (x + y == 0).astype(np.int64), x, y), strict=True))
+        return dict(
+            zip(PER_PACKET, (np.ones_like(x), (x + y == 0).astype(np.int64), x, y), strict=True)
+        )
 
     def loads(self, packets: IntArray) -> IntArray:
         """Return the packets on each link, (..., links), given those on each way, (..., ways)."""
@@ -79,7 +81,9 @@ def routes_of(program: ChipProgram, phase: str) -> Routes:
         source=pieces.core[np.array(piece, dtype=np.int64)],
         target=np.array(target, dtype=np.int64),
         hops=np.array(hops, dtype=np.int64).reshape(-1, 2),
-        over=np.array([row + [-1] * (longest - len(row)) for row in over], dtype=np.int64).reshape(len(over), longest),
+        over=np.array([row + [-1] * (longest - len(row)) for row in over], dtype=np.int64).reshape(
+            len(over), longest
+        ),
         links=tuple(number_of),
         along_y=np.array([a[0] == b[0] for a, b in number_of], dtype=np.int64),
         sent=np.concatenate(sent, axis=1),

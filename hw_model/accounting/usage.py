@@ -37,7 +37,9 @@ class PhaseUsage(Sums, eq=False):
     paths_ns: Mapping[tuple[int, int], float]
 
     def __add__(self, other: Self) -> Self:
-        return replace(super().__add__(other), link_most=np.maximum(self.link_most, other.link_most))
+        return replace(
+            super().__add__(other), link_most=np.maximum(self.link_most, other.link_most)
+        )
 
 
 def measure(
@@ -48,16 +50,25 @@ def measure(
     usages = []
     for part in _parts(activity):
         steps = {phase: stacked(items) for phase, items in part.items()}
-        times = {phase: cost.step_times(program, phase, found, profile) for phase, found in steps.items()}
+        times = {
+            phase: cost.step_times(program, phase, found, profile) for phase, found in steps.items()
+        }
         paths = {phase: cost.critical_path(found) for phase, found in times.items()}
         usages.append({phase: _usage(steps[phase], times[phase], paths[phase]) for phase in steps})
         for i in range(len(next(iter(part.values())))):
-            latencies.append(cost.recording_latency(program, {phase: _one(path, i) for phase, path in paths.items()}))
+            latencies.append(
+                cost.recording_latency(
+                    program, {phase: _one(path, i) for phase, path in paths.items()}
+                )
+            )
     return latencies, reduce(added, usages)
 
 
 def total_ns(
-    program: ChipProgram, activity: Mapping[str, Sequence[StepActivity]], profile: Profile, part: str = ""
+    program: ChipProgram,
+    activity: Mapping[str, Sequence[StepActivity]],
+    profile: Profile,
+    part: str = "",
 ) -> float:
     """Return the total time of all recordings, for all cores or for those whose groups begin with ``part``."""
     total = 0.0
@@ -66,13 +77,20 @@ def total_ns(
             here = [core.slices[0].group.startswith(part) for core in program.cores_of(phase)]
             if any(here):
                 times = cost.step_times(program, phase, stacked(items), profile)
-                total += float(times.core_ns[..., here].max(axis=-1).sum() + times.barrier_ns * times.runs.sum())
+                total += float(
+                    times.core_ns[..., here].max(axis=-1).sum()
+                    + times.barrier_ns * times.runs.sum()
+                )
     return total
 
 
-def _parts(activity: Mapping[str, Sequence[StepActivity]]) -> Iterator[dict[str, Sequence[StepActivity]]]:
+def _parts(
+    activity: Mapping[str, Sequence[StepActivity]],
+) -> Iterator[dict[str, Sequence[StepActivity]]]:
     """Yield recordings in parts that are small enough to hold step by step and way by way."""
-    a_recording = sum(items[0].packets.size + items[0].input_packets.size for items in activity.values())
+    a_recording = sum(
+        items[0].packets.size + items[0].input_packets.size for items in activity.values()
+    )
     recordings = len(next(iter(activity.values())))
     many = max(1, MAX_TOGETHER // a_recording)
     for start in range(0, recordings, many):
@@ -82,7 +100,12 @@ def _parts(activity: Mapping[str, Sequence[StepActivity]]) -> Iterator[dict[str,
 def _usage(steps: StepActivity, times: cost.StepTimes, path: cost.CriticalPath) -> PhaseUsage:
     """Add up recordings (recordings, steps, ...)."""
     loads = steps.routes.loads(steps.packets)
-    parts = {"updates": cost.UPDATES, "sending": cost.SENDING, "deliveries": cost.DELIVERIES, "synapses": cost.SYNAPSES}
+    parts = {
+        "updates": cost.UPDATES,
+        "sending": cost.SENDING,
+        "deliveries": cost.DELIVERIES,
+        "synapses": cost.SYNAPSES,
+    }
     return PhaseUsage(
         counts={name: counts.sum(axis=0) for name, counts in steps.by_piece.items()},
         link_packets=loads.sum(axis=(0, 1)),
@@ -104,4 +127,6 @@ def _paths_ns(path: cost.CriticalPath) -> dict[tuple[int, int], float]:
     cores = int(path.last.max()) + 1
     pairs, which = np.unique(path.sender.ravel() * cores + path.last.ravel(), return_inverse=True)
     spent = np.bincount(which, weights=path.step_ns.ravel())
-    return {divmod(pair, cores): ns for pair, ns in zip(pairs.tolist(), spent.tolist(), strict=True)}
+    return {
+        divmod(pair, cores): ns for pair, ns in zip(pairs.tolist(), spent.tolist(), strict=True)
+    }

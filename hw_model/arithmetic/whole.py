@@ -21,5 +21,15 @@ def whole_numbers(given: ArrayLike) -> AnyArray:
         if not bad.size:
             return array.astype(np.int64)
         what = "a number is not whole, or larger than any register"
-        raise InputError("integers of the chip", what, measured=f"{bad.flat[0]}", fix="Round it onto the chip's grid.")
-    raise InputError("integers of the chip", "they are not numbers", measured=str(array.dtype), fix="Give integers.")
+        raise InputError(
+            "integers of the chip",
+            what,
+            measured=f"{bad.flat[0]}",
+            fix="Round it onto the chip's grid.",
+        )
+    raise InputError(
+        "integers of the chip",
+        "they are not numbers",
+        measured=str(array.dtype),
+        fix="Give integers.",
+    )

@@ -97,7 +97,9 @@ class SynapseMemory(Frozen):
         """Return the words of lists, given the number of synapses and their bits; every run is rounded up to a word."""
         full, rest = synapses // self.run_length, synapses % self.run_length
         header, word = self.run_header_bits, self.word_bits
-        of_full, of_rest = (-(-(header + run * np.asarray(bits)) // word) for run in (self.run_length, rest))
+        of_full, of_rest = (
+            -(-(header + run * np.asarray(bits)) // word) for run in (self.run_length, rest)
+        )
         words: IntArray = full * of_full + (rest > 0) * of_rest
         return words
 
@@ -168,7 +170,10 @@ class Chip(Shown, eq=True):
 
     def profile(self, name: str) -> Profile:
         """Return the profile of this name; ``InputError`` lists those that exist."""
-        what, more = f"there is no energy profile {name!r}", " A profile of your own is a file that ends in .yaml."
+        what, more = (
+            f"there is no energy profile {name!r}",
+            " A profile of your own is a file that ends in .yaml.",
+        )
         check_known(f"chip {self.name}", what, name, self.profiles, more)
         return self.profiles[name]
 
@@ -182,7 +187,9 @@ def chip(name_or_path: str | Path) -> Chip:
         check_known(f"target {text!r}", "no chip of this name ships", text, chip_names(), more)
         return _shipped(text)
     path = Path(text)
-    return parse_chip(read_description(path, "chip", "those that `locsnn targets` lists"), where=path.name)
+    return parse_chip(
+        read_description(path, "chip", "those that `locsnn targets` lists"), where=path.name
+    )
 
 
 @cache
@@ -208,11 +215,22 @@ def parse_chip(text: str, where: str) -> Chip:
 
 def check_chip(chip: Chip, where: str) -> None:
     """Refuse a description that contradicts itself, and a board that is too large to simulate."""
-    check_most(chip.cores, MAX_CORES, f"{where}: chips", "the board is too large", unit="cores", fix="Correct it.")
+    check_most(
+        chip.cores,
+        MAX_CORES,
+        f"{where}: chips",
+        "the board is too large",
+        unit="cores",
+        fix="Correct it.",
+    )
     if chip.open_core:
         check_sizes(chip.open_core, chip.registers.slots, f"{where}: open_core")
     elif not chip.profiles:
-        raise InputError(f"{where}: profiles", "only an open core may have no energy profile", fix="Give at least one.")
+        raise InputError(
+            f"{where}: profiles",
+            "only an open core may have no energy profile",
+            fix="Give at least one.",
+        )
     mesh = chip.mesh
     if mesh.tiles * mesh.cores_per_tile != chip.limits.cores_per_chip:
         tiles = f"{mesh.columns} x {mesh.rows} tiles of {mesh.cores_per_tile}"
@@ -229,7 +247,11 @@ def priced_by(chip: Chip, name_or_path: str | Path) -> Chip:
     """
     text = str(name_or_path)
     if chip.open_core and not chip.profiles:
-        raise InputError(f"profile {text!r}", f"{chip.name} has cycles and no profiles", fix="Leave the profile out.")
+        raise InputError(
+            f"profile {text!r}",
+            f"{chip.name} has cycles and no profiles",
+            fix="Leave the profile out.",
+        )
     if not text.endswith(_YAML):
         return replace(chip, profiles={text: chip.profile(text), **chip.profiles})
     path = Path(text)

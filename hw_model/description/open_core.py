@@ -78,7 +78,14 @@ def check_sizes(core: Sizes, slots: int, where: str) -> None:
     many: int = getattr(core, held)
     if core.slots < slots or (core.slots & core.slots - 1) or (many & many - 1):
         what = f"slots and {held} must be powers of two, and slots at least delay_max and 2"
-        raise InputError(where, what, measured=f"{core.slots} slots against {slots}, {many} {held}", fix="Correct it.")
+        raise InputError(
+            where,
+            what,
+            measured=f"{core.slots} slots against {slots}, {many} {held}",
+            fix="Correct it.",
+        )
     for name in ("sums", "word", "phase_words"):
         if (size := getattr(core, name)) & size - 1:
-            raise InputError(where, f"{name} must be a power of two", measured=f"got {size}", fix="Correct it.")
+            raise InputError(
+                where, f"{name} must be a power of two", measured=f"got {size}", fix="Correct it."
+            )

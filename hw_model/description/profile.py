@@ -7,7 +7,9 @@ from typing import Annotated, Any, Literal
 from hw_model.io.records import Must, between
 from hw_model.values import Frozen, Shown
 
-Range = tuple[Annotated[float | None, between(0, 1 << 40)], Annotated[float | None, between(0, 1 << 40)]]
+Range = tuple[
+    Annotated[float | None, between(0, 1 << 40)], Annotated[float | None, between(0, 1 << 40)]
+]
 """Least and largest possible value of a constant; None: not known."""
 End = Literal["least", "most"]
 
@@ -88,6 +90,11 @@ class Profile(Shown, eq=True):
         return replace(self, time_ns={**self.time_ns, **ends}, time_ns_range={})  # type: ignore[dict-item]
 
 
-_WHY, _BASIS = "no power model of such devices is public", "cycle-exact model of the RTL core at the placed clock"
-UNPRICED = Profile(_WHY, _BASIS, energy_pj={}, time_ns={}, barrier_ns=Barrier(0.0, 0.0), not_included=())
+_WHY, _BASIS = (
+    "no power model of such devices is public",
+    "cycle-exact model of the RTL core at the placed clock",
+)
+UNPRICED = Profile(
+    _WHY, _BASIS, energy_pj={}, time_ns={}, barrier_ns=Barrier(0.0, 0.0), not_included=()
+)
 """The profile of an open core without one: its clock cycles are counted, and nothing is priced."""

@@ -19,7 +19,9 @@ TIMED = (*BY_CORE, "neuron_updates_inactive", "packets_received")
 def read_description(path: Path, what: str, example: str) -> str:
     """Return the text of a file that describes a chip or a profile; ``example``: files that it should be like."""
     missing = f"Give the path of a {what} YAML file."
-    content = read_bytes(path, path.name, MAX_FILE_BYTES, f"Give a {what} file like {example}.", missing)
+    content = read_bytes(
+        path, path.name, MAX_FILE_BYTES, f"Give a {what} file like {example}.", missing
+    )
     with parsing(path.name, "it is not UTF-8 text", fix=missing):
         return content.decode("utf-8")
 
@@ -51,7 +53,10 @@ def check_profile(profile: Profile, where: str) -> None:
     for key, names, known, what in (
         ("energy_pj", profile.energy_pj, COUNT_NAMES, "is not counted"),
         ("time_ns", profile.time_ns, TIMED, "is not counted"),
-        *(("not_included", left_out.bound_pj, COUNT_NAMES, "is not counted") for left_out in profile.not_included),
+        *(
+            ("not_included", left_out.bound_pj, COUNT_NAMES, "is not counted")
+            for left_out in profile.not_included
+        ),
         ("energy_pj_range", profile.energy_pj_range, profile.energy_pj, "has no constant"),
         ("time_ns_range", profile.time_ns_range, profile.time_ns, "has no constant"),
         ("sources", profile.sources, {**profile.energy_pj, **profile.time_ns}, "has no constant"),
@@ -62,10 +67,20 @@ def check_profile(profile: Profile, where: str) -> None:
                 raise InputError(f"{where}: {key}", f"{name!r} {what}", fix=fix)
             check_known(f"{where}: {key}", f"{name!r} {what}", name, known)
     if "hops" in profile.energy_pj and not {"hops_x", "hops_y"}.isdisjoint(profile.energy_pj):
-        what, fix = "'hops' are hops_x and hops_y together, which would be priced twice", "Price either."
+        what, fix = (
+            "'hops' are hops_x and hops_y together, which would be priced twice",
+            "Price either.",
+        )
         raise InputError(f"{where}: energy_pj", what, fix=fix)
     one, every = profile.barrier_ns.one_tile, profile.barrier_ns.all_tiles
-    check_most(one, every, f"{where}: barrier_ns", "one tile takes longer than all tiles", unit="ns", fix="Correct it.")
+    check_most(
+        one,
+        every,
+        f"{where}: barrier_ns",
+        "one tile takes longer than all tiles",
+        unit="ns",
+        fix="Correct it.",
+    )
     for key in ("energy_pj", "time_ns"):
         for name, (low, high) in getattr(profile, f"{key}_range").items():
             constant = getattr(profile, key)[name]

@@ -77,7 +77,9 @@ def _take_charge(c: Fields, u: Lanes, charge: Lanes, ends: Ends) -> tuple[Lanes,
     return q, unwrapped, _wrap(unwrapped, half_current)
 
 
-def _take_current(c: Fields, v: Lanes, u: Lanes, added: Lanes | int, ends: Ends) -> tuple[Lanes, Lanes, Lanes]:
+def _take_current(
+    c: Fields, v: Lanes, u: Lanes, added: Lanes | int, ends: Ends
+) -> tuple[Lanes, Lanes, Lanes]:
     """Decay v and take u, bias and what children add into it; return the drive, that wrapped, and v before clipping."""
     drive = u if ends[1] is None else u + c[BIAS]  # a chunk that is plain has no bias
     wrapped = _wrap(drive, ends[1])
@@ -124,7 +126,11 @@ def update(c: Place, charge: Place, widths: Given) -> Returned:
     clipped = _clip(c, unclipped)
     fired, live, seen, state = _fire(c, clipped)
     c[U], c[POTENTIAL] = u, seen
-    wraps = (CHARGE_WRAPS, q != arrived), (CURRENT_WRAPS, u != unwrapped), (CURRENT_WRAPS, live & (wrapped != drive))
+    wraps = (
+        (CHARGE_WRAPS, q != arrived),
+        (CURRENT_WRAPS, u != unwrapped),
+        (CURRENT_WRAPS, live & (wrapped != drive)),
+    )
     _count(c, *wraps, (VOLTAGE_CLIPS, live & (clipped != unclipped)))
     return bits(fired), count(busy), bits((u | state | bias) != 0)
 
@@ -152,8 +158,13 @@ def update_plain(c: Place, charge: Place) -> Returned:
     return bits(fired), count(busy), bits((u | left) != 0)
 
 
-@kernel("registers, at, same, other_at, also, soma_at, charge, row, slot, charges, other_row, other_slot", returns=7)
-def update_pair(c: Place, other: Place, soma: Place, charge: Place, other_charge: Place) -> Returned:
+@kernel(
+    "registers, at, same, other_at, also, soma_at, charge, row, slot, charges, other_row, other_slot",
+    returns=7,
+)
+def update_pair(
+    c: Place, other: Place, soma: Place, charge: Place, other_charge: Place
+) -> Returned:
     """Do the same for two plain chunks of dendrites, and a third that is only their sum and is never refractory.
 
     Return its spikes, how many lanes of each were busy, and which of each do not rest. Potentials are not kept.
@@ -185,7 +196,9 @@ def add_up(c: Place) -> Returned:
     return bits(fired), count(busy), bits(state != 0)
 
 
-def _respond(c: Fields, u: Lanes, v: Lanes, charge: Lanes, ends: Ends, added: Lanes | int = 0) -> tuple[Lanes, Lanes]:
+def _respond(
+    c: Fields, u: Lanes, v: Lanes, charge: Lanes, ends: Ends, added: Lanes | int = 0
+) -> tuple[Lanes, Lanes]:
     """Take charge and what children add into u and v, and count nothing; return u, and v before any threshold."""
     _, _, u = _take_charge(c, u, charge, ends)
     _, _, v = _take_current(c, v, u, added, ends)
@@ -222,8 +235,14 @@ def advance_pair(
     ``echo`` is what a spike adds to the charges of the next row. Spikes are written as bits, and counted. Without
     ``widths``, an empty tuple, both dendrites are plain.
     """
-    ends, second, parameters = halves(c, widths), KEPT_FIELDS, (KEEP_U, KEEP_V, BIAS, VMIN, VMAX, THRESHOLD)
-    one, other, soma = ({field: c.after(n * FIELDS)[field] for field in parameters} for n in range(3))
+    ends, second, parameters = (
+        halves(c, widths),
+        KEPT_FIELDS,
+        (KEEP_U, KEEP_V, BIAS, VMIN, VMAX, THRESHOLD),
+    )
+    one, other, soma = (
+        {field: c.after(n * FIELDS)[field] for field in parameters} for n in range(3)
+    )
     u, v, u_other, v_other = (held(before[field]) for field in (0, 1, second, second + 1))
     fired, counted, echoes = held(mask_of(c, spikes)), held(numbers[0]), (echo[0], other_echo[0])
     # The sum is not kept, so it need not be clipped: where clipped ones never exceed the threshold, no sum exceeds
@@ -232,7 +251,9 @@ def advance_pair(
     for row in each_row(c, many):
         arrived, also = (where(fired[0], weights, weights & 0) for weights in echoes)
         u[0], v[0] = _respond(one, u[0], v[0], charge.row(row)[0] + arrived, ends)
-        u_other[0], v_other[0] = _respond(other, u_other[0], v_other[0], other_charge.row(row)[0] + also, ends)
+        u_other[0], v_other[0] = _respond(
+            other, u_other[0], v_other[0], other_charge.row(row)[0] + also, ends
+        )
         to, was = after.row(row), masks.row(row).bits()
         to[0], to[1], to[second], to[second + 1] = u[0], v[0], u_other[0], v_other[0]
         fired[0] = v[0] + v_other[0] > threshold
@@ -281,10 +302,14 @@ def list_lanes(event: Place, first: Given, spikes: Given) -> Returned:
 
 
 @kernel("event, at, rows, same, row, first, flips, spikes", returns=1)
-def list_flips(event: Place, rows: Place, row: Given, first: Given, flips: Given, spikes: Given) -> Returned:
+def list_flips(
+    event: Place, rows: Place, row: Given, first: Given, flips: Given, spikes: Given
+) -> Returned:
     """List with their row the spikes that came or went; those that went, not among ``spikes``, as ``~number``."""
     numbers, rows[0] = event.each(first) + event.numbers(), rows.each(row)
-    return (put(event, mask_of(event, flips), where(mask_of(event, spikes), numbers, numbers ^ -1)),)
+    return (
+        put(event, mask_of(event, flips), where(mask_of(event, spikes), numbers, numbers ^ -1)),
+    )
 
 
 @kernel("spikes, row, column, fired", returns=0)

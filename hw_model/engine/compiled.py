@@ -49,7 +49,9 @@ class _Announce(event.Listener):  # type: ignore[misc]
     def on_start(self, event: Any) -> None:
         if self._depth == 0:
             self._begun = time.perf_counter()
-            _log.info("compiling %s for this machine, once", event.data["dispatcher"].py_func.__module__)
+            _log.info(
+                "compiling %s for this machine, once", event.data["dispatcher"].py_func.__module__
+            )
         self._depth += 1
 
     def on_end(self, event: Any) -> None:
@@ -66,7 +68,9 @@ def compiled(function: Callable[..., Any], **options: Any) -> Any:
     options = OPTIONS | options
     try:
         dispatcher = numba.njit(cache=True, **options)(function)
-    except RuntimeError:  # neither the package's folder nor the user's cache can be written: compile every time
+    except (
+        RuntimeError
+    ):  # neither the package's folder nor the user's cache can be written: compile every time
         return numba.njit(**options)(function)
     cache, kept = dispatcher._cache, dispatcher._cache._cache_file
     # The cache looks at the age of the function's own file, but its code holds that of what it calls elsewhere too.
@@ -105,7 +109,9 @@ class _PartCompiler(Compiler):  # type: ignore[misc]
 
 def inner(function: Callable[..., Any], **options: Any) -> Any:
     """Compile a function that only other compiled ones call: Python cannot, and what it becomes is kept with theirs."""
-    return numba.njit(no_cpython_wrapper=True, pipeline_class=_PartCompiler, **OPTIONS, **options)(function)
+    return numba.njit(no_cpython_wrapper=True, pipeline_class=_PartCompiler, **OPTIONS, **options)(
+        function
+    )
 
 
 def absorbed(function: Callable[..., Any]) -> Any:
@@ -157,7 +163,9 @@ def call_at(typing: Any, address: Any, arguments: Any) -> Any:
 
     def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
         kinds, convention = arguments.types, context.call_conv
-        code = builder.inttoptr(given[0], convention.get_function_type(types.int64, kinds).as_pointer())
+        code = builder.inttoptr(
+            given[0], convention.get_function_type(types.int64, kinds).as_pointer()
+        )
         values = cgutils.unpack_tuple(builder, given[1], len(kinds))
         _, returned = convention.call_function(builder, code, types.int64, kinds, values)
         return returned

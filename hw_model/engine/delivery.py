@@ -41,7 +41,9 @@ def deliver(  # type: ignore[no-untyped-def]
                 at = r + ahead
                 rest = begin[r, m]
                 if width >= LONG:
-                    rest = _add_eights(link, base, rest, begin[r + _NEXT, m], event, charge, at, links)
+                    rest = _add_eights(
+                        link, base, rest, begin[r + _NEXT, m], event, charge, at, links
+                    )
                 for e in range(rest, begin[r + _NEXT, m]):
                     start = np.uint64(offset + event[base + e] * width)
                     for j in range(many):
@@ -52,7 +54,10 @@ def deliver(  # type: ignore[no-untyped-def]
             due = r + ahead
             for e in range(begin[r, m], begin[r + _NEXT, m]):
                 source = np.uint64(offset + event[base + e])
-                first, last = np.uint64(links.list_start[source]), np.uint64(links.list_start[source + np.uint64(1)])
+                first, last = (
+                    np.uint64(links.list_start[source]),
+                    np.uint64(links.list_start[source + np.uint64(1)]),
+                )
                 if links.kind[link] == LIST:
                     _follow(link, due, first, last, charge, touched, links, links.word)
                 else:
@@ -74,8 +79,16 @@ def _add_listed(link, rows_from, rows_to, event, base, begin, m, charge, row_of,
         fill(row_of, at, r)
         for k in range(at + LANES, begin[r + 1, m] - first, LANES):
             fill(row_of, k, r)
-    offset, width, low = np.uint64(links.offset[link]), np.uint64(links.width[link]), np.uint64(links.target[link])
-    late, before, many = np.uint64(1 + links.delay[link]), np.uint64(base + first), np.uint64(last - first)
+    offset, width, low = (
+        np.uint64(links.offset[link]),
+        np.uint64(links.width[link]),
+        np.uint64(links.target[link]),
+    )
+    late, before, many = (
+        np.uint64(1 + links.delay[link]),
+        np.uint64(base + first),
+        np.uint64(last - first),
+    )
     part = many // _PARTS
     for i in range(many):
         e = i % _PARTS * part + i // _PARTS if i < _PARTS * part else i
@@ -126,8 +139,18 @@ def _add_eights(link, base, first, last, event, charge, at, links):  # type: ign
         e, f = np.uint64(offset + event[k + 4] * width), np.uint64(offset + event[k + 5] * width)
         g, h = np.uint64(offset + event[k + 6] * width), np.uint64(offset + event[k + 7] * width)
         for j in range(many):
-            one = np.int32(matrix[a + j]) + np.int32(matrix[b + j]) + np.int32(matrix[c + j]) + np.int32(matrix[d + j])
-            two = np.int32(matrix[e + j]) + np.int32(matrix[f + j]) + np.int32(matrix[g + j]) + np.int32(matrix[h + j])
+            one = (
+                np.int32(matrix[a + j])
+                + np.int32(matrix[b + j])
+                + np.int32(matrix[c + j])
+                + np.int32(matrix[d + j])
+            )
+            two = (
+                np.int32(matrix[e + j])
+                + np.int32(matrix[f + j])
+                + np.int32(matrix[g + j])
+                + np.int32(matrix[h + j])
+            )
             charge[at, low + j] += np.int32(one) + np.int32(two)
         first += 8
     return first

@@ -55,7 +55,9 @@ def transpose(events: EventLists, item: Input, steps: int) -> EventLists:
     line = np.empty(len(events.channel), dtype=np.int32)
     place = np.empty(begins[-1] + 1, dtype=np.int64)
     starts = np.ascontiguousarray(events.first)
-    found = called(_transpose, starts, events.channel, visit_of, first_lines, begins, many, first, line, place)
+    found = called(
+        _transpose, starts, events.channel, visit_of, first_lines, begins, many, first, line, place
+    )
     return EventLists(first, line[:found])
 
 

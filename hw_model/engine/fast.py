@@ -9,10 +9,28 @@ import numpy as np
 from hw_model.engine.compiled import address, call_at, compiled, entry, inner
 from hw_model.engine.lay_out import fast_layout
 from hw_model.engine.layout import CHARGE_WRAPS, FIELDS, LANES, FastLayout
-from hw_model.engine.state import NOTHING_KEPT, Kept, KeptRegister, State, Workspace, first_state, reset, workspace
+from hw_model.engine.state import (
+    NOTHING_KEPT,
+    Kept,
+    KeptRegister,
+    State,
+    Workspace,
+    first_state,
+    reset,
+    workspace,
+)
 from hw_model.engine.threads import in_parts
 from hw_model.engine.tiles import run_tile
-from hw_model.engine.trace import NOTHING, REGISTERS, SKIPPED, EventLists, PhaseInput, PhaseTrace, Register, Window
+from hw_model.engine.trace import (
+    NOTHING,
+    REGISTERS,
+    SKIPPED,
+    EventLists,
+    PhaseInput,
+    PhaseTrace,
+    Register,
+    Window,
+)
 from hw_model.program.chip_program import ChipProgram
 from hw_model.values import Int32Array, IntArray
 
@@ -22,7 +40,11 @@ SMALL = 1 << 12
 
 
 def run_phase(
-    program: ChipProgram, phase: str, played: PhaseInput, windows: dict[Register, Window], skip: bool = True
+    program: ChipProgram,
+    phase: str,
+    played: PhaseInput,
+    windows: dict[Register, Window],
+    skip: bool = True,
 ) -> PhaseTrace:
     """Run a batch through one phase, in threads; keep of the registers what the windows ask for."""
     layout = fast_layout(program, phase)
@@ -30,14 +52,26 @@ def run_phase(
     kept = NOTHING_KEPT
     if windows:
         kept = Kept(True, *(_kept(kind, layout, trace, windows) for kind in REGISTERS))
-    given = *join_lists(played.events), played.start, played.stop, layout.nodes, layout.chunks, layout.links
+    given = (
+        *join_lists(played.events),
+        played.start,
+        played.stop,
+        layout.nodes,
+        layout.chunks,
+        layout.links,
+    )
     written = trace.spikes, trace.sent, trace.active, trace.events, trace.totals, kept
     in_parts(partial(_run_part, layout, given, skip, written), len(trace.sent))
     return trace
 
 
 def _run_part(
-    layout: FastLayout, given: tuple[Any, ...], skip: bool, written: tuple[Any, ...], low: int, high: int
+    layout: FastLayout,
+    given: tuple[Any, ...],
+    skip: bool,
+    written: tuple[Any, ...],
+    low: int,
+    high: int,
 ) -> None:
     """Run recordings ``low..high`` of those given, in a room of their own."""
     rooms, code = _made(layout)
@@ -67,16 +101,22 @@ def _machine_code(
 
 
 @lru_cache(maxsize=8)
-def _made(layout: FastLayout) -> tuple[list[tuple[State, Workspace]], list[tuple[np.int64, Callable[..., Any]]]]:
+def _made(
+    layout: FastLayout,
+) -> tuple[list[tuple[State, Workspace]], list[tuple[np.int64, Callable[..., Any]]]]:
     """Return the rooms of a layout that no thread is using, whoever takes one resets it, and its machine code."""
     return [], []
 
 
-def _kept(kind: Register, layout: FastLayout, trace: PhaseTrace, windows: dict[Register, Window]) -> KeptRegister:
+def _kept(
+    kind: Register, layout: FastLayout, trace: PhaseTrace, windows: dict[Register, Window]
+) -> KeptRegister:
     window = windows.get(kind, NOTHING)
     place = np.full(layout.columns, -1, dtype=np.int64)
     place[window.columns] = np.arange(len(window.columns))
-    return KeptRegister(place, window.start, trace.registers.get(kind, window.empty(len(trace.sent))))
+    return KeptRegister(
+        place, window.start, trace.registers.get(kind, window.empty(len(trace.sent)))
+    )
 
 
 def join_lists(events: Sequence[EventLists]) -> tuple[IntArray, Int32Array]:
@@ -84,7 +124,9 @@ def join_lists(events: Sequence[EventLists]) -> tuple[IntArray, Int32Array]:
     if len(events) == 1:
         return np.ascontiguousarray(events[0].first)[:, :, None], events[0].channel
     before = np.cumsum([0, *(len(lists.channel) for lists in events[:-1])])
-    first = np.empty((*events[0].first.shape, len(events)), dtype=np.int64)  # numpy would keep the order of those given
+    first = np.empty(
+        (*events[0].first.shape, len(events)), dtype=np.int64
+    )  # numpy would keep the order of those given
     for m, lists in enumerate(events):
         np.add(lists.first, before[m], out=first[:, :, m])
     return first, np.concatenate([lists.channel for lists in events])
@@ -109,8 +151,21 @@ def _run(low, high, tile_at, given, room, skip, written):  # type: ignore[no-unt
             for i in range(chunks.width[k]):
                 at = k * FIELDS * LANES + i
                 for event in range(3):
-                    events[b, event, chunks.first_column[k] + i] = state.registers[at + (CHARGE_WRAPS + event) * LANES]
-        _add_up(start[b], stop[b], first[b], line, nodes, links, spikes[b], active[b], events[b], totals[b])
+                    events[b, event, chunks.first_column[k] + i] = state.registers[
+                        at + (CHARGE_WRAPS + event) * LANES
+                    ]
+        _add_up(
+            start[b],
+            stop[b],
+            first[b],
+            line,
+            nodes,
+            links,
+            spikes[b],
+            active[b],
+            events[b],
+            totals[b],
+        )
 
 
 @inner

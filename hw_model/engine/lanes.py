@@ -34,7 +34,9 @@ def _operation(name: str) -> Callable[["Lanes", "Lanes | int"], "Lanes"]:
 
 
 def _comparison(sign: str) -> Callable[["Lanes", "Lanes | int"], "Lanes"]:
-    return lambda one, other: one.with_value(one.builder.icmp_signed(sign, one.value, one.like(other)))
+    return lambda one, other: one.with_value(
+        one.builder.icmp_signed(sign, one.value, one.like(other))
+    )
 
 
 class Lanes:
@@ -54,7 +56,9 @@ class Lanes:
         wide, narrow = self.value.type, other.value.type
         if narrow == wide:
             return other.value
-        return (self.builder.zext if narrow.element == BIT else self.builder.sext)(other.value, wide)
+        return (self.builder.zext if narrow.element == BIT else self.builder.sext)(
+            other.value, wide
+        )
 
     __add__, __sub__, __mul__ = _operation("add"), _operation("sub"), _operation("mul")
     __and__, __or__, __xor__ = _operation("and_"), _operation("or_"), _operation("xor")
@@ -77,7 +81,9 @@ def short(lanes: Lanes) -> Lanes:
     if lanes.value.type.element.width > 32:
         return lanes
     factor = ir.VectorType(ir.IntType(FACTOR_BITS), LANES)
-    return lanes.with_value(lanes.builder.sext(lanes.builder.trunc(lanes.value, factor), lanes.value.type))
+    return lanes.with_value(
+        lanes.builder.sext(lanes.builder.trunc(lanes.value, factor), lanes.value.type)
+    )
 
 
 def before(lanes: Lanes, many: int) -> Lanes:
@@ -94,7 +100,9 @@ def halves(place: "Place", widths: Given) -> Ends:
     """
     if not widths.type.elements:
         return None, None
-    return USUAL_WIDTHS if place.width == 32 else [place.each(widths, number) for number in range(2)]
+    return (
+        USUAL_WIDTHS if place.width == 32 else [place.each(widths, number) for number in range(2)]
+    )
 
 
 def put(place: "Place", mask: Lanes, numbers: Lanes) -> Given:
@@ -157,7 +165,9 @@ def _side_by_side(mask: Lanes, numbers: Lanes) -> Lanes:
     kind = ir.FunctionType(vector, [vector, mask.value.type, vector])
     name = f"llvm.experimental.vector.compress.v{vector.count}i{vector.element.width}"
     compress = cgutils.get_or_insert_function(builder.module, kind, name)
-    return numbers.with_value(builder.call(compress, [numbers.value, mask.value, ir.Constant(vector, ir.Undefined)]))
+    return numbers.with_value(
+        builder.call(compress, [numbers.value, mask.value, ir.Constant(vector, ir.Undefined)])
+    )
 
 
 def _part(builder: ir.IRBuilder, vector: ir.Value, low: int, many: int) -> ir.Value:
@@ -181,7 +191,9 @@ def _lanes_of_bytes(builder: ir.IRBuilder) -> ir.Value:
 def held(lanes: Lanes) -> "Place":
     """Return a place for lanes that change in a loop, which keeps them in registers of the processor."""
     kind = lanes.value.type
-    room = lanes.builder.bitcast(cgutils.alloca_once(lanes.builder, kind), kind.element.as_pointer())
+    room = lanes.builder.bitcast(
+        cgutils.alloca_once(lanes.builder, kind), kind.element.as_pointer()
+    )
     place = Place(lanes.builder, room)
     place[0] = lanes
     return place
@@ -220,7 +232,10 @@ def first_lanes(mask: Lanes, many: Given) -> Lanes:
 def mask_of(place: "Place", number: Given) -> Lanes:
     """Return the mask that a number is."""
     builder = place.numbers().builder
-    return Lanes(builder, builder.bitcast(builder.trunc(number, ir.IntType(LANES)), ir.VectorType(BIT, LANES)))
+    return Lanes(
+        builder,
+        builder.bitcast(builder.trunc(number, ir.IntType(LANES)), ir.VectorType(BIT, LANES)),
+    )
 
 
 def count(mask: Lanes) -> ir.Value:
@@ -235,7 +250,9 @@ def _as_count(builder: ir.IRBuilder, number: ir.Value) -> ir.Value:
 class Place:
     """Vectors of an array from an element on, by number: fields of a chunk, or a row's charges."""
 
-    def __init__(self, builder: ir.IRBuilder, first: ir.Value, row_bytes: ir.Value = None, lanes: int = LANES) -> None:
+    def __init__(
+        self, builder: ir.IRBuilder, first: ir.Value, row_bytes: ir.Value = None, lanes: int = LANES
+    ) -> None:
         self.builder, self._first, self._row_bytes, self._lanes = builder, first, row_bytes, lanes
 
     def of(self, lanes: int) -> "Place":
@@ -251,10 +268,16 @@ class Place:
         return self.builder.bitcast(address, self._vector.as_pointer())
 
     def __getitem__(self, field: int) -> Lanes:
-        return Lanes(self.builder, self.builder.load(self._at(field), align=max(1, self.width // 8)))
+        return Lanes(
+            self.builder, self.builder.load(self._at(field), align=max(1, self.width // 8))
+        )
 
     def __setitem__(self, field: int, lanes: Lanes | int) -> None:
-        value = lanes.value if isinstance(lanes, Lanes) else ir.Constant(self._vector, [lanes] * self._lanes)
+        value = (
+            lanes.value
+            if isinstance(lanes, Lanes)
+            else ir.Constant(self._vector, [lanes] * self._lanes)
+        )
         self.builder.store(value, self._at(field), align=max(1, self.width // 8))
 
     def each(self, given: Given, number: int | None = None) -> Lanes:
@@ -287,7 +310,10 @@ class Place:
 
     def after(self, fields: int) -> "Place":
         """Return the place that many fields on."""
-        return Place(self.builder, self.builder.gep(self._first, [ir.Constant(ir.IntType(64), fields * LANES)]))
+        return Place(
+            self.builder,
+            self.builder.gep(self._first, [ir.Constant(ir.IntType(64), fields * LANES)]),
+        )
 
     def row(self, number: Given) -> "Place":
         """Return the place that many rows of the array on."""
@@ -315,7 +341,9 @@ def kernel(given: str, returns: int) -> Callable[[Callable[..., Any]], Any]:
     A place is given as an array and the index of its first element; all else goes to the function as it is. It returns
     ``returns`` 32-bit numbers.
     """
-    names = [Parameter(name.strip(), Parameter.POSITIONAL_ONLY) for name in f"typing, {given}".split(",")]
+    names = [
+        Parameter(name.strip(), Parameter.POSITIONAL_ONLY) for name in f"typing, {given}".split(",")
+    ]
 
     def made(function: Callable[..., Any]) -> Any:
         def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
@@ -323,14 +351,20 @@ def kernel(given: str, returns: int) -> Callable[[Callable[..., Any]], Any]:
             while rest:
                 kind, value = rest.pop(0)
                 if isinstance(kind, types.Array):
-                    indices = [context.cast(builder, at, typ, types.intp) for typ, at in rest[: kind.ndim]]
+                    indices = [
+                        context.cast(builder, at, typ, types.intp) for typ, at in rest[: kind.ndim]
+                    ]
                     del rest[: kind.ndim]
                     array = context.make_array(kind)(context, builder, value)
                     first = cgutils.get_item_pointer(context, builder, kind, array, indices)
                     value = Place(builder, first, cgutils.unpack_tuple(builder, array.strides)[0])
                 given.append(value)
             found = function(*given)
-            return context.make_tuple(builder, signature.return_type, found) if returns else context.get_dummy_value()
+            return (
+                context.make_tuple(builder, signature.return_type, found)
+                if returns
+                else context.get_dummy_value()
+            )
 
         def typed(typing: Any, *kinds: Any) -> Any:
             found = types.UniTuple(types.int32, returns) if returns else types.void  # type: ignore[attr-defined]

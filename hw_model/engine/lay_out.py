@@ -43,13 +43,23 @@ def _blocks(nodes: Numbering, pairs: Iterable[Ends]) -> Blocks:
     first = nodes.inputs
     joined = [(child, int(parent)) for child, parent in enumerate(nodes.parent) if parent >= 0]
     # Both ways, for what is joined is updated together.
-    edges = [(a, b) for a, b in sorted(pairs) if a >= first] + joined + [(parent, child) for child, parent in joined]
+    edges = (
+        [(a, b) for a, b in sorted(pairs) if a >= first]
+        + joined
+        + [(parent, child) for child, parent in joined]
+    )
     order = sources_first(len(nodes.names) - first, [(a - first, b - first) for a, b in edges])
     return [[first + i for i in block] for block in order]
 
 
 def _chunks(
-    program: ChipProgram, phase: str, nodes: Numbering, blocks: Blocks, cut: Cut, links: Links, echoes: Echoes
+    program: ChipProgram,
+    phase: str,
+    nodes: Numbering,
+    blocks: Blocks,
+    cut: Cut,
+    links: Links,
+    echoes: Echoes,
 ) -> Chunks:
     slot, count = cut.slot, len(cut.node)
     limits = program.chip.registers
@@ -59,8 +69,14 @@ def _chunks(
         here, charge = slot[program.columns_of_core(core)], charges(core)
         arrived[here] = np.maximum(-charge.low, charge.high) / (1 << WEIGHT_SHIFT)
         reached[here[core.axons.target] // LANES] = True
-    fits = widths == layout.USUAL_WIDTHS and _largest_sum(program, phase, arrived) <= np.iinfo(np.int32).max
-    fits &= all(max(-core.vmin, core.vmax) < DECAY_ONE << layout.FACTOR_BITS - 1 for core in program.cores_of(phase))
+    fits = (
+        widths == layout.USUAL_WIDTHS
+        and _largest_sum(program, phase, arrived) <= np.iinfo(np.int32).max
+    )
+    fits &= all(
+        max(-core.vmin, core.vmax) < DECAY_ONE << layout.FACTOR_BITS - 1
+        for core in program.cores_of(phase)
+    )
     never = np.iinfo(np.int32 if fits else np.int64).max  # the threshold of what cannot spike
     shape = (count, layout.FIELDS, LANES)
     registers: Lanes = np.zeros(shape, dtype=np.int32) if fits else np.zeros(shape, dtype=np.int64)
@@ -68,15 +84,22 @@ def _chunks(
     for field, values in _parameters(program, phase, never).items():
         registers[slot // LANES, field, slot % LANES] = values
     keeps = registers[:, [layout.KEEP_U, layout.KEEP_V, layout.BIAS]].any(axis=(1, 2))
-    plain = ~registers[:, layout.BIAS].any(axis=1) & (registers[:, layout.REFRACTORY] <= 1).all(axis=1)
-    plain &= _cannot_wrap(arrived.reshape(-1, LANES), DECAY_ONE - registers[:, layout.KEEP_U], widths)
+    plain = ~registers[:, layout.BIAS].any(axis=1) & (registers[:, layout.REFRACTORY] <= 1).all(
+        axis=1
+    )
+    plain &= _cannot_wrap(
+        arrived.reshape(-1, LANES), DECAY_ONE - registers[:, layout.KEEP_U], widths
+    )
     # A child lies next to its parent on the same core, so both are cut into chunks at the same places.
     joined = nodes.parent[cut.node] >= 0
     parent = np.full(count, -1, dtype=np.int64)
     beside = nodes.first[nodes.parent[cut.node]] + cut.first_column - nodes.first[cut.node]
     parent[joined] = slot[beside[joined]] // LANES
     plain[parent[joined]] = False
-    heads = [[c for n in block for c in range(cut.of_node[n], cut.of_node[n + 1]) if parent[c] < 0] for block in blocks]
+    heads = [
+        [c for n in block for c in range(cut.of_node[n], cut.of_node[n + 1]) if parent[c] < 0]
+        for block in blocks
+    ]
     (root, depth), rank = roots(parent), np.zeros(count, dtype=np.int64)
     rank[[c for block in heads for c in block]] = np.arange(sum(map(len, heads)))
     member = np.lexsort((-depth, rank[root]))
@@ -89,12 +112,17 @@ def _chunks(
         *dendrites, last = member[low:high]
         pair[low] = len(dendrites) == 2 and forgets[last] and (parent[dendrites] == last).all()
     latest = max((len(weights) for _, weights in echoes.values()), default=1)
-    echo_to, echo = np.full(count, -1, dtype=np.int64), aligned((latest, count * LANES), registers.dtype)
+    echo_to, echo = (
+        np.full(count, -1, dtype=np.int64),
+        aligned((latest, count * LANES), registers.dtype),
+    )
     for node, (child, weights) in echoes.items():
         here, there = (slot[nodes.first[n] : nodes.first[n] + nodes.size[n]] for n in (node, child))
         echo_to[here // LANES], echo[: len(weights), there] = there // LANES, weights
     spiking = [[n for n in block if nodes.parent[n] < 0] for block in blocks]
-    feeds_itself = [any(links.from_node[n] < links.from_node[n + 1] for n in block) for block in blocks]
+    feeds_itself = [
+        any(links.from_node[n] < links.from_node[n + 1] for n in block) for block in blocks
+    ]
     return Chunks(
         node=cut.node, piece=cut.piece, parent=parent, first_column=cut.first_column, width=cut.width,
         sums=sums.astype(np.uint8), plain=plain.astype(np.uint8), registers=registers,
@@ -111,7 +139,11 @@ def _cannot_wrap(arrived: AnyArray, decay_u: Lanes, widths: Widths) -> BoolArray
     Where charges lie within -a..a in every step, u stays within 64 a 4096 / decay_u.
     """
     grows_to = arrived * (DECAY_ONE << WEIGHT_SHIFT)
-    return np.asarray(((arrived < widths.half_charge) & (grows_to < decay_u * float(widths.half_current))).all(axis=1))
+    return np.asarray(
+        ((arrived < widths.half_charge) & (grows_to < decay_u * float(widths.half_current))).all(
+            axis=1
+        )
+    )
 
 
 def _largest_sum(program: ChipProgram, phase: str, arrived: AnyArray) -> int:
@@ -133,7 +165,9 @@ def _parameters(program: ChipProgram, phase: str, never: int) -> dict[int, IntAr
     values: dict[int, Callable[[Core], IntArray | int]] = {
         layout.KEEP_U: lambda core: DECAY_ONE - core.setting("decay_u"),
         layout.KEEP_V: lambda core: DECAY_ONE - core.setting("decay_v"),
-        layout.THRESHOLD: lambda core: np.where(core.setting("joined") == 0, core.threshold_voltage, never),
+        layout.THRESHOLD: lambda core: np.where(
+            core.setting("joined") == 0, core.threshold_voltage, never
+        ),
         layout.BIAS: lambda core: core.bias,
         layout.REFRACTORY: lambda core: core.setting("refractory"),
         layout.VMIN: lambda core: core.vmin,

@@ -27,7 +27,9 @@ Blocks = list[list[int]]
 """The nodes of every block."""
 
 
-def synapses_by_ends(program: ChipProgram, phase: str, nodes: Numbering) -> dict[Ends, list[_Synapses]]:
+def synapses_by_ends(
+    program: ChipProgram, phase: str, nodes: Numbering
+) -> dict[Ends, list[_Synapses]]:
     """Return the synapses of a phase by their ends, core by core: each is held once, in 32 bits a number."""
     found: dict[Ends, list[_Synapses]] = {}
     for core in program.cores_of(phase):
@@ -38,7 +40,12 @@ def synapses_by_ends(program: ChipProgram, phase: str, nodes: Numbering) -> dict
         weight = core.effective_weights >> WEIGHT_SHIFT
         for pair in np.unique(ends).tolist():
             here = np.flatnonzero(ends == pair)
-            table = (source[axon[here]], columns[axons.target[here]], weight[here], axons.delay[here])
+            table = (
+                source[axon[here]],
+                columns[axons.target[here]],
+                weight[here],
+                axons.delay[here],
+            )
             part = tuple(values.astype(np.int32) for values in table)
             found.setdefault(divmod(pair, len(nodes.names)), []).append(part)
     return found
@@ -60,7 +67,10 @@ def take_echoes(nodes: Numbering, synapses: dict[Ends, list[_Synapses]]) -> Echo
             continue
         source, column, weight, delay = _sorted(synapses[node, to])
         weights = np.zeros((1 + delay.max(), nodes.size[node]), dtype=np.int64)
-        if np.array_equal(column, nodes.first[to] + source) and len(source) >= DENSE_SHARE * weights.size:
+        if (
+            np.array_equal(column, nodes.first[to] + source)
+            and len(source) >= DENSE_SHARE * weights.size
+        ):
             np.add.at(weights, (delay, source), weight)
             found[node] = to, weights
             del synapses[node, to]
@@ -68,7 +78,11 @@ def take_echoes(nodes: Numbering, synapses: dict[Ends, list[_Synapses]]) -> Echo
 
 
 def links_of(
-    nodes: Numbering, synapses: dict[Ends, list[_Synapses]], blocks: Blocks, cut: Cut, by_delay: IntArray
+    nodes: Numbering,
+    synapses: dict[Ends, list[_Synapses]],
+    blocks: Blocks,
+    cut: Cut,
+    by_delay: IntArray,
 ) -> Links:
     """Lay out the synapses by their ends; they are taken out, so that no more than one link is there twice."""
     slot = cut.slot
@@ -81,7 +95,10 @@ def links_of(
         (internal[source] if inside else external[block_of[target]]).append((source, target, part))
     listed = [ends for part in (*external, *internal) for ends in part]
     rows, matrices, starts_of_lists = [], [], [np.empty(0, dtype=np.int64)]
-    words: dict[int, list[Lanes]] = {LIST: [np.empty(0, dtype=np.int32)], WIDE_LIST: [np.empty(0, dtype=np.int64)]}
+    words: dict[int, list[Lanes]] = {
+        LIST: [np.empty(0, dtype=np.int32)],
+        WIDE_LIST: [np.empty(0, dtype=np.int64)],
+    }
     matrix_size = list_rows = 0
     for node, to, part in listed:
         sources, column, weights, delay = _sorted(divided.pop((node, to, part)))
@@ -107,7 +124,9 @@ def links_of(
     matrix = aligned((matrix_size,), np.int16)
     if matrices:
         np.concatenate(matrices, out=matrix)
-    heads = dict(zip(Links._fields, np.array(rows, dtype=np.int64).reshape(-1, 10).T.copy(), strict=False))
+    heads = dict(
+        zip(Links._fields, np.array(rows, dtype=np.int64).reshape(-1, 10).T.copy(), strict=False)
+    )
     outside = sum(len(part) for part in external)
     return Links(
         **heads, matrix=matrix, word=np.concatenate(words[LIST]), wide_word=np.concatenate(words[WIDE_LIST]),
@@ -117,17 +136,23 @@ def links_of(
     )  # fmt: skip
 
 
-def _by_delay(nodes: Numbering, synapses: dict[Ends, list[_Synapses]]) -> dict[tuple[int, int, int], list[_Synapses]]:
+def _by_delay(
+    nodes: Numbering, synapses: dict[Ends, list[_Synapses]]
+) -> dict[tuple[int, int, int], list[_Synapses]]:
     """Divide long lists by delay: what spikes of one step add is due in one row then, which stays in the cache."""
     found = {}
     for node, to in sorted(synapses):
         parts = synapses.pop((node, to))
-        delays = sorted({delay for part in parts for delay in np.flatnonzero(np.bincount(part[3])).tolist()})
+        delays = sorted(
+            {delay for part in parts for delay in np.flatnonzero(np.bincount(part[3])).tolist()}
+        )
         if sum(len(part[3]) for part in parts) < LONG_LIST * int(nodes.size[node]) * len(delays):
             found[node, to, 0] = parts
             continue
         for delay in delays:
-            found[node, to, delay] = [tuple(column[part[3] == delay] for column in part) for part in parts]
+            found[node, to, delay] = [
+                tuple(column[part[3] == delay] for column in part) for part in parts
+            ]
     return found
 
 
@@ -138,7 +163,9 @@ def _sorted(parts: list[_Synapses]) -> tuple[IntArray, ...]:
     return tuple(column[order].astype(np.int64) for column in together)
 
 
-def _packed(slot: IntArray, weight: IntArray, delay: IntArray, slot_bits: int) -> tuple[Lanes, tuple[int, int, int]]:
+def _packed(
+    slot: IntArray, weight: IntArray, delay: IntArray, slot_bits: int
+) -> tuple[Lanes, tuple[int, int, int]]:
     """Return synapses in a word each, of 64 bits where one does not fit 32; and slot_bits, late_bits, weight_shift."""
     least, union = int(delay.min()), int(np.bitwise_or.reduce(weight))
     shift = (union & -union).bit_length() - 1 if union else 0

@@ -16,11 +16,16 @@ class Numbering:
         self.inputs = len(program.inputs_of(phase))
         self.names = list(places)
         self.first = np.array([place.start for place in places.values()], dtype=np.int64)
-        self.size = np.array([place.stop - place.start for place in places.values()], dtype=np.int64)
+        self.size = np.array(
+            [place.stop - place.start for place in places.values()], dtype=np.int64
+        )
         self.lines = int(self.size[: self.inputs].sum())
         self._begin = np.cumsum(self.size) - self.size
         number = {name: node for node, name in enumerate(self.names)}
-        parents = [number[program.joined_to[name]] if name in program.joined_to else -1 for name in self.names]
+        parents = [
+            number[program.joined_to[name]] if name in program.joined_to else -1
+            for name in self.names
+        ]
         self.parent = np.array(parents, dtype=np.int64)
 
     def of_source(self, source: IntArray) -> tuple[IntArray, IntArray]:

@@ -14,7 +14,9 @@ from hw_model.values import AnyArray, ArrayLike, ByteArray, Frozen, IntArray
 Spikes = ArrayLike | Mapping[str, ArrayLike]
 
 
-def read_streams(program: ChipProgram, spikes: Spikes, listed: bool = False) -> tuple[dict[str, ByteArray], bool]:
+def read_streams(
+    program: ChipProgram, spikes: Spikes, listed: bool = False
+) -> tuple[dict[str, ByteArray], bool]:
     """Return every stream as (batch, steps, channels) of 0 and 1, and whether a batch was given.
 
     ``listed``: bytes are looked at when they are listed, and others than 0 and 1 refused then.
@@ -25,11 +27,17 @@ def read_streams(program: ChipProgram, spikes: Spikes, listed: bool = False) -> 
         spikes = {name: spikes for name in list(expected)[:1]}
     if spikes.keys() != expected.keys():
         what, names = "its streams are not the program's inputs", ", ".join(sorted(expected))
-        raise InputError("spikes", what, measured=names, fix="Give a mapping with one array for each.")
-    found = {name: _stream(name, spikes[name], channels, listed) for name, channels in expected.items()}
+        raise InputError(
+            "spikes", what, measured=names, fix="Give a mapping with one array for each."
+        )
+    found = {
+        name: _stream(name, spikes[name], channels, listed) for name, channels in expected.items()
+    }
     shape, *others = (array.shape[:-1] for array in found.values())
     if any(other != shape for other in others):
-        raise InputError("spikes", "the streams differ in batch or steps", fix="Give arrays of equal length.")
+        raise InputError(
+            "spikes", "the streams differ in batch or steps", fix="Give arrays of equal length."
+        )
     batched = len(shape) == 2
     return {name: array if batched else array[None] for name, array in found.items()}, batched
 
@@ -39,7 +47,9 @@ def _stream(name: str, given: ArrayLike, channels: int, listed: bool) -> ByteArr
     array: AnyArray = given if isinstance(given, np.ndarray) else as_array(where, given)
     if array.ndim not in (2, 3) or array.shape[-1] != channels:
         measured = f"{array.shape} against (steps, {channels}) or (batch, steps, {channels})"
-        raise InputError(where, "the shape does not fit", measured=measured, fix="Give one column per channel.")
+        raise InputError(
+            where, "the shape does not fit", measured=measured, fix="Give one column per channel."
+        )
     if array.dtype != np.uint8:
         binary = array.dtype.kind in "buif" and bool(((array == 0) | (array == 1)).all())
     else:
@@ -90,7 +100,11 @@ class Player(Frozen):
 
 
 def play(
-    program: ChipProgram, phase: Phase, streams: Mapping[str, EventLists], steps: int | None, player: Player
+    program: ChipProgram,
+    phase: Phase,
+    streams: Mapping[str, EventLists],
+    steps: int | None,
+    player: Player,
 ) -> PhaseInput:
     """Lay recordings out as the lines of a phase, of ``steps`` steps where it does not fix them."""
     rows, batch = next((events.rows, len(events.first)) for events in streams.values())
@@ -100,7 +114,9 @@ def play(
     inputs = program.inputs_of(phase.name)
     start, stop = np.zeros(batch, dtype=np.int64), before + length
     if phase.align_events is not None:
-        before[:] = first_touch([streams[name] for name in {item.stream for item in inputs}], phase.align_events)
+        before[:] = first_touch(
+            [streams[name] for name in {item.stream for item in inputs}], phase.align_events
+        )
         if phase.axis == "time":
             many = steps_of(program, phase, rows, steps)
             start = np.where(before < rows, before, many)
@@ -120,7 +136,9 @@ def play(
         counted += given
         if lists[-1] is not recorded:
             dropped += recorded.events - given
-    return PhaseInput(length, tuple(item.size for item in inputs), tuple(lists), counts, start, stop)
+    return PhaseInput(
+        length, tuple(item.size for item in inputs), tuple(lists), counts, start, stop
+    )
 
 
 def length_of(program: ChipProgram, phase: Phase, rows: int, steps: int | None = None) -> int:
@@ -148,4 +166,6 @@ def _fit(events: EventLists, length: int) -> EventLists:
     """Cut lists, or follow them by silence, to a length in steps."""
     if length == events.rows:
         return events
-    return EventLists(events.first[:, np.minimum(np.arange(length + 1), events.rows)], events.channel)
+    return EventLists(
+        events.first[:, np.minimum(np.arange(length + 1), events.rows)], events.channel
+    )

@@ -28,15 +28,27 @@ def read_probes(program: ChipProgram, probe: Sequence[Kind | Probe]) -> dict[Kin
     found: dict[Kind, Probe] = {}
     for item in probe:
         one = item if isinstance(item, Probe) else Probe(item)
-        if isinstance(one.populations, list):  # a program is planned once for equal probes, which a list cannot be
+        if isinstance(
+            one.populations, list
+        ):  # a program is planned once for equal probes, which a list cannot be
             one = Probe(one.kind, tuple(one.populations), one.steps)
         check_known(f"probe {one.kind!r}", "does not exist", str(one.kind), KINDS)
         if one.kind in found:
-            raise InputError(f"probe {one.kind!r}", "is asked for twice", fix="List its populations in one probe.")
+            raise InputError(
+                f"probe {one.kind!r}",
+                "is asked for twice",
+                fix="List its populations in one probe.",
+            )
         for name in one.populations or ():
-            check_known(f"probe {one.kind!r}", f"there is no {name!r}", str(name), program.populations)
+            check_known(
+                f"probe {one.kind!r}", f"there is no {name!r}", str(name), program.populations
+            )
         if one.steps is not None and (one.steps.step != 1 or one.steps.start < 0):
-            raise InputError(f"probe {one.kind!r}", "steps must count up by one from 0 or later", fix="Give a range.")
+            raise InputError(
+                f"probe {one.kind!r}",
+                "steps must count up by one from 0 or later",
+                fix="Give a range.",
+            )
         found[one.kind] = one
     return found
 
@@ -70,15 +82,25 @@ def parts_of(
             columns = {name: place for names, _ in its for name, place in names.items()}
             start, stop = min(rows.start for _, rows in its), max(rows.stop for _, rows in its)
             each = [np.arange(place.start, place.stop) for place in columns.values()]
-            windows[register] = Window(np.concatenate([np.empty(0, dtype=np.int64), *each]), start, stop)
+            windows[register] = Window(
+                np.concatenate([np.empty(0, dtype=np.int64), *each]), start, stop
+            )
             ends = np.cumsum([0, *map(len, each)]).tolist()
             places[register] = start, dict(zip(columns, map(slice, ends, ends[1:]), strict=True))
     parts: dict[Probe, list[Part]] = {probe: [] for probe in probes}
     for probe, (names, rows) in asked.items():
         start, columns = places[probe.kind]
-        size, whole = (sum(program.populations[name] for name in some) for some in (names, program.columns_of(phase)))
-        few, within = len(rows) * size < steps * whole // 4, slice(rows.start - start, rows.stop - start)
-        parts[probe] = [Part(probe.kind, n, within, columns[n], few and probe.kind == "spikes") for n in names]
+        size, whole = (
+            sum(program.populations[name] for name in some)
+            for some in (names, program.columns_of(phase))
+        )
+        few, within = (
+            len(rows) * size < steps * whole // 4,
+            slice(rows.start - start, rows.stop - start),
+        )
+        parts[probe] = [
+            Part(probe.kind, n, within, columns[n], few and probe.kind == "spikes") for n in names
+        ]
     return windows, parts
 
 
@@ -95,4 +117,6 @@ def _columns(program: ChipProgram, phase: str, probe: Probe) -> dict[str, slice]
 def _rows(probe: Probe, steps: int) -> range:
     if probe.steps is None:
         return range(steps)
-    return range(min(probe.steps.start, steps), min(max(probe.steps.stop, probe.steps.start), steps))
+    return range(
+        min(probe.steps.start, steps), min(max(probe.steps.stop, probe.steps.start), steps)
+    )

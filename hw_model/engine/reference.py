@@ -12,7 +12,9 @@ from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.values import IntArray
 
 
-def run_phase(program: ChipProgram, phase: str, played: PhaseInput, windows: dict[Register, Window]) -> PhaseTrace:
+def run_phase(
+    program: ChipProgram, phase: str, played: PhaseInput, windows: dict[Register, Window]
+) -> PhaseTrace:
     """Run a batch through one phase, recording by recording; keep of the registers what the windows ask for."""
     pieces = [piece for core in program.cores_of(phase) for piece in core.slices]
     trace = PhaseTrace.empty(played, sum(piece.size for piece in pieces), len(pieces), windows)
@@ -22,13 +24,20 @@ def run_phase(program: ChipProgram, phase: str, played: PhaseInput, windows: dic
 
 
 def _run_recording(
-    program: ChipProgram, phase: str, played: PhaseInput, windows: dict[Register, Window], b: int, trace: PhaseTrace
+    program: ChipProgram,
+    phase: str,
+    played: PhaseInput,
+    windows: dict[Register, Window],
+    b: int,
+    trace: PhaseTrace,
 ) -> None:
     """Run recording ``b``, and write its row of the trace."""
     cores = {core.number: _CoreState(core, program) for core in program.cores_of(phase)}
     columns = np.concatenate([program.columns_of_core(core) for core in program.cores_of(phase)])
     lines = played.lines(b)
-    routes = [(program.route_of(name), lines[:, here]) for name, here in program.lines_of(phase).items()]
+    routes = [
+        (program.route_of(name), lines[:, here]) for name, here in program.lines_of(phase).items()
+    ]
     for step in range(played.start[b], played.stop[b]):
         for state in cores.values():
             state.update(step)
@@ -46,7 +55,9 @@ def _run_recording(
         for kind, window in windows.items():
             if window.start <= step < window.stop:
                 register = np.empty(len(columns), dtype=np.int64)
-                register[columns] = np.concatenate([getattr(state, kind) for state in cores.values()])
+                register[columns] = np.concatenate(
+                    [getattr(state, kind) for state in cores.values()]
+                )
                 trace.registers[kind][b, step - window.start] = register[window.columns]
     trace.events[b][:, columns] = np.concatenate([state.events for state in cores.values()], axis=1)
 

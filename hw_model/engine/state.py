@@ -86,9 +86,14 @@ def workspace(layout: FastLayout, tile: int = TILE) -> Workspace:
     masks = np.zeros((tile, len(layout.chunks.node)), dtype=np.int32)
     begin = np.zeros((tile + 1, len(layout.nodes.first)), dtype=np.int64)
     many = len(layout.nodes.first)
-    event, updated = np.empty(tile * layout.columns + LANES * many, dtype=np.int32), np.zeros(tile, dtype=np.uint8)
+    event, updated = (
+        np.empty(tile * layout.columns + LANES * many, dtype=np.int32),
+        np.zeros(tile, dtype=np.uint8),
+    )
     list_start = tile * layout.nodes.first + LANES * np.arange(many)
-    return Workspace(masks, event, list_start, begin, updated, np.empty(MOST_LISTED + LANES, dtype=np.int32))
+    return Workspace(
+        masks, event, list_start, begin, updated, np.empty(MOST_LISTED + LANES, dtype=np.int32)
+    )
 
 
 @compiled

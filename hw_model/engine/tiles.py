@@ -6,7 +6,16 @@ change in it.
 
 import numpy as np
 
-from hw_model.engine.chunks import add_up, change_echo, list_lanes, note, pass_on, update, update_pair, update_plain
+from hw_model.engine.chunks import (
+    add_up,
+    change_echo,
+    list_lanes,
+    note,
+    pass_on,
+    update,
+    update_pair,
+    update_plain,
+)
 from hw_model.engine.compiled import absorbed, inner, shared
 from hw_model.engine.delivery import deliver
 from hw_model.engine.layout import FIELDS, LANES, POTENTIAL, U, V
@@ -23,7 +32,21 @@ _U, _V, _POTENTIAL = np.uint64(U * LANES), np.uint64(V * LANES), np.uint64(POTEN
 
 @shared
 def run_tile(  # type: ignore[no-untyped-def]
-    step, rows, first, line, nodes, chunks, links, state, work, skip, spikes, sent, active, recording, kept
+    step,
+    rows,
+    first,
+    line,
+    nodes,
+    chunks,
+    links,
+    state,
+    work,
+    skip,
+    spikes,
+    sent,
+    active,
+    recording,
+    kept,
 ):
     """Run ``rows`` steps from ``step`` on; return how many of them nothing had to be updated in.
 
@@ -50,15 +73,34 @@ def run_tile(  # type: ignore[no-untyped-def]
 
 @inner
 def _run_block(  # type: ignore[no-untyped-def]
-    block, step, rows, first, line, nodes, chunks, links, state, work, skip, spikes, sent, active, recording, kept
+    block,
+    step,
+    rows,
+    first,
+    line,
+    nodes,
+    chunks,
+    links,
+    state,
+    work,
+    skip,
+    spikes,
+    sent,
+    active,
+    recording,
+    kept,
 ):
     """Run one block over the rows of a tile: at once, or, if it feeds itself, row by row."""
     charge, touched = state.charge, state.touched
     event, begin = work.event, work.begin
     for link in range(links.into_block[block], links.into_block[block + 1]):
         m = links.source[link]
-        given, base, starts = (line, _ZERO, first) if m < first.shape[1] else (event, work.list_start[m], begin)
-        deliver(link, _ZERO, rows, given, base, starts, m, charge, touched, work.row_of, nodes, links)
+        given, base, starts = (
+            (line, _ZERO, first) if m < first.shape[1] else (event, work.list_start[m], begin)
+        )
+        deliver(
+            link, _ZERO, rows, given, base, starts, m, charge, touched, work.row_of, nodes, links
+        )
 
     # A block that feeds itself is updated row by row; any other, a few bundles at a time, with registers in the cache.
     by_row = chunks.feeds_itself[block]
@@ -67,20 +109,38 @@ def _run_block(  # type: ignore[no-untyped-def]
         fired = _ZERO
         next_bundle = chunks.of_block[block]
         while next_bundle < chunks.of_block[block + 1]:
-            bundle, next_bundle = next_bundle, min(next_bundle + _TOGETHER, chunks.of_block[block + 1])
+            bundle, next_bundle = (
+                next_bundle,
+                min(next_bundle + _TOGETHER, chunks.of_block[block + 1]),
+            )
             start, stop = chunks.bundle[bundle], chunks.bundle[next_bundle]
             if stop - start == next_bundle - bundle and not by_row and not kept.watched:
                 fired |= _update_alone(start, stop, rows, chunks, state, work, skip, active)
                 continue
             for r in range(low, low + stride):
-                fired |= _update_members(start, stop, r, step, chunks, state, work, skip, active, recording, kept)
+                fired |= _update_members(
+                    start, stop, r, step, chunks, state, work, skip, active, recording, kept
+                )
         for index in range(chunks.of_node[block], chunks.of_node[block + 1]):
             m = chunks.spiking_node[index]
             _list_spikes(m, low, low + stride, fired, nodes, chunks, work, spikes, sent)
             if fired:
                 for link in range(links.from_node[m], links.from_node[m + 1]):
                     base = work.list_start[m]
-                    deliver(link, low, low + stride, event, base, begin, m, charge, touched, work.row_of, nodes, links)
+                    deliver(
+                        link,
+                        low,
+                        low + stride,
+                        event,
+                        base,
+                        begin,
+                        m,
+                        charge,
+                        touched,
+                        work.row_of,
+                        nodes,
+                        links,
+                    )
 
 
 @absorbed
@@ -94,9 +154,13 @@ def _update_alone(start, stop, rows, chunks, state, work, skip, active):  # type
             if skip and at_rest[k] and not touched[r, k]:
                 continue
             if chunks.plain[k]:
-                mask, busy, restless = update_plain(registers, k * _CHUNK, state.charge, r, k * _LANES)
+                mask, busy, restless = update_plain(
+                    registers, k * _CHUNK, state.charge, r, k * _LANES
+                )
             else:
-                mask, busy, restless = update(registers, k * _CHUNK, state.charge, r, k * _LANES, chunks.widths)
+                mask, busy, restless = update(
+                    registers, k * _CHUNK, state.charge, r, k * _LANES, chunks.widths
+                )
             at_rest[k] = restless == 0
             work.masks[r, k] = mask
             work.updated[r] = 1
@@ -115,7 +179,12 @@ def _update_members(start, stop, r, step, chunks, state, work, skip, active, rec
     index = start
     while index < stop:
         k = np.uint64(chunks.member[index])
-        if chunks.pair[index] and chunks.plain[k] and chunks.plain[chunks.member[index + 1]] and not kept.watched:
+        if (
+            chunks.pair[index]
+            and chunks.plain[k]
+            and chunks.plain[chunks.member[index + 1]]
+            and not kept.watched
+        ):
             fired |= _update_pair(index, np.uint64(r), chunks, state, work, skip, active)
             index += 3
             continue
@@ -127,9 +196,13 @@ def _update_members(start, stop, r, step, chunks, state, work, skip, active, rec
         if chunks.sums[k]:
             mask, busy, restless = add_up(registers, at)
         elif chunks.plain[k]:
-            mask, busy, restless = update_plain(registers, at, state.charge, np.uint64(r), k * _LANES)
+            mask, busy, restless = update_plain(
+                registers, at, state.charge, np.uint64(r), k * _LANES
+            )
         else:
-            mask, busy, restless = update(registers, at, state.charge, np.uint64(r), k * _LANES, chunks.widths)
+            mask, busy, restless = update(
+                registers, at, state.charge, np.uint64(r), k * _LANES, chunks.widths
+            )
         at_rest[k] = restless == 0
         work.masks[r, k] = mask
         fired |= mask
@@ -153,7 +226,14 @@ def _update_pair(index, r, chunks, state, work, skip, active):  # type: ignore[n
     a, b, c = chunks.member[index], chunks.member[index + 1], chunks.member[index + 2]
     a, b, c = np.uint64(a), np.uint64(b), np.uint64(c)
     at_rest, touched, registers = state.at_rest, state.touched, state.registers
-    if skip and at_rest[a] and at_rest[b] and at_rest[c] and not touched[r, a] and not touched[r, b]:
+    if (
+        skip
+        and at_rest[a]
+        and at_rest[b]
+        and at_rest[c]
+        and not touched[r, a]
+        and not touched[r, b]
+    ):
         return np.int32(0)
     mask, busy_a, busy_b, busy_c, left_a, left_b, left_c = update_pair(
         registers, a * _CHUNK, registers, b * _CHUNK, registers, c * _CHUNK,
@@ -222,4 +302,6 @@ def _keep(registers, at, first_column, width, step, recording, kept):  # type: i
     if 0 <= row < kept.rows.shape[1]:
         for i in range(width):
             if kept.place[first_column + i] >= 0:
-                kept.rows[recording, row, kept.place[first_column + i]] = registers[at + np.uint64(i)]
+                kept.rows[recording, row, kept.place[first_column + i]] = registers[
+                    at + np.uint64(i)
+                ]

@@ -17,7 +17,13 @@ REGISTERS: tuple[Register, ...] = get_args(Register)
 """``u`` and ``v`` are registers after the step (v is 0 on a spike row); ``potential`` is v as the threshold saw it."""
 
 EVENTS = ("charge_wraps", "current_wraps", "voltage_clips")
-TOTALS = ("synaptic_ops_after_end", "neuron_updates", "neuron_updates_active", *EVENTS, "skipped_steps")
+TOTALS = (
+    "synaptic_ops_after_end",
+    "neuron_updates",
+    "neuron_updates_active",
+    *EVENTS,
+    "skipped_steps",
+)
 """Counts that an engine adds up over all steps and compartments; steps in which nothing had to be updated are last."""
 SKIPPED = TOTALS.index("skipped_steps")
 PLAYED = ("input_events", "transpose_events", "events_dropped", "aligned_steps")
@@ -119,7 +125,9 @@ class PhaseTrace(NamedTuple):
         return self.sent[:, self.sent.shape[1] - self.spikes.shape[2] :]
 
     @classmethod
-    def empty(cls, played: PhaseInput, n: int, pieces: int, windows: dict[Register, Window]) -> "PhaseTrace":
+    def empty(
+        cls, played: PhaseInput, n: int, pieces: int, windows: dict[Register, Window]
+    ) -> "PhaseTrace":
         """Return room for a trace, all 0."""
         batch = len(played.start)
         return cls(
@@ -138,11 +146,15 @@ def due_late(program: ChipProgram, phase: str) -> IntArray:
     cores = program.cores_of(phase)
     longest = max((int(core.axons.delay.max(initial=0)) for core in cores), default=0)
     lines = sum(item.size for item in program.inputs_of(phase))
-    found = np.zeros((longest + 1, lines + sum(core.compartments for core in cores)), dtype=np.int64)
+    found = np.zeros(
+        (longest + 1, lines + sum(core.compartments for core in cores)), dtype=np.int64
+    )
     for core in cores:
         # Each input axon of a core has a sender of its own.
         axons, shape = core.axons, (longest + 1, core.axons.input_axons)
-        by_delay = np.bincount(axons.delay * shape[1] + axons.axon_of_synapse, minlength=shape[0] * shape[1])
+        by_delay = np.bincount(
+            axons.delay * shape[1] + axons.axon_of_synapse, minlength=shape[0] * shape[1]
+        )
         found[:, program.senders[core.number]] += by_delay.reshape(shape)[::-1].cumsum(axis=0)[::-1]
     return found
 
@@ -159,5 +171,7 @@ def added_up(program: ChipProgram, phase: str, played: PhaseInput, trace: PhaseT
         late = sent[max(start, stop - len(table)) : stop][::-1]
         trace.totals[b, 0] = (late * table[: len(late)]).sum()
     updates = (played.stop - played.start) * trace.spikes.shape[2]
-    trace.totals[:, 1:SKIPPED] = np.column_stack((updates, trace.active.sum(axis=(1, 2)), trace.events.sum(axis=2)))
+    trace.totals[:, 1:SKIPPED] = np.column_stack(
+        (updates, trace.active.sum(axis=(1, 2)), trace.events.sum(axis=2))
+    )
     return trace

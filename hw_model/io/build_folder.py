@@ -38,8 +38,14 @@ def check_folder(folder: Path, names: Iterable[str] = ()) -> None:
     check_path(folder, f"output {folder.name[:60]!r}")
     existing = next(parent for parent in (folder, *folder.absolute().parents) if parent.exists())
     if not existing.is_dir():
-        raise InputError(f"output {folder.name!r}", f"{existing.name!r} is a file", fix="Choose a folder with -o.")
-    if not os.access(existing, os.W_OK | os.X_OK, effective_ids=os.access in os.supports_effective_ids):
+        raise InputError(
+            f"output {folder.name!r}",
+            f"{existing.name!r} is a file",
+            fix="Choose a folder with -o.",
+        )
+    if not os.access(
+        existing, os.W_OK | os.X_OK, effective_ids=os.access in os.supports_effective_ids
+    ):
         raise _unwritable(folder, "permission denied")
     try:
         check_entries(folder, names, OURS)
@@ -60,5 +66,8 @@ def write_build(folder: Path, files: Mapping[str, bytes]) -> None:
 
 
 def _unwritable(folder: Path, reason: str) -> InputError:
-    where, what = f"output {folder.name or str(folder)!r}", f"cannot be written: {reason[:1].lower()}{reason[1:]}"
+    where, what = (
+        f"output {folder.name or str(folder)!r}",
+        f"cannot be written: {reason[:1].lower()}{reason[1:]}",
+    )
     return InputError(where, what, fix="With -o, choose a folder that you may write to.")

@@ -38,7 +38,9 @@ def replace_file(path: Path, content: bytes, where: str) -> None:
             os.replace(partial, path)
     except OSError as error:
         fix = "Give a file in a folder that exists and can be written."
-        raise InputError(where, "it cannot be written", measured=error.strerror or "", fix=fix) from None
+        raise InputError(
+            where, "it cannot be written", measured=error.strerror or "", fix=fix
+        ) from None
     finally:
         remove(partial)
 
@@ -62,7 +64,9 @@ def read_bytes(
         return path.read_bytes()
     except OSError as error:
         fix = near(path, missing) if isinstance(error, FileNotFoundError) else missing
-        raise InputError(where, "it cannot be read", measured=error.strerror or "", fix=fix) from None
+        raise InputError(
+            where, "it cannot be read", measured=error.strerror or "", fix=fix
+        ) from None
 
 
 def near(path: Path, otherwise: str) -> str:
@@ -73,7 +77,11 @@ def near(path: Path, otherwise: str) -> str:
     others = [] if os.path.lexists(part) else part.parent.glob("*")
     names = [beside.name for beside in others if part == path or beside.is_dir()]
     close = get_close_matches(part.name, names, 1, _ALIKE)
-    return f"Did you mean {str(part.with_name(close[0]) / path.relative_to(part))!r}?" if close else otherwise
+    return (
+        f"Did you mean {str(part.with_name(close[0]) / path.relative_to(part))!r}?"
+        if close
+        else otherwise
+    )
 
 
 @contextmanager
@@ -102,13 +110,17 @@ def check_file(path: Path, where: str) -> None:
 
 def pack_arrays(arrays: Mapping[str, AnyArray], *, compressed: bool) -> bytes:
     """Return an ``.npz`` without time stamps; compressed bytes also depend on the build of zlib."""
-    return pack_files(((f"{name}.npy", npy_bytes(array)) for name, array in arrays.items()), compressed=compressed)
+    return pack_files(
+        ((f"{name}.npy", npy_bytes(array)) for name, array in arrays.items()), compressed=compressed
+    )
 
 
 def npy_bytes(array: AnyArray) -> bytes:
     """Return the bytes of a ``.npy`` file."""
     content = io.BytesIO()
-    np.lib.format.write_array(content, np.asarray(array, order="C"), version=(1, 0), allow_pickle=False)
+    np.lib.format.write_array(
+        content, np.asarray(array, order="C"), version=(1, 0), allow_pickle=False
+    )
     return content.getvalue()
 
 

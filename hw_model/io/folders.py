@@ -48,11 +48,16 @@ def check_entries(folder: Path, names: Iterable[str], ours: str = ".*") -> None:
         entry = folder / name
         if entry.is_dir() != name.endswith("/") and os.path.lexists(entry):
             kind = "folder" if entry.is_dir() else "file"
-            raise OSError(errno.EEXIST, f"it holds a {kind} {name.rstrip('/')!r}, which would be removed")
+            raise OSError(
+                errno.EEXIST, f"it holds a {kind} {name.rstrip('/')!r}, which would be removed"
+            )
         for file in sorted(entry.rglob("*")) if name.endswith("/") and entry.is_dir() else ():
             inside = file.relative_to(folder).as_posix()
             if not (re.fullmatch(ours, inside) or (file.is_dir() and not file.is_symlink())):
-                raise OSError(errno.EEXIST, f"it holds {inside!r}, which was not written here and would be removed")
+                raise OSError(
+                    errno.EEXIST,
+                    f"it holds {inside!r}, which was not written here and would be removed",
+                )
 
 
 def recover_folder(folder: Path) -> None:
@@ -68,7 +73,9 @@ def finish_writing(folder: Path) -> None:
         recover_folder(folder)
 
 
-def _write_and(target: Path, files: Mapping[str, bytes], place: Callable[[Path, Path, set[str]], bool]) -> bool:
+def _write_and(
+    target: Path, files: Mapping[str, bytes], place: Callable[[Path, Path, set[str]], bool]
+) -> bool:
     """Write the files into a stage next to ``target``, and place it there; tell whether that could be done."""
     stage = partial_path(target)
     stage.mkdir()
@@ -144,7 +151,11 @@ def _must_stay(folder: Path) -> bool:
         here = Path.cwd()
     except FileNotFoundError:
         here = Path("/")
-    return here.is_relative_to(folder) or os.path.ismount(folder) or not os.access(folder.parent, os.W_OK | os.X_OK)
+    return (
+        here.is_relative_to(folder)
+        or os.path.ismount(folder)
+        or not os.access(folder.parent, os.W_OK | os.X_OK)
+    )
 
 
 def _exchange(one: Path, other: Path) -> bool:
@@ -169,5 +180,11 @@ def _renameat2() -> Callable[..., int] | None:
         function = ctypes.CDLL(None, use_errno=True).renameat2
     except (OSError, AttributeError):
         return None
-    function.argtypes = (ctypes.c_int, ctypes.c_char_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_uint)
+    function.argtypes = (
+        ctypes.c_int,
+        ctypes.c_char_p,
+        ctypes.c_int,
+        ctypes.c_char_p,
+        ctypes.c_uint,
+    )
     return function

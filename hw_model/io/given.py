@@ -47,13 +47,17 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
         least = len(names) + 1
     passed: set[tuple[str, type]] = set()
     # Names in annotations may be unknown until all modules are imported.
-    kinds = functools.cache(lambda: {name: kinds_of(hint) for name, hint in get_type_hints(function).items()})
+    kinds = functools.cache(
+        lambda: {name: kinds_of(hint) for name, hint in get_type_hints(function).items()}
+    )
 
     @functools.wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> T:
         # Binding and looking at types takes as long as a short recording: what is plain, and known, is let through.
         plain = not kwargs and least <= len(args) <= len(names)
-        for name, value in zip(names, args, strict=False) if plain else _bound(signature, args, kwargs).items():
+        for name, value in (
+            zip(names, args, strict=False) if plain else _bound(signature, args, kwargs).items()
+        ):
             if (name, type(value)) not in passed:
                 check_argument(called, name, value, kinds().get(name, (object,)))
                 if not isinstance(value, _LOOKED_INTO):
@@ -68,12 +72,18 @@ def check_path(path: str | Path, where: str) -> None:
     try:
         os.lstat(path)
     except ValueError:
-        raise InputError(where, "it contains a NUL character", fix="Give the path of a file.") from None
+        raise InputError(
+            where, "it contains a NUL character", fix="Give the path of a file."
+        ) from None
     except OSError as error:
         if error.errno == errno.ENAMETOOLONG:
             longest = max(len(os.fsencode(part)) for part in Path(path).parts)
-            which, many = ("name", longest) if longest > _NAME_BYTES else ("path", len(os.fsencode(path)))
-            raise InputError(where, f"the {which} is too long", measured=f"{many} bytes", fix="Shorten it.") from None
+            which, many = (
+                ("name", longest) if longest > _NAME_BYTES else ("path", len(os.fsencode(path)))
+            )
+            raise InputError(
+                where, f"the {which} is too long", measured=f"{many} bytes", fix="Shorten it."
+            ) from None
 
 
 def is_plain(found: os.stat_result) -> bool:
@@ -94,7 +104,11 @@ def classes_of(hint: Any) -> tuple[Any, ...]:
     kind = get_origin(hint) or hint
     if type(kind).__name__ == "TypeAliasType":  # what numpy's hints are from Python 3.12 on
         return classes_of(kind.__value__)
-    return tuple(one for o in get_args(hint) for one in classes_of(o)) if kind in (UnionType, Union) else (kind,)
+    return (
+        tuple(one for o in get_args(hint) for one in classes_of(o))
+        if kind in (UnionType, Union)
+        else (kind,)
+    )
 
 
 def kinds_of(hint: Any) -> tuple[Any, ...]:
@@ -103,7 +117,11 @@ def kinds_of(hint: Any) -> tuple[Any, ...]:
 
 
 def _can_be_checked(kind: Any) -> bool:
-    return isinstance(kind, type) and kind not in (bool, Any) and not kind.__module__.startswith("numpy.")
+    return (
+        isinstance(kind, type)
+        and kind not in (bool, Any)
+        and not kind.__module__.startswith("numpy.")
+    )
 
 
 def check_argument(function: str, name: str, value: Any, kinds: tuple[Any, ...]) -> None:
@@ -114,9 +132,16 @@ def check_argument(function: str, name: str, value: Any, kinds: tuple[Any, ...])
         article = "an" if names[0][0].lower() in "aeiou" else "a"
         what = f"it must be {article} {listed(names, 'or')}"
         fix = next((_WAYS_OUT[kind] for kind in names if kind in _WAYS_OUT), "Correct it.")
-        raise InputError(where, what, measured=f"got {type(value).__name__} {_short(repr(value))}", fix=fix)
+        raise InputError(
+            where, what, measured=f"got {type(value).__name__} {_short(repr(value))}", fix=fix
+        )
     if float in kinds and isinstance(value, int) and abs(value) > sys.float_info.max:
-        raise InputError(where, "it is too large for a float", measured=f"{value.bit_length()} bits", fix="Correct it.")
+        raise InputError(
+            where,
+            "it is too large for a float",
+            measured=f"{value.bit_length()} bits",
+            fix="Correct it.",
+        )
     if object in kinds and isinstance(value, list | tuple):
         as_array(where, value)
     if Path in kinds and isinstance(value, str | Path):
@@ -130,7 +155,9 @@ def as_array(where: str, value: Any) -> Any:
     try:
         return np.asarray(value)
     except ValueError:
-        raise InputError(where, "it is not an array: its rows differ in length", fix="Make them equal.") from None
+        raise InputError(
+            where, "it is not an array: its rows differ in length", fix="Make them equal."
+        ) from None
 
 
 def _short(text: str) -> str:
@@ -139,6 +166,8 @@ def _short(text: str) -> str:
 
 def _is_a(value: Any, kind: Any) -> bool:
     """Tell whether a value is of a type; a bool is not a number here, and a text is not a sequence."""
-    if (isinstance(value, bool) and kind in _ACCEPTED) or (isinstance(value, str) and kind is Sequence):
+    if (isinstance(value, bool) and kind in _ACCEPTED) or (
+        isinstance(value, str) and kind is Sequence
+    ):
         return False
     return isinstance(value, _ACCEPTED.get(kind, kind))

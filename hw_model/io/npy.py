@@ -22,13 +22,20 @@ def load_npy(data: bytes, where: str, kinds: str = "biuf") -> AnyArray:
     fix, stream = "Write it again with numpy.save.", io.BytesIO(data)
     with parsing(where, "it is damaged or not a numpy file", fix=fix):
         version = np.lib.format.read_magic(stream)
-        shape, fortran, dtype = getattr(np.lib.format, "read_array_header_{}_{}".format(*version))(stream)
+        shape, fortran, dtype = getattr(np.lib.format, "read_array_header_{}_{}".format(*version))(
+            stream
+        )
         shape = tuple(map(int, shape))  # numpy takes True for a size here, and for none below
     if dtype.kind not in kinds and (dtype.names is None or dtype.hasobject):
         raise InputError(where, "its values are not numbers", measured=f"dtype {dtype}", fix=fix)
-    if any(size < 0 for size in shape) or math.prod(shape) * max(1, dtype.itemsize // 8) > MAX_VALUES:
+    if (
+        any(size < 0 for size in shape)
+        or math.prod(shape) * max(1, dtype.itemsize // 8) > MAX_VALUES
+    ):
         measured = f"{'x'.join(map(str, shape))} against {MAX_VALUES} values"
-        raise InputError(where, "its declared shape is too large", measured=measured, fix="Give a smaller array.")
+        raise InputError(
+            where, "its declared shape is too large", measured=measured, fix="Give a smaller array."
+        )
     held, needed = len(data) - stream.tell(), math.prod(shape) * dtype.itemsize
     if held < needed:
         raise InputError(where, "it is truncated", measured=f"{held} of {needed} bytes", fix=fix)

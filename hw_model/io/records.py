@@ -10,7 +10,17 @@ from dataclasses import MISSING, fields
 from functools import cache
 from numbers import Real
 from types import NoneType, UnionType
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
+from typing import (
+    Annotated,
+    Any,
+    ClassVar,
+    Literal,
+    NamedTuple,
+    TypeVar,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 from hw_model.errors import InputError, did_you_mean
 from hw_model.io.given import check_argument, classes_of, kinds_of
@@ -71,7 +81,11 @@ def _kinds(hint: Any) -> tuple[type, ...]:
 
 
 def check_value(
-    where: str, value: Any, kinds: tuple[type, ...], said: tuple[Any, ...] = (), fix: str = "Correct it."
+    where: str,
+    value: Any,
+    kinds: tuple[type, ...],
+    said: tuple[Any, ...] = (),
+    fix: str = "Correct it.",
 ) -> None:
     """Refuse a value of another type, a value that breaks a rule, and one that is not among its choices.
 
@@ -79,16 +93,29 @@ def check_value(
     """
     rules = [rule for rule in said if isinstance(rule, Must)]
     finite = not isinstance(value, int | float) or abs(value) <= sys.float_info.max
-    fits = isinstance(value, kinds) and (bool in kinds or not isinstance(value, bool))  # True and False are not numbers
+    fits = isinstance(value, kinds) and (
+        bool in kinds or not isinstance(value, bool)
+    )  # True and False are not numbers
     if not (fits and finite and (value is None or all(rule.holds(value) for rule in rules))):
         kind = KIND_WORDS.get(kinds[0], f"a {kinds[0].__name__.lower()}")
-        words = [f"of {rule.words}" if rule.words.startswith("at least") else rule.words for rule in rules]
-        measured = f"got {value!r}" if isinstance(value, str | int | float | None) else f"got {type(value).__name__}"
+        words = [
+            f"of {rule.words}" if rule.words.startswith("at least") else rule.words
+            for rule in rules
+        ]
+        measured = (
+            f"got {value!r}"
+            if isinstance(value, str | int | float | None)
+            else f"got {type(value).__name__}"
+        )
         fix = "Put it in quotes." if kinds == (str,) and isinstance(value, int | float) else fix
-        raise InputError(where, f"it must be {' '.join([kind, *words])}", measured=measured[:80], fix=fix)
+        raise InputError(
+            where, f"it must be {' '.join([kind, *words])}", measured=measured[:80], fix=fix
+        )
     for choices in said:
         if type(choices) is tuple and value not in (None, *choices):
-            raise InputError(where, f"{value!r} is not known", fix=did_you_mean(value, map(str, choices)))
+            raise InputError(
+                where, f"{value!r} is not known", fix=did_you_mean(value, map(str, choices))
+            )
 
 
 class Checked(Frozen):
@@ -110,8 +137,14 @@ def check_fields(record: object) -> None:
     """
     own: type = type(record)
     try:
-        called, hints, said = getattr(record, "where", own.__name__), get_type_hints(own), said_of(own)
-    except NameError:  # a type from elsewhere, whose annotations may name what only type checkers import
+        called, hints, said = (
+            getattr(record, "where", own.__name__),
+            get_type_hints(own),
+            said_of(own),
+        )
+    except (
+        NameError
+    ):  # a type from elsewhere, whose annotations may name what only type checkers import
         return
     for name in (item.name for item in fields(record)):  # type: ignore[arg-type]
         value, hint = getattr(record, name), hints[name]
@@ -123,11 +156,22 @@ def check_fields(record: object) -> None:
             continue
         chosen = get_args(hint) if get_origin(hint) is Literal else ()
         kinds = (bool,) if hint is bool else (str,) if chosen else kinds_of(hint)
-        check_argument(called, name, tuple(value) if isinstance(value, list) and tuple in kinds else value, kinds)
+        check_argument(
+            called,
+            name,
+            tuple(value) if isinstance(value, list) and tuple in kinds else value,
+            kinds,
+        )
         if chosen and value not in chosen:
-            raise InputError(f"{called}, {name}", f"there is no {value!r}"[:80], fix=did_you_mean(value, chosen))
+            raise InputError(
+                f"{called}, {name}", f"there is no {value!r}"[:80], fix=did_you_mean(value, chosen)
+            )
         for option in (hints[name], *get_args(hints[name])):
-            if get_origin(option) is tuple and get_args(option)[-1] is ... and isinstance(value, tuple | list):
+            if (
+                get_origin(option) is tuple
+                and get_args(option)[-1] is ...
+                and isinstance(value, tuple | list)
+            ):
                 for one in value:
                     check_argument(called, name, one, kinds_of(get_args(option)[0]))
 
@@ -150,10 +194,14 @@ class RecordReader(Frozen):
         for name in value:
             if name not in required:
                 shown = str(name)[:60]
-                raise InputError(self.place(key), f"unknown key {shown!r}", fix=did_you_mean(shown, required))
+                raise InputError(
+                    self.place(key), f"unknown key {shown!r}", fix=did_you_mean(shown, required)
+                )
         for name, needed in required.items():
             if needed and name not in value:
-                raise InputError(self.place(key), f"the key {name!r} is missing", fix=self.fix or "Add it.")
+                raise InputError(
+                    self.place(key), f"the key {name!r} is missing", fix=self.fix or "Add it."
+                )
         return dict(value)
 
     def record(self, kind: type[T], value: Any, key: str = "", **given: object) -> T:
@@ -161,11 +209,20 @@ class RecordReader(Frozen):
         own: type = kind
         hints = _hints(own)
         wanted = [item for item in fields(kind) if item.name not in given]  # type: ignore[arg-type]
-        required = {i.name: not self.lacks or (i.default is MISSING and i.default_factory is MISSING) for i in wanted}
+        required = {
+            i.name: not self.lacks or (i.default is MISSING and i.default_factory is MISSING)
+            for i in wanted
+        }
         held = getattr(kind, "from_plain", lambda plain: plain)(value)
         entries = self.entries(held, key, required)
         inside = f"{key}." if key else ""
-        return kind(**given, **{name: self.value(hints[name], entry, inside + name) for name, entry in entries.items()})
+        return kind(
+            **given,
+            **{
+                name: self.value(hints[name], entry, inside + name)
+                for name, entry in entries.items()
+            },
+        )
 
     def value(self, hint: Any, value: Any, key: str) -> Any:
         """Return a value as its annotation asks: mappings become records, lists tuples, and whole numbers floats."""
@@ -178,13 +235,22 @@ class RecordReader(Frozen):
             return self.record(origin, value, key)
         check_value(self.place(key), value, _kinds(hint), said, self.fix or "Correct it.")
         if origin is Mapping:
-            return {name: self.value(parts[1], entry, f"{key}.{name}") for name, entry in value.items()}
+            return {
+                name: self.value(parts[1], entry, f"{key}.{name}") for name, entry in value.items()
+            }
         if origin is tuple:
             if parts[-1] is not ... and len(parts) != len(value):
                 what = f"it must be a list of {len(parts)}"
-                raise InputError(self.place(key), what, measured=f"got {len(value)}", fix=self.fix or "Correct it.")
+                raise InputError(
+                    self.place(key),
+                    what,
+                    measured=f"got {len(value)}",
+                    fix=self.fix or "Correct it.",
+                )
             each = parts[:1] * len(value) if parts[-1] is ... else parts
-            return tuple(self.value(part, entry, key) for part, entry in zip(each, value, strict=True))
+            return tuple(
+                self.value(part, entry, key) for part, entry in zip(each, value, strict=True)
+            )
         return float(value) if origin is float else value
 
 

@@ -33,7 +33,9 @@ class _Loader(yaml.SafeLoader):
 
 
 _Loader.add_implicit_resolver(
-    "tag:yaml.org,2002:float", re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$"), list("-+.0123456789")
+    "tag:yaml.org,2002:float",
+    re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$"),
+    list("-+.0123456789"),
 )
 
 
@@ -55,8 +57,18 @@ def load_yaml(
         _check_events(text, where, most_nodes)
         return yaml.load(text, Loader=loader)
     # The loader trusts explicit tags: `!!int ''` and `!!bool x` raise exceptions that it does not document.
-    except (yaml.YAMLError, ValueError, LookupError, AttributeError, TypeError, ArithmeticError, RecursionError) as met:
-        if "maximum nesting depth" in str(met):  # libyaml 0.2.6 and later look ahead, and stop at 1,000 levels
+    except (
+        yaml.YAMLError,
+        ValueError,
+        LookupError,
+        AttributeError,
+        TypeError,
+        ArithmeticError,
+        RecursionError,
+    ) as met:
+        if "maximum nesting depth" in str(
+            met
+        ):  # libyaml 0.2.6 and later look ahead, and stop at 1,000 levels
             raise _too_deep(where) from met
         line = getattr(getattr(met, "problem_mark", None), "line", None)
         what = fault.format(line="" if line is None else f" at line {line + 1}")
@@ -69,7 +81,12 @@ def _check_events(text: str | bytes, where: str, most_nodes: int) -> None:
     open_: list[_Container] = []
     for event in yaml.parse(text, Loader=FAST_LOADER):
         if isinstance(event, yaml.AliasEvent):
-            raise InputError(where, "aliases are not read", measured=f"line {_line(event)}", fix="Write the value out.")
+            raise InputError(
+                where,
+                "aliases are not read",
+                measured=f"line {_line(event)}",
+                fix="Write the value out.",
+            )
         if isinstance(event, yaml.NodeEvent):
             nodes += 1
             if open_:
@@ -80,12 +97,16 @@ def _check_events(text: str | bytes, where: str, most_nodes: int) -> None:
             open_.pop()
         if len(open_) > MAX_DEPTH:
             raise _too_deep(where)
-        check_most(nodes, most_nodes, where, "it holds too much", unit="values", fix="Give a smaller file.")
+        check_most(
+            nodes, most_nodes, where, "it holds too much", unit="values", fix="Give a smaller file."
+        )
 
 
 def _too_deep(where: str) -> InputError:
     what = "it is nested too deeply"
-    return InputError(where, what, measured=f"more than {MAX_DEPTH} levels", fix="Correct its brackets.")
+    return InputError(
+        where, what, measured=f"more than {MAX_DEPTH} levels", fix="Correct its brackets."
+    )
 
 
 def read_mapping(path: Path, where: str, fix: str) -> dict[Any, Any]:
@@ -108,11 +129,17 @@ class _Container:
 def _count_in(container: _Container, event: Any, where: str) -> None:
     """Count a node in its container; ``InputError`` for a key that the mapping already has."""
     container.nodes += 1
-    if not container.is_mapping or container.nodes % 2 == 0 or not isinstance(event, yaml.ScalarEvent):
+    if (
+        not container.is_mapping
+        or container.nodes % 2 == 0
+        or not isinstance(event, yaml.ScalarEvent)
+    ):
         return
     if event.value in container.keys:
         fix = "Keep one."
-        raise InputError(where, f"the key {event.value!r} is given twice, again at line {_line(event)}", fix=fix)
+        raise InputError(
+            where, f"the key {event.value!r} is given twice, again at line {_line(event)}", fix=fix
+        )
     container.keys.add(event.value)
 
 

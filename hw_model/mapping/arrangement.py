@@ -38,7 +38,10 @@ def arrange_cores(placed: PlacedGraph, expected_spikes: FloatArray | None = None
     traffic = core_traffic(placed, expected_spikes)
     shuffled = np.random.default_rng(0)
     starts = [np.array(placed.slots), _spectral_start(traffic, chip, slots)]
-    starts += [shuffled.permutation(slots)[: placed.cores] for _ in range(SHUFFLES if slots <= MAX_SHUFFLED else 0)]
+    starts += [
+        shuffled.permutation(slots)[: placed.cores]
+        for _ in range(SHUFFLES if slots <= MAX_SHUFFLED else 0)
+    ]
     ends = [_exchange(traffic, distance, start) for start in starts]
     best = min(ends, key=lambda slots: total_hops(traffic, distance, slots))
     return replace(placed, slots=tuple(map(int, best)))
@@ -97,7 +100,9 @@ def _exchange(traffic: FloatArray, distance: FloatArray, start: IntArray) -> Int
     at = np.concatenate((start, empty))
     flow = np.zeros((slots, slots))
     flow[:cores, :cores] = traffic
-    cost = flow @ distance[at]  # cost[i, s]: hops of core i's traffic were it in slot s, all others staying
+    cost = (
+        flow @ distance[at]
+    )  # cost[i, s]: hops of core i's traffic were it in slot s, all others staying
     while True:
         moved = cost[:, at]
         own = np.diag(moved)

@@ -22,7 +22,9 @@ def check_graph(graph: CompartmentGraph, chip: Chip) -> None:
         if not can_start(phase, graph.inputs):
             measured = f"align_events {phase.align_events}, axis {phase.axis!r}"
             fix = "Align to 1 event or more, with inputs of this axis alone."
-            raise InputError(f"phase {phase.name!r}", "it cannot be aligned", measured=measured, fix=fix)
+            raise InputError(
+                f"phase {phase.name!r}", "it cannot be aligned", measured=measured, fix=fix
+            )
     for item in graph.inputs:
         _check_visits(item, next(phase for phase in graph.phases if phase.name == item.phase))
     for group in graph.groups:
@@ -36,7 +38,9 @@ def check_graph(graph: CompartmentGraph, chip: Chip) -> None:
 def can_start(phase: Phase, inputs: Iterable[Input]) -> bool:
     """Tell whether the start of a phase is valid; an aligned phase is transposed as a whole, or not at all."""
     kinds = {item.positions is not None for item in inputs if item.phase == phase.name}
-    return phase.align_events is None or (phase.align_events >= 1 and kinds == {phase.axis == "location"})
+    return phase.align_events is None or (
+        phase.align_events >= 1 and kinds == {phase.axis == "location"}
+    )
 
 
 def _check_readout(graph: CompartmentGraph) -> None:
@@ -49,9 +53,13 @@ def _check_readout(graph: CompartmentGraph) -> None:
             raise InputError("readout", f"{name!r} is not a group of compartments", fix=fix)
     sizes = {size_of[name] for name in graph.readout.populations}
     if not sizes:
-        raise InputError("readout", "it names no population", fix="Name one, or leave out the readout.")
+        raise InputError(
+            "readout", "it names no population", fix="Name one, or leave out the readout."
+        )
     if len(sizes) > 1:
-        raise InputError("readout", f"its populations differ in size: {sorted(sizes)}", fix="Make them equal.")
+        raise InputError(
+            "readout", f"its populations differ in size: {sorted(sizes)}", fix="Make them equal."
+        )
 
 
 def _check_charges(graph: CompartmentGraph) -> None:
@@ -62,7 +70,9 @@ def _check_charges(graph: CompartmentGraph) -> None:
         kept, compartments = max(delays, default=0) + 2, sum(names.values())
         if kept * compartments > MOST_CHARGES:
             what = "its longest delay keeps more charges in flight than the simulator allows"
-            measured = f"{kept} steps of {counted(compartments, 'compartment')} against {MOST_CHARGES}"
+            measured = (
+                f"{kept} steps of {counted(compartments, 'compartment')} against {MOST_CHARGES}"
+            )
             fix = "Shorten the delay, or relay the spike through compartments."
             raise TargetError(f"phase {phase.name!r}", what, measured=measured, fix=fix)
 
@@ -71,13 +81,19 @@ def _check_names(graph: CompartmentGraph) -> None:
     names = [node.name for node in graph.nodes]
     for name in names:
         if names.count(name) > 1:
-            raise InputError(f"{name!r}", "two inputs or groups have this name", fix="Rename one of them.")
+            raise InputError(
+                f"{name!r}", "two inputs or groups have this name", fix="Rename one of them."
+            )
     phases = {phase.name for phase in graph.phases}
     for node in graph.nodes:
         if node.phase not in phases:
-            raise InputError(f"{node.name!r}", f"its phase {node.phase!r} does not exist", fix="Name a phase.")
+            raise InputError(
+                f"{node.name!r}", f"its phase {node.phase!r} does not exist", fix="Name a phase."
+            )
         if node.size < 1:
-            raise InputError(f"{node.name!r}", "it is empty", measured=f"size {node.size}", fix="Give it a size.")
+            raise InputError(
+                f"{node.name!r}", "it is empty", measured=f"size {node.size}", fix="Give it a size."
+            )
 
 
 def _check_visits(item: Input, phase: Phase) -> None:
@@ -89,13 +105,21 @@ def _check_visits(item: Input, phase: Phase) -> None:
     if len(outside):
         measured = f"step {outside[0]} of {phase.steps}, counted from 0"
         fix = "Give the phase more steps."
-        raise InputError(where, "a channel is visited outside its phase", measured=measured, fix=fix)
-    if lines is not None and (lines.shape != item.positions.shape or lines.min(initial=0) < 0 or item.rows < 1):
+        raise InputError(
+            where, "a channel is visited outside its phase", measured=measured, fix=fix
+        )
+    if lines is not None and (
+        lines.shape != item.positions.shape or lines.min(initial=0) < 0 or item.rows < 1
+    ):
         found = f"{len(lines)} within {lines.min(initial=0)}..{lines.max(initial=0)}"
         measured = f"{found} against {item.channels} within 0..{item.size - 1}"
-        raise InputError(where, "its first lines do not fit", measured=measured, fix="Give one per channel.")
+        raise InputError(
+            where, "its first lines do not fit", measured=measured, fix="Give one per channel."
+        )
     if item.lines_are_shared:
-        raise InputError(where, "two channels of one step share lines", fix="Give each lines of its own.")
+        raise InputError(
+            where, "two channels of one step share lines", fix="Give each lines of its own."
+        )
 
 
 def _parameter_rules(chip: Chip) -> tuple[tuple[str, int, int, str], ...]:
@@ -105,7 +129,12 @@ def _parameter_rules(chip: Chip) -> tuple[tuple[str, int, int, str], ...]:
     return (
         ("decay_u", 0, DECAY_ONE, "Give an effective decay, what is subtracted from 4096."),
         ("decay_v", 0, DECAY_ONE, "Give an effective decay, what is subtracted from 4096."),
-        ("threshold", 0, r.threshold_mantissa_max, "Give a 64th of the threshold, or scale the weights down."),
+        (
+            "threshold",
+            0,
+            r.threshold_mantissa_max,
+            "Give a 64th of the threshold, or scale the weights down.",
+        ),
         ("bias_mantissa", -bias, bias - 1, "Raise the bias exponent or scale the bias down."),
         ("bias_exponent", 0, r.bias_exponent_max, "Use a smaller exponent and a larger mantissa."),
         ("refractory", 1, r.refractory_max, "Shorten the refractory period; 1 blocks no step."),
@@ -119,23 +148,36 @@ def _check_group(graph: CompartmentGraph, group: Compartments, chip: Chip) -> No
     if group.joined_to is None:
         return
     parent = next((other for other in graph.groups if other.name == group.joined_to), None)
-    if parent is None or parent.phase != group.phase or parent.size != group.size or parent is group:
+    if (
+        parent is None
+        or parent.phase != group.phase
+        or parent.size != group.size
+        or parent is group
+    ):
         fix = "Join to another group of the same size and phase."
-        raise InputError(f"compartments {group.name!r}", f"cannot be joined to {group.joined_to!r}", fix=fix)
+        raise InputError(
+            f"compartments {group.name!r}", f"cannot be joined to {group.joined_to!r}", fix=fix
+        )
     if any(s.source == group.name for s in graph.synapses):
         what = "joined compartments do not spike, so no synapse can start there"
-        raise InputError(f"compartments {group.name!r}", what, fix=f"Connect from {group.joined_to!r}.")
+        raise InputError(
+            f"compartments {group.name!r}", what, fix=f"Connect from {group.joined_to!r}."
+        )
 
 
 def _check_range(group: Compartments, name: str, low: int, high: int, fix: str) -> None:
     values: IntArray = getattr(group, name)
     where = f"compartments {group.name!r}"
     if values.shape != (group.size,):
-        raise InputError(where, f"{name} has shape {values.shape}, not ({group.size},)", fix="Give one each.")
+        raise InputError(
+            where, f"{name} has shape {values.shape}, not ({group.size},)", fix="Give one each."
+        )
     bad = np.flatnonzero((values < low) | (values > high))
     if len(bad):
         measured = f"{values[bad[0]]} against {low}..{high}"
-        raise TargetError(where, f"{name} of compartment {bad[0]} is out of range", measured=measured, fix=fix)
+        raise TargetError(
+            where, f"{name} of compartment {bad[0]} is out of range", measured=measured, fix=fix
+        )
 
 
 def voltage_minima(chip: Chip) -> list[int]:
@@ -150,13 +192,18 @@ def voltage_maxima(chip: Chip) -> list[int]:
 
 
 def _check_voltage_limits(group: Compartments, chip: Chip) -> None:
-    rules = (("vmin", voltage_minima(chip), "1 - 2^k"), ("vmax", voltage_maxima(chip), "2^(9 + 2k) - 1"))
+    rules = (
+        ("vmin", voltage_minima(chip), "1 - 2^k"),
+        ("vmax", voltage_maxima(chip), "2^(9 + 2k) - 1"),
+    )
     for name, settings, formula in rules:
         for value in np.unique(getattr(group, name)).tolist():
             if value not in settings:
                 nearest = min(settings, key=lambda setting: abs(setting - value))
                 what = f"{name} {value} is not of the form {formula}"
-                raise TargetError(f"compartments {group.name!r}", what, fix=f"The nearest is {nearest}.")
+                raise TargetError(
+                    f"compartments {group.name!r}", what, fix=f"The nearest is {nearest}."
+                )
 
 
 def _check_synapses(graph: CompartmentGraph, synapses: Synapses, chip: Chip) -> None:
@@ -165,30 +212,50 @@ def _check_synapses(graph: CompartmentGraph, synapses: Synapses, chip: Chip) -> 
     if synapses.target in {item.name for item in graph.inputs}:
         raise InputError(where, "an input takes no synapses", fix="Connect it the other way round.")
     if synapses.source not in sizes or synapses.target not in sizes:
-        raise InputError(where, "it joins something that does not exist", fix="Add it before connecting.")
+        raise InputError(
+            where, "it joins something that does not exist", fix="Add it before connecting."
+        )
     if graph.phase_of(synapses.source) != graph.phase_of(synapses.target):
         raise InputError(where, "the ends are in different phases", fix="Connect within one phase.")
-    for values, end in ((synapses.source_index, synapses.source), (synapses.target_index, synapses.target)):
+    for values, end in (
+        (synapses.source_index, synapses.source),
+        (synapses.target_index, synapses.target),
+    ):
         if len(values) and (values.min() < 0 or values.max() >= sizes[end]):
             raise InputError(where, "an index is outside its group", fix="Correct the indices.")
     lengths = {len(getattr(synapses, f.name)) for f in fields(synapses) if f.type == IntArray}
     if len(lengths) != 1:
-        raise InputError(where, "the synapse arrays differ in length", fix="Give one row per synapse.")
+        raise InputError(
+            where, "the synapse arrays differ in length", fix="Give one row per synapse."
+        )
     grid = weight_grid(synapses.weight_bits, synapses.sign_mode)
     if synapses.weight_bits not in chip.registers.weight_bits:
         measured = f"{chip.name} has weight_bits_max {chip.registers.weight_bits_max}"
         fix = "Use narrower weights."
-        raise TargetError(where, f"weights of {synapses.weight_bits} bits are too wide", measured=measured, fix=fix)
+        raise TargetError(
+            where,
+            f"weights of {synapses.weight_bits} bits are too wide",
+            measured=measured,
+            fix=fix,
+        )
     bad = np.flatnonzero(grid.off_grid(synapses.mantissa))
     if len(bad):
-        kind, fix = f"{grid.weight_bits}-bit {grid.sign_mode} weights", "Round the weights onto the grid first."
+        kind, fix = (
+            f"{grid.weight_bits}-bit {grid.sign_mode} weights",
+            "Round the weights onto the grid first.",
+        )
         what = f"weight {synapses.mantissa[bad[0]]} is not on the grid of {kind}"
         of = counted(len(synapses.mantissa), "weight")
         measured = f"multiples of {grid.step} in {grid.low}..{grid.high}; {len(bad)} of {of} off"
         raise TargetError(where, what, measured=measured, fix=fix)
     if synapses.exponent not in WEIGHT_EXPONENTS:
         measured = f"{synapses.exponent} against -8..7"
-        raise TargetError(where, "the weight exponent is out of range", measured=measured, fix="Rescale the weights.")
+        raise TargetError(
+            where,
+            "the weight exponent is out of range",
+            measured=measured,
+            fix="Rescale the weights.",
+        )
     delays, most = synapses.delay, chip.registers.delay_max
     off = delays[(delays < 0) | (delays > most)]
     if len(off):
@@ -196,5 +263,9 @@ def _check_synapses(graph: CompartmentGraph, synapses: Synapses, chip: Chip) -> 
         measured = f"{worst} against 0..{most} steps; {len(off)} of {counted(len(delays), 'delay')} outside"
         # A relay adds the step that every spike takes, so k of them reach a delay of (k + 1) * (delay_max + 1) - 1.
         relays = counted(worst // (most + 1), "compartment")
-        fix = f"Relay the spike through {relays}, or shorten the delay." if worst > 0 else "Give 0 or more."
+        fix = (
+            f"Relay the spike through {relays}, or shorten the delay."
+            if worst > 0
+            else "Give 0 or more."
+        )
         raise TargetError(where, "a delay is out of range", measured=measured, fix=fix)

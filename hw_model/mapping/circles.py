@@ -15,12 +15,18 @@ def sources_first(count: int, edges: ArrayLike) -> list[list[int]]:
     while (further := (reached @ reached > 0).astype(np.float32)).sum() > reached.sum():
         reached = further
     circles = {int(np.argmax(row)): np.flatnonzero(row) for row in reached * reached.T}
-    before = {first: int(np.count_nonzero(reached[:, first])) - len(nodes) for first, nodes in circles.items()}
+    before = {
+        first: int(np.count_nonzero(reached[:, first])) - len(nodes)
+        for first, nodes in circles.items()
+    }
     order: list[list[int]] = []
     while before:
         first = min(node for node, waits in before.items() if waits == 0)
         del before[first]
-        before = {node: waits - len(circles[first]) * int(reached[first, node]) for node, waits in before.items()}
+        before = {
+            node: waits - len(circles[first]) * int(reached[first, node])
+            for node, waits in before.items()
+        }
         order.append(circles[first].tolist())
     return order
 

@@ -37,7 +37,9 @@ class SynapseFormat(Frozen, order=True):
     def widened(self, other: "SynapseFormat") -> "SynapseFormat":
         """Return the narrowest format that holds the synapses of both."""
         fields = ("weight_bits", "delay_bits", "index_bits")
-        return replace(self, **{name: max(getattr(self, name), getattr(other, name)) for name in fields})
+        return replace(
+            self, **{name: max(getattr(self, name), getattr(other, name)) for name in fields}
+        )
 
 
 class FanIn(Frozen, eq=False):
@@ -86,15 +88,26 @@ def fan_in(graph: CompartmentGraph, chip: Chip) -> tuple[FanIn, ...]:
     formats than a core holds, some come to share one, see :func:`share_formats`.
     """
     first = first_source(graph)
-    rows = [(graph.joins(s.target)[-1], _format(s, graph.group(s.target).size, chip), s) for s in graph.synapses]
+    rows = [
+        (graph.joins(s.target)[-1], _format(s, graph.group(s.target).size, chip), s)
+        for s in graph.synapses
+    ]
     counts: dict[str, Counter[SynapseFormat]] = {root: Counter() for root, *_ in rows}
     for root, form, synapses in rows:
         counts[root][form] += len(synapses.mantissa)
-    stored = {root: share_formats(count, chip.limits.synapse_formats_per_core) for root, count in counts.items()}
-    return tuple(_fan_in(i, s, stored[root][form], first[s.source], graph) for i, (root, form, s) in enumerate(rows))
+    stored = {
+        root: share_formats(count, chip.limits.synapse_formats_per_core)
+        for root, count in counts.items()
+    }
+    return tuple(
+        _fan_in(i, s, stored[root][form], first[s.source], graph)
+        for i, (root, form, s) in enumerate(rows)
+    )
 
 
-def share_formats(synapses: Mapping[SynapseFormat, int], limit: int) -> dict[SynapseFormat, SynapseFormat]:
+def share_formats(
+    synapses: Mapping[SynapseFormat, int], limit: int
+) -> dict[SynapseFormat, SynapseFormat]:
     """Return the format in which the synapses of each format are stored, given how many synapses each has.
 
     Up to ``limit`` formats stay as they are. Of more, the two for which it takes the fewest bits in all share one, and
@@ -114,17 +127,25 @@ def share_formats(synapses: Mapping[SynapseFormat, int], limit: int) -> dict[Syn
     return stored
 
 
-def _bits_added(pair: tuple[SynapseFormat, SynapseFormat], held: Mapping[SynapseFormat, int]) -> int:
+def _bits_added(
+    pair: tuple[SynapseFormat, SynapseFormat], held: Mapping[SynapseFormat, int]
+) -> int:
     """Return the bits of memory that it takes to store the synapses of two formats in one."""
     wide = pair[0].widened(pair[1]).bits_per_synapse
     return sum(held[form] * (wide - form.bits_per_synapse) for form in pair)
 
 
-def _fan_in(number: int, synapses: Synapses, form: SynapseFormat, first: int, graph: CompartmentGraph) -> FanIn:
+def _fan_in(
+    number: int, synapses: Synapses, form: SynapseFormat, first: int, graph: CompartmentGraph
+) -> FanIn:
     name = f"{number} {synapses.source} -> {synapses.target}"
     order = np.argsort(synapses.target_index, kind="stable")
     each = np.bincount(synapses.target_index, minlength=graph.group(synapses.target).size)
-    source, mantissa, delay = synapses.source_index[order] + first, synapses.mantissa[order], synapses.delay[order]
+    source, mantissa, delay = (
+        synapses.source_index[order] + first,
+        synapses.mantissa[order],
+        synapses.delay[order],
+    )
     start = np.append(0, np.cumsum(each))
     return FanIn(name, synapses.target, form, start, held(source), held(mantissa), held(delay))
 
@@ -134,4 +155,6 @@ def _format(synapses: Synapses, targets: int, chip: Chip) -> SynapseFormat:
     pairs = synapses.source_index.astype(np.int64) * targets + synapses.target_index
     full = len(pairs) % targets == 0 and np.array_equal(pairs, np.arange(len(pairs)))
     index_bits = 0 if full else (chip.limits.compartments_per_core - 1).bit_length()
-    return SynapseFormat(synapses.weight_bits, synapses.sign_mode, synapses.exponent, synapses.delay_bits, index_bits)
+    return SynapseFormat(
+        synapses.weight_bits, synapses.sign_mode, synapses.exponent, synapses.delay_bits, index_bits
+    )

@@ -88,7 +88,11 @@ class Input(Frozen, eq=False):
     @property
     def rows(self) -> int:
         """Rows of a recording that the transpose buffer takes: one a line, from the highest of ``first_lines`` on."""
-        return self.size if self.first_lines is None else self.size - int(self.first_lines.max(initial=0))
+        return (
+            self.size
+            if self.first_lines is None
+            else self.size - int(self.first_lines.max(initial=0))
+        )
 
     @property
     def lines_are_shared(self) -> bool:
@@ -122,7 +126,11 @@ class Compartments(Frozen, eq=False):
 
     def __post_init__(self) -> None:
         names = (item.name for item in fields(self) if item.type == IntArray)
-        _keep(self, lambda given: read_only(given if np.ndim(given) else np.full(self.size, given)), *names)
+        _keep(
+            self,
+            lambda given: read_only(given if np.ndim(given) else np.full(self.size, given)),
+            *names,
+        )
 
     @property
     def joined(self) -> IntArray:
@@ -179,18 +187,30 @@ class Readout(Frozen):
         """The populations that give potentials, each with its first step."""
         given = self.potentials_from
         each = given if isinstance(given, tuple) else (given,) * len(self.populations)
-        return {name: first for name, first in zip(self.populations, each, strict=True) if first is not None}
+        return {
+            name: first
+            for name, first in zip(self.populations, each, strict=True)
+            if first is not None
+        }
 
     @property
     def terms(self) -> list[tuple[str, float]]:
         """The populations with their weights."""
         return list(zip(self.populations, self.weights, strict=True))
 
-    def scores(self, spikes: Mapping[str, AnyArray], potential: Mapping[str, AnyArray]) -> FloatArray:
+    def scores(
+        self, spikes: Mapping[str, AnyArray], potential: Mapping[str, AnyArray]
+    ) -> FloatArray:
         """Return the scores (batch, classes) of spikes and potentials (batch, steps, classes) by population."""
         first = self.from_step
-        counts = {name: spikes[name].sum(axis=1, dtype=np.float64) for name in self.populations if name not in first}
-        return self.weighed(counts | {name: largest(potential[name], step) for name, step in first.items()})
+        counts = {
+            name: spikes[name].sum(axis=1, dtype=np.float64)
+            for name in self.populations
+            if name not in first
+        }
+        return self.weighed(
+            counts | {name: largest(potential[name], step) for name, step in first.items()}
+        )
 
     def weighed(self, given: Mapping[str, AnyArray]) -> FloatArray:
         """Return the scores (batch, classes) of what each population gives, added in the order of the readout.
@@ -215,7 +235,9 @@ def decided(scores: FloatArray) -> IntArray:
 def largest(potential: AnyArray, first: int) -> FloatArray:
     """Return the largest potentials (batch, n) of (batch, steps, n) from step ``first`` on; of no steps, 0."""
     rows = potential[:, first:]
-    return np.asarray(rows.max(axis=1) if rows.shape[1] else np.zeros(rows.shape[::2]), dtype=np.float64)
+    return np.asarray(
+        rows.max(axis=1) if rows.shape[1] else np.zeros(rows.shape[::2]), dtype=np.float64
+    )
 
 
 class CompartmentGraph(Frozen, eq=False):

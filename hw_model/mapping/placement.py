@@ -102,10 +102,15 @@ def populations(graph: CompartmentGraph, phase: str, incoming: Sequence[FanIn]) 
     ways = {group.name: graph.joins(group.name) for group in graph.groups if group.phase == phase}
     found = []
     for root in ways:
-        names = sorted((name for name, way in ways.items() if way[-1] == root), key=lambda name: -len(ways[name]))
+        names = sorted(
+            (name for name, way in ways.items() if way[-1] == root),
+            key=lambda name: -len(ways[name]),
+        )
         if names:
             projections = [p for p in incoming if p.target_group in names]
-            found.append(Piece([graph.group(name) for name in names], projections, 0, graph.group(root).size))
+            found.append(
+                Piece([graph.group(name) for name in names], projections, 0, graph.group(root).size)
+            )
     return found
 
 
@@ -153,10 +158,14 @@ def _crowded_by_output(placed: PlacedGraph) -> dict[str, int]:
     others, each is to have cores of its own.
     """
     limit = placed.chip.limits.output_axons_per_core
-    reached = np.bincount(np.concatenate(placed.axons), minlength=sum(node.size for node in placed.graph.nodes))
+    reached = np.bincount(
+        np.concatenate(placed.axons), minlength=sum(node.size for node in placed.graph.nodes)
+    )
     output_axons: dict[int, dict[Slice, int]] = {}
     for piece in placed.slices:
-        output_axons.setdefault(piece.core, {})[piece] = int(reached[placed.sources_of(piece)].sum())
+        output_axons.setdefault(piece.core, {})[piece] = int(
+            reached[placed.sources_of(piece)].sum()
+        )
     crowded: dict[str, int] = {}
     for on_core in output_axons.values():
         over = sum(on_core.values()) - limit
@@ -165,7 +174,9 @@ def _crowded_by_output(placed: PlacedGraph) -> dict[str, int]:
         largest = max(on_core, key=lambda piece: on_core[piece])
         fewer = {largest: largest.size * (on_core[largest] - over) // on_core[largest]}
         if fewer[largest] < 1:
-            fewer = {piece: min(piece.size, piece.size * limit // n) for piece, n in on_core.items() if n}
+            fewer = {
+                piece: min(piece.size, piece.size * limit // n) for piece, n in on_core.items() if n
+            }
         for piece, neurons in fewer.items():
             crowded[piece.group] = min(crowded.get(piece.group, neurons), neurons)
     return crowded
@@ -174,27 +185,47 @@ def _crowded_by_output(placed: PlacedGraph) -> dict[str, int]:
 def _too_large(neuron: Piece, chip: Chip) -> TargetError:
     broken = first_broken([neuron], chip)
     assert broken is not None
-    what, fix = f"{broken.use} {broken.what} of neuron {neuron.start} do not fit one core", broken.fix
-    return TargetError(f"population {neuron.root!r}", what, measured=f"{chip.name} holds {broken.limit}", fix=fix)
+    what, fix = (
+        f"{broken.use} {broken.what} of neuron {neuron.start} do not fit one core",
+        broken.fix,
+    )
+    return TargetError(
+        f"population {neuron.root!r}", what, measured=f"{chip.name} holds {broken.limit}", fix=fix
+    )
 
 
-def _too_many_cores(placed: PlacedGraph, incoming: tuple[FanIn, ...], most_neurons: Mapping[str, int]) -> TargetError:
+def _too_many_cores(
+    placed: PlacedGraph, incoming: tuple[FanIn, ...], most_neurons: Mapping[str, int]
+) -> TargetError:
     """Say how many chips would do, and, where narrower weights alone would, the most bits that do."""
     graph, chip = placed.graph, placed.chip
     chips = -(-placed.cores // chip.limits.cores_per_chip)
     fix = f"Give a chip file with chips: {chips}, if the board has as many"
     widest = max((p.format.weight_bits for p in incoming), default=1)
     for bits in sorted((b for b in WEIGHT_BITS if b < widest), reverse=True):
-        narrow = [replace(p, format=replace(p.format, weight_bits=min(bits, p.format.weight_bits))) for p in incoming]
+        narrow = [
+            replace(p, format=replace(p.format, weight_bits=min(bits, p.format.weight_bits)))
+            for p in incoming
+        ]
         if _fill(graph, chip, narrow, most_neurons).cores <= chip.cores:
             fix += f", or use {bits} weight bits"
             break
     measured = f"{chip.name} has {chip.cores} on {chip.chips} chip{'s' * (chip.chips > 1)}"
-    return TargetError(f"network {graph.name!r}", f"{placed.cores} cores are needed", measured=measured, fix=f"{fix}.")
+    return TargetError(
+        f"network {graph.name!r}",
+        f"{placed.cores} cores are needed",
+        measured=measured,
+        fix=f"{fix}.",
+    )
 
 
 def _too_many_targets(placed: PlacedGraph, name: str) -> TargetError:
     limit = placed.chip.limits.output_axons_per_core
     what = f"a neuron reaches more cores than a core has output axons ({placed.cores} cores in all)"
     fix = "Connect it to fewer populations, or relay its spikes through compartments."
-    return TargetError(f"population {name!r}", what, measured=f"{placed.chip.name} holds {limit} output axons", fix=fix)
+    return TargetError(
+        f"population {name!r}",
+        what,
+        measured=f"{placed.chip.name} holds {limit} output axons",
+        fix=fix,
+    )

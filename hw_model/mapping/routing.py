@@ -93,8 +93,13 @@ def route_axons(placed: PlacedGraph) -> RoutedGraph:
     for number, found in groupby(placed.slices, key=lambda piece: piece.core):
         slices, start = tuple(found), lines + number * per_core
         axons = _tables(slices, projections, placed.chip, sent(start, start + per_core))
-        cores.append(RoutedCore(number, placed.slots[number], graph.phase_of(slices[0].group), slices, axons))
-    routes = [InputRoute(item.name, *sent(first[item.name], first[item.name] + item.size)) for item in graph.inputs]
+        cores.append(
+            RoutedCore(number, placed.slots[number], graph.phase_of(slices[0].group), slices, axons)
+        )
+    routes = [
+        InputRoute(item.name, *sent(first[item.name], first[item.name] + item.size))
+        for item in graph.inputs
+    ]
     routed = RoutedGraph(placed, tuple(cores), tuple(routes))
     check_routed(routed)
     return routed
@@ -103,7 +108,9 @@ def route_axons(placed: PlacedGraph) -> RoutedGraph:
 def check_routed(routed: RoutedGraph) -> None:
     """Every synapse is in exactly one list; what cores hold is checked with the program that they become."""
     stored = sum(len(core.axons.target) for core in routed.cores)
-    assert stored == sum(len(s.mantissa) for s in routed.placed.graph.synapses), "routing lost or doubled synapses"
+    assert stored == sum(len(s.mantissa) for s in routed.placed.graph.synapses), (
+        "routing lost or doubled synapses"
+    )
 
 
 def _sent(placed: PlacedGraph) -> Callable[[int, int], Ways]:
@@ -111,10 +118,15 @@ def _sent(placed: PlacedGraph) -> Callable[[int, int], Ways]:
 
     A core has as many numbers as compartments fit it.
     """
-    lines, per_core = sum(item.size for item in placed.graph.inputs), placed.chip.limits.compartments_per_core
+    lines, per_core = (
+        sum(item.size for item in placed.graph.inputs),
+        placed.chip.limits.compartments_per_core,
+    )
     number = np.arange(len(placed.core_of_source()))
     for piece in placed.slices:
-        number[placed.sources_of(piece)] = lines + piece.core * per_core + piece.offset + np.arange(piece.size)
+        number[placed.sources_of(piece)] = (
+            lines + piece.core * per_core + piece.offset + np.arange(piece.size)
+        )
     unordered = number[np.concatenate(placed.axons)]
     order = np.argsort(unordered, kind="stable")
     sender = unordered[order]
@@ -128,7 +140,9 @@ def _sent(placed: PlacedGraph) -> Callable[[int, int], Ways]:
     return sent
 
 
-def _tables(slices: Sequence[Slice], projections: Sequence[FanIn], chip: Chip, output: Ways) -> AxonTables:
+def _tables(
+    slices: Sequence[Slice], projections: Sequence[FanIn], chip: Chip, output: Ways
+) -> AxonTables:
     """Return the tables of a core, given its output axons."""
     here = [(p, piece) for p in projections for piece in slices if piece.group == p.target_group]
     formats = sorted({projection.format for projection, _ in here})
@@ -137,9 +151,15 @@ def _tables(slices: Sequence[Slice], projections: Sequence[FanIn], chip: Chip, o
         rows = projection.rows(piece.start, piece.stop)
         target = projection.targets(piece.start, piece.stop) - piece.start + piece.offset
         form = np.full(len(target), formats.index(projection.format))
-        source, mantissa, delay = projection.source[rows], projection.mantissa[rows], projection.delay[rows]
+        source, mantissa, delay = (
+            projection.source[rows],
+            projection.mantissa[rows],
+            projection.delay[rows],
+        )
         columns.append((source, np.full(len(target), rank), target, mantissa, delay, form))
-    source, ranks, target, mantissa, delay, form = (np.concatenate(column) for column in zip(*columns, strict=True))
+    source, ranks, target, mantissa, delay, form = (
+        np.concatenate(column) for column in zip(*columns, strict=True)
+    )
     order = np.lexsort((target, ranks, source))
     _, starts = np.unique(source[order], return_index=True)
     list_start = np.append(starts, len(source))

@@ -50,4 +50,6 @@ def synapse_lists(
     start = np.flatnonzero(np.append(True, begins)[: len(target)])
     length = np.diff(np.append(start, len(target)))
     width = np.array([f.bits_per_synapse for f in formats], dtype=np.int64)[form[start]]
-    return SynapseLists(order, start, length, of_axon[start], width, memory.words(length, width), dense[start])
+    return SynapseLists(
+        order, start, length, of_axon[start], width, memory.words(length, width), dense[start]
+    )

@@ -23,7 +23,9 @@ def assemble(routed: RoutedGraph) -> ChipProgram:
     graph = routed.placed.graph
     cores = tuple(_core(core, graph) for core in routed.cores)
     kept = picked(graph, "name", "phases", "inputs", "readout", "synapses_pruned", "provenance")
-    program = ChipProgram(**kept, chip=routed.placed.chip, input_routes=routed.input_routes, cores=cores)
+    program = ChipProgram(
+        **kept, chip=routed.placed.chip, input_routes=routed.input_routes, cores=cores
+    )
     check_program(program)
     return program
 
@@ -32,10 +34,14 @@ def _core(routed: RoutedCore, graph: CompartmentGraph) -> Core:
     groups = [graph.group(piece.group) for piece in routed.slices]
 
     def column(name: str) -> IntArray:
-        parts = [getattr(g, name)[p.start : p.stop] for g, p in zip(groups, routed.slices, strict=True)]
+        parts = [
+            getattr(g, name)[p.start : p.stop] for g, p in zip(groups, routed.slices, strict=True)
+        ]
         return np.concatenate(parts)
 
-    profiles, profile = np.unique(np.stack([column(name) for name in PROFILE]), axis=1, return_inverse=True)
+    profiles, profile = np.unique(
+        np.stack([column(name) for name in PROFILE]), axis=1, return_inverse=True
+    )
     thresholds, threshold = np.unique(column("threshold"), return_inverse=True)
     return Core(
         **picked(routed, "number", "slot", "phase", "slices", "axons"),
@@ -55,5 +61,7 @@ def _parents(slices: tuple[Slice, ...], groups: list[Compartments]) -> IntArray:
     parents = []
     for piece, group in zip(slices, groups, strict=True):
         beside: Any = [p for p in slices if p.group == group.joined_to and p.start == piece.start]
-        parents.append(beside[0].offset + np.arange(piece.size) if beside else np.full(piece.size, -1))
+        parents.append(
+            beside[0].offset + np.arange(piece.size) if beside else np.full(piece.size, -1)
+        )
     return np.concatenate(parents).astype(np.int64)

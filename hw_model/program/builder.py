@@ -13,7 +13,15 @@ from hw_model.errors import InputError, TargetError, check_most
 from hw_model.io.given import checked
 from hw_model.mapping.arrangement import arrange_cores
 from hw_model.mapping.check_graph import check_graph
-from hw_model.mapping.graph import CompartmentGraph, Compartments, Input, Phase, Readout, Synapses, read_only
+from hw_model.mapping.graph import (
+    CompartmentGraph,
+    Compartments,
+    Input,
+    Phase,
+    Readout,
+    Synapses,
+    read_only,
+)
 from hw_model.mapping.placement import place_cores
 from hw_model.mapping.routing import route_axons
 from hw_model.program.assemble import assemble
@@ -92,14 +100,26 @@ class ProgramBuilder:
         def column(key: str, value: Ints) -> IntArray:
             return _whole(f"compartments {name!r}", key, value, (node.size,))
 
-        last, joined = self._chip.registers.voltage_max, None if joined_to is None else joined_to.name
-        given = {"decay_u": decay_u, "decay_v": decay_v, "threshold": threshold, "refractory": refractory}
+        last, joined = (
+            self._chip.registers.voltage_max,
+            None if joined_to is None else joined_to.name,
+        )
+        given = {
+            "decay_u": decay_u,
+            "decay_v": decay_v,
+            "threshold": threshold,
+            "refractory": refractory,
+        }
         given |= {"vmin": -last if vmin is None else vmin, "vmax": last if vmax is None else vmax}
         columns = {key: column(key, value) for key, value in given.items()}
         # A lower limit beyond the register is the register's own end: 1 - 2^k is defined up to k = 31.
         low = columns["vmin"]
-        columns["vmin"] = np.where(np.isin(low, [1 - (1 << k) for k in range(32)]), np.maximum(low, -last), low)
-        columns["bias_mantissa"], columns["bias_exponent"] = _bias(name, column("bias", bias), self._chip)
+        columns["vmin"] = np.where(
+            np.isin(low, [1 - (1 << k) for k in range(32)]), np.maximum(low, -last), low
+        )
+        columns["bias_mantissa"], columns["bias_exponent"] = _bias(
+            name, column("bias", bias), self._chip
+        )
         self._groups.append(Compartments(name, "time", node.size, **columns, joined_to=joined))
         return node
 
@@ -124,7 +144,9 @@ class ProgramBuilder:
         shape = (target.size, source.size)
         if sparse.issparse(weights) and weights.shape != shape:
             raise _wrong_shape(where, "weights", weights.shape, shape)
-        entries = sparse.coo_array(weights if sparse.issparse(weights) else _whole(where, "weights", weights, shape))
+        entries = sparse.coo_array(
+            weights if sparse.issparse(weights) else _whole(where, "weights", weights, shape)
+        )
         entries.sum_duplicates()
         keep = entries.data != 0
         rows, columns = (index.astype(np.int64)[keep] for index in (entries.row, entries.col))
@@ -134,7 +156,9 @@ class ProgramBuilder:
         if sparse.issparse(delay) and delay.shape == shape:
             delay = _whole(where, "delay", sparse.csr_array(delay)[rows, columns], rows.shape)
         elif np.ndim(delay):
-            delay = _whole(where, "delay", delay.toarray() if sparse.issparse(delay) else delay, shape)[rows, columns]
+            delay = _whole(
+                where, "delay", delay.toarray() if sparse.issparse(delay) else delay, shape
+            )[rows, columns]
         delays = np.broadcast_to(_whole(where, "delay", delay, rows.shape), rows.shape)
         order = np.lexsort((rows, columns))
         number = int(_whole(where, "exponent", exponent, ()))
@@ -152,7 +176,9 @@ class ProgramBuilder:
             fix = "Call add_input and add_compartments first."
             raise InputError(f"program {self._name!r}", "has no input or no compartments", fix=fix)
         parts = tuple(self._inputs), tuple(self._groups), tuple(self._synapses)
-        graph = CompartmentGraph(self._name, (Phase("time", "time", None),), *parts, self._readout, self._pruned)
+        graph = CompartmentGraph(
+            self._name, (Phase("time", "time", None),), *parts, self._readout, self._pruned
+        )
         check_graph(graph, self._chip)
         return graph
 
@@ -172,19 +198,33 @@ def _whole(where: str, key: str, value: Any, shape: tuple[int, ...]) -> IntArray
     """Return integers of this shape; one value stands for all. Raises ``InputError`` for anything else."""
     array = np.asarray(value)
     if array.dtype.kind not in "biuf" or not np.array_equal(array, np.round(array)):
-        raise InputError(where, f"{key} has values that are not whole numbers", fix="Quantise them first.")
+        raise InputError(
+            where, f"{key} has values that are not whole numbers", fix="Quantise them first."
+        )
     beyond = array[(array < -LARGEST) | (array > LARGEST)]
     if beyond.size:
         fix = "Quantise them first."
-        raise InputError(where, f"{key} has values that no register holds", measured=f"{beyond.flat[0]:g}", fix=fix)
+        raise InputError(
+            where,
+            f"{key} has values that no register holds",
+            measured=f"{beyond.flat[0]:g}",
+            fix=fix,
+        )
     if array.shape not in ((), shape):
         raise _wrong_shape(where, key, array.shape, shape)
     return read_only(np.broadcast_to(array, shape))
 
 
-def _wrong_shape(where: str, key: str, given: tuple[int, ...], shape: tuple[int, ...]) -> InputError:
+def _wrong_shape(
+    where: str, key: str, given: tuple[int, ...], shape: tuple[int, ...]
+) -> InputError:
     order = "n_target rows and n_source columns" if len(shape) == 2 else "one value per compartment"
-    return InputError(where, f"{key} has the wrong shape", measured=f"{given} against {shape}", fix=f"Give {order}.")
+    return InputError(
+        where,
+        f"{key} has the wrong shape",
+        measured=f"{given} against {shape}",
+        fix=f"Give {order}.",
+    )
 
 
 def _bias(name: str, values: IntArray, chip: Chip) -> tuple[IntArray, IntArray]:
@@ -197,7 +237,14 @@ def _bias(name: str, values: IntArray, chip: Chip) -> tuple[IntArray, IntArray]:
     nearest = mantissa << exponent
     bad = np.flatnonzero(nearest != values)
     if len(bad):
-        what = f"bias {values[bad[0]]} of compartment {bad[0]} is not a mantissa times a power of two"
+        what = (
+            f"bias {values[bad[0]]} of compartment {bad[0]} is not a mantissa times a power of two"
+        )
         measured = f"mantissa {-span}..{span - 1}, exponent 0..{most}"
-        raise TargetError(f"compartments {name!r}", what, measured=measured, fix=f"The nearest is {nearest[bad[0]]}.")
+        raise TargetError(
+            f"compartments {name!r}",
+            what,
+            measured=measured,
+            fix=f"The nearest is {nearest[bad[0]]}.",
+        )
     return mantissa, exponent

@@ -61,11 +61,15 @@ def check_program(program: ChipProgram) -> None:
 def _first_lines_fit(item: Input) -> bool:
     """Tell whether there is one line per channel, and channels of the same step do not share lines."""
     first, at = item.first_lines, item.positions
-    fit = first is None or (at is not None and len(first) == len(at) and _within(first, 0, item.size - 1))
+    fit = first is None or (
+        at is not None and len(first) == len(at) and _within(first, 0, item.size - 1)
+    )
     return fit and not item.lines_are_shared
 
 
-def _table_rules(index: int, core: Core, phases: Sequence[str], registers: Registers) -> list[tuple[str, bool]]:
+def _table_rules(
+    index: int, core: Core, phases: Sequence[str], registers: Registers
+) -> list[tuple[str, bool]]:
     axons, count = core.axons, core.compartments
     bias_max = (1 << registers.bias_mantissa_bits) - 1
     ends = np.cumsum([0, *(piece.stop - piece.start for piece in core.slices)]).tolist()
@@ -121,18 +125,29 @@ def _limit_rules(core: Core, chip: Chip) -> list[tuple[str, bool]]:
 def _check_ways(program: ChipProgram) -> None:
     """Check that every core has its own place on the board, and every input axon one sender, in its core's phase."""
     slots = [core.slot for core in program.cores]
-    _check("cores", [("slots", len(set(slots)) == len(slots) and _whole(slots, 0, program.chip.cores - 1))])
+    _check(
+        "cores",
+        [("slots", len(set(slots)) == len(slots) and _whole(slots, 0, program.chip.cores - 1))],
+    )
     input_axons = np.array([core.axons.input_axons for core in program.cores], dtype=np.int64)
     begin = np.cumsum([0, *input_axons])
     phases = [phase.name for phase in program.phases]
     phase_of = np.array([phases.index(core.phase) for core in program.cores], dtype=np.int64)
-    ways = [(f"core {core.number}", core.phase, core.axons.out_core, core.axons.out_axon) for core in program.cores]
+    ways = [
+        (f"core {core.number}", core.phase, core.axons.out_core, core.axons.out_axon)
+        for core in program.cores
+    ]
     for item, route in zip(program.inputs, program.input_routes, strict=True):
         ways.append((f"input {route.input!r}", item.phase, route.core, route.axon))
     senders = np.zeros(begin[-1], dtype=np.int64)
     for where, phase, core, axon in ways:
-        exists = _within(core, 0, len(input_axons) - 1) and bool(((axon >= 0) & (axon < input_axons[core])).all())
-        _check(where, [("destinations", exists and bool((phase_of[core] == phases.index(phase)).all()))])
+        exists = _within(core, 0, len(input_axons) - 1) and bool(
+            ((axon >= 0) & (axon < input_axons[core])).all()
+        )
+        _check(
+            where,
+            [("destinations", exists and bool((phase_of[core] == phases.index(phase)).all()))],
+        )
         np.add.at(senders, begin[core] + axon, 1)
     for there, many in zip(program.cores, np.split(senders, begin[1:-1]), strict=True):
         _check(f"core {there.number}", [("input axons", bool((many == 1).all()))])
@@ -148,11 +163,16 @@ def _check_groups(program: ChipProgram) -> None:
         found.sort()
         starts, stops = [start for start, *_ in found], [stop for _, stop, _ in found]
         one_phase = len({phase for *_, phase in found}) == 1
-        _check(f"compartments {name!r}", [("slices", starts == [0, *stops[:-1]]), ("phases", one_phase)])
+        _check(
+            f"compartments {name!r}",
+            [("slices", starts == [0, *stops[:-1]]), ("phases", one_phase)],
+        )
     if program.readout is not None:
         sizes = {program.populations.get(name) for name in program.readout.populations}
         small = all(abs(weight) <= MAX_WEIGHT for weight in program.readout.weights)
-        _check("readout", [("populations", len(sizes) == 1 and None not in sizes), ("weights", small)])
+        _check(
+            "readout", [("populations", len(sizes) == 1 and None not in sizes), ("weights", small)]
+        )
 
 
 def _check(where: str, rules: Iterable[tuple[str, bool]]) -> None:
@@ -166,4 +186,7 @@ def _within(values: IntArray, low: int, high: int) -> bool:
 
 
 def _whole(values: Iterable[object], low: int, high: int) -> bool:
-    return all(isinstance(value, int) and not isinstance(value, bool) and low <= value <= high for value in values)
+    return all(
+        isinstance(value, int) and not isinstance(value, bool) and low <= value <= high
+        for value in values
+    )

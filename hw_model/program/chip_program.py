@@ -53,7 +53,9 @@ class Core(Frozen, eq=False):
 
     def setting(self, name: str) -> IntArray:
         """Return a profile setting for every compartment, shape (compartments,)."""
-        return np.array([getattr(profile, name) for profile in self.profiles], dtype=np.int64)[self.profile]
+        return np.array([getattr(profile, name) for profile in self.profiles], dtype=np.int64)[
+            self.profile
+        ]
 
     @property
     def slice_of_compartment(self) -> IntArray:
@@ -131,7 +133,9 @@ class ChipProgram(Shown):
         columns: dict[str, dict[str, slice]] = {phase.name: {} for phase in self.phases}
         for phase, found in columns.items():
             first = 0
-            for name in dict.fromkeys(piece.group for core in self.cores_of(phase) for piece in core.slices):
+            for name in dict.fromkeys(
+                piece.group for core in self.cores_of(phase) for piece in core.slices
+            ):
                 found[name] = slice(first, first + self.populations[name])
                 first += self.populations[name]
         return columns
@@ -179,7 +183,11 @@ class ChipProgram(Shown):
     @cached_property
     def spiking(self) -> frozenset[str]:
         """The names of the groups that can spike."""
-        pieces = ((core.profiles[core.profile[piece.offset]], piece) for core in self.cores for piece in core.slices)
+        pieces = (
+            (core.profiles[core.profile[piece.offset]], piece)
+            for core in self.cores
+            for piece in core.slices
+        )
         return frozenset(piece.group for profile, piece in pieces if not profile.joined)
 
     @cached_property

@@ -25,7 +25,15 @@ from hw_model.mapping.placement import Slice
 from hw_model.mapping.routing import AxonTables, InputRoute
 from hw_model.program.check import OF_SYNAPSES, check_program
 from hw_model.program.chip_program import ChipProgram, CompartmentProfile, Core
-from hw_model.program.write import AXON_ARRAYS, CORE_ARRAYS, FORMAT, INPUT_ENTRIES, RECORDINGS, ROUTE_ARRAYS, VERSION
+from hw_model.program.write import (
+    AXON_ARRAYS,
+    CORE_ARRAYS,
+    FORMAT,
+    INPUT_ENTRIES,
+    RECORDINGS,
+    ROUTE_ARRAYS,
+    VERSION,
+)
 from hw_model.values import IntArray, sealed
 
 MAX_FILE_BYTES = 2 << 30
@@ -41,15 +49,22 @@ def load_program(folder: str | Path) -> ChipProgram:
     path, fix = Path(folder), "Give the folder that the compiler wrote."
     finish_writing(path)
     yaml_bytes, npz_bytes = (
-        read_bytes(path / name, f"program {str(path)!r}, {name}", MAX_FILE_BYTES, "Compile again.", fix)
+        read_bytes(
+            path / name, f"program {str(path)!r}, {name}", MAX_FILE_BYTES, "Compile again.", fix
+        )
         for name in ("program.yaml", "program.npz")
     )
     asked = "program.yaml", "the file is not YAML: it is damaged", "Compile again."
     document = load_yaml(yaml_bytes, *asked, loader=FAST_LOADER, most_nodes=MAX_YAML_NODES)
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise InputError("program.yaml", "this is not a program", fix=fix)
-    version, fix = repr(document.get("version")), "Compile it again, or use the release that wrote it."
-    check_same(version, repr(VERSION), "program.yaml", "the program has another format version", fix=fix)
+    version, fix = (
+        repr(document.get("version")),
+        "Compile it again, or use the release that wrote it.",
+    )
+    check_same(
+        version, repr(VERSION), "program.yaml", "the program has another format version", fix=fix
+    )
     if hashlib.sha256(npz_bytes).hexdigest() != document.get("arrays_sha256"):
         what = "the checksum differs: it is damaged, or of another program"
         raise InputError("program.npz", what, fix="Compile again.")
@@ -59,7 +74,9 @@ def load_program(folder: str | Path) -> ChipProgram:
     above, seal, said = yaml_bytes.replace(b"\r\n", b"\n").rpartition(SEAL.encode())
     if seal and hashlib.sha256(above).hexdigest().encode() != said.strip():
         fix = "Compile again or, to play it as edited, remove its last line."
-        raise InputError("program.yaml", "its checksum differs: it was edited, or is damaged", fix=fix)
+        raise InputError(
+            "program.yaml", "its checksum differs: it was edited, or is damaged", fix=fix
+        )
     return program
 
 
@@ -82,8 +99,12 @@ def _program(document: dict[str, Any], arrays: dict[str, IntArray]) -> ChipProgr
     for index, item in enumerate(document["inputs"]):
         positions = arrays[f"input{index}/positions"] if item["transposed"] else None
         said = {name: item[name] for name in INPUT_ENTRIES} | {"size": int(item["size"])}
-        inputs.append(Input(**said, positions=positions, first_lines=arrays.get(f"input{index}/first_lines")))
-        routes.append(InputRoute(item["name"], *(arrays[f"input{index}/{name}"] for name in ROUTE_ARRAYS)))
+        inputs.append(
+            Input(**said, positions=positions, first_lines=arrays.get(f"input{index}/first_lines"))
+        )
+        routes.append(
+            InputRoute(item["name"], *(arrays[f"input{index}/{name}"] for name in ROUTE_ARRAYS))
+        )
     readout = document["readout"]
     return ChipProgram(
         name=str(document["name"]),
@@ -92,7 +113,9 @@ def _program(document: dict[str, Any], arrays: dict[str, IntArray]) -> ChipProgr
         inputs=tuple(inputs),
         input_routes=tuple(routes),
         cores=tuple(_core(core, arrays) for core in document["cores"]),
-        readout=None if readout is None else _readout(readout, document.get("readout_potentials_from")),
+        readout=None
+        if readout is None
+        else _readout(readout, document.get("readout_potentials_from")),
         synapses_pruned=int(document["synapses_pruned"]),
         provenance={str(key): str(value) for key, value in document["provenance"].items()},
         **{name: _known(document, name, kind) for name, kind in RECORDINGS.items()},
@@ -105,7 +128,11 @@ def _known(document: dict[str, Any], name: str, kind: type[int] | type[float]) -
     value = document.get(name)
     if value is None:
         return None
-    if type(value) not in (kind, int) or not 0 <= value < math.inf or (name == "step_seconds" and value == 0):
+    if (
+        type(value) not in (kind, int)
+        or not 0 <= value < math.inf
+        or (name == "step_seconds" and value == 0)
+    ):
         raise ValueError(name)
     return value
 

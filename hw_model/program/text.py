@@ -36,12 +36,16 @@ def array_text(array: AnyArray) -> str:
 def compartments_text(graph: CompartmentGraph) -> str:
     """Return the text of a CompartmentGraph."""
     read = _readout(graph.readout) if graph.readout else ""
-    return _LEVELS.piece("compartments", graph, groups=[_group(group) for group in graph.groups], read=read)
+    return _LEVELS.piece(
+        "compartments", graph, groups=[_group(group) for group in graph.groups], read=read
+    )
 
 
 def placed_text(placed: PlacedGraph) -> str:
     """Return the text of a PlacedGraph: the slices of every core."""
-    return _LEVELS.piece("placed", placed, by_core=sorted(placed.slices, key=lambda s: s.core), cores=placed.cores)
+    return _LEVELS.piece(
+        "placed", placed, by_core=sorted(placed.slices, key=lambda s: s.core), cores=placed.cores
+    )
 
 
 def routed_text(routed: RoutedGraph) -> str:
@@ -51,7 +55,9 @@ def routed_text(routed: RoutedGraph) -> str:
 
 def program_text(program: ChipProgram) -> str:
     """Return the text of a ChipProgram: tables of every core."""
-    return _LEVELS.piece("program", program, said=[f"{key}: {value}" for key, value in program.provenance.items()])
+    return _LEVELS.piece(
+        "program", program, said=[f"{key}: {value}" for key, value in program.provenance.items()]
+    )
 
 
 def _group(group: Compartments) -> dict[str, Any]:
@@ -64,8 +70,12 @@ def _group(group: Compartments) -> dict[str, Any]:
 
 
 def _readout(readout: Readout) -> str:
-    what = {name: f"largest potential, from step {step} on," for name, step in readout.from_step.items()}
-    return " + ".join(f"{weight:g} * {what.get(name, 'spikes')} of {name}" for name, weight in readout.terms)
+    what = {
+        name: f"largest potential, from step {step} on," for name, step in readout.from_step.items()
+    }
+    return " + ".join(
+        f"{weight:g} * {what.get(name, 'spikes')} of {name}" for name, weight in readout.terms
+    )
 
 
 _LEVELS = Pieces(

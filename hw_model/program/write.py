@@ -23,20 +23,40 @@ if TYPE_CHECKING:
 
 FORMAT = "locsnn-program"
 VERSION = 1
-_NUMBERS: dict[str, type[int] | type[float]] = {"step_seconds": float, "event_threshold": int, "psi": float}
+_NUMBERS: dict[str, type[int] | type[float]] = {
+    "step_seconds": float,
+    "event_threshold": int,
+    "psi": float,
+}
 RECORDINGS = _NUMBERS | {"polarities": int, "columns": int}
 """What is known about how recordings become steps and predictions; unknown values are left out."""
 CORE_ARRAYS = ("profile", "threshold", "bias_mantissa", "bias_exponent", "parent")
-AXON_ARRAYS = ("list_start", "target", "mantissa", "delay", "format_index", "out_compartment", "out_core", "out_axon")
+AXON_ARRAYS = (
+    "list_start",
+    "target",
+    "mantissa",
+    "delay",
+    "format_index",
+    "out_compartment",
+    "out_core",
+    "out_axon",
+)
 ROUTE_ARRAYS = ("line", "core", "axon")
 INPUT_ENTRIES = ("name", "size", "phase", "stream")
 
 
 def program_files(program: ChipProgram) -> dict[str, bytes]:
     """Return the two files as bytes, by name; the same program gives the same bytes."""
-    columns = ((f"{name}.npy", npy_bytes(array.astype(np.int64))) for name, array in program_arrays(program).items())
+    columns = (
+        (f"{name}.npy", npy_bytes(array.astype(np.int64)))
+        for name, array in program_arrays(program).items()
+    )
     arrays = pack_files(columns, compressed=True)
-    document = {"format": FORMAT, "version": VERSION, "arrays_sha256": hashlib.sha256(arrays).hexdigest()}
+    document = {
+        "format": FORMAT,
+        "version": VERSION,
+        "arrays_sha256": hashlib.sha256(arrays).hexdigest(),
+    }
     document.update(program_document(program))
     text = yaml.dump(document, sort_keys=False, allow_unicode=True, width=120, Dumper=_Dumper)
     text += f"{SEAL}{hashlib.sha256(text.encode()).hexdigest()}\n"
@@ -50,7 +70,9 @@ def save_program(program: ChipProgram, folder: str | Path) -> None:
         replace_entries(target, program_files(program))
     except OSError as error:
         fix = "Choose a folder that you may write to."
-        raise InputError(f"folder {target.name!r}", f"cannot be written: {error.strerror}", fix=fix) from error
+        raise InputError(
+            f"folder {target.name!r}", f"cannot be written: {error.strerror}", fix=fix
+        ) from error
 
 
 class _Dumper(yaml.SafeDumper):
@@ -75,12 +97,21 @@ def program_document(program: ChipProgram) -> dict[str, Any]:
         "target": program.chip.name,
         "provenance": dict(program.provenance),
         "synapses_pruned": program.synapses_pruned,
-        **{name: value for name, value in picked(program, *RECORDINGS).items() if value is not None},
+        **{
+            name: value for name, value in picked(program, *RECORDINGS).items() if value is not None
+        },
         **({"class_names": list(program.class_names)} if program.class_names else {}),
         "phases": [_given(asdict(phase)) for phase in program.phases],
-        "inputs": [{**picked(i, *INPUT_ENTRIES), "transposed": i.positions is not None} for i in program.inputs],
+        "inputs": [
+            {**picked(i, *INPUT_ENTRIES), "transposed": i.positions is not None}
+            for i in program.inputs
+        ],
         "readout": None if readout is None else dict(readout.terms),
-        **({"readout_potentials_from": _potentials_from(readout)} if readout and readout.from_step else {}),
+        **(
+            {"readout_potentials_from": _potentials_from(readout)}
+            if readout and readout.from_step
+            else {}
+        ),
         "cores": [_core(core) for core in program.cores],
         "chip": program.chip.document,
     }
@@ -103,7 +134,9 @@ def _core(core: Core) -> dict[str, Any]:
 
 def _given(phase: dict[str, Any]) -> dict[str, Any]:
     """Return a phase without its start, if it has none."""
-    return {key: value for key, value in phase.items() if key != "align_events" or value is not None}
+    return {
+        key: value for key, value in phase.items() if key != "align_events" or value is not None
+    }
 
 
 def _potentials_from(readout: Readout) -> int | dict[str, int]:
@@ -117,9 +150,13 @@ def program_arrays(program: ChipProgram) -> dict[str, IntArray]:
     arrays: dict[str, IntArray] = {}
     for index, item in enumerate(program.inputs):
         visits = picked(item, "positions", "first_lines")
-        arrays |= {f"input{index}/{name}": array for name, array in visits.items() if array is not None}
+        arrays |= {
+            f"input{index}/{name}": array for name, array in visits.items() if array is not None
+        }
     for index, route in enumerate(program.input_routes):
-        arrays.update({f"input{index}/{name}": array for name, array in picked(route, *ROUTE_ARRAYS).items()})
+        arrays.update(
+            {f"input{index}/{name}": array for name, array in picked(route, *ROUTE_ARRAYS).items()}
+        )
     for core in program.cores:
         held = picked(core, *CORE_ARRAYS) | picked(core.axons, *AXON_ARRAYS)
         arrays.update({f"core{core.number}/{name}": array for name, array in held.items()})

@@ -31,7 +31,9 @@ def compare(
     of_core = dict(zip(ANSWER, answers.T, strict=True))
     kept = [(getattr(expected, kind), getattr(found, kind)) for kind in KINDS]
     pairs = [(ours[name], theirs[name]) for ours, theirs in kept for name in ours]
-    pairs += [([counts[name] for counts in expected.per_recording], of_core[name]) for name in ANSWER[3:]]
+    pairs += [
+        ([counts[name] for counts in expected.per_recording], of_core[name]) for name in ANSWER[3:]
+    ]
     pairs += [([0], of_core["error"])]
     if expected.scores is not None:
         pairs += [(expected.scores, found.scores), (expected.prediction, of_core["class"])]

@@ -29,7 +29,16 @@ UNKNOWN = -(1 << 62)
 """What stands for a value that the logic leaves undefined: nothing that a simulation gives."""
 _UNDEFINED = dict.fromkeys(map(ord, "xXzZ"), str(UNKNOWN))
 UPDATE = ("compartment", "u", "v", "potential", "fired", "active", *EVENTS)
-ANSWER = ("error", "class", "cycles", "synaptic_ops", "neuron_updates", "neuron_updates_active", "spikes", *EVENTS)
+ANSWER = (
+    "error",
+    "class",
+    "cycles",
+    "synaptic_ops",
+    "neuron_updates",
+    "neuron_updates_active",
+    "spikes",
+    *EVENTS,
+)
 """What the bench writes of an update, and of a recording."""
 
 
@@ -75,21 +84,29 @@ def play_on_core(
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "load").write_bytes(hex_words(core.load_words(sizes)))
-        (folder / "words").write_text("".join(f"{word:x}\n" for one in recordings for word in words_of(core, one)))
+        (folder / "words").write_text(
+            "".join(f"{word:x}\n" for one in recordings for word in words_of(core, one))
+        )
         run(binary, folder, patience)
         answers = _numbers(folder / "answers", (batch, len(ANSWER)))
         scores = _numbers(folder / "scores", (batch, classes)) / core.scale
-        runs = [len(p.span(one)) * len(core.numbers[p.name]) for one in recordings for p in core.phases]
+        runs = [
+            len(p.span(one)) * len(core.numbers[p.name]) for one in recordings for p in core.phases
+        ]
         ends = np.cumsum([0, *runs])
         updates = _numbers(folder / "updates", (int(ends[-1]), len(UPDATE)))
 
     names, played_so_far = [phase.name for phase in core.phases], dict.fromkeys(core.numbers, 0)
 
-    def run_phase(program: ChipProgram, phase: str, played: PhaseInput, windows: dict[Register, Window]) -> PhaseTrace:
+    def run_phase(
+        program: ChipProgram, phase: str, played: PhaseInput, windows: dict[Register, Window]
+    ) -> PhaseTrace:
         begin = played_so_far[phase]
         played_so_far[phase] += len(played.start)
         places = len(names) * np.arange(begin, played_so_far[phase]) + names.index(phase)
-        return _trace(core, phase, played, windows, [updates[ends[at] : ends[at + 1]] for at in places])
+        return _trace(
+            core, phase, played, windows, [updates[ends[at] : ends[at + 1]] for at in places]
+        )
 
     found = play_recordings(program, spikes, steps, probe, run_phase, Player())
     found.count_tables[names[-1]][:, COUNTED.index("cycles")] = answers[:, 2]
@@ -117,7 +134,11 @@ def _numbers(path: Path, shape: tuple[int, ...]) -> IntArray:
 
 
 def _trace(
-    core: CoreProgram, phase: str, played: PhaseInput, windows: dict[Register, Window], updates: list[IntArray]
+    core: CoreProgram,
+    phase: str,
+    played: PhaseInput,
+    windows: dict[Register, Window],
+    updates: list[IntArray],
 ) -> PhaseTrace:
     """Return what an engine does, of the updates (updates, fields) of each of the recordings that are played."""
     numbers = core.numbers[phase]
@@ -126,7 +147,10 @@ def _trace(
         here = mine.reshape(-1, len(numbers), len(UPDATE))[:, np.argsort(np.argsort(numbers))]
         here[here[..., 0] != numbers] = -1
         rows[start : start + len(here)] = here
-    fields, pieces = dict(zip(UPDATE, np.moveaxis(by_column, -1, 0), strict=True)), pieces_of(core.program, phase)
+    fields, pieces = (
+        dict(zip(UPDATE, np.moveaxis(by_column, -1, 0), strict=True)),
+        pieces_of(core.program, phase),
+    )
     trace = PhaseTrace.empty(played, len(numbers), len(pieces.group), windows)
     trace.spikes[:] = fields["fired"]
     for piece, (low, high) in enumerate(zip(pieces.first, pieces.stop, strict=True)):

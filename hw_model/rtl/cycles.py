@@ -36,9 +36,14 @@ def core_cycles(core: CoreProgram, recording: ByteArray, spikes: Mapping[str, By
     return clock.consumed + _readout(core) + 2
 
 
-def predicted_cycles(core: CoreProgram, recordings: ByteArray, spikes: Mapping[str, ByteArray]) -> list[int]:
+def predicted_cycles(
+    core: CoreProgram, recordings: ByteArray, spikes: Mapping[str, ByteArray]
+) -> list[int]:
     """Return the cycles of each recording of a batch; see :func:`core_cycles`."""
-    return [core_cycles(core, one, {name: its[i] for name, its in spikes.items()}) for i, one in enumerate(recordings)]
+    return [
+        core_cycles(core, one, {name: its[i] for name, its in spikes.items()})
+        for i, one in enumerate(recordings)
+    ]
 
 
 class _Clock:
@@ -154,7 +159,10 @@ def _transposed(core: CoreProgram, phase: CorePhase, recording: ByteArray) -> It
             read, wait = 0, wait + 2
             for row in np.flatnonzero(recording[: core.kept, channel]).tolist():
                 shown = 0 <= row - origin < phase.rows
-                yield wait + row // core.word + 1 - read, source + (row - origin >> phase.shared) if shown else HIDDEN
+                yield (
+                    wait + row // core.word + 1 - read,
+                    source + (row - origin >> phase.shared) if shown else HIDDEN,
+                )
                 read, wait = row // core.word + 1, 1
             wait += core.row_words - read + 2
             at += 1

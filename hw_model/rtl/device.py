@@ -34,8 +34,13 @@ def check_room(core: CoreProgram, device: Chip) -> None:
     """Refuse what the open core of a device has too few of, or no bits for, as a ``TargetError``."""
     assert device.open_core is not None
     for name, (need, limit) in _short_of(core, device).items():
-        what, measured = f"the open core of {device.name} is too small in {name!r}", f"{need} against {limit}"
-        raise TargetError(f"program {core.program.name!r}", what, measured=measured, fix=_way_out(core))
+        what, measured = (
+            f"the open core of {device.name} is too small in {name!r}",
+            f"{need} against {limit}",
+        )
+        raise TargetError(
+            f"program {core.program.name!r}", what, measured=measured, fix=_way_out(core)
+        )
     core.check_fields(device.open_core)
 
 
@@ -52,7 +57,9 @@ def uses(needs: Sizes | MemoryWords, sizes: Sizes | MemoryWords) -> dict[str, tu
     return {name: (need, getattr(sizes, name)) for name, need in asdict(needs).items()}
 
 
-def latencies(program: ChipProgram, spikes: Spikes, found: Mapping[str, ByteArray]) -> list[Latency]:
+def latencies(
+    program: ChipProgram, spikes: Spikes, found: Mapping[str, ByteArray]
+) -> list[Latency]:
     """Return the time of each recording of a batch on the core of the program's chip, cycle by cycle.
 
     ``found[population]`` (batch, steps, n): what a simulation gives.
@@ -69,7 +76,10 @@ def activity(core: CoreProgram, counts: Counts, recordings: int) -> dict[str, di
     They are means of a recording. The cleaning between recordings is not in it. Charges that are 0 when they are taken
     and compartments at rest are not written back: writes are the most that there can be.
     """
-    updates, lists = counts.neuron_updates, counts.input_events + counts.transpose_events + counts.spikes
+    updates, lists = (
+        counts.neuron_updates,
+        counts.input_events + counts.transpose_events + counts.spikes,
+    )
     scanned = 0 if core.later else recordings * len(core.tables["visits"]["step"]) * core.row_words
     written = {
         "charges": counts.synaptic_ops + updates,
@@ -77,17 +87,33 @@ def activity(core: CoreProgram, counts: Counts, recordings: int) -> dict[str, di
         "transpose_buffer": counts.transpose_events,
         "queue": counts.spikes,
     }
-    constants = {"synapses": counts.synaptic_ops, "axons": lists, "leaks": updates, "fires": updates}
+    constants = {
+        "synapses": counts.synaptic_ops,
+        "axons": lists,
+        "leaks": updates,
+        "fires": updates,
+    }
     found = {
-        "memory_reads": {**written, "transpose_buffer": counts.transpose_events + scanned, **constants},
+        "memory_reads": {
+            **written,
+            "transpose_buffer": counts.transpose_events + scanned,
+            **constants,
+        },
         "memory_writes": written,
         "multiplications": {"of_24_and_13_bits": 2 * updates},
     }
-    return {key: {name: number / recordings for name, number in row.items()} for key, row in found.items()}
+    return {
+        key: {name: number / recordings for name, number in row.items()}
+        for key, row in found.items()
+    }
 
 
 def _way_out(core: CoreProgram) -> str:
     """Name the devices that hold what is needed."""
     devices = [(each, each.open_core) for each in map(chip, chip_names()) if each.open_core]
-    held = [each.name for each, its in devices if not _short_of(_as_core(core.program, core.rows, None, its), each)]
+    held = [
+        each.name
+        for each, its in devices
+        if not _short_of(_as_core(core.program, core.rows, None, its), each)
+    ]
     return f"Use the device {listed(held, 'or')}." if held else "Use a smaller network."

@@ -39,9 +39,18 @@ CELLS = {
 
 def rtl_files(program: ChipProgram, spikes: Spikes) -> dict[str, bytes]:
     """Return the files by name, in the folder ``rtl``; ``spikes``: the one recording that its bench plays."""
-    recording = np.concatenate([one[0] for one in read_streams(program, spikes)[0].values()], axis=1)
-    device, board = program.chip, next((b for b, name in BOARDS.items() if name == program.chip.name), "")
-    core = on_core(program, len(recording), device) if device.open_core else CoreProgram(program, len(recording))
+    recording = np.concatenate(
+        [one[0] for one in read_streams(program, spikes)[0].values()], axis=1
+    )
+    device, board = (
+        program.chip,
+        next((b for b, name in BOARDS.items() if name == program.chip.name), ""),
+    )
+    core = (
+        on_core(program, len(recording), device)
+        if device.open_core
+        else CoreProgram(program, len(recording))
+    )
     sizes = device.open_core or sizes_for(core.needs, SIMULATED)
     played = simulate(program, spikes, probe=("spikes", "u", "v", "potential"))
     cycles = core_cycles(core, recording, played.spikes)
@@ -52,7 +61,9 @@ def rtl_files(program: ChipProgram, spikes: Spikes) -> dict[str, bytes]:
         "load": hex_words(core.load_words(sizes)),
         "words": "".join(f"{word:x}\n" for word in words_of(core, recording)).encode(),
         "expected_answers": (" ".join(map(str, answer)) + "\n").encode(),
-        "expected_updates": "".join(f"{' '.join(map(str, row))}\n" for row in updates.tolist()).encode(),
+        "expected_updates": "".join(
+            f"{' '.join(map(str, row))}\n" for row in updates.tolist()
+        ).encode(),
     }
     if device.macros:
         planned = plan(arrays_of(core, sizes, played.counts), device.macros)
@@ -64,8 +75,14 @@ def board_files(sizes: Sizes, board: str) -> dict[str, bytes]:
     """Return sources, Makefile, constraints and parameters: all that a bitstream is made of."""
     given = parameters(sizes)
     config = f"BOARD ?= {board}\nPARAMETERS := {' '.join(f'{name}={value}' for name, value in given.items())}\n"
-    defined = f"`define PARAMETERS {', '.join(f'.{name}({value})' for name, value in given.items())}\n"
-    kept = [entry for entry in (files("hw_model") / "rtl" / "boards").iterdir() if not entry.name.startswith("__")]
+    defined = (
+        f"`define PARAMETERS {', '.join(f'.{name}({value})' for name, value in given.items())}\n"
+    )
+    kept = [
+        entry
+        for entry in (files("hw_model") / "rtl" / "boards").iterdir()
+        if not entry.name.startswith("__")
+    ]
     return {
         **{name: text.encode() for name, text in sources().items()},
         **{entry.name: entry.read_bytes() for entry in sorted(kept, key=lambda entry: entry.name)},
@@ -105,14 +122,19 @@ def _placed(folder: Path, board: str, device: str, seeds: int) -> tuple[dict[str
         fix = "Choose a larger device."
         measured = _too_much(folder / f"{board}-1.log") or error.measured
         raise TargetError(where, "the core cannot be placed", measured=measured, fix=fix) from error
-    placed = [json.loads((folder / f"{board}-{seed}.json").read_text()) for seed in range(1, seeds + 1)]
+    placed = [
+        json.loads((folder / f"{board}-{seed}.json").read_text()) for seed in range(1, seeds + 1)
+    ]
     cells = json.loads((folder / f"{board}.cells").read_text())["design"]["num_cells_by_type"]
     (bitstream,) = folder.glob(f"{board}.bi[tn]")
     used = cells | {name: found["used"] for name, found in placed[0]["utilization"].items()}
     found = {
         "device": device,
         "fits": True,
-        **{kind: sum(many for name, many in used.items() if name.startswith(its)) for kind, its in CELLS.items()},
+        **{
+            kind: sum(many for name, many in used.items() if name.startswith(its))
+            for kind, its in CELLS.items()
+        },
         "fmax_mhz": min(clock["achieved"] for one in placed for clock in one["fmax"].values()),
         "bitstream": bitstream.name,
         "tools": versions,
@@ -123,7 +145,9 @@ def _placed(folder: Path, board: str, device: str, seeds: int) -> tuple[dict[str
 def _too_much(log: Path) -> str:
     """Return what a placement takes more of than there is, as its log says: ``39 of 30 block RAMs``."""
     found = re.findall(r"(\w+): +(\d+)/ *(\d+) ", log.read_text("utf-8")) if log.exists() else []
-    kinds = {name: kind.replace("_rams", " RAMs") for kind, names in CELLS.items() for name in names}
+    kinds = {
+        name: kind.replace("_rams", " RAMs") for kind, names in CELLS.items() for name in names
+    }
     over = ((kinds.get(name, name), int(used), int(held)) for name, used, held in found)
     return ", ".join(f"{used:,} of {held:,} {kind}" for kind, used, held in over if used > held)
 

@@ -32,7 +32,12 @@ class FrameReader:
             between, flag, after = self._rest.partition(FLAG)
             if flag:
                 self._rest = after
-                body = re.sub(rb"\x7d(.)", lambda found: bytes((found[1][0] ^ 0x20,)), between, flags=re.DOTALL)
+                body = re.sub(
+                    rb"\x7d(.)",
+                    lambda found: bytes((found[1][0] ^ 0x20,)),
+                    between,
+                    flags=re.DOTALL,
+                )
                 if len(body) > 3 and crc_hqx(body, 0xFFFF) == 0:
                     return body[0], body[1], body[2:-2]
             elif came := self._read():

@@ -33,21 +33,41 @@ PLACE = Layout.of(address=24, memory=8)
 
 
 SIMULATED = Sizes(
-    axons=8192, synapses=131072, compartments=1024, slots=64, charge=26, join=36, bitmap=8192, visits=1024, entries=1024
+    axons=8192,
+    synapses=131072,
+    compartments=1024,
+    slots=64,
+    charge=26,
+    join=36,
+    bitmap=8192,
+    visits=1024,
+    entries=1024,
 )
 """Sizes that hold most programs, so that one built simulator plays them."""
 
 
 def layouts(sizes: Sizes) -> dict[str, Layout]:
     """Return the words of every memory, bit 0 first, in the order of loading; modules take them apart likewise."""
-    words = sizes.synapses, sizes.slots, sizes.entries, sizes.axons, held(sizes), sizes.sums or held(sizes)
+    words = (
+        sizes.synapses,
+        sizes.slots,
+        sizes.entries,
+        sizes.axons,
+        held(sizes),
+        sizes.sums or held(sizes),
+    )
     synapse, slot, entry, source, place, parent = ((many - 1).bit_length() for many in words)
     family = {"child": 1, "first": 1, "parent": parent} if sizes.join else {}
     half = {"target": place - 1, "delay": slot, "exponent": 3, "mantissa": 9}
     lists = {"start": synapse - 1, "length": synapse - 1}
     if sizes.step:
         half = {"step": sizes.step, "delay": slot, "mantissa": 9}
-        lists = {"start": synapse - 1, "length": min(synapse - 1, LENGTH_BITS), "place": place - 1, "exponent": 3}
+        lists = {
+            "start": synapse - 1,
+            "length": min(synapse - 1, LENGTH_BITS),
+            "place": place - 1,
+            "exponent": 3,
+        }
     return {
         "axons": Layout.of(**lists),
         "synapses": Layout.of("mantissa0", "mantissa1", **{f"{name}{i}": half[name] for i in BANKS for name in half}),
@@ -78,7 +98,9 @@ class CoreProgram:
     is a ``TargetError``.
     """
 
-    def __init__(self, program: ChipProgram, rows: int, steps: int | None = None, sizes: Sizes | None = None) -> None:
+    def __init__(
+        self, program: ChipProgram, rows: int, steps: int | None = None, sizes: Sizes | None = None
+    ) -> None:
         self.program, self.rows = program, rows
         self.sizes = sizes or program.chip.open_core or SIMULATED
         self.word = self.sizes.word
@@ -86,7 +108,9 @@ class CoreProgram:
         self.phases, self.first_source = core_phases(program, rows, steps, self.sizes.groups)
         longest = max((phase.steps for phase in self.phases[1:]), default=0)
         most = (1 << VISIT_BITS) - 1
-        refuse_unless(longest <= most, program, f"phase of more than {most} steps after the first", longest)
+        refuse_unless(
+            longest <= most, program, f"phase of more than {most} steps after the first", longest
+        )
         self.kept = max(phase.kept for phase in self.phases)
         self.heard = max(self.kept, self.phases[0].steps)
         self.row_words = -(-self.kept // self.word)
@@ -103,32 +127,62 @@ class CoreProgram:
         self.starts, self.lengths = lists.starts, lists.lengths
         most, longest = (1 << LENGTH_BITS) - 1, int(self.lengths.max(initial=0))
         fits = not self.sizes.step or longest <= most
-        refuse_unless(fits, program, f"list of more than {most} words where targets are told as steps", longest)
-        ratios = [weight.as_integer_ratio() for weight in program.readout.weights] if program.readout else []
+        refuse_unless(
+            fits,
+            program,
+            f"list of more than {most} words where targets are told as steps",
+            longest,
+        )
+        ratios = (
+            [weight.as_integer_ratio() for weight in program.readout.weights]
+            if program.readout
+            else []
+        )
         self.scale = max((below for _, below in ratios), default=1)
         weights = [above * (self.scale // below) for above, below in ratios]
-        heaviest, what = max(map(abs, weights), default=0), f"weight of a readout of more than {READOUT_BITS} bits"
+        heaviest, what = (
+            max(map(abs, weights), default=0),
+            f"weight of a readout of more than {READOUT_BITS} bits",
+        )
         refuse_unless(heaviest < 1 << READOUT_BITS, program, f"{what} as a whole number", heaviest)
         visits = np.hstack([phase.visits for phase in self.phases])
         visits = visits[:, np.argsort(visits[1])] if self.later else visits
         self.tables = {
-            "axons": {"start": np.where(self.lengths > 0, self.starts, 0), "length": self.lengths, **lists.heads},
+            "axons": {
+                "start": np.where(self.lengths > 0, self.starts, 0),
+                "length": self.lengths,
+                **lists.heads,
+            },
             "synapses": lists.words,
             "compartments": self._compartments(),
             "visits": {"step": visits[0], "channel": visits[1], "source": visits[2]},
-            "weights": {"magnitude": _array(map(abs, weights)), "negative": _array(weight < 0 for weight in weights)},
+            "weights": {
+                "magnitude": _array(map(abs, weights)),
+                "negative": _array(weight < 0 for weight in weights),
+            },
             "phases": {"value": self._phase_fields()},
         }
         self.needs = self._needs(synapses)
-        self.swept = self._swept(max(self.sizes.places, _power(self.needs.places))) if self.sizes.places else 0
+        self.swept = (
+            self._swept(max(self.sizes.places, _power(self.needs.places)))
+            if self.sizes.places
+            else 0
+        )
 
     def load_words(self, sizes: Sizes) -> BitArray:
         """Return what goes through the load port, a row a word: data, address, memory; the settings come last."""
         rows = []
         for name, (layout, columns) in self._words(sizes).items():
             data = layout.pack(columns)
-            place = {"address": np.arange(len(data)), "memory": np.full(len(data), MEMORIES.index(name))}
-            rows.append(np.hstack((np.pad(data, ((0, 0), (0, LOAD_BITS - layout.width))), PLACE.pack(place))))
+            place = {
+                "address": np.arange(len(data)),
+                "memory": np.full(len(data), MEMORIES.index(name)),
+            }
+            rows.append(
+                np.hstack(
+                    (np.pad(data, ((0, 0), (0, LOAD_BITS - layout.width))), PLACE.pack(place))
+                )
+            )
         return np.concatenate(rows)
 
     def check_fields(self, sizes: Sizes) -> None:
@@ -144,7 +198,12 @@ class CoreProgram:
             columns = {field.name: tables[name][field.name] for field in layout.fields}
             for field in layout.fields:
                 what = f"{field.name} of more than {field.width} bits"
-                refuse_unless(field.holds(columns[field.name]), self.program, what, columns[field.name].max(initial=0))
+                refuse_unless(
+                    field.holds(columns[field.name]),
+                    self.program,
+                    what,
+                    columns[field.name].max(initial=0),
+                )
             found[name] = layout, columns
         return found
 
@@ -166,7 +225,9 @@ class CoreProgram:
         """Words of memories that a chip may have fewer of than its sizes say."""
         weights = max(1, len(self.tables["weights"]["magnitude"]))
         states = int(np.diff(self.ends, prepend=0).max()) if self.sizes.places else self.ends[-1]
-        return MemoryWords(weights, len(self.tables["phases"]["value"]), states, self.numbering.sums())
+        return MemoryWords(
+            weights, len(self.tables["phases"]["value"]), states, self.numbering.sums()
+        )
 
     def _hears_later(self, slots: int) -> bool:
         """Tell whether the second phase hears its events when they arrive; charges take ``slots`` otherwise."""
@@ -175,11 +236,20 @@ class CoreProgram:
         if not sizes.later or sizes.places or len(others) != 1:
             return False
         (second,), places = others, sizes.compartments >> sizes.later
-        fits = self.ends[-1] <= sizes.compartments and max(2, self.ends[0], self.ends[1] - self.ends[0]) <= places
-        fits &= not second.shared and slots <= sizes.slots and second.steps + 2 * slots <= sizes.slots << sizes.later
+        fits = (
+            self.ends[-1] <= sizes.compartments
+            and max(2, self.ends[0], self.ends[1] - self.ends[0]) <= places
+        )
+        fits &= (
+            not second.shared
+            and slots <= sizes.slots
+            and second.steps + 2 * slots <= sizes.slots << sizes.later
+        )
         each_once = np.array_equal(np.sort(second.visits[1]), np.arange(self.channels))
         each_once &= not second.by_rows and second.align_events is None
-        return fits and each_once and max(second.visits[0]) < second.steps and self.kept <= first.steps
+        return (
+            fits and each_once and max(second.visits[0]) < second.steps and self.kept <= first.steps
+        )
 
     def _settings(self, sizes: Sizes) -> dict[str, int]:
         """Return memory 0, a setting an address; writing the last one starts the core."""
@@ -190,7 +260,9 @@ class CoreProgram:
             "channels": self.channels,
             "words": self.needs.bitmap,
             # More than there are channels are never on, however many more.
-            "align_events": min(max(phase.align_events or 0 for phase in self.phases), self.channels + 1),
+            "align_events": min(
+                max(phase.align_events or 0 for phase in self.phases), self.channels + 1
+            ),
             "phases": len(self.phases),
             "slot_mask": slots - 1 + (self.later << STEP_BITS - 1),
             "sweep": self._swept(held(sizes)),
@@ -207,9 +279,20 @@ class CoreProgram:
 
     def _phase_fields(self) -> IntArray:
         """Return eight words for each phase; :class:`hw_model.rtl.phases.CorePhase` says what they are."""
-        visits = np.cumsum([phase.visits.shape[1] * (not self.later) for phase in self.phases]).tolist()
+        visits = np.cumsum(
+            [phase.visits.shape[1] * (not self.later) for phase in self.phases]
+        ).tolist()
         fields = (
-            (p.steps, end, at, p.rows, p.row_source, p.potentials_from, p.by_rows + 2 * p.shared, bool(p.align_events))
+            (
+                p.steps,
+                end,
+                at,
+                p.rows,
+                p.row_source,
+                p.potentials_from,
+                p.by_rows + 2 * p.shared,
+                bool(p.align_events),
+            )
             for p, end, at in zip(self.phases, self.ends, visits, strict=True)
         )
         return _array(field for of_phase in fields for field in of_phase)
@@ -256,7 +339,10 @@ class CoreProgram:
                 "exponent": np.maximum(exponent, 0) * (mantissa != 0),
                 "mantissa": mantissa,
             })  # fmt: skip
-        found = {name: np.concatenate([part[name] for part in parts]).astype(np.int64) for name in parts[0]}
+        found = {
+            name: np.concatenate([part[name] for part in parts]).astype(np.int64)
+            for name in parts[0]
+        }
         return {name: column[found["source"] >= 0] for name, column in found.items()}
 
     def _compartments(self) -> Table:
@@ -279,7 +365,9 @@ class CoreProgram:
             "has_children": np.isin(number, parent),
             "threshold": given(lambda core: core.threshold_voltage >> WEIGHT_SHIFT),
             "blocks": np.maximum(given(lambda core: core.setting("refractory")) - 1, 0),
-            "spiking": given(lambda core: (core.vmax > core.threshold_voltage) & (core.setting("joined") == 0)),
+            "spiking": given(
+                lambda core: (core.vmax > core.threshold_voltage) & (core.setting("joined") == 0)
+            ),
             "vmin_log": given(lambda core: (1 - core.vmin).bit_length() - 1),
             "vmax_log": given(lambda core: core.vmax.bit_length()),
             "child": child,
@@ -292,7 +380,9 @@ class CoreProgram:
             table[name][number] = column
         readout = self.program.readout
         for index, name in enumerate(readout.populations if readout else ()):
-            phase = next(p.name for p in self.program.phases if name in self.program.columns_of(p.name))
+            phase = next(
+                p.name for p in self.program.phases if name in self.program.columns_of(p.name)
+            )
             members = self.numbers[phase][self.program.columns_of(phase)[name]]
             table["read_out"][members] = 1
             table["by_potential"][members] = readout is not None and name in readout.from_step

@@ -33,7 +33,11 @@ def packed_lists(synapses: Table, sources: int, step: int) -> Lists:
     """
     target = synapses["target"]
     bank = (np.bitwise_xor.reduce(target >> np.arange(24)[:, None]) ^ synapses["delay"]) & 1
-    half, entries, heads = 2 * synapses["source"] + bank, {**synapses, "target": target >> 1}, Table()
+    half, entries, heads = (
+        2 * synapses["source"] + bank,
+        {**synapses, "target": target >> 1},
+        Table(),
+    )
     if step:
         half, entries, heads = in_steps(half, entries, step, sources)
     order, counts = np.argsort(half, kind="stable"), np.bincount(half, minlength=2 * sources)
@@ -41,7 +45,9 @@ def packed_lists(synapses: Table, sources: int, step: int) -> Lists:
     even_first, starts = np.argsort(lengths % 2, kind="stable"), np.empty_like(lengths)
     starts[even_first] = np.cumsum(lengths[even_first]) - lengths[even_first]
     # Synapses of a half follow each other from where their list begins.
-    word = np.arange(len(order)) + np.repeat(np.repeat(starts, 2) - np.cumsum(counts) + counts, counts)
+    word = np.arange(len(order)) + np.repeat(
+        np.repeat(starts, 2) - np.cumsum(counts) + counts, counts
+    )
     words: Table = {}
     for name, column in entries.items():
         halves = np.full((2, int(lengths.sum())), NO_SYNAPSE.get(name, 0))

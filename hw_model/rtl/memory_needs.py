@@ -28,14 +28,19 @@ def arrays_of(core: CoreProgram, sizes: Sizes, counts: Counts) -> list[Array]:
     needs, words = core.needs, core.words
     widths = {name: layout.width for name, layout in layouts(sizes).items()}
     updates, active, spikes = counts.neuron_updates, counts.neuron_updates_active, counts.spikes
-    lists, source = counts.input_events + counts.transpose_events + spikes, (sizes.axons - 1).bit_length()
+    lists, source = (
+        counts.input_events + counts.transpose_events + spikes,
+        (sizes.axons - 1).bit_length(),
+    )
     # With two slots no synapse has a delay.
     synapse = widths["synapses"] - (2 if sizes.slots == 2 else 0)
     charges = sizes.slots << (words.states - 1).bit_length() - 1
     parents, read_out = (_updates_of(core, name) for name in ("has_children", "read_out"))
     scanned = needs.visits * (core.row_words + 1)
 
-    def one(name: str, words: int, bits: int, reads: float, writes: float = 0.0, **more: bool | int) -> Array:
+    def one(
+        name: str, words: int, bits: int, reads: float, writes: float = 0.0, **more: bool | int
+    ) -> Array:
         in_order = more.pop("in_order", False)
         rows = {pack: reads / pack if in_order else reads for pack in PACKS}
         return Array(name, words, bits, 2 if writes else 1, rows, writes, **more)
@@ -44,7 +49,9 @@ def arrays_of(core: CoreProgram, sizes: Sizes, counts: Counts) -> list[Array]:
     for name in OWN:
         own = len(own_bits(name, sizes))
         reads = sum(repeats(core, sizes, name, phase) for phase in range(len(core.phases)))
-        constants.append(one(f"{name}_same", -(-needs.compartments // 2), widths[name] - own, reads, copies=2))
+        constants.append(
+            one(f"{name}_same", -(-needs.compartments // 2), widths[name] - own, reads, copies=2)
+        )
         if own:
             constants.append(one(f"{name}_own", needs.compartments, own, updates, in_order=True))
         flags = -(-needs.compartments // FLAGGED)
@@ -52,14 +59,30 @@ def arrays_of(core: CoreProgram, sizes: Sizes, counts: Counts) -> list[Array]:
     return [
         one("axons", needs.axons, widths["axons"], lists),
         one("synapses", needs.synapses // 2, synapse, counts.synaptic_ops / 2, in_order=True),
-        one("charges", charges, sizes.charge, counts.synaptic_ops + updates, counts.synaptic_ops + active, copies=2),
+        one(
+            "charges",
+            charges,
+            sizes.charge,
+            counts.synaptic_ops + updates,
+            counts.synaptic_ops + active,
+            copies=2,
+        ),
         one("states", words.states, 48, active, active, halves=2),
-        one("rests", -(-words.states // RESTING), 2 * RESTING, updates / RESTING, updates / RESTING),
+        one(
+            "rests", -(-words.states // RESTING), 2 * RESTING, updates / RESTING, updates / RESTING
+        ),
         *constants,
         one("sums", words.sums, sizes.join, parents, parents),
         one("places", held(sizes), source, spikes, spikes),
         one("tallies", needs.entries, 24, read_out, spikes),
-        one("bitmap", needs.bitmap, sizes.word, counts.input_events + scanned, counts.input_events, halves=1),
+        one(
+            "bitmap",
+            needs.bitmap,
+            sizes.word,
+            counts.input_events + scanned,
+            counts.input_events,
+            halves=1,
+        ),
         one("visit_list", needs.visits, widths["visits"], needs.visits),
         one("weights", words.weights, widths["weights"], 0.0),
         one("phases", words.phases, widths["phases"], words.phases),
@@ -75,15 +98,24 @@ def _updates_of(core: CoreProgram, kind: str) -> int:
 def own_bits(name: str, sizes: Sizes) -> list[int]:
     """Return the bits of a word of constants that belong to :data:`OWN` fields."""
     fields = layouts(sizes)[name].fields
-    return [bit for bit, field in enumerate(chain(*([f.name] * f.width for f in fields))) if field in OWN[name]]
+    return [
+        bit
+        for bit, field in enumerate(chain(*([f.name] * f.width for f in fields)))
+        if field in OWN[name]
+    ]
 
 
 def repeats(core: CoreProgram, sizes: Sizes, name: str, phase: int) -> float:
     """Return how many shared words of constants a phase reads, those that repeat left out."""
     layout = layouts(sizes)[name]
-    words = layout.pack({field.name: core.tables["compartments"][field.name] for field in layout.fields})
+    words = layout.pack(
+        {field.name: core.tables["compartments"][field.name] for field in layout.fields}
+    )
     words = np.delete(words, own_bits(name, sizes), axis=1)
     begin, end = core.ends[phase - 1] if phase else 0, core.ends[phase]
     differs = (words[begin + 2 : end] != words[begin : max(end - 2, begin)]).any(axis=1)
     differs = np.r_[[True, True], differs][: end - begin]
-    return float(np.count_nonzero(differs | (np.arange(begin, end) % FLAGGED < 2))) * core.phases[phase].steps
+    return (
+        float(np.count_nonzero(differs | (np.arange(begin, end) % FLAGGED < 2)))
+        * core.phases[phase].steps
+    )

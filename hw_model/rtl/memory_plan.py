@@ -53,7 +53,9 @@ class Made(Frozen):
     def energy_pj(self) -> float:
         """Picojoules per recording, of all copies together."""
         reads = self.array.rows.get(self.pack, self.array.rows[1])
-        return sum(reads * macro.read_pj + self.array.writes * macro.write_pj for macro in self.macros)
+        return sum(
+            reads * macro.read_pj + self.array.writes * macro.write_pj for macro in self.macros
+        )
 
     def pieces(self) -> "Iterator[Piece]":
         """Yield the macros of a copy."""
@@ -61,7 +63,17 @@ class Made(Frozen):
         for bank in range(self.banks):
             first, bit = bank // self.parts * every * self.macros[0].words + bank % self.parts, 0
             for name, macro in zip(self.row, self.macros, strict=True):
-                yield Piece(array.name, array.copies, name, first, every, macro.words, self.pack, bit, macro.bits)
+                yield Piece(
+                    array.name,
+                    array.copies,
+                    name,
+                    first,
+                    every,
+                    macro.words,
+                    self.pack,
+                    bit,
+                    macro.bits,
+                )
                 bit += macro.bits
 
 
@@ -84,7 +96,11 @@ def ways(array: Array, macros: Mapping[str, Macro]) -> Iterator[Made]:
     for ports in (1, 2) if array.halves else range(array.ports, 3):
         parts = 1 if ports >= array.ports else array.halves
         for depth in sorted({macro.words for macro in macros.values() if macro.ports == ports}):
-            here = [(name, one) for name, one in macros.items() if (one.ports, one.words) == (ports, depth)]
+            here = [
+                (name, one)
+                for name, one in macros.items()
+                if (one.ports, one.words) == (ports, depth)
+            ]
             here.sort(key=lambda pair: -pair[1].bits)
             for pack in PACKS if array.ports == 1 else (1,):
                 banks = parts * -(-array.words // (parts * pack * depth))
@@ -94,7 +110,9 @@ def ways(array: Array, macros: Mapping[str, Macro]) -> Iterator[Made]:
                     yield Made(array, names, kinds, banks, pack, parts)
 
 
-def _rows(macros: Sequence[tuple[str, Macro]], bits: int) -> Iterator[tuple[tuple[str, Macro], ...]]:
+def _rows(
+    macros: Sequence[tuple[str, Macro]], bits: int
+) -> Iterator[tuple[tuple[str, Macro], ...]]:
     """Yield rows of macros that hold ``bits`` bits and no macro too many."""
     for many in range(1, WIDEST + 1):
         for row in combinations_with_replacement(macros, many):
@@ -109,7 +127,11 @@ def plan(arrays: Iterable[Array], macros: Mapping[str, Macro], price: float = PR
     for array in arrays:
         options = list(ways(array, macros))
         if not options:
-            raise InputError(f"memory {array.name!r}", "no macros hold it", fix="Give wider macros or more ports.")
+            raise InputError(
+                f"memory {array.name!r}",
+                "no macros hold it",
+                fix="Give wider macros or more ports.",
+            )
         found.append(min(options, key=lambda made: made.energy_pj + price * made.area_um2))
     return found
 
@@ -117,4 +139,6 @@ def plan(arrays: Iterable[Array], macros: Mapping[str, Macro], price: float = PR
 def as_csv(pieces: Iterable[Piece]) -> bytes:
     """Return a plan as a table, a macro a row."""
     head = "memory,copies,macro,first word,words to the next row,rows,words in a row,first bit,bits"
-    return "\n".join([head, *(",".join(map(str, vars(piece).values())) for piece in pieces), ""]).encode()
+    return "\n".join(
+        [head, *(",".join(map(str, vars(piece).values())) for piece in pieces), ""]
+    ).encode()

@@ -18,7 +18,9 @@ class Field(Frozen):
 
     def holds(self, values: IntArray) -> bool:
         """Whether every value fits."""
-        low, high = (-(1 << self.width - 1), 1 << self.width - 1) if self.signed else (0, 1 << self.width)
+        low, high = (
+            (-(1 << self.width - 1), 1 << self.width - 1) if self.signed else (0, 1 << self.width)
+        )
         return values.size == 0 or bool(low <= values.min() and values.max() < high)
 
 
@@ -40,17 +42,23 @@ class Layout(Frozen):
     def pack(self, columns: Mapping[str, IntArray]) -> BitArray:
         """Return a word a row as bits (rows, width), bit 0 first; ``columns[name]`` (rows,) holds a field's values."""
         assert list(columns) == [field.name for field in self.fields]
-        return np.concatenate([bits_of(columns[field.name], field) for field in self.fields], axis=1)
+        return np.concatenate(
+            [bits_of(columns[field.name], field) for field in self.fields], axis=1
+        )
 
     def pack_rows(self, rows: Sequence[Mapping[str, int]]) -> BitArray:
         """Return words likewise, each from its own values by name."""
-        return self.pack({f.name: np.array([row[f.name] for row in rows], dtype=np.int64) for f in self.fields})
+        return self.pack(
+            {f.name: np.array([row[f.name] for row in rows], dtype=np.int64) for f in self.fields}
+        )
 
     def describe(self) -> dict[str, object]:
         """Return what a manifest says of the word."""
         low, fields = 0, []
         for field in self.fields:
-            fields.append({"name": field.name, "low": low, "width": field.width, "signed": field.signed})
+            fields.append(
+                {"name": field.name, "low": low, "width": field.width, "signed": field.signed}
+            )
             low += field.width
         return {"width": self.width, "fields": fields}
 
@@ -75,5 +83,7 @@ def hex_words(bits: BitArray) -> bytes:
     bits = bits if bits.shape[1] else np.zeros((len(bits), 1), dtype=np.uint8)
     digits = -(-bits.shape[1] // 4)
     words = np.packbits(bits, axis=1, bitorder="little")[:, ::-1]
-    text = np.frombuffer(words.tobytes().hex().encode(), dtype=np.uint8).reshape(len(bits), 2 * words.shape[1])
+    text = np.frombuffer(words.tobytes().hex().encode(), dtype=np.uint8).reshape(
+        len(bits), 2 * words.shape[1]
+    )
     return np.pad(text[:, -digits:], ((0, 0), (0, 1)), constant_values=ord("\n")).tobytes()

@@ -45,7 +45,9 @@ class Numbering(Frozen, eq=False):
         while True:
             by_word = np.lexsort((begins, places % words))
             same = np.diff(places[by_word] % words) == 0
-            if not (same & (begins[by_word][1:] + JOIN_DISTANCE <= parents[by_word][:-1] + 1)).any():
+            if not (
+                same & (begins[by_word][1:] + JOIN_DISTANCE <= parents[by_word][:-1] + 1)
+            ).any():
                 return words
             words *= 2
 
@@ -53,7 +55,9 @@ class Numbering(Frozen, eq=False):
 def numbered(program: ChipProgram, phases: Sequence[str], sizes: Sizes) -> Numbering:
     """Number the compartments of all cores, with ``phases`` in the order in which they run."""
     begin = np.cumsum([0, *(core.compartments for core in program.cores)])
-    parent = of_compartments(program, lambda core: np.where(core.parent < 0, -1, begin[core.number] + core.parent))
+    parent = of_compartments(
+        program, lambda core: np.where(core.parent < 0, -1, begin[core.number] + core.parent)
+    )
     turn = of_compartments(program, lambda core: phases.index(core.phase))
     root, depth = roots(parent)
     # Families of a phase come so few at a time that their sums find room.

@@ -50,17 +50,24 @@ class CorePhase(Frozen, eq=False):
         return range(start, min(start + self.steps, self.rows))
 
 
-def core_phases(program: ChipProgram, rows: int, steps: int | None, groups: int) -> tuple[tuple[CorePhase, ...], int]:
+def core_phases(
+    program: ChipProgram, rows: int, steps: int | None, groups: int
+) -> tuple[tuple[CorePhase, ...], int]:
     """Return the phases in order, for recordings of ``rows`` rows, and the first source after theirs.
 
     ``steps``: those of phases of no fixed length. ``groups``: 1 if rows share sources where they can.
     """
     plain = [phase for phase in program.phases if phase.align_events is None]
-    streaming = next((p for p in plain if all(item.positions is None for item in program.inputs_of(p.name))), None)
+    streaming = next(
+        (p for p in plain if all(item.positions is None for item in program.inputs_of(p.name))),
+        None,
+    )
     found, free = [] if streaming else [CorePhase()], sum(program.streams.values())
     for phase in sorted(program.phases, key=lambda phase: phase is not streaming):
         length = length_of(program, phase, rows, steps)
-        core_phase, free = _core_phase(program, phase, length, rows, free, phase is streaming, groups)
+        core_phase, free = _core_phase(
+            program, phase, length, rows, free, phase is streaming, groups
+        )
         found.append(core_phase)
     return tuple(found), free
 
@@ -90,9 +97,16 @@ def _core_phase(
         free += int(of_line[-1]) + 1
     table, events = np.hstack(visits), phase.align_events
     rows_of_visits = max((item.rows for item in inputs if item.positions is not None), default=0)
-    kept = max(0 if streams else rows_of_visits, steps if by_rows else 0, 0 if events is None else rows)
+    kept = max(
+        0 if streams else rows_of_visits, steps if by_rows else 0, 0 if events is None else rows
+    )
     told = rows_of_visits if events is None or not by_rows else kept
     first = program.readout.from_step if program.readout else {}
-    from_step = min(max((first[name] for name in program.columns_of(phase.name) if name in first), default=0), NO_ROW)
+    from_step = min(
+        max((first[name] for name in program.columns_of(phase.name) if name in first), default=0),
+        NO_ROW,
+    )
     lines, table = np.concatenate(sources), table[:, np.argsort(table[0], kind="stable")]
-    return CorePhase(phase.name, steps, kept, told, shared, row_source, by_rows, events, from_step, lines, table), free
+    return CorePhase(
+        phase.name, steps, kept, told, shared, row_source, by_rows, events, from_step, lines, table
+    ), free

@@ -16,7 +16,9 @@ class SimulatedBoard:
 
     def __init__(self, simulator: str, sizes: Sizes, **more: int) -> None:
         binary = built(simulator, sizes, sources(), "board_bench", **more)
-        self._process = subprocess.Popen(command_of(binary), stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        self._process = subprocess.Popen(
+            command_of(binary), stdin=subprocess.PIPE, stdout=subprocess.PIPE
+        )
 
     def write(self, data: Iterable[int]) -> None:
         """Send bytes; numbers beyond those of a byte are for the bench."""

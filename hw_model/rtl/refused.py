@@ -22,27 +22,54 @@ def refuse_unplayable(program: ChipProgram) -> None:
         found = getattr(program.chip.registers, name)
         refuse_unless(found == bits, program, f"{name} other than {bits}", found)
     channels = sum(program.streams.values())
-    refuse_unless(channels <= MOST_CHANNELS, program, f"more than {MOST_CHANNELS} channels", channels)
+    refuse_unless(
+        channels <= MOST_CHANNELS, program, f"more than {MOST_CHANNELS} channels", channels
+    )
     read = program.readout.populations if program.readout else ()
-    refuse_unless(len(read) <= MOST_POPULATIONS, program, f"readout of more than {MOST_POPULATIONS} groups", len(read))
+    refuse_unless(
+        len(read) <= MOST_POPULATIONS,
+        program,
+        f"readout of more than {MOST_POPULATIONS} groups",
+        len(read),
+    )
     for core in program.cores:
         for power in (1 - core.vmin, core.vmax + 1):
-            refuse_unless(power & (power - 1) == 0, program, "voltage limit that is not 2^k from 1", power)
-    refuse_unless(len(program.phases) < MOST_PHASES, program, f"{MOST_PHASES} phases", len(program.phases))
-    starts = sorted({phase.align_events for phase in program.phases if phase.align_events is not None})
-    refuse_unless(len(starts) < 2, program, "phases that start at different numbers of events", starts)
+            refuse_unless(
+                power & (power - 1) == 0, program, "voltage limit that is not 2^k from 1", power
+            )
+    refuse_unless(
+        len(program.phases) < MOST_PHASES, program, f"{MOST_PHASES} phases", len(program.phases)
+    )
+    starts = sorted(
+        {phase.align_events for phase in program.phases if phase.align_events is not None}
+    )
+    refuse_unless(
+        len(starts) < 2, program, "phases that start at different numbers of events", starts
+    )
     for phase in program.phases:
         _refuse_phase(program, phase)
 
 
 def _refuse_phase(program: ChipProgram, phase: Phase) -> None:
-    inputs, first = program.inputs_of(phase.name), program.readout.from_step if program.readout else {}
+    inputs, first = (
+        program.inputs_of(phase.name),
+        program.readout.from_step if program.readout else {},
+    )
     begins = sorted({first[name] for name in program.columns_of(phase.name) if name in first})
-    refuse_unless(len(begins) < 2, program, "readout of potentials from several steps of a phase", begins)
+    refuse_unless(
+        len(begins) < 2, program, "readout of potentials from several steps of a phase", begins
+    )
     rows = sorted({item.rows for item in inputs if item.positions is not None})
     refuse_unless(len(rows) < 2, program, "phase of transposed inputs of different lengths", rows)
     if phase.align_events is not None:
         names = sorted({item.stream for item in inputs})
-        refuse_unless(len(names) == len(program.streams), program, "start by some of several streams", ", ".join(names))
+        refuse_unless(
+            len(names) == len(program.streams),
+            program,
+            "start by some of several streams",
+            ", ".join(names),
+        )
         late = bool(begins) and phase.axis == "time"
-        refuse_unless(not late, program, "readout of potentials of a phase that starts late", repr(phase.name))
+        refuse_unless(
+            not late, program, "readout of potentials of a phase that starts late", repr(phase.name)
+        )

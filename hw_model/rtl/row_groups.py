@@ -13,17 +13,26 @@ def rows_together(program: ChipProgram, phase: str) -> int:
     lines, shared = program.lines_of(phase), MOST_SHARED
     inputs = [item for item in program.inputs_of(phase) if item.positions is not None]
     for item in inputs:
-        if item.first_lines is None or (np.sort(item.first_lines) != np.arange(item.channels) * item.rows).any():
+        if (
+            item.first_lines is None
+            or (np.sort(item.first_lines) != np.arange(item.channels) * item.rows).any()
+        ):
             return 0
-    heard: list[list[tuple[int, ...]]] = [[] for here in lines.values() for _ in range(here.stop - here.start)]
+    heard: list[list[tuple[int, ...]]] = [
+        [] for here in lines.values() for _ in range(here.stop - here.start)
+    ]
     for core in program.cores_of(phase):
         axons = core.axons
         sender = program.senders[core.number][axons.axon_of_synapse]
-        rows = np.stack((sender, axons.target, axons.delay, axons.format_index, axons.mantissa), axis=1)
+        rows = np.stack(
+            (sender, axons.target, axons.delay, axons.format_index, axons.mantissa), axis=1
+        )
         for line, *synapse in rows[(sender >= 0) & (sender < len(heard))].tolist():
             heard[line].append((core.number, *synapse))
     for item in inputs:
         own = [sorted(each) for each in heard[lines[item.name]]]
-        while any(row % item.rows % (1 << shared) and own[row] != own[row - 1] for row in range(item.size)):
+        while any(
+            row % item.rows % (1 << shared) and own[row] != own[row - 1] for row in range(item.size)
+        ):
             shared -= 1
     return shared

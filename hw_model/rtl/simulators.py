@@ -29,20 +29,28 @@ def sources() -> dict[str, str]:
     return {entry.name: entry.read_text("utf-8") for entry in entries if entry.name.endswith(".sv")}
 
 
-def built(simulator: str, sizes: Sizes, texts: Mapping[str, str], top: str = "bench", **more: int) -> Path:
+def built(
+    simulator: str, sizes: Sizes, texts: Mapping[str, str], top: str = "bench", **more: int
+) -> Path:
     """Return the built simulator, kept in the user's cache folder; a tool that is missing is an ``InputError``.
 
     ``more``: parameters of the module ``top`` besides the sizes.
     """
     check_known(f"simulator {simulator!r}", "does not exist", simulator, SIMULATORS)
     given = parameters(sizes) | {name.upper(): value for name, value in more.items()}
-    named = hashlib.sha256(repr((simulator, given, top, sorted(texts.items()))).encode()).hexdigest()[:16]
+    named = hashlib.sha256(
+        repr((simulator, given, top, sorted(texts.items()))).encode()
+    ).hexdigest()[:16]
     found = kept(f"rtl-{named}-{_BINARY[simulator]}")
     if not found.exists():
         with tempfile.TemporaryDirectory(dir=found.parent) as folder:
             for name, text in texts.items():
                 (Path(folder) / name).write_text(text)
-            said(_command(simulator, given, top, sorted(texts)), Path(folder), f"simulator {simulator!r}")
+            said(
+                _command(simulator, given, top, sorted(texts)),
+                Path(folder),
+                f"simulator {simulator!r}",
+            )
             os.replace(Path(folder) / _BINARY[simulator], found)
     return found
 
@@ -82,7 +90,16 @@ def _command(simulator: str, given: Mapping[str, int], top: str, names: list[str
     if simulator == "icarus":
         return ["iverilog", "-g2012", "-s", top, "-o", _BINARY[simulator], *options, *names]
     plain = "--binary --timing -j 1 -O3 -CFLAGS -O1 -Wno-lint -Wno-fatal --Mdir ."
-    return ["verilator", *plain.split(), "--top-module", top, "-o", _BINARY[simulator], *options, *names]
+    return [
+        "verilator",
+        *plain.split(),
+        "--top-module",
+        top,
+        "-o",
+        _BINARY[simulator],
+        *options,
+        *names,
+    ]
 
 
 def said(command: list[str], folder: Path, where: str) -> str:
@@ -90,12 +107,21 @@ def said(command: list[str], folder: Path, where: str) -> str:
 
     What pip has installed next to this Python is found, too.
     """
-    tool, path = Path(command[0]).name, f"{os.environ.get('PATH', '')}{os.pathsep}{Path(sys.executable).parent}"
+    tool, path = (
+        Path(command[0]).name,
+        f"{os.environ.get('PATH', '')}{os.pathsep}{Path(sys.executable).parent}",
+    )
     if shutil.which(command[0], path=path) is None:
-        way = "pip install 'locsnn-compile[rtl]'" if tool.startswith("yowasp") else f"apt-get install {tool} (Debian)"
+        way = (
+            "pip install 'locsnn-compile[rtl]'"
+            if tool.startswith("yowasp")
+            else f"apt-get install {tool} (Debian)"
+        )
         raise InputError(where, f"{tool} is not installed", fix=f"Install it with: {way}.")
     given = {**os.environ, "PATH": path}
-    done = subprocess.run(command, cwd=folder, env=given, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        command, cwd=folder, env=given, capture_output=True, text=True, check=False
+    )
     if done.returncode:
         words = (done.stderr or done.stdout).strip() or f"exit code {done.returncode}"
         raise InputError(where, f"{tool} failed", measured=words, fix="Report it.")

@@ -25,7 +25,10 @@ def in_steps(
     target, delay, falling, half = (key[order] for key in keys)
     exponent, of_list, begins = -falling, half >> 1, np.diff(half, prepend=-1) != 0
     firsts = of_list[begins]
-    head = {"place": np.full(lists, np.iinfo(np.int64).max), "exponent": np.zeros(lists, dtype=np.int64)}
+    head = {
+        "place": np.full(lists, np.iinfo(np.int64).max),
+        "exponent": np.zeros(lists, dtype=np.int64),
+    }
     np.minimum.at(head["place"], firsts, target[begins])
     np.maximum.at(head["exponent"], firsts, exponent[begins])
     head["place"][np.bincount(firsts, minlength=lists) == 0] = 0

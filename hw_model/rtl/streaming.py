@@ -17,7 +17,9 @@ from hw_model.rtl.ports import open_port
 from hw_model.simulation import simulate
 
 
-def stream(program: ChipProgram, spikes: Spikes, port: str, baud: int, report: bool) -> dict[str, Any]:
+def stream(
+    program: ChipProgram, spikes: Spikes, port: str, baud: int, report: bool
+) -> dict[str, Any]:
     """Load a program, play recordings (batch, steps, channels), and return answers and what differs, per recording.
 
     ``report``: compare every spike, not only classes and counts. A board that does not answer is an ``InputError``.
@@ -35,16 +37,22 @@ def stream(program: ChipProgram, spikes: Spikes, port: str, baud: int, report: b
             board.report(report)
             answers = [board.play(core, one) for one in recordings]
         except OSError as error:
-            raise InputError(f"port {port!r}", "the line broke", measured=str(error), fix="Plug it in again.") from None
+            raise InputError(
+                f"port {port!r}", "the line broke", measured=str(error), fix="Plug it in again."
+            ) from None
     expected = simulate(program, spikes, probe=("spikes",))
     different: list[list[str]] = []
     for i, answer in enumerate(answers):
         winner = answer.winner if expected.scores is None else expected.prediction[i]
         counts = [expected.per_recording[i][name] for name in ANSWER[3:]]
         found = dict(zip(ANSWER, (answer.error == 0, answer.winner == winner, True), strict=False))
-        found |= {name: a == b for name, a, b in zip(ANSWER[3:], answer.counts, counts, strict=True)}
+        found |= {
+            name: a == b for name, a, b in zip(ANSWER[3:], answer.counts, counts, strict=True)
+        }
         if report:
-            times = spike_numbers(core, recordings[i], {name: its[i] for name, its in expected.spikes.items()})
+            times = spike_numbers(
+                core, recordings[i], {name: its[i] for name, its in expected.spikes.items()}
+            )
             found["times of spikes"] = list(answer.spikes) == times
         different.append([name for name, same in found.items() if not same])
     return {

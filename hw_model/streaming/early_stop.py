@@ -52,11 +52,21 @@ def stop_when_proven(program: ChipProgram, spikes: Spikes) -> Stops:
     """
     readout = program.readout
     if readout is None:
-        raise InputError(f"program {program.name!r}", "has no readout, so nothing wins", fix="Read the spikes.")
+        raise InputError(
+            f"program {program.name!r}", "has no readout, so nothing wins", fix="Read the spikes."
+        )
     streams = _batch(program, spikes)
     groups = tuple(member for name in readout.populations for member in members_of(program, name))
-    spiking, read = (n for n in readout.populations if n not in readout.from_step), tuple(readout.from_step)
-    kept: dict[Kind, tuple[str, ...]] = {"u": groups, "v": groups, "spikes": tuple(spiking), "potential": read}
+    spiking, read = (
+        (n for n in readout.populations if n not in readout.from_step),
+        tuple(readout.from_step),
+    )
+    kept: dict[Kind, tuple[str, ...]] = {
+        "u": groups,
+        "v": groups,
+        "spikes": tuple(spiking),
+        "potential": read,
+    }
     probes = (Probe(kind, names) for kind, names in kept.items() if names)
     result = simulate(program, streams, probe=("activity", *probes))
     proof = Proof(program, readout, result, _rows(streams))
@@ -70,14 +80,21 @@ def stop_when_proven(program: ChipProgram, spikes: Spikes) -> Stops:
 
 
 @checked
-def stop_at_margin(program: ChipProgram, spikes: Spikes, margin: float, psi: float | None = None) -> Stops:
+def stop_at_margin(
+    program: ChipProgram, spikes: Spikes, margin: float, psi: float | None = None
+) -> Stops:
     """Stop reading a recording as soon as its best class leads by ``margin``; transposed phases then run once.
 
     Steps are those of the recording, which phases that play it as it comes also run. It is followed by silence until
     those of them that have ``steps`` end; one that has none lasts as long. ``psi`` as for :class:`hw_model.Session`.
     """
     if not margin > 0:
-        raise InputError("margin", "it must be above 0", measured=f"got {margin}", fix="Use that of calibrate_margin.")
+        raise InputError(
+            "margin",
+            "it must be above 0",
+            measured=f"got {margin}",
+            fix="Use that of calibrate_margin.",
+        )
     streams = to_the_end(program, spikes)
     scores = timestep_scores(program, streams, psi)
     steps = _first(leads(scores) >= margin)
@@ -96,7 +113,12 @@ def stop_in_silence(program: ChipProgram, spikes: Spikes, silence: int) -> Stops
     is not seen; silence before the first event counts as well.
     """
     if silence < 1:
-        raise InputError("silence", "it is not a number of steps", measured=f"got {silence}", fix="Give 1 or more.")
+        raise InputError(
+            "silence",
+            "it is not a number of steps",
+            measured=f"got {silence}",
+            fix="Give 1 or more.",
+        )
     streams = to_the_end(program, spikes)
     whole = simulate(program, streams, probe=("activity",))
     silent = np.stack([array.sum(axis=2) for array in streams.values()]).sum(axis=0) == 0
@@ -110,17 +132,31 @@ def stop_in_silence(program: ChipProgram, spikes: Spikes, silence: int) -> Stops
         under_way = max([under_way, *(delay + 1 for delay in delays)])
     steps = _first((_lasting(silent) >= max(silence, under_way)) & (_lasting(resting) >= under_way))
     stopped, spent = _read_until(program, streams, steps)
-    return _stops(steps, _rows(streams), stopped.prediction, whole.prediction, spent, _spent(program, whole, {}))
+    return _stops(
+        steps,
+        _rows(streams),
+        stopped.prediction,
+        whole.prediction,
+        spent,
+        _spent(program, whole, {}),
+    )
 
 
 @checked
-def calibrate_margin(program: ChipProgram, spikes: Spikes, agreement: float, psi: float | None = None) -> float:
+def calibrate_margin(
+    program: ChipProgram, spikes: Spikes, agreement: float, psi: float | None = None
+) -> float:
     """Return the smallest lead at which at least ``agreement`` of these recordings predict what they do at the end.
 
     Give validation recordings: the margin is fitted to them. Where no lead is enough it is infinite.
     """
     if not 0.0 <= agreement <= 1.0:
-        raise InputError("agreement", "it must be a share", measured=f"{agreement} against 0 to 1", fix="Correct it.")
+        raise InputError(
+            "agreement",
+            "it must be a share",
+            measured=f"{agreement} against 0 to 1",
+            fix="Correct it.",
+        )
     scores = timestep_scores(program, spikes, psi)
     predictions, lead_over_time = scores.argmax(axis=2), leads(scores)
     margins = np.unique(lead_over_time[lead_over_time > 0])
@@ -141,11 +177,16 @@ def timestep_scores(program: ChipProgram, spikes: Spikes, psi: float | None = No
 
     Recordings that are shorter than the program's are followed by silence.
     """
-    return np.stack(pushed_each(program, to_the_end(program, spikes), lambda pushed: pushed.scores, psi))
+    return np.stack(
+        pushed_each(program, to_the_end(program, spikes), lambda pushed: pushed.scores, psi)
+    )
 
 
 def pushed_each(
-    program: ChipProgram, streams: Mapping[str, ByteArray], take: Callable[[StepScores], T], psi: float | None = None
+    program: ChipProgram,
+    streams: Mapping[str, ByteArray],
+    take: Callable[[StepScores], T],
+    psi: float | None = None,
 ) -> list[T]:
     """Push every recording (batch, steps, channels) to a session, in threads; return what is taken of each."""
 
@@ -206,7 +247,9 @@ def _read_until(
 ) -> tuple[SimulationResult, Spent]:
     """Play recordings of which the first steps (batch,) are read; phases that play them as they come end there."""
     seen = np.arange(_rows(streams))[None, :, None] < steps[:, None, None]
-    stopped = simulate(program, {name: array * seen for name, array in streams.items()}, probe=("activity",))
+    stopped = simulate(
+        program, {name: array * seen for name, array in streams.items()}, probe=("activity",)
+    )
     return stopped, _spent(program, stopped, dict.fromkeys(_as_it_comes(program), steps))
 
 
@@ -222,5 +265,12 @@ def _spent(program: ChipProgram, result: SimulationResult, until: Mapping[str, I
     return Counts(**found), ns
 
 
-def _stops(steps: IntArray, all_steps: int, prediction: IntArray, final: IntArray, spent: Spent, whole: Spent) -> Stops:
+def _stops(
+    steps: IntArray,
+    all_steps: int,
+    prediction: IntArray,
+    final: IntArray,
+    spent: Spent,
+    whole: Spent,
+) -> Stops:
     return Stops(steps, all_steps, prediction, final, spent[0], whole[0], spent[1], whole[1])

@@ -21,7 +21,17 @@ from hw_model.engine.chunks import (
     pass_on,
 )
 from hw_model.engine.compiled import absorbed, compiled, entry, inner
-from hw_model.engine.layout import FIELDS, KEPT_FIELDS, LANES, MATRIX, POTENTIAL, WIDE_LIST, FastLayout, U, aligned
+from hw_model.engine.layout import (
+    FIELDS,
+    KEPT_FIELDS,
+    LANES,
+    MATRIX,
+    POTENTIAL,
+    WIDE_LIST,
+    FastLayout,
+    U,
+    aligned,
+)
 from hw_model.mapping.graph import Input
 from hw_model.streaming.time_phase import Read
 from hw_model.values import AnyArray, ByteArray, IntArray
@@ -105,7 +115,9 @@ class Replay:
         )  # fmt: skip
         played, lines = zip(*(item.visits for item in inputs), strict=True)
         rows = np.array([item.rows for item in inputs])
-        visits = Visits(np.cumsum([0, *map(len, played)]), np.concatenate(played), np.concatenate(lines), rows)
+        visits = Visits(
+            np.cumsum([0, *map(len, played)]), np.concatenate(played), np.concatenate(lines), rows
+        )
         registers = aligned((chunks.registers.size,), dtype)
         registers[:] = chunks.registers[chunks.member].reshape(-1)
         self._played = (
@@ -157,7 +169,9 @@ def _order(layout: FastLayout, of: Read) -> Order:
     read = np.isin(chunks.member, slot // LANES)
     # A pair is run with what its spikes pass to it in the next step, not later.
     is_pair = chunks.pair & (len(chunks.echo) == len(chunks.node) * LANES)
-    is_pair[chunks.bundle[:-1]] &= ~np.maximum.reduceat(read, chunks.bundle[:-1])  # it is run without a potential
+    is_pair[chunks.bundle[:-1]] &= ~np.maximum.reduceat(
+        read, chunks.bundle[:-1]
+    )  # it is run without a potential
     link = np.argsort(layout.links.source, kind="stable")
     link_of = np.searchsorted(layout.links.source[link], np.arange(len(layout.nodes.first) + 1))
     read_at = (place[slot // LANES] * KEPT_FIELDS + POTENTIAL - U) * LANES + slot % LANES
@@ -188,7 +202,9 @@ def _push(  # type: ignore[no-untyped-def]
                 ran = True
         if ran:
             for j in range(len(read.columns)):
-                history.spikes[history.slot[read.columns[j]]] = _largest(order.read_at[j], read.first[j], history)
+                history.spikes[history.slot[read.columns[j]]] = _largest(
+                    order.read_at[j], read.first[j], history
+                )
         for column in range(len(history.slot)):
             counts[row, low + column] = history.spikes[history.slot[column]]
 
@@ -210,7 +226,11 @@ def _change(link, found, links, history):  # type: ignore[no-untyped-def]
     steps, first = len(history.masks), history.changed[block]
     offset, form, is_matrix = links.offset[link], _form_of(link, links), links.kind[link] == MATRIX
     stride = links.width[link] if is_matrix else 1
-    width, low, delay = np.uint64(links.width[link]), np.uint64(links.target[link]), links.delay[link]
+    width, low, delay = (
+        np.uint64(links.width[link]),
+        np.uint64(links.target[link]),
+        links.delay[link],
+    )
     for e in range(np.uint64(found)):
         event = np.int64(history.event[e])
         sign = np.int64(1 if event >= 0 else -1)
@@ -223,7 +243,9 @@ def _change(link, found, links, history):  # type: ignore[no-untyped-def]
                     add_multiple(history.charge, due, low + j, links.matrix, begin + j, sign)
                 first = min(first, at)
             continue
-        for k in range(np.uint64(links.list_start[source]), np.uint64(links.list_start[source + 1])):
+        for k in range(
+            np.uint64(links.list_start[source]), np.uint64(links.list_start[source + 1])
+        ):
             late, slot, weight = _synapse(form, k, links)
             at = history.row_of[e] + 1 + late
             if at < steps:
@@ -254,7 +276,9 @@ def _synapse(form, k, links):  # type: ignore[no-untyped-def]
 def _run_again(block, start, nodes, chunks, links, order, registers, history):  # type: ignore[no-untyped-def]
     """Run a block from step ``start`` on; spikes that come or go change what is due later, here and elsewhere."""
     steps = len(history.masks)
-    for member in range(chunks.bundle[chunks.of_block[block]], chunks.bundle[chunks.of_block[block + 1]]):
+    for member in range(
+        chunks.bundle[chunks.of_block[block]], chunks.bundle[chunks.of_block[block + 1]]
+    ):
         index = np.uint64(member)
         copy_state(registers, index * _CHUNK + _STATE, history.before, start, index * _KEPT)
     # A block that feeds itself goes step by step: what comes or goes in one changes the charges of the next.
@@ -263,10 +287,15 @@ def _run_again(block, start, nodes, chunks, links, order, registers, history):  
         for bundle in range(chunks.of_block[block], chunks.of_block[block + 1]):
             low, high = np.uint64(chunks.bundle[bundle]), np.uint64(chunks.bundle[bundle + 1])
             if order.is_pair[low]:
-                if chunks.plain[chunks.member[low]] and chunks.plain[chunks.member[low + _ONE_MORE]]:
+                if (
+                    chunks.plain[chunks.member[low]]
+                    and chunks.plain[chunks.member[low + _ONE_MORE]]
+                ):
                     _run_pair(np.uint64(first), stride, low, chunks, registers, history, ())
                 else:
-                    _run_pair(np.uint64(first), stride, low, chunks, registers, history, chunks.widths)
+                    _run_pair(
+                        np.uint64(first), stride, low, chunks, registers, history, chunks.widths
+                    )
                 continue
             for row in range(np.uint64(first), np.uint64(first + stride)):
                 mask = np.int32(0)
@@ -284,7 +313,10 @@ def _run_again(block, start, nodes, chunks, links, order, registers, history):  
 def _run_pair(first, many, index, chunks, registers, history, widths):  # type: ignore[no-untyped-def]
     """Update two dendrites and their sum in ``many`` steps, with what its spikes pass to them one step late."""
     at, last = index * _KEPT, np.uint64(chunks.member[index + _ONE_MORE + _ONE_MORE])
-    one, other = np.uint64(chunks.member[index]) * _LANES, np.uint64(chunks.member[index + _ONE_MORE]) * _LANES
+    one, other = (
+        np.uint64(chunks.member[index]) * _LANES,
+        np.uint64(chunks.member[index + _ONE_MORE]) * _LANES,
+    )
     before, charge, echo = history.before, history.charge, chunks.echo
     spikes = history.masks[first - _ONE_MORE, last] if first > 0 else np.int32(0)
     advance_pair(
@@ -312,7 +344,11 @@ def _note(k, step, mask, chunks, history):  # type: ignore[no-untyped-def]
     history.flips[step, k], history.masks[step, k] = flips, mask
     count_changes(history.spikes, k * _LANES, flips & mask, flips & ~mask)
     if chunks.echo_to[k] >= 0:
-        to, due, end = np.uint64(chunks.echo_to[k]) * _LANES, step + _ONE_MORE, np.uint64(len(chunks.echo))
+        to, due, end = (
+            np.uint64(chunks.echo_to[k]) * _LANES,
+            step + _ONE_MORE,
+            np.uint64(len(chunks.echo)),
+        )
         at = to
         while at < end and due < np.uint64(len(history.masks)):
             change_echo(history.charge, due, to, chunks.echo, at, flips & mask, flips & ~mask)
@@ -328,7 +364,13 @@ def _pass_flips_on(node, low, high, nodes, chunks, links, order, history):  # ty
     found, base = np.int64(0), nodes.first[node]
     for row in range(np.uint64(low), np.uint64(high)):
         for k in range(nodes.chunk[node], nodes.chunk[node + 1]):
-            first, flips, spikes = chunks.first_column[k] - base, history.flips[row, k], history.masks[row, k]
-            found += list_flips(history.event, found, history.row_of, found, row, first, flips, spikes)[0]
+            first, flips, spikes = (
+                chunks.first_column[k] - base,
+                history.flips[row, k],
+                history.masks[row, k],
+            )
+            found += list_flips(
+                history.event, found, history.row_of, found, row, first, flips, spikes
+            )[0]
     for index in range(order.link_of[node], order.link_of[node + 1]):
         _change(np.uint64(order.link[index]), found, links, history)

@@ -27,11 +27,15 @@ from hw_model.values import BoolArray, IntArray
 class Proof:
     """What is known of a batch that was run to its end, ``rows`` long, asked as if it had been run only so far."""
 
-    def __init__(self, program: ChipProgram, readout: Readout, result: SimulationResult, rows: int) -> None:
+    def __init__(
+        self, program: ChipProgram, readout: Readout, result: SimulationResult, rows: int
+    ) -> None:
         self._phases: list[tuple[int, IntArray, list[_BySpikes | _ByPotentials]]] = []
         for phase in program.phases:
             voters: list[_BySpikes | _ByPotentials] = [
-                (_ByPotentials if name in readout.from_step else _BySpikes)(program, phase, name, weight, result)
+                (_ByPotentials if name in readout.from_step else _BySpikes)(
+                    program, phase, name, weight, result
+                )
                 for name, weight in readout.terms
                 if name in program.columns_of(phase.name)
             ]
@@ -40,7 +44,9 @@ class Proof:
         self._batch, self._classes = len(activity), program.populations[readout.populations[0]]
         self.all_steps = sum(steps for steps, _, _ in self._phases)
         # A transposed phase begins when the buffer holds the whole recording.
-        turned = any(item.positions is not None for item in program.inputs_of(program.phases[0].name))
+        turned = any(
+            item.positions is not None for item in program.inputs_of(program.phases[0].name)
+        )
         self._over = 0 if turned else min(rows, self._phases[0][0])
         # Scores of weights that are not whole are rounded: equal ones then prove nothing.
         whole = all(float(weight).is_integer() for weight in readout.weights)
@@ -49,7 +55,10 @@ class Proof:
 
     def stops(self) -> IntArray:
         """Search for the first step by halves: what is proven after a step is proven after every later one."""
-        low, high = np.zeros(self._batch, dtype=np.int64), np.full(self._batch, self.all_steps, dtype=np.int64)
+        low, high = (
+            np.zeros(self._batch, dtype=np.int64),
+            np.full(self._batch, self.all_steps, dtype=np.int64),
+        )
         while (low < high).any():
             middle = (low + high) // 2
             settled = self._settled(middle)
@@ -85,7 +94,9 @@ def _rests_from(activity: Sequence[StepActivity]) -> IntArray:
     """Return the step from which on a phase is given nothing and has nothing to work on, (batch,)."""
     found = np.zeros(len(activity), dtype=np.int64)
     for b, item in enumerate(activity):
-        busy = item.by_piece["neuron_updates_active"].any(axis=1) | item.by_piece["synaptic_ops"].any(axis=1)
+        busy = item.by_piece["neuron_updates_active"].any(axis=1) | item.by_piece[
+            "synaptic_ops"
+        ].any(axis=1)
         found[b] = np.flatnonzero(busy).max(initial=-1) + 1
     return found
 
@@ -95,7 +106,9 @@ class _Voter:
 
     _so_far: IntArray
 
-    def __init__(self, program: ChipProgram, phase: Phase, name: str, weight: float, result: SimulationResult) -> None:
+    def __init__(
+        self, program: ChipProgram, phase: Phase, name: str, weight: float, result: SimulationResult
+    ) -> None:
         self.weight = weight
         self._members = members_of(program, name)
         self._parent = program.joined_to
@@ -107,7 +120,10 @@ class _Voter:
         cannot_wrap = program.by_column(phase.name, lambda core: proved[core.number])
         self._safe = all(cannot_wrap[columns[member]].all() for member in self._members)
         settings = {key: program.by_column(phase.name, value) for key, value in _SETTINGS.items()}
-        self._settings = {its: {key: each[columns[its]] for key, each in settings.items()} for its in self._members}
+        self._settings = {
+            its: {key: each[columns[its]] for key, each in settings.items()}
+            for its in self._members
+        }
 
     def given(self, step: IntArray) -> IntArray:
         """Return what counts after the first steps, (batch, n)."""
@@ -136,9 +152,13 @@ class _Voter:
 class _BySpikes(_Voter):
     """A population whose spikes count."""
 
-    def __init__(self, program: ChipProgram, phase: Phase, name: str, weight: float, result: SimulationResult) -> None:
+    def __init__(
+        self, program: ChipProgram, phase: Phase, name: str, weight: float, result: SimulationResult
+    ) -> None:
         super().__init__(program, phase, name, weight, result)
-        self._threshold, self._refractory = (self._settings[name][key] for key in ("threshold", "refractory"))
+        self._threshold, self._refractory = (
+            self._settings[name][key] for key in ("threshold", "refractory")
+        )
         spikes = result.spikes[name]
         before = np.zeros((len(spikes), 1, spikes.shape[2]), dtype=np.int64)
         self._so_far = np.concatenate((before, spikes.cumsum(axis=1, dtype=np.int64)), axis=1)
@@ -165,7 +185,9 @@ class _BySpikes(_Voter):
 class _ByPotentials(_Voter):
     """A population whose largest potential counts."""
 
-    def __init__(self, program: ChipProgram, phase: Phase, name: str, weight: float, result: SimulationResult) -> None:
+    def __init__(
+        self, program: ChipProgram, phase: Phase, name: str, weight: float, result: SimulationResult
+    ) -> None:
         super().__init__(program, phase, name, weight, result)
         assert program.readout is not None
         self._first = program.readout.from_step[name]
@@ -175,7 +197,10 @@ class _ByPotentials(_Voter):
 
     def ends(self, step: IntArray, nothing_comes: BoolArray) -> tuple[IntArray, IntArray]:
         """Return the same of potentials."""
-        read, (vmin, vmax) = step[:, None], (self._settings[self._members[-1]][key] for key in ("vmin", "vmax"))
+        read, (vmin, vmax) = (
+            step[:, None],
+            (self._settings[self._members[-1]][key] for key in ("vmin", "vmax")),
+        )
         given = self.given(step)
         most = np.broadcast_to(vmin, given.shape)
         for ahead, voltage in enumerate(self._voltages(step)):

@@ -77,7 +77,9 @@ class Session:
         of = {name: branch for branch in self._branches for name in branch.columns}
         self._output = {name: of[name].columns[name] for name, _ in program.readout.terms}
         self._weight = np.array([[float(weight)] for _, weight in program.readout.terms])
-        self._is_location = np.array([[of[name].phase.axis == "location"] for name, _ in program.readout.terms])
+        self._is_location = np.array(
+            [[of[name].phase.axis == "location"] for name, _ in program.readout.terms]
+        )
         self._scored = np.array([self._output[name].start for name, _ in program.readout.terms])
         self._classes = program.populations[program.readout.populations[0]]
         streams = list(program.streams.items())
@@ -96,7 +98,10 @@ class Session:
         """
         streams = self._read(spikes)
         rows = len(next(iter(streams.values())))
-        counts, scores = np.empty((rows, self._columns), dtype=np.int64), np.zeros((rows, self._classes))
+        counts, scores = (
+            np.empty((rows, self._columns), dtype=np.int64),
+            np.zeros((rows, self._classes)),
+        )
         for branch in self._branches:
             branch.push(self.steps, streams, counts)
         self.steps += rows
@@ -109,18 +114,32 @@ class Session:
 
     def _read(self, spikes: Spikes) -> dict[str, ByteArray]:
         """Return the rows of every stream, (rows, channels), as loops can be given them: whole, and writeable."""
-        if self._only and isinstance(spikes, np.ndarray) and (rows := _plain_rows(spikes, self._only[1])) is not None:
+        if (
+            self._only
+            and isinstance(spikes, np.ndarray)
+            and (rows := _plain_rows(spikes, self._only[1])) is not None
+        ):
             return {self._only[0]: rows}
-        given = spikes if isinstance(spikes, Mapping) else {name: spikes for name in list(self.program.streams)[:1]}
-        streams, batched = read_streams(self.program, {name: _rows(array) for name, array in given.items()})
+        given = (
+            spikes
+            if isinstance(spikes, Mapping)
+            else {name: spikes for name in list(self.program.streams)[:1]}
+        )
+        streams, batched = read_streams(
+            self.program, {name: _rows(array) for name, array in given.items()}
+        )
         if batched:
-            raise InputError("spikes", "a session plays one recording", fix="Give rows, (rows, channels).")
+            raise InputError(
+                "spikes", "a session plays one recording", fix="Give rows, (rows, channels)."
+            )
         return {name: _plain(array[0]) for name, array in streams.items()}
 
     @property
     def replayed(self) -> tuple[int, int]:
         """Steps of transposed phases run so far, and how many would run if all ran again after every step."""
-        replayed = [branch.run.replayed for branch in self._branches if isinstance(branch.run, Replay)]
+        replayed = [
+            branch.run.replayed for branch in self._branches if isinstance(branch.run, Replay)
+        ]
         return sum(run for run, _ in replayed), self.steps * sum(every for _, every in replayed)
 
     def spikes(self, population: str) -> ByteArray:
@@ -129,13 +148,19 @@ class Session:
             if isinstance(branch.run, Replay) and population in branch.columns:
                 its = branch.columns[population]
                 return branch.run.spikes()[:, its.start - branch.low : its.stop - branch.low]
-        raise InputError(f"population {population!r}", "is in no transposed phase", fix="Read its counts from push.")
+        raise InputError(
+            f"population {population!r}",
+            "is in no transposed phase",
+            fix="Read its counts from push.",
+        )
 
     def _weights(self, rows: int) -> FloatArray:
         """Return what each term's spikes or potentials count for after the last rows, (terms, rows), or (terms, 1)."""
         if self.psi is None:
             return self._weight
-        location = location_share(self.psi, np.arange(self.steps - rows + 1, self.steps + 1), self._length)
+        location = location_share(
+            self.psi, np.arange(self.steps - rows + 1, self.steps + 1), self._length
+        )
         return self._weight * np.where(self._is_location, location, 1.0 - location)
 
 
@@ -148,7 +173,12 @@ def location_share(psi: float, step: IntArray, steps: int) -> FloatArray:
 def check_psi(psi: float) -> None:
     """Refuse a psi that is negative or not a number."""
     if not 0 <= psi <= sys.float_info.max:
-        raise InputError("psi", "it is not a valid rate", measured=f"got {psi}", fix="Give 0 or more, such as 10.")
+        raise InputError(
+            "psi",
+            "it is not a valid rate",
+            measured=f"got {psi}",
+            fix="Give 0 or more, such as 10.",
+        )
 
 
 class _Branch:
@@ -196,7 +226,12 @@ class _Branch:
 
 def _plain_rows(given: AnyArray, channels: int) -> ByteArray | None:
     """Return what are bytes of 0 and 1 as rows (rows, channels); None for all else, which is looked into."""
-    if given.dtype != np.uint8 or not 0 < given.ndim <= 2 or not given.size or given.shape[-1] != channels:
+    if (
+        given.dtype != np.uint8
+        or not 0 < given.ndim <= 2
+        or not given.size
+        or given.shape[-1] != channels
+    ):
         return None
     # What is left without 0 and 1: for a row, numpy's maximum takes ten times as long.
     if given.tobytes().translate(None, b"\0\1"):
@@ -220,7 +255,9 @@ def _read(readout: Readout | None, columns: Mapping[str, slice]) -> Read:
     given = {} if readout is None else readout.from_step
     read = [(columns[name], step) for name, step in given.items() if name in columns]
     first = {column: step for its, step in read for column in range(its.start, its.stop)}
-    return Read(np.array(list(first), dtype=np.int64), np.array(list(first.values()), dtype=np.int64))
+    return Read(
+        np.array(list(first), dtype=np.int64), np.array(list(first.values()), dtype=np.int64)
+    )
 
 
 def _length(program: ChipProgram, psi: float | None) -> int:
@@ -234,5 +271,9 @@ def _length(program: ChipProgram, psi: float | None) -> int:
             raise InputError("psi", "the program does not say how long a recording is", fix=fix)
         if len(in_time) in (0, len(program.phases)):
             axis = "location" if in_time else "time"
-            raise InputError("psi", f"the program has no {axis} phase to weigh against another", fix="Leave it out.")
+            raise InputError(
+                "psi",
+                f"the program has no {axis} phase to weigh against another",
+                fix="Leave it out.",
+            )
     return max(lengths, default=1)

@@ -52,11 +52,16 @@ class Live:
     ``starts_late``: it waits for its first step, and registers are 0 in the steps after its last, as in those before.
     """
 
-    def __init__(self, layout: FastLayout, steps: int | None, read: Read, starts_late: bool = False) -> None:
+    def __init__(
+        self, layout: FastLayout, steps: int | None, read: Read, starts_late: bool = False
+    ) -> None:
         self._end = self._steps = _NO_END if steps is None else steps
         begin, columns = np.cumsum([0, *layout.nodes.size[: layout.inputs]]), layout.columns
         lines, many = int(begin[-1]), len(read.columns)
-        potential, place = np.zeros((1, TILE, many), dtype=np.int64), np.full(columns, -1, dtype=np.int64)
+        potential, place = (
+            np.zeros((1, TILE, many), dtype=np.int64),
+            np.full(columns, -1, dtype=np.int64),
+        )
         place[read.columns] = np.arange(many)
         register = state.KeptRegister(place, 0, potential)
         kept = state.Kept(many > 0, state.NO_REGISTER, state.NO_REGISTER, register)
@@ -69,7 +74,16 @@ class Live:
         self._state, work = state.first_state(layout, TILE), state.workspace(layout, TILE)
         tables = layout.nodes, layout.chunks, layout.links, self._state, work
         self._played = self._room, read, *tables, kept, np.bool_(starts_late)
-        self._run = entry(_run, 0, 0, _NO_STEP, np.zeros(0, np.uint8), *self._played, np.zeros((0, 0), np.int64), 0)
+        self._run = entry(
+            _run,
+            0,
+            0,
+            _NO_STEP,
+            np.zeros(0, np.uint8),
+            *self._played,
+            np.zeros((0, 0), np.int64),
+            0,
+        )
 
     def reset(self) -> None:
         """Go back to before the first step."""
@@ -102,7 +116,21 @@ class Live:
 
 @compiled
 def _run(  # type: ignore[no-untyped-def]
-    before, end, tile_at, given, room, read, nodes, chunks, links, now, work, kept, starts_late, counts, at
+    before,
+    end,
+    tile_at,
+    given,
+    room,
+    read,
+    nodes,
+    chunks,
+    links,
+    now,
+    work,
+    kept,
+    starts_late,
+    counts,
+    at,
 ):
     """Play rows, bytes side by side, from step ``before`` up to ``end``; note what every column gives after each."""
     begin, lasting = room.begin, max(0, min(len(counts), end - before))

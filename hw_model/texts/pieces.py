@@ -25,14 +25,22 @@ class Pieces(Filler):
         given: Mapping[str, str] | None = None,
         **shown: Callable[..., str],
     ) -> None:
-        inside = {"each": self.each, "some": self.some, "piece": lambda value, name: self.piece(name, value)}
+        inside = {
+            "each": self.each,
+            "some": self.some,
+            "piece": lambda value, name: self.piece(name, value),
+        }
         super().__init__({"": lambda value: escape(str(value)), "raw": str, **inside, **shown})
         found = sections(package, file, **(given or {}))
-        self._pieces = {name: "".join(piece.splitlines()) if folded else piece for name, piece in found.items()}
+        self._pieces = {
+            name: "".join(piece.splitlines()) if folded else piece for name, piece in found.items()
+        }
 
     def each(self, values: Iterable[Any], name: str = "") -> str:
         """Return a piece for each value, by default that of its type, with its ``index``."""
-        return "".join(self.piece(name or type(value).__name__, value, i) for i, value in enumerate(values))
+        return "".join(
+            self.piece(name or type(value).__name__, value, i) for i, value in enumerate(values)
+        )
 
     def some(self, values: Collection[Any], name: str) -> str:
         """Return a piece for all values together; nothing if there are none."""

@@ -13,7 +13,9 @@ def filled(package: str, name: str, **given: str) -> str:
     folder = Path(import_module(package).__path__[0])
 
     def part(place: re.Match[str]) -> str:
-        return given[place[1]] if place[1] in given else folder.joinpath(place[1]).read_text("utf-8")
+        return (
+            given[place[1]] if place[1] in given else folder.joinpath(place[1]).read_text("utf-8")
+        )
 
     return re.sub("@@(.+?)@@", part, folder.joinpath(name).read_text("utf-8"))
 

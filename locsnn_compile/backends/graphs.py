@@ -71,7 +71,9 @@ def _into(core: Core, program: hw.ChipProgram) -> Iterator[Edge]:
 
 def _joins(core: Core) -> Iterator[Edge]:
     piece_of, children = core.slice_of_compartment, np.flatnonzero(core.parent >= 0)
-    found = Counter(zip(piece_of[children].tolist(), piece_of[core.parent[children]].tolist(), strict=True))
+    found = Counter(
+        zip(piece_of[children].tolist(), piece_of[core.parent[children]].tolist(), strict=True)
+    )
     for (child, parent), count in sorted(found.items()):
         yield _slice(core, child), _slice(core, parent), {"kind": "joined", "compartments": count}
 
@@ -88,13 +90,23 @@ def graphml_file(program: hw.ChipProgram) -> dict[str, bytes]:
     about: Values = {"name": program.name, "target": program.chip.name}
     held = {"graph": [about], "node": nodes.values(), "edge": [values for _, _, values in edges]}
     kinds = {
-        (domain, name): type(value) for domain, each in held.items() for its in each for name, value in its.items()
+        (domain, name): type(value)
+        for domain, each in held.items()
+        for its in each
+        for name, value in its.items()
     }
     given = {
-        "keys": [{"domain": domain, "name": name, "type": _TYPES[kind]} for (domain, name), kind in kinds.items()],
+        "keys": [
+            {"domain": domain, "name": name, "type": _TYPES[kind]}
+            for (domain, name), kind in kinds.items()
+        ],
         "about": _data("graph", about),
-        "nodes": [{"id": identity, "data": _data("node", values)} for identity, values in nodes.items()],
-        "edges": [{"source": a, "target": b, "data": _data("edge", values)} for a, b, values in edges],
+        "nodes": [
+            {"id": identity, "data": _data("node", values)} for identity, values in nodes.items()
+        ],
+        "edges": [
+            {"source": a, "target": b, "data": _data("edge", values)} for a, b, values in edges
+        ],
     }
     made = Pieces(__package__, GRAPHML_FILE, escaped).piece("graph", given)
     return {GRAPHML_FILE: xml_file(made, xmlns=_NAMESPACE)}
@@ -107,20 +119,44 @@ def dot_file(program: hw.ChipProgram) -> dict[str, bytes]:
     cores = []
     for core in program.cores:
         slices = [
-            {"id": name, **item, "last": int(item["stop"]) - 1, "style": "" if item["spiking"] else ", style=rounded"}
+            {
+                "id": name,
+                **item,
+                "last": int(item["stop"]) - 1,
+                "style": "" if item["spiking"] else ", style=rounded",
+            }
             for name, item in nodes.items()
             if item.get("core") == core.number
         ]
         tile = program.chip.tile_of(core.slot)
-        cores.append({"number": core.number, "phase": core.phase, "slot": core.slot, "tile": tile, "slices": slices})
+        cores.append(
+            {
+                "number": core.number,
+                "phase": core.phase,
+                "slot": core.slot,
+                "tile": tile,
+                "slices": slices,
+            }
+        )
     edges = [{"source": source, "target": target, **values} for source, target, values in found]
-    synapses, joins = ([edge for edge in edges if edge["kind"] == kind] for kind in ("synapses", "joined"))
-    given = {"name": program.name, "inputs": inputs, "cores": cores, "synapses": synapses, "joins": joins}
+    synapses, joins = (
+        [edge for edge in edges if edge["kind"] == kind] for kind in ("synapses", "joined")
+    )
+    given = {
+        "name": program.name,
+        "inputs": inputs,
+        "cores": cores,
+        "synapses": synapses,
+        "joins": joins,
+    }
     return {DOT_FILE: Pieces(__package__, DOT_FILE, _escaped).piece("graph", given).encode()}
 
 
 def _data(domain: str, values: Values) -> list[dict[str, str]]:
-    texts = {name: str(value).lower() if isinstance(value, bool) else str(value) for name, value in values.items()}
+    texts = {
+        name: str(value).lower() if isinstance(value, bool) else str(value)
+        for name, value in values.items()
+    }
     return [{"domain": domain, "name": name, "text": text} for name, text in texts.items()]
 
 

@@ -52,7 +52,8 @@ class Played(Frozen, eq=False):
     def register(self, core: Core, kind: Register) -> IntArray:
         """Return a register of every compartment of a core, (steps, compartments)."""
         return np.concatenate(
-            [self.recorded(core.phase, kind, p.group)[:, p.start : p.stop] for p in core.slices], axis=1
+            [self.recorded(core.phase, kind, p.group)[:, p.start : p.stop] for p in core.slices],
+            axis=1,
         )
 
     def spikes(self, core: Core) -> ByteArray:
@@ -73,7 +74,12 @@ class Played(Frozen, eq=False):
     def readme(self, package: str, **given: str) -> str:
         """Return the README of an emitter, filled with the names of program, recording and chip, and with more."""
         names = {"program": self.program.name, "title": self.title, "chip": self.program.chip.name}
-        return filled(package, "README.template.md", **{key: _code_span(name) for key, name in names.items()}, **given)
+        return filled(
+            package,
+            "README.template.md",
+            **{key: _code_span(name) for key, name in names.items()},
+            **given,
+        )
 
     @cached_property
     def _sent(self) -> dict[str, ByteArray]:
@@ -93,13 +99,22 @@ def play_recording(program: hw.ChipProgram, spikes: Spikes, title: str = "record
     """Play one recording (steps, channels), or a mapping of them by stream, and keep everything."""
     streams, batched = read_streams(program, spikes)
     if batched:
-        raise InputError("recording", "several recordings were given", fix="Give one, of shape (steps, channels).")
+        raise InputError(
+            "recording",
+            "several recordings were given",
+            fix="Give one, of shape (steps, channels).",
+        )
     recording = {name: array[0] for name, array in streams.items()}
     result = hw.simulate(program, recording, probe=("spikes", "u", "v", "potential", "activity"))
     events = {name: list_events(name, array) for name, array in streams.items()}
     inputs = {phase.name: play(program, phase, events, None, Player()) for phase in program.phases}
-    runs = {phase: range(int(given.start[0]), int(given.stop[0])) for phase, given in inputs.items()}
-    lines = {phase: given.lines(0)[runs[phase].start : runs[phase].stop] for phase, given in inputs.items()}
+    runs = {
+        phase: range(int(given.start[0]), int(given.stop[0])) for phase, given in inputs.items()
+    }
+    lines = {
+        phase: given.lines(0)[runs[phase].start : runs[phase].stop]
+        for phase, given in inputs.items()
+    }
     return Played(program, title, runs, lines, result)
 
 

@@ -64,37 +64,67 @@ def _names(played: Played, phase: str, process: int) -> Iterator[Event]:
     yield _meta("thread_name", process, _STEPS_THREAD, {"name": "steps"})
     for core in played.program.cores_of(phase):
         x, y = played.program.chip.tile_of(core.slot)
-        yield _meta("thread_name", process, core.number + 1, {"name": f"core {core.number}, tile {x},{y}"})
+        yield _meta(
+            "thread_name", process, core.number + 1, {"name": f"core {core.number}, tile {x},{y}"}
+        )
 
 
-def _step(played: Played, phase: str, process: int, step: int, times: StepTimes, start_ns: float) -> Iterator[Event]:
+def _step(
+    played: Played, phase: str, process: int, step: int, times: StepTimes, start_ns: float
+) -> Iterator[Event]:
     """Yield the events of a step: the step itself, its barrier, and the work of each core."""
     cores, activity = played.program.cores_of(phase), played.result.activity[phase][0]
     slowest = float(times.core_ns[step].max())
     critical = {"slowest core": cores[int(times.core_ns[step].argmax())].number}
-    yield _slice(f"step {step}", process, _STEPS_THREAD, start_ns, slowest + times.barrier_ns, critical)
+    yield _slice(
+        f"step {step}", process, _STEPS_THREAD, start_ns, slowest + times.barrier_ns, critical
+    )
     yield _slice("barrier", process, _STEPS_THREAD, start_ns + slowest, times.barrier_ns, {})
     for i, core in enumerate(cores):
-        begin, sent, buffer = (float(ns[step, i]) for ns in (times.begin_ns, times.sent_ns, times.buffer_ns))
+        begin, sent, buffer = (
+            float(ns[step, i]) for ns in (times.begin_ns, times.sent_ns, times.buffer_ns)
+        )
         drawn = [
-            ("transposed events", start_ns + begin, buffer, {"count": int(activity.buffered[step])}),
+            (
+                "transposed events",
+                start_ns + begin,
+                buffer,
+                {"count": int(activity.buffered[step])},
+            ),
             ("wait for packets", start_ns + sent, begin - sent, {}),
         ]
         for first_ns, names in ((0.0, UPDATES + SENDING), (begin + buffer, DELIVERIES + SYNAPSES)):
             at_ns = start_ns + first_ns
             for name in (name for name in names if name in times.work_ns):
                 took_ns = float(times.work_ns[name][step, i])
-                drawn.append((OPERATIONS[name], at_ns, took_ns, {"count": int(activity.count(name)[step, i])}))
+                drawn.append(
+                    (
+                        OPERATIONS[name],
+                        at_ns,
+                        took_ns,
+                        {"count": int(activity.count(name)[step, i])},
+                    )
+                )
                 at_ns += took_ns
         for title, at_ns, took_ns, values in drawn:
             if took_ns > 0:
                 yield _slice(title, process, core.number + 1, at_ns, took_ns, values)
 
 
-def _slice(name: str, process: int, thread: int, start_ns: float, took_ns: float, values: dict[str, Any]) -> Event:
+def _slice(
+    name: str, process: int, thread: int, start_ns: float, took_ns: float, values: dict[str, Any]
+) -> Event:
     """Return a complete event; the format counts in microseconds."""
     ts, end = (float(np.round(ns / 1000, 7)) for ns in (start_ns, start_ns + took_ns))
-    return {"name": name, "ph": "X", "pid": process, "tid": thread, "ts": ts, "dur": round(end - ts, 7), "args": values}
+    return {
+        "name": name,
+        "ph": "X",
+        "pid": process,
+        "tid": thread,
+        "ts": ts,
+        "dur": round(end - ts, 7),
+        "args": values,
+    }
 
 
 def _meta(name: str, process: int, thread: int, values: dict[str, Any]) -> Event:

@@ -54,7 +54,9 @@ def vcd_file(played: Played, probes: Sequence[str]) -> dict[str, bytes]:
     changes: list[tuple[int, Any, int]] = []
     for signal in _signals(played, compartments, groups):
         bits = (signal.width - 1, 0) if signal.kind == "reg" else None
-        variable = writer.register_var(signal.scopes, signal.name, signal.kind, signal.width, signal.before, bits)
+        variable = writer.register_var(
+            signal.scopes, signal.name, signal.kind, signal.width, signal.before, bits
+        )
         at = np.flatnonzero(np.append(True, np.diff(signal.values) != 0)[: len(signal.values)])
         changes += (
             (signal.start + i, variable, value)
@@ -66,7 +68,9 @@ def vcd_file(played: Played, probes: Sequence[str]) -> dict[str, bytes]:
     return {FILE: file.getvalue().encode()}
 
 
-def _signals(played: Played, compartments: Sequence[Compartment], groups: dict[str, str]) -> Iterator[_Signal]:
+def _signals(
+    played: Played, compartments: Sequence[Compartment], groups: dict[str, str]
+) -> Iterator[_Signal]:
     """Yield the signals phase by phase and scope by scope."""
     registers, start = played.program.chip.registers, 0
     current, voltage = registers.current_bits + 1, registers.voltage_bits + 1
@@ -81,7 +85,14 @@ def _signals(played: Played, compartments: Sequence[Compartment], groups: dict[s
                 continue
             scopes = (names[phase.name], groups[group], f"n{i}")
             for kind, width in zip(REGISTERS, (current, voltage, voltage), strict=True):
-                yield _Signal(scopes, kind, "reg", width, start, played.recorded(phase.name, kind, group)[:, i])
+                yield _Signal(
+                    scopes,
+                    kind,
+                    "reg",
+                    width,
+                    start,
+                    played.recorded(phase.name, kind, group)[:, i],
+                )
             if group in played.result.spikes:
                 spikes = played.recorded(phase.name, "spikes", group)[:, i].astype(np.int64)
                 yield _Signal(scopes, "spike", "wire", 1, start, spikes)
@@ -102,7 +113,10 @@ def probed(played: Played, probes: Sequence[str]) -> tuple[Compartment, ...]:
     program = played.program
     chosen = [compartment for probe in probes for compartment in _read(program, probe)]
     if not probes:
-        chosen = [(name, int(spikes.sum(axis=0).argmax())) for name, spikes in played.result.spikes.items()]
+        chosen = [
+            (name, int(spikes.sum(axis=0).argmax()))
+            for name, spikes in played.result.spikes.items()
+        ]
     for group, i in chosen:
         chosen += [(name, i) for name, to in program.joined_to.items() if to == group]
     order = list(program.populations)
@@ -115,16 +129,26 @@ def _read(program: hw.ChipProgram, probe: str) -> list[Compartment]:
         return [(probe, i) for i in range(sizes[probe])]
     match = _PROBE.fullmatch(probe)
     if match is None and "[" in probe:
-        raise InputError(f"probe {probe!r}", "not an index", fix="Write population[index] or population[first:stop].")
+        raise InputError(
+            f"probe {probe!r}",
+            "not an index",
+            fix="Write population[index] or population[first:stop].",
+        )
     group = match["group"] if match else probe
     if match is None or group not in sizes:
-        raise InputError(f"probe {probe!r}", f"there is no population {group!r}", fix=did_you_mean(group, sizes))
+        raise InputError(
+            f"probe {probe!r}", f"there is no population {group!r}", fix=did_you_mean(group, sizes)
+        )
     first = int(match["first"])
     stop = int(match["stop"]) if match["stop"] else first + 1
     if stop <= first:
-        raise InputError(f"probe {probe!r}", "it holds no compartment", fix="Let the stop be above the first.")
+        raise InputError(
+            f"probe {probe!r}", "it holds no compartment", fix="Let the stop be above the first."
+        )
     if stop > sizes[group]:
         measured = counted(sizes[group], "compartment")
         fix = f"Count from 0 to {sizes[group] - 1}."
-        raise InputError(f"probe {probe!r}", f"{group!r} has no such compartment", measured=measured, fix=fix)
+        raise InputError(
+            f"probe {probe!r}", f"{group!r} has no such compartment", measured=measured, fix=fix
+        )
     return [(group, i) for i in range(first, stop)]

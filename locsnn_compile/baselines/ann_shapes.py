@@ -17,13 +17,18 @@ def convolved(steps: int, sensor: SensorLayout) -> list[tuple[int, int, int]]:
         size = tuple((n - k) // s + 1 for n, k, s in zip(size, kernel, stride, strict=True))  # type: ignore[assignment]
         if min(size) < 1:
             what = "the recording is too short for its two convolutions"
-            measured, fix = f"{counted(steps, 'step')} against at least 23", "Use longer recordings."
+            measured, fix = (
+                f"{counted(steps, 'step')} against at least 23",
+                "Use longer recordings.",
+            )
             raise InputError("network 'cnn-3d'", what, measured=measured, fix=fix)
         sizes.append(size)
     return sizes
 
 
-def ann_shapes(name: str, *, sensor: SensorLayout, steps: int, classes: int, hidden: int) -> dict[str, tuple[int, ...]]:
+def ann_shapes(
+    name: str, *, sensor: SensorLayout, steps: int, classes: int, hidden: int
+) -> dict[str, tuple[int, ...]]:
     """Return parameter name -> shape of ``gru-mlp`` or ``cnn-3d``."""
     if name == "gru-mlp":
         return {

@@ -59,7 +59,9 @@ def ann_counts(name: str, *, sensor: SensorLayout, steps: int, classes: int) -> 
         inputs, hidden = sensor.channels, GRU_HIDDEN
         macs = steps * 3 * (inputs * hidden + hidden * hidden) + hidden * classes
         return AnnCounts(macs, macs + 3 * steps * hidden, macs + 10 * steps * hidden)
-    raise InputError(f"network {name!r}", "its operations are not known", fix=did_you_mean(name, ANN_NAMES))
+    raise InputError(
+        f"network {name!r}", "its operations are not known", fix=did_you_mean(name, ANN_NAMES)
+    )
 
 
 def _cnn_3d_macs(sensor: SensorLayout, steps: int, classes: int) -> int:
@@ -72,10 +74,14 @@ def _cnn_3d_macs(sensor: SensorLayout, steps: int, classes: int) -> int:
 
 def network_additions(network: Network, spikes: Mapping[str, ByteArray]) -> dict[str, int]:
     """Return the additions of all recordings by phase; see :func:`additions_of_recordings`."""
-    return {axis: int(each.sum()) for axis, each in additions_of_recordings(network, spikes).items()}
+    return {
+        axis: int(each.sum()) for axis, each in additions_of_recordings(network, spikes).items()
+    }
 
 
-def additions_of_recordings(network: Network, spikes: Mapping[str, ByteArray]) -> dict[str, IntArray]:
+def additions_of_recordings(
+    network: Network, spikes: Mapping[str, ByteArray]
+) -> dict[str, IntArray]:
     """Return the additions of each recording, (batch,), by phase: spikes (batch, steps, n) times fan-out."""
     batch = len(next(iter(spikes.values())))
     additions = {phase.name: np.zeros(batch, dtype=np.int64) for phase in network.phases}
@@ -86,7 +92,9 @@ def additions_of_recordings(network: Network, spikes: Mapping[str, ByteArray]) -
     return additions
 
 
-ANN_ENERGY_SOURCE = "Horowitz, Computing's energy problem, ISSCC 2014: arithmetic at 45 nm and 0.9 V"
+ANN_ENERGY_SOURCE = (
+    "Horowitz, Computing's energy problem, ISSCC 2014: arithmetic at 45 nm and 0.9 V"
+)
 ANN_NOT_INCLUDED = (
     "memory traffic (weights, activations and instructions; a 32-bit word from DRAM takes 640 pJ or more)",
     "activation functions, clocks and control",
@@ -112,6 +120,7 @@ ARITHMETICS = {
 def ann_energy_pj(counts: AnnCounts) -> dict[str, float]:
     """Return the energy of the operations of one recording, for each kind of arithmetic."""
     return {
-        name: counts.multiplications * costs.multiplication_pj + counts.additions * costs.addition_pj
+        name: counts.multiplications * costs.multiplication_pj
+        + counts.additions * costs.addition_pj
         for name, costs in ARITHMETICS.items()
     }

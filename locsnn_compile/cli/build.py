@@ -55,7 +55,9 @@ def build(args: Namespace) -> int:
             calibration=calibration,
             progress=progress,
             budget=ErrorBudget(args.min_agreement, args.max_spike_error, args.max_score_error),
-            **picked(args, "strategy", "weight_bits", "split_weights", "psi", "profile", "scheduler"),
+            **picked(
+                args, "strategy", "weight_bits", "split_weights", "psi", "profile", "scheduler"
+            ),
         )
     gates = check_gates(compiled.report, given(args, GATES))
     compiled = replace(compiled, report=compiled.report | {"gates": gates_entry(gates)})
@@ -72,9 +74,14 @@ def build(args: Namespace) -> int:
         console = terminal()
         render_terminal(compiled.composed, console)
         names = dict.fromkeys(f"{name.split('/')[0]}/" if "/" in name else name for name in files)
-        console.print(f"wrote {folder}/: {', '.join(names)}", markup=False, highlight=False, soft_wrap=True)
+        console.print(
+            f"wrote {folder}/: {', '.join(names)}", markup=False, highlight=False, soft_wrap=True
+        )
     if earlier:
-        print(sentence("earlier build", folder=repr(str(folder)), names=listed(earlier)), file=sys.stderr)
+        print(
+            sentence("earlier build", folder=repr(str(folder)), names=listed(earlier)),
+            file=sys.stderr,
+        )
     failed = [gate for gate in gates if not gate.holds]
     for gate in failed:
         print(f"gate failed: {gate.option}: {gate.found}.", file=sys.stderr)
@@ -90,7 +97,11 @@ def _of_an_earlier_build(folder: Path, files: Mapping[str, bytes]) -> list[str]:
     if all(path.read_bytes() == files[path.name] for path in there):
         return []
     written = {name.split("/")[0] for name in files}
-    return [name for name in EMITTED_NAMES.values() if name.strip("/") not in written and (folder / name).exists()]
+    return [
+        name
+        for name in EMITTED_NAMES.values()
+        if name.strip("/") not in written and (folder / name).exists()
+    ]
 
 
 def _network(args: Namespace) -> Network:
@@ -101,7 +112,9 @@ def _network(args: Namespace) -> Network:
         if networks[0].members:
             fix = "Leave it out, or pack the models again: locsnn pack --weights."
             raise InputError("--weights", "the file of this committee holds its weights", fix=fix)
-        raise InputError("--weights", "there is one model, with nothing to weigh it against", fix="Leave it out.")
+        raise InputError(
+            "--weights", "there is one model, with nothing to weigh it against", fix="Leave it out."
+        )
     network = join(networks, args.weights, args.calibration) if len(networks) > 1 else networks[0]
     asked = given(args, ("--weight-bits", "--split-weights", "--calibration", "--psi"))
     if network.has_float_weights and given(args, BOUNDS):  # settings are chosen on --calibration
@@ -139,7 +152,9 @@ def _check_places(args: Namespace, folder: Path) -> None:
     """Refuse outputs that are inputs, or that would replace files of others."""
     names = written_names(args.emit)
     check_folder(folder, names)
-    reads = {f"MODEL {model!r}" if args.model[1:] else "MODEL": model for model in args.model} | given(args, READ)
+    reads = {
+        f"MODEL {model!r}" if args.model[1:] else "MODEL": model for model in args.model
+    } | given(args, READ)
     junit = [(f"--junit {args.junit!r}", Path(args.junit))] if args.junit else []
     check_places(reads, junit, [(f"-o {str(folder)!r}", folder / name) for name in names])
 
@@ -149,7 +164,9 @@ def written_names(emit: Sequence[str]) -> tuple[str, ...]:
     return (*BUILD_NAMES, *(EMITTED_NAMES[kind] for kind in emit))
 
 
-def _emitted(args: Namespace, compiled: CompiledModel, recordings: Recordings, number: int) -> dict[str, bytes]:
+def _emitted(
+    args: Namespace, compiled: CompiledModel, recordings: Recordings, number: int
+) -> dict[str, bytes]:
     """Return the files for other tools, made from the program and one recording, and the viewer of several."""
     found: dict[str, bytes] = {}
     if kinds := [kind for kind in BENCH_KINDS if kind in args.emit]:
@@ -160,6 +177,11 @@ def _emitted(args: Namespace, compiled: CompiledModel, recordings: Recordings, n
     if "viewer" in args.emit:
         from locsnn_compile.report.viewer.page import render_viewer
 
-        played, first = compiled.network.fit(recordings.spikes, recordings.source), compiled.match.first_divergence
-        found["viewer.html"] = render_viewer(compiled.levels, compiled.report, played, recordings.labels, first)
+        played, first = (
+            compiled.network.fit(recordings.spikes, recordings.source),
+            compiled.match.first_divergence,
+        )
+        found["viewer.html"] = render_viewer(
+            compiled.levels, compiled.report, played, recordings.labels, first
+        )
     return found

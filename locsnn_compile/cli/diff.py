@@ -22,7 +22,13 @@ from locsnn_compile.errors import InputError, check_same, listed
 from locsnn_compile.report.figures.program import program_figures
 from locsnn_compile.report.renderers.html import render_html
 from locsnn_compile.report.renderers.terminal import render_terminal
-from locsnn_compile.report.sections.comparison import Build, changes, comparison, contents_changed, percent
+from locsnn_compile.report.sections.comparison import (
+    Build,
+    changes,
+    comparison,
+    contents_changed,
+    percent,
+)
 
 MAX_REPORT_BYTES = 64 << 20
 
@@ -31,7 +37,11 @@ def run(args: argparse.Namespace) -> int:
     """Print the summary, or every figure that differs, with the change in percent if both are numbers."""
     if args.html:
         builds = (("BUILD_A", args.before), ("BUILD_B", args.after))
-        reads = {f"{option}, {name}": Path(folder) / name for option, folder in builds for name in BUILD_NAMES}
+        reads = {
+            f"{option}, {name}": Path(folder) / name
+            for option, folder in builds
+            for name in BUILD_NAMES
+        }
         check_places(reads, [(f"--html {args.html!r}", Path(args.html))])
     before, after = (_build(Path(folder)) for folder in (args.before, args.after))
     changed = changes(before, after)
@@ -39,7 +49,11 @@ def run(args: argparse.Namespace) -> int:
         page = render_html(comparison(before, after))
         replace_file(Path(args.html), page.encode(), where=f"--html {args.html!r}")
     if args.json:
-        print(json.dumps({key: {"before": a, "after": b} for key, (a, b) in changed.items()}, indent=2))
+        print(
+            json.dumps(
+                {key: {"before": a, "after": b} for key, (a, b) in changed.items()}, indent=2
+            )
+        )
     elif not changed:
         print("The builds are equal.")
     elif parts := contents_changed(changed):
@@ -55,10 +69,14 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _build(folder: Path) -> Build:
-    build = Build(folder.absolute().name, read_report(folder), program_figures(hw.load_program(folder)))
+    build = Build(
+        folder.absolute().name, read_report(folder), program_figures(hw.load_program(folder))
+    )
     held = sum(group["synapses"] for group in build.program["groups"].values())
     where, what = f"build {build.name!r}", "report.json counts other synapses than the program has"
-    check_same(build.figures.get("resources.synapses", held), held, where, what, fix="Compile again.")
+    check_same(
+        build.figures.get("resources.synapses", held), held, where, what, fix="Compile again."
+    )
     return build
 
 
@@ -67,9 +85,13 @@ def read_report(folder: Path) -> dict[str, Any]:
     check_path(folder, f"build {folder.name[:60]!r}")
     finish_writing(folder)
     where, fix = f"build {folder.name!r}", "Give a folder that locsnn-compile wrote."
-    content = read_bytes(folder / "report.json", f"{where}, report.json", MAX_REPORT_BYTES, fix, fix)
+    content = read_bytes(
+        folder / "report.json", f"{where}, report.json", MAX_REPORT_BYTES, fix, fix
+    )
     with parsing(where, "report.json is damaged", fix=fix):
         document = json.loads(content)
-    if not isinstance(document, dict) or not str(document.get("schema", "")).startswith("locsnn-report/"):
+    if not isinstance(document, dict) or not str(document.get("schema", "")).startswith(
+        "locsnn-report/"
+    ):
         raise InputError(where, "report.json is not a report", fix=fix)
     return document

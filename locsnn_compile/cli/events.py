@@ -42,7 +42,9 @@ def run(args: argparse.Namespace) -> int:
     # A folder is written only if it is new or empty.
     check_places({"FILE": args.file}, [place for place in writes if place[1].suffix])
     laid_out = args.grid is not None or args.layout is not None
-    sensor = asked_layout(args.grid, args.polarities, args.channels, args.layout) if laid_out else None
+    sensor = (
+        asked_layout(args.grid, args.polarities, args.channels, args.layout) if laid_out else None
+    )
     asked = picked(args, "channels", "polarities", "columns") | asked_reading(args)
     recordings = read_recordings(args.file, split=args.part, sensor=sensor, **asked)
     number = recording_of(args.recording, recordings)
@@ -55,7 +57,9 @@ def run(args: argparse.Namespace) -> int:
 
 def statistics_lines(found: Mapping[str, Any], binning: str | None) -> list[str]:
     """Return the figures as lines; ``binning`` says what was left out on reading."""
-    width, steps, polarity, rate = (found[key] for key in ("step_seconds", "steps", "polarity", "rate_hz_per_channel"))
+    width, steps, polarity, rate = (
+        found[key] for key in ("step_seconds", "steps", "polarity", "rate_hz_per_channel")
+    )
     seconds = "" if width is None else f" of {width:g} s ({steps * width:g} s)"
     rows = [(one["channel"], one["place"], one["events"]) for one in found["busiest_channels"]]
     busiest = [f"{channel}{place and f' ({place})'} {count}" for channel, place, count in rows]
@@ -64,12 +68,16 @@ def statistics_lines(found: Mapping[str, Any], binning: str | None) -> list[str]
     given = {
         "labels": _labels(found["labels"]),
         "binning": binning,
-        "rate": known(rate, lambda hz: f"{hz:.3g} Hz per channel, {hz * found['channels']:.4g} Hz in all", ""),
+        "rate": known(
+            rate, lambda hz: f"{hz:.3g} Hz per channel, {hz * found['channels']:.4g} Hz in all", ""
+        ),
         "polarity": polarity and sentence("polarity", **polarity),
         "busiest": ", ".join(busiest) or "none",
         "dead": ", ".join(dead) + (f", and {more} more" if more > 0 else ""),
     }
-    lines = (f"{fact.label:<17} {fact.value}" for fact in facts("events", **{**found, **given}).facts)
+    lines = (
+        f"{fact.label:<17} {fact.value}" for fact in facts("events", **{**found, **given}).facts
+    )
     return [sentence("recordings", of_seconds=seconds, **found), *lines]
 
 
@@ -85,7 +93,10 @@ def _labels(labels: dict[int, int] | None) -> str:
 
 def _raster(recordings: Recordings, index: int) -> Sequence[str]:
     label = "" if recordings.labels is None else f", {recordings.called(recordings.labels[index])}"
-    return [f"recording {index}{label}:", *(f"|{line}|" for line in text_raster(recordings.spikes[index]))]
+    return [
+        f"recording {index}{label}:",
+        *(f"|{line}|" for line in text_raster(recordings.spikes[index])),
+    ]
 
 
 def _write(args: argparse.Namespace, recordings: Recordings, number: int, sensor: Any) -> list[str]:
@@ -100,12 +111,17 @@ def _write(args: argparse.Namespace, recordings: Recordings, number: int, sensor
         how = {"members": args.members, "structured": args.structured, "sensor": sensor}
         left = write_recordings(args.to, recordings, **how).options
         lines.append(f"wrote {args.to}")
-        if args.part is None and len(parts := recording_parts(args.file, test_share=args.split)) > 1:
+        if (
+            args.part is None
+            and len(parts := recording_parts(args.file, test_share=args.split)) > 1
+        ):
             lines.append(f"it holds the {parts[-1]} part alone: --part {parts[0]} gives the other")
         if recordings.class_names is not None and args.to.suffix not in (".npz", ".pt"):
             lines.append("names of classes are left out: only .npz and .pt files hold them")
         if left:
-            options = " ".join(f"--{name.replace('_', '-')} {value!r}" for name, value in left.items())
+            options = " ".join(
+                f"--{name.replace('_', '-')} {value!r}" for name, value in left.items()
+            )
             lines.append(f"read it with {options}: the format does not say so")
     return lines
 
@@ -113,10 +129,18 @@ def _write(args: argparse.Namespace, recordings: Recordings, number: int, sensor
 def _check_options(args: argparse.Namespace) -> None:
     """Refuse options that would change nothing."""
     if args.output is not None and args.output.suffix != ".svg":
-        raise InputError(f"-o {args.output.name!r}", "rasters are written as .svg", fix="End the name in .svg.")
+        raise InputError(
+            f"-o {args.output.name!r}", "rasters are written as .svg", fix="End the name in .svg."
+        )
     if args.recording is not None and args.json and args.output is None:
-        raise InputError("--recording", "no raster is shown or written", fix="Leave out --json, or add -o.")
+        raise InputError(
+            "--recording", "no raster is shown or written", fix="Leave out --json, or add -o."
+        )
     if args.members != "npy" and (args.to is None or args.to.suffix not in ("", ".zip")):
-        raise InputError("--members", "no folder or .zip is written", fix="Add --to with a folder or .zip.")
+        raise InputError(
+            "--members", "no folder or .zip is written", fix="Add --to with a folder or .zip."
+        )
     if args.structured and (args.to is None or args.to.suffix not in (".npy", ".npz")):
-        raise InputError("--structured", "no .npy or .npz is written", fix="Add --to with such a file.")
+        raise InputError(
+            "--structured", "no .npy or .npz is written", fix="Add --to with such a file."
+        )

@@ -48,7 +48,11 @@ def run(args: argparse.Namespace) -> int:
     """Explore as ``args`` ask; return the exit code. Raises ``InputError`` and ``TargetError``."""
     wanted: dict[str, list[Value]] = {axis.name: getattr(args, axis.name) or [] for axis in AXES}
     if args.workers and args.scheduler:
-        raise InputError("--workers", "a scheduler has workers of its own", fix="Leave out --workers or --scheduler.")
+        raise InputError(
+            "--workers",
+            "a scheduler has workers of its own",
+            fix="Leave out --workers or --scheduler.",
+        )
     folder = Path(args.output) if args.output else default_folder(args.model, "-explore")
     check_folder(folder, WRITTEN)
     _check_places(args, folder, WRITTEN)
@@ -74,7 +78,9 @@ def _explore(
     args: argparse.Namespace, wanted: Mapping[str, Sequence[Value]], folder: Path, spread: Spread
 ) -> Exploration:
     """Measure the grid, and then the front on the recordings of --report-on."""
-    model = ModelFile(args.model, args.config, args.dt, args.reset, args.discretisation, args.kernels)
+    model = ModelFile(
+        args.model, args.config, args.dt, args.reset, args.discretisation, args.kernels
+    )
     network, chip = model.load(), hw.chip(args.target)
     check_matters(network, {"calibration": "--calibration"} if args.calibration else {})
     events = choose_events(network, args.events, args.part, args.recordings)
@@ -82,7 +88,9 @@ def _explore(
         _check_places(args, folder, ["events.npz"])
     reported_on = report_events(network, args.report_on) if args.report_on else None
     # By default never the recordings in the model: they may belong to its test part.
-    calibration = calibration_recordings(network, args.calibration) if args.calibration else events.recordings
+    calibration = (
+        calibration_recordings(network, args.calibration) if args.calibration else events.recordings
+    )
     engines = ENGINES if args.engines is None else tuple(dict.fromkeys(args.engines))
     study = Study(network, model.digest(), chip, events.recordings, calibration, engines)
     store = Store(folder / "points")
@@ -92,7 +100,9 @@ def _explore(
         asked = ErrorBudget(args.min_agreement, args.max_spike_error, args.max_score_error)
         budget = asked if asked.given else auto_bounds(study, points, store, spread)
     events = written(events, folder / "events.npz")
-    found = Exploration(study, model, args.target, args.calibration, events, budget, not asked.given, points)
+    found = Exploration(
+        study, model, args.target, args.calibration, events, budget, not asked.given, points
+    )
     if reported_on is None:
         return found
     with progress_bar("reporting", show=not args.quiet) as progress:

@@ -47,5 +47,9 @@ def _watch(ours: socket.socket, left: threading.Event) -> None:
             if signal.SIGINT in received:
                 time.sleep(GRACE_SECONDS)
                 if not left.is_set():
-                    print(f"{_SHOW_CURSOR if sys.stderr.isatty() else ''}Interrupted.", file=sys.stderr, flush=True)
+                    print(
+                        f"{_SHOW_CURSOR if sys.stderr.isatty() else ''}Interrupted.",
+                        file=sys.stderr,
+                        flush=True,
+                    )
                 os._exit(EXIT_INTERRUPTED)

@@ -5,7 +5,18 @@ from collections.abc import Sequence
 
 from locsnn_compile.cli.shell import Parser, add_command, add_common, guarded
 
-COMMANDS = ("compile", "train", "pack", "run", "events", "explore", "diff", "stress", "targets", "completion")
+COMMANDS = (
+    "compile",
+    "train",
+    "pack",
+    "run",
+    "events",
+    "explore",
+    "diff",
+    "stress",
+    "targets",
+    "completion",
+)
 
 
 def parser() -> Parser:

@@ -52,7 +52,8 @@ def declared(axes: Iterable[Axis]) -> str:
     """Return the options of axes, as ``options.txt`` declares options."""
     helped = ((axis, ", ".join(map(str, axis.values))) for axis in axes)
     return "\n".join(
-        f"{axis.option} X, {axis.kind}, several\n    {axis.help} to try (default: {values})" for axis, values in helped
+        f"{axis.option} X, {axis.kind}, several\n    {axis.help} to try (default: {values})"
+        for axis, values in helped
     )
 
 
@@ -87,7 +88,9 @@ def add_options(parser: argparse.ArgumentParser, command: str) -> None:
             if key == "a":
                 asked["type"] = _in_range(names[0], asked["type"], kind)
             elif key == "one":
-                asked |= _one_of(names[0], asked.get("type", str), kind.removeprefix("one of ").split("|"))
+                asked |= _one_of(
+                    names[0], asked.get("type", str), kind.removeprefix("one of ").split("|")
+                )
             else:
                 asked |= KINDS.get(kind) or {key: value}
         action = parser.add_argument(*(names or [last]), help=" ".join(said.split()), **asked)
@@ -102,7 +105,9 @@ def _in_range(option: str, read: Callable[[str], float], asked: str) -> Callable
 
     def checked(text: str) -> float:
         value = read(text)
-        if not (math.isfinite(value) and low <= value <= high) or (kind == "above" and value == low):
+        if not (math.isfinite(value) and low <= value <= high) or (
+            kind == "above" and value == low
+        ):
             raise InputError(f"{option} {text}", "it is out of range", fix=f"Give {asked}.")
         return value
 
@@ -137,5 +142,7 @@ def recording_of(asked: int | None, recordings: "Recordings") -> int:
     if not 0 <= number < len(recordings):
         measured = f"{len(recordings)} in {recordings.source}"
         fix = f"Count from 0 to {len(recordings) - 1}."
-        raise InputError(f"--recording {number}", "there is no such recording", measured=measured, fix=fix)
+        raise InputError(
+            f"--recording {number}", "there is no such recording", measured=measured, fix=fix
+        )
     return number

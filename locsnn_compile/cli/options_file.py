@@ -15,11 +15,18 @@ def read_options(parser: argparse.ArgumentParser, path: str) -> dict[str, Any]:
 
     where = f"options {path!r}"
     values = read_mapping(Path(path), where, "Give the YAML file of a command's options.")
-    options = {name[2:]: action for name, action in parser._option_string_actions.items() if name.startswith("--")}
+    options = {
+        name[2:]: action
+        for name, action in parser._option_string_actions.items()
+        if name.startswith("--")
+    }
     known = {name: action for name, action in options.items() if name not in _OTHERS}
     for name in values:
         check_known(where, f"key {str(name)[:60]!r} is not known", str(name), known)
-    return {known[name].dest: _value(known[name], value, f"{where}, {name}") for name, value in values.items()}
+    return {
+        known[name].dest: _value(known[name], value, f"{where}, {name}")
+        for name, value in values.items()
+    }
 
 
 def _value(action: argparse.Action, value: Any, where: str) -> Any:
@@ -27,7 +34,9 @@ def _value(action: argparse.Action, value: Any, where: str) -> Any:
     if action.nargs == 0:
         if isinstance(value, bool):
             return value
-        raise InputError(where, "it must be true or false", measured=f"got {value!r}", fix="Correct the value.")
+        raise InputError(
+            where, "it must be true or false", measured=f"got {value!r}", fix="Correct the value."
+        )
     several = isinstance(action, argparse._AppendAction)
     items = value if several and isinstance(value, list) else [value]
     kind: Any = action.type or str
@@ -37,7 +46,9 @@ def _value(action: argparse.Action, value: Any, where: str) -> Any:
         found = [kind(str(one)) for one in items]
     except ValueError:
         got = f"got {value!r}"
-        raise InputError(where, "it is not a value of this option", measured=got, fix="Correct the value.") from None
+        raise InputError(
+            where, "it is not a value of this option", measured=got, fix="Correct the value."
+        ) from None
     except InputError as error:
         raise InputError(where, error.what, measured=f"got {value!r}", fix=error.fix) from None
     return found if several else found[0]

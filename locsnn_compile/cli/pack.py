@@ -27,10 +27,14 @@ def run(args: argparse.Namespace) -> int:
     if Path(args.output).suffix != ".pt":
         raise InputError("--output", "it is not a .pt file", fix="Give a name that ends in .pt.")
     if args.weights and args.calibration:
-        raise InputError("--calibration", "the weights are given", fix="Leave out --calibration or --weights.")
+        raise InputError(
+            "--calibration", "the weights are given", fix="Leave out --calibration or --weights."
+        )
     needed("torch", "train", "locsnn pack")
     checkpoints = tuple(read_checkpoint(path) for path in args.model)
-    joined = join([network_of(checkpoint) for checkpoint in checkpoints], args.weights, args.calibration)
+    joined = join(
+        [network_of(checkpoint) for checkpoint in checkpoints], args.weights, args.calibration
+    )
     Pack(checkpoints, tuple(member.weight for member in joined.members)).save(args.output)
     for member in joined.members:
         print(f"{member.name}: weight {member.weight:.6g}")

@@ -13,7 +13,9 @@ Place = tuple[str, Path]
 """An option as messages show it, and the path that it writes: a file, or a folder that is replaced as a whole."""
 
 
-def check_places(reads: Mapping[str, str | Path | None], files: Sequence[Place], entries: Sequence[Place] = ()) -> None:
+def check_places(
+    reads: Mapping[str, str | Path | None], files: Sequence[Place], entries: Sequence[Place] = ()
+) -> None:
     """Refuse outputs that would replace what the command reads, and files that cannot be written.
 
     ``reads``: the files and folders to read, by option; a folder stands for the recordings in it. ``entries``: what is
@@ -37,7 +39,12 @@ def check_places(reads: Mapping[str, str | Path | None], files: Sequence[Place],
         inside = [reader for reader, read in inputs if _lies_in(os.path.realpath(read), target)]
         reader = known.get(_identity(path)) or next(iter(inside), None)
         if reader is not None:
-            raise InputError(option, f"it would overwrite {path.name!r}", measured=reader, fix="Write somewhere else.")
+            raise InputError(
+                option,
+                f"it would overwrite {path.name!r}",
+                measured=reader,
+                fix="Write somewhere else.",
+            )
     for option, path in files:
         target = os.path.realpath(path)
         other = next((said for place, said in taken.items() if _lies_in(target, place)), None)
@@ -51,7 +58,11 @@ def _read_of(path: Path) -> Iterable[Path]:
     """Return the files that are read for a path: the file itself, or the recordings in a folder."""
     if path.is_dir():
         return recording_files(path)
-    return (path, path.with_name(f"{path.stem}_labels.npy"), path.with_suffix(".startend")) if path.name else ()
+    return (
+        (path, path.with_name(f"{path.stem}_labels.npy"), path.with_suffix(".startend"))
+        if path.name
+        else ()
+    )
 
 
 def _identity(path: Path) -> tuple[int, int] | None:

@@ -46,10 +46,18 @@ def run(args: argparse.Namespace) -> int:
     if args.profile:
         program = replace(program, chip=hw.priced_by(program.chip, args.profile))
     if program.readout is None:
-        raise InputError(f"program {program.name!r}", "has no readout, so it predicts nothing", fix="Compile a model.")
+        raise InputError(
+            f"program {program.name!r}",
+            "has no readout, so it predicts nothing",
+            fix="Compile a model.",
+        )
     # --stream and --stop play all recordings again; otherwise only a few are in memory at a time.
     again = bool(args.stream or args.stop)
-    chunks = iter([read_for_program(args, args.events, program)]) if again else chunks_for_program(args, program)
+    chunks = (
+        iter([read_for_program(args, args.events, program)])
+        if again
+        else chunks_for_program(args, program)
+    )
     recordings = next(chunks)
     if args.step_seconds is not None and not args.stream and recordings.threshold is None:
         raise InputError("--step-seconds", "nothing requested is timed", fix="Add --stream.")
@@ -61,7 +69,11 @@ def run(args: argparse.Namespace) -> int:
             for found, added in _play(program, chain([recordings], chunks), args.engine, spread):
                 counts += added
                 tally.update(known=sum(row["label"] is not None for row in found), all=len(found))
-                tally.update(right=sum(row["prediction"] == row["label"] and not row["tied"] for row in found))
+                tally.update(
+                    right=sum(
+                        row["prediction"] == row["label"] and not row["tied"] for row in found
+                    )
+                )
                 rows += found if again or args.json else []
                 if progress:
                     progress(tally["all"], len(recordings) if again else None)
@@ -93,11 +105,19 @@ def recording_line(row: Row) -> str:
     return f"recording {row['recording']}: {predicted}{label}  {plural(row['spikes'], 'spike')}"
 
 
-def _summary(program: hw.ChipProgram, tally: Counter[str], counts: hw.Counts, totals: dict[str, float]) -> list[str]:
+def _summary(
+    program: hw.ChipProgram, tally: Counter[str], counts: hw.Counts, totals: dict[str, float]
+) -> list[str]:
     lines, played = [], tally["all"]
     if tally["known"]:
-        lines.append(f"accuracy {tally['right'] / tally['known']:.3f} on {plural(tally['known'], 'recording')}")
-    spent = f"{sum(totals.values()) / played / 1e6:.2f} µJ (profile {program.chip.default_profile}), " if totals else ""
+        lines.append(
+            f"accuracy {tally['right'] / tally['known']:.3f} on {plural(tally['known'], 'recording')}"
+        )
+    spent = (
+        f"{sum(totals.values()) / played / 1e6:.2f} µJ (profile {program.chip.default_profile}), "
+        if totals
+        else ""
+    )
     lines.append(
         f"mean per recording: {counts.synaptic_ops / played:,.0f} synaptic operations, {spent}"
         f"{plural(counts.wraps, 'wrap')} and {plural(counts.clips, 'clip')} in all"
@@ -110,7 +130,10 @@ def _play(
 ) -> Iterator[tuple[list[Row], hw.Counts]]:
     """Yield the rows and the counts of a few recordings at a time."""
     parts = (
-        (found.spikes[start : start + CHUNK], None if found.labels is None else found.labels[start : start + CHUNK])
+        (
+            found.spikes[start : start + CHUNK],
+            None if found.labels is None else found.labels[start : start + CHUNK],
+        )
         for found in chunks
         for start in range(0, len(found), CHUNK)
     )
@@ -119,7 +142,9 @@ def _play(
         yield [{"recording": next(number), **row} for row in rows], counts
 
 
-def _play_part(program: hw.ChipProgram, engine: Any, part: tuple[Any, Any]) -> tuple[list[Row], hw.Counts]:
+def _play_part(
+    program: hw.ChipProgram, engine: Any, part: tuple[Any, Any]
+) -> tuple[list[Row], hw.Counts]:
     """Play some recordings with their labels; return their rows and counts.
 
     Where all classes tie, the prediction is the first class, but nothing is predicted: with a label, that is wrong.
@@ -129,11 +154,18 @@ def _play_part(program: hw.ChipProgram, engine: Any, part: tuple[Any, Any]) -> t
     assert found.scores is not None  # a program without a readout has been refused
     if labels is not None:
         most, fix = found.scores.shape[1] - 1, "Check that the recordings belong to this program."
-        check_most(int(labels.max()), most, "labels of --events", "no class has this number", fix=fix)
+        check_most(
+            int(labels.max()), most, "labels of --events", "no class has this number", fix=fix
+        )
     tied = decided(found.scores) < 0
     labels = [None] * len(spikes) if labels is None else labels.tolist()
-    columns = zip(found.prediction.tolist(), tied.tolist(), labels, found.per_recording, strict=True)
-    rows = [{"prediction": best, "tied": tie, "label": label, "spikes": of.spikes} for best, tie, label, of in columns]
+    columns = zip(
+        found.prediction.tolist(), tied.tolist(), labels, found.per_recording, strict=True
+    )
+    rows = [
+        {"prediction": best, "tied": tie, "label": label, "spikes": of.spikes}
+        for best, tie, label, of in columns
+    ]
     return rows, found.counts
 
 
@@ -145,15 +177,25 @@ def _check_options(args: argparse.Namespace) -> None:
             raise InputError(option, "nothing requested has a margin", fix="Add --stop margin.")
     if by_margin and (args.calibrate is None) == (args.margin is None):
         both = "is given twice" if args.margin is not None else "is not known"
-        raise InputError("--stop margin", f"the margin {both}", fix="Give either --calibrate FILE or --margin X.")
+        raise InputError(
+            "--stop margin", f"the margin {both}", fix="Give either --calibrate FILE or --margin X."
+        )
     if (args.silence is None) == (args.stop == "silence"):
-        raise InputError("--stop silence", "it goes together with --silence N", fix="Give both or neither.")
+        raise InputError(
+            "--stop silence", "it goes together with --silence N", fix="Give both or neither."
+        )
     if args.min_agreement is not None and args.calibrate is None:
         raise InputError("--min-agreement", "no margin is calibrated", fix="Add --calibrate FILE.")
     if args.scheduler and args.stream:
-        raise InputError("--scheduler", "steps are timed on this machine", fix="Leave out --scheduler or --stream.")
+        raise InputError(
+            "--scheduler",
+            "steps are timed on this machine",
+            fix="Leave out --scheduler or --stream.",
+        )
     if args.psi is not None and not (args.stream or by_margin):
-        raise InputError("--psi", "nothing requested weighs the branches", fix="Add --stream or --stop margin.")
+        raise InputError(
+            "--psi", "nothing requested weighs the branches", fix="Add --stream or --stop margin."
+        )
 
 
 def _known_margin(args: argparse.Namespace, program: hw.ChipProgram, played: Recordings) -> Row:
@@ -200,12 +242,22 @@ def _find_stops(
         stop = partial(hw.stop_at_margin, program, margin=margin["margin"], psi=args.psi)
     with progress_bar("stopping", show=True) as progress:
         stops = stop_all(stop, recordings.spikes, progress, spread=spread)
-    for row, step, prediction in zip(rows, stops.steps.tolist(), stops.prediction.tolist(), strict=True):
+    for row, step, prediction in zip(
+        rows, stops.steps.tolist(), stops.prediction.tolist(), strict=True
+    ):
         row["stop"] = {"step": step, "prediction": prediction}
     # JSON has no infinity: null means that no lead was enough.
-    how = {} if margin is None else {**margin, "margin": margin["margin"] if np.isfinite(margin["margin"]) else None}
+    how = (
+        {}
+        if margin is None
+        else {**margin, "margin": margin["margin"] if np.isfinite(margin["margin"]) else None}
+    )
     # A recording in which all classes tie at the end predicts nothing, so it counts as wrong wherever it stops.
-    labels = None if recordings.labels is None else np.where([row["tied"] for row in rows], -1, recordings.labels)
+    labels = (
+        None
+        if recordings.labels is None
+        else np.where([row["tied"] for row in rows], -1, recordings.labels)
+    )
     return {
         "kind": args.stop,
         **how,
@@ -226,9 +278,19 @@ def _stop_lines(found: Row) -> list[str]:
         of_part = f", {calibrated['part']} part" if calibrated["part"] else ""
         lead = "no lead is" if found["margin"] is None else f"a lead of {found['margin']:.4g} is"
         lines.append(sentence("margin", lead=lead, of_part=of_part, **calibrated))
-    saved = {key: 1 - found[key] / found[f"all_{key}"] if found[f"all_{key}"] else 0.0 for key in _SAVED}
-    times = "an unknown time" if found["latency_ns"] is None else sentence("stopped, with times", **found)
-    priced = sentence("stopped, with costs", saved=saved, times=times, **found) if found["profile"] else ""
+    saved = {
+        key: 1 - found[key] / found[f"all_{key}"] if found[f"all_{key}"] else 0.0 for key in _SAVED
+    }
+    times = (
+        "an unknown time"
+        if found["latency_ns"] is None
+        else sentence("stopped, with times", **found)
+    )
+    priced = (
+        sentence("stopped, with costs", saved=saved, times=times, **found)
+        if found["profile"]
+        else ""
+    )
     right = "" if found["accuracy"] is None else sentence("predicted, with labels", **found)
     stopped = sentence("stopped", saved=saved, **found) + priced
     return [*lines, stopped, sentence("predicted", **found) + right]

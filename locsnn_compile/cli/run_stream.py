@@ -58,7 +58,10 @@ class Streamed(Frozen, eq=False):
 
 
 def stream(
-    session: hw.Session, rows: Mapping[str, ByteArray], margin: float | None = None, on_step: OnStep | None = None
+    session: hw.Session,
+    rows: Mapping[str, ByteArray],
+    margin: float | None = None,
+    on_step: OnStep | None = None,
 ) -> Streamed:
     """Reset a session and push a recording, (steps, channels) by stream; stop when the lead reaches a margin."""
     session.reset()
@@ -69,7 +72,11 @@ def stream(
         start = time.perf_counter()
         found = session.push({name: array[done] for name, array in rows.items()})
         seconds[done] = time.perf_counter() - start
-        prediction[done], lead[done], sure[done] = found.prediction[0], found.lead[0], decided(found.scores)[0]
+        prediction[done], lead[done], sure[done] = (
+            found.prediction[0],
+            found.lead[0],
+            decided(found.scores)[0],
+        )
         done += 1
         if on_step:
             on_step(done, int(prediction[done - 1]), float(lead[done - 1]))
@@ -81,7 +88,11 @@ def stream(
 def step_latency(streamed: Sequence[Streamed]) -> dict[str, float]:
     """Return the seconds per step: the mean, the 99th percentile and the longest."""
     seconds = np.concatenate([one.seconds for one in streamed])
-    return {"mean": float(seconds.mean()), "p99": float(np.quantile(seconds, 0.99)), "worst": float(seconds.max())}
+    return {
+        "mean": float(seconds.mean()),
+        "p99": float(np.quantile(seconds, 0.99)),
+        "worst": float(seconds.max()),
+    }
 
 
 def right_over_time(streamed: Sequence[Streamed], wanted: ArrayLike, steps: int) -> FloatArray:
@@ -119,7 +130,11 @@ class LiveLine:
 
 
 def stream_all(
-    args: argparse.Namespace, program: hw.ChipProgram, recordings: Recordings, rows: list[Row], margin: Row | None
+    args: argparse.Namespace,
+    program: hw.ChipProgram,
+    recordings: Recordings,
+    rows: list[Row],
+    margin: Row | None,
 ) -> Row:
     """Stream and show every recording; add its ``changes`` to its row, and return the figures over all of them."""
     step_seconds = _step_seconds(args, program, recordings)
@@ -136,10 +151,15 @@ def stream_all(
             on_step = _shown(line, i, steps, step_seconds) if line else None
             found.append(stream(session, played, lead, on_step))
             row["changes"] = [
-                {"step": step, "prediction": prediction, "lead": ahead} for step, prediction, ahead in found[-1].changes
+                {"step": step, "prediction": prediction, "lead": ahead}
+                for step, prediction, ahead in found[-1].changes
             ]
             if line:
-                line.say(_settled(row, found[-1], stopped=lead is not None and found[-1].lead[-1] >= lead))
+                line.say(
+                    _settled(
+                        row, found[-1], stopped=lead is not None and found[-1].lead[-1] >= lead
+                    )
+                )
             if progress:
                 progress(i + 1, len(rows))
     last = [-1 if row["tied"] else row["prediction"] for row in rows]
@@ -151,7 +171,9 @@ def stream_all(
         "step_latency_seconds": latency,
         "real_time_factor": step_seconds and step_seconds / latency["mean"],
         "worst_real_time_factor": step_seconds and step_seconds / latency["worst"],
-        "right_is": "the label" if recordings.labels is not None else "the prediction after the last step",
+        "right_is": "the label"
+        if recordings.labels is not None
+        else "the prediction after the last step",
         "right": right.tolist(),
     }
 
@@ -164,7 +186,9 @@ def stream_lines(found: Row) -> list[str]:
         step = max(1, round(part * len(right)))
         moment = f"step {step}" if length is None else _seconds(step, length)
         shown.append(f"{right[step - 1]:.3f} after {moment}")
-    what = "accuracy over time" if found["right_is"] == "the label" else "already the last prediction"
+    what = (
+        "accuracy over time" if found["right_is"] == "the label" else "already the last prediction"
+    )
     of_sensor = sentence("pace of no sensor" if length is None else "pace of a sensor", **found)
     return [f"{what}: {', '.join(shown)}", f"{sentence('pace of steps', **found)}; {of_sensor}"]
 
@@ -181,7 +205,9 @@ def _shown(line: LiveLine, recording: int, steps: int, step_seconds: float | Non
     def on_step(step: int, prediction: int, lead: float) -> None:
         nonlocal shown
         silent = shown is None and lead <= 0
-        same = shown is not None and shown[0] == prediction and not (line.watched and shown[1] != lead)
+        same = (
+            shown is not None and shown[0] == prediction and not (line.watched and shown[1] != lead)
+        )
         if silent or same:
             return
         shown = (prediction, lead)
@@ -212,7 +238,9 @@ def _settled(row: Row, found: Streamed, *, stopped: bool) -> str:
     return f"recording {row['recording']}: {predicted}{label}{since}{end}"
 
 
-def _step_seconds(args: argparse.Namespace, program: hw.ChipProgram, recordings: Recordings) -> float | None:
+def _step_seconds(
+    args: argparse.Namespace, program: hw.ChipProgram, recordings: Recordings
+) -> float | None:
     """Return how long a step is, from the recordings, the options or the report of the build."""
     if recordings.step_seconds is not None:
         return recordings.step_seconds

@@ -50,7 +50,9 @@ class Parser(argparse.ArgumentParser):
         """Refuse unknown arguments, and those that are not text in this locale: they become names in reports."""
         for text in sys.argv[1:] if args is None else args:
             if any("\udc80" <= letter <= "\udcff" for letter in text):
-                self.error(f"argument {text!r} is not text in this locale; rename the file, or choose a UTF-8 locale")
+                self.error(
+                    f"argument {text!r} is not text in this locale; rename the file, or choose a UTF-8 locale"
+                )
         found, rest = super().parse_known_args(args, namespace)
         if rest:  # refused here, where the help of the command itself is at hand
             self.error(f"unrecognized arguments: {' '.join(rest)}")
@@ -59,11 +61,15 @@ class Parser(argparse.ArgumentParser):
             # argparse sets a default only if the attribute is missing: what is still None after this was not typed.
             typed, _ = super().parse_known_args(args, argparse.Namespace(**dict.fromkeys(values)))
             for name, value in values.items():
-                setattr(found, name, value if getattr(typed, name) is None else getattr(typed, name))
+                setattr(
+                    found, name, value if getattr(typed, name) is None else getattr(typed, name)
+                )
         for action in self._actions:
             value = getattr(found, action.dest, None)
             if "" in (value if isinstance(value, list) else [value]):
-                self.error(f"argument {'/'.join(action.option_strings) or action.metavar}: it is empty")
+                self.error(
+                    f"argument {'/'.join(action.option_strings) or action.metavar}: it is empty"
+                )
         return found, rest
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
@@ -95,7 +101,9 @@ def add_command(commands: "argparse._SubParsersAction[Any]", command: str) -> No
     """Add a command: a module of this folder with ``run``, whose docstring is its help, such as ``rtl/sim``."""
     name = command.rpartition("/")[2]
     line = _docstring_of(command).partition("\n")[0]
-    parser = commands.add_parser(name, help=line.partition(": ")[2].rstrip("."), **texts_of(command))
+    parser = commands.add_parser(
+        name, help=line.partition(": ")[2].rstrip("."), **texts_of(command)
+    )
     declared(parser, name).set_defaults(run=partial(_run, command))
 
 
@@ -115,10 +123,14 @@ def add_common(parser: argparse.ArgumentParser) -> None:
     """Add the options that all commands have."""
     help_ = "report on standard error what is being done"
     parser.add_argument("--verbose", action="store_true", default=argparse.SUPPRESS, help=help_)
-    parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}", help="print the version")
+    parser.add_argument(
+        "--version", action="version", version=f"%(prog)s {__version__}", help="print the version"
+    )
 
 
-def guarded(parser: Parser, typed: Sequence[str] | None, run: Callable[[argparse.Namespace], int]) -> int:
+def guarded(
+    parser: Parser, typed: Sequence[str] | None, run: Callable[[argparse.Namespace], int]
+) -> int:
     """Run a command, or answer a shell that completes its line; print an error as one line, and return the exit code.
 
     ``typed``: the words of the command line, by default those of this process.
@@ -176,13 +188,28 @@ def _as_typed(error: LocsnnError, typed: Sequence[str]) -> LocsnnError:
 def _system_error(error: OSError) -> LocsnnError:
     """Return a message for an error of the system that no reader or writer has put into words."""
     if error.filename is not None:
-        name = os.fsdecode(error.filename) if isinstance(error.filename, str | bytes) else str(error.filename)
-        return InputError(f"{name[:60]!r}", "it cannot be used", measured=error.strerror or "", fix="Check the path.")
+        name = (
+            os.fsdecode(error.filename)
+            if isinstance(error.filename, str | bytes)
+            else str(error.filename)
+        )
+        return InputError(
+            f"{name[:60]!r}",
+            "it cannot be used",
+            measured=error.strerror or "",
+            fix="Check the path.",
+        )
     if error.errno == errno.ENOENT:
-        return InputError("working directory", "it does not exist any more", fix="Change to one that does.")
+        return InputError(
+            "working directory", "it does not exist any more", fix="Change to one that does."
+        )
     if error.errno in _NO_ROOM:
-        return InputError("standard output", f"it cannot be written: {error.strerror}", fix="Write it elsewhere.")
-    return InputError("system", f"an operation failed: {error.strerror or type(error).__name__}", fix="Try again.")
+        return InputError(
+            "standard output", f"it cannot be written: {error.strerror}", fix="Write it elsewhere."
+        )
+    return InputError(
+        "system", f"an operation failed: {error.strerror or type(error).__name__}", fix="Try again."
+    )
 
 
 def _ready_streams() -> None:
@@ -228,4 +255,6 @@ def progress_bar(title: str, *, show: bool) -> Iterator[Moved | None]:
 
     with Progress(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(title, total=None)
-        yield lambda done, total, now=title: bar.update(task, completed=done, total=total, description=now)
+        yield lambda done, total, now=title: bar.update(
+            task, completed=done, total=total, description=now
+        )

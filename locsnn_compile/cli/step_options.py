@@ -11,7 +11,9 @@ from locsnn_compile.data.read import read_in_chunks, read_recordings
 from locsnn_compile.data.recordings import Expected, Recordings
 from locsnn_compile.errors import InputError, check_most, counted
 
-if TYPE_CHECKING:  # for types alone: networks take locsnn run, which plays programs, a third of its time
+if (
+    TYPE_CHECKING
+):  # for types alone: networks take locsnn run, which plays programs, a third of its time
     from locsnn_compile.network.network import Network
 
 CHUNK = 16
@@ -20,14 +22,19 @@ CHUNK = 16
 
 def asked_reading(args: argparse.Namespace) -> dict[str, Any]:
     """Return these options as arguments of ``read_recordings``."""
-    return picked(args, "step_seconds", "steps", "threshold", "axes", "fold") | {"test_share": args.split}
+    return picked(args, "step_seconds", "steps", "threshold", "axes", "fold") | {
+        "test_share": args.split
+    }
 
 
 def read_for_program(
     args: argparse.Namespace, path: str, program: hw.ChipProgram, split: str | None = None
 ) -> Recordings:
     """Return recordings in the steps of a program, or as the options ask where the program does not say."""
-    return _fitting(program, read_recordings(path, split=split, model=expected_by(program), **asked_reading(args)))
+    return _fitting(
+        program,
+        read_recordings(path, split=split, model=expected_by(program), **asked_reading(args)),
+    )
 
 
 def chunks_for_program(args: argparse.Namespace, program: hw.ChipProgram) -> Iterator[Recordings]:
@@ -44,11 +51,17 @@ def _fitting(program: hw.ChipProgram, recordings: Recordings) -> Recordings:
     where, (wanted, *others) = f"events {recordings.source!r}", program.streams.values()
     channels = recordings.spikes.shape[2]
     if others:
-        what, fix = "the program has several inputs, and a file holds one", "Play it in Python, by hw.simulate."
+        what, fix = (
+            "the program has several inputs, and a file holds one",
+            "Play it in Python, by hw.simulate.",
+        )
         raise InputError(where, what, measured=", ".join(program.streams)[:80], fix=fix)
     if channels != wanted:
         what = "the channel count differs from the program's"
-        measured, fix = f"{counted(channels, 'channel')} against {wanted}", f"Give recordings of {wanted} channels."
+        measured, fix = (
+            f"{counted(channels, 'channel')} against {wanted}",
+            f"Give recordings of {wanted} channels.",
+        )
         raise InputError(where, what, measured=measured, fix=fix)
     steps, most = recordings.spikes.shape[1], expected_by(program).steps
     if most is not None and all(phase.align_events is None for phase in program.phases):
@@ -59,9 +72,14 @@ def _fitting(program: hw.ChipProgram, recordings: Recordings) -> Recordings:
 
 def expected_by(program: hw.ChipProgram) -> Expected:
     """Return the recordings that a program expects."""
-    fixed = [phase.steps for phase in program.phases if phase.axis == "time" and phase.steps is not None]
+    fixed = [
+        phase.steps for phase in program.phases if phase.axis == "time" and phase.steps is not None
+    ]
     turned = (item for item in program.inputs if item.positions is not None)
-    fixed += [item.size - (0 if item.first_lines is None else int(item.first_lines.max())) for item in turned]
+    fixed += [
+        item.size - (0 if item.first_lines is None else int(item.first_lines.max()))
+        for item in turned
+    ]
     return Expected(
         f"program {program.name!r}",
         program.step_seconds,
@@ -80,9 +98,15 @@ def with_steps(network: "Network", args: argparse.Namespace) -> "Network":
         from locsnn_compile.frontends.nir.graph import NirGraph
 
         if isinstance(network.origin, NirGraph):
-            raise InputError("--step-seconds", "the neurons of a NIR graph depend on its step", fix="Give it as --dt.")
+            raise InputError(
+                "--step-seconds",
+                "the neurons of a NIR graph depend on its step",
+                fix="Give it as --dt.",
+            )
     found = network.expected.agreed(**picked(args, "step_seconds", "steps", "threshold"))
-    network = replace(network, step_seconds=found["step_seconds"], event_threshold=found["threshold"])
+    network = replace(
+        network, step_seconds=found["step_seconds"], event_threshold=found["threshold"]
+    )
     if args.steps is None or not network.any_length:
         return network
     carried = network.recordings and network.recordings.with_steps(args.steps)

@@ -19,7 +19,11 @@ def run(args: argparse.Namespace) -> int:
         return 0
     for name in hw.chip_names():
         chip = hw.chip(name)
-        priced = f"energy profiles: {', '.join(chip.profiles)}" if chip.profiles else "energy is not known"
+        priced = (
+            f"energy profiles: {', '.join(chip.profiles)}"
+            if chip.profiles
+            else "energy is not known"
+        )
         kind = "an open core" if chip.open_core else "a mesh of cores"
         print(f"{name}: {chip.description}\n  {sentence(kind, chip=chip, priced=priced)}")
     return 0

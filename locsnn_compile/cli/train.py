@@ -59,7 +59,10 @@ def run(args: argparse.Namespace) -> int:
     output = Path(args.output)
     check_path(output, f"-o {args.output!r}")
     if output.suffix != ".pt" or output.is_dir() or not output.parent.is_dir():
-        where, what = f"output {output.name or str(output)!r}", "it is not a .pt file in an existing folder"
+        where, what = (
+            f"output {output.name or str(output)!r}",
+            "it is not a .pt file in an existing folder",
+        )
         raise InputError(where, what, fix="Correct -o.")
     _check_places(args, output)
     start = None if args.start is None else read_checkpoint(args.start)
@@ -87,10 +90,16 @@ def run(args: argparse.Namespace) -> int:
                 log_path=output.with_suffix(".csv"),
                 progress=_after_epochs(args, moved),
             )
-            found = export_checkpoint(output, result, config, recordings, test, carried=args.recordings, start=start)
+            found = export_checkpoint(
+                output, result, config, recordings, test, carried=args.recordings, start=start
+            )
         except KeyboardInterrupt:
             kept = state_path.exists()
-            way_on = "Continue with the same command and --resume." if kept else "No epoch was kept yet: start again."
+            way_on = (
+                "Continue with the same command and --resume."
+                if kept
+                else "No epoch was kept yet: start again."
+            )
             print(f"Stopped. {way_on}", file=sys.stderr)
             return EXIT_INTERRUPTED
         except InputError as error:
@@ -125,7 +134,12 @@ def _check_places(args: argparse.Namespace, output: Path) -> None:
             raise InputError(option, what, fix="Write elsewhere.")
     if args.resume and not _state_path(output).exists():
         measured = f"no {_state_path(output).name!r}"
-        raise InputError("--resume", "there is nothing to resume", measured=measured, fix="Train without --resume.")
+        raise InputError(
+            "--resume",
+            "there is nothing to resume",
+            measured=measured,
+            fix="Train without --resume.",
+        )
 
 
 def _config(args: argparse.Namespace, start: Checkpoint | None) -> TrainingConfig:
@@ -150,7 +164,11 @@ def _config(args: argparse.Namespace, start: Checkpoint | None) -> TrainingConfi
 
 
 def _summary(
-    output: Path, result: TrainingResult, found: IntArray | None, recordings: Recordings, test: Recordings | None
+    output: Path,
+    result: TrainingResult,
+    found: IntArray | None,
+    recordings: Recordings,
+    test: Recordings | None,
 ) -> str:
     from locsnn_compile.training.export import accuracy_of
     from locsnn_compile.training.measure import chance_remarks
@@ -161,7 +179,9 @@ def _summary(
     if found is not None and test is not None and test.labels is not None:
         accuracy = accuracy_of(found, test)
         if recordings.source != test.source:
-            lines += [f"{part.source}: {plural(len(part), 'recording')}" for part in (recordings, test)]
+            lines += [
+                f"{part.source}: {plural(len(part), 'recording')}" for part in (recordings, test)
+            ]
         lines.append(f"test accuracy {accuracy:.3f} on {plural(len(test), 'recording')}")
         lines += _confusion(found, test.class_names)
         remarks += chance_remarks(accuracy, test.labels, "of the test part")
@@ -177,7 +197,9 @@ def _confusion(found: IntArray, names: tuple[str, ...] | None = None) -> list[st
         heads = list(names)
     width = max(len(text) for text in (*heads, str(found.max()))) + 2
     rows = ["".join(f"{n:>{width}}" for n in row) for row in (heads, *found.tolist())]
-    return [f"{head:>17}{row}" for head, row in zip(("label \\ predicted", *heads), rows, strict=True)]
+    return [
+        f"{head:>17}{row}" for head, row in zip(("label \\ predicted", *heads), rows, strict=True)
+    ]
 
 
 def _after_epochs(args: argparse.Namespace, moved: Moved | None) -> Progress:
@@ -187,7 +209,11 @@ def _after_epochs(args: argparse.Namespace, moved: Moved | None) -> Progress:
     def after_epoch(done: int, expected: int, record: EpochRecord) -> None:
         if log is not None:
             log(done, expected, record)
-        held = "" if record.validation_accuracy is None else f", validation {record.validation_accuracy:.3f}"
+        held = (
+            ""
+            if record.validation_accuracy is None
+            else f", validation {record.validation_accuracy:.3f}"
+        )
         said = f"{record.phase} epoch {record.epoch}, loss {record.loss:.3f}{held}"
         if moved is not None:
             moved(done, expected, said)

@@ -39,7 +39,10 @@ def code_version() -> str:
         for path in sorted(folder.rglob("*")):
             if path.suffix in _SUFFIXES:
                 content = path.read_bytes()
-                digest.update(f"{path.relative_to(folder.parent).as_posix()}\n{len(content)}\n".encode() + content)
+                digest.update(
+                    f"{path.relative_to(folder.parent).as_posix()}\n{len(content)}\n".encode()
+                    + content
+                )
     try:
         number = version(PACKAGE)
     except PackageNotFoundError:  # run from its sources
@@ -60,7 +63,9 @@ Result = TypeVar("Result")
 class Spread(Protocol):
     """Runs the parts of a job, holding only the parts and results that are in progress."""
 
-    def __call__(self, work: Callable[[Part], Result], parts: Iterable[Part], /) -> Generator[Result, None, None]:
+    def __call__(
+        self, work: Callable[[Part], Result], parts: Iterable[Part], /
+    ) -> Generator[Result, None, None]:
         """Yield the result of ``work`` for each part, in order."""
 
 
@@ -111,7 +116,9 @@ def _on_workers(
         while waiting:
             yield waiting.popleft().result()
     except distributed.KilledWorker:
-        raise InputError(where, "its workers keep dying", fix="Give them more memory, or fewer recordings.") from None
+        raise InputError(
+            where, "its workers keep dying", fix="Give them more memory, or fewer recordings."
+        ) from None
     except distributed.CancelledError:
         raise InputError(where, "it was lost", fix="Start it and the command again.") from None
 
@@ -154,9 +161,14 @@ def connected(address: str) -> Iterator[Any]:
     except ValueError as error:
         fix = "Give one such as tcp://127.0.0.1:8786."
         raise InputError(where, f"it is not an address: {error}", fix=fix) from None
-    except (OSError, MemoryError):  # the answer of another service is taken for the size of a message
+    except (
+        OSError,
+        MemoryError,
+    ):  # the answer of another service is taken for the size of a message
         fix = "Start one with: dask scheduler"
-        raise InputError(where, "no scheduler answers", measured=f"within {ANSWER_SECONDS} s", fix=fix) from None
+        raise InputError(
+            where, "no scheduler answers", measured=f"within {ANSWER_SECONDS} s", fix=fix
+        ) from None
     with client:
         try:
             client.wait_for_workers(1, timeout=PATIENCE_SECONDS)
@@ -167,7 +179,9 @@ def connected(address: str) -> Iterator[Any]:
             codes = client.run(code_version)
         except ImportError as error:
             fix = "Install it there."
-            raise InputError(where, "a worker has no locsnn-compile", measured=str(error), fix=fix) from None
+            raise InputError(
+                where, "a worker has no locsnn-compile", measured=str(error), fix=fix
+            ) from None
         for code in codes.values():
             check_code(where, code)
         yield client
@@ -201,7 +215,9 @@ def _one_pool(workers: int, job: bytes, parts: Mapping[int, bytes]) -> Iterator[
     """Yield the results of a pool, until the end or until one of its processes dies, which ends the pool."""
     before = set(active_children())
     # Forking may hang, because the engine has threads.
-    pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=signal.signal, initargs=INTERRUPTS)
+    pool = ProcessPoolExecutor(
+        workers, mp_context=get_context("spawn"), initializer=signal.signal, initargs=INTERRUPTS
+    )
     try:
         futures = {pool.submit(work_packed, job, part): number for number, part in parts.items()}
         for future in as_completed(futures):

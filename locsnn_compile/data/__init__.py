@@ -6,4 +6,11 @@ from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.data.write import write_recordings
 
-__all__ = ["Recordings", "from_tonic", "read_recordings", "recording_parts", "synthetic_touches", "write_recordings"]
+__all__ = [
+    "Recordings",
+    "from_tonic",
+    "read_recordings",
+    "recording_parts",
+    "synthetic_touches",
+    "write_recordings",
+]

@@ -7,9 +7,21 @@ import numpy as np
 from hw_model.io.npy import load_npy
 from hw_model.values import ByteArray, IntArray
 from locsnn_compile.data.axes import to_step_major
-from locsnn_compile.data.event_formats import EVENT_BYTES, parse_aedat4, parse_slayer_events, parse_structured
+from locsnn_compile.data.event_formats import (
+    EVENT_BYTES,
+    parse_aedat4,
+    parse_slayer_events,
+    parse_structured,
+)
 from locsnn_compile.data.event_stream import MAX_EVENTS, Binning, EventStream, bin_streams
-from locsnn_compile.data.members import EVENT_SUFFIXES, TIMES, Members, classes_of, label_in_name, open_members
+from locsnn_compile.data.members import (
+    EVENT_SUFFIXES,
+    TIMES,
+    Members,
+    classes_of,
+    label_in_name,
+    open_members,
+)
 from locsnn_compile.data.recordings import MAX_ELEMENTS, Binned, Recordings, clean_spikes
 from locsnn_compile.data.tact import parse_tact
 from locsnn_compile.errors import InputError, check_most, check_same, did_you_mean
@@ -60,7 +72,10 @@ def _labels_in_names(members: Members, names: list[str]) -> IntArray | None:
     if set(labels) == {None}:
         return None
     if None in labels:
-        place, what = members.place(names[labels.index(None)]), "its name has no label, although others have one"
+        place, what = (
+            members.place(names[labels.index(None)]),
+            "its name has no label, although others have one",
+        )
         raise InputError(place, what, fix="Name it like the others, or move it away.")
     return np.array(labels, dtype=np.int64)
 
@@ -71,14 +86,18 @@ def _chosen(members: Members, split: str | None) -> list[str]:
     split = parts[-1] if split is None and parts else split
     if split is not None and split not in parts:
         has = f"it has {' and '.join(parts)}" if parts else "it is not divided"
-        fix = did_you_mean(split, parts) if parts else "Leave the part out, or divide it by --split."
+        fix = (
+            did_you_mean(split, parts) if parts else "Leave the part out, or divide it by --split."
+        )
         raise InputError(members.where, f"there is no part {split!r}", measured=has, fix=fix)
     chosen = members.of_part(split)
     kinds = sorted({PurePosixPath(name).suffix for name in chosen})
     others = members.other_arrays
     if others and set(kinds) <= {".npy"}:
         fix = "Rename it to sample_<i>.npy or sample_<i>_label_<k>.npy, or move it away."
-        raise InputError(members.where, f"{others[0][:80]!r} is not named as recordings are", fix=fix)
+        raise InputError(
+            members.where, f"{others[0][:80]!r} is not named as recordings are", fix=fix
+        )
     if not chosen:
         fix = "Give sample_<i>.npy or sample_<i>_label_<k>.npy files, or one .npz file."
         raise InputError(members.where, "no recordings inside", fix=fix)
@@ -92,7 +111,9 @@ def _several(members: Members, kinds: str) -> InputError:
     return InputError(members.where, "its recordings are of several kinds", measured=kinds, fix=fix)
 
 
-def _read(members: Members, names: list[str], binning: Binning) -> tuple[ByteArray, float | None, Binned | None]:
+def _read(
+    members: Members, names: list[str], binning: Binning
+) -> tuple[ByteArray, float | None, Binned | None]:
     """Return the spikes, the width of a bin if it is known, and what binning left out."""
     streams: list[EventStream] = []
     arrays: list[ByteArray] = []
@@ -112,8 +133,13 @@ def _read(members: Members, names: list[str], binning: Binning) -> tuple[ByteArr
     if not arrays:
         spans = [one.span_seconds for one in streams]
         if None in spans and set(spans) != {None}:
-            place, what = streams[spans.index(None)].place, "it has no .startend file, although others have one"
-            raise InputError(place, what, fix=f"Give it in folder {TIMES!r}, or leave the recording out.")
+            place, what = (
+                streams[spans.index(None)].place,
+                "it has no .startend file, although others have one",
+            )
+            raise InputError(
+                place, what, fix=f"Give it in folder {TIMES!r}, or leave the recording out."
+            )
         return bin_streams(streams, members.where, binning)
     if streams:
         raise _several(members, "binned arrays and structured ones")
@@ -127,7 +153,9 @@ def _events(members: Members, name: str, place: str) -> EventStream:
     """Return the events of a file; a ``.tact`` file may have a file of its start and end next to it."""
     file = PurePosixPath(name)
     times = file.with_suffix(".startend")
-    beside = [str(times), str(file.parent.parent / TIMES / times.name)] if file.suffix == ".tact" else []
+    beside = (
+        [str(times), str(file.parent.parent / TIMES / times.name)] if file.suffix == ".tact" else []
+    )
     held = [one for one in beside if one in members.sizes][:1]
     members.check_sizes(held)
     data, startend = members.read(name), members.read(held[0]) if held else None
@@ -136,13 +164,23 @@ def _events(members: Members, name: str, place: str) -> EventStream:
     check_most(length, limit, place, "it is too large", unit="bytes", fix="Give one recording.")
     if file.suffix == ".tact":
         return parse_tact(data, place, startend, members.place(times.name))
-    return parse_aedat4(data, place) if file.suffix == ".aedat4" else parse_slayer_events(data, file.suffix, place)
+    return (
+        parse_aedat4(data, place)
+        if file.suffix == ".aedat4"
+        else parse_slayer_events(data, file.suffix, place)
+    )
 
 
 def _check_fits(arrays: list[ByteArray], samples: int, where: str, place: str) -> None:
     """Refuse the last array if its channels differ from the first, and ``samples`` arrays that would be too large."""
     steps, channels = max(map(len, arrays)), arrays[0].shape[1]
-    what, fix = "its channels are not those of the first recording", "Give recordings of one sensor."
+    what, fix = (
+        "its channels are not those of the first recording",
+        "Give recordings of one sensor.",
+    )
     check_same(arrays[-1].shape[1], channels, place, what, fix=fix)
-    what, fix = f"its recordings of {samples} x {steps} x {channels} are too large", "Give fewer recordings."
+    what, fix = (
+        f"its recordings of {samples} x {steps} x {channels} are too large",
+        "Give fewer recordings.",
+    )
     check_most(samples * steps * channels, MAX_ELEMENTS, where, what, unit="values", fix=fix)

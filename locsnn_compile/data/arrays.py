@@ -45,7 +45,9 @@ def read_arrays(path: Path, binning: Binning, asked_seconds: float | None) -> Re
     """
     where = f"file {path.name!r}"
     entries, streams = _entries(path, where)
-    own: float | None = _number(entries["step_seconds"], where) if "step_seconds" in entries else None
+    own: float | None = (
+        _number(entries["step_seconds"], where) if "step_seconds" in entries else None
+    )
     binned = None
     if streams:
         wanted = binning.step_seconds
@@ -53,12 +55,18 @@ def read_arrays(path: Path, binning: Binning, asked_seconds: float | None) -> Re
         spikes, own, binned = bin_streams(streams, where, binning)
     else:
         if own is not None and asked_seconds is not None and not same(own, asked_seconds):
-            what, measured = f"{where} holds bins of another width", f"got {asked_seconds:g} against {own:g}"
+            what, measured = (
+                f"{where} holds bins of another width",
+                f"got {asked_seconds:g} against {own:g}",
+            )
             raise InputError("step_seconds", what, measured=measured, fix="Leave it out.")
         order = _order(entries, binning.axes, where)
         spikes = to_step_major(_find_spikes(entries, where), where, binning.channels, order)
     labels = entries["labels"] if "labels" in entries else labels_beside(path, len(spikes))
-    seconds, names = binning.step_seconds if own is None else own, _texts(entries, "class_names", where)
+    seconds, names = (
+        binning.step_seconds if own is None else own,
+        _texts(entries, "class_names", where),
+    )
     return Recordings(spikes, labels, seconds, path.name, binned=binned, class_names=names)
 
 
@@ -70,7 +78,9 @@ def _entries(path: Path, where: str) -> tuple[Mapping[str, AnyArray], list[Event
     if path.suffix == ".npy":
         entries = {"spikes": load_npy(data, where)}
     else:
-        entries = _npz_entries(data, where) if path.suffix == ".npz" else _torch_entries(data, where)
+        entries = (
+            _npz_entries(data, where) if path.suffix == ".npz" else _torch_entries(data, where)
+        )
     found = _find_spikes(entries, where)
     return entries, [] if found.dtype.names is None else [parse_structured(found, where)]
 
@@ -78,7 +88,9 @@ def _entries(path: Path, where: str) -> tuple[Mapping[str, AnyArray], list[Event
 def _check_names(names: Collection[str], where: str) -> None:
     """Refuse a name that differs by a few letters from one that a file lacks; other names may be anybody's."""
     for name in names:
-        close = get_close_matches(name.lower(), [known for known in _BESIDE if known not in names], 1, _ALIKE)
+        close = get_close_matches(
+            name.lower(), [known for known in _BESIDE if known not in names], 1, _ALIKE
+        )
         if close and name not in _BESIDE:
             fix = f"Did you mean {close[0]!r}? Rename or remove it."
             raise InputError(f"{where}, entry {name!r}", "it has no meaning here", fix=fix)
@@ -89,7 +101,9 @@ def _order(entries: Mapping[str, AnyArray], asked: Order | None, where: str) -> 
     said = _texts(entries, "axes", where)
     own = None if said is None else parse_axes(" ".join(said), f"{where}, 'axes'")
     if own is not None and asked not in (None, own):
-        raise InputError("axes", f"{where} gives another order", measured=",".join(own), fix="Leave it out.")
+        raise InputError(
+            "axes", f"{where} gives another order", measured=",".join(own), fix="Leave it out."
+        )
     return asked or own
 
 
@@ -100,12 +114,16 @@ def _texts(entries: Mapping[str, AnyArray], name: str, where: str) -> tuple[str,
     held = entries[name].reshape(-1).tolist()
     if entries[name].dtype.kind not in "US":
         raise InputError(where, f"its entry {name!r} does not hold strings", fix="Store strings.")
-    return tuple(text.decode("utf-8", "replace") if isinstance(text, bytes) else text for text in held)
+    return tuple(
+        text.decode("utf-8", "replace") if isinstance(text, bytes) else text for text in held
+    )
 
 
 def _number(stored: AnyArray, where: str) -> float:
     if stored.size != 1 or stored.dtype.kind not in "iuf":
-        raise InputError(where, "its entry 'step_seconds' is not one number", fix="Give the width of a bin.")
+        raise InputError(
+            where, "its entry 'step_seconds' is not one number", fix="Give the width of a bin."
+        )
     return float(stored.reshape(()))
 
 
@@ -118,7 +136,9 @@ def _npz_entries(data: bytes, where: str) -> dict[str, AnyArray]:
         files, unpacked = archive.namelist(), archive.unpacked_bytes
         if unpacked > 8 * MAX_ELEMENTS or len(files) > 100:
             measured = f"{unpacked} bytes in {counted(len(files), 'entry', 'entries')}"
-            raise InputError(where, "it is too large", measured=measured, fix="Give fewer recordings.")
+            raise InputError(
+                where, "it is too large", measured=measured, fix="Give fewer recordings."
+            )
         names = {file: file.removesuffix(".npy") for file in files}
         if len(set(names.values())) < len(names):
             raise InputError(where, "it contains an entry twice, with and without '.npy'", fix=fix)
@@ -161,7 +181,9 @@ def _plain_array(entry: object, where: str, name: str) -> AnyArray:
     try:
         return np.asarray(entry, dtype=np.str_ if name in _TEXTS else np.float64)
     except (TypeError, ValueError, OverflowError):
-        raise InputError(where, f"its entry {name!r} holds no numbers", fix="Give plain numbers.") from None
+        raise InputError(
+            where, f"its entry {name!r} holds no numbers", fix="Give plain numbers."
+        ) from None
 
 
 def _find_spikes(entries: Mapping[str, AnyArray], where: str) -> AnyArray:
@@ -169,9 +191,13 @@ def _find_spikes(entries: Mapping[str, AnyArray], where: str) -> AnyArray:
         return entries["spikes"]
     others = [name for name in entries if name not in _BESIDE]
     if len(others) != 1:
-        what = "it is not clear which entry holds the recordings" if others else "no recordings inside"
+        what = (
+            "it is not clear which entry holds the recordings" if others else "no recordings inside"
+        )
         fix = "Name the entry 'spikes'."
-        raise InputError(where, what, measured=f"entries: {', '.join(sorted(entries)) or 'none'}"[:200], fix=fix)
+        raise InputError(
+            where, what, measured=f"entries: {', '.join(sorted(entries)) or 'none'}"[:200], fix=fix
+        )
     return entries[others[0]]
 
 
@@ -195,26 +221,44 @@ def read_hdf5(path: Path, where: str) -> tuple[dict[str, AnyArray], list[EventSt
     with open_hdf5(path, where) as (root, _):
         values = [name for name in root.names() if not root.is_group(name)]
         _check_names(values, where)
-        entries = {name: np.array(root.texts(name)) if name in _TEXTS else root.array(name) for name in values}
+        entries = {
+            name: np.array(root.texts(name)) if name in _TEXTS else root.array(name)
+            for name in values
+        }
         if "extra" in root and root.is_group("extra") and "keys" in (extra := root.group("extra")):
             entries.setdefault("class_names", np.array(extra.texts("keys")))
-        streams = _streams(root.group("spikes"), where) if "spikes" in root and "spikes" not in values else []
+        streams = (
+            _streams(root.group("spikes"), where)
+            if "spikes" in root and "spikes" not in values
+            else []
+        )
     return entries, streams
 
 
 def _streams(group: Group, where: str) -> list[EventStream]:
     times, units = group.rows("times"), group.rows("units")
     if [len(row) for row in times] != [len(row) for row in units]:
-        raise InputError(where, "its times and units differ in number", fix="Give a time and a unit for each spike.")
+        raise InputError(
+            where,
+            "its times and units differ in number",
+            fix="Give a time and a unit for each spike.",
+        )
     streams = []
     for index, (row, unit) in enumerate(zip(times, units, strict=True)):
         place = f"{where}, recording {index}"
         # Written so that NaN is refused as well.
-        good = (row >= 0) & (row < 1e9) & (unit >= 0) & (unit < MAX_PLACE) & (unit == np.floor(unit))
+        good = (
+            (row >= 0) & (row < 1e9) & (unit >= 0) & (unit < MAX_PLACE) & (unit == np.floor(unit))
+        )
         if not good.all():
             at = int(np.argmin(good))
-            measured, fix = f"spike {at}: {row[at]} s, unit {unit[at]}", "Give seconds and units from 0 up."
-            raise InputError(place, "it does not hold a time and a channel", measured=measured, fix=fix)
+            measured, fix = (
+                f"spike {at}: {row[at]} s, unit {unit[at]}",
+                "Give seconds and units from 0 up.",
+            )
+            raise InputError(
+                place, "it does not hold a time and a channel", measured=measured, fix=fix
+            )
         microseconds = np.rint(row * MICROSECONDS).astype(np.int64)
         streams.append(EventStream(microseconds, unit.astype(np.int64), None, None, place=place))
     return streams

@@ -32,11 +32,15 @@ def parse_axes(text: str, where: str) -> Order:
     whole = set(order) <= set(AXES) and len(set(order)) == len(order) and "steps" in order
     if not (whole and of_channel in (("channels",), *_CHANNELS)):
         way_on = "Name steps and channels, or taxels, or rows and columns, with polarities or without, and samples."
-        raise InputError(where, "it is not an order of axes", measured=f"got {text[:60]!r}", fix=way_on)
+        raise InputError(
+            where, "it is not an order of axes", measured=f"got {text[:60]!r}", fix=way_on
+        )
     return order
 
 
-def to_step_major(array: AnyArray, where: str, channels: int | None = None, order: Order | None = None) -> AnyArray:
+def to_step_major(
+    array: AnyArray, where: str, channels: int | None = None, order: Order | None = None
+) -> AnyArray:
     """Return an array as (samples, steps, channels); channel = polarities * taxel + polarity.
 
     Its axes are in this ``order``, or else in one that files have: (samples, taxels, polarities, steps) or (samples,
@@ -45,7 +49,14 @@ def to_step_major(array: AnyArray, where: str, channels: int | None = None, orde
     Raises ``InputError`` for other numbers of axes, and for sizes that reveal another order: see :func:`check_axes`.
     """
     # A tensor may claim any size with few stored values. Reshaping would allocate all of it.
-    check_most(array.size, MAX_ELEMENTS, where, "it is too large", unit="values", fix="Give fewer recordings.")
+    check_most(
+        array.size,
+        MAX_ELEMENTS,
+        where,
+        "it is too large",
+        unit="values",
+        fix="Give fewer recordings.",
+    )
     if order is None:
         check_axes(array, where, channels)
         order = _READ.get(array.ndim, ((),))[-1 if is_one(array.shape, channels) else 0]
@@ -75,7 +86,9 @@ def check_axes(array: AnyArray, where: str, channels: int | None = None) -> None
         order, wanted = found
         measured = f"{' x '.join(map(str, array.shape))} values"
         fix = f"Give --axes {','.join(order)}, or transpose it to ({', '.join(wanted)}), as files have it."
-        raise InputError(where, f"its axes look like ({', '.join(order)})", measured=measured, fix=fix)
+        raise InputError(
+            where, f"its axes look like ({', '.join(order)})", measured=measured, fix=fix
+        )
 
 
 def is_clear(shape: tuple[int, ...]) -> bool:
@@ -100,8 +113,14 @@ def _fits(order: Order, shape: tuple[int, ...], channels: int | None) -> bool:
     sizes = dict(zip(order, shape, strict=True))
     if "channels" in sizes:
         found = sizes["channels"]
-    elif sizes["polarities"] == POLARITIES and (channels is not None or sizes["taxels"] % TAXELS == 0):
+    elif sizes["polarities"] == POLARITIES and (
+        channels is not None or sizes["taxels"] % TAXELS == 0
+    ):
         found = POLARITIES * sizes["taxels"]
     else:
         return False
-    return found == channels if channels is not None else found > 0 and found % (TAXELS * POLARITIES) == 0
+    return (
+        found == channels
+        if channels is not None
+        else found > 0 and found % (TAXELS * POLARITIES) == 0
+    )

@@ -48,18 +48,26 @@ def parse_structured(array: AnyArray, where: str) -> EventStream:
     """
     names = array.dtype.names or ()
     if array.ndim != 1 or not {"t", "x", "p"} <= set(names) <= {"t", "x", "y", "p"}:
-        shown = f"fields {', '.join(names)}"[:80] if array.ndim == 1 else counted(array.ndim, "axis", "axes")
+        shown = (
+            f"fields {', '.join(names)}"[:80]
+            if array.ndim == 1
+            else counted(array.ndim, "axis", "axes")
+        )
         raise InputError(where, "its values are not events", measured=shown, fix=_FIX)
     times = _whole(array, "t", 0, 2**53, where)
     x = _whole(array, "x", 0, MAX_PLACE, where)
     y = _whole(array, "y", 0, MAX_PLACE, where) if "y" in names else None
-    return EventStream(times, x, y, (_whole(array, "p", -1, 1, where) > 0).astype(np.int64), place=where)
+    return EventStream(
+        times, x, y, (_whole(array, "p", -1, 1, where) > 0).astype(np.int64), place=where
+    )
 
 
 def _whole(array: AnyArray, name: str, low: int, high: int, where: str) -> IntArray:
     values = array[name]
     if values.ndim != 1 or values.dtype.kind not in "biuf":
-        raise InputError(where, f"its field {name!r} is not one number", measured=f"{values.dtype}", fix=_FIX)
+        raise InputError(
+            where, f"its field {name!r} is not one number", measured=f"{values.dtype}", fix=_FIX
+        )
     # Written so that NaN is refused as well.
     bad = ~((values >= low) & (values <= high) & (values == np.floor(values)))
     if bad.any():
@@ -83,7 +91,9 @@ def parse_slayer_events(data: bytes, suffix: str, where: str) -> EventStream:
     """
     if len(data) % EVENT_BYTES:
         measured = f"{counted(len(data), 'byte')}, {EVENT_BYTES} per event"
-        raise InputError(where, "it ends within an event", measured=measured, fix="Give a whole file.")
+        raise InputError(
+            where, "it ends within an event", measured=measured, fix="Give a whole file."
+        )
     fields = np.frombuffer(data, dtype=np.uint8).reshape(-1, EVENT_BYTES).astype(np.int64).T
     times = (fields[2] & 0x7F) << 16 | fields[3] << 8 | fields[4]
     polarity = fields[2] >> 7
@@ -108,9 +118,13 @@ def parse_aedat4(data: bytes, where: str) -> EventStream:
         path = Path(folder) / "a.aedat4"
         path.write_bytes(data)
         command = [sys.executable, "-P", str(_AEDAT4_CHILD), str(path), str(MAX_EVENTS)]
-        environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}  # each takes memory, of which little is allowed
+        environment = os.environ | {
+            "OPENBLAS_NUM_THREADS": "1"
+        }  # each takes memory, of which little is allowed
         try:
-            done = subprocess.run(command, env=environment, capture_output=True, timeout=_AEDAT4_SECONDS, check=True)
+            done = subprocess.run(
+                command, env=environment, capture_output=True, timeout=_AEDAT4_SECONDS, check=True
+            )
         except subprocess.SubprocessError:
             fix = "Give a whole AEDAT4 file with events."
             raise InputError(where, "it is damaged, truncated or has no events", fix=fix) from None
@@ -118,10 +132,19 @@ def parse_aedat4(data: bytes, where: str) -> EventStream:
     width, height, elsewhere = map(int, size.split())
     stream = parse_structured(load_npy(array, where), where)
     start = float(stream.times.min()) if len(stream.times) else 0.0
-    return replace(stream, start=start, channels=2 * width * height, polarities=2, columns=width, elsewhere=elsewhere)
+    return replace(
+        stream,
+        start=start,
+        channels=2 * width * height,
+        polarities=2,
+        columns=width,
+        elsewhere=elsewhere,
+    )
 
 
-def pack_slayer_events(times: IntArray, x: IntArray, y: IntArray | None, polarity: IntArray, where: str) -> bytes:
+def pack_slayer_events(
+    times: IntArray, x: IntArray, y: IntArray | None, polarity: IntArray, where: str
+) -> bytes:
     """Return the bytes of a ``.bs1`` file, or of a ``.bs2`` file if ``y`` is given; times in microseconds.
 
     Raises ``InputError`` for numbers that do not fit their fields.
@@ -134,15 +157,28 @@ def pack_slayer_events(times: IntArray, x: IntArray, y: IntArray | None, polarit
     ):
         if len(values) and not 0 <= values.min() <= values.max() <= limit:
             measured = f"{int(values.max())} against {limit}"
-            raise InputError(where, f"an event's {name} does not fit its bits", measured=measured, fix="Write .npz.")
+            raise InputError(
+                where,
+                f"an event's {name} does not fit its bits",
+                measured=measured,
+                fix="Write .npz.",
+            )
     fields = np.empty((len(times), EVENT_BYTES), dtype=np.uint8)
     fields[:, 0], fields[:, 1] = (x >> 8, x & 0xFF) if y is None else (x, y)
-    fields[:, 2], fields[:, 3], fields[:, 4] = polarity << 7 | times >> 16, times >> 8 & 0xFF, times & 0xFF
+    fields[:, 2], fields[:, 3], fields[:, 4] = (
+        polarity << 7 | times >> 16,
+        times >> 8 & 0xFF,
+        times & 0xFF,
+    )
     return fields.tobytes()
 
 
 def from_tonic(
-    dataset: Any, *, step_seconds: float | None = None, threshold: int | None = None, steps: int | None = None
+    dataset: Any,
+    *,
+    step_seconds: float | None = None,
+    threshold: int | None = None,
+    steps: int | None = None,
 ) -> Recordings:
     """Return the recordings of a Tonic data set, or of any sequence of (events, label). Tonic is not imported.
 
@@ -163,7 +199,11 @@ def from_tonic(
     binning = Binning(step_seconds, threshold, channels, steps, polarities, columns)
     spikes, width, binned = bin_streams(streams, where, binning)
     if not all(isinstance(label, int | np.integer) for label in labels):
-        raise InputError(where, "its labels are not class numbers", fix="Give a target_transform that gives them.")
+        raise InputError(
+            where,
+            "its labels are not class numbers",
+            fix="Give a target_transform that gives them.",
+        )
     names = getattr(dataset, "classes", None)
     named = None if names is None else tuple(map(str, names))
     return Recordings(spikes, np.array(labels), width, source, binned=binned, class_names=named)

@@ -72,7 +72,9 @@ class EventStream(Frozen, eq=False):
     if_too_long: str = "Give wider bins."
 
 
-def bin_streams(streams: Sequence[EventStream], where: str, binning: Binning) -> tuple[ByteArray, float, Binned]:
+def bin_streams(
+    streams: Sequence[EventStream], where: str, binning: Binning
+) -> tuple[ByteArray, float, Binned]:
     """Return spikes (samples, steps, channels), the width of a bin in seconds, and what binning left out.
 
     All recordings get as many channels and steps as the largest needs. Raises ``InputError`` if there are no events and
@@ -88,7 +90,11 @@ def bin_streams(streams: Sequence[EventStream], where: str, binning: Binning) ->
     found = {int(p) for one in streams if one.polarity is not None for p in np.unique(one.polarity)}
     if not binning.may_merge and len(found) > 1:
         fix = "Keep them apart by --polarities 2, or merge them by --polarities 1."
-        raise InputError(where, "its events have two polarities, but the channels of the sensor have one", fix=fix)
+        raise InputError(
+            where,
+            "its events have two polarities, but the channels of the sensor have one",
+            fix=fix,
+        )
     polarities = binning.polarities or _polarities(streams, where, binning.model_channels, columns)
     if binning.columns is None and binning.channels is not None:
         _check_columns(streams, where, binning.channels, columns, polarities)
@@ -105,7 +111,9 @@ def bin_streams(streams: Sequence[EventStream], where: str, binning: Binning) ->
     threshold, outside, below = binning.threshold or 0, 0, 0
     for row, own, lines in zip(spikes, bins, channel, strict=True):
         inside = (own >= 0) & (own < steps)
-        places_hit, counts = np.unique(own[inside].astype(np.int64) * channels + lines[inside], return_counts=True)
+        places_hit, counts = np.unique(
+            own[inside].astype(np.int64) * channels + lines[inside], return_counts=True
+        )
         row[places_hit[counts > threshold]] = 1
         outside += len(own) - int(inside.sum())
         below += int(counts[counts <= threshold].sum())
@@ -114,13 +122,22 @@ def bin_streams(streams: Sequence[EventStream], where: str, binning: Binning) ->
     return spikes.reshape(len(streams), steps, channels), width, binned
 
 
-def _polarities(streams: Sequence[EventStream], where: str, channels: int | None, columns: int) -> int:
+def _polarities(
+    streams: Sequence[EventStream], where: str, channels: int | None, columns: int
+) -> int:
     """Return 2 if the format or an event says so; ``InputError`` if the events do not tell taxels from channels."""
-    if any(one.polarities == 2 or (one.polarity is not None and one.polarity.any()) for one in streams):
+    if any(
+        one.polarities == 2 or (one.polarity is not None and one.polarity.any()) for one in streams
+    ):
         return 2
     cells = [_cells(one, columns) for one in streams if one.polarity is not None and len(one.x)]
     highest = max((int(own.max()) for own in cells), default=None)
-    if channels is not None and channels % 2 == 0 and highest is not None and 2 * highest < channels:
+    if (
+        channels is not None
+        and channels % 2 == 0
+        and highest is not None
+        and 2 * highest < channels
+    ):
         # As taxels, their channels would be twice as high.
         measured = f"up to {highest} of {counted(channels, 'channel')}"
         fix = "Write bins with locsnn events --polarities 2 (taxels) or 1 (channels) --to FILE."
@@ -129,9 +146,13 @@ def _polarities(streams: Sequence[EventStream], where: str, channels: int | None
     return 1
 
 
-def _check_columns(streams: Sequence[EventStream], where: str, channels: int, columns: int, polarities: int) -> None:
+def _check_columns(
+    streams: Sequence[EventStream], where: str, channels: int, columns: int, polarities: int
+) -> None:
     """Refuse a width that is only that of the events, unless they fill the channels: other files have other widths."""
-    guessed = [one.y for one in streams if one.columns is None and one.y is not None and one.y.any()]
+    guessed = [
+        one.y for one in streams if one.columns is None and one.y is not None and one.y.any()
+    ]
     rows = 1 + max((int(y.max()) for y in guessed), default=0)
     if guessed and columns * rows * polarities != channels:
         what = "the width of its grid is not known"
@@ -161,9 +182,15 @@ def _length(one: EventStream, bins: FloatArray, width_seconds: float, most: int 
         return most
     if not last < MAX_STEPS:
         # In bins first: absurd times overflow to infinity there already.
-        span = last * width_seconds if math.isinf(last) else float(one.times.max() - one.start) / MICROSECONDS
+        span = (
+            last * width_seconds
+            if math.isinf(last)
+            else float(one.times.max() - one.start) / MICROSECONDS
+        )
         measured = f"{span:g} s in bins of {width_seconds:g} s against {MAX_STEPS} bins"
-        raise InputError(one.place, "it lasts too long for its bins", measured=measured, fix=one.if_too_long)
+        raise InputError(
+            one.place, "it lasts too long for its bins", measured=measured, fix=one.if_too_long
+        )
     return math.floor(last) + 1
 
 
@@ -172,7 +199,9 @@ def _channels(one: EventStream, columns: int, polarities: int) -> IntArray:
         return one.x
     if one.y is not None and int(one.x.max(initial=0)) >= columns:
         measured = f"x {int(one.x.max())} against {columns} columns"
-        raise InputError(one.place, "an event lies outside the grid", measured=measured, fix="Give more columns.")
+        raise InputError(
+            one.place, "an event lies outside the grid", measured=measured, fix="Give more columns."
+        )
     cells = _cells(one, columns)
     return cells if polarities == 1 else 2 * cells + one.polarity
 
@@ -185,7 +214,12 @@ def _check_sizes(where: str, samples: int, steps: int, channels: int, needed: in
     if needed > channels:
         measured = f"channel {needed - 1} against 0..{channels - 1}"
         fix = "Give events of this sensor, or more channels."
-        raise InputError(where, "it has events on channels that the sensor does not have", measured=measured, fix=fix)
+        raise InputError(
+            where,
+            "it has events on channels that the sensor does not have",
+            measured=measured,
+            fix=fix,
+        )
     if steps == 0 or channels == 0:
         raise InputError(where, "no events inside", fix="Give a recording with events.")
     what = f"its recordings of {samples} x {steps} x {channels} are too large"
@@ -193,7 +227,9 @@ def _check_sizes(where: str, samples: int, steps: int, channels: int, needed: in
     check_most(samples * steps * channels, MAX_ELEMENTS, where, what, unit="values", fix=fix)
 
 
-def recording_events(spikes: ByteArray, polarities: int, step_seconds: float) -> tuple[IntArray, IntArray, IntArray]:
+def recording_events(
+    spikes: ByteArray, polarities: int, step_seconds: float
+) -> tuple[IntArray, IntArray, IntArray]:
     """Return (microseconds, cell, polarity) of the events of one recording (steps, channels), in order of time.
 
     Each event lies in the middle of its bin, so the width of a bin is all that is needed to read it back.

@@ -38,7 +38,11 @@ def is_recording(name: str) -> bool:
 
 def recording_files(folder: Path) -> list[Path]:
     """Return the files of a folder that are read as its recordings."""
-    return [f for f in folder.rglob("*") if (is_recording(f.name) or f.suffix == ".startend") and f.is_file()]
+    return [
+        f
+        for f in folder.rglob("*")
+        if (is_recording(f.name) or f.suffix == ".startend") and f.is_file()
+    ]
 
 
 def label_in_name(name: str) -> int | None:
@@ -104,13 +108,17 @@ class Members(Frozen, eq=False):
 
     def of_part(self, part: str | None) -> list[str]:
         """Return the recordings of a part, or all, in turn."""
-        return sorted((name for name in self.recordings if part in (None, part_of(name))), key=in_turn)
+        return sorted(
+            (name for name in self.recordings if part in (None, part_of(name))), key=in_turn
+        )
 
     @property
     def other_arrays(self) -> list[str]:
         """Arrays that are not read as recordings, because of their names; hidden files, as of macOS, are none."""
         files = {name: PurePosixPath(name) for name in self.sizes if not is_recording(name)}
-        return [name for name, file in files.items() if file.suffix == ".npy" and file.name[0] != "."]
+        return [
+            name for name, file in files.items() if file.suffix == ".npy" and file.name[0] != "."
+        ]
 
     def place(self, name: str) -> str:
         """Return how errors name a file."""
@@ -119,11 +127,21 @@ class Members(Frozen, eq=False):
     def check_sizes(self, names: list[str]) -> None:
         """Refuse files that are too many or too large, before any is read."""
         total = sum(self.sizes[name] for name in names)
-        check_most(len(names), MAX_MEMBERS, self.where, "it holds too many recordings", fix="Give fewer.")
-        check_most(total, MAX_TOTAL_BYTES, self.where, "its recordings are too large together", fix="Give fewer.")
+        check_most(
+            len(names), MAX_MEMBERS, self.where, "it holds too many recordings", fix="Give fewer."
+        )
+        check_most(
+            total,
+            MAX_TOTAL_BYTES,
+            self.where,
+            "its recordings are too large together",
+            fix="Give fewer.",
+        )
         for name in names:
             size, fix = self.sizes[name], "Give one recording."
-            check_most(size, MAX_MEMBER_BYTES, self.place(name), "it is too large", unit="bytes", fix=fix)
+            check_most(
+                size, MAX_MEMBER_BYTES, self.place(name), "it is too large", unit="bytes", fix=fix
+            )
 
 
 @contextmanager
@@ -139,7 +157,9 @@ def open_members(path: Path) -> Iterator[Members]:
     try:
         stream = path.open("rb")
     except OSError as error:
-        raise InputError(where, "it cannot be read", measured=error.strerror or "", fix="Check the path.") from None
+        raise InputError(
+            where, "it cannot be read", measured=error.strerror or "", fix="Check the path."
+        ) from None
     with stream:
         with parsing(where, "it is damaged, truncated or not a zip archive", fix=fix):
             archive = BoundedZip(stream, where, fix)
@@ -149,22 +169,34 @@ def open_members(path: Path) -> Iterator[Members]:
                 return archive.content(name)
 
         entries = [entry for entry in archive.infolist() if not entry.filename.endswith("/")]
-        if links := [entry.filename for entry in entries if stat.S_ISLNK(entry.external_attr >> 16)]:
+        if links := [
+            entry.filename for entry in entries if stat.S_ISLNK(entry.external_attr >> 16)
+        ]:
             what = f"{links[0][:80]!r} is a link, and links are not followed"
             raise InputError(where, what, fix="Store the file itself.")
-        yield Members(where, {entry.filename: entry.file_size for entry in entries}, read, f"{where}, ")
+        yield Members(
+            where, {entry.filename: entry.file_size for entry in entries}, read, f"{where}, "
+        )
 
 
 def _plain_files(path: Path) -> Members:
     """Return the files of a folder, or one file and its ``.startend``, and those of the folder of times next to it."""
     folder = path.absolute() if path.is_dir() else path.absolute().parent
-    times = {f"{TIMES}/{file.name}": file for file in sorted((folder.parent / TIMES).glob("*.startend"))}
+    times = {
+        f"{TIMES}/{file.name}": file for file in sorted((folder.parent / TIMES).glob("*.startend"))
+    }
     if path.is_dir():
         where, inside = f"folder {path.name!r}", f"folder {path.name!r}, "
-        files = {file.relative_to(path).as_posix(): file for file in sorted(path.rglob("*")) if file.is_file()}
+        files = {
+            file.relative_to(path).as_posix(): file
+            for file in sorted(path.rglob("*"))
+            if file.is_file()
+        }
     else:
         where, inside = f"file {path.name!r}", "file "
         files = {file.name: file for file in (path, path.with_suffix(".startend")) if file.exists()}
     files = times | files
     sizes = {name: file.stat().st_size for name, file in files.items()}
-    return Members(where, sizes, lambda name: read_bytes(files[name], f"{inside}{files[name].name!r}"), inside)
+    return Members(
+        where, sizes, lambda name: read_bytes(files[name], f"{inside}{files[name].name!r}"), inside
+    )

@@ -44,7 +44,10 @@ def hilbert(places: Places) -> Walk:
         right, up = (x & side) > 0, (y & side) > 0
         along += side * side * ((3 * right) ^ up)
         turned = ~up & right
-        x, y = np.where(turned, side - 1 - (x & (side - 1)), x), np.where(turned, side - 1 - (y & (side - 1)), y)
+        x, y = (
+            np.where(turned, side - 1 - (x & (side - 1)), x),
+            np.where(turned, side - 1 - (y & (side - 1)), y),
+        )
         x, y = np.where(up, x, y), np.where(up, y, x)
     return np.argsort(along, kind="stable")
 
@@ -67,7 +70,9 @@ def _pitch(places: Places) -> float:
     return float(np.median((far + np.diag(np.full(len(places), np.inf))).min(axis=1)))
 
 
-BY_PLACE: dict[str, Callable[[Places], Walk]] = {walk.__name__: walk for walk in (raster, snake, spiral, hilbert, tour)}
+BY_PLACE: dict[str, Callable[[Places], Walk]] = {
+    walk.__name__: walk for walk in (raster, snake, spiral, hilbert, tour)
+}
 ORDERS = (*LOCATION_ORDERS, *BY_PLACE)
 """Names of orders: ``loop`` goes by the taxels' numbers, ``arch`` and ``whorl`` are published for NeuTouch."""
 
@@ -88,13 +93,18 @@ def location_order(text: str, layout: SensorLayout) -> tuple[str, tuple[int, ...
     if text in LOCATION_ORDERS:
         what = "it is a walk over the 39 taxels of a NeuTouch fingertip"
         fix = f"Use one of: loop, {', '.join(BY_PLACE)}."
-        raise InputError(f"location order {text!r}", what, measured=f"sensor {layout.name!r}", fix=fix)
+        raise InputError(
+            f"location order {text!r}", what, measured=f"sensor {layout.name!r}", fix=fix
+        )
     if "," not in text:
         raise InputError(_WHERE, f"{text!r} is not known", fix=did_you_mean(text, ORDERS))
     order: list[int] = []
     for entry in map(str.strip, text.split(",")):
         if not (entry.isascii() and entry.isdigit() and len(entry) <= 6):
-            what, fix = f"entry {len(order) + 1} is not a taxel number", "Give taxels separated by commas."
+            what, fix = (
+                f"entry {len(order) + 1} is not a taxel number",
+                "Give taxels separated by commas.",
+            )
             raise InputError(_WHERE, what, measured=f"got {entry[:40]!r}", fix=fix)
         order.append(int(entry))
     check_location_taxels(order, layout.taxels)
@@ -109,7 +119,12 @@ def order_text(text: str) -> str:
     path = Path(text)
     if path.suffix not in (".txt", ".csv"):
         return text
-    return ",".join(read_bytes(path, f"{_WHERE} {path.name!r}").decode("ascii", "replace").replace(",", " ").split())
+    return ",".join(
+        read_bytes(path, f"{_WHERE} {path.name!r}")
+        .decode("ascii", "replace")
+        .replace(",", " ")
+        .split()
+    )
 
 
 def channel_walk(order: Sequence[int], layout: SensorLayout) -> Walk:
@@ -119,7 +134,9 @@ def channel_walk(order: Sequence[int], layout: SensorLayout) -> Walk:
     other. Raises ``InputError`` with the first taxel that is out of range, repeated or missing.
     """
     check_location_taxels(order, layout.taxels)
-    channels = np.arange(layout.channels, dtype=np.int64).reshape(layout.surfaces, layout.taxels, layout.polarities)
+    channels = np.arange(layout.channels, dtype=np.int64).reshape(
+        layout.surfaces, layout.taxels, layout.polarities
+    )
     return sealed(channels[:, np.asarray(order, dtype=np.int64) - 1].reshape(-1))
 
 

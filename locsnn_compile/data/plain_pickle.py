@@ -17,7 +17,11 @@ _PROTOCOL = 2
 
 _KEYS = frozenset((str, int, float, bool, bytes, type(None)))
 _PLAIN = frozenset(("BININT", "BININT1", "BININT2", "LONG1", "BINFLOAT", "BINUNICODE"))
-_FIXED: dict[str, Callable[[], object]] = {"NONE": lambda: None, "NEWTRUE": lambda: True, "NEWFALSE": lambda: False}
+_FIXED: dict[str, Callable[[], object]] = {
+    "NONE": lambda: None,
+    "NEWTRUE": lambda: True,
+    "NEWFALSE": lambda: False,
+}
 _NEW = _FIXED | {"EMPTY_TUPLE": tuple, "EMPTY_LIST": list, "EMPTY_DICT": dict}
 _LAST = {"TUPLE1": 1, "TUPLE2": 2, "TUPLE3": 3, "APPEND": 1, "SETITEM": 2}
 """How many values an opcode takes off the stack, if it does not take all since the last mark."""
@@ -37,11 +41,20 @@ class Budget:
     def take(self, amount: int) -> None:
         """Count values."""
         self.used += amount
-        check_most(self.used, MAX_VALUES, self.where, "it holds too many values", fix="Save numbers as tensors.")
+        check_most(
+            self.used,
+            MAX_VALUES,
+            self.where,
+            "it holds too many values",
+            fix="Save numbers as tensors.",
+        )
 
 
 def read_pickle(
-    stream: IO[bytes], named: Callable[[str], object], stored: Callable[[object], object], budget: Budget
+    stream: IO[bytes],
+    named: Callable[[str], object],
+    stored: Callable[[object], object],
+    budget: Budget,
 ) -> object:
     """Return the value of the next pickle in the stream, and leave the stream at its end.
 
@@ -92,7 +105,13 @@ def read_pickle(
             stack.append(stored(stack.pop()))
         elif name == "PROTO":
             fix = "Save it with torch.save, without pickle_protocol."
-            check_most(arg, _PROTOCOL, budget.where, "its pickle has a newer protocol than torch's own", fix=fix)
+            check_most(
+                arg,
+                _PROTOCOL,
+                budget.where,
+                "its pickle has a newer protocol than torch's own",
+                fix=fix,
+            )
         elif name != "STOP":
             raise RefusedError(f"opcode {name}")
     (value,) = stack
@@ -104,7 +123,9 @@ def filled(pairs: Iterable[tuple[Any, Any]], into: dict[Any, Any]) -> dict[Any, 
     """Put pairs into a dict; keys are plain values or short tuples of them, as others may take for ever to hash."""
     for key, value in pairs:
         parts = key if type(key) is tuple and len(key) <= MAX_KEY else (key,)
-        if any(type(part) not in _KEYS or (type(part) is int and abs(part) >> 60) for part in parts):
+        if any(
+            type(part) not in _KEYS or (type(part) is int and abs(part) >> 60) for part in parts
+        ):
             raise ValueError("a key that is not a plain value")
         dict.__setitem__(into, key, value)
     return into

@@ -47,7 +47,9 @@ class Division(Frozen):
         rounds, parts = _rounds(path), () if asked is None else archive_parts(path)
         if parts or (rounds and self.share is not None):
             measured = f"into {', '.join(parts)}" if parts else "into rounds"
-            raise InputError(name, f"{path.name!r} is divided already", measured=measured, fix="Leave it out.")
+            raise InputError(
+                name, f"{path.name!r} is divided already", measured=measured, fix="Leave it out."
+            )
         return asked is not None or bool(rounds)
 
     def part(self, found: Recordings, path: Path, part: str) -> Recordings:
@@ -56,7 +58,11 @@ class Division(Frozen):
         fold, at = 1 if self.fold is None else self.fold, PARTS.index(part)
         if fold not in rounds:
             measured = f"got {fold} against {', '.join(map(str, rounds)) or 'none'}"
-            fix = "Choose one of them." if rounds else "Add --split with the share of every class to test on."
+            fix = (
+                "Choose one of them."
+                if rounds
+                else "Add --split with the share of every class to test on."
+            )
             raise InputError("fold", f"{path.name!r} has no such round", measured=measured, fix=fix)
         if self.share is None:
             rows, labels = _rows_of_files(path, fold, len(found))[at].T
@@ -65,7 +71,9 @@ class Division(Frozen):
             known = found.needed_labels("divide them by")
             rows = stratified_split(known, self.share, 0, fold)[at]
             labels, how = known[rows], f"split {self.share:g}, round {fold}"
-        return replace(found.subset(rows), labels=labels, source=f"{path.name}, {part} part ({how})")
+        return replace(
+            found.subset(rows), labels=labels, source=f"{path.name}, {part} part ({how})"
+        )
 
     def __post_init__(self) -> None:
         if self.share is not None:
@@ -77,7 +85,9 @@ def _many_rounds(share: float) -> int:
     return int(1 / share + 1e-9)
 
 
-def stratified_split(labels: IntArray, fraction: float, seed: int, fold: int = 1) -> tuple[IntArray, IntArray]:
+def stratified_split(
+    labels: IntArray, fraction: float, seed: int, fold: int = 1
+) -> tuple[IntArray, IntArray]:
     """Return sorted indices (kept, held out): each class gives ``fraction`` of its recordings, rounded.
 
     If ``fraction`` is above 0, a class of two or more recordings gives at least one. Later folds, up to 1 / fraction,
@@ -106,19 +116,30 @@ def stratified_split(labels: IntArray, fraction: float, seed: int, fold: int = 1
 def _rounds(path: Path) -> list[int]:
     """Return the rounds for which there are files next to a ``tact.pt``."""
     files = path.parent.glob("train_80_20_*.txt") if path.name == PREPROCESSED else ()
-    return sorted(int(match[1]) for match in (_ROWS.fullmatch(file.name) for file in files) if match)
+    return sorted(
+        int(match[1]) for match in (_ROWS.fullmatch(file.name) for file in files) if match
+    )
 
 
 def _rows_of_files(path: Path, fold: int, samples: int) -> list[IntArray]:
     """Return an array (rows, 2) for each part of a round: numbers of recordings, all different, and their classes."""
-    fix, taken, parts = "Write the number of a recording and its class on every line.", set[int](), []
+    fix, taken, parts = (
+        "Write the number of a recording and its class on every line.",
+        set[int](),
+        [],
+    )
     for part in PARTS:
         file = path.with_name(f"{part}_80_20_{fold}.txt")
         where = f"file {file.name!r}"
         if not file.exists():
-            raise InputError(where, "it does not exist, but the file of the other part does", fix="Give both.")
+            raise InputError(
+                where, "it does not exist, but the file of the other part does", fix="Give both."
+            )
         try:
-            rows = [[int(word) for word in line.split()] for line in read_bytes(file, where).splitlines()]
+            rows = [
+                [int(word) for word in line.split()]
+                for line in read_bytes(file, where).splitlines()
+            ]
         except ValueError:
             rows = []
         if not rows or {len(row) for row in rows} != {2}:
@@ -126,7 +147,12 @@ def _rows_of_files(path: Path, fold: int, samples: int) -> list[IntArray]:
         for number, _ in rows:
             if number in taken or not 0 <= number < samples:
                 what = "in the round twice" if number in taken else "not there"
-                raise InputError(where, f"recording {str(number)[:20]} is {what}", measured=f"of {samples}", fix=fix)
+                raise InputError(
+                    where,
+                    f"recording {str(number)[:20]} is {what}",
+                    measured=f"of {samples}",
+                    fix=fix,
+                )
             taken.add(number)
         parts.append(np.array(rows))
     return parts
@@ -181,19 +207,30 @@ def read_recordings(
     asked = Binning(step_seconds, threshold, channels, steps, polarities, columns, axes=order)
     asked.check()
     check_known("split", f"{split!r} is not known", split, PARTS)
-    said = {name: getattr(asked, name) for name in ("step_seconds", "threshold", "channels", "polarities", "columns")}
+    said = {
+        name: getattr(asked, name)
+        for name in ("step_seconds", "threshold", "channels", "polarities", "columns")
+    }
     agreed = model.agreed(**said, steps=steps) | {"steps": steps}
     divided = division.divides(path)
-    binning = replace(asked, **agreed, most_steps=model.steps, model_channels=model.channels, may_merge=may_merge)
+    binning = replace(
+        asked, **agreed, most_steps=model.steps, model_channels=model.channels, may_merge=may_merge
+    )
     found = _read(path, None if divided else split, binning, step_seconds)
     if divided:
         found = division.part(found, path, split or "test")
     if found.threshold is None:
         for name in (name for name, value in counts.items() if value is not None):
-            raise InputError(name, f"{found.source!r} holds bins, not single events to count", fix="Leave it out.")
+            raise InputError(
+                name,
+                f"{found.source!r} holds bins, not single events to count",
+                fix="Leave it out.",
+            )
     held = found.spikes.shape[2]
     if channels is not None and held != channels:
-        (sensor or SensorLayout(f"{channels} channels", channels)).check_channels(held, f"recordings {found.source!r}")
+        (sensor or SensorLayout(f"{channels} channels", channels)).check_channels(
+            held, f"recordings {found.source!r}"
+        )
     model.check(found)
     return found if steps is None else found.with_steps(steps)
 
@@ -202,7 +239,9 @@ def _read(path: Path, split: str | None, binning: Binning, asked: float | None) 
     _check_file(path)
     if split is not None and not is_archive(path):
         measured, fix = "a single file is not divided", "Leave the part out."
-        raise InputError(f"file {path.name!r}", f"there is no part {split!r}", measured=measured, fix=fix)
+        raise InputError(
+            f"file {path.name!r}", f"there is no part {split!r}", measured=measured, fix=fix
+        )
     if is_archive(path) or path.suffix in EVENT_SUFFIXES:
         return read_archive(path, split=split, binning=binning)
     return read_arrays(path, binning, asked)
@@ -227,10 +266,17 @@ def _check_file(path: Path) -> None:
     if is_archive(path):
         return
     if not path.exists():
-        raise InputError(f"file {path.name!r}", "it does not exist", fix=near(path, "Check the path."))
+        raise InputError(
+            f"file {path.name!r}", "it does not exist", fix=near(path, "Check the path.")
+        )
     if path.suffix not in _SUFFIXES:
         fix = f"Give one of: {', '.join(_SUFFIXES)}, or a folder."
-        raise InputError(f"file {path.name!r}", "its kind is not known", measured=f"ending {path.suffix!r}", fix=fix)
+        raise InputError(
+            f"file {path.name!r}",
+            "its kind is not known",
+            measured=f"ending {path.suffix!r}",
+            fix=fix,
+        )
 
 
 def read_in_chunks(path: str, many: int, *, model: Expected, **asked: Any) -> Iterator[Recordings]:
@@ -255,7 +301,11 @@ def _chunks(path: Path, many: int, model: Expected) -> Iterator[Recordings] | No
     if not several or not mapped.flags.c_contiguous or one * many <= 0:
         return None
     labels = labels_beside(path, shape[0])
-    if dtype.kind not in "biuf" or one * many > MAX_ELEMENTS or (labels is not None and len(labels) != shape[0]):
+    if (
+        dtype.kind not in "biuf"
+        or one * many > MAX_ELEMENTS
+        or (labels is not None and len(labels) != shape[0])
+    ):
         return None
     # The whole array shows in which order its axes are; a chunk does not.
     check_axes(mapped, f"file {path.name!r}", model.channels)
@@ -263,9 +313,13 @@ def _chunks(path: Path, many: int, model: Expected) -> Iterator[Recordings] | No
     def chunks() -> Iterator[Recordings]:
         for start in range(0, shape[0], many):
             count = min(many, shape[0] - start)
-            read = np.fromfile(path, dtype, count * one, offset=begin + start * one * dtype.itemsize)
+            read = np.fromfile(
+                path, dtype, count * one, offset=begin + start * one * dtype.itemsize
+            )
             if len(read) < count * one:
-                raise InputError(f"file {path.name!r}", "it became shorter while it was read", fix="Start again.")
+                raise InputError(
+                    f"file {path.name!r}", "it became shorter while it was read", fix="Start again."
+                )
             bins = read.reshape(count, -1, shape[-1]).transpose(0, 2, 1)
             its = None if labels is None else labels[start : start + count]
             yield Recordings(bins, its, model.step_seconds, path.name, first=start)

@@ -52,7 +52,9 @@ class Binned(Frozen):
     @property
     def words(self) -> str:
         """How many events are lost, and why."""
-        bins = "" if self.threshold is None else f", {self.below} in bins of at most {self.threshold}"
+        bins = (
+            "" if self.threshold is None else f", {self.below} in bins of at most {self.threshold}"
+        )
         bins += f", {self.elsewhere} in further streams" if self.elsewhere else ""
         return f"{self.dropped} of {counted(self.events, 'event')} dropped: {self.outside} outside the steps{bins}"
 
@@ -87,14 +89,23 @@ class Recordings(Shown):
         where = f"recordings {self.source!r}"
         object.__setattr__(self, "spikes", clean_spikes(where, np.asarray(self.spikes), self.first))
         if self.labels is not None:
-            object.__setattr__(self, "labels", _clean_labels(where, np.asarray(self.labels), len(self.spikes)))
+            object.__setattr__(
+                self, "labels", _clean_labels(where, np.asarray(self.labels), len(self.spikes))
+            )
         if self.class_names is not None:
             least = 0 if self.labels is None else int(self.labels.max(initial=-1)) + 1
-            object.__setattr__(self, "class_names", clean_class_names(where, self.class_names, least))
+            object.__setattr__(
+                self, "class_names", clean_class_names(where, self.class_names, least)
+            )
         seconds = self.step_seconds
         if seconds is not None and not STEP_SECONDS.holds(seconds):
             fix = "Give the width of a bin."
-            raise InputError(where, f"step_seconds must be {STEP_SECONDS.words}", measured=f"got {seconds!r}", fix=fix)
+            raise InputError(
+                where,
+                f"step_seconds must be {STEP_SECONDS.words}",
+                measured=f"got {seconds!r}",
+                fix=fix,
+            )
 
     def __len__(self) -> int:
         return len(self.spikes)
@@ -141,12 +152,22 @@ def clean_spikes(where: str, spikes: AnyArray, first: int = 0) -> ByteArray:
     ``first`` is the number of the first sample in error messages.
     """
     fix = "Give binned recordings of zeros and ones."
-    check_same(spikes.ndim, 3, where, "its number of axes is wrong", fix="Give an array (samples, steps, channels).")
+    check_same(
+        spikes.ndim,
+        3,
+        where,
+        "its number of axes is wrong",
+        fix="Give an array (samples, steps, channels).",
+    )
     if 0 in spikes.shape:
         raise InputError(where, "no recordings inside", measured=f"shape {spikes.shape}", fix=fix)
-    check_most(spikes.size, MAX_ELEMENTS, where, "they are too large", unit="values", fix="Give fewer.")
+    check_most(
+        spikes.size, MAX_ELEMENTS, where, "they are too large", unit="values", fix="Give fewer."
+    )
     if spikes.dtype.kind not in "biuf":
-        raise InputError(where, "its values are not numbers", measured=f"dtype {spikes.dtype}", fix=fix)
+        raise InputError(
+            where, "its values are not numbers", measured=f"dtype {spikes.dtype}", fix=fix
+        )
     wrong = ~((spikes == 0) | (spikes == 1))
     if wrong.any():
         sample, step, channel = (int(i[0]) for i in np.nonzero(wrong))
@@ -157,13 +178,21 @@ def clean_spikes(where: str, spikes: AnyArray, first: int = 0) -> ByteArray:
 
 def clean_class_names(where: str, names: Sequence[object], least: int) -> tuple[str, ...]:
     """Return the names of classes: all different, and at least ``least``. ``InputError`` for what does not print."""
-    odd = [name for name in names if not (isinstance(name, str) and 0 < len(name) <= MAX_NAME and name.isprintable())]
+    odd = [
+        name
+        for name in names
+        if not (isinstance(name, str) and 0 < len(name) <= MAX_NAME and name.isprintable())
+    ]
     fix = f"Give a name of 1 to {MAX_NAME} printable characters for each class, from class 0 on."
     if odd:
-        raise InputError(where, "a class name cannot be used", measured=f"{odd[0]!r}"[: MAX_NAME + 2], fix=fix)
+        raise InputError(
+            where, "a class name cannot be used", measured=f"{odd[0]!r}"[: MAX_NAME + 2], fix=fix
+        )
     if (many := len(set(names))) != len(names) or not least <= len(names) <= MAX_LABEL:
         measured = f"{many} different ones against {max(least, len(names))}"
-        raise InputError(where, "its class names do not fit its classes", measured=measured, fix=fix)
+        raise InputError(
+            where, "its class names do not fit its classes", measured=measured, fix=fix
+        )
     return tuple(map(str, names))
 
 
@@ -202,8 +231,15 @@ class Expected(Frozen):
             own = getattr(self, name)
             if value is not None and own is not None and not same(value, own):
                 fix = "Leave it out."
-                raise InputError(name, f"{self.whose} has another", measured=f"got {value:g} against {own:g}", fix=fix)
-        return {name: getattr(self, name) if value is None else value for name, value in asked.items()}
+                raise InputError(
+                    name,
+                    f"{self.whose} has another",
+                    measured=f"got {value:g} against {own:g}",
+                    fix=fix,
+                )
+        return {
+            name: getattr(self, name) if value is None else value for name, value in asked.items()
+        }
 
     def check(self, recordings: Recordings) -> None:
         """Refuse classes with other names; refuse bins of another width if the model takes recordings of one length.
@@ -218,8 +254,16 @@ class Expected(Frozen):
             fix = "Give recordings of the same classes, in the same order."
             raise InputError(f"recordings {recordings.source!r}", what, measured=measured, fix=fix)
         own, given = self.step_seconds, recordings.step_seconds
-        if self.steps is not None and own is not None and given is not None and not same(own, given):
-            what, measured = f"their steps are not as long as those of {self.whose}", f"{given:g} s against {own:g} s"
+        if (
+            self.steps is not None
+            and own is not None
+            and given is not None
+            and not same(own, given)
+        ):
+            what, measured = (
+                f"their steps are not as long as those of {self.whose}",
+                f"{given:g} s against {own:g} s",
+            )
             fix = "Give recordings that were binned for it, or their single events."
             raise InputError(f"recordings {recordings.source!r}", what, measured=measured, fix=fix)
 

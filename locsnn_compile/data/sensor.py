@@ -29,7 +29,11 @@ _FILE: dict[str, Any] = json.loads(Path(__file__).with_name("neutouch.json").rea
 #: (x, y) of taxels 1..39 in millimetres, the centre of the fingertip at (0, 0).
 TAXEL_COORDINATES_MM: tuple[tuple[float, float], ...] = tuple((x, y) for x, y in _FILE["positions"])
 #: The published walks over one fingertip, 1-based taxel numbers.
-LOCATION_ORDERS = {"loop": tuple(range(1, TAXELS + 1)), "arch": tuple(_FILE["arch"]), "whorl": tuple(_FILE["whorl"])}
+LOCATION_ORDERS = {
+    "loop": tuple(range(1, TAXELS + 1)),
+    "arch": tuple(_FILE["arch"]),
+    "whorl": tuple(_FILE["whorl"]),
+}
 #: Neighbours as the authors of TactileSGNet chose them by hand: pairs of taxel numbers, the lower first.
 MANUAL_EDGES: tuple[tuple[int, int], ...] = tuple((a, b) for a, b in _FILE["edges"])
 #: Taxel numbers by row (y from -8.9 to 8.9 mm) and column (x from -6 to 6 mm); 0 in empty cells. Every taxel has its
@@ -65,7 +69,9 @@ class SensorLayout(Frozen):
         for what in ("taxels", "polarities", "surfaces", "columns", "channels"):
             value, limit = getattr(self, what), most.get(what, MAX_CHANNELS)
             if value is not None and not 1 <= value <= limit:
-                raise self._refused(f"its {what} are out of range", f"got {value} against 1..{limit}")
+                raise self._refused(
+                    f"its {what} are out of range", f"got {value} against 1..{limit}"
+                )
         if self.taxels % (self.columns or 1):
             raise self._refused("its last row is not full", f"{self.taxels} taxels")
         if self.columns is not None and self.positions is not None:
@@ -73,7 +79,9 @@ class SensorLayout(Frozen):
             raise self._refused(what, counted(self.columns, "column"))
         for what, entries in (("positions", self.positions), ("names", self.names)):
             if entries is not None and not len(entries) == len(set(entries)) == self.taxels:
-                counts = f"{len(set(entries))} different ones against {counted(self.taxels, 'taxel')}"
+                counts = (
+                    f"{len(set(entries))} different ones against {counted(self.taxels, 'taxel')}"
+                )
                 raise self._refused(f"its {what} do not fit its taxels", counts)
 
     def _refused(self, what: str, measured: str) -> InputError:
@@ -87,7 +95,9 @@ class SensorLayout(Frozen):
     @property
     def laid_out(self) -> bool:
         """Whether anything is known but a number of channels."""
-        return self.polarities == 2 or any(one is not None for one in (self.columns, self.positions, self.names))
+        return self.polarities == 2 or any(
+            one is not None for one in (self.columns, self.positions, self.names)
+        )
 
     @property
     def is_neutouch(self) -> bool:
@@ -98,7 +108,9 @@ class SensorLayout(Frozen):
     def places(self) -> FloatArray | None:
         """(x, y) of the taxels of one surface, (taxels, 2); None if their positions are not known."""
         if self.columns is not None:
-            return np.stack(np.divmod(np.arange(self.taxels), self.columns)[::-1], axis=1).astype(np.float64)
+            return np.stack(np.divmod(np.arange(self.taxels), self.columns)[::-1], axis=1).astype(
+                np.float64
+            )
         return None if self.positions is None else np.array(self.positions, dtype=np.float64)
 
     @property
@@ -138,20 +150,34 @@ def asked_layout(
     - ``channels``: a number of channels without positions, by default with one polarity
     - ``layout``: a file
     """
-    given = [name for name, value in (("grid", grid), ("channels", channels), ("layout", layout)) if value is not None]
+    given = [
+        name
+        for name, value in (("grid", grid), ("channels", channels), ("layout", layout))
+        if value is not None
+    ]
     if len(given) > 1 or (polarities is not None and not given):
-        measured, fix = " and ".join(given) or "polarities alone", "Give one of --grid, --channels and --layout."
+        measured, fix = (
+            " and ".join(given) or "polarities alone",
+            "Give one of --grid, --channels and --layout.",
+        )
         raise InputError("sensor", "its layout is not clear", measured=measured, fix=fix)
     if grid is not None:
         match = re.fullmatch(r"([1-9]\d{0,3})x([1-9]\d{0,3})", grid)
         if match is None:
-            raise InputError("grid", "it is not columns x rows", measured=f"got {grid[:40]!r}", fix="Give 16x16.")
+            raise InputError(
+                "grid", "it is not columns x rows", measured=f"got {grid[:40]!r}", fix="Give 16x16."
+            )
         columns, rows = int(match[1]), int(match[2])
         return SensorLayout(f"grid {grid}", columns * rows, polarities or 2, columns=columns)
     if channels is not None:
         taxels, rest = divmod(channels, polarities or 1)
         if rest:
-            raise InputError("channels", "2 polarities need an even number", measured=f"{channels}", fix="Correct it.")
+            raise InputError(
+                "channels",
+                "2 polarities need an even number",
+                measured=f"{channels}",
+                fix="Correct it.",
+            )
         return SensorLayout(counted(channels, "channel"), taxels, polarities or 1)
     found = None if layout is None else read_layout(Path(layout))
     return found if found is None or polarities is None else replace(found, polarities=polarities)
@@ -160,7 +186,9 @@ def asked_layout(
 def read_layout(path: Path) -> SensorLayout:
     """Return the layout in a YAML file: see :func:`parse_layout`."""
     where = f"layout {path.name!r}"
-    return parse_layout({"name": path.stem} | read_mapping(path, where, "Give fewer taxels."), where)
+    return parse_layout(
+        {"name": path.stem} | read_mapping(path, where, "Give fewer taxels."), where
+    )
 
 
 def parse_layout(document: Mapping[Any, Any], where: str) -> SensorLayout:
@@ -195,4 +223,6 @@ def frame_cells(layout: SensorLayout) -> IntArray:
     if layout.columns is not None:
         return np.arange(layout.taxels)
     flat = np.array(FRAME_OF_TAXELS).ravel()
-    return np.array([int(np.flatnonzero(flat == taxel)[0]) for taxel in range(1, layout.taxels + 1)])
+    return np.array(
+        [int(np.flatnonzero(flat == taxel)[0]) for taxel in range(1, layout.taxels + 1)]
+    )

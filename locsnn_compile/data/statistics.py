@@ -35,10 +35,16 @@ def event_statistics(recordings: Recordings, sensor: SensorLayout | None = None)
         sensor = neutouch(channels // (TAXELS * POLARITIES))
     rises = sensor is not None and sensor.polarities == POLARITIES and total > 0
     rising = float(by_channel[::POLARITIES].sum() / total) if rises else 0.0
-    most = [channel for channel in np.argsort(-by_channel, kind="stable")[:BUSIEST].tolist() if by_channel[channel]]
+    most = [
+        channel
+        for channel in np.argsort(-by_channel, kind="stable")[:BUSIEST].tolist()
+        if by_channel[channel]
+    ]
     places = [channel_place(channel, sensor) if sensor else "" for channel in most]
     rows = zip(most, places, by_channel[most].tolist(), strict=True)
-    busiest = [{"channel": channel, "place": place, "events": count} for channel, place, count in rows]
+    busiest = [
+        {"channel": channel, "place": place, "events": count} for channel, place, count in rows
+    ]
     labels = None if recordings.labels is None else np.unique(recordings.labels, return_counts=True)
     found: dict[str, Any] = {
         "schema": "locsnn-events/1",
@@ -47,9 +53,17 @@ def event_statistics(recordings: Recordings, sensor: SensorLayout | None = None)
         "steps": steps,
         "channels": channels,
         "step_seconds": width,
-        "labels": None if labels is None else dict(zip(labels[0].tolist(), labels[1].tolist(), strict=True)),
-        "events": {"all": total, "per_recording": _spread(by_recording), "share_of_bins": total / spikes.size},
-        "rate_hz_per_channel": None if width is None else total / (samples * channels * steps * width),
+        "labels": None
+        if labels is None
+        else dict(zip(labels[0].tolist(), labels[1].tolist(), strict=True)),
+        "events": {
+            "all": total,
+            "per_recording": _spread(by_recording),
+            "share_of_bins": total / spikes.size,
+        },
+        "rate_hz_per_channel": None
+        if width is None
+        else total / (samples * channels * steps * width),
         "silence": {
             "empty_recordings": int((by_recording == 0).sum()),
             "start_steps": _spread(heard.argmax(axis=1)),
@@ -81,7 +95,9 @@ def channel_place(channel: int, sensor: SensorLayout) -> str:
         place = sensor.names[taxel]
     which = "fingertip" if sensor.is_neutouch else "surface"
     finger = f"{which} {surface + 1}, " if surface else ""
-    return f"{finger}{place}" + ("" if sensor.polarities == 1 else " falling" if polarity else " rising")
+    return f"{finger}{place}" + (
+        "" if sensor.polarities == 1 else " falling" if polarity else " rising"
+    )
 
 
 def _spread(values: IntArray) -> dict[str, float]:

@@ -52,7 +52,14 @@ def synthetic_touches(
     labels = np.arange(samples, dtype=np.int64) % classes
     sensor = sensor or neutouch(fingertips)
     size = samples * steps * sensor.channels
-    check_most(size, MAX_ELEMENTS, "synthetic touches", "they are too large", unit="values", fix="Ask for fewer.")
+    check_most(
+        size,
+        MAX_ELEMENTS,
+        "synthetic touches",
+        "they are too large",
+        unit="values",
+        fix="Ask for fewer.",
+    )
     spikes = np.empty((samples, steps, sensor.channels), dtype=np.uint8)
     for sample, label in enumerate(labels):
         rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, sample])))
@@ -67,11 +74,15 @@ def _places_mm(sensor: SensorLayout) -> FloatArray:
         places = np.stack([np.arange(sensor.taxels), np.zeros(sensor.taxels)], axis=1)
     from_middle = places - (places.min(axis=0) + places.max(axis=0)) / 2
     largest = float(np.abs(from_middle).max())
-    found: FloatArray = from_middle * float(np.abs(TAXEL_COORDINATES_MM).max() / largest if largest else 1.0)
+    found: FloatArray = from_middle * float(
+        np.abs(TAXEL_COORDINATES_MM).max() / largest if largest else 1.0
+    )
     return found
 
 
-def _touch(label: int, classes: int, steps: int, sensor: SensorLayout, rng: np.random.Generator) -> BoolArray:
+def _touch(
+    label: int, classes: int, steps: int, sensor: SensorLayout, rng: np.random.Generator
+) -> BoolArray:
     """Return the events (steps, channels) of one recording."""
     angle = 2 * math.pi * label / classes + rng.normal(0, 0.1)
     strokes = 1.0 + label % 3
@@ -89,11 +100,15 @@ def _touch(label: int, classes: int, steps: int, sensor: SensorLayout, rng: np.r
     for fingertip in range(sensor.surfaces):
         # Fingertips face each other, so the second one sees the motion mirrored.
         x = centre_x if fingertip % 2 == 0 else -centre_x
-        square = (taxels[:, 0] - x[:, np.newaxis]) ** 2 + (taxels[:, 1] - centre_y[:, np.newaxis]) ** 2
+        square = (taxels[:, 0] - x[:, np.newaxis]) ** 2 + (
+            taxels[:, 1] - centre_y[:, np.newaxis]
+        ) ** 2
         pressure = force[:, np.newaxis] * np.exp(-square / (2 * RADIUS_MM**2))
         change = np.diff(pressure, axis=0, prepend=np.zeros((1, sensor.taxels)))
         both = np.stack([np.maximum(change, 0), np.maximum(-change, 0)], axis=-1)
-        activity[:, fingertip] = both if sensor.polarities == 2 else both.sum(axis=-1, keepdims=True)
+        activity[:, fingertip] = (
+            both if sensor.polarities == 2 else both.sum(axis=-1, keepdims=True)
+        )
     share = _scaled(activity.reshape(steps, -1), EVENT_SHARE * (1 - NOISE_SHARE))
     noise = EVENT_SHARE * NOISE_SHARE
     return rng.random(share.shape) < share + noise - share * noise

@@ -44,11 +44,15 @@ def parse_tact(data: bytes, where: str, startend: bytes | None, startend_where: 
     runs from the first event to the last. Raises ``InputError`` with the number of a line that is not an event.
     """
     channels, seconds = _parse(data, where)
-    start, span_seconds = (min(seconds), None) if startend is None else _stretch(startend, startend_where)
+    start, span_seconds = (
+        (min(seconds), None) if startend is None else _stretch(startend, startend_where)
+    )
     times = np.array([float((one - start).scaleb(6)) for one in seconds])
     places = channels // 2, None, channels % 2
     width = SLIP_STEP_SECONDS if span_seconds == SLIP_SECONDS else STEP_SECONDS
-    found = EventStream(times, *places, 0.0, span_seconds, CHANNELS, 2, step_seconds=width, place=where)
+    found = EventStream(
+        times, *places, 0.0, span_seconds, CHANNELS, 2, step_seconds=width, place=where
+    )
     return replace(found, if_too_long="Give a .startend file next to it, or wider bins.")
 
 
@@ -63,7 +67,9 @@ def tact_text(spikes: ByteArray, step_seconds: float, polarities: int = 2) -> by
         # In the middle of the bin, so that rounding moves no event into another bin. The first event of a recording is
         # the exception: it may be the only sign of when the recording begins.
         seconds = (step + (0.5 if lines or step else 0.0)) * step_seconds
-        lines.append(f"{1 - channel % polarities} {_CELL_OF_TAXEL[channel // polarities]} {seconds:.9f}\n")
+        lines.append(
+            f"{1 - channel % polarities} {_CELL_OF_TAXEL[channel // polarities]} {seconds:.9f}\n"
+        )
     return "".join(lines).encode()
 
 
@@ -91,7 +97,10 @@ def _parse(data: bytes, where: str) -> tuple[IntArray, list[Decimal]]:
             if not seconds[-1].is_finite():
                 raise ValueError
         except (ValueError, KeyError, ArithmeticError):
-            place, measured = f"{where}, line {number}", f"got {line.decode('ascii', 'replace').strip()[:40]!r}"
+            place, measured = (
+                f"{where}, line {number}",
+                f"got {line.decode('ascii', 'replace').strip()[:40]!r}",
+            )
             fix = f"Write 'polarity cell_index timestamp_seconds' on it: a polarity of 1, 0 or -1, a cell of {_CELLS}."
             raise InputError(place, "it is not an event", measured=measured, fix=fix) from None
         channels.append(channel)
@@ -114,8 +123,12 @@ def _stretch(data: bytes, where: str) -> tuple[Decimal, float]:
             named[words[index - 1].lower()] = times[-1]
     if len(times) == SLIP_PHASES and not named and times[1].is_finite():
         return times[1], SLIP_SECONDS
-    grasping = named.get("grasping", times[3] if len(times) == len(PHASES) and not named else Decimal("nan"))
+    grasping = named.get(
+        "grasping", times[3] if len(times) == len(PHASES) and not named else Decimal("nan")
+    )
     if not grasping.is_finite():
         what, measured = "it does not give the time of 'grasping'", counted(len(times), "number")
-        raise InputError(where, what, measured=measured, fix=f"Give the times of {', '.join(PHASES)}.")
+        raise InputError(
+            where, what, measured=measured, fix=f"Give the times of {', '.join(PHASES)}."
+        )
     return grasping, GRASP_SECONDS

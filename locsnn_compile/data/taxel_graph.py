@@ -31,14 +31,20 @@ def taxel_graph(kind: str, layout: SensorLayout, *, neighbours: int, nearer_mm: 
     if kind == "manual":
         if not layout.is_neutouch:
             what = "its edges were drawn by hand for a NeuTouch fingertip"
-            raise InputError(where, what, measured=f"sensor {layout.name!r}", fix="Use --graph nearest or tree.")
+            raise InputError(
+                where, what, measured=f"sensor {layout.name!r}", fix="Use --graph nearest or tree."
+            )
         return MANUAL_EDGES
     places = layout.needed_places(where)
     # Rounded so that equal distances compare as equal.
     distance: FloatArray = cdist(places, places).round(9)
     if kind == "nearest":
         near = np.argsort(distance + np.diag(np.full(len(places), np.inf)), axis=1, kind="stable")
-        return _edges((a, int(b)) for a in range(len(places)) for b in near[a, : min(neighbours, len(places) - 1)])
+        return _edges(
+            (a, int(b))
+            for a in range(len(places))
+            for b in near[a, : min(neighbours, len(places) - 1)]
+        )
     close = zip(*np.nonzero(np.triu(distance < nearer_mm, k=1)), strict=True)
     middle = int(np.square(places - places.mean(axis=0)).sum(axis=1).round(9).argmin())
     return _edges([*_spanning_tree(distance, middle), *((int(a), int(b)) for a, b in close)])

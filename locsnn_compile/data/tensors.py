@@ -19,12 +19,20 @@ MAX_DIMENSIONS, MAX_VALUES = 32, 1 << 59
 """Dimensions and values of which every version of numpy makes views."""
 FLOATS = ("torch.float16", "torch.bfloat16", "torch.float32", "torch.float64")
 _HELD = "bool uint8 uint16 uint32 uint64 int8 int16 int32 int64 float16 float32 float64 bfloat16 complex64 complex128"
-_KINDS = {f"torch.{name}": np.dtype("uint16" if name == "bfloat16" else name) for name in _HELD.split()}
+_KINDS = {
+    f"torch.{name}": np.dtype("uint16" if name == "bfloat16" else name) for name in _HELD.split()
+}
 """The numpy type of the stored values of a dtype."""
-_CLASSES = "Double Float Half BFloat16 Bool Long Int Short Char Byte Untyped ComplexDouble ComplexFloat"
-_DTYPES = "float64 float32 float16 bfloat16 bool int64 int32 int16 int8 uint8 uint8 complex128 complex64"
+_CLASSES = (
+    "Double Float Half BFloat16 Bool Long Int Short Char Byte Untyped ComplexDouble ComplexFloat"
+)
+_DTYPES = (
+    "float64 float32 float16 bfloat16 bool int64 int32 int16 int8 uint8 uint8 complex128 complex64"
+)
 _QUANTISED = "QInt8 QInt32 QUInt8 QUInt4x2 QUInt2x4"
-_STORAGES = dict(zip(f"{_CLASSES} {_QUANTISED}".split(), f"{_DTYPES} {_QUANTISED.lower()}".split(), strict=True))
+_STORAGES = dict(
+    zip(f"{_CLASSES} {_QUANTISED}".split(), f"{_DTYPES} {_QUANTISED.lower()}".split(), strict=True)
+)
 """What the class of a storage says of its values: ``torch.FloatStorage`` holds float32."""
 _STORAGE = re.compile(r"torch\.(?:cuda\.|storage\.)?(\w+)Storage")
 _VALUE = re.compile(r"torch\.(Tensor|(q?u?int|b?float|bool|bits|complex|per_)\w*)")
@@ -55,7 +63,9 @@ class Storage:
         """Return all values as one dtype, read once. ``bits`` has conj if they are conjugated, neg if negated."""
         if (dtype, bits) not in self._made:
             kind = _KINDS[dtype]
-            found = np.ndarray((self.size // kind.itemsize,), kind.newbyteorder(self.order), self.data)
+            found = np.ndarray(
+                (self.size // kind.itemsize,), kind.newbyteorder(self.order), self.data
+            )
             found = found.astype(kind, copy=False)
             if dtype == "torch.bfloat16":
                 found = (found.astype(np.uint32) << 16).view(np.float32)
@@ -97,7 +107,9 @@ class Tensor(Frozen, eq=False):
         if 0 in self.shape:
             return values[:0].reshape(self.shape)
         width, first = values.itemsize, self.start // width_of(self.dtype)
-        return np.ndarray(self.shape, values.dtype, values, first * width, [step * width for step in self.strides])
+        return np.ndarray(
+            self.shape, values.dtype, values, first * width, [step * width for step in self.strides]
+        )
 
 
 def rebuilt(whole: Tensor, offset: int, size: Any, strides: Any, *more: Any) -> Tensor:
@@ -115,7 +127,11 @@ def rebuilt(whole: Tensor, offset: int, size: Any, strides: Any, *more: Any) -> 
     # An empty slice may begin anywhere, even behind the end.
     start = whole.start + offset * width if 0 not in size else 0
     last = sum((n - 1) * step for n, step in zip(size, steps, strict=True)) if 0 not in size else -1
-    if start + (last + 1) * width > whole.storage.size or start % width or math.prod(size) > MAX_VALUES:
+    if (
+        start + (last + 1) * width > whole.storage.size
+        or start % width
+        or math.prod(size) > MAX_VALUES
+    ):
         raise ValueError("a tensor that is not within its storage")
     bits = more[-1] if more and isinstance(more[-1], dict) else {}
     held = tuple(bit for bit in ("conj", "neg") if bits.get(bit))
@@ -123,7 +139,9 @@ def rebuilt(whole: Tensor, offset: int, size: Any, strides: Any, *more: Any) -> 
 
 
 def _sizes(held: Any) -> tuple[int, ...]:
-    if len(held) > MAX_DIMENSIONS or any(type(n) is not int or not 0 <= n < MAX_VALUES for n in held):
+    if len(held) > MAX_DIMENSIONS or any(
+        type(n) is not int or not 0 <= n < MAX_VALUES for n in held
+    ):
         raise ValueError("no sizes")
     return tuple(held)
 
@@ -169,11 +187,22 @@ _FUNCTIONS: dict[str, Callable[..., object]] = {
     "torch.serialization._get_layout": _word,
     "torch.nn.parameter.Parameter": lambda data, *_: data,
     # Attributes are ignored, and only tensors may have them.
-    "torch._tensor._rebuild_from_type_v2": lambda made, _, arguments, __: {rebuilt: rebuilt}[made](*arguments),
-    **{f"torch._utils._rebuild_parameter{end}": lambda data, *_: data for end in ("", "_with_state")},
+    "torch._tensor._rebuild_from_type_v2": lambda made, _, arguments, __: {rebuilt: rebuilt}[made](
+        *arguments
+    ),
+    **{
+        f"torch._utils._rebuild_parameter{end}": lambda data, *_: data
+        for end in ("", "_with_state")
+    },
     **{f"torch._utils._rebuild_tensor{end}": rebuilt for end in ("", "_v2", "_v3")},
-    "torch._utils._rebuild_qtensor": lambda whole, offset, size, *_: Tensor(whole.dtype, _sizes(size)),
+    "torch._utils._rebuild_qtensor": lambda whole, offset, size, *_: Tensor(
+        whole.dtype, _sizes(size)
+    ),
     "torch._utils._rebuild_sparse_tensor": _sparse,
-    "torch._utils._rebuild_meta_tensor_no_storage": lambda kind, *of: Tensor(kind.text, _sizes(of[0]), device="meta"),
-    "torch._utils._rebuild_nested_tensor": lambda values, *_: Tensor(values.dtype, (), "torch.nested"),
+    "torch._utils._rebuild_meta_tensor_no_storage": lambda kind, *of: Tensor(
+        kind.text, _sizes(of[0]), device="meta"
+    ),
+    "torch._utils._rebuild_nested_tensor": lambda values, *_: Tensor(
+        values.dtype, (), "torch.nested"
+    ),
 }

@@ -43,10 +43,14 @@ def load_plain(data: bytes, where: str, *, fix: str) -> object:
             return _from_stream(data, budget)
         except RefusedError as error:
             what = "it contains objects that would run code when read, so it was not read"
-            raise InputError(where, what, measured=str(error), fix="Save tensors and plain values only.") from None
+            raise InputError(
+                where, what, measured=str(error), fix="Save tensors and plain values only."
+            ) from None
 
 
-def _storage(given: Any, held: dict[str, Storage], found: Callable[[str, int, int], Storage]) -> Tensor:
+def _storage(
+    given: Any, held: dict[str, Storage], found: Callable[[str, int, int], Storage]
+) -> Tensor:
     """Return the tensor that stands for a storage, given its persistent id; ``held`` keeps storages by their keys."""
     if type(given) is not tuple or given[0] != "storage":
         raise RefusedError("a module")
@@ -70,19 +74,25 @@ def _from_archive(data: bytes, where: str, fix: str, budget: Budget) -> object:
         raise InputError(where, "it unpacks to far more than its size", measured=measured, fix=fix)
     inside = names[0].split("/")[0]
     if f"{inside}/constants.pkl" in names:
-        raise InputError(where, "it is a TorchScript archive", fix="Save the state_dict() with torch.save.")
+        raise InputError(
+            where, "it is a TorchScript archive", fix="Save the state_dict() with torch.save."
+        )
 
     def read(name: str) -> bytes:
         return archive.content(f"{inside}/{name}")
 
-    order: Literal["<", ">"] = ">" if f"{inside}/byteorder" in names and read("byteorder") == b"big" else "<"
+    order: Literal["<", ">"] = (
+        ">" if f"{inside}/byteorder" in names and read("byteorder") == b"big" else "<"
+    )
 
     def found(key: str, count: int, width: int) -> Storage:
         content = read(f"data/{key}")
         return Storage(len(content), count, content, order)
 
     held: dict[str, Storage] = {}
-    return read_pickle(io.BytesIO(read("data.pkl")), named, lambda given: _storage(given, held, found), budget)
+    return read_pickle(
+        io.BytesIO(read("data.pkl")), named, lambda given: _storage(given, held, found), budget
+    )
 
 
 def _from_stream(data: bytes, budget: Budget) -> object:

@@ -34,7 +34,12 @@ Sensor = SensorLayout | None
 
 
 def write_recordings(
-    path: Path | str, recordings: Recordings, *, members: str = "npy", structured: bool = False, sensor: Sensor = None
+    path: Path | str,
+    recordings: Recordings,
+    *,
+    members: str = "npy",
+    structured: bool = False,
+    sensor: Sensor = None,
 ) -> NotHeld:
     """Write ``recordings`` in the format that the ending of ``path`` names; without one, a folder.
 
@@ -60,13 +65,20 @@ def write_recordings(
         else:
             check_folder(path)
             if path.is_dir() and any(path.iterdir()):
-                what, fix = "it is not empty, and recordings would mix", "Name a new folder, or a .zip."
+                what, fix = (
+                    "it is not empty, and recordings would mix",
+                    "Name a new folder, or a .zip.",
+                )
                 raise InputError(f"folder {path.name!r}", what, fix=fix)
             write_build(path, files)
         return _not_held(recordings, members, sensor, start=True)
     kind = "events" if structured and suffix in (".npy", ".npz") else suffix[1:]
     replace_file(path, _content(path, recordings, kind, where, sensor), where)
-    return NotHeld({}) if kind in ("npz", "pt") else _not_held(recordings, kind, sensor, timed=suffix == ".npz")
+    return (
+        NotHeld({})
+        if kind in ("npz", "pt")
+        else _not_held(recordings, kind, sensor, timed=suffix == ".npz")
+    )
 
 
 def _content(path: Path, recordings: Recordings, kind: str, where: str, sensor: Sensor) -> bytes:
@@ -75,7 +87,9 @@ def _content(path: Path, recordings: Recordings, kind: str, where: str, sensor: 
         _check_label(path, recordings, kind, where)
     if path.suffix in (".npz", ".pt"):
         entries = _entries(recordings, kind, where, sensor)
-        return torch_bytes(entries, where) if kind == "pt" else pack_arrays(entries, compressed=False)
+        return (
+            torch_bytes(entries, where) if kind == "pt" else pack_arrays(entries, compressed=False)
+        )
     if kind == "npy":
         return npy_bytes(_channel_major(recordings.spikes))
     content = _one_file(recordings, 0, kind, path.stem, where, sensor)[path.name]
@@ -89,12 +103,23 @@ def _check_label(path: Path, recordings: Recordings, kind: str, where: str) -> N
     """Refuse to write several recordings of events, or labels that the name does not have, into a single file."""
     if len(recordings) > 1 and kind != "npy":
         fix = "Write a folder or .zip, with members."
-        raise InputError(where, "this format holds one recording only", measured=f"got {len(recordings)}", fix=fix)
+        raise InputError(
+            where,
+            "this format holds one recording only",
+            measured=f"got {len(recordings)}",
+            fix=fix,
+        )
     label = label_in_name(path.name) if len(recordings) == 1 else None
     wanted = None if recordings.labels is None else recordings.labels.tolist()
     if wanted != (None if label is None else [label]):
         what = "this format cannot hold labels, and the file name does not give them"
-        measured = "none" if wanted is None else f"{len(wanted)} of them" if len(wanted) > 1 else f"{wanted[0]}"
+        measured = (
+            "none"
+            if wanted is None
+            else f"{len(wanted)} of them"
+            if len(wanted) > 1
+            else f"{wanted[0]}"
+        )
         fix = "Write .npz, .pt, a folder or .zip, or one recording with _label_<k> in its name."
         raise InputError(where, what, measured=measured, fix=fix)
 
@@ -104,10 +129,17 @@ def _entries(recordings: Recordings, kind: str, where: str, sensor: Sensor) -> d
     entries: dict[str, AnyArray] = {}
     width = None if recordings.step_seconds is None else float(recordings.step_seconds)
     if kind == "events":
-        entries["events"], width = structured_events(*_timed(recordings, 0, where, sensor)), _width(recordings)
+        entries["events"], width = (
+            structured_events(*_timed(recordings, 0, where, sensor)),
+            _width(recordings),
+        )
     else:
         entries["spikes"] = _channel_major(recordings.spikes)
-    more = {"labels": recordings.labels, "step_seconds": width, "class_names": recordings.class_names}
+    more = {
+        "labels": recordings.labels,
+        "step_seconds": width,
+        "class_names": recordings.class_names,
+    }
     if kind != "events" and not is_clear(entries["spikes"].shape):
         more["axes"] = ("samples", "channels", "steps")
     return entries | {name: np.array(value) for name, value in more.items() if value is not None}
@@ -131,20 +163,28 @@ def _width(recordings: Recordings) -> float:
     return STEP_SECONDS if recordings.step_seconds is None else recordings.step_seconds
 
 
-def _timed(recordings: Recordings, index: int, where: str, sensor: Sensor) -> tuple[IntArray, IntArray, IntArray]:
+def _timed(
+    recordings: Recordings, index: int, where: str, sensor: Sensor
+) -> tuple[IntArray, IntArray, IntArray]:
     width = _width(recordings)
     if width < MIN_EVENT_STEP_SECONDS:
         measured, fix = f"{width:g} s against {MIN_EVENT_STEP_SECONDS:g}", "Write .npz."
-        raise InputError(where, "its bins are too narrow for times in microseconds", measured=measured, fix=fix)
+        raise InputError(
+            where, "its bins are too narrow for times in microseconds", measured=measured, fix=fix
+        )
     return recording_events(recordings.spikes[index], _cells(recordings, sensor)[0], width)
 
 
-def _one_file(recordings: Recordings, index: int, kind: str, stem: str, where: str, sensor: Sensor) -> dict[str, bytes]:
+def _one_file(
+    recordings: Recordings, index: int, kind: str, stem: str, where: str, sensor: Sensor
+) -> dict[str, bytes]:
     """Return the files of one recording by name."""
     if kind == "npy":
         return {f"{stem}.npy": npy_bytes(_channel_major(recordings.spikes[index]))}
     if kind == "events":
-        return {f"{stem}.npy": npy_bytes(structured_events(*_timed(recordings, index, where, sensor)))}
+        return {
+            f"{stem}.npy": npy_bytes(structured_events(*_timed(recordings, index, where, sensor)))
+        }
     if kind == "tact":
         return _tact_files(recordings, index, stem, where, _cells(recordings, sensor)[0])
     times, cell, polarity = _timed(recordings, index, where, sensor)
@@ -152,27 +192,42 @@ def _one_file(recordings: Recordings, index: int, kind: str, stem: str, where: s
     return {f"{stem}.{kind}": pack_slayer_events(times, x, y, polarity, where)}
 
 
-def _tact_files(recordings: Recordings, index: int, stem: str, where: str, polarities: int) -> dict[str, bytes]:
+def _tact_files(
+    recordings: Recordings, index: int, stem: str, where: str, polarities: int
+) -> dict[str, bytes]:
     spikes = recordings.spikes[index]
     taxels = spikes.shape[1] // polarities
     if taxels not in (TAXELS, 2 * TAXELS):
         measured = f"{counted(taxels, 'taxel')} against {TAXELS} or {2 * TAXELS}"
-        raise InputError(where, "raw text holds one or two fingertips", measured=measured, fix="Write .npz.")
+        raise InputError(
+            where, "raw text holds one or two fingertips", measured=measured, fix="Write .npz."
+        )
     if not spikes.any():
-        raise InputError(where, f"recording {index} is silent, which raw text cannot express", fix="Write .npz.")
-    return {f"{stem}.tact": tact_text(spikes, _width(recordings), polarities), f"{stem}.startend": b"grasping 0\n"}
+        raise InputError(
+            where, f"recording {index} is silent, which raw text cannot express", fix="Write .npz."
+        )
+    return {
+        f"{stem}.tact": tact_text(spikes, _width(recordings), polarities),
+        f"{stem}.startend": b"grasping 0\n",
+    }
 
 
-def _member_files(recordings: Recordings, kind: str, where: str, sensor: Sensor) -> dict[str, bytes]:
+def _member_files(
+    recordings: Recordings, kind: str, where: str, sensor: Sensor
+) -> dict[str, bytes]:
     digits = len(str(len(recordings) - 1))
     files: dict[str, bytes] = {}
     for index in range(len(recordings)):
         label = "" if recordings.labels is None else f"_label_{recordings.labels[index]}"
-        files |= _one_file(recordings, index, kind, f"sample_{index:0{digits}}{label}", where, sensor)
+        files |= _one_file(
+            recordings, index, kind, f"sample_{index:0{digits}}{label}", where, sensor
+        )
     return files
 
 
-def _not_held(recordings: Recordings, kind: str, sensor: Sensor, timed: bool = False, start: bool = False) -> NotHeld:
+def _not_held(
+    recordings: Recordings, kind: str, sensor: Sensor, timed: bool = False, start: bool = False
+) -> NotHeld:
     """Return the options without which a file of this kind would be read differently.
 
     ``timed``: the file has the width of a bin; ``start``: there is a file for each recording, and for ``.tact`` a
@@ -182,7 +237,9 @@ def _not_held(recordings: Recordings, kind: str, sensor: Sensor, timed: bool = F
     shape = (channels, steps) if start else (samples, channels, steps)
     width, (polarities, columns) = _width(recordings), _cells(recordings, sensor)
     active: BoolArray = np.any(recordings.spikes, axis=0)
-    read_steps, used = (int(np.flatnonzero(active.any(axis=axis)).max(initial=-1)) + 1 for axis in (1, 0))
+    read_steps, used = (
+        int(np.flatnonzero(active.any(axis=axis)).max(initial=-1)) + 1 for axis in (1, 0)
+    )
     read_channels = -(-used // polarities) * polarities
     if kind == "tact":
         read_channels = CHANNELS
@@ -193,7 +250,11 @@ def _not_held(recordings: Recordings, kind: str, sensor: Sensor, timed: bool = F
     # With --channels, locsnn train takes one polarity unless another number is given.
     told = active[:, 1::2].any() and read_channels == channels
     rows = (
-        ("step_seconds", recordings.step_seconds, not timed and (kind == "npy" or width != STEP_SECONDS)),
+        (
+            "step_seconds",
+            recordings.step_seconds,
+            not timed and (kind == "npy" or width != STEP_SECONDS),
+        ),
         ("channels", channels, not is_clear(shape) if kind == "npy" else read_channels != channels),
         ("steps", steps, kind != "npy" and read_steps != steps),
         ("polarities", 2, kind not in ("npy", "tact") and polarities == 2 and not told),

@@ -48,14 +48,20 @@ class Chosen(Frozen, eq=False):
         return f"{many}{of} recording{'s' * (self.available > 1)} of {self.recordings.source}{part}"
 
 
-def choose_events(network: Network, events: str | None, part: str | None, bound: int | None) -> Chosen:
+def choose_events(
+    network: Network, events: str | None, part: str | None, bound: int | None
+) -> Chosen:
     """Return at most ``bound`` of the recordings of ``events``, evenly spread.
 
     ``part`` is ``train`` or ``test`` of a divided archive or folder; None takes train.
     """
     if events is None:
         if part is not None:
-            raise InputError(f"--part {part}", "there are no events to take it from", fix="Give them with --events.")
+            raise InputError(
+                f"--part {part}",
+                "there are no events to take it from",
+                fix="Give them with --events.",
+            )
         # Not the recordings in the model: `locsnn train` takes them from the test part.
         touches = recordings_for(replace(network, recordings=None), None)
         return _bounded(Chosen(touches, len(touches), None, None), bound)

@@ -36,7 +36,8 @@ def beats(one: Figures, other: Figures) -> bool:
 def on_front(figures: Sequence[Figures | None]) -> list[bool]:
     """Mark the figures that no others beat; a setting without figures is not on the front and beats none."""
     return [
-        mine is not None and not any(other is not None and beats(other, mine) for other in figures) for mine in figures
+        mine is not None and not any(other is not None and beats(other, mine) for other in figures)
+        for mine in figures
     ]
 
 
@@ -52,19 +53,29 @@ class Recommendation(Frozen):
     why: str
 
 
-def recommend(points: Sequence[Point], budget: ErrorBudget, *, by_default: bool = False) -> Recommendation:
+def recommend(
+    points: Sequence[Point], budget: ErrorBudget, *, by_default: bool = False
+) -> Recommendation:
     """Take the cheapest point on the front that keeps the budget. At least one point has figures."""
     marks = on_front([point.figures for point in points])
-    front = [(point, point.figures) for point, mark in zip(points, marks, strict=True) if mark and point.figures]
+    front = [
+        (point, point.figures)
+        for point, mark in zip(points, marks, strict=True)
+        if mark and point.figures
+    ]
     if not budget.given:
         return Recommendation(None, sentence("nothing compared"))
     kept = [pair for pair in front if pair[1].keeps(budget)]
     bounds = f"{'what auto keeps by default, ' if by_default else ''}{budget.words()}"
     if not kept:
         return Recommendation(None, f"no setting keeps {bounds}; {_nearest(front)}")
-    taken, figures = min(kept, key=lambda pair: (pair[1].cost, pair[1].chip_time_ns, *pair[1].losses))
+    taken, figures = min(
+        kept, key=lambda pair: (pair[1].cost, pair[1].chip_time_ns, *pair[1].losses)
+    )
     least = "time," if figures.energy_pj is None else f"energy, {energy(figures.energy_pj)} and"
-    return Recommendation(taken, sentence("least", least=least, figures=figures, settings=len(kept), bounds=bounds))
+    return Recommendation(
+        taken, sentence("least", least=least, figures=figures, settings=len(kept), bounds=bounds)
+    )
 
 
 def _nearest(front: Sequence[tuple[Point, Figures]]) -> str:
@@ -102,7 +113,9 @@ class Exploration(Frozen, eq=False):
     @property
     def front(self) -> tuple[Setting, ...]:
         """Settings on the front."""
-        return tuple(point.setting for point, mark in zip(self.points, self.on_front, strict=True) if mark)
+        return tuple(
+            point.setting for point, mark in zip(self.points, self.on_front, strict=True) if mark
+        )
 
     @property
     def profile(self) -> str | None:
@@ -123,10 +136,14 @@ class Exploration(Frozen, eq=False):
         reported = any(point.setting == setting for point in self.reported)
         return self._command(setting, self.reported_on) if reported and self.reported_on else None
 
-    def report_on(self, events: Chosen, store: Store, spread: Spread, progress: Progress | None) -> "Exploration":
+    def report_on(
+        self, events: Chosen, store: Store, spread: Spread, progress: Progress | None
+    ) -> "Exploration":
         """Return the exploration with the settings on its front also measured on other recordings."""
         study = replace(self.study, recordings=events.recordings, engines=())
-        return replace(self, reported=sweep(study, self.front, store, spread, progress), reported_on=events)
+        return replace(
+            self, reported=sweep(study, self.front, store, spread, progress), reported_on=events
+        )
 
     def _command(self, setting: Setting, events: Chosen) -> str:
         network = self.study.network
@@ -136,5 +153,12 @@ class Exploration(Frozen, eq=False):
         given = [*self.model.arguments(), "--target", self.target]
         rounded_for = ["--calibration", calibration] if network.by_strategy else []
         return shlex.join(
-            ["locsnn-compile", *given, *setting.arguments(network), *rounded_for, "--events", events.file]
+            [
+                "locsnn-compile",
+                *given,
+                *setting.arguments(network),
+                *rounded_for,
+                "--events",
+                events.file,
+            ]
         )

@@ -49,7 +49,9 @@ class ModelFile(Frozen):
 
     def digest(self) -> str:
         """Return a hash of everything that determines the network: the bytes of its files, and the options."""
-        contents = [Path(path).read_bytes() for path in (self.model, self.config) if path is not None]
+        contents = [
+            Path(path).read_bytes() for path in (self.model, self.config) if path is not None
+        ]
         return digest_of([astuple(self)[2:], [len(content) for content in contents]], *contents)
 
 
@@ -73,7 +75,9 @@ class Study(Frozen, eq=False):
     @cached_property
     def _digest(self) -> str:
         played = [_recordings_digest(self.recordings), _recordings_digest(self.calibration)]
-        return digest_of([self.network.name, self.model_digest, self.chip.document, self.engines, played])
+        return digest_of(
+            [self.network.name, self.model_digest, self.chip.document, self.engines, played]
+        )
 
 
 def digest_of(about: object, *contents: bytes) -> str:
@@ -87,7 +91,9 @@ def digest_of(about: object, *contents: bytes) -> str:
 def _recordings_digest(recordings: Recordings) -> str:
     spikes, labels = recordings.spikes, recordings.labels
     known = b"" if labels is None else labels.astype("<i8").tobytes()
-    return digest_of([spikes.shape, labels is not None, recordings.step_seconds], spikes.tobytes(), known)
+    return digest_of(
+        [spikes.shape, labels is not None, recordings.step_seconds], spikes.tobytes(), known
+    )
 
 
 ENGINE_CALLS: dict[Engine, tuple[int, int]] = {"fast": (16, 10), "reference": (1, 2)}
@@ -125,7 +131,10 @@ class Figures(Losses):
             energy_profile=report["energy"]["profile"],
             energy_pj=report["energy"]["per_sample_pj"],
             chip_time_ns=report["latency"]["per_sample_ns"],
-            **{name: resources[name] for name in ("cores", "compartments", "synapses", "synapse_bits")},
+            **{
+                name: resources[name]
+                for name in ("cores", "compartments", "synapses", "synapse_bits")
+            },
             **{name: match[name] for name in _OF_MATCH},
         )
 
@@ -176,7 +185,9 @@ def measure(study: Study, setting: Setting) -> Point:
     return Point(setting, Figures.of(compiled.report), None, timings, code_version())
 
 
-def _timings(program: hw.ChipProgram, recordings: ByteArray, engines: tuple[Engine, ...]) -> dict[str, Timing]:
+def _timings(
+    program: hw.ChipProgram, recordings: ByteArray, engines: tuple[Engine, ...]
+) -> dict[str, Timing]:
     """Time each engine on the first recordings; their spikes must be equal on the recordings that they share."""
     timings: dict[str, Timing] = {}
     spikes: list[Mapping[str, ByteArray]] = []
@@ -193,5 +204,7 @@ def _timings(program: hw.ChipProgram, recordings: ByteArray, engines: tuple[Engi
     for other in spikes[1:]:
         for name, found in other.items():
             many = min(len(found), len(spikes[0][name]))
-            assert np.array_equal(found[:many], spikes[0][name][:many]), f"the engines differ in {name}"
+            assert np.array_equal(found[:many], spikes[0][name][:many]), (
+                f"the engines differ in {name}"
+            )
     return timings

@@ -54,7 +54,9 @@ def exploration_files(found: Exploration) -> dict[str, bytes]:
     """Return the files by name."""
     made = document(found)
     return {
-        "explore.json": (json.dumps(made, indent=2, allow_nan=False, ensure_ascii=False) + "\n").encode(),
+        "explore.json": (
+            json.dumps(made, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+        ).encode(),
         "explore.csv": csv_bytes([_flat(row) for row in made["points"]]),
         "explore.svg": figures_picture(found),
         "timings.csv": csv_bytes(timing_rows(found)),
@@ -66,7 +68,11 @@ def timing_rows(found: Exploration) -> list[Document]:
     """Return a row for each point and engine: seconds per recording, over how many recordings."""
     return [
         asdict(point.setting)
-        | {"engine": engine, "recordings": timing.recordings, "seconds_per_recording": timing.seconds}
+        | {
+            "engine": engine,
+            "recordings": timing.recordings,
+            "seconds_per_recording": timing.seconds,
+        }
         for point in found.points
         for engine, timing in point.timings.items()
     ]
@@ -121,13 +127,19 @@ def figures_picture(found: Exploration) -> bytes:
     panels = [_panel(found, timed, time, lambda point, figures: figures.chip_time_ns)]
     if found.profile:
         priced = f"energy per recording ({found.profile})"
-        panels.insert(0, _panel(found, priced, energy, lambda point, figures: figures.energy_pj or 0.0))
+        panels.insert(
+            0, _panel(found, priced, energy, lambda point, figures: figures.energy_pj or 0.0)
+        )
     return _picture(found, "speed, error and energy", panels)
 
 
 def timings_picture(found: Exploration) -> bytes:
     """Draw the time of the simulator per recording, with a panel for each engine."""
-    return _picture(found, "time in the simulator", [_timed_panel(found, engine) for engine in found.study.engines])
+    return _picture(
+        found,
+        "time in the simulator",
+        [_timed_panel(found, engine) for engine in found.study.engines],
+    )
 
 
 def _timed_panel(found: Exploration, engine: Engine) -> Panel:
@@ -141,7 +153,12 @@ def _picture(found: Exploration, what: str, panels: Sequence[Panel]) -> bytes:
     return draw(title, found.events.words(), [str(kind) for kind in _kinds(found)], panels)
 
 
-def _panel(found: Exploration, title: str, text: Callable[[float], str], y: Callable[[Point, Figures], float]) -> Panel:
+def _panel(
+    found: Exploration,
+    title: str,
+    text: Callable[[float], str],
+    y: Callable[[Point, Figures], float],
+) -> Panel:
     kinds = _kinds(found)
     marks = tuple(
         Mark(
@@ -179,11 +196,16 @@ def lines(found: Exploration) -> list[str]:
     first = f"{plain(study.network.name)} on {plain(study.chip.name)}, {plain(found.events.words())}, {by}"
     taken, why = found.recommendation.taken, found.recommendation.why
     recommended = [f"Recommended: {taken.setting if taken else 'none'}, {why}.", ""]
-    commands = ["Commands of the front:", *(f"  {found.command(setting)}" for setting in found.front)]
+    commands = [
+        "Commands of the front:",
+        *(f"  {found.command(setting)}" for setting in found.front),
+    ]
     warned = "Chosen on test recordings: figures on these no longer test the choice."
     warnings = [warned] if found.events.part == "test" else []
     if found.reported_on and (shared := found.reported_on.shared(found.events)):
-        warnings.append(f"Reported on {plural(shared, 'recording')} that settings were also chosen on.")
+        warnings.append(
+            f"Reported on {plural(shared, 'recording')} that settings were also chosen on."
+        )
     return [first, *warnings, "", *_table(found), "", *_reported(found), *recommended, *commands]
 
 
@@ -200,20 +222,35 @@ def _table(found: Exploration) -> list[str]:
         elif point.refused:
             refused.append(f"{point.setting}: {point.refused}")
     timed = (
-        [f"{' and '.join(engines)}: time per recording in the simulator's engines, on this machine."] if engines else []
+        [
+            f"{' and '.join(engines)}: time per recording in the simulator's engines, on this machine."
+        ]
+        if engines
+        else []
     )
-    return [*_aligned(rows, 1 + len(AXES)), *refused, f"* on the front, > recommended. {FRONT_RULE}", *timed]
+    return [
+        *_aligned(rows, 1 + len(AXES)),
+        *refused,
+        f"* on the front, > recommended. {FRONT_RULE}",
+        *timed,
+    ]
 
 
 def _reported(found: Exploration) -> list[str]:
     if found.reported_on is None:
         return []
-    rows = [["", "front", *COLUMNS], *(["", str(point.setting), *_cells(point)] for point in found.reported)]
+    rows = [
+        ["", "front", *COLUMNS],
+        *(["", str(point.setting), *_cells(point)] for point in found.reported),
+    ]
     return [f"The front on {plain(found.reported_on.words())}:", *_aligned(rows, 2), ""]
 
 
 def _cells(point: Point) -> list[str]:
-    return [fill(text, {"figures": point.figures}) if point.figures else NONE for text in COLUMNS.values()]
+    return [
+        fill(text, {"figures": point.figures}) if point.figures else NONE
+        for text in COLUMNS.values()
+    ]
 
 
 def _aligned(rows: Sequence[Sequence[str]], names: int) -> list[str]:

@@ -45,7 +45,15 @@ class Store(Frozen):
                 return None
             point = RecordReader(path.name).record(Point, document["point"])
         # Whatever is in the file, it is not a point.
-        except (OSError, ValueError, RecursionError, LookupError, TypeError, AttributeError, InputError):
+        except (
+            OSError,
+            ValueError,
+            RecursionError,
+            LookupError,
+            TypeError,
+            AttributeError,
+            InputError,
+        ):
             return None
         return point if (point.setting, point.code) == (setting, code_version()) else None
 
@@ -54,14 +62,22 @@ class Store(Frozen):
         self.folder.mkdir(parents=True, exist_ok=True)
         entry = asdict(point)
         document = {"schema": SCHEMA, "sha256": digest_of(entry), "point": entry}
-        replace_file(self._path(key), (json.dumps(document, indent=1) + "\n").encode(), where=f"point {key[:12]}")
+        replace_file(
+            self._path(key),
+            (json.dumps(document, indent=1) + "\n").encode(),
+            where=f"point {key[:12]}",
+        )
 
     def _path(self, key: str) -> Path:
         return self.folder / f"{key}.json"
 
 
 def sweep(
-    study: Study, settings: Sequence[Setting], store: Store, spread: Spread, progress: Progress | None = None
+    study: Study,
+    settings: Sequence[Setting],
+    store: Store,
+    spread: Spread,
+    progress: Progress | None = None,
 ) -> tuple[Point, ...]:
     """Return a point for every setting, in their order; each is stored as soon as it is measured.
 
@@ -69,7 +85,9 @@ def sweep(
     ``InputError`` is common to all settings and is raised at once. Points measured by other code are refused.
     """
     keys = {setting: study.key(setting) for setting in settings}
-    points = {setting: point for setting, key in keys.items() if (point := store.read(key, setting))}
+    points = {
+        setting: point for setting, key in keys.items() if (point := store.read(key, setting))
+    }
     missing = [setting for setting in keys if setting not in points]
     if progress:
         progress(len(points), len(keys))

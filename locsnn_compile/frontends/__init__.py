@@ -14,7 +14,12 @@ _FORMATS = "Give a checkpoint (.pt) that `locsnn train` wrote, a NIR graph (.nir
 
 _SLAYER, _CHECKPOINT = "a slayerPytorch checkpoint", "a checkpoint"
 _NIR, _LAVA_DL = "a NIR graph", "a lava-dl network"
-_OPTIONS = {_SLAYER: ("config", "kernels"), _CHECKPOINT: (), _NIR: ("dt", "reset", "discretisation"), _LAVA_DL: ()}
+_OPTIONS = {
+    _SLAYER: ("config", "kernels"),
+    _CHECKPOINT: (),
+    _NIR: ("dt", "reset", "discretisation"),
+    _LAVA_DL: (),
+}
 """The options of each kind; files of the other kinds hold these values themselves."""
 
 
@@ -49,10 +54,20 @@ def load(
         path = Path(model)
         where = f"model {path.name!r}"
         kind = _kind(path, where, described=config is not None)
-    given = {"config": config, "dt": dt, "reset": reset, "discretisation": discretisation, "kernels": kernels}
+    given = {
+        "config": config,
+        "dt": dt,
+        "reset": reset,
+        "discretisation": discretisation,
+        "kernels": kernels,
+    }
     for name, value in given.items():
         if value is not None and name not in _OPTIONS[kind]:
-            raise InputError(where, f"{name} was given, but {kind} contains this itself", fix=f"Leave {name} out.")
+            raise InputError(
+                where,
+                f"{name} was given, but {kind} contains this itself",
+                fix=f"Leave {name} out.",
+            )
     if kind == _SLAYER:
         from locsnn_compile.frontends.slayer.to_network import load_slayer
 
@@ -67,7 +82,9 @@ def load(
         if isinstance(held, Checkpoint):
             network = network_of(held)
         else:
-            joined = committee([network_of(member) for member in held.members], held.weights, path.stem)
+            joined = committee(
+                [network_of(member) for member in held.members], held.weights, path.stem
+            )
             network = replace(joined, sha256=held.sha256)
     elif kind == _NIR:
         from locsnn_compile.frontends.nir.to_network import load_nir
@@ -91,7 +108,11 @@ def _kind(path: Path, where: str, *, described: bool) -> str:
     from locsnn_compile.data.hdf5.read import open_hdf5
 
     with open_hdf5(path, where) as (root, _):
-        kind = next((kind for name, kind in (("node", _NIR), ("layer", _LAVA_DL)) if name in root), None)
+        kind = next(
+            (kind for name, kind in (("node", _NIR), ("layer", _LAVA_DL)) if name in root), None
+        )
     if kind is None:
-        raise InputError(where, "it contains neither a NIR graph nor a lava-dl network", fix=_FORMATS)
+        raise InputError(
+            where, "it contains neither a NIR graph nor a lava-dl network", fix=_FORMATS
+        )
     return kind

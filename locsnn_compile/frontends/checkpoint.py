@@ -35,9 +35,14 @@ def _add_windows(parts: Parts, checkpoint: Checkpoint) -> None:
     layout, windows = description.input, description.windows
     lines = layout.channels * layout.steps
     name, start = "touch_windows" if phase else VIEW_NAMES["location"], description.align_events
-    view = InputView(name, "location", lines, description.walk, layout.channels, LAYERS, phase, start)
+    view = InputView(
+        name, "location", lines, description.walk, layout.channels, LAYERS, phase, start
+    )
     synapses = windows.synapses(layout.steps, layout.channels)
-    levels, chip = np.tile(windows.levels, synapses.shape[0] // len(windows.levels)), checkpoint.chip
+    levels, chip = (
+        np.tile(windows.levels, synapses.shape[0] // len(windows.levels)),
+        checkpoint.chip,
+    )
     first, *outputs = description.populations(branch)
     counting: Neuron
     neuron: Neuron
@@ -47,8 +52,12 @@ def _add_windows(parts: Parts, checkpoint: Checkpoint) -> None:
         onto = Projection(view.name, first, matrix(synapses, np.float64))
     else:
         # An event weighs twice 64, which any format holds: the comparison is exact, whatever the level.
-        counting = ChipCuba.of(len(levels), decay_u=DECAY_ONE, decay_v=DECAY_ONE, threshold=2 * levels - 1)
-        onto = ChipProjection(view.name, first, matrix(128 * synapses, np.int64), exponent=-6, weight_bits=1)
+        counting = ChipCuba.of(
+            len(levels), decay_u=DECAY_ONE, decay_v=DECAY_ONE, threshold=2 * levels - 1
+        )
+        onto = ChipProjection(
+            view.name, first, matrix(128 * synapses, np.int64), exponent=-6, weight_bits=1
+        )
     hidden = Population(first, "location", len(levels), counting, own_phase=phase)
     parts.views.append(view)
     parts.populations.append(hidden)
@@ -61,13 +70,17 @@ def _add_windows(parts: Parts, checkpoint: Checkpoint) -> None:
             # A share for each, so that none has to hold it all.
             bias = checkpoint.weights[offset].astype(np.float64) / len(outputs)
             most = float(row_sums(heard).max() + np.abs(bias).max())
-            neuron = Cuba.of(len(bias), decay_v=1.0, threshold=UNREACHED * most if most > 0 else 1.0, bias=bias)
+            neuron = Cuba.of(
+                len(bias), decay_v=1.0, threshold=UNREACHED * most if most > 0 else 1.0, bias=bias
+            )
         else:
             neuron = chip.window_output((weight, offset), checkpoint.weights)
             # In units of the float network, as spikes are.
             parts.weights[name] = 1.0 / chip.populations[weight].scale
         parts.projections.append(_onto(checkpoint, first, name, sparse.csr_array(heard), of=weight))
-        parts.populations.append(replace(hidden, name=name, size=description.classes, neuron=neuron))
+        parts.populations.append(
+            replace(hidden, name=name, size=description.classes, neuron=neuron)
+        )
         parts.outputs[name] = LAYERS
 
 
@@ -85,7 +98,9 @@ def network_of(checkpoint: Checkpoint) -> Network:
     _add_branches(parts, checkpoint)
     if description.structure.window_branch:
         _add_windows(parts, checkpoint)
-    said = picked(description.input, "channels", "steps", "step_seconds", "sensor", "event_threshold")
+    said = picked(
+        description.input, "channels", "steps", "step_seconds", "sensor", "event_threshold"
+    )
     said |= picked(description, "name", "class_names") | picked(checkpoint, "sha256", "recordings")
     if chip := checkpoint.chip:
         said["trained_on"] = {chip.target: astuple(chip.registers)}
@@ -105,7 +120,9 @@ def _add_branches(parts: Parts, checkpoint: Checkpoint) -> None:
         if axis not in description.branches or axis == description.structure.window_branch:
             continue
         layout = description.input
-        lines, walk = (layout.channels, None) if axis == "time" else (layout.steps, description.walk)
+        lines, walk = (
+            (layout.channels, None) if axis == "time" else (layout.steps, description.walk)
+        )
         view = InputView(VIEW_NAMES[axis], axis, lines, walk, align_events=description.align_events)
         parts.views.append(view)
         for source, target in pairwise((view.name, *description.populations(axis))):
@@ -131,7 +148,11 @@ def _layer(
     parts = [weights] if delays == (0,) else np.split(np.asarray(weights), len(delays), axis=1)
     rows = zip(delays, parts, strict=True)
     onto = [_onto(checkpoint, source, target, part, of=target, delay=delay) for delay, part in rows]
-    neuron = chip.populations[target].neurons(chip.strategy, size) if chip else _neuron(checkpoint, axis, size)
+    neuron = (
+        chip.populations[target].neurons(chip.strategy, size)
+        if chip
+        else _neuron(checkpoint, axis, size)
+    )
     return Population(target, axis, size, neuron), onto
 
 

@@ -22,7 +22,12 @@ MAX_SIZE = 1_000_000
 def check_shape(shape: Shape, where: str) -> None:
     """Refuse a layer without neurons or lines, or with too many."""
     if math.prod(shape) > MAX_SIZE or min(shape, default=0) < 1:
-        raise InputError(where, "its size is out of range", measured=f"{shape} against 1 to {MAX_SIZE}", fix="Correct.")
+        raise InputError(
+            where,
+            "its size is out of range",
+            measured=f"{shape} against 1 to {MAX_SIZE}",
+            fix="Correct.",
+        )
 
 
 def check_entries(entries: int, where: str) -> None:
@@ -43,10 +48,14 @@ class Window(Frozen):
     @classmethod
     def padded(cls, stride: Ints, padding: Ints, dilation: Ints, fill: Ints = (0, 0)) -> "Window":
         """Return a window with the same padding before and after an axis, and ``fill`` more after it."""
-        return cls(stride, tuple((p, p + more) for p, more in zip(padding, fill, strict=False)), dilation)
+        return cls(
+            stride, tuple((p, p + more) for p, more in zip(padding, fill, strict=False)), dilation
+        )
 
 
-def convolution(weight: AnyArray, input_shape: Shape, window: Window, *, groups: int, where: str) -> tuple[Any, Shape]:
+def convolution(
+    weight: AnyArray, input_shape: Shape, window: Window, *, groups: int, where: str
+) -> tuple[Any, Shape]:
     """Return the matrix and the output shape (out, *spatial) of a convolution as torch defines it (no kernel flip).
 
     ``weight`` (out, in / groups, *kernel), ``input_shape`` (in, *spatial). The values have the type of the weights.
@@ -58,14 +67,18 @@ def convolution(weight: AnyArray, input_shape: Shape, window: Window, *, groups:
     out_spatial = tuple((n + sum(ends) - d * (k - 1) - 1) // s + 1 for n, k, s, ends, d in axes)
     if min(out_spatial) < 1:
         measured = f"{tuple(kernel)} against {spatial}"
-        raise InputError(where, "the kernel is larger than its input", measured=measured, fix="Pad the input.")
+        raise InputError(
+            where, "the kernel is larger than its input", measured=measured, fix="Pad the input."
+        )
     size_out, size_in = math.prod(out_spatial), math.prod(spatial)
     check_entries(weight.size * size_out, where)
     # For each output pixel and tap of the kernel: which input pixel it is, and whether that lies inside the image.
     grid = np.indices((*out_spatial, *kernel), sparse=True)
     taps = zip(grid, grid[len(axes) :], axes, strict=False)
     at = [o * s - lead + k * d for o, k, (_, _, s, (lead, _), d) in taps]
-    inside = functools.reduce(np.logical_and, [(0 <= a) & (a < n) for a, n in zip(at, spatial, strict=True)])
+    inside = functools.reduce(
+        np.logical_and, [(0 <= a) & (a < n) for a, n in zip(at, spatial, strict=True)]
+    )
     pixel = np.ravel_multi_index(np.broadcast_arrays(*at), spatial, mode="clip")
     channel = (np.arange(outs) // (outs // groups))[:, None] * per_group + np.arange(per_group)
     held, *parts = np.broadcast_arrays(
@@ -79,35 +92,52 @@ def convolution(weight: AnyArray, input_shape: Shape, window: Window, *, groups:
     return sparse.csr_array((values, (rows, columns)), shape=shape), (outs, *out_spatial)
 
 
-def pooling(kernel: AnyArray, input_shape: Shape, window: Window, *, where: str) -> tuple[Any, Shape]:
+def pooling(
+    kernel: AnyArray, input_shape: Shape, window: Window, *, where: str
+) -> tuple[Any, Shape]:
     """Return the matrix and the output shape of a kernel (height, width) that is applied to each channel.
 
     The kernel may have axes of length one in front.
     """
     channels = input_shape[0]
     check_entries(channels * kernel.size, where)
-    return convolution(np.tile(kernel, (channels, 1, 1, 1)), input_shape, window, groups=channels, where=where)
+    return convolution(
+        np.tile(kernel, (channels, 1, 1, 1)), input_shape, window, groups=channels, where=where
+    )
 
 
 def product(left: Any, right: Any, where: str) -> Any:
     """Return the sparse product of two maps; refuse one that would become too large."""
-    work = int((np.diff(left.tocsc().indptr).astype(np.int64) * np.diff(right.tocsr().indptr)).sum())
+    work = int(
+        (np.diff(left.tocsc().indptr).astype(np.int64) * np.diff(right.tocsr().indptr)).sum()
+    )
     check_entries(min(work, left.shape[0] * right.shape[1]), where)
     return sparse.csr_array(left @ right)
 
 
-def _check_convolution(weight: AnyArray, input_shape: Shape, window: Window, groups: int, where: str) -> None:
+def _check_convolution(
+    weight: AnyArray, input_shape: Shape, window: Window, groups: int, where: str
+) -> None:
     axes = weight.ndim - 2
     if len(input_shape) != axes + 1 or 0 in weight.shape:
-        measured, fix = f"input {input_shape}, weight {weight.shape}", "Give a shape (channels, ...)."
-        raise InputError(where, "its input does not have the axes of its kernel", measured=measured, fix=fix)
+        measured, fix = (
+            f"input {input_shape}, weight {weight.shape}",
+            "Give a shape (channels, ...).",
+        )
+        raise InputError(
+            where, "its input does not have the axes of its kernel", measured=measured, fix=fix
+        )
     if groups < 1 or input_shape[0] != weight.shape[1] * groups or weight.shape[0] % groups:
         measured = f"{counted(input_shape[0], 'channel')}, {counted(groups, 'group')}, weight {weight.shape}"
         fix = "Correct the groups."
-        raise InputError(where, "channels and groups do not fit the weight", measured=measured, fix=fix)
+        raise InputError(
+            where, "channels and groups do not fit the weight", measured=measured, fix=fix
+        )
     if min(window.stride + window.dilation) < 1:
         measured = f"{window.stride}, {window.dilation}"
-        raise InputError(where, "stride or dilation is below 1", measured=measured, fix="Correct it.")
+        raise InputError(
+            where, "stride or dilation is below 1", measured=measured, fix="Correct it."
+        )
     if not all(0 <= end <= 10_000 for ends in window.ends for end in ends):
         fix = "Give numbers from 0 up."
         raise InputError(where, "its padding is not valid", measured=f"{window.ends}"[:80], fix=fix)

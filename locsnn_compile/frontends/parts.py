@@ -56,7 +56,10 @@ class Parts:
     ) -> Network:
         """Return the network in the bytes of another tool's file, with made-up recordings to check it on."""
         said |= {"name": path.stem, "channels": channels, "steps": steps, "step_seconds": seconds}
-        recordings, digest = synthetic_recordings(channels, steps, seconds), hashlib.sha256(data).hexdigest()
+        recordings, digest = (
+            synthetic_recordings(channels, steps, seconds),
+            hashlib.sha256(data).hexdigest(),
+        )
         return self.network(**said, sha256=digest, recordings=recordings)
 
 

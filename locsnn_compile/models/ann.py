@@ -43,7 +43,11 @@ class Cnn3d(TouchModel):
             inputs = shapes[f"conv_{number}.weight"][1]
             self.add_module(f"conv_{number}", nn.Conv3d(inputs, outputs, kernel, stride))
         self.readout = nn.Linear(shapes["readout.weight"][1], description.classes)
-        self.register_buffer("cells", torch.from_numpy(frame_cells(description.input.sensor).copy()), persistent=False)
+        self.register_buffer(
+            "cells",
+            torch.from_numpy(frame_cells(description.input.sensor).copy()),
+            persistent=False,
+        )
 
     def forward(self, x: Tensor) -> dict[str, Tensor]:
         """Return the class scores of ``x`` (batch, steps, channels)."""

@@ -91,7 +91,10 @@ class Checkpoint(Shown):
         """Weights [out, in] in the float network's units."""
         if self.chip is None:
             return self.weights
-        return {name: weights.astype(np.float32) for name, weights in self.chip.floats(self.weights).items()}
+        return {
+            name: weights.astype(np.float32)
+            for name, weights in self.chip.floats(self.weights).items()
+        }
 
 
 def checkpoint_values(checkpoint: Checkpoint) -> dict[str, Any]:
@@ -101,8 +104,12 @@ def checkpoint_values(checkpoint: Checkpoint) -> dict[str, Any]:
     arrays = {}
     for name in description.weight_shapes:
         description.check_shape(name, weights, "Save the weights of a network of this description.")
-        check_weights(f"population {name!r}", weights[name], None if chip is None else chip.populations[name])
-        arrays[name] = np.array(weights[name], dtype=np.float32 if chip is None else np.int16, order="C")
+        check_weights(
+            f"population {name!r}", weights[name], None if chip is None else chip.populations[name]
+        )
+        arrays[name] = np.array(
+            weights[name], dtype=np.float32 if chip is None else np.int16, order="C"
+        )
     srm, order = description.structure.neurons == "srm", description.location_taxels
     plain = asdict(description)
     if description.structure.neurons == "windows":
@@ -114,11 +121,15 @@ def checkpoint_values(checkpoint: Checkpoint) -> dict[str, Any]:
         "architecture": description.architecture,
         "neuron": plain["neuron"] or {},
         "input": _input_entry(description.input),
-        "location_order": None if order is None else {"name": description.location_order, "taxels": list(order)},
+        "location_order": None
+        if order is None
+        else {"name": description.location_order, "taxels": list(order)},
         "hidden": description.hidden,
         "classes": description.classes,
         "weights": arrays,
-        "recordings": None if recordings is None else {"spikes": recordings.spikes, "labels": recordings.labels},
+        "recordings": None
+        if recordings is None
+        else {"spikes": recordings.spikes, "labels": recordings.labels},
         "training": dict(checkpoint.training),
     }
     if chip is not None:
@@ -128,7 +139,9 @@ def checkpoint_values(checkpoint: Checkpoint) -> dict[str, Any]:
             values[name] = list(plain[name]) if isinstance(plain[name], tuple) else plain[name]
     if not srm:
         graph = plain["graph"]
-        values["graph"] = graph and graph | {"taxel_edges": [list(edge) for edge in graph["taxel_edges"]]}
+        values["graph"] = graph and graph | {
+            "taxel_edges": [list(edge) for edge in graph["taxel_edges"]]
+        }
     return values
 
 
@@ -146,11 +159,21 @@ class Pack(Shown):
         """Write it to a file, whole or not at all."""
         carrying = next((member for member in self.members if member.recordings is not None), None)
         members = {}
-        for number, (member, weight) in enumerate(zip(self.members, self.weights, strict=True), start=1):
-            values = checkpoint_values(member if member is carrying else replace(member, recordings=None))
-            members[str(number)] = {"sha256": member.sha256, "weight": float(weight), "checkpoint": values}
+        for number, (member, weight) in enumerate(
+            zip(self.members, self.weights, strict=True), start=1
+        ):
+            values = checkpoint_values(
+                member if member is carrying else replace(member, recordings=None)
+            )
+            members[str(number)] = {
+                "sha256": member.sha256,
+                "weight": float(weight),
+                "checkpoint": values,
+            }
         where = f"committee {Path(path).name!r}"
-        content = torch_bytes({"format": self.FORMAT, "version": self.VERSION, "members": members}, where)
+        content = torch_bytes(
+            {"format": self.FORMAT, "version": self.VERSION, "members": members}, where
+        )
         replace_file(Path(path), content, where)
 
 
@@ -168,7 +191,9 @@ def check_weights(where: str, weights: AnyArray, numbers: ChipPopulation | None)
     if len(places):
         measured = f"got {weights[tuple(places[0])]}, {len(places)} such {kind}s"
         fix = "Train the network again."
-        raise InputError(where, f"{kind} {places[0].tolist()} is not {fault}", measured=measured, fix=fix)
+        raise InputError(
+            where, f"{kind} {places[0].tolist()} is not {fault}", measured=measured, fix=fix
+        )
 
 
 def _input_entry(layout: InputLayout) -> dict[str, Any]:
@@ -176,7 +201,15 @@ def _input_entry(layout: InputLayout) -> dict[str, Any]:
     sensor = layout.sensor
     entry: dict[str, Any] = {"steps": layout.steps, "step_seconds": layout.step_seconds}
     if sensor == neutouch(sensor.surfaces):
-        entry = {"fingertips": sensor.surfaces} | entry | {"taxels": sensor.taxels, "polarities": sensor.polarities}
+        entry = (
+            {"fingertips": sensor.surfaces}
+            | entry
+            | {"taxels": sensor.taxels, "polarities": sensor.polarities}
+        )
     else:
         entry["sensor"] = sensor.document()
-    return entry if layout.event_threshold is None else entry | {"event_threshold": layout.event_threshold}
+    return (
+        entry
+        if layout.event_threshold is None
+        else entry | {"event_threshold": layout.event_threshold}
+    )

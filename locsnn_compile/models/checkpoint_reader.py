@@ -23,7 +23,13 @@ from locsnn_compile.errors import InputError, check_same
 from locsnn_compile.models import checkpoint
 from locsnn_compile.models.checkpoint import CHIP_VERSION, VERSION, Checkpoint, Pack, Plain
 from locsnn_compile.models.chip_entry import WRITE_AGAIN, ChipNumbers, file_fault, parse_chip_entry
-from locsnn_compile.models.description import InputLayout, LifParameters, NetworkDescription, Neuron, NeuronParameters
+from locsnn_compile.models.description import (
+    InputLayout,
+    LifParameters,
+    NetworkDescription,
+    Neuron,
+    NeuronParameters,
+)
 from locsnn_compile.models.graph_and_windows import WindowParameters
 
 _KEYS: dict[str, tuple[type, ...]] = {
@@ -51,7 +57,9 @@ def read_models(path: Path | str, *, state_dict: str = WRITE_AGAIN) -> Checkpoin
     values, where, sha256 = read_plain(Path(path), state_dict)
     if not isinstance(values, dict) or values.get("format") != Pack.FORMAT:
         return parse_checkpoint(values, where, Path(path).name, sha256)
-    check_same(values.get("version"), Pack.VERSION, where, "its version does not exist", fix=WRITE_AGAIN)
+    check_same(
+        values.get("version"), Pack.VERSION, where, "its version does not exist", fix=WRITE_AGAIN
+    )
     check_keys(where, "", values, {"format": (str,), "version": (int,), "members": (dict,)})
     check_keys(where, "members", values["members"], dict.fromkeys(values["members"], (dict,)))
     members, weights = [], []
@@ -60,7 +68,9 @@ def read_models(path: Path | str, *, state_dict: str = WRITE_AGAIN) -> Checkpoin
         check_keys(place, "", entry, _MEMBER)
         if not re.fullmatch("[0-9a-f]{64}|", entry["sha256"]):
             raise file_fault(place, "its sha256 is not one")
-        members.append(parse_checkpoint(entry["checkpoint"], place, Path(path).name, entry["sha256"]))
+        members.append(
+            parse_checkpoint(entry["checkpoint"], place, Path(path).name, entry["sha256"])
+        )
         weights.append(entry["weight"])
     if not members:
         raise file_fault(where, "it has no members")
@@ -73,7 +83,9 @@ def read_plain(path: Path, state_dict: str) -> tuple[object, str, str]:
     data = read_bytes(path, where)
     values = load_plain(data, where, fix=WRITE_AGAIN)
     if _is_state_dict(values):
-        raise InputError(where, "it contains tensors, but does not name their network", fix=state_dict)
+        raise InputError(
+            where, "it contains tensors, but does not name their network", fix=state_dict
+        )
     return values, where, hashlib.sha256(data).hexdigest()
 
 
@@ -81,20 +93,32 @@ def _is_state_dict(values: object) -> bool:
     """Tell whether a value is a dict of tensors, or a dict that holds one, without a format."""
     if not isinstance(values, dict) or "format" in values:
         return False
-    return any(isinstance(v, Tensor) or (isinstance(v, dict) and _is_state_dict(v)) for v in values.values())
+    return any(
+        isinstance(v, Tensor) or (isinstance(v, dict) and _is_state_dict(v))
+        for v in values.values()
+    )
 
 
 def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Checkpoint:
     """Return the checkpoint that the plain dict ``values`` describes, every entry checked."""
     if isinstance(values, dict) and values.get("format") == Pack.FORMAT:
-        raise InputError(where, "it is a committee, not a single network", fix="Give the networks that it was made of.")
+        raise InputError(
+            where,
+            "it is a committee, not a single network",
+            fix="Give the networks that it was made of.",
+        )
     if not isinstance(values, dict) or values.get("format") != checkpoint.FORMAT:
         raise file_fault(where, "it is not a checkpoint of this project", _seen(values))
     version: Any = values.get("version")
     against = f"version {version} against {VERSION}"
     whole = type(version) is int
     if whole and version > VERSION:
-        raise InputError(where, "it was written by a newer version", measured=against, fix="Update locsnn-compile.")
+        raise InputError(
+            where,
+            "it was written by a newer version",
+            measured=against,
+            fix="Update locsnn-compile.",
+        )
     more: dict[object, tuple[str, ...]]
     more = {CHIP_VERSION: ("chip",), VERSION: ("graph", "chip") if "chip" in values else ("graph",)}
     optional = [name for name in checkpoint.OPTIONAL if name in values]
@@ -106,16 +130,23 @@ def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Ch
     if order is not None:
         check_keys(where, "location_order", order, {"name": (str,), "taxels": (list, tuple)})
     held = {name: values.get(name, usual) for name, usual in checkpoint.USUAL.items()}
-    held |= {"location_order": order and order["name"], "location_taxels": order and order["taxels"]}
+    held |= {
+        "location_order": order and order["name"],
+        "location_taxels": order and order["taxels"],
+    }
     try:
         made: dict[str, Any] = {"input": _input(where, held.pop("input"))}
         for name in ("neuron", "location_neuron"):
             given = held.pop(name)
             made[name] = _neuron(where, given, srm=srm) if name in values else None
         if isinstance(made["neuron"], WindowParameters):
-            held = {name: value for name, value in held.items() if name != "window" or name in values}
+            held = {
+                name: value for name, value in held.items() if name != "window" or name in values
+            }
             made |= {"neuron": None, "window": made["neuron"]}
-        description = RecordReader(where, WRITE_AGAIN, lacks=False).record(NetworkDescription, held, **made)
+        description = RecordReader(where, WRITE_AGAIN, lacks=False).record(
+            NetworkDescription, held, **made
+        )
     except InputError as error:
         place = error.where if error.where.startswith(where) else f"{where}, {error.where}"
         raise InputError(place, error.what, measured=error.measured, fix=error.fix) from None
@@ -124,8 +155,15 @@ def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Ch
     if "chip" in values and not description.structure.learns_integers:
         raise file_fault(where, f"no {description.architecture!r} is trained on a chip's integers")
     windows = description.window_names if description.structure.window_branch else ()
-    chip = parse_chip_entry(where, values["chip"], description.weight_shapes, windows) if "chip" in values else None
-    weights, training = _weights(where, values["weights"], description, chip), _training(where, values["training"])
+    chip = (
+        parse_chip_entry(where, values["chip"], description.weight_shapes, windows)
+        if "chip" in values
+        else None
+    )
+    weights, training = (
+        _weights(where, values["weights"], description, chip),
+        _training(where, values["training"]),
+    )
     recordings = _recordings(where, values["recordings"], description, source, _origin(training))
     return Checkpoint(description, weights, recordings, training, sha256, chip)
 
@@ -140,20 +178,28 @@ def check_keys(where: str, key: str, values: Any, known: Mapping[str, tuple[type
     """Refuse entries that are unknown, missing, or of another kind."""
     reader = RecordReader(where, WRITE_AGAIN)
     for name, value in reader.entries(values, key, dict.fromkeys(known, True)).items():
-        check_value(reader.place(f"{key}.{name}" if key else name), value, known[name], fix=WRITE_AGAIN)
+        check_value(
+            reader.place(f"{key}.{name}" if key else name), value, known[name], fix=WRITE_AGAIN
+        )
 
 
 def _input(where: str, entry: Mapping[str, Any]) -> InputLayout:
     """Return the input layout; files have sizes for NeuTouch, and the layout of any other sensor."""
     sizes, known = ("taxels", "polarities", "fingertips"), field_kinds(InputLayout)
     lacks = {"event_threshold", "sensor"} - set(entry)
-    held: dict[str, tuple[type, ...]] = {"sensor": (dict,)} if "sensor" in entry else dict.fromkeys(sizes, (int,))
+    held: dict[str, tuple[type, ...]] = (
+        {"sensor": (dict,)} if "sensor" in entry else dict.fromkeys(sizes, (int,))
+    )
     check_keys(where, "input", entry, {key: known[key] for key in known if key not in lacks} | held)
     if "sensor" in entry:
         sensor = parse_layout(entry["sensor"], "input 'sensor'")
     else:
         sensor = SensorLayout("channels", *(entry[name] for name in sizes))
-        sensor = neutouch(sensor.surfaces) if (sensor.taxels, sensor.polarities) == (TAXELS, POLARITIES) else sensor
+        sensor = (
+            neutouch(sensor.surfaces)
+            if (sensor.taxels, sensor.polarities) == (TAXELS, POLARITIES)
+            else sensor
+        )
     return InputLayout(sensor, **{name: value for name, value in entry.items() if name not in held})
 
 
@@ -162,7 +208,9 @@ def _neuron(where: str, entry: object, *, srm: bool) -> Neuron | WindowParameter
     if entry == {} and not srm:
         return None
     windows = isinstance(entry, dict) and "levels" in entry
-    kind: type[Neuron | WindowParameters] = NeuronParameters if srm else WindowParameters if windows else LifParameters
+    kind: type[Neuron | WindowParameters] = (
+        NeuronParameters if srm else WindowParameters if windows else LifParameters
+    )
     return RecordReader(where, WRITE_AGAIN, lacks=False).record(kind, entry, "neuron")
 
 
@@ -176,10 +224,14 @@ def _weights(
     weights: dict[str, AnyArray] = {}
     for name, shape in shapes.items():
         place, tensor = f"{where}, population {name!r}", entry[name]
-        check_same(tensor.shape, shape, place, "its weights have another shape (out, in)", fix=WRITE_AGAIN)
+        check_same(
+            tensor.shape, shape, place, "its weights have another shape (out, in)", fix=WRITE_AGAIN
+        )
         if tensor.dtype != f"torch.{kind}" or not tensor.dense:
             stored = f"{tensor.layout.removeprefix('torch.')} on {tensor.device}"
-            raise file_fault(place, f"its weights are not dense {kind}", f"got {tensor.dtype}, {stored}")
+            raise file_fault(
+                place, f"its weights are not dense {kind}", f"got {tensor.dtype}, {stored}"
+            )
         array = np.array(tensor.array(), dtype=np.float32 if chip is None else np.int64, order="C")
         checkpoint.check_weights(place, array, None if chip is None else chip.populations[name])
         weights[name] = sealed(array)
@@ -187,18 +239,27 @@ def _weights(
 
 
 def _recordings(
-    where: str, entry: dict[Any, Any] | None, description: NetworkDescription, source: str, origin: Origin
+    where: str,
+    entry: dict[Any, Any] | None,
+    description: NetworkDescription,
+    source: str,
+    origin: Origin,
 ) -> Recordings | None:
     if entry is None:
         return None
     check_keys(where, "recordings", entry, {"spikes": (Tensor,), "labels": (Tensor, type(None))})
     spikes, labels, layout = entry["spikes"], entry["labels"], description.input
     place, kinds = f"{where}, recordings", (spikes.dtype, None if labels is None else labels.dtype)
-    what, wanted = "their steps and channels are not those of the input", (layout.steps, layout.channels)
+    what, wanted = (
+        "their steps and channels are not those of the input",
+        (layout.steps, layout.channels),
+    )
     check_same(spikes.shape[1:], wanted, place, what, fix=WRITE_AGAIN)
     dense = spikes.dense and (labels is None or labels.dense)
     if not dense or kinds not in (("torch.uint8", "torch.int64"), ("torch.uint8", None)):
-        raise file_fault(place, "spikes must be dense uint8 and labels int64", f"got {kinds[0]} and {kinds[1]}")
+        raise file_fault(
+            place, "spikes must be dense uint8 and labels int64", f"got {kinds[0]} and {kinds[1]}"
+        )
     try:
         vector = None if labels is None else labels.array()
         return Recordings(spikes.array(), vector, layout.step_seconds, source, origin)
@@ -208,7 +269,11 @@ def _recordings(
 
 def _origin(training: Mapping[str, Plain]) -> Origin:
     """Return where the recordings in a checkpoint come from: without a test part, from the train part."""
-    return "trained on" if "test_recordings" in training and training["test_recordings"] is None else "carried"
+    return (
+        "trained on"
+        if "test_recordings" in training and training["test_recordings"] is None
+        else "carried"
+    )
 
 
 def _training(where: str, entry: dict[Any, Any]) -> dict[str, Plain]:

@@ -10,7 +10,13 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_BITS, WEIGHT_EXPONENTS, WeightGrid, weight_grid
+from hw_model.arithmetic.fixed_point import (
+    DECAY_ONE,
+    WEIGHT_BITS,
+    WEIGHT_EXPONENTS,
+    WeightGrid,
+    weight_grid,
+)
 from hw_model.io.records import POSITIVE, Must, RecordReader, between
 from hw_model.values import AnyArray, Frozen, IntArray
 from locsnn_compile.errors import InputError, counted
@@ -89,13 +95,17 @@ class ChipPopulation(Frozen):
         mantissa, exponent, delay = np.array(own, dtype=np.int64).reshape(-1, 3).T
         taps = {"mantissa": mantissa, "exponent": exponent, "delay": delay}
         pull = self.refractory_decay if dendrite else None
-        return ChipSrm.with_taps(size, decay=self.decay, threshold=self.threshold, **taps, refractory_decay=pull)
+        return ChipSrm.with_taps(
+            size, decay=self.decay, threshold=self.threshold, **taps, refractory_decay=pull
+        )
 
 
 class ChipNumbers(Frozen):
     """The chip whose arithmetic a network follows, the strategy that lays it out, and the network's populations."""
 
-    target: Annotated[str, Must(lambda name: name.isprintable() and len(name) <= 200, "that is a plain name")]
+    target: Annotated[
+        str, Must(lambda name: name.isprintable() and len(name) <= 200, "that is a plain name")
+    ]
     strategy: Annotated[str, TRAINABLE]
     registers: RegisterWidths
     populations: Mapping[str, ChipPopulation]
@@ -132,6 +142,11 @@ def parse_chip_entry(
     for name, part in chip.populations.items():
         strategy = "reset" if name in windows else chip.strategy
         if len(part.own) > (most := _OWN_MOST[strategy]):
-            where, measured = f"chip.populations.{name}.own", f"{counted(len(part.own), 'synapse')} against 0..{most}"
-            raise file_fault(reader.place(where), f"it does not fit strategy {strategy!r}", measured)
+            where, measured = (
+                f"chip.populations.{name}.own",
+                f"{counted(len(part.own), 'synapse')} against 0..{most}",
+            )
+            raise file_fault(
+                reader.place(where), f"it does not fit strategy {strategy!r}", measured
+            )
     return chip

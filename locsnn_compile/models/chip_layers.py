@@ -84,7 +84,9 @@ def scan(  # type: ignore[no-untyped-def]
         due[steps + 1 :] = 0
         for t in range(steps):
             for i in range(many):
-                u[i], voltage, wrap_q, wrap_u, clip = _arrive(u[i], v[i], due[t, i], keep, keep, ends)
+                u[i], voltage, wrap_q, wrap_u, clip = _arrive(
+                    u[i], v[i], due[t, i], keep, keep, ends
+                )
                 seen = voltage
                 if pull is not None:
                     own = np.int32(pull[1] * fired[i])
@@ -129,15 +131,25 @@ def rounded(weight: Tensor, numbers: ChipPopulation) -> Tensor:
     Rounding passes the gradient straight through: d mantissa / d w = 1 / unit.
     """
     high, step, scaled = numbers.grid.high, numbers.grid.step, weight / numbers.unit
-    held = torch.round(weight.detach() / (numbers.unit * step)).clamp_(-(high // step), high // step).mul_(step)
+    held = (
+        torch.round(weight.detach() / (numbers.unit * step))
+        .clamp_(-(high // step), high // step)
+        .mul_(step)
+    )
     return held + (scaled - scaled.detach())
 
 
-def potential_of_sum(drive: AnyArray, neuron: ChipCuba, exponent: int, registers: RegisterWidths) -> IntArray:
+def potential_of_sum(
+    drive: AnyArray, neuron: ChipCuba, exponent: int, registers: RegisterWidths
+) -> IntArray:
     """Return the potentials (batch, n) of memoryless neurons for sums of mantissas that arrive at once, (batch, n)."""
     last = (1 << registers.voltage_bits) - 1
-    charge = fixed_point.wrap(effective_weight(drive.astype(np.int64), exponent), registers.charge_bits)
-    current = fixed_point.wrap(charge, registers.current_bits) + (neuron.bias_mantissa << neuron.bias_exponent)
+    charge = fixed_point.wrap(
+        effective_weight(drive.astype(np.int64), exponent), registers.charge_bits
+    )
+    current = fixed_point.wrap(charge, registers.current_bits) + (
+        neuron.bias_mantissa << neuron.bias_exponent
+    )
     return fixed_point.clip(fixed_point.wrap(current, registers.current_bits), -last, last)
 
 
@@ -156,7 +168,9 @@ class _Steps(torch.autograd.Function):
         numbers, neuron = layer.numbers, layer.neuron
         width = neuron.tau_rho * neuron.theta
         u = to_device(ctx.potential, grads[0]).to(grads[0].dtype).div_(numbers.scale)
-        slope = to_host(u.sub_(neuron.theta).abs_().mul_(-1.0 / width).exp_().mul_(neuron.scale_rho / width))
+        slope = to_host(
+            u.sub_(neuron.theta).abs_().mul_(-1.0 / width).exp_().mul_(neuron.scale_rho / width)
+        )
         carry = None
         if layer.chip.strategy == "reset":
             slope *= ctx.live
@@ -175,7 +189,12 @@ class ChipLayer(DenseLayer[NeuronParameters]):
     """
 
     def __init__(
-        self, inputs: int, outputs: int, neuron: NeuronParameters, numbers: ChipPopulation, chip: ChipNumbers
+        self,
+        inputs: int,
+        outputs: int,
+        neuron: NeuronParameters,
+        numbers: ChipPopulation,
+        chip: ChipNumbers,
     ) -> None:
         super().__init__(inputs, outputs, neuron)
         self.numbers, self.chip, self._ends = numbers, chip, register_ends(chip.registers)
@@ -198,15 +217,34 @@ class ChipLayer(DenseLayer[NeuronParameters]):
         n = self.numbers
         whole = drive.astype(np.int32, order="C")
         # Weights of few bits are multiples of a power of two: a negative exponent loses none.
-        charge = np.left_shift(whole, n.exponent) if n.exponent >= 0 else np.right_shift(whole, -n.exponent)
+        charge = (
+            np.left_shift(whole, n.exponent)
+            if n.exponent >= 0
+            else np.right_shift(whole, -n.exponent)
+        )
         spikes, live = np.empty(charge.shape, np.uint8), np.empty(charge.shape, np.uint8)
         potential = np.empty(charge.shape, np.int32)
         mantissa, exponent, delay = np.array(n.own, dtype=np.int64).reshape(-1, 3).T
         charges = effective_weight(mantissa, exponent) >> WEIGHT_SHIFT
         pull, taps = None, np.stack([delay, charges]).astype(np.int32)
         if self.chip.strategy == "dendrite":
-            pull, taps = (np.int32(DECAY_ONE - n.refractory_decay), taps[1].sum(dtype=np.int32)), taps[:, :0]
+            pull, taps = (
+                (np.int32(DECAY_ONE - n.refractory_decay), taps[1].sum(dtype=np.int32)),
+                taps[:, :0],
+            )
         refractory = np.int32(n.refractory) if self.chip.strategy == "reset" else None
         keep, threshold = np.int32(DECAY_ONE - n.decay), np.int32(n.threshold << WEIGHT_SHIFT)
-        scan(charge, keep, threshold, pull, refractory, taps, self._ends, potential, spikes, live, self.events)
+        scan(
+            charge,
+            keep,
+            threshold,
+            pull,
+            refractory,
+            taps,
+            self._ends,
+            potential,
+            spikes,
+            live,
+            self.events,
+        )
         return spikes, potential, live

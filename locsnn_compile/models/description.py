@@ -125,7 +125,12 @@ class NetworkDescription(Frozen):
     """Events in one step at which a recording starts; None: it starts at its first step."""
 
     def __post_init__(self) -> None:
-        check_known("architecture", f"{self.architecture!r} is not known", str(self.architecture), ARCHITECTURES)
+        check_known(
+            "architecture",
+            f"{self.architecture!r} is not known",
+            str(self.architecture),
+            ARCHITECTURES,
+        )
         self._check_parts()
         self._check_delays()
         if self.structure.window_branch:
@@ -135,7 +140,9 @@ class NetworkDescription(Frozen):
         if self.align_events is not None:
             require_count("align_events", self.align_events, self.input.channels)
             if not self.branches:
-                raise self._refused("its recordings start at their first step", fix="Leave align_events out.")
+                raise self._refused(
+                    "its recordings start at their first step", fix="Leave align_events out."
+                )
         if self.class_names is not None:
             clean_class_names("classes", self.class_names, self.classes)
             require_count("classes", len(self.class_names), self.classes)
@@ -166,7 +173,11 @@ class NetworkDescription(Frozen):
         ):
             if type(got) is not (wanted or type(None)):
                 measured = f"{type(got).__name__} against {(wanted or type(None)).__name__}"
-                raise self._refused(f"its {what} is of another kind", measured=measured, fix="Correct the description.")
+                raise self._refused(
+                    f"its {what} is of another kind",
+                    measured=measured,
+                    fix="Correct the description.",
+                )
         if self.graph is not None:
             self.graph.check(self.input.sensor.taxels)
             for branch in self.branches:
@@ -177,10 +188,24 @@ class NetworkDescription(Frozen):
 
     def _check_delays(self) -> None:
         """Refuse delays that no synapse can have, and delays without a layer for them."""
-        for name, branch, steps in (("delays", "time", "time steps"), ("location_delays", "location", "locations")):
+        for name, branch, steps in (
+            ("delays", "time", "time steps"),
+            ("location_delays", "location", "locations"),
+        ):
             delays = getattr(self, name)
-            require_rising(name, delays, 0, MAX_DELAY, "whole numbers of steps", "Give, for example, 0 20 40 60.")
-            dense = branch in self.branches and not self.structure.graph and self.structure.neurons != "windows"
+            require_rising(
+                name,
+                delays,
+                0,
+                MAX_DELAY,
+                "whole numbers of steps",
+                "Give, for example, 0 20 40 60.",
+            )
+            dense = (
+                branch in self.branches
+                and not self.structure.graph
+                and self.structure.neurons != "windows"
+            )
             if delays != (0,) and not dense:
                 what = f"it has no fully connected layer over {steps}, so it takes no delays"
                 raise self._refused(what, fix="Leave the delays out.")
@@ -210,14 +235,18 @@ class NetworkDescription(Frozen):
 
     def delays_onto(self, population: str) -> tuple[int, ...]:
         """Return the delays of the synapses onto a population, in steps of its axis."""
-        return {"time_hidden": self.delays, "location_hidden": self.location_delays}.get(population, (0,))
+        return {"time_hidden": self.delays, "location_hidden": self.location_delays}.get(
+            population, (0,)
+        )
 
     def srm(self, name: str) -> NeuronParameters:
         """Return :meth:`neuron_of` for a network of spike response neurons; ``InputError`` for other networks."""
         neuron = self.neuron_of(name)
         if not isinstance(neuron, NeuronParameters):
             others = (name for name, a in ARCHITECTURES.items() if a.learns_integers)
-            raise self._refused("it has no spike response neurons", fix=f"Use one of: {', '.join(others)}.")
+            raise self._refused(
+                "it has no spike response neurons", fix=f"Use one of: {', '.join(others)}."
+            )
         return neuron
 
     @property
@@ -236,7 +265,9 @@ class NetworkDescription(Frozen):
     def _hidden_of_taxel(self) -> list[int]:
         """The number of hidden neurons of the windows that hear each taxel of the walk."""
         sensor = self.input.sensor
-        return [sensor.polarities * self.windows.of_channel(self.input.steps)] * (sensor.surfaces * sensor.taxels)
+        return [sensor.polarities * self.windows.of_channel(self.input.steps)] * (
+            sensor.surfaces * sensor.taxels
+        )
 
     @property
     def output_parts(self) -> list[slice]:
@@ -249,8 +280,14 @@ class NetworkDescription(Frozen):
         A branch of windows has as many outputs as it takes to hear all its hidden neurons; their potentials are added.
         """
         if branch == self.structure.window_branch:
-            return f"{branch}_hidden", *(f"{branch}_output_{1 + i}" for i in range(len(self.output_parts)))
-        layers = ("graph", "hidden", "hidden_2", "output") if self.structure.graph else ("hidden", "output")
+            return f"{branch}_hidden", *(
+                f"{branch}_output_{1 + i}" for i in range(len(self.output_parts))
+            )
+        layers = (
+            ("graph", "hidden", "hidden_2", "output")
+            if self.structure.graph
+            else ("hidden", "output")
+        )
         return tuple(f"{branch}_{layer}" for layer in layers)
 
     def graph_of(self, branch: str) -> BranchGraph:
@@ -281,7 +318,9 @@ class NetworkDescription(Frozen):
                 lines = self.input.channels if branch == "time" else self.input.steps
                 sizes = (hidden, lines * len(self.delays_onto(names[0]))), (self.classes, hidden)
             else:
-                nodes, inputs, features = self.graph.size(branch, self.input.sensor, self.input.steps)
+                nodes, inputs, features = self.graph.size(
+                    branch, self.input.sensor, self.input.steps
+                )
                 of_graph = (features, (self.graph.hops + 1) * inputs), (hidden, nodes * features)
                 sizes = *of_graph, (2 * hidden, hidden), (self.classes, 2 * hidden)
             shapes |= zip(names, sizes, strict=True)
@@ -291,7 +330,9 @@ class NetworkDescription(Frozen):
         """Raise ``InputError`` if ``weights`` lacks a name, or has another shape for it; ``fix`` says what to do."""
         shape = self.weight_shapes[name]
         got = tuple(weights[name].shape) if name in weights else "none"
-        check_same(got, shape, f"population {name!r}", "its weights do not fit the network", fix=fix)
+        check_same(
+            got, shape, f"population {name!r}", "its weights do not fit the network", fix=fix
+        )
 
 
 def require_count(where: str, value: int, limit: int) -> None:

@@ -28,7 +28,10 @@ MAX_WINDOW_NEURONS = 131_072
 """Largest number of hidden neurons of a network: 128 cores of 1,024."""
 MAX_HOPS = 16
 MAX_FEATURES = 1024
-_NAME = Must(lambda text: 0 < len(text) <= 200 and text.isprintable() and not {"/", "\\"} & {*text}, "that is a name")
+_NAME = Must(
+    lambda text: 0 < len(text) <= 200 and text.isprintable() and not {"/", "\\"} & {*text},
+    "that is a name",
+)
 PlainName = Annotated[str, _NAME]
 """Up to 200 printable characters without slashes."""
 
@@ -39,11 +42,18 @@ def rises(values: Sequence[Any], least: int, most: int) -> bool:
     return whole and bool(values) and list(values) == sorted(set(values))
 
 
-def require_rising(where: str, values: Sequence[object], least: int, most: int, what: str, fix: str) -> None:
+def require_rising(
+    where: str, values: Sequence[object], least: int, most: int, what: str, fix: str
+) -> None:
     """Raise ``InputError`` unless :func:`rises` holds; ``what`` names the numbers."""
     if not rises(values, least, most):
         measured = f"got {list(values)!r:.80} against {least}..{most}"
-        raise InputError(where, f"they must be {what}, each larger than the one before", measured=measured, fix=fix)
+        raise InputError(
+            where,
+            f"they must be {what}, each larger than the one before",
+            measured=measured,
+            fix=fix,
+        )
 
 
 class WindowParameters(Checked):
@@ -60,7 +70,14 @@ class WindowParameters(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_rising("windows 'levels'", self.levels, 1, self.steps, "numbers of events", "Give, for example, 1 2.")
+        require_rising(
+            "windows 'levels'",
+            self.levels,
+            1,
+            self.steps,
+            "numbers of events",
+            "Give, for example, 1 2.",
+        )
 
     def starts(self, steps: int) -> IntArray:
         """Return the first step of every window in a recording of ``steps`` steps; ``InputError`` if none fits."""
@@ -80,7 +97,9 @@ class WindowParameters(Checked):
         starts, levels = self.starts(steps), len(self.levels)
         heard = (starts[:, np.newaxis] + np.arange(self.steps)).repeat(levels, axis=0)
         first = self.steps * np.arange(len(heard) + 1)
-        of_one = sparse.csr_array((np.ones(heard.size), heard.reshape(-1), first), shape=(len(heard), steps))
+        of_one = sparse.csr_array(
+            (np.ones(heard.size), heard.reshape(-1), first), shape=(len(heard), steps)
+        )
         return sparse.csr_array(sparse.kron(sparse.eye_array(channels), of_one, format="csr"))
 
 
@@ -93,7 +112,10 @@ def output_parts(hidden_of_taxel: Sequence[int] | IntArray) -> list[slice]:
     parts: list[slice] = []
     start = end = 0
     for size in map(int, hidden_of_taxel):
-        what, fix = "one taxel has more hidden neurons than an output can receive from", "Use a larger window_stride"
+        what, fix = (
+            "one taxel has more hidden neurons than an output can receive from",
+            "Use a larger window_stride",
+        )
         check_most(size, AXONS_OF_CORE, "windows", what, fix=f"{fix}, or fewer window_levels.")
         if end > start and end + size - start > HEARD_BY_OUTPUT:
             parts.append(slice(start, end))
@@ -144,8 +166,12 @@ class GraphParameters(Checked):
         nodes, inputs, _ = self.size(branch, sensor, steps)
         if branch == "location":
             edges = tuple((t, t + 1) for t in range(1, steps))
-            return BranchGraph(hop_powers(edges, nodes, self.hops), np.arange(nodes, dtype=np.int64)[:, np.newaxis])
-        channels = np.arange(sensor.channels, dtype=np.int64).reshape(sensor.surfaces, nodes, sensor.polarities)
+            return BranchGraph(
+                hop_powers(edges, nodes, self.hops), np.arange(nodes, dtype=np.int64)[:, np.newaxis]
+            )
+        channels = np.arange(sensor.channels, dtype=np.int64).reshape(
+            sensor.surfaces, nodes, sensor.polarities
+        )
         lines = channels.transpose(1, 0, 2).reshape(nodes, inputs)
         return BranchGraph(hop_powers(self.taxel_edges, nodes, self.hops), lines)
 
@@ -156,13 +182,19 @@ class GraphParameters(Checked):
             if not rises((a, b), 1, taxels):
                 what = "an edge is not a pair of taxels with the lower number first"
                 fix = "Correct the graph."
-                raise InputError("taxel graph", what, measured=f"got {a!r}-{b!r} against 1..{taxels}", fix=fix)
+                raise InputError(
+                    "taxel graph", what, measured=f"got {a!r}-{b!r} against 1..{taxels}", fix=fix
+                )
             if (a, b) in seen:
-                raise InputError("taxel graph", f"edge {a}-{b} is given twice", fix="Give every edge once.")
+                raise InputError(
+                    "taxel graph", f"edge {a}-{b} is given twice", fix="Give every edge once."
+                )
             seen.add((a, b))
 
 
-def hop_powers(edges: tuple[tuple[int, int], ...], nodes: int, hops: int) -> tuple[sparse.csr_array, ...]:
+def hop_powers(
+    edges: tuple[tuple[int, int], ...], nodes: int, hops: int
+) -> tuple[sparse.csr_array, ...]:
     """Return the matrices A^0, A^1, ... A^hops, each (nodes, nodes), float64: how strongly a node hears the others.
 
     A = D^(-1/2) B D^(-1/2), with the adjacency matrix B and the degrees D of the undirected graph. A node without edges
@@ -187,7 +219,10 @@ def spread_weights(weight: AnyArray, graph: BranchGraph) -> sparse.csr_array:
     ``node * features + f`` is feature f of a node.
     """
     of_hop = np.split(weight.astype(np.float64), len(graph.powers), axis=1)
-    parts = (sparse.kron(power, part, format="csr") for power, part in zip(graph.powers, of_hop, strict=True))
+    parts = (
+        sparse.kron(power, part, format="csr")
+        for power, part in zip(graph.powers, of_hop, strict=True)
+    )
     order = np.argsort(graph.lines.ravel())
     spread = sparse.csr_array(sparse.csc_array(sum(parts))[:, order])
     spread.sort_indices()

@@ -24,7 +24,13 @@ from torch import Tensor, nn
 from hw_model.values import AnyArray, FloatArray, IntArray
 from locsnn_compile.models.description import LifParameters
 from locsnn_compile.models.graph_and_windows import BranchGraph
-from locsnn_compile.models.lif_scan import list_active, scan, scan_active, scan_active_back, scan_back
+from locsnn_compile.models.lif_scan import (
+    list_active,
+    scan,
+    scan_active,
+    scan_active_back,
+    scan_back,
+)
 from locsnn_compile.models.touch_model import DenseLayer, applied, constants, to_device, to_host
 
 _WORTH_LISTING = 1 << 14
@@ -60,7 +66,12 @@ class _Spike(torch.autograd.Function):
         neuron: LifParameters = ctx.neuron
         gradient = to_host(grads[0])
         found = np.empty_like(gradient)
-        scan_back(gradient, ctx.u, constants(gradient.dtype, neuron.keep, neuron.threshold, neuron.window, 0), found)
+        scan_back(
+            gradient,
+            ctx.u,
+            constants(gradient.dtype, neuron.keep, neuron.threshold, neuron.window, 0),
+            found,
+        )
         return to_device(found, grads[0]), None
 
 
@@ -81,7 +92,9 @@ class _SpikeOfSpikes(torch.autograd.Function):
         active = rows, ends, room[: list_active(rows, ends, room)].copy()
         u = np.empty((batch, steps, by_input.shape[1]), by_input.dtype)
         spikes = np.empty_like(u)
-        scan_active(*active, by_input, constants(u.dtype, neuron.keep, neuron.threshold, 0, 1), u, spikes)
+        scan_active(
+            *active, by_input, constants(u.dtype, neuron.keep, neuron.threshold, 0, 1), u, spikes
+        )
         ctx.neuron, ctx.u, ctx.active = neuron, u, active
         ctx.save_for_backward(weight)
         return torch.from_numpy(spikes)
@@ -93,7 +106,9 @@ class _SpikeOfSpikes(torch.autograd.Function):
         batch, steps, size = gradient.shape
         by_weight = np.zeros(tuple(weight.shape), gradient.dtype)
         found = np.empty((batch * steps if ctx.needs_input_grad[0] else 1, size), gradient.dtype)
-        given = constants(gradient.dtype, ctx.neuron.keep, ctx.neuron.threshold, ctx.neuron.window, 0)
+        given = constants(
+            gradient.dtype, ctx.neuron.keep, ctx.neuron.threshold, ctx.neuron.window, 0
+        )
         scan_active_back(gradient, ctx.u, given, *ctx.active, by_weight, found)
         by_x = None
         if ctx.needs_input_grad[0]:

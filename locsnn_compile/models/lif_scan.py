@@ -41,7 +41,9 @@ def scan(drive, constants, potential, spikes):  # type: ignore[no-untyped-def]  
     for b in range(batch):
         voltage[:] = 0
         for t in range(steps):
-            _step(drive[b, t - 1] if t else silence, constants, voltage, potential[b, t], spikes[b, t])
+            _step(
+                drive[b, t - 1] if t else silence, constants, voltage, potential[b, t], spikes[b, t]
+            )
 
 
 @compiled_with_arrays

@@ -18,7 +18,13 @@ from locsnn_compile.models.chip_layers import ChipLayer, potential_of_sum, round
 from locsnn_compile.models.description import LifParameters, NetworkDescription
 from locsnn_compile.models.lif import GraphLayer, LifLayer
 from locsnn_compile.models.srm import SRMLayer, transpose_recording
-from locsnn_compile.models.touch_model import INITIAL_SCALE, TouchModel, draw_weights, to_device, to_host
+from locsnn_compile.models.touch_model import (
+    INITIAL_SCALE,
+    TouchModel,
+    draw_weights,
+    to_device,
+    to_host,
+)
 
 
 class WindowNetwork(TouchModel):
@@ -45,7 +51,9 @@ class WindowNetwork(TouchModel):
         super().__init__(description, chip)
         layout, self.windows = description.input, description.windows
         self.register_buffer("walk", torch.from_numpy(description.walk.copy()), persistent=False)
-        self.register_buffer("starts", torch.from_numpy(self.windows.starts(layout.steps)), persistent=False)
+        self.register_buffer(
+            "starts", torch.from_numpy(self.windows.starts(layout.steps)), persistent=False
+        )
         self.names = description.window_names
         classes, hidden = description.weight_shapes[self.names[0]]
         self.output = nn.Parameter(torch.zeros(classes, hidden))
@@ -70,7 +78,9 @@ class WindowNetwork(TouchModel):
     def hidden(self, x: Tensor) -> Tensor:
         """Return the spikes (batch, hidden) of the hidden neurons for ``x`` (batch, steps, channels)."""
         events = torch.nn.functional.pad(self.aligned(x, moved=True).cumsum(dim=1), (0, 0, 1, 0))
-        counted = events.index_select(1, self.starts + self.windows.steps) - events.index_select(1, self.starts)
+        counted = events.index_select(1, self.starts + self.windows.steps) - events.index_select(
+            1, self.starts
+        )
         levels = torch.tensor(self.windows.levels, dtype=x.dtype, device=x.device)
         spikes = counted.index_select(2, self.walk).transpose(1, 2).unsqueeze(-1) >= levels
         return spikes.to(x.dtype).reshape(len(x), -1)
@@ -81,14 +91,24 @@ class WindowNetwork(TouchModel):
         hidden = self.hidden(x)
         if self.chip is not None:
             return {self.names[0]: self._on_chip(hidden, self.chip)}
-        return {self.names[0]: torch.nn.functional.linear(hidden - self.usual, self.output, self.bias)}
+        return {
+            self.names[0]: torch.nn.functional.linear(hidden - self.usual, self.output, self.bias)
+        }
 
     def _on_chip(self, hidden: Tensor, chip: ChipNumbers) -> Tensor:
         """Return the chip's potentials (batch, classes) for hidden spikes, added over the output populations."""
         weights = chip.populations[self.names[0]]
-        mantissas, neuron = rounded(self.output, weights), chip.window_output(self.names, self.mantissas())
-        drives = [to_host(hidden[:, part] @ mantissas[:, part].T) for part in self.description.output_parts]
-        each = [potential_of_sum(drive, neuron, weights.exponent, chip.registers) for drive in drives]
+        mantissas, neuron = (
+            rounded(self.output, weights),
+            chip.window_output(self.names, self.mantissas()),
+        )
+        drives = [
+            to_host(hidden[:, part] @ mantissas[:, part].T)
+            for part in self.description.output_parts
+        ]
+        each = [
+            potential_of_sum(drive, neuron, weights.exponent, chip.registers) for drive in drives
+        ]
         total = np.sum(each, axis=0)
         ideal = torch.nn.functional.linear(hidden - self.usual, weights.unit * mantissas, self.bias)
         return to_device(total, hidden).to(hidden.dtype) / weights.scale + (ideal - ideal.detach())
@@ -132,14 +152,24 @@ class TouchNetwork(TouchModel):
     """
 
     def __init__(
-        self, description: NetworkDescription, seed: int, initial_scale: float, chip: ChipNumbers | None
+        self,
+        description: NetworkDescription,
+        seed: int,
+        initial_scale: float,
+        chip: ChipNumbers | None,
     ) -> None:
         super().__init__(description, chip)
         generator = torch.Generator().manual_seed(seed)
-        walk = description.walk if "location" in description.branches else np.zeros(0, dtype=np.int64)
+        walk = (
+            description.walk if "location" in description.branches else np.zeros(0, dtype=np.int64)
+        )
         self.register_buffer("walk", torch.from_numpy(walk.copy()), persistent=False)
         self._walks_in_order = np.array_equal(walk, np.arange(description.input.channels))
-        self._branches = [branch for branch in description.branches if branch != description.structure.window_branch]
+        self._branches = [
+            branch
+            for branch in description.branches
+            if branch != description.structure.window_branch
+        ]
         for branch in self._branches:
             for name in description.populations(branch):
                 layer = self._make(name, branch)
@@ -157,7 +187,9 @@ class TouchNetwork(TouchModel):
                 return GraphLayer(description.graph_of(branch), outputs, neuron)
             return LifLayer(inputs, outputs, neuron)
         if self.chip is not None:
-            return ChipLayer(inputs, outputs, description.srm(branch), self.chip.populations[name], self.chip)
+            return ChipLayer(
+                inputs, outputs, description.srm(branch), self.chip.populations[name], self.chip
+            )
         return SRMLayer(inputs, outputs, description.srm(branch))
 
     def layer(self, name: str) -> Layer:
@@ -191,7 +223,11 @@ class TouchNetwork(TouchModel):
 
     def _transposed(self, x: Tensor) -> Tensor:
         """Return what the location branch walks over; in channel order nothing is moved in memory."""
-        return x.transpose(1, 2) if self._walks_in_order else transpose_recording(x, self.get_buffer("walk"))
+        return (
+            x.transpose(1, 2)
+            if self._walks_in_order
+            else transpose_recording(x, self.get_buffer("walk"))
+        )
 
     def scores(self, activity: Mapping[str, Tensor]) -> dict[str, Tensor]:
         """Return spikes a class, (batch, classes), of the output of every branch, or potentials of windows."""
@@ -222,7 +258,11 @@ class TouchNetwork(TouchModel):
 
     def mantissas(self) -> dict[str, IntArray]:
         """Return the mantissas [out, in] by population name, of a network on the chip's integers."""
-        found = {name: layer.mantissas() for name, layer in self.named_children() if isinstance(layer, ChipLayer)}
+        found = {
+            name: layer.mantissas()
+            for name, layer in self.named_children()
+            if isinstance(layer, ChipLayer)
+        }
         return found if self.windows is None else found | self.windows.mantissas()
 
 

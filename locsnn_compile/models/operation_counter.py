@@ -29,8 +29,15 @@ def count_operations(network: nn.Module, example: Tensor) -> AnnCounts:
     that has both inner modules and its own weights.
     """
     found: list[AnnCounts] = []
-    counters = {module: _counter(name, module) for name, module in network.named_modules() if _is_counted(name, module)}
-    hooks = [module.register_forward_hook(partial(_add, found, counter)) for module, counter in counters.items()]
+    counters = {
+        module: _counter(name, module)
+        for name, module in network.named_modules()
+        if _is_counted(name, module)
+    }
+    hooks = [
+        module.register_forward_hook(partial(_add, found, counter))
+        for module, counter in counters.items()
+    ]
     training = network.training
     try:
         network.eval()
@@ -40,7 +47,11 @@ def count_operations(network: nn.Module, example: Tensor) -> AnnCounts:
         network.train(training)
         for hook in hooks:
             hook.remove()
-    return AnnCounts(sum(c.macs for c in found), sum(c.multiplications for c in found), sum(c.additions for c in found))
+    return AnnCounts(
+        sum(c.macs for c in found),
+        sum(c.multiplications for c in found),
+        sum(c.additions for c in found),
+    )
 
 
 def _is_counted(name: str, module: nn.Module) -> bool:
@@ -64,11 +75,19 @@ def _unknown(name: str, module: nn.Module) -> InputError:
     return InputError(f"module {name or type(module).__name__!r}", what, fix=fix)
 
 
-def _add(found: list[AnnCounts], counter: Counter, module: nn.Module, inputs: tuple[Tensor, ...], output: Any) -> None:
+def _add(
+    found: list[AnnCounts],
+    counter: Counter,
+    module: nn.Module,
+    inputs: tuple[Tensor, ...],
+    output: Any,
+) -> None:
     found.append(counter(module, inputs[0], output if isinstance(output, Tensor) else output[0]))
 
 
-def _products(of_output: Callable[[Any], int], module: nn.Module, given: Tensor, output: Tensor) -> AnnCounts:
+def _products(
+    of_output: Callable[[Any], int], module: nn.Module, given: Tensor, output: Tensor
+) -> AnnCounts:
     """Count the products with weights in each output; ``of_output`` returns their number for a module."""
     macs = output.numel() * of_output(module)
     return AnnCounts(macs, macs, macs)
@@ -78,7 +97,9 @@ def _heard_by_pixel(module: nn.Conv1d | nn.Conv2d | nn.Conv3d) -> int:
     return module.in_channels // module.groups * prod(module.kernel_size)
 
 
-def _recurrent(gates: int, products: int, sums: int, module: nn.RNNBase, given: Tensor, output: Tensor) -> AnnCounts:
+def _recurrent(
+    gates: int, products: int, sums: int, module: nn.RNNBase, given: Tensor, output: Tensor
+) -> AnnCounts:
     """Count a recurrent cell with these numbers of gates, element-wise products and sums per step and hidden unit."""
     directions = 2 if module.bidirectional else 1
     hidden = module.hidden_size
@@ -94,7 +115,15 @@ def _recurrent(gates: int, products: int, sums: int, module: nn.RNNBase, given: 
 
 _FREE: tuple[type[nn.Module], ...] = (
     *(nn.ReLU, nn.Sigmoid, nn.Tanh, nn.Identity, nn.Flatten, nn.Unflatten),
-    *(nn.Dropout, nn.Dropout1d, nn.Dropout2d, nn.Dropout3d, nn.MaxPool1d, nn.MaxPool2d, nn.MaxPool3d),
+    *(
+        nn.Dropout,
+        nn.Dropout1d,
+        nn.Dropout2d,
+        nn.Dropout3d,
+        nn.MaxPool1d,
+        nn.MaxPool2d,
+        nn.MaxPool3d,
+    ),
 )
 _COUNTERS: dict[type[nn.Module], Counter] = {
     nn.Linear: partial(_products, lambda linear: linear.in_features),

@@ -23,7 +23,9 @@ from locsnn_compile.network.neurons import alpha_recursion
 
 
 @compiled_with_arrays
-def _respond(values: AnyArray, constants: tuple[Any, ...], spikes: AnyArray) -> None:  # pragma: no cover - compiled
+def _respond(
+    values: AnyArray, constants: tuple[Any, ...], spikes: AnyArray
+) -> None:  # pragma: no cover - compiled
     # Potentials replace drives in ``values``: another array would leave less of the cache to the rest.
     # Zero and one are passed as constants of the drive's type: literals would make the loop compute in float64.
     theta, decay, gain, pull_decay, pull_gain, zero, one = constants
@@ -77,8 +79,15 @@ def respond(drive: AnyArray, neuron: NeuronParameters) -> tuple[AnyArray, AnyArr
     The results have the float type of the drive. u(t) = psp(t) + gain * r(t), where r sums k * decay^(k - 1) over own
     past spikes; it spikes (1) where u(t) >= theta. Potentials overwrite ``drive``.
     """
-    own, spikes = alpha_recursion(neuron.tau_ref, -neuron.scale_ref * neuron.theta), np.empty_like(drive)
-    _respond(drive, constants(drive.dtype, neuron.theta, *alpha_recursion(neuron.tau_sr), *own, 0, 1), spikes)
+    own, spikes = (
+        alpha_recursion(neuron.tau_ref, -neuron.scale_ref * neuron.theta),
+        np.empty_like(drive),
+    )
+    _respond(
+        drive,
+        constants(drive.dtype, neuron.theta, *alpha_recursion(neuron.tau_sr), *own, 0, 1),
+        spikes,
+    )
     return spikes, drive
 
 
@@ -93,7 +102,12 @@ def _gradient_of_drive(u: AnyArray, by_spikes: Tensor, neuron: NeuronParameters)
     if by_spikes.stride(1) == 0:
         by_spikes = by_spikes[:, :1]
     decay, gain = alpha_recursion(neuron.tau_sr)
-    respond_back(slope, to_host(by_spikes), None, constants(u.dtype, decay, gain * neuron.scale_rho / width, 0))
+    respond_back(
+        slope,
+        to_host(by_spikes),
+        None,
+        constants(u.dtype, decay, gain * neuron.scale_rho / width, 0),
+    )
     return slope
 
 
@@ -103,7 +117,9 @@ def _gradient_of_weight(x: Tensor, by_drive: Tensor) -> Tensor:
         return torch.bmm(x.transpose(1, 2), by_drive).sum(dim=0).T
     inputs, sums = x.flatten(0, 1), by_drive.flatten(0, 1)
     # With many steps to add up, a product is a quarter faster with the wider of its sides as rows.
-    return torch.mm(inputs.T, sums).T if inputs.shape[1] > sums.shape[1] else torch.mm(sums.T, inputs)
+    return (
+        torch.mm(inputs.T, sums).T if inputs.shape[1] > sums.shape[1] else torch.mm(sums.T, inputs)
+    )
 
 
 class _Layer(torch.autograd.Function):

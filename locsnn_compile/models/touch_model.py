@@ -108,8 +108,14 @@ class TouchModel(nn.Module):
 
     def check_shape(self, x: Tensor) -> None:
         """Refuse recordings that are not (batch, steps, channels) of the network's input."""
-        layout, fix = self.description.input, "Give recordings of the network's sensor and duration."
-        wanted, what = (layout.steps, layout.channels), "their steps and channels are not the network's"
+        layout, fix = (
+            self.description.input,
+            "Give recordings of the network's sensor and duration.",
+        )
+        wanted, what = (
+            (layout.steps, layout.channels),
+            "their steps and channels are not the network's",
+        )
         check_same(tuple(x.shape[1:]), wanted, "recordings", what, fix=fix)
 
     def prune(self, share: float) -> None:
@@ -146,11 +152,16 @@ class TouchModel(nn.Module):
 
     def weights(self) -> dict[str, Float32Array]:
         """Return copies of the weights by name."""
-        return {name: self.weight(name).detach().to(torch.float32).cpu().numpy().copy() for name in self.names}
+        return {
+            name: self.weight(name).detach().to(torch.float32).cpu().numpy().copy()
+            for name in self.names
+        }
 
     def load_weights(self, weights: Mapping[str, AnyArray]) -> None:
         """Load weights by name; ``InputError`` if a name or shape does not fit."""
         for name in self.names:
-            self.description.check_shape(name, weights, "Give the weights of a network of this description.")
+            self.description.check_shape(
+                name, weights, "Give the weights of a network of this description."
+            )
             with torch.no_grad():
                 self.weight(name).copy_(torch.from_numpy(np.array(weights[name])))

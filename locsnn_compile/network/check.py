@@ -23,7 +23,13 @@ def check_network(network: Network) -> None:
     """Check the whole level."""
     check_fields(network)
     neurons_of_all = (population.neuron for population in network.populations)
-    for part in (*network.views, *network.populations, *network.projections, network.readout, *neurons_of_all):
+    for part in (
+        *network.views,
+        *network.populations,
+        *network.projections,
+        network.readout,
+        *neurons_of_all,
+    ):
         check_fields(part)
     ends: _Ends = {view.name: (view.phase, view.lines) for view in network.views}
     for population in network.populations:
@@ -35,14 +41,23 @@ def check_network(network: Network) -> None:
     for view in network.views:
         _check_view(view, network)
     for phase in dict.fromkeys(p.phase for p in network.populations if p.axis == "location"):
-        walks = [view.steps for view in network.views if view.phase == phase and view.walk is not None]
+        walks = [
+            view.steps for view in network.views if view.phase == phase and view.walk is not None
+        ]
         if len(set(walks)) != 1:
-            what, measured = f"its inputs do not give the {phase} axis one number of steps", ", ".join(map(str, walks))
+            what, measured = (
+                f"its inputs do not give the {phase} axis one number of steps",
+                ", ".join(map(str, walks)),
+            )
             fix = "Give inputs of that axis that take equal steps."
-            raise InputError(f"model {network.name!r}", what, measured=f"steps {measured or 'of none'}", fix=fix)
+            raise InputError(
+                f"model {network.name!r}", what, measured=f"steps {measured or 'of none'}", fix=fix
+            )
     _check_readout(network)
     if not network.projections:
-        raise InputError(f"model {network.name!r}", "it has no weights", fix="Connect an input to a population.")
+        raise InputError(
+            f"model {network.name!r}", "it has no weights", fix="Connect an input to a population."
+        )
     neurons = {population.name: population.neuron for population in network.populations}
     for projection in network.projections:
         _check_joint(projection, ends, neurons)
@@ -51,18 +66,29 @@ def check_network(network: Network) -> None:
 
 def _check_readout(network: Network) -> None:
     readout = network.readout
-    found = [p.size for name in readout.populations for p in network.populations if p.name == name and not p.helper]
+    found = [
+        p.size
+        for name in readout.populations
+        for p in network.populations
+        if p.name == name and not p.helper
+    ]
     weights = np.asarray(readout.weights, dtype=np.float64)
     whole = len(found) == len(readout.populations) == len(weights) and np.isfinite(weights).all()
     if len(set(found)) != 1 or not whole:
         measured = f"populations {readout.populations}, sizes {found}, weights {readout.weights}"
         fix = "Name populations of one size, each with its weight."
-        raise InputError("readout", "its populations or weights do not fit together", measured=measured, fix=fix)
+        raise InputError(
+            "readout", "its populations or weights do not fit together", measured=measured, fix=fix
+        )
     given = readout.potentials_from
     steps = given if isinstance(given, tuple) else (given,) * len(found)
-    if len(steps) != len(found) or not all(one is None or (type(one) is int and 0 <= one <= MOST) for one in steps):
+    if len(steps) != len(found) or not all(
+        one is None or (type(one) is int and 0 <= one <= MOST) for one in steps
+    ):
         fix = "Give a step from 0 up, or one or None for each population."
-        raise InputError("readout", "potentials_from is not a step", measured=f"{given!r}"[:80], fix=fix)
+        raise InputError(
+            "readout", "potentials_from is not a step", measured=f"{given!r}"[:80], fix=fix
+        )
     _check_magnitude("readout", "a weight", weights[weights != 0], _LEAST)
     if network.class_names is not None:
         where = f"model {network.name!r}"
@@ -77,15 +103,22 @@ def _check_axes(network: Network) -> None:
     parts: tuple[InputView | Population, ...] = (*network.views, *network.populations)
     for part in parts:
         if axes.setdefault(part.phase, part.axis) != part.axis:
-            what = f"its phase {part.phase!r} has inputs or populations of the {axes[part.phase]} axis"
-            raise InputError(part.where, what, fix=f"Give it the {axes[part.phase]} axis, or another phase.")
+            what = (
+                f"its phase {part.phase!r} has inputs or populations of the {axes[part.phase]} axis"
+            )
+            raise InputError(
+                part.where, what, fix=f"Give it the {axes[part.phase]} axis, or another phase."
+            )
 
 
 def _check_start(view: InputView, network: Network) -> None:
     """Views of a phase must start together, and nothing may act before the touch: the chip does not run then."""
     where, events = view.where, view.align_events
     if any(other.align_events != events for other in network.views if other.phase == view.phase):
-        what, fix = f"other inputs of the {view.phase} phase start elsewhere", "Give them the same align_events."
+        what, fix = (
+            f"other inputs of the {view.phase} phase start elsewhere",
+            "Give them the same align_events.",
+        )
         raise InputError(where, what, fix=fix)
     for p in network.populations if events is not None else ():
         if view.axis == "time" and p.phase == view.phase and p.neuron.biased.any():
@@ -98,7 +131,9 @@ def _check_view(view: InputView, network: Network) -> None:
     _check_start(view, network)
     if view.axis == "time":
         if view.walk is not None or view.together != 1 or view.silence != 0:
-            raise InputError(where, "only a location axis has a location order", fix="Leave it out.")
+            raise InputError(
+                where, "only a location axis has a location order", fix="Leave it out."
+            )
         return
     if (
         view.walk is None
@@ -110,7 +145,9 @@ def _check_view(view: InputView, network: Network) -> None:
     if view.together > network.channels or view.lines % view.together:
         what = "channels visited together do not have equal lines of their own"
         measured = f"{view.together} of {counted(network.channels, 'channel')} on {counted(view.lines, 'line')}"
-        raise InputError(where, what, measured=measured, fix="Give lines for every time step of each.")
+        raise InputError(
+            where, what, measured=measured, fix="Give lines for every time step of each."
+        )
 
 
 def _check_neuron(population: Population) -> None:
@@ -119,9 +156,19 @@ def _check_neuron(population: Population) -> None:
     for key, values, shape, _ in parameters:
         if values.shape not in ((), shape):
             fix = "Give one number per neuron."
-            raise InputError(where, f"{key} has the wrong shape", measured=f"{values.shape} against {shape}", fix=fix)
+            raise InputError(
+                where,
+                f"{key} has the wrong shape",
+                measured=f"{values.shape} against {shape}",
+                fix=fix,
+            )
     if neuron.dendrites < 1:
-        raise InputError(where, "its neurons have no dendrite", measured=f"{neuron.dendrites}", fix="Give 1 or more.")
+        raise InputError(
+            where,
+            "its neurons have no dendrite",
+            measured=f"{neuron.dendrites}",
+            fix="Give 1 or more.",
+        )
     for key, values, _, must in parameters:
         if must is None:
             continue
@@ -129,7 +176,9 @@ def _check_neuron(population: Population) -> None:
         values = values[values != np.inf] if must is TAPS else values
         bad = values[~(np.isfinite(values) & must.holds(values))]
         if bad.size:
-            raise InputError(where, f"{key} must be {must.words}", measured=f"{bad.flat[0]}", fix="Correct it.")
+            raise InputError(
+                where, f"{key} must be {must.words}", measured=f"{bad.flat[0]}", fix="Correct it."
+            )
         _check_magnitude(where, key, values, _LEAST if must is POSITIVE else 0.0)
 
 
@@ -138,28 +187,46 @@ def _check_magnitude(where: str, key: str, values: AnyArray, least: float) -> No
     size = np.abs(values)
     bad = values[(size < least) | (size > _MOST)]
     if bad.size:
-        what = f"{key} is too {'small' if abs(bad.flat[0]) < 1 else 'large'} a number to compute with"
+        what = (
+            f"{key} is too {'small' if abs(bad.flat[0]) < 1 else 'large'} a number to compute with"
+        )
         measured = f"{bad.flat[0]:g} against {f'{least:g} to ' if least else ''}{_MOST:g}"
         raise InputError(where, what, measured=measured, fix="Give it in other units.")
 
 
-def _check_joint(projection: Projection | ChipProjection, ends: _Ends, neurons: Mapping[str, Neuron]) -> None:
+def _check_joint(
+    projection: Projection | ChipProjection, ends: _Ends, neurons: Mapping[str, Neuron]
+) -> None:
     """Check that both ends of a projection exist, that they go together, and that the target takes such weights."""
     where = projection.where
     if projection.target in ends and projection.target not in neurons:
         raise InputError(where, "an input takes no synapses", fix="Connect it the other way round.")
     if projection.source not in ends or projection.target not in ends:
-        raise InputError(where, "it joins something that does not exist", fix="Name an input or a population.")
+        raise InputError(
+            where, "it joins something that does not exist", fix="Name an input or a population."
+        )
     source_phase, target_phase = ends[projection.source][0], ends[projection.target][0]
     if source_phase != target_phase:
-        raise InputError(where, f"joins the {source_phase} axis to the {target_phase} axis", fix="Keep to one axis.")
+        raise InputError(
+            where,
+            f"joins the {source_phase} axis to the {target_phase} axis",
+            fix="Keep to one axis.",
+        )
     neuron = neurons[projection.target]
     if projection.on_grid != neuron.on_grid:
-        what = "float weights reach integer neurons" if neuron.on_grid else "integer weights reach float neurons"
-        raise InputError(where, what, fix="Give a population and the weights onto it in one kind of number.")
+        what = (
+            "float weights reach integer neurons"
+            if neuron.on_grid
+            else "integer weights reach float neurons"
+        )
+        raise InputError(
+            where, what, fix="Give a population and the weights onto it in one kind of number."
+        )
     if not 0 <= projection.dendrite < neuron.dendrites:
         measured = f"{projection.dendrite} of {neuron.dendrites}, counted from 0"
-        raise InputError(where, "the target has no such dendrite", measured=measured, fix="Name one that it has.")
+        raise InputError(
+            where, "the target has no such dendrite", measured=measured, fix="Name one that it has."
+        )
 
 
 def _check_values(projection: Projection | ChipProjection, shape: tuple[int, int]) -> None:
@@ -167,7 +234,9 @@ def _check_values(projection: Projection | ChipProjection, shape: tuple[int, int
     fix = "Give one row per target and one column per source."
     check_same(weights.shape, shape, where, "the weights have the wrong shape", fix=fix)
     if not np.isfinite(values_of(weights)).all():
-        raise InputError(where, "a weight is not a finite number", fix="Train again, with a lower learning rate.")
+        raise InputError(
+            where, "a weight is not a finite number", fix="Train again, with a lower learning rate."
+        )
     _check_magnitude(where, "a weight", values_of(weights), 0.0)
     delay, values = np.asarray(projection.delay), values_of(weights)
     if delay.shape not in ((), values.shape):
@@ -175,4 +244,6 @@ def _check_values(projection: Projection | ChipProjection, shape: tuple[int, int
         fix = "Give one delay, or one for each weight that is held."
         raise InputError(where, "the delays have the wrong shape", measured=measured, fix=fix)
     if delay.dtype.kind not in "iu" or (delay < 0).any():
-        raise InputError(where, "a delay is not a whole number of steps from 0 up", fix="Round the delays.")
+        raise InputError(
+            where, "a delay is not a whole number of steps from 0 up", fix="Round the delays."
+        )

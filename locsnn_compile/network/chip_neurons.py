@@ -77,7 +77,9 @@ class ChipCuba(Shown, ChipNeuron):
         places = WEIGHT_SHIFT + exponent
         fine = min(places, BIAS_PLACES)
         mantissa = np.left_shift(held, fine) if fine >= 0 else np.right_shift(held, -fine)
-        return replace(self, bias_mantissa=mantissa, bias_exponent=integers(places - fine, len(held)))
+        return replace(
+            self, bias_mantissa=mantissa, bias_exponent=integers(places - fine, len(held))
+        )
 
     @property
     def biased(self) -> BoolArray:
@@ -115,7 +117,9 @@ class Refractory(Frozen, eq=False):
         """Make the taps of ``size`` neurons: one tap, or several (taps,), with mantissas (taps,) or (taps, size)."""
         delays, each = np.atleast_1d(delay), np.atleast_1d(mantissa)
         taps = len(delays)
-        mantissas = matrix(np.broadcast_to(each[:, None] if each.ndim == 1 else each, (taps, size)), np.int64)
+        mantissas = matrix(
+            np.broadcast_to(each[:, None] if each.ndim == 1 else each, (taps, size)), np.int64
+        )
         decay = None if refractory_decay is None else integers(refractory_decay, size)
         return cls(integers(delays, taps), mantissas, integers(exponent, taps), decay)
 
@@ -126,7 +130,11 @@ class Refractory(Frozen, eq=False):
             Parameter("tap exponent", self.exponent, (taps,)),
             Parameter("tap mantissa", self.mantissa, (taps, size)),
         ]
-        return found if self.decay is None else [Parameter("refractory decay", self.decay, (size,)), *found]
+        return (
+            found
+            if self.decay is None
+            else [Parameter("refractory decay", self.decay, (size,)), *found]
+        )
 
 
 class ChipSrm(Shown, ChipNeuron):
@@ -145,9 +153,17 @@ class ChipSrm(Shown, ChipNeuron):
     dendrites: int = 1
 
     @classmethod
-    def with_taps(cls, size: int, *, decay: ArrayLike, threshold: ArrayLike, **taps: Any) -> "ChipSrm":
+    def with_taps(
+        cls, size: int, *, decay: ArrayLike, threshold: ArrayLike, **taps: Any
+    ) -> "ChipSrm":
         """Make ``size`` neurons with one decay, and taps as :meth:`Refractory.of` makes them."""
-        return cls.of(size, decay_u=decay, decay_v=decay, threshold=threshold, refractory=Refractory.of(size, **taps))
+        return cls.of(
+            size,
+            decay_u=decay,
+            decay_v=decay,
+            threshold=threshold,
+            refractory=Refractory.of(size, **taps),
+        )
 
     @property
     def strategy(self) -> str:

@@ -67,19 +67,25 @@ class InputView(Shown):
     @property
     def positions(self) -> IntArray | None:
         """The inverse of the walk: the step at which each channel is visited, (channels,)."""
-        return None if self.walk is None else np.argsort(self.walk).astype(np.int64) // self.together
+        return (
+            None if self.walk is None else np.argsort(self.walk).astype(np.int64) // self.together
+        )
 
     @property
     def first_lines(self) -> IntArray | None:
         """The line of time step 0 of each channel, (channels,); None if one channel is visited at a time."""
         if self.walk is None or self.together == 1:
             return None
-        return np.argsort(self.walk).astype(np.int64) % self.together * (self.lines // self.together)
+        return (
+            np.argsort(self.walk).astype(np.int64) % self.together * (self.lines // self.together)
+        )
 
     def play(self, recordings: ByteArray) -> ByteArray:
         """Return the spikes of the lines, (batch, steps of the axis, lines), of recordings (batch, steps, channels)."""
         if self.align_events is not None:
-            recordings = from_first_touch(recordings, self.align_events, moved=self.walk is not None)
+            recordings = from_first_touch(
+                recordings, self.align_events, moved=self.walk is not None
+            )
         if self.walk is None:
             return recordings
         rows = self.lines // self.together
@@ -203,7 +209,9 @@ class Network(Shown):
         axis_of = {population.phase: population.axis for population in self.populations}
         starts = {view.phase: view.align_events for view in self.views}
         rows = sorted(axis_of.items(), key=lambda row: AXES.index(row[1]))
-        return tuple(Phase(name, axis, self.steps_of(name), starts.get(name)) for name, axis in rows)
+        return tuple(
+            Phase(name, axis, self.steps_of(name), starts.get(name)) for name, axis in rows
+        )
 
     @property
     def expected(self) -> Expected:
@@ -240,8 +248,21 @@ class Network(Shown):
         if recordings.ndim != 3 or recordings.shape[2] != self.channels:
             measured = f"{counted(recordings.shape[-1], 'channel')} against {self.channels}"
             fix = f"Give recordings of {counted(self.channels, 'channel')}."
-            raise InputError(where, "the channel count differs from the model's", measured=measured, fix=fix)
+            raise InputError(
+                where, "the channel count differs from the model's", measured=measured, fix=fix
+            )
         cut = f"Cut them to {counted(self.steps, 'step')}."
         rows = self.steps if self.any_length else recordings.shape[1]
-        check_most(rows, self.steps, where, "the recordings are longer than the model's", unit="steps", fix=cut)
-        return np.pad(recordings, ((0, 0), (0, self.steps - rows), (0, 0))) if rows < self.steps else recordings
+        check_most(
+            rows,
+            self.steps,
+            where,
+            "the recordings are longer than the model's",
+            unit="steps",
+            fix=cut,
+        )
+        return (
+            np.pad(recordings, ((0, 0), (0, self.steps - rows), (0, 0)))
+            if rows < self.steps
+            else recordings
+        )

@@ -21,7 +21,16 @@ from hw_model.errors import InputError, check_known, check_range
 from hw_model.io.given import as_array, checked
 from hw_model.io.records import AT_LEAST_ONE, NOT_NEGATIVE, Must, between
 from hw_model.io.records import POSITIVE as POSITIVE
-from hw_model.values import AnyArray, ArrayLike, BoolArray, FloatArray, Frozen, IntArray, Shown, sealed
+from hw_model.values import (
+    AnyArray,
+    ArrayLike,
+    BoolArray,
+    FloatArray,
+    Frozen,
+    IntArray,
+    Shown,
+    sealed,
+)
 
 Number = TypeVar("Number", np.float64, np.int64)
 Rule = Literal[">", ">="]
@@ -77,12 +86,22 @@ class Neuron(ABC):
         hints = get_type_hints(cls)
         kinds = {item.name: _ARRAYS.get(hints[item.name]) for item in fields(cls)}  # type: ignore[arg-type]
         values = {**cls.usual, **given}
-        where, missing = f"{cls.__name__}.of", [name for name in kinds if kinds[name] and name not in values]
+        where, missing = (
+            f"{cls.__name__}.of",
+            [name for name in kinds if kinds[name] and name not in values],
+        )
         for name in values:
             check_known(where, f"there is no parameter {name!r}", name, kinds)
         if missing:
-            raise InputError(where, f"parameter {missing[0]!r} is missing", fix="Give it by its name.")
-        return cls(**{k: v if (kind := kinds[k]) is None else spread(v, size, kind) for k, v in values.items()})
+            raise InputError(
+                where, f"parameter {missing[0]!r} is missing", fix="Give it by its name."
+            )
+        return cls(
+            **{
+                k: v if (kind := kinds[k]) is None else spread(v, size, kind)
+                for k, v in values.items()
+            }
+        )
 
     def whole(self) -> "Neuron":
         """Return it with full kernels, if it has kernels."""
@@ -227,7 +246,9 @@ def spread(value: ArrayLike, size: int, dtype: type[Number]) -> npt.NDArray[Numb
     """Return a read-only array (size,), given one number or ``size`` numbers; integers must be whole."""
     array = as_array("neurons, a parameter", value)
     if array.dtype.kind not in "biuf":
-        raise InputError("neurons", "a parameter is not a number", measured=str(array.dtype), fix="Give numbers.")
+        raise InputError(
+            "neurons", "a parameter is not a number", measured=str(array.dtype), fix="Give numbers."
+        )
     given = whole_numbers(array) if issubclass(dtype, np.integer) else array
     if given.shape not in ((), (1,), (size,)):
         measured, fix = f"{given.shape} against ({size},)", "Give one number per neuron."

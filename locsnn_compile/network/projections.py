@@ -13,7 +13,16 @@ from scipy import sparse
 
 from hw_model.arithmetic.whole import whole_numbers
 from hw_model.errors import InputError
-from hw_model.values import AnyArray, ArrayLike, ByteArray, FloatArray, Frozen, IntArray, Shown, sealed
+from hw_model.values import (
+    AnyArray,
+    ArrayLike,
+    ByteArray,
+    FloatArray,
+    Frozen,
+    IntArray,
+    Shown,
+    sealed,
+)
 
 Values = AnyArray
 Matrix: TypeAlias = Any
@@ -121,7 +130,9 @@ def _of_type(given: ArrayLike, dtype: npt.DTypeLike) -> Values:
     """Return a copy as another type; ``TypeError`` for complex numbers."""
     if np.iscomplexobj(given):
         raise TypeError
-    return whole_numbers(given) if np.issubdtype(dtype, np.integer) else np.array(given, dtype=dtype)
+    return (
+        whole_numbers(given) if np.issubdtype(dtype, np.integer) else np.array(given, dtype=dtype)
+    )
 
 
 def values_of(m: Matrix) -> Values:
@@ -133,7 +144,9 @@ def values_of(m: Matrix) -> Values:
 def with_values(m: Matrix, values: Values) -> Matrix:
     """Return a matrix of the same connections with other values, shaped as :func:`values_of`; read-only."""
     held = sealed(values)
-    return sparse.csr_array((held, m.indices, m.indptr), shape=m.shape) if sparse.issparse(m) else held
+    return (
+        sparse.csr_array((held, m.indices, m.indptr), shape=m.shape) if sparse.issparse(m) else held
+    )
 
 
 def of_target(m: Matrix, each: ArrayLike) -> Values:
@@ -152,7 +165,9 @@ def by_delay(m: Matrix, delay: int | IntArray) -> list[tuple[int, Matrix]]:
     delays = np.asarray(delay)
     if delays.ndim == 0:
         return [(int(delays), m)]
-    return [(int(d), with_values(m, np.where(delays == d, values_of(m), 0))) for d in np.unique(delays)]
+    return [
+        (int(d), with_values(m, np.where(delays == d, values_of(m), 0))) for d in np.unique(delays)
+    ]
 
 
 def connections(m: Matrix) -> tuple[IntArray, IntArray, IntArray]:
@@ -194,7 +209,11 @@ def charge(spikes: ByteArray, m: Matrix) -> Values:
         found = sparse_spikes(rows, np.int64) @ m.T
         added: Values = found.toarray() if sparse.issparse(found) else found
     else:
-        added = rows.astype(np.float64) @ m.T if not sparse.issparse(m) else (m @ rows.T.astype(np.float64)).T
+        added = (
+            rows.astype(np.float64) @ m.T
+            if not sparse.issparse(m)
+            else (m @ rows.T.astype(np.float64)).T
+        )
     return added.reshape(*spikes.shape[:-1], m.shape[0])
 
 

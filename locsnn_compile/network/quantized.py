@@ -100,13 +100,24 @@ class QuantizedNetwork(Frozen, eq=False):
         readout = self.readout
         rows = zip(readout.populations, readout.weights, self.network.readout.weights, strict=True)
         # The least weight is the one that was made whole without rounding.
-        least, weight, name = min(((abs(its), abs(of), name) for name, its, of in rows if its), default=(1.0, 1.0, ""))
-        return least / weight * (float(self.population(name).scale.max()) if name in readout.from_step else 1.0)
+        least, weight, name = min(
+            ((abs(its), abs(of), name) for name, its, of in rows if its), default=(1.0, 1.0, "")
+        )
+        return (
+            least
+            / weight
+            * (float(self.population(name).scale.max()) if name in readout.from_step else 1.0)
+        )
 
     def on_grid(self) -> Network:
         """Return the network with these integers in it: when evaluated, it spikes as the program must, bit for bit."""
         populations = tuple(replace(q.population, neuron=q.neuron) for q in self.populations)
-        return replace(self.network, populations=populations, projections=self.projections, readout=self.readout)
+        return replace(
+            self.network,
+            populations=populations,
+            projections=self.projections,
+            readout=self.readout,
+        )
 
     def population(self, name: str) -> QuantizedPopulation:
         """Return a population by name."""

@@ -29,7 +29,9 @@ def network_text(network: Network) -> str:
 
 def quantized_text(quantized: QuantizedNetwork) -> str:
     """Return the text of a QuantizedNetwork."""
-    return _LEVELS.piece("quantized", quantized, populations=[_integers(q) for q in quantized.populations])
+    return _LEVELS.piece(
+        "quantized", quantized, populations=[_integers(q) for q in quantized.populations]
+    )
 
 
 def _view(view: InputView, network: Network) -> dict[str, Any]:
@@ -39,7 +41,11 @@ def _view(view: InputView, network: Network) -> dict[str, Any]:
 
 def _integers(q: QuantizedPopulation) -> dict[str, Any]:
     text = neuron_text(q.neuron, q.population.axis)
-    fit = q.fit and {"strategy": q.strategy, "own": None if q.fit.refractory_max is None else q.fit, **vars(q.fit)}
+    fit = q.fit and {
+        "strategy": q.strategy,
+        "own": None if q.fit.refractory_max is None else q.fit,
+        **vars(q.fit),
+    }
     return {"name": q.population.name, "text": text, "scale": q.scale, "fit": fit}
 
 
@@ -67,7 +73,9 @@ def _decays_text(n: Leaky | ChipNeuron) -> str:
 
 def _refractory_text(part: Refractory) -> str:
     taps = zip(part.delay.tolist(), part.mantissa, part.exponent.tolist(), strict=True)
-    weights = [(f"{array_text(mantissa)} * 2^{exponent}", delay) for delay, mantissa, exponent in taps]
+    weights = [
+        (f"{array_text(mantissa)} * 2^{exponent}", delay) for delay, mantissa, exponent in taps
+    ]
     if part.decay is not None:
         return f"refractory dendrite of decay {array_text(part.decay)} and weight {weights[0][0]}"
     after = [f"{weight} after {delay}" for weight, delay in weights]
@@ -76,7 +84,9 @@ def _refractory_text(part: Refractory) -> str:
 
 def _matrix_text(m: Matrix) -> str:
     values = values_of(m)
-    return (f"{counted(len(values), 'entry', 'entries')} " if values.ndim == 1 else "") + array_text(values)
+    return (
+        f"{counted(len(values), 'entry', 'entries')} " if values.ndim == 1 else ""
+    ) + array_text(values)
 
 
 def _delay_text(delay: int | IntArray) -> str:

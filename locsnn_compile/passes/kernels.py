@@ -76,15 +76,23 @@ def two_decays(tau: float, where: str) -> Decays:
         return nearest
     a, c = alpha_recursion(tau)
     exact = DECAY_ONE * (1.0 - a)
-    grid = np.meshgrid(np.arange(2 * SPREAD + 1), math.floor(2 * exact) + np.arange(-4, 6), indexing="ij")
+    grid = np.meshgrid(
+        np.arange(2 * SPREAD + 1), math.floor(2 * exact) + np.arange(-4, 6), indexing="ij"
+    )
     apart, total = (axis.ravel() for axis in grid)
     here = (apart + total) % 2 == 0
     u, v = (total[here] - apart[here]) // 2, (total[here] + apart[here]) // 2
     held = (u >= 1) & (v <= DECAY_ONE)
     u, v = u[held], v[held]
-    keep_u, keep_v, keep = (DECAY_ONE - u) / DECAY_ONE, (DECAY_ONE - v) / DECAY_ONE, np.full(len(u), a)
+    keep_u, keep_v, keep = (
+        (DECAY_ONE - u) / DECAY_ONE,
+        (DECAY_ONE - v) / DECAY_ONE,
+        np.full(len(u), a),
+    )
     own, cross = _overlap(keep_u, keep_v, keep_u, keep_v), c * _overlap(keep, keep, keep_u, keep_v)
-    errors = np.sqrt(np.maximum(0.0, 1.0 - cross**2 / (own * c * c * _overlap(keep, keep, keep, keep))))
+    errors = np.sqrt(
+        np.maximum(0.0, 1.0 - cross**2 / (own * c * c * _overlap(keep, keep, keep, keep)))
+    )
     best = int(np.argmin(np.round(errors, 9)))
     return Decays(int(u[best]), int(v[best]), float(cross[best] / own[best]), float(errors[best]))
 
@@ -94,7 +102,9 @@ def nearest_decays(fractions: FloatArray, where: str) -> IntArray:
     decays = np.rint(fractions * DECAY_ONE).astype(np.int64)
     lost = fractions[(decays == 0) & (fractions > 0)]
     if len(lost):
-        raise _never_fades(where, f"{lost[0]:g} lost in a step against at least {0.5 / DECAY_ONE:.3g}")
+        raise _never_fades(
+            where, f"{lost[0]:g} lost in a step against at least {0.5 / DECAY_ONE:.3g}"
+        )
     return decays
 
 
@@ -102,7 +112,11 @@ def rounded_decays(neuron: Leaky, where: str) -> tuple[IntArray, IntArray, Float
     """Return the nearest ``decay_u`` and ``decay_v``, and their best gain; each (n,)."""
     decay_u = nearest_decays(neuron.decay_u, f"{where}: decay_u")
     decay_v = nearest_decays(neuron.decay_v, f"{where}: decay_v")
-    return decay_u, decay_v, best_gain(1 - neuron.decay_u, 1 - neuron.decay_v, keeps(decay_u), keeps(decay_v))
+    return (
+        decay_u,
+        decay_v,
+        best_gain(1 - neuron.decay_u, 1 - neuron.decay_v, keeps(decay_u), keeps(decay_v)),
+    )
 
 
 def best_gain(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> FloatArray:
@@ -146,7 +160,9 @@ def _energy(r: float) -> float:
 
 def _never_fades(where: str, measured: str) -> TargetError:
     what = "the decay rounds to 0, so the potential would never decay"
-    return TargetError(where, what, measured=measured, fix="Use a shorter time constant or a longer step.")
+    return TargetError(
+        where, what, measured=measured, fix="Use a shorter time constant or a longer step."
+    )
 
 
 LENGTHS = 12
@@ -169,7 +185,9 @@ def _(neuron: Cuba, scaled: Scaled, registers: Registers) -> KernelFit:
 
 @kernel_fit.register
 def _(neuron: SoftCuba, scaled: Scaled, registers: Registers) -> KernelFit:
-    return KernelFit(*_leaky_input(neuron, scaled, registers), *_soft_drop(neuron, scaled, registers))
+    return KernelFit(
+        *_leaky_input(neuron, scaled, registers), *_soft_drop(neuron, scaled, registers)
+    )
 
 
 @kernel_fit.register
@@ -192,7 +210,11 @@ def _soft_drop(neuron: SoftCuba, scaled: Scaled, registers: Registers) -> tuple[
     """Return the errors of the drop that a spike causes in the potential of neurons at rest."""
     lags = np.arange(_steps_of(1 - neuron.decay_v))[:, None]
     wanted = -neuron.drop * scaled.scale * (1 - neuron.decay_v) ** lags
-    return _errors(own_spike_response(scaled.neuron, registers, len(lags)), wanted, neuron.threshold * scaled.scale)
+    return _errors(
+        own_spike_response(scaled.neuron, registers, len(lags)),
+        wanted,
+        neuron.threshold * scaled.scale,
+    )
 
 
 def _leaky_input(neuron: Leaky, scaled: Scaled, registers: Registers) -> tuple[float, float]:
@@ -233,4 +255,6 @@ def _errors(found: IntArray, wanted: FloatArray, theta: FloatArray) -> tuple[flo
     size = np.where(none, theta, peak)
     difference = (found - wanted) / size
     energy = np.where(none, 1.0, ((wanted / size) ** 2).sum(axis=0))
-    return float(np.abs(difference).max()), math.sqrt(float(((difference**2).sum(axis=0) / energy).max()))
+    return float(np.abs(difference).max()), math.sqrt(
+        float(((difference**2).sum(axis=0) / energy).max())
+    )

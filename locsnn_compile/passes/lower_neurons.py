@@ -36,16 +36,27 @@ def lower_neurons(quantized: QuantizedNetwork, chip: Chip) -> CompartmentGraph:
         groups += _compartments(population, chip)
         synapses += _self_synapses(population, chip)
     for projection in quantized.projections:
-        synapses += _by_sign(projection, _entrance(quantized.population(projection.target), projection.dendrite))
+        synapses += _by_sign(
+            projection, _entrance(quantized.population(projection.target), projection.dendrite)
+        )
     graph = CompartmentGraph(
         name=network.name,
-        phases=tuple(replace(phase, steps=open_end.get(phase.axis, phase.steps)) for phase in network.phases),
-        inputs=tuple(Input(v.name, v.lines, v.phase, "touch", v.positions, v.first_lines) for v in network.views),
+        phases=tuple(
+            replace(phase, steps=open_end.get(phase.axis, phase.steps)) for phase in network.phases
+        ),
+        inputs=tuple(
+            Input(v.name, v.lines, v.phase, "touch", v.positions, v.first_lines)
+            for v in network.views
+        ),
         groups=tuple(groups),
         synapses=tuple(synapses),
         readout=quantized.readout,
         synapses_pruned=quantized.weights_pruned,
-        provenance={"model": network.name, "model_sha256": network.sha256, "strategy": quantized.strategy},
+        provenance={
+            "model": network.name,
+            "model_sha256": network.sha256,
+            "strategy": quantized.strategy,
+        },
         apart=tuple(member.name for member in network.members),
     )
     check_graph(graph, chip)
@@ -66,17 +77,29 @@ def dendrite_name(population: str, kind: str, number: int) -> str:
 def _compartments(q: QuantizedPopulation, chip: Chip) -> list[Compartments]:
     """Return a population's groups. A soma with dendrites keeps nothing (decays 4096), so its reset is harmless."""
     population, neuron, last = q.population, q.neuron, chip.registers.voltage_max
-    usual: dict[str, Any] = {"bias_mantissa": 0, "bias_exponent": 0, "refractory": 1, "vmin": -last, "vmax": last}
+    usual: dict[str, Any] = {
+        "bias_mantissa": 0,
+        "bias_exponent": 0,
+        "refractory": 1,
+        "vmin": -last,
+        "vmax": last,
+    }
 
     def group(name: str, decays: tuple[IntArray, IntArray], **own: Any) -> Compartments:
-        return Compartments(name, population.phase, population.size, *decays, neuron.threshold, **usual | own)
+        return Compartments(
+            name, population.phase, population.size, *decays, neuron.threshold, **usual | own
+        )
 
     all_lost = np.full(population.size, DECAY_ONE)
     soma = (all_lost, all_lost) if neuron.parts else (neuron.decay_u, neuron.decay_v)
     found = [group(population.name, soma, **neuron.registers)]
     for number in range(neuron.dendrites):
         for kind, decays in neuron.parts.items():
-            found.append(group(dendrite_name(population.name, kind, number), decays, joined_to=population.name))
+            found.append(
+                group(
+                    dendrite_name(population.name, kind, number), decays, joined_to=population.name
+                )
+            )
     return found
 
 
@@ -107,7 +130,9 @@ def _own_synapses(
     if weight_grid(bits, sign_mode).off_grid(mantissa).any():
         bits = WEIGHT_BITS[-1]
     exponent = int(taps.exponent[tap[0]])
-    return Synapses(name, target, neuron, neuron, mantissa, taps.delay[tap], exponent, bits, sign_mode)
+    return Synapses(
+        name, target, neuron, neuron, mantissa, taps.delay[tap], exponent, bits, sign_mode
+    )
 
 
 def _by_sign(p: ChipProjection, target_group: str) -> list[Synapses]:
@@ -116,11 +141,23 @@ def _by_sign(p: ChipProjection, target_group: str) -> list[Synapses]:
     mantissa = values_of(p.mantissa).ravel()[index]
     delay = np.broadcast_to(p.delay, values_of(p.mantissa).shape).ravel()[index]
     kinds: dict[SignMode, BoolArray] = (
-        {"mixed": mantissa != 0} if p.signs == "mixed" else {"excitatory": mantissa > 0, "inhibitory": mantissa < 0}
+        {"mixed": mantissa != 0}
+        if p.signs == "mixed"
+        else {"excitatory": mantissa > 0, "inhibitory": mantissa < 0}
     )
     bits, e = p.weight_bits, p.exponent
     return [
-        Synapses(p.source, target_group, source[here], target[here], mantissa[here], delay[here], e, bits, mode)
+        Synapses(
+            p.source,
+            target_group,
+            source[here],
+            target[here],
+            mantissa[here],
+            delay[here],
+            e,
+            bits,
+            mode,
+        )
         for mode, here in kinds.items()
         if here.any()
     ]

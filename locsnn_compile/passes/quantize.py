@@ -21,7 +21,13 @@ from locsnn_compile.errors import InputError, TargetError
 from locsnn_compile.network.chip_neurons import ChipNeuron
 from locsnn_compile.network.network import Network, Population
 from locsnn_compile.network.neurons import Cuba, Leaky, Neuron, SoftCuba, SrmAlpha
-from locsnn_compile.network.projections import ChipProjection, Projection, of_target, values_of, with_values
+from locsnn_compile.network.projections import (
+    ChipProjection,
+    Projection,
+    of_target,
+    values_of,
+    with_values,
+)
 from locsnn_compile.network.quantized import QuantizedNetwork, QuantizedPopulation
 from locsnn_compile.passes.cuba.quantize import quantize_cuba, quantize_soft
 from locsnn_compile.passes.kernels import kernel, kernel_fit
@@ -53,7 +59,9 @@ def quantize(
         if isinstance(neuron, ChipNeuron):
             if population.name not in network.readout.from_step:
                 _check_voltage(population, neuron, chip)
-            populations.append(QuantizedPopulation(population, neuron, np.ones(population.size), None))
+            populations.append(
+                QuantizedPopulation(population, neuron, np.ones(population.size), None)
+            )
             rounded = [[p] for p in incoming if isinstance(p, ChipProjection)]
         else:
             floats = tuple(p for p in incoming if isinstance(p, Projection))
@@ -64,7 +72,9 @@ def quantize(
             populations.append(QuantizedPopulation(population, scaled.neuron, scaled.scale, fit))
             check_heard(task, rounded, network.steps_of(population.phase))
         # Count the weights of which no part is left.
-        whole = [np.sum([np.abs(values_of(p.mantissa)) for p in parts], axis=0) for parts in rounded]
+        whole = [
+            np.sum([np.abs(values_of(p.mantissa)) for p in parts], axis=0) for parts in rounded
+        ]
         pruned += sum(int((left == 0).sum()) for left in whole)
         projections += [part for of_one in rounded for part in of_one]
     return QuantizedNetwork(network, tuple(populations), tuple(projections), pruned)
@@ -126,7 +136,9 @@ def weight_bits_of(chip: Chip, asked: int | None) -> int:
     if asked not in widths:
         measured = f"{chip.name} has weight_bits_max {chip.registers.weight_bits_max}"
         fix = f"Ask for {widths[-1]}, or leave it out."
-        raise TargetError("--weight-bits", f"weights of {asked} bits are too wide", measured=measured, fix=fix)
+        raise TargetError(
+            "--weight-bits", f"weights of {asked} bits are too wide", measured=measured, fix=fix
+        )
     return asked
 
 
@@ -134,8 +146,12 @@ def _nearest(p: Projection, scaled: Scaled, grid: WeightGrid) -> ChipProjection:
     """Round a projection onto the grid of its format, magnitudes and signs separately."""
     values = values_of(p.weights)
     factor = of_target(p.weights, scaled.gain * scaled.scale / (64 * 2**scaled.exponent))
-    mantissa = with_values(p.weights, np.sign(values).astype(np.int64) * grid.round(np.abs(values) * factor))
-    return ChipProjection(p.source, p.target, mantissa, scaled.exponent, grid.weight_bits, delay=p.delay)
+    mantissa = with_values(
+        p.weights, np.sign(values).astype(np.int64) * grid.round(np.abs(values) * factor)
+    )
+    return ChipProjection(
+        p.source, p.target, mantissa, scaled.exponent, grid.weight_bits, delay=p.delay
+    )
 
 
 def check_heard(task: Task, rounded: Iterable[Iterable[ChipProjection]], steps: int) -> None:
@@ -146,7 +162,12 @@ def check_heard(task: Task, rounded: Iterable[Iterable[ChipProjection]], steps: 
     reached = float((task.largest * answer).max())
     if reached >= 1:
         measured = f"one input that spikes in every step could reach {reached:.3g} thresholds"
-        raise TargetError(task.where, "every weight rounds to 0, so no input reaches it", measured=measured, fix=fix)
+        raise TargetError(
+            task.where,
+            "every weight rounds to 0, so no input reaches it",
+            measured=measured,
+            fix=fix,
+        )
 
 
 @singledispatch

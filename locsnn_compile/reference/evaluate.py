@@ -33,7 +33,9 @@ class NeuronSteps(Protocol):
 
 
 @singledispatch
-def steps_of(neuron: Neuron, batch: int, size: int, registers: Registers | None = None) -> NeuronSteps:
+def steps_of(
+    neuron: Neuron, batch: int, size: int, registers: Registers | None = None
+) -> NeuronSteps:
     """Return neurons at rest, as registered for their model; on-grid neurons wrap and clip in ``registers``."""
     fix = "Register its state with locsnn_compile.reference.evaluate.steps_of."
     raise InputError(f"neuron {type(neuron).__name__}", "nothing says how it steps", fix=fix)
@@ -65,7 +67,11 @@ class ReferenceResult(Frozen, eq=False):
 
 
 def evaluate(
-    network: Network, recordings: ByteArray, *, potentials: bool = False, registers: Registers | None = None
+    network: Network,
+    recordings: ByteArray,
+    *,
+    potentials: bool = False,
+    registers: Registers | None = None,
 ) -> ReferenceResult:
     """Evaluate recordings (batch, steps, channels) with the network's own steps and channels.
 
@@ -84,8 +90,13 @@ def evaluate(
 def evaluation_order(network: Network) -> list[tuple[Population, ...]]:
     """Return the populations, sources first; populations in a circle are together, in network order."""
     number = {population.name: i for i, population in enumerate(network.populations)}
-    edges = [(number[p.source], number[p.target]) for p in network.projections if p.source in number]
-    return [tuple(network.populations[i] for i in circle) for circle in sources_first(len(number), edges)]
+    edges = [
+        (number[p.source], number[p.target]) for p in network.projections if p.source in number
+    ]
+    return [
+        tuple(network.populations[i] for i in circle)
+        for circle in sources_first(len(number), edges)
+    ]
 
 
 def _evaluate_together(
@@ -98,7 +109,9 @@ def _evaluate_together(
 ) -> None:
     """Step populations that depend on each other; add their spikes, and the potentials of those in ``wanted``."""
     batch = len(next(iter(spikes.values())))
-    steps = next(spikes[view.name].shape[1] for view in network.views if view.phase == together[0].phase)
+    steps = next(
+        spikes[view.name].shape[1] for view in network.views if view.phase == together[0].phase
+    )
     names = {population.name for population in together}
     arriving: dict[str, Potentials] = {}
     inner: list[tuple[str, Potentials, int, Matrix]] = []
@@ -109,7 +122,11 @@ def _evaluate_together(
         for projection in network.into(population.name):
             first = population.size * projection.dendrite
             entrance = arriving[population.name][:, :, first : first + population.size]
-            whole = effective_weights(projection) if isinstance(projection, ChipProjection) else projection.weights
+            whole = (
+                effective_weights(projection)
+                if isinstance(projection, ChipProjection)
+                else projection.weights
+            )
             for delay, weights in by_delay(whole, projection.delay):
                 if projection.source in names:
                     inner.append((projection.source, entrance, delay, weights))
@@ -134,7 +151,11 @@ def _evaluate_together(
 
 def score_spread(network: Network, recordings: Recordings) -> float:
     """Return the mean standard deviation of class scores on recordings."""
-    return float(evaluate(network, network.fit(recordings.spikes, recordings.source)).scores.std(axis=1).mean())
+    return float(
+        evaluate(network, network.fit(recordings.spikes, recordings.source))
+        .scores.std(axis=1)
+        .mean()
+    )
 
 
 SAMPLES = 256
@@ -158,6 +179,11 @@ def calibrate(network: Network, recordings: Recordings, registers: Registers) ->
     played = network.fit(recordings.spikes[chosen], recordings.source)
     parts = (played[start : start + CHUNK] for start in range(0, len(played), CHUNK))
     chunks = [evaluate(network, part, potentials=True, registers=registers) for part in parts]
-    spikes = {name: np.concatenate([chunk.spikes[name] for chunk in chunks]) for name in chunks[0].spikes}
-    potential = {name: np.concatenate([chunk.potential[name] for chunk in chunks]) for name in chunks[0].potential}
+    spikes = {
+        name: np.concatenate([chunk.spikes[name] for chunk in chunks]) for name in chunks[0].spikes
+    }
+    potential = {
+        name: np.concatenate([chunk.potential[name] for chunk in chunks])
+        for name in chunks[0].potential
+    }
     return Calibration(len(played), recordings.source, spikes, potential)

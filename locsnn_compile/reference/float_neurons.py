@@ -17,12 +17,16 @@ class SrmSteps:
     c = e * a / tau.
     """
 
-    def __init__(self, neuron: SrmAlpha, batch: int, size: int, registers: Registers | None = None) -> None:
+    def __init__(
+        self, neuron: SrmAlpha, batch: int, size: int, registers: Registers | None = None
+    ) -> None:
         self._theta = neuron.theta
         self._a, self._gain = alpha_recursion(neuron.tau_sr)
         own = -neuron.scale_ref * neuron.theta
         self._refractory_a, self._refractory_gain = alpha_recursion(neuron.tau_ref, own)
-        self._current, self._response, self._refractory_current, self._refractory = np.zeros((4, batch, size))
+        self._current, self._response, self._refractory_current, self._refractory = np.zeros(
+            (4, batch, size)
+        )
         self._fired = np.zeros((batch, size), dtype=np.bool_)
         taps = (neuron.eps_taps, self._a), (neuron.nu_taps, self._refractory_a)
         self._cuts = [None if math.isinf(count) else _Cut(int(count), a) for count, a in taps]
@@ -67,7 +71,9 @@ class _Cut:
 class CubaSteps:
     """Leaky integrate-and-fire neurons (batch, n) with a current and a reset to zero."""
 
-    def __init__(self, neuron: Cuba, batch: int, size: int, registers: Registers | None = None) -> None:
+    def __init__(
+        self, neuron: Cuba, batch: int, size: int, registers: Registers | None = None
+    ) -> None:
         self._neuron = neuron
         self._current, self._voltage = np.zeros((2, batch, size))
         self._blocked = np.zeros((batch, size), dtype=np.int64)
@@ -88,7 +94,9 @@ class CubaSteps:
 class SoftCubaSteps:
     """Leaky integrate-and-fire neurons (batch, n) with a current, from which a spike takes its drop."""
 
-    def __init__(self, neuron: SoftCuba, batch: int, size: int, registers: Registers | None = None) -> None:
+    def __init__(
+        self, neuron: SoftCuba, batch: int, size: int, registers: Registers | None = None
+    ) -> None:
         self._neuron = neuron
         self._current, self._voltage = np.zeros((2, batch, size))
         self._fired = np.zeros((batch, size), dtype=np.bool_)

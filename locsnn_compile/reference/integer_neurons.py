@@ -23,30 +23,40 @@ def kept(x: IntArray, decay: IntArray | int) -> IntArray:
 
 def effective(mantissa: IntArray, exponent: int | IntArray) -> IntArray:
     """Return 64 * floor(mantissa * 2^exponent)."""
-    return np.floor(np.ldexp(np.asarray(mantissa, dtype=np.float64), exponent)).astype(np.int64) * 64
+    return (
+        np.floor(np.ldexp(np.asarray(mantissa, dtype=np.float64), exponent)).astype(np.int64) * 64
+    )
 
 
 def effective_weights(projection: ChipProjection) -> Matrix:
     """Return a projection's effective weights, int64, in the form of its mantissas."""
-    return with_values(projection.mantissa, effective(values_of(projection.mantissa), projection.exponent))
+    return with_values(
+        projection.mantissa, effective(values_of(projection.mantissa), projection.exponent)
+    )
 
 
 class Filter:
     """Current and voltage of compartments (batch, n) that never spike and are never reset."""
 
-    def __init__(self, decay_u: IntArray, decay_v: IntArray, registers: Registers, batch: int) -> None:
+    def __init__(
+        self, decay_u: IntArray, decay_v: IntArray, registers: Registers, batch: int
+    ) -> None:
         self._decay_u, self._decay_v, self._registers = decay_u, decay_v, registers
         self._u, self.v = np.zeros((2, batch, len(decay_u)), dtype=np.int64)
 
     def step(self, charge: IntArray) -> IntArray:
         """Take the charge that arrives, (batch, n); return v."""
         r = self._registers
-        self._u = _wrapped(kept(self._u, self._decay_u) + _wrapped(charge, r.charge_bits), r.current_bits)
+        self._u = _wrapped(
+            kept(self._u, self._decay_u) + _wrapped(charge, r.charge_bits), r.current_bits
+        )
         self.v = _clipped(kept(self.v, self._decay_v) + self._u, r)
         return self.v
 
 
-def input_response(neuron: ChipNeuron, charge: IntArray, registers: Registers, steps: int) -> IntArray:
+def input_response(
+    neuron: ChipNeuron, charge: IntArray, registers: Registers, steps: int
+) -> IntArray:
     """Return the voltage (steps, n), without bias or spikes, after a charge (n,) in the first step only.
 
     Several dendrites share the charge, and their voltages add up.
@@ -64,10 +74,14 @@ class ChipSrmSteps:
     def __init__(self, neuron: ChipSrm, batch: int, size: int, registers: Registers) -> None:
         self._threshold, self._registers = 64 * neuron.threshold, registers
         self._dendrites, own = neuron.dendrites, neuron.refractory
-        decay_u, decay_v = (np.tile(decay, neuron.dendrites) for decay in (neuron.decay_u, neuron.decay_v))
+        decay_u, decay_v = (
+            np.tile(decay, neuron.dendrites) for decay in (neuron.decay_u, neuron.decay_v)
+        )
         self._alpha = Filter(decay_u, decay_v, registers, batch)
         self._pull = None if own.decay is None else Filter(own.decay, own.decay, registers, batch)
-        self._taps = list(zip(own.delay, effective(own.mantissa, own.exponent[:, None]), strict=True))
+        self._taps = list(
+            zip(own.delay, effective(own.mantissa, own.exponent[:, None]), strict=True)
+        )
         self.fired = np.zeros((batch, size), dtype=np.bool_)
         length = int(own.delay.max(initial=0)) + 1
         self._past = deque([np.zeros_like(self.fired)] * length, maxlen=length)
@@ -129,7 +143,9 @@ class ChipCubaSteps:
     def step(self, arriving: IntArray) -> tuple[BoolArray, IntArray]:
         """Take the charge that arrives, (batch, n); return spikes and the potential before the reset."""
         n, r = self._neuron, self._registers
-        self.u = _wrapped(kept(self.u, n.decay_u) + _wrapped(arriving, r.charge_bits), r.current_bits)
+        self.u = _wrapped(
+            kept(self.u, n.decay_u) + _wrapped(arriving, r.charge_bits), r.current_bits
+        )
         drive = _wrapped(self.u + self._bias, r.current_bits)
         held = self.blocked > 0
         potential = np.where(held, 0, _clipped(kept(self.v, n.decay_v) + drive, r))
@@ -149,4 +165,6 @@ def _wrapped(x: IntArray, bits: int) -> IntArray:
 
 def _clipped(x: IntArray, registers: Registers) -> IntArray:
     """Clip x to the voltage register, and return it."""
-    return np.minimum(np.maximum(x, -registers.voltage_max, out=x), registers.voltage_max, out=x)  # faster than np.clip
+    return np.minimum(
+        np.maximum(x, -registers.voltage_max, out=x), registers.voltage_max, out=x
+    )  # faster than np.clip

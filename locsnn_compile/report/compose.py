@@ -40,12 +40,18 @@ def compose(document: Document, excerpt: Excerpt | None = None) -> Report:
     strategies = document["strategy"].split(", ")
     called = "strategy" if len(strategies) == 1 else "strategies"
     options = f"{document['weight_bits']}-bit weights, {called} {listed(strategies)}"
-    names = (shortened(name, LONGEST_NAME) for name in (document["model"]["name"], document["target"]))
+    names = (
+        shortened(name, LONGEST_NAME) for name in (document["model"]["name"], document["target"])
+    )
     return Report(
         kind="locsnn-compile report",
         title=" on ".join(names),
         subtitle=f"{options}, {plural(match['samples'], 'recording')} of {match['events_source']}",
-        verdicts=(matches(document), costs(document) if priced else cost.cycles(document), fits(document)),
+        verdicts=(
+            matches(document),
+            costs(document) if priced else cost.cycles(document),
+            fits(document),
+        ),
         notices=notices(document),
         sections=tuple(section for section in sections if section),
         footer="Per recording means the mean over the recordings of the check, unless a range is given.",

@@ -57,7 +57,11 @@ def share(value: float) -> str:
     decimals = max(1, 1 - math.floor(math.log10(nearer)))
     if decimals > _MOST_DECIMALS:
         end = 10.0**-_MOST_DECIMALS
-        return f"> {100 - end:.{_MOST_DECIMALS}f} %" if percent > 50 else f"< {end:.{_MOST_DECIMALS}f} %"
+        return (
+            f"> {100 - end:.{_MOST_DECIMALS}f} %"
+            if percent > 50
+            else f"< {end:.{_MOST_DECIMALS}f} %"
+        )
     return f"{percent:.{decimals}f} %"
 
 

@@ -32,26 +32,40 @@ def check_gates(report: Document, bounds: Mapping[str, float]) -> tuple[Gate, ..
 
 def _gate(option: str, report: Document, bound: float) -> Gate:
     rule = texts("gates", option)
-    found: list[Any] = [reduce(getitem, rule[key].split("."), report) for key in ("figure", "needs") if key in rule]
+    found: list[Any] = [
+        reduce(getitem, rule[key].split("."), report) for key in ("figure", "needs") if key in rule
+    ]
     if (value := found[0]) is None or False in found[1:]:
         return Gate(option, bound, None, False, rule["unknown"])
-    value = rule["whole"] - value if "whole" in rule else value / rule["per"] if "per" in rule else value
+    value = (
+        rule["whole"] - value
+        if "whole" in rule
+        else value / rule["per"]
+        if "per" in rule
+        else value
+    )
     at_least = "at_least" in rule
     holds = value >= bound if at_least else within(value, bound)
     side = ("not below" if holds else "below") if at_least else ("not above" if holds else "above")
-    return Gate(option, bound, value, holds, f"{fill(rule['said'], {'value': value})}, {side} {bound:g}")
+    return Gate(
+        option, bound, value, holds, f"{fill(rule['said'], {'value': value})}, {side} {bound:g}"
+    )
 
 
 def gates_entry(gates: Sequence[Gate]) -> list[Document]:
     """Return ``gates`` of report.json."""
     return [
-        {"name": gate.option, "bound": gate.bound, "measured": gate.measured, "passed": gate.holds} for gate in gates
+        {"name": gate.option, "bound": gate.bound, "measured": gate.measured, "passed": gate.holds}
+        for gate in gates
     ]
 
 
 def junit_file(gates: Sequence[Gate], build: str) -> bytes:
     """Return JUnit XML: a test case per gate, of class ``build``; it has no times, so equal builds give equal bytes."""
-    cases = [{"build": build, "option": gate.option, "held" if gate.holds else "failed": gate.found} for gate in gates]
+    cases = [
+        {"build": build, "option": gate.option, "held" if gate.holds else "failed": gate.found}
+        for gate in gates
+    ]
     usual = {"held": None, "failed": None}
     failures = sum(not gate.holds for gate in gates)
     given = {"tests": len(gates), "failures": failures, "gates": [usual | case for case in cases]}

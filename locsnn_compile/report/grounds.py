@@ -25,7 +25,12 @@ class Grounds(Frozen):
 
 
 def grounds_of(
-    network: Network, recordings: Recordings, calibration: Recordings, registers: Registers, *, chosen: bool = False
+    network: Network,
+    recordings: Recordings,
+    calibration: Recordings,
+    registers: Registers,
+    *,
+    chosen: bool = False,
 ) -> Grounds:
     """Return the grounds of a check of ``network`` on ``recordings``, its weights rounded on ``calibration``.
 
@@ -34,11 +39,17 @@ def grounds_of(
     # The bins of made-up recordings say nothing about a sensor.
     of_bins = None if recordings.origin == "made up" else recordings.step_seconds
     known = of_bins if network.step_seconds is None else network.step_seconds
-    rest = (*_of_registers(network, registers), *_of_recordings(network, recordings), *_of_step(network, known))
+    rest = (
+        *_of_registers(network, registers),
+        *_of_recordings(network, recordings),
+        *_of_step(network, known),
+    )
     # The weights of neurons that no strategy lowers round alike for any recordings.
     suits = network.by_strategy or chosen
     last = tuple(_of_calibration(recordings, calibration)) if suits else ()
-    return Grounds(known, recordings.origin, (*network.assumptions, *rest, *last), recordings.binned)
+    return Grounds(
+        known, recordings.origin, (*network.assumptions, *rest, *last), recordings.binned
+    )
 
 
 def _of_registers(network: Network, registers: Registers) -> Iterator[str]:
@@ -46,7 +57,12 @@ def _of_registers(network: Network, registers: Registers) -> Iterator[str]:
     here = (registers.charge_bits, registers.current_bits, registers.voltage_bits)
     for chip, bits in network.trained_on.items():
         if bits != here:
-            yield sentence("other registers", chip=chip, bits=listed([*map(str, bits)]), here=listed([*map(str, here)]))
+            yield sentence(
+                "other registers",
+                chip=chip,
+                bits=listed([*map(str, bits)]),
+                here=listed([*map(str, here)]),
+            )
 
 
 def _of_recordings(network: Network, recordings: Recordings) -> Iterator[str]:

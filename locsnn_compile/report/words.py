@@ -9,7 +9,17 @@ from typing import Any
 from hw_model.errors import listed as listed
 from hw_model.texts.templates import Filler, yaml_table
 from locsnn_compile.report import format as numbers
-from locsnn_compile.report.content import Bar, Block, Fact, Facts, Notice, Section, Status, Table, Verdict
+from locsnn_compile.report.content import (
+    Bar,
+    Block,
+    Fact,
+    Facts,
+    Notice,
+    Section,
+    Status,
+    Table,
+    Verdict,
+)
 from locsnn_compile.report.format import SILENT, time
 
 ASSUMED = "What was assumed:"
@@ -41,7 +51,9 @@ def stage_words(stage: str) -> str:
 def no_spikes(match: Mapping[str, Any], population: str) -> str:
     """Return the word for the equal spikes of a population without any spikes."""
     readout = match["readout"]
-    by_potential = readout.get("potentials_of", readout["populations"] if readout["by"] == "potentials" else ())
+    by_potential = readout.get(
+        "potentials_of", readout["populations"] if readout["by"] == "potentials" else ()
+    )
     return "read by potential" if population in by_potential else SILENT
 
 
@@ -70,7 +82,18 @@ def core_words(row: Mapping[str, Any]) -> str:
     return f"core {row['core']}, {words(row['phase'])}"
 
 
-_OF_NUMBERS = ("any_value", "count", "energy", "memory", "plural", "points", "ratio", "share", "short", "time")
+_OF_NUMBERS = (
+    "any_value",
+    "count",
+    "energy",
+    "memory",
+    "plural",
+    "points",
+    "ratio",
+    "share",
+    "short",
+    "time",
+)
 SHOWN: Mapping[str, Callable[..., str]] = {name: getattr(numbers, name) for name in _OF_NUMBERS} | {
     "percent": percent,
     "seconds": seconds,
@@ -83,7 +106,9 @@ fill = Filler(SHOWN).fill
 def section(key: str, *blocks: Block | None, called: str | None = None, **given: Any) -> Section:
     """Return a section with the blocks that are not None or empty, in the words for its key, or for ``called``."""
     said = texts("sections", called or key)
-    return Section(key, said["title"], fill(said["lead"], given), tuple(block for block in blocks if block))
+    return Section(
+        key, said["title"], fill(said["lead"], given), tuple(block for block in blocks if block)
+    )
 
 
 def facts(name: str, /, **given: Any) -> Facts:
@@ -121,12 +146,18 @@ def table(
     """
     said = texts("tables", name)
     if isinstance(rows, Mapping):
-        rows = ({"name": name, **(row if isinstance(row, Mapping) else {"value": row})} for name, row in rows.items())
+        rows = (
+            {"name": name, **(row if isinstance(row, Mapping) else {"value": row})}
+            for name, row in rows.items()
+        )
     named: dict[str, str] = {}
     for heading, text in said["columns"].items():
         named |= columns or {} if heading == "*" else {fill(heading, given): text}
     made = (
-        tuple(fill(text, row) if head else Bar(row["drawn"], fill(text, row)) for head, text in named.items())
+        tuple(
+            fill(text, row) if head else Bar(row["drawn"], fill(text, row))
+            for head, text in named.items()
+        )
         for row in rows
     )
     return Table(fill(said["caption"], given), tuple(named), tuple(made), total, folded)

@@ -31,7 +31,10 @@ SOURCES: tuple[Source, ...] = get_args(Source)
 
 
 def error_bound(
-    numbers: Numbers, population: str, lines: Mapping[str, ByteArray], spikes: Mapping[str, ByteArray]
+    numbers: Numbers,
+    population: str,
+    lines: Mapping[str, ByteArray],
+    spikes: Mapping[str, ByteArray],
 ) -> dict[Source, FloatArray]:
     """Bound the error of a population's potential if ``lines`` and ``spikes`` (batch, steps, n), by name, are sent.
 
@@ -42,7 +45,11 @@ def error_bound(
     batch, steps = spiking[population].shape[:2]
     states = {pair.exact.name: _Compartments(pair, batch, steps) for pair in numbers.groups}
     for pair in numbers.synapses:
-        state, played, delay = states[pair.exact.target], spiking[pair.exact.source], pair.exact.delay
+        state, played, delay = (
+            states[pair.exact.target],
+            spiking[pair.exact.source],
+            pair.exact.delay,
+        )
         due = played[:, : max(0, steps - 1 - delay)].astype(np.float64)
         for into, matrix in (
             (state.charge, pair.exact.weights),
@@ -50,7 +57,9 @@ def error_bound(
             (state.rounding[1], _apart(pair.exact_fitted, pair.exact.weights)),
         ):
             # Weights (n,) connect neurons of the same number.
-            into[:, 1 + delay :] += due * matrix if matrix.ndim == 1 else [sent @ matrix.T for sent in due]
+            into[:, 1 + delay :] += (
+                due * matrix if matrix.ndim == 1 else [sent @ matrix.T for sent in due]
+            )
     found = np.zeros((len(SOURCES), *spikes[population].shape))
     for step in range(steps):
         for state in states.values():
@@ -77,7 +86,9 @@ class _Compartments:
         self._blocked = np.zeros((batch, n), dtype=np.int64)
         exact, chip = pair.exact, pair.chip
         fitted = exact.bias * pair.bias_ratio
-        self._bias_error = np.stack((np.abs(chip.bias - fitted), np.abs(fitted - exact.bias), np.zeros(n)))[:, None]
+        self._bias_error = np.stack(
+            (np.abs(chip.bias - fitted), np.abs(fitted - exact.bias), np.zeros(n))
+        )[:, None]
         self._cut_u, self._cut_v = (_cut(keep) for keep in (chip.keep_u, chip.keep_v))
 
     def update(self, step: int) -> None:
@@ -85,7 +96,11 @@ class _Compartments:
         self._e = self._after(self._e, self._u, chip.keep_u, exact.keep_u, self._cut_u)
         self._e[:2] += self.rounding[:, :, step]
         self._u = exact.keep_u * self._u + self.charge[:, step]
-        self.f = self._after(self.f, self._v, chip.keep_v, exact.keep_v, self._cut_v) + self._e + self._bias_error
+        self.f = (
+            self._after(self.f, self._v, chip.keep_v, exact.keep_v, self._cut_v)
+            + self._e
+            + self._bias_error
+        )
         self.f += self._joined_f
         self._v = exact.keep_v * self._v + self._u + exact.bias + self._joined
         held = self._blocked > 0
@@ -102,10 +117,14 @@ class _Compartments:
         """Reset what spiked, equally on both sides, and count refractory steps."""
         self._v[fired] = 0.0
         self.f[:, fired] = 0.0
-        self._blocked = np.where(fired, self.pair.exact.refractory - 1, np.maximum(self._blocked - 1, 0))
+        self._blocked = np.where(
+            fired, self.pair.exact.refractory - 1, np.maximum(self._blocked - 1, 0)
+        )
 
     @staticmethod
-    def _after(error: FloatArray, x: FloatArray, chip: FloatArray, exact: FloatArray, cut: FloatArray) -> FloatArray:
+    def _after(
+        error: FloatArray, x: FloatArray, chip: FloatArray, exact: FloatArray, cut: FloatArray
+    ) -> FloatArray:
         """Return the error of a register after a decay; a register at rest on both sides has nothing to cut."""
         found = chip * error
         found[1] += np.abs(chip - exact) * np.abs(x)

@@ -21,7 +21,14 @@ from locsnn_compile.settings import NATIVE
 from locsnn_compile.stress.bounds import Source, error_bound
 from locsnn_compile.stress.cases.case import POPULATION, SEED, Case, random_input
 from locsnn_compile.stress.row import Lost, Measured
-from locsnn_compile.verification.error_budget.budget import STAGES, Phase, Stage, lines_of, phases_of, twin_with
+from locsnn_compile.verification.error_budget.budget import (
+    STAGES,
+    Phase,
+    Stage,
+    lines_of,
+    phases_of,
+    twin_with,
+)
 from locsnn_compile.verification.error_budget.numbers import GroupNumbers, Numbers
 from locsnn_compile.verification.error_budget.twin import TwinTrace, run_twin
 from locsnn_compile.verification.matching import PopulationMatch
@@ -58,7 +65,9 @@ class Sides:
     def forced(self, *stages: Stage) -> FloatArray:
         """Return the potential with some stages as on the chip if the float network's spikes are sent."""
         sent = {POPULATION: self.float.spikes}
-        trace = run_twin(twin_with(self.phase, stages), self.lines, forced=sent, potentials=(POPULATION,))
+        trace = run_twin(
+            twin_with(self.phase, stages), self.lines, forced=sent, potentials=(POPULATION,)
+        )
         return trace.potential[POPULATION]
 
     def free(self) -> TwinTrace:
@@ -67,7 +76,9 @@ class Sides:
 
     def bound(self) -> dict[Source, FloatArray]:
         """Bound the error of the potential if the float network's spikes are sent, without that of the neuron model."""
-        return error_bound(self.phase.program_neurons, POPULATION, self.lines, {POPULATION: self.float.spikes})
+        return error_bound(
+            self.phase.program_neurons, POPULATION, self.lines, {POPULATION: self.float.spikes}
+        )
 
     def model_error(self) -> FloatArray:
         """Return how far the strategy's neuron model alone moves the potential, (samples, steps, n)."""
@@ -110,7 +121,9 @@ def lowered(case: Case, chip: hw.Chip, steps: int | None = None) -> Levels:
     check_network(network)
     drawn = random_input(network.steps, channels=network.channels, seed=CALIBRATION_SEED)
     recordings = Recordings(drawn, None, None, "random")
-    calibration = None if network.populations[0].on_grid else calibrate(network, recordings, chip.registers)
+    calibration = (
+        None if network.populations[0].on_grid else calibrate(network, recordings, chip.registers)
+    )
     strategy = "dendrite" if case.strategy == NATIVE else case.strategy
     wanted = network if steps is None else replace(network, steps=steps)
     return lower(wanted, chip, case.weight_bits, strategy, case.rounding, calibration)
@@ -135,7 +148,9 @@ def measure(case: Case, chip: hw.Chip) -> Measured:
         spikes=PopulationMatch.of(wanted.spikes, found.spikes[POPULATION]),
         error_thresholds=float((np.abs(chip_side - wanted.potential) / unit).max()),
         bound_thresholds=float((bound / unit).max()),
-        bound_parts_thresholds={source: float((part / unit).max()) for source, part in parts.items()},
+        bound_parts_thresholds={
+            source: float((part / unit).max()) for source, part in parts.items()
+        },
         model_error_thresholds=float((model_error / unit).max()),
         decisions=otherwise.size,
         decisions_otherwise=int(otherwise.sum()),
@@ -154,13 +169,18 @@ def measure(case: Case, chip: hw.Chip) -> Measured:
 def _lost_weights(levels: Levels, sides: Sides) -> Lost:
     """Count the weights other than 0 that are 0 on the chip, over all synapses that stand for one."""
     of = sum(int((values_of(p.held) != 0).sum()) for p in levels.network.projections)
-    inputs = [pair for pair in sides.phase.program_neurons.synapses if pair.exact.source in sides.lines]
+    inputs = [
+        pair for pair in sides.phase.program_neurons.synapses if pair.exact.source in sides.lines
+    ]
     return Lost(of - sum(int((values_of(pair.chip) != 0).sum()) for pair in inputs), of)
 
 
 def _lost_biases(levels: Levels) -> Lost:
     rounded = [q for q in levels.quantized.populations if not q.population.on_grid]
-    return Lost(sum(q.biases_lost for q in rounded), sum(int(q.population.neuron.biased.sum()) for q in rounded))
+    return Lost(
+        sum(q.biases_lost for q in rounded),
+        sum(int(q.population.neuron.biased.sum()) for q in rounded),
+    )
 
 
 def _coarse_decays(sides: Sides) -> tuple[str, ...]:
@@ -176,18 +196,25 @@ def _coarse_decays(sides: Sides) -> tuple[str, ...]:
             if abs(held - exact) > COARSE * exact:
                 way = "faster" if held > exact else "slower"
                 changed = 100 * abs(held - exact) / exact
-                found.append(f"a decay of {exact:.4g} in 4096 is {held:g}: it fades {changed:.2g} % {way}")
+                found.append(
+                    f"a decay of {exact:.4g} in 4096 is {held:g}: it fades {changed:.2g} % {way}"
+                )
     return tuple(dict.fromkeys(found))
 
 
-def _odd_one_out(levels: Levels, sides: Sides, recordings: ByteArray, found: hw.SimulationResult) -> str | None:
+def _odd_one_out(
+    levels: Levels, sides: Sides, recordings: ByteArray, found: hw.SimulationResult
+) -> str | None:
     """Name the first of four computations that differs from ``found`` by the fast engine; None if none does.
 
     The population's own integer arithmetic and the float64 twin play all recordings; the reference engine and the fast
     engine without skipping play the first.
     """
     integers = evaluate(
-        levels.quantized.on_grid(), recordings, potentials=True, registers=levels.program.chip.registers
+        levels.quantized.on_grid(),
+        recordings,
+        potentials=True,
+        registers=levels.program.chip.registers,
     )
     others: dict[str, Any] = {"the integer evaluation of the population": integers}
     others["the float64 twin of the compartments"] = sides.free()
@@ -196,7 +223,9 @@ def _odd_one_out(levels: Levels, sides: Sides, recordings: ByteArray, found: hw.
             if not np.array_equal(its[POPULATION], wanted[POPULATION]):
                 return name
     first = hw.simulate(levels.program, recordings[:1], probe=PROBES)
-    if not _same(first, hw.simulate(levels.program, recordings[:1], engine="reference", probe=PROBES)):
+    if not _same(
+        first, hw.simulate(levels.program, recordings[:1], engine="reference", probe=PROBES)
+    ):
         return "the reference engine"
     if not _same(first, hw.simulate(levels.program, recordings[:1], probe=PROBES, skip=False)):
         return "the fast engine without skipping"
@@ -206,5 +235,13 @@ def _odd_one_out(levels: Levels, sides: Sides, recordings: ByteArray, found: hw.
 def _same(one: hw.SimulationResult, other: hw.SimulationResult) -> bool:
     """Compare spikes, registers, wraps and clips by population, and all counts but skipped steps."""
     counted = [{**dict(result.counts), "skipped_steps": 0} for result in (one, other)]
-    kept = ((array, getattr(other, kind)[name]) for kind in PROBES for name, array in getattr(one, kind).items())
-    return counted[0] == counted[1] and one.events == other.events and all(np.array_equal(*both) for both in kept)
+    kept = (
+        (array, getattr(other, kind)[name])
+        for kind in PROBES
+        for name, array in getattr(one, kind).items()
+    )
+    return (
+        counted[0] == counted[1]
+        and one.events == other.events
+        and all(np.array_equal(*both) for both in kept)
+    )

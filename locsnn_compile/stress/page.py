@@ -47,7 +47,11 @@ def check_page(path: Path) -> None:
     """Refuse a page that cannot be written, before hours of work."""
     where = f"page {path.name!r}"
     if path.suffix == TABLE:
-        raise InputError(where, "the table next to the page has this name", fix="Give the page another, such as .md.")
+        raise InputError(
+            where,
+            "the table next to the page has this name",
+            fix="Give the page another, such as .md.",
+        )
     _around(path, where)
     pictures = [f"{PICTURES}/{path.stem}-{name}" for name in (*_BY_CASE, "long-runs.svg")]
     for name in () if path.exists() else (path.with_suffix(TABLE).name, *pictures):
@@ -64,7 +68,9 @@ def _around(path: Path, where: str) -> tuple[str, str]:
         page = _NEW
     except (OSError, UnicodeDecodeError) as error:
         measured = getattr(error, "strerror", "") or "not text"
-        raise InputError(where, "it cannot be read", measured=measured, fix="Give a text file.") from None
+        raise InputError(
+            where, "it cannot be read", measured=measured, fix="Give a text file."
+        ) from None
     if page.count(BEGIN) != 1 or page.count(END) != 1 or page.index(BEGIN) > page.index(END):
         fix = f"Put the lines {BEGIN} and {END} there, or give a new file."
         raise InputError(where, "it has no place for the table", fix=fix)
@@ -73,8 +79,14 @@ def _around(path: Path, where: str) -> tuple[str, str]:
 
 def _summary(rows: Sequence[Row], chip: hw.Chip) -> str:
     groups = list(dict.fromkeys(row.case.group for row in rows))
-    parts = [(text(group), [row for row in rows if row.case.group == group], LEADS[group]) for group in groups]
-    lines = [line(["group", "rows", *VERDICTS, "what it tries"]), line(["---", *["---:"] * 5, "---"])]
+    parts = [
+        (text(group), [row for row in rows if row.case.group == group], LEADS[group])
+        for group in groups
+    ]
+    lines = [
+        line(["group", "rows", *VERDICTS, "what it tries"]),
+        line(["---", *["---:"] * 5, "---"]),
+    ]
     lines += [
         line([name, count(len(part)), *map(count, by_verdict(part).values()), lead])
         for name, part, lead in [*parts, ("**all**", rows, "")]
@@ -90,23 +102,36 @@ def _pictures(rows: Sequence[Row]) -> dict[str, bytes]:
 
 
 def _by_case(
-    rows: Sequence[Row], *, title: str, group: str, x_label: str, y_log: bool, panels: Mapping[str, Any]
+    rows: Sequence[Row],
+    *,
+    title: str,
+    group: str,
+    x_label: str,
+    y_log: bool,
+    panels: Mapping[str, Any],
 ) -> bytes | None:
     its = [row for row in rows if row.case.group == group]
     curves = {
-        name: tuple(_curve(label, its, *asked) for label, asked in drawn.items()) for name, drawn in panels.items()
+        name: tuple(_curve(label, its, *asked) for label, asked in drawn.items())
+        for name, drawn in panels.items()
     }
-    return _drawn(title, [Panel(name, x_label, drawn, y_log=y_log) for name, drawn in curves.items()])
+    return _drawn(
+        title, [Panel(name, x_label, drawn, y_log=y_log) for name, drawn in curves.items()]
+    )
 
 
 def _long_runs(rows: Sequence[Row]) -> bytes | None:
     named = {
         f"{row.case.name}, {row.case.strategy}": row.drift
         for row in rows
-        if row.drift is not None and row.drift.error is not None and row.case.strategy != "delay-line"
+        if row.drift is not None
+        and row.drift.error is not None
+        and row.case.strategy != "delay-line"
     }
     errors = tuple(_by_tenth(name, drift, 1.0) for name, drift in named.items())
-    shares = tuple(_by_tenth(name, drift, drift.bound) for name, drift in named.items() if drift.bound)
+    shares = tuple(
+        _by_tenth(name, drift, drift.bound) for name, drift in named.items() if drift.bound
+    )
     panels = [
         Panel("largest error of each tenth, thresholds", "step", errors, x_log=False),
         Panel("the same, as a share of its bound", "step", shares, x_log=False, y_log=False),
@@ -118,7 +143,9 @@ def _by_tenth(name: str, drift: Drift, unit: float) -> Curve:
     """Return the errors of a long run, in a unit, at the end of each tenth."""
     assert drift.error is not None
     tenth = drift.steps / len(drift.error)
-    return Curve(name, tuple(((i + 1) * tenth, error / unit) for i, error in enumerate(drift.error)))
+    return Curve(
+        name, tuple(((i + 1) * tenth, error / unit) for i, error in enumerate(drift.error))
+    )
 
 
 def _curve(label: str, rows: Sequence[Row], strategy: str, figure: str) -> Curve:
@@ -132,4 +159,8 @@ def _curve(label: str, rows: Sequence[Row], strategy: str, figure: str) -> Curve
 
 
 def _drawn(title: str, panels: Sequence[Panel]) -> bytes | None:
-    return draw(title, panels) if any(curve.points for panel in panels for curve in panel.curves) else None
+    return (
+        draw(title, panels)
+        if any(curve.points for panel in panels for curve in panel.curves)
+        else None
+    )

@@ -24,7 +24,11 @@ VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
 SCHEMA = 1
 TENTH = 0.1
 """In thresholds: the cause of an error above it is named."""
-_ROUNDED: dict[Source, str] = {"weights": "weights", "decays": "decays", "states": "truncation of states"}
+_ROUNDED: dict[Source, str] = {
+    "weights": "weights",
+    "decays": "decays",
+    "states": "truncation of states",
+}
 _MODELS = {
     "reset": "its reset is another neuron model",
     "delay-line": "its taps are too few for what they leave in the input's filter",
@@ -130,7 +134,9 @@ def _row(row: Row, chip: hw.Chip) -> dict[str, Any]:
 
 
 def _measured(m: Measured) -> dict[str, Any]:
-    return _spikes(m.spikes) | {key: value for key, value in asdict(m).items() if key not in _FOR_THE_JUDGE}
+    return _spikes(m.spikes) | {
+        key: value for key, value in asdict(m).items() if key not in _FOR_THE_JUDGE
+    }
 
 
 def _drift(drift: Drift) -> dict[str, Any]:
@@ -178,8 +184,14 @@ def _causes(case: Case, m: Measured) -> Iterator[str]:
         yield f"{_MODELS[case.strategy]}: {short(m.model_error_thresholds)} thresholds at most"
     elif m.error_thresholds > TENTH and not m.overflowed:
         # The sources of at least a tenth of the bound.
-        large = [source for source in SOURCES if m.bound_parts_thresholds[source] >= TENTH * m.bound_thresholds]
-        parts = " and ".join(f"{short(m.bound_parts_thresholds[source])} by {_ROUNDED[source]}" for source in large)
+        large = [
+            source
+            for source in SOURCES
+            if m.bound_parts_thresholds[source] >= TENTH * m.bound_thresholds
+        ]
+        parts = " and ".join(
+            f"{short(m.bound_parts_thresholds[source])} by {_ROUNDED[source]}" for source in large
+        )
         yield f"rounding: {short(m.error_thresholds)} thresholds found, at most {parts}"
     if m.of_these_ties:
         yield f"{plural(m.of_these_ties, 'potential')} exactly at the threshold: the least rounding decides"

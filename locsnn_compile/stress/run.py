@@ -31,7 +31,9 @@ LONG_STEPS, QUICK_STEPS = 1_000_000, 10 * BLOCK
 """Steps of a long run, and of a long run in a quick run."""
 
 
-def run_stress(chip: hw.Chip, *, quick: bool = False, progress: Progress | None = None) -> tuple[Row, ...]:
+def run_stress(
+    chip: hw.Chip, *, quick: bool = False, progress: Progress | None = None
+) -> tuple[Row, ...]:
     """Return a row for each case; ``progress`` is called with (rows done, all rows)."""
     table = cases(quick=quick)
     long = [run for run in long_runs() if run.case.quick or not quick]
@@ -47,7 +49,9 @@ def run_stress(chip: hw.Chip, *, quick: bool = False, progress: Progress | None 
     for network, runs in groupby(long, key=lambda run: run.case.network):
         float_run: Float | None = None
         for run in runs:
-            float_run = float_run or play_float(network, run.block, QUICK_STEPS if quick else LONG_STEPS)
+            float_run = float_run or play_float(
+                network, run.block, QUICK_STEPS if quick else LONG_STEPS
+            )
             done(_row(run.case, partial(long_row, run, chip, float_run)))
     return tuple(rows)
 
@@ -91,14 +95,20 @@ def measure_drift(run: LongRun, chip: hw.Chip, wanted: Float) -> tuple[Drift, st
     steps = len(wanted.spikes)
     levels = lowered(run.case, chip, steps)
     played = _repeated(run.block, steps)
-    found = hw.simulate(levels.program, played, probe=("spikes", hw.Probe("potential", (POPULATION,))))
+    found = hw.simulate(
+        levels.program, played, probe=("spikes", hw.Probe("potential", (POPULATION,)))
+    )
     spikes, potential = found.spikes[POPULATION], found.potential[POPULATION]
     scale = levels.quantized.population(POPULATION).scale
     theta = run.case.network.populations[0].thresholds
     quiet: BoolArray = ~np.asarray(wanted.spikes.any(axis=0) | spikes.any(axis=0))
     parts = [slice(part[0], part[-1] + 1) for part in np.array_split(np.arange(steps), TENTHS)]
     error = [
-        float((np.abs(potential[part] / scale - wanted.potential[part]) / theta)[:, quiet].max(initial=0.0))
+        float(
+            (np.abs(potential[part] / scale - wanted.potential[part]) / theta)[:, quiet].max(
+                initial=0.0
+            )
+        )
         for part in parts
     ]
     drift = Drift(
@@ -130,7 +140,9 @@ def _bound(run: LongRun, chip: hw.Chip, quiet: BoolArray, steps: int) -> float:
     return settled * (1.0 if run.fades else steps / run.case.network.steps)
 
 
-def _session_differs(program: hw.ChipProgram, played: ByteArray, spikes: ByteArray, rows: int) -> str | None:
+def _session_differs(
+    program: hw.ChipProgram, played: ByteArray, spikes: ByteArray, rows: int
+) -> str | None:
     """Push the run to a session, ``rows`` rows at a time; say where it first counts different spikes."""
     session, counted = hw.Session(program), spikes.cumsum(axis=0, dtype=np.int64)
     for start in range(0, len(played), rows):

@@ -21,7 +21,11 @@ def epoch_generator(seed: int, *purpose: int) -> np.random.Generator:
 
 
 def batches(
-    spikes: ByteArray, labels: IntArray, config: TrainingConfig, rng: np.random.Generator, polarities: int = POLARITIES
+    spikes: ByteArray,
+    labels: IntArray,
+    config: TrainingConfig,
+    rng: np.random.Generator,
+    polarities: int = POLARITIES,
 ) -> Iterator[tuple[Float32Array, IntArray]]:
     """Yield (spikes (batch, steps, channels), labels (batch,)) of one epoch, every recording once."""
     order = rng.permutation(len(labels))
@@ -37,7 +41,9 @@ def batches(
 Spikes = Float32Array
 
 
-def augmented(spikes: Spikes, config: TrainingConfig, rng: np.random.Generator, polarities: int = POLARITIES) -> Spikes:
+def augmented(
+    spikes: Spikes, config: TrainingConfig, rng: np.random.Generator, polarities: int = POLARITIES
+) -> Spikes:
     """Return spikes with all augmentations that the configuration asks for."""
     channels, taxels = spikes.shape[2], spikes.shape[2] // polarities
     spikes = add_events(spikes, config.event_noise, rng)
@@ -51,7 +57,11 @@ def augmented(spikes: Spikes, config: TrainingConfig, rng: np.random.Generator, 
 
 
 def mix_taxels(
-    spikes: Spikes, others: Spikes, largest: float, rng: np.random.Generator, polarities: int = POLARITIES
+    spikes: Spikes,
+    others: Spikes,
+    largest: float,
+    rng: np.random.Generator,
+    polarities: int = POLARITIES,
 ) -> Spikes:
     """Take taxels with all polarities from ``others``, with a probability of 0..``largest`` for each recording."""
     return np.where(_kept(spikes, largest, rng, spikes.shape[2] // polarities), spikes, others)
@@ -62,7 +72,9 @@ def add_events(spikes: Spikes, largest: float, rng: np.random.Generator) -> Spik
     return spikes if largest == 0 else np.where(_kept(spikes, largest, rng), spikes, np.float32(1))
 
 
-def drop(spikes: Spikes, largest: float, rng: np.random.Generator, parts: int | None = None) -> Spikes:
+def drop(
+    spikes: Spikes, largest: float, rng: np.random.Generator, parts: int | None = None
+) -> Spikes:
     """Drop events, with a probability of 0..``largest`` for each recording.
 
     With ``parts``, equal parts of the channels lose all their events, such as a channel, or the polarities of a taxel.
@@ -70,7 +82,9 @@ def drop(spikes: Spikes, largest: float, rng: np.random.Generator, parts: int | 
     return spikes if largest == 0 else spikes * _kept(spikes, largest, rng, parts)
 
 
-def _kept(spikes: Spikes, largest: float, rng: np.random.Generator, parts: int | None = None) -> BoolArray:
+def _kept(
+    spikes: Spikes, largest: float, rng: np.random.Generator, parts: int | None = None
+) -> BoolArray:
     """Draw what is kept, event by event or part by part; each recording loses with a probability of 0..``largest``."""
     batch, _, channels = spikes.shape
     probability = rng.random((batch, 1, 1), dtype=np.float32) * np.float32(largest)
@@ -84,7 +98,9 @@ def cut_end(spikes: Spikes, largest: float, rng: np.random.Generator) -> Spikes:
         return spikes
     kept = 1.0 - rng.random((len(spikes), 1, 1), dtype=np.float32) * np.float32(largest)
     steps = spikes.shape[1]
-    return np.where(np.arange(steps)[np.newaxis, :, np.newaxis] < np.ceil(kept * steps), spikes, np.float32(0))
+    return np.where(
+        np.arange(steps)[np.newaxis, :, np.newaxis] < np.ceil(kept * steps), spikes, np.float32(0)
+    )
 
 
 def stretch_time(spikes: Spikes, largest: float, rng: np.random.Generator) -> Spikes:

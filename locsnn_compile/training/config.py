@@ -22,7 +22,12 @@ USUAL: dict[str, dict[str, Any]] = {
     "hybrid-graph": {"hidden": 128},
     "gru-mlp": {"count_scale": 1.0},
     "cnn-3d": {"count_scale": 1.0},
-    "window-snn": {"count_scale": 1.0, "optimizer": "sgd", "learning_rate": 0.005, "weight_decay": 0.0001},
+    "window-snn": {
+        "count_scale": 1.0,
+        "optimizer": "sgd",
+        "learning_rate": 0.005,
+        "weight_decay": 0.0001,
+    },
 }
 """Network -> options whose default is not that of :class:`TrainingConfig`."""
 
@@ -54,25 +59,44 @@ class Need(NamedTuple):
 
 
 CHIP = Need(
-    lambda c, _: c.target != "float", "the network is trained in float, and no chip holds it", "Add --target CHIP."
+    lambda c, _: c.target != "float",
+    "the network is trained in float, and no chip holds it",
+    "Add --target CHIP.",
 )
-RESETS = Need(lambda c, _: c.strategy == "reset", "only strategy reset has it", "Add strategy reset.")
+RESETS = Need(
+    lambda c, _: c.strategy == "reset", "only strategy reset has it", "Add strategy reset."
+)
 LOCATION = Need(lambda _, a: "location" in a.branches, "the network has no location branch")
 BRANCHES = Need(lambda _, a: len(a.branches) > 1, "the network has no second branch")
 SPIKING = Need(lambda _, a: a.branches != (), "the network reads recordings from their first step")
 LEARNED = Need(lambda _, a: a.neurons != "windows", "events and windows decide the hidden neurons")
-GRAPH = Need(lambda _, a: a.graph, "the network has no graph", "Choose a model with one, such as hybrid-graph.")
+GRAPH = Need(
+    lambda _, a: a.graph,
+    "the network has no graph",
+    "Choose a model with one, such as hybrid-graph.",
+)
 SRM = Need(lambda _, a: a.neurons == "srm", "the network has no spike response neurons")
 LIF = Need(lambda _, a: a.neurons == "lif", "it has no integrate-and-fire neurons")
-WINDOWS = Need(lambda _, a: a.window_branch != "", "the network has no windows", "Choose the model window-snn.")
+WINDOWS = Need(
+    lambda _, a: a.window_branch != "", "the network has no windows", "Choose the model window-snn."
+)
 SPIKE_COUNT = Need(
-    lambda c, _: c.loss == "spike-count", "the loss is cross-entropy, which has no target", "Add --loss spike-count."
+    lambda c, _: c.loss == "spike-count",
+    "the loss is cross-entropy, which has no target",
+    "Add --loss spike-count.",
 )
-CROSS_ENTROPY = Need(lambda c, _: c.loss == "cross-entropy", "the loss is spike-count, which takes counts as they are")
+CROSS_ENTROPY = Need(
+    lambda c, _: c.loss == "cross-entropy",
+    "the loss is spike-count, which takes counts as they are",
+)
 CLASS_ORDER = Need(
-    lambda c, _: c.class_order != "", "nothing says which classes are neighbours", "Add class_order, such as '0-4 5-9'."
+    lambda c, _: c.class_order != "",
+    "nothing says which classes are neighbours",
+    "Add class_order, such as '0-4 5-9'.",
 )
-NEIGHBOURS = Need(lambda c, _: c.neighbour_smoothing > 0, "neighbours get no share", "Add neighbour_smoothing.")
+NEIGHBOURS = Need(
+    lambda c, _: c.neighbour_smoothing > 0, "neighbours get no share", "Add neighbour_smoothing."
+)
 
 
 class TrainingConfig(Shown, Checked, eq=True):
@@ -227,11 +251,15 @@ def check_used(given: Mapping[str, str], *configs: TrainingConfig) -> None:
     """
     for option, shown in given.items():
         for need in said_of(TrainingConfig)[option]:
-            if isinstance(need, Need) and not any(need.counts(c, ARCHITECTURES[c.model]) for c in configs):
+            if isinstance(need, Need) and not any(
+                need.counts(c, ARCHITECTURES[c.model]) for c in configs
+            ):
                 raise InputError(shown, f"it would change nothing: {need.why}", fix=need.fix)
 
 
-def config_from_mapping(values: Mapping[str, Any], where: str = "training options") -> TrainingConfig:
+def config_from_mapping(
+    values: Mapping[str, Any], where: str = "training options"
+) -> TrainingConfig:
     """Return the configuration with these ``values``, and the network's defaults for all other options.
 
     Raises ``InputError`` for an unknown key or an invalid value.

@@ -11,25 +11,42 @@ from locsnn_compile.data.sensor import POLARITIES, TAXELS, SensorLayout, asked_l
 from locsnn_compile.data.taxel_graph import taxel_graph
 from locsnn_compile.errors import InputError, check_most, check_same
 from locsnn_compile.models.architectures import ARCHITECTURES
-from locsnn_compile.models.description import InputLayout, LifParameters, NetworkDescription, Neuron, NeuronParameters
+from locsnn_compile.models.description import (
+    InputLayout,
+    LifParameters,
+    NetworkDescription,
+    Neuron,
+    NeuronParameters,
+)
 from locsnn_compile.models.graph_and_windows import GraphParameters, WindowParameters
 from locsnn_compile.training.config import LOCATION_CONSTANTS, TrainingConfig
 
 
-def describe(recordings: Recordings, config: TrainingConfig, classes: int, name: str = "model") -> NetworkDescription:
+def describe(
+    recordings: Recordings, config: TrainingConfig, classes: int, name: str = "model"
+) -> NetworkDescription:
     """Return the network that ``config`` asks for on data of this shape; ``InputError`` if they do not fit."""
     channels = recordings.spikes.shape[2]
     sensor = config.sensor or neutouch(max(1, channels // (TAXELS * POLARITIES)))
     sensor.check_channels(channels, f"recordings {recordings.source!r}")
     steps, fix = recordings.spikes.shape[1], "Cut them with --steps, or use wider bins."
-    check_most(steps, MAX_STEPS, f"recordings {recordings.source!r}", "they are too long", unit="steps", fix=fix)
+    check_most(
+        steps,
+        MAX_STEPS,
+        f"recordings {recordings.source!r}",
+        "they are too long",
+        unit="steps",
+        fix=fix,
+    )
     structure = ARCHITECTURES[config.model]
     neuron, location_neuron = _neuron(config), _neuron(config, location=True)
     located = "location" in structure.branches
     order, taxels = location_order(order_text(config.order), sensor) if located else (None, None)
     return NetworkDescription(
         architecture=config.model,
-        input=InputLayout(sensor, steps, recordings.step_seconds or config.step_seconds, recordings.threshold),
+        input=InputLayout(
+            sensor, steps, recordings.step_seconds or config.step_seconds, recordings.threshold
+        ),
         classes=classes,
         **picked(config, "hidden", "align_events"),
         neuron=neuron,
@@ -50,7 +67,9 @@ def _whole_numbers(option: str, text: str, example: str) -> tuple[int, ...]:
     parts = text.replace(",", " ").split()
     if not all(part.isascii() and part.isdigit() and len(part) < 9 for part in parts):
         measured, fix = f"got {text[:60]!r}", f"Give, for example, {example!r}."
-        raise InputError(f"training option {option!r}", "it must be whole numbers", measured=measured, fix=fix)
+        raise InputError(
+            f"training option {option!r}", "it must be whole numbers", measured=measured, fix=fix
+        )
     return tuple(int(part) for part in parts)
 
 
@@ -61,7 +80,10 @@ def _neuron(config: TrainingConfig, *, location: bool = False) -> Neuron | None:
         return None
     kind = NeuronParameters if neurons == "srm" else LifParameters
     values = {item.name: getattr(config, item.name) for item in fields(kind)}
-    own = {name: getattr(config, f"location_{name}") for name in (LOCATION_CONSTANTS[neurons] if location else ())}
+    own = {
+        name: getattr(config, f"location_{name}")
+        for name in (LOCATION_CONSTANTS[neurons] if location else ())
+    }
     return kind(**values | {name: value for name, value in own.items() if value is not None})
 
 
@@ -71,7 +93,9 @@ def _windows(config: TrainingConfig) -> WindowParameters:
 
 
 def _graph(config: TrainingConfig, sensor: SensorLayout) -> GraphParameters:
-    edges = taxel_graph(config.graph, sensor, neighbours=config.neighbours, nearer_mm=config.nearer_mm)
+    edges = taxel_graph(
+        config.graph, sensor, neighbours=config.neighbours, nearer_mm=config.nearer_mm
+    )
     return GraphParameters(config.graph, edges, config.hops, config.features, config.step_features)
 
 
@@ -82,10 +106,16 @@ of it could choose an epoch."""
 
 def fixed_by(start: NetworkDescription) -> dict[str, Any]:
     """Return the options that are determined by the network to start from."""
-    found: dict[str, Any] = {"model": start.architecture, "hidden": start.hidden, "align_events": start.align_events}
+    found: dict[str, Any] = {
+        "model": start.architecture,
+        "hidden": start.hidden,
+        "align_events": start.align_events,
+    }
     names = (name for kind in LOCATION_CONSTANTS.values() for name in kind)
     found |= {f"location_{name}": getattr(start.location_neuron, name, None) for name in names}
-    found |= {name: " ".join(map(str, getattr(start, name))) for name in ("delays", "location_delays")}
+    found |= {
+        name: " ".join(map(str, getattr(start, name))) for name in ("delays", "location_delays")
+    }
     if start.location_order is not None:
         found["order"] = start.location_order
     if start.structure.window_branch:
@@ -94,21 +124,35 @@ def fixed_by(start: NetworkDescription) -> dict[str, Any]:
     if start.neuron is not None:
         found |= asdict(start.neuron)
     if (graph := start.graph) is not None:
-        found |= {"graph": graph.name} | {key: getattr(graph, key) for key in ("hops", "features", "step_features")}
+        found |= {"graph": graph.name} | {
+            key: getattr(graph, key) for key in ("hops", "features", "step_features")
+        }
     return found
 
 
 def check_fits_start(values: Mapping[str, Any], start: NetworkDescription) -> None:
     """Raise ``InputError`` for a given option that contradicts the network to start from."""
-    asked = asked_layout(*(values.get(name) for name in ("grid", "polarities", "channels", "layout")))
+    asked = asked_layout(
+        *(values.get(name) for name in ("grid", "polarities", "channels", "layout"))
+    )
     own = start.input.sensor
     if asked is not None and asked != own:
         what = "the network to start from has another layout"
-        raise InputError(f"sensor {asked.name!r}", what, measured=f"sensor {own.name!r}", fix="Leave the option out.")
+        raise InputError(
+            f"sensor {asked.name!r}",
+            what,
+            measured=f"sensor {own.name!r}",
+            fix="Leave the option out.",
+        )
     for name, wanted in fixed_by(start).items():
         if name in values and values[name] != wanted:
-            what, measured = "the network to start from has another value", f"got {values[name]!r} against {wanted!r}"
-            raise InputError(f"training option {name!r}", what, measured=measured, fix="Leave the option out.")
+            what, measured = (
+                "the network to start from has another value",
+                f"got {values[name]!r} against {wanted!r}",
+            )
+            raise InputError(
+                f"training option {name!r}", what, measured=measured, fix="Leave the option out."
+            )
 
 
 def fine_tuning_config(config: TrainingConfig, start: NetworkDescription) -> TrainingConfig:
@@ -119,7 +163,28 @@ def fine_tuning_config(config: TrainingConfig, start: NetworkDescription) -> Tra
 def check_recordings(start: NetworkDescription, recordings: Recordings, classes: int) -> None:
     """Raise ``InputError`` for recordings of another shape, or with more classes."""
     layout, (_, steps, channels) = start.input, recordings.spikes.shape
-    where, fix = f"recordings {recordings.source!r}", "Give recordings like those that it was trained on."
-    check_same(steps, layout.steps, where, "their steps are not those of the network to start from", fix=fix)
-    check_same(channels, layout.channels, where, "their channels are not those of the network to start from", fix=fix)
-    check_most(classes, start.classes, where, "they have more classes than the network to start from", fix=fix)
+    where, fix = (
+        f"recordings {recordings.source!r}",
+        "Give recordings like those that it was trained on.",
+    )
+    check_same(
+        steps,
+        layout.steps,
+        where,
+        "their steps are not those of the network to start from",
+        fix=fix,
+    )
+    check_same(
+        channels,
+        layout.channels,
+        where,
+        "their channels are not those of the network to start from",
+        fix=fix,
+    )
+    check_most(
+        classes,
+        start.classes,
+        where,
+        "they have more classes than the network to start from",
+        fix=fix,
+    )

@@ -28,7 +28,9 @@ def training_entry(
         "validation_accuracy": result.validation_accuracy,
         "test_recordings": None if test is None else len(test),
         "test_accuracy": None if test is None or found is None else accuracy_of(found, test),
-        "test_confusion": None if found is None else "; ".join(" ".join(map(str, row)) for row in found.tolist()),
+        "test_confusion": None
+        if found is None
+        else "; ".join(" ".join(map(str, row)) for row in found.tolist()),
     }
     return figures | asdict(config)
 
@@ -53,7 +55,9 @@ def carried_rows(labels: IntArray | None, available: int, wanted: int) -> IntArr
         for i in spread_rows(len(open_classes), left):
             take[open_classes[i]] += 1
             left -= 1
-    return np.sort(np.concatenate([own[spread_rows(len(own), take[label])] for label, own in rows.items()]))
+    return np.sort(
+        np.concatenate([own[spread_rows(len(own), take[label])] for label, own in rows.items()])
+    )
 
 
 def spread_rows(available: int, wanted: int) -> IntArray:
@@ -78,7 +82,9 @@ def export_checkpoint(
     the classes, from the test part or, without one, from the train part.
     """
     network = result.network
-    weights: dict[str, AnyArray] = {**(network.weights() if network.chip is None else network.mantissas())}
+    weights: dict[str, AnyArray] = {
+        **(network.weights() if network.chip is None else network.mantissas())
+    }
     # In float64, like the compiler's reference; the network stays in float64.
     found = None if test is None else confusion(network.double(), test)
     pool = recordings if test is None else test

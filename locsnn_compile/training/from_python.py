@@ -19,7 +19,12 @@ from locsnn_compile.data.recordings import OPEN, Expected, Recordings, same
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
-from locsnn_compile.training.config import Progress, TrainingConfig, config_from_mapping, read_config
+from locsnn_compile.training.config import (
+    Progress,
+    TrainingConfig,
+    config_from_mapping,
+    read_config,
+)
 
 
 def read_parts(
@@ -30,11 +35,21 @@ def read_parts(
     if start is not None:
         own = start.description.input
         sizes = own.step_seconds, own.event_threshold, own.steps, own.channels
-        model = Expected("the network to start from", *sizes, start.description.class_names, **own.sensor.event_options)
-    parts = [part for part in ("train", "test") if part in recording_parts(data, test_share=config.split)]
+        model = Expected(
+            "the network to start from",
+            *sizes,
+            start.description.class_names,
+            **own.sensor.event_options,
+        )
+    parts = [
+        part for part in ("train", "test") if part in recording_parts(data, test_share=config.split)
+    ]
     asked = picked(config, "step_seconds", "steps", "axes", "sensor", "polarities", "fold")
     asked |= {"threshold": config.event_threshold, "test_share": config.split, "model": model}
-    read = [read_recordings(data, split=part, **asked) for part in (parts if "train" in parts else [None])]
+    read = [
+        read_recordings(data, split=part, **asked)
+        for part in (parts if "train" in parts else [None])
+    ]
     steps = max(part.spikes.shape[1] for part in read)
     recordings, *test = (part.with_steps(steps) for part in read)
     return recordings, test[0] if test else None
@@ -44,7 +59,10 @@ def all_classes(recordings: Recordings, test: Recordings | None) -> int | None:
     """Return the number of classes according to the names and labels of both parts; None without any."""
     parts = [part for part in (recordings, test) if part is not None]
     counts = [len(part.class_names) for part in parts if part.class_names is not None]
-    return max(counts + [int(part.labels.max()) + 1 for part in parts if part.labels is not None], default=None)
+    return max(
+        counts + [int(part.labels.max()) + 1 for part in parts if part.labels is not None],
+        default=None,
+    )
 
 
 def _as_asked(part: Recordings, config: TrainingConfig) -> Recordings:
@@ -57,7 +75,12 @@ def _as_asked(part: Recordings, config: TrainingConfig) -> Recordings:
         what, measured = f"recordings {part.source!r} are in memory, as they are", f"got {asked}"
         if own is not None:
             what, measured = "the recordings have another", f"{measured} against {own:g}"
-        raise InputError(f"training option {name!r}", what, measured=measured, fix="Leave it out, or give a file.")
+        raise InputError(
+            f"training option {name!r}",
+            what,
+            measured=measured,
+            fix="Leave it out, or give a file.",
+        )
     return part if config.steps is None else part.with_steps(config.steps)
 
 
@@ -92,7 +115,9 @@ def train(
     from locsnn_compile.training.train import train as run
 
     if not isinstance(config, TrainingConfig):
-        config = config_from_mapping(read_config(config) if isinstance(config, str | Path) else config or {})
+        config = config_from_mapping(
+            read_config(config) if isinstance(config, str | Path) else config or {}
+        )
     if isinstance(recordings, str | Path):
         part, of_file = read_parts(recordings, config, None)
         test = test or of_file
@@ -100,7 +125,9 @@ def train(
         part = _as_asked(recordings, config)
     else:
         known = None if labels is None else np.asarray(labels)
-        part = _as_asked(Recordings(np.asarray(recordings), known, config.step_seconds, "array"), config)
+        part = _as_asked(
+            Recordings(np.asarray(recordings), known, config.step_seconds, "array"), config
+        )
     test = test.with_steps(config.steps) if test and config.steps else test
     result = run(part, config, name=name, classes=all_classes(part, test), progress=progress)
     with TemporaryDirectory() as folder:

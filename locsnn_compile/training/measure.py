@@ -30,13 +30,19 @@ class Loss:
     def __init__(self, config: TrainingConfig, classes: int) -> None:
         self.config = config
         if config.loss == "spike-count":
-            targets = config.target_wrong + (config.target_right - config.target_wrong) * np.eye(classes)
+            targets = config.target_wrong + (config.target_right - config.target_wrong) * np.eye(
+                classes
+            )
         else:
             targets = label_shares(config, classes)
         self.targets = torch.from_numpy(targets).to(config.device)
 
     def __call__(
-        self, network: TouchModel, activity: Mapping[str, Tensor], labels: Tensor, weights: Tensor | None = None
+        self,
+        network: TouchModel,
+        activity: Mapping[str, Tensor],
+        labels: Tensor,
+        weights: Tensor | None = None,
     ) -> Tensor:
         """Return the scalar loss for the result of the network's ``forward``, and labels (batch,).
 
@@ -45,7 +51,9 @@ class Loss:
         scores, alone = network.scores(activity), self.config.branch_loss
         each = self.of_counts(weighted_counts(scores, self.config.location_weight), labels)
         if alone:
-            own = torch.stack([self.of_counts(counts, labels) for counts in scores.values()]).mean(dim=0)
+            own = torch.stack([self.of_counts(counts, labels) for counts in scores.values()]).mean(
+                dim=0
+            )
             each = (1.0 - alone) * each + alone * own
         loss = (each if weights is None else weights[labels] * each).mean()
         if self.config.spike_cost:
@@ -61,7 +69,9 @@ class Loss:
         targets = self.targets[labels].to(counts.dtype)
         if self.config.loss == "spike-count":
             return 0.5 * (counts - targets).square().sum(dim=1)
-        return torch.nn.functional.cross_entropy(self.config.count_scale * counts, targets, reduction="none")
+        return torch.nn.functional.cross_entropy(
+            self.config.count_scale * counts, targets, reduction="none"
+        )
 
 
 def weighted_counts(branch_counts: Mapping[str, Tensor], location_weight: float) -> Tensor:
@@ -83,7 +93,10 @@ def label_shares(config: TrainingConfig, classes: int) -> FloatArray:
     left = 1.0 - given.sum(axis=1)
     crowded = int(np.argmin(left - given.max(axis=1)))
     if left[crowded] <= given[crowded].max():
-        where, what = "training option 'neighbour_smoothing'", f"label {crowded} would get no more than a neighbour"
+        where, what = (
+            "training option 'neighbour_smoothing'",
+            f"label {crowded} would get no more than a neighbour",
+        )
         measured = f"{left[crowded]:.3g} against {given[crowded].max():.3g}"
         raise InputError(where, what, measured=measured, fix="Give a smaller share.")
     smooth = config.label_smoothing
@@ -103,7 +116,9 @@ def _neighbours(order: str, classes: int) -> FloatArray:
         if not all(end.isascii() and end.isdigit() and len(end) < 9 for end in (first, last)):
             raise _refused("it must be ranges of classes, or a .csv file", f"got {text[:60]!r}")
         if not int(first) < int(last) < classes:
-            raise _refused("a range must rise within the classes", f"got {text!r} against 0-{classes - 1}")
+            raise _refused(
+                "a range must rise within the classes", f"got {text!r} against 0-{classes - 1}"
+            )
         for label in range(int(first), int(last)):
             near[label, label + 1] = near[label + 1, label] = 1
     return near
@@ -114,16 +129,27 @@ def _matrix(path: Path, classes: int) -> FloatArray:
     try:
         near = np.loadtxt(path, delimiter=",", ndmin=2)
     except (OSError, ValueError):
-        raise _refused("its file is missing, or does not hold numbers", f"got {path.name!r}") from None
+        raise _refused(
+            "its file is missing, or does not hold numbers", f"got {path.name!r}"
+        ) from None
     if near.shape != (classes, classes):
-        raise _refused("its matrix is not (classes, classes)", f"got {near.shape} against {(classes, classes)}")
+        raise _refused(
+            "its matrix is not (classes, classes)", f"got {near.shape} against {(classes, classes)}"
+        )
     if not (np.isfinite(near) & (near >= 0)).all() or near.diagonal().any():
-        raise _refused("its matrix must hold 0 or more, and 0 for a class and itself", f"got {path.name!r}")
+        raise _refused(
+            "its matrix must hold 0 or more, and 0 for a class and itself", f"got {path.name!r}"
+        )
     return near
 
 
 def _refused(what: str, measured: str) -> InputError:
-    return InputError("training option 'class_order'", what, measured=measured, fix="Give, for example, '0-4 5-9'.")
+    return InputError(
+        "training option 'class_order'",
+        what,
+        measured=measured,
+        fix="Give, for example, '0-4 5-9'.",
+    )
 
 
 _LIKELY = 1.645
@@ -171,7 +197,9 @@ def confusion(network: TouchModel, recordings: Recordings) -> IntArray:
 
 
 @torch.no_grad()
-def evaluate(network: TouchModel, loss: Loss, spikes: ByteArray, labels: IntArray) -> tuple[float, float]:
+def evaluate(
+    network: TouchModel, loss: Loss, spikes: ByteArray, labels: IntArray
+) -> tuple[float, float]:
     """Return (mean loss, accuracy) on spikes (samples, steps, channels), in the network's own float type."""
     total, right = 0.0, 0
     for rows, activity in _played(network, spikes):
@@ -186,9 +214,18 @@ def check_events(recordings: Recordings) -> None:
     """Refuse training recordings if none of them has an event."""
     if not recordings.spikes.any():
         lost = recordings.binned is not None and recordings.binned.dropped > 0
-        measured = recordings.binned.words if recordings.binned and lost else counted(len(recordings), "recording")
+        measured = (
+            recordings.binned.words
+            if recordings.binned and lost
+            else counted(len(recordings), "recording")
+        )
         fix = "Lower --threshold, or give more --steps." if lost else "Give recordings with events."
-        raise InputError(f"recordings {recordings.source!r}", "none of them has an event", measured=measured, fix=fix)
+        raise InputError(
+            f"recordings {recordings.source!r}",
+            "none of them has an event",
+            measured=measured,
+            fix=fix,
+        )
 
 
 def data_remarks(recordings: Recordings, classes: int, config: TrainingConfig) -> list[str]:
@@ -200,21 +237,31 @@ def data_remarks(recordings: Recordings, classes: int, config: TrainingConfig) -
         of = f"{empty} of {counted(len(labels), 'recording')}"
         found.append(f"{of} to train on {'has' if empty == 1 else 'have'} no event.")
     silent = np.flatnonzero((counts > 0) & (heard == 0))
-    found += [f"No recording of {recordings.called(label)} has an event." for label in silent[:_NAMED]]
+    found += [
+        f"No recording of {recordings.called(label)} has an event." for label in silent[:_NAMED]
+    ]
     missing = np.flatnonzero(counts == 0)
     if len(missing):
         more = f" and {len(missing) - _NAMED} more" if len(missing) > _NAMED else ""
         named = ", ".join(map(str, missing[:_NAMED])) + more
-        found.append(f"No recording to train on has label {named}: labels count from 0 to {classes - 1} here.")
+        found.append(
+            f"No recording to train on has label {named}: labels count from 0 to {classes - 1} here."
+        )
     most, least = int(counts.argmax()), int(np.where(counts, counts, len(labels) + 1).argmin())
     if np.count_nonzero(counts) == 1:
-        found.append(f"All recordings to train on have label {most}: there is nothing to tell apart.")
+        found.append(
+            f"All recordings to train on have label {most}: there is nothing to tell apart."
+        )
     if counts[most] >= _UNEVEN * counts[least] and config.class_weights == "equal":
         uneven = f"{recordings.called(most)} has {counted(counts[most], 'recording')}"
         uneven += f", {recordings.called(least)} {counts[least]}"
-        found.append(f"Labels are uneven: {uneven}. With balanced class weights, all count equally.")
+        found.append(
+            f"Labels are uneven: {uneven}. With balanced class weights, all count equally."
+        )
     if counts[most] == 1 and config.validation_fraction > 0:
-        found.append("Every label has one recording to train on: none was held back, and the last epoch was taken.")
+        found.append(
+            "Every label has one recording to train on: none was held back, and the last epoch was taken."
+        )
     return found
 
 
@@ -223,10 +270,15 @@ def result_remarks(network: TouchModel, recordings: Recordings) -> list[str]:
     labels, scores = recordings.needed_labels("train on"), class_scores(network, recordings.spikes)
     predicted = decided(scores)
     if (predicted < 0).all() and scores.shape[1] > 1:
-        spiking = network.description.structure.spiking and network.description.structure.neurons != "windows"
+        spiking = (
+            network.description.structure.spiking
+            and network.description.structure.neurons != "windows"
+        )
         what = "No output neuron spikes" if spiking else "All class scores are equal"
         trained = f"in any of the {counted(len(labels), 'recording')} it was trained on"
-        return [f"{what} {trained}: every prediction is a tie. Give more --epochs, or a larger --learning-rate."]
+        return [
+            f"{what} {trained}: every prediction is a tie. Give more --epochs, or a larger --learning-rate."
+        ]
     accuracy = float((predicted == labels).mean())
     return chance_remarks(accuracy, labels, "it was trained on")
 

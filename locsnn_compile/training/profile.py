@@ -22,19 +22,26 @@ def profile(history: Sequence[EpochRecord], name: str) -> bytes:
 
 
 def _curve(
-    label: str, history: Sequence[EpochRecord], phase: str, figure: Callable[[EpochRecord], float | None]
+    label: str,
+    history: Sequence[EpochRecord],
+    phase: str,
+    figure: Callable[[EpochRecord], float | None],
 ) -> Curve:
     measured = [(float(row.epoch), figure(row)) for row in history if row.phase == phase]
     return Curve(label, tuple((epoch, value) for epoch, value in measured if value is not None))
 
 
 def _panel(title: str, curves: tuple[Curve, ...]) -> Panel:
-    return Panel(title, "epoch", tuple(curve for curve in curves if curve.points), x_log=False, y_log=False)
+    return Panel(
+        title, "epoch", tuple(curve for curve in curves if curve.points), x_log=False, y_log=False
+    )
 
 
 def tensorboard_log(folder: Path) -> Progress:
     """Return a function that writes every epoch's figures into a folder; ``InputError`` without TensorBoard."""
-    writer = needed("torch.utils.tensorboard", "tensorboard", "--tensorboard").SummaryWriter(str(folder))
+    writer = needed("torch.utils.tensorboard", "tensorboard", "--tensorboard").SummaryWriter(
+        str(folder)
+    )
 
     def after_epoch(done: int, expected: int, record: EpochRecord) -> None:
         for name in ("learning_rate", "loss", "validation_loss", "validation_accuracy"):

@@ -23,7 +23,9 @@ PROTOTYPES = "prototypes"
 
 
 @torch.no_grad()
-def set_prototypes(network: TouchModel, drawn: Iterable[tuple[Float32Array, IntArray]], smoothing: float) -> None:
+def set_prototypes(
+    network: TouchModel, drawn: Iterable[tuple[Float32Array, IntArray]], smoothing: float
+) -> None:
     """Set the output of a window network for recordings (spikes, labels), in batches.
 
     The ridge is ``smoothing`` times the mean squared distance of a recording to its prototype. Scores are scaled so
@@ -32,22 +34,35 @@ def set_prototypes(network: TouchModel, drawn: Iterable[tuple[Float32Array, IntA
     """
     if not isinstance(network, WindowNetwork):
         fix = "Use another optimizer, or model window-snn."
-        raise InputError("training option 'optimizer'", "only window networks have prototypes", fix=fix)
+        raise InputError(
+            "training option 'optimizer'", "only window networks have prototypes", fix=fix
+        )
     pairs = [(network.hidden(torch.from_numpy(x)), torch.from_numpy(y)) for x, y in drawn]
     hidden, labels = (torch.cat(parts) for parts in zip(*pairs, strict=True))
     member = torch.nn.functional.one_hot(labels, len(network.bias)).to(hidden)
     of_class = member.sum(dim=0)
     if not of_class.all():
-        where, what = f"label {int(of_class.argmin())}", "it has no recording to learn from, so it has no prototype"
-        raise InputError(where, what, fix="Use another optimizer, or number the labels without a gap.")
+        where, what = (
+            f"label {int(of_class.argmin())}",
+            "it has no recording to learn from, so it has no prototype",
+        )
+        raise InputError(
+            where, what, fix="Use another optimizer, or number the labels without a gap."
+        )
     if len(of_class) == 1:
         fix = "Use another optimizer, or recordings of several classes."
-        raise InputError("training option 'optimizer'", "prototypes tell classes apart, and there is one", fix=fix)
+        raise InputError(
+            "training option 'optimizer'",
+            "prototypes tell classes apart, and there is one",
+            fix=fix,
+        )
     means = member.T @ hidden / of_class[:, None]
     apart = hidden - means[labels]
     products = (apart @ apart.T).double()
     ridge = smoothing * products.trace() / len(hidden) + torch.finfo(torch.float32).tiny
-    solved = torch.linalg.solve(products + ridge * torch.eye(len(hidden)), (apart @ means.T).double())
+    solved = torch.linalg.solve(
+        products + ridge * torch.eye(len(hidden)), (apart @ means.T).double()
+    )
     output = means - solved.T.to(hidden) @ apart
     bias = -0.5 * (output * means).sum(dim=1) + output @ network.usual
     scores = (hidden - network.usual) @ output.T + bias

@@ -27,7 +27,9 @@ def choose_epoch(history: list[EpochRecord], smoothing_epochs: int, held: int) -
     later epoch has the more settled weights of a lower learning rate (Breiman et al. 1984, sec. 3.4.3).
     """
     rows = [row for row in history if row.phase == "select"]
-    accuracy = np.array([row.validation_accuracy for row in rows if row.validation_accuracy is not None])
+    accuracy = np.array(
+        [row.validation_accuracy for row in rows if row.validation_accuracy is not None]
+    )
     if not len(accuracy):
         return rows[-1].epoch
     sums = np.concatenate([[0.0], np.cumsum(accuracy)])

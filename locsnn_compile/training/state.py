@@ -70,9 +70,13 @@ def load_state(path: Path, key: str, weights: Mapping[str, Tensor]) -> TrainingS
         if values["format"] != _FORMAT or values["version"] != _VERSION:
             raise InputError(where, "it was written by another version", fix=_FIX)
         if values["key"] != key:
-            raise InputError(where, "it belongs to a run with other options or other data", fix=_FIX)
+            raise InputError(
+                where, "it belongs to a run with other options or other data", fix=_FIX
+            )
         held = {name: values[name] for name in TrainingState.__dataclass_fields__}
-        state = TrainingState(**held | {"history": [EpochRecord(**record) for record in held["history"]]})
+        state = TrainingState(
+            **held | {"history": [EpochRecord(**record) for record in held["history"]]}
+        )
         for found in (state.weights, state.chosen_weights, dict(weights) | state.averages):
             _check_weights(where, found, weights)
         return state
@@ -81,7 +85,9 @@ def load_state(path: Path, key: str, weights: Mapping[str, Tensor]) -> TrainingS
 def _check_weights(where: str, found: Mapping[str, Tensor], usual: Mapping[str, Tensor]) -> None:
     """Refuse weights, if there are any, whose names or shapes are not the ``usual`` ones."""
     if found and found.keys() != usual.keys():
-        raise InputError(where, "an earlier version wrote it, with other names of weights", fix=_FIX)
+        raise InputError(
+            where, "an earlier version wrote it, with other names of weights", fix=_FIX
+        )
     for name, weight in found.items():
         shape, wanted = tuple(weight.shape), tuple(usual[name].shape)
         check_same(shape, wanted, where, f"weights {name!r} have another shape", fix=_FIX)

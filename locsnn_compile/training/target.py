@@ -15,7 +15,13 @@ from hw_model.values import Float32Array
 from locsnn_compile.errors import TargetError
 from locsnn_compile.frontends.checkpoint import network_of
 from locsnn_compile.models.checkpoint import Checkpoint
-from locsnn_compile.models.chip_entry import TRAINED_BITS, ChipNumbers, ChipPopulation, OwnSynapse, RegisterWidths
+from locsnn_compile.models.chip_entry import (
+    TRAINED_BITS,
+    ChipNumbers,
+    ChipPopulation,
+    OwnSynapse,
+    RegisterWidths,
+)
 from locsnn_compile.models.description import NetworkDescription
 from locsnn_compile.network.chip_neurons import BIAS_PLACES, ChipNeuron
 from locsnn_compile.network.projections import row_sums
@@ -36,7 +42,9 @@ USUAL_WINDOWS = (0.15, 7.0, 4.0)
 the largest bias, by level. Beyond its range a bias would shift what is learned against what is played."""
 
 
-def chip_numbers(config: TrainingConfig, description: NetworkDescription, start: Start) -> ChipNumbers:
+def chip_numbers(
+    config: TrainingConfig, description: NetworkDescription, start: Start
+) -> ChipNumbers:
     """Return the numbers for a network that starts from weights [out, in] by population name, or from scratch.
 
     Raises ``InputError`` for a chip that is not known, ``TargetError`` for one of wider registers and for a network
@@ -53,13 +61,19 @@ def chip_numbers(config: TrainingConfig, description: NetworkDescription, start:
     return ChipNumbers(config.target, config.strategy, registers, populations)
 
 
-def _of_spikes(config: TrainingConfig, description: NetworkDescription, start: Start, chip: hw.Chip) -> _Numbers:
+def _of_spikes(
+    config: TrainingConfig, description: NetworkDescription, start: Start, chip: hw.Chip
+) -> _Numbers:
     """Return the numbers of populations that spike, as the compiler chooses them."""
     if description.window is not None:
         description = replace(description, architecture="hybrid", window=None)
     largest = {}
     for name, shape in description.weight_shapes.items():
-        most = USUAL_LARGEST * description.srm(name).theta if start is None else float(np.abs(start[name]).max())
+        most = (
+            USUAL_LARGEST * description.srm(name).theta
+            if start is None
+            else float(np.abs(start[name]).max())
+        )
         largest[name] = np.full(shape, config.weight_room * most, dtype=np.float32)
     network, weight_bits = network_of(Checkpoint(description, largest)), _weight_bits(config, chip)
     quantized = quantize(network, chip, weight_bits, config.strategy)
@@ -69,24 +83,38 @@ def _of_spikes(config: TrainingConfig, description: NetworkDescription, start: S
         scale = float(found.scale[0])
         gain = one_decay(description.srm(projection.target).tau_sr, "neuron: tau_sr").gain
         unit = 64 * 2**projection.exponent / (gain * scale)
-        form = {"exponent": projection.exponent, "weight_bits": weight_bits, "scale": scale, "unit": unit}
-        populations[projection.target] = ChipPopulation(**_integers(found.neuron, config.refractory), **form)
+        form = {
+            "exponent": projection.exponent,
+            "weight_bits": weight_bits,
+            "scale": scale,
+            "unit": unit,
+        }
+        populations[projection.target] = ChipPopulation(
+            **_integers(found.neuron, config.refractory), **form
+        )
     return populations
 
 
 def _integers(neuron: ChipNeuron, refractory: int) -> dict[str, Any]:
     """Return the integers that all neurons of a population have; ``refractory`` is the count of those with a reset."""
-    own = [np.stack([taps.mantissa[:, 0], taps.exponent, taps.delay], axis=1) for taps in neuron.own.values()]
+    own = [
+        np.stack([taps.mantissa[:, 0], taps.exponent, taps.delay], axis=1)
+        for taps in neuron.own.values()
+    ]
     return {
         "threshold": int(neuron.threshold[0]),
         "decay": int(neuron.decay_u[0]),
-        "refractory_decay": int(neuron.parts["refractory"][0][0]) if "refractory" in neuron.parts else 0,
+        "refractory_decay": int(neuron.parts["refractory"][0][0])
+        if "refractory" in neuron.parts
+        else 0,
         "refractory": refractory if "refractory" in neuron.registers else 1,
         "own": tuple(tuple(synapse) for rows in own for synapse in rows.tolist()),
     }
 
 
-def _of_windows(config: TrainingConfig, description: NetworkDescription, start: Start, chip: hw.Chip) -> _Numbers:
+def _of_windows(
+    config: TrainingConfig, description: NetworkDescription, start: Start, chip: hw.Chip
+) -> _Numbers:
     """Return the numbers of windows, and of their biases, of which each output population has an equal share.
 
     The scale is whole, so that sums of potentials and spikes are. No charge wraps, unless weights outgrow their room.
@@ -97,18 +125,29 @@ def _of_windows(config: TrainingConfig, description: NetworkDescription, start: 
     if start is not None and start[weight].any():
         largest, bias = float(np.abs(start[weight]).max()), 2.0 * float(np.abs(start[offset]).max())
         together = max(float(row_sums(start[weight][:, part]).max()) for part in outputs)
-    room, grid, registers = config.weight_room, weight_grid(_weight_bits(config, chip), "excitatory"), chip.registers
+    room, grid, registers = (
+        config.weight_room,
+        weight_grid(_weight_bits(config, chip), "excitatory"),
+        chip.registers,
+    )
     exponent = exponent_holding(0.0, grid)
     one = 64 * 2.0**exponent
-    scale = max(1, int(one / (room * max(largest / grid.high, together * one / 64 / largest_charge(chip)))))
+    scale = max(
+        1, int(one / (room * max(largest / grid.high, together * one / 64 / largest_charge(chip))))
+    )
     threshold = min((registers.voltage_max - 1) // 64, registers.threshold_mantissa_max)
     alone: tuple[int, int, int, int, tuple[OwnSynapse, ...]] = threshold, DECAY_ONE, 0, 1, ()
     coarsest = min(registers.bias_exponent_max + BIAS_PLACES - WEIGHT_SHIFT, WEIGHT_EXPONENTS[-1])
-    finest = exponent_holding(max(room, 1.0) * bias * scale / len(outputs), weight_grid(8, "excitatory")) - WEIGHT_SHIFT
+    finest = (
+        exponent_holding(max(room, 1.0) * bias * scale / len(outputs), weight_grid(8, "excitatory"))
+        - WEIGHT_SHIFT
+    )
     of_bias = min(finest, coarsest)
     return {
         weight: ChipPopulation(*alone, exponent, grid.weight_bits, float(scale), one / scale),
-        offset: ChipPopulation(*alone, of_bias, 8, float(scale), len(outputs) * 64 * 2.0**of_bias / scale),
+        offset: ChipPopulation(
+            *alone, of_bias, 8, float(scale), len(outputs) * 64 * 2.0**of_bias / scale
+        ),
     }
 
 
@@ -131,12 +170,18 @@ def _check_limits(chip: hw.Chip, config: TrainingConfig, description: NetworkDes
     """Refuse settings of the network that its chip does not hold."""
     joined = description.structure.neurons == "srm" and config.strategy != "reset"
     if joined and chip.open_core is not None and not chip.open_core.join:
-        what, fix = f"it joins no compartments, as strategy {config.strategy} does", "Add strategy reset."
+        what, fix = (
+            f"it joins no compartments, as strategy {config.strategy} does",
+            "Add strategy reset.",
+        )
         raise TargetError(f"target {chip.name!r}", what, fix=fix)
     for what, value, key in (
         ("a delay", max(description.delays + description.location_delays), "delay_max"),
         ("the refractory count", config.refractory, "refractory_max"),
     ):
         if value > (most := getattr(chip.registers, key)):
-            what, measured = f"{what} is longer than the chip holds", f"{value} against {key} {most}"
+            what, measured = (
+                f"{what} is longer than the chip holds",
+                f"{value} against {key} {most}",
+            )
             raise TargetError(f"target {chip.name!r}", what, measured=measured, fix="Shorten it.")

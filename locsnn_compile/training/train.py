@@ -28,7 +28,14 @@ from locsnn_compile.report.figures.flat import csv_bytes
 from locsnn_compile.training.batches import batches, epoch_generator
 from locsnn_compile.training.config import EpochRecord, Progress, TrainingConfig
 from locsnn_compile.training.describe import check_recordings, describe
-from locsnn_compile.training.measure import Loss, check_events, class_weights, data_remarks, evaluate, result_remarks
+from locsnn_compile.training.measure import (
+    Loss,
+    check_events,
+    class_weights,
+    data_remarks,
+    evaluate,
+    result_remarks,
+)
 from locsnn_compile.training.profile import profile
 from locsnn_compile.training.prototypes import PROTOTYPES, set_prototypes
 from locsnn_compile.training.schedule import choose_epoch, follow_weights, learning_rate
@@ -93,7 +100,9 @@ def train(
     weights_at_start = None if start is None else start.float_weights
     chip = None if config.target == "float" else chip_numbers(config, description, weights_at_start)
     usual = build_network(description, chip=chip).state_dict()
-    state = (load_state(state_path, key, usual) if state_path is not None else None) or TrainingState()
+    state = (
+        load_state(state_path, key, usual) if state_path is not None else None
+    ) or TrainingState()
 
     def saved() -> None:
         if state_path is not None:
@@ -101,16 +110,35 @@ def train(
         if log_path is not None:
             _write_log(log_path, state.history)
             picture = log_path.with_suffix(".svg")
-            replace_file(picture, profile(state.history, name), f"training profile {picture.name!r}")
+            replace_file(
+                picture, profile(state.history, name), f"training profile {picture.name!r}"
+            )
 
     spikes = recordings.spikes
-    run = _Run(config, loss, description, spikes, labels, chip, weights_at_start, saved, save_every, progress)
+    run = _Run(
+        config,
+        loss,
+        description,
+        spikes,
+        labels,
+        chip,
+        weights_at_start,
+        saved,
+        save_every,
+        progress,
+    )
     with _torch_for_small_layers():
         training, held = stratified_split(labels, config.validation_fraction, config.seed)
         if state.phase == "select":
             _run_phase(run, state, training, held, config.epochs)
             if config.refit and len(held):
-                state.phase, state.epoch, state.weights, state.averages, state.optimizer = "refit", 0, {}, {}, {}
+                state.phase, state.epoch, state.weights, state.averages, state.optimizer = (
+                    "refit",
+                    0,
+                    {},
+                    {},
+                    {},
+                )
             saved()
         weights = state.chosen_weights
         if state.phase == "refit":
@@ -121,8 +149,12 @@ def train(
         network.load_state_dict(weights)
         network.snap()
         remarks = (*data_remarks(recordings, classes, config), *result_remarks(network, recordings))
-    chosen = [row for row in state.history if row.phase == "select" and row.epoch == state.chosen_epoch]
-    return TrainingResult(network, state.chosen_epoch, chosen[0].validation_accuracy, tuple(state.history), remarks)
+    chosen = [
+        row for row in state.history if row.phase == "select" and row.epoch == state.chosen_epoch
+    ]
+    return TrainingResult(
+        network, state.chosen_epoch, chosen[0].validation_accuracy, tuple(state.history), remarks
+    )
 
 
 class _Run(Frozen, eq=False):
@@ -153,7 +185,9 @@ class _Phase:
         config = run.config
         self.run, self.number = run, _PHASES[state.phase]
         self.spikes, self.labels = run.spikes[rows], run.labels[rows]
-        network = build_network(run.description, seed=config.seed, initial_scale=config.initial_scale, chip=run.chip)
+        network = build_network(
+            run.description, seed=config.seed, initial_scale=config.initial_scale, chip=run.chip
+        )
         self.network = network.to(config.device)
         if run.start is not None:
             self.network.load_weights(run.start)
@@ -198,9 +232,15 @@ class _Phase:
         return total / len(self.labels)
 
 
-def _run_phase(run: _Run, state: TrainingState, rows: IntArray, held: IntArray, epochs: int) -> None:
+def _run_phase(
+    run: _Run, state: TrainingState, rows: IntArray, held: IntArray, epochs: int
+) -> None:
     """Take ``state`` from where it is to ``epochs`` on the recordings ``rows``, validating on ``held``."""
-    config, phase, validation = run.config, _Phase(run, state, rows), (run.spikes[held], run.labels[held])
+    config, phase, validation = (
+        run.config,
+        _Phase(run, state, rows),
+        (run.spikes[held], run.labels[held]),
+    )
     for epoch in range(state.epoch + 1, epochs + 1):
         rate = learning_rate(config, epoch, epochs)
         loss = phase.learn(epoch, rate)
@@ -211,11 +251,18 @@ def _run_phase(run: _Run, state: TrainingState, rows: IntArray, held: IntArray, 
         state.history.append(record)
         state.averages = found if config.weight_average else {}
         state.epoch, state.optimizer = epoch, phase.optimizer.state_dict()
-        if state.phase == "select" and choose_epoch(state.history, config.smoothing_epochs, len(held)) == epoch:
+        if (
+            state.phase == "select"
+            and choose_epoch(state.history, config.smoothing_epochs, len(held)) == epoch
+        ):
             state.chosen_epoch, state.chosen_weights = epoch, found
         if run.progress is not None:
             others = config.epochs if state.phase == "refit" else 0
-            expected = others + epochs + (epochs if state.phase == "select" and config.refit and len(held) else 0)
+            expected = (
+                others
+                + epochs
+                + (epochs if state.phase == "select" and config.refit and len(held) else 0)
+            )
             run.progress(others + epoch, expected, record)
         if epoch % run.save_every == 0:
             run.saved()
@@ -249,5 +296,8 @@ def _torch_for_small_layers() -> Iterator[None]:
 
 
 def _write_log(path: Path, history: list[EpochRecord]) -> None:
-    rows = [{k: f"{v:.6g}" if isinstance(v, float) else v for k, v in asdict(record).items()} for record in history]
+    rows = [
+        {k: f"{v:.6g}" if isinstance(v, float) else v for k, v in asdict(record).items()}
+        for record in history
+    ]
     replace_file(path, csv_bytes(rows), f"training log {path.name!r}")

@@ -14,12 +14,26 @@ import hw_model as hw
 from hw_model.arithmetic.fixed_point import WEIGHT_SHIFT
 from hw_model.description.chip import Registers
 from hw_model.mapping.graph import Compartments
-from hw_model.values import AnyArray, BoolArray, ByteArray, FloatArray, Frozen, IntArray, Shown, added
+from hw_model.values import (
+    AnyArray,
+    BoolArray,
+    ByteArray,
+    FloatArray,
+    Frozen,
+    IntArray,
+    Shown,
+    added,
+)
 from locsnn_compile.network.network import Network, Population
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.verification.error_budget import budget as stages
-from locsnn_compile.verification.error_budget.budget import Cause, StageErrors, error_budget, find_cause
+from locsnn_compile.verification.error_budget.budget import (
+    Cause,
+    StageErrors,
+    error_budget,
+    find_cause,
+)
 from locsnn_compile.verification.error_budget.twin import run_twin
 from locsnn_compile.verification.matching import CHUNK, Divergence, Progress
 
@@ -86,7 +100,9 @@ def margins(levels: Levels, recordings: ByteArray) -> Margins:
     """Measure margins over recordings (samples, steps, channels) with the network's steps and channels."""
     network, registers = levels.network, levels.program.chip.registers
     watched: dict[str, list[tuple[AnyArray, ...]]] = {p.name: [] for p in network.populations}
-    peaks: dict[str, IntArray] = {group.name: np.zeros(2, dtype=np.int64) for group in levels.compartments.groups}
+    peaks: dict[str, IntArray] = {
+        group.name: np.zeros(2, dtype=np.int64) for group in levels.compartments.groups
+    }
     events: dict[str, dict[str, int]] = {}
     for start in range(0, len(recordings), CHUNK):
         chunk = recordings[start : start + CHUNK]
@@ -94,7 +110,12 @@ def margins(levels: Levels, recordings: ByteArray) -> Margins:
         for phase in stages.phases_of(levels):
             names = tuple(p.name for p in network.populations if p.phase == phase.name)
             lines = stages.lines_of(network, phase, chunk)
-            chip = run_twin(stages.twin_with(phase, stages.STAGES), lines, forced=wanted.spikes, potentials=names)
+            chip = run_twin(
+                stages.twin_with(phase, stages.STAGES),
+                lines,
+                forced=wanted.spikes,
+                potentials=names,
+            )
             for name in names:
                 potential = chip.potential[name] / levels.quantized.population(name).scale
                 otherwise = wanted.spikes[name] != chip.spikes[name]
@@ -102,24 +123,34 @@ def margins(levels: Levels, recordings: ByteArray) -> Margins:
         found = hw.simulate(levels.program, chunk, probe=("u", "potential"))
         events = added(events, {name: dict(counts) for name, counts in found.events.items()})
         for name, so_far in peaks.items():
-            peaks[name] = np.maximum(so_far, [np.abs(values[name]).max() for values in (found.u, found.potential)])
+            peaks[name] = np.maximum(
+                so_far, [np.abs(values[name]).max() for values in (found.u, found.potential)]
+            )
     return Margins(
         populations={
-            p.name: _measured(_thresholds(p), *map(np.concatenate, zip(*watched[p.name], strict=True)))
+            p.name: _measured(
+                _thresholds(p), *map(np.concatenate, zip(*watched[p.name], strict=True))
+            )
             for p in network.populations
         },
         registers={
-            group.name: _register_use(group, registers, peaks[group.name], events.get(group.name, {}))
+            group.name: _register_use(
+                group, registers, peaks[group.name], events.get(group.name, {})
+            )
             for group in levels.compartments.groups
         },
     )
 
 
-def _register_use(group: Compartments, registers: Registers, peaks: IntArray, events: Mapping[str, int]) -> RegisterUse:
+def _register_use(
+    group: Compartments, registers: Registers, peaks: IntArray, events: Mapping[str, int]
+) -> RegisterUse:
     """Return the use of a group, by the peaks of u and of v as the threshold saw it, and counts of wraps and clips."""
     limits = 1 << registers.current_bits, int(min(np.abs(group.vmin).min(), group.vmax.min()))
     wraps = events.get("charge_wraps", 0) + events.get("current_wraps", 0)
-    return RegisterUse(int(peaks[0]), limits[0], int(peaks[1]), limits[1], wraps, events.get("voltage_clips", 0))
+    return RegisterUse(
+        int(peaks[0]), limits[0], int(peaks[1]), limits[1], wraps, events.get("voltage_clips", 0)
+    )
 
 
 def _thresholds(population: Population) -> FloatArray:
@@ -128,7 +159,9 @@ def _thresholds(population: Population) -> FloatArray:
     return np.where(thresholds == 0, float(1 << WEIGHT_SHIFT), thresholds)
 
 
-def _measured(thresholds: FloatArray, wanted: AnyArray, chip: FloatArray, otherwise: BoolArray) -> PopulationMargins:
+def _measured(
+    thresholds: FloatArray, wanted: AnyArray, chip: FloatArray, otherwise: BoolArray
+) -> PopulationMargins:
     """Compare both potentials (samples, steps, n) with the thresholds (n,); ``otherwise`` marks differing decisions."""
     distance = (np.abs(wanted - thresholds) / thresholds).ravel()
     error = (np.abs(chip - wanted) / thresholds).ravel()
@@ -193,7 +226,9 @@ def diagnose(
         recordings=chosen,
         available=len(recordings),
         budget=error_budget(levels, played, progress) if float_network else None,
-        cause=find_cause(levels, recordings[first.recording], first) if first and float_network else None,
+        cause=find_cause(levels, recordings[first.recording], first)
+        if first and float_network
+        else None,
         margins=margins(levels, played),
     )
 

@@ -72,7 +72,10 @@ class Losses(Frozen):
     def keeps(self, budget: ErrorBudget) -> bool:
         """Tell whether the budget is kept; a bound on something that was not compared is not kept."""
         agreement, least = self.prediction_agreement, budget.min_agreement
-        errors = (self.spike_error, budget.max_spike_error), (self.score_error, budget.max_score_error)
+        errors = (
+            (self.spike_error, budget.max_spike_error),
+            (self.score_error, budget.max_score_error),
+        )
         return (least is None or (agreement is not None and agreement >= least)) and all(
             most is None or (error is not None and within(error, most)) for error, most in errors
         )

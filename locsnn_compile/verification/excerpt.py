@@ -98,11 +98,21 @@ def take_excerpt(levels: Levels, recordings: ByteArray, first: Divergence | None
     found = hw.simulate(program, one, probe=("spikes",)).spikes
     shown = _populations(network, first)
     all_steps = {phase.name: network.steps_of(phase.name) for phase in network.phases}
-    inputs = [_input(view, wanted.spikes[view.name][0]) for view in network.views if view.phase in all_steps]
+    inputs = [
+        _input(view, wanted.spikes[view.name][0])
+        for view in network.views
+        if view.phase in all_steps
+    ]
     rows = [_rows(p, wanted.spikes[p.name][0], found[p.name][0], first) for p in shown]
-    central = {} if first is None else {levels.quantized.population(first.population).population.phase: first.step}
+    central = (
+        {}
+        if first is None
+        else {levels.quantized.population(first.population).population.phase: first.step}
+    )
     steps = {
-        phase: _window([item for item in (*inputs, *rows) if item.phase == phase], central.get(phase, 0))
+        phase: _window(
+            [item for item in (*inputs, *rows) if item.phase == phase], central.get(phase, 0)
+        )
         for phase in all_steps
     }
     return Excerpt(
@@ -119,7 +129,9 @@ def take_excerpt(levels: Levels, recordings: ByteArray, first: Divergence | None
 
 def _populations(network: Network, first: Divergence | None) -> list[Population]:
     """Return the populations to keep, in network order."""
-    ranked = sorted(network.own_populations, key=lambda p: first is not None and p.name != first.population)
+    ranked = sorted(
+        network.own_populations, key=lambda p: first is not None and p.name != first.population
+    )
     kept = {p.name for p in ranked[:POPULATIONS]}
     return [p for p in network.own_populations if p.name in kept]
 
@@ -128,11 +140,16 @@ def _input(view: InputView, spikes: ByteArray) -> SpikeRows:
     """Return the rows of an input; if it has many lines, neighbours share a row."""
     together = -(-view.lines // LINES)
     padded = np.pad(spikes, ((0, 0), (0, -view.lines % together)))
-    rows, numbers = padded.reshape(len(spikes), -1, together).max(axis=2), np.arange(0, view.lines, together)
+    rows, numbers = (
+        padded.reshape(len(spikes), -1, together).max(axis=2),
+        np.arange(0, view.lines, together),
+    )
     return SpikeRows(view.name, view.axis, view.phase, view.lines, numbers, rows, rows, together)
 
 
-def _rows(population: Population, reference: ByteArray, chip: ByteArray, first: Divergence | None) -> SpikeRows:
+def _rows(
+    population: Population, reference: ByteArray, chip: ByteArray, first: Divergence | None
+) -> SpikeRows:
     """Keep the neuron that differs first, those with the most differences, then the busiest; in network order."""
     differences = (reference != chip).sum(axis=0)
     spikes = reference.sum(axis=0, dtype=np.int64)
@@ -140,7 +157,9 @@ def _rows(population: Population, reference: ByteArray, chip: ByteArray, first: 
         differences[first.neuron] = len(reference) + 1
     neurons = np.sort(np.lexsort((-spikes, -differences))[:NEURONS])
     name, axis, phase = population.name, population.axis, population.phase
-    return SpikeRows(name, axis, phase, population.size, neurons, reference[:, neurons], chip[:, neurons])
+    return SpikeRows(
+        name, axis, phase, population.size, neurons, reference[:, neurons], chip[:, neurons]
+    )
 
 
 def _window(drawn: list[SpikeRows], centre: int) -> range:
@@ -156,7 +175,11 @@ def _window(drawn: list[SpikeRows], centre: int) -> range:
 
 
 def _potential(
-    levels: Levels, one: ByteArray, wanted: ReferenceResult, found: Mapping[str, ByteArray], first: Divergence | None
+    levels: Levels,
+    one: ByteArray,
+    wanted: ReferenceResult,
+    found: Mapping[str, ByteArray],
+    first: Divergence | None,
 ) -> NeuronPotential:
     """Keep the potential that differs first or, if none does, that of the readout neuron that spikes most."""
     if first is None:

@@ -153,7 +153,9 @@ class Match(Shown, _Figures):
     @property
     def prediction_agreement(self) -> float | None:
         """Share of same classes among the recordings for which a side predicts one; None if there are none."""
-        same = int((self.reference_prediction == self.chip_prediction).sum()) - self.tied_predictions
+        same = (
+            int((self.reference_prediction == self.chip_prediction).sum()) - self.tied_predictions
+        )
         predicted = self.samples - self.tied_predictions
         return same / predicted if predicted else None
 
@@ -188,7 +190,9 @@ def compare(
     check_labels(network, labels, len(recordings), source)
     helpers = {p.name for p in network.populations if p.helper}
     both: _Part | None = None
-    chunks = ((start, recordings[start : start + CHUNK]) for start in range(0, len(recordings), CHUNK))
+    chunks = (
+        (start, recordings[start : start + CHUNK]) for start in range(0, len(recordings), CHUNK)
+    )
     for part in spread(partial(_compare_part, network, program, quantized.score_scale), chunks):
         both = both + part if both else part
         if progress:
@@ -196,7 +200,10 @@ def compare(
     assert both is not None  # there is at least one recording
     assert total(both.counts) == total(both.counts_by_phase.values())
     first = explain and both.differences
-    least, most = (both.ends_ns[end] / len(recordings) if end in both.ends_ns else None for end in ("least", "most"))
+    least, most = (
+        both.ends_ns[end] / len(recordings) if end in both.ends_ns else None
+        for end in ("least", "most")
+    )
     reference, chip = (np.concatenate(side) for side in zip(*both.predictions, strict=True))
     return Match(
         samples=len(recordings),
@@ -237,7 +244,10 @@ def _compare_part(
     if program.chip.open_core:
         latencies = core_latencies(program, recordings, found.spikes)
     return _Part(
-        matches={p.name: PopulationMatch.of(wanted.spikes[p.name], found.spikes[p.name]) for p in network.populations},
+        matches={
+            p.name: PopulationMatch.of(wanted.spikes[p.name], found.spikes[p.name])
+            for p in network.populations
+        },
         differences=_first_difference(network, wanted.spikes, found.spikes, start),
         predictions=((decided(wanted.scores), decided(found.scores)),),
         scores=ScoreMatch.of(wanted.scores, found.scores / score_scale),
@@ -254,7 +264,10 @@ def _compare_part(
             if (its := profile.with_times(end))
         },
         additions=network_additions(network, wanted.spikes),
-        member_ns={its.name: total_ns(program, found.activity, profile, f"{its.name}/") for its in network.members},
+        member_ns={
+            its.name: total_ns(program, found.activity, profile, f"{its.name}/")
+            for its in network.members
+        },
     )
 
 
@@ -267,7 +280,9 @@ def check_labels(network: Network, labels: IntArray | None, samples: int, source
     if labels.min() < 0 or labels.max() >= network.classes:
         measured = f"{labels.min()}..{labels.max()} against 0..{network.classes - 1}"
         fix = "Check that the events belong to this model."
-        raise InputError(where, "a label is not one of the model's classes", measured=measured, fix=fix)
+        raise InputError(
+            where, "a label is not one of the model's classes", measured=measured, fix=fix
+        )
 
 
 def _first_difference(
@@ -286,12 +301,17 @@ def _first_difference(
     return ((start + recording, network.own_populations[rank].name, neuron, step),)
 
 
-def _explain(quantized: QuantizedNetwork, program: hw.ChipProgram, recordings: ByteArray, place: Place) -> Divergence:
+def _explain(
+    quantized: QuantizedNetwork, program: hw.ChipProgram, recordings: ByteArray, place: Place
+) -> Divergence:
     recording, name, neuron, step = place
     one = recordings[recording : recording + 1]
     reference = evaluate(quantized.network, one, potentials=True, registers=program.chip.registers)
     wanted = reference.potential[name][0, step, neuron]
     found = hw.simulate(program, one, probe=("potential",)).potential[name][0, step, neuron]
     population = quantized.population(name)
-    potential, threshold = found / population.scale[neuron], population.population.thresholds[neuron]
+    potential, threshold = (
+        found / population.scale[neuron],
+        population.population.thresholds[neuron],
+    )
     return Divergence(*place, float(wanted), float(potential), float(threshold))

@@ -47,7 +47,9 @@ class OverTime(Frozen, eq=False):
     proven: hw.Stops
 
 
-def over_time(levels: Levels, recordings: ByteArray, labels: IntArray | None, psi: float = PSI) -> OverTime | str:
+def over_time(
+    levels: Levels, recordings: ByteArray, labels: IntArray | None, psi: float = PSI
+) -> OverTime | str:
     """Follow the predictions of a program over some of the recordings, evenly spread, or say why not.
 
     ``recordings`` are (samples, steps, channels) with the network's steps and channels; ``labels`` are (samples,). A
@@ -75,7 +77,10 @@ def over_time(levels: Levels, recordings: ByteArray, labels: IntArray | None, ps
         available=len(recordings),
         labelled=labels is not None,
         psi=psi,
-        right={name: (decided(found) == wanted[:, None])[known].mean(axis=0) for name, found in scores.items()},
+        right={
+            name: (decided(found) == wanted[:, None])[known].mean(axis=0)
+            for name, found in scores.items()
+        },
         proven=hw.stop_when_proven(program, played),
     )
 
@@ -111,13 +116,22 @@ def stop_all(
 ) -> hw.Stops:
     """Stop recordings chunk by chunk, so memory does not grow with their number."""
     parts = []
-    for found in spread(stop, (recordings[start : start + chunk] for start in range(0, len(recordings), chunk))):
+    for found in spread(
+        stop, (recordings[start : start + chunk] for start in range(0, len(recordings), chunk))
+    ):
         parts.append(found)
         if progress:
             progress(min(len(parts) * chunk, len(recordings)), len(recordings))
-    by_recording, sums = ("steps", "prediction", "final"), ("counts", "all_counts", "latency_ns", "all_latency_ns")
-    arrays: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in by_recording}
-    totals: dict[str, Any] = {name: reduce(added, [getattr(part, name) for part in parts]) for name in sums}
+    by_recording, sums = (
+        ("steps", "prediction", "final"),
+        ("counts", "all_counts", "latency_ns", "all_latency_ns"),
+    )
+    arrays: dict[str, Any] = {
+        name: np.concatenate([getattr(part, name) for part in parts]) for name in by_recording
+    }
+    totals: dict[str, Any] = {
+        name: reduce(added, [getattr(part, name) for part in parts]) for name in sums
+    }
     return hw.Stops(all_steps=parts[0].all_steps, **arrays, **totals)
 
 
@@ -131,12 +145,17 @@ def _scores(program: hw.ChipProgram, recordings: ByteArray, psi: float) -> dict[
     """Return the class scores (batch, steps, classes) after every step, by prediction; one axis has just one."""
     readout = program.readout
     assert readout is not None
-    axis_of: dict[str, str] = {name: phase.axis for phase in program.phases for name in program.columns_of(phase.name)}
+    axis_of: dict[str, str] = {
+        name: phase.axis for phase in program.phases for name in program.columns_of(phase.name)
+    }
     voters = list(zip(readout.populations, readout.weights, strict=True))
 
     def votes(pushed: StepScores) -> dict[str, FloatArray]:
         given = {**pushed.spikes, **pushed.potential}
-        return reduce(added, ({axis_of[name]: weight * given[name].astype(np.float64)} for name, weight in voters))
+        return reduce(
+            added,
+            ({axis_of[name]: weight * given[name].astype(np.float64)} for name, weight in voters),
+        )
 
     each = pushed_each(program, {next(iter(program.streams)): recordings}, votes)
     by_axis = {axis: np.stack([scores[axis] for scores in each]) for axis in each[0]}

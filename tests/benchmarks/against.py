@@ -77,7 +77,9 @@ def job(name: str) -> Callable[[], object]:
     else:
         levels = example_levels("objects")
         program, recordings = levels.program, published_test_part("objects").spikes
-        recordings = recordings[np.argsort(recordings.sum(axis=(1, 2)))[[len(recordings) // 2, *range(31)]]]
+        recordings = recordings[
+            np.argsort(recordings.sum(axis=(1, 2)))[[len(recordings) // 2, *range(31)]]
+        ]
         if "location branch" in what:
             from test_streaming import branch, so_far
 
@@ -105,14 +107,23 @@ def sparse_program(delays: int):  # type: ignore[no-untyped-def]
         here = builder.add_compartments(f"h{k}", 2000, decay_u=1024, decay_v=128, threshold=1500)
         weights = sparse.random(2000, 2000, 0.1, random_state=k, format="csr")
         weights.data = 2 * r.integers(1, 128, weights.nnz) * r.choice([-1, 1], weights.nnz)
-        late = sparse.csr_array((r.integers(0, delays, weights.nnz), weights.indices, weights.indptr), (2000, 2000))
-        builder.connect(before, here, sparse.csr_array(weights.astype(np.int64)), delay=late if delays > 1 else 0)
+        late = sparse.csr_array(
+            (r.integers(0, delays, weights.nnz), weights.indices, weights.indptr), (2000, 2000)
+        )
+        builder.connect(
+            before,
+            here,
+            sparse.csr_array(weights.astype(np.int64)),
+            delay=late if delays > 1 else 0,
+        )
         before = here
     return builder.build(), (r.random((1, 100, 2000)) < 0.03).astype(np.uint8)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("checkout", type=Path)
     parser.add_argument("--page", type=Path, help="write the table into this page")
     parser.add_argument("--turns", type=int, default=5)

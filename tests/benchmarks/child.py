@@ -17,7 +17,11 @@ def run(script: str, *arguments: object, environment: Mapping[str, str] | None =
     """Run a script and return what it prints, read as JSON."""
     call = [sys.executable, str(HERE / script), *map(str, arguments)]
     done = subprocess.run(
-        call, stdout=subprocess.PIPE, text=True, check=True, env={**os.environ, **(environment or {})}
+        call,
+        stdout=subprocess.PIPE,
+        text=True,
+        check=True,
+        env={**os.environ, **(environment or {})},
     )
     return json.loads(done.stdout)
 

@@ -30,7 +30,10 @@ from write_page import COMMAND_SPEED
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
-MODEL, TOUCHES = ROOT / "examples/models/objects-hybrid.pt", ROOT / "examples/recordings/touches.npz"
+MODEL, TOUCHES = (
+    ROOT / "examples/models/objects-hybrid.pt",
+    ROOT / "examples/recordings/touches.npz",
+)
 COMPILE, RUN = ("-m", "locsnn_compile.cli.compile"), ("-m", "locsnn_compile.cli.main", "run")
 IMPORTS = "import numpy, numba, scipy.sparse"
 
@@ -45,17 +48,35 @@ class Took:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--against", metavar="REV", help="an earlier commit to compare with")
-    parser.add_argument("--page", type=Path, metavar="FILE", help="page to write the section into; else it is printed")
-    parser.add_argument("--turns", type=int, default=5, help="how often each command is run (default 5)")
-    parser.add_argument("--cold", type=int, default=1, help="how often with an empty cache (default 1)")
-    parser.add_argument("--only", default="`", metavar="TEXT", help="only the rows whose name holds a text")
+    parser.add_argument(
+        "--page",
+        type=Path,
+        metavar="FILE",
+        help="page to write the section into; else it is printed",
+    )
+    parser.add_argument(
+        "--turns", type=int, default=5, help="how often each command is run (default 5)"
+    )
+    parser.add_argument(
+        "--cold", type=int, default=1, help="how often with an empty cache (default 1)"
+    )
+    parser.add_argument(
+        "--only", default="`", metavar="TEXT", help="only the rows whose name holds a text"
+    )
     args = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder, worktree(args.against) as before:
         trees = [ROOT, *([before] if before else [])]
         found = measure(trees, Path(folder), args.turns, args.cold, args.only)
-    text = section(found, args.against and git("log", "-1", "--format=%h, %cs", args.against), args.turns, args.cold)
+    text = section(
+        found,
+        args.against and git("log", "-1", "--format=%h, %cs", args.against),
+        args.turns,
+        args.cold,
+    )
     if args.page:
         put_section(args.page, COMMAND_SPEED, text)
     else:
@@ -63,7 +84,9 @@ def main() -> int:
     return 0
 
 
-def measure(trees: Sequence[Path], folder: Path, turns: int, cold: int, only: str) -> dict[str, list[list[Took]]]:
+def measure(
+    trees: Sequence[Path], folder: Path, turns: int, cold: int, only: str
+) -> dict[str, list[list[Took]]]:
     """Return by row, for each tree, what its runs took."""
     program, out = folder / "program", folder / "out"
     touches = [str(MODEL), "--events", str(TOUCHES), "--quiet"]
@@ -81,7 +104,14 @@ def measure(trees: Sequence[Path], folder: Path, turns: int, cold: int, only: st
         "`locsnn run`, 8 recordings": [*RUN, str(program), "--events", str(TOUCHES)],
     }
     if (objects := RECORDINGS / "Ev-Objects.zip").exists():
-        rows["`locsnn-compile`, all of Ev-Objects"] = [*COMPILE, *touches, "--events", str(objects), "-o", str(out)]
+        rows["`locsnn-compile`, all of Ev-Objects"] = [
+            *COMPILE,
+            *touches,
+            "--events",
+            str(objects),
+            "-o",
+            str(out),
+        ]
     first = "`locsnn-compile`, nothing compiled yet"
     rows = {row: words for row, words in rows.items() if only in row or IMPORTS in row}
     found: dict[str, list[list[Took]]] = {row: [[] for _ in trees] for row in (*rows, first)}
@@ -102,9 +132,14 @@ def run(tree: Path, words: Sequence[str], environment: Mapping[str, str]) -> Too
     """Run Python with the packages of a tree."""
     begin = time.perf_counter()
     # Bytecode is kept, as an installation keeps it.
-    kept = {"PYTHONDONTWRITEBYTECODE": "", "PYTHONPYCACHEPREFIX": environment["NUMBA_CACHE_DIR"] + "-bytecode"}
+    kept = {
+        "PYTHONDONTWRITEBYTECODE": "",
+        "PYTHONPYCACHEPREFIX": environment["NUMBA_CACHE_DIR"] + "-bytecode",
+    }
     given = os.environ | {"PYTHONPATH": str(tree)} | kept | dict(environment)
-    process = subprocess.Popen([sys.executable, *words], env=given, cwd=tree, stdout=subprocess.DEVNULL)
+    process = subprocess.Popen(
+        [sys.executable, *words], env=given, cwd=tree, stdout=subprocess.DEVNULL
+    )
     _, status, used = os.wait4(process.pid, 0)
     if status:
         raise SystemExit(f"{' '.join(words)} failed in {tree}")
@@ -121,11 +156,20 @@ def section(found: dict[str, list[list[Took]]], against: str | None, turns: int,
         cells += [f"{median(now, 'processor'):.2f}", f"{median(now, 'mib'):.0f}"]
         for before in versions[1:]:
             cells += [f"{median(before, key):.2f}" for key in ("seconds", "processor")]
-            cells += [f"{median(before, key) / median(now, key):.1f}" for key in ("seconds", "processor", "mib")]
+            cells += [
+                f"{median(before, key) / median(now, key):.1f}"
+                for key in ("seconds", "processor", "mib")
+            ]
         rows.append(cells)
     head = ["", "s", "times the imports", "processor s", "MiB"]
     if against:
-        head += ["before: s", "before: processor s", "ratio of s", "ratio of processor s", "ratio of MiB"]
+        head += [
+            "before: s",
+            "before: processor s",
+            "ratio of s",
+            "ratio of processor s",
+            "ratio of MiB",
+        ]
     before = f" *Before* is commit {against}, run in turns with this version." if against else ""
     return f"""## The command
 
@@ -164,7 +208,9 @@ def worktree(commit: str | None) -> Iterator[Path | None]:
 
 
 def git(*words: str) -> str:
-    return subprocess.run(["git", *words], cwd=ROOT, check=True, capture_output=True, text=True).stdout.strip()
+    return subprocess.run(
+        ["git", *words], cwd=ROOT, check=True, capture_output=True, text=True
+    ).stdout.strip()
 
 
 if __name__ == "__main__":

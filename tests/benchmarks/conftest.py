@@ -15,8 +15,12 @@ Record = Callable[[str, Any], None]
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--quick", action="store_true", help="few rounds and small sizes: does it run, not how fast")
-    parser.addoption("--results", type=Path, default=ROOT / "build/bench", help="folder for what is measured")
+    parser.addoption(
+        "--quick", action="store_true", help="few rounds and small sizes: does it run, not how fast"
+    )
+    parser.addoption(
+        "--results", type=Path, default=ROOT / "build/bench", help="folder for what is measured"
+    )
 
 
 @pytest.fixture(scope="session")

@@ -38,7 +38,9 @@ def recordings_of(density: float, steps: int, channels: int) -> NDArray[np.uint8
     return (r.random((BATCH, steps, channels)) < density).astype(np.uint8)
 
 
-def seconds_of(program: hw.ChipProgram, recordings: dict[float, NDArray[np.uint8]], turns: int) -> dict[float, float]:
+def seconds_of(
+    program: hw.ChipProgram, recordings: dict[float, NDArray[np.uint8]], turns: int
+) -> dict[float, float]:
     """Return the least processor seconds of a recording at each density."""
     least = dict.fromkeys(recordings, float("inf"))
     for _ in range(turns + 1):
@@ -49,7 +51,9 @@ def seconds_of(program: hw.ChipProgram, recordings: dict[float, NDArray[np.uint8
     return least
 
 
-def rows_of(program: hw.ChipProgram, density: float, batch: NDArray[np.uint8], seconds: float) -> list[str]:
+def rows_of(
+    program: hw.ChipProgram, density: float, batch: NDArray[np.uint8], seconds: float
+) -> list[str]:
     """Return a row for each phase."""
     profile = program.chip.profile(program.chip.default_profile)
     stop = hw.stop_when_proven(program, batch).steps.mean()
@@ -68,7 +72,9 @@ def rows_of(program: hw.ChipProgram, density: float, batch: NDArray[np.uint8], s
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--page", type=Path, help="write the table into this page")
     parser.add_argument("--turns", type=int, default=60)
     args = parser.parse_args()
@@ -77,7 +83,11 @@ def main() -> None:
     steps, channels = levels.network.steps, levels.program.inputs[0].channels
     recordings = {density: recordings_of(density, steps, channels) for density in DENSITIES}
     seconds = seconds_of(levels.program, recordings, args.turns)
-    rows = [row for d, batch in recordings.items() for row in rows_of(levels.program, d, batch, seconds[d])]
+    rows = [
+        row
+        for d, batch in recordings.items()
+        for row in rows_of(levels.program, d, batch, seconds[d])
+    ]
     text = HEAD.format(
         steps=steps, channels=channels, turns=args.turns, batch=BATCH, processor=machine()["processor"],
         profile=levels.program.chip.default_profile, all_steps=sum(phase.steps or 0 for phase in levels.program.phases),

@@ -19,14 +19,21 @@ from locsnn_compile.report.format import count, energy, ratio, share, time
 from locsnn_compile.report.words import words
 
 ROOT = Path(__file__).parents[2]
-NETWORKS = ("objects-hybrid", "containers-hybrid", "objects-hybrid-loihi", "containers-hybrid-loihi")
+NETWORKS = (
+    "objects-hybrid",
+    "containers-hybrid",
+    "objects-hybrid-loihi",
+    "containers-hybrid-loihi",
+)
 STRATEGY = "dendrite"
 
 Report = dict[str, Any]
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--data", type=Path, required=True)
     parser.add_argument("--page", type=Path, required=True)
     args = parser.parse_args()
@@ -76,7 +83,9 @@ def by_branch(reports: dict[str, Report]) -> str:
         for profile, branches in profiles.items():
             a, b = branches["time"], branches["location"]
             rows.append([name, profile, energy(a), energy(b), ratio(b / a), energy(a + b)])
-    return table(["network", "profile", "time branch", "location branch", "location / time", "whole"], rows)
+    return table(
+        ["network", "profile", "time branch", "location branch", "location / time", "whole"], rows
+    )
 
 
 def over_recordings(reports: dict[str, Report]) -> str:
@@ -115,7 +124,9 @@ def on_paper(reports: dict[str, Report]) -> str:
         found = report["operations"]["published_method"]
         a, b = (found["additions_by_branch"][branch] for branch in ("time", "location"))
         rows.append([name, count(a), count(b), count(found["transpose_events"]), ratio(b / a)])
-    return table(["network", "time branch", "location branch", "events transposed", "location / time"], rows)
+    return table(
+        ["network", "time branch", "location branch", "events transposed", "location / time"], rows
+    )
 
 
 def times(reports: dict[str, Report]) -> str:
@@ -123,7 +134,10 @@ def times(reports: dict[str, Report]) -> str:
     for name, report in reports.items():
         found, real = report["latency"], report["latency"]["real_time"]
         parts = found["by_part_ns"]
-        work = [share(parts[part] / found["per_sample_ns"]) for part in ("updates", "synapses", "barrier")]
+        work = [
+            share(parts[part] / found["per_sample_ns"])
+            for part in ("updates", "synapses", "barrier")
+        ]
         rows.append(
             [
                 name,
@@ -135,7 +149,16 @@ def times(reports: dict[str, Report]) -> str:
                 f"{count(real['factor'])} times faster",
             ]
         )
-    head = ["network", "recording", "time", "location", "of which buffer", "updates", "synapses", "barriers"]
+    head = [
+        "network",
+        "recording",
+        "time",
+        "location",
+        "of which buffer",
+        "updates",
+        "synapses",
+        "barriers",
+    ]
     return table([*head, "after the last row", "against the sensor"], rows)
 
 
@@ -144,9 +167,17 @@ def static(reports: dict[str, Report]) -> str:
     for name, report in reports.items():
         found = report["energy"]["static"]
         own = report["energy"]["per_sample_pj"]
-        rows.append([name, energy(own), energy(found["at_latency_pj"]), energy(found["at_real_time_pj"])])
+        rows.append(
+            [name, energy(own), energy(found["at_latency_pj"]), energy(found["at_real_time_pj"])]
+        )
     return table(
-        ["network", "dynamic energy", "static, while the chip works", "static, while the sensor records"], rows
+        [
+            "network",
+            "dynamic energy",
+            "static, while the chip works",
+            "static, while the sensor records",
+        ],
+        rows,
     )
 
 
@@ -155,12 +186,20 @@ def conventional(reports: dict[str, Report]) -> str:
     for name, report in reports.items():
         for other, found in report["ann_comparison"].items():
             cells = [
-                f"{energy(found['energy_pj'][key])} ({ratio(found['energy_ratio'][key])})" for key in found["energy_pj"]
+                f"{energy(found['energy_pj'][key])} ({ratio(found['energy_ratio'][key])})"
+                for key in found["energy_pj"]
             ]
             operations = [count(found[key]) for key in ("multiplications", "additions")]
             rows.append([name, words(other), *operations, f"{ratio(found['ratio'])} times", *cells])
     arithmetics = next(iter(next(iter(reports.values()))["ann_comparison"].values()))["energy_pj"]
-    head = ["network", "next to", "multiplications", "additions", "operations", *(words(key) for key in arithmetics)]
+    head = [
+        "network",
+        "next to",
+        "multiplications",
+        "additions",
+        "operations",
+        *(words(key) for key in arithmetics),
+    ]
     return table(head, rows)
 
 

@@ -43,7 +43,9 @@ def section(data: Path, dataset: str) -> str:
     found = {}
     for strategy in STRATEGIES:
         levels = lower_as(network, chip, Setting(strategy, WEIGHT_BITS), calibration)
-        match = compare(levels.quantized, levels.program, recordings.spikes, labels=recordings.labels)
+        match = compare(
+            levels.quantized, levels.program, recordings.spikes, labels=recordings.labels
+        )
         start = time.perf_counter()
         diagnosis = diagnose(levels, recordings.spikes, match.first_divergence, samples=None)
         print(f"{dataset} {strategy}: {time.perf_counter() - start:.1f} s")
@@ -59,7 +61,10 @@ def section(data: Path, dataset: str) -> str:
         by_population(first.budget),
         "Distance of potentials to the threshold next to the error of the chip's arithmetic, `dendrite`, in thresholds:",
         by_margin(first.margins),
-        *(f"- First difference of `{strategy}`: {why(*entry)}" for strategy, entry in found.items()),
+        *(
+            f"- First difference of `{strategy}`: {why(*entry)}"
+            for strategy, entry in found.items()
+        ),
     ]
     tables, causes = parts[: -len(found)], parts[-len(found) :]
     return "\n\n".join([*tables, "\n".join(causes)])
@@ -69,14 +74,27 @@ def by_strategy(budgets: dict) -> str:
     """Rows: stages alone, all together, the tail; for every strategy spikes equal, and predictions changed."""
 
     def cells(variants: dict[str, dict[str, Deviation]], key: str) -> list[str]:
-        return [entry(variants[strategy][key]) if key in variants[strategy] else "-" for strategy in budgets]
+        return [
+            entry(variants[strategy][key]) if key in variants[strategy] else "-"
+            for strategy in budgets
+        ]
 
     alone = {strategy: budget.alone for strategy, budget in budgets.items()}
     without = {strategy: budget.without for strategy, budget in budgets.items()}
     rows = [[f"{stage_words(stage)} alone", *cells(alone, stage)] for stage in STAGES]
-    rows.append(["**all together: the chip**", *(entry(budget.together) for budget in budgets.values())])
-    rows += [[f"all but {stage_words(stage)}", *cells(without, stage)] for stage in ("kernel", "weights", "decays")]
-    rows.append(["(kernels cut as by slayerPytorch)", *(entry(budget.kernel_tail) for budget in budgets.values())])
+    rows.append(
+        ["**all together: the chip**", *(entry(budget.together) for budget in budgets.values())]
+    )
+    rows += [
+        [f"all but {stage_words(stage)}", *cells(without, stage)]
+        for stage in ("kernel", "weights", "decays")
+    ]
+    rows.append(
+        [
+            "(kernels cut as by slayerPytorch)",
+            *(entry(budget.kernel_tail) for budget in budgets.values()),
+        ]
+    )
     return table(["on the chip", *(f"`{strategy}`" for strategy in budgets)], rows)
 
 
@@ -85,7 +103,9 @@ def entry(found: Deviation) -> str:
 
 
 def by_population(budget) -> str:
-    variants = {stage_words(stage): found for stage, found in budget.alone.items()} | {"all together": budget.together}
+    variants = {stage_words(stage): found for stage, found in budget.alone.items()} | {
+        "all together": budget.together
+    }
     rows = [
         [name, *(share(found.by_population[name].agreement) for found in variants.values())]
         for name in budget.together.by_population

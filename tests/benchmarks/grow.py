@@ -29,7 +29,9 @@ STEPS = 100
 ACTIVITY = 0.02
 
 
-def placed_program(size: int, chip: hw.Chip, timed: Callable[[str, Callable[[], Any]], Any]) -> hw.ChipProgram:
+def placed_program(
+    size: int, chip: hw.Chip, timed: Callable[[str, Callable[[], Any]], Any]
+) -> hw.ChipProgram:
     """Build, place, arrange and route the network of a size; its levels are gone when this returns."""
     graph = timed("build", lambda: local_graph(size, chip))
     placed = timed("place", lambda: place_cores(graph, chip))
@@ -56,7 +58,9 @@ def measure(size: int) -> dict[str, float]:
     recordings = random_input((batch, STEPS, size // LAYERS), ACTIVITY)
     result = timed("first call", lambda: hw.simulate(program, recordings))
     check_relayed(recordings, result)
-    playing = median_seconds(lambda: hw.simulate(program, recordings), 3 if size > ARRANGED_UP_TO else 5)
+    playing = median_seconds(
+        lambda: hw.simulate(program, recordings), 3 if size > ARRANGED_UP_TO else 5
+    )
     return {
         "compartments": size,
         "synapses": sum(len(core.axons.target) for core in program.cores),

@@ -52,7 +52,14 @@ def section(data: Path, dataset: str) -> str:
     train, test = (read_recordings(archive, split=split) for split in ("train", "test"))
     calibration = calibrate(network, train, CHIP.registers)
     names = [p.name for p in network.populations]
-    head = ["rounding, each row with all above", "same prediction", "accuracy", "same spikes", *names, "energy"]
+    head = [
+        "rounding, each row with all above",
+        "same prediction",
+        "accuracy",
+        "same spikes",
+        *names,
+        "energy",
+    ]
     rows = [measured(words, quantized, test) for words, quantized in steps(network, calibration)]
     synthetic = calibrate(network, recordings_for(network, None), CHIP.registers)
     other = [
@@ -69,7 +76,9 @@ def section(data: Path, dataset: str) -> str:
         measured("all weights split", fine(gridded, grid_calibration, split=1.0), test),
         measured("paired dendrites", fine(gridded, grid_calibration, strategy=PAIRED), test),
         measured(
-            "paired dendrites, all weights split", fine(gridded, grid_calibration, strategy=PAIRED, split=1.0), test
+            "paired dendrites, all weights split",
+            fine(gridded, grid_calibration, strategy=PAIRED, split=1.0),
+            test,
         ),
     ]
     gridded_accuracy = float((evaluate(gridded, test.spikes).prediction == test.labels).mean())
@@ -120,17 +129,28 @@ def by_hand(network: Network, plain: QuantizedNetwork, signs: str, over: int) ->
     for given, p in zip(network.projections, plain.projections, strict=True):
         q = next(q for q in populations if q.population.name == p.target)
         tau = q.population.neuron.tau_sr
-        ideal = given.weights * (math.exp(1 - 1 / tau) / tau) * q.scale[:, None] / (64 * 2.0**p.exponent)
-        mantissa = grid.round(ideal) if signs == "mixed" else np.sign(ideal) * grid.round(np.abs(ideal))
+        ideal = (
+            given.weights
+            * (math.exp(1 - 1 / tau) / tau)
+            * q.scale[:, None]
+            / (64 * 2.0**p.exponent)
+        )
+        mantissa = (
+            grid.round(ideal) if signs == "mixed" else np.sign(ideal) * grid.round(np.abs(ideal))
+        )
         projections.append(replace(p, mantissa=mantissa.astype(np.int64), signs=signs))
     pruned = sum(int((p.mantissa == 0).sum()) for p in projections)
-    return replace(plain, populations=tuple(populations), projections=tuple(projections), weights_pruned=pruned)
+    return replace(
+        plain, populations=tuple(populations), projections=tuple(projections), weights_pruned=pruned
+    )
 
 
 def on_the_grid(network: Network) -> Network:
     """Return the network with time constants whose decays are effective decays of the chip."""
     neurons = {"tau_sr": -1 / math.log(KEEP_SR), "tau_ref": -1 / math.log(KEEP_REF)}
-    populations = tuple(replace(p, neuron=replace(p.neuron, **neurons)) for p in network.populations)
+    populations = tuple(
+        replace(p, neuron=replace(p.neuron, **neurons)) for p in network.populations
+    )
     found = replace(network, populations=populations)
     assert one_decay(neurons["tau_sr"], "").error < 1e-7
     return found
@@ -138,17 +158,30 @@ def on_the_grid(network: Network) -> Network:
 
 def measured(words: str, quantized: QuantizedNetwork, test: Recordings) -> list[str]:
     """Return a row: agreement, accuracy and energy on the test recordings."""
-    program = assemble(route_axons(arrange_cores(place_cores(lower_neurons(quantized, CHIP), CHIP))))
+    program = assemble(
+        route_axons(arrange_cores(place_cores(lower_neurons(quantized, CHIP), CHIP)))
+    )
     match = compare(quantized, program, test.spikes, labels=test.labels)
     assert match.accuracy is not None
-    spent = sum(hw.energy_pj(total(match.counts), CHIP.profile(CHIP.default_profile)).values()) / match.samples
-    row = [words, share(match.prediction_agreement), f"{match.accuracy['chip']:.3f}", *agreements(match.by_population)]
+    spent = (
+        sum(hw.energy_pj(total(match.counts), CHIP.profile(CHIP.default_profile)).values())
+        / match.samples
+    )
+    row = [
+        words,
+        share(match.prediction_agreement),
+        f"{match.accuracy['chip']:.3f}",
+        *agreements(match.by_population),
+    ]
     print(*row, sep=" | ", flush=True)
     return [*row, energy(spent)]
 
 
 def agreements(matches: dict[str, PopulationMatch]) -> list[str]:
-    return [share(m.agreement) for m in (sum(matches.values(), start=PopulationMatch()), *matches.values())]
+    return [
+        share(m.agreement)
+        for m in (sum(matches.values(), start=PopulationMatch()), *matches.values())
+    ]
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

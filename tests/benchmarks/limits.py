@@ -37,7 +37,9 @@ class TrafficLimit:
 
     def __init__(self, network: LayeredNetwork, spikes: Sequence[NDArray[np.uint8]]) -> None:
         self.batch, self.steps, _ = spikes[0].shape
-        self.matrices = tuple(np.ascontiguousarray(matrix.T, dtype=np.int16) for matrix in network.weights)
+        self.matrices = tuple(
+            np.ascontiguousarray(matrix.T, dtype=np.int16) for matrix in network.weights
+        )
         arriving = [network.recordings[: self.batch], *spikes[:-1]]
         bounds = np.linspace(0, self.batch, THREADS + 1).astype(int)
         self.pool = ThreadPoolExecutor(THREADS)

@@ -17,7 +17,8 @@ def machine() -> dict[str, str]:
     """Return processor, caches, memory and versions, as text."""
     return {
         "processor": f"{processor()}, {os.cpu_count()} cores",
-        "caches": ", ".join(f"{name} {kib:,} KiB" for name, kib in cache_kib().items()) or "unknown",
+        "caches": ", ".join(f"{name} {kib:,} KiB" for name, kib in cache_kib().items())
+        or "unknown",
         "memory": _memory(),
         "system": f"{platform.system()} {platform.machine()}",
         "Python": platform.python_version(),
@@ -30,7 +31,9 @@ def cache_kib() -> dict[str, int]:
     """Return the caches that a core sees and their sizes in KiB, nearest first; empty where the system hides them."""
     found = {}
     for index in sorted(CACHES.glob("index*")):
-        level, kind, size = ((index / name).read_text().strip() for name in ("level", "type", "size"))
+        level, kind, size = (
+            (index / name).read_text().strip() for name in ("level", "type", "size")
+        )
         if kind != "Instruction":
             found[f"L{level}"] = int(size.removesuffix("K"))
     return found

@@ -20,8 +20,17 @@ def sizes(records: dict[str, Found]) -> str:
                 f"{m['first call']:.2f}", f"{m['peak_mib']:,.0f}",
             ]
         )  # fmt: skip
-    head = ["compartments", "synapses", "a layer's MiB", "in", "ms per recording", "million operations"]
-    return table([*head, "ns an operation", "ns an update", "first call s", "peak MiB"], rows, left=0)
+    head = [
+        "compartments",
+        "synapses",
+        "a layer's MiB",
+        "in",
+        "ms per recording",
+        "million operations",
+    ]
+    return table(
+        [*head, "ns an operation", "ns an update", "first call s", "peak MiB"], rows, left=0
+    )
 
 
 def held_by(mib: float) -> str:
@@ -42,7 +51,13 @@ def activity(record: Found) -> str:
                 f"{fitted * 1e3:.2f}", f"{m['synaptic_ops'] / m['seconds'] / 1e9:.2f}",
             ]
         )  # fmt: skip
-    head = ["compartments that fire", "million operations", "ms per recording", "line", "billion operations per second"]
+    head = [
+        "compartments that fire",
+        "million operations",
+        "ms per recording",
+        "line",
+        "billion operations per second",
+    ]
     updates = record["rates"][0]["neuron_updates"]
     return f"""{table(head, rows, left=0)}
 

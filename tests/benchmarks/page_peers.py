@@ -2,7 +2,19 @@
 
 from __future__ import annotations
 
-from page_figures import GOALS, LIMIT_GOAL, Found, limit_seconds, made_by, own, peer, percent, ratio, table, times
+from page_figures import (
+    GOALS,
+    LIMIT_GOAL,
+    Found,
+    limit_seconds,
+    made_by,
+    own,
+    peer,
+    percent,
+    ratio,
+    table,
+    times,
+)
 from workloads import WORKLOADS
 
 
@@ -15,7 +27,9 @@ def summary(records: dict[str, Found]) -> str:
         cells = [name]
         for tool, goal in goals.items():
             found = peer(record, tool)
-            cells.append(f"{ratio(found['seconds'] / ours)} ({goal:,.0f})" if found else "not installed")
+            cells.append(
+                f"{ratio(found['seconds'] / ours)} ({goal:,.0f})" if found else "not installed"
+            )
         share = limit_seconds(record) / ours
         cells.append(f"{percent(share)} ({percent(LIMIT_GOAL)})")
         cells.append(percent(record["limits"]["rows_and_state"] / ours))
@@ -36,7 +50,9 @@ def side_by_side(record: Found) -> str:
                 row["mode"],
                 times(row["seconds"]),
                 f"{times(low)} to {times(high)}",
-                "-" if "example itself" in row["mode"] else ratio(record["synaptic_ops"] / row["seconds"] / 1e6),
+                "-"
+                if "example itself" in row["mode"]
+                else ratio(record["synaptic_ops"] / row["seconds"] / 1e6),
                 ratio(row["seconds"] / ours),
                 "-" if row["peak_mib"] is None else f"{row['peak_mib']:,.0f}",
                 "-" if row["spikes_differ"] is None else str(row["spikes_differ"]),
@@ -44,7 +60,15 @@ def side_by_side(record: Found) -> str:
         )
     limits = record["limits"]
     best = limit_seconds(record)
-    head = ["tool", "mode", "µs per recording", "middle half", "million operations per second", "ratio", "peak MiB"]
+    head = [
+        "tool",
+        "mode",
+        "µs per recording",
+        "middle half",
+        "million operations per second",
+        "ratio",
+        "peak MiB",
+    ]
     return f"""## {record["name"]}: {record["text"]}
 
 A recording has {record["synaptic_ops"]:,.0f} synaptic operations, {record["neuron_updates"]:,.0f} compartment updates and {record["spikes"]:,.0f} spikes.
@@ -58,7 +82,9 @@ time {times(limits["plain"])} µs), and with the state read and written {times(l
 
 def tools(records: dict[str, Found]) -> str:
     """Return every tool on every workload, with what was measured how."""
-    workloads = [records[key] for key in (f"side_by_side_{name}" for name in WORKLOADS) if key in records]
+    workloads = [
+        records[key] for key in (f"side_by_side_{name}" for name in WORKLOADS) if key in records
+    ]
     turns = ", ".join(f"{own(record)['turns']} ({record['name']})" for record in workloads)
     return f"""{made_by("test_side_by_side.py")} The same networks and input spikes for every tool, in one run: each waits in a process of its
 own, loaded and built, and all take turns, so that noise of the machine hits all alike. Medians of {turns} turns; a turn of

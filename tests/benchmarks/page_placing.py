@@ -18,7 +18,16 @@ def placement(records: dict[str, Found]) -> str:
                 f"{sum(parts):.2f}", f"{sum(parts) / m['synapses'] * 1e6:.2f}", f"{m['placing_mib'] / 1024:.2f}",
             ]
         )  # fmt: skip
-    head = ["compartments", "synapses", "cores", "build s", "place s", "arrange s", "route s", "total s"]
+    head = [
+        "compartments",
+        "synapses",
+        "cores",
+        "build s",
+        "place s",
+        "arrange s",
+        "route s",
+        "total s",
+    ]
     hop_rows = [
         [
             m["name"], str(m["cores"]), f"{m['before']:,.0f}", f"{m['after']:,.0f}",
@@ -26,7 +35,14 @@ def placement(records: dict[str, Found]) -> str:
         ]
         for m in records["hops"]["networks"]
     ]  # fmt: skip
-    hop_head = ["network", "cores", "hops per step, network order", "arranged", "saved", "seconds to arrange"]
+    hop_head = [
+        "network",
+        "cores",
+        "hops per step, network order",
+        "arranged",
+        "saved",
+        "seconds to arrange",
+    ]
     return f"""{table([*head, "s per million synapses", "peak GiB"], size_rows, left=0)}
 
 *Build* makes the graph through `ProgramBuilder`, checks included; *route* also assembles the program. Time grows with the

@@ -9,14 +9,22 @@ def test_set(records: dict[str, Found]) -> str:
     """Return the whole test set: time, memory, start-up."""
     found, start = records["test_set"], records["start_up"]
     rows = [
-        [f"{m['recordings']:,}", f"{m['seconds']:.3f}", times(m["seconds"] / m["recordings"]), f"{m['peak_mib']:,.0f}"]
+        [
+            f"{m['recordings']:,}",
+            f"{m['seconds']:.3f}",
+            times(m["seconds"] / m["recordings"]),
+            f"{m['peak_mib']:,.0f}",
+        ]
         for m in records["stream"]["streams"]
     ]
-    return f"""The compiled `objects-hybrid` plays all {found["recordings"]} test recordings of Ev-Objects in {
-        found["seconds"] * 1e3:.1f} ms (goal: below 100 ms), in one
+    return f"""The compiled `objects-hybrid` plays all {
+        found["recordings"]
+    } test recordings of Ev-Objects in {found["seconds"] * 1e3:.1f} ms (goal: below 100 ms), in one
 call and after start-up: {times(found["seconds"] / found["recordings"])} µs per recording, {
         found["synaptic_ops"] / found["seconds"] / 1e9:.2f} billion synaptic operations and {
-        found["neuron_updates"] / found["seconds"] / 1e9:.2f} billion compartment updates per second.
+        found["neuron_updates"]
+        / found["seconds"]
+        / 1e9:.2f} billion compartment updates per second.
 
 Played again and again as a stream of batches of {found["recordings"]}, in a process of its own:
 
@@ -26,9 +34,21 @@ Start-up, with the program read from its folder. *Cold* is the first run on a ma
 
 {
         table(
-            ["cache of compiled code", "reading s", "first call s", "second call s", "whole process s"],
             [
-                [state, *(f"{start[state][part]:.2f}" for part in ("load", "first_call", "second_call", "all"))]
+                "cache of compiled code",
+                "reading s",
+                "first call s",
+                "second call s",
+                "whole process s",
+            ],
+            [
+                [
+                    state,
+                    *(
+                        f"{start[state][part]:.2f}"
+                        for part in ("load", "first_call", "second_call", "all")
+                    ),
+                ]
                 for state in ("cold", "warm")
             ],
         )
@@ -62,10 +82,20 @@ def streaming(record: Found) -> str:
     """Return predictions after every step, a session beside starting the location branch anew."""
     anew, pushed = (("anew_at_once", "anew_step_by_step"), ("pushed_at_once", "pushed_row_by_row"))
     rows = [
-        [label, f"{record[new] * 1e3:.2f}", f"{record[old] * 1e3:.2f}", ratio(record[old] / record[new])]
+        [
+            label,
+            f"{record[new] * 1e3:.2f}",
+            f"{record[old] * 1e3:.2f}",
+            ratio(record[old] / record[new]),
+        ]
         for label, new, old in zip(("at once", "as rows arrive"), pushed, anew, strict=True)
     ]
-    head = ["a recording", "hw.Session, ms", "location branch anew, ms", "ratio (goal 16 at once, 8 as rows arrive)"]
+    head = [
+        "a recording",
+        "hw.Session, ms",
+        "location branch anew, ms",
+        "ratio (goal 16 at once, 8 as rows arrive)",
+    ]
     return f"""All {record["steps"]} predictions of a recording of Ev-Objects, one after each step. The location branch is
 updated for what the events of a step change (`hw.Session`), or run anew on what is known so far. *At once*: the whole recording
 is given, and the {record["steps"]} runs anew are one batch; *as rows arrive*: a call for every step. All give the

@@ -38,7 +38,9 @@ def put_section(path: Path, name: str, text: str) -> None:
 
 def write_by_network(about: str | None, name: str, section: Callable[[Path, str], str]) -> None:
     """Write ``section(data, network)`` of every example network, one below the other, as the command line says."""
-    parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=about, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--data", type=Path, required=True)
     parser.add_argument("--page", type=Path, required=True)
     args = parser.parse_args()

@@ -33,12 +33,16 @@ Document = dict[str, Any]
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--data", type=Path, required=True)
     parser.add_argument("--page", type=Path, required=True)
     parser.add_argument("--work", type=Path, default=ROOT / "build" / "pareto")
     args = parser.parse_args()
-    written = "\n\n".join(section(args.data, args.work / dataset, args.page, dataset) for dataset in DATASETS)
+    written = "\n\n".join(
+        section(args.data, args.work / dataset, args.page, dataset) for dataset in DATASETS
+    )
     put_section(args.page, "pareto", written)
 
 
@@ -46,7 +50,9 @@ def section(data: Path, work: Path, page: Path, dataset: str) -> str:
     """Return the section of one network, and put its picture beside the page."""
     archive = f"Ev-{dataset.title()}.zip"
     recordings = [
-        option for name in ("events", "calibration", "report-on") for option in (f"--{name}", str(data / archive))
+        option
+        for name in ("events", "calibration", "report-on")
+        for option in (f"--{name}", str(data / archive))
     ]
     options = [*recordings, *GRID, "-o", str(work)]
     bounded = [(budget, explore(dataset, [*options, *budget])["recommended"]) for budget in BUDGETS]
@@ -78,7 +84,9 @@ def explore(dataset: str, options: Sequence[str]) -> Document:
     code = locsnn(["explore", f"examples/models/{dataset}-hybrid.pt", *options, "--quiet"])
     if code not in (0, EXIT_GATE):
         sys.exit(code)
-    document: Document = json.loads((Path(options[options.index("-o") + 1]) / "explore.json").read_text("utf-8"))
+    document: Document = json.loads(
+        (Path(options[options.index("-o") + 1]) / "explore.json").read_text("utf-8")
+    )
     return document
 
 
@@ -122,12 +130,18 @@ def options_of(setting: dict[str, Any]) -> str:
 
 def bound(recommended: Document) -> str:
     setting = recommended["setting"]
-    return recommended["why"] if setting is None else f"`{options_of(setting)}`, {recommended['why']}"
+    return (
+        recommended["why"] if setting is None else f"`{options_of(setting)}`, {recommended['why']}"
+    )
 
 
 def off_front(found: Document) -> str:
     names = [f"`{options_of(row['setting'])}`" for row in found["points"] if not row["on_front"]]
-    return f"each beaten by another in every figure: {', '.join(names)}" if names else "there is nothing"
+    return (
+        f"each beaten by another in every figure: {', '.join(names)}"
+        if names
+        else "there is nothing"
+    )
 
 
 if __name__ == "__main__":

@@ -35,7 +35,9 @@ class PeerProcess:
     def ready(self) -> tuple[str, list[dict[str, NDArray[np.int64]]]]:
         """Wait until it can play; return its version and the spikes of each network on the first recording."""
         answer = self._answer()
-        spikes = [{name: np.array(rows) for name, rows in network.items()} for network in answer["spikes"]]
+        spikes = [
+            {name: np.array(rows) for name, rows in network.items()} for network in answer["spikes"]
+        ]
         return answer["version"], spikes
 
     def start(self, mode: str) -> None:
@@ -62,7 +64,10 @@ class PeerProcess:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         with self._process, self._said:
             self._process.kill()

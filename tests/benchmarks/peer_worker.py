@@ -59,14 +59,19 @@ class NengoLoihi:
 
         model, inputs = Model(), SpikeInput(spikes.shape[1])
         model.add_input(inputs)
-        blocks = {population["name"]: compartments(population) for population in self.network["populations"]}
+        blocks = {
+            population["name"]: compartments(population)
+            for population in self.network["populations"]
+        }
         for projection in self.network["projections"]:
             synapse = synapses(projection)
             blocks[projection["target"]].add_synapse(synapse)
             axon = Axon(synapse.n_axons)
             axon.target = synapse
             (inputs if projection["source"] == "x" else blocks[projection["source"]]).add_axon(axon)
-        probes = {name: LoihiProbe(target=block, key="spiked") for name, block in blocks.items() if probed}
+        probes = {
+            name: LoihiProbe(target=block, key="spiked") for name, block in blocks.items() if probed
+        }
         for block in blocks.values():
             model.add_block(block)
         for probe in probes.values():
@@ -81,7 +86,9 @@ class NengoLoihi:
         recording = self.network["recordings"][0]
         emulator, probes = self.emulator(recording, probed=True)
         emulator.run_steps(len(recording))
-        return {name: np.array(emulator.collect_probe_output(probe)) for name, probe in probes.items()}
+        return {
+            name: np.array(emulator.collect_probe_output(probe)) for name, probe in probes.items()
+        }
 
     def seconds(self, mode):
         """Play one recording."""
@@ -103,11 +110,15 @@ class Brian2Loihi:
         prefs.codegen.target = "cython"
         self.recordings = network["recordings"]
         self.turns = cycle(self.recordings)
-        self.input = LoihiSpikeGeneratorGroup(self.recordings.shape[2], np.array([0]), np.array([0]))
+        self.input = LoihiSpikeGeneratorGroup(
+            self.recordings.shape[2], np.array([0]), np.array([0])
+        )
         groups = {"x": self.input, **{p["name"]: neurons(p) for p in network["populations"]}}
         parts = list(groups.values())
         for projection in network["projections"]:
-            parts += synapses(projection, groups[projection["source"]], groups[projection["target"]])
+            parts += synapses(
+                projection, groups[projection["source"]], groups[projection["target"]]
+            )
         del groups["x"]
         self.monitors = {name: LoihiSpikeMonitor(group) for name, group in groups.items()}
         self.sizes = {name: len(group) for name, group in groups.items()}
@@ -151,7 +162,9 @@ class LavaDl:
         torch.set_grad_enabled(False)
         self.names = [population["name"] for population in network["populations"]]
         self.layers = []
-        for population, projection in zip(network["populations"], network["projections"], strict=True):
+        for population, projection in zip(
+            network["populations"], network["projections"], strict=True
+        ):
             neuron = neuron_of(population)
             neuron.persistent_state = False
             self.layers.append((synapse_of(projection, neuron), neuron))
@@ -167,7 +180,10 @@ class LavaDl:
 
     def spikes(self):
         """Return the spikes of every population on the first recording."""
-        return {name: out[0].numpy().T for name, out in zip(self.names, self.play(self.batch[:1]), strict=True)}
+        return {
+            name: out[0].numpy().T
+            for name, out in zip(self.names, self.play(self.batch[:1]), strict=True)
+        }
 
     def seconds(self, mode):
         """Play the whole batch, or in mode ``one recording`` its first recording."""
@@ -213,7 +229,10 @@ def serve(tool, networks, answers):
         print(json.dumps(values), file=answers, flush=True)
 
     parts = [tool(network) for network in networks]
-    spikes = [{name: array.astype(int).tolist() for name, array in part.spikes().items()} for part in parts]
+    spikes = [
+        {name: array.astype(int).tolist() for name, array in part.spikes().items()}
+        for part in parts
+    ]
     answer(version=version(tool.package), spikes=spikes)
     for line in sys.stdin:
         mode = line.strip()

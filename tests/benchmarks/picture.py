@@ -23,10 +23,14 @@ def draw(records: dict[str, Any], path: Path) -> None:
     """Draw the three panels as SVG on a transparent ground; the same figures give the same bytes."""
     mpl.use("svg")
     with mpl.rc_context(STYLE):
-        figure, panels = plt.subplots(1, 3, figsize=(11, 3.4), width_ratios=(1.25, 1, 1), layout="constrained")
+        figure, panels = plt.subplots(
+            1, 3, figsize=(11, 3.4), width_ratios=(1.25, 1, 1), layout="constrained"
+        )
         tools(panels[0], [records[f"side_by_side_{name}"] for name in ("small", "large")])
         size(panels[1], records["sizes"]["sizes"])
-        activity(panels[2], {kind: records[f"activity_{kind}"]["rates"] for kind in ("dense", "local")})
+        activity(
+            panels[2], {kind: records[f"activity_{kind}"]["rates"] for kind in ("dense", "local")}
+        )
         for panel in panels:
             panel.minorticks_off()
         figure.savefig(path, transparent=True, metadata={"Date": None})
@@ -38,7 +42,9 @@ def tools(axes: Axes, workloads: list[dict[str, Any]]) -> None:
     labels = [f"{row['tool']}, {short(row['mode'])}" for row in workloads[0]["rows"]]
     for workload, marker, colour in zip(workloads, "os", (FIRST, SECOND), strict=True):
         seconds = [row["seconds"] for row in workload["rows"]]
-        axes.plot(seconds, range(len(seconds)), marker, color=colour, label=workload["name"], markersize=5)
+        axes.plot(
+            seconds, range(len(seconds)), marker, color=colour, label=workload["name"], markersize=5
+        )
     axes.set_xscale("log")
     axes.set_yticks(range(len(labels)), labels)
     axes.invert_yaxis()
@@ -57,7 +63,13 @@ def size(axes: Axes, found: list[dict[str, Any]]) -> None:
     compartments = [m["compartments"] for m in found]
     seconds = [m["seconds"] * 1e3 for m in found]
     axes.loglog(compartments, seconds, "o-", color=OURS, markersize=4, label="hw_model")
-    axes.loglog(compartments, [seconds[0] * n / compartments[0] for n in compartments], ":", color=INK, label="linear")
+    axes.loglog(
+        compartments,
+        [seconds[0] * n / compartments[0] for n in compartments],
+        ":",
+        color=INK,
+        label="linear",
+    )
     axes.grid(color=INK, alpha=0.25)
     axes.set(title="ms per recording", xlabel="compartments, 2 % of them firing")
     axes.legend(loc="upper left")

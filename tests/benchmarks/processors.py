@@ -39,7 +39,9 @@ def measure(turns: int) -> None:
     for workload in (small, large):
         network = workload().networks[0]
         program, batch = network.program(), len(network.recordings)
-        limit = TrafficLimit(network, list(hw.simulate(program, network.recordings).spikes.values()))
+        limit = TrafficLimit(
+            network, list(hw.simulate(program, network.recordings).spikes.values())
+        )
         limit.rows_and_state()
         ours, least = [], []
         for _ in range(turns):
@@ -47,7 +49,9 @@ def measure(turns: int) -> None:
             hw.simulate(program, network.recordings)
             ours.append((time.perf_counter() - start) / batch)
             least.append(limit.rows_and_state())
-        print(1e6 * statistics.median(ours), 100 * statistics.median(least) / statistics.median(ours))
+        print(
+            1e6 * statistics.median(ours), 100 * statistics.median(least) / statistics.median(ours)
+        )
 
 
 def measured_on(cores: int, turns: int) -> list[str]:
@@ -57,14 +61,21 @@ def measured_on(cores: int, turns: int) -> list[str]:
         [sys.executable, __file__, "--measure", "--turns", str(turns)], capture_output=True, text=True, check=True,
         preexec_fn=lambda: os.sched_setaffinity(0, mine),
     )  # fmt: skip
-    return ["{:,.0f} µs, {:.0f} %".format(*map(float, line.split())) for line in done.stdout.splitlines()]
+    return [
+        "{:,.0f} µs, {:.0f} %".format(*map(float, line.split()))
+        for line in done.stdout.splitlines()
+    ]
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--page", type=Path, help="write the row into the table of this page")
     parser.add_argument("--turns", type=int, default=25)
-    parser.add_argument("--measure", action="store_true", help="measure in this process, and print figures alone")
+    parser.add_argument(
+        "--measure", action="store_true", help="measure in this process, and print figures alone"
+    )
     args = parser.parse_args()
     if args.measure:
         measure(args.turns)
@@ -75,8 +86,14 @@ def main() -> None:
     print(row)
     if args.page is not None:
         before = section_of(args.page.read_text(encoding="utf-8"), SECTION) or ""
-        others = [line for line in before.splitlines() if "µs" in line and not line.startswith(f"| {name} |")]
-        put_section(args.page, SECTION, HEAD.format(turns=args.turns) + "\n".join(sorted([*others, row])))
+        others = [
+            line
+            for line in before.splitlines()
+            if "µs" in line and not line.startswith(f"| {name} |")
+        ]
+        put_section(
+            args.page, SECTION, HEAD.format(turns=args.turns) + "\n".join(sorted([*others, row]))
+        )
 
 
 if __name__ == "__main__":

@@ -43,7 +43,9 @@ def local_graph(size: int, chip: hw.Chip, seed: int = 0) -> CompartmentGraph:
         offsets = np.argsort(r.random((width, near)), axis=1)[:, :fan_in]
         sources = (np.arange(width)[:, None] + offsets - near // 2) % width
         targets = np.repeat(np.arange(width), fan_in)
-        weak = sparse.coo_array((_weak(r, sources.size), (targets, sources.ravel())), shape=(width, width))
+        weak = sparse.coo_array(
+            (_weak(r, sources.size), (targets, sources.ravel())), shape=(width, width)
+        )
         builder.connect(before, here, weak)
         before = here
     return builder.graph()
@@ -73,7 +75,9 @@ def check_relayed(recordings: NDArray[np.uint8], result: hw.SimulationResult) ->
 
 
 def _layer(builder: hw.ProgramBuilder, layer: int, width: int, before: Node) -> Node:
-    here = builder.add_compartments(f"layer{layer}", width, decay_u=4096, decay_v=128, threshold=THRESHOLD)
+    here = builder.add_compartments(
+        f"layer{layer}", width, decay_u=4096, decay_v=128, threshold=THRESHOLD
+    )
     relay = sparse.eye_array(width, dtype=np.int64) * RELAY["weight"]
     builder.connect(before, here, relay, exponent=RELAY["exponent"])
     return here

@@ -75,14 +75,20 @@ class Clock:
         start = time.process_time()
         found = run()
         self.seconds[part], self.mib[part] = time.process_time() - start, peak_mib()
-        print(f"{part}: {self.seconds[part]:.1f} s, {self.mib[part]:.0f} MiB", file=sys.stderr, flush=True)
+        print(
+            f"{part}: {self.seconds[part]:.1f} s, {self.mib[part]:.0f} MiB",
+            file=sys.stderr,
+            flush=True,
+        )
         return found
 
 
 def built(size: int, clock: Clock) -> hw.ChipProgram:
     """Take a network to a program; the levels between are gone when this returns."""
     text = hw.chip("loihi-sim").document
-    chip = parse_chip(text.replace("chips: 1 ", f"chips: {CHIPS * -(-size // 100_000)} "), where="board")
+    chip = parse_chip(
+        text.replace("chips: 1 ", f"chips: {CHIPS * -(-size // 100_000)} "), where="board"
+    )
     graph = clock("build", lambda: local_graph(size, chip))
     placed = clock("place", lambda: place_cores(graph, chip))
     placed = clock("arrange", lambda: arrange_cores(placed))
@@ -92,7 +98,9 @@ def built(size: int, clock: Clock) -> hw.ChipProgram:
 
 def measure(size: int) -> dict[str, Any]:
     """Measure one size in this process; the spikes that are played are checked."""
-    few = assemble(route_axons(place_cores(local_graph(100, hw.chip("loihi-sim")), hw.chip("loihi-sim"))))
+    few = assemble(
+        route_axons(place_cores(local_graph(100, hw.chip("loihi-sim")), hw.chip("loihi-sim")))
+    )
     hw.simulate(few, random_input((1, STEPS, 10), ACTIVITY))  # loads compiled code
     clock, start = Clock(), time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
@@ -121,28 +129,58 @@ def measure(size: int) -> dict[str, Any]:
 
 def section(rows: Sequence[dict[str, Any]]) -> str:
     """Return the section of the page."""
-    head = ("compartments", "synapses", "cores", *PARTS, "all, s", "went by, s", "peak GiB", "file MiB")
+    head = (
+        "compartments",
+        "synapses",
+        "cores",
+        *PARTS,
+        "all, s",
+        "went by, s",
+        "peak GiB",
+        "file MiB",
+    )
     lines = ["| " + " | ".join(head) + " |", "| ---: " * len(head) + "|"]
     for row in rows:
         sizes = [f"{int(row[name]):,}" for name in ("compartments", "synapses", "cores")]
         parts = [f"{float(row[f'{part}_s']):.1f}" for part in PARTS]
         most = max(float(row[f"{part}_peak_mib"]) for part in PARTS) / 1024
-        cells = [*sizes, *parts, row["total_s"], row["total_wall_s"], f"{most:.1f}", row["file_mib"]]
+        cells = [
+            *sizes,
+            *parts,
+            row["total_s"],
+            row["total_wall_s"],
+            f"{most:.1f}",
+            row["file_mib"],
+        ]
         lines.append("| " + " | ".join(map(str, cells)) + " |")
     mib = [max(float(row[f"{part}_peak_mib"]) for part in PARTS) for row in rows]
     synapses = [int(row["synapses"]) for row in rows]
     each = (mib[-1] - mib[0]) * 2**20 / max(1, synapses[-1] - synapses[0])
     million = mib[-1] / 1024 + (250_000_000 - synapses[-1]) * each / 2**30
-    unmeasured = f" By that\nfigure a million compartments take {million:.0f} GiB; they have not been run."
-    load = " to ".join(dict.fromkeys(f"{pick(float(row['load_before']) for row in rows):.0f}" for pick in (min, max)))
+    unmeasured = (
+        f" By that\nfigure a million compartments take {million:.0f} GiB; they have not been run."
+    )
+    load = " to ".join(
+        dict.fromkeys(
+            f"{pick(float(row['load_before']) for row in rows):.0f}" for pick in (min, max)
+        )
+    )
     figures = {"each": each, "million": unmeasured if synapses[-1] < 250_000_000 else ""}
-    return PAGE_TEXT.format(processor=rows[-1]["processor"], load=load, table="\n".join(lines), **figures)
+    return PAGE_TEXT.format(
+        processor=rows[-1]["processor"], load=load, table="\n".join(lines), **figures
+    )
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("sizes", type=int, nargs="+", metavar="SIZE", help="compartments")
-    parser.add_argument("--write", action="store_true", help="write the table and the page; rows of other sizes stay")
+    parser.add_argument(
+        "--write",
+        action="store_true",
+        help="write the table and the page; rows of other sizes stay",
+    )
     parser.add_argument("--child", action="store_true", help="measure one size here and print JSON")
     args = parser.parse_args()
     if args.child:
@@ -155,7 +193,10 @@ def main() -> None:
         command = [sys.executable, __file__, str(size), "--child"]
         load = os.getloadavg()[0]
         done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
-        rows[size] = json.loads(done.stdout) | {"load_before": round(load, 1), "processor": machine()["processor"]}
+        rows[size] = json.loads(done.stdout) | {
+            "load_before": round(load, 1),
+            "processor": machine()["processor"],
+        }
         print(rows[size])
         if args.write:
             with TABLE.open("w", newline="") as stream:

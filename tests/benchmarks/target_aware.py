@@ -56,7 +56,10 @@ class Row:
         return same | dict(self.own.get(dataset, {}))
 
 
-PRUNED = {"objects": {"pruned": 0.33, "epochs": 150, "learning_rate": 0.006}, "containers": {"pruned": 0.4}}
+PRUNED = {
+    "objects": {"pruned": 0.33, "epochs": 150, "learning_rate": 0.006},
+    "containers": {"pruned": 0.4},
+}
 ROWS = (
     Row("dendrite-8", "dendrite"),
     Row("delay-line-8", "delay-line"),
@@ -67,12 +70,18 @@ ROWS = (
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--data", type=Path, required=True)
     parser.add_argument("--work", type=Path, default=ROOT / "build" / "target-aware")
     parser.add_argument("--page", type=Path, help="write the table into this page")
-    parser.add_argument("--validate", action="store_true", help="try the settings on validation recordings")
-    parser.add_argument("--speed", action="store_true", help="compare an epoch with one in float instead")
+    parser.add_argument(
+        "--validate", action="store_true", help="try the settings on validation recordings"
+    )
+    parser.add_argument(
+        "--speed", action="store_true", help="compare an epoch with one in float instead"
+    )
     parser.add_argument("--rows", nargs="*", default=[row.name for row in ROWS], metavar="NAME")
     args = parser.parse_args()
     torch.set_num_threads(1)
@@ -90,7 +99,9 @@ def main() -> None:
         put_section(args.page, "target-aware", page(args.work))
 
 
-def float_network(args: argparse.Namespace, dataset: str, seed: int, *, seen_all: bool) -> Checkpoint:
+def float_network(
+    args: argparse.Namespace, dataset: str, seed: int, *, seen_all: bool
+) -> Checkpoint:
     """Return the float network of a seed: refitted on the whole train part, or from before, without the validation part."""
     path = args.work / "float" / f"{dataset}-{seed}{'' if seen_all else '-select'}.pt"
     if not path.exists():
@@ -104,13 +115,22 @@ def train_float(args: argparse.Namespace, dataset: str, seed: int) -> None:
     recordings, test = parts(args.data, dataset)
     state_path = folder / f"{dataset}-{seed}.state"
     result = train(
-        recordings, config, name=f"{dataset}-hybrid", classes=classes_of(recordings, test), state_path=state_path
+        recordings,
+        config,
+        name=f"{dataset}-hybrid",
+        classes=classes_of(recordings, test),
+        state_path=state_path,
     )
     state = load_state(state_path, run_key(config, recordings), result.network.state_dict())
     assert state is not None
-    selected = {name.removesuffix(".weight"): weight.numpy() for name, weight in state.chosen_weights.items()}
+    selected = {
+        name.removesuffix(".weight"): weight.numpy()
+        for name, weight in state.chosen_weights.items()
+    }
     entry = training_entry(result, replace(config, refit=False), recordings, None, None)
-    Checkpoint(result.network.description, selected, training=entry).save(folder / f"{dataset}-{seed}-select.pt")
+    Checkpoint(result.network.description, selected, training=entry).save(
+        folder / f"{dataset}-{seed}-select.pt"
+    )
     export_checkpoint(folder / f"{dataset}-{seed}.pt", result, config, recordings, test, carried=0)
     state_path.unlink()
 
@@ -139,7 +159,9 @@ def measure(args: argparse.Namespace, row: Row, dataset: str, seed: int) -> None
         "seed": seed,
         "float_accuracy": start.training["test_accuracy"],
         "accuracy": report["accuracy"]["chip"],
-        "mismatches": sum(int((played.spikes[name] != spikes.numpy()).sum()) for name, spikes in own.items()),
+        "mismatches": sum(
+            int((played.spikes[name] != spikes.numpy()).sum()) for name, spikes in own.items()
+        ),
         "spikes": sum(int(spikes.sum()) for spikes in own.values()),
         "energy_pj": report["energy"]["per_sample_pj"],
         "synapses": report["resources"]["synapses"],
@@ -161,7 +183,9 @@ def validate(args: argparse.Namespace, row: Row, dataset: str, seed: int) -> Non
     start = float_network(args, dataset, seed, seen_all=False)
     recordings, test = parts(args.data, dataset)
     fraction = base_config(dataset).validation_fraction
-    config = replace(fine_tuning(row, dataset, seed, start), validation_fraction=fraction, refit=False)
+    config = replace(
+        fine_tuning(row, dataset, seed, start), validation_fraction=fraction, refit=False
+    )
     history = train(recordings, config, start=start, classes=classes_of(recordings, test)).history
     last = history[-10:]
     figures = {
@@ -214,7 +238,10 @@ def classes_of(*recordings: Recordings) -> int:
 
 def page(work: Path) -> str:
     """Return the section's table from the figures that are there."""
-    found = [json.loads(path.read_text(encoding="utf-8")) for path in sorted((work / "tuned").glob("*.json"))]
+    found = [
+        json.loads(path.read_text(encoding="utf-8"))
+        for path in sorted((work / "tuned").glob("*.json"))
+    ]
     head = (
         "| network | strategy | bits | accuracy | against float | spike mismatches | energy, µJ | against `dendrite` | compartments | synapses |",
         "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |",
@@ -223,8 +250,12 @@ def page(work: Path) -> str:
     for dataset in DATASETS:
         floats = {f["seed"]: f["float_accuracy"] for f in found if f["dataset"] == dataset}
         if floats:
-            lines.append(f"| {dataset.title()} | float | 32 | {spread(list(floats.values()))} | | | | | | |")
-        whole = [f["energy_pj"] for f in found if (f["dataset"], f["row"]) == (dataset, "dendrite-8")]
+            lines.append(
+                f"| {dataset.title()} | float | 32 | {spread(list(floats.values()))} | | | | | | |"
+            )
+        whole = [
+            f["energy_pj"] for f in found if (f["dataset"], f["row"]) == (dataset, "dendrite-8")
+        ]
         for row in ROWS:
             mine = [f for f in found if (f["dataset"], f["row"]) == (dataset, row.name)]
             if mine:

@@ -42,7 +42,9 @@ def test_cost_against_activity(kind, record, quick):
         recordings = random_input((BATCH, STEPS, lines), rate)
         result = hw.simulate(program, recordings)
         check_relayed(recordings, result)
-        seconds = median_seconds(lambda recordings=recordings: hw.simulate(program, recordings), 2 if quick else 7)
+        seconds = median_seconds(
+            lambda recordings=recordings: hw.simulate(program, recordings), 2 if quick else 7
+        )
         found.append(
             {
                 "rate": rate,
@@ -56,4 +58,11 @@ def test_cost_against_activity(kind, record, quick):
 
 def test_rows_out_of_tables(record, quick):
     tables = working_sets(TABLES_KIB[::3] if quick else TABLES_KIB)
-    record("tables", {"kib": list(tables), "synaptic_ops_per_second": list(tables.values()), "machine": machine()})
+    record(
+        "tables",
+        {
+            "kib": list(tables),
+            "synaptic_ops_per_second": list(tables.values()),
+            "machine": machine(),
+        },
+    )

@@ -28,7 +28,9 @@ def random_graph(size: int, chip: hw.Chip, *, fan_in: int, seed: int = 0) -> Com
     n = builder.add_compartments("n", size, decay_u=1024, decay_v=128, threshold=1000)
     builder.connect(x, n, sparse.eye_array(size, dtype=np.int64) * 2)
     targets = np.repeat(np.arange(size), fan_in)
-    weights = sparse.coo_array((np.full(size * fan_in, 2), (targets, r.integers(0, size, size * fan_in))), (size, size))
+    weights = sparse.coo_array(
+        (np.full(size * fan_in, 2), (targets, r.integers(0, size, size * fan_in))), (size, size)
+    )
     weights.sum_duplicates()
     weights.data[:] = 2
     builder.connect(n, n, weights)
@@ -40,7 +42,10 @@ def test_hops_saved(record):
     few = replace(chip, limits=replace(chip.limits, compartments_per_core=16))
     graphs = {
         "objects-hybrid, cores of 16 compartments": (example_levels("objects").compartments, few),
-        "random sparse recurrent, 8,000 compartments, 16 synapses each": (random_graph(8000, chip, fan_in=16), chip),
+        "random sparse recurrent, 8,000 compartments, 16 synapses each": (
+            random_graph(8000, chip, fan_in=16),
+            chip,
+        ),
         "local layers, 20,000 compartments, 250 synapses each": (local_graph(20_000, chip), chip),
     }
     found = []
@@ -51,5 +56,13 @@ def test_hops_saved(record):
         seconds = time.perf_counter() - start
         traffic, distance = core_traffic(placed), slot_distances(target, target.cores)
         before, after = (total_hops(traffic, distance, p.slots) for p in (placed, arranged))
-        found.append({"name": name, "cores": placed.cores, "before": before, "after": after, "seconds": seconds})
+        found.append(
+            {
+                "name": name,
+                "cores": placed.cores,
+                "before": before,
+                "after": after,
+                "seconds": seconds,
+            }
+        )
     record("hops", {"networks": found, "machine": machine()})

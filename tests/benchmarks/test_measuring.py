@@ -9,7 +9,9 @@ from page_figures import line, percent, times
 from write_page import wrapped
 
 
-@pytest.mark.parametrize("add", [_add_plain, _add_together], ids=["one row at a time", "rows together"])
+@pytest.mark.parametrize(
+    "add", [_add_plain, _add_together], ids=["one row at a time", "rows together"]
+)
 @pytest.mark.parametrize("rate", [0.01, 0.6])
 def test_kernels_add_every_row_where_it_is_due(add, rate):
     r = np.random.default_rng(0)

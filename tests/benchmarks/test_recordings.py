@@ -15,7 +15,9 @@ import hw_model as hw
 
 pytestmark = [
     pytest.mark.bench,
-    pytest.mark.skipif(not RECORDINGS.is_dir(), reason="the published recordings are not beside the repository"),
+    pytest.mark.skipif(
+        not RECORDINGS.is_dir(), reason="the published recordings are not beside the repository"
+    ),
 ]
 
 BATCHES = (1, 10, 100)
@@ -42,7 +44,12 @@ def files(example, tmp_path):
 def test_whole_test_set(example, benchmark, record, quick):
     program, recordings = example
     result = hw.simulate(program, recordings)
-    benchmark.pedantic(hw.simulate, (program, recordings), rounds=QUICK_ROUNDS if quick else ROUNDS, warmup_rounds=1)
+    benchmark.pedantic(
+        hw.simulate,
+        (program, recordings),
+        rounds=QUICK_ROUNDS if quick else ROUNDS,
+        warmup_rounds=1,
+    )
     found = {
         "recordings": len(recordings),
         "seconds": benchmark.stats.stats.median,
@@ -56,7 +63,9 @@ def test_whole_test_set(example, benchmark, record, quick):
 
 @pytest.mark.parametrize("example", ["objects"], indirect=True)
 def test_memory_does_not_grow_with_recordings(files, record, quick):
-    found = [child.run("stream.py", *files, batches) for batches in (BATCHES[:2] if quick else BATCHES)]
+    found = [
+        child.run("stream.py", *files, batches) for batches in (BATCHES[:2] if quick else BATCHES)
+    ]
     record("stream", {"streams": found, "machine": machine()})
     assert found[-1]["peak_mib"] < 1.1 * found[0]["peak_mib"]
 
@@ -64,7 +73,9 @@ def test_memory_does_not_grow_with_recordings(files, record, quick):
 @pytest.mark.parametrize("example", ["objects"], indirect=True)
 def test_start_up(files, tmp_path, record):
     cache = {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
-    found = {state: child.run("start_up.py", *files, environment=cache) for state in ("cold", "warm")}
+    found = {
+        state: child.run("start_up.py", *files, environment=cache) for state in ("cold", "warm")
+    }
     record("start_up", {**found, "machine": machine()})
 
 
@@ -78,7 +89,9 @@ def test_silence(example, record, quick):
             hw.simulate(program, recordings, skip=skip)
             found.append(time.perf_counter() - start)
     kept, all_updated = (hw.simulate(program, recordings, skip=skip) for skip in (True, False))
-    assert all(np.array_equal(kept.spikes[name], spikes) for name, spikes in all_updated.spikes.items())
+    assert all(
+        np.array_equal(kept.spikes[name], spikes) for name, spikes in all_updated.spikes.items()
+    )
     batch = len(recordings)
     phases = {}
     for phase in program.phases:
@@ -88,7 +101,9 @@ def test_silence(example, record, quick):
             "steps": steps,
             "skipped_steps": counts.skipped_steps / batch,
             "neuron_updates": counts.neuron_updates / batch,
-            "neuron_updates_skipped": counts.skipped_steps * (counts.neuron_updates / batch / steps) / batch,
+            "neuron_updates_skipped": counts.skipped_steps
+            * (counts.neuron_updates / batch / steps)
+            / batch,
             "at_rest": counts.neuron_updates_inactive / counts.neuron_updates,
         }
     record(

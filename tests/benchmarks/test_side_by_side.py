@@ -65,10 +65,16 @@ def test_time_per_recording(name, benchmark, record, quick, tmp_path):
         pytest.skip("the published recordings are not beside the repository")
     workload = WORKLOADS[name]()
     programs = [network.program() for network in workload.networks]
-    results = [play_batch(program, network) for program, network in zip(programs, workload.networks, strict=True)]
+    results = [
+        play_batch(program, network)
+        for program, network in zip(programs, workload.networks, strict=True)
+    ]
     wanted = [plain_numpy.play(network, network.recordings[0]) for network in workload.networks]
     for result, spikes in zip(results, wanted, strict=True):
-        assert all(np.array_equal(ours[0], theirs) for ours, theirs in zip(result.spikes.values(), spikes, strict=True))
+        assert all(
+            np.array_equal(ours[0], theirs)
+            for ours, theirs in zip(result.spikes.values(), spikes, strict=True)
+        )
     batch = len(workload.networks[0].recordings)
 
     def ours() -> None:
@@ -97,7 +103,9 @@ def test_time_per_recording(name, benchmark, record, quick, tmp_path):
         for row in rows:
             if row.tool in MODES and row.mode == MODES[row.tool][0]:
                 row.peak_mib = row.turn.peer.peak_mib()  # type: ignore[attr-defined]
-    own = Row("hw_model", f"batch of {batch}", lambda: 0.0, peak_mib=peak_mib("play_workload.py", name))
+    own = Row(
+        "hw_model", f"batch of {batch}", lambda: 0.0, peak_mib=peak_mib("play_workload.py", name)
+    )
     own.seconds = [seconds / batch for seconds in benchmark.stats.stats.data]
     own.spikes_differ = 0
     found = {
@@ -125,10 +133,15 @@ def own_rows(name: str, workload: Workload, programs: list[hw.ChipProgram]) -> I
 
     def one() -> float:
         parts = zip(programs, workload.networks, strict=True)
-        return sum(median_seconds(lambda p=p, n=n: hw.simulate(p, n.recordings[0]), 5) for p, n in parts)  # type: ignore[misc]
+        return sum(
+            median_seconds(lambda p=p, n=n: hw.simulate(p, n.recordings[0]), 5) for p, n in parts
+        )  # type: ignore[misc]
 
     def plain() -> float:
-        return sum(median_seconds(lambda n=n: plain_numpy.play(n, n.recordings[0]), 1) for n in workload.networks)  # type: ignore[misc]
+        return sum(
+            median_seconds(lambda n=n: plain_numpy.play(n, n.recordings[0]), 1)
+            for n in workload.networks
+        )  # type: ignore[misc]
 
     yield Row("hw_model", "one recording", one, spikes_differ=0)
     yield Row("numpy", "plain loop over steps", plain, version=np.__version__, spikes_differ=0)

@@ -22,7 +22,9 @@ from hw_model.program.assemble import assemble
 
 pytestmark = [
     pytest.mark.bench,
-    pytest.mark.skipif(not RECORDINGS.is_dir(), reason="the published recordings are not beside the repository"),
+    pytest.mark.skipif(
+        not RECORDINGS.is_dir(), reason="the published recordings are not beside the repository"
+    ),
 ]
 
 TURNS = 16
@@ -34,14 +36,22 @@ def branch(graph: CompartmentGraph, axis: str) -> hw.ChipProgram:
     groups = tuple(group for group in graph.groups if group.phase == axis)
     names = {group.name for group in groups}
     assert graph.readout is not None
-    output = [(p, w) for p, w in zip(graph.readout.populations, graph.readout.weights, strict=True) if p in names]
+    output = [
+        (p, w)
+        for p, w in zip(graph.readout.populations, graph.readout.weights, strict=True)
+        if p in names
+    ]
     part = replace(
         graph,
         phases=tuple(phase for phase in graph.phases if phase.name == axis),
         inputs=tuple(item for item in graph.inputs if item.phase == axis),
         groups=groups,
         synapses=tuple(s for s in graph.synapses if s.target in names),
-        readout=replace(graph.readout, populations=tuple(p for p, _ in output), weights=tuple(w for _, w in output)),
+        readout=replace(
+            graph.readout,
+            populations=tuple(p for p, _ in output),
+            weights=tuple(w for _, w in output),
+        ),
     )
     chip = hw.chip("loihi-sim")
     return assemble(route_axons(arrange_cores(place_cores(part, chip))))
@@ -79,7 +89,9 @@ def test_predictions_of_every_step(record, quick):
         return time_scores(recording) + hw.simulate(location_branch, known).scores
 
     def anew_step_by_step(recording, known):
-        return time_scores(recording) + np.stack([hw.simulate(location_branch, rows).scores for rows in known])
+        return time_scores(recording) + np.stack(
+            [hw.simulate(location_branch, rows).scores for rows in known]
+        )
 
     kinds = (pushed_at_once, pushed_row_by_row, anew_at_once, anew_step_by_step)
     seconds: dict[str, list[float]] = {kind.__name__: [] for kind in kinds}
@@ -89,10 +101,15 @@ def test_predictions_of_every_step(record, quick):
         assert all(np.array_equal(scores[0], other) for other in scores[1:])
     found = {kind: statistics.median(times[1:]) for kind, times in seconds.items()}
     run, of_all = session.replayed
-    record("streaming", {"steps": recordings.shape[1], "again": run / of_all, **found, "machine": machine()})
+    record(
+        "streaming",
+        {"steps": recordings.shape[1], "again": run / of_all, **found, "machine": machine()},
+    )
 
 
-def timed(seconds: list[float], run: Callable[..., NDArray[np.float64]], *arguments: object) -> NDArray[np.float64]:
+def timed(
+    seconds: list[float], run: Callable[..., NDArray[np.float64]], *arguments: object
+) -> NDArray[np.float64]:
     """Call, and note the processor seconds that it took."""
     start = time.process_time()
     result = run(*arguments)

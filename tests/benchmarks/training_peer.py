@@ -49,7 +49,9 @@ class SpikingJellyLayer(nn.Module):
         self.all = nn.Sequential(
             layer.Linear(inputs, outputs, bias=False, step_mode="m"),
             layer.SynapseFilter(tau=1 / (1 - DECAY), step_mode="m"),
-            neuron.LIFNode(tau=1 / (1 - DECAY), decay_input=False, v_threshold=THETA, step_mode="m"),
+            neuron.LIFNode(
+                tau=1 / (1 - DECAY), decay_input=False, v_threshold=THETA, step_mode="m"
+            ),
         )
 
     def forward(self, x):
@@ -81,7 +83,9 @@ def main():
     def epoch(batch, rows):
         for first in range(0, rows, batch):
             x = torch.from_numpy(spikes[first : first + batch].astype(np.float32))
-            counts = time_branch(x.transpose(0, 1)).sum(0) + location_branch(x.permute(2, 0, 1)).sum(0)
+            counts = time_branch(x.transpose(0, 1)).sum(0) + location_branch(
+                x.permute(2, 0, 1)
+            ).sum(0)
             loss = nn.functional.cross_entropy(COUNT_SCALE * counts, labels[first : first + batch])
             optimizer.zero_grad()
             loss.backward()

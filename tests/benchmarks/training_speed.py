@@ -40,8 +40,15 @@ class Peer:
     """A peer that waits in its own environment for a batch size, and answers with the seconds of an epoch."""
 
     def __init__(self, tool: str, job: Path) -> None:
-        command = [str(python_of(tool)), str(Path(__file__).with_name("training_peer.py")), tool, str(job)]
-        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        command = [
+            str(python_of(tool)),
+            str(Path(__file__).with_name("training_peer.py")),
+            tool,
+            str(job),
+        ]
+        self._process = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
         self.version: str = self._answer()["version"]
 
     def epoch(self, batch: int) -> float:
@@ -61,7 +68,9 @@ class Peer:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--data", type=Path, required=True)
     parser.add_argument("--page", type=Path, help="write the table into this page")
     parser.add_argument("--turns", type=int, default=3)
@@ -77,13 +86,17 @@ def main() -> None:
         finally:
             for peer in peers.values():
                 peer.close()
-    text = section(len(recordings), seconds, {tool: peer.version for tool, peer in peers.items()}, args.turns)
+    text = section(
+        len(recordings), seconds, {tool: peer.version for tool, peer in peers.items()}, args.turns
+    )
     print(text)
     if args.page is not None:
         put_section(args.page, "training-speed", text)
 
 
-def measure(recordings: Recordings, peers: dict[str, Peer], turns: int) -> dict[tuple[str, int], list[float]]:
+def measure(
+    recordings: Recordings, peers: dict[str, Peer], turns: int
+) -> dict[tuple[str, int], list[float]]:
     """Return the seconds of every turn, by tool and batch size."""
     own_epoch(recordings.subset(range(16)), 16)
     seconds: dict[tuple[str, int], list[float]] = {}
@@ -97,7 +110,9 @@ def measure(recordings: Recordings, peers: dict[str, Peer], turns: int) -> dict[
 
 def own_epoch(recordings: Recordings, batch: int) -> float:
     """Return the processor seconds of an epoch of ``train``: what more epochs take longer than one, divided by how many more."""
-    config = TrainingConfig(batch_size=batch, event_dropout=0.0, channel_dropout=0.0, validation_fraction=0.0)
+    config = TrainingConfig(
+        batch_size=batch, event_dropout=0.0, channel_dropout=0.0, validation_fraction=0.0
+    )
     took = []
     for epochs in (1, 9):
         before = time.process_time()
@@ -106,14 +121,19 @@ def own_epoch(recordings: Recordings, batch: int) -> float:
     return (took[1] - took[0]) / 8
 
 
-def section(count: int, seconds: dict[tuple[str, int], list[float]], versions: dict[str, str], turns: int) -> str:
+def section(
+    count: int, seconds: dict[tuple[str, int], list[float]], versions: dict[str, str], turns: int
+) -> str:
     """Return the page's section."""
     medians = {key: statistics.median(values) for key, values in seconds.items()}
     rows = []
     for tool in ("own", *versions):
         name = "locsnn train" if tool == "own" else f"{PEERS[tool]} {versions[tool]}"
         cells = [f"{medians[tool, batch]:.2f}" for batch in BATCHES]
-        ratios = ["" if tool == "own" else f"{medians[tool, batch] / medians['own', batch]:.0f}" for batch in BATCHES]
+        ratios = [
+            "" if tool == "own" else f"{medians[tool, batch] / medians['own', batch]:.0f}"
+            for batch in BATCHES
+        ]
         rows.append("| " + " | ".join([name, *cells, *ratios]) + " |")
     table = "\n".join(rows)
     return f"""One epoch of the hybrid on the {count} train recordings of Ev-Objects (250 steps, 78 channels, 32 hidden neurons per branch), in

@@ -49,7 +49,9 @@ class LayeredNetwork:
         """Return the network as a program."""
         builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
         before = builder.add_input("x", self.recordings.shape[2])
-        for name, weights, threshold in zip(layer_names(self), self.weights, self.thresholds, strict=True):
+        for name, weights, threshold in zip(
+            layer_names(self), self.weights, self.thresholds, strict=True
+        ):
             parameters = {"decay_u": self.decay_u, "decay_v": self.decay_v, "threshold": threshold}
             here = builder.add_compartments(name, len(weights), **parameters)
             builder.connect(before, here, weights)
@@ -74,7 +76,11 @@ class LayeredNetwork:
             }
             for source, to, weights in zip(["x", *names], names, self.weights, strict=False)
         ]  # fmt: skip
-        return {"populations": populations, "projections": projections, "recordings": self.recordings}
+        return {
+            "populations": populations,
+            "projections": projections,
+            "recordings": self.recordings,
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +144,9 @@ def hybrid_equivalent(example: str) -> Workload:
     levels = example_levels(example)
     recordings = published_test_part(example).spikes
     branches = tuple(_branch(levels, axis, recordings) for axis in ("time", "location"))
-    return Workload(example, f"the branches of {example}-hybrid, {len(recordings)} test recordings", branches)
+    return Workload(
+        example, f"the branches of {example}-hybrid, {len(recordings)} test recordings", branches
+    )
 
 
 def _branch(levels: Levels, axis: str, recordings: NDArray[np.uint8]) -> LayeredNetwork:
@@ -166,7 +174,9 @@ def _branch(levels: Levels, axis: str, recordings: NDArray[np.uint8]) -> Layered
 
 def example_levels(example: str) -> Levels:
     """Return an example that ships, compiled."""
-    return lower(load(ROOT / f"examples/models/{example}-hybrid.pt"), hw.chip("loihi-sim"), weight_bits=8)
+    return lower(
+        load(ROOT / f"examples/models/{example}-hybrid.pt"), hw.chip("loihi-sim"), weight_bits=8
+    )
 
 
 SCALE_DOWN = 4

@@ -31,14 +31,18 @@ def read(results: Path) -> dict[str, Found]:
     records.pop("pytest-benchmark", None)
     machines = [record.pop("machine") for record in records.values()]
     if any(machine != machines[0] for machine in machines):
-        raise SystemExit(f"{results}: not all of one machine and version. Remove the folder and run `make bench`.")
+        raise SystemExit(
+            f"{results}: not all of one machine and version. Remove the folder and run `make bench`."
+        )
     return {**records, "machine": machines[0]}
 
 
 def pages(records: dict[str, Found], picture: str) -> dict[str, str]:
     """Return the text of every page by its name; the headline's is ``""``."""
     machine = records["machine"]
-    versions = ", ".join(f"{name} {machine[name]}" for name in ("Python", "numba", "numpy", "scipy"))
+    versions = ", ".join(
+        f"{name} {machine[name]}" for name in ("Python", "numba", "numpy", "scipy")
+    )
     measured = f"""Measured on {machine["processor"]}; caches of a core {machine["caches"]}; memory {machine["memory"]}; {machine["system"]};
 {versions}; hw_model {machine["hw_model"]}."""
     head = f"""# Benchmarks
@@ -74,7 +78,9 @@ def wrapped(markdown: str) -> str:
     """Return a page with its paragraphs filled to the width of a line; tables, lists, headings and pictures stay."""
     blocks = [block.strip() for block in markdown.split("\n\n")]
     filled = [
-        block if block.startswith(("|", "#", "!", "- ")) else textwrap.fill(" ".join(block.split()), 120, **UNBROKEN)
+        block
+        if block.startswith(("|", "#", "!", "- "))
+        else textwrap.fill(" ".join(block.split()), 120, **UNBROKEN)
         for block in blocks
     ]
     return "\n\n".join(block for block in filled if block) + "\n"

@@ -36,7 +36,9 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def write(sensor: SensorLayout, name: str = "a.npz", *, step_major: bool = False, **more: object) -> str:
+def write(
+    sensor: SensorLayout, name: str = "a.npz", *, step_major: bool = False, **more: object
+) -> str:
     touches = synthetic_touches(6, steps=20, classes=3, sensor=sensor)
     spikes = touches.spikes if step_major else touches.spikes.transpose(0, 2, 1)
     np.savez(name, **{"spikes": spikes, "labels": touches.labels, "class_names": NAMES} | more)  # type: ignore[arg-type]
@@ -44,7 +46,9 @@ def write(sensor: SensorLayout, name: str = "a.npz", *, step_major: bool = False
 
 
 def train(data: str, *options: str, output: str = "a.pt") -> int:
-    return locsnn_main(["train", "--data", data, "--epochs", "1", "--quiet", "-o", output, *options])
+    return locsnn_main(
+        ["train", "--data", data, "--epochs", "1", "--quiet", "-o", output, *options]
+    )
 
 
 def compiled(*options: str, model: str = "a.pt") -> dict:
@@ -57,7 +61,9 @@ def compiled(*options: str, model: str = "a.pt") -> dict:
     [
         pytest.param(SensorLayout("8 channels", 8), ("--channels", "8"), id="8 channels"),
         pytest.param(GRID, ("--grid", "4x5", "--order", "snake"), id="40 channels"),
-        pytest.param(grid_layout("16x16", 2), ("--grid", "16x16", "--order", "hilbert"), id="512 channels"),
+        pytest.param(
+            grid_layout("16x16", 2), ("--grid", "16x16", "--order", "hilbert"), id="512 channels"
+        ),
         pytest.param(
             grid_layout("32x32", 2),
             ("--grid", "32x32", "--order", "spiral", "--hidden", "4"),
@@ -66,7 +72,9 @@ def compiled(*options: str, model: str = "a.pt") -> dict:
         ),
     ],
 )
-def test_recordings_of_a_sensor_train_and_compile(sensor: SensorLayout, options: tuple[str, ...]) -> None:
+def test_recordings_of_a_sensor_train_and_compile(
+    sensor: SensorLayout, options: tuple[str, ...]
+) -> None:
     data = write(sensor)
     assert train(data, *options) == 0
     layout = read_checkpoint("a.pt").description.input.sensor
@@ -78,7 +86,9 @@ def test_recordings_of_a_sensor_train_and_compile(sensor: SensorLayout, options:
     assert locsnn_main(["run", "built", "--events", data]) == 0
 
 
-@pytest.mark.parametrize("model", ["hybrid-graph", "tactile-sgnet", "window-snn", "hybrid-lif", "gru-mlp", "cnn-3d"])
+@pytest.mark.parametrize(
+    "model", ["hybrid-graph", "tactile-sgnet", "window-snn", "hybrid-lif", "gru-mlp", "cnn-3d"]
+)
 def test_every_kind_of_network_takes_a_grid(model: str) -> None:
     sensor = grid_layout("6x5", 1)
     touches = synthetic_touches(6, steps=30, classes=3, sensor=sensor)
@@ -99,7 +109,10 @@ def test_networks_that_a_sensor_cannot_have_are_not_compared(tmp_path: Path) -> 
     text = Path("built/report.md").read_text("utf-8")
     assert ("GRU-MLP" in text, "CNN-3D" in text) == (True, False)
     unknown = replace(lc.load("a.pt"), sensor=None)
-    assert lc.compile(unknown).report["ann_comparison"] == {"cnn-3d": undefined, "gru-mlp": undefined}
+    assert lc.compile(unknown).report["ann_comparison"] == {
+        "cnn-3d": undefined,
+        "gru-mlp": undefined,
+    }
 
 
 def test_without_events_the_check_plays_touches_of_the_sensor() -> None:
@@ -186,9 +199,16 @@ def test_another_order_of_axes_is_said_by_an_option_or_by_the_file(capsys: Captu
 
 
 def test_a_layout_file_is_kept_in_the_checkpoint() -> None:
-    Path("glove.yaml").write_text("positions: [[0, 0], [2, 0], [0, 1]]\nnames: [thumb, index, palm]\nsurfaces: 2\n")
+    Path("glove.yaml").write_text(
+        "positions: [[0, 0], [2, 0], [0, 1]]\nnames: [thumb, index, palm]\nsurfaces: 2\n"
+    )
     sensor = SensorLayout(
-        "glove", 3, 1, 2, positions=((0.0, 0.0), (2.0, 0.0), (0.0, 1.0)), names=("thumb", "index", "palm")
+        "glove",
+        3,
+        1,
+        2,
+        positions=((0.0, 0.0), (2.0, 0.0), (0.0, 1.0)),
+        names=("thumb", "index", "palm"),
     )
     assert train(write(sensor), "--layout", "glove.yaml", "--order", "tour") == 0
     Path("glove.yaml").unlink()
@@ -204,12 +224,17 @@ def test_events_with_x_and_y_are_laid_out_as_the_checkpoint_was(capsys: Capture)
     event = [("t", "<i8"), ("x", "<i8"), ("y", "<i8"), ("p", "<i8")]
     np.save("e.npy", np.array([(0, 1, 2, 0), (20_000, 0, 4, 0)], dtype=event))
     found = lc.read_recordings("e.npy", model=lc.load("a.pt").expected)
-    assert sorted(zip(*map(list, np.nonzero(found.spikes[0])), strict=True)) == [(0, 2 * (2 * 4 + 1)), (1, 2 * 16)]
+    assert sorted(zip(*map(list, np.nonzero(found.spikes[0])), strict=True)) == [
+        (0, 2 * (2 * 4 + 1)),
+        (1, 2 * 16),
+    ]
     report = compiled("--events", "e.npy")
     assert report["operations"]["per_sample"]["input_events"] > 0
     program = hw.load_program("built")
     assert (program.polarities, program.columns) == (2, 4)
-    assert np.array_equal(lc.read_recordings("e.npy", model=expected_by(program)).spikes, found.spikes)
+    assert np.array_equal(
+        lc.read_recordings("e.npy", model=expected_by(program)).spikes, found.spikes
+    )
     capsys.readouterr()
     assert locsnn_main(["run", "built", "--events", "e.npy"]) == 0
 
@@ -245,7 +270,9 @@ def test_class_names_travel_and_must_agree(capsys: Capture) -> None:
     )
     assert locsnn_main(["run", "built", "--events", "a.npz"]) == 0
     model = lc.load("a.pt")
-    with pytest.raises(lc.InputError, match="their classes have other names than those of model 'a'"):
+    with pytest.raises(
+        lc.InputError, match="their classes have other names than those of model 'a'"
+    ):
         lc.compile(model, events=lc.read_recordings(other))
     wide = replace(lc.read_recordings("a.npz"), step_seconds=0.5)
     with pytest.raises(lc.InputError, match="their steps are not as long as those of model 'a'"):
@@ -274,7 +301,9 @@ def test_polarities_are_merged_only_if_asked(capsys: Capture) -> None:
     assert train("events.zip", "--channels", "20", "--polarities", "1", output="b.pt") == 0
     found = read_checkpoint("b.pt").recordings
     assert found is not None
-    assert np.array_equal(found.spikes, touches.spikes[: len(found), :, ::2] | touches.spikes[: len(found), :, 1::2])
+    assert np.array_equal(
+        found.spikes, touches.spikes[: len(found), :, ::2] | touches.spikes[: len(found), :, 1::2]
+    )
 
 
 FIT = "its class names do not fit its classes (2 different ones against 3)"
@@ -310,7 +339,9 @@ def test_folders_are_classes_and_recordings_have_lengths_of_their_own(capsys: Ca
     assert found.labels.tolist() == [0, 1, 2, 0, 1, 2]  # type: ignore[union-attr]
     assert found.spikes.shape == (6, 24, 40)
     assert not found.spikes[0, 19:].any()
-    assert locsnn_main(["train", "--data", "set", "--grid", "4x5", "--epochs", "1", "-o", "a.pt"]) == 0
+    assert (
+        locsnn_main(["train", "--data", "set", "--grid", "4x5", "--epochs", "1", "-o", "a.pt"]) == 0
+    )
     assert "test accuracy" in capsys.readouterr().out
     assert compiled("--events", "set")["classes"] == list(NAMES)
 
@@ -319,7 +350,10 @@ def test_labels_with_gaps_and_silence_are_told(capsys: Capture) -> None:
     spikes = synthetic_touches(6, steps=20, classes=2, sensor=GRID).spikes.copy()
     spikes[4] = 0
     np.savez("a.npz", spikes=spikes.transpose(0, 2, 1), labels=[0, 3, 0, 3, 0, 3])
-    assert locsnn_main(["train", "--data", "a.npz", "--grid", "4x5", "--epochs", "1", "-o", "a.pt"]) == 0
+    assert (
+        locsnn_main(["train", "--data", "a.npz", "--grid", "4x5", "--epochs", "1", "-o", "a.pt"])
+        == 0
+    )
     out = capsys.readouterr().out
     assert "! 1 of 6 recordings to train on has no event.\n" in out
     assert "! No recording to train on has label 1, 2: labels count from 0 to 3 here.\n" in out

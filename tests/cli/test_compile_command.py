@@ -24,7 +24,16 @@ ROOT = Path(__file__).parents[2]
 MODEL = ROOT / "examples/models/objects-hybrid.pt"
 COARSEST = "--weight-bits 1 --split-weights 0"
 FILES = {"program.yaml", "program.npz", "report.json", "report.md", "report.html"}
-EMITTED = {"vectors", "rtl", "waves.vcd", "trace.json", "sanafe", "program.graphml", "program.dot", "csv"}
+EMITTED = {
+    "vectors",
+    "rtl",
+    "waves.vcd",
+    "trace.json",
+    "sanafe",
+    "program.graphml",
+    "program.dot",
+    "csv",
+}
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +51,9 @@ def run(*arguments):
 
 def build(few, folder, *arguments):
     """Build quietly with a strategy given, where it does not matter which one ``auto`` would choose."""
-    return run(MODEL, "--events", few, "-o", folder, "--quiet", "--strategy", "dendrite", *arguments)
+    return run(
+        MODEL, "--events", few, "-o", folder, "--quiet", "--strategy", "dendrite", *arguments
+    )
 
 
 def test_a_build_is_whole_and_its_program_runs(few, tmp_path, capsys):
@@ -69,7 +80,9 @@ def test_what_an_earlier_build_emitted_is_named(few, tmp_path, capsys):
     assert capsys.readouterr() == ("", ""), "the same build"
     assert build(few, out, "--weight-bits", "4", "--emit", "csv") == 0
     names = "network.txt, vectors/, waves.vcd and trace.json"
-    said = f"-o {str(out)!r}: an earlier build left {names} there. Emit them again, or remove them.\n"
+    said = (
+        f"-o {str(out)!r}: an earlier build left {names} there. Emit them again, or remove them.\n"
+    )
     assert capsys.readouterr() == ("", said)
     assert (out / "waves.vcd").is_file()
     assert (out / "trace.json").read_text() == "mine"
@@ -91,7 +104,19 @@ def test_a_chip_of_ones_own_brings_its_own_profile(few, tmp_path, capsys):
     document = yaml.safe_load(hw.chip("loihi-sim").document)
     document["profiles"] = {"bench": document["profiles"]["sanafe"]}
     (tmp_path / "mine.yaml").write_text(yaml.safe_dump(document))
-    assert run(MODEL, "--events", few, "-o", tmp_path / "out", "--target", tmp_path / "mine.yaml", "--json") == 0
+    assert (
+        run(
+            MODEL,
+            "--events",
+            few,
+            "-o",
+            tmp_path / "out",
+            "--target",
+            tmp_path / "mine.yaml",
+            "--json",
+        )
+        == 0
+    )
     report = json.loads(capsys.readouterr().out)
     assert (report["energy"]["profile"], report["latency"]["profile"]) == ("bench", "bench")
     assert report["energy"]["other_profiles_pj"] == {}
@@ -106,17 +131,31 @@ def test_two_runs_write_the_same_bytes(few, tmp_path):
     """In fresh interpreters with different hash seeds: nothing may depend on the order of a set."""
     kinds = [*LEVEL_KINDS, *BENCH_KINDS, "csv"]
     for name, seed in (("one", "1"), ("two", "2")):
-        command = [sys.executable, "-m", "locsnn_compile.cli.compile", str(MODEL), "--events", str(few), "--quiet"]
+        command = [
+            sys.executable,
+            "-m",
+            "locsnn_compile.cli.compile",
+            str(MODEL),
+            "--events",
+            str(few),
+            "--quiet",
+        ]
         command += ["-o", str(tmp_path / name), "--emit", *kinds]
         done = subprocess.run(
-            command, env={**os.environ, "PYTHONHASHSEED": seed}, capture_output=True, text=True, check=False
+            command,
+            env={**os.environ, "PYTHONHASHSEED": seed},
+            capture_output=True,
+            text=True,
+            check=False,
         )
         assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     one, two = tmp_path / "one", tmp_path / "two"
     levels = {f"{kind}.txt" for kind in LEVEL_KINDS}
     assert {path.name for path in one.iterdir()} == FILES | levels | EMITTED
     written = {path.relative_to(one) for path in one.rglob("*")}
-    assert {path.name for path in one.iterdir()} == {name.strip("/") for name in written_names(kinds)}
+    assert {path.name for path in one.iterdir()} == {
+        name.strip("/") for name in written_names(kinds)
+    }
     nested = [name.as_posix() for name in written if len(name.parts) > 1 and (one / name).is_file()]
     assert [name for name in nested if not re.fullmatch(OURS, name)] == []
     assert written == {path.relative_to(two) for path in two.rglob("*")}
@@ -157,7 +196,9 @@ def test_gates(few, tmp_path, capsys, gate, value, said):
     code = build(few, tmp_path, gate, *value.split())
     lines = capsys.readouterr().err.splitlines()
     report = json.loads((tmp_path / "report.json").read_text())
-    assert (code, lines[:1]) == ((0, []) if said is None else (3, [f"gate failed: {gate}: {said(report)}."]))
+    assert (code, lines[:1]) == (
+        (0, []) if said is None else (3, [f"gate failed: {gate}: {said(report)}."])
+    )
     # A budget that no setting keeps is a line of its own, with what came nearest.
     bounds = gate in ("--min-agreement", "--max-spike-error") and said is not None
     assert [line[:16] for line in lines[1:]] == ["no setting keeps"] * bounds
@@ -175,12 +216,23 @@ def test_gates(few, tmp_path, capsys, gate, value, said):
 def test_a_bound_that_no_program_decides_is_refused(few, tmp_path, capsys, gate, value, asked):
     """And one that would let nothing pass; above all a share given in percent: no more than all spikes can differ."""
     assert build(few, tmp_path / "out", gate, value) == 2
-    assert capsys.readouterr().err == f"{gate} {value}: it is out of range. Give a number {asked}.\n"
+    assert (
+        capsys.readouterr().err == f"{gate} {value}: it is out of range. Give a number {asked}.\n"
+    )
     assert not (tmp_path / "out").exists()
 
 
 def test_gates_as_junit_xml(few, tmp_path, capsys):
-    gates = ("--max-cores", "1", "--max-latency-us", "1e9", "--min-agreement", "0", "--max-energy-nj", "1")
+    gates = (
+        "--max-cores",
+        "1",
+        "--max-latency-us",
+        "1e9",
+        "--min-agreement",
+        "0",
+        "--max-energy-nj",
+        "1",
+    )
     assert build(few, tmp_path / "out", *gates, "--junit", tmp_path / "g.xml") == 3
     root = ElementTree.parse(tmp_path / "g.xml").getroot()
     (suite,) = root
@@ -194,7 +246,9 @@ def test_gates_as_junit_xml(few, tmp_path, capsys):
     assert list(cases) == ["--min-agreement", "--max-energy-nj", "--max-latency-us", "--max-cores"]
     assert {case.get("classname") for case in suite} == {"objects-hybrid"}
     failed = {
-        name: case.find("failure").get("message") for name, case in cases.items() if case.find("failure") is not None
+        name: case.find("failure").get("message")
+        for name, case in cases.items()
+        if case.find("failure") is not None
     }
     assert failed["--max-cores"] == "the program takes 2 cores, above 1"
     lines = [f"gate failed: {name}: {message}.\n" for name, message in failed.items()]
@@ -282,7 +336,9 @@ BAD_MODELS = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("make", "line"), [row[1:] for row in BAD_MODELS], ids=[row[0] for row in BAD_MODELS])
+@pytest.mark.parametrize(
+    ("make", "line"), [row[1:] for row in BAD_MODELS], ids=[row[0] for row in BAD_MODELS]
+)
 def test_bad_models_are_one_line_and_exit_code_2(make, line, tmp_path, capsys):
     model = make(tmp_path)
     assert run(model, "-o", tmp_path / "out") == 2
@@ -320,7 +376,9 @@ BAD_OPTIONS = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("options", "line"), [row[1:] for row in BAD_OPTIONS], ids=[row[0] for row in BAD_OPTIONS])
+@pytest.mark.parametrize(
+    ("options", "line"), [row[1:] for row in BAD_OPTIONS], ids=[row[0] for row in BAD_OPTIONS]
+)
 def test_bad_options_are_one_line_and_exit_code_2(options, line, tmp_path, capsys):
     assert run(MODEL, "-o", tmp_path / "out", *options(tmp_path)) == 2
     assert capsys.readouterr() == ("", as_typed(line, MODEL, tmp_path / "wide.npy") + "\n")
@@ -330,8 +388,14 @@ def test_bad_options_are_one_line_and_exit_code_2(options, line, tmp_path, capsy
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
-        ([], "locsnn-compile: the following arguments are required: MODEL. See locsnn-compile --help."),
-        (["m.pt", "--bits", "8"], "locsnn-compile: unrecognized arguments: --bits 8. See locsnn-compile --help."),
+        (
+            [],
+            "locsnn-compile: the following arguments are required: MODEL. See locsnn-compile --help.",
+        ),
+        (
+            ["m.pt", "--bits", "8"],
+            "locsnn-compile: unrecognized arguments: --bits 8. See locsnn-compile --help.",
+        ),
         (
             ["m.pt", "--weight-bits", "x"],
             "locsnn-compile: argument --weight-bits: invalid int value: 'x'. See locsnn-compile --help.",

@@ -34,7 +34,9 @@ def complete(line, folder):
         '_python_argcomplete "${COMP_WORDS[0]}"; printf "%s\\n" "${COMPREPLY[@]}"\n'
     )
     command = ["bash", "--norc", "-c", asked, "bash", line]
-    done = subprocess.run(command, cwd=folder, env=ENVIRONMENT, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        command, cwd=folder, env=ENVIRONMENT, capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stderr
     return {word.rstrip() for word in done.stdout.splitlines()}
 
@@ -66,7 +68,9 @@ def test_a_script_is_one(shell, capsys, tmp_path):
         assert program in script
     if shutil.which(shell):
         (tmp_path / "script").write_text(script)
-        done = subprocess.run([shell, "-n", tmp_path / "script"], capture_output=True, text=True, check=False)
+        done = subprocess.run(
+            [shell, "-n", tmp_path / "script"], capture_output=True, text=True, check=False
+        )
         assert (done.returncode, done.stderr) == (0, "")
 
 

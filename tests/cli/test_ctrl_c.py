@@ -57,13 +57,19 @@ def interrupted(arguments, folder):
     return process.returncode, out, error, time.monotonic() - start
 
 
-on_linux = pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="what a process does is read from /proc")
+on_linux = pytest.mark.skipif(
+    not Path("/proc/self/maps").exists(), reason="what a process does is read from /proc"
+)
 
 
 @on_linux
-@pytest.mark.parametrize("recordings", ["one.npy", "two.npy"], ids=["in the main thread", "in other threads"])
+@pytest.mark.parametrize(
+    "recordings", ["one.npy", "two.npy"], ids=["in the main thread", "in other threads"]
+)
 def test_ctrl_c_ends_compiled_code_at_once(endless, recordings):
-    code, out, error, seconds = interrupted(("locsnn", "run", endless, "--events", endless / recordings), endless)
+    code, out, error, seconds = interrupted(
+        ("locsnn", "run", endless, "--events", endless / recordings), endless
+    )
     assert (code, out, error) == (130, "", "Interrupted.\n")
     assert seconds < 5
 
@@ -73,7 +79,9 @@ def test_ctrl_c_leaves_no_build(tmp_path):
     r = np.random.default_rng(0)
     np.save(tmp_path / "many.npy", (r.random((3000, 78, 250)) < 0.05).astype(np.uint8))
     before = sorted(path.name for path in tmp_path.iterdir())
-    code, out, error, seconds = interrupted(("locsnn-compile", MODEL, "--events", "many.npy", "-o", "out"), tmp_path)
+    code, out, error, seconds = interrupted(
+        ("locsnn-compile", MODEL, "--events", "many.npy", "-o", "out"), tmp_path
+    )
     assert (code, out) == (130, "")
     assert error in ("Interrupted.\n", "Interrupted; nothing was written.\n")
     assert seconds < 5

@@ -62,7 +62,11 @@ def test_figures_as_json(small: Path, capsys: pytest.CaptureFixture[str]) -> Non
         "channels": 78,
         "step_seconds": 0.02,
         "labels": {"0": 1, "1": 2},
-        "events": {"all": 4, "per_recording": {"mean": 4 / 3, "least": 0, "most": 3}, "share_of_bins": 4 / 1872},
+        "events": {
+            "all": 4,
+            "per_recording": {"mean": 4 / 3, "least": 0, "most": 3},
+            "share_of_bins": 4 / 1872,
+        },
         "rate_hz_per_channel": 4 / (3 * 78 * 0.16),
         "silence": {
             "empty_recordings": 1,
@@ -79,7 +83,9 @@ def test_figures_as_json(small: Path, capsys: pytest.CaptureFixture[str]) -> Non
     }
 
 
-def test_a_set_of_one_event_without_sensor_or_width(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_set_of_one_event_without_sensor_or_width(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     np.save(tmp_path / "a.npy", np.array([[0, 1], [0, 0]], dtype=np.uint8))
     assert main(["events", str(tmp_path / "a.npy")]) == 0
     assert capsys.readouterr().out == (
@@ -127,7 +133,19 @@ def test_conversion(small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[s
         f"wrote {tmp_path / 'out'}",
         "read it with --channels 78 --polarities 2: the format does not say so",
     ]
-    assert main(["events", str(tmp_path / "out"), "--channels", "78", "--to", str(tmp_path / "back.npz")]) == 0
+    assert (
+        main(
+            [
+                "events",
+                str(tmp_path / "out"),
+                "--channels",
+                "78",
+                "--to",
+                str(tmp_path / "back.npz"),
+            ]
+        )
+        == 0
+    )
     assert (tmp_path / "back.npz").read_bytes() == small.read_bytes()
     assert sorted(file.name for file in (tmp_path / "out").iterdir()) == [
         "sample_0_label_1.bs1",
@@ -139,7 +157,10 @@ def test_conversion(small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[s
 @pytest.mark.parametrize(
     ("options", "lines"),
     [
-        (["--to", "out.zip"], ["it holds the test part alone: --part train gives the other", NAMELESS]),
+        (
+            ["--to", "out.zip"],
+            ["it holds the test part alone: --part train gives the other", NAMELESS],
+        ),
         (["--to", "out.zip", "--part", "test"], [NAMELESS]),
         (["--to", "out.npz"], ["it holds the test part alone: --part train gives the other"]),
         (["--to", "out.npz", "--part", "train"], []),
@@ -157,7 +178,10 @@ def test_what_a_conversion_leaves_out(
         Path("set", place).mkdir(parents=True)
         np.save(Path("set", place, "sample_0.npy"), np.eye(4, dtype=np.uint8))
     assert main(["events", "set", *options]) == 0
-    assert capsys.readouterr().out.splitlines()[-1 - len(lines) :] == [f"wrote {options[1]}", *lines]
+    assert capsys.readouterr().out.splitlines()[-1 - len(lines) :] == [
+        f"wrote {options[1]}",
+        *lines,
+    ]
 
 
 def test_a_conversion_of_what_is_divided_on_reading_says_its_part(
@@ -165,14 +189,19 @@ def test_a_conversion_of_what_is_divided_on_reading_says_its_part(
 ) -> None:
     motions = str(ROOT / "examples/recordings/motions.npz")
     assert main(["events", motions, "--split", "0.25", "--to", str(tmp_path / "part.npz")]) == 0
-    assert capsys.readouterr().out.splitlines()[-1] == "it holds the test part alone: --part train gives the other"
+    assert (
+        capsys.readouterr().out.splitlines()[-1]
+        == "it holds the test part alone: --part train gives the other"
+    )
 
 
 def test_the_example_of_the_help(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(ROOT)
     touches = "examples/recordings/touches.npz"
     assert main(["events", touches, "--to", str(tmp_path / "touches.zip"), "--members", "bs1"]) == 0
-    assert np.array_equal(read_recordings(tmp_path / "touches.zip").spikes, read_recordings(touches).spikes)
+    assert np.array_equal(
+        read_recordings(tmp_path / "touches.zip").spikes, read_recordings(touches).spikes
+    )
 
 
 REFUSED = [
@@ -185,7 +214,9 @@ REFUSED = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("options", "message"), [row[1:] for row in REFUSED], ids=[row[0] for row in REFUSED])
+@pytest.mark.parametrize(
+    ("options", "message"), [row[1:] for row in REFUSED], ids=[row[0] for row in REFUSED]
+)
 def test_options_that_nothing_comes_of(
     small: Path, options: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -199,7 +230,12 @@ def test_files_of_a_grid_are_read_as_that_grid(tmp_path, monkeypatch, capsys, me
     monkeypatch.chdir(tmp_path)
     spikes = np.ones((2, 3, 40), dtype=np.uint8)
     write_recordings("grid.npz", Recordings(spikes, np.array([1, 0]), 0.02, "grid"))
-    assert main(["events", "grid.npz", "--grid", "4x5", "--to", "grid.zip", "--members", members]) == 0
-    assert main(["events", "grid.zip", "--grid", "4x5", "--step-seconds", "0.02", "--to", "again.npz"]) == 0
+    assert (
+        main(["events", "grid.npz", "--grid", "4x5", "--to", "grid.zip", "--members", members]) == 0
+    )
+    assert (
+        main(["events", "grid.zip", "--grid", "4x5", "--step-seconds", "0.02", "--to", "again.npz"])
+        == 0
+    )
     assert capsys.readouterr().err == ""
     assert np.array_equal(read_recordings("again.npz").spikes, spikes)

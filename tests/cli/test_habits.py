@@ -42,14 +42,21 @@ def test_the_version(run, name, capsys):
 
 def test_the_package_runs_as_a_module():
     done = subprocess.run(
-        [sys.executable, "-m", "locsnn_compile", "--version"], cwd=ROOT, capture_output=True, text=True, check=False
+        [sys.executable, "-m", "locsnn_compile", "--version"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert (done.returncode, done.stdout, done.stderr) == (0, f"locsnn {lc.__version__}\n", "")
 
 
 def test_compile_is_a_command_with_the_same_options():
     words = ["m.pt", "--target", "tiny-sim", "--emit", "vcd", "--psi", "3"]
-    one, other = vars(compile_parser().parse_args(words)), vars(parser().parse_args(["compile", *words]))
+    one, other = (
+        vars(compile_parser().parse_args(words)),
+        vars(parser().parse_args(["compile", *words])),
+    )
     assert other.pop("run").args == ("compile",)
     assert one == other
 
@@ -72,11 +79,22 @@ def levels():
 
 
 def test_a_verbose_command_says_what_it_does(tmp_path, capsys, levels):
-    words = [MODEL, "--events", TOUCHES, "--strategy", "dendrite", "--quiet", "-o", str(tmp_path / "build")]
+    words = [
+        MODEL,
+        "--events",
+        TOUCHES,
+        "--strategy",
+        "dendrite",
+        "--quiet",
+        "-o",
+        str(tmp_path / "build"),
+    ]
     logging.getLogger().handlers.clear()  # as in a process of its own
     assert main(["compile", *words, "--verbose"]) == 0
     said = capsys.readouterr().err
-    assert re.search(r"^objects-hybrid: dendrite, \d+ cores of loihi-sim$", said, flags=re.MULTILINE)
+    assert re.search(
+        r"^objects-hybrid: dendrite, \d+ cores of loihi-sim$", said, flags=re.MULTILINE
+    )
 
 
 def test_there_is_one_logger():
@@ -90,7 +108,9 @@ def test_there_is_one_logger():
 
 def parsed(tmp_path, text, *words, model="m.pt"):
     (tmp_path / "options.yaml").write_text(text)
-    return vars(compile_parser().parse_args([model, "--options", str(tmp_path / "options.yaml"), *words]))
+    return vars(
+        compile_parser().parse_args([model, "--options", str(tmp_path / "options.yaml"), *words])
+    )
 
 
 ALL = "weight-bits: 4\npsi: 1e-3\nemit: [network, vcd]\nprobe: hidden[0]\nquiet: true\nsplit-weights: all\n"
@@ -104,7 +124,12 @@ def test_a_file_gives_options(tmp_path):
 
 def test_the_command_line_wins(tmp_path):
     found = parsed(tmp_path, ALL, "--weight-bits", "8", "--emit", "trace", "--psi=2")
-    assert (found["weight_bits"], found["emit"], found["psi"], found["quiet"]) == (8, ["trace"], 2.0, True)
+    assert (found["weight_bits"], found["emit"], found["psi"], found["quiet"]) == (
+        8,
+        ["trace"],
+        2.0,
+        True,
+    )
     assert found["probe"] == ["hidden[0]"]
 
 
@@ -139,7 +164,10 @@ def test_a_file_that_cannot_be_used_is_one_line(text, message, tmp_path, capsys)
 
 def test_a_file_of_options_that_is_not_there(tmp_path, capsys):
     said = refused(capsys, compile_main, "m.pt", "--options", "no/such.yaml")
-    assert said == "options 'no/such.yaml': it cannot be read (No such file or directory). Check the path.\n"
+    assert (
+        said
+        == "options 'no/such.yaml': it cannot be read (No such file or directory). Check the path.\n"
+    )
 
 
 def test_a_file_of_options_is_not_overwritten(tmp_path, capsys):
@@ -160,7 +188,9 @@ TYPED = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("call", "message"), [row[1:] for row in TYPED], ids=[row[0] for row in TYPED])
+@pytest.mark.parametrize(
+    ("call", "message"), [row[1:] for row in TYPED], ids=[row[0] for row in TYPED]
+)
 def test_an_error_shows_the_path_that_was_typed(call, message, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert refused(capsys, *call) == f"{message}\n"
@@ -179,8 +209,16 @@ def test_a_folder_is_not_mistaken_for_a_file_of_like_name(capsys, tmp_path, monk
 EMPTY = {
     "an output": (compile_main, ["net.pt", "-o", ""], "locsnn-compile: argument -o/--output"),
     "a file that is written": (main, ["diff", "a", "b", "--html="], "locsnn diff: argument --html"),
-    "an option with a default": (main, ["targets", "--show", ""], "locsnn targets: argument --show"),
-    "one of several": (compile_main, ["net.pt", "--probe", "a", "--probe", ""], "locsnn-compile: argument --probe"),
+    "an option with a default": (
+        main,
+        ["targets", "--show", ""],
+        "locsnn targets: argument --show",
+    ),
+    "one of several": (
+        compile_main,
+        ["net.pt", "--probe", "a", "--probe", ""],
+        "locsnn-compile: argument --probe",
+    ),
     "an argument": (main, ["events", ""], "locsnn events: argument FILE"),
     "a value in the file of options": (
         compile_main,
@@ -203,16 +241,31 @@ def test_an_empty_value_is_refused(run, words, argument, tmp_path, monkeypatch, 
 @pytest.mark.parametrize(
     ("words", "line"),
     [
-        (["complie"], "locsnn: COMMAND 'complie' is not known. Did you mean 'compile'? See locsnn --help.\n"),
+        (
+            ["complie"],
+            "locsnn: COMMAND 'complie' is not known. Did you mean 'compile'? See locsnn --help.\n",
+        ),
         (
             ["rtl", "place"],
             "locsnn rtl: COMMAND 'place' is not known. Choose one of: fit, sim, stream. See locsnn rtl --help.\n",
         ),
         ([], "locsnn: the following arguments are required: COMMAND. See locsnn --help.\n"),
-        (["diff", "a", "b", "--nope"], "locsnn diff: unrecognized arguments: --nope. See locsnn diff --help.\n"),
-        (["rtl", "fit", "a", "-x", "3"], "locsnn rtl fit: unrecognized arguments: -x 3. See locsnn rtl fit --help.\n"),
+        (
+            ["diff", "a", "b", "--nope"],
+            "locsnn diff: unrecognized arguments: --nope. See locsnn diff --help.\n",
+        ),
+        (
+            ["rtl", "fit", "a", "-x", "3"],
+            "locsnn rtl fit: unrecognized arguments: -x 3. See locsnn rtl fit --help.\n",
+        ),
     ],
-    ids=["misspelt", "unknown", "none", "an unknown option", "an unknown option of a command below"],
+    ids=[
+        "misspelt",
+        "unknown",
+        "none",
+        "an unknown option",
+        "an unknown option of a command below",
+    ],
 )
 def test_a_command_or_option_that_does_not_exist_is_one_line(words, line, capsys):
     with pytest.raises(SystemExit) as left:
@@ -225,12 +278,16 @@ def test_a_command_or_option_that_does_not_exist_is_one_line(words, line, capsys
 def test_an_interrupt_while_modules_are_imported_is_one_line(module, tmp_path, monkeypatch):
     (tmp_path / "argparse.py").write_text("raise KeyboardInterrupt\n")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
-    found = subprocess.run([sys.executable, "-m", module, "model.pt"], capture_output=True, text=True, check=False)
+    found = subprocess.run(
+        [sys.executable, "-m", module, "model.pt"], capture_output=True, text=True, check=False
+    )
     assert (found.stdout, found.stderr) == ("", "Interrupted; nothing was written.\n")
     assert found.returncode != 0
 
 
 def test_other_errors_are_shown_as_before():
     code = "import locsnn_compile.cli; raise ValueError('no')"
-    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    found = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False
+    )
     assert found.stderr.endswith("ValueError: no\n")

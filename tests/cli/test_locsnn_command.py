@@ -29,10 +29,25 @@ def build(tmp_path_factory):
 
 @pytest.mark.parametrize("engine", ["fast", "reference"])
 def test_run_predicts_as_the_report_counted(build, capsys, engine):
-    assert main(["run", str(build / "out"), "--events", str(build / "few.npy"), "--engine", engine, "--json"]) == 0
+    assert (
+        main(
+            [
+                "run",
+                str(build / "out"),
+                "--events",
+                str(build / "few.npy"),
+                "--engine",
+                engine,
+                "--json",
+            ]
+        )
+        == 0
+    )
     found = json.loads(capsys.readouterr().out)
     report = json.loads((build / "out/report.json").read_text())
-    right = sum(row["prediction"] == row["label"] and not row["tied"] for row in found["recordings"])
+    right = sum(
+        row["prediction"] == row["label"] and not row["tied"] for row in found["recordings"]
+    )
     assert right / 3 == report["accuracy"]["chip"]
     assert found["counts"]["spikes"] / 3 == report["operations"]["per_sample"]["spikes"]
     assert sum(found["energy_pj"].values()) / 3 == pytest.approx(report["energy"]["per_sample_pj"])
@@ -41,14 +56,20 @@ def test_run_predicts_as_the_report_counted(build, capsys, engine):
 def test_run_prints_a_line_a_recording(build, capsys):
     assert main(["run", str(build / "out"), "--events", str(build / "few.npy")]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert [line.split(":")[0] for line in lines[:3]] == ["recording 0", "recording 1", "recording 2"]
+    assert [line.split(":")[0] for line in lines[:3]] == [
+        "recording 0",
+        "recording 1",
+        "recording 2",
+    ]
     assert lines[3].startswith("accuracy ")
     assert "profile davies2018" in lines[4]
 
 
 def test_where_all_classes_tie_run_predicts_nothing_as_the_report_does(build, tmp_path, capsys):
     np.save(tmp_path / "silent.npy", np.zeros((2, 78, 60), np.uint8))
-    np.save(tmp_path / "silent_labels.npy", np.array([0, 0]))  # the first class, which ties would go to
+    np.save(
+        tmp_path / "silent_labels.npy", np.array([0, 0])
+    )  # the first class, which ties would go to
     assert main(["run", str(build / "out"), "--events", str(tmp_path / "silent.npy")]) == 0
     assert capsys.readouterr().out.splitlines()[:3] == [
         "recording 0: all classes tie  label 0  0 spikes",
@@ -56,7 +77,10 @@ def test_where_all_classes_tie_run_predicts_nothing_as_the_report_does(build, tm
         "accuracy 0.000 on 2 recordings",
     ]
     stop = ["--stop", "silence", "--silence", "5"]
-    assert main(["run", str(build / "out"), "--events", str(tmp_path / "silent.npy"), "--json", *stop]) == 0
+    assert (
+        main(["run", str(build / "out"), "--events", str(tmp_path / "silent.npy"), "--json", *stop])
+        == 0
+    )
     found = json.loads(capsys.readouterr().out)
     assert found["recordings"][0]["tied"] is True
     assert (found["stop"]["accuracy"], found["stop"]["whole_accuracy"]) == (0.0, 0.0)
@@ -87,7 +111,16 @@ def test_run_refuses_programs_of_several_inputs(tmp_path, capsys):
     b.build().save(tmp_path / "two")
     np.save(tmp_path / "few.npy", np.ones((1, 2, 5), np.uint8))
     assert (
-        main(["run", str(tmp_path / "two"), "--events", str(tmp_path / "few.npy"), "--axes", "samples,channels,steps"])
+        main(
+            [
+                "run",
+                str(tmp_path / "two"),
+                "--events",
+                str(tmp_path / "few.npy"),
+                "--axes",
+                "samples,channels,steps",
+            ]
+        )
         == 2
     )
     line = f"events {str(tmp_path / 'few.npy')!r}: the program has several inputs, and a file holds one (x, z). Play it in Python, by hw.simulate.\n"
@@ -102,7 +135,9 @@ def test_run_refuses_recordings_that_last_longer_than_the_program(build, tmp_pat
     line = f"events '{long}': the recordings are longer than the program (251 steps against 250). Cut them with --steps 250.\n"
     assert capsys.readouterr() == ("", line)
     assert main(["run", str(build / "out"), "--events", str(long), "--steps", "250"]) == 0
-    assert capsys.readouterr().out.endswith("binning: 78 of 19578 events dropped: 78 outside the steps\n")
+    assert capsys.readouterr().out.endswith(
+        "binning: 78 of 19578 events dropped: 78 outside the steps\n"
+    )
 
 
 @pytest.mark.parametrize(
@@ -122,7 +157,9 @@ def test_bad_input_is_one_line(arguments, line, capsys):
 def test_targets_lists_and_shows(capsys):
     assert main(["targets"]) == 0
     listed = capsys.readouterr().out.splitlines()
-    assert [line.split(":")[0] for line in listed if not line.startswith(" ")] == list(hw.chip_names())
+    assert [line.split(":")[0] for line in listed if not line.startswith(" ")] == list(
+        hw.chip_names()
+    )
     assert listed[:2] == [
         "ecp5-25f: the open core on a Lattice ECP5 with 24,288 LUTs and 56 block RAMs",
         "  a program may have 512 compartments, 1024 sources of spikes, 16384 synapses, 16 slots; cycles are exact, "
@@ -133,7 +170,8 @@ def test_targets_lists_and_shows(capsys):
 
 
 @pytest.mark.parametrize(
-    "command", ["train", "pack", "run", "explore", "diff", "rtl sim", "rtl fit", "rtl stream", "targets"]
+    "command",
+    ["train", "pack", "run", "explore", "diff", "rtl sim", "rtl fit", "rtl stream", "targets"],
 )
 def test_every_help_shows_an_example(command, capsys):
     with pytest.raises(SystemExit) as caught:
@@ -143,7 +181,16 @@ def test_every_help_shows_an_example(command, capsys):
 
 
 def test_diff_names_what_changed(build, tmp_path, capsys):
-    arguments = [MODEL, "--events", build / "few.npy", "-o", tmp_path / "four", "--quiet", "--weight-bits", "4"]
+    arguments = [
+        MODEL,
+        "--events",
+        build / "few.npy",
+        "-o",
+        tmp_path / "four",
+        "--quiet",
+        "--weight-bits",
+        "4",
+    ]
     assert compile_main([str(a) for a in arguments]) == 0
     assert main(["diff", str(build / "out"), str(tmp_path / "four"), "--json"]) == 0
     changed = json.loads(capsys.readouterr().out)
@@ -164,7 +211,11 @@ def test_diff_names_what_changed(build, tmp_path, capsys):
     assert lines[-1] == "--all lists every figure that changed."
     assert re.search(r"^  spikes on one side only \d", summary, flags=re.MULTILINE)
     assert len(lines) < 40
-    for question in ("Does it match as well?", "Does it cost less?", "Does it use fewer resources?"):
+    for question in (
+        "Does it match as well?",
+        "Does it cost less?",
+        "Does it use fewer resources?",
+    ):
         assert question in shown
         assert question in summary
     assert main(["diff", str(build / "out"), str(build / "out")]) == 0

@@ -32,14 +32,27 @@ def folder(tmp_path, monkeypatch):
     spikes = np.load("recs/sample_0_label_0.npy")
     np.save("few.npy", spikes[None])
     np.save("few_labels.npy", np.array([0]))
-    for name in ("m.pt", "network.nir", "run/events.npz", "out/sanafe/arch.yaml", "out/report.json/mine"):
+    for name in (
+        "m.pt",
+        "network.nir",
+        "run/events.npz",
+        "out/sanafe/arch.yaml",
+        "out/report.json/mine",
+    ):
         Path(name).parent.mkdir(parents=True, exist_ok=True)
         Path(name).write_bytes(MODEL.read_bytes() if name == "m.pt" else b"mine")
     write_recordings("run/events.npz", touches)
     Path("chip.yaml").write_text(hw.chip("loihi-sim").document)
     Path("link.pt").symlink_to("d.pt")
     os.link("d.pt", "second-name.pt")
-    for name in ("a/report.json", "b/program.yaml", "b/report.html", "vec/vectors/notes.txt", "old.csv", "old.svg"):
+    for name in (
+        "a/report.json",
+        "b/program.yaml",
+        "b/report.html",
+        "vec/vectors/notes.txt",
+        "old.csv",
+        "old.svg",
+    ):
         Path(name).parent.mkdir(parents=True, exist_ok=True)
         Path(name).write_text("mine")
     Path("file").mkdir()
@@ -106,7 +119,9 @@ def run(command):
     return (compile_main if program == "locsnn-compile" else locsnn_main)(arguments)
 
 
-@pytest.mark.parametrize(("command", "line"), [row[1:] for row in REFUSED], ids=[row[0] for row in REFUSED])
+@pytest.mark.parametrize(
+    ("command", "line"), [row[1:] for row in REFUSED], ids=[row[0] for row in REFUSED]
+)
 def test_outputs_that_would_take_the_place_of_something(command, line, folder, capsys):
     Path("c.csv").write_text("hidden: 4\n")
     before = tree(folder)
@@ -137,7 +152,11 @@ def test_writing_to_a_link_writes_what_it_leads_to(tmp_path):
 
 def test_a_program_is_not_saved_over_folders(tmp_path):
     b = hw.ProgramBuilder(hw.chip("tiny-sim"))
-    b.connect(b.add_input("x", 1), b.add_compartments("h", 1, decay_u=4096, decay_v=0, threshold=10), [[20]])
+    b.connect(
+        b.add_input("x", 1),
+        b.add_compartments("h", 1, decay_u=4096, decay_v=0, threshold=10),
+        [[20]],
+    )
     (tmp_path / "program.npz").mkdir()
     with pytest.raises(hw.InputError) as caught:
         b.build().save(tmp_path)
@@ -149,8 +168,18 @@ def test_a_program_is_not_saved_over_folders(tmp_path):
 
 
 def test_a_build_removes_what_an_earlier_build_had_in_its_folders_alone(tmp_path):
-    earlier = ("vectors/core12/spikes.hex", "vectors/README.md", "sanafe/location.yaml", "csv/spikes.csv")
+    earlier = (
+        "vectors/core12/spikes.hex",
+        "vectors/README.md",
+        "sanafe/location.yaml",
+        "csv/spikes.csv",
+    )
     write_build(tmp_path, dict.fromkeys(earlier, b"old"))
-    write_build(tmp_path, {"vectors/manifest.yaml": b"new", "sanafe/time.yaml": b"new", "csv/figures.csv": b"new"})
-    files = sorted(path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file())
+    write_build(
+        tmp_path,
+        {"vectors/manifest.yaml": b"new", "sanafe/time.yaml": b"new", "csv/figures.csv": b"new"},
+    )
+    files = sorted(
+        path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()
+    )
     assert files == ["csv/figures.csv", "sanafe/time.yaml", "vectors/manifest.yaml"]

@@ -21,9 +21,7 @@ from locsnn_compile.models.checkpoint_reader import read_checkpoint, read_models
 HERE = Path(__file__).parents[1] / "compatibility/version_0_1_0"
 TOUCHES = str(HERE / "touches.npz")
 MODELS = [str(HERE / f"{name}.pt") for name in ("hybrid", "hybrid-loihi-reset", "window-snn")]
-WITHOUT_TORCH = (
-    "import sys; sys.modules['torch'] = None\nfrom locsnn_compile.cli.compile import main\nsys.exit(main(sys.argv[1:]))"
-)
+WITHOUT_TORCH = "import sys; sys.modules['torch'] = None\nfrom locsnn_compile.cli.compile import main\nsys.exit(main(sys.argv[1:]))"
 
 
 def _touches():
@@ -39,11 +37,27 @@ def test_a_pack_compiles_to_the_program_of_its_models(tmp_path, capsys):
     packed = tmp_path / "all.pt"
     assert pack(*MODELS, "-o", packed, "--weights", "1,2,0.5") == 0
     said = capsys.readouterr().out
-    assert said == f"hybrid: weight 1\nhybrid-loihi-reset: weight 2\nwindow-snn: weight 0.5\nwrote {packed}\n"
+    assert (
+        said
+        == f"hybrid: weight 1\nhybrid-loihi-reset: weight 2\nwindow-snn: weight 0.5\nwrote {packed}\n"
+    )
     options = ["--events", TOUCHES, "--strategy", "dendrite", "--quiet"]
-    command = [sys.executable, "-c", WITHOUT_TORCH, str(packed), *options, "-o", str(tmp_path / "packed")]
+    command = [
+        sys.executable,
+        "-c",
+        WITHOUT_TORCH,
+        str(packed),
+        *options,
+        "-o",
+        str(tmp_path / "packed"),
+    ]
     subprocess.run(command, check=True, timeout=300)
-    assert compile_command.main([*MODELS, "--weights", "1,2,0.5", *options, "-o", str(tmp_path / "typed")]) == 0
+    assert (
+        compile_command.main(
+            [*MODELS, "--weights", "1,2,0.5", *options, "-o", str(tmp_path / "typed")]
+        )
+        == 0
+    )
     one, other = (hw.load_program(tmp_path / name) for name in ("packed", "typed"))
     assert one.readout == other.readout
     assert one.phases == other.phases
@@ -56,11 +70,24 @@ def test_a_pack_compiles_to_the_program_of_its_models(tmp_path, capsys):
     assert report["match"]["readout"]["by"] == "spikes and potentials"
     capsys.readouterr()
     assert (
-        locsnn.main(["run", str(tmp_path / "packed"), "--events", TOUCHES, "--stream", "--stop", "proven", "--json"])
+        locsnn.main(
+            [
+                "run",
+                str(tmp_path / "packed"),
+                "--events",
+                TOUCHES,
+                "--stream",
+                "--stop",
+                "proven",
+                "--json",
+            ]
+        )
         == 0
     )
     run = json.loads(capsys.readouterr().out)
-    assert [row["prediction"] for row in run["recordings"]] == hw.simulate(one, _touches()).prediction.tolist()
+    assert [row["prediction"] for row in run["recordings"]] == hw.simulate(
+        one, _touches()
+    ).prediction.tolist()
     assert {"stop", "stream"} <= run.keys()
 
 
@@ -78,7 +105,17 @@ def test_bits_of_weights_are_the_widest_of_the_members(tmp_path):
     reports = []
     for number, models in enumerate((MODELS[:2], MODELS[1::-1])):
         out = tmp_path / str(number)
-        options = ["--weight-bits", "4", "--strategy", "dendrite", "--events", TOUCHES, "--quiet", "-o", str(out)]
+        options = [
+            "--weight-bits",
+            "4",
+            "--strategy",
+            "dendrite",
+            "--events",
+            TOUCHES,
+            "--quiet",
+            "-o",
+            str(out),
+        ]
         assert compile_command.main([*models, *options]) == 0
         reports.append(json.loads((out / "report.json").read_text())["weight_bits"])
     assert reports == [5, 5]  # of the model that was trained on the chip
@@ -94,7 +131,9 @@ def test_a_pack_is_the_same_bytes_and_keeps_recordings_once(tmp_path):
     for member, path in zip(held.members, MODELS, strict=False):
         whole = read_checkpoint(path)
         assert member.description == whole.description
-        assert all(np.array_equal(member.weights[name], array) for name, array in whole.weights.items())
+        assert all(
+            np.array_equal(member.weights[name], array) for name, array in whole.weights.items()
+        )
 
 
 def changed(tmp_path, change):
@@ -142,9 +181,15 @@ def not_a_number(values):
         (newer, "checkpoint 'damaged.pt': its version does not exist (2 against 1)"),
         (no_members, "checkpoint 'damaged.pt': it has no members"),
         (unknown, "checkpoint 'damaged.pt': unknown key 'code'"),
-        (a_text, "checkpoint 'damaged.pt': members.2: it must be a mapping of names (got 'not a checkpoint')"),
+        (
+            a_text,
+            "checkpoint 'damaged.pt': members.2: it must be a mapping of names (got 'not a checkpoint')",
+        ),
         (drop_sha, "checkpoint 'damaged.pt', member '1': its sha256 is not one"),
-        (another_size, "checkpoint 'damaged.pt', member '2', population 'time_hidden': its weights have another shape"),
+        (
+            another_size,
+            "checkpoint 'damaged.pt', member '2', population 'time_hidden': its weights have another shape",
+        ),
         (
             not_a_number,
             "checkpoint 'damaged.pt', member '2': weight: it must be a number (got nan)",
@@ -176,7 +221,9 @@ def test_what_cannot_be_packed_or_joined(tmp_path, capsys):
         == "weights: each network needs one above 0, at most 1,000,000 times any other (1, 2 for 3 networks). Give numbers such as 1,2."
     )
     assert lines[3] == "--output: it is not a .pt file. Give a name that ends in .pt."
-    assert lines[4] == "--weights: there is one model, with nothing to weigh it against. Leave it out."
+    assert (
+        lines[4] == "--weights: there is one model, with nothing to weigh it against. Leave it out."
+    )
     assert "differs from" in lines[5]
     assert not any(tmp_path.iterdir())
 
@@ -185,7 +232,12 @@ def test_a_committee_has_its_weights_already(tmp_path, capsys):
     """The message said that there was one model, with nothing to weigh it against."""
     assert pack(*MODELS[:2], "-o", tmp_path / "both.pt", "--weights", "1,2") == 0
     capsys.readouterr()
-    assert compile_command.main([str(tmp_path / "both.pt"), "--weights", "1,1", "-o", str(tmp_path / "dir")]) == 2
+    assert (
+        compile_command.main(
+            [str(tmp_path / "both.pt"), "--weights", "1,1", "-o", str(tmp_path / "dir")]
+        )
+        == 2
+    )
     line = "--weights: the file of this committee holds its weights. Leave it out, or pack the models again: locsnn pack --weights.\n"  # fmt: skip
     assert capsys.readouterr() == ("", line)
     assert not (tmp_path / "dir").exists()
@@ -193,6 +245,18 @@ def test_a_committee_has_its_weights_already(tmp_path, capsys):
 
 def test_a_gate_on_several_models(tmp_path, capsys):
     copy = shutil.copy(MODELS[0], tmp_path / "again.pt")
-    arguments = [MODELS[0], str(copy), "--events", TOUCHES, "--strategy", "dendrite", "--max-cores", "3", "--quiet"]
+    arguments = [
+        MODELS[0],
+        str(copy),
+        "--events",
+        TOUCHES,
+        "--strategy",
+        "dendrite",
+        "--max-cores",
+        "3",
+        "--quiet",
+    ]
     assert compile_command.main([*arguments, "-o", str(tmp_path / "dir")]) == 3
-    assert capsys.readouterr().err == "gate failed: --max-cores: the program takes 4 cores, above 3.\n"
+    assert (
+        capsys.readouterr().err == "gate failed: --max-cores: the program takes 4 cores, above 3.\n"
+    )

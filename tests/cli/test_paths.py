@@ -43,7 +43,10 @@ OPTIONS = {
     "run DIR": ("locsnn run BAD --events d.npz", "folder"),
     "run --events": ("locsnn run build --events BAD.npz", "path"),
     "run --profile": ("locsnn run build --events d.npz --profile BAD.yaml", "path"),
-    "run --calibrate": ("locsnn run build --events d.npz --stop margin --calibrate BAD.npz", "path"),
+    "run --calibrate": (
+        "locsnn run build --events d.npz --stop margin --calibrate BAD.npz",
+        "path",
+    ),
     "events": ("locsnn events BAD.npz", "FILE"),
     "events -o": ("locsnn events d.npz -o BAD.svg", "-o"),
     "events --to": ("locsnn events d.npz --to BAD.npz", "--to"),
@@ -116,7 +119,9 @@ LINES = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("command", "line"), [row[1:] for row in LINES], ids=[row[0] for row in LINES])
+@pytest.mark.parametrize(
+    ("command", "line"), [row[1:] for row in LINES], ids=[row[0] for row in LINES]
+)
 def test_places_where_nothing_is_or_nothing_may_be_written(command, line, here, capsys):
     assert (run(command), capsys.readouterr()) == (2, ("", f"{line}\n"))
     assert sorted(path.name for path in here.iterdir()) == ["build", "d.npz"]
@@ -133,7 +138,9 @@ FROM_NOWHERE = {
 }
 
 
-@pytest.mark.parametrize(("command", "code"), first_quick(FROM_NOWHERE.values(), 3), ids=FROM_NOWHERE)
+@pytest.mark.parametrize(
+    ("command", "code"), first_quick(FROM_NOWHERE.values(), 3), ids=FROM_NOWHERE
+)
 def test_a_working_directory_that_was_deleted(command, code, build, tmp_path):
     """In a process of its own, whose directory is removed before the command begins."""
     gone = tmp_path / "gone"
@@ -146,7 +153,12 @@ def test_a_working_directory_that_was_deleted(command, code, build, tmp_path):
     )
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     done = subprocess.run(
-        [sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=False, cwd=tmp_path
+        [sys.executable, "-c", script],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=tmp_path,
     )
     assert (done.returncode, done.stderr) == (code, GONE if code else "")
 
@@ -155,16 +167,17 @@ def test_a_working_directory_that_was_deleted(command, code, build, tmp_path):
     ("command", "first"),
     [
         ("events d.npz", "d.npz: 3 recordings"),
-        ("compile MODEL --strategy dendrite --events d.npz -o again", "objects-hybrid on loihi-sim"),
+        (
+            "compile MODEL --strategy dendrite --events d.npz -o again",
+            "objects-hybrid on loihi-sim",
+        ),
         ("diff build build", "The builds are equal."),
     ],
     ids=["events", "compile", "diff"],
 )
 def test_a_reader_that_goes_away(build, command, first):
     """``locsnn events | head -1`` leaves without a word, and with 0: what was to be done is done."""
-    command = (
-        f"{shlex.quote(sys.executable)} -m locsnn_compile.cli.main {command.replace('MODEL', str(MODEL))} | head -n 1"
-    )
+    command = f"{shlex.quote(sys.executable)} -m locsnn_compile.cli.main {command.replace('MODEL', str(MODEL))} | head -n 1"
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     done = subprocess.run(
         ["bash", "-o", "pipefail", "-c", command],
@@ -173,7 +186,9 @@ def test_a_reader_that_goes_away(build, command, first):
     assert (done.returncode, done.stdout.startswith(first), done.stderr) == (0, True, "")
 
 
-@pytest.mark.skipif(not shutil.which("setpriv") and os.geteuid() == 0, reason="root may read and write anywhere")
+@pytest.mark.skipif(
+    not shutil.which("setpriv") and os.geteuid() == 0, reason="root may read and write anywhere"
+)
 def test_places_that_are_closed(build, tmp_path):
     closed = tmp_path / "closed"
     closed.mkdir()
@@ -186,9 +201,17 @@ def test_places_that_are_closed(build, tmp_path):
     }
     try:
         for command, line in lines.items():
-            arguments = [*unable, sys.executable, "-m", "locsnn_compile.cli.main", *shlex.split(command)]
+            arguments = [
+                *unable,
+                sys.executable,
+                "-m",
+                "locsnn_compile.cli.main",
+                *shlex.split(command),
+            ]
             environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-            done = subprocess.run(arguments, env=environment, capture_output=True, text=True, check=False)
+            done = subprocess.run(
+                arguments, env=environment, capture_output=True, text=True, check=False
+            )
             assert (done.returncode, done.stdout) == (2, "")
             assert done.stderr.count("\n") == 1, done.stderr
             assert "ermission denied" in done.stderr, line

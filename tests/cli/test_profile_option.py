@@ -28,7 +28,9 @@ MINE = {
 def built(tmp_path_factory):
     """Two short recordings, a profile and a build that is priced by it."""
     folder = tmp_path_factory.mktemp("priced")
-    np.save(folder / "few.npy", (np.random.default_rng(0).random((2, 78, 60)) < 0.1).astype(np.uint8))
+    np.save(
+        folder / "few.npy", (np.random.default_rng(0).random((2, 78, 60)) < 0.1).astype(np.uint8)
+    )
     (folder / "board.yaml").write_text(yaml.safe_dump(MINE))
     arguments = [
         MODEL,
@@ -48,16 +50,28 @@ def test_a_build_is_priced_by_a_file(built):
     _, report = built
     energy, counts = report["energy"], report["operations"]["per_sample"]
     assert (energy["profile"], report["latency"]["profile"]) == ("board", "board")
-    assert (energy["source"], energy["voltage_v"], energy["static"]) == ("our board, run 7", None, None)
+    assert (energy["source"], energy["voltage_v"], energy["static"]) == (
+        "our board, run 7",
+        None,
+        None,
+    )
     assert list(energy["other_profiles_pj"]) == ["davies2018", "sanafe"]
-    synapses, updates, inputs = (counts[name] for name in ("synaptic_ops", "neuron_updates", "input_events"))
+    synapses, updates, inputs = (
+        counts[name] for name in ("synaptic_ops", "neuron_updates", "input_events")
+    )
     assert energy["breakdown_pj"] == pytest.approx(
-        {"synaptic_ops": 30 * synapses, "neuron_updates": 70 * updates, "input_events": 100 * inputs}
+        {
+            "synaptic_ops": 30 * synapses,
+            "neuron_updates": 70 * updates,
+            "input_events": 100 * inputs,
+        }
     )
     fixed = 70 * updates + 100 * inputs
     assert energy["range_pj"] == pytest.approx([25 * synapses + fixed, 35 * synapses + fixed])
     assert energy["elsewhere_pj"] == pytest.approx(100 * inputs)
-    assert energy["not_included_bounds"] == [{"what": "host", "at_most_pj": None, "bound_source": None}]
+    assert energy["not_included_bounds"] == [
+        {"what": "host", "at_most_pj": None, "bound_source": None}
+    ]
 
 
 def test_breakdowns_of_a_build_add_up(built):
@@ -65,7 +79,10 @@ def test_breakdowns_of_a_build_add_up(built):
     total = pytest.approx(energy["per_sample_pj"], rel=1e-12)
     assert sum(energy["breakdown_pj"].values()) == total
     assert sum(energy["by_branch_pj"].values()) == total
-    assert sum(pj for branch in energy["by_branch_breakdown_pj"].values() for pj in branch.values()) == total
+    assert (
+        sum(pj for branch in energy["by_branch_breakdown_pj"].values() for pj in branch.values())
+        == total
+    )
     populations = energy["by_population_pj"]
     for one in populations.values():
         assert sum(one["compartments"].values()) == pytest.approx(one["pj"], rel=1e-12)
@@ -116,19 +133,27 @@ def test_static_energy_stands_apart(built, tmp_path):
     assert static["at_real_time_pj"] == pytest.approx(104.4 * 250 * 0.02e9)
     assert energy["per_sample_pj"] == pytest.approx(sum(energy["breakdown_pj"].values()))
     assert (energy["range_pj"][1], latency["range_ns"][0]) == (None, None)
-    bounds = {row["what"].split(" (")[0]: row["at_most_pj"] for row in energy["not_included_bounds"]}
+    bounds = {
+        row["what"].split(" (")[0]: row["at_most_pj"] for row in energy["not_included_bounds"]
+    }
     assert bounds == {
         "barrier synchronisation energy": None,
         "host input and output": None,
         "weight loading": None,
-        "the transpose buffer of the location phase": 20 * report["operations"]["per_sample"]["transpose_events"],
+        "the transpose buffer of the location phase": 20
+        * report["operations"]["per_sample"]["transpose_events"],
         "static power": static["at_real_time_pj"],
     }
 
 
 def test_a_run_is_priced_by_name(built, capsys):
     folder, report = built
-    assert locsnn(["run", str(folder / "out"), "--events", str(folder / "few.npy"), "--profile", "sanafe"]) == 0
+    assert (
+        locsnn(
+            ["run", str(folder / "out"), "--events", str(folder / "few.npy"), "--profile", "sanafe"]
+        )
+        == 0
+    )
     sanafe = report["energy"]["other_profiles_pj"]["sanafe"]
     assert f"{sanafe / 1e6:.2f} µJ (profile sanafe)" in capsys.readouterr().out
 
@@ -140,7 +165,10 @@ def test_a_profile_without_times_gives_no_time(built, tmp_path, capsys):
     options = ["--events", few, "--profile", str(profile)]
     assert compile_model([str(MODEL), *options, "-o", str(tmp_path / "out"), "--quiet"]) == 0
     report = json.loads((tmp_path / "out/report.json").read_text())
-    assert (report["latency"]["timed"], report["energy"]["static"]["at_latency_pj"]) == (False, None)
+    assert (report["latency"]["timed"], report["energy"]["static"]["at_latency_pj"]) == (
+        False,
+        None,
+    )
     assert report["over_time"]["proven_stop"]["latency_ns"] is None
     assert locsnn(["run", str(tmp_path / "out"), *options, "--stop", "proven"]) == 0
     assert "µJ, and an unknown time (profile energy)\n" in capsys.readouterr().out

@@ -15,18 +15,31 @@ from locsnn_compile.data.synthetic import synthetic_touches
 def test_psi_is_kept_from_training_to_the_running_program(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     touches = synthetic_touches(6, steps=30, classes=3, fingertips=1)
-    np.savez("touches.npz", spikes=touches.spikes.transpose(0, 2, 1), labels=touches.labels, step_seconds=0.02)
+    np.savez(
+        "touches.npz",
+        spikes=touches.spikes.transpose(0, 2, 1),
+        labels=touches.labels,
+        step_seconds=0.02,
+    )
     Path("c.yaml").write_text("psi: 2.5\nhidden: 4\nepochs: 1\nvalidation_fraction: 0.0\n")
-    assert main(["train", "--data", "touches.npz", "--config", "c.yaml", "-o", "net.pt", "--quiet"]) == 0
+    assert (
+        main(["train", "--data", "touches.npz", "--config", "c.yaml", "-o", "net.pt", "--quiet"])
+        == 0
+    )
     assert lc.load("net.pt").psi == 2.5
     kept = {}
     for options in ((), ("--psi", "7")):
         assert compile_main(["net.pt", "--quiet", "-o", "out", *options]) == 0
-        kept[options] = hw.load_program("out").psi, json.loads(Path("out/report.json").read_text())["over_time"]["psi"]
+        kept[options] = (
+            hw.load_program("out").psi,
+            json.loads(Path("out/report.json").read_text())["over_time"]["psi"],
+        )
     assert kept == {(): (2.5, 2.5), ("--psi", "7"): (7.0, 7.0)}
     capsys.readouterr()
     assert main(["run", "out", "--events", "touches.npz", "--stream", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["stream"]["psi"] is None  # weighed only where it is asked for
+    assert (
+        json.loads(capsys.readouterr().out)["stream"]["psi"] is None
+    )  # weighed only where it is asked for
     assert main(["run", "out", "--events", "touches.npz", "--stream", "--psi", "1", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["stream"]["psi"] == 1.0
 
@@ -34,9 +47,17 @@ def test_psi_is_kept_from_training_to_the_running_program(tmp_path, monkeypatch,
 def test_psi_of_a_single_branch_is_not_kept_and_not_trained(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     touches = synthetic_touches(6, steps=30, classes=3, fingertips=1)
-    np.savez("touches.npz", spikes=touches.spikes.transpose(0, 2, 1), labels=touches.labels, step_seconds=0.02)
+    np.savez(
+        "touches.npz",
+        spikes=touches.spikes.transpose(0, 2, 1),
+        labels=touches.labels,
+        step_seconds=0.02,
+    )
     Path("c.yaml").write_text("psi: 2.5\nmodel: tactile-snn\n")
-    assert main(["train", "--data", "touches.npz", "--config", "c.yaml", "-o", "net.pt", "--quiet"]) == 2
+    assert (
+        main(["train", "--data", "touches.npz", "--config", "c.yaml", "-o", "net.pt", "--quiet"])
+        == 2
+    )
     assert capsys.readouterr().err == (
         "config 'c.yaml', psi: it would change nothing: the network has no second branch. Leave it out.\n"
     )

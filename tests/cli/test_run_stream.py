@@ -52,7 +52,9 @@ def spikes(build, name="few"):
 
 
 def run(build, *arguments):
-    return main(["run", str(build / "out"), "--events", str(build / "few.npy"), *map(str, arguments)])
+    return main(
+        ["run", str(build / "out"), "--events", str(build / "few.npy"), *map(str, arguments)]
+    )
 
 
 def as_json(build, capsys, *arguments):
@@ -82,7 +84,11 @@ def test_json_has_every_change_of_the_prediction(build, program, capsys, psi):
         assert row["changes"] == changes(one)
         assert row["changes"][-1]["prediction"] == row["prediction"]
     stream = found["stream"]
-    assert (stream["psi"], stream["step_seconds"], stream["right_is"]) == (psi, pytest.approx(0.02), "the label")
+    assert (stream["psi"], stream["step_seconds"], stream["right_is"]) == (
+        psi,
+        pytest.approx(0.02),
+        "the label",
+    )
     wanted = (scores.argmax(axis=2) == np.arange(3)[:, None]).mean(axis=0)
     assert stream["right"] == wanted.tolist()
     latency = stream["step_latency_seconds"]
@@ -119,7 +125,9 @@ def test_lines_change_only_with_the_prediction(build, program, capsys):
 
 def test_the_length_of_a_step_is_told_or_left_out(build, capsys, tmp_path):
     assert run(build, "--stream", "--step-seconds", 0.5) == 2
-    refused = "step_seconds: program 'objects-hybrid' has another (got 0.5 against 0.02). Leave it out.\n"
+    refused = (
+        "step_seconds: program 'objects-hybrid' has another (got 0.5 against 0.02). Leave it out.\n"
+    )
     assert capsys.readouterr() == ("", refused)
     text = (build / "out/program.yaml").read_text().replace("step_seconds: 0.02\n", "")
     (tmp_path / "program.yaml").write_text(text.rpartition(SEAL)[0])
@@ -133,7 +141,9 @@ def test_the_length_of_a_step_is_told_or_left_out(build, capsys, tmp_path):
     assert lines[-2] == "already the last prediction: " + ", ".join(
         f"1.000 after step {step}" for step in (50, 100, 150, 200, 250)
     )
-    assert lines[-1].endswith("; the length of a step at the sensor is not known: give --step-seconds")
+    assert lines[-1].endswith(
+        "; the length of a step at the sensor is not known: give --step-seconds"
+    )
 
 
 def test_where_all_classes_tie_the_label_is_not_predicted(build, capsys, tmp_path):
@@ -142,7 +152,9 @@ def test_where_all_classes_tie_the_label_is_not_predicted(build, capsys, tmp_pat
     assert main(["run", str(build / "out"), "--events", str(silent), "--stream"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[1] == "accuracy 0.000 on 1 recording"
-    assert lines[3] == "accuracy over time: " + ", ".join(f"0.000 after {second}.00 s" for second in range(1, 6))
+    assert lines[3] == "accuracy over time: " + ", ".join(
+        f"0.000 after {second}.00 s" for second in range(1, 6)
+    )
 
 
 def test_lines_of_the_summary():
@@ -177,7 +189,12 @@ def test_proven_stops(build, program, capsys):
     found = as_json(build, capsys, "--stop", "proven")
     stops = hw.stop_when_proven(program, spikes(build))
     stop = found["stop"]
-    assert (stop["kind"], stop["agreement"], stop["all_steps"], stop["recordings"]) == ("proven", 1.0, 328, 3)
+    assert (stop["kind"], stop["agreement"], stop["all_steps"], stop["recordings"]) == (
+        "proven",
+        1.0,
+        328,
+        3,
+    )
     assert [row["stop"]["step"] for row in found["recordings"]] == stops.steps.tolist()
     assert [row["stop"]["prediction"] for row in found["recordings"]] == [
         row["prediction"] for row in found["recordings"]
@@ -188,7 +205,11 @@ def test_proven_stops(build, program, capsys):
     assert stop["profile"] == "davies2018"
     assert run(build, "--stop", "proven") == 0
     lines = capsys.readouterr().out.splitlines()
-    assert [line.split(":")[0] for line in lines[:3]] == ["recording 0", "recording 1", "recording 2"]
+    assert [line.split(":")[0] for line in lines[:3]] == [
+        "recording 0",
+        "recording 1",
+        "recording 2",
+    ]
     assert re.fullmatch(
         r"stopped \(proven\) after \d+ of 328 steps on average; saved [\d.]+ % of the steps, "
         r"[\d.]+ % of the synaptic operations, [\d.]+ % of the energy; "
@@ -223,7 +244,15 @@ def test_stops_in_silence(build, program, capsys):
 @pytest.mark.parametrize("psi", [None, 10.0], ids=["plain", "time-weighted"])
 def test_a_calibrated_margin(build, program, capsys, psi):
     weighted = () if psi is None else ("--psi", psi)
-    options = ("--stop", "margin", "--calibrate", build / "more.npy", "--min-agreement", 0.5, *weighted)
+    options = (
+        "--stop",
+        "margin",
+        "--calibrate",
+        build / "more.npy",
+        "--min-agreement",
+        0.5,
+        *weighted,
+    )
     found = as_json(build, capsys, "--stream", *options)
     margin = hw.calibrate_margin(program, spikes(build, "more"), 0.5, psi)
     stops = hw.stop_at_margin(program, spikes(build), margin, psi)
@@ -247,7 +276,10 @@ def test_a_calibrated_margin(build, program, capsys, psi):
         assert row["changes"] == changes(one[:step])
     assert run(build, "--stream", *options) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert f"margin: a lead of {margin:.4g} is enough for 50.0 % agreement on 6 recordings of more.npy" in lines
+    assert (
+        f"margin: a lead of {margin:.4g} is enough for 50.0 % agreement on 6 recordings of more.npy"
+        in lines
+    )
     ends = [line for line in lines if ", stopped after step " in line]
     assert [int(line.split()[-1]) for line in ends] == stops.steps[stops.steps < 250].tolist()
 
@@ -279,7 +311,11 @@ def test_the_train_part_calibrates_and_the_test_part_is_played(build, program, c
     arguments = ["run", build / "out", "--events", tmp_path, *options, "--json"]
     assert main([str(a) for a in arguments]) == 0
     stop = json.loads(capsys.readouterr().out)["stop"]
-    assert (stop["recordings"], stop["calibrated_on"]["part"], stop["calibrated_on"]["recordings"]) == (2, "train", 4)
+    assert (
+        stop["recordings"],
+        stop["calibrated_on"]["part"],
+        stop["calibrated_on"]["recordings"],
+    ) == (2, "train", 4)
     assert stop["margin"] == hw.calibrate_margin(program, spikes(build, "more")[:4], 1.0)
     assert main([str(a) for a in arguments[:-1]]) == 0
     assert f"on 4 recordings of {tmp_path.name}, train part" in capsys.readouterr().out
@@ -371,7 +407,8 @@ def test_streaming_to_a_terminal_shows_leads_as_they_grow(build, program, monkey
 
 
 @pytest.mark.parametrize(
-    ("lead", "shown"), [(0.0, "0"), (3.45e-07, "under 0.01"), (0.01, "0.01"), (2.5, "2.5"), (12345.0, "12,345")]
+    ("lead", "shown"),
+    [(0.0, "0"), (3.45e-07, "under 0.01"), (0.01, "0.01"), (2.5, "2.5"), (12345.0, "12,345")],
 )
 def test_a_lead_is_shown_as_people_read_it(lead, shown):
     assert lead_text(lead) == shown

@@ -30,7 +30,10 @@ def slip_file(path: Path, seed: int, steps: int = STEPS, events: int = 427) -> P
     ms[[0, -1]] = 0, steps - 0.5
     cells = rng.integers(1, 17, events)
     path.write_text(
-        "".join(f"{i % 2} {cell} {t / 1000:.6f}\n" for i, (cell, t) in enumerate(zip(cells, ms, strict=True)))
+        "".join(
+            f"{i % 2} {cell} {t / 1000:.6f}\n"
+            for i, (cell, t) in enumerate(zip(cells, ms, strict=True))
+        )
     )
     return path
 
@@ -43,10 +46,23 @@ def slip(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for i in range(6):
         slip_file(folder / "data" / f"{i}_label_{i % 2}.tact", i)
     slip_file(folder / "x.tact", 9)
-    train = ["--epochs", "1", "--hidden", "4", "--model", "tactile-snn", "--quiet", "-o", str(folder / "slip.pt")]
+    train = [
+        "--epochs",
+        "1",
+        "--hidden",
+        "4",
+        "--model",
+        "tactile-snn",
+        "--quiet",
+        "-o",
+        str(folder / "slip.pt"),
+    ]
     assert main(["train", "--data", str(folder / "data"), "--step-seconds", "0.001", *train]) == 0
     options = ["-o", str(folder / "out"), "--quiet", "--strategy", "dendrite"]
-    assert main(["compile", str(folder / "slip.pt"), "--events", str(folder / "x.tact"), *options]) == 0
+    assert (
+        main(["compile", str(folder / "slip.pt"), "--events", str(folder / "x.tact"), *options])
+        == 0
+    )
     return folder
 
 
@@ -58,7 +74,15 @@ def main(arguments: list[str]) -> int:
 
 def options(**given: Any) -> Namespace:
     return Namespace(
-        **{"step_seconds": None, "steps": None, "threshold": None, "axes": None, "split": None, "fold": None} | given
+        **{
+            "step_seconds": None,
+            "steps": None,
+            "threshold": None,
+            "axes": None,
+            "split": None,
+            "fold": None,
+        }
+        | given
     )
 
 
@@ -86,8 +110,17 @@ def test_run_plays_what_compile_checked(slip: Path, capsys: Capture) -> None:
     found = json.loads(capsys.readouterr().out)
     report = json.loads((slip / "out" / "report.json").read_text())
     assert found["counts"]["input_events"] == report["operations"]["per_sample"]["input_events"]
-    assert found["counts"]["input_events"] == int(read_recordings(slip / "x.tact", step_seconds=0.001).spikes.sum())
-    assert found["binning"] == {"threshold": 0, "events": 427, "outside": 0, "below": 0, "elsewhere": 0, "dropped": 0}
+    assert found["counts"]["input_events"] == int(
+        read_recordings(slip / "x.tact", step_seconds=0.001).spikes.sum()
+    )
+    assert found["binning"] == {
+        "threshold": 0,
+        "events": 427,
+        "outside": 0,
+        "below": 0,
+        "elsewhere": 0,
+        "dropped": 0,
+    }
     assert main(["run", str(slip / "out"), "--events", str(slip / "x.tact")]) == 0
     last = capsys.readouterr().out.splitlines()[-1]
     assert last == "binning: 0 of 427 events dropped: 0 outside the steps, 0 in bins of at most 0"
@@ -95,7 +128,11 @@ def test_run_plays_what_compile_checked(slip: Path, capsys: Capture) -> None:
 
 def test_a_recording_that_is_too_long_is_cut(slip: Path, tmp_path: Path, capsys: Capture) -> None:
     long = slip_file(tmp_path / "long.tact", 3, steps=2 * STEPS)
-    late = int((np.array([float(line.split()[2]) for line in long.read_text().splitlines()]) >= 0.036).sum())
+    late = int(
+        (
+            np.array([float(line.split()[2]) for line in long.read_text().splitlines()]) >= 0.036
+        ).sum()
+    )
     assert late > 100
     words = f"{late} of 427 events dropped: {late} outside the steps, 0 in bins of at most 0"
     assert main(["run", str(slip / "out"), "--events", str(long)]) == 0
@@ -136,7 +173,16 @@ def test_a_configuration_file_sets_the_steps(slip: Path, tmp_path: Path) -> None
             "threshold: program 'slip' has another (got 1 against 0). Leave it out.",
         ),
         (
-            ["run", "{}/out", "--events", "{}/x.tact", "--stop", "margin", "--calibrate", "{}/binned.npz"],
+            [
+                "run",
+                "{}/out",
+                "--events",
+                "{}/x.tact",
+                "--stop",
+                "margin",
+                "--calibrate",
+                "{}/binned.npz",
+            ],
             [],
             "recordings 'binned.npz': their steps are not as long as those of program 'slip' (0.02 s against 0.001 s). "
             "Give recordings that were binned for it, or their single events.",
@@ -225,13 +271,23 @@ def test_equal_options_change_nothing(slip: Path, capsys: Capture) -> None:
 
 
 def test_fine_tuning_bins_as_its_start_did(slip: Path, tmp_path: Path) -> None:
-    start = ["--data", str(slip / "data"), "--from", str(slip / "slip.pt"), "--epochs", "1", "--quiet"]
+    start = [
+        "--data",
+        str(slip / "data"),
+        "--from",
+        str(slip / "slip.pt"),
+        "--epochs",
+        "1",
+        "--quiet",
+    ]
     assert main(["train", *start, "-o", str(tmp_path / "next.pt")]) == 0
     wanted = read_checkpoint(slip / "slip.pt").description.input
     assert read_checkpoint(tmp_path / "next.pt").description.input == wanted
 
 
-def test_programs_from_before_take_the_steps_from_options(slip: Path, tmp_path: Path, capsys: Capture) -> None:
+def test_programs_from_before_take_the_steps_from_options(
+    slip: Path, tmp_path: Path, capsys: Capture
+) -> None:
     old = tmp_path / "old"
     old.mkdir()
     document = yaml.safe_load((slip / "out" / "program.yaml").read_text())
@@ -241,7 +297,12 @@ def test_programs_from_before_take_the_steps_from_options(slip: Path, tmp_path: 
     program = hw.load_program(old)
     assert (program.step_seconds, program.event_threshold) == (None, None)
     expected = expected_by(program)
-    assert (expected.step_seconds, expected.threshold, expected.steps, expected.channels) == (None, None, STEPS, 156)
+    assert (expected.step_seconds, expected.threshold, expected.steps, expected.channels) == (
+        None,
+        None,
+        STEPS,
+        156,
+    )
     play = ["--events", str(slip / "x.tact"), "--json"]
     assert main(["run", str(old), *play, "--step-seconds", "0.001"]) == 0
     found = json.loads(capsys.readouterr().out)
@@ -251,7 +312,12 @@ def test_programs_from_before_take_the_steps_from_options(slip: Path, tmp_path: 
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("step_seconds", 0), ("step_seconds", "0.02"), ("event_threshold", -1), ("event_threshold", 0.5)],
+    [
+        ("step_seconds", 0),
+        ("step_seconds", "0.02"),
+        ("event_threshold", -1),
+        ("event_threshold", 0.5),
+    ],
 )
 def test_entries_that_are_no_steps(slip: Path, tmp_path: Path, name: str, value: object) -> None:
     document = yaml.safe_load((slip / "out" / "program.yaml").read_text()) | {name: value}
@@ -264,23 +330,57 @@ def test_entries_that_are_no_steps(slip: Path, tmp_path: Path, name: str, value:
 
 def test_a_checkpoint_of_bins_says_nothing_of_a_threshold(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
-    np.savez(tmp_path / "a.npz", spikes=rng.random((4, 78, 20)) < 0.2, labels=[0, 1, 0, 1], step_seconds=0.001)
-    train = ["train", "--data", str(tmp_path / "a.npz"), "--epochs", "1", "--hidden", "4", "--quiet"]
+    np.savez(
+        tmp_path / "a.npz",
+        spikes=rng.random((4, 78, 20)) < 0.2,
+        labels=[0, 1, 0, 1],
+        step_seconds=0.001,
+    )
+    train = [
+        "train",
+        "--data",
+        str(tmp_path / "a.npz"),
+        "--epochs",
+        "1",
+        "--hidden",
+        "4",
+        "--quiet",
+    ]
     assert main([*train, "-o", str(tmp_path / "a.pt")]) == 0
     entry = torch.load(tmp_path / "a.pt", weights_only=True)["input"]
-    assert entry == {"fingertips": 1, "steps": 20, "step_seconds": 0.001, "taxels": 39, "polarities": 2}
+    assert entry == {
+        "fingertips": 1,
+        "steps": 20,
+        "step_seconds": 0.001,
+        "taxels": 39,
+        "polarities": 2,
+    }
 
 
 def test_what_binning_drops_is_shown(slip: Path, capsys: Capture) -> None:
     def binned(*given: str) -> tuple[dict[str, Any], str]:
-        assert main(["events", str(slip / "x.tact"), "--step-seconds", "0.001", *given, "--json"]) == 0
+        assert (
+            main(["events", str(slip / "x.tact"), "--step-seconds", "0.001", *given, "--json"]) == 0
+        )
         document = json.loads(capsys.readouterr().out)["binning"]
         assert main(["events", str(slip / "x.tact"), "--step-seconds", "0.001", *given]) == 0
-        return document, next(line for line in capsys.readouterr().out.splitlines() if line.startswith("binning"))
+        return document, next(
+            line for line in capsys.readouterr().out.splitlines() if line.startswith("binning")
+        )
 
     usual, line = binned()
-    assert usual == {"threshold": 0, "events": 427, "outside": 0, "below": 0, "elsewhere": 0, "dropped": 0}
-    assert line == "binning           0 of 427 events dropped: 0 outside the steps, 0 in bins of at most 0"
+    assert usual == {
+        "threshold": 0,
+        "events": 427,
+        "outside": 0,
+        "below": 0,
+        "elsewhere": 0,
+        "dropped": 0,
+    }
+    assert (
+        line
+        == "binning           0 of 427 events dropped: 0 outside the steps, 0 in bins of at most 0"
+    )
     strict, line = binned("--threshold", "1")
     assert strict["below"] > 0.6 * 427
     assert line == (

@@ -21,7 +21,10 @@ def model(tmp_path_factory):
         "tactile-snn", InputLayout(neutouch(1), 40, 0.02), classes=3, hidden=6, name="small"
     )
     r = np.random.default_rng(0)
-    weights = {name: r.normal(0.5, 2.0, shape).astype(np.float32) for name, shape in description.weight_shapes.items()}
+    weights = {
+        name: r.normal(0.5, 2.0, shape).astype(np.float32)
+        for name, shape in description.weight_shapes.items()
+    }
     path = tmp_path_factory.mktemp("model") / "small.pt"
     Checkpoint(description, weights).save(path)
     return path
@@ -53,15 +56,22 @@ def test_auto_says_what_it_compared(model, tmp_path, capsys):
     choice = report["strategy_choice"]
     assert choice["taken"] == report["strategy"]
     assert choice["calibration_source"] == "synthetic touches"
-    assert "Settings compared on 16 recordings of synthetic touches" in (tmp_path / "b/report.md").read_text()
+    assert (
+        "Settings compared on 16 recordings of synthetic touches"
+        in (tmp_path / "b/report.md").read_text()
+    )
 
 
 def test_a_budget_of_windows_is_kept_on_the_calibration_recordings(tmp_path, capsys):
     windows = WindowParameters(steps=8, stride=8, levels=(1,))
     order = {"location_order": "own", "location_taxels": tuple(range(1, 40))}
     layout = InputLayout(neutouch(1), 40, 0.02)
-    description = NetworkDescription("window-snn", layout, 3, window=windows, name="windows", **order)
-    Checkpoint(description, build_network(description, seed=1).weights()).save(tmp_path / "windows.pt")
+    description = NetworkDescription(
+        "window-snn", layout, 3, window=windows, name="windows", **order
+    )
+    Checkpoint(description, build_network(description, seed=1).weights()).save(
+        tmp_path / "windows.pt"
+    )
     few = tmp_path / "few.npy"
     np.save(few, (np.random.default_rng(0).random((3, 78, 40)) < 0.1).astype(np.uint8))
     options = ("--calibration", str(few), "--max-score-error", "0", "--weight-bits", "2")
@@ -77,11 +87,26 @@ def test_a_budget_that_is_not_kept_in_calibration_is_exit_code_3(model, tmp_path
     """Even if the recordings of the check happen to keep it."""
     rates = {"sparse": 0.01, "dense": 0.3}
     for name, rate in rates.items():
-        np.save(tmp_path / f"{name}.npy", (np.random.default_rng(1).random((4, 78, 40)) < rate).astype(np.uint8))
+        np.save(
+            tmp_path / f"{name}.npy",
+            (np.random.default_rng(1).random((4, 78, 40)) < rate).astype(np.uint8),
+        )
     files = [str(tmp_path / f"{name}.npy") for name in rates]
-    options = ("--calibration", files[0], "--strategy", "reset", "--weight-bits", "1", "--split-weights", "0")
+    options = (
+        "--calibration",
+        files[0],
+        "--strategy",
+        "reset",
+        "--weight-bits",
+        "1",
+        "--split-weights",
+        "0",
+    )
     found = [
-        1 - compiled(model, tmp_path / "b", capsys, *options, "--events", f)[1]["match"]["spike_agreement"]
+        1
+        - compiled(model, tmp_path / "b", capsys, *options, "--events", f)[1]["match"][
+            "spike_agreement"
+        ]
         for f in files
     ]
     assert found[0] > found[1]
@@ -89,7 +114,11 @@ def test_a_budget_that_is_not_kept_in_calibration_is_exit_code_3(model, tmp_path
     code, report, said = compiled(
         model, tmp_path / "b", capsys, *options, "--events", files[1], "--max-spike-error", bound
     )
-    assert (report["gates"][0]["passed"], report["strategy_choice"]["kept"], code) == (True, False, 3)
+    assert (report["gates"][0]["passed"], report["strategy_choice"]["kept"], code) == (
+        True,
+        False,
+        3,
+    )
     assert said.startswith("no setting keeps --max-spike-error ")
 
 
@@ -99,9 +128,13 @@ def test_a_generous_budget_takes_the_cheapest(model, tmp_path, capsys):
 
 
 def test_a_budget_that_nothing_keeps_is_a_gate_that_fails(model, tmp_path, capsys):
-    code, report, said = compiled(model, tmp_path / "b", capsys, "--max-spike-error", "0", "--weight-bits", "1")
+    code, report, said = compiled(
+        model, tmp_path / "b", capsys, "--max-spike-error", "0", "--weight-bits", "1"
+    )
     choice, error = report["strategy_choice"], 1 - report["match"]["spike_agreement"]
-    best = max(choice["candidates"], key=lambda row: (row["prediction_agreement"], -row["spike_error"]))
+    best = max(
+        choice["candidates"], key=lambda row: (row["prediction_agreement"], -row["spike_error"])
+    )
     assert code == 3
     assert not choice["kept"]
     assert said == (
@@ -121,13 +154,18 @@ def words(row):
 
 def test_more_weights_are_split_until_the_budget_is_kept(model, tmp_path, capsys):
     """Two bits a weight are too few, twice two bits enough; one more split would only cost more."""
-    code, report, said = compiled(model, tmp_path / "b", capsys, "--max-spike-error", "0.12", "--weight-bits", "3")
+    code, report, said = compiled(
+        model, tmp_path / "b", capsys, "--max-spike-error", "0.12", "--weight-bits", "3"
+    )
     choice = report["strategy_choice"]
     assert (code, said) == (0, "")
     kept = [row for row in choice["candidates"] if row["within_budget"]]
     taken = min(kept, key=lambda row: row["energy_pj"])
     assert choice["kept"]
-    assert (choice["taken"], choice["taken_weight_bits"]) == (taken["strategy"], taken["weight_bits"])
+    assert (choice["taken"], choice["taken_weight_bits"]) == (
+        taken["strategy"],
+        taken["weight_bits"],
+    )
     assert choice["taken_split_weights"] == taken["split_weights"]
     assert report["weight_bits"] == taken["weight_bits"]
     assert max(row["weight_bits"] for row in choice["candidates"]) == 3
@@ -143,7 +181,8 @@ def test_a_share_of_split_weights_can_be_asked_for(model, tmp_path, capsys, shar
 def test_split_weights_make_more_synapses(model, tmp_path, capsys):
     options = ("--strategy", "dendrite", "--weight-bits", "4", "--split-weights")
     none, some, all_of_them = (
-        compiled(model, tmp_path / share, capsys, *options, share)[1] for share in ("none", "0.5", "all")
+        compiled(model, tmp_path / share, capsys, *options, share)[1]
+        for share in ("none", "0.5", "all")
     )
     synapses = [report["resources"]["synapses"] for report in (none, some, all_of_them)]
     assert synapses == sorted(set(synapses))

@@ -15,7 +15,11 @@ import pytest
 ROOT = Path(__file__).parents[2]
 BIN = Path(sys.executable).parent
 NAMES = ("plain", "ein Weg", "Händedruck ü [red]ß", "触覚 $(x) 'q' &")
-PLAIN = {name: value for name, value in os.environ.items() if not name.startswith(("LC_", "LANG", "PYTHON"))}
+PLAIN = {
+    name: value
+    for name, value in os.environ.items()
+    if not name.startswith(("LC_", "LANG", "PYTHON"))
+}
 
 ENVIRONMENTS = {
     "C": {"LC_ALL": "C"},
@@ -52,7 +56,9 @@ def folder(tmp_path):
     rng = np.random.default_rng(0)
     np.savez(tmp_path / "few.npz", spikes=(rng.random((4, 8, 40)) < 0.2).astype(np.uint8))
     three = np.ones(3)
-    neurons = nir.LIF(tau=1e-3 * three, r=10 * three, v_leak=0 * three, v_threshold=three, v_reset=0 * three)
+    neurons = nir.LIF(
+        tau=1e-3 * three, r=10 * three, v_leak=0 * three, v_threshold=three, v_reset=0 * three
+    )
     nodes = {
         "input": nir.Input(input_type=np.array([8])),
         "fc": nir.Linear(weight=rng.normal(0.2, 0.3, (3, 8))),
@@ -69,7 +75,9 @@ def folder(tmp_path):
 def run(folder, command, environment=None, redirect=""):
     """Run a command in a shell without a terminal; return its exit code, output and errors."""
     path = f"{BIN}{os.pathsep}{os.environ['PATH']}"
-    given = shlex.join(f"{name}={value}" for name, value in (environment or {}).items())  # bash warns of locales
+    given = shlex.join(
+        f"{name}={value}" for name, value in (environment or {}).items()
+    )  # bash warns of locales
     done = subprocess.run(
         ["bash", "-c", f"exec env {given} {command} {redirect}"],
         cwd=folder,
@@ -145,16 +153,26 @@ def test_names_may_have_any_letters(name, folder, monkeypatch, capsys):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["C, ASCII alone", "Latin-1", "no home", "warnings are errors", "no network"])
+@pytest.mark.parametrize(
+    "name", ["C, ASCII alone", "Latin-1", "no home", "warnings are errors", "no network"]
+)
 def test_the_surroundings_change_no_build(name, folder):
     environment = ENVIRONMENTS[name]
-    files = [f"build/{name}" for name in ("program.yaml", "program.npz", "report.json", "report.md", "report.html")]
+    files = [
+        f"build/{name}"
+        for name in ("program.yaml", "program.npz", "report.json", "report.md", "report.html")
+    ]
     assert run(folder, "locsnn-compile net.nir --events few.npz -o build --quiet") == (0, b"", b"")
     usual = [(folder / file).read_bytes() for file in files]
     shutil.rmtree(folder / "build")
-    code, output, errors = run(folder, "locsnn-compile net.nir --events few.npz -o build", environment)
+    code, output, errors = run(
+        folder, "locsnn-compile net.nir --events few.npz -o build", environment
+    )
     assert (code, errors) == (0, b"")
-    assert b"wrote build/: program.npz, program.yaml, report.json, report.md, report.html" in b" ".join(output.split())
+    assert (
+        b"wrote build/: program.npz, program.yaml, report.json, report.md, report.html"
+        in b" ".join(output.split())
+    )
     assert [(folder / file).read_bytes() for file in files] == usual
     code, output, errors = run(folder, "locsnn run build --events few.npz --stream", environment)
     assert (code, errors) == (0, b"")
@@ -170,14 +188,32 @@ def test_installed_where_nothing_can_be_written(home, folder):
         pytest.skip("root may write anywhere, and there is no setpriv")
     site = folder / "site"
     for package in ("hw_model", "locsnn_compile"):
-        shutil.copytree(ROOT / package, site / package, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(
+            ROOT / package, site / package, ignore=shutil.ignore_patterns("__pycache__")
+        )
     (folder / "home").mkdir()
     for path in [site, *site.rglob("*"), *([folder / "home"] if home == "read-only home" else [])]:
         path.chmod(0o555 if path.is_dir() else 0o444)
     environment = {**PLAIN, "PYTHONPATH": str(site), "HOME": str(folder / "home")}
     environment.pop("XDG_CACHE_HOME", None)
-    command = [sys.executable, "-W", "error", "-m", "locsnn_compile.cli.compile", "net.nir", "--events", "few.npz"]
-    done = subprocess.run([*unable, *command], cwd=folder, env=environment, capture_output=True, text=True, check=False)
+    command = [
+        sys.executable,
+        "-W",
+        "error",
+        "-m",
+        "locsnn_compile.cli.compile",
+        "net.nir",
+        "--events",
+        "few.npz",
+    ]
+    done = subprocess.run(
+        [*unable, *command],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert (done.returncode, done.stderr) == (0, "")
     assert (folder / "build/net/report.html").exists()
     assert not list(site.rglob("__pycache__"))

@@ -83,10 +83,15 @@ def run(command):
 
 
 def names(folder):
-    return {path.relative_to(folder).as_posix(): path.is_file() and path.read_bytes() for path in folder.rglob("*")}
+    return {
+        path.relative_to(folder).as_posix(): path.is_file() and path.read_bytes()
+        for path in folder.rglob("*")
+    }
 
 
-@pytest.mark.parametrize(("command", "line"), [row[1:] for row in REFUSED], ids=[row[0] for row in REFUSED])
+@pytest.mark.parametrize(
+    ("command", "line"), [row[1:] for row in REFUSED], ids=[row[0] for row in REFUSED]
+)
 def test_options_that_would_change_nothing(command, line, folder, capsys):
     before = names(folder)
     assert (run(command), capsys.readouterr()) == (2, ("", f"{line}\n"))
@@ -117,7 +122,11 @@ CHANGES = [
     ("count_scale", {"loss": "spike-count"}, {"loss": "cross-entropy"}),
     ("align_events", {"model": "gru-mlp"}, {"model": "hybrid"}),
     ("class_order", {"class_order": "0-4"}, {"class_order": "0-4", "neighbour_smoothing": 0.1}),
-    ("neighbour_smoothing", {"neighbour_smoothing": 0.1}, {"class_order": "0-4", "neighbour_smoothing": 0.1}),
+    (
+        "neighbour_smoothing",
+        {"neighbour_smoothing": 0.1},
+        {"class_order": "0-4", "neighbour_smoothing": 0.1},
+    ),
     ("class_order", {"loss": "spike-count"}, {"class_order": "0-4", "neighbour_smoothing": 0.1}),
 ]
 
@@ -126,11 +135,15 @@ CHANGES = [
 def test_keys_of_a_configuration_and_what_they_need(option, without, with_it):
     check_used({option: option}, config_from_mapping(with_it))
     check_used({option: option}, config_from_mapping(without), config_from_mapping(with_it))
-    with pytest.raises(lc.InputError, match=f"^{option}: it would change nothing: .*[.] [A-Z].*[.]$"):
+    with pytest.raises(
+        lc.InputError, match=f"^{option}: it would change nothing: .*[.] [A-Z].*[.]$"
+    ):
         check_used({option: option}, config_from_mapping(without))
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "examples/configs").glob("*.yaml")), ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path", sorted((ROOT / "examples/configs").glob("*.yaml")), ids=lambda path: path.stem
+)
 def test_the_configurations_that_ship_hold_no_unused_keys(path):
     values = read_config(path)
     check_used({name: name for name in values}, config_from_mapping(values))
@@ -139,7 +152,9 @@ def test_the_configurations_that_ship_hold_no_unused_keys(path):
 def commands_of_the_results():
     with (ROOT / "docs/results/commands.csv").open(encoding="utf-8", newline="") as file:
         lines = [row["command"].split(" && ") for row in csv.DictReader(file)]
-    commands = [shlex.split(part)[1:] for line in lines for part in line if part.startswith("locsnn train ")]
+    commands = [
+        shlex.split(part)[1:] for line in lines for part in line if part.startswith("locsnn train ")
+    ]
     assert len(commands) > 20
     return commands
 

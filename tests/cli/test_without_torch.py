@@ -45,9 +45,13 @@ INSTALL = "Install it with: pip install 'locsnn-compile[train]'."
 
 def run(script, *arguments, folder, code=0):
     """Run a script where torch cannot be imported; return what it printed."""
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])}
+    environment = os.environ | {
+        "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
+    }
     command = [sys.executable, "-c", WITHOUT + script, *map(str, arguments)]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=folder, env=environment, check=False)
+    done = subprocess.run(
+        command, capture_output=True, text=True, cwd=folder, env=environment, check=False
+    )
     assert done.returncode == code, done.stdout + done.stderr
     return done.stdout if code == 0 else done.stderr
 
@@ -63,7 +67,10 @@ def test_the_command_compiles_every_network(paths, tmp_path):
     for name in ARTIFICIAL:
         if name in found:
             code, line = found.pop(name)
-            assert (code, line.partition(",")[0]) == (1, f"model '{name}': a '{name}' has no spiking neurons")
+            assert (code, line.partition(",")[0]) == (
+                1,
+                f"model '{name}': a '{name}' has no spiking neurons",
+            )
     assert found == {path.stem: [0, ""] for path in paths if path.stem not in ARTIFICIAL}
     assert all((tmp_path / name / "report.json").is_file() for name in found)
 
@@ -71,7 +78,12 @@ def test_the_command_compiles_every_network(paths, tmp_path):
 @pytest.mark.parametrize("neuron", first_quick([SRM, LOIHI]), ids=["srm", "loihi"])
 def test_a_slayer_checkpoint_and_recordings_in_torchs_format(neuron, tmp_path):
     rng = np.random.default_rng(5)
-    write(tmp_path, {"fc1": rng.normal(size=(4, 78)) * 9, "fc2": rng.normal(size=(3, 4)) * 9}, neuron, steps=250)
+    write(
+        tmp_path,
+        {"fc1": rng.normal(size=(4, 78)) * 9, "fc2": rng.normal(size=(3, 4)) * 9},
+        neuron,
+        steps=250,
+    )
     write_recordings(tmp_path / "touches.pt", synthetic_touches(3, steps=250))
     files = ("model.pt", "--config", "net.yaml", "--events", "touches.pt")
     run(COMMAND.format("compile"), *files, "--quiet", "-o", "out", folder=tmp_path)
@@ -122,7 +134,9 @@ def test_training_says_how_to_get_torch(tmp_path):
 
 def test_writing_torchs_format_says_how_to_get_torch(tmp_path):
     write_recordings(tmp_path / "touches.npz", synthetic_touches(2, steps=20))
-    line = run(COMMAND.format("main"), "events", "touches.npz", "--to", "a.pt", folder=tmp_path, code=2)
+    line = run(
+        COMMAND.format("main"), "events", "touches.npz", "--to", "a.pt", folder=tmp_path, code=2
+    )
     assert line == f"file 'a.pt': it needs torch, which is not installed. {INSTALL}\n"
     assert [path.name for path in tmp_path.iterdir()] == ["touches.npz"]
 
@@ -130,5 +144,9 @@ def test_writing_torchs_format_says_how_to_get_torch(tmp_path):
 def test_training_from_python_says_it_as_well(tmp_path):
     script = "import numpy as np, locsnn_compile as lc\nlc.TrainingConfig, lc.EpochRecord, lc.Checkpoint\n{}"
     run(script.format(""), folder=tmp_path)
-    failed = run(script.format("lc.train(np.ones((2, 9, 78)), labels=[0, 1])\n"), folder=tmp_path, code=1)
-    assert failed.endswith(f"InputError: lc.train: it needs torch, which is not installed. {INSTALL}\n")
+    failed = run(
+        script.format("lc.train(np.ones((2, 9, 78)), labels=[0, 1])\n"), folder=tmp_path, code=1
+    )
+    assert failed.endswith(
+        f"InputError: lc.train: it needs torch, which is not installed. {INSTALL}\n"
+    )

@@ -19,7 +19,15 @@ from locsnn_compile.data.synthetic import synthetic_touches
 
 SMALL = "hidden: 6\nfeatures: 3\nstep_features: 2\nepochs: 12\nvalidation_fraction: 0.0\nbatch_size: 6\n"
 NETWORKS = (
-    *("hybrid", "tactile-snn", "location-tactile-snn", "hybrid-lif", "hybrid-graph", "window-snn", "gru-mlp"),
+    *(
+        "hybrid",
+        "tactile-snn",
+        "location-tactile-snn",
+        "hybrid-lif",
+        "hybrid-graph",
+        "window-snn",
+        "gru-mlp",
+    ),
     "cnn-3d",
 )
 STRATEGIES = ("dendrite", "delay-line", "reset", "paired-dendrite")
@@ -31,19 +39,33 @@ def main(folder: Path) -> None:
     os.chdir(folder)
     touches = synthetic_touches(6, steps=30, classes=3, fingertips=1)
     np.savez_compressed(
-        "touches.npz", spikes=touches.spikes.transpose(0, 2, 1), labels=touches.labels, step_seconds=0.02
+        "touches.npz",
+        spikes=touches.spikes.transpose(0, 2, 1),
+        labels=touches.labels,
+        step_seconds=0.02,
     )
     Path("small.yaml").write_text(SMALL)
     train = ["train", "--data", "touches.npz", "--config", "small.yaml", "--quiet"]
     for name in NETWORKS:
         assert locsnn([*train, "--model", name, "-o", f"{name}.pt"]) == 0
     for strategy in TRAINED_STRATEGIES:
-        target = ["--from", "hybrid.pt", "--target", "loihi-sim", "--strategy", strategy, "--weight-bits", "5"]
+        target = [
+            "--from",
+            "hybrid.pt",
+            "--target",
+            "loihi-sim",
+            "--strategy",
+            strategy,
+            "--weight-bits",
+            "5",
+        ]
         assert locsnn([*train, *target, "-o", f"hybrid-loihi-{strategy}.pt"]) == 0
 
     played = touches.spikes
     expected: dict[str, np.ndarray] = {}
-    spiking = [path.stem for path in sorted(Path().glob("*.pt")) if path.stem not in ("gru-mlp", "cnn-3d")]
+    spiking = [
+        path.stem for path in sorted(Path().glob("*.pt")) if path.stem not in ("gru-mlp", "cnn-3d")
+    ]
     for name in spiking:
         network = lc.load(f"{name}.pt")
         for strategy in STRATEGIES if name == "hybrid" else ("auto",):
@@ -81,11 +103,25 @@ def by_hand() -> hw.ChipProgram:
     soma = b.add_compartments("soma", 8, decay_u=4096, decay_v=4096, threshold=60, refractory=3)
     for number in range(3):
         dendrite = b.add_compartments(
-            f"dendrite_{number}", 8, decay_u=300 * number, decay_v=700, threshold=0, bias=32 * number, joined_to=soma
+            f"dendrite_{number}",
+            8,
+            decay_u=300 * number,
+            decay_v=700,
+            threshold=0,
+            bias=32 * number,
+            joined_to=soma,
         )
-        b.connect(x, dendrite, 2 * rng.integers(-60, 90, (8, 12)), delay=rng.integers(0, 20, (8, 12)), exponent=-1)
+        b.connect(
+            x,
+            dendrite,
+            2 * rng.integers(-60, 90, (8, 12)),
+            delay=rng.integers(0, 20, (8, 12)),
+            exponent=-1,
+        )
     b.connect(soma, soma, -2 * rng.integers(0, 100, (8, 8)), delay=5)
-    out = b.add_compartments("out", 4, decay_u=1024, decay_v=128, threshold=200, vmin=1 - 2**15, vmax=2**17 - 1)
+    out = b.add_compartments(
+        "out", 4, decay_u=1024, decay_v=128, threshold=200, vmin=1 - 2**15, vmax=2**17 - 1
+    )
     b.connect(soma, out, 2 * rng.integers(-100, 127, (4, 8)), delay=62)
     b.connect(x, out, rng.integers(0, 200, (4, 12)), sign_mode="excitatory")
     b.read_out(out)

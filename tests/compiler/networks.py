@@ -32,7 +32,12 @@ def hybrid(
     views = (
         InputView("touch", "time", channels),
         InputView(
-            "touch_transposed", "location", together * steps, np.arange(channels)[::-1].copy(), together, silence
+            "touch_transposed",
+            "location",
+            together * steps,
+            np.arange(channels)[::-1].copy(),
+            together,
+            silence,
         ),
     )
     populations, projections = [], []
@@ -40,9 +45,13 @@ def hybrid(
         names = (f"{view.axis}_hidden", f"{view.axis}_output")
         sizes = (hidden, classes)
         sources = (view.name, names[0])
-        for name, size, source, fan_in in zip(names, sizes, sources, (view.lines, hidden), strict=True):
+        for name, size, source, fan_in in zip(
+            names, sizes, sources, (view.lines, hidden), strict=True
+        ):
             populations.append(Population(name, view.axis, size, neuron))
-            projections.append(Projection(source, name, np.round(r.normal(0, scale, (size, fan_in)), 3)))
+            projections.append(
+                Projection(source, name, np.round(r.normal(0, scale, (size, fan_in)), 3))
+            )
     return Network(
         name="small-hybrid",
         channels=channels,
@@ -96,7 +105,14 @@ def on_grid(seed, *, channels=12, steps=40, together=1, silence=0):
     r = np.random.default_rng(seed)
     views = (
         InputView("touch", "time", channels),
-        InputView("touch_transposed", "location", together * steps, r.permutation(channels), together, silence),
+        InputView(
+            "touch_transposed",
+            "location",
+            together * steps,
+            r.permutation(channels),
+            together,
+            silence,
+        ),
     )
     populations, projections = [], []
     for view in views:
@@ -108,7 +124,9 @@ def on_grid(seed, *, channels=12, steps=40, together=1, silence=0):
         sizes = {view.name: view.lines, **{p.name: p.size for p in mine}}
         for target in mine:
             for source in [view.name, *r.choice([p.name for p in mine], size=r.integers(0, 3))]:
-                projections.append(chip_projection(r, str(source), target.name, (target.size, sizes[source])))
+                projections.append(
+                    chip_projection(r, str(source), target.name, (target.size, sizes[source]))
+                )
     r.shuffle(populations)
     outputs = tuple(p.name for p in populations if p.name.endswith("_0"))
     return Network(
@@ -165,8 +183,12 @@ def chip_projection(r, source, target, shape):
     bits, signs = int(r.choice([1, 3, 8])), str(r.choice(["apart", "mixed"]))
     step = 1 << (9 - bits if signs == "mixed" else 8 - bits)
     low, high = (-256, 256 - step) if signs == "mixed" else (step - 256, 256 - step)
-    mantissa = r.integers(low // step, high // step + 1, size=shape) * step * (r.random(shape) < 0.67)
+    mantissa = (
+        r.integers(low // step, high // step + 1, size=shape) * step * (r.random(shape) < 0.67)
+    )
     held = matrix(sparse.csr_array(mantissa) if r.random() < 0.5 else mantissa, np.int64)
     many = r.integers(0, int(r.choice([4, 63])), size=values_of(held).shape)
     delay = int(r.choice([0, 1, 7])) if r.random() < 0.5 else many
-    return ChipProjection(source, target, held, int(r.choice([-8, -2, 0, 2, 5, 7])), bits, signs=signs, delay=delay)
+    return ChipProjection(
+        source, target, held, int(r.choice([-8, -2, 0, 2, 5, 7])), bits, signs=signs, delay=delay
+    )

@@ -10,7 +10,15 @@ from networks import recordings, single
 import locsnn_compile as lc
 from locsnn_compile.errors import InputError, TargetError
 from locsnn_compile.network.check import check_network
-from locsnn_compile.network.neurons import FRACTION, NOT_NEGATIVE, POSITIVE, Cuba, FloatArray, Musts, Neuron
+from locsnn_compile.network.neurons import (
+    FRACTION,
+    NOT_NEGATIVE,
+    POSITIVE,
+    Cuba,
+    FloatArray,
+    Musts,
+    Neuron,
+)
 from locsnn_compile.network.text import network_text
 from locsnn_compile.passes.cuba.quantize import quantize_cuba
 from locsnn_compile.passes.quantize import integers_of
@@ -34,7 +42,12 @@ class Adaptive(Neuron):
     step: FloatArray
     fade: FloatArray
 
-    musts: ClassVar[Musts] = {"decay": FRACTION, "threshold": POSITIVE, "step": NOT_NEGATIVE, "fade": FRACTION}
+    musts: ClassVar[Musts] = {
+        "decay": FRACTION,
+        "threshold": POSITIVE,
+        "step": NOT_NEGATIVE,
+        "fade": FRACTION,
+    }
     needs: ClassVar[str] = "a threshold that rises with each spike"
     way_out: ClassVar[str] = "Train with a constant threshold (Cuba)."
 
@@ -68,8 +81,16 @@ def adaptive(**changes):
 
 
 FAULTS = [
-    ("threshold", {"threshold": np.array([1.0, 0.0])}, "population 'n': threshold must be above 0 (0.0). Correct it."),
-    ("fade", {"fade": np.full(2, 1.5)}, "population 'n': fade must be a fraction from 0 to 1 (1.5). Correct it."),
+    (
+        "threshold",
+        {"threshold": np.array([1.0, 0.0])},
+        "population 'n': threshold must be above 0 (0.0). Correct it.",
+    ),
+    (
+        "fade",
+        {"fade": np.full(2, 1.5)},
+        "population 'n': fade must be a fraction from 0 to 1 (1.5). Correct it.",
+    ),
     (
         "shape",
         {"step": np.full(3, 0.5)},
@@ -84,7 +105,9 @@ FAULTS = [
 ]
 
 
-@pytest.mark.parametrize(("changes", "message"), [row[1:] for row in FAULTS], ids=[row[0] for row in FAULTS])
+@pytest.mark.parametrize(
+    ("changes", "message"), [row[1:] for row in FAULTS], ids=[row[0] for row in FAULTS]
+)
 def test_its_parameters_are_checked(changes, message):
     check_network(adaptive())
     with pytest.raises(InputError) as caught:
@@ -118,7 +141,10 @@ def by_hand(network, played):
 def test_the_reference_does_what_the_equations_say():
     network = adaptive()
     played = recordings(network, samples=4, rate=0.6)
-    found, (spikes, potential) = evaluate(network, played, potentials=True), by_hand(network, played)
+    found, (spikes, potential) = (
+        evaluate(network, played, potentials=True),
+        by_hand(network, played),
+    )
     assert np.array_equal(found.spikes["n"], spikes)
     np.testing.assert_allclose(found.potential["n"], potential, atol=1e-12)
     without = evaluate(adaptive(step=np.zeros(2)), played).spikes["n"]
@@ -171,9 +197,15 @@ def as_cuba(neuron, size):
 
 
 for model in (Stepping, Integrator):
-    steps_of.register(model, lambda n, batch, size, registers=None: CubaSteps(as_cuba(n, size), batch, size))
-integers_of.register(Integrator, lambda n, task: quantize_cuba(as_cuba(n, task.population.size), task))
-forms_of.register(Explained, lambda n, levels, q: forms_of(as_cuba(n, q.population.size), levels, q))
+    steps_of.register(
+        model, lambda n, batch, size, registers=None: CubaSteps(as_cuba(n, size), batch, size)
+    )
+integers_of.register(
+    Integrator, lambda n, task: quantize_cuba(as_cuba(n, task.population.size), task)
+)
+forms_of.register(
+    Explained, lambda n, levels, q: forms_of(as_cuba(n, q.population.size), levels, q)
+)
 
 
 UNREGISTERED = [
@@ -190,7 +222,9 @@ UNREGISTERED = [
 ]
 
 
-@pytest.mark.parametrize(("neuron", "error", "message"), UNREGISTERED, ids=["no steps", "no integers"])
+@pytest.mark.parametrize(
+    ("neuron", "error", "message"), UNREGISTERED, ids=["no steps", "no integers"]
+)
 def test_what_is_not_registered_is_named(neuron, error, message):
     network = single(neuron, WEIGHTS)
     with pytest.raises(error) as caught:

@@ -32,7 +32,9 @@ KINDS = ["as drawn", "late", "at the last step", "empty"]
 
 def aligned(network, time=1, location=1):
     events = {"time": time, "location": location}
-    return replace(network, views=tuple(replace(v, align_events=events[v.axis]) for v in network.views))
+    return replace(
+        network, views=tuple(replace(v, align_events=events[v.axis]) for v in network.views)
+    )
 
 
 def without_biases(network):
@@ -40,7 +42,9 @@ def without_biases(network):
     kept = []
     for p in network.populations:
         none = (
-            np.zeros_like(p.neuron.bias_mantissa) if p.axis == "time" and hasattr(p.neuron, "bias_mantissa") else None
+            np.zeros_like(p.neuron.bias_mantissa)
+            if p.axis == "time" and hasattr(p.neuron, "bias_mantissa")
+            else None
         )
         kept.append(p if none is None else replace(p, neuron=replace(p.neuron, bias_mantissa=none)))
     return replace(network, populations=tuple(kept))
@@ -49,7 +53,10 @@ def without_biases(network):
 def late(played, seed):
     """The same recordings from some step on, from the last, or of none."""
     r, steps = np.random.default_rng(seed), played.shape[1]
-    first = [{"late": int(r.integers(steps)), "at the last step": steps - 1, "empty": steps}.get(k, 0) for k in KINDS]
+    first = [
+        {"late": int(r.integers(steps)), "at the last step": steps - 1, "empty": steps}.get(k, 0)
+        for k in KINDS
+    ]
     return played * (np.arange(steps) >= np.array(first)[:, None])[:, :, None].astype(np.uint8)
 
 
@@ -64,7 +71,9 @@ def by_hand(recording, events, moved):
 def test_torch_and_numpy_cut_recordings_as_by_hand(seed, events, moved):
     torch = pytest.importorskip("torch")
     r = np.random.default_rng(seed)
-    played = late((r.random((4, int(r.integers(1, 9)), int(r.integers(1, 5)))) < 0.4).astype(np.uint8), seed)
+    played = late(
+        (r.random((4, int(r.integers(1, 9)), int(r.integers(1, 5)))) < 0.4).astype(np.uint8), seed
+    )
     wanted = np.stack([by_hand(one, events, moved) for one in played])
     found = from_first_touch(played, events, moved=moved)
     assert found.dtype == np.uint8
@@ -72,8 +81,14 @@ def test_torch_and_numpy_cut_recordings_as_by_hand(seed, events, moved):
     of_torch = from_first_touch(torch.tensor(played, dtype=torch.float32), events, moved=moved)
     assert of_torch.dtype == torch.float32
     assert np.array_equal(of_torch.numpy(), wanted)
-    starts = [next((t for t, row in enumerate(one) if row.sum() >= events), len(one)) for one in played]
-    assert first_touch(played, events).tolist() == first_touch(torch.tensor(played), events).tolist() == starts
+    starts = [
+        next((t for t, row in enumerate(one) if row.sum() >= events), len(one)) for one in played
+    ]
+    assert (
+        first_touch(played, events).tolist()
+        == first_touch(torch.tensor(played), events).tolist()
+        == starts
+    )
 
 
 @settings(max_examples=20, deadline=None)
@@ -81,7 +96,9 @@ def test_torch_and_numpy_cut_recordings_as_by_hand(seed, events, moved):
 def test_the_program_does_what_the_integers_do(seed, time, location):
     network = aligned(without_biases(on_grid(seed, channels=5, steps=20)), time, location)
     played = late(recordings(network, samples=4, seed=seed), seed)
-    match = compare(lower(network, CHIP, 8).quantized, (levels := lower(network, CHIP, 8)).program, played)
+    match = compare(
+        lower(network, CHIP, 8).quantized, (levels := lower(network, CHIP, 8)).program, played
+    )
     assert match.spikes.mismatches == 0
     assert np.array_equal(match.reference_prediction, match.chip_prediction)
     reference = hw.simulate(levels.program, played, engine="reference")
@@ -103,13 +120,17 @@ def test_a_touch_means_the_same_whenever_it_comes():
     assert np.array_equal(early, hw.simulate(program, later).scores)
     assert np.array_equal(evaluate(network, touch).scores, evaluate(network, later).scores)
     assert early.any()
-    assert not np.array_equal(hw.simulate(lower(aligned(network, None, None), CHIP, 8).program, later).scores, early)
+    assert not np.array_equal(
+        hw.simulate(lower(aligned(network, None, None), CHIP, 8).program, later).scores, early
+    )
 
 
 def test_the_report_says_how_late_recordings_start():
     network = aligned(hybrid(2, steps=40, scale=9.0), time=None)
     played = np.roll(
-        recordings(network, samples=4, seed=1) * (np.arange(40) < 20)[:, None].astype(np.uint8), 11, axis=1
+        recordings(network, samples=4, seed=1) * (np.arange(40) < 20)[:, None].astype(np.uint8),
+        11,
+        axis=1,
     )
     played[:, 11, 0] = 1
     compiled = lc.compile(network, events=played, strategy="dendrite")
@@ -121,7 +142,8 @@ def test_the_report_says_how_late_recordings_start():
     page = render_markdown(compose(compiled.report))
     assert "start: at the first touch, 11.0 steps into a recording on average" in page
     assert (
-        "steps before the touch: 0.0 (time branch) and 11.0 (location branch) per recording, which starts after" in page
+        "steps before the touch: 0.0 (time branch) and 11.0 (location branch) per recording, which starts after"
+        in page
     )
     assert "0 over all recordings, before the start or after the last step" in page
     plain = lc.compile(hybrid(2), events=recordings(hybrid(2)), diagnosis=False)
@@ -132,13 +154,17 @@ def test_the_report_says_how_late_recordings_start():
 
 def test_steps_before_the_touch_cost_nothing():
     network = aligned(hybrid(2, steps=40, scale=9.0))
-    played = recordings(network, samples=1, seed=1) * (np.arange(40) >= 30)[:, None].astype(np.uint8)
+    played = recordings(network, samples=1, seed=1) * (np.arange(40) >= 30)[:, None].astype(
+        np.uint8
+    )
     played[:, 30, 0] = 1
     costs = {}
     for name, its in (("aligned", network), ("whole", aligned(network, None, None))):
         levels = lower(its, CHIP, 8)
         found = hw.simulate(levels.program, played, probe=("activity",))
-        latency = hw.latency(levels.program, {"time": found.activity["time"][0]}, CHIP.profile("davies2018"))
+        latency = hw.latency(
+            levels.program, {"time": found.activity["time"][0]}, CHIP.profile("davies2018")
+        )
         costs[name] = found.counts_by_phase["time"], latency.total_ns
     (late, late_ns), (whole, whole_ns) = costs["aligned"], costs["whole"]
     assert late.neuron_updates * 4 == whole.neuron_updates
@@ -149,8 +175,9 @@ def test_steps_before_the_touch_cost_nothing():
 def test_levels_say_where_a_recording_starts():
     network = aligned(hybrid(), 1, 3)
     levels = lower(network, CHIP, 8)
-    assert "input touch: 4 lines over 12 time steps, from the first step with 1 or more events on\n" in (
-        LEVEL_TEXTS["network"](levels)
+    assert (
+        "input touch: 4 lines over 12 time steps, from the first step with 1 or more events on\n"
+        in (LEVEL_TEXTS["network"](levels))
     )
     assert "phase location: 4 steps of location, from the first with 3 or more events on\n" in (
         LEVEL_TEXTS["compartments"](levels)
@@ -161,15 +188,23 @@ def biased():
     network = aligned(hybrid())
     first, *others = network.populations
     return replace(
-        network, populations=(replace(first, neuron=Cuba.of(3, decay_v=0.5, threshold=1.0, bias=0.1)), *others)
+        network,
+        populations=(
+            replace(first, neuron=Cuba.of(3, decay_v=0.5, threshold=1.0, bias=0.1)),
+            *others,
+        ),
     )
 
 
 def in_a_phase_of_its_own():
     network = biased()
     view, *views = network.views
-    populations = (replace(p, own_phase="touch") if p.axis == "time" else p for p in network.populations)
-    return replace(network, views=(replace(view, own_phase="touch"), *views), populations=(*populations,))
+    populations = (
+        replace(p, own_phase="touch") if p.axis == "time" else p for p in network.populations
+    )
+    return replace(
+        network, views=(replace(view, own_phase="touch"), *views), populations=(*populations,)
+    )
 
 
 def two_starts():
@@ -211,4 +246,7 @@ def test_what_is_refused(network, message):
 def test_formats_that_cannot_hold_a_start_refuse_it(kind):
     with pytest.raises(InputError) as caught:
         exchange_file(kind, lower(aligned(hybrid()), CHIP, 8).quantized)
-    assert str(caught.value) == f"--emit {kind}: the format cannot hold a start at the first touch. Emit without it."
+    assert (
+        str(caught.value)
+        == f"--emit {kind}: the format cannot hold a start at the first touch. Emit without it."
+    )

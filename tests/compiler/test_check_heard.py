@@ -34,7 +34,15 @@ def check(neuron, weight, mantissa=0):
     weights = np.array([[0.0, weight]])
     rounded = ChipProjection("x", "n", np.array([[0, mantissa]]), 0, 8)
     grid = weight_grid(8, "excitatory")
-    task = Task(population, (Projection("x", "n", weights),), hw.chip("loihi-sim"), grid, "dendrite", NEAREST, None)
+    task = Task(
+        population,
+        (Projection("x", "n", weights),),
+        hw.chip("loihi-sim"),
+        grid,
+        "dendrite",
+        NEAREST,
+        None,
+    )
     check_heard(task, [[rounded]], STEPS)
 
 

@@ -48,12 +48,16 @@ def in_phase(phase):
 
 
 def tapped(**changes):
-    neuron = ChipSrm.with_taps(2, decay=390, threshold=10, delay=[0, 1], mantissa=[-3, 2], exponent=[1, 1])
+    neuron = ChipSrm.with_taps(
+        2, decay=390, threshold=10, delay=[0, 1], mantissa=[-3, 2], exponent=[1, 1]
+    )
     return replace(neuron, refractory=replace(neuron.refractory, **changes))
 
 
 def joined(**changes):
-    neuron = ChipSrm.with_taps(2, decay=390, threshold=10, refractory_decay=1, mantissa=-3, exponent=0)
+    neuron = ChipSrm.with_taps(
+        2, decay=390, threshold=10, refractory_decay=1, mantissa=-3, exponent=0
+    )
     return replace(neuron, refractory=replace(neuron.refractory, **changes))
 
 
@@ -66,7 +70,9 @@ def visiting(axis="location", **changes):
 
 def two_walks():
     network = hybrid()
-    return replace(network, views=(*network.views, InputView("other", "location", 12, np.arange(4), silence=1)))
+    return replace(
+        network, views=(*network.views, InputView("other", "location", 12, np.arange(4), silence=1))
+    )
 
 
 def moved(axis):
@@ -128,7 +134,9 @@ NEW_RULES = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("make", "message"), [row[1:] for row in NEW_RULES], ids=[row[0] for row in NEW_RULES])
+@pytest.mark.parametrize(
+    ("make", "message"), [row[1:] for row in NEW_RULES], ids=[row[0] for row in NEW_RULES]
+)
 def test_a_broken_rule(make, message):
     with pytest.raises(InputError) as caught:
         check_network(make())
@@ -147,7 +155,9 @@ def test_sound_networks(make):
 GIVEN = np.array([[0.0, 2.0, 0.0], [-3.0, 0.0, 1.0]])
 
 
-@pytest.mark.parametrize("form", [np.array, sparse.csr_array, sparse.coo_array], ids=["dense", "csr", "coo"])
+@pytest.mark.parametrize(
+    "form", [np.array, sparse.csr_array, sparse.coo_array], ids=["dense", "csr", "coo"]
+)
 @pytest.mark.parametrize("dtype", [np.int64, np.float64])
 def test_both_forms_of_a_matrix_mean_the_same(form, dtype):
     m = matrix(form(GIVEN), dtype)
@@ -189,9 +199,15 @@ def test_entries_given_twice_are_added():
 @pytest.mark.parametrize(
     ("changes", "line"),
     [
-        ({"steps": 2.5}, "Network, steps: it must be a whole number from 1 to 10000000 (got 2.5). Correct it."),
+        (
+            {"steps": 2.5},
+            "Network, steps: it must be a whole number from 1 to 10000000 (got 2.5). Correct it.",
+        ),
         ({"views": (1,)}, "Network, views: it must be an InputView (got int 1). Correct it."),
-        ({"populations": None}, "Network, populations: it must be a tuple (got NoneType None). Correct it."),
+        (
+            {"populations": None},
+            "Network, populations: it must be a tuple (got NoneType None). Correct it.",
+        ),
         ({"readout": "n"}, "Network, readout: it must be a Readout (got str 'n'). Correct it."),
         ({"psi": "x"}, "Network, psi: it must be a number of at least 0 (got 'x'). Correct it."),
         (
@@ -202,8 +218,14 @@ def test_entries_given_twice_are_added():
             {"step_seconds": 1e300},
             "Network, step_seconds: it must be a number above 0 and at most 1e+06 (got 1e+300). Correct it.",
         ),
-        ({"any_length": "no"}, "Network, any_length: it must be a bool (got str 'no'). Correct it."),
-        ({"class_names": (1, 2)}, "Network, class_names: it must be a str (got int 1). Correct it."),
+        (
+            {"any_length": "no"},
+            "Network, any_length: it must be a bool (got str 'no'). Correct it.",
+        ),
+        (
+            {"class_names": (1, 2)},
+            "Network, class_names: it must be a str (got int 1). Correct it.",
+        ),
     ],
     ids=lambda given: next(iter(given)) if isinstance(given, dict) else "",
 )
@@ -216,14 +238,23 @@ def test_fields_of_a_network_have_their_types(changes, line):
 @pytest.mark.parametrize(
     ("changes", "line"),
     [
-        ({"size": "2"}, "population 'n', size: it must be a whole number from 1 to 10000000 (got '2'). Correct it."),
+        (
+            {"size": "2"},
+            "population 'n', size: it must be a whole number from 1 to 10000000 (got '2'). Correct it.",
+        ),
         (
             {"helper": True},
             "readout: its populations or weights do not fit together (populations ('n',), sizes [], weights (1.0,)). Name populations of one size, each with its weight.",
         ),
-        ({"axis": np.ones(2)}, "population 'n', axis: it must be a str (got ndarray array([1., 1.])). Correct it."),
+        (
+            {"axis": np.ones(2)},
+            "population 'n', axis: it must be a str (got ndarray array([1., 1.])). Correct it.",
+        ),
         ({"axis": "tme"}, "population 'n', axis: there is no 'tme'. Did you mean 'time'?"),
-        ({"neuron": None}, "population 'n', neuron: it must be a Neuron (got NoneType None). Correct it."),
+        (
+            {"neuron": None},
+            "population 'n', neuron: it must be a Neuron (got NoneType None). Correct it.",
+        ),
     ],
     ids=["size", "helper", "axis", "no such axis", "neuron"],
 )
@@ -236,7 +267,9 @@ def test_fields_of_a_population_have_their_types(changes, line):
 
 def test_lists_stand_for_tuples_and_numpy_numbers_for_numbers():
     network = lif()
-    given = replace(network, steps=np.int64(network.steps), psi=np.float32(10), views=list(network.views))
+    given = replace(
+        network, steps=np.int64(network.steps), psi=np.float32(10), views=list(network.views)
+    )
     check_network(given)
     assert (type(given.steps), type(given.psi)) == (int, float)
 
@@ -248,10 +281,16 @@ SRM = SrmAlpha(10.0, 10.0, 1.0, 2.0)
     ("changes", "line"),
     [
         ({"theta": None}, "SrmAlpha, theta: it must be a float (got NoneType None). Correct it."),
-        ({"theta": 10**400}, "SrmAlpha, theta: it is too large for a float (1329 bits). Correct it."),
+        (
+            {"theta": 10**400},
+            "SrmAlpha, theta: it is too large for a float (1329 bits). Correct it.",
+        ),
         ({"tau_sr": 1j}, "SrmAlpha, tau_sr: it must be a float (got complex 1j). Correct it."),
         ({"eps_taps": -1}, "population 'n': eps_taps must be from 1 to 100000 (-1). Correct it."),
-        ({"nu_taps": math.nan}, "population 'n': nu_taps must be from 1 to 100000 (nan). Correct it."),
+        (
+            {"nu_taps": math.nan},
+            "population 'n': nu_taps must be from 1 to 100000 (nan). Correct it.",
+        ),
     ],
     ids=["nothing", "beyond floats", "complex", "no taps", "taps that are no number"],
 )

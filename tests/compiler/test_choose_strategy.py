@@ -33,25 +33,41 @@ def played(network, seed=0):
 
 @pytest.fixture(scope="module")
 def choose(network):
-    return lambda budget, chip=CHIP: choose_strategy(network, chip, Setting("auto", 8), played(network), budget)
+    return lambda budget, chip=CHIP: choose_strategy(
+        network, chip, Setting("auto", 8), played(network), budget
+    )
 
 
 @pytest.mark.parametrize(("compartments", "first"), [(1024, None), (2, "delay-line"), (1, "reset")])
-def test_the_report_says_which_strategy_sets_the_bounds_where_it_is_not_the_usual_one(network, compartments, first):
+def test_the_report_says_which_strategy_sets_the_bounds_where_it_is_not_the_usual_one(
+    network, compartments, first
+):
     """A network that only ``reset`` could hold was measured against itself, and kept the bounds without a word."""
     limits = replace(CHIP.limits, compartments_per_core=compartments)
     chip = replace(CHIP, limits=limits, chips=8)
-    assumed = lc.compile(network, chip, events=played(network), diagnosis=False).report["assumptions"]
-    said = "loihi-sim cannot hold strategy dendrite, which sets the bounds of auto. Here {} sets them."
-    assert [line for line in assumed if "bounds of auto" in line] == ([said.format(first)] if first else [])
+    assumed = lc.compile(network, chip, events=played(network), diagnosis=False).report[
+        "assumptions"
+    ]
+    said = (
+        "loihi-sim cannot hold strategy dendrite, which sets the bounds of auto. Here {} sets them."
+    )
+    assert [line for line in assumed if "bounds of auto" in line] == (
+        [said.format(first)] if first else []
+    )
 
 
 def test_candidates_are_measured_on_the_calibration_recordings(network, choose):
     choice = choose(ErrorBudget())
-    assert [candidate.strategy for candidate in choice.candidates] == ["dendrite", "delay-line", "reset"]
+    assert [candidate.strategy for candidate in choice.candidates] == [
+        "dendrite",
+        "delay-line",
+        "reset",
+    ]
     assert (choice.samples, choice.source) == (6, "made up")
     for candidate in choice.candidates:
-        report = lc.compile(network, strategy=candidate.strategy, events=played(network), diagnosis=False).report
+        report = lc.compile(
+            network, strategy=candidate.strategy, events=played(network), diagnosis=False
+        ).report
         assert report["energy"]["per_sample_pj"] == pytest.approx(candidate.energy_pj)
         assert report["match"]["prediction_agreement"] == candidate.prediction_agreement
         assert report["match"]["spike_agreement"] == pytest.approx(1 - candidate.spike_error)
@@ -77,7 +93,13 @@ def test_without_a_budget_no_more_is_lost_than_with_dendrites(choose):
         (ErrorBudget(max_score_error=0.25), "dendrite"),
         (ErrorBudget(max_score_error=9.0), "reset"),
     ],
-    ids=["any prediction", "any spike", "a quarter of the spikes", "a quarter of the scores", "any score"],
+    ids=[
+        "any prediction",
+        "any spike",
+        "a quarter of the spikes",
+        "a quarter of the scores",
+        "any score",
+    ],
 )
 def test_the_cheapest_within_the_budget_is_taken(choose, budget, taken):
     choice = choose(budget)
@@ -90,21 +112,37 @@ def test_the_cheapest_within_the_budget_is_taken(choose, budget, taken):
 def test_fewer_bits_are_tried_down_to_the_fewest(network, monkeypatch):
     """Losses may rise and fall with the bits: the search ended at the first number that does not keep the budget."""
     budget, found = ErrorBudget(max_spike_error=0.9), Candidate.keeps
-    monkeypatch.setattr(Candidate, "keeps", lambda self, bounds: self.setting.weight_bits != 6 and found(self, bounds))
+    monkeypatch.setattr(
+        Candidate,
+        "keeps",
+        lambda self, bounds: self.setting.weight_bits != 6 and found(self, bounds),
+    )
     choice = choose_strategy(network, CHIP, Setting("reset", 8), played(network), budget)
-    assert [candidate.setting.weight_bits for candidate in choice.candidates] == [8, 6, 5, 4, 3, 2, 1]
+    assert [candidate.setting.weight_bits for candidate in choice.candidates] == [
+        8,
+        6,
+        5,
+        4,
+        3,
+        2,
+        1,
+    ]
     assert choice.taken.setting.weight_bits < 6
 
 
 def test_dendrites_are_paired_where_no_other_strategy_keeps_the_budget(network):
     def choose(bound):
-        return choose_strategy(network, CHIP, Setting("auto", 2), played(network), ErrorBudget(max_spike_error=bound))
+        return choose_strategy(
+            network, CHIP, Setting("auto", 2), played(network), ErrorBudget(max_spike_error=bound)
+        )
 
     usual = min(c.spike_error for c in choose(0.0).candidates if c.strategy != PAIRED)
     choice = choose(usual - 1e-6)
     assert choice.keeps_budget
     assert choice.taken.strategy == choice.levels.quantized.strategy == PAIRED
-    assert choice.taken.energy_pj > max(c.energy_pj for c in choice.candidates if c.strategy != PAIRED)
+    assert choice.taken.energy_pj > max(
+        c.energy_pj for c in choice.candidates if c.strategy != PAIRED
+    )
     assert PAIRED not in {c.strategy for c in choose(usual).candidates}
 
 
@@ -116,7 +154,9 @@ def test_where_nothing_keeps_the_budget_the_most_accurate_is_taken(choose):
 
 def test_a_strategy_that_the_chip_cannot_hold_is_passed_over(network):
     slow = replace(NEURON, tau_ref=40.0)
-    patient = replace(network, populations=tuple(replace(p, neuron=slow) for p in network.populations))
+    patient = replace(
+        network, populations=tuple(replace(p, neuron=slow) for p in network.populations)
+    )
     choice = choose_strategy(patient, CHIP, Setting("auto", 8), played(patient), ErrorBudget())
     assert [candidate.strategy for candidate in choice.candidates] == ["dendrite", "reset"]
 
@@ -125,7 +165,9 @@ def test_where_none_fits_the_first_error_is_the_answer(choose):
     small = replace(CHIP, limits=replace(CHIP.limits, compartments_per_core=0))
     with pytest.raises(TargetError) as caught:
         choose(ErrorBudget(), small)
-    assert str(caught.value).startswith("population 'time_hidden': 3 compartments of neuron 0 do not fit one core")
+    assert str(caught.value).startswith(
+        "population 'time_hidden': 3 compartments of neuron 0 do not fit one core"
+    )
 
 
 def test_integers_leave_nothing_to_choose():
@@ -176,20 +218,32 @@ def test_what_chooses_is_not_what_reports():
     """A model that carries recordings, or whose input is a fingertip's, compiles to one program whatever is played."""
     network = hybrid(2, channels=78, steps=30, sensor=neutouch())
     first, second = (
-        lc.compile(network, events=recordings(network, samples=2, seed=seed), diagnosis=False) for seed in (0, 1)
+        lc.compile(network, events=recordings(network, samples=2, seed=seed), diagnosis=False)
+        for seed in (0, 1)
     )
     assert first.choice.source == second.choice.source == "synthetic touches"
     assert first.choice.candidates == second.choice.candidates
-    own = lc.compile(replace(network, recordings=played(network)), events=recordings(network), diagnosis=False)
+    own = lc.compile(
+        replace(network, recordings=played(network)), events=recordings(network), diagnosis=False
+    )
     assert own.choice.source == "made up"
-    given = lc.compile(network, events=recordings(network), calibration=recordings(network, samples=3), diagnosis=False)
+    given = lc.compile(
+        network,
+        events=recordings(network),
+        calibration=recordings(network, samples=3),
+        diagnosis=False,
+    )
     assert (given.choice.source, given.choice.samples) == ("array", 3)
 
 
 @pytest.mark.parametrize(
     ("make", "strategy", "message"),
     [
-        (lambda: hybrid(), "resets", "strategy 'resets': unknown lowering strategy. Did you mean 'reset'?"),
+        (
+            lambda: hybrid(),
+            "resets",
+            "strategy 'resets': unknown lowering strategy. Did you mean 'reset'?",
+        ),
         (
             lambda: quantize(single(NEURON), CHIP, 8, "delay-line").on_grid(),
             "dendrite",
@@ -202,7 +256,11 @@ def test_what_chooses_is_not_what_reports():
 def test_strategies_that_cannot_be(make, strategy, message):
     network = make()
     with pytest.raises(InputError) as caught:
-        lc.compile(network, strategy=strategy, events=np.zeros((1, network.steps, network.channels), dtype=np.uint8))
+        lc.compile(
+            network,
+            strategy=strategy,
+            events=np.zeros((1, network.steps, network.channels), dtype=np.uint8),
+        )
     assert str(caught.value) == message
 
 
@@ -217,4 +275,7 @@ def test_strategies_that_cannot_be(make, strategy, message):
 def test_a_budget_that_no_setting_keeps_is_said_with_a_way_out(losses, bounds, said):
     best = Candidate(*losses, None, 1.0, Setting("reset", 4))
     choice = Choice(best, None, (best,), bounds, 2, "a.npz")
-    assert unmet_budget(choice) == f"no setting keeps --min-agreement 0.9 on 2 recordings of a.npz: {said}"
+    assert (
+        unmet_budget(choice)
+        == f"no setting keeps --min-agreement 0.9 on 2 recordings of a.npz: {said}"
+    )

@@ -90,7 +90,10 @@ def test_scores_that_do_not_vary_are_added_as_they_are():
 
 def three():
     """Two that play alike, and one that is aligned: hybrids of one input."""
-    one, two, late = (replace(hybrid(seed, scale=20.0), name=name) for seed, name in enumerate(("one", "two", "late")))
+    one, two, late = (
+        replace(hybrid(seed, scale=20.0), name=name)
+        for seed, name in enumerate(("one", "two", "late"))
+    )
     return [one, two, aligned(late)]
 
 
@@ -114,13 +117,19 @@ def test_equal_inputs_and_phases_are_shared_and_no_core_is():
 
 def test_members_cost_what_they_cost_alone():
     """Their neurons and synapses; what brings events to them is shared. Side by side takes no longer than the slowest."""
-    networks = [replace(hybrid(seed, scale=20.0, channels=4), name=name) for seed, name in enumerate("ab")]
+    networks = [
+        replace(hybrid(seed, scale=20.0, channels=4), name=name) for seed, name in enumerate("ab")
+    ]
     played = recordings(networks[0], samples=5)
     both = lc.compile(networks, events=played, strategy="dendrite", weights=(1, 3), diagnosis=False)
     rows = both.report["model"]["members"]
     for network, row in zip(networks, rows, strict=True):
         alone = lc.compile(
-            network, events=played, strategy="dendrite", calibration=both.network.recordings, diagnosis=False
+            network,
+            events=played,
+            strategy="dendrite",
+            calibration=both.network.recordings,
+            diagnosis=False,
         )
         its = [found["pj"] for found in alone.report["energy"]["by_population_pj"].values()]
         assert row["cores"] == alone.report["resources"]["cores"] == 2
@@ -132,7 +141,11 @@ def test_members_cost_what_they_cost_alone():
             1.0 if network.name == "a" else 3.0,
         )
     slowest = max(row["per_sample_ns"] for row in rows)
-    assert slowest <= both.report["latency"]["per_sample_ns"] < sum(row["per_sample_ns"] for row in rows)
+    assert (
+        slowest
+        <= both.report["latency"]["per_sample_ns"]
+        < sum(row["per_sample_ns"] for row in rows)
+    )
     page = render_markdown(compose(both.report))
     assert "a: " in page
     assert "2 cores, class scores times 3" in page
@@ -141,18 +154,26 @@ def test_members_cost_what_they_cost_alone():
 
 def test_on_an_open_core_no_member_has_a_time_of_its_own():
     """One core hosts them all, one after the other; 0 pJ and the time of a barrier stood there."""
-    networks = [replace(hybrid(seed, scale=20.0, channels=4), name=name) for seed, name in enumerate("ab")]
+    networks = [
+        replace(hybrid(seed, scale=20.0, channels=4), name=name) for seed, name in enumerate("ab")
+    ]
     played = recordings(networks[0], samples=2)
-    both = lc.compile(networks, "ecp5-25f", "dendrite", weights=(1, 3), events=played, diagnosis=False)
+    both = lc.compile(
+        networks, "ecp5-25f", "dendrite", weights=(1, 3), events=played, diagnosis=False
+    )
     rows = both.report["model"]["members"]
     assert [(row["per_sample_pj"], row["per_sample_ns"]) for row in rows] == [(None, None)] * 2
     assert both.report["latency"]["per_sample_ns"] > 0
-    assert sentence("member", **rows[1]) == "energy not known, time not known, 2 cores, class scores times 3"
+    assert (
+        sentence("member", **rows[1])
+        == "energy not known, time not known, 2 cores, class scores times 3"
+    )
 
 
 def test_without_weights_scores_vary_alike():
     networks = [
-        replace(hybrid(seed, scale=scale, steps=40), name=name) for seed, scale, name in ((1, 30.0, "a"), (2, 9.0, "b"))
+        replace(hybrid(seed, scale=scale, steps=40), name=name)
+        for seed, scale, name in ((1, 30.0, "a"), (2, 9.0, "b"))
     ]
     carried = Recordings(recordings(networks[0], samples=6), None, 0.02, "few.pt", "carried")
     plain, found = join(networks), join([replace(networks[0], recordings=carried), networks[1]])
@@ -160,7 +181,9 @@ def test_without_weights_scores_vary_alike():
     assert plain.assumptions == ("Class scores of the networks are added as they are (--weights).",)
     spreads = [evaluate(network, carried.spikes).scores.std(axis=1).mean() for network in networks]
     assert found.members[1].weight == pytest.approx(spreads[0] / spreads[1])
-    assert found.assumptions[0].startswith("Class scores vary alike on 6 recordings of few.pt: weights a 1, b ")
+    assert found.assumptions[0].startswith(
+        "Class scores vary alike on 6 recordings of few.pt: weights a 1, b "
+    )
     assert join(networks, calibration=carried).members == found.members
 
 
@@ -173,17 +196,26 @@ def other(**changes):
     [
         (other(channels=5), "it differs from 'small-hybrid' in channels (5 against 4)"),
         (other(steps=13), "it differs from 'small-hybrid' in steps (13 against 12)"),
-        (other(step_seconds=0.1), "it differs from 'small-hybrid' in step seconds (0.1 against 0.02)"),
+        (
+            other(step_seconds=0.1),
+            "it differs from 'small-hybrid' in step seconds (0.1 against 0.02)",
+        ),
         (
             [hybrid(), replace(hybrid(1, classes=3), name="other")],
             "it differs from 'small-hybrid' in classes (3 against 2)",
         ),
         (
-            [replace(hybrid(), class_names=("a", "b")), replace(hybrid(1), name="other", class_names=("b", "a"))],
+            [
+                replace(hybrid(), class_names=("a", "b")),
+                replace(hybrid(1), name="other", class_names=("b", "a")),
+            ],
             "it differs from 'small-hybrid' in class names (b, a against a, b)",
         ),
         (
-            [replace(hybrid(), sensor=asked_layout("2x2", 1, None, None)), other(sensor=neutouch())[1]],
+            [
+                replace(hybrid(), sensor=asked_layout("2x2", 1, None, None)),
+                other(sensor=neutouch())[1],
+            ],
             "it differs from 'small-hybrid' in sensor (neutouch against grid 2x2)",
         ),
     ],
@@ -214,16 +246,22 @@ def test_weights_that_are_refused(weights):
         lc.compile([hybrid(), hybrid(1)], weights=weights)
     given = ", ".join(f"{w:g}" for w in weights)
     what = "each network needs one above 0, at most 1,000,000 times any other"
-    assert str(caught.value) == f"weights: {what} ({given} for 2 networks). Give numbers such as 1,2."
+    assert (
+        str(caught.value) == f"weights: {what} ({given} for 2 networks). Give numbers such as 1,2."
+    )
 
 
 @pytest.mark.parametrize(
-    ("networks", "given"), [([], "none"), (["a.pt", "b.pt"], "str, str"), ([hybrid(), None], "Network, NoneType")]
+    ("networks", "given"),
+    [([], "none"), (["a.pt", "b.pt"], "str, str"), ([hybrid(), None], "Network, NoneType")],
 )
 def test_what_is_not_a_network_is_refused(networks, given):
     with pytest.raises(InputError) as caught:
         lc.compile(networks)
-    assert str(caught.value) == f"networks: they are not networks (got {given}). Read each with lc.load."
+    assert (
+        str(caught.value)
+        == f"networks: they are not networks (got {given}). Read each with lc.load."
+    )
 
 
 def test_one_network_has_nothing_to_weigh():
@@ -237,12 +275,19 @@ def test_a_program_of_several_is_saved_and_loaded(tmp_path):
     levels.program.save(tmp_path)
     played = recordings(levels.network)
     loaded = hw.load_program(tmp_path)
-    assert np.array_equal(hw.simulate(loaded, played).scores, hw.simulate(levels.program, played).scores)
-    assert all(w == int(w) for w in yaml.safe_load((tmp_path / "program.yaml").read_text())["readout"].values())
+    assert np.array_equal(
+        hw.simulate(loaded, played).scores, hw.simulate(levels.program, played).scores
+    )
+    assert all(
+        w == int(w)
+        for w in yaml.safe_load((tmp_path / "program.yaml").read_text())["readout"].values()
+    )
 
 
 @pytest.mark.parametrize("kind", ["nir", "net"])
 def test_formats_of_one_network_refuse_several(kind):
     with pytest.raises(InputError) as caught:
         exchange_file(kind, lower(committee(three(), (1, 1, 1)), CHIP, 8).quantized)
-    assert str(caught.value) == f"--emit {kind}: the format cannot hold a committee. Emit without it."
+    assert (
+        str(caught.value) == f"--emit {kind}: the format cannot hold a committee. Emit without it."
+    )

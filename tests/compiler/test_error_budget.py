@@ -122,7 +122,9 @@ def check_both_ends(network, bits, played, strategy="dendrite"):
             scale = levels.quantized.population(name).scale
             assert np.array_equal(spikes, chip.spikes[name]), name
             assert np.array_equal(exact.spikes[name], wanted.spikes[name]), name
-            np.testing.assert_allclose(exact.potential[name] / scale, wanted.potential[name], rtol=1e-9, atol=1e-9)
+            np.testing.assert_allclose(
+                exact.potential[name] / scale, wanted.potential[name], rtol=1e-9, atol=1e-9
+            )
 
 
 @settings(max_examples=16, deadline=None)
@@ -185,7 +187,10 @@ def test_together_is_what_matching_counts(budget, levels, played):
     match = compare(levels.quantized, levels.program, played)
     assert budget.unexplained == 0
     assert budget.together.by_population == match.by_population
-    assert budget.together.predictions_changed == (match.reference_prediction != match.chip_prediction).sum()
+    assert (
+        budget.together.predictions_changed
+        == (match.reference_prediction != match.chip_prediction).sum()
+    )
     assert budget.together.scores == match.scores
     assert budget.together.spikes.mismatches > 0
 
@@ -202,7 +207,9 @@ def test_a_network_that_is_read_by_potentials_has_a_budget_of_scores():
     assert budget.together.spikes.mismatches == budget.alone["weights"].spikes.mismatches == 0
     assert match.scores.relative_error > 0.1
     assert budget.together.scores == match.scores
-    assert budget.alone["weights"].scores.relative_error == pytest.approx(match.scores.relative_error, rel=0.05)
+    assert budget.alone["weights"].scores.relative_error == pytest.approx(
+        match.scores.relative_error, rel=0.05
+    )
     assert budget.without["weights"].scores.relative_error < 0.01
 
 
@@ -210,7 +217,10 @@ def test_every_stage_is_counted_alone_and_left_out(budget, levels, network, play
     wanted = evaluate(network, played).spikes
     assert tuple(budget.alone) == tuple(budget.without) == ROUNDED
     for stage in ROUNDED:
-        for found, stages in ((budget.alone[stage], {stage}), (budget.without[stage], set(ROUNDED) - {stage})):
+        for found, stages in (
+            (budget.alone[stage], {stage}),
+            (budget.without[stage], set(ROUNDED) - {stage}),
+        ):
             spikes = spikes_with(levels, stages, played)
             for name, counted in found.by_population.items():
                 assert counted.mismatches == (spikes[name] != wanted[name]).sum()
@@ -225,7 +235,11 @@ def test_what_is_exact_changes_nothing(played):
     once = lower(network, CHIP, 8).quantized
     gain = np.e * np.exp(-1 / tau) / tau
     on_grid_weights = tuple(
-        replace(p, weights=effective_weight(q.mantissa, q.exponent) / (once.population(p.target).scale[:, None] * gain))
+        replace(
+            p,
+            weights=effective_weight(q.mantissa, q.exponent)
+            / (once.population(p.target).scale[:, None] * gain),
+        )
         for p, q in zip(network.projections, once.projections, strict=True)
     )
     found = error_budget(lower(replace(network, projections=on_grid_weights), CHIP, 8), played)
@@ -236,7 +250,10 @@ def test_what_is_exact_changes_nothing(played):
 def test_clips_alone_are_found():
     """Every input at every step: float potentials leave the register, and the stage keeps them within."""
     network = hybrid(0, steps=60, channels=12, neuron=replace(SRM, scale_ref=0.0))
-    network = replace(network, projections=tuple(replace(p, weights=np.abs(p.weights)) for p in network.projections))
+    network = replace(
+        network,
+        projections=tuple(replace(p, weights=np.abs(p.weights)) for p in network.projections),
+    )
     levels, played = lower(network, CHIP, 8), np.ones((1, 60, 12), dtype=np.uint8)
     assert hw.simulate(levels.program, played).counts.clips > 0
     phase, name = phases_of(levels)[0], "time_hidden/dendrite"
@@ -249,7 +266,9 @@ def test_clips_alone_are_found():
 
 
 @pytest.mark.parametrize(
-    ("tau", "peak", "taps"), [(10.0, 1.0, 77), (1.0, 20.0, 11)], ids=["published kernel", "published refractory"]
+    ("tau", "peak", "taps"),
+    [(10.0, 1.0, 77), (1.0, 20.0, 11)],
+    ids=["published kernel", "published refractory"],
 )
 def test_taps_are_those_of_slayer(tau, peak, taps):
     assert len(alpha_taps(tau, peak)) == taps
@@ -285,12 +304,16 @@ def test_a_network_without_kernels_has_no_tail():
 def test_the_cause_adds_up_to_the_difference(levels, network, played):
     first = compare(levels.quantized, levels.program, played).first_divergence
     cause = find_cause(levels, played[first.recording], first)
-    assert cause.together == pytest.approx(first.chip_potential - first.reference_potential, abs=1e-9)
+    assert cause.together == pytest.approx(
+        first.chip_potential - first.reference_potential, abs=1e-9
+    )
     assert sum(cause.moved.values()) + cause.rest == pytest.approx(cause.together)
     assert cause.largest == "weights"
     fires = first.chip_potential >= first.threshold
     reproduced = tuple(
-        stage for stage, moved in cause.moved.items() if (first.reference_potential + moved >= first.threshold) == fires
+        stage
+        for stage, moved in cause.moved.items()
+        if (first.reference_potential + moved >= first.threshold) == fires
     )
     assert cause.enough == reproduced
 
@@ -301,7 +324,9 @@ def test_the_cause_holds_where_neurons_reset_and_recur(seed):
     levels, played = lower(network, CHIP, 2), recordings(network, samples=4, seed=seed)
     first = compare(levels.quantized, levels.program, played).first_divergence
     cause = find_cause(levels, played[first.recording], first)
-    assert cause.together == pytest.approx(first.chip_potential - first.reference_potential, abs=1e-9)
+    assert cause.together == pytest.approx(
+        first.chip_potential - first.reference_potential, abs=1e-9
+    )
 
 
 @pytest.mark.parametrize(
@@ -322,7 +347,10 @@ def test_a_sample_is_spread_evenly(network, available, samples, numbers):
 def test_a_large_network_takes_fewer_recordings(network):
     steps = sum(p.size * network.steps_of(p.phase) for p in network.populations)
     large = replace(
-        network, populations=tuple(replace(p, size=p.size * ((1 << 22) // steps)) for p in network.populations)
+        network,
+        populations=tuple(
+            replace(p, size=p.size * ((1 << 22) // steps)) for p in network.populations
+        ),
     )
     assert spread_sample(large, 50, SAMPLE) == (0,)
 
@@ -330,7 +358,9 @@ def test_a_large_network_takes_fewer_recordings(network):
 def test_an_integer_network_has_no_budget():
     network = on_grid()
     levels, played = lower(network, CHIP, 8), recordings(network)
-    found = diagnose(levels, played, compare(levels.quantized, levels.program, played).first_divergence)
+    found = diagnose(
+        levels, played, compare(levels.quantized, levels.program, played).first_divergence
+    )
     assert (found.budget, found.cause) == (None, None)
     assert found.margins.populations["only"].error == {0.5: 0.0, 0.95: 0.0, 1.0: 0.0}
 
@@ -339,12 +369,17 @@ def test_compile_reports_the_diagnosis_unless_told_not_to(network, played):
     compiled = lc.compile(network, events=played, strategy="dendrite", weight_bits=3)
     report = compiled.report
     assert report["error_budget"]["recordings"] == list(range(6))
-    assert report["error_budget"]["together"]["spike_mismatches"] == report["match"]["spike_mismatches"]
+    assert (
+        report["error_budget"]["together"]["spike_mismatches"]
+        == report["match"]["spike_mismatches"]
+    )
     assert report["error_budget"]["unexplained_spikes"] == 0
     assert report["match"]["first_divergence"]["cause"]["largest"] == "weights"
     assert list(report["margins"]["by_population"]) == [p.name for p in network.populations]
     json.dumps(report, allow_nan=False)
-    bare = lc.compile(network, events=played, strategy="dendrite", weight_bits=3, diagnosis=False).report
+    bare = lc.compile(
+        network, events=played, strategy="dendrite", weight_bits=3, diagnosis=False
+    ).report
     assert not {"error_budget", "margins"} & bare.keys()
     assert bare["match"]["first_divergence"]["cause"] is None
     assert "Error budget" not in render_markdown(compose(bare))
@@ -362,7 +397,12 @@ def test_diagnose_takes_all_recordings_or_as_many_as_asked(network, played):
 @on_real_recordings
 @pytest.mark.parametrize(
     ("name", "strategy"),
-    [("objects", "dendrite"), ("objects", "delay-line"), ("containers", "dendrite"), ("containers", "reset")],
+    [
+        ("objects", "dendrite"),
+        ("objects", "delay-line"),
+        ("containers", "dendrite"),
+        ("containers", "reset"),
+    ],
 )
 def test_the_shipped_networks_leave_nothing_unexplained(name, strategy):
     """Real recordings, spread over the test part: with all stages every spike is the chip's, with none the network's."""

@@ -56,10 +56,16 @@ def quanta_of(quantized, shape: tuple[int, int]) -> list[list[Fraction]]:
 def test_a_format_rounds_half_to_even_and_clips(bits, mode):
     """At every half step of its grid and beyond its ends, and at the floats on both sides."""
     step = 2 ** (9 - bits if mode == "mixed" else 8 - bits)
-    low, high = {"mixed": (-256, 256 - step), "excitatory": (0, 256 - step), "inhibitory": (step - 256, 0)}[mode]
+    low, high = {
+        "mixed": (-256, 256 - step),
+        "excitatory": (0, 256 - step),
+        "inhibitory": (step - 256, 0),
+    }[mode]
     ties = np.arange(-530, 531) * step / 2
     values = np.concatenate((np.nextafter(ties, -np.inf), ties, np.nextafter(ties, np.inf)))
-    wanted = [max(low, min(high, step * round(Fraction(value) / step))) for value in values.tolist()]
+    wanted = [
+        max(low, min(high, step * round(Fraction(value) / step))) for value in values.tolist()
+    ]
     assert weight_grid(bits, mode).round(values).tolist() == wanted
 
 
@@ -109,7 +115,9 @@ def test_weights_halfway_between_two_of_a_format_are_even(bits, data):
     step = 2 ** (8 - bits)
     most = 2 ** (bits + 1) - 2
     halves = [most, *data.draw(st.lists(st.integers(-most, most), min_size=1, max_size=9))]
-    quantized = quantize(single(Cuba.of(1, decay_v=1.0, threshold=1.0), [[step * h / 2 for h in halves]]), CHIP, bits)
+    quantized = quantize(
+        single(Cuba.of(1, decay_v=1.0, threshold=1.0), [[step * h / 2 for h in halves]]), CHIP, bits
+    )
     (projection,) = quantized.projections
     assert projection.mantissa[0].tolist() == [step * round(Fraction(h, 2)) for h in halves]
 
@@ -117,7 +125,9 @@ def test_weights_halfway_between_two_of_a_format_are_even(bits, data):
 # --- several formats, and two synapses for a weight ---
 
 
-def exact_quanta(values: list[Fraction], bits: int, count: int, split: list[bool]) -> list[set[int]]:
+def exact_quanta(
+    values: list[Fraction], bits: int, count: int, split: list[bool]
+) -> list[set[int]]:
     """What each of some weights is rounded to, in units of 64: in the finest format that holds it with one step more.
 
     A format holds 1 to 2^bits - 1 times 2^k. A split weight has a second synapse, ``bits`` finer where there is one.
@@ -149,15 +159,22 @@ def exact_quanta(values: list[Fraction], bits: int, count: int, split: list[bool
 def test_weights_of_several_formats_add_up_to_the_nearest(seed, bits, share, spread, heavy):
     weights = heavy * np.random.default_rng(seed).uniform(-1, 1, (2, 9)) ** spread
     quantized = quantize(
-        single(Cuba.of(2, decay_v=1.0, threshold=1.0), weights), CHIP, bits, rounding=Rounding(graded=True, split=share)
+        single(Cuba.of(2, decay_v=1.0, threshold=1.0), weights),
+        CHIP,
+        bits,
+        rounding=Rounding(graded=True, split=share),
     )
     scale = int(quantized.populations[0].neuron.threshold[0])
     values = [Fraction(float(weight)) * scale for weight in weights.ravel()]
-    largest = np.argsort(-np.abs(weights.ravel()), kind="stable")[: round(share * weights.size)].tolist()
+    largest = np.argsort(-np.abs(weights.ravel()), kind="stable")[
+        : round(share * weights.size)
+    ].tolist()
     split = [i in largest for i in range(len(values))]
     wanted = exact_quanta(values, bits, 3 if share else 4, split)
     found = [one for row in quanta_of(quantized, weights.shape) for one in row]
-    assert [(i, f, w) for i, (f, w) in enumerate(zip(found, wanted, strict=True)) if f not in w] == []
+    assert [
+        (i, f, w) for i, (f, w) in enumerate(zip(found, wanted, strict=True)) if f not in w
+    ] == []
     parts = np.sum([p.mantissa.ravel() != 0 for p in quantized.projections], axis=0)
     assert (parts <= 1 + np.array(split)).all()
     assert quantized.weights_pruned == found.count(0)
@@ -199,8 +216,14 @@ def test_biases_are_the_nearest_with_all_bits_of_a_mantissa(biases, threshold, d
 
 
 @settings(deadline=None)
-@given(drop=st.floats(0, 4), threshold=st.floats(0.01, 10), decay=st.sampled_from([1.0, 0.5, 0.1, 0.003]))
-def test_own_spikes_take_the_nearest_drop_and_give_back_what_the_current_keeps(drop, threshold, decay):
+@given(
+    drop=st.floats(0, 4),
+    threshold=st.floats(0.01, 10),
+    decay=st.sampled_from([1.0, 0.5, 0.1, 0.003]),
+)
+def test_own_spikes_take_the_nearest_drop_and_give_back_what_the_current_keeps(
+    drop, threshold, decay
+):
     neuron = SoftCuba.of(1, decay_u=decay, decay_v=0.1, threshold=threshold, drop=drop * threshold)
     found = quantize(single(neuron, [[threshold / 3]]), CHIP).populations[0].neuron
     taps, taken = found.refractory, [Fraction(0), Fraction(0)]
@@ -215,4 +238,6 @@ def test_decays_are_the_nearest_half_to_even():
     """At every half of a decay, and at the floats on both sides; a fraction that becomes 0 is refused."""
     halves = np.arange(2, 8193) / 8192
     lost = np.concatenate((halves, np.nextafter(halves, 0), np.nextafter(halves[:-1], 1)))
-    assert nearest_decays(lost, "n").tolist() == [round(4096 * Fraction(one)) for one in lost.tolist()]
+    assert nearest_decays(lost, "n").tolist() == [
+        round(4096 * Fraction(one)) for one in lost.tolist()
+    ]

@@ -41,15 +41,24 @@ def test_all_of_a_small_network_is_kept(network, levels, played):
         assert np.array_equal(item.numbers, np.arange(item.size))
         assert np.array_equal(item.reference, wanted.spikes[item.name][0])
         assert np.array_equal(item.chip, chip.spikes[item.name][0])
-    assert [np.array_equal(item.reference, wanted.spikes[item.name][0]) for item in found.inputs] == [True, True]
+    assert [
+        np.array_equal(item.reference, wanted.spikes[item.name][0]) for item in found.inputs
+    ] == [True, True]
 
 
 def test_the_potential_is_the_one_that_differs_first(levels, played):
     first = compare(levels.quantized, levels.program, played).first_divergence
     shown = take_excerpt(levels, played, first).potential
     at = first.step - shown.first_step
-    assert (shown.population, shown.neuron, shown.threshold) == (first.population, first.neuron, first.threshold)
-    assert (shown.reference[at], shown.chip[at]) == (first.reference_potential, first.chip_potential)
+    assert (shown.population, shown.neuron, shown.threshold) == (
+        first.population,
+        first.neuron,
+        first.threshold,
+    )
+    assert (shown.reference[at], shown.chip[at]) == (
+        first.reference_potential,
+        first.chip_potential,
+    )
     assert shown.reference_spikes[at] != shown.chip_spikes[at]
     assert np.array_equal(shown.reference_spikes[:at], shown.chip_spikes[:at])
 
@@ -64,7 +73,13 @@ def test_without_a_difference_the_readout_is_shown(network, levels, played):
 def test_much_is_thinned_around_the_first_difference(levels, played, monkeypatch):
     first = compare(levels.quantized, levels.program, played).first_divergence
     whole = take_excerpt(levels, played, first)
-    for name, value in {"STEPS": 8, "MARKS": 20, "NEURONS": 3, "LINES": 10, "POPULATIONS": 2}.items():
+    for name, value in {
+        "STEPS": 8,
+        "MARKS": 20,
+        "NEURONS": 3,
+        "LINES": 10,
+        "POPULATIONS": 2,
+    }.items():
         monkeypatch.setattr(module, name, value)
     found = take_excerpt(levels, played, first)
     assert (len(found.populations), found.populations_left_out) == (2, len(whole.populations) - 2)
@@ -78,14 +93,18 @@ def test_much_is_thinned_around_the_first_difference(levels, played, monkeypatch
     for item, every in zip(found.inputs, whole.inputs, strict=True):
         assert item.together == -(-item.size // 10)
         here = every.reference[found.steps[item.axis].start : found.steps[item.axis].stop]
-        rows = [here[:, i : i + item.together].max(axis=1) for i in range(0, item.size, item.together)]
+        rows = [
+            here[:, i : i + item.together].max(axis=1) for i in range(0, item.size, item.together)
+        ]
         assert np.array_equal(item.reference, np.stack(rows, axis=1))
 
 
 def test_the_neuron_that_differs_first_is_always_shown(levels, played, monkeypatch):
     monkeypatch.setattr(module, "NEURONS", 1)
     first = compare(levels.quantized, levels.program, played).first_divergence
-    shown = next(i for i in take_excerpt(levels, played, first).populations if i.name == first.population)
+    shown = next(
+        i for i in take_excerpt(levels, played, first).populations if i.name == first.population
+    )
     assert shown.numbers.tolist() == [first.neuron]
 
 

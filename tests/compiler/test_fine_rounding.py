@@ -29,7 +29,9 @@ CHIP = hw.chip("loihi-sim")
 
 
 def calibrated(network, samples=6, seed=5, rate=0.3):
-    given = Recordings(recordings(network, samples=samples, seed=seed, rate=rate), None, None, "made up")
+    given = Recordings(
+        recordings(network, samples=samples, seed=seed, rate=rate), None, None, "made up"
+    )
     return calibrate(network, given, CHIP.registers)
 
 
@@ -52,7 +54,9 @@ def test_parts_are_on_the_grid_and_add_up(seed, bits, largest, count, share):
     step = 1 << np.where(split, grades.second_grade(grade), grade)
     quanta = nearest(ideal, step, grades.largest_of(grade))
     parts = list(grades.parts(quanta, grade, split))
-    assert np.array_equal(sum((effective(m, e) for m, e in parts), start=np.zeros((4, 5))), 64 * quanta)
+    assert np.array_equal(
+        sum((effective(m, e) for m, e in parts), start=np.zeros((4, 5))), 64 * quanta
+    )
     for mantissa, exponent in parts:
         assert not weight_grid(bits, "excitatory").off_grid(np.abs(mantissa)).any()
         assert exponent in WEIGHT_EXPONENTS
@@ -64,7 +68,14 @@ def test_parts_are_on_the_grid_and_add_up(seed, bits, largest, count, share):
 def test_the_finest_grade_that_holds_a_weight_takes_it():
     grades = Grades.holding(1000.0, 8)
     assert grades == Grades(8, (0, 1, 2))
-    assert grades.grade(np.array([0.0, 254.0, 254.5, 508.0, 509.0, 1000.0])).tolist() == [0, 0, 1, 1, 2, 2]
+    assert grades.grade(np.array([0.0, 254.0, 254.5, 508.0, 509.0, 1000.0])).tolist() == [
+        0,
+        0,
+        1,
+        1,
+        2,
+        2,
+    ]
     assert [grades.exponent(k) for k in grades.held] == [0, 1, 2]
     assert Grades.holding(1000.0, 8, count=1) == Grades(8, (2,))
     assert Grades.holding(1e9, 8) == Grades(8, (4, 5, 6, 7))
@@ -94,7 +105,10 @@ def test_few_weights_are_rounded_nearly_as_well_as_any_rounding_could(seed):
     step, most = r.choice([1, 2, 4], size=(3, 4)), np.full((3, 4), 100)
     found = round_together(Metric.of(gram), ideal, step, most, 32)
     near = np.rint(ideal / step) * step
-    tried = [error(gram, ideal, near + step * np.array(moves)) for moves in itertools.product((-1, 0, 1), repeat=4)]
+    tried = [
+        error(gram, ideal, near + step * np.array(moves))
+        for moves in itertools.product((-1, 0, 1), repeat=4)
+    ]
     assert error(gram, ideal, found).sum() <= 1.5 * np.min(tried, axis=0).sum() + 1e-9
     assert (found % step == 0).all()
 
@@ -106,7 +120,9 @@ def test_rounding_together_keeps_limits_and_zeros(seed, beam):
     x = r.normal(size=(60, 9))
     ideal = r.normal(0, 30, (20, 9))
     step = r.choice([0, 1, 8], size=ideal.shape)
-    found = round_together(Metric.of(x.T @ x + np.eye(9)), ideal, step, np.full(ideal.shape, 24), beam)
+    found = round_together(
+        Metric.of(x.T @ x + np.eye(9)), ideal, step, np.full(ideal.shape, 24), beam
+    )
     assert (np.abs(found) <= 24).all()
     assert (found[step == 0] == 0).all()
     assert (found[step == 8] % 8 == 0).all()
@@ -114,7 +130,9 @@ def test_rounding_together_keeps_limits_and_zeros(seed, beam):
 
 def test_without_correlation_every_weight_is_the_nearest():
     ideal = np.random.default_rng(0).normal(0, 9, (5, 6))
-    found = round_together(Metric.of(np.diag(np.arange(1.0, 7))), ideal, np.ones((5, 6), int), np.full((5, 6), 99), 4)
+    found = round_together(
+        Metric.of(np.diag(np.arange(1.0, 7))), ideal, np.ones((5, 6), int), np.full((5, 6), 99), 4
+    )
     assert np.array_equal(found, np.rint(ideal))
 
 
@@ -129,7 +147,9 @@ def test_two_decays_fit_no_worse_than_one_and_as_stated(tau):
     keep_u, keep_v = 1 - u / 4096, 1 - v / 4096
     answer = k * keep_u ** (k - 1) if u == v else (keep_u**k - keep_v**k) / (keep_u - keep_v)
     kernel = k / tau * np.exp(1 - k / tau)
-    assert math.sqrt(((kernel - gain * answer) ** 2).sum() / (kernel**2).sum()) == pytest.approx(left, abs=1e-6)
+    assert math.sqrt(((kernel - gain * answer) ** 2).sum() / (kernel**2).sum()) == pytest.approx(
+        left, abs=1e-6
+    )
 
 
 def test_the_published_time_constant_takes_two_decays():
@@ -222,7 +242,10 @@ def test_the_program_is_the_rounded_network_bit_for_bit(seed, strategy, bits, sp
 def test_every_improvement_buys_spikes():
     """On recordings that nothing was rounded for; each row adds one to those before it."""
     network = hybrid(3, channels=30, steps=120, hidden=16, classes=4, scale=3.0)
-    calibration, played = calibrated(network, samples=12, rate=0.1), recordings(network, samples=8, seed=9, rate=0.1)
+    calibration, played = (
+        calibrated(network, samples=12, rate=0.1),
+        recordings(network, samples=8, seed=9, rate=0.1),
+    )
     rows = [
         NEAREST,
         Rounding(fitted_decays=True, graded=True),
@@ -267,13 +290,16 @@ def test_a_weight_that_is_0_gets_no_synapse():
     thinned = replace(
         network,
         projections=tuple(
-            replace(p, weights=p.weights * (r.random(p.weights.shape) < 0.5)) for p in network.projections
+            replace(p, weights=p.weights * (r.random(p.weights.shape) < 0.5))
+            for p in network.projections
         ),
     )
     levels = lower(thinned, CHIP, 4, "dendrite", replace(FINE, split=1.0), calibrated(thinned))
     zeros = 0
     for p in thinned.projections:
-        parts = [q for q in levels.quantized.projections if (q.source, q.target) == (p.source, p.target)]
+        parts = [
+            q for q in levels.quantized.projections if (q.source, q.target) == (p.source, p.target)
+        ]
         whole = sum(effective(q.mantissa, q.exponent) for q in parts)
         assert (whole[p.weights == 0] == 0).all()
         zeros += int((whole == 0).sum())

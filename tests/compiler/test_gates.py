@@ -12,7 +12,12 @@ from locsnn_compile.verification.error_bounds import ErrorBudget, Losses
 
 MODEL = Path(__file__).parents[2] / "examples/models/objects-hybrid-loihi.pt"
 REPORT = {
-    "match": {"prediction_agreement": 0.75, "spike_agreement": 0.875, "score_error": 0.25, "samples": 4},
+    "match": {
+        "prediction_agreement": 0.75,
+        "spike_agreement": 0.875,
+        "score_error": 0.25,
+        "samples": 4,
+    },
     "energy": {"per_sample_pj": 2500.0},
     "latency": {"per_sample_ns": 1500.0, "timed": True},
     "resources": {"cores": 3},
@@ -28,7 +33,9 @@ ROWS = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("gate", "kept", "broken", "said", "blamed"), ROWS, ids=[row[0] for row in ROWS])
+@pytest.mark.parametrize(
+    ("gate", "kept", "broken", "said", "blamed"), ROWS, ids=[row[0] for row in ROWS]
+)
 def test_a_bound_is_kept_by_what_is_equal_to_it(gate, kept, broken, said, blamed):
     (one,), (other,) = (check_gates(REPORT, {gate: bound}) for bound in (kept, broken))
     assert (one.option, one.holds, one.found) == (gate, True, said)
@@ -48,19 +55,29 @@ def test_a_share_of_spikes_that_is_equal_to_a_bound_keeps_it(bound):
 
 def test_every_gate_has_its_row_and_they_come_in_order():
     bounds = {gate: kept for gate, kept, *_ in reversed(ROWS)}
-    assert tuple(gate.option for gate in check_gates(REPORT, bounds)) == GATES == tuple(row[0] for row in ROWS)
+    assert (
+        tuple(gate.option for gate in check_gates(REPORT, bounds))
+        == GATES
+        == tuple(row[0] for row in ROWS)
+    )
 
 
 @pytest.mark.parametrize("gate", ["--min-agreement", "--max-spike-error", "--max-score-error"])
 def test_a_gate_on_what_was_not_compared_fails(gate):
-    silent = REPORT | {"match": {"prediction_agreement": None, "spike_agreement": None, "score_error": None}}
+    silent = REPORT | {
+        "match": {"prediction_agreement": None, "spike_agreement": None, "score_error": None}
+    }
     (found,) = check_gates(silent, {gate: 0.0 if gate == "--min-agreement" else 1.0})
     assert (found.holds, found.measured) == (False, None)
 
 
 def test_a_gate_on_energy_fails_where_no_energy_is_known():
     (found,) = check_gates(REPORT | {"energy": {"per_sample_pj": None}}, {"--max-energy-nj": 1e12})
-    assert (found.holds, found.measured, found.found) == (False, None, "the energy of this target is not known")
+    assert (found.holds, found.measured, found.found) == (
+        False,
+        None,
+        "the energy of this target is not known",
+    )
 
 
 def test_a_gate_on_latency_fails_where_no_operation_has_a_time():
@@ -76,7 +93,16 @@ def test_a_profile_without_times_keeps_no_bound_of_latency(tmp_path, capsys):
         "{source: ours, basis: measured, energy_pj: {synaptic_ops: 30.0}, time_ns: {}, "
         "barrier_ns: {one_tile: 100.0, all_tiles: 400.0}, not_included: []}"
     )
-    arguments = [str(MODEL), "--profile", str(profile), "--max-latency-us", "1e9", "--max-energy-nj", "1e9", "--quiet"]
+    arguments = [
+        str(MODEL),
+        "--profile",
+        str(profile),
+        "--max-latency-us",
+        "1e9",
+        "--max-energy-nj",
+        "1e9",
+        "--quiet",
+    ]
     assert main([*arguments, "-o", str(tmp_path / "out")]) == 3
     assert capsys.readouterr().err == (
         "gate failed: --max-latency-us: the latency is not known, as the profile has no times of operations.\n"

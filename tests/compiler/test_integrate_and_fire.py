@@ -63,7 +63,13 @@ def random_network(seed, *, steps=25, size=3, channels=4, rule=">"):
     )
     weights = np.round(r.normal(0.2, 0.5, (size, channels)), 2)
     delay = r.integers(0, 4, size=weights.shape) if r.random() < 0.5 else int(r.integers(0, 3))
-    return single(neuron, weights, steps=steps, recurrent=np.round(r.normal(0, 0.4, (size, size)), 2), delay=delay)
+    return single(
+        neuron,
+        weights,
+        steps=steps,
+        recurrent=np.round(r.normal(0, 0.4, (size, size)), 2),
+        delay=delay,
+    )
 
 
 @settings(max_examples=30, deadline=None)
@@ -88,7 +94,9 @@ def test_a_potential_exactly_at_threshold(rule, spikes):
 
 
 @settings(max_examples=20, deadline=None)
-@given(seed=st.integers(0, 2**32 - 1), rule=st.sampled_from([">", ">="]), bits=st.sampled_from([2, 8]))
+@given(
+    seed=st.integers(0, 2**32 - 1), rule=st.sampled_from([">", ">="]), bits=st.sampled_from([2, 8])
+)
 def test_the_program_is_the_rounded_network_bit_for_bit(seed, rule, bits):
     network = random_network(seed, rule=rule, steps=40)
     played = recordings(network, samples=2, seed=seed)
@@ -115,7 +123,9 @@ def test_a_network_whose_numbers_the_chip_holds_spikes_as_in_float(seed):
 def test_one_threshold_for_all_and_a_scale_for_each():
     theta = np.array([0.1, 1.0, 30.0])
     for rule, over in ((">", 0), (">=", 1)):
-        quantized = quantize(single(Cuba.of(3, decay_v=0.2, threshold=theta, rule=rule), np.ones((3, 2))), CHIP)
+        quantized = quantize(
+            single(Cuba.of(3, decay_v=0.2, threshold=theta, rule=rule), np.ones((3, 2))), CHIP
+        )
         population = quantized.population("n")
         mantissa = population.neuron.threshold
         assert len(set(mantissa.tolist())) == 1
@@ -218,11 +228,18 @@ def test_populations_are_stepped_together_only_where_they_feed_each_other():
         populations=tuple(Population(name, "time", 1, neuron) for name in names),
         projections=tuple(Projection(a, b, one) for a, b in edges),
     )
-    assert [[p.name for p in together] for together in evaluation_order(bigger)] == [["a"], ["c", "b"], ["d"], ["n"]]
+    assert [[p.name for p in together] for together in evaluation_order(bigger)] == [
+        ["a"],
+        ["c", "b"],
+        ["d"],
+        ["n"],
+    ]
 
 
 def test_the_fit_of_a_threshold_beyond_the_charge_of_a_step_is_measured_without_a_wrap():
     """Outputs that are read by potential have such thresholds."""
-    found = quantize(single(Cuba.of(1, decay_v=1.0, threshold=1.0), [[0.001]]), CHIP).population("n")
+    found = quantize(single(Cuba.of(1, decay_v=1.0, threshold=1.0), [[0.001]]), CHIP).population(
+        "n"
+    )
     assert 64 * found.neuron.threshold[0] >= 2**CHIP.registers.charge_bits
     assert (found.fit.input_max, found.fit.input_rms) == (0.0, 0.0)

@@ -22,9 +22,19 @@ def levels(case):
     from locsnn_compile.network.neurons import Cuba
 
     if case == "cuba":
-        neuron = Cuba.of(3, decay_u=0.3, decay_v=0.1, threshold=[0.5, 1.0, 2.0], bias=[0.0, 0.1, -0.2], refractory=2)
+        neuron = Cuba.of(
+            3,
+            decay_u=0.3,
+            decay_v=0.1,
+            threshold=[0.5, 1.0, 2.0],
+            bias=[0.0, 0.1, -0.2],
+            refractory=2,
+        )
         network = single(
-            neuron, [[0.1, -0.5], [0.7, 0.25], [0.0, 1.0]], recurrent=[[0.0] * 3] * 2 + [[0.5] * 3], delay=3
+            neuron,
+            [[0.1, -0.5], [0.7, 0.25], [0.0, 1.0]],
+            recurrent=[[0.0] * 3] * 2 + [[0.5] * 3],
+            delay=3,
         )
     else:
         network = on_grid(1) if case == "on-grid" else hybrid()

@@ -37,7 +37,11 @@ def integer_srm(drive, q):
 
 
 @settings(max_examples=15, deadline=None)
-@given(seed=st.integers(0, 2**32 - 1), bits=st.sampled_from([1, 3, 8]), tau_ref=st.sampled_from([1.0, 4.0]))
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    bits=st.sampled_from([1, 3, 8]),
+    tau_ref=st.sampled_from([1.0, 4.0]),
+)
 def test_compartments_do_what_the_recursion_does(seed, bits, tau_ref):
     network = hybrid(seed, steps=40, hidden=5, neuron=SrmAlpha(10.0, 10.0, tau_ref, 2.0))
     levels = lower(network, CHIP, bits)
@@ -66,7 +70,10 @@ def test_populations_keep_their_names_and_compartments_have_theirs():
 
 def test_a_phase_an_axis_each_on_cores_of_its_own():
     program = lower(hybrid(), CHIP, 8).program
-    assert [(phase.name, phase.steps) for phase in program.phases] == [("time", 12), ("location", 4)]
+    assert [(phase.name, phase.steps) for phase in program.phases] == [
+        ("time", 12),
+        ("location", 4),
+    ]
     assert [core.phase for core in program.cores] == ["time", "location"]
 
 
@@ -84,7 +91,11 @@ def test_fine_weights_and_decays_on_the_grid_leave_the_reference_nothing_to_disa
     once = lower(network, CHIP, 8).quantized
     gain = np.e * np.exp(-1 / tau) / tau
     on_grid = tuple(
-        type(p)(p.source, p.target, q.mantissa * 64 * 2.0**q.exponent / (once.population(p.target).scale[0] * gain))
+        type(p)(
+            p.source,
+            p.target,
+            q.mantissa * 64 * 2.0**q.exponent / (once.population(p.target).scale[0] * gain),
+        )
         for p, q in zip(network.projections, once.projections, strict=True)
     )
     from dataclasses import replace

@@ -25,18 +25,27 @@ def delayed():
     r = np.random.default_rng(0)
     network = single(NEURON, np.zeros((5, 6)), steps=90)
     weights = r.normal(0, 1, (len(DELAYS), 5, 6)) * r.choice([0.5, 8.0], (len(DELAYS), 5, 6))
-    projections = tuple(Projection("touch", "n", part, delay) for part, delay in zip(weights, DELAYS, strict=True))
+    projections = tuple(
+        Projection("touch", "n", part, delay) for part, delay in zip(weights, DELAYS, strict=True)
+    )
     return replace(network, projections=projections)
 
 
 def narrowest_formats(levels):
     """Return the formats that a core would hold if every list kept to its own."""
-    return {(s.exponent, s.sign_mode, s.weight_bits, s.delay_bits) for s in levels.compartments.synapses}
+    return {
+        (s.exponent, s.sign_mode, s.weight_bits, s.delay_bits) for s in levels.compartments.synapses
+    }
 
 
 @pytest.mark.parametrize(
     ("strategy", "share", "apart"),
-    [("dendrite", 0.0, 17), ("dendrite", 1.0, 17), ("delay-line", 1.0, 21), ("paired-dendrite", 0.0, 17)],
+    [
+        ("dendrite", 0.0, 17),
+        ("dendrite", 1.0, 17),
+        ("delay-line", 1.0, 21),
+        ("paired-dendrite", 0.0, 17),
+    ],
 )
 def test_the_program_is_the_rounded_network_bit_for_bit(strategy, share, apart):
     levels = lower(delayed(), CHIP, 8, strategy, Rounding(graded=True, split=share))
@@ -66,7 +75,9 @@ def test_weights_of_one_delay_take_no_more_formats_than_a_core_holds(strategy, h
     """Each grade takes two, one a sign; own spikes take one, or four in a line of delays."""
     chip = replace(CHIP, limits=replace(CHIP.limits, synapse_formats_per_core=held))
     weights = (
-        np.random.default_rng(0).choice([-1.0, 1.0], (5, 24)) * 2.0 ** np.arange(24).repeat(5).reshape(24, 5).T / 64
+        np.random.default_rng(0).choice([-1.0, 1.0], (5, 24))
+        * 2.0 ** np.arange(24).repeat(5).reshape(24, 5).T
+        / 64
     )
     levels = lower(single(NEURON, weights / 64), chip, 8, strategy, Rounding(graded=True))
     assert [len(core.axons.formats) for core in levels.program.cores] == [taken]
@@ -78,7 +89,9 @@ def test_exponents_of_integer_weights_that_are_too_many():
     network = replace(
         single(NEURON, np.zeros((1, 6)), steps=90),
         populations=(Population("n", "time", 1, neuron),),
-        projections=tuple(ChipProjection("touch", "n", weights, exponent, 8) for exponent in range(-8, 1)),
+        projections=tuple(
+            ChipProjection("touch", "n", weights, exponent, 8) for exponent in range(-8, 1)
+        ),
     )
     with pytest.raises(TargetError) as caught:
         lower(network, CHIP, 8)

@@ -48,7 +48,10 @@ def test_distances_are_those_of_the_float_potentials(found, network, played):
 def test_without_a_spike_the_error_is_the_simulators(network, played):
     """No threshold is reached, so both sides see the same spikes: none."""
     quiet = replace(
-        network, populations=tuple(replace(p, neuron=replace(NEURON, theta=1e4)) for p in network.populations)
+        network,
+        populations=tuple(
+            replace(p, neuron=replace(NEURON, theta=1e4)) for p in network.populations
+        ),
     )
     levels = lower(quiet, CHIP, 4)
     wanted = evaluate(quiet, played, potentials=True)
@@ -73,7 +76,10 @@ def test_registers_are_the_simulators(found, levels, played):
     chip = hw.simulate(levels.program, played, probe=("u", "potential"))
     assert set(found.registers) == set(chip.u)
     for name, use in found.registers.items():
-        assert (use.peak_u, use.peak_v) == (np.abs(chip.u[name]).max(), np.abs(chip.potential[name]).max())
+        assert (use.peak_u, use.peak_v) == (
+            np.abs(chip.u[name]).max(),
+            np.abs(chip.potential[name]).max(),
+        )
         events = chip.events.get(name, {})
         assert use.wraps + use.clips == sum(events.values())
 

@@ -37,7 +37,10 @@ def levels(network):
     ids=["silence", "equal", "two missing", "all missing"],
 )
 def test_agreement(match, agreement, mismatches):
-    assert (match.agreement, match.mismatches) == (agreement and pytest.approx(agreement), mismatches)
+    assert (match.agreement, match.mismatches) == (
+        agreement and pytest.approx(agreement),
+        mismatches,
+    )
 
 
 @pytest.mark.parametrize(
@@ -99,11 +102,21 @@ def test_the_first_divergence_is_the_first(network, levels):
     ]
     recording, _, step, rank, neuron = min(rows)
     name = list(axis)[rank]
-    assert (first.recording, first.population, first.step, first.neuron) == (recording, name, step, neuron)
+    assert (first.recording, first.population, first.step, first.neuron) == (
+        recording,
+        name,
+        step,
+        neuron,
+    )
     assert first.reference_potential == wanted.potential[name][recording, step, neuron]
-    chip = found.potential[name][recording, step, neuron] / levels.quantized.population(name).scale[neuron]
+    chip = (
+        found.potential[name][recording, step, neuron]
+        / levels.quantized.population(name).scale[neuron]
+    )
     assert first.chip_potential == pytest.approx(chip)
-    assert (first.reference_potential >= first.threshold) != (first.chip_potential >= first.threshold)
+    assert (first.reference_potential >= first.threshold) != (
+        first.chip_potential >= first.threshold
+    )
 
 
 def test_what_chunks_of_recordings_add_up_to():
@@ -117,7 +130,9 @@ def test_what_chunks_of_recordings_add_up_to():
     assert all(counts.voltage_clips for counts in found.per_recording)
     assert match.counts_by_phase == found.counts_by_phase
     assert match.additions == network_additions(network, evaluate(network, played).spikes)
-    alone = [compare(levels.quantized, levels.program, one[None]).latency_range_ns for one in played]
+    alone = [
+        compare(levels.quantized, levels.program, one[None]).latency_range_ns for one in played
+    ]
     least, most = zip(*alone, strict=True)
     assert match.latency_range_ns == (
         None if None in least else pytest.approx(np.mean(least)),
@@ -126,7 +141,9 @@ def test_what_chunks_of_recordings_add_up_to():
 
 
 def test_a_first_divergence_behind_the_first_chunk(network, levels):
-    played = np.concatenate((np.zeros((CHUNK + 2, 40, 4), dtype=np.uint8), recordings(network, samples=1)))
+    played = np.concatenate(
+        (np.zeros((CHUNK + 2, 40, 4), dtype=np.uint8), recordings(network, samples=1))
+    )
     assert compare(levels.quantized, levels.program, played).first_divergence.recording == CHUNK + 2
 
 
@@ -138,7 +155,11 @@ def test_the_time_axis_comes_first(network, levels):
         axis: [
             min((int(np.argwhere(a != b)[0, 0]) for a, b in pairs if (a != b).any()), default=99)
             for pairs in (
-                [(wanted[p.name][i], found[p.name][i]) for p in network.populations if p.axis == axis]
+                [
+                    (wanted[p.name][i], found[p.name][i])
+                    for p in network.populations
+                    if p.axis == axis
+                ]
                 for i in range(len(played))
             )
         ]
@@ -156,7 +177,11 @@ def test_equal_spikes_have_no_divergence(network, levels):
     silent = np.zeros((2, network.steps, network.channels), dtype=np.uint8)
     match = compare(levels.quantized, levels.program, silent)
     assert match.first_divergence is None
-    assert (match.spikes.agreement, match.prediction_agreement, match.tied_predictions) == (None, None, 2)
+    assert (match.spikes.agreement, match.prediction_agreement, match.tied_predictions) == (
+        None,
+        None,
+        2,
+    )
 
 
 @pytest.mark.parametrize(
@@ -168,14 +193,26 @@ def test_equal_spikes_have_no_divergence(network, levels):
         ([-1, -1], [-1, -1], None, 2),
         ([-1, -1], [0, 1], 0.0, 0),
     ],
-    ids=["none tied", "tied on both sides", "tied on one side only", "all tied", "the chip alone predicts"],
+    ids=[
+        "none tied",
+        "tied on both sides",
+        "tied on one side only",
+        "all tied",
+        "the chip alone predicts",
+    ],
 )
 def test_ties(network, levels, reference, chip, agreement, tied):
     match = compare(levels.quantized, levels.program, recordings(network, samples=1))
     sides = {"reference_prediction": np.array(reference), "chip_prediction": np.array(chip)}
     match = replace(match, samples=len(chip), labels=np.zeros(len(chip), dtype=np.int64), **sides)
-    assert (match.prediction_agreement, match.tied_predictions) == (agreement and pytest.approx(agreement), tied)
-    assert match.accuracy == {"reference": np.mean(np.array(reference) == 0), "chip": np.mean(np.array(chip) == 0)}
+    assert (match.prediction_agreement, match.tied_predictions) == (
+        agreement and pytest.approx(agreement),
+        tied,
+    )
+    assert match.accuracy == {
+        "reference": np.mean(np.array(reference) == 0),
+        "chip": np.mean(np.array(chip) == 0),
+    }
 
 
 def test_helper_neurons_are_counted_apart(network, levels):
@@ -183,12 +220,16 @@ def test_helper_neurons_are_counted_apart(network, levels):
     first = network.populations[0]
     helped = replace(network, populations=(replace(first, helper=True), *network.populations[1:]))
     plain, found = (
-        compare(replace(levels.quantized, network=net), levels.program, played) for net in (network, helped)
+        compare(replace(levels.quantized, network=net), levels.program, played)
+        for net in (network, helped)
     )
     assert found.helpers == {first.name: plain.by_population[first.name]}
     assert found.helpers | found.by_population == plain.by_population
     assert plain.first_divergence.population == first.name != found.first_divergence.population
-    assert found.spikes.mismatches == plain.spikes.mismatches - plain.by_population[first.name].mismatches
+    assert (
+        found.spikes.mismatches
+        == plain.spikes.mismatches - plain.by_population[first.name].mismatches
+    )
 
 
 def test_a_short_recording_is_followed_by_silence(network, levels):
@@ -214,7 +255,10 @@ def test_recordings_that_do_not_fit(levels, shape, message):
 
 @pytest.mark.parametrize("steps", [5, 30], ids=["shorter", "longer"])
 def test_a_network_of_any_length_takes_recordings_as_they_are(steps):
-    endless, given = replace(single(NEURON, steps=20), any_length=True), np.ones((2, steps, 1), dtype=np.uint8)
+    endless, given = (
+        replace(single(NEURON, steps=20), any_length=True),
+        np.ones((2, steps, 1), dtype=np.uint8),
+    )
     assert endless.fit(given, "array") is given
 
 
@@ -239,7 +283,12 @@ def test_a_network_of_any_length_walks_the_sensor_to_the_end_of_its_silence():
 )  # fmt: skip
 def test_labels_that_do_not_fit(network, levels, labels, message):
     with pytest.raises(InputError) as caught:
-        compare(levels.quantized, levels.program, recordings(network, samples=2), labels=np.array(labels))
+        compare(
+            levels.quantized,
+            levels.program,
+            recordings(network, samples=2),
+            labels=np.array(labels),
+        )
     assert str(caught.value) == message
 
 
@@ -249,4 +298,6 @@ def test_accuracy_counts_both_sides(network, levels):
     assert match.tied_predictions < 6
     again = replace(match, labels=match.chip_prediction)
     assert again.accuracy["chip"] == 1.0
-    assert again.accuracy["reference"] == np.mean(match.reference_prediction == match.chip_prediction)
+    assert again.accuracy["reference"] == np.mean(
+        match.reference_prediction == match.chip_prediction
+    )

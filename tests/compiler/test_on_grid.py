@@ -21,7 +21,11 @@ CHIP = hw.chip("loihi-sim")
 
 
 @settings(max_examples=25, deadline=None)
-@given(seed=st.integers(0, 2**32 - 1), together=st.sampled_from([1, 1, 2, 5, 12]), silence=st.integers(0, 3))
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    together=st.sampled_from([1, 1, 2, 5, 12]),
+    silence=st.integers(0, 3),
+)
 def test_the_reference_has_the_integers_of_both_engines(seed, together, silence):
     network = on_grid(seed, together=together, silence=silence)
     played = recordings(network, samples=2, seed=seed)
@@ -87,7 +91,9 @@ def test_a_negative_exponent_floors_every_weight(mantissa, exponent, weight):
 def integers(*, mantissa=((4, -6),), exponent=0, delay=0, signs="apart", **changes):
     """One integer neuron behind two channels."""
     neuron = ChipCuba.of(1, **({"decay_u": 4096, "decay_v": 10, "threshold": 5} | changes))
-    projection = ChipProjection("touch", "n", matrix(mantissa, np.int64), exponent, 8, signs=signs, delay=delay)
+    projection = ChipProjection(
+        "touch", "n", matrix(mantissa, np.int64), exponent, 8, signs=signs, delay=delay
+    )
     return replace(single(neuron, [[1.0, 1.0]]), projections=(projection,))
 
 

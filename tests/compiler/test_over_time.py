@@ -32,7 +32,9 @@ def counts_after(program, recording, step):
     """Spikes of both branches after a step, by a simulation of what was recorded until then."""
     until = recording * (np.arange(len(recording)) < step)[:, None].astype(np.uint8)
     found = hw.simulate(program, until).spikes
-    return found["time_output"][:step].sum(axis=0), found["location_output"].sum(axis=0, dtype=np.int64)
+    return found["time_output"][:step].sum(axis=0), found["location_output"].sum(
+        axis=0, dtype=np.int64
+    )
 
 
 def predicted(scores):
@@ -49,7 +51,12 @@ def test_shares_of_right_predictions(levels, played, labelled, psi):
     assert set(final) > {-1}
     wanted = labels if labelled else final
     counted = [i for i in range(9) if labelled or final[i] >= 0]
-    assert (found.recordings, found.available, found.labelled, found.psi) == (tuple(range(9)), 9, labelled, psi)
+    assert (found.recordings, found.available, found.labelled, found.psi) == (
+        tuple(range(9)),
+        9,
+        labelled,
+        psi,
+    )
     for step in (1, 7, 13, 20):
         w = 1 / (1 + np.exp(-psi * (step / 20 - 1)))
         right = dict.fromkeys(("time", "location", "together", "time_weighted"), 0)
@@ -62,7 +69,9 @@ def test_shares_of_right_predictions(levels, played, labelled, psi):
                 ("time_weighted", (1 - w) * a + w * b),
             ):
                 right[name] += predicted(scores) == label
-        assert {name: round(len(counted) * shares[step - 1]) for name, shares in found.right.items()} == right
+        assert {
+            name: round(len(counted) * shares[step - 1]) for name, shares in found.right.items()
+        } == right
     assert np.array_equal(found.proven.prediction, np.maximum(final, 0))
     if not labelled:
         assert found.right["together"][-1] == 1.0
@@ -87,7 +96,9 @@ def test_a_network_too_large_is_left_out(levels, played, monkeypatch):
     monkeypatch.setattr(module, "WORK", 3 * work + 1)
     assert over_time(levels, played, None).recordings == (0, 4, 8)
     monkeypatch.setattr(module, "WORK", work - 1)
-    assert over_time(levels, played, None) == ("the network is too large to be followed step by step within seconds")
+    assert over_time(levels, played, None) == (
+        "the network is too large to be followed step by step within seconds"
+    )
 
 
 def test_fewer_recordings_of_a_large_network_are_followed(levels, monkeypatch):
@@ -101,7 +112,10 @@ def test_fewer_recordings_of_a_large_network_are_followed(levels, monkeypatch):
 
 def test_recordings_that_nothing_is_predicted_of_are_left_out(levels, played):
     silent = np.zeros_like(played)
-    assert over_time(levels, silent, None) == "all class scores tie after the last step of every recording"
+    assert (
+        over_time(levels, silent, None)
+        == "all class scores tie after the last step of every recording"
+    )
     labelled = over_time(levels, silent, np.zeros(9, dtype=np.int64))
     assert {name: shares.tolist() for name, shares in labelled.right.items()} == {
         name: [0.0] * 20 for name in ("time", "location", "together", "time_weighted")
@@ -113,7 +127,9 @@ def test_a_program_that_cannot_stream_is_left_out(levels, played):
     item = program.inputs_of("location")[0]
     beside = replace(item, name="beside", positions=None)
     route = replace(program.route_of(item.name), input="beside")
-    mixed = replace(program, inputs=(*program.inputs, beside), input_routes=(*program.input_routes, route))
+    mixed = replace(
+        program, inputs=(*program.inputs, beside), input_routes=(*program.input_routes, route)
+    )
     assert over_time(replace(levels, program=mixed), played, None) == (
         "phase 'location' mixes transposed inputs with inputs that are played as they come, so it cannot run as they arrive"
     )
@@ -135,23 +151,34 @@ def test_savings_are_means(levels, played):
 def test_stops_by_chunks_are_those_of_all(levels, played, chunk):
     done = []
     found = stop_all(
-        lambda part: hw.stop_at_margin(levels.program, part, 2.0), played, lambda *at: done.append(at), chunk
+        lambda part: hw.stop_at_margin(levels.program, part, 2.0),
+        played,
+        lambda *at: done.append(at),
+        chunk,
     )
     wanted = hw.stop_at_margin(levels.program, played, 2.0)
     assert np.array_equal(found.steps, wanted.steps)
     assert np.array_equal(found.prediction, wanted.prediction)
     assert np.array_equal(found.final, wanted.final)
-    assert (found.counts, found.all_counts, found.all_steps) == (wanted.counts, wanted.all_counts, wanted.all_steps)
+    assert (found.counts, found.all_counts, found.all_steps) == (
+        wanted.counts,
+        wanted.all_counts,
+        wanted.all_steps,
+    )
     assert done[-1] == (9, 9)
 
 
 def test_the_report_has_it_unless_told_not_to(levels, played):
-    compiled = lc.compile(levels.network, events=played, labels=[0, 1, 2] * 3, strategy="dendrite", psi=15.0)
+    compiled = lc.compile(
+        levels.network, events=played, labels=[0, 1, 2] * 3, strategy="dendrite", psi=15.0
+    )
     entry = compiled.report["over_time"]
     assert (entry["right_is"], entry["psi"], entry["step_seconds"]) == ("the label", 15.0, 0.02)
     assert entry["steps"] == list(range(1, 21))
     assert entry["right"]["together"][-1] == compiled.report["accuracy"]["chip"]
-    assert entry["proven_stop"]["all_energy_pj"] == pytest.approx(compiled.report["energy"]["per_sample_pj"])
+    assert entry["proven_stop"]["all_energy_pj"] == pytest.approx(
+        compiled.report["energy"]["per_sample_pj"]
+    )
     assert "## Over time" in render_markdown(compose(compiled.report))
     json.dumps(compiled.report, allow_nan=False)
     bare = lc.compile(levels.network, events=played, strategy="dendrite", diagnosis=False).report
@@ -161,11 +188,18 @@ def test_the_report_has_it_unless_told_not_to(levels, played):
 def test_long_recordings_keep_some_steps(levels):
     network = hybrid(3, channels=3, steps=130, classes=2, scale=20.0)
     entry = lc.compile(network, events=recordings(network), strategy="dendrite").report["over_time"]
-    assert (len(entry["steps"]), entry["steps"][0], entry["steps"][9], entry["steps"][-1]) == (50, 3, 26, 130)
+    assert (len(entry["steps"]), entry["steps"][0], entry["steps"][9], entry["steps"][-1]) == (
+        50,
+        3,
+        26,
+        130,
+    )
     assert all(len(values) == 50 for values in entry["right"].values())
 
 
 def test_a_psi_below_zero_is_refused(levels, played):
     with pytest.raises(lc.InputError) as caught:
         over_time(levels, played, None, -1.0)
-    assert str(caught.value) == "psi: it is not a valid rate (got -1.0). Give 0 or more, such as 10."
+    assert (
+        str(caught.value) == "psi: it is not a valid rate (got -1.0). Give 0 or more, such as 10."
+    )

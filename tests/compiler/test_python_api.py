@@ -48,7 +48,9 @@ def compiled():
 
 def test_a_target_may_be_a_chip(compiled):
     network, given = compiled.network, compiled.match.labels
-    found = lc.compile(network, hw.chip("loihi-sim"), events=recordings(network, rate=0.6), labels=given)
+    found = lc.compile(
+        network, hw.chip("loihi-sim"), events=recordings(network, rate=0.6), labels=given
+    )
     assert found.files() == compiled.files()
 
 
@@ -96,7 +98,11 @@ def test_every_public_value_says_what_it_is_in_a_line(values):
 
 def test_every_large_public_type_has_such_a_line():
     """A dataclass whose arrays or parts would be printed whole."""
-    own = {name for name, kind in PUBLIC.items() if is_dataclass(kind) and kind.__repr__ is not Shown.__repr__}
+    own = {
+        name
+        for name, kind in PUBLIC.items()
+        if is_dataclass(kind) and kind.__repr__ is not Shown.__repr__
+    }
     assert own == {
         *("CompiledModel", "Counts", "Divergence", "EpochRecord", "ErrorBudget", "Expected"),
         *("Member", "PopulationMatch", "Probe", "Readout", "SensorLayout", "SrmAlpha"),
@@ -120,14 +126,24 @@ def own_types(hint):
     """Give the types of our own in an annotation."""
     if typing.get_args(hint):
         return set().union(*(own_types(part) for part in typing.get_args(hint)))
-    return {hint} if inspect.isclass(hint) and hint.__module__.startswith(("hw_model", "locsnn_compile")) else set()
+    return (
+        {hint}
+        if inspect.isclass(hint) and hint.__module__.startswith(("hw_model", "locsnn_compile"))
+        else set()
+    )
 
 
 def test_every_type_of_a_public_function_can_be_imported():
     functions = [value for value in PUBLIC.values() if inspect.isfunction(value)]
-    functions += [getter.fget for getter in vars(lc.CompiledModel).values() if isinstance(getter, property)]
-    found = set().union(*(own_types(hint) for f in functions for hint in typing.get_type_hints(f).values()))
-    found |= set().union(*(own_types(hint) for hint in typing.get_type_hints(lc.CompiledModel).values()))
+    functions += [
+        getter.fget for getter in vars(lc.CompiledModel).values() if isinstance(getter, property)
+    ]
+    found = set().union(
+        *(own_types(hint) for f in functions for hint in typing.get_type_hints(f).values())
+    )
+    found |= set().union(
+        *(own_types(hint) for hint in typing.get_type_hints(lc.CompiledModel).values())
+    )
     assert {kind.__name__ for kind in found} - set(PUBLIC) == set()
     assert {lc.Match, lc.Network, lc.Checkpoint, hw.Profile} <= found
 
@@ -135,9 +151,13 @@ def test_every_type_of_a_public_function_can_be_imported():
 def test_a_folder_holds_what_the_command_writes(compiled, tmp_path):
     compiled.save(tmp_path / "build")
     names = {"program.yaml", "program.npz", "report.json", "report.md", "report.html"}
-    assert {file.name: file.read_bytes() for file in (tmp_path / "build").iterdir()} == compiled.files()
+    assert {
+        file.name: file.read_bytes() for file in (tmp_path / "build").iterdir()
+    } == compiled.files()
     assert set(compiled.files()) == names
-    assert json.loads((tmp_path / "build/report.json").read_bytes()) == json.loads(json.dumps(compiled.report))
+    assert json.loads((tmp_path / "build/report.json").read_bytes()) == json.loads(
+        json.dumps(compiled.report)
+    )
     assert hw.load_program(tmp_path / "build").populations == compiled.program.populations
     assert compiled.to_html().encode() == compiled.files()["report.html"]
 
@@ -200,7 +220,9 @@ BROKEN = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("call", "message"), [row[1:] for row in BROKEN], ids=[row[0] for row in BROKEN])
+@pytest.mark.parametrize(
+    ("call", "message"), [row[1:] for row in BROKEN], ids=[row[0] for row in BROKEN]
+)
 def test_a_network_by_hand_that_is_none_is_refused(call, message):
     with pytest.raises(lc.InputError) as found:
         call()

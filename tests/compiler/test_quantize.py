@@ -37,7 +37,9 @@ def test_every_weight_is_within_half_a_grid_step(seed, bits, scale, theta):
         population = quantized.population(p.target)
         exact = p.weights * gain * population.scale[0] / (64 * 2.0**q.exponent)
         step = 1 << (8 - bits)
-        assert (np.abs(exact - q.mantissa) <= step / 2 * (1 + 1e-9)).all() or (256 - step) * 1.01 < np.abs(exact).max()
+        assert (np.abs(exact - q.mantissa) <= step / 2 * (1 + 1e-9)).all() or (
+            256 - step
+        ) * 1.01 < np.abs(exact).max()
         assert (np.sign(q.mantissa) * np.sign(p.weights) >= 0).all()
         assert 64 * HEADROOM * population.neuron.threshold[0] <= CHIP.registers.voltage_max
 
@@ -51,7 +53,9 @@ def test_the_threshold_rule_is_exact(theta, v):
     assert exact == (v > 64 * population.neuron.threshold[0])
 
 
-@pytest.mark.parametrize(("tau", "decay"), [(10.0, 390), (1.0, 2589), (0.05, 4096), (100.0, 41), (4000.0, 1)])
+@pytest.mark.parametrize(
+    ("tau", "decay"), [(10.0, 390), (1.0, 2589), (0.05, 4096), (100.0, 41), (4000.0, 1)]
+)
 def test_decays_are_the_nearest(tau, decay):
     assert one_decay(tau, "tau")[:2] == (decay, decay)
 
@@ -100,7 +104,9 @@ def test_silent_weights_are_held():
     assert all((p.mantissa == 0).all() for p in quantized.projections)
 
 
-@pytest.mark.parametrize(("sources", "several"), [(1024, True), (1025, False)], ids=["room", "no room"])
+@pytest.mark.parametrize(
+    ("sources", "several"), [(1024, True), (1025, False)], ids=["room", "no room"]
+)
 def test_weights_take_several_formats_where_a_core_has_room(sources, several):
     weights = np.append(np.geomspace(0.0005, 0.01, sources - 1), 1.0)[None, :]
     network = single(Cuba.of(1, decay_v=1.0, threshold=1.0), weights)
@@ -110,7 +116,9 @@ def test_weights_take_several_formats_where_a_core_has_room(sources, several):
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_inputs_that_all_come_at_once_do_not_wrap(sign):
-    network = single(Cuba.of(1, decay_v=1.0, threshold=1.0), sign * np.linspace(0.5, 1.5, 60)[None, :], steps=6)
+    network = single(
+        Cuba.of(1, decay_v=1.0, threshold=1.0), sign * np.linspace(0.5, 1.5, 60)[None, :], steps=6
+    )
     levels = lower(network, hw.chip("loihi-sim"), 8)
     assert {int(np.abs(values_of(p.mantissa)).max()) for p in levels.quantized.projections} == {255}
     result = hw.simulate(levels.program, np.ones((6, 60), dtype=np.uint8))

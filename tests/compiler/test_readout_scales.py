@@ -39,7 +39,10 @@ def two_outputs(threshold: float = 40.0) -> Network:
             Population(name, "time", 3, Cuba.of(3, decay_v=0.5, threshold=threshold * size))
             for name, size in sizes.items()
         ),
-        projections=tuple(Projection("touch", name, size * rng.normal(size=(3, 8))) for name, size in sizes.items()),
+        projections=tuple(
+            Projection("touch", name, size * rng.normal(size=(3, 8)))
+            for name, size in sizes.items()
+        ),
         readout=Readout(tuple(sizes), (1.0, 0.1), potentials_from=5),
         sha256="0" * 64,
     )
@@ -59,9 +62,16 @@ def test_scores_of_the_chip_are_those_of_the_network() -> None:
 
 def test_weights_that_are_a_little_wrong_show_in_scores_where_no_class_and_no_spike_tells() -> None:
     network, x = two_outputs(), (np.random.default_rng(0).random((40, 6, 8)) < 0.4).astype(np.uint8)
-    wrong = tuple(replace(p, weights=p.weights * [[1.05], [1.0], [0.95]]) for p in network.projections)
-    levels, other = (lower(one, hw.chip("loihi-sim"), 8) for one in (network, replace(network, projections=wrong)))
-    right, fault = (compare(levels.quantized, program, x) for program in (levels.program, other.program))
+    wrong = tuple(
+        replace(p, weights=p.weights * [[1.05], [1.0], [0.95]]) for p in network.projections
+    )
+    levels, other = (
+        lower(one, hw.chip("loihi-sim"), 8)
+        for one in (network, replace(network, projections=wrong))
+    )
+    right, fault = (
+        compare(levels.quantized, program, x) for program in (levels.program, other.program)
+    )
     for match in (right, fault):
         assert (match.prediction_agreement, match.first_divergence) == (1.0, None)
     assert right.scores.relative_error < 0.01
@@ -75,7 +85,10 @@ def test_weights_that_are_a_little_wrong_show_in_scores_where_no_class_and_no_sp
     }
     said = matches(report)
     assert (said.status, said.answer) == ("nearly", "Nearly, in every prediction")
-    assert [gate.holds for gate in check_gates(report, {"--min-agreement": 1.0, "--max-score-error": 0.05})] == [
+    assert [
+        gate.holds
+        for gate in check_gates(report, {"--min-agreement": 1.0, "--max-score-error": 0.05})
+    ] == [
         True,
         False,
     ]
@@ -86,18 +99,25 @@ def test_weights_that_are_a_little_wrong_show_in_scores_where_no_class_and_no_sp
 def test_scores_are_compared_in_the_units_of_the_network(weights, potentials) -> None:
     x = (np.random.default_rng(1).random((20, 6, 8)) < 0.4).astype(np.uint8)
     network = two_outputs(40.0 if potentials == 5 else 0.125)
-    network = replace(network, readout=replace(network.readout, weights=weights, potentials_from=potentials))
+    network = replace(
+        network, readout=replace(network.readout, weights=weights, potentials_from=potentials)
+    )
     levels = lower(network, hw.chip("loihi-sim"), 8)
     found = hw.simulate(levels.program, x).scores / levels.quantized.score_scale
     wanted = evaluate(network, x).scores
     assert np.count_nonzero(wanted) >= 5
-    assert np.abs(found - wanted).mean() <= 0.01 * np.abs(wanted - wanted.mean(axis=1, keepdims=True)).mean()
+    assert (
+        np.abs(found - wanted).mean()
+        <= 0.01 * np.abs(wanted - wanted.mean(axis=1, keepdims=True)).mean()
+    )
 
 
 def test_spikes_and_potentials_are_added_in_whole_numbers(tmp_path) -> None:
     """A spike counts 1 and a potential 1 over its scale, to a part in 32,768; the file and the text say which is which."""
     network, x = two_outputs(), (RNG.random((40, 6, 8)) < 0.4).astype(np.uint8)
-    network = replace(network, readout=replace(network.readout, weights=(0.3, -0.7), potentials_from=(None, 5)))
+    network = replace(
+        network, readout=replace(network.readout, weights=(0.3, -0.7), potentials_from=(None, 5))
+    )
     levels = lower(network, hw.chip("loihi-sim"), 8)
     spikes, potential = levels.program.readout.weights
     scale = levels.quantized.population("large").scale[0]
@@ -111,7 +131,9 @@ def test_spikes_and_potentials_are_added_in_whole_numbers(tmp_path) -> None:
     levels.program.save(tmp_path)
     loaded = hw.load_program(tmp_path)
     assert loaded.readout == levels.program.readout
-    assert yaml.safe_load((tmp_path / "program.yaml").read_text())["readout_potentials_from"] == {"large": 5}
+    assert yaml.safe_load((tmp_path / "program.yaml").read_text())["readout_potentials_from"] == {
+        "large": 5
+    }
     assert (
         f"readout: {spikes:g} * spikes of small + -16384 * largest potential, from step 5 on, of large"
         in compartments_text(levels.compartments)

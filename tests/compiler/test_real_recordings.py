@@ -98,7 +98,10 @@ def test_both_engines_give_the_same_integers(example, compiled):
     _, _, recordings = example
     probe = ("spikes", "u", "v", "potential")
     for recording in recordings.spikes:
-        fast, slow = (hw.simulate(compiled.program, recording, engine=e, probe=probe) for e in ("fast", "reference"))
+        fast, slow = (
+            hw.simulate(compiled.program, recording, engine=e, probe=probe)
+            for e in ("fast", "reference")
+        )
         assert replace(fast.counts, skipped_steps=0) == slow.counts
         for name in compiled.program.populations:
             for kind in ("u", "v", "potential"):

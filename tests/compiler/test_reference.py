@@ -33,13 +33,17 @@ def brute_force(drive, neuron):
         return k / neuron.tau_sr * math.exp(1 - k / neuron.tau_sr)
 
     def nu(k):
-        return -neuron.scale_ref * neuron.theta * k / neuron.tau_ref * math.exp(1 - k / neuron.tau_ref)
+        return (
+            -neuron.scale_ref * neuron.theta * k / neuron.tau_ref * math.exp(1 - k / neuron.tau_ref)
+        )
 
     steps, n = drive.shape
     spikes, potentials = np.zeros((steps, n), dtype=int), np.zeros((steps, n))
     for t in range(steps):
         for i in range(n):
-            u = sum(drive[s, i] * eps(t - s) for s in range(t + 1)) + sum(spikes[s, i] * nu(t - s) for s in range(t))
+            u = sum(drive[s, i] * eps(t - s) for s in range(t + 1)) + sum(
+                spikes[s, i] * nu(t - s) for s in range(t)
+            )
             potentials[t, i], spikes[t, i] = u, u >= neuron.theta
     return spikes, potentials
 
@@ -96,14 +100,20 @@ def test_drive_wraps_with_its_bias():
     state = ChipCubaSteps(neuron, 1, 1, hw.chip("loihi-sim").registers)
     state.u[:] = 2**23 - 10
     fired, potential = state.step(np.zeros((1, 1), dtype=np.int64))
-    assert (fired.tolist(), potential.tolist(), state.u.tolist()) == ([[False]], [[54 - 2**23]], [[2**23 - 10]])
+    assert (fired.tolist(), potential.tolist(), state.u.tolist()) == (
+        [[False]],
+        [[54 - 2**23]],
+        [[2**23 - 10]],
+    )
 
 
 def test_calibration_takes_recordings_from_the_first_to_the_last(monkeypatch):
     monkeypatch.setattr(evaluation, "SAMPLES", 3)
     network = hybrid()
     played = recordings(network, samples=7)
-    found = calibrate(network, Recordings(played, None, None, "seven"), hw.chip("loihi-sim").registers)
+    found = calibrate(
+        network, Recordings(played, None, None, "seven"), hw.chip("loihi-sim").registers
+    )
     wanted = evaluate(network, played[[0, 3, 6]]).spikes
     assert found.samples == 3
     assert all(np.array_equal(found.spikes[name], spikes) for name, spikes in wanted.items())

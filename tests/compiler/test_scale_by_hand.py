@@ -33,7 +33,9 @@ CHOICES = {
 }
 
 
-@pytest.mark.parametrize(("heaviest", "chip", "cap", "headroom", "wanted"), CHOICES.values(), ids=CHOICES)
+@pytest.mark.parametrize(
+    ("heaviest", "chip", "cap", "headroom", "wanted"), CHOICES.values(), ids=CHOICES
+)
 def test_exponent_and_threshold(heaviest, chip, cap, headroom, wanted):
     assert exponent_and_threshold(heaviest, GRID, chip, cap, 0, headroom) == wanted
 
@@ -55,7 +57,9 @@ SCALES = {
 }
 
 
-@pytest.mark.parametrize(("settings", "weights", "exponent", "threshold"), SCALES.values(), ids=SCALES)
+@pytest.mark.parametrize(
+    ("settings", "weights", "exponent", "threshold"), SCALES.values(), ids=SCALES
+)
 def test_scale_of_integrators(settings, weights, exponent, threshold):
     quantized = quantize(single(Cuba.of(1, **settings), [weights]), CHIP, 8)
     assert [p.exponent for p in quantized.projections] == [exponent]
@@ -108,7 +112,10 @@ def test_the_threshold_leaves_room_for_own_spikes():
     """They weigh 633.47 thresholds of at most 32640 / 633.47 - 1; 633.47 * (50 + 1 / 64) is 247.53 times 2^7."""
     (population,) = quantize(single(with_own(633.47), [[0.0]]), CHIP, 8).populations
     taps = population.neuron.refractory
-    assert (population.neuron.threshold.tolist(), population.scale.tolist()) == ([50], [3201 / NEURON.theta])
+    assert (population.neuron.threshold.tolist(), population.scale.tolist()) == (
+        [50],
+        [3201 / NEURON.theta],
+    )
     assert (taps.mantissa.tolist(), taps.exponent.tolist()) == ([[-248]], [7])
 
 
@@ -123,38 +130,60 @@ def test_own_spikes_that_leave_no_room():
 
 def test_two_dendrites_carry_half_of_a_weight_each():
     scales = {
-        strategy: quantize(single(NEURON, [[1000.0]]), CHIP, 8, strategy).populations[0].neuron.threshold.tolist()
+        strategy: quantize(single(NEURON, [[1000.0]]), CHIP, 8, strategy)
+        .populations[0]
+        .neuron.threshold.tolist()
         for strategy in ("dendrite", "paired-dendrite")
     }
     assert scales == {"dendrite": [1312], "paired-dendrite": [2640]}
 
 
 @pytest.mark.parametrize(
-    ("strategy", "decays"), [("dendrite", (379, 401)), ("reset", (379, 401)), ("delay-line", (390, 390))]
+    ("strategy", "decays"),
+    [("dendrite", (379, 401)), ("reset", (379, 401)), ("delay-line", (390, 390))],
 )
 def test_decays_are_fitted_where_no_taps_are_made_for_one(strategy, decays):
-    (population,) = quantize(single(NEURON), CHIP, 8, strategy, Rounding(fitted_decays=True)).populations
+    (population,) = quantize(
+        single(NEURON), CHIP, 8, strategy, Rounding(fitted_decays=True)
+    ).populations
     assert (population.neuron.decay_u[0], population.neuron.decay_v[0]) == decays
 
 
 def test_refractory_mantissas_of_scales_that_are_free():
     """Of 0.1 thresholds an own spike weighs 5.0 at one of 50, and 0.7 at one of 7."""
-    thresholds, mantissas, exponent = whole_mantissas(dendrite_charge(with_own(0.1), "n"), np.array([50.0, 7.0]), GRID)
+    thresholds, mantissas, exponent = whole_mantissas(
+        dendrite_charge(with_own(0.1), "n"), np.array([50.0, 7.0]), GRID
+    )
     assert (thresholds.tolist(), mantissas.tolist(), exponent) == ([50, 7], [-5, -1], 0)
 
 
 def test_decays_are_the_nearest():
-    assert nearest_decays(np.array([0.0, 1.4 / 4096, 0.25, 1.0]), "n").tolist() == [0, 1, 1024, 4096]
+    assert nearest_decays(np.array([0.0, 1.4 / 4096, 0.25, 1.0]), "n").tolist() == [
+        0,
+        1,
+        1024,
+        4096,
+    ]
 
 
 def test_charges_that_a_dendrite_answers_by_a_response():
-    assert own_charges(np.array([[1.0], [2.0], [3.0], [4.0]]), 0.5).tolist() == [[1.0], [1.0], [1.25], [1.5]]
+    assert own_charges(np.array([[1.0], [2.0], [3.0], [4.0]]), 0.5).tolist() == [
+        [1.0],
+        [1.0],
+        [1.25],
+        [1.5],
+    ]
 
 
 def test_shares_of_two_dendrites_add_up():
-    assert [part.tolist() for part in shares(np.array([5, -7, 8]), 2, 1)] == [[2, -3, 4], [3, -4, 4]]
+    assert [part.tolist() for part in shares(np.array([5, -7, 8]), 2, 1)] == [
+        [2, -3, 4],
+        [3, -4, 4],
+    ]
 
 
 def test_weights_of_one_sign_make_one_list():
-    synapses = lower(single(Cuba.of(2, **ONE), [[0.5, 0.0], [0.25, 0.5]]), CHIP, 8).compartments.synapses
+    synapses = lower(
+        single(Cuba.of(2, **ONE), [[0.5, 0.0], [0.25, 0.5]]), CHIP, 8
+    ).compartments.synapses
     assert [(s.sign_mode, len(s.mantissa)) for s in synapses] == [("excitatory", 3)]

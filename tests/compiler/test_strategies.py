@@ -65,7 +65,12 @@ def test_compartments_of_a_neuron(strategy, groups):
 
 
 @settings(max_examples=15, deadline=None)
-@given(tau_sr=st.floats(1, 40), tau_ref=st.floats(0.5, 6), scale_ref=st.floats(0.5, 4), weight=st.floats(0.5, 8))
+@given(
+    tau_sr=st.floats(1, 40),
+    tau_ref=st.floats(0.5, 6),
+    scale_ref=st.floats(0.5, 4),
+    weight=st.floats(0.5, 8),
+)
 def test_delayed_self_synapses_answer_as_the_refractory_kernel(tau_sr, tau_ref, scale_ref, weight):
     """The whole response, long after the last tap, is the kernel to within rounding."""
     neuron = SrmAlpha(10.0, tau_sr, tau_ref, scale_ref)
@@ -95,7 +100,9 @@ def test_the_first_taps_are_the_filtered_kernel():
     charge = kernel[2:] - 2 * b * kernel[1:-1] + b * b * kernel[:-2]
     taps = population.neuron.refractory
     found = np.zeros(6)
-    for delay, mantissa, exponent in zip(taps.delay, taps.mantissa[:, 0], taps.exponent, strict=True):
+    for delay, mantissa, exponent in zip(
+        taps.delay, taps.mantissa[:, 0], taps.exponent, strict=True
+    ):
         if delay < 6:
             found[delay] += 64 * mantissa * 2.0**exponent
     assert np.abs(found - charge).max() < 2e-3 * np.abs(kernel).max()
@@ -139,7 +146,9 @@ def test_the_stated_fit_of_the_input_kernel_is_that_of_a_simulated_spike(strateg
     charges = [int(64 * p.mantissa[0, 0] * 2.0**p.exponent) for p in levels.quantized.projections]
     charge, neuron = sum(charges), population.neuron
     one = replace(neuron, dendrites=1) if isinstance(neuron, ChipSrm) else neuron
-    parts = [input_response(one, np.array([part]), CHIP.registers, len(found))[:, 0] for part in charges]
+    parts = [
+        input_response(one, np.array([part]), CHIP.registers, len(found))[:, 0] for part in charges
+    ]
     assert np.array_equal(found, sum(parts))
     kernel = [k / tau_sr * math.exp(1 - k / tau_sr) for k in range(1, 200)]
     weight = charge / quantized_gain(levels)
@@ -185,7 +194,12 @@ def test_refractory_counts(neuron, decay, count):
 
 def test_every_strategy_has_its_kind_of_neuron():
     kinds = {strategy: type(quantized(strategy).neuron) for strategy in STRATEGIES}
-    assert kinds == {"dendrite": ChipSrm, "delay-line": ChipSrm, "reset": ChipCuba, "paired-dendrite": ChipSrm}
+    assert kinds == {
+        "dendrite": ChipSrm,
+        "delay-line": ChipSrm,
+        "reset": ChipCuba,
+        "paired-dendrite": ChipSrm,
+    }
 
 
 def test_every_table_of_strategies_has_all_of_them():
@@ -196,7 +210,9 @@ def test_every_table_of_strategies_has_all_of_them():
 
 def test_a_fit_is_measured_once_and_only_when_it_is_asked_for(monkeypatch):
     measured = []
-    monkeypatch.setattr("locsnn_compile.passes.quantize.kernel_fit", lambda *given: measured.append(given))
+    monkeypatch.setattr(
+        "locsnn_compile.passes.quantize.kernel_fit", lambda *given: measured.append(given)
+    )
     population = quantized("dendrite")
     assert measured == []
     assert (population.fit, population.fit) == (None, None)

@@ -63,7 +63,9 @@ def test_a_time_view_is_the_recording():
     assert (view.positions, view.first_lines) == (None, None)
 
 
-@pytest.mark.parametrize(("together", "silence", "steps"), [(1, 2, 6), (2, 0, 2), (3, 2, 4), (4, 1, 2)])
+@pytest.mark.parametrize(
+    ("together", "silence", "steps"), [(1, 2, 6), (2, 0, 2), (3, 2, 4), (4, 1, 2)]
+)
 def test_the_location_axis_has_the_steps_of_its_view(together, silence, steps):
     network = hybrid(together=together, silence=silence)
     check_network(network)
@@ -71,7 +73,11 @@ def test_the_location_axis_has_the_steps_of_its_view(together, silence, steps):
     graph = lower(network, CHIP, 8).compartments
     assert [phase.steps for phase in graph.phases] == [network.steps, steps]
     item = graph.inputs[1]
-    assert (item.size, item.rows, item.channels) == (together * network.steps, network.steps, network.channels)
+    assert (item.size, item.rows, item.channels) == (
+        together * network.steps,
+        network.steps,
+        network.channels,
+    )
 
 
 def test_levels_say_how_channels_are_visited():
@@ -80,7 +86,10 @@ def test_levels_say_how_channels_are_visited():
     assert "input touch_transposed: 36 lines over 4 location steps, walk " in text
     assert ", 3 together, 2 steps of silence\n" in text
     text = compartments_text(levels.compartments)
-    assert "input touch_transposed: 36 lines, phase location, plays touch transposed, positions " in text
+    assert (
+        "input touch_transposed: 36 lines, phase location, plays touch transposed, positions "
+        in text
+    )
     assert ", first lines " in text
     assert "together" not in network_text(hybrid())
     assert "first lines" not in compartments_text(lower(hybrid(), CHIP, 8).compartments)
@@ -100,12 +109,16 @@ def test_an_exact_network_stays_exact_until_its_pictures(seed, together, silence
     shown = take_excerpt(levels, played, None)
     assert shown.all_steps["location"] == network.steps_of("location")
     for item in shown.inputs:
-        whole = wanted.spikes[item.name][0][shown.steps[item.axis].start : shown.steps[item.axis].stop]
+        whole = wanted.spikes[item.name][0][
+            shown.steps[item.axis].start : shown.steps[item.axis].stop
+        ]
         assert item.reference.sum() == whole.sum() or item.together > 1
 
 
 def test_predictions_over_time_end_in_those_of_whole_recordings():
-    network = hybrid(seed=3, channels=5, steps=20, hidden=8, classes=3, scale=12.0, together=2, silence=2)
+    network = hybrid(
+        seed=3, channels=5, steps=20, hidden=8, classes=3, scale=12.0, together=2, silence=2
+    )
     levels = lower(network, CHIP, 8)
     played = recordings(network, samples=6)
     found = over_time(levels, played, None)

@@ -90,7 +90,11 @@ OF_A_NETWORK = [
 ]  # fmt: skip
 OF_A_PROGRAM = [
     ("steps", "3", "simulate, steps: it must be an int (got str '3'). Correct it."),
-    ("probe", "spikes", "simulate, probe: it must be a Sequence (got str 'spikes'). Put it in a list."),
+    (
+        "probe",
+        "spikes",
+        "simulate, probe: it must be a Sequence (got str 'spikes'). Put it in a list.",
+    ),
     ("probe", (3,), "probe 3: does not exist. Choose one of: activity, potential, spikes, u, v."),
     ("engine", 3, "engine 3: does not exist. Choose one of: fast, reference."),
 ]
@@ -109,26 +113,37 @@ def message_of(call):
     return str(caught.value)
 
 
-@pytest.mark.parametrize(("call", "message"), [row[1:] for row in WITHOUT], ids=[row[0] for row in WITHOUT])
+@pytest.mark.parametrize(
+    ("call", "message"), [row[1:] for row in WITHOUT], ids=[row[0] for row in WITHOUT]
+)
 def test_wrong_arguments(call, message):
     assert message_of(call) == message
 
 
-@pytest.mark.parametrize(("given", "message"), [row[1:] for row in OF_ACTIVITY], ids=[row[0] for row in OF_ACTIVITY])
+@pytest.mark.parametrize(
+    ("given", "message"), [row[1:] for row in OF_ACTIVITY], ids=[row[0] for row in OF_ACTIVITY]
+)
 def test_latency_of_what_is_not_the_activity_of_a_recording(program, given, message):
     activity = hw.simulate(program, [[1], [0]], probe=("activity",)).activity
-    assert message_of(lambda: hw.latency(program, given(activity), hw.chip("tiny-sim").costs)) == message
+    assert (
+        message_of(lambda: hw.latency(program, given(activity), hw.chip("tiny-sim").costs))
+        == message
+    )
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "message"), OF_A_NETWORK, ids=[f"{row[0]} {row[1]!r:.9}" for row in OF_A_NETWORK]
+    ("name", "value", "message"),
+    OF_A_NETWORK,
+    ids=[f"{row[0]} {row[1]!r:.9}" for row in OF_A_NETWORK],
 )
 def test_wrong_arguments_of_compile(network, name, value, message):
     assert message_of(lambda: lc.compile(network, **{name: value})) == message
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "message"), OF_A_PROGRAM, ids=[f"{row[0]} {row[1]!r:.9}" for row in OF_A_PROGRAM]
+    ("name", "value", "message"),
+    OF_A_PROGRAM,
+    ids=[f"{row[0]} {row[1]!r:.9}" for row in OF_A_PROGRAM],
 )
 def test_wrong_arguments_of_simulate(program, name, value, message):
     assert message_of(lambda: hw.simulate(program, [[1]], **{name: value})) == message
@@ -140,8 +155,14 @@ ROWS = "it is not an array: its rows differ in length. Make them equal."
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        pytest.param(lambda p: hw.Session(p).push([[1], [0, 1]]), f"spikes: {ROWS}", id="rows pushed"),
-        pytest.param(lambda p: hw.simulate(p, {"x": [[1], [0, 1]]}), f"spikes of 'x': {ROWS}", id="rows of a stream"),
+        pytest.param(
+            lambda p: hw.Session(p).push([[1], [0, 1]]), f"spikes: {ROWS}", id="rows pushed"
+        ),
+        pytest.param(
+            lambda p: hw.simulate(p, {"x": [[1], [0, 1]]}),
+            f"spikes of 'x': {ROWS}",
+            id="rows of a stream",
+        ),
         pytest.param(lambda p: hw.Session(p, psi=10**400), None, id="a psi that no float holds"),
     ],
 )
@@ -154,7 +175,12 @@ def test_wrong_arguments_of_a_session(program, call, message):
 def test_numbers_of_numpy_are_numbers(program):
     assert location_share(10**30, np.array([1, 2]), 2).tolist() == [0.0, 0.5]
     b = hw.ProgramBuilder(program.chip)
-    b.connect(b.add_input("x", 1), b.add_compartments("h", 1, threshold=10), [[32]], weight_bits=np.int8(4))
+    b.connect(
+        b.add_input("x", 1),
+        b.add_compartments("h", 1, threshold=10),
+        [[32]],
+        weight_bits=np.int8(4),
+    )
     assert hw.simulate(b.build(), [[1], [0]]).spikes["h"].ravel().tolist() == [0, 1]
     assert hw.simulate(program, [[1], [0]], steps=np.int64(3)).spikes["h"].shape == (3, 1)
     assert hw.calibrate_margin(program, [[[1], [0]]], np.float32(0.5)) > 0
@@ -166,8 +192,12 @@ def test_calls_that_python_refuses_stay_python_s():
 
 
 def test_recordings_that_do_not_fit_are_refused_before_all_the_work(network, monkeypatch):
-    monkeypatch.setattr("locsnn_compile.api.calibrate", lambda *_: pytest.fail("weights were rounded for them"))
-    monkeypatch.setattr("locsnn_compile.choose_strategy.calibrate", lambda *_: pytest.fail("settings were compared"))
+    monkeypatch.setattr(
+        "locsnn_compile.api.calibrate", lambda *_: pytest.fail("weights were rounded for them")
+    )
+    monkeypatch.setattr(
+        "locsnn_compile.choose_strategy.calibrate", lambda *_: pytest.fail("settings were compared")
+    )
     what = "the channel count differs from the model's (5 channels against 78)"
     with pytest.raises(lc.InputError) as caught:
         lc.compile(network, events=np.zeros((1, 9, 5)))

@@ -15,8 +15,12 @@ REACHING = START + 2.25
 
 def slip_spikes(each: int) -> dict[str, np.ndarray]:
     """Return the bins (150, 156) of so many slips of each class, by their names."""
-    touches = synthetic_touches(2 * each, steps=150, fingertips=2, classes=2, seed=5, step_seconds=0.001)
-    return {f"{SLIP_CLASSES[i % 2]}_{1 + i // 2:02}": spikes for i, spikes in enumerate(touches.spikes)}
+    touches = synthetic_touches(
+        2 * each, steps=150, fingertips=2, classes=2, seed=5, step_seconds=0.001
+    )
+    return {
+        f"{SLIP_CLASSES[i % 2]}_{1 + i // 2:02}": spikes for i, spikes in enumerate(touches.spikes)
+    }
 
 
 def write_slip(folder: Path, each: int = 4, *, nanoseconds: bool = True) -> dict[str, np.ndarray]:
@@ -32,7 +36,9 @@ def write_slip(folder: Path, each: int = 4, *, nanoseconds: bool = True) -> dict
         for line in tact_text(spikes, 0.001).decode().splitlines():
             polarity, cell, seconds = line.split()
             # In the middle of its bin, also where it is the first one.
-            events.append((polarity, cell, REACHING + (int(1000 * float(seconds) + 0.25) + 0.5) / 1000))
+            events.append(
+                (polarity, cell, REACHING + (int(1000 * float(seconds) + 0.25) + 0.5) / 1000)
+            )
         lines = [f"{polarity} {cell} {seconds:.9f}" for polarity, cell, seconds in events]
         if nanoseconds:
             lines = [line.replace(".", " ") for line in lines]
@@ -42,12 +48,18 @@ def write_slip(folder: Path, each: int = 4, *, nanoseconds: bool = True) -> dict
     return bins
 
 
-def write_preprocessed(folder: Path, samples: int = 20, classes: int = 2, rounds: int = 5) -> np.ndarray:
+def write_preprocessed(
+    folder: Path, samples: int = 20, classes: int = 2, rounds: int = 5
+) -> np.ndarray:
     """Write ``tact.pt`` (samples, 78, 2, 150) and the rows of its rounds; return its bins (samples, 150, 156)."""
     folder.mkdir(parents=True, exist_ok=True)
-    touches = synthetic_touches(samples, steps=150, fingertips=2, classes=classes, seed=6, step_seconds=0.001)
+    touches = synthetic_touches(
+        samples, steps=150, fingertips=2, classes=classes, seed=6, step_seconds=0.001
+    )
     assert touches.labels is not None
-    spikes = touches.spikes[np.argsort(touches.labels, kind="stable")]  # class by class, as published
+    spikes = touches.spikes[
+        np.argsort(touches.labels, kind="stable")
+    ]  # class by class, as published
     tensor = torch.tensor(spikes).permute(0, 2, 1).reshape(samples, 78, 2, 150).float()
     torch.save(tensor, folder / "tact.pt")
     rows = np.stack([np.arange(samples), np.sort(np.arange(samples) % classes)], axis=1)

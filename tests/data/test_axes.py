@@ -15,13 +15,41 @@ from locsnn_compile.errors import InputError
     ("shape", "channels", "order", "wanted"),
     [
         pytest.param((100, 78), None, "steps, channels", "channels, steps", id="one recording"),
-        pytest.param((48, 100, 78), None, "samples, steps, channels", "samples, channels, steps", id="step-major"),
         pytest.param(
-            (2, 39, 100), None, "polarities, taxels, steps", "taxels, polarities, steps", id="polarity before taxel"
+            (48, 100, 78),
+            None,
+            "samples, steps, channels",
+            "samples, channels, steps",
+            id="step-major",
         ),
-        pytest.param((100, 39, 2), None, "steps, taxels, polarities", "taxels, polarities, steps", id="steps first"),
-        pytest.param((100, 2, 39), None, "steps, polarities, taxels", "taxels, polarities, steps", id="backwards"),
-        pytest.param((78, 48, 100), None, "channels, samples, steps", "samples, channels, steps", id="channels first"),
+        pytest.param(
+            (2, 39, 100),
+            None,
+            "polarities, taxels, steps",
+            "taxels, polarities, steps",
+            id="polarity before taxel",
+        ),
+        pytest.param(
+            (100, 39, 2),
+            None,
+            "steps, taxels, polarities",
+            "taxels, polarities, steps",
+            id="steps first",
+        ),
+        pytest.param(
+            (100, 2, 39),
+            None,
+            "steps, polarities, taxels",
+            "taxels, polarities, steps",
+            id="backwards",
+        ),
+        pytest.param(
+            (78, 48, 100),
+            None,
+            "channels, samples, steps",
+            "samples, channels, steps",
+            id="channels first",
+        ),
         pytest.param(
             (48, 2, 39, 100),
             None,
@@ -36,8 +64,16 @@ from locsnn_compile.errors import InputError
             "samples, taxels, polarities, steps",
             id="taxels last",
         ),
-        pytest.param((9, 30, 20), 20, "samples, steps, channels", "samples, channels, steps", id="another sensor"),
-        pytest.param((30, 20), 20, "steps, channels", "channels, steps", id="one recording of another sensor"),
+        pytest.param(
+            (9, 30, 20),
+            20,
+            "samples, steps, channels",
+            "samples, channels, steps",
+            id="another sensor",
+        ),
+        pytest.param(
+            (30, 20), 20, "steps, channels", "channels, steps", id="one recording of another sensor"
+        ),
     ],
 )
 def test_another_order_is_named(

@@ -39,7 +39,9 @@ def numbers(found: Recordings) -> list[int]:
 
 def test_a_share_of_every_class_is_to_test(tmp_path: Path) -> None:
     path = write_single(tmp_path)
-    train, test, usual = (read_recordings(path, split=part, test_share=0.2) for part in ("train", "test", None))
+    train, test, usual = (
+        read_recordings(path, split=part, test_share=0.2) for part in ("train", "test", None)
+    )
     assert sorted(numbers(train) + numbers(test)) == list(range(16))
     assert test.labels is not None
     assert np.bincount(test.labels, minlength=3).tolist() == [2, 1, 0]
@@ -64,8 +66,14 @@ def test_rounds_take_turns(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("share", "rounds"), [(0.2, 5), (1 / 3, 3), (0.5, 2), (0.1, 10), (0.3, 3)])
 def test_no_round_tests_again(share: float, rounds: int) -> None:
     for many in range(2, 40):
-        parts = [stratified_split(np.zeros(many, dtype=np.int64), share, 0, fold) for fold in range(1, rounds + 1)]
-        sizes, tested = [len(test) for _, test in parts], np.concatenate([test for _, test in parts])
+        parts = [
+            stratified_split(np.zeros(many, dtype=np.int64), share, 0, fold)
+            for fold in range(1, rounds + 1)
+        ]
+        sizes, tested = (
+            [len(test) for _, test in parts],
+            np.concatenate([test for _, test in parts]),
+        )
         assert all(np.array_equal(np.sort(np.concatenate(part)), np.arange(many)) for part in parts)
         if many < rounds:
             assert sizes == [1] * rounds
@@ -77,7 +85,9 @@ def test_no_round_tests_again(share: float, rounds: int) -> None:
 
 def test_a_folder_without_parts_is_divided(tmp_path: Path) -> None:
     write_slip(tmp_path / "slip", each=5)
-    train, test = (read_recordings(tmp_path / "slip", split=part, test_share=0.2) for part in ("train", "test"))
+    train, test = (
+        read_recordings(tmp_path / "slip", split=part, test_share=0.2) for part in ("train", "test")
+    )
     assert (len(train), len(test), test.class_names) == (8, 2, ("stable", "rotate"))
 
 
@@ -206,7 +216,9 @@ def test_any_rows_are_read_or_refused(text: str, tmp_path_factory: pytest.TempPa
         found = read_recordings(folder)
         assert found.labels is not None
         assert 0 < len(found) < 3
-        assert [[int(word) for word in line.split()][1] for line in text.splitlines()] == found.labels.tolist()
+        assert [
+            [int(word) for word in line.split()][1] for line in text.splitlines()
+        ] == found.labels.tolist()
 
 
 def test_the_file_of_the_other_part_is_missing(tmp_path: Path) -> None:
@@ -222,7 +234,9 @@ def test_the_commands_agree_on_the_parts(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    write_recordings("motions.npz", synthetic_touches(20, steps=40, fingertips=2, classes=2, seed=3))
+    write_recordings(
+        "motions.npz", synthetic_touches(20, steps=40, fingertips=2, classes=2, seed=3)
+    )
     options = ["--split", "0.2", "--fold", "2"]
     quick = ["--epochs", "1", "--hidden", "4", "--recordings", "9"]
     assert main(["train", "--data", "motions.npz", *options, *quick, "-o", "net.pt"]) == 0
@@ -232,12 +246,18 @@ def test_the_commands_agree_on_the_parts(
     found = read_checkpoint("net.pt")
     assert found.description.input.sensor.surfaces == 2
     assert found.training["dataset"] == "motions.npz, train part (split 0.2, round 2)"
-    assert (found.training["split"], found.training["fold"], found.training["test_recordings"]) == (0.2, 2, 4)
+    assert (found.training["split"], found.training["fold"], found.training["test_recordings"]) == (
+        0.2,
+        2,
+        4,
+    )
     test = read_recordings("motions.npz", test_share=0.2, fold=2)
     assert found.recordings is not None
     assert np.array_equal(found.recordings.spikes, test.spikes)
     assert main(["events", "motions.npz", *options, "--part", "train", "--to", "train.npz"]) == 0
-    assert capsys.readouterr().out.startswith("motions.npz, train part (split 0.2, round 2): 16 recordings, 40 steps")
+    assert capsys.readouterr().out.startswith(
+        "motions.npz, train part (split 0.2, round 2): 16 recordings, 40 steps"
+    )
     assert len(read_recordings("train.npz")) == 16
 
 
@@ -256,17 +276,36 @@ def test_no_part_is_both_checked_and_calibrated_on(
     write_single(tmp_path)
     assert main(["train", "--data", "set.npz", "--split", "0.2", *quick]) == 0
     assert compile_main(["net.pt", "--quiet", "--strategy", "dendrite", "-o", "out"]) == 0
-    played = ["run", "out", "--events", "set.npz", "--split", "0.2", "--stop", "margin", "--calibrate", "set.npz"]
+    played = [
+        "run",
+        "out",
+        "--events",
+        "set.npz",
+        "--split",
+        "0.2",
+        "--stop",
+        "margin",
+        "--calibrate",
+        "set.npz",
+    ]
     assert main([*played, "--json"]) == 0
     calibrated = json.loads(capsys.readouterr().out)["stop"]["calibrated_on"]
-    assert (calibrated["source"], calibrated["recordings"]) == ("set.npz, train part (split 0.2, round 1)", 13)
+    assert (calibrated["source"], calibrated["recordings"]) == (
+        "set.npz, train part (split 0.2, round 1)",
+        13,
+    )
 
 
 def test_training_takes_a_round_of_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     write_preprocessed(tmp_path / "preprocessed")
     Path("fold.yaml").write_text("{epochs: 1, hidden: 4, fold: 3, step_seconds: 0.001}")
-    assert main(["train", "--data", "preprocessed", "--config", "fold.yaml", "--quiet", "-o", "net.pt"]) == 0
+    assert (
+        main(
+            ["train", "--data", "preprocessed", "--config", "fold.yaml", "--quiet", "-o", "net.pt"]
+        )
+        == 0
+    )
     found = read_checkpoint("net.pt")
     assert (found.description.input.channels, found.training["test_recordings"]) == (156, 4)
     assert found.training["dataset"] == "tact.pt, train part (round 3 of 5)"

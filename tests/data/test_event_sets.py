@@ -10,7 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from locsnn_compile.data import event_formats, event_stream, from_tonic, read_recordings, recording_parts
+from locsnn_compile.data import (
+    event_formats,
+    event_stream,
+    from_tonic,
+    read_recordings,
+    recording_parts,
+)
 from locsnn_compile.data.event_stream import Binning, EventStream, bin_streams
 from locsnn_compile.data.sensor import SensorLayout
 from locsnn_compile.errors import InputError
@@ -55,7 +61,9 @@ def test_folders_of_bin_files(tmp_path: Path, part: str) -> None:
 def test_time_goes_on_where_its_bits_end(tmp_path: Path) -> None:
     """Row 240 is no event: everything after it is 2^13 microseconds later."""
     mark = (0, 0, 240, 0)
-    (tmp_path / "a.bin").write_bytes(packed([(100, 1, 0, 0), mark, (100, 2, 0, 0), mark, (100, 3, 0, 0)]))
+    (tmp_path / "a.bin").write_bytes(
+        packed([(100, 1, 0, 0), mark, (100, 2, 0, 0), mark, (100, 3, 0, 0)])
+    )
     found = read_recordings(tmp_path / "a.bin", step_seconds=8192e-6, sensor=SENSOR)
     assert places(found.spikes[0]) == [(0, 2), (1, 4), (2, 6)]
 
@@ -64,7 +72,10 @@ def test_a_bin_file_that_ends_within_an_event(tmp_path: Path) -> None:
     (tmp_path / "a.bin").write_bytes(packed(EVENTS)[:-1])
     with pytest.raises(InputError) as caught:
         read_recordings(tmp_path / "a.bin")
-    assert str(caught.value) == "file 'a.bin': it ends within an event (14 bytes, 5 per event). Give a whole file."
+    assert (
+        str(caught.value)
+        == "file 'a.bin': it ends within an event (14 bytes, 5 per event). Give a whole file."
+    )
 
 
 def test_events_beside_the_grid_are_refused(tmp_path: Path) -> None:
@@ -96,13 +107,21 @@ def test_a_data_set_of_tonic_becomes_recordings() -> None:
     assert found.spikes.shape == (2, 3, 2 * 34 * 34)
     assert places(found.spikes[0]) == PLACES
     assert found.labels is not None
-    assert (found.labels.tolist(), found.class_names, found.source) == ([1, 0], ("zero", "one"), "Digits")
+    assert (found.labels.tolist(), found.class_names, found.source) == (
+        [1, 0],
+        ("zero", "one"),
+        "Digits",
+    )
 
 
 @pytest.mark.parametrize(
     ("dataset", "message"),
     [
-        pytest.param(Digits(), "data set 'Digits': no events inside. Give a recording with events.", id="empty"),
+        pytest.param(
+            Digits(),
+            "data set 'Digits': no events inside. Give a recording with events.",
+            id="empty",
+        ),
         pytest.param(
             Digits([(structured(EVENTS), "one")]),
             "data set 'Digits': its labels are not class numbers. Give a target_transform that gives them.",
@@ -198,7 +217,10 @@ def test_aedat4_of_too_many_events(camera: Path, monkeypatch: pytest.MonkeyPatch
         monkeypatch.setattr(module, "MAX_EVENTS", 2)
     with pytest.raises(InputError) as caught:
         read_recordings(camera)
-    assert str(caught.value) == "file 'a.aedat4': it has too many events (3 against 2). Give fewer recordings."
+    assert (
+        str(caught.value)
+        == "file 'a.aedat4': it has too many events (3 against 2). Give fewer recordings."
+    )
 
 
 DAMAGED = "file 'a.aedat4': it is damaged, truncated or has no events. Give a whole AEDAT4 file with events."
@@ -209,7 +231,10 @@ DAMAGED = "file 'a.aedat4': it is damaged, truncated or has no events. Give a wh
     [
         pytest.param(lambda data: data[: len(data) // 2], id="truncated"),
         pytest.param(lambda data: b"hello", id="another file"),
-        pytest.param(lambda data: data[:100] + bytes(b ^ 0xFF for b in data[100:]), id="a panic of the library"),
+        pytest.param(
+            lambda data: data[:100] + bytes(b ^ 0xFF for b in data[100:]),
+            id="a panic of the library",
+        ),
     ],
 )
 def test_aedat4_that_is_damaged(
@@ -229,7 +254,9 @@ def test_aedat4_that_takes_too_long(camera: Path, monkeypatch: pytest.MonkeyPatc
     assert str(caught.value) == DAMAGED
 
 
-def test_aedat4_says_which_package_it_needs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_aedat4_says_which_package_it_needs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setitem(sys.modules, "aedat", None)
     (tmp_path / "a.aedat4").write_bytes(b"")
     with pytest.raises(InputError) as caught:

@@ -78,7 +78,9 @@ def structured(rows: list[tuple[float, ...]], dtype: Any = TXYP) -> np.ndarray:
     ],
 )  # fmt: skip
 @pytest.mark.parametrize("suffix", [".npy", ".npz"])
-def test_structured_arrays(tmp_path: Path, array: np.ndarray, events: list[tuple[int, ...]], suffix: str) -> None:
+def test_structured_arrays(
+    tmp_path: Path, array: np.ndarray, events: list[tuple[int, ...]], suffix: str
+) -> None:
     path = tmp_path / f"a_label_7{suffix}"
     np.save(path, array) if suffix == ".npy" else np.savez(path, events=array)
     assert found_events(path)[1] == events
@@ -89,7 +91,11 @@ def test_structured_arrays(tmp_path: Path, array: np.ndarray, events: list[tuple
 
 @pytest.mark.parametrize("packed", [False, True], ids=["folder", "archive"])
 def test_a_set_has_one_size_and_the_order_of_its_numbers(tmp_path: Path, packed: bool) -> None:
-    files = {"10_label_1.bs1": bs1((4, 0, 0)), "2_label_0.bs1": bs1((0, 1, 50_000)), "notes.txt": b"hello"}
+    files = {
+        "10_label_1.bs1": bs1((4, 0, 0)),
+        "2_label_0.bs1": bs1((0, 1, 50_000)),
+        "notes.txt": b"hello",
+    }
     (tmp_path / "set").mkdir()
     for name, data in files.items():
         (tmp_path / "set" / name).write_bytes(data)
@@ -197,7 +203,10 @@ def test_a_grid_of_another_width_is_never_assumed(tmp_path: Path, highest: int) 
     else:
         with pytest.raises(InputError, match="the width of its grid is not known"):
             read_recordings(tmp_path / "a.bs2", **asked)
-    assert found_events(tmp_path / "a.bs2", **asked, columns=4) == ((1, 1, 12), [(0, 0, highest), (0, 0, 9)])
+    assert found_events(tmp_path / "a.bs2", **asked, columns=4) == (
+        (1, 1, 12),
+        [(0, 0, highest), (0, 0, 9)],
+    )
 
 
 FIELDS = "Give the fields t (microseconds), x, y if there is one, and p (0 or 1)."
@@ -229,7 +238,9 @@ BAD: list[tuple[str, Callable[[Path], Path], dict[str, Any], str]] = [
 
 
 @pytest.mark.filterwarnings("ignore:Duplicate name")
-@pytest.mark.parametrize(("make", "options", "message"), [row[1:] for row in BAD], ids=[row[0] for row in BAD])
+@pytest.mark.parametrize(
+    ("make", "options", "message"), [row[1:] for row in BAD], ids=[row[0] for row in BAD]
+)
 def test_what_are_no_events(
     tmp_path: Path, make: Callable[[Path], Path], options: dict[str, Any], message: str
 ) -> None:

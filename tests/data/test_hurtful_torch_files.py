@@ -17,7 +17,9 @@ from locsnn_compile.errors import InputError
 
 DAMAGED = "file 'a.pt': it is damaged, truncated or not a torch file. Write it again."
 CODE = "file 'a.pt': it contains objects that would run code when read, so it was not read ({}). Save tensors and plain values only."
-FULL = f"file 'a.pt': it holds too many values ({{}} against {MAX_VALUES}). Save numbers as tensors."
+FULL = (
+    f"file 'a.pt': it holds too many values ({{}} against {MAX_VALUES}). Save numbers as tensors."
+)
 
 
 def opcodes(*parts):
@@ -51,7 +53,10 @@ def tensor(count=4, offset=0, size=(4,), strides=(1,), stored=16, dtype=torch.Fl
 def packed(entry_bytes, method=zipfile.ZIP_DEFLATED, claimed=None):
     """Return an archive whose storage is packed, and may claim another size than it has."""
     stream = io.BytesIO()
-    with zipfile.ZipFile(io.BytesIO(tensor())) as archive, zipfile.ZipFile(stream, "w", method) as other:
+    with (
+        zipfile.ZipFile(io.BytesIO(tensor())) as archive,
+        zipfile.ZipFile(stream, "w", method) as other,
+    ):
         other.writestr("a/data.pkl", archive.read("a/data.pkl"), zipfile.ZIP_STORED)
         other.writestr("a/data/0", entry_bytes)
         if claimed is not None:
@@ -161,7 +166,12 @@ def _doubled(times):
 @pytest.mark.parametrize("archive", [True, False], ids=["archive", "old"])
 @pytest.mark.parametrize("step", range(30))
 def test_a_file_that_is_cut_or_changed_is_read_or_refused(archive, step):
-    data = bytearray(saved({"a": torch.arange(9.0).view(3, 3).T, "b": [1, "two"], "c": torch.ones(2)}, archive=archive))
+    data = bytearray(
+        saved(
+            {"a": torch.arange(9.0).view(3, 3).T, "b": [1, "two"], "c": torch.ones(2)},
+            archive=archive,
+        )
+    )
     chance = np.random.default_rng((step, archive))
     if step % 3 == 0:
         data = data[: int(chance.integers(len(data)))]

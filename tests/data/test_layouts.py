@@ -25,13 +25,23 @@ from locsnn_compile.errors import InputError
 
 def grid_layout(text: str, polarities: int) -> SensorLayout:
     return SensorLayout(
-        f"grid {text}", math.prod(map(int, text.split("x"))), polarities, columns=int(text.split("x")[0])
+        f"grid {text}",
+        math.prod(map(int, text.split("x"))),
+        polarities,
+        columns=int(text.split("x")[0]),
     )
 
 
 GRID = grid_layout("4x3", 2)
 NOWHERE = SensorLayout("8 channels", 8)
-GLOVE = SensorLayout("glove", 3, 1, 2, positions=((0.0, 0.0), (2.0, 0.0), (0.0, 1.0)), names=("thumb", "index", "palm"))
+GLOVE = SensorLayout(
+    "glove",
+    3,
+    1,
+    2,
+    positions=((0.0, 0.0), (2.0, 0.0), (0.0, 1.0)),
+    names=("thumb", "index", "palm"),
+)
 
 
 def refused(call: object, *args: object, **options: object) -> str:
@@ -78,7 +88,11 @@ def test_no_option_names_no_sensor() -> None:
             "channels: 2 polarities need an even number (41). Correct it.",
             id="half a taxel",
         ),
-        pytest.param(("16", None, None, None), "grid: it is not columns x rows (got '16'). Give 16x16.", id="one side"),
+        pytest.param(
+            ("16", None, None, None),
+            "grid: it is not columns x rows (got '16'). Give 16x16.",
+            id="one side",
+        ),
         pytest.param(
             ("64x64", 2, None, None),
             "sensor 'grid 64x64': its channels are out of range (got 8192 against 1..4096). "
@@ -93,7 +107,9 @@ def test_options_that_name_none(options: tuple, message: str) -> None:
 
 def test_a_file_says_positions_and_names(tmp_path: Path) -> None:
     path = tmp_path / "glove.yaml"
-    path.write_text("surfaces: 2\npositions: [[0, 0], [2, 0], [0, 1]]\nnames: [thumb, index, palm]\n")
+    path.write_text(
+        "surfaces: 2\npositions: [[0, 0], [2, 0], [0, 1]]\nnames: [thumb, index, palm]\n"
+    )
     assert read_layout(path) == GLOVE
     assert asked_layout(None, 2, None, str(path)).channels == 12  # type: ignore[union-attr]
 
@@ -113,10 +129,14 @@ def test_a_layout_comes_back_from_its_plain_values() -> None:
         ),
         pytest.param({"name": "x"}, "layout: the key 'taxels' is missing. ", id="no size"),
         pytest.param(
-            {"name": 3, "taxels": 3}, "layout: name: it must be text (got 3). Put it in quotes.", id="no name"
+            {"name": 3, "taxels": 3},
+            "layout: name: it must be text (got 3). Put it in quotes.",
+            id="no name",
         ),
         pytest.param(
-            {"name": "x", "taxels": True}, "layout: taxels: it must be a whole number (got True). ", id="no number"
+            {"name": "x", "taxels": True},
+            "layout: taxels: it must be a whole number (got True). ",
+            id="no number",
         ),
         pytest.param(
             {"name": "x", "positions": [[0, 1], [float("nan"), 0]]},
@@ -124,7 +144,9 @@ def test_a_layout_comes_back_from_its_plain_values() -> None:
             id="no place",
         ),
         pytest.param(
-            {"name": "x", "names": [1, 2]}, "layout: names: it must be text (got 1). Put it in quotes.", id="no names"
+            {"name": "x", "names": [1, 2]},
+            "layout: names: it must be text (got 1). Put it in quotes.",
+            id="no names",
         ),
         pytest.param(
             {"name": "x", "positions": [[0, 1], [0, 1]]},
@@ -137,7 +159,9 @@ def test_a_layout_comes_back_from_its_plain_values() -> None:
             id="a name is missing",
         ),
         pytest.param(
-            {"name": "x", "taxels": 7, "columns": 2}, "sensor 'x': its last row is not full (7 taxels). ", id="ragged"
+            {"name": "x", "taxels": 7, "columns": 2},
+            "sensor 'x': its last row is not full (7 taxels). ",
+            id="ragged",
         ),
         pytest.param(
             {"name": "x", "columns": 2, "positions": [[0, 1], [0, 2]]},
@@ -189,7 +213,10 @@ def test_a_file_of_numbers_is_an_order(tmp_path: Path) -> None:
     assert location_order(order_text(str(path)), GLOVE) == ("custom", (3, 1, 2))
     assert order_text("spiral") == "spiral"
     missing = refused(order_text, str(tmp_path / "none.txt"))
-    assert missing == "location order 'none.txt': it cannot be read (No such file or directory). Check the path."
+    assert (
+        missing
+        == "location order 'none.txt': it cannot be read (No such file or directory). Check the path."
+    )
 
 
 @pytest.mark.parametrize(
@@ -276,7 +303,9 @@ def test_a_channel_is_called_by_its_place(channel: int, layout: SensorLayout, pl
     assert channel_place(channel, layout) == place
 
 
-@pytest.mark.parametrize("layout", [GRID, NOWHERE, GLOVE, SensorLayout("one", 1)], ids=lambda layout: layout.name)
+@pytest.mark.parametrize(
+    "layout", [GRID, NOWHERE, GLOVE, SensorLayout("one", 1)], ids=lambda layout: layout.name
+)
 def test_synthetic_touches_of_any_sensor(layout: SensorLayout) -> None:
     found = synthetic_touches(4, steps=60, classes=2, sensor=layout)
     assert found.spikes.shape == (4, 60, layout.channels)
@@ -284,7 +313,10 @@ def test_synthetic_touches_of_any_sensor(layout: SensorLayout) -> None:
 
 
 def test_synthetic_touches_of_a_fingertip_are_those_of_its_layout() -> None:
-    first, second = (synthetic_touches(2, steps=50, **given) for given in ({"fingertips": 2}, {"sensor": neutouch(2)}))
+    first, second = (
+        synthetic_touches(2, steps=50, **given)
+        for given in ({"fingertips": 2}, {"sensor": neutouch(2)})
+    )
     assert np.array_equal(first.spikes, second.spikes)
 
 
@@ -304,14 +336,24 @@ def test_axes_are_taken_as_said(order: str, shape: tuple[int, ...]) -> None:
     size = dict(zip(names, shape, strict=True))
     assert found.shape == (size.get("samples", 1), 5, np.prod(shape) // 5 // size.get("samples", 1))
     # A place of the array, and where its value must be found.
-    at = dict.fromkeys(names, 0) | {name: size[name] - 1 for name in names if name in ("rows", "taxels", "channels")}
+    at = dict.fromkeys(names, 0) | {
+        name: size[name] - 1 for name in names if name in ("rows", "taxels", "channels")
+    }
     cell = at.get("rows", 0) * size.get("columns", 1) + at.get("columns", 0) + at.get("taxels", 0)
     channel = cell * size.get("polarities", 1) + at.get("channels", 0)
     assert found[0, 0, channel] == array[tuple(at[name] for name in names)]
 
 
 @pytest.mark.parametrize(
-    "order", ["samples,channels", "steps,rows", "steps,channels,taxels", "steps,steps,channels", "time,channels", ""]
+    "order",
+    [
+        "samples,channels",
+        "steps,rows",
+        "steps,channels,taxels",
+        "steps,steps,channels",
+        "time,channels",
+        "",
+    ],
 )
 def test_texts_that_are_no_order_of_axes(order: str) -> None:
     assert refused(parse_axes, order, "axes") == (
@@ -321,6 +363,8 @@ def test_texts_that_are_no_order_of_axes(order: str) -> None:
 
 
 def test_an_array_of_other_axes_than_said() -> None:
-    assert refused(to_step_major, np.zeros((2, 3)), "array", order=("samples", "steps", "channels")) == (
+    assert refused(
+        to_step_major, np.zeros((2, 3)), "array", order=("samples", "steps", "channels")
+    ) == (
         "array: its shape is not one of recordings (2 axes against 3). Give (samples, steps, channels)."
     )

@@ -60,7 +60,9 @@ def test_parts_are_read_in_the_order_of_their_numbers(
     assert found.labels.tolist() == labels
     for row, sample in enumerate(samples):
         for taxel, polarity, step in np.ndindex(39, 2, 12):
-            assert found.spikes[row, step, 2 * taxel + polarity] == ONE[sample][taxel, polarity, step]
+            assert (
+                found.spikes[row, step, 2 * taxel + polarity] == ONE[sample][taxel, polarity, step]
+            )
     assert (found.source, found.step_seconds) == (path.name, 0.02)
     assert recording_parts(path) == ("train", "test")
 
@@ -72,7 +74,9 @@ def test_an_archive_that_is_not_divided(tmp_path: Path) -> None:
 
 
 def members(**values: bytes) -> Callable[[Path], object]:
-    return lambda path: archive(path, {f"test/sample_{name[1:]}_label_0.npy": data for name, data in values.items()})
+    return lambda path: archive(
+        path, {f"test/sample_{name[1:]}_label_0.npy": data for name, data in values.items()}
+    )
 
 
 def truncated(path: Path) -> None:
@@ -94,7 +98,11 @@ def huge_header() -> bytes:
 
 
 BAD: list[tuple[str, Callable[[Path], object], str]] = [
-    ("missing", lambda path: None, "archive 'a.zip': it cannot be read (No such file or directory). Check the path."),
+    (
+        "missing",
+        lambda path: None,
+        "archive 'a.zip': it cannot be read (No such file or directory). Check the path.",
+    ),
     (
         "empty file",
         Path.touch,
@@ -105,7 +113,11 @@ BAD: list[tuple[str, Callable[[Path], object], str]] = [
         truncated,
         "archive 'a.zip': it is damaged, truncated or not a zip archive. Fetch the archive again.",
     ),
-    ("damaged member", flipped, "archive 'a.zip', 'sample_0_label_0.npy': it is damaged. Fetch the archive again."),
+    (
+        "damaged member",
+        flipped,
+        "archive 'a.zip', 'sample_0_label_0.npy': it is damaged. Fetch the archive again.",
+    ),
     (
         "nothing inside",
         lambda path: archive(path, {"notes.txt": b"x"}),
@@ -114,7 +126,8 @@ BAD: list[tuple[str, Callable[[Path], object], str]] = [
     (
         "an array of another name",
         lambda path: archive(
-            path, {"a/sample_0.npy": npy(ONE[0]), "b/touch.npy": npy(ONE[1]), "b/._sample_0.npy": b""}
+            path,
+            {"a/sample_0.npy": npy(ONE[0]), "b/touch.npy": npy(ONE[1]), "b/._sample_0.npy": b""},
         ),
         "archive 'a.zip': 'b/touch.npy' is not named as recordings are. "
         "Rename it to sample_<i>.npy or sample_<i>_label_<k>.npy, or move it away.",
@@ -167,7 +180,9 @@ BAD: list[tuple[str, Callable[[Path], object], str]] = [
     ),
     (
         "a label in some names",
-        lambda path: archive(path, {"sample_0_label_1.npy": npy(ONE[0]), "sample_1.npy": npy(ONE[1])}),
+        lambda path: archive(
+            path, {"sample_0_label_1.npy": npy(ONE[0]), "sample_1.npy": npy(ONE[1])}
+        ),
         "archive 'a.zip', 'sample_1.npy': its name has no label, although others have one. "
         "Name it like the others, or move it away.",
     ),
@@ -183,15 +198,21 @@ BAD: list[tuple[str, Callable[[Path], object], str]] = [
 def test_what_is_no_archive(tmp_path: Path, make: Callable[[Path], object], message: str) -> None:
     path = tmp_path / "a.zip"
     make(path)
-    channel, step = next((c, t) for t in range(12) for c in range(78) if ONE[1].reshape(78, 12)[c, t])
+    channel, step = next(
+        (c, t) for t in range(12) for c in range(78) if ONE[1].reshape(78, 12)[c, t]
+    )
     with pytest.raises(InputError) as caught:
         read_recordings(path)
-    assert str(caught.value) == message.replace("{first}", f"sample 0, channel {channel}, step {step}")
+    assert str(caught.value) == message.replace(
+        "{first}", f"sample 0, channel {channel}, step {step}"
+    )
 
 
 @pytest.mark.parametrize("steps", [None, 9, 20])
 def test_recordings_of_different_lengths(tmp_path: Path, steps: int | None) -> None:
-    path = archive(tmp_path / "a.zip", {f"sample_{i}.npy": npy(ONE[i][..., : 12 - 5 * i]) for i in (0, 1, 2)})
+    path = archive(
+        tmp_path / "a.zip", {f"sample_{i}.npy": npy(ONE[i][..., : 12 - 5 * i]) for i in (0, 1, 2)}
+    )
     found = read_recordings(path, steps=steps)
     assert found.spikes.shape == (3, steps or 12, 78)
     for i, spikes in enumerate(found.spikes):
@@ -201,7 +222,9 @@ def test_recordings_of_different_lengths(tmp_path: Path, steps: int | None) -> N
         assert np.array_equal(spikes, wanted)
     late = int(ONE[0][..., 9:].sum())
     assert found.binned == (
-        Binned(None, int(sum(ONE[i][..., : 12 - 5 * i].sum() for i in range(3))), late, 0) if steps == 9 else None
+        Binned(None, int(sum(ONE[i][..., : 12 - 5 * i].sum() for i in range(3))), late, 0)
+        if steps == 9
+        else None
     )
 
 
@@ -210,13 +233,18 @@ def test_a_part_of_what_is_not_divided(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         read_recordings(path, split="train")
     what = "there is no part 'train' (it is not divided)"
-    assert str(caught.value) == f"archive 'a.zip': {what}. Leave the part out, or divide it by --split."
+    assert (
+        str(caught.value)
+        == f"archive 'a.zip': {what}. Leave the part out, or divide it by --split."
+    )
 
 
 @pytest.mark.parametrize(
     ("split", "message"),
     [
-        pytest.param("tests", "split: 'tests' is not known. Did you mean 'test'?", id="unknown part"),
+        pytest.param(
+            "tests", "split: 'tests' is not known. Did you mean 'test'?", id="unknown part"
+        ),
         pytest.param(
             "train",
             "archive 'a.zip': there is no part 'train' (it has test). Choose one of: test.",

@@ -39,7 +39,9 @@ LABELS = np.array([3, 0, 2, 2])
     ],
 )
 @pytest.mark.parametrize("suffix", [".npy", ".npz", ".pt"])
-def test_orders_of_axes(tmp_path: Path, array: np.ndarray, expected: np.ndarray, suffix: str) -> None:
+def test_orders_of_axes(
+    tmp_path: Path, array: np.ndarray, expected: np.ndarray, suffix: str
+) -> None:
     path = tmp_path / f"x{suffix}"
     if suffix == ".npy":
         np.save(path, array)
@@ -65,7 +67,11 @@ def labels_in_npz(path: Path) -> Path:
 
 
 def labels_in_pt(path: Path) -> Path:
-    values = {"spikes": torch.from_numpy(FULL), "labels": torch.from_numpy(LABELS), "step_seconds": 0.02}
+    values = {
+        "spikes": torch.from_numpy(FULL),
+        "labels": torch.from_numpy(LABELS),
+        "step_seconds": 0.02,
+    }
     torch.save(values, path / "x.pt")
     return path / "x.pt"
 
@@ -110,11 +116,17 @@ def test_a_bin_width_in_single_precision_is_that_of_its_model(tmp_path: Path, wi
         pytest.param(Recordings(STEPS, None, None, "x.npz"), id="spikes alone"),
     ],
 )
-def test_written_recordings_come_back_and_are_the_same_bytes(tmp_path: Path, recordings: Recordings) -> None:
+def test_written_recordings_come_back_and_are_the_same_bytes(
+    tmp_path: Path, recordings: Recordings
+) -> None:
     write_recordings(tmp_path / "x.npz", recordings)
     found = read_recordings(tmp_path / "x.npz")
     assert np.array_equal(found.spikes, recordings.spikes)
-    assert np.array_equal(found.labels, recordings.labels) if recordings.labels is not None else found.labels is None
+    assert (
+        np.array_equal(found.labels, recordings.labels)
+        if recordings.labels is not None
+        else found.labels is None
+    )
     assert found.step_seconds == recordings.step_seconds
     write_recordings(tmp_path / "again.npz", found)
     assert (tmp_path / "again.npz").read_bytes() == (tmp_path / "x.npz").read_bytes()
@@ -322,9 +334,15 @@ BAD: list[tuple[str, str, Callable[[Path], object], str]] = [
 ]
 
 
-@pytest.mark.parametrize(("name", "make", "message"), [pytest.param(n, m, t, id=i) for i, n, m, t in BAD])
+@pytest.mark.parametrize(
+    ("name", "make", "message"), [pytest.param(n, m, t, id=i) for i, n, m, t in BAD]
+)
 def test_what_are_no_recordings(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, make: Callable[[Path], object], message: str
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    name: str,
+    make: Callable[[Path], object],
+    message: str,
 ) -> None:
     monkeypatch.chdir(tmp_path)
     make(tmp_path / name)
@@ -340,7 +358,9 @@ MEANT = {"label": "labels", "Labels": "labels", "lables": "labels", "step_second
 
 @pytest.mark.parametrize("name", MEANT)
 @pytest.mark.parametrize("suffix", [".npz", ".pt", ".h5"])
-def test_an_entry_that_is_almost_of_a_known_name_is_refused(tmp_path: Path, name: str, suffix: str) -> None:
+def test_an_entry_that_is_almost_of_a_known_name_is_refused(
+    tmp_path: Path, name: str, suffix: str
+) -> None:
     """Labels of another name were ignored silently."""
     path = tmp_path / f"a{suffix}"
     if suffix == ".npz":
@@ -358,7 +378,13 @@ def test_an_entry_that_is_almost_of_a_known_name_is_refused(tmp_path: Path, name
 
 def test_arrays_of_others_may_lie_beside(tmp_path: Path) -> None:
     others = ("taxels", "times", "names", "mask", "classes", "train_labels", "spikes2")
-    np.savez(tmp_path / "a.npz", spikes=FULL, labels=LABELS, label=LABELS + 1, **dict.fromkeys(others, LABELS))
+    np.savez(
+        tmp_path / "a.npz",
+        spikes=FULL,
+        labels=LABELS,
+        label=LABELS + 1,
+        **dict.fromkeys(others, LABELS),
+    )
     found = read_recordings(tmp_path / "a.npz").labels
     assert found is not None
     assert np.array_equal(found, LABELS)
@@ -367,7 +393,9 @@ def test_arrays_of_others_may_lie_beside(tmp_path: Path) -> None:
 def test_bins_may_be_as_narrow_as_the_steps_of_a_model(tmp_path: Path) -> None:
     """Limits are those of putting events into bins, and these are bins already."""
     np.save(tmp_path / "a.npy", np.zeros((1, 2, 3)))
-    found = read_recordings(tmp_path / "a.npy", model=Expected("model 'a'", step_seconds=1e-7, channels=2))
+    found = read_recordings(
+        tmp_path / "a.npy", model=Expected("model 'a'", step_seconds=1e-7, channels=2)
+    )
     assert (found.spikes.shape, found.step_seconds) == ((1, 3, 2), 1e-7)
 
 
@@ -382,5 +410,7 @@ def test_a_file_has_no_parts(tmp_path: Path) -> None:
 def test_a_size_of_true_is_one(tmp_path: Path) -> None:
     """Damage of one letter, which numpy's header lets pass and its arrays do not."""
     path = tmp_path / "a.npy"
-    path.write_bytes(npy_bytes(np.zeros((1, 78, 4), np.uint8)).replace(b"(1, 78, 4), }   ", b"(True, 78, 4), }"))
+    path.write_bytes(
+        npy_bytes(np.zeros((1, 78, 4), np.uint8)).replace(b"(1, 78, 4), }   ", b"(True, 78, 4), }")
+    )
     assert read_recordings(path).spikes.shape == (1, 4, 78)

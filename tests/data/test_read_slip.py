@@ -17,7 +17,9 @@ from locsnn_compile.errors import InputError
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
 
 
-@pytest.mark.parametrize("given", [".", "aces_recordings"], ids=["both folders", "the recordings' folder"])
+@pytest.mark.parametrize(
+    "given", [".", "aces_recordings"], ids=["both folders", "the recordings' folder"]
+)
 @pytest.mark.parametrize("nanoseconds", [True, False], ids=["four columns", "three columns"])
 def test_a_folder_of_slips(given: str, nanoseconds: bool, tmp_path: Path) -> None:
     bins = write_slip(tmp_path / "slip", nanoseconds=nanoseconds)
@@ -94,9 +96,13 @@ def test_times_that_are_none(times: str | None, message: str, tmp_path: Path) ->
     assert str(caught.value) == message
 
 
-@given(times=st.text("0123456789 -.\n", max_size=14), line=st.text("0123456789 -.\nen", max_size=14))
+@given(
+    times=st.text("0123456789 -.\n", max_size=14), line=st.text("0123456789 -.\nen", max_size=14)
+)
 @settings(max_examples=60, deadline=None)
-def test_any_text_is_read_or_refused(times: str, line: str, tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_any_text_is_read_or_refused(
+    times: str, line: str, tmp_path_factory: pytest.TempPathFactory
+) -> None:
     folder = tmp_path_factory.mktemp("slip")
     (folder / "a.tact").write_text(f"1 1 5 250000000\n{line}\n")
     (folder / "a.startend").write_text(times)
@@ -119,10 +125,36 @@ def test_one_name_is_not_a_class(tmp_path: Path) -> None:
     assert read_recordings(tmp_path).labels is None
 
 
-def test_slips_train_a_network_of_two_fingertips(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_slips_train_a_network_of_two_fingertips(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     write_slip(tmp_path / "slip")
-    assert main(["train", "--data", "slip", "--epochs", "1", "--hidden", "4", "--quiet", "-o", "slip.pt"]) == 0
+    assert (
+        main(
+            [
+                "train",
+                "--data",
+                "slip",
+                "--epochs",
+                "1",
+                "--hidden",
+                "4",
+                "--quiet",
+                "-o",
+                "slip.pt",
+            ]
+        )
+        == 0
+    )
     found = read_checkpoint("slip.pt").description
-    assert (found.input.sensor.surfaces, found.input.steps, found.input.step_seconds) == (2, 150, 0.001)
-    assert (found.input.channels, found.classes, found.class_names) == (156, 2, ("stable", "rotate"))
+    assert (found.input.sensor.surfaces, found.input.steps, found.input.step_seconds) == (
+        2,
+        150,
+        0.001,
+    )
+    assert (found.input.channels, found.classes, found.class_names) == (
+        156,
+        2,
+        ("stable", "rotate"),
+    )

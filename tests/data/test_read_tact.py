@@ -32,7 +32,9 @@ def write(path: Path, events: list[tuple[int, int, float]]) -> Path:
     ],
 )
 def test_cells_become_channels(tmp_path: Path, cell: int, polarity: int, channel: int) -> None:
-    found = read_recordings(write(tmp_path / "a.tact", [(polarity, cell, 5.0), (polarity, cell, 5.001)]))
+    found = read_recordings(
+        write(tmp_path / "a.tact", [(polarity, cell, 5.0), (polarity, cell, 5.001)])
+    )
     assert found.spikes.shape == (1, 1, 156)
     assert np.flatnonzero(found.spikes[0, 0]).tolist() == [channel]
     assert (found.step_seconds, found.labels) == (0.02, None)
@@ -66,7 +68,9 @@ def test_an_event_on_an_edge_is_the_first_of_its_bin(
         assert spikes[:, 0].all()
         assert len(spikes) == len(lines)
     # A nanosecond earlier, the event belongs to the bin before.
-    (tmp_path / "a.tact").write_text(f"1 1 {start}.{milliseconds - 1:03}999999\n1 1 {start}.{milliseconds:03}\n")
+    (tmp_path / "a.tact").write_text(
+        f"1 1 {start}.{milliseconds - 1:03}999999\n1 1 {start}.{milliseconds:03}\n"
+    )
     spikes = read_recordings(tmp_path / "a.tact", step_seconds=milliseconds / 1000).spikes[0]
     assert np.flatnonzero(spikes[:, 0]).tolist() == [0, 1]
 
@@ -75,7 +79,9 @@ def test_an_event_on_an_edge_is_the_first_of_its_bin(
     "text",
     [
         pytest.param("1 2 3 100.0 105 110", id="six numbers"),
-        pytest.param("start 1\nreaching 2\nreached 3\ngrasping 100.0\nlifting 105\nholding 110\n", id="named"),
+        pytest.param(
+            "start 1\nreaching 2\nreached 3\ngrasping 100.0\nlifting 105\nholding 110\n", id="named"
+        ),
         pytest.param("start: 1, grasping: 100.0", id="named, in part"),
     ],
 )
@@ -118,14 +124,24 @@ FIX = "Write 'polarity cell_index timestamp_seconds' on it: a polarity of 1, 0 o
     ("text", "message"),
     [
         pytest.param(
-            "1 1 1.0\n\n1 x 1.0\n", f"file 'a.tact', line 3: it is not an event (got '1 x 1.0'). {FIX}", id="word"
-        ),
-        pytest.param("1 1\n", f"file 'a.tact', line 1: it is not an event (got '1 1'). {FIX}", id="two fields"),
-        pytest.param(
-            "1 1 1 1 1\n", f"file 'a.tact', line 1: it is not an event (got '1 1 1 1 1'). {FIX}", id="five fields"
+            "1 1 1.0\n\n1 x 1.0\n",
+            f"file 'a.tact', line 3: it is not an event (got '1 x 1.0'). {FIX}",
+            id="word",
         ),
         pytest.param(
-            "1 1 1 x\n", f"file 'a.tact', line 1: it is not an event (got '1 1 1 x'). {FIX}", id="nanoseconds"
+            "1 1\n",
+            f"file 'a.tact', line 1: it is not an event (got '1 1'). {FIX}",
+            id="two fields",
+        ),
+        pytest.param(
+            "1 1 1 1 1\n",
+            f"file 'a.tact', line 1: it is not an event (got '1 1 1 1 1'). {FIX}",
+            id="five fields",
+        ),
+        pytest.param(
+            "1 1 1 x\n",
+            f"file 'a.tact', line 1: it is not an event (got '1 1 1 x'). {FIX}",
+            id="nanoseconds",
         ),
         pytest.param(
             f"1 1 1 {'9' * 400}\n",
@@ -137,14 +153,24 @@ FIX = "Write 'polarity cell_index timestamp_seconds' on it: a polarity of 1, 0 o
             f"file 'a.tact', line 1: it is not an event (got '1 1 1e-99999999999999999999'). {FIX}",
             id="absurd exponent",
         ),
-        pytest.param("2 1 1\n", f"file 'a.tact', line 1: it is not an event (got '2 1 1'). {FIX}", id="polarity"),
+        pytest.param(
+            "2 1 1\n",
+            f"file 'a.tact', line 1: it is not an event (got '2 1 1'). {FIX}",
+            id="polarity",
+        ),
         pytest.param(
             "1 17 1\n",
             f"file 'a.tact', line 1: it is not an event (got '1 17 1'). {FIX}",
             id="cell that does not exist",
         ),
-        pytest.param("1 1 nan\n", f"file 'a.tact', line 1: it is not an event (got '1 1 nan'). {FIX}", id="NaN"),
-        pytest.param("\n", "file 'a.tact': no events inside. Give a recording with events.", id="empty"),
+        pytest.param(
+            "1 1 nan\n",
+            f"file 'a.tact', line 1: it is not an event (got '1 1 nan'). {FIX}",
+            id="NaN",
+        ),
+        pytest.param(
+            "\n", "file 'a.tact': no events inside. Give a recording with events.", id="empty"
+        ),
         pytest.param(
             "1 1 0\n1 1 1e9\n",
             "file 'a.tact': it lasts too long for its bins (1e+09 s in bins of 0.02 s against 20000 bins). "
@@ -192,7 +218,9 @@ def test_options_that_do_not_hold(tmp_path: Path, options: dict[str, float], mes
 
 def test_bytes_that_are_no_text(tmp_path: Path) -> None:
     (tmp_path / "a.tact").write_bytes(b"\xff\xfe\x00garbage")
-    assert message_of(tmp_path / "a.tact").startswith("file 'a.tact', line 1: it is not an event (got ")
+    assert message_of(tmp_path / "a.tact").startswith(
+        "file 'a.tact', line 1: it is not an event (got "
+    )
 
 
 def test_startend_without_grasping(tmp_path: Path) -> None:
@@ -209,7 +237,10 @@ def test_a_folder_of_different_lengths(tmp_path: Path) -> None:
     folder.mkdir()
     write(folder / "a.tact", [(1, 1, 0.0), (1, 1, 0.1)])
     write(folder / "b.tact", [(1, 1, 0.0)])
-    assert read_recordings(folder).spikes[:, :, 0].tolist() == [[1, 0, 0, 0, 0, 1], [1, 0, 0, 0, 0, 0]]
+    assert read_recordings(folder).spikes[:, :, 0].tolist() == [
+        [1, 0, 0, 0, 0, 1],
+        [1, 0, 0, 0, 0, 0],
+    ]
     assert read_recordings(folder, steps=3).spikes[:, :, 0].tolist() == [[1, 0, 0], [1, 0, 0]]
 
 
@@ -217,7 +248,11 @@ def test_what_binning_drops_is_counted(tmp_path: Path) -> None:
     # Two in the first bin, one in the second, one in the third, which a recording of two steps does not have.
     path = write(tmp_path / "a.tact", [(1, 1, 0.0), (1, 1, 0.001), (1, 1, 0.02), (1, 2, 0.045)])
     assert read_recordings(path).binned == Binned(threshold=0, events=4, outside=0, below=0)
-    assert read_recordings(path, threshold=1).binned == Binned(threshold=1, events=4, outside=0, below=2)
-    assert read_recordings(path, threshold=1, steps=2).binned == Binned(threshold=1, events=4, outside=1, below=1)
+    assert read_recordings(path, threshold=1).binned == Binned(
+        threshold=1, events=4, outside=0, below=2
+    )
+    assert read_recordings(path, threshold=1, steps=2).binned == Binned(
+        threshold=1, events=4, outside=1, below=1
+    )
     (tmp_path / "a.startend").write_text("grasping 0.01")
     assert read_recordings(path).binned == Binned(threshold=0, events=4, outside=2, below=0)

@@ -16,9 +16,15 @@ def test_arrays_are_copied_and_read_only() -> None:
     recordings = Recordings(given, np.array([0, 1], dtype=np.int32), 0.02, "x.npy")
     given[0, 0, 0] = 1
     assert recordings.spikes.sum() == 0
-    assert (recordings.spikes.dtype, recordings.spikes.flags.writeable) == (np.dtype(np.uint8), False)
+    assert (recordings.spikes.dtype, recordings.spikes.flags.writeable) == (
+        np.dtype(np.uint8),
+        False,
+    )
     assert recordings.labels is not None
-    assert (recordings.labels.dtype, recordings.labels.flags.writeable) == (np.dtype(np.int64), False)
+    assert (recordings.labels.dtype, recordings.labels.flags.writeable) == (
+        np.dtype(np.int64),
+        False,
+    )
     assert len(recordings) == 2
 
 
@@ -58,9 +64,19 @@ FIX = "Give binned recordings of zeros and ones."
             id="NaN",
         ),
         pytest.param(
-            np.zeros((0, 3, 4)), None, None, f"no recordings inside (shape (0, 3, 4)). {FIX}", id="no samples"
+            np.zeros((0, 3, 4)),
+            None,
+            None,
+            f"no recordings inside (shape (0, 3, 4)). {FIX}",
+            id="no samples",
         ),
-        pytest.param(np.zeros((2, 0, 4)), None, None, f"no recordings inside (shape (2, 0, 4)). {FIX}", id="no steps"),
+        pytest.param(
+            np.zeros((2, 0, 4)),
+            None,
+            None,
+            f"no recordings inside (shape (2, 0, 4)). {FIX}",
+            id="no steps",
+        ),
         pytest.param(
             np.zeros((3, 4)),
             None,
@@ -112,7 +128,9 @@ FIX = "Give binned recordings of zeros and ones."
         ),
     ],
 )
-def test_what_are_no_recordings(spikes: np.ndarray, labels: Any, seconds: float | None, message: str) -> None:
+def test_what_are_no_recordings(
+    spikes: np.ndarray, labels: Any, seconds: float | None, message: str
+) -> None:
     with pytest.raises(InputError) as caught:
         Recordings(spikes, labels, seconds, "x.npy")
     assert str(caught.value) == f"recordings 'x.npy': {message}"

@@ -26,7 +26,9 @@ def test_coordinates_are_those_of_a_symmetric_fingertip() -> None:
 @given(order=st.permutations(range(1, TAXELS + 1)), fingertips=st.integers(1, 3))
 @settings(max_examples=30, deadline=None)
 def test_walk_is_channel_pairs_in_order(order: list[int], fingertips: int) -> None:
-    expected = [78 * f + c for f in range(fingertips) for p in order for c in (2 * p - 2, 2 * p - 1)]
+    expected = [
+        78 * f + c for f in range(fingertips) for p in order for c in (2 * p - 2, 2 * p - 1)
+    ]
     walk = channel_walk(order, neutouch(fingertips))
     assert walk.tolist() == expected
     assert not walk.flags.writeable
@@ -77,7 +79,9 @@ def test_orders_that_are_none(order: list[int], message: str) -> None:
         pytest.param("arch", ("arch", LOCATION_ORDERS["arch"]), id="arch"),
         pytest.param("loop", ("loop", LOCATION_ORDERS["loop"]), id="loop"),
         pytest.param("whorl", ("whorl", LOCATION_ORDERS["whorl"]), id="whorl"),
-        pytest.param(", ".join(map(str, LOOP[::-1])), ("custom", tuple(LOOP[::-1])), id="comma list"),
+        pytest.param(
+            ", ".join(map(str, LOOP[::-1])), ("custom", tuple(LOOP[::-1])), id="comma list"
+        ),
     ],
 )
 def test_orders_by_text(text: str, expected: tuple[str, tuple[int, ...]]) -> None:
@@ -87,7 +91,9 @@ def test_orders_by_text(text: str, expected: tuple[str, tuple[int, ...]]) -> Non
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        pytest.param("wohrl", "location order: 'wohrl' is not known. Did you mean 'whorl'?", id="misspelt"),
+        pytest.param(
+            "wohrl", "location order: 'wohrl' is not known. Did you mean 'whorl'?", id="misspelt"
+        ),
         pytest.param(
             "radial",
             "location order: 'radial' is not known. Choose one of: arch, hilbert, loop, raster, snake, spiral, tour, whorl.",

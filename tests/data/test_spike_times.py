@@ -18,11 +18,17 @@ UNITS = [[3, 699, 3], [], [0]]
 
 
 def heidelberg(
-    path: Path, times: list = TIMES, units: list = UNITS, kinds: tuple[str, str] = ("<f2", "<u2"), **more: object
+    path: Path,
+    times: list = TIMES,
+    units: list = UNITS,
+    kinds: tuple[str, str] = ("<f2", "<u2"),
+    **more: object,
 ) -> Path:
     with h5py.File(path, "w") as file:
         for name, rows, kind in (("times", times, kinds[0]), ("units", units, kinds[1])):
-            held = file.create_dataset(f"spikes/{name}", (len(rows),), dtype=h5py.vlen_dtype(np.dtype(kind)))
+            held = file.create_dataset(
+                f"spikes/{name}", (len(rows),), dtype=h5py.vlen_dtype(np.dtype(kind))
+            )
             for index, row in enumerate(rows):
                 held[index] = np.array(row, dtype=kind)
         file["labels"] = np.array([1, 0, 1], dtype=np.uint16)[: len(times)]
@@ -42,7 +48,9 @@ def test_spike_times_become_bins(tmp_path: Path) -> None:
     assert found.step_seconds == 0.01
 
 
-@pytest.mark.parametrize("kinds", [(">f2", "<u2"), (">f4", ">u2"), (">f8", ">i4"), ("<f8", ">i8"), (">i4", "<i4")])
+@pytest.mark.parametrize(
+    "kinds", [(">f2", "<u2"), (">f4", ">u2"), (">f8", ">i4"), ("<f8", ">i8"), (">i4", "<i4")]
+)
 def test_any_order_of_bytes(tmp_path: Path, kinds: tuple[str, str]) -> None:
     path = heidelberg(tmp_path / "shd.h5", [[0, 1, 5], [], [2]], kinds=kinds)
     found = read_recordings(path, step_seconds=1.0, channels=700)
@@ -57,7 +65,9 @@ def test_units_are_channels_of_a_grid(tmp_path: Path, grid: str, polarities: int
 
 
 def test_steps_cut_and_count_what_is_lost(tmp_path: Path) -> None:
-    found = read_recordings(heidelberg(tmp_path / "shd.hdf5"), step_seconds=0.01, channels=700, steps=2)
+    found = read_recordings(
+        heidelberg(tmp_path / "shd.hdf5"), step_seconds=0.01, channels=700, steps=2
+    )
     assert found.spikes.sum() == 2
     assert found.binned is not None
     assert found.binned.document() == {
@@ -74,7 +84,9 @@ def test_steps_cut_and_count_what_is_lost(tmp_path: Path) -> None:
 def test_arrays_by_name(tmp_path: Path, axes: str) -> None:
     spikes = (np.random.default_rng(0).random((4, 5, 7)) < 0.3).astype(np.uint8)
     with h5py.File(tmp_path / "a.h5", "w") as file:
-        file["spikes"] = spikes.transpose([("samples", "steps", "channels").index(axis) for axis in axes.split(",")])
+        file["spikes"] = spikes.transpose(
+            [("samples", "steps", "channels").index(axis) for axis in axes.split(",")]
+        )
         file["labels"], file["step_seconds"], file["axes"] = [0, 1, 1, 0], 0.02, axes
         file["class_names"] = ["left", "right"]
     found = read_recordings(tmp_path / "a.h5", channels=7)
@@ -90,7 +102,9 @@ def link(path: Path) -> None:
 def many(path: Path) -> None:
     with h5py.File(path, "w") as file:
         for name in ("times", "units"):
-            file.create_dataset(f"spikes/{name}", (10**12,), dtype=h5py.vlen_dtype(np.float32), chunks=(1000,))
+            file.create_dataset(
+                f"spikes/{name}", (10**12,), dtype=h5py.vlen_dtype(np.float32), chunks=(1000,)
+            )
 
 
 def large(path: Path) -> None:
@@ -116,7 +130,9 @@ WAY = "Give seconds and units from 0 up."
             id="before the start",
         ),
         pytest.param(
-            lambda path: heidelberg(path, [[np.nan]], [[0]]), f"{PLACE} (spike 0: nan s, unit 0.0). {WAY}", id="no time"
+            lambda path: heidelberg(path, [[np.nan]], [[0]]),
+            f"{PLACE} (spike 0: nan s, unit 0.0). {WAY}",
+            id="no time",
         ),
         pytest.param(
             lambda path: heidelberg(path, [[0.1]], [[0, 1]]),
@@ -140,7 +156,9 @@ WAY = "Give seconds and units from 0 up."
             id="absurd array",
         ),
         pytest.param(
-            link, "file 'a.h5': 'spikes' is a link, and links are not followed. Store the data itself.", id="a link out"
+            link,
+            "file 'a.h5': 'spikes' is a link, and links are not followed. Store the data itself.",
+            id="a link out",
         ),
         pytest.param(
             text,
@@ -154,7 +172,9 @@ WAY = "Give seconds and units from 0 up."
         ),
     ],
 )
-def test_files_that_hold_no_recordings(make: Callable[[Path], object], message: str, tmp_path: Path) -> None:
+def test_files_that_hold_no_recordings(
+    make: Callable[[Path], object], message: str, tmp_path: Path
+) -> None:
     make(tmp_path / "a.h5")
     with pytest.raises(InputError) as caught:
         read_recordings(tmp_path / "a.h5")

@@ -37,7 +37,9 @@ def test_shape_labels_and_pace(fingertips: int) -> None:
 def test_contact_arrives_before_it_leaves() -> None:
     spikes = synthetic_touches(1, steps=250, classes=1).spikes[0].reshape(250, 39, 2)
     # Pressing down, in the first steps of the touch, raises pressure; lifting, in the last, lowers it.
-    rising, falling = (np.flatnonzero(spikes[:, :, polarity].sum(axis=1) > 8) for polarity in (0, 1))
+    rising, falling = (
+        np.flatnonzero(spikes[:, :, polarity].sum(axis=1) > 8) for polarity in (0, 1)
+    )
     assert rising.min() < falling.min()
     assert rising.max() < falling.max()
 

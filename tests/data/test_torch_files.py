@@ -15,7 +15,16 @@ from torch_files import NUMBERS, Rebuilt, old_file, read, saved, whole
 from locsnn_compile.data.tensors import Name, Tensor
 
 DTYPES = [
-    *(torch.bool, torch.uint8, torch.int8, torch.int16, torch.int32, torch.int64, torch.float16, torch.bfloat16),
+    *(
+        torch.bool,
+        torch.uint8,
+        torch.int8,
+        torch.int16,
+        torch.int32,
+        torch.int64,
+        torch.float16,
+        torch.bfloat16,
+    ),
     *(torch.float32, torch.float64, torch.complex64, torch.complex128),
 ]
 NEWER = [torch.uint16, torch.uint32, torch.uint64]
@@ -65,7 +74,9 @@ def tensors(draw, dtypes):
     content = draw(st.binary(min_size=size * width, max_size=size * width))
     if dtype == torch.bool:
         content = bytes(byte & 1 for byte in content)
-    whole = torch.frombuffer(bytearray(content), dtype=dtype) if size else torch.empty(0, dtype=dtype)
+    whole = (
+        torch.frombuffer(bytearray(content), dtype=dtype) if size else torch.empty(0, dtype=dtype)
+    )
     views = [whole]
     for _ in range(draw(st.integers(0, 3))):
         views.append(view(draw, draw(st.sampled_from(views))))
@@ -73,7 +84,11 @@ def tensors(draw, dtypes):
 
 
 def view(draw, x):
-    way = draw(st.sampled_from(("slice", "strided", "expand", "transpose", "conj", "parameter", "column", "empty")))
+    way = draw(
+        st.sampled_from(
+            ("slice", "strided", "expand", "transpose", "conj", "parameter", "column", "empty")
+        )
+    )
     if way == "slice" and x.ndim:
         start, step = draw(st.integers(0, 3)), draw(st.integers(1, 3))
         return x[start::step]
@@ -105,11 +120,17 @@ def values(dtypes):
         | st.complex_numbers(allow_nan=False)
         | st.binary(min_size=1, max_size=5)
         | st.builds(torch.Size, st.lists(st.integers(0, 9), max_size=3))
-        | st.sampled_from([torch.device("cpu"), torch.device("cuda", 1), torch.strided, torch.sparse_coo])
+        | st.sampled_from(
+            [torch.device("cpu"), torch.device("cuda", 1), torch.strided, torch.sparse_coo]
+        )
         | st.sampled_from([*DTYPES, *NEWER, torch.float8_e5m2, torch.per_channel_symmetric])
         | st.sets(st.integers(-5, 2**40) | st.text(max_size=3), max_size=3)
     )
-    keys = st.text(max_size=4) | st.integers(-(2**50), 2**50) | st.tuples(st.integers(0, 3), st.text(max_size=2))
+    keys = (
+        st.text(max_size=4)
+        | st.integers(-(2**50), 2**50)
+        | st.tuples(st.integers(0, 3), st.text(max_size=2))
+    )
     return st.recursive(
         plain | tensors(dtypes),
         lambda inner: (
@@ -136,11 +157,17 @@ def test_files_from_before_torch_1_6_are_what_torch_reads(value, place):
 
 @pytest.mark.parametrize("archive", [True, False], ids=["archive", "old"])
 def test_what_networks_and_optimisers_save(archive):
-    net = torch.nn.Sequential(torch.nn.Conv2d(1, 2, 3), torch.nn.BatchNorm2d(2), torch.nn.Linear(4, 2))
+    net = torch.nn.Sequential(
+        torch.nn.Conv2d(1, 2, 3), torch.nn.BatchNorm2d(2), torch.nn.Linear(4, 2)
+    )
     optimiser = torch.optim.Adam(net.parameters())
     net[0](torch.ones(1, 1, 5, 5)).sum().backward()
     optimiser.step()
-    value = {"net": net.state_dict(), "optimiser": optimiser.state_dict(), "counts": collections.Counter("aab")}
+    value = {
+        "net": net.state_dict(),
+        "optimiser": optimiser.state_dict(),
+        "counts": collections.Counter("aab"),
+    }
     as_torch_does(saved(value, archive=archive))
 
 
@@ -176,7 +203,10 @@ def test_storages_of_the_other_byte_order():
 
 def test_a_storage_that_is_a_part_of_another_as_before_torch_1_0():
     rebuilt = torch._utils._rebuild_tensor
-    parts = [Rebuilt(rebuilt, whole(("8", 1, 3)), 1, (2,), (1,)), Rebuilt(rebuilt, whole(), 0, (5,), (1,))]
+    parts = [
+        Rebuilt(rebuilt, whole(("8", 1, 3)), 1, (2,), (1,)),
+        Rebuilt(rebuilt, whole(), 0, (5,), (1,)),
+    ]
     data = old_file(parts, [("7", NUMBERS)])
     as_torch_does(data)
     assert [each.array().tolist() for each in read(data)] == [[2, 3], [0, 1, 2, 3, 4]]
@@ -184,7 +214,10 @@ def test_a_storage_that_is_a_part_of_another_as_before_torch_1_0():
 
 def test_a_file_that_python_2_wrote():
     """Its texts are bytes, its dicts given as lists of pairs, and its storages of a class of CUDA."""
-    head, numbers = old_file(0)[:-5].partition(b"}q\x00")[0], b"\x80\x02](U\x017e." + struct.pack("<q", 5)
+    head, numbers = (
+        old_file(0)[:-5].partition(b"}q\x00")[0],
+        b"\x80\x02](U\x017e." + struct.pack("<q", 5),
+    )
     value = (
         b"\x80\x02ccollections\nOrderedDict\n](](U\x03fc1ctorch._utils\n_rebuild_tensor\n"
         b"((U\x07storagectorch.cuda\nFloatStorage\nU\x017U\x06cuda:0K\x05NtQK\x00K\x05\x85K\x01\x85tRee\x85R."
@@ -215,5 +248,8 @@ def test_what_numpy_cannot_hold_keeps_its_name(make, wanted):
 
 def test_storages_as_values():
     found = read(saved([torch.ones(2).untyped_storage(), torch.arange(3)._typed_storage()]))
-    assert [(each.dtype, each.shape) for each in found] == [("torch.uint8", (8,)), ("torch.int64", (3,))]
+    assert [(each.dtype, each.shape) for each in found] == [
+        ("torch.uint8", (8,)),
+        ("torch.int64", (3,)),
+    ]
     assert found[1].array().tolist() == [0, 1, 2]

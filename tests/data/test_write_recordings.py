@@ -20,7 +20,9 @@ TOUCHES = synthetic_touches(3, steps=40, seed=5)
 BOTH = synthetic_touches(2, steps=325, fingertips=2, seed=6)
 
 
-def sparse(channels: int, *, steps: int = 30, seconds: float | None = 0.02, labels: bool = True) -> Recordings:
+def sparse(
+    channels: int, *, steps: int = 30, seconds: float | None = 0.02, labels: bool = True
+) -> Recordings:
     """Return three recordings that begin and end in silence, with silent last channels."""
     spikes = (np.random.default_rng(channels).random((3, steps, channels)) < 0.1).astype(np.uint8)
     spikes[:, :3], spikes[:, -4:], spikes[:, :, -5:] = 0, 0, 0
@@ -67,9 +69,13 @@ SETS = [
     [(39, 10, 2), (2, 78, 9), (1, 78, 9), (2, 39, 14), (2, 9, 117), (3, 156, 512), (78, 2, 39)],
     ids=lambda shape: " x ".join(map(str, shape)),
 )
-def test_sizes_that_suggest_another_order_come_back(tmp_path: Path, shape: tuple[int, int, int], name: str) -> None:
+def test_sizes_that_suggest_another_order_come_back(
+    tmp_path: Path, shape: tuple[int, int, int], name: str
+) -> None:
     """Sizes of NeuTouch on another axis, as 39 recordings of two channels, which read as one of 39 taxels."""
-    recordings = Recordings((np.random.default_rng(1).random(shape) < 0.2).astype(np.uint8), None, None, "a")
+    recordings = Recordings(
+        (np.random.default_rng(1).random(shape) < 0.2).astype(np.uint8), None, None, "a"
+    )
     left = write_recordings(tmp_path / name, recordings)
     assert left.options in ({}, {"channels": shape[2]})
     same(read_recordings(tmp_path / name, **left.options), recordings)
@@ -119,7 +125,9 @@ def test_one_recording_comes_back(tmp_path: Path, kind: str) -> None:
         pytest.param(BOTH, "tact", {}, id="tact of two fingertips and 6.5 s"),
     ],
 )  # fmt: skip
-def test_what_a_format_leaves_open(tmp_path: Path, recordings: Recordings, kind: str, options: dict[str, Any]) -> None:
+def test_what_a_format_leaves_open(
+    tmp_path: Path, recordings: Recordings, kind: str, options: dict[str, Any]
+) -> None:
     path = tmp_path / ("a.npz" if kind == "npz" else "a.zip")
     left = write_recordings(path, recordings, members="npy" if kind == "npz" else kind)
     assert left.options == options
@@ -165,7 +173,9 @@ def test_recordings_of_a_grid_come_back_with_and_without_it(
     spikes = (np.random.default_rng(seed).random((2, 9, sensor.channels)) < share).astype(np.uint8)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "a.zip"
-        left = write_recordings(path, Recordings(spikes, None, 0.02, "grid"), members=kind, sensor=sensor).options
+        left = write_recordings(
+            path, Recordings(spikes, None, 0.02, "grid"), members=kind, sensor=sensor
+        ).options
         without = read_recordings(path, **left)  # type: ignore[arg-type]
         assert np.array_equal(without.spikes, spikes)
         known = {name: value for name, value in left.items() if name in ("steps", "step_seconds")}
@@ -175,7 +185,9 @@ def test_recordings_of_a_grid_come_back_with_and_without_it(
 
 @pytest.mark.parametrize("columns", [None, 13])
 @pytest.mark.parametrize(("taxels", "polarities"), [(39, 1), (78, 1), (39, 2), (78, 2)])
-def test_text_has_the_taxels_of_a_sensor(tmp_path: Path, taxels: int, polarities: int, columns: int | None) -> None:
+def test_text_has_the_taxels_of_a_sensor(
+    tmp_path: Path, taxels: int, polarities: int, columns: int | None
+) -> None:
     sensor = SensorLayout("mine", taxels, polarities, columns=columns)
     wanted = sparse(sensor.channels)
     left = write_recordings(tmp_path / "a.zip", wanted, members="tact", sensor=sensor).options
@@ -187,7 +199,10 @@ def test_text_has_the_taxels_of_a_sensor(tmp_path: Path, taxels: int, polarities
 def test_events_of_a_grid_are_of_its_cells(tmp_path: Path) -> None:
     spikes = np.zeros((1, 3, 40), dtype=np.uint8)
     spikes[0, 1, 2 * (4 * 3 + 1) + 1] = 1  # row 3, column 1, polarity 1
-    recordings, sensor = Recordings(spikes, None, 0.02, "grid"), SensorLayout("grid 4x5", 20, 2, columns=4)
+    recordings, sensor = (
+        Recordings(spikes, None, 0.02, "grid"),
+        SensorLayout("grid 4x5", 20, 2, columns=4),
+    )
     for name in ("a.bs1", "a.bs2"):
         write_recordings(tmp_path / name, recordings, sensor=sensor)
     assert (tmp_path / "a.bs1").read_bytes() == bytes([0, 13, 0x80, 30_000 >> 8, 30_000 & 0xFF])
@@ -196,7 +211,9 @@ def test_events_of_a_grid_are_of_its_cells(tmp_path: Path) -> None:
 
 def test_recordings_of_another_sensor_are_not_written(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
-        write_recordings(tmp_path / "a.zip", TOUCHES, sensor=SensorLayout("grid 4x5", 20, 2, columns=4))
+        write_recordings(
+            tmp_path / "a.zip", TOUCHES, sensor=SensorLayout("grid 4x5", 20, 2, columns=4)
+        )
     assert str(caught.value) == (
         f"recordings {TOUCHES.source!r}: their channels are not those of sensor 'grid 4x5' (78 against 40). "
         "Say which sensor it was: --grid WxH, with --polarities 1 or 2, --channels N, or --layout FILE."
@@ -224,7 +241,9 @@ REFUSED: list[tuple[str, str, Recordings, dict[str, Any], str]] = [
 
 
 @pytest.mark.parametrize(
-    ("name", "recordings", "options", "message"), [row[1:] for row in REFUSED], ids=[row[0] for row in REFUSED]
+    ("name", "recordings", "options", "message"),
+    [row[1:] for row in REFUSED],
+    ids=[row[0] for row in REFUSED],
 )
 def test_what_a_format_cannot_hold(
     tmp_path: Path, name: str, recordings: Recordings, options: dict[str, Any], message: str

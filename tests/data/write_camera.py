@@ -17,7 +17,9 @@ if __name__ == "__main__":
     for t, x, y, p in EVENTS:
         store.push_back(START + t, x, y, p)
     path = str(Path(__file__).with_name("camera.aedat4"))
-    writer = dv.io.MonoCameraWriter(path, dv.io.MonoCameraWriter.EventOnlyConfig("camera", (34, 34)))
+    writer = dv.io.MonoCameraWriter(
+        path, dv.io.MonoCameraWriter.EventOnlyConfig("camera", (34, 34))
+    )
     writer.writeEvents(store)
     config = dv.io.MonoCameraWriter.Config("cameras")
     for number in range(6):

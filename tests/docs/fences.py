@@ -44,7 +44,9 @@ def fences(page: Path) -> list[Fence]:
             lines = []
         elif line.rstrip() == opening["mark"]:
             language, *words = opening["info"].split() or [""]
-            found.append(Fence(page, number - len(lines), language, tuple(words), "\n".join(lines) + "\n"))
+            found.append(
+                Fence(page, number - len(lines), language, tuple(words), "\n".join(lines) + "\n")
+            )
             opening = None
         else:
             lines.append(line)
@@ -54,5 +56,7 @@ def fences(page: Path) -> list[Fence]:
 
 def prose(page: Path) -> str:
     """Return a page without its fenced blocks and code spans: there, brackets are no links."""
-    text = re.sub(r"^(`{3,}).*?^\1\s*$", "", page.read_text("utf-8"), flags=re.DOTALL | re.MULTILINE)
+    text = re.sub(
+        r"^(`{3,}).*?^\1\s*$", "", page.read_text("utf-8"), flags=re.DOTALL | re.MULTILINE
+    )
     return re.sub(r"(`+)(?!`).+?(?<!`)\1(?!`)", "", text)

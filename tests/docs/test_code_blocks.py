@@ -52,14 +52,20 @@ def run_blocks(blocks: list[Fence], run_shell: Callable[[Fence], None]) -> None:
 
 def in_shell(block: Fence) -> None:
     command = ["bash", "-euo", "pipefail", "-c", block.code]
-    done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, f"{block}\n{block.code}\n{done.stdout[-2000:]}{done.stderr[-2000:]}"
+    done = subprocess.run(
+        command, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, (
+        f"{block}\n{block.code}\n{done.stdout[-2000:]}{done.stderr[-2000:]}"
+    )
 
 
 def in_process(block: Fence) -> None:
     """Call the commands of a block here, if they are all ours and plain; else run it in a shell."""
     lines = [shlex.split(line, comments=True) for line in block.code.splitlines()]
-    if not all(line and line[0] in COMMANDS for line in lines) or re.search(r"[|>&;$*\\]", block.code):
+    if not all(line and line[0] in COMMANDS for line in lines) or re.search(
+        r"[|>&;$*\\]", block.code
+    ):
         return in_shell(block)
     for program, *arguments in lines:
         assert COMMANDS[program](arguments) == 0, f"{block}\n{program} {shlex.join(arguments)}"
@@ -75,7 +81,9 @@ def test_the_code_of_a_page_runs(page, folder):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", sorted({block.page for block in RUN if "slow" in block.words}), ids=name)
+@pytest.mark.parametrize(
+    "page", sorted({block.page for block in RUN if "slow" in block.words}), ids=name
+)
 def test_all_code_of_a_page_runs_in_a_shell(page, folder):
     run_blocks(of_page(page, slow=True), in_shell)
 
@@ -90,7 +98,9 @@ def test_a_block_says_what_it_is(fence):
     assert set(fence.words) <= allowed[fence.language]
 
 
-@pytest.mark.parametrize("fence", [block for block in RUN if block.words and block.language == "sh"], ids=str)
+@pytest.mark.parametrize(
+    "fence", [block for block in RUN if block.words and block.language == "sh"], ids=str
+)
 def test_slow_commands_are_understood(fence):
     """What only the slow tests run is at least spelt right."""
     for line in fence.code.replace("\\\n", " ").splitlines():
@@ -110,7 +120,9 @@ def test_what_ci_runs_is_a_target_of_make(fence):
 
 @pytest.mark.slow
 @on_real_recordings
-@pytest.mark.parametrize("fence", [fence for fence in BLOCKS if fence.language == "console"], ids=str)
+@pytest.mark.parametrize(
+    "fence", [fence for fence in BLOCKS if fence.language == "console"], ids=str
+)
 def test_a_session_prints_what_the_page_shows(fence, folder):
     """The first line is the command, the rest its output; archives are those of the real recordings."""
     (folder / "Ev-Objects.zip").symlink_to(REAL / "Ev-Objects.zip")

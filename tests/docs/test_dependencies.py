@@ -44,7 +44,10 @@ def imported():
 def test_what_is_imported_is_declared():
     extras = PROJECT["optional-dependencies"]
     assert imported() == modules(PROJECT["dependencies"]) | modules(
-        extras["dask"] + extras["train"] + extras["aedat"] + [name for name in extras["rtl"] if "yowasp" not in name]
+        extras["dask"]
+        + extras["train"]
+        + extras["aedat"]
+        + [name for name in extras["rtl"] if "yowasp" not in name]
     )
 
 

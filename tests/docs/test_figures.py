@@ -45,7 +45,9 @@ def rows(name: str) -> list[list[str]]:
 
 def chip(network: str, data: str) -> tuple[str, str, str]:
     """Return the accuracy as trained, the accuracy on the chip, and microjoules per recording."""
-    _, trained, on_chip, _, _, energy = next(row for row in rows("chip") if row[0] == f"{network}, {data}")
+    _, trained, on_chip, _, _, energy = next(
+        row for row in rows("chip") if row[0] == f"{network}, {data}"
+    )
     return trained, on_chip, f"{float(energy):.1f}"
 
 
@@ -86,23 +88,45 @@ def test_headlines_and_cards_have_the_figures_of_the_tables(model):
 
 def test_the_readme_has_the_operations_of_the_hybrid_and_the_speed_of_the_benchmark():
     readme = " ".join((ROOT / "README.md").read_text("utf-8").split())
-    ratio = next(row[2] for row in rows("ratios") if row[0] == "Hybrid, lambda 1, loop, Objects, against CNN-3D")
+    ratio = next(
+        row[2]
+        for row in rows("ratios")
+        if row[0] == "Hybrid, lambda 1, loop, Objects, against CNN-3D"
+    )
     assert f"The paper's hybrid takes {ratio} times fewer operations than CNN-3D" in readme
-    (large,) = (row[1] for row in table(ROOT / "docs/benchmarks.md", "network") if row[0] == "large")
+    (large,) = (
+        row[1] for row in table(ROOT / "docs/benchmarks.md", "network") if row[0] == "large"
+    )
     times = int(large.split()[0].replace(",", ""))
     assert f"about {round(times, -1)} times faster than nengo-loihi" in readme
 
 
 @pytest.mark.parametrize("board", ["ulx3s-25f", "icebreaker"])
 def test_the_page_on_public_work_has_the_resources_that_were_placed(board):
-    placed = next(row for row in table(ROOT / "docs/hardware.md", "board | program") if row[0] == board)
-    beside = next(row for row in table(ROOT / "docs/hardware/public-work.md", "work") if row[0].endswith(board))
-    assert [cell.split(" ")[0] for cell in beside[2:5]] == [placed[column].split(" ")[0] for column in (2, 4, 6)]
+    placed = next(
+        row for row in table(ROOT / "docs/hardware.md", "board | program") if row[0] == board
+    )
+    beside = next(
+        row
+        for row in table(ROOT / "docs/hardware/public-work.md", "work")
+        if row[0].endswith(board)
+    )
+    assert [cell.split(" ")[0] for cell in beside[2:5]] == [
+        placed[column].split(" ")[0] for column in (2, 4, 6)
+    ]
 
 
 def test_the_page_on_boards_has_the_resources_that_were_placed():
-    placed = next(row for row in table(ROOT / "docs/hardware.md", "board | program") if row[0] == "ulx3s-25f")
+    placed = next(
+        row for row in table(ROOT / "docs/hardware.md", "board | program") if row[0] == "ulx3s-25f"
+    )
     luts, flip_flops, rams, multipliers = (cell.replace(",", "") for cell in placed[2:6])
     page = (ROOT / "docs/how-to/put-a-model-on-a-board.md").read_text("utf-8")
-    assert f"takes {luts} LUTs, {flip_flops} flip-flops, {rams} block RAMs and {multipliers} multipliers" in page
-    assert f"clock: {placed[6].replace('of', ', the slowest of').replace(' ,', ',')} placements" in page
+    assert (
+        f"takes {luts} LUTs, {flip_flops} flip-flops, {rams} block RAMs and {multipliers} multipliers"
+        in page
+    )
+    assert (
+        f"clock: {placed[6].replace('of', ', the slowest of').replace(' ,', ',')} placements"
+        in page
+    )

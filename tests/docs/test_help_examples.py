@@ -22,7 +22,9 @@ LIGHT = ("locsnn events", "locsnn targets", "locsnn completion")
 
 def examples(program: str) -> list[str]:
     """Return the lines of a help text below ``example:``."""
-    shown = re.search(r"^examples?:\n((?:  \S.*\n)+)", parsers()[program].format_help(), flags=re.MULTILINE)
+    shown = re.search(
+        r"^examples?:\n((?:  \S.*\n)+)", parsers()[program].format_help(), flags=re.MULTILINE
+    )
     return shown[1].splitlines() if shown else []
 
 
@@ -71,6 +73,8 @@ def test_examples_that_take_a_moment_work(program, folder):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("program", [p for p in programs() if p not in (*LIGHT, "locsnn", "locsnn-compile")])
+@pytest.mark.parametrize(
+    "program", [p for p in programs() if p not in (*LIGHT, "locsnn", "locsnn-compile")]
+)
 def test_examples_work(program, folder, builds):
     run(folder, *examples(program))

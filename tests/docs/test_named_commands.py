@@ -35,7 +35,9 @@ def unknown(line: str) -> list[str]:
     program = next((called for n in (3, 2, 1) if (called := " ".join(words[:n])) in OPTIONS), "")
     if program in ("", "locsnn") and len(words) > 1 and not words[1].startswith("-"):
         return [" ".join(words[:2])]
-    given = (word.partition("=")[0].strip("[],.") for word in words if re.match(r"\[?--[a-z]", word))
+    given = (
+        word.partition("=")[0].strip("[],.") for word in words if re.match(r"\[?--[a-z]", word)
+    )
     return [option for option in given if option not in OPTIONS[program]]
 
 
@@ -43,7 +45,9 @@ def unknown(line: str) -> list[str]:
 def test_what_a_page_names_exists(page):
     text = page.read_text("utf-8")
     assert [(line, found) for line in commands(text) if (found := unknown(line))] == []
-    alone = set(re.findall(r"`(--[a-z][a-z-]*)", text)) - set().union(*OPTIONS.values()) - OF_SCRIPTS
+    alone = (
+        set(re.findall(r"`(--[a-z][a-z-]*)", text)) - set().union(*OPTIONS.values()) - OF_SCRIPTS
+    )
     assert sorted(alone) == []
 
 

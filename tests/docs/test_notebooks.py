@@ -21,7 +21,10 @@ def test_a_notebook_is_kept_without_what_it_printed(path):
 
 
 def test_the_two_are_there():
-    assert [path.name for path in NOTEBOOKS] == ["recordings_to_report.ipynb", "snntorch_to_report.ipynb"]
+    assert [path.name for path in NOTEBOOKS] == [
+        "recordings_to_report.ipynb",
+        "snntorch_to_report.ipynb",
+    ]
 
 
 def run(path, folder):
@@ -31,7 +34,9 @@ def run(path, folder):
 
     shutil.copytree(ROOT / "examples", folder / "examples", dirs_exist_ok=True)
     notebook = nbformat.read(path, as_version=4)
-    NotebookClient(notebook, timeout=600, resources={"metadata": {"path": str(folder / "examples")}}).execute()
+    NotebookClient(
+        notebook, timeout=600, resources={"metadata": {"path": str(folder / "examples")}}
+    ).execute()
     return [output for cell in notebook.cells for output in cell.get("outputs", [])]
 
 
@@ -40,7 +45,11 @@ def run(path, folder):
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 def test_a_notebook_runs_and_shows_the_summary(path, tmp_path):
     shown = run(path, tmp_path)
-    assert [output for output in shown if "Does it match?" in output.get("data", {}).get("text/html", "")]
+    assert [
+        output
+        for output in shown
+        if "Does it match?" in output.get("data", {}).get("text/html", "")
+    ]
 
 
 @pytest.mark.slow

@@ -29,14 +29,22 @@ def test_licence_and_authors():
 def test_citation():
     found = load("CITATION.cff")
     assert found["authors"] == [{"name": DEVELOPERS}]
-    assert (found["version"], found["license"], found["type"]) == (lc.__version__, "MIT", "software")
+    assert (found["version"], found["license"], found["type"]) == (
+        lc.__version__,
+        "MIT",
+        "software",
+    )
     assert set(found) >= {"cff-version", "message", "title"}
 
 
 def test_the_container_is_made_of_files_that_are_there():
     text = (ROOT / "Dockerfile").read_text("utf-8")
     assert re.findall(r"^FROM (\S+)$", text, flags=re.MULTILINE) == ["python:3.12-slim-bookworm"]
-    copied = [name for line in re.findall(r"^COPY (.*)$", text, flags=re.MULTILINE) for name in line.split()[:-1]]
+    copied = [
+        name
+        for line in re.findall(r"^COPY (.*)$", text, flags=re.MULTILINE)
+        for name in line.split()[:-1]
+    ]
     kept = set((ROOT / ".dockerignore").read_text("utf-8").split())
     for name in copied:
         assert (ROOT / name).exists(), name
@@ -47,7 +55,9 @@ def test_the_container_is_made_of_files_that_are_there():
 
 def test_every_supported_python_runs_the_tests():
     jobs = load(".github/workflows/test.yml")["jobs"]
-    supported = [one.rpartition(" ")[2] for one in PROJECT["classifiers"] if re.search(r":: 3\.\d+$", one)]
+    supported = [
+        one.rpartition(" ")[2] for one in PROJECT["classifiers"] if re.search(r":: 3\.\d+$", one)
+    ]
     assert jobs["test"]["strategy"]["matrix"]["python"] == supported
     assert PROJECT["requires-python"] == f">={supported[0]}"
     commands = [step["run"] for job in jobs.values() for step in job["steps"] if "run" in step]
@@ -64,7 +74,9 @@ def test_hooks_before_a_commit_are_those_of_make():
         assert " ".join(hook["entry"].split()[:2]).replace(" check --fix", " check") in rest
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / ".github/ISSUE_TEMPLATE").glob("*.yml")), ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path", sorted((ROOT / ".github/ISSUE_TEMPLATE").glob("*.yml")), ids=lambda path: path.stem
+)
 def test_templates_of_issues(path):
     found = yaml.safe_load(path.read_text("utf-8"))
     if path.stem == "config":

@@ -17,10 +17,14 @@ from command_help import help_of, programs
 PAGE = (ROOT / "docs/reference/command-line.md").read_text("utf-8")
 
 
-@pytest.mark.parametrize("package", [hw_model, locsnn_compile], ids=lambda package: package.__name__)
+@pytest.mark.parametrize(
+    "package", [hw_model, locsnn_compile], ids=lambda package: package.__name__
+)
 def test_every_public_name_is_in_the_reference(package):
     page = (ROOT / f"docs/reference/{package.__name__.replace('_', '-')}.md").read_text("utf-8")
-    shown = set(re.findall(r"^\.\. auto(?:class|exception|function):: (\w+)$", page, flags=re.MULTILINE))
+    shown = set(
+        re.findall(r"^\.\. auto(?:class|exception|function):: (\w+)$", page, flags=re.MULTILINE)
+    )
     elsewhere = {"InputError", "LocsnnError", "TargetError"} if package is locsnn_compile else set()
     assert shown == set(package.__all__) - elsewhere
     for name in elsewhere:

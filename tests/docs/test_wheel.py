@@ -65,7 +65,9 @@ def wheel(tmp_path_factory):
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, folder)
     for package in ("hw_model", "locsnn_compile"):
-        shutil.copytree(ROOT / package, folder / package, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(
+            ROOT / package, folder / package, ignore=shutil.ignore_patterns("__pycache__")
+        )
     run(sys.executable, "-m", "build", "--outdir", "dist", cwd=folder)
     (found,) = (folder / "dist").glob("*.whl")
     return found
@@ -81,7 +83,14 @@ def test_an_index_would_take_them(wheel):
 def test_the_licences_and_the_viewer_come_along(wheel):
     names = run(sys.executable, "-m", "zipfile", "-l", wheel, cwd=wheel.parent)
     assert ".dist-info/licenses/LICENSE" in names
-    for name in ("viewer.html", "viewer.css", "viewer.js", "uPlot.iife.min.js", "uPlot.min.css", "uPlot.LICENSE"):
+    for name in (
+        "viewer.html",
+        "viewer.css",
+        "viewer.js",
+        "uPlot.iife.min.js",
+        "uPlot.min.css",
+        "uPlot.LICENSE",
+    ):
         assert f"locsnn_compile/report/viewer/{name} " in names
 
 
@@ -91,7 +100,17 @@ def installed(wheel, tmp_path_factory):
     folder = tmp_path_factory.mktemp("clean")
     venv.create(folder / "env", with_pip=True)
     python = folder / "env/bin/python"
-    run(python, "-m", "pip", "install", "--quiet", "--constraint", ROOT / "constraints.txt", wheel, cwd=folder)
+    run(
+        python,
+        "-m",
+        "pip",
+        "install",
+        "--quiet",
+        "--constraint",
+        ROOT / "constraints.txt",
+        wheel,
+        cwd=folder,
+    )
     shutil.copytree(ROOT / "examples", folder / "examples")
     return python, folder
 
@@ -106,9 +125,15 @@ def test_nothing_is_missing(installed):
 def test_the_quick_start_runs(installed):
     python, folder = installed
     path = f"{python.parent}{os.pathsep}{os.environ['PATH']}"
-    blocks = [fence for fence in fences(ROOT / "docs/quick-start.md") if fence.language in ("python", "sh")]
+    blocks = [
+        fence
+        for fence in fences(ROOT / "docs/quick-start.md")
+        if fence.language in ("python", "sh")
+    ]
     for block in blocks:
-        command = ["bash", "-euo", "pipefail"] if block.language == "sh" else [python, "-W", "error"]
+        command = (
+            ["bash", "-euo", "pipefail"] if block.language == "sh" else [python, "-W", "error"]
+        )
         run(*command, "-c", block.code, cwd=folder, PATH=path, PYTHONPATH="")
     assert len(blocks) >= 4
 
@@ -117,7 +142,9 @@ def test_types_come_along(installed):
     python, folder = installed
     (folder / "client.py").write_text(CLIENT)
     mypy = [sys.executable, "-m", "mypy", "--strict", "--python-executable", python, "client.py"]
-    assert run(*mypy, cwd=folder, PYTHONPATH="", MYPY_CACHE_DIR=str(folder / "cache")).startswith("Success")
+    assert run(*mypy, cwd=folder, PYTHONPATH="", MYPY_CACHE_DIR=str(folder / "cache")).startswith(
+        "Success"
+    )
 
 
 def test_the_wheel_holds_the_packages_alone(wheel):

@@ -34,7 +34,8 @@ class Vectors:
         described = self.manifest["layouts"][layout]
         assert word < 1 << described["width"]
         return {
-            field["name"]: bits(word, field["low"], field["width"], field["signed"]) for field in described["fields"]
+            field["name"]: bits(word, field["low"], field["width"], field["signed"])
+            for field in described["fields"]
         }
 
 
@@ -58,7 +59,9 @@ class CoreBench:
 
     def __init__(self, vectors, entry):
         self.entry, self.arithmetic = entry, vectors.manifest["arithmetic"]
-        self.tables = {name: vectors.rows(file) for name, file in entry["files"].items() if name != "synapses"}
+        self.tables = {
+            name: vectors.rows(file) for name, file in entry["files"].items() if name != "synapses"
+        }
         self.memory = vectors.words(entry["files"]["synapses"])
         self.header = vectors.manifest["layouts"]["run_header"]["fields"]
         self.lists = [self._read_list(item) for item in self.tables["lists"]]
@@ -75,7 +78,9 @@ class CoreBench:
             form, count = self.tables["formats"][head["format"]], head["synapses_less_1"] + 1
             widths = [form["weight_bits"], form["delay_bits"], form["index_bits"]]
             words = -(-(a["run_header_bits"] + count * sum(widths)) // a["word_bits"])
-            run = sum(word << a["word_bits"] * i for i, word in enumerate(self.memory[at : at + words]))
+            run = sum(
+                word << a["word_bits"] * i for i, word in enumerate(self.memory[at : at + words])
+            )
             low = a["run_header_bits"]
             for _ in range(count):
                 stored, delay, index = self._read_synapse(run, low, widths, form)
@@ -90,7 +95,9 @@ class CoreBench:
     def _read_synapse(self, run, low, widths, form):
         values = []
         for name, width in zip(self.arithmetic["synapse"], widths, strict=True):
-            signed = name == "weight" and self.arithmetic["sign_modes"][form["sign_mode"]] == "mixed"
+            signed = (
+                name == "weight" and self.arithmetic["sign_modes"][form["sign_mode"]] == "mixed"
+            )
             values.append(bits(run, low, width, signed))
             low += width
         return values
@@ -118,8 +125,12 @@ class CoreBench:
         for i, row in enumerate(self.tables["compartments"]):
             profile = self.tables["profiles"][row["profile"]]
             q = wrap(self.due.pop((step, i), 0), a["charge_bits"])
-            self.u[i] = wrap(decay(self.u[i], profile["decay_u"], a["decay_bits"]) + q, a["current_bits"])
-            drive = wrap(self.u[i] + (row["bias_mantissa"] << row["bias_exponent"]), a["current_bits"])
+            self.u[i] = wrap(
+                decay(self.u[i], profile["decay_u"], a["decay_bits"]) + q, a["current_bits"]
+            )
+            drive = wrap(
+                self.u[i] + (row["bias_mantissa"] << row["bias_exponent"]), a["current_bits"]
+            )
             v = decay(self.v[i], profile["decay_v"], a["decay_bits"]) + drive + joined[i]
             v = min(max(v, self.entry["vmin"]), self.entry["vmax"])
             if self.blocked[i]:
@@ -169,9 +180,14 @@ def run_cores(vectors, entries):
 
 def expected(vectors, entry):
     """Return spikes, u and v by step as the files hold them."""
-    n, tables = entry["compartments"], {name: vectors.rows(entry["files"][name]) for name in ("spikes", "u", "v")}
+    n, tables = (
+        entry["compartments"],
+        {name: vectors.rows(entry["files"][name]) for name in ("spikes", "u", "v")},
+    )
 
     def row(name, step):
         return [word["value"] for word in tables[name][step * n : step * n + n]]
 
-    return [(tables["spikes"][step], row("u", step), row("v", step)) for step in range(entry["steps"])]
+    return [
+        (tables["spikes"][step], row("u", step), row("v", step)) for step in range(entry["steps"])
+    ]

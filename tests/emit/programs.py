@@ -19,7 +19,11 @@ def small_chip(compartments=6, cores_per_tile=1, columns=2, rows=2):
     """Return the chip with few compartments a core and few cores a tile."""
     return replace(
         CHIP,
-        limits=replace(CHIP.limits, compartments_per_core=compartments, cores_per_chip=cores_per_tile * columns * rows),
+        limits=replace(
+            CHIP.limits,
+            compartments_per_core=compartments,
+            cores_per_chip=cores_per_tile * columns * rows,
+        ),
         mesh=replace(CHIP.mesh, columns=columns, rows=rows, cores_per_tile=cores_per_tile),
     )
 
@@ -36,7 +40,9 @@ def everything(seed=0, chip=None):
         nodes[name] = b.add_compartments(
             name,
             size,
-            decay_u=np.append(1, r.integers(0, 4097, size - 1)),  # the first one holds its current until it wraps
+            decay_u=np.append(
+                1, r.integers(0, 4097, size - 1)
+            ),  # the first one holds its current until it wraps
             decay_v=r.integers(0, 4097, size),
             threshold=r.integers(0, 3, size) * 150,
             bias=r.choice([0, 0, 64, -128, 4095 << 7], size),
@@ -55,7 +61,14 @@ def everything(seed=0, chip=None):
         return drawn
 
     b.connect(x, nodes["h"], weights((7, 9), 2, -256, 254), delay=r.integers(0, 6, (7, 9)))
-    b.connect(x, nodes["h"], weights((7, 9), 8, 0, 248), exponent=-2, weight_bits=5, sign_mode="excitatory")
+    b.connect(
+        x,
+        nodes["h"],
+        weights((7, 9), 8, 0, 248),
+        exponent=-2,
+        weight_bits=5,
+        sign_mode="excitatory",
+    )
     b.connect(y, child, np.full((5, 3), -64), exponent=3, weight_bits=4, sign_mode="inhibitory")
     b.connect(y, nodes["o"], np.full((5, 3), 255), sign_mode="excitatory", delay=62)
     strong = np.zeros((7, 3), dtype=np.int64)
@@ -72,7 +85,9 @@ def everything(seed=0, chip=None):
 def played_streams(program, steps=40, rate=0.3, seed=0):
     """Return random spikes for every stream of a program, (steps, channels)."""
     r = np.random.default_rng(seed)
-    return {name: (r.random((steps, n)) < rate).astype(np.uint8) for name, n in program.streams.items()}
+    return {
+        name: (r.random((steps, n)) < rate).astype(np.uint8) for name, n in program.streams.items()
+    }
 
 
 def two_phases(align_events=None, bias=0):
@@ -97,6 +112,9 @@ def two_phases(align_events=None, bias=0):
         )
         for item, group in zip(inputs, groups, strict=True)
     )  # fmt: skip
-    phases = (Phase("time", "time", 5, align_events), Phase("location", "location", 4, align_events))
+    phases = (
+        Phase("time", "time", 5, align_events),
+        Phase("location", "location", 4, align_events),
+    )
     graph = CompartmentGraph("two phases", phases, inputs, groups, synapses)
     return assemble(route_axons(place_cores(graph, CHIP)))

@@ -28,10 +28,23 @@ def build(tmp_path_factory):
     recordings = (r.random((2, 78, 120)) < 0.1).astype(np.uint8)
     np.save(folder / "few.npy", recordings)
     options = f"--quiet --recording {CHOSEN} --strategy dendrite --probe time_output[3] --probe location_hidden[0:2]"
-    arguments = [MODEL, "--events", folder / "few.npy", "-o", folder / "out", *options.split(), "--emit", *BENCH_KINDS]
+    arguments = [
+        MODEL,
+        "--events",
+        folder / "few.npy",
+        "-o",
+        folder / "out",
+        *options.split(),
+        "--emit",
+        *BENCH_KINDS,
+    ]
     assert main([str(argument) for argument in arguments]) == 0
     program = hw.load_program(folder / "out")
-    return folder / "out", program, hw.simulate(program, recordings[CHOSEN].T, probe=("spikes", "u", "v", "activity"))
+    return (
+        folder / "out",
+        program,
+        hw.simulate(program, recordings[CHOSEN].T, probe=("spikes", "u", "v", "activity")),
+    )
 
 
 def test_vectors_hold_the_simulation_and_the_bench_finds_it(build):
@@ -54,8 +67,14 @@ def test_waveforms_show_the_probed_neurons(build):
     assert end == 250 + 78
     shown = {path.rsplit(".", 1)[0] for path in paths if path.count(".") > 1}
     compartments = ("{}", "{}_dendrite", "{}_refractory")
-    neurons = [("time", "time_output", 3), ("location", "location_hidden", 0), ("location", "location_hidden", 1)]
-    assert shown == {f"{phase}.{name.format(group)}.n{i}" for phase, group, i in neurons for name in compartments}
+    neurons = [
+        ("time", "time_output", 3),
+        ("location", "location_hidden", 0),
+        ("location", "location_hidden", 1),
+    ]
+    assert shown == {
+        f"{phase}.{name.format(group)}.n{i}" for phase, group, i in neurons for name in compartments
+    }
     v = values(paths["location.location_hidden_dendrite.n1.v"], 250, 78)
     assert v == result.v["location_hidden/dendrite"][:, 1].tolist()
 

@@ -39,18 +39,26 @@ def test_counts_are_the_programs(program):
     assert graph.is_directed()
     assert (graph.graph["name"], graph.graph["target"]) == (program.name, "loihi-sim")
     nodes, edges = list(graph.nodes(data=True)), list(graph.edges(data=True))
-    assert sum(data["size"] for _, data in of_kind(nodes, "compartments")) == sum(program.populations.values())
+    assert sum(data["size"] for _, data in of_kind(nodes, "compartments")) == sum(
+        program.populations.values()
+    )
     assert {data["name"]: data["size"] for _, data in of_kind(nodes, "input")} == {
         i.name: i.size for i in program.inputs
     }
     for core in program.cores:
         mine = [data for _, data in of_kind(nodes, "compartments") if data["core"] == core.number]
         assert sum(data["size"] for data in mine) == core.compartments
-        assert {(data["tile_x"], data["tile_y"]) for data in mine} == {program.chip.tile_of(core.slot)}
+        assert {(data["tile_x"], data["tile_y"]) for data in mine} == {
+            program.chip.tile_of(core.slot)
+        }
         into = {node for node, data in nodes if data.get("core") == core.number}
-        synapses = [data["synapses"] for _, target, data in of_kind(edges, "synapses") if target in into]
+        synapses = [
+            data["synapses"] for _, target, data in of_kind(edges, "synapses") if target in into
+        ]
         assert sum(synapses) == len(core.axons.target)
-        joined = [data["compartments"] for _, target, data in of_kind(edges, "joined") if target in into]
+        joined = [
+            data["compartments"] for _, target, data in of_kind(edges, "joined") if target in into
+        ]
         assert sum(joined) == (core.parent >= 0).sum()
 
 
@@ -59,12 +67,16 @@ def test_edges_of_a_tiny_program():
     b = hw.ProgramBuilder(CHIP, name="tiny")
     x = b.add_input("x", 3)
     first = b.add_compartments("a", 2, threshold=1)
-    second = b.add_compartments("b", 1, threshold=1, vmin=-1)  # other voltage limits, so another core
+    second = b.add_compartments(
+        "b", 1, threshold=1, vmin=-1
+    )  # other voltage limits, so another core
     b.connect(x, first, [[2, 0, 4], [2, 0, 0]])
     b.connect(first, second, [[2, 0]])
     graph = read_graphml(b.build())
     names = {node: data["name"] for node, data in graph.nodes(data=True)}
-    edges = {(names[s], names[t]): (d["synapses"], d["axons"]) for s, t, d in graph.edges(data=True)}
+    edges = {
+        (names[s], names[t]): (d["synapses"], d["axons"]) for s, t, d in graph.edges(data=True)
+    }
     assert edges == {("x", "a"): (3, 2), ("a", "b"): (1, 1)}
 
 
@@ -72,7 +84,9 @@ def test_dot_has_the_same_nodes_and_edges():
     program = everything()
     graph, dot = read_graphml(program), read_dot(program)
     clusters = dot.get_subgraphs()
-    assert [cluster.get_name() for cluster in clusters] == [f"cluster_core{core.number}" for core in program.cores]
+    assert [cluster.get_name() for cluster in clusters] == [
+        f"cluster_core{core.number}" for core in program.cores
+    ]
     named = [node.get_name() for part in (dot, *clusters) for node in part.get_nodes()]
     assert sorted(set(named) - {"node"}) == sorted(graph.nodes)
     edges = sorted((edge.get_source(), edge.get_destination()) for edge in dot.get_edges())

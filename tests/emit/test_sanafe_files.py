@@ -19,7 +19,11 @@ from locsnn_compile.errors import InputError
 
 def documents(played):
     files = sanafe_files(played)
-    return {name.removeprefix("sanafe/"): yaml.safe_load(text) for name, text in files.items() if name.endswith("yaml")}
+    return {
+        name.removeprefix("sanafe/"): yaml.safe_load(text)
+        for name, text in files.items()
+        if name.endswith("yaml")
+    }
 
 
 def one(chip=CHIP, weight=20, steps=3, **settings):
@@ -28,7 +32,13 @@ def one(chip=CHIP, weight=20, steps=3, **settings):
     given = {"decay_u": 4096, "decay_v": 128, "threshold": 30, **settings}
     delay = given.pop("delay", 0)
     exponent = given.pop("exponent", 0)
-    b.connect(b.add_input("x", 1), b.add_compartments("h", 1, **given), [[weight]], delay=delay, exponent=exponent)
+    b.connect(
+        b.add_input("x", 1),
+        b.add_compartments("h", 1, **given),
+        [[weight]],
+        delay=delay,
+        exponent=exponent,
+    )
     return play_recording(b.build(), np.ones((steps, 1), dtype=np.uint8))
 
 
@@ -54,7 +64,9 @@ OBSTACLES = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("make", "lines"), [row[1:] for row in OBSTACLES], ids=[row[0] for row in OBSTACLES])
+@pytest.mark.parametrize(
+    ("make", "lines"), [row[1:] for row in OBSTACLES], ids=[row[0] for row in OBSTACLES]
+)
 def test_why_its_neurons_do_not_compute_a_program(make, lines):
     played = make()
     assert obstacles(played, "time") == lines
@@ -67,7 +79,9 @@ def small():
     r = np.random.default_rng(0)
     b = hw.ProgramBuilder(small_chip(compartments=4, cores_per_tile=2, columns=3, rows=2))
     x = b.add_input("x", 5)
-    h = b.add_compartments("h.1", 9, decay_u=4096, decay_v=100, threshold=50, bias=np.repeat([0, 64, -1], 3))
+    h = b.add_compartments(
+        "h.1", 9, decay_u=4096, decay_v=100, threshold=50, bias=np.repeat([0, 64, -1], 3)
+    )
     o = b.add_compartments("o", 6, decay_u=4096, decay_v=100, threshold=50)
     b.connect(x, h, r.integers(0, 2, (9, 5)) * 40)
     b.connect(h, o, r.integers(0, 2, (6, 9)) * 40, delay=2)
@@ -94,7 +108,13 @@ def test_every_synapse_is_an_edge_and_every_neuron_is_mapped_to_its_core():
             place[name, i] = str(where["core"])
     assert len(place) == sum(sizes.values())
     rows, tile = program.chip.mesh.rows, found["arch.yaml"]["architecture"]["tile"]
-    assert sum(int(t["name"][5:-1].split("..")[1]) - int(t["name"][5:-1].split("..")[0]) + 1 for t in tile) == 6
+    assert (
+        sum(
+            int(t["name"][5:-1].split("..")[1]) - int(t["name"][5:-1].split("..")[0]) + 1
+            for t in tile
+        )
+        == 6
+    )
     for core in program.cores:
         column, row = program.chip.tile_of(core.slot)
         for piece in core.slices:
@@ -124,7 +144,9 @@ def test_costs_are_those_of_the_profile():
     assert found == pytest.approx(CHIP.profile("sanafe").energy_pj)
     for section in ("synapse", "soma", "axon_out"):
         attributes = host[section][0]["attributes"]
-        assert {float(v) for key, v in attributes.items() if key.startswith(("energy", "latency"))} == {0.0}
+        assert {
+            float(v) for key, v in attributes.items() if key.startswith(("energy", "latency"))
+        } == {0.0}
 
 
 def test_a_phase_is_a_network_of_its_own():
@@ -145,7 +167,10 @@ def test_steps_before_the_first_touch_are_left_out():
     recording[[0, 3, 3, 5], [1, 0, 2, 1]] = 1
     found = documents(play_recording(two_phases(align_events=2, bias=700), recording))
     phases = found["expected.yaml"]["phases"]
-    assert [(p["file"], p["first_step"], p["steps"]) for p in phases] == [("time.yaml", 3, 5), ("location.yaml", 0, 4)]
+    assert [(p["file"], p["first_step"], p["steps"]) for p in phases] == [
+        ("time.yaml", 3, 5),
+        ("location.yaml", 0, 4),
+    ]
     lines, cell = found["time.yaml"]["network"]["groups"]
     assert [line[i]["spikes"] for i, line in enumerate(lines["neurons"])] == [
         [1, 0, 0, 0, 0],
@@ -189,7 +214,9 @@ def test_chips_that_cannot_be_written(make, line):
 def test_cores_larger_than_its_units():
     large = replace(CHIP, limits=replace(CHIP.limits, compartments_per_core=2000))
     b = hw.ProgramBuilder(large)
-    b.connect(b.add_input("x", 1), b.add_compartments("h", 1025, threshold=1), np.full((1025, 1), 2))
+    b.connect(
+        b.add_input("x", 1), b.add_compartments("h", 1025, threshold=1), np.full((1025, 1), 2)
+    )
     with pytest.raises(InputError) as caught:
         sanafe_files(play_recording(b.build(), [[1]]))
     assert str(caught.value) == (
@@ -201,7 +228,11 @@ def test_cores_larger_than_its_units():
 def test_hostile_names_are_code_in_the_readmes_and_plain_elsewhere():
     name = "<script>`x`\n# y"
     b = hw.ProgramBuilder(CHIP, name=name)
-    b.connect(b.add_input("a -> b.0: {", 1), b.add_compartments("[0..3]: x\n", 1, decay_u=4096, threshold=1), [[2]])
+    b.connect(
+        b.add_input("a -> b.0: {", 1),
+        b.add_compartments("[0..3]: x\n", 1, decay_u=4096, threshold=1),
+        [[2]],
+    )
     played = play_recording(b.build(), [[1], [0]])
     for files, folder in ((sanafe_files(played), "sanafe"), (vectors_files(played), "vectors")):
         heading = files[f"{folder}/README.md"].decode().splitlines()[0]
@@ -213,7 +244,9 @@ def test_hostile_names_are_code_in_the_readmes_and_plain_elsewhere():
 
 def test_a_population_may_be_called_like_the_lines_of_an_input():
     b = hw.ProgramBuilder(CHIP)
-    b.connect(b.add_input("x", 1), b.add_compartments("x_tile0", 1, decay_u=4096, threshold=1), [[2]])
+    b.connect(
+        b.add_input("x", 1), b.add_compartments("x_tile0", 1, decay_u=4096, threshold=1), [[2]]
+    )
     network = documents(play_recording(b.build(), [[1], [0]]))["time.yaml"]["network"]
     assert [group["name"] for group in network["groups"]] == ["x_tile0", "x_tile0_2"]
     assert [list(edge) for edge in network["edges"]] == [["x_tile0.0 -> x_tile0_2.0"]]

@@ -48,12 +48,20 @@ def test_every_event_has_the_keys_of_its_kind(case):
 
 def test_every_process_and_thread_has_a_name(case):
     played, document = case
-    named = {(e["name"], e["pid"], e["tid"]): e["args"]["name"] for e in document["traceEvents"] if e["ph"] == "M"}
+    named = {
+        (e["name"], e["pid"], e["tid"]): e["args"]["name"]
+        for e in document["traceEvents"]
+        if e["ph"] == "M"
+    }
     for event in slices(document):
         assert ("thread_name", event["pid"], event["tid"]) in named
     phases = [name for (kind, *_), name in named.items() if kind == "process_name"]
     assert phases == [f"phase {phase.name}" for phase in played.phases]
-    cores = [name.split(",")[0] for (kind, _, thread), name in named.items() if kind == "thread_name" and thread]
+    cores = [
+        name.split(",")[0]
+        for (kind, _, thread), name in named.items()
+        if kind == "thread_name" and thread
+    ]
     assert cores == [f"core {core.number}" for core in played.program.cores]
 
 
@@ -77,7 +85,9 @@ def test_it_is_as_long_as_the_latency(case):
     profile = CHIP.profile("davies2018")
     activity = {phase: found[0] for phase, found in played.result.activity.items()}
     total_us = hw.latency(played.program, activity, profile).total_ns / 1000
-    assert max(event["ts"] + event["dur"] for event in slices(document)) == pytest.approx(total_us, abs=1e-5)
+    assert max(event["ts"] + event["dur"] for event in slices(document)) == pytest.approx(
+        total_us, abs=1e-5
+    )
     steps = [event for event in slices(document) if event["name"].startswith("step ")]
     assert len(steps) == sum(played.steps(phase.name) for phase in played.phases)
     assert sum(event["dur"] for event in steps) == pytest.approx(total_us, abs=1e-5)
@@ -96,5 +106,8 @@ def test_counts_are_the_simulators(case):
 
 def test_it_says_that_it_is_modelled(case):
     _, document = case
-    assert document["otherData"]["profile"] == "davies2018: Davies et al., IEEE Micro 38(1), 2018, Table 2"
+    assert (
+        document["otherData"]["profile"]
+        == "davies2018: Davies et al., IEEE Micro 38(1), 2018, Table 2"
+    )
     assert document["otherData"]["basis"].startswith("modelled, not measured; ")

@@ -105,13 +105,16 @@ def test_expected_values_are_the_simulators(case):
     played, vectors = case
     for core, entry in zip(played.program.cores, vectors.manifest["cores"], strict=True):
         columns = [
-            (kind, np.array([row[i] for row in bench.expected(vectors, entry)])) for i, kind in ((1, "u"), (2, "v"))
+            (kind, np.array([row[i] for row in bench.expected(vectors, entry)]))
+            for i, kind in ((1, "u"), (2, "v"))
         ]
         for kind, found in columns:
             of_group = getattr(played.result, kind)
             for piece in core.slices:
                 mine = found[:, piece.offset : piece.offset + piece.size]
-                assert np.array_equal(mine, of_group[piece.group][:, piece.start : piece.stop]), kind
+                assert np.array_equal(mine, of_group[piece.group][:, piece.start : piece.stop]), (
+                    kind
+                )
 
 
 def test_each_core_alone_gives_what_is_expected(case):
@@ -134,13 +137,22 @@ def test_each_core_gives_what_is_expected_in_verilog(case, tmp_path):
     _, vectors = case
     for entry in vectors.manifest["cores"]:
         sizes = {name.upper(): file["rows"] for name, file in entry["files"].items()}
-        parameters = {name: sizes[name] for name in ("LISTS", "FORMATS", "PROFILES", "THRESHOLDS", "COMPARTMENTS")}
-        parameters |= {"WORDS": sizes["SYNAPSES"], "AXONS": entry["input_axons"], "STEPS": entry["steps"]}
+        parameters = {
+            name: sizes[name]
+            for name in ("LISTS", "FORMATS", "PROFILES", "THRESHOLDS", "COMPARTMENTS")
+        }
+        parameters |= {
+            "WORDS": sizes["SYNAPSES"],
+            "AXONS": entry["input_axons"],
+            "STEPS": entry["steps"],
+        }
         parameters |= {"VMIN": entry["vmin"], "VMAX": entry["vmax"]}
         given = [f"-Pcore_bench.{name}={value}" for name, value in parameters.items()]
         built = tmp_path / f"core{entry['number']}"
         source = Path(__file__).with_name("core_bench.v")
-        subprocess.run(["iverilog", "-g2012", "-Wall", *given, "-o", built, source], check=True, timeout=60)
+        subprocess.run(
+            ["iverilog", "-g2012", "-Wall", *given, "-o", built, source], check=True, timeout=60
+        )
         call = ["vvp", "-n", built, f"+folder={vectors.folder}/core{entry['number']}"]
         done = subprocess.run(call, capture_output=True, text=True, check=True, timeout=60)
         values = 3 * entry["steps"] * entry["compartments"]
@@ -153,10 +165,14 @@ def test_memory_takes_the_words_that_placement_counted(case):
         assert len(vectors.words(entry["files"]["synapses"])) == core.axons.synapse_words
 
 
-@pytest.mark.parametrize(("strategy", "words"), [("dendrite", [1313, 3114]), ("delay-line", [1783, 3540])])
+@pytest.mark.parametrize(
+    ("strategy", "words"), [("dendrite", [1313, 3114]), ("delay-line", [1783, 3540])]
+)
 def test_a_networks_report_and_image_agree(strategy, words):
     """Own spikes come back by many synapses onto one compartment: a list of them is one list, in placement too."""
-    compiled = lc.compile(lc.load(EXAMPLES / "objects-hybrid.pt"), strategy=strategy, diagnosis=False)
+    compiled = lc.compile(
+        lc.load(EXAMPLES / "objects-hybrid.pt"), strategy=strategy, diagnosis=False
+    )
     cores, chip = compiled.program.cores, compiled.program.chip
     assert [len(synapse_image(core, chip).words) for core in cores] == words
     assert compiled.report["resources"]["synapse_bits"] == 64 * sum(words)
@@ -168,14 +184,23 @@ def test_a_full_core_holds_its_image(seed):
     r = np.random.default_rng(seed)
     limit = int(r.integers(120, 250))
     memory = replace(CHIP.synapse_memory, run_length=int(r.integers(1, 65)))
-    chip = replace(CHIP, limits=replace(CHIP.limits, synapse_words_per_core=limit), synapse_memory=memory)
+    chip = replace(
+        CHIP, limits=replace(CHIP.limits, synapse_words_per_core=limit), synapse_memory=memory
+    )
     b = hw.ProgramBuilder(chip)
     x = b.add_input("x", 3)
     groups = [b.add_compartments(name, 40, threshold=20) for name in ("h", "o")]
     for source, target in [(x, groups[0]), (x, groups[1]), (groups[0], groups[0])]:
         for _ in range(3):
-            kept = r.random((target.size, source.size)) < r.choice([0.05, 0.3, 1.0 if source is x else 0.05])
-            b.connect(source, target, 2 * kept, delay=kept * r.integers(0, 2, kept.shape) * r.integers(0, 63))
+            kept = r.random((target.size, source.size)) < r.choice(
+                [0.05, 0.3, 1.0 if source is x else 0.05]
+            )
+            b.connect(
+                source,
+                target,
+                2 * kept,
+                delay=kept * r.integers(0, 2, kept.shape) * r.integers(0, 63),
+            )
     cores = b.build().cores
     used = [len(synapse_image(core, chip).words) for core in cores]
     assert used == [core.axons.synapse_words for core in cores]
@@ -193,7 +218,16 @@ def test_a_program_that_counted_other_words():
 
 def test_wraps_and_clips_are_in_what_was_compared():
     counts = hw.simulate(everything(), played_streams(everything())).counts
-    assert min(counts.charge_wraps, counts.current_wraps, counts.voltage_clips, counts.hops_x, counts.hops_y) > 0
+    assert (
+        min(
+            counts.charge_wraps,
+            counts.current_wraps,
+            counts.voltage_clips,
+            counts.hops_x,
+            counts.hops_y,
+        )
+        > 0
+    )
 
 
 def test_files_of_a_tiny_program():
@@ -203,7 +237,9 @@ def test_files_of_a_tiny_program():
     h = b.add_compartments("h", 1, decay_u=4096, decay_v=0, threshold=15, refractory=2)
     b.connect(x, h, [[20]])
     files = vectors_files(play_recording(b.build(), [[1], [1], [0]], "recording 7"))
-    texts = {name.removeprefix("vectors/core0/"): content.decode() for name, content in files.items()}
+    texts = {
+        name.removeprefix("vectors/core0/"): content.decode() for name, content in files.items()
+    }
     assert {name: text for name, text in texts.items() if "/" not in name} == {
         "axons.hex": "00008000\n",  # first list 0, one list
         "lists.hex": "0000008000\n",  # word 0, one word, base 0
@@ -220,7 +256,11 @@ def test_files_of_a_tiny_program():
         "v.hex": "000000\n000000\n000000\n",
     }
     manifest = yaml.safe_load(files["vectors/manifest.yaml"])
-    assert (manifest["program"], manifest["recording"], manifest["version"]) == ("tiny", "recording 7", 1)
+    assert (manifest["program"], manifest["recording"], manifest["version"]) == (
+        "tiny",
+        "recording 7",
+        1,
+    )
     assert set(files) == {
         f"vectors/{entry['file']}" for core in manifest["cores"] for entry in core["files"].values()
     } | {"vectors/manifest.yaml", "vectors/README.md"}
@@ -232,8 +272,14 @@ LOCATION = ("location", 0, 4)
 @pytest.mark.parametrize(
     ("events", "phases"),
     [
-        pytest.param([(0, 1), (3, 0), (3, 2), (5, 1), (9, 3)], [("time", 3, 5), LOCATION], id="ends after its steps"),
-        pytest.param([(9, 0), (9, 3), (10, 1)], [("time", 9, 3), LOCATION], id="ends with the recording"),
+        pytest.param(
+            [(0, 1), (3, 0), (3, 2), (5, 1), (9, 3)],
+            [("time", 3, 5), LOCATION],
+            id="ends after its steps",
+        ),
+        pytest.param(
+            [(9, 0), (9, 3), (10, 1)], [("time", 9, 3), LOCATION], id="ends with the recording"
+        ),
         pytest.param([(9, 0)], [("time", 12, 0), LOCATION], id="never starts"),
     ],
 )
@@ -245,7 +291,9 @@ def test_only_steps_that_run_are_written(events, phases, tmp_path):
     assert [(p["name"], p["first_step"], p["steps"]) for p in vectors.manifest["phases"]] == phases
     for entry, (_, _, steps) in zip(vectors.manifest["cores"], phases, strict=True):
         assert bench.run_core(vectors, entry) == bench.expected(vectors, entry)
-        assert [len(vectors.rows(entry["files"][name])) for name in ("axon_spikes", "spikes", "u")] == [steps] * 3
+        assert [
+            len(vectors.rows(entry["files"][name])) for name in ("axon_spikes", "spikes", "u")
+        ] == [steps] * 3
 
 
 def test_a_recording_that_would_fill_a_disk(monkeypatch):

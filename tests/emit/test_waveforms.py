@@ -34,7 +34,12 @@ def read(content):
             change = token.data
             path, size = codes[change.id_code]
             value = change.value
-            if token.kind is TokenKind.CHANGE_VECTOR and isinstance(value, int) and size < 32 and value >> size - 1:
+            if (
+                token.kind is TokenKind.CHANGE_VECTOR
+                and isinstance(value, int)
+                and size < 32
+                and value >> size - 1
+            ):
                 value -= 1 << size
             paths[path].append((time, value))
     assert not scopes
@@ -57,14 +62,21 @@ def test_every_value_is_the_simulators():
     paths, end = read(vcd_file(played, ["h", "o[1:3]"])["waves.vcd"])
     assert end == 40
     result, checked = played.result, 0
-    for group, indices, name in (("h", range(7), "h"), ("o", (1, 2), "o"), ("o/dendrite", (1, 2), "o_dendrite")):
+    for group, indices, name in (
+        ("h", range(7), "h"),
+        ("o", (1, 2), "o"),
+        ("o/dendrite", (1, 2), "o_dendrite"),
+    ):
         for i in indices:
             for kind in ("u", "v", "potential"):
                 wanted = getattr(result, kind)[group][:, i].tolist()
                 assert values(paths[f"time.{name}.n{i}.{kind}"], 0, 40) == wanted
                 checked += 1
             if group in result.spikes:
-                assert values(paths[f"time.{name}.n{i}.spike"], 0, 40) == result.spikes[group][:, i].tolist()
+                assert (
+                    values(paths[f"time.{name}.n{i}.spike"], 0, 40)
+                    == result.spikes[group][:, i].tolist()
+                )
             else:
                 assert f"time.{name}.n{i}.spike" not in paths
     assert checked == 33
@@ -92,7 +104,9 @@ def test_steps_before_the_first_touch_do_not_run():
     assert end == 5 + 4
     assert paths["time.running"] == [(0, "1"), (5, "0")]
     assert values(paths["time.step"], 0, 5) == [3, 4, 5, 6, 7]
-    assert values(paths["time.a.n0.potential"], 0, 5) == played.result.potential["a"][3:8, 0].tolist()
+    assert (
+        values(paths["time.a.n0.potential"], 0, 5) == played.result.potential["a"][3:8, 0].tolist()
+    )
     assert values(paths["time.a.n0.spike"], 0, 5) == played.result.spikes["a"][3:8, 0].tolist()
     never, end = read(vcd_file(play_recording(played.program, recording[4:]), ())["waves.vcd"])
     assert end == 4
@@ -106,13 +120,21 @@ def test_names_that_are_no_identifiers():
         b.connect(x, b.add_compartments(name, 1, threshold=1), [[2]])
     content = vcd_file(play_recording(b.build(), [[1], [0]]), ())["waves.vcd"]
     paths, _ = read(content)
-    assert {path.split(".")[1] for path in paths} - {"running", "step"} == {"a_b", "a_b_2", "_0", "_end", "_"}
+    assert {path.split(".")[1] for path in paths} - {"running", "step"} == {
+        "a_b",
+        "a_b_2",
+        "_0",
+        "_end",
+        "_",
+    }
     assert b"$comment\n\todd _end #0, recording 0; 1 us is one step\n" in content
 
 
 def test_each_of_many_signals_has_a_code_of_its_own():
     many = hw.ProgramBuilder(CHIP)
-    many.connect(many.add_input("x", 1), many.add_compartments("h", 60, threshold=1), np.full((60, 1), 2))
+    many.connect(
+        many.add_input("x", 1), many.add_compartments("h", 60, threshold=1), np.full((60, 1), 2)
+    )
     paths, _ = read(vcd_file(play_recording(many.build(), [[1], [0]]), ["h"])["waves.vcd"])
     assert len(paths) == 2 + 4 * 60
 
@@ -154,14 +176,32 @@ def test_the_most_active_neuron_is_shown_by_default(played):
 BAD_PROBES = [
     ("unknown", "hh[0]", "probe 'hh[0]': there is no population 'hh'. Did you mean 'h'?"),
     ("unknown population", "hh", "probe 'hh': there is no population 'hh'. Did you mean 'h'?"),
-    ("form", "h[a]", "probe 'h[a]': not an index. Write population[index] or population[first:stop]."),
-    ("far", "h[7]", "probe 'h[7]': 'h' has no such compartment (7 compartments). Count from 0 to 6."),
-    ("empty", "h[3:3]", "probe 'h[3:3]': it holds no compartment. Let the stop be above the first."),
-    ("negative", "h[-1]", "probe 'h[-1]': not an index. Write population[index] or population[first:stop]."),
+    (
+        "form",
+        "h[a]",
+        "probe 'h[a]': not an index. Write population[index] or population[first:stop].",
+    ),
+    (
+        "far",
+        "h[7]",
+        "probe 'h[7]': 'h' has no such compartment (7 compartments). Count from 0 to 6.",
+    ),
+    (
+        "empty",
+        "h[3:3]",
+        "probe 'h[3:3]': it holds no compartment. Let the stop be above the first.",
+    ),
+    (
+        "negative",
+        "h[-1]",
+        "probe 'h[-1]': not an index. Write population[index] or population[first:stop].",
+    ),
 ]
 
 
-@pytest.mark.parametrize(("probe", "line"), [row[1:] for row in BAD_PROBES], ids=[row[0] for row in BAD_PROBES])
+@pytest.mark.parametrize(
+    ("probe", "line"), [row[1:] for row in BAD_PROBES], ids=[row[0] for row in BAD_PROBES]
+)
 def test_bad_probes(played, probe, line):
     with pytest.raises(InputError) as caught:
         probed(played, [probe])

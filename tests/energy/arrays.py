@@ -31,13 +31,21 @@ def measure(files: "runs.Library", made: Latches) -> Costs:
     """Return what an array costs, from words that are read and written at random."""
     text = "".join([GATE, *modules(made).values(), verilog(made)])
     named = hashlib.sha256(text.encode()).hexdigest()[:8]
-    folder = runs.KEPT / "latches" / f"{made.shape.name}-{made.shape.bits}-{len(made.banks)}x{made.rows}-{named}"
+    folder = (
+        runs.KEPT
+        / "latches"
+        / f"{made.shape.name}-{made.shape.bits}-{len(made.banks)}x{made.rows}-{named}"
+    )
     kept = folder / "costs.json"
     if not kept.exists():
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "array.sv").write_text(text)
-        netlist.synthesise_module(folder, f"memory_{made.shape.name}", [folder / "array.sv"], files.folder / runs.CELLS)
-        found = gates.circuit(netlist.load(folder / "netlist.json", f"memory_{made.shape.name}"), files.cells, {})
+        netlist.synthesise_module(
+            folder, f"memory_{made.shape.name}", [folder / "array.sv"], files.folder / runs.CELLS
+        )
+        found = gates.circuit(
+            netlist.load(folder / "netlist.json", f"memory_{made.shape.name}"), files.cells, {}
+        )
         kept.write_text(json.dumps(vars(_measure(files, made, found))))
     return Costs(**json.loads(kept.read_text()))
 
@@ -55,10 +63,14 @@ def _measure(files: "runs.Library", made: Latches, found: gates.Circuit) -> Cost
         )
         pj[name] = float(spent.total[0]) / (CYCLES * LANES)
     leakage = sum(cells[i.type].leakage_nw for i in found.netlist.instances)
-    return Costs(area, leakage, times.worst, pj["read"] - pj["idle"], pj["write"] - pj["idle"], pj["idle"])
+    return Costs(
+        area, leakage, times.worst, pj["read"] - pj["idle"], pj["write"] - pj["idle"], pj["idle"]
+    )
 
 
-def play(found: gates.Circuit, cells: dict, made: Latches, reads: float, writes: float) -> np.ndarray:
+def play(
+    found: gates.Circuit, cells: dict, made: Latches, reads: float, writes: float
+) -> np.ndarray:
     """Return transitions by net and lane: a share of cycles reads and one writes, after all words were written."""
     number = {clock: k for k, clock in enumerate(found.gates)}
     lines = []
@@ -97,12 +109,17 @@ def play(found: gates.Circuit, cells: dict, made: Latches, reads: float, writes:
             "read": rng.random((1, LANES)) < (reads if cycle >= 0 else 0),
         }
         if wanted:
-            values |= {"write_address": _bits(a, len(found.port("write_address"))), "write_data": data}
+            values |= {
+                "write_address": _bits(a, len(found.port("write_address"))),
+                "write_data": data,
+            }
         if reads:
             values |= {"read_address": _bits(b, len(found.port("read_address")))}
         for name, bits in values.items():
             for net, row in zip(found.port(name), bits, strict=True):
-                v[net] = int(np.packbits(row.astype(np.uint8), bitorder="little").view(np.uint32)[0])
+                v[net] = int(
+                    np.packbits(row.astype(np.uint8), bitorder="little").view(np.uint32)[0]
+                )
         for k in range(len(pieces)):
             scope[f"logic{k}"](v, t, ones)
         t = scope["ticks"](v)

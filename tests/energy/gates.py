@@ -62,7 +62,9 @@ def circuit(netlist: Netlist, cells: Mapping[str, Cell], macros: Mapping[str, Ma
                 if bit not in net:
                     net[bit] = count
                     count += 1
-    logic = [i for i in netlist.instances if i.type in cells and cells[i.type].kind in ("logic", "latch")]
+    logic = [
+        i for i in netlist.instances if i.type in cells and cells[i.type].kind in ("logic", "latch")
+    ]
     flops = [i for i in netlist.instances if i.type in cells and cells[i.type].kind == "ff"]
     gates = [i for i in netlist.instances if i.type in cells and cells[i.type].kind == "gate"]
     memories = [i for i in netlist.instances if i.type in macros]
@@ -121,19 +123,34 @@ def expression(function: str, names: Mapping[str, str]) -> str:
 
 def states_of(core: str) -> dict[str, int]:
     """Return the numbers of the sequencer's states, from the text of ``locsnn_core.sv``."""
-    return {name: int(re.findall(rf"\b{name} = (\d)", core)[0]) for name in ("ROW", "UPDATE", "SPIKES")}
+    return {
+        name: int(re.findall(rf"\b{name} = (\d)", core)[0]) for name in ("ROW", "UPDATE", "SPIKES")
+    }
 
 
-def source(found: Circuit, cells: Mapping[str, Cell], macros: Mapping[str, Macro], states: Mapping[str, int]) -> str:
+def source(
+    found: Circuit,
+    cells: Mapping[str, Cell],
+    macros: Mapping[str, Macro],
+    states: Mapping[str, int],
+) -> str:
     """Return the simulator in C++; ``states``: those of the sequencer."""
-    before, after = (Path(__file__).parent / "gates.cpp").read_text().split("// The circuit: ports, nets and logic.\n")
+    before, after = (
+        (Path(__file__).parent / "gates.cpp")
+        .read_text()
+        .split("// The circuit: ports, nets and logic.\n")
+    )
     statements = []
     number_of = {clock: k for k, clock in enumerate(found.gates)}
     for instance in found.order:
         cell = cells[instance.type]
         if cell.kind == "latch":
             # It follows its data where its gate opened at the last edge.
-            q, d, open_ = found.at(instance, "Q"), found.at(instance, "D"), number_of[found.at(instance, "GATE")]
+            q, d, open_ = (
+                found.at(instance, "Q"),
+                found.at(instance, "D"),
+                number_of[found.at(instance, "GATE")],
+            )
             statements.append(f"v[{q}]=(v[{d}]&t[{open_}])|(v[{q}]&~t[{open_}]);")
             continue
         names = {pin: f"v[{found.at(instance, pin)}]" for pin in cell.inputs}
@@ -174,7 +191,11 @@ def source(found: Circuit, cells: Mapping[str, Cell], macros: Mapping[str, Macro
             nets = [found.at(instance, f"{port}_{pin}") for pin in ("MEN", "WEN", "REN")]
             nets += [found.at(instance, f"{port}_ADDR", b) for b in range(depth)]
             data = [found.at(instance, f"{port}_DIN", b) for b in range(macro.bits)]
-            masks = [found.at(instance, f"{port}_BM", b) for b in range(macro.bits)] if "_bm_" in macro.name else []
+            masks = (
+                [found.at(instance, f"{port}_BM", b) for b in range(macro.bits)]
+                if "_bm_" in macro.name
+                else []
+            )
             outs = [
                 found.at(instance, f"{port}_DOUT", b) if instance.pins.get(f"{port}_DOUT") else -1
                 for b in range(macro.bits)
@@ -199,9 +220,7 @@ def source(found: Circuit, cells: Mapping[str, Cell], macros: Mapping[str, Macro
              "answer_spikes", "probe_valid", "probe_compartment", "probe_u", "probe_v", "probe_fired")  # fmt: skip
     for name in names:
         nets = found.port(name)
-        arrays += (
-            f"static const int n_{name}[]={{{','.join(map(str, nets))}}}; static const int w_{name}={len(nets)};\n"
-        )
+        arrays += f"static const int n_{name}[]={{{','.join(map(str, nets))}}}; static const int w_{name}={len(nets)};\n"
     state = [found.net[bit] for bit in found.netlist.named["state"]]
     arrays += f"static const int n_state[]={{{','.join(map(str, state))}}};\n"
     return head + arrays + logic + after
@@ -214,7 +233,12 @@ def _function(name: str, statements: Sequence[str]) -> str:
         f'__attribute__((noinline,optimize("O1"))) static void {name}{k}(){{{chr(10).join(chunk)}}}\n'
         for k, chunk in enumerate(chunks)
     )
-    return pieces + f"static void {name}(){{" + "".join(f"{name}{k}();" for k in range(len(chunks))) + "}\n"
+    return (
+        pieces
+        + f"static void {name}(){{"
+        + "".join(f"{name}{k}();" for k in range(len(chunks)))
+        + "}\n"
+    )
 
 
 @dataclass
@@ -239,7 +263,11 @@ class Activity:
         if self.probes is not None:
             mine = (self.probes[:, 0] >= begin) & (self.probes[:, 0] < end)
             probes = self.probes[mine] - np.array([begin, 0, 0, 0, 0], dtype=np.uint32)
-        toggles, accesses, answers = self.toggles[:, begin:end], self.accesses[..., begin:end], self.answers[begin:end]
+        toggles, accesses, answers = (
+            self.toggles[:, begin:end],
+            self.accesses[..., begin:end],
+            self.answers[begin:end],
+        )
         return Activity(toggles, accesses, answers, probes, (self, begin, end))
 
 
@@ -247,7 +275,9 @@ def build(folder: Path, text: str) -> Path:
     """Compile the simulator."""
     (folder / "gates.cpp").write_text(text)
     binary = folder / "gates"
-    subprocess.run(["g++", "-O2", "-march=native", "-o", str(binary), "gates.cpp"], cwd=folder, check=True)
+    subprocess.run(
+        ["g++", "-O2", "-march=native", "-o", str(binary), "gates.cpp"], cwd=folder, check=True
+    )
     return binary
 
 
@@ -263,17 +293,27 @@ def play(
     pairs = [(lane, word) for lane, one in enumerate(words) for word in one]
     np.array(pairs, dtype=np.uint32).tofile(folder / "words.bin")
     done = subprocess.run(
-        [str(binary.resolve()), "2000000", str(int(probes)), str(int(by_class))], cwd=folder, check=False
+        [str(binary.resolve()), "2000000", str(int(probes)), str(int(by_class))],
+        cwd=folder,
+        check=False,
     )
     assert done.returncode == 0, "recordings without an answer"
     count = len(words)
     if by_class:
-        toggles = np.fromfile(folder / "toggles.bin", dtype=np.uint64).reshape(3, found.nets).T.astype(np.int64)
+        toggles = (
+            np.fromfile(folder / "toggles.bin", dtype=np.uint64)
+            .reshape(3, found.nets)
+            .T.astype(np.int64)
+        )
     else:
         toggles = (
-            np.fromfile(folder / "toggles.bin", dtype=np.uint32).reshape(found.nets, LANES)[:, :count].astype(np.int64)
+            np.fromfile(folder / "toggles.bin", dtype=np.uint32)
+            .reshape(found.nets, LANES)[:, :count]
+            .astype(np.int64)
         )
-    accesses = np.fromfile(folder / "accesses.bin", dtype=np.uint32).reshape(-1, 2, 3, LANES)[..., :count]
+    accesses = np.fromfile(folder / "accesses.bin", dtype=np.uint32).reshape(-1, 2, 3, LANES)[
+        ..., :count
+    ]
     answers = np.loadtxt(folder / "answers.txt", dtype=np.int64, ndmin=2)[:, 1:]
     raw = np.fromfile(folder / "probes.bin", dtype=np.uint32).reshape(-1, 5) if probes else None
     return Activity(toggles, accesses, answers, raw)

@@ -88,7 +88,9 @@ def pieces_of(made: Latches) -> Iterator[Piece]:
     banks = Counter(word // made.depth for word in made.shape.held)
     first, bits = 0, made.shape.bits
     for number in made.banks:
-        yield Piece(made.shape.name, made.shape.copies, made.module, first, 1, banks[number], 1, 0, bits)
+        yield Piece(
+            made.shape.name, made.shape.copies, made.module, first, 1, banks[number], 1, 0, bits
+        )
         first += banks[number]
 
 
@@ -98,7 +100,10 @@ def modules(made: Latches) -> dict[str, str]:
     for banks in made.groups.values():
         name = _group(made, banks)
         parts = {number: made.module for number in banks}
-        lines = [_head(name, made.low + HIGH, made.shape.bits), *_parts(parts, made, made.low, HIGH)]
+        lines = [
+            _head(name, made.low + HIGH, made.shape.bits),
+            *_parts(parts, made, made.low, HIGH),
+        ]
         found[name] = "\n".join([*lines, "endmodule\n"])
     return found
 
@@ -147,7 +152,9 @@ def bank(rows: int, bits: int) -> str:
             f"    always_latch if (gated{row}) word{row} = given;",
         ]
     terms = [f"({{{bits}{{read && from == {row}}}}} & word{row})" for row in range(rows)]
-    return "\n".join([*lines, "    assign found = " + "\n        | ".join(terms) + ";", "endmodule\n"])
+    return "\n".join(
+        [*lines, "    assign found = " + "\n        | ".join(terms) + ";", "endmodule\n"]
+    )
 
 
 def verilog(made: Latches) -> str:
@@ -163,7 +170,9 @@ def verilog(made: Latches) -> str:
         f"    wire [{shape.bits - 1}:0] found;",
         f"    wire [{shape.address - 1}:0] to = write_address[{shape.address - 1}:0], from = read_address[{shape.address - 1}:0];",
         "    always_ff @(posedge writing) given <= write_data;",
-        *_parts(parts or dict.fromkeys(made.banks, made.module), made, low, max(shape.address - low, 0)),
+        *_parts(
+            parts or dict.fromkeys(made.banks, made.module), made, low, max(shape.address - low, 0)
+        ),
         "    assign read_data = found;"
         if shape.at_once
         else "    always_ff @(posedge clk) if (read) read_data <= found;",

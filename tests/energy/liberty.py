@@ -60,7 +60,9 @@ def _read_into(group: Group, tokens: list[tuple[str, bool, int]], at: int) -> in
         if after == ":":
             end = at + 2
             parts = []
-            while not (tokens[end][1] and tokens[end][0] in ";}") and (not parts or tokens[end][2] == line):
+            while not (tokens[end][1] and tokens[end][0] in ";}") and (
+                not parts or tokens[end][2] == line
+            ):
                 parts.append(tokens[end][0])
                 end += 1
             group.values[text] = " ".join(parts)
@@ -102,15 +104,23 @@ class Table:
     @classmethod
     def of(cls, group: Group) -> "Table":
         """Return the table of a group such as ``cell_rise``; a scalar has one value."""
-        first, second = (numbers(group.complex.get(name, [("0",)])[0]) for name in ("index_1", "index_2"))
-        return cls(first, second, numbers(group.complex["values"][0]).reshape(len(first), len(second)))
+        first, second = (
+            numbers(group.complex.get(name, [("0",)])[0]) for name in ("index_1", "index_2")
+        )
+        return cls(
+            first, second, numbers(group.complex["values"][0]).reshape(len(first), len(second))
+        )
 
     def at(self, x: float, y: float = 0.0) -> float:
         """Return the value at an input transition and a load."""
         (i, a), (j, b) = _place(self.index_1, x), _place(self.index_2, y)
         v = self.values
         if len(self.index_1) == 1:
-            return float(v[0, j] * (1 - b) + v[0, j + 1] * b) if len(self.index_2) > 1 else float(v[0, 0])
+            return (
+                float(v[0, j] * (1 - b) + v[0, j + 1] * b)
+                if len(self.index_2) > 1
+                else float(v[0, 0])
+            )
         if len(self.index_2) == 1:
             return float(v[i, 0] * (1 - a) + v[i + 1, 0] * a)
         low = v[i, j] * (1 - b) + v[i, j + 1] * b
@@ -183,17 +193,32 @@ def cells(library: Group) -> dict[str, Cell]:
     """Return the standard cells by name."""
     found = {}
     for group in library.all("cell"):
-        kind = "ff" if any(group.all("ff")) else "gate" if "clock_gating_integrated_cell" in group.values else ""
+        kind = (
+            "ff"
+            if any(group.all("ff"))
+            else "gate"
+            if "clock_gating_integrated_cell" in group.values
+            else ""
+        )
         kind = kind or ("latch" if any(group.all("latch")) else "logic")
         pins = {pin.arguments[0]: _pin(pin) for pin in group.all("pin")}
         name = group.arguments[0]
-        found[name] = Cell(name, group.number("area"), group.number("cell_leakage_power") / 1e3, pins, kind, group.line)
+        found[name] = Cell(
+            name,
+            group.number("area"),
+            group.number("cell_leakage_power") / 1e3,
+            pins,
+            kind,
+            group.line,
+        )
     return found
 
 
 def _pin(group: Group) -> Pin:
     timing = list(group.all("timing"))
-    delays = [t for t in timing if not any(t.all("rise_constraint")) and not any(t.all("fall_constraint"))]
+    delays = [
+        t for t in timing if not any(t.all("rise_constraint")) and not any(t.all("fall_constraint"))
+    ]
     setups = [t for t in timing if t.values.get("timing_type", "").startswith("setup")]
     setup = max((float(Table.of(g).values[0].max()) for t in setups for g in t.groups), default=0.0)
     return Pin(
@@ -212,7 +237,10 @@ def _arc(group: Group, names: tuple[str, str]) -> Arc:
     tables = [Table.of(g) for name in names for g in group.all(name)]
     values = group.values
     return Arc(
-        values.get("related_pin", ""), values.get("timing_type", "combinational"), tables, values.get("when", "")
+        values.get("related_pin", ""),
+        values.get("timing_type", "combinational"),
+        tables,
+        values.get("when", ""),
     )
 
 
@@ -244,16 +272,29 @@ def macro(path: Path) -> Macro:
     words, bits = map(int, re.findall(r"_(\d+)x(\d+)_", path.name)[0])
     pins = {g.arguments[0]: g for g in (*cell.all("pin"), *cell.all("bus"))}
     clock = pins["A_CLK"]
-    access = {"".join(arc.values.get("when", "").split()): arc for arc in clock.all("internal_power")}
+    access = {
+        "".join(arc.values.get("when", "").split()): arc for arc in clock.all("internal_power")
+    }
     read_arc, write_arc = access["A_MEN&!A_WEN&A_REN"], access["A_MEN&A_WEN&!A_REN"]
-    of = {name: Table.of(next(arc.all("rise_power"))).at(0) for name, arc in (("r", read_arc), ("w", write_arc))}
+    of = {
+        name: Table.of(next(arc.all("rise_power"))).at(0)
+        for name, arc in (("r", read_arc), ("w", write_arc))
+    }
     output = next(pins["A_DOUT"].all("timing"))
-    slowest = max(Table.of(next(output.all(edge))).values[0].max() for edge in ("cell_rise", "cell_fall"))
+    slowest = max(
+        Table.of(next(output.all(edge))).values[0].max() for edge in ("cell_rise", "cell_fall")
+    )
     toggles = {}
     for name in ("A_ADDR", "A_DIN", "A_MEN", "A_WEN", "A_REN"):
         inner = next(pins[name].all("pin"), pins[name]) if name in ("A_DIN",) else pins[name]
-        holders = [g for g in (inner, *pins[name].all("pin"), pins[name]) if any(g.all("internal_power"))]
-        arcs = [_arc(g, ("rise_power", "fall_power")) for g in holders[0].all("internal_power")] if holders else []
+        holders = [
+            g for g in (inner, *pins[name].all("pin"), pins[name]) if any(g.all("internal_power"))
+        ]
+        arcs = (
+            [_arc(g, ("rise_power", "fall_power")) for g in holders[0].all("internal_power")]
+            if holders
+            else []
+        )
         toggles[name] = float(np.mean([arc.mean(0, 0) for arc in arcs])) if arcs else 0.0
     name = cell.arguments[0]
     return Macro(
@@ -267,7 +308,9 @@ def macro(path: Path) -> Macro:
 
 def _setup(pin: Group) -> float:
     """Return the longest setup time of a pin at transitions of 0.1 ns."""
-    timing = [t for t in (*pin.all("timing"), *(t for p in pin.all("pin") for t in p.all("timing")))]
+    timing = [
+        t for t in (*pin.all("timing"), *(t for p in pin.all("pin") for t in p.all("timing")))
+    ]
     setups = [t for t in timing if t.values.get("timing_type") == "setup_rising"]
     return max((Table.of(g).at(0.1, 0.1) for t in setups for g in t.groups), default=0.0)
 

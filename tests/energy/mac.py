@@ -10,7 +10,9 @@ import timing
 CYCLES, LANES = 72, 512
 
 
-def toggles(found: gates.Circuit, cells: dict, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, int]:
+def toggles(
+    found: gates.Circuit, cells: dict, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray, int]:
     """Play products of random weights and activations; return transitions by net, and how many cycles were counted.
 
     First without delays, then with one unit of delay for every gate, where nets change several times in a cycle. Weights are normal with a deviation of 32; half of the activations are 0, as behind a rectifier.
@@ -22,9 +24,18 @@ def toggles(found: gates.Circuit, cells: dict, rng: np.random.Generator) -> tupl
             if instance.pins.get(pin):
                 names = {p: f"v[{found.at(instance, p)}]" for p in cell.inputs}
                 text = {"0": "zero", "1": "one"}.get(cell.pins[pin].function)
-                functions.append((found.at(instance, pin), text or gates.expression(cell.pins[pin].function, names)))
+                functions.append(
+                    (
+                        found.at(instance, pin),
+                        text or gates.expression(cell.pins[pin].function, names),
+                    )
+                )
     body = "\n".join(f"    v[{net}] = {text}" for net, text in functions)
-    at_once = ", ".join(f"v[{net}]" for net, _ in functions) + " = " + ", ".join(text for _, text in functions)
+    at_once = (
+        ", ".join(f"v[{net}]" for net, _ in functions)
+        + " = "
+        + ", ".join(text for _, text in functions)
+    )
     scope: dict = {}
     exec(f"def logic(v, zero, one):\n{body}\ndef unit(v, zero, one):\n    {at_once}\n", scope)
     zero, one = np.zeros(LANES, dtype=bool), np.ones(LANES, dtype=bool)
@@ -35,7 +46,9 @@ def toggles(found: gates.Circuit, cells: dict, rng: np.random.Generator) -> tupl
     for cycle in range(CYCLES + 8):
         if cycle % 8 == 0:
             weights = np.clip(np.rint(rng.normal(0, 32, (8, LANES))), -128, 127).astype(np.int64)
-            rows = np.clip(np.rint(np.abs(rng.normal(0, 48, (8, LANES)))), 0, 127) * (rng.random((8, LANES)) < 0.5)
+            rows = np.clip(np.rint(np.abs(rng.normal(0, 48, (8, LANES)))), 0, 127) * (
+                rng.random((8, LANES)) < 0.5
+            )
             for name, values in (("weights", weights), ("activations", rows.astype(np.int64))):
                 for bit, net in enumerate(found.port(name)):
                     v[net] = (values[bit // 8] >> (bit % 8) & 1).astype(bool)
@@ -49,9 +62,15 @@ def toggles(found: gates.Circuit, cells: dict, rng: np.random.Generator) -> tupl
             past = list(slow)
             scope["unit"](slow, zero, one)
             if cycle >= 8:
-                by_units += [np.count_nonzero(a != b) if a is not b else 0 for a, b in zip(slow, past, strict=True)]
+                by_units += [
+                    np.count_nonzero(a != b) if a is not b else 0
+                    for a, b in zip(slow, past, strict=True)
+                ]
         if cycle >= 8:
-            count += [np.count_nonzero(a != b) if a is not b else 0 for a, b in zip(v, before, strict=True)]
+            count += [
+                np.count_nonzero(a != b) if a is not b else 0
+                for a, b in zip(v, before, strict=True)
+            ]
         before = list(v)
         following = [v[found.at(flop, "D")] for flop in found.flops]
         for flop, value in zip(found.flops, following, strict=True):
@@ -69,7 +88,9 @@ def measure(files: runs.Library) -> dict[str, float]:
     """Return picojoules of a product by part, at the upper end and in all at the lower one, and its area."""
     folder = runs.KEPT / "mac"
     if not (folder / "netlist.json").exists():
-        netlist.synthesise_module(folder, "mac", [runs.ROOT / "tests/energy/mac.sv"], files.folder / runs.CELLS)
+        netlist.synthesise_module(
+            folder, "mac", [runs.ROOT / "tests/energy/mac.sv"], files.folder / runs.CELLS
+        )
     found = gates.circuit(netlist.load(folder / "netlist.json", "mac"), files.cells, {})
     area = sum(files.cells[i.type].area for i in found.netlist.instances)
     count, by_units, cycles = toggles(found, files.cells, np.random.default_rng(0))
@@ -77,7 +98,14 @@ def measure(files: runs.Library) -> dict[str, float]:
     for name, wires in (("least", timing.Wires()), ("most", timing.wires_for(files.group, area))):
         times = timing.analyse(found, files.cells, {}, wires)
         spent = picojoules.measure(
-            found, files.cells, {}, times, count[:, None], np.array([cycles]), np.zeros((0, 2, 1)), name == "most"
+            found,
+            files.cells,
+            {},
+            times,
+            count[:, None],
+            np.array([cycles]),
+            np.zeros((0, 2, 1)),
+            name == "most",
         )
         result |= {
             f"{name} logic": float(spent.of("logic")[0]) / cycles,

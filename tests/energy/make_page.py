@@ -46,9 +46,17 @@ def main() -> None:
     with SEARCH.open("w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         names = [c.shape.name for c in rows[0].chosen]
-        writer.writerow(("price of area, pJ per µm2", "area of memories, mm2", "accesses, µJ per recording", *names))
+        writer.writerow(
+            (
+                "price of area, pJ per µm2",
+                "area of memories, mm2",
+                "accesses, µJ per recording",
+                *names,
+            )
+        )
         writer.writerows(
-            (row.price, f"{row.area:.3f}", f"{row.energy:.2f}", *(c.text for c in row.chosen)) for row in rows
+            (row.price, f"{row.area:.3f}", f"{row.energy:.2f}", *(c.text for c in row.chosen))
+            for row in rows
         )
     FRONT.write_bytes(picture(rows))
     priced = pricing.price(make_profile.made(built), "modelled")
@@ -70,7 +78,9 @@ def search(files: runs.Library) -> list[Plan]:
     """Return a plan for every price of area, each once."""
     traffic, found = runs.traffic_of(), {}
     for price in PRICES:
-        chosen = plans.plan(files, price, most=plans.MOST_AREA if price == plans.PRICE else float("inf"))
+        chosen = plans.plan(
+            files, price, most=plans.MOST_AREA if price == plans.PRICE else float("inf")
+        )
         area = sum(plans.area(files, c) for c in chosen) / 1e6
         energy = sum(plans.cost(files, c, traffic[c.shape.name]) for c in chosen) / 1e6
         found.setdefault((area, energy), Plan(price, area, energy, chosen))
@@ -81,10 +91,15 @@ def picture(rows: list[Plan]) -> bytes:
     """Return the front as a file."""
     taken = next(row for row in rows if row.price == plans.PRICE)
     curves = (
-        Curve("plans of the search", tuple((row.area, row.energy) for row in sorted(rows, key=lambda row: row.area))),
+        Curve(
+            "plans of the search",
+            tuple((row.area, row.energy) for row in sorted(rows, key=lambda row: row.area)),
+        ),
         Curve("the one that is measured", ((taken.area, taken.energy),)),
     )
-    panel = Panel("accesses, µJ per recording", "area of memories, mm2", curves, x_log=False, y_log=False)
+    panel = Panel(
+        "accesses, µJ per recording", "area of memories, mm2", curves, x_log=False, y_log=False
+    )
     return draw("Memories of the core", [panel])
 
 
@@ -99,13 +114,25 @@ def stretch(priced: pricing.Priced) -> dict[str, float]:
     ``per``: operations for each update. In picojoules: ``rest``, an operation with its share of lists; ``update``; and
     ``left``, what an update might cost. ``many``: operations for each update with which it would do.
     """
-    program, recordings = runs.compiled(make_profile.SETS["Objects"]), runs.real("Objects", "test", 20)
-    counts, updating = hw.simulate(program, recordings, probe=()).counts, (*pricing.UPDATES, *pricing.ACTIVE)
+    program, recordings = (
+        runs.compiled(make_profile.SETS["Objects"]),
+        runs.real("Objects", "test", 20),
+    )
+    counts, updating = (
+        hw.simulate(program, recordings, probe=()).counts,
+        (*pricing.UPDATES, *pricing.ACTIVE),
+    )
     ops, updates = counts.synaptic_ops, counts.neuron_updates
     rest = sum(pj * counts[name] for name, pj in priced.pj.items() if name not in updating) / ops
     update = sum(priced.pj[name] * counts[name] for name in updating) / updates
     over = STRETCH - rest
-    return {"per": ops / updates, "rest": rest, "update": update, "left": over * ops / updates, "many": update / over}
+    return {
+        "per": ops / updates,
+        "rest": rest,
+        "update": update,
+        "left": over * ops / updates,
+        "many": update / over,
+    }
 
 
 def page(
@@ -145,7 +172,9 @@ def page(
         [(n, f"{a / 1e6:.2f}", f"{b / 1e6:.2f}", f"{b / ops:.1f}") for n, a, b in kinds],
     )
     of_mac = unit["weights"] + unit["activations"]
-    least, most = (of_mac + unit[f"{end} logic"] + unit[f"{end} clock"] for end in ("least", "most"))
+    least, most = (
+        of_mac + unit[f"{end} logic"] + unit[f"{end} clock"] for end in ("least", "most")
+    )
     macs = table(("per recording of Objects", "operations", "µJ, least", "µJ, most"), [
         ("`objects-hybrid-loihi`, synaptic operations", f"{ops:,.0f}", f"{low.total.mean() / 1e6:.1f}", f"{high.total.mean() / 1e6:.1f}"),
         *((f"{n}, multiply-accumulates of 8 bits", f"{m:,}", f"{m * least / 1e6:.1f}", f"{m * most / 1e6:.1f}") for n, m in MACS.items()),
@@ -157,17 +186,27 @@ def page(
     ours = next(row for row in rows if row.price == plans.PRICE)
     front = table(
         ("area of memories, mm2", "accesses, µJ per recording"),
-        [(f"{row.area:.2f}", f"{row.energy:.1f}" + (" (this one)" if row is ours else "")) for row in rows],
+        [
+            (f"{row.area:.2f}", f"{row.energy:.1f}" + (" (this one)" if row is ours else ""))
+            for row in rows
+        ],
     )
     states = next(one for one in built.chosen if one.shape.name == "states")
-    gated = len([1 for f in built.circuit.flops if built.circuit.at(f, "CLK") in built.circuit.gates])
+    gated = len(
+        [1 for f in built.circuit.flops if built.circuit.at(f, "CLK") in built.circuit.gates]
+    )
     area = (built.cell_area + built.macro_area) / 1e6
     most_uj, per_op = high.total.mean() / 1e6, high.total.mean() / ops
     mhz = {wires: 1000 / built.times[wires].worst for wires in ENDS}
     latches = [i for i in built.circuit.order if built.files.cells[i.type].kind == "latch"]
-    arrays = sum(plans.area(built.files, one) for one in built.chosen if isinstance(one, Latches)) / 1e6
+    arrays = (
+        sum(plans.area(built.files, one) for one in built.chosen if isinstance(one, Latches)) / 1e6
+    )
     spiking, cnn, gru = most_uj, MACS["CNN-3D"] * most / 1e6, MACS["GRU-MLP"] * most / 1e6
-    sides = [f"{n} takes {'less' if uj < spiking else 'more'} energy" for n, uj in (("CNN-3D", cnn), ("GRU-MLP", gru))]
+    sides = [
+        f"{n} takes {'less' if uj < spiking else 'more'} energy"
+        for n, uj in (("CNN-3D", cnn), ("GRU-MLP", gru))
+    ]
     if min(cnn, gru) > spiking:
         sides = ["CNN-3D and GRU-MLP take more energy"]
     return wrapped(TEMPLATE.read_text("utf-8").format(

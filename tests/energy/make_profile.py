@@ -37,7 +37,9 @@ def build(folder: Path) -> runs.Built:
 def given_library(what: str | None) -> Path:
     """Return the folder with the liberty files, as the command line gives it; ``what`` the script is for."""
     parser = argparse.ArgumentParser(description=what)
-    parser.add_argument("--liberty", type=Path, default=runs.LIBRARY, help="folder with the liberty files")
+    parser.add_argument(
+        "--liberty", type=Path, default=runs.LIBRARY, help="folder with the liberty files"
+    )
     folder: Path = parser.parse_args().liberty
     if not (folder / runs.CELLS).is_file():
         sys.exit(f"{folder.name}: no liberty files here. Give their folder with --liberty.")
@@ -52,12 +54,24 @@ def main() -> None:
     rows = []
     for name in SETS:
         found = pricing.compare(built, ends["modelled"], *played(built, name)[1], "modelled")
-        rows += [(name, i, f"{a:.0f}", f"{b:.0f}", f"{a / b - 1:.4f}", f"{c:.0f}") for i, (a, b, c) in enumerate(found)]
-        print(f"{name}: the profile is {np.abs(found[:, 0] / found[:, 1] - 1).max():.1%} off at most")
+        rows += [
+            (name, i, f"{a:.0f}", f"{b:.0f}", f"{a / b - 1:.4f}", f"{c:.0f}")
+            for i, (a, b, c) in enumerate(found)
+        ]
+        print(
+            f"{name}: the profile is {np.abs(found[:, 0] / found[:, 1] - 1).max():.1%} off at most"
+        )
     with CHECK.open("w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(
-            ("set", "recording", "profile, pJ", "gate level, pJ", "difference", "memories at gate level, pJ")
+            (
+                "set",
+                "recording",
+                "profile, pJ",
+                "gate level, pJ",
+                "difference",
+                "memories at gate level, pJ",
+            )
         )
         writer.writerows(rows)
 
@@ -72,7 +86,11 @@ def played(built: runs.Built, name: str) -> tuple[Played, Played]:
     train, test = runs.training(name, MADE_FROM, QUIET), runs.real(name, "test", CHECKED_ON)
     whole = built.play(program, runs.stacked(program, np.concatenate((train, test))), probes=True)
     many = len(train)
-    return (program, train, whole.part(0, many)), (program, test, whole.part(many, many + len(test)))
+    return (program, train, whole.part(0, many)), (
+        program,
+        test,
+        whole.part(many, many + len(test)),
+    )
 
 
 def made(built: runs.Built) -> pricing.Made:
@@ -90,10 +108,14 @@ def chip_file(built: runs.Built, least: pricing.Priced, most: pricing.Priced) ->
         for m in every
     )
     constants = "".join(f"      {name}: {pj:.2f}\n" for name, pj in most.pj.items())
-    ranges = "".join(f"      {name}: [{least.pj[name]:.2f}, {pj:.2f}]\n" for name, pj in most.pj.items())
+    ranges = "".join(
+        f"      {name}: [{least.pj[name]:.2f}, {pj:.2f}]\n" for name, pj in most.pj.items()
+    )
     sources = "".join(f"      {name}: {text}\n" for name, text in SOURCES.items())
     core = "".join(f"  {name}: {value}\n" for name, value in plans.capacity(built.chosen).items())
-    words = "".join(f"  {name}: {many}\n" for name, many in plans.memory_words(built.chosen).items())
+    words = "".join(
+        f"  {name}: {many}\n" for name, many in plans.memory_words(built.chosen).items()
+    )
     return TEXT.format(
         words=words, of_process=macros_of(built), plan=plan, macros=lines, core=core, constants=constants, ranges=ranges, sources=sources,
         area=(built.cell_area + built.macro_area) / 1e6, cell_area=built.cell_area / 1e6,
@@ -105,7 +127,10 @@ def chip_file(built: runs.Built, least: pricing.Priced, most: pricing.Priced) ->
 
 def macros_of(built: runs.Built) -> str:
     """Return what memories can be made of: the macros of the process, and the arrays of latches of the plan."""
-    kinds = {f"{m.ports}P {m.words}x{m.bits}": (m.words, m.bits, m.ports, m) for m in built.files.macros.values()}
+    kinds = {
+        f"{m.ports}P {m.words}x{m.bits}": (m.words, m.bits, m.ports, m)
+        for m in built.files.macros.values()
+    }
     for one in built.chosen:
         if isinstance(one, Latches):
             words, bits = len(one.shape.held), one.shape.bits
@@ -114,7 +139,9 @@ def macros_of(built: runs.Built) -> str:
     return "".join(
         f"  {name}: {{words: {words}, bits: {bits}, ports: {ports}, {'banks: 1, ' * name.startswith('latches')}area: {its.area:.0f}, "
         f"read_pj: {its.read_pj:.4f}, write_pj: {its.write_pj:.4f}}}\n"
-        for name, (words, bits, ports, its) in sorted(kinds.items(), key=lambda kind: (kind[0][:2], kind[1][:2]))
+        for name, (words, bits, ports, its) in sorted(
+            kinds.items(), key=lambda kind: (kind[0][:2], kind[1][:2])
+        )
     )
 
 

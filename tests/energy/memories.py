@@ -50,7 +50,11 @@ class Shape:
         """Return the head of its module in SystemVerilog."""
         last = max((self.words - 1).bit_length(), 1) - 1
         names = "address" if self.single else "write_address, read_address"
-        both = f"\n    wire [{last}:0] write_address = address, read_address = address;" if self.single else ""
+        both = (
+            f"\n    wire [{last}:0] write_address = address, read_address = address;"
+            if self.single
+            else ""
+        )
         return (
             f"module memory_{self.name} (input logic clk, write, read,\n"
             f"    input logic [{last}:0] {names}, input logic [{self.bits - 1}:0] write_data,\n"
@@ -107,19 +111,28 @@ class Choice:
     def text(self) -> str:
         """Say what it is."""
         row = " + ".join(f"{m.ports}P {m.words}x{m.bits}" for m in self.macros)
-        return f"{self.shape.copies * self.banks} x ({row})" + (f", {self.pack} words a row" if self.pack > 1 else "")
+        return f"{self.shape.copies * self.banks} x ({row})" + (
+            f", {self.pack} words a row" if self.pack > 1 else ""
+        )
 
 
 def array_of(shape: Shape) -> Array:
     """Return a memory as the search and the check of plans know it."""
     halves = HALVES.get(shape.name, 0)
-    return Array(shape.name, max(shape.held) + 1, len(shape.stored), shape.ports, {1: 0.0}, halves=halves)
+    return Array(
+        shape.name, max(shape.held) + 1, len(shape.stored), shape.ports, {1: 0.0}, halves=halves
+    )
 
 
 def pieces_of(choice: Choice) -> Iterator[Piece]:
     """Yield the macros of a copy."""
-    names, parts = tuple(macro.name for macro in choice.macros), HALVES[choice.shape.name] if choice.waits else 1
-    yield from Made(array_of(choice.shape), names, choice.macros, choice.banks, choice.pack, parts).pieces()
+    names, parts = (
+        tuple(macro.name for macro in choice.macros),
+        HALVES[choice.shape.name] if choice.waits else 1,
+    )
+    yield from Made(
+        array_of(choice.shape), names, choice.macros, choice.banks, choice.pack, parts
+    ).pieces()
 
 
 def choices(shape: Shape, macros: Sequence[Macro]) -> Iterator[Choice]:
@@ -169,14 +182,22 @@ def verilog(choice: Choice) -> str:
             "    end",
         ]
     elif bank_bits:
-        lines += [last, "    wire access = read;", "    always_ff @(posedge clk) if (access) last <= line;"]
+        lines += [
+            last,
+            "    wire access = read;",
+            "    always_ff @(posedge clk) if (access) last <= line;",
+        ]
     else:
         lines += ["    wire access = read;"]
     lines += [f"    wire [{row_bits - 1}:0] shown[0:{choice.banks - 1}];"]
     mask = "" if pack == 1 else f"at[{packed - 1}:0]"
     for bank in range(choice.banks):
         hit = f"line[{row - 1}:{low}] == {bank_bits}'d{bank}" if bank_bits else "1'b1"
-        written = f"write_address[{address - 1}:{low}] == {bank_bits}'d{bank}" if bank_bits and pack == 1 else hit
+        written = (
+            f"write_address[{address - 1}:{low}] == {bank_bits}'d{bank}"
+            if bank_bits and pack == 1
+            else hit
+        )
         at = 0
         for index, macro in enumerate(choice.macros):
             depth = (macro.words - 1).bit_length()
@@ -186,7 +207,13 @@ def verilog(choice: Choice) -> str:
             for bit in range(at, at + macro.bits):
                 word, inside = divmod(bit, bits)
                 data.append(f"write_data[{stored[inside]}]" if word < pack else "1'b0")
-                bm.append("1'b0" if word >= pack else f"write && {mask} == {packed}'d{word}" if pack > 1 else "1'b1")
+                bm.append(
+                    "1'b0"
+                    if word >= pack
+                    else f"write && {mask} == {packed}'d{word}"
+                    if pack > 1
+                    else "1'b1"
+                )
             din, bms = ", ".join(reversed(data)), ", ".join(reversed(bm))
             shown = f"shown[{bank}][{at + macro.bits - 1}:{at}]"
             name = f"bank{bank}_{index}"
@@ -210,7 +237,11 @@ def verilog(choice: Choice) -> str:
             at += macro.bits
     bank = f"last[{row - 1}:{low}]" if bank_bits else ""
     terms = [
-        (f"({{{row_bits}{{{bank} == {bank_bits}'d{b}}}}} & shown[{b}])" if bank_bits else f"shown[{b}]")
+        (
+            f"({{{row_bits}{{{bank} == {bank_bits}'d{b}}}}} & shown[{b}])"
+            if bank_bits
+            else f"shown[{b}]"
+        )
         for b in range(choice.banks)
     ]
     lines += [f"    wire [{row_bits - 1}:0] found = " + "\n        | ".join(terms) + ";"]
@@ -219,9 +250,14 @@ def verilog(choice: Choice) -> str:
     if pack == 1:
         lines += [f"    assign picked = {words[0]};"]
     else:
-        picked = " | ".join(f"({{{bits}{{place == {packed}'d{w}}}}} & {word})" for w, word in enumerate(words))
+        picked = " | ".join(
+            f"({{{bits}{{place == {packed}'d{w}}}}} & {word})" for w, word in enumerate(words)
+        )
         lines += [f"    assign picked = {picked};"]
-    shown_bits = [f"picked[{stored.index(bit)}]" if bit in stored else "1'b0" for bit in reversed(range(shape.bits))]
+    shown_bits = [
+        f"picked[{stored.index(bit)}]" if bit in stored else "1'b0"
+        for bit in reversed(range(shape.bits))
+    ]
     lines += [f"    assign read_data = {{{', '.join(shown_bits)}}};"]
     return "\n".join([*lines, "endmodule\n"])
 
@@ -279,7 +315,9 @@ def _waiting(choice: Choice) -> str:
                 f"        .A_REN(!puts{bank}), .A_ADDR({pad}row{bank}}}), .A_DIN(given{bank}{span}),{mask} .A_DOUT(shown[{bank}]{span}));",
             ]
             at += macro.bits
-    return "\n".join([*lines, "    assign read_data = " + "\n        | ".join(terms) + ";", "endmodule\n"])
+    return "\n".join(
+        [*lines, "    assign read_data = " + "\n        | ".join(terms) + ";", "endmodule\n"]
+    )
 
 
 def stub(macro: Macro) -> str:
@@ -287,7 +325,12 @@ def stub(macro: Macro) -> str:
     a, d = (macro.words - 1).bit_length() - 1, macro.bits - 1
     ports = []
     for port in "AB"[: macro.ports]:
-        ports += [f"input {port}_CLK, {port}_MEN, {port}_WEN, {port}_REN", f"input [{a}:0] {port}_ADDR"]
-        ports += [f"input [{d}:0] {port}_DIN"] + ([f"input [{d}:0] {port}_BM"] if "_bm_" in macro.name else [])
+        ports += [
+            f"input {port}_CLK, {port}_MEN, {port}_WEN, {port}_REN",
+            f"input [{a}:0] {port}_ADDR",
+        ]
+        ports += [f"input [{d}:0] {port}_DIN"] + (
+            [f"input [{d}:0] {port}_BM"] if "_bm_" in macro.name else []
+        )
         ports += [f"output [{d}:0] {port}_DOUT"]
     return f"(* blackbox *) module {macro.name} ({', '.join(ports)}); endmodule\n"

@@ -125,10 +125,18 @@ def memories_sv(chosen: Sequence[Choice | Latches], split: Sequence[Split] = ())
     arrays = [one for one in chosen if isinstance(one, Latches)]
     banks = {name: text for one in arrays for name, text in latches.modules(one).items()}
     texts = [latches.GATE, *banks.values(), *map(latches.verilog, arrays)] if arrays else []
-    return "".join([*texts, *(verilog(one) for one in chosen if isinstance(one, Choice)), *map(repeats.verilog, split)])
+    return "".join(
+        [
+            *texts,
+            *(verilog(one) for one in chosen if isinstance(one, Choice)),
+            *map(repeats.verilog, split),
+        ]
+    )
 
 
-def synthesise_module(folder: Path, top: str, sources: Sequence[Path], library: Path, yosys: str = YOSYS) -> None:
+def synthesise_module(
+    folder: Path, top: str, sources: Sequence[Path], library: Path, yosys: str = YOSYS
+) -> None:
     """Map a module without macros to standard cells."""
     folder.mkdir(parents=True, exist_ok=True)
     for path in sources:
@@ -137,14 +145,20 @@ def synthesise_module(folder: Path, top: str, sources: Sequence[Path], library: 
     _map(folder, top, [path.name for path in sources], library, True, yosys)
 
 
-def _map(folder: Path, top: str, names: Sequence[str], library: Path, gated: bool, yosys: str) -> None:
+def _map(
+    folder: Path, top: str, names: Sequence[str], library: Path, gated: bool, yosys: str
+) -> None:
     """Map files of a folder to the cells of a library."""
     (folder / "cells.lib").write_bytes(library.read_bytes())
     (folder / "abc.script").write_text(ABC)
-    (folder / "abc.constr").write_text("set_driving_cell sg13g2_buf_2\nset_load 0.01 [all_outputs]\n")
+    (folder / "abc.constr").write_text(
+        "set_driving_cell sg13g2_buf_2\nset_load 0.01 [all_outputs]\n"
+    )
     (folder / "latch.v").write_text(LATCH)
     flops = "-cell $_DFF_P_ x -cell $_DLATCH_P_ x" + (" -cell $_DFFE_PP_ x" if gated else "")
-    gate = "opt_clean\nclockgate -pos sg13g2_lgcp_1 GATE:CLK:GCLK -min_net_size 4\n" if gated else ""
+    gate = (
+        "opt_clean\nclockgate -pos sg13g2_lgcp_1 GATE:CLK:GCLK -min_net_size 4\n" if gated else ""
+    )
     (folder / "quiet.v").write_text(QUIET_MAP)
     quiet = _quiet() if gated and top == "locsnn_core" else ""
     (folder / "synth.ys").write_text(
@@ -158,7 +172,9 @@ def _map(folder: Path, top: str, names: Sequence[str], library: Path, gated: boo
         "flatten\nopt_clean -purge\n"
         "stat -liberty cells.lib\nwrite_json netlist.json\nwrite_verilog -noattr netlist.v\n"
     )
-    done = subprocess.run([yosys, "-l", "log", "synth.ys"], cwd=folder, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [yosys, "-l", "log", "synth.ys"], cwd=folder, capture_output=True, text=True, check=False
+    )
     if done.returncode:
         sys.exit(f"yosys failed: {done.stderr[-2000:] or done.stdout[-2000:]}")
 
@@ -181,7 +197,11 @@ def parts(sources: Path) -> list[Path]:
     found, waiting = {}, ["locsnn_core"]
     while waiting:
         path = sources / f"{waiting.pop()}.sv"
-        if path.name not in found and path.name not in ("memory.sv", "single_port.sv", "memory_at_once.sv"):
+        if path.name not in found and path.name not in (
+            "memory.sv",
+            "single_port.sv",
+            "memory_at_once.sv",
+        ):
             found[path.name] = path
             text = re.sub(r"//.*", "", path.read_text("utf-8"))
             waiting += [
@@ -196,7 +216,9 @@ def load(path: Path, top: str = "locsnn_core") -> Netlist:
     """Return the netlist of a JSON file."""
     module = json.loads(path.read_text())["modules"][top]
     ports = {name: (port["direction"], port["bits"]) for name, port in module["ports"].items()}
-    cells = [Instance(name, cell["type"], cell["connections"]) for name, cell in module["cells"].items()]
+    cells = [
+        Instance(name, cell["type"], cell["connections"]) for name, cell in module["cells"].items()
+    ]
     return Netlist(ports, cells, {name: net["bits"] for name, net in module["netnames"].items()})
 
 

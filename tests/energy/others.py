@@ -20,7 +20,10 @@ def larger(files: runs.Library) -> list[tuple[str, ...]]:
     for model, (dataset, many) in PLAYED.items():
         program, recordings = runs.compiled(model), runs.real(dataset, "test", many)
         mapped, core = runs.holding(program, recordings.shape[1])
-        needs, done = mapped.needs, repeats.parts_of(runs.counted_for(program, recordings, core), mapped, core.sizes)
+        needs, done = (
+            mapped.needs,
+            repeats.parts_of(runs.counted_for(program, recordings, core), mapped, core.sizes),
+        )
         chosen = plans.plan(files, plans.PRICE, core, done)
         built = runs.Built(files, chosen, gated=True, core=core)
         played = built.play(program, runs.stacked(program, recordings))
@@ -41,7 +44,10 @@ def larger(files: runs.Library) -> list[tuple[str, ...]]:
 
 def ranking() -> str:
     """Return a table of strategies and weight bits, by the profile of this page and by ``davies2018``."""
-    ours, theirs = hw.chip("locsnn-130nm").profile("ihp-sg13g2"), hw.chip("loihi-sim").profile("davies2018")
+    ours, theirs = (
+        hw.chip("locsnn-130nm").profile("ihp-sg13g2"),
+        hw.chip("loihi-sim").profile("davies2018"),
+    )
     network = load(runs.ROOT / "examples/models/objects-hybrid.pt")
     recordings = np.load(runs.ROOT / "examples/recordings/touches.npz")["spikes"].transpose(0, 2, 1)
     rows, by_profile = [], []
@@ -49,22 +55,32 @@ def ranking() -> str:
         for strategy in ("reset", "delay-line", "dendrite", "paired-dendrite"):
             program = lower(network, hw.chip("loihi-sim"), bits, strategy).program
             counts = hw.simulate(program, recordings, probe=()).counts
-            uj = [sum(hw.energy_pj(counts, one).values()) / len(recordings) / 1e6 for one in (theirs, ours)]
+            uj = [
+                sum(hw.energy_pj(counts, one).values()) / len(recordings) / 1e6
+                for one in (theirs, ours)
+            ]
             by_profile.append(uj)
             many = (counts.synaptic_ops, counts.neuron_updates)
             rows.append(
-                (f"{strategy}, {bits}-bit", *(f"{x:.1f}" for x in uj), *(f"{n / len(recordings):,.0f}" for n in many))
+                (
+                    f"{strategy}, {bits}-bit",
+                    *(f"{x:.1f}" for x in uj),
+                    *(f"{n / len(recordings):,.0f}" for n in many),
+                )
             )
     same = (np.argsort([a for a, _ in by_profile]) == np.argsort([b for _, b in by_profile])).all()
     costs = []
     for one in (ours, theirs):
         pj = one.energy_pj
         rest, active = (
-            pj.get("neuron_updates", 0.0) + pj.get(f"neuron_updates_{name}", 0.0) for name in ("inactive", "active")
+            pj.get("neuron_updates", 0.0) + pj.get(f"neuron_updates_{name}", 0.0)
+            for name in ("inactive", "active")
         )
         op = pj["synaptic_ops"]
         costs.append((active / op, rest / op))
-    found = table(("setting", "µJ, davies2018", "µJ, ihp-sg13g2", "synaptic operations", "updates"), rows)
+    found = table(
+        ("setting", "µJ, davies2018", "µJ, ihp-sg13g2", "synaptic operations", "updates"), rows
+    )
     order = "is the same" if same else "is another"
     (active, rest), (davies_active, davies_rest) = costs
     return (

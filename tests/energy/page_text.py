@@ -10,14 +10,20 @@ WIDTH = 128
 def table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
     """Return a table, numbers to the right."""
     line = "| --- |" + " ---: |" * (len(head) - 1)
-    return "\n".join(("| " + " | ".join(head) + " |", line, *("| " + " | ".join(row) + " |" for row in rows))) + "\n"
+    return (
+        "\n".join(
+            ("| " + " | ".join(head) + " |", line, *("| " + " | ".join(row) + " |" for row in rows))
+        )
+        + "\n"
+    )
 
 
 def wrapped(page: str) -> str:
     """Return a page with its paragraphs wrapped; tables, lists, headings, pictures and code stay as they are."""
     paragraphs = page.split("\n\n")
     return "\n\n".join(
-        text if re.match(r"[|#!]|- |    ", text) or "\n|" in text else _filled(text) for text in paragraphs
+        text if re.match(r"[|#!]|- |    ", text) or "\n|" in text else _filled(text)
+        for text in paragraphs
     )
 
 

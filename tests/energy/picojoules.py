@@ -23,7 +23,9 @@ PARTS = {
 
 def part_of(name: str) -> str:
     """Return the part of the core that an instance belongs to; all that is not in a module is control."""
-    return PARTS.get(name.replace("$flatten", "").replace("\\", "").split(".")[0].split("[")[0], "control")
+    return PARTS.get(
+        name.replace("$flatten", "").replace("\\", "").split(".")[0].split("[")[0], "control"
+    )
 
 
 def memory_of(name: str) -> str:
@@ -97,14 +99,25 @@ def measure(
                 else:
                     sources = [found.at(instance, a.related) for a in arcs]
                     weights = np.array([overall[s] for s in sources], dtype=float)
-                    each = [a.mean(timing.slew[s], timing.load[net]) for a, s in zip(arcs, sources, strict=True)]
-                    pj += float(np.average(each, weights=weights)) if weights.any() else float(np.mean(each))
+                    each = [
+                        a.mean(timing.slew[s], timing.load[net])
+                        for a, s in zip(arcs, sources, strict=True)
+                    ]
+                    pj += (
+                        float(np.average(each, weights=weights))
+                        if weights.any()
+                        else float(np.mean(each))
+                    )
             add(logic, part, toggles[net] * pj)
     buffer = cells[TREE_BUFFER]
     out = buffer.pins["X"]
     buffer_pf = buffer.pins["A"].capacitance
     leaf = TREE_FANOUT * 0.003
-    per_pin = (2 * out.power[0].mean(CLOCK_NS, leaf) + VOLTS**2 * buffer_pf) / (TREE_FANOUT - 1) if tree else 0.0
+    per_pin = (
+        (2 * out.power[0].mean(CLOCK_NS, leaf) + VOLTS**2 * buffer_pf) / (TREE_FANOUT - 1)
+        if tree
+        else 0.0
+    )
     wire = _wire_share(found, timing)
     for flop in found.flops:
         cell, part = cells[flop.type], part_of(flop.name)
@@ -117,29 +130,52 @@ def measure(
         net = found.at(flop, "CLK")
         ticks = _ticks(found, net, toggles, cycles)
         changed = toggles[found.at(flop, "Q")]
-        pj = ticks * (rise + fall + VOLTS**2 * (pin.capacitance + (wire if tree else 0.0)) + per_pin) - changed * rise
+        pj = (
+            ticks * (rise + fall + VOLTS**2 * (pin.capacitance + (wire if tree else 0.0)) + per_pin)
+            - changed * rise
+        )
         add(clock, part, pj)
         data = cell.pins["D"]
         arcs = [a for a in data.power if "!RESET_B" not in a.when and a.when]
         if arcs:
-            add(logic, part, toggles[found.at(flop, "D")] * float(np.mean([a.mean(CLOCK_NS, 0.0) for a in arcs])))
+            add(
+                logic,
+                part,
+                toggles[found.at(flop, "D")]
+                * float(np.mean([a.mean(CLOCK_NS, 0.0) for a in arcs])),
+            )
     latches = [i for i in found.order if cells[i.type].kind == "latch"]
-    behind = Counter(found.at(i, CLOCKED[cells[i.type].kind]) for i in (*found.flops, *found.gates.values(), *latches))
+    behind = Counter(
+        found.at(i, CLOCKED[cells[i.type].kind])
+        for i in (*found.flops, *found.gates.values(), *latches)
+    )
     for latch in latches:
         cell, part = cells[latch.type], part_of(latch.name)
         pin, data = cell.pins["GATE"], cell.pins["D"]
         ticks = _ticks(found, found.at(latch, "GATE"), toggles, cycles)
         opened = max(sum(t.at(CLOCK_NS) for t in a.tables) for a in pin.power)
         more = per_pin if behind[found.at(latch, "GATE")] > TREE_FANOUT else 0.0
-        add(clock, part, ticks * (opened + VOLTS**2 * (pin.capacitance + (wire if tree else 0.0)) + more))
+        add(
+            clock,
+            part,
+            ticks * (opened + VOLTS**2 * (pin.capacitance + (wire if tree else 0.0)) + more),
+        )
         arcs = [a for a in data.power if "!GATE" in a.when]
-        add(logic, part, toggles[found.at(latch, "D")] * float(np.mean([a.mean(CLOCK_NS, 0.0) for a in arcs])))
+        add(
+            logic,
+            part,
+            toggles[found.at(latch, "D")] * float(np.mean([a.mean(CLOCK_NS, 0.0) for a in arcs])),
+        )
     for gated, gate in found.gates.items():
         cell = cells[gate.type]
         upper = _ticks(found, found.at(gate, "CLK"), toggles, cycles)
         own = _ticks(found, gated, toggles, cycles)
         pin, out = cell.pins["CLK"], cell.pins["GCLK"]
-        pj = upper * (sum(t.at(CLOCK_NS) for a in pin.power for t in a.tables) + VOLTS**2 * pin.capacitance + per_pin)
+        pj = upper * (
+            sum(t.at(CLOCK_NS) for a in pin.power for t in a.tables)
+            + VOLTS**2 * pin.capacitance
+            + per_pin
+        )
         pj = pj + own * 2 * out.power[0].mean(CLOCK_NS, min(behind[gated], TREE_FANOUT) * 0.003)
         (waits,) = [a for a in cell.pins["GATE"].power if a.when]
         pj = pj + toggles[found.at(gate, "GATE")] * waits.mean(CLOCK_NS, 0.0)
@@ -149,7 +185,9 @@ def measure(
         macro = macros[instance.type]
         name = memory_of(instance.name)
         for letter in "AB"[: macro.ports]:
-            add(memory, name, accesses[port, 0] * macro.read_pj + accesses[port, 1] * macro.write_pj)
+            add(
+                memory, name, accesses[port, 0] * macro.read_pj + accesses[port, 1] * macro.write_pj
+            )
             for pin, pj in macro.toggle_pj.items():
                 for bit in instance.pins.get(letter + pin[1:], []):
                     add(logic, part_of(instance.name), toggles[found.net[bit]] * pj)

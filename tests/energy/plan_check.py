@@ -18,7 +18,12 @@ def check(pieces: Sequence[Piece], arrays: Iterable[Array], macros: Mapping[str,
             raise InputError(where, "the core has no such memory", fix="Leave it out.")
         if macro is None or piece.rows > macro.words or piece.bits > macro.bits:
             measured = f"{piece.rows} rows of {piece.bits} bits"
-            raise InputError(where, f"no macro {piece.macro!r} holds its part", measured=measured, fix="Name another.")
+            raise InputError(
+                where,
+                f"no macro {piece.macro!r} holds its part",
+                measured=measured,
+                fix="Name another.",
+            )
         held = known[piece.memory]
         words, bits = held.shape
         row, bit = np.arange(piece.rows)[:, None], piece.bit + np.arange(piece.bits)

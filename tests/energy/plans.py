@@ -41,13 +41,20 @@ def plan(
     """
     done = done or runs.traffic_of()
     chosen = [
-        min(options(files, memory, core), key=lambda one: cost(files, one, memory) + price * area(files, one))
+        min(
+            options(files, memory, core),
+            key=lambda one: cost(files, one, memory) + price * area(files, one),
+        )
         for memory in done.values()
     ]
     over = sum(area(files, one) for one in chosen) - most
     if over > 0:
         smaller = [
-            (cost(files, other, done[one.shape.name]) - cost(files, one, done[one.shape.name]), at, other)
+            (
+                cost(files, other, done[one.shape.name]) - cost(files, one, done[one.shape.name]),
+                at,
+                other,
+            )
             for at, one in enumerate(chosen)
             for other in options(files, done[one.shape.name], core)
             if area(files, one) - area(files, other) > over
@@ -83,7 +90,10 @@ def checked_by(
     files: Library, chosen: Sequence[memories.Choice | Latches]
 ) -> tuple[list[Array], dict[str, liberty.Macro | description.Macro]]:
     """Return the memories of a plan, and what its pieces are, as the check of plans takes them."""
-    arrays = [latches.array_of(one) if isinstance(one, Latches) else memories.array_of(one.shape) for one in chosen]
+    arrays = [
+        latches.array_of(one) if isinstance(one, Latches) else memories.array_of(one.shape)
+        for one in chosen
+    ]
     banks = {
         one.module: description.Macro(one.rows, one.shape.bits, 1.0, 0.0, 0.0, 2)
         for one in chosen
@@ -92,7 +102,9 @@ def checked_by(
     return arrays, {**files.macros, **banks}
 
 
-def options(files: Library, memory: traffic.Memory, core: Core = OURS) -> list[memories.Choice | Latches]:
+def options(
+    files: Library, memory: traffic.Memory, core: Core = OURS
+) -> list[memories.Choice | Latches]:
     """Return what a memory may be made of."""
     held, period = core.held.get(memory.name, memory.words), 0
     if memory.name.startswith(OF_COMPARTMENTS):
@@ -111,8 +123,15 @@ def options(files: Library, memory: traffic.Memory, core: Core = OURS) -> list[m
         memory.at_once,
     )
     depths = {min(depth, 1 << (len(shape.held) - 1).bit_length()) for depth in (8, 16)}
-    arrays = [Latches(shape, depth) for depth in sorted(depths)] if len(shape.held) * shape.bits <= MOST_LATCHES else []
-    return [*([] if shape.at_once else memories.choices(shape, list(files.macros.values()))), *arrays]
+    arrays = (
+        [Latches(shape, depth) for depth in sorted(depths)]
+        if len(shape.held) * shape.bits <= MOST_LATCHES
+        else []
+    )
+    return [
+        *([] if shape.at_once else memories.choices(shape, list(files.macros.values()))),
+        *arrays,
+    ]
 
 
 def zero(name: str, sizes: Sizes) -> tuple[int, ...]:
@@ -127,23 +146,37 @@ def zero(name: str, sizes: Sizes) -> tuple[int, ...]:
 def capacity(chosen: Sequence[memories.Choice | Latches]) -> dict[str, int]:
     """Return the sizes of the core that a plan holds: parameters, where memories do not hold less."""
     words = {
-        one.shape.name: one.banks * one.rows * one.pack if isinstance(one, memories.Choice) else len(one.shape.held)
+        one.shape.name: one.banks * one.rows * one.pack
+        if isinstance(one, memories.Choice)
+        else len(one.shape.held)
         for one in chosen
     }
-    words |= {"synapses": 2 * words["synapses"], "compartments": OURS.compartments, "places": SIZES["places"]}
+    words |= {
+        "synapses": 2 * words["synapses"],
+        "compartments": OURS.compartments,
+        "places": SIZES["places"],
+    }
     names = {"visits": "visit_list", "entries": "tallies"}
-    return {name: min(value, words.get(names.get(name, name), value)) for name, value in SIZES.items()}
+    return {
+        name: min(value, words.get(names.get(name, name), value)) for name, value in SIZES.items()
+    }
 
 
 def memory_words(chosen: Sequence[memories.Choice | Latches]) -> dict[str, int]:
     """Return the words of memories that a program may need more of, whatever the parameters of the core."""
     shapes = {one.shape.name: one.shape for one in chosen}
-    return {name: len(shapes[name].held) for name in ("weights", "phases")} | {"states": len(shapes["states"].held)}
+    return {name: len(shapes[name].held) for name in ("weights", "phases")} | {
+        "states": len(shapes["states"].held)
+    }
 
 
 def area(files: Library, made: memories.Choice | Latches) -> float:
     """Return square micrometres of all copies."""
-    return made.area if isinstance(made, memories.Choice) else made.shape.copies * arrays.measure(files, made).area
+    return (
+        made.area
+        if isinstance(made, memories.Choice)
+        else made.shape.copies * arrays.measure(files, made).area
+    )
 
 
 def cost(files: Library, made: memories.Choice | Latches, memory: traffic.Memory) -> float:

@@ -26,7 +26,13 @@ LISTS = ("spikes", "input_events", "transpose_events")
 UPDATES, ACTIVE = ("neuron_updates",), ("neuron_updates_active",)
 FITTED = ("synaptic_ops", *UPDATES, *ACTIVE)
 """Counts that logic and clocks go with."""
-OF = {"states": ACTIVE, "synapses": LISTS, "axons": LISTS, "places": ("spikes",), "bitmap": ("input_events",)}
+OF = {
+    "states": ACTIVE,
+    "synapses": LISTS,
+    "axons": LISTS,
+    "places": ("spikes",),
+    "bitmap": ("input_events",),
+}
 WRITES = {"charges": ACTIVE}
 """Counts that accesses of a memory go with; those of others go with updates."""
 WORD = 2
@@ -55,9 +61,13 @@ class Made:
     counts: list[list[hw.Counts]]
 
 
-def make(built: runs.Built, sets: Sequence[tuple[hw.ChipProgram, np.ndarray, gates.Activity]]) -> Made:
+def make(
+    built: runs.Built, sets: Sequence[tuple[hw.ChipProgram, np.ndarray, gates.Activity]]
+) -> Made:
     """Count what the simulator does in recordings of programs that were played."""
-    counts = [hw.simulate(program, recordings, probe=()).per_recording for program, recordings, _ in sets]
+    counts = [
+        hw.simulate(program, recordings, probe=()).per_recording for program, recordings, _ in sets
+    ]
     return Made(built, [played for _, _, played in sets], counts)
 
 
@@ -95,11 +105,18 @@ def price(made: Made, wires: str) -> Priced:
         if name == "charges":
             memory["synaptic_ops"] += one.read_pj + one.write_pj
             swept = recordings * runs.SIZES["slots"] * runs.SIZES["places"] * one.write_pj
-            reads, writes, cleaned = reads - ops * one.read_pj, writes - ops * one.write_pj - swept, cleaned + swept
+            reads, writes, cleaned = (
+                reads - ops * one.read_pj,
+                writes - ops * one.write_pj - swept,
+                cleaned + swept,
+            )
         if name == "bitmap":
             swept = (rows[name][1] - total["input_events"]) * one.write_pj
             writes, cleaned = writes - swept, cleaned + swept
-        for pj, names in ((reads, OF.get(name, UPDATES)), (writes, OF.get(name, WRITES.get(name, UPDATES)))):
+        for pj, names in (
+            (reads, OF.get(name, UPDATES)),
+            (writes, OF.get(name, WRITES.get(name, UPDATES))),
+        ):
             for count in names:
                 memory[count] += pj / sum(total[n] for n in names)
     pj = dict(memory)
@@ -144,16 +161,25 @@ def updates_of(played: gates.Activity, recording: int) -> np.ndarray:
     return mine
 
 
-def expected(program: hw.ChipProgram, recordings: np.ndarray, found: hw.SimulationResult, i: int) -> np.ndarray:
+def expected(
+    program: hw.ChipProgram, recordings: np.ndarray, found: hw.SimulationResult, i: int
+) -> np.ndarray:
     """Return what the simulator says of the updates of a recording, in the order of the core."""
     core, parts = CoreProgram(program, recordings.shape[1], sizes=runs.OURS.sizes), []
     for phase in core.phases:
         columns = program.columns_of(phase.name)
         numbers = np.concatenate([core.numbers[phase.name][at] for at in columns.values()])
-        of = {kind: np.concatenate([getattr(found, kind)[n][i] for n in columns], axis=1) for kind in ("u", "v")}
+        of = {
+            kind: np.concatenate([getattr(found, kind)[n][i] for n in columns], axis=1)
+            for kind in ("u", "v")
+        }
         none = [np.zeros_like(found.u[n][i]) for n in columns]
         fired = np.concatenate(
-            [found.spikes.get(n, [zero] * (i + 1))[i] for n, zero in zip(columns, none, strict=True)], axis=1
+            [
+                found.spikes.get(n, [zero] * (i + 1))[i]
+                for n, zero in zip(columns, none, strict=True)
+            ],
+            axis=1,
         )
         order = np.argsort(numbers)
         each = [np.broadcast_to(numbers, of["u"].shape), of["u"], of["v"], fired]

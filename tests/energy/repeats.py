@@ -31,13 +31,18 @@ class Split:
     def parts(self) -> dict[str, list[int]]:
         """Return the bits of each part by its name."""
         same = [bit for bit in range(self.shape.bits) if bit not in self.own]
-        return {self.shape.name + SAME: same} | ({self.shape.name + OWN: [*self.own]} if self.own else {})
+        return {self.shape.name + SAME: same} | (
+            {self.shape.name + OWN: [*self.own]} if self.own else {}
+        )
 
 
 def splits(sizes: Sizes) -> list[Split]:
     """Return the memories that are split."""
     return [
-        Split(Shape(name, sizes.compartments, layouts(sizes)[name].width, 1), tuple(own_bits(name, sizes)))
+        Split(
+            Shape(name, sizes.compartments, layouts(sizes)[name].width, 1),
+            tuple(own_bits(name, sizes)),
+        )
         for name in OWN_FIELDS
     ]
 
@@ -50,7 +55,10 @@ def parts_of(traffic: Mapping[str, Memory], core: CoreProgram, sizes: Sizes) -> 
         for name, bits in split.parts.items():
             part = replace(memory, name=name, bits=len(bits))
             if name.endswith(SAME):
-                reads = sum(repeats(core, sizes, split.shape.name, phase) for phase in range(len(core.phases)))
+                reads = sum(
+                    repeats(core, sizes, split.shape.name, phase)
+                    for phase in range(len(core.phases))
+                )
                 part = replace(
                     part,
                     words=memory.words // 2,
@@ -63,7 +71,9 @@ def parts_of(traffic: Mapping[str, Memory], core: CoreProgram, sizes: Sizes) -> 
             found[name] = part
         flags, many = split.shape.name + FLAGS, memory.reads * 2 / FLAGGED
         words = memory.words // FLAGGED
-        found[flags] = Memory(flags, words, FLAGGED, 1, many, 1e-9, dict.fromkeys(memory.rows, many), False)
+        found[flags] = Memory(
+            flags, words, FLAGGED, 1, many, 1e-9, dict.fromkeys(memory.rows, many), False
+        )
     return found
 
 
@@ -93,7 +103,9 @@ def verilog(split: Split) -> str:
             ]
         else:
             address = ".address" if shape.single else ".write_address, .read_address"
-            lines.append(f"    memory_{name} {name} (.clk, .write, .read, {address}, {data}, .read_data(of_{name}));")
+            lines.append(
+                f"    memory_{name} {name} (.clk, .write, .read, {address}, {data}, .read_data(of_{name}));"
+            )
     shown = ", ".join(from_part[bit] for bit in reversed(range(shape.bits)))
     lines.append(f"    assign read_data = {{{shown}}};")
     return "\n".join([*lines, "endmodule", ""]) + REPEATS.format(

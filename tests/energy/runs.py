@@ -66,7 +66,9 @@ def holding(program: hw.ChipProgram, rows: int) -> tuple[CoreProgram, Core]:
     needs = mapped.needs
     held = {"axons": needs.axons, "synapses": needs.synapses // 2, "bitmap": needs.bitmap, "visit_list": needs.visits,
             "tallies": needs.entries, "weights": mapped.words.weights, "phases": mapped.words.phases}  # fmt: skip
-    return mapped, Core(sizes_for(needs, Sizes(**SIZES)), held, needs.compartments, SAVING | {"at_once": 0})
+    return mapped, Core(
+        sizes_for(needs, Sizes(**SIZES)), held, needs.compartments, SAVING | {"at_once": 0}
+    )
 
 
 @dataclass(frozen=True)
@@ -108,11 +110,21 @@ class Built:
         made_by = b"".join((Path(__file__).parent / name).read_bytes() for name in names)
         plan = repr([(c.shape, c.text) for c in chosen])
         sizes = asdict(core.sizes)
-        key = hashlib.sha256(texts + made_by + repr((sizes, core.saving, plan, gated)).encode()).hexdigest()[:12]
+        key = hashlib.sha256(
+            texts + made_by + repr((sizes, core.saving, plan, gated)).encode()
+        ).hexdigest()[:12]
         self.folder = KEPT / key
         if not (self.folder / "netlist.json").exists():
             split = repeats.splits(core.sizes)
-            netlist.synthesise(self.folder, sizes | core.saving, chosen, split, files.folder / CELLS, gated, sources)
+            netlist.synthesise(
+                self.folder,
+                sizes | core.saving,
+                chosen,
+                split,
+                files.folder / CELLS,
+                gated,
+                sources,
+            )
         self.netlist = netlist.load(self.folder / "netlist.json")
         self.circuit = gates.circuit(self.netlist, files.cells, files.macros)
         self.binary = self.folder / "gates"
@@ -123,7 +135,11 @@ class Built:
     @cached_property
     def cell_area(self) -> float:
         """Square micrometres of standard cells."""
-        return sum(self.files.cells[i.type].area for i in self.netlist.instances if i.type in self.files.cells)
+        return sum(
+            self.files.cells[i.type].area
+            for i in self.netlist.instances
+            if i.type in self.files.cells
+        )
 
     @cached_property
     def macro_area(self) -> float:
@@ -133,7 +149,11 @@ class Built:
     @cached_property
     def leakage_nw(self) -> tuple[float, float]:
         """Nanowatts of cells and of macros."""
-        cells = sum(self.files.cells[i.type].leakage_nw for i in self.netlist.instances if i.type in self.files.cells)
+        cells = sum(
+            self.files.cells[i.type].leakage_nw
+            for i in self.netlist.instances
+            if i.type in self.files.cells
+        )
         return cells, sum(one.leakage_nw for one in self.chosen if isinstance(one, memories.Choice))
 
     @cached_property
@@ -147,22 +167,42 @@ class Built:
         arrays = [one.shape.name for one in self.chosen if isinstance(one, Latches)]
         models: dict[str, timing.Wires | timing.Blocks] = {"none": timing.Wires()}
         for name, flat in (("modelled", False), ("flat", True)):
-            models[name] = timing.Blocks(self.files.group, self.circuit, self.files.cells, arrays, flat)
-        return {k: timing.analyse(self.circuit, self.files.cells, self.files.macros, w) for k, w in models.items()}
+            models[name] = timing.Blocks(
+                self.files.group, self.circuit, self.files.cells, arrays, flat
+            )
+        return {
+            k: timing.analyse(self.circuit, self.files.cells, self.files.macros, w)
+            for k, w in models.items()
+        }
 
     def play(
-        self, program: hw.ChipProgram, recordings: np.ndarray, by_class: bool = False, probes: bool = False
+        self,
+        program: hw.ChipProgram,
+        recordings: np.ndarray,
+        by_class: bool = False,
+        probes: bool = False,
     ) -> gates.Activity:
         """Play recordings (batch, steps, channels); what was played before is not played again."""
         key = hashlib.sha256(recordings.tobytes() + program.name.encode())
-        key.update(repr((recordings.shape, by_class, probes, [c.axons.mantissa.sum() for c in program.cores])).encode())
+        key.update(
+            repr(
+                (
+                    recordings.shape,
+                    by_class,
+                    probes,
+                    [c.axons.mantissa.sum() for c in program.cores],
+                )
+            ).encode()
+        )
         kept = self.folder / f"played-{key.hexdigest()[:12]}.pkl"
         if not kept.exists():
             core = CoreProgram(program, recordings.shape[1], sizes=self.core.sizes)
             load = core.load_words(self.core.sizes)
             words = [words_of(core, one) for one in recordings]
             with tempfile.TemporaryDirectory(dir=self.folder) as folder:
-                found = gates.play(Path(folder), self.binary, load, words, self.circuit, probes, by_class)
+                found = gates.play(
+                    Path(folder), self.binary, load, words, self.circuit, probes, by_class
+                )
             kept.write_bytes(pickle.dumps(found))
         return pickle.loads(kept.read_bytes())
 
@@ -171,7 +211,9 @@ class Built:
         if found.whole is not None:
             whole, begin, end = found.whole
             return self.energy(whole, wires).part(begin, end)
-        made_by = b"".join((Path(__file__).parent / name).read_bytes() for name in ("picojoules.py", "timing.py"))
+        made_by = b"".join(
+            (Path(__file__).parent / name).read_bytes() for name in ("picojoules.py", "timing.py")
+        )
         toggles = np.ascontiguousarray(found.toggles).tobytes()
         key = hashlib.sha256(toggles + wires.encode() + made_by).hexdigest()[:12]
         kept = self.folder / f"energy-{key}.pkl"
@@ -186,7 +228,9 @@ class Built:
         accesses = accesses.sum(axis=3) if by_class else accesses.sum(axis=2)
         tree = wires != "none"
         cells, macros = self.files.cells, self.files.macros
-        return picojoules.measure(self.circuit, cells, macros, self.times[wires], found.toggles, cycles, accesses, tree)
+        return picojoules.measure(
+            self.circuit, cells, macros, self.times[wires], found.toggles, cycles, accesses, tree
+        )
 
 
 def real(dataset: str, part: str, count: int) -> np.ndarray:
@@ -207,7 +251,9 @@ def real(dataset: str, part: str, count: int) -> np.ndarray:
         for _, several in sorted(by_class.items())
         if turn < len(several)
     ]
-    arrays = [np.load(io.BytesIO(archive.read(name))) for name in (order if count < 0 else order[:count])]
+    arrays = [
+        np.load(io.BytesIO(archive.read(name))) for name in (order if count < 0 else order[:count])
+    ]
     return np.stack([a.reshape(-1, a.shape[-1]).T for a in arrays]).astype(np.uint8)
 
 
@@ -232,7 +278,15 @@ def compiled(model: str) -> hw.ChipProgram:
     path = ROOT / "examples/models" / f"{model}.pt"
     folder = KEPT / "programs" / f"{model}-{hashlib.sha256(path.read_bytes()).hexdigest()[:8]}"
     if not (folder / "program.npz").exists():
-        command = [sys.executable, "-m", "locsnn_compile.cli.compile", str(path), "-o", str(folder), "--quiet"]
+        command = [
+            sys.executable,
+            "-m",
+            "locsnn_compile.cli.compile",
+            str(path),
+            "-o",
+            str(folder),
+            "--quiet",
+        ]
         subprocess.run(command, cwd=ROOT, check=True, env={**os.environ, "PYTHONPATH": str(ROOT)})
     return hw.load_program(folder)
 
@@ -249,13 +303,18 @@ def counted() -> dict[str, traffic.Memory]:
     return counted_for(program, real("Objects", "train", 4), OURS)
 
 
-def counted_for(program: hw.ChipProgram, recordings: np.ndarray, core: Core) -> dict[str, traffic.Memory]:
+def counted_for(
+    program: hw.ChipProgram, recordings: np.ndarray, core: Core
+) -> dict[str, traffic.Memory]:
     """Return the memories of a core, and what a recording does to them; what was counted is kept."""
     texts = b"".join(p.read_bytes() for p in netlist.parts(netlist.CORE))
     made_by = (Path(__file__).parent / "traffic.py").read_bytes() + repr(
         (program.name, core.sizes, core.saving)
     ).encode()
-    kept = KEPT / f"traffic-{hashlib.sha256(texts + made_by + recordings.tobytes()).hexdigest()[:12]}.pkl"
+    kept = (
+        KEPT
+        / f"traffic-{hashlib.sha256(texts + made_by + recordings.tobytes()).hexdigest()[:12]}.pkl"
+    )
     if not kept.exists():
         found = traffic.count(program, stacked(program, recordings), core.sizes, core.saving)
         kept.parent.mkdir(parents=True, exist_ok=True)

@@ -15,10 +15,14 @@ import hw_model as hw
 from hw_model.rtl.images import CoreProgram, layouts
 
 
-def savings(built: runs.Built, played: gates.Activity, spent: picojoules.Energy) -> list[tuple[str, float]]:
+def savings(
+    built: runs.Built, played: gates.Activity, spent: picojoules.Energy
+) -> list[tuple[str, float]]:
     """Return what each measure saves, in microjoules per recording, against the core without it."""
     traffic, files = runs.traffic_of(), built.files
-    counts = hw.simulate(runs.compiled("objects-hybrid-loihi"), runs.real("Objects", "train", 4), probe=()).counts
+    counts = hw.simulate(
+        runs.compiled("objects-hybrid-loihi"), runs.real("Objects", "train", 4), probe=()
+    ).counts
     scale = played.answers[:, 2].mean() / (counts.synaptic_ops / 4)
     cycles = played.answers[:, 4:7].sum(axis=1).mean()
     clocked = float(spent.of("clock").mean())
@@ -36,7 +40,10 @@ def savings(built: runs.Built, played: gates.Activity, spent: picojoules.Energy)
         macros = [c for c in plans.options(files, in_turn) if isinstance(c, memories.Choice)]
         if isinstance(one, Latches):
             best = min(macros, key=lambda c: plans.cost(files, c, memory) + plans.PRICE * c.area)
-            in_macros, latched = in_macros + plans.cost(files, best, memory), latched + plans.cost(files, one, memory)
+            in_macros, latched = (
+                in_macros + plans.cost(files, best, memory),
+                latched + plans.cost(files, one, memory),
+            )
         else:
             least = min((c for c in macros if c.pack == 1), key=lambda c: c.area)
             flat += plans.cost(files, least, memory) - plans.cost(files, one, memory)
@@ -49,22 +56,40 @@ def savings(built: runs.Built, played: gates.Activity, spent: picojoules.Energy)
             "clock gating: of modules, of registers with an enable, and of groups of eight bits in which none changes",
             stopped / 1e6,
         ),
-        (f"latches in place of macros for the smallest memories ({bits:,} bits)", (in_macros - latched) * scale / 1e6),
-        ("shallow banks and words packed into rows, in place of the least area", flat * scale / 1e6),
-        ("states that are read and written only where the next step depends on them", lazy * scale / 1e6),
+        (
+            f"latches in place of macros for the smallest memories ({bits:,} bits)",
+            (in_macros - latched) * scale / 1e6,
+        ),
+        (
+            "shallow banks and words packed into rows, in place of the least area",
+            flat * scale / 1e6,
+        ),
+        (
+            "states that are read and written only where the next step depends on them",
+            lazy * scale / 1e6,
+        ),
     ]
 
 
 def narrower(files: runs.Library) -> float:
     """Return picojoules per recording that words of steps save, with the fillers among them."""
-    memory, full = runs.traffic_of()["synapses"], replace(runs.OURS, sizes=replace(runs.OURS.sizes, step=0, places=0))
+    memory, full = (
+        runs.traffic_of()["synapses"],
+        replace(runs.OURS, sizes=replace(runs.OURS.sizes, step=0, places=0)),
+    )
     fewer = 1 / (1 + fillers())
     rows = {pack: many * fewer for pack, many in memory.rows.items()}
-    wide = replace(memory, bits=layouts(full.sizes)["synapses"].width, reads=memory.reads * fewer, rows=rows)
+    wide = replace(
+        memory, bits=layouts(full.sizes)["synapses"].width, reads=memory.reads * fewer, rows=rows
+    )
 
     def least(memory: traffic.Memory, core: runs.Core) -> float:
         made = plans.options(files, memory, core)
-        return plans.cost(files, min(made, key=lambda c: plans.cost(files, c, memory) + plans.PRICE * c.area), memory)
+        return plans.cost(
+            files,
+            min(made, key=lambda c: plans.cost(files, c, memory) + plans.PRICE * c.area),
+            memory,
+        )
 
     return least(wide, full) - least(memory, runs.OURS)
 
@@ -81,7 +106,9 @@ def _pj_of_a_tick(built: runs.Built) -> float:
     found = built.circuit
     toggles, ungated = np.zeros((found.nets, 1)), np.ones(1)
     toggles[[found.at(flop, "CLK") for flop in found.flops]] = 1
-    only = replace(found, order=[], gates={net: gate for net, gate in found.gates.items()}, memories=[])
+    only = replace(
+        found, order=[], gates={net: gate for net, gate in found.gates.items()}, memories=[]
+    )
     spent = picojoules.measure(
         only,
         built.files.cells,

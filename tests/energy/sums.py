@@ -21,13 +21,20 @@ _FIGURE = re.compile(r"_(\dP)_(\d+x\d+)_\S*: read ([\d.]+) \(line \d+\), write (
 
 def prices(text: str) -> dict[str, tuple[int, float, float]]:
     """Return words in a row, picojoules of reading a row and of writing a word, of every memory of macros in the chip file."""
-    figures = {f"{ports} {size}": (float(read), float(write)) for ports, size, read, write in _FIGURE.findall(text)}
+    figures = {
+        f"{ports} {size}": (float(read), float(write))
+        for ports, size, read, write in _FIGURE.findall(text)
+    }
     found = {}
     for name, _, row, pack in _MEMORY.findall(text):
         if row.endswith("latches"):
             continue
         each = [figures[macro] for macro in row.split(" + ")]
-        found[name] = (int(pack or 1), sum(read for read, _ in each), sum(write for _, write in each))
+        found[name] = (
+            int(pack or 1),
+            sum(read for read, _ in each),
+            sum(write for _, write in each),
+        )
     return found
 
 
@@ -43,20 +50,28 @@ def memory_pj(program: hw.ChipProgram, recordings: np.ndarray) -> np.ndarray:
     ])  # fmt: skip
 
 
-def sent_by(core: CoreProgram, recording: np.ndarray, found: hw.SimulationResult, i: int) -> np.ndarray:
+def sent_by(
+    core: CoreProgram, recording: np.ndarray, found: hw.SimulationResult, i: int
+) -> np.ndarray:
     """Return how often each source sends (sources,) in recording ``i``, (steps, channels)."""
     sent = np.zeros(len(core.starts))
     sent[: recording.shape[1]] += recording[: core.phases[0].steps].sum(axis=0)
-    for channel, source in zip(core.tables["visits"]["channel"], core.tables["visits"]["source"], strict=True):
+    for channel, source in zip(
+        core.tables["visits"]["channel"], core.tables["visits"]["source"], strict=True
+    ):
         sent[source + np.flatnonzero(recording[: core.kept, channel])] += 1
     for phase in core.phases:
         for name, columns in core.program.columns_of(phase.name).items():
             if name in found.spikes:
-                sent[core.first_source + core.numbers[phase.name][columns]] += found.spikes[name][i].sum(axis=0)
+                sent[core.first_source + core.numbers[phase.name][columns]] += found.spikes[name][
+                    i
+                ].sum(axis=0)
     return sent
 
 
-def _accesses(core: CoreProgram, recording: np.ndarray, found: hw.SimulationResult, i: int, of: dict) -> dict:
+def _accesses(
+    core: CoreProgram, recording: np.ndarray, found: hw.SimulationResult, i: int, of: dict
+) -> dict:
     """Return rows read and words written of every memory for one recording."""
     counts, sizes = found.per_recording[i], hw.chip("locsnn-130nm").open_core
     sent = sent_by(core, recording, found, i)
@@ -85,7 +100,9 @@ def _accesses(core: CoreProgram, recording: np.ndarray, found: hw.SimulationResu
     rows = np.where(ends > starts, (ends - 1) // pack - starts // pack + 1, 0)
     axons, updates = sent.sum(), counts.neuron_updates
     entries = int(constants["read_out"].sum())
-    read_out = sum(int(constants["read_out"][core.numbers[p.name]].sum()) * p.steps for p in core.phases)
+    read_out = sum(
+        int(constants["read_out"][core.numbers[p.name]].sum()) * p.steps for p in core.phases
+    )
     events, visits = counts.input_events, len(core.tables["visits"]["step"])
     found_here = {
         "axons": (axons / of["axons"][0], 0),
@@ -110,7 +127,10 @@ def _accesses(core: CoreProgram, recording: np.ndarray, found: hw.SimulationResu
             phase.steps * np.count_nonzero(_differs(fields, begin, end))
             for phase, begin, end in zip(core.phases, begins, core.ends, strict=True)
         )
-        found_here |= {f"{name}_same": (read, 0), f"{name}_own": (updates / of.get(f"{name}_own", (1,))[0], 0)}
+        found_here |= {
+            f"{name}_same": (read, 0),
+            f"{name}_own": (updates / of.get(f"{name}_own", (1,))[0], 0),
+        }
     return found_here
 
 
@@ -118,4 +138,6 @@ def _differs(fields: list, begin: int, end: int) -> np.ndarray:
     """Return which compartments of a phase differ from the last but one, or are among the first of it or of 32."""
     number = np.arange(begin, end)
     first = (number < begin + 2) | (number % 32 < 2)
-    return first | np.any([field[number] != field[np.maximum(number - 2, 0)] for field in fields], axis=0)
+    return first | np.any(
+        [field[number] != field[np.maximum(number - 2, 0)] for field in fields], axis=0
+    )

@@ -24,7 +24,8 @@ from hw_model.rtl.memory_needs import arrays_of
 from locsnn_compile.report.figures.energy import _left_out
 
 NEEDS_LIBRARY = pytest.mark.skipif(
-    not (runs.LIBRARY / runs.CELLS).is_file(), reason="the liberty files are not next to the repository"
+    not (runs.LIBRARY / runs.CELLS).is_file(),
+    reason="the liberty files are not next to the repository",
 )
 NEEDS_RECORDINGS = pytest.mark.skipif(
     not runs.RECORDINGS.is_dir(), reason="the real recordings are not next to the repository"
@@ -35,7 +36,8 @@ NEEDS_RECORDINGS = pytest.mark.skipif(
 def test_macros_cost_what_their_files_say():
     found = {(m.ports, m.words, m.bits): m for m in liberty.macros(runs.LIBRARY / "sram")}
     table = re.findall(
-        r"\| (\d)P (\d+) x (\d+) \| ([\d,]+) \| ([\d.]+) \| ([\d.]+) \|", (runs.LIBRARY / "README.md").read_text()
+        r"\| (\d)P (\d+) x (\d+) \| ([\d,]+) \| ([\d.]+) \| ([\d.]+) \|",
+        (runs.LIBRARY / "README.md").read_text(),
     )
     assert len(table) == 16
     for ports, words, bits, *figures in table:
@@ -47,7 +49,9 @@ def test_macros_cost_what_their_files_say():
 @NEEDS_LIBRARY
 def test_the_chip_file_names_the_lines_of_its_figures():
     lines = re.findall(
-        r"^#   (\S+\.lib): read (\S+) \(line (\d+)\), write (\S+) \(line (\d+)\)$", make_profile.CHIP.read_text(), re.M
+        r"^#   (\S+\.lib): read (\S+) \(line (\d+)\), write (\S+) \(line (\d+)\)$",
+        make_profile.CHIP.read_text(),
+        re.M,
     )
     assert len(lines) > 5
     for name, *figures in lines:
@@ -66,7 +70,11 @@ def checked() -> list[dict[str, str]]:
 def test_the_profile_is_near_gate_level_on_recordings_that_it_has_not_seen():
     rows = checked()
     for name in make_profile.SETS:
-        off = [abs(float(row["profile, pJ"]) / float(row["gate level, pJ"]) - 1) for row in rows if row["set"] == name]
+        off = [
+            abs(float(row["profile, pJ"]) / float(row["gate level, pJ"]) - 1)
+            for row in rows
+            if row["set"] == name
+        ]
         assert len(off) == 20
         assert max(off) < 0.05
 
@@ -76,7 +84,9 @@ def test_the_profile_is_near_gate_level_on_recordings_that_it_has_not_seen():
 def test_counts_without_hardware_say_what_memories_take(name):
     count = 3
     program, recordings = runs.compiled(make_profile.SETS[name]), runs.real(name, "test", count)
-    gate_level = [float(row["memories at gate level, pJ"]) for row in checked() if row["set"] == name][:count]
+    gate_level = [
+        float(row["memories at gate level, pJ"]) for row in checked() if row["set"] == name
+    ][:count]
     assert sums.memory_pj(program, recordings) == pytest.approx(gate_level, rel=0.02)
 
 
@@ -88,8 +98,13 @@ ESTIMATED = {"synapses": (0.92, 1.0), "charges": (1.0, 1.1), "states": (1.7, 1.9
 
 def test_counts_and_program_tell_what_memories_do():
     program = runs.compiled("objects-hybrid-loihi")
-    recordings = np.load(runs.ROOT / "examples/recordings/touches.npz")["spikes"][:2].transpose(0, 2, 1)
-    recordings, sizes = runs.stacked(program, recordings.astype(np.uint8)), hw.chip("locsnn-130nm").open_core
+    recordings = np.load(runs.ROOT / "examples/recordings/touches.npz")["spikes"][:2].transpose(
+        0, 2, 1
+    )
+    recordings, sizes = (
+        runs.stacked(program, recordings.astype(np.uint8)),
+        hw.chip("locsnn-130nm").open_core,
+    )
     found = hw.simulate(program, recordings, probe=("spikes", "u", "v"))
     core, seen = CoreProgram(program, recordings.shape[1], sizes=sizes), set()
     for i, counts in enumerate(found.per_recording):
@@ -101,7 +116,17 @@ def test_counts_and_program_tell_what_memories_do():
             assert least * reads <= array.rows[1] <= most * reads, array.name
             assert least * writes <= array.writes <= most * writes, array.name
             seen.add(array.name)
-    assert seen >= {"axons", "synapses", "charges", "states", "sums", "places", "tallies", "bitmap", "fires_own"}
+    assert seen >= {
+        "axons",
+        "synapses",
+        "charges",
+        "states",
+        "sums",
+        "places",
+        "tallies",
+        "bitmap",
+        "fires_own",
+    }
 
 
 @pytest.mark.parametrize(("name", "limit", "need"), [("weights", 1, 2), ("states", 200, 206)])
@@ -152,7 +177,10 @@ def test_a_profile_of_a_core_in_cells_may_be_chosen_and_one_of_a_device_not():
     assert hw.priced_by(hw.chip("locsnn-130nm"), "ihp-sg13g2").default_profile == "ihp-sg13g2"
     with pytest.raises(InputError) as caught:
         hw.priced_by(hw.chip("ecp5-25f"), "ihp-sg13g2")
-    assert str(caught.value) == "profile 'ihp-sg13g2': ecp5-25f has cycles and no profiles. Leave the profile out."
+    assert (
+        str(caught.value)
+        == "profile 'ihp-sg13g2': ecp5-25f has cycles and no profiles. Leave the profile out."
+    )
 
 
 def test_real_recordings_come_one_of_a_class_in_turn(tmp_path, monkeypatch):
@@ -171,13 +199,17 @@ def test_real_recordings_come_one_of_a_class_in_turn(tmp_path, monkeypatch):
 @NEEDS_LIBRARY
 def test_dense_rows_hold_every_synapse_and_are_never_fewer_than_full_ones():
     program = runs.compiled("objects-hybrid-loihi")
-    recordings = np.load(runs.ROOT / "examples/recordings/touches.npz")["spikes"].transpose(0, 2, 1)[:2]
+    recordings = np.load(runs.ROOT / "examples/recordings/touches.npz")["spikes"].transpose(
+        0, 2, 1
+    )[:2]
     core = CoreProgram(program, recordings.shape[1], sizes=runs.OURS.sizes)
     synapses = packing.dense(core, 1)
     assert synapses.tolist() == packing.full(core, 1).tolist()
     found = hw.simulate(program, recordings, probe=("spikes",))
     sent = [sums.sent_by(core, recording, found, i) for i, recording in enumerate(recordings)]
-    assert [one @ synapses for one in sent] == [counts.synaptic_ops for counts in found.per_recording]
+    assert [one @ synapses for one in sent] == [
+        counts.synaptic_ops for counts in found.per_recording
+    ]
     for row in packing.ROWS:
         dense, full = packing.dense(core, row), packing.full(core, row)
         assert (full <= dense).all()

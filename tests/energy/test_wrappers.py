@@ -26,7 +26,9 @@ from hw_model.errors import InputError
 from hw_model.rtl.comparison import compare
 from hw_model.rtl.simulators import sources
 
-NEEDS_ICARUS = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
+NEEDS_ICARUS = pytest.mark.skipif(
+    shutil.which("iverilog") is None, reason="Icarus Verilog is not installed"
+)
 
 
 def macro(words: int, bits: int, ports: int, mask: bool = True) -> liberty.Macro:
@@ -56,7 +58,9 @@ def model(one: liberty.Macro) -> str:
 
 WRAPPED = [
     memories.Choice(memories.Shape("plain", 64, 10, 2), (macro(64, 10, 2),), 1, 1),
-    memories.Choice(memories.Shape("banks", 60, 10, 2), (macro(16, 8, 2), macro(16, 4, 2, mask=False)), 4, 1),
+    memories.Choice(
+        memories.Shape("banks", 60, 10, 2), (macro(16, 8, 2), macro(16, 4, 2, mask=False)), 4, 1
+    ),
     memories.Choice(memories.Shape("shallow", 8, 5, 1), (macro(16, 8, 1),), 1, 1),
     memories.Choice(memories.Shape("pairs", 64, 9, 1), (macro(16, 16, 1), macro(16, 8, 1)), 2, 2),
     memories.Choice(memories.Shape("fours", 50, 7, 1), (macro(8, 32, 1),), 2, 4),
@@ -76,8 +80,12 @@ def modules(*made: memories.Choice | Latches) -> str:
 def played(folder: Path, text: str) -> list[str]:
     """Return the words that a bench says."""
     (folder / "bench.sv").write_text(text)
-    subprocess.run(["iverilog", "-g2012", "-s", "bench", "-o", "bench", "bench.sv"], cwd=folder, check=True)
-    return subprocess.run(["vvp", "-n", "bench"], cwd=folder, check=True, capture_output=True, text=True).stdout.split()
+    subprocess.run(
+        ["iverilog", "-g2012", "-s", "bench", "-o", "bench", "bench.sv"], cwd=folder, check=True
+    )
+    return subprocess.run(
+        ["vvp", "-n", "bench"], cwd=folder, check=True, capture_output=True, text=True
+    ).stdout.split()
 
 
 @NEEDS_ICARUS
@@ -104,14 +112,25 @@ def test_banks_of_one_port_alternate_between_reads_and_writes_of_a_sweep(late, t
 @pytest.mark.parametrize("banks", [1, 4])
 def test_marks_of_a_memory_of_one_port_wait_for_reads(banks, tmp_path):
     choice = memories.Choice(
-        memories.Shape("bitmap", 64, 10, 2), (macro(64 // banks, 8, 1), macro(64 // banks, 4, 1)), banks, 1
+        memories.Shape("bitmap", 64, 10, 2),
+        (macro(64 // banks, 8, 1), macro(64 // banks, 4, 1)),
+        banks,
+        1,
     )
     assert choice.waits
     text = modules(choice)
     assert played(tmp_path, text + MARKS) == ["0", "differ"]
     for part in ("if (wait_now || waiting) waiting <=", "&& !clash"):
         assert part in text
-        assert int(played(tmp_path, text.replace(part, "if (0) waiting <=" * part.startswith("if")) + MARKS)[0]) > 0
+        assert (
+            int(
+                played(
+                    tmp_path,
+                    text.replace(part, "if (0) waiting <=" * part.startswith("if")) + MARKS,
+                )[0]
+            )
+            > 0
+        )
 
 
 @NEEDS_ICARUS
@@ -141,19 +160,26 @@ PLANNED = [
 def test_the_plan_of_the_gate_level_core_is_checked(monkeypatch):
     files = runs.Library(Path("none"))
     monkeypatch.setattr(
-        runs.Library, "macros", {one.name: one for choice in PLANNED[:2] for one in choice.macros}, raising=True
+        runs.Library,
+        "macros",
+        {one.name: one for choice in PLANNED[:2] for one in choice.macros},
+        raising=True,
     )
     pieces, known = plans.pieces_of(PLANNED), plans.checked_by(files, PLANNED)
     check(pieces, *known)
     for at, piece in enumerate(pieces):
         with pytest.raises(InputError, match=f"memory '{piece.memory}': the plan is too small"):
             check(pieces[:at] + pieces[at + 1 :], *known)
-        with pytest.raises(InputError, match=f"memory '{piece.memory}': macros of the plan overlap"):
+        with pytest.raises(
+            InputError, match=f"memory '{piece.memory}': macros of the plan overlap"
+        ):
             check([*pieces, piece], *known)
     (few,) = [replace(one, bits=one.bits - 1) for one in pieces[-1:]]
     with pytest.raises(InputError) as caught:
         check([*pieces[:-1], few], *known)
-    assert str(caught.value) == ("memory 'charges': the plan is too small (0 hold bit 9 of word 21). Add macros.")
+    assert str(caught.value) == (
+        "memory 'charges': the plan is too small (0 hold bit 9 of word 21). Add macros."
+    )
 
 
 def families() -> tuple[hw.ChipProgram, np.ndarray]:
@@ -163,7 +189,9 @@ def families() -> tuple[hw.ChipProgram, np.ndarray]:
     x = b.add_input("x", 4)
     y = b.add_compartments("y", 5, decay_u=400, decay_v=300, threshold=90)
     for name in ("one", "other"):
-        part = b.add_compartments(f"y/{name}", 5, decay_u=390, decay_v=300, threshold=90, joined_to=y)
+        part = b.add_compartments(
+            f"y/{name}", 5, decay_u=390, decay_v=300, threshold=90, joined_to=y
+        )
         b.connect(x, part, 2 * r.integers(-30, 60, (5, 4)), delay=3 * (name == "one"))
     b.read_out(y)
     return b.build(), (r.random((2, 30, 4)) < 0.4).astype(np.uint8)
@@ -173,7 +201,9 @@ def with_memories(core: runs.Core, done: dict[str, traffic.Memory]) -> dict[str,
     """Return the SystemVerilog of a core by file, with memories of macros that nobody makes, or of latches."""
     made = runs.Library(Path("none"))
     chosen = [plans.options(made, memory, core)[-1] for memory in done.values()]
-    texts = {path.name: netlist.with_memories(path.read_text()) for path in netlist.parts(netlist.CORE)}
+    texts = {
+        path.name: netlist.with_memories(path.read_text()) for path in netlist.parts(netlist.CORE)
+    }
     texts["locsnn_core.sv"] = traffic.set_in(texts["locsnn_core.sv"], core.saving)
     memory = modules(*chosen) + "".join(map(repeats.verilog, repeats.splits(core.sizes)))
     # Registers of a plan begin with anything, and are right once their memory is cleaned.
@@ -193,7 +223,12 @@ def test_a_core_with_memories_of_a_plan_plays_like_the_simulator(monkeypatch):
     assert (found["mismatches"], found["cycle_mismatches"]) == (0, 0)
     # The fault that a larger network had at gate level: words for as many sums as there are parents, from the first on.
     few = replace(core, held={**core.held, "sums": 5})
-    assert compare(program, recordings, with_memories(few, done), "icarus", sizes=core.sizes)["mismatches"] > 0
+    assert (
+        compare(program, recordings, with_memories(few, done), "icarus", sizes=core.sizes)[
+            "mismatches"
+        ]
+        > 0
+    )
     made = plans.options(runs.Library(Path("none")), done["sums"], few)[-1]
     with pytest.raises(InputError) as caught:
         plans.refuse_too_few(made.shape, done["sums"])
@@ -337,4 +372,8 @@ def test_a_row_holds_every_word_and_no_macro_too_many():
     for choice in found:
         bits = [m.bits for m in choice.macros]
         assert sum(bits) >= 12 * choice.pack > sum(bits) - min(bits)
-        assert choice.banks * choice.rows * choice.pack >= 40 > (choice.banks - 1) * choice.rows * choice.pack
+        assert (
+            choice.banks * choice.rows * choice.pack
+            >= 40
+            > (choice.banks - 1) * choice.rows * choice.pack
+        )

@@ -29,18 +29,27 @@ class Wires:
     def pf(self, _net: int, fanout: int) -> float:
         """Return the capacitance of a net."""
         last = self.fanouts[-1]
-        length = float(np.interp(min(fanout, last), self.fanouts, self.lengths)) + max(fanout - last, 0) * self.slope
+        length = (
+            float(np.interp(min(fanout, last), self.fanouts, self.lengths))
+            + max(fanout - last, 0) * self.slope
+        )
         return length * self.capacitance
 
 
 def wires_for(library: Group, area: float) -> Wires:
     """Return the wire load that the library selects for an area of cells, in square micrometres."""
     (selection,) = library.all("wire_load_selection")
-    name = next(row[2] for row in selection.complex["wire_load_from_area"] if float(row[0]) <= area < float(row[1]))
+    name = next(
+        row[2]
+        for row in selection.complex["wire_load_from_area"]
+        if float(row[0]) <= area < float(row[1])
+    )
     group = next(group for group in library.all("wire_load") if group.arguments[0] == name)
     rows = [(0.0, 0.0), *((float(a), float(b)) for a, b in group.complex["fanout_length"])]
     fanouts, lengths = zip(*rows, strict=True)
-    return Wires(name, group.number("capacitance"), group.number("slope"), fanouts, lengths, group.line)
+    return Wires(
+        name, group.number("capacitance"), group.number("slope"), fanouts, lengths, group.line
+    )
 
 
 Path = tuple[str, ...]
@@ -76,10 +85,14 @@ class Blocks:
                 continue
             least = max((k + 1 for k, name in enumerate(path) if name in arrays), default=0)
             for depth in range(least, len(path) + 1):
-                self.area[path[:depth]] = self.area.get(path[:depth], 0.0) + cells[instance.type].area
+                self.area[path[:depth]] = (
+                    self.area.get(path[:depth], 0.0) + cells[instance.type].area
+                )
             own = (*path, "")
             self.area[own] = self.area.get(own, 0.0) + cells[instance.type].area
-        self.block: dict[int, Path] = {found.net[bit]: () for _, bits in found.netlist.ports.values() for bit in bits}
+        self.block: dict[int, Path] = {
+            found.net[bit]: () for _, bits in found.netlist.ports.values() for bit in bits
+        }
         for path, instance in pins:
             own = (*path, "") if instance.type in cells else path[:-1]
             if flat and not set(path) & set(arrays):
@@ -87,7 +100,12 @@ class Blocks:
             for bits in instance.pins.values():
                 for bit in bits:
                     known = self.block.setdefault(found.net[bit], own)
-                    same = sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(known, own, strict=False)))
+                    same = sum(
+                        1
+                        for _ in takewhile(
+                            lambda pair: pair[0] == pair[1], zip(known, own, strict=False)
+                        )
+                    )
                     self.block[found.net[bit]] = known[:same]
         self.wires = {path: wires_for(library, um2) for path, um2 in self.area.items()}
 
@@ -119,7 +137,11 @@ def loads(
     load, fanout = np.zeros(found.nets), np.zeros(found.nets, dtype=int)
     for instance in found.netlist.instances:
         if instance.type in macros:
-            pins = {name: macros[instance.type].input_pf for name in instance.pins if not name.endswith("DOUT")}
+            pins = {
+                name: macros[instance.type].input_pf
+                for name in instance.pins
+                if not name.endswith("DOUT")
+            }
         else:
             cell = cells[instance.type]
             pins = {name: cell.pins[name].capacitance for name in cell.inputs}
@@ -131,7 +153,9 @@ def loads(
     return load, fanout
 
 
-def analyse(found: Circuit, cells: Mapping[str, Cell], macros: Mapping[str, Macro], wires: Wires | Blocks) -> Timing:
+def analyse(
+    found: Circuit, cells: Mapping[str, Cell], macros: Mapping[str, Macro], wires: Wires | Blocks
+) -> Timing:
     """Return loads and times of every net."""
     load, fanout = loads(found, cells, macros, wires)
     slew, arrival = np.full(found.nets, CLOCK_NS), np.zeros(found.nets)
@@ -165,17 +189,27 @@ def analyse(found: Circuit, cells: Mapping[str, Cell], macros: Mapping[str, Macr
                 if at > arrival[net]:
                     arrival[net], before[net] = at, source
                 slew[net] = max(slew[net], transition.worst(slew[source], load[net]))
-    ends = [(arrival[found.at(f, "D")] + cells[f.type].pins["D"].setup, f.name, found.at(f, "D")) for f in found.flops]
+    ends = [
+        (arrival[found.at(f, "D")] + cells[f.type].pins["D"].setup, f.name, found.at(f, "D"))
+        for f in found.flops
+    ]
     # Latches close in the middle of a cycle.
     latches = [i for i in found.order if cells[i.type].kind == "latch"]
     ends += [(2 * arrival[found.at(i, "D")], i.name, found.at(i, "D")) for i in latches]
-    ends += [(arrival[found.at(g, "GATE")] + 0.1, g.name, found.at(g, "GATE")) for g in found.gates.values()]
+    ends += [
+        (arrival[found.at(g, "GATE")] + 0.1, g.name, found.at(g, "GATE"))
+        for g in found.gates.values()
+    ]
     for memory in found.memories:
         macro = macros[memory.type]
         for name, bits in memory.pins.items():
             if not name.endswith(("DOUT", "CLK")):
                 ends += [
-                    (arrival[found.net[b]] + max(macro.setup_ns, 0.0), f"{memory.name}.{name}", found.net[b])
+                    (
+                        arrival[found.net[b]] + max(macro.setup_ns, 0.0),
+                        f"{memory.name}.{name}",
+                        found.net[b],
+                    )
                     for b in bits
                 ]
     worst, end, net = max(ends)
@@ -183,7 +217,9 @@ def analyse(found: Circuit, cells: Mapping[str, Cell], macros: Mapping[str, Macr
     while net >= 0:
         instance = found.driver.get(net)
         path.append(
-            f"{instance[0].name}/{instance[0].type} {arrival[net]:.2f} {load[net]:.3f}" if instance else "input"
+            f"{instance[0].name}/{instance[0].type} {arrival[net]:.2f} {load[net]:.3f}"
+            if instance
+            else "input"
         )
         net = before[net]
     return Timing(load, fanout, slew, arrival, float(worst), end, path[::-1])

@@ -96,7 +96,9 @@ def set_in(text: str, parameters: Mapping[str, int]) -> str:
     return text
 
 
-def count(program: hw.ChipProgram, recordings: np.ndarray, sizes: Sizes, saving: Mapping[str, int]) -> list[Memory]:
+def count(
+    program: hw.ChipProgram, recordings: np.ndarray, sizes: Sizes, saving: Mapping[str, int]
+) -> list[Memory]:
     """Return the memories of a core of these sizes, for recordings (batch, steps, channels); ``saving``: more parameters."""
     core, texts = CoreProgram(program, recordings.shape[1], sizes=sizes), sources()
     changed = {"locsnn_core.sv": set_in(texts["locsnn_core.sv"], saving), "single_port.sv": "", "memory_at_once.sv": "",
@@ -105,7 +107,9 @@ def count(program: hw.ChipProgram, recordings: np.ndarray, sizes: Sizes, saving:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "load").write_bytes(hex_words(core.load_words(sizes)))
-        (folder / "words").write_text("".join(f"{word:x}\n" for one in recordings for word in words_of(core, one)))
+        (folder / "words").write_text(
+            "".join(f"{word:x}\n" for one in recordings for word in words_of(core, one))
+        )
         text = said(command_of(binary), folder, "the open core")
     found: dict[str, list[dict]] = {}
     for line in text.splitlines():

@@ -25,7 +25,10 @@ def model(tmp_path_factory):
         "tactile-snn", InputLayout(neutouch(1), STEPS, 0.02), classes=3, hidden=6, name="small"
     )
     r = np.random.default_rng(0)
-    weights = {name: r.normal(0.5, 2.0, shape).astype(np.float32) for name, shape in description.weight_shapes.items()}
+    weights = {
+        name: r.normal(0.5, 2.0, shape).astype(np.float32)
+        for name, shape in description.weight_shapes.items()
+    }
     path = tmp_path_factory.mktemp("model") / "small.pt"
     Checkpoint(description, weights).save(path)
     return path
@@ -56,7 +59,12 @@ def cluster():
     Whoever asks a dead one for a result would wait for an answer for half a minute.
     """
     soon = dask.config.set({"distributed.comm.timeouts.connect": "5s"})
-    with soon, LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0", silence_logs=50) as made:
+    with (
+        soon,
+        LocalCluster(
+            n_workers=2, threads_per_worker=1, dashboard_address=":0", silence_logs=50
+        ) as made,
+    ):
         yield made
 
 
@@ -67,7 +75,11 @@ def workers_of(cluster):
 
 def labelled(path, *, seed, many=5):
     r = np.random.default_rng(seed)
-    np.savez(path, spikes=(r.random((many, 78, STEPS)) < 0.2).astype(np.uint8), labels=np.arange(many) % 3)
+    np.savez(
+        path,
+        spikes=(r.random((many, 78, STEPS)) < 0.2).astype(np.uint8),
+        labels=np.arange(many) % 3,
+    )
     return path
 
 
@@ -92,7 +104,10 @@ def explored(folder):
 
 def lasting(folder):
     """The files that must not depend on where and when points were measured."""
-    return {name: (folder / name).read_bytes() for name in ("explore.json", "explore.csv", "explore.svg")}
+    return {
+        name: (folder / name).read_bytes()
+        for name in ("explore.json", "explore.csv", "explore.svg")
+    }
 
 
 def figures(spikes=0.9, predictions=1.0, energy=1e6, time=1e6, scores=0.0):
@@ -115,4 +130,10 @@ def figures(spikes=0.9, predictions=1.0, energy=1e6, time=1e6, scores=0.0):
 
 
 def point(name="dendrite", bits=8, found=None, refusal=None, timings=None):
-    return Point(setting(name, bits), None if refusal else found or figures(), refusal, timings or {}, "1+code")
+    return Point(
+        setting(name, bits),
+        None if refusal else found or figures(),
+        refusal,
+        timings or {},
+        "1+code",
+    )

@@ -25,10 +25,15 @@ def rows():
     """Give a data set, the options of a row and its cells: first, recommended and last row of every front."""
     for part in SECTION.split("\n## ")[1:]:
         found = [line for line in part.splitlines() if re.match(r"\|.*`--", line)]
-        for i in sorted({0, len(found) - 1, next(i for i, line in enumerate(found) if "recommended" in line)}):
+        for i in sorted(
+            {0, len(found) - 1, next(i for i, line in enumerate(found) if "recommended" in line)}
+        ):
             cells = [cell.strip() for cell in found[i].strip("|").split("|")]
             yield pytest.param(
-                part.split(",")[0], cells[1].strip("`"), cells[2:], id=f"{part.split(',')[0]} {cells[1]}"
+                part.split(",")[0],
+                cells[1].strip("`"),
+                cells[2:],
+                id=f"{part.split(',')[0]} {cells[1]}",
             )
 
 
@@ -36,7 +41,9 @@ def rows():
 def test_the_command_of_a_row_gives_its_figures(dataset, options, cells, tmp_path):
     model = ROOT / f"examples/models/{dataset.lower()}-hybrid.pt"
     archive = str(REAL / f"Ev-{dataset}.zip")
-    given = re.search(rf"    locsnn-compile \S*{dataset.lower()}-hybrid.pt (.*) OPTIONS", SECTION)[1]
+    given = re.search(rf"    locsnn-compile \S*{dataset.lower()}-hybrid.pt (.*) OPTIONS", SECTION)[
+        1
+    ]
     arguments = given.replace(f"Ev-{dataset}.zip", archive).split() + options.split()
     assert main([str(model), *arguments, "-o", str(tmp_path / "build"), "--quiet"]) == 0
     figures = Figures.of(json.loads((tmp_path / "build/report.json").read_text()))

@@ -35,7 +35,9 @@ def small(model, events, tmp_path_factory):
 
 
 def settings_of(document):
-    return [(row["setting"]["strategy"], row["setting"]["weight_bits"]) for row in document["points"]]
+    return [
+        (row["setting"]["strategy"], row["setting"]["weight_bits"]) for row in document["points"]
+    ]
 
 
 def test_the_grid_is_complete_and_in_order(small):
@@ -43,7 +45,12 @@ def test_the_grid_is_complete_and_in_order(small):
     assert settings_of(found) == [("dendrite", 4), ("dendrite", 8), ("reset", 4), ("reset", 8)]
     assert found["schema"] == "locsnn-explore/1"
     assert found["model"]["name"] == "small"
-    assert found["chosen_on"] == {"source": "few.npz", "part": None, "recordings": 5, "available": 5}
+    assert found["chosen_on"] == {
+        "source": "few.npz",
+        "part": None,
+        "recordings": 5,
+        "available": 5,
+    }
 
 
 @pytest.mark.parametrize("number", [0, 3], ids=["dendrite, 4-bit", "reset, 8-bit"])
@@ -65,21 +72,31 @@ def test_recommended_is_one_of_the_front(small):
     assert taken[0] in front
     assert found["recommended"]["setting"] == taken[0]["setting"]
     assert found["recommended"]["command"] == taken[0]["command"]
-    assert " on the front within what auto keeps by default, --min-agreement " in found["recommended"]["why"]
+    assert (
+        " on the front within what auto keeps by default, --min-agreement "
+        in found["recommended"]["why"]
+    )
 
 
-@pytest.mark.parametrize("strategies", [("dendrite", "reset"), ("reset",)], ids=["on the grid", "not on the grid"])
+@pytest.mark.parametrize(
+    "strategies", [("dendrite", "reset"), ("reset",)], ids=["on the grid", "not on the grid"]
+)
 def test_bounds_by_default_are_those_of_auto(model, events, tmp_path, strategies, capsys):
     """What ``auto`` starts from is measured where the grid has it not."""
     options = (*narrow(*strategies, bits=(1,)), "--engines", "-o", tmp_path / "out")
     assert explore(model, "--events", events, *options, "--quiet") == 0
     found = explored(tmp_path / "out")
     compiled = lc.compile(lc.load(model), calibration=events, events=events, diagnosis=False)
-    bounds = {name: compiled.report["strategy_choice"][name] for name in ("min_agreement", "max_spike_error")}
+    bounds = {
+        name: compiled.report["strategy_choice"][name]
+        for name in ("min_agreement", "max_spike_error")
+    }
     assert {name: found["recommended"][name] for name in bounds} == bounds
     assert settings_of(found) == [(strategy, 1) for strategy in strategies]
     assert found["recommended"]["setting"] is found["recommended"]["command"] is None
-    assert found["recommended"]["why"].startswith("no setting keeps what auto keeps by default, --min-agreement ")
+    assert found["recommended"]["why"].startswith(
+        "no setting keeps what auto keeps by default, --min-agreement "
+    )
     assert capsys.readouterr() == ("", "")
 
 
@@ -87,25 +104,54 @@ def test_a_chip_of_narrow_weights_is_explored_up_to_its_widest(model, events, tm
     """Its bounds by default are those of ``auto`` on this chip, which has no 8 bits to start from."""
     narrow_chip = tmp_path / "narrow.yaml"
     document = hw.chip("loihi-sim").document
-    narrow_chip.write_text(document.replace("\n  delay_max:", "\n  weight_bits_max: 4\n  delay_max:"))
-    options = ("--strategy", "dendrite", "reset", "--split-weights", 0, "--engines", "-o", tmp_path / "out", "--quiet")
+    narrow_chip.write_text(
+        document.replace("\n  delay_max:", "\n  weight_bits_max: 4\n  delay_max:")
+    )
+    options = (
+        "--strategy",
+        "dendrite",
+        "reset",
+        "--split-weights",
+        0,
+        "--engines",
+        "-o",
+        tmp_path / "out",
+        "--quiet",
+    )
     assert explore(model, "--target", narrow_chip, "--events", events, *options) == 0
     found = explored(tmp_path / "out")
-    assert settings_of(found) == [(strategy, bits) for strategy in ("dendrite", "reset") for bits in (1, 2, 3, 4)]
+    assert settings_of(found) == [
+        (strategy, bits) for strategy in ("dendrite", "reset") for bits in (1, 2, 3, 4)
+    ]
     assert all(row["figures"] for row in found["points"])
-    compiled = lc.compile(lc.load(model), str(narrow_chip), calibration=events, events=events, diagnosis=False)
-    bounds = {name: compiled.report["strategy_choice"][name] for name in ("min_agreement", "max_spike_error")}
+    compiled = lc.compile(
+        lc.load(model), str(narrow_chip), calibration=events, events=events, diagnosis=False
+    )
+    bounds = {
+        name: compiled.report["strategy_choice"][name]
+        for name in ("min_agreement", "max_spike_error")
+    }
     assert {name: found["recommended"][name] for name in bounds} == bounds
 
 
 def test_nothing_is_recommended_where_no_neuron_spikes(model, tmp_path, capsys):
     silence = tmp_path / "silence.npz"
     np.savez(silence, spikes=np.zeros((2, 78, 40), dtype=np.uint8))
-    assert explore(model, "--events", silence, *narrow("dendrite", "reset"), "-o", tmp_path / "out") == 0
+    assert (
+        explore(model, "--events", silence, *narrow("dendrite", "reset"), "-o", tmp_path / "out")
+        == 0
+    )
     found = explored(tmp_path / "out")
     for row in found["points"]:
-        agreements = {name: row["figures"][name] for name in ("spike_agreement", "prediction_agreement", "spike_error")}
-        assert agreements == {"spike_agreement": None, "prediction_agreement": None, "spike_error": None}
+        agreements = {
+            name: row["figures"][name]
+            for name in ("spike_agreement", "prediction_agreement", "spike_error")
+        }
+        assert agreements == {
+            "spike_agreement": None,
+            "prediction_agreement": None,
+            "spike_error": None,
+        }
     why = "nothing was compared: no neuron spikes on these recordings, and all class scores tie"
     assert (found["recommended"]["setting"], found["recommended"]["why"]) == (None, why)
     lines = capsys.readouterr().out.splitlines()
@@ -124,10 +170,15 @@ def test_the_table_of_the_csv_has_the_figures_of_the_json(small):
     with (small / "explore.csv").open() as file:
         rows = list(csv.DictReader(file))
     for row, wanted in zip(rows, explored(small)["points"], strict=True):
-        assert {axis.name: row[axis.name] for axis in AXES} == {k: str(v) for k, v in wanted["setting"].items()}
+        assert {axis.name: row[axis.name] for axis in AXES} == {
+            k: str(v) for k, v in wanted["setting"].items()
+        }
         assert float(row["energy_pj"]) == wanted["figures"]["energy_pj"]
         assert float(row["spike_error"]) == wanted["figures"]["spike_error"]
-        assert (row["on_front"] == "True", row["command"]) == (wanted["on_front"], wanted["command"])
+        assert (row["on_front"] == "True", row["command"]) == (
+            wanted["on_front"],
+            wanted["command"],
+        )
 
 
 def test_timings_are_a_file_of_their_own(small):
@@ -145,7 +196,11 @@ def test_timings_are_a_file_of_their_own(small):
 @pytest.mark.parametrize("name", ["explore.svg", "timings.svg"])
 def test_pictures_are_whole_and_have_a_mark_for_each_point_and_panel(small, name):
     root = ET.fromstring((small / name).read_text())
-    marks = [element for element in root.iter() if element.get("class") in ("mark", "mark front") and len(element)]
+    marks = [
+        element
+        for element in root.iter()
+        if element.get("class") in ("mark", "mark front") and len(element)
+    ]
     assert len(marks) == 2 * 4
     front = sum(row["on_front"] for row in explored(small)["points"])
     assert sum(mark.get("class") == "mark front" for mark in marks) == 2 * front
@@ -190,15 +245,39 @@ def test_an_interrupted_run_goes_on(model, events, small, tmp_path, monkeypatch,
 
 def test_the_front_is_reported_on_other_recordings(model, divided, tmp_path, capsys):
     out = tmp_path / "out"
-    assert explore(model, "--events", divided, "--report-on", divided, *narrow("dendrite", "reset"), "-o", out) == 0
+    assert (
+        explore(
+            model,
+            "--events",
+            divided,
+            "--report-on",
+            divided,
+            *narrow("dendrite", "reset"),
+            "-o",
+            out,
+        )
+        == 0
+    )
     printed = capsys.readouterr().out
     found = explored(out)
-    assert found["chosen_on"] == {"source": "touches", "part": "train", "recordings": 6, "available": 6}
-    assert found["reported_on"] == {"source": "touches", "part": "test", "recordings": 4, "available": 4}
+    assert found["chosen_on"] == {
+        "source": "touches",
+        "part": "train",
+        "recordings": 6,
+        "available": 6,
+    }
+    assert found["reported_on"] == {
+        "source": "touches",
+        "part": "test",
+        "recordings": 4,
+        "available": 4,
+    }
     assert "6 recordings of touches, train part" in printed
     assert "The front on 4 recordings of touches, test part:" in printed
     for row in found["points"]:
-        assert (row["reported"] is not None) == (row["report_command"] is not None) == row["on_front"]
+        assert (
+            (row["reported"] is not None) == (row["report_command"] is not None) == row["on_front"]
+        )
     row = next(row for row in found["points"] if row["on_front"])
     assert row["command"].endswith(f"--events {out / 'events.npz'}")
     for key, command in (("figures", row["command"]), ("reported", row["report_command"])):
@@ -208,10 +287,20 @@ def test_the_front_is_reported_on_other_recordings(model, divided, tmp_path, cap
 
 
 def test_reporting_on_what_was_chosen_on_is_said(model, tmp_path, capsys):
-    np.save(tmp_path / "few.npy", (np.random.default_rng(2).random((3, 78, 40)) < 0.1).astype(np.uint8))
+    np.save(
+        tmp_path / "few.npy", (np.random.default_rng(2).random((3, 78, 40)) < 0.1).astype(np.uint8)
+    )
     few = tmp_path / "few.npy"
-    assert explore(model, "--events", few, "--report-on", few, *narrow("dendrite"), "-o", tmp_path / "out") == 0
-    assert capsys.readouterr().out.splitlines()[1] == "Reported on 3 recordings that settings were also chosen on."
+    assert (
+        explore(
+            model, "--events", few, "--report-on", few, *narrow("dendrite"), "-o", tmp_path / "out"
+        )
+        == 0
+    )
+    assert (
+        capsys.readouterr().out.splitlines()[1]
+        == "Reported on 3 recordings that settings were also chosen on."
+    )
 
 
 def test_recordings_to_report_on_are_refused_before_all_the_work(model, divided, tmp_path, capsys):
@@ -222,7 +311,15 @@ def test_recordings_to_report_on_are_refused_before_all_the_work(model, divided,
         ("long.npy", "the recordings are longer than the model's"),
         ("odd.npy", "a label is not one of"),
     ):
-        given = "--events", divided, "--report-on", tmp_path / name, *narrow("dendrite"), "-o", tmp_path / "out"
+        given = (
+            "--events",
+            divided,
+            "--report-on",
+            tmp_path / name,
+            *narrow("dendrite"),
+            "-o",
+            tmp_path / "out",
+        )
         assert explore(model, *given) == 2
         assert said in capsys.readouterr().err
         assert not (tmp_path / "out").exists()
@@ -238,21 +335,36 @@ def test_choosing_on_test_recordings_is_said(model, divided, tmp_path, capsys):
 
 def test_weights_are_rounded_for_the_recordings_compared_on(model, events, small):
     """Not for those that a model carries, which may be of its test part."""
-    assert explored(small)["points"][0]["command"].endswith(f"--calibration {events} --events {events}")
+    assert explored(small)["points"][0]["command"].endswith(
+        f"--calibration {events} --events {events}"
+    )
 
 
 def test_calibration_recordings_can_be_given(model, events, divided, tmp_path):
-    options = (*narrow("dendrite", bits=(4,)), "--engines", "--calibration", divided, "-o", tmp_path / "out", "--quiet")
+    options = (
+        *narrow("dendrite", bits=(4,)),
+        "--engines",
+        "--calibration",
+        divided,
+        "-o",
+        tmp_path / "out",
+        "--quiet",
+    )
     assert explore(model, "--events", events, *options) == 0
     row = explored(tmp_path / "out")["points"][0]
     assert row["command"].endswith(f"--calibration {divided} --events {events}")
-    assert compile_main([*shlex.split(row["command"])[1:], "-o", str(tmp_path / "build"), "--quiet"]) == 0
+    assert (
+        compile_main([*shlex.split(row["command"])[1:], "-o", str(tmp_path / "build"), "--quiet"])
+        == 0
+    )
     figures = Figures.of(json.loads((tmp_path / "build/report.json").read_text()))
     assert {name: row["figures"][name] for name in vars(figures)} == vars(figures)
 
 
 def test_names_of_the_options_are_those_of_the_readers():
-    explore = next(action.choices for action in parser()._actions if isinstance(action.choices, dict))["explore"]
+    explore = next(
+        action.choices for action in parser()._actions if isinstance(action.choices, dict)
+    )["explore"]
     choices = {action.dest: action.choices for action in explore._actions}
     assert choices["part"] == list(PARTS)
     assert sorted(choices["engines"]) == sorted(ENGINES) == sorted(explore_cli.ENGINES)
@@ -265,13 +377,21 @@ def test_without_events_touches_are_made(model, tmp_path, capsys):
     assert lines[0] == "small on loihi-sim, 16 recordings of synthetic touches, profile davies2018"
     row = explored(tmp_path / "out")["points"][0]
     assert row["figures"]["accuracy"] is None
-    assert compile_main([*shlex.split(row["command"])[1:], "-o", str(tmp_path / "build"), "--quiet"]) == 0
+    assert (
+        compile_main([*shlex.split(row["command"])[1:], "-o", str(tmp_path / "build"), "--quiet"])
+        == 0
+    )
     assert (tmp_path / "out/timings.csv").read_bytes() == b""
 
 
 def test_a_bound_takes_recordings_evenly(model, events, tmp_path):
     grid = (*narrow("dendrite"), "--engines")
-    assert explore(model, "--events", events, "--recordings", 3, *grid, "-o", tmp_path / "out", "--quiet") == 0
+    assert (
+        explore(
+            model, "--events", events, "--recordings", 3, *grid, "-o", tmp_path / "out", "--quiet"
+        )
+        == 0
+    )
     assert explored(tmp_path / "out")["chosen_on"]["recordings"] == 3
     played, given = np.load(tmp_path / "out/events.npz"), np.load(events)
     assert np.array_equal(played["spikes"], given["spikes"][[0, 2, 4]])
@@ -279,24 +399,44 @@ def test_a_bound_takes_recordings_evenly(model, events, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "budget", [("--max-spike-error", 1), ("--min-agreement", 0, "--max-spike-error", 1)], ids=["one", "both"]
+    "budget",
+    [("--max-spike-error", 1), ("--min-agreement", 0, "--max-spike-error", 1)],
+    ids=["one", "both"],
 )
 def test_a_budget_takes_the_cheapest_that_keeps_it(model, events, small, budget, capsys):
     grid = narrow("dendrite", "reset", bits=(4, 8))
     assert explore(model, "--events", events, *grid, *budget, "-o", small, "--json") == 0
     found = json.loads(capsys.readouterr().out)
     rows = [row for row in found["points"] if row["on_front"]]
-    assert found["recommended"]["setting"] == min(rows, key=lambda row: row["figures"]["energy_pj"])["setting"]
+    assert (
+        found["recommended"]["setting"]
+        == min(rows, key=lambda row: row["figures"]["energy_pj"])["setting"]
+    )
     assert found["recommended"]["why"].startswith("the least energy, ")
 
 
 def test_a_budget_that_nothing_keeps_is_a_gate_that_fails(model, events, tmp_path, capsys):
     grid = (*narrow("reset", bits=(1,)), "--engines")
-    assert explore(model, "--events", events, *grid, "--max-spike-error", 0, "-o", tmp_path / "out", "--json") == 3
+    assert (
+        explore(
+            model,
+            "--events",
+            events,
+            *grid,
+            "--max-spike-error",
+            0,
+            "-o",
+            tmp_path / "out",
+            "--json",
+        )
+        == 3
+    )
     printed = capsys.readouterr()
     found = json.loads(printed.out)["recommended"]
     assert found["setting"] is found["command"] is None
-    assert found["why"].startswith("no setting keeps --max-spike-error 0; the least spike error is ")
+    assert found["why"].startswith(
+        "no setting keeps --max-spike-error 0; the least spike error is "
+    )
     assert printed.err == f"gate failed: {found['why']}.\n"
 
 
@@ -315,7 +455,11 @@ def test_refused_settings_are_rows_with_their_reason(model, events, tmp_path, ca
     grid = (*narrow("dendrite", "delay-line", "reset"), "--target", chip, "--engines")
     assert explore(model, "--events", events, *grid, "-o", tmp_path / "out") == 0
     found = explored(tmp_path / "out")
-    said = [line for line in capsys.readouterr().out.splitlines() if line.startswith("dendrite, 8-bit: ")]
+    said = [
+        line
+        for line in capsys.readouterr().out.splitlines()
+        if line.startswith("dendrite, 8-bit: ")
+    ]
     refused = [row for row in found["points"] if row["refused"]]
     assert [row["setting"]["strategy"] for row in refused] == ["dendrite"]
     assert said == [f"dendrite, 8-bit: {refused[0]['refused']}"]

@@ -7,7 +7,12 @@ from hypothesis import strategies as st
 from small_model import figures, point
 
 from locsnn_compile.explore.exploration import Recommendation, on_front, recommend
-from locsnn_compile.verification.error_bounds import SCORE_TOLERANCE, SPIKE_TOLERANCE, ErrorBudget, default_budget
+from locsnn_compile.verification.error_bounds import (
+    SCORE_TOLERANCE,
+    SPIKE_TOLERANCE,
+    ErrorBudget,
+    default_budget,
+)
 
 FEW = st.sampled_from([0.25, 0.5, 0.75, 1.0])
 FOUND = st.builds(figures, spikes=FEW, predictions=FEW, energy=FEW, time=FEW, scores=FEW)
@@ -112,7 +117,10 @@ TIED = {"dendrite": None, "reset": 1.0}
 
 
 def test_a_bound_on_what_was_not_compared_is_not_kept():
-    silent = [point(name, 8, figures(None, predictions, scores=None)) for name, predictions in TIED.items()]
+    silent = [
+        point(name, 8, figures(None, predictions, scores=None))
+        for name, predictions in TIED.items()
+    ]
     assert on_front([one.figures for one in silent]) == [True, True]
     found = recommend(silent, ErrorBudget(min_agreement=0.0, max_spike_error=1.0))
     assert found.taken is None
@@ -124,8 +132,14 @@ def test_a_bound_on_what_was_not_compared_is_not_kept():
 @pytest.mark.parametrize(
     ("first", "budget"),
     [
-        (figures(spikes=0.75, predictions=0.5), ErrorBudget(0.5, 0.25 + SPIKE_TOLERANCE, SCORE_TOLERANCE)),
-        (figures(spikes=0.75, predictions=None, scores=None), ErrorBudget(None, 0.25 + SPIKE_TOLERANCE)),
+        (
+            figures(spikes=0.75, predictions=0.5),
+            ErrorBudget(0.5, 0.25 + SPIKE_TOLERANCE, SCORE_TOLERANCE),
+        ),
+        (
+            figures(spikes=0.75, predictions=None, scores=None),
+            ErrorBudget(None, 0.25 + SPIKE_TOLERANCE),
+        ),
         (figures(spikes=None, scores=0.5), ErrorBudget(1.0, None, 0.5 + SCORE_TOLERANCE)),
         (figures(spikes=None, predictions=None, scores=None), ErrorBudget()),
     ],
@@ -136,7 +150,13 @@ def test_bounds_by_default(first, budget):
 
 
 def test_without_energy_the_setting_of_least_time_is_recommended():
-    points = [point("dendrite", found=figures(energy=None, time=2e6)), point("reset", found=figures(energy=None))]
+    points = [
+        point("dendrite", found=figures(energy=None, time=2e6)),
+        point("reset", found=figures(energy=None)),
+    ]
     found = recommend(points, ErrorBudget(min_agreement=0.5))
     assert found.taken is points[1]
-    assert found.why == "the least time, 1.00 ms per recording, of 1 setting on the front within --min-agreement 0.5"
+    assert (
+        found.why
+        == "the least time, 1.00 ms per recording, of 1 setting on the front within --min-agreement 0.5"
+    )

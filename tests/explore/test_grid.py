@@ -23,7 +23,9 @@ def test_an_axis_is_an_option_of_the_compiler(axis):
     assert axis.name in inspect.signature(lc.compile).parameters
     assert axis.option in parser().format_help()
     for value in (*axis.values, axis.neutral):
-        assert str(getattr(parser().parse_args(["m.pt", axis.option, str(value)]), axis.name)) == str(value)
+        assert str(
+            getattr(parser().parse_args(["m.pt", axis.option, str(value)]), axis.name)
+        ) == str(value)
 
 
 def test_all_strategies_and_widths_are_there():
@@ -40,7 +42,8 @@ def test_a_setting_says_itself_three_ways(model):
 
 
 @pytest.mark.parametrize(
-    ("share", "said"), [(0.0, ""), (0.07, ", 7% split"), (0.125, ", 12.5% split"), (1.0, ", 100% split")]
+    ("share", "said"),
+    [(0.0, ""), (0.07, ", 7% split"), (0.125, ", 12.5% split"), (1.0, ", 100% split")],
 )
 def test_a_share_of_split_weights_is_said_in_full(share, said):
     assert str(Setting("dendrite", 8, share)) == f"dendrite, 8-bit{said}"
@@ -65,7 +68,15 @@ def test_options_that_change_nothing_are_not_tried():
     assert setting.arguments(network) == []
 
 
-PSI = Axis("psi", (5.0, 10.0), 10.0, "populations", "late predictions", "psi {:g}".format, bounds=(0.0, 99.0))
+PSI = Axis(
+    "psi",
+    (5.0, 10.0),
+    10.0,
+    "populations",
+    "late predictions",
+    "psi {:g}".format,
+    bounds=(0.0, 99.0),
+)
 
 
 @dataclass(frozen=True)
@@ -92,7 +103,11 @@ def test_a_row_and_its_field_add_an_axis(model, events, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(
     ("value", "line"),
-    [("0", None), ("7.5", None), ("99.5", "--psi 99.5: it is out of range. Give a number from 0 to 99.")],
+    [
+        ("0", None),
+        ("7.5", None),
+        ("99.5", "--psi 99.5: it is out of range. Give a number from 0 to 99."),
+    ],
     ids=["least", "between", "too large"],
 )
 def test_bounds_let_other_values_in(value, line, monkeypatch):
@@ -109,5 +124,10 @@ def test_bounds_let_other_values_in(value, line, monkeypatch):
 
 def test_neutral_settings_compile(model, events, tmp_path):
     arguments = [text for axis in AXES for text in (axis.option, axis.values[0])]
-    assert explore(model, "--events", events, *arguments, "--engines", "-o", tmp_path / "out", "--quiet") == 0
+    assert (
+        explore(
+            model, "--events", events, *arguments, "--engines", "-o", tmp_path / "out", "--quiet"
+        )
+        == 0
+    )
     assert len(explored(tmp_path / "out")["points"]) == 1

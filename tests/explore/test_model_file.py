@@ -18,8 +18,21 @@ def test_a_checkpoint_needs_nothing_else(model):
 
 
 def test_options_are_passed_on_and_said_again(model):
-    file = ModelFile(str(model), config="a.yaml", dt=0.001, reset="zero", discretisation="exact", kernels="cut")
-    wanted = ["--config", "a.yaml", "--dt", "0.001", "--reset", "zero", "--discretisation", "exact", "--kernels", "cut"]
+    file = ModelFile(
+        str(model), config="a.yaml", dt=0.001, reset="zero", discretisation="exact", kernels="cut"
+    )
+    wanted = [
+        "--config",
+        "a.yaml",
+        "--dt",
+        "0.001",
+        "--reset",
+        "zero",
+        "--discretisation",
+        "exact",
+        "--kernels",
+        "cut",
+    ]
     assert file.arguments() == [str(model), *wanted]
     with pytest.raises(InputError) as caught:
         replace(file, config=None).load()
@@ -33,7 +46,9 @@ def test_it_has_every_argument_of_load_and_the_command_every_option():
     assert arguments == list(inspect.signature(lc.load).parameters)
     typed = [word for name in arguments[1:] for word in (f"--{name}", "1")]
     read = vars(parser().parse_args(["explore", "m.pt", *typed]))
-    assert {name: read[name] for name in arguments[1:]} == dict.fromkeys(arguments[1:], "1") | {"dt": 1.0}
+    assert {name: read[name] for name in arguments[1:]} == dict.fromkeys(arguments[1:], "1") | {
+        "dt": 1.0
+    }
 
 
 def test_the_command_passes_kernels_on(model, tmp_path, capsys):
@@ -43,11 +58,19 @@ def test_the_command_passes_kernels_on(model, tmp_path, capsys):
 
 
 def test_the_digest_follows_files_and_options(tmp_path):
-    for name, text in (("a.pt", "one"), ("b.pt", "two"), ("same.pt", "one"), ("x.yaml", "config"), ("y.yaml", "other")):
+    for name, text in (
+        ("a.pt", "one"),
+        ("b.pt", "two"),
+        ("same.pt", "one"),
+        ("x.yaml", "config"),
+        ("y.yaml", "other"),
+    ):
         (tmp_path / name).write_text(text)
 
     def digest(name, config=None, **options):
-        return ModelFile(str(tmp_path / name), config and str(tmp_path / config), **options).digest()
+        return ModelFile(
+            str(tmp_path / name), config and str(tmp_path / config), **options
+        ).digest()
 
     assert digest("a.pt") == digest("same.pt")
     different = [

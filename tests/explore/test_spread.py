@@ -42,7 +42,9 @@ def build(compiled, tmp_path_factory):
 
 
 def files(folder):
-    return {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    return {
+        path.relative_to(folder): path.read_bytes() for path in folder.rglob("*") if path.is_file()
+    }
 
 
 @pytest.mark.parametrize("options", [(), ("--stop", "proven", "--json")])
@@ -58,7 +60,12 @@ def test_run_prints_the_same(build, many, cluster, capsys, options):
 def test_compile_writes_the_same(model, many, cluster, tmp_path):
     arguments = [str(model), "--events", str(many), "--quiet", "--min-agreement", "0.1"]
     assert compile_main([*arguments, "-o", str(tmp_path / "here")]) == 0
-    assert compile_main([*arguments, "-o", str(tmp_path / "there"), "--scheduler", cluster.scheduler_address]) == 0
+    assert (
+        compile_main(
+            [*arguments, "-o", str(tmp_path / "there"), "--scheduler", cluster.scheduler_address]
+        )
+        == 0
+    )
     assert files(tmp_path / "there") == files(tmp_path / "here")
 
 
@@ -109,7 +116,10 @@ def test_workers_that_always_die_are_one_line(cluster):
     with pytest.raises(InputError) as caught, spread_over(cluster.scheduler_address) as spread:
         list(spread(os._exit, [1]))
     where = f"--scheduler {cluster.scheduler_address}"
-    assert str(caught.value) == f"{where}: its workers keep dying. Give them more memory, or fewer recordings."
+    assert (
+        str(caught.value)
+        == f"{where}: its workers keep dying. Give them more memory, or fewer recordings."
+    )
 
 
 def commands(build, model, many):
@@ -137,7 +147,20 @@ def test_without_dask(build, model, many, command, monkeypatch, capsys):
 
 
 def test_what_is_timed_is_not_spread(build, many, capsys):
-    assert main(["run", str(build), "--events", str(many), "--stream", "--scheduler", "tcp://127.0.0.1:8786"]) == 2
+    assert (
+        main(
+            [
+                "run",
+                str(build),
+                "--events",
+                str(many),
+                "--stream",
+                "--scheduler",
+                "tcp://127.0.0.1:8786",
+            ]
+        )
+        == 2
+    )
     line = "--scheduler: steps are timed on this machine. Leave out --scheduler or --stream.\n"
     assert capsys.readouterr() == ("", line)
 

@@ -15,7 +15,9 @@ from locsnn_compile.settings import Setting
 KEY = "0" * 64
 POINTS = {
     "figures": point(found=figures(0.1 + 0.2, 1 / 3), timings={"fast": Timing(16, 1e-3 / 3)}),
-    "refusal": point(refusal=vars(TargetError("layer 'a'", "too large", measured="2 against 1", fix="Cut it."))),
+    "refusal": point(
+        refusal=vars(TargetError("layer 'a'", "too large", measured="2 against 1", fix="Cut it."))
+    ),
 }
 
 
@@ -66,7 +68,19 @@ def edited(change):
         edited(lambda d: d["point"]["figures"].update(energy_pj=1.0)),
         edited(lambda d: d.update(schema="locsnn-explore-point/2")),
     ],
-    ids=["cut", "empty", "list", "null", "deep", "digit", "huge", "no sum", "no figures", "other energy", "newer"],
+    ids=[
+        "cut",
+        "empty",
+        "list",
+        "null",
+        "deep",
+        "digit",
+        "huge",
+        "no sum",
+        "no figures",
+        "other energy",
+        "newer",
+    ],
 )
 def test_a_damaged_point_is_none(store, damage):
     kept = POINTS["figures"]

@@ -75,13 +75,29 @@ def test_a_packed_study_is_the_same(study):
 
 
 def test_processes_find_the_same_bytes(model, events, serial, tmp_path):
-    assert explore(model, "--events", events, *GRID, "--workers", 2, "-o", tmp_path / "out", "--quiet") == 0
+    assert (
+        explore(model, "--events", events, *GRID, "--workers", 2, "-o", tmp_path / "out", "--quiet")
+        == 0
+    )
     assert lasting(tmp_path / "out") == serial
 
 
 def test_dask_finds_the_same_bytes(model, events, serial, cluster, tmp_path):
     address = cluster.scheduler_address
-    assert explore(model, "--events", events, *GRID, "--scheduler", address, "-o", tmp_path / "out", "--quiet") == 0
+    assert (
+        explore(
+            model,
+            "--events",
+            events,
+            *GRID,
+            "--scheduler",
+            address,
+            "-o",
+            tmp_path / "out",
+            "--quiet",
+        )
+        == 0
+    )
     assert lasting(tmp_path / "out") == serial
 
 
@@ -92,8 +108,12 @@ def test_a_process_killed_in_the_middle_takes_nothing_along(study, grid, points,
     assert len(killed) == 1
 
 
-@pytest.mark.parametrize("many", [1, pytest.param(2, marks=pytest.mark.slow)], ids=["one of two", "both"])
-def test_dask_workers_killed_in_the_middle_take_nothing_along(study, grid, points, cluster, tmp_path, many):
+@pytest.mark.parametrize(
+    "many", [1, pytest.param(2, marks=pytest.mark.slow)], ids=["one of two", "both"]
+)
+def test_dask_workers_killed_in_the_middle_take_nothing_along(
+    study, grid, points, cluster, tmp_path, many
+):
     before = workers_of(cluster)
     progress, killed = killed_after(2, lambda: before[:many])
     with spread_over(cluster.scheduler_address) as workers:
@@ -134,7 +154,9 @@ def test_schedulers_that_do_not_answer(model, address, line, tmp_path, monkeypat
 
 
 @pytest.mark.parametrize("address", ["nonsense", "tcp://host", "none://host:1"])
-def test_no_client_is_made_for_what_is_not_an_address(model, address, tmp_path, monkeypatch, capsys):
+def test_no_client_is_made_for_what_is_not_an_address(
+    model, address, tmp_path, monkeypatch, capsys
+):
     """One that is made waits a minute for its end, and prints a traceback after the line."""
     monkeypatch.setattr(distributed, "Client", None)
     assert explore(model, "--scheduler", address, "-o", tmp_path / "out") == 2
@@ -171,8 +193,13 @@ def test_another_service_is_no_scheduler(model, tmp_path, monkeypatch, capsys):
 
 
 def test_dask_does_not_log_what_our_errors_say():
-    with LocalCluster(n_workers=1, processes=False, dashboard_address=":0") as one, connected(one.scheduler_address):
-        assert {logging.getLogger(name).level for name in ("distributed", "distributed.client")} == {logging.CRITICAL}
+    with (
+        LocalCluster(n_workers=1, processes=False, dashboard_address=":0") as one,
+        connected(one.scheduler_address),
+    ):
+        assert {
+            logging.getLogger(name).level for name in ("distributed", "distributed.client")
+        } == {logging.CRITICAL}
 
 
 def test_a_cluster_without_workers(monkeypatch):
@@ -201,7 +228,10 @@ def test_workers_with_other_code_are_refused(cluster, other_code):
     with pytest.raises(InputError) as caught, spread_over(address):
         pass
     wanted = "another version of locsnn-compile runs there ({} against {}). Install the same one everywhere."
-    assert str(caught.value) == f"--scheduler {address}: {wanted.format(other_code, spread.code_version())}"
+    assert (
+        str(caught.value)
+        == f"--scheduler {address}: {wanted.format(other_code, spread.code_version())}"
+    )
 
 
 def test_points_of_other_code_are_not_kept(study, grid, tmp_path):

@@ -65,7 +65,9 @@ def slayer(weights, *rest, **more) -> Callable[[Path], tuple[Path, ...]]:
 
 def neurons(node, *behind):
     named = [(f"after{i}", other) for i, other in enumerate(behind)]
-    return graph(chain((10,), ("fc", linear(np.random.default_rng(1), 12, 10)), ("n", node), *named))
+    return graph(
+        chain((10,), ("fc", linear(np.random.default_rng(1), 12, 10)), ("n", node), *named)
+    )
 
 
 def works(format, feature, made, **options):
@@ -86,7 +88,11 @@ def spread(n, value):
 
 LI = nir.LI(tau=spread(12, 1e-2), r=spread(12, 10.0), v_leak=np.zeros(12))
 CUBA_LI = nir.CubaLI(
-    tau_syn=spread(12, 5e-3), tau_mem=spread(12, 1e-2), r=spread(12, 10.0), v_leak=np.zeros(12), w_in=spread(12, 5.0)
+    tau_syn=spread(12, 5e-3),
+    tau_mem=spread(12, 1e-2),
+    r=spread(12, 10.0),
+    v_leak=np.zeros(12),
+    w_in=spread(12, 5.0),
 )
 ENDLESS = nir.LIF(tau=spread(12, np.inf), r=spread(12, np.inf), v_leak=np.zeros(12), v_threshold=spread(12, 1.5), v_reset=np.zeros(12))  # fmt: skip
 UNIT = nir.IF(r=np.ones(12), v_threshold=spread(12, 1.5), v_reset=np.zeros(12))
@@ -97,10 +103,17 @@ SKIP = nir.NIRGraph({"input": nir.Input(np.array([10])), "n": lif(RNG, 10), "m":
 
 def loop(*between):
     """Return a graph of two populations that feed each other, through these nodes on the way back."""
-    nodes = {"input": nir.Input(np.array([10])), "n": lif(RNG, 10), "m": lif(RNG, 10), "back": linear(RNG, 10, 10, 0.1)}
+    nodes = {
+        "input": nir.Input(np.array([10])),
+        "n": lif(RNG, 10),
+        "m": lif(RNG, 10),
+        "back": linear(RNG, 10, 10, 0.1),
+    }
     nodes |= {"o": nir.Output(np.array([10])), **dict(between)}
     ways = itertools.pairwise(["m", *dict(between), "back", "n"])
-    return graph(nir.NIRGraph(nodes, [("input", "n"), ("n", "m"), ("m", "o"), *ways], type_check=False))
+    return graph(
+        nir.NIRGraph(nodes, [("input", "n"), ("n", "m"), ("m", "o"), *ways], type_check=False)
+    )
 
 
 IMAGE = {"type": "input", "shape": np.array([2, 6, 6])}
@@ -114,7 +127,10 @@ DENSE = dense(RNG, 6, 10)
 WEIGHTS = {"fc1": RNG.normal(1, 2, (8, 12)), "fc2": RNG.normal(1, 2, (4, 8))}
 INTEGERS = {name: 20 * weight for name, weight in WEIGHTS.items()}
 HYBRID = {"fc1": RNG.normal(0.1, 2, (6, 156)), "fc2": RNG.normal(1, 2, (3, 6)), "locationFc1": RNG.normal(0.3, 2, (6, 40)), "locationFc2": RNG.normal(1, 2, (3, 6))}  # fmt: skip
-NORMALISED = {"fc1.weight_v": torch.randn(6, 12, 1, 1, 1), "fc1.weight_g": torch.full((6, 1, 1, 1, 1), 9.0)}
+NORMALISED = {
+    "fc1.weight_v": torch.randn(6, 12, 1, 1, 1),
+    "fc1.weight_g": torch.full((6, 1, 1, 1, 1), 9.0),
+}
 
 NIR_CELLS = [
     *(works("NIR", name, graph(GRAPHS[key]), dt=DT) for name, key in {
@@ -194,9 +210,16 @@ def table() -> str:
     for cell in CELLS:
         outcome = "refused" if cell.message else "lossy" if cell.lost else "works"
         rows.writerow(
-            (cell.format, cell.feature, outcome, cell.lost or cell.message.removeprefix(": ").removeprefix(", "))
+            (
+                cell.format,
+                cell.feature,
+                outcome,
+                cell.lost or cell.message.removeprefix(": ").removeprefix(", "),
+            )
         )
     return text.getvalue()
 
 
-assert not [a for a, b in itertools.combinations([(c.format, c.feature) for c in CELLS], 2) if a == b]
+assert not [
+    a for a, b in itertools.combinations([(c.format, c.feature) for c in CELLS], 2) if a == b
+]

@@ -79,10 +79,18 @@ def play_layer(layer, rows, shape):
     def spread(v):
         return np.repeat(np.asarray(v, dtype=np.int64).reshape(-1), n // np.size(v))
 
-    decay_u, decay_v, threshold = spread(p["iDecay"]), spread(p["vDecay"]), spread(p["vThMant"]) * 64
+    decay_u, decay_v, threshold = (
+        spread(p["iDecay"]),
+        spread(p["vDecay"]),
+        spread(p["vThMant"]) * 64,
+    )
     bias = spread(layer.get("bias", 0)) * 64
     weight = np.asarray(layer["weight"]).astype(np.int64)
-    delay = np.minimum(np.floor(np.asarray(layer.get("delay", 0), dtype=float)), 62).astype(int).reshape(-1)
+    delay = (
+        np.minimum(np.floor(np.asarray(layer.get("delay", 0), dtype=float)), 62)
+        .astype(int)
+        .reshape(-1)
+    )
     u, v = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64)
     out = np.zeros((steps, n), dtype=np.int64)
     for t in range(steps):
@@ -107,7 +115,8 @@ def play_layer(layer, rows, shape):
 
 def correlate(layer, weight, image):
     stride, padding, dilation = (
-        np.broadcast_to(layer.get(k, 1 - (k == "padding")), 2) for k in ("stride", "padding", "dilation")
+        np.broadcast_to(layer.get(k, 1 - (k == "padding")), 2)
+        for k in ("stride", "padding", "dilation")
     )
     weight = weight.reshape(weight.shape[:4])
     padded = np.pad(image, [(0, 0), *((p, p) for p in padding)])
@@ -117,6 +126,9 @@ def correlate(layer, weight, image):
         first = o // (len(weight) // layer.get("groups", 1)) * per
         for k, y, x in np.ndindex(*weight.shape[1:]):
             result[o, r, c] += (
-                weight[o, k, y, x] * padded[first + k, r * stride[0] + y * dilation[0], c * stride[1] + x * dilation[1]]
+                weight[o, k, y, x]
+                * padded[
+                    first + k, r * stride[0] + y * dilation[0], c * stride[1] + x * dilation[1]
+                ]
             )
     return result

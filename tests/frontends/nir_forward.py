@@ -22,8 +22,14 @@ def run(graph, spikes, dt, how="euler", reset="zero"):
         now = {}
         for name in nx.topological_sort(order):
             parts = [now[a] for a, b in graph.edges if b == name and (a, b) not in back]
-            late = [gives[a][-1] if gives[a] else nothing(graph.nodes[a]) for a, b in back if b == name]
-            arriving = sum(np.asarray(p, dtype=float).reshape(-1) for p in [*parts, *late]) if parts or late else 0.0
+            late = [
+                gives[a][-1] if gives[a] else nothing(graph.nodes[a]) for a, b in back if b == name
+            ]
+            arriving = (
+                sum(np.asarray(p, dtype=float).reshape(-1) for p in [*parts, *late])
+                if parts or late
+                else 0.0
+            )
             if parts or late:
                 arriving = np.asarray(arriving).reshape(np.shape([*parts, *late][0]))
             now[name] = (
@@ -54,7 +60,11 @@ def closing(graph, order):
         return {name} if above.get(name, name) == name else {name} | passed(above[name])
 
     def next_neurons(name):
-        return {name} if name in neurons else set().union(*(next_neurons(after) for after in order.successors(name)))
+        return (
+            {name}
+            if name in neurons
+            else set().union(*(next_neurons(after) for after in order.successors(name)))
+        )
 
     return [(a, b) for a, b in order.edges if a in neurons and next_neurons(b) & passed(a)]
 
@@ -119,18 +129,26 @@ def step(node, x, state, dt, how="euler", reset="zero"):
 
 def convolve(node, x):
     axes = node.weight.ndim - 2
-    stride, dilation = (np.broadcast_to(np.reshape(getattr(node, k), -1), axes) for k in ("stride", "dilation"))
+    stride, dilation = (
+        np.broadcast_to(np.reshape(getattr(node, k), -1), axes) for k in ("stride", "dilation")
+    )
     kernel = node.weight.shape[2:]
     if isinstance(node.padding, str):
         pads = (
             [(0, 0)] * axes
             if node.padding == "valid"
-            else [((d * (k - 1)) // 2, d * (k - 1) - (d * (k - 1)) // 2) for d, k in zip(dilation, kernel, strict=True)]
+            else [
+                ((d * (k - 1)) // 2, d * (k - 1) - (d * (k - 1)) // 2)
+                for d, k in zip(dilation, kernel, strict=True)
+            ]
         )
     else:
         pads = [(p, p) for p in np.broadcast_to(np.reshape(node.padding, -1), axes)]
     padded = np.pad(x, [(0, 0), *pads])
-    outs = [(padded.shape[1 + a] - dilation[a] * (kernel[a] - 1) - 1) // stride[a] + 1 for a in range(axes)]
+    outs = [
+        (padded.shape[1 + a] - dilation[a] * (kernel[a] - 1) - 1) // stride[a] + 1
+        for a in range(axes)
+    ]
     result = np.zeros((len(node.weight), *outs))
     per = node.weight.shape[1]
     for o in range(len(node.weight)):
@@ -140,7 +158,9 @@ def convolve(node, x):
                 slice(a * s, a * s + d * (k - 1) + 1, d)
                 for a, s, d, k in zip(at, stride, dilation, kernel, strict=True)
             )
-            result[(o, *at)] = (padded[(slice(first, first + per), *window)] * node.weight[o]).sum() + node.bias[o]
+            result[(o, *at)] = (
+                padded[(slice(first, first + per), *window)] * node.weight[o]
+            ).sum() + node.bias[o]
     return result
 
 

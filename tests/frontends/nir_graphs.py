@@ -32,7 +32,9 @@ def cuba(rng, *shape, v_leak=0.0, v_reset=0.0, v_threshold=1.0):
 
 
 def integrate(rng, *shape):
-    return nir.IF(r=np.full(shape, 1 / DT), v_threshold=rng.uniform(0.8, 1.5, shape), v_reset=np.zeros(shape))
+    return nir.IF(
+        r=np.full(shape, 1 / DT), v_threshold=rng.uniform(0.8, 1.5, shape), v_reset=np.zeros(shape)
+    )
 
 
 def linear(rng, outs, ins, scale=0.5):
@@ -41,7 +43,11 @@ def linear(rng, outs, ins, scale=0.5):
 
 def chain(shape, *named):
     """Return a graph of one node after the other; the last is the output's."""
-    nodes = {"input": nir.Input(np.array(shape)), **dict(named), "output": nir.Output(np.array([1]))}
+    nodes = {
+        "input": nir.Input(np.array(shape)),
+        **dict(named),
+        "output": nir.Output(np.array([1])),
+    }
     names = list(nodes)
     return nir.NIRGraph(nodes, list(itertools.pairwise(names)), type_check=False)
 
@@ -86,14 +92,23 @@ def graphs():
         groups=1,
         bias=np.zeros(5),
     )
-    pooled = {"kernel_size": np.array([2, 2]), "stride": np.array([2, 2]), "padding": np.array([0, 0])}
+    pooled = {
+        "kernel_size": np.array([2, 2]),
+        "stride": np.array([2, 2]),
+        "padding": np.array([0, 0]),
+    }
     flat = nir.Flatten(input_type={"input": np.array([4, 3, 3])}, start_dim=0, end_dim=-1)
     two = nir.NIRGraph(
         {"input": nir.Input(np.array([6])), "w": linear(rng, 8, 6), "lif": lif(rng, 8), "back": linear(rng, 8, 8, 0.2), "o": nir.Output(np.array([8]))},
         [("lif", "back"), ("back", "lif"), ("input", "w"), ("lif", "o"), ("w", "lif")], type_check=False,
     )  # fmt: skip
     inner = nir.NIRGraph(
-        {"in": nir.Input(np.array([6])), "w": linear(rng, 7, 6), "lif": lif(rng, 7), "out": nir.Output(np.array([7]))},
+        {
+            "in": nir.Input(np.array([6])),
+            "w": linear(rng, 7, 6),
+            "lif": lif(rng, 7),
+            "out": nir.Output(np.array([7])),
+        },
         [("in", "w"), ("w", "lif"), ("lif", "out")],
     )
     return {

@@ -4,7 +4,15 @@ import numpy as np
 import torch
 import yaml
 
-SRM = {"type": "SRMALPHA", "theta": 10.0, "tauSr": 10.0, "tauRef": 1.0, "scaleRef": 2.0, "tauRho": 1, "scaleRho": 1}
+SRM = {
+    "type": "SRMALPHA",
+    "theta": 10.0,
+    "tauSr": 10.0,
+    "tauRef": 1.0,
+    "scaleRef": 2.0,
+    "tauRho": 1,
+    "scaleRho": 1,
+}
 LOIHI = {
     "type": "LOIHI",
     "vThMant": 400,
@@ -36,12 +44,23 @@ def write(folder, weights, neuron=SRM, steps=60, extra=None, **more):
             ("srmKernel", neuron["tauSr"], 1),
             ("refKernel", neuron["tauRef"], -neuron["scaleRef"] * neuron["theta"]),
         ):
-            state[f"slayer.{name}"] = torch.tensor(kernel(tau, factor)).float().reshape(1, 1, 1, 1, -1)
+            state[f"slayer.{name}"] = (
+                torch.tensor(kernel(tau, factor)).float().reshape(1, 1, 1, 1, -1)
+            )
     for name, weight in weights.items():
         state[f"{name}.weight"] = torch.tensor(weight).float()[..., None, None, None]
     torch.save(state | (extra or {}), folder / "model.pt")
-    error = {"type": "NumSpikes", "tgtSpikeRegion": {"start": 0, "stop": steps}, "tgtSpikeCount": {True: 150, False: 5}}
-    config = {"simulation": {"Ts": 1.0, "tSample": steps}, "neuron": neuron, "training": {"error": error}, **more}
+    error = {
+        "type": "NumSpikes",
+        "tgtSpikeRegion": {"start": 0, "stop": steps},
+        "tgtSpikeCount": {True: 150, False: 5},
+    }
+    config = {
+        "simulation": {"Ts": 1.0, "tSample": steps},
+        "neuron": neuron,
+        "training": {"error": error},
+        **more,
+    }
     (folder / "net.yaml").write_text(yaml.safe_dump(config))
     return folder / "model.pt", folder / "net.yaml"
 
@@ -52,9 +71,16 @@ def srm_layer(weight, spikes, neuron=SRM, full=True):
     k = np.arange(steps)
 
     def taps(tau, factor):
-        return factor * k / tau * np.exp(1 - k / tau) if full else np.pad(kernel(tau, factor), (0, steps))[:steps]
+        return (
+            factor * k / tau * np.exp(1 - k / tau)
+            if full
+            else np.pad(kernel(tau, factor), (0, steps))[:steps]
+        )
 
-    eps, nu = taps(neuron["tauSr"], 1.0), taps(neuron["tauRef"], -neuron["scaleRef"] * neuron["theta"])
+    eps, nu = (
+        taps(neuron["tauSr"], 1.0),
+        taps(neuron["tauRef"], -neuron["scaleRef"] * neuron["theta"]),
+    )
     psp = np.array([sum(eps[t - s] * spikes[s] for s in range(t + 1)) for t in range(steps)])
     u, out = psp @ weight.T, np.zeros((steps, len(weight)))
     for t in range(steps):

@@ -28,9 +28,13 @@ def saved(graph, tmp_path):
 
 
 THRESHOLDS = chain((3,), ("w", linear(RNG, 2, 3)), ("out", nir.Threshold(np.ones(2))))
-INTEGRATORS = chain((3,), ("w", linear(RNG, 2, 3)), ("out", nir.IF(np.ones(2), np.ones(2), v_reset=np.zeros(2))))
+INTEGRATORS = chain(
+    (3,), ("w", linear(RNG, 2, 3)), ("out", nir.IF(np.ones(2), np.ones(2), v_reset=np.zeros(2)))
+)
 IDLE = nir.NIRGraph(
-    THRESHOLDS.nodes | {"more": linear(RNG, 5, 2)}, [*THRESHOLDS.edges, ("out", "more")], type_check=False
+    THRESHOLDS.nodes | {"more": linear(RNG, 5, 2)},
+    [*THRESHOLDS.edges, ("out", "more")],
+    type_check=False,
 )
 LEAKY = chain((3,), ("w", linear(RNG, 2, 3)), ("out", lif(RNG, 2)))
 
@@ -40,12 +44,26 @@ LEAKY = chain((3,), ("w", linear(RNG, 2, 3)), ("out", lif(RNG, 2)))
     [
         pytest.param(LEAKY, {}, (STEP, RESET, EULER), id="all"),
         pytest.param(LEAKY, {"dt": 1e-3}, (RESET, EULER), id="the step is given"),
-        pytest.param(LEAKY, {"reset": "zero"}, (STEP, EULER), id="the reset is given, though it is the usual one"),
-        pytest.param(LEAKY, {"discretisation": "hold"}, (STEP, RESET), id="the discretisation is given"),
-        pytest.param(LEAKY, {"dt": 1e-3, "reset": "zero", "discretisation": "euler"}, (), id="none"),
+        pytest.param(
+            LEAKY,
+            {"reset": "zero"},
+            (STEP, EULER),
+            id="the reset is given, though it is the usual one",
+        ),
+        pytest.param(
+            LEAKY, {"discretisation": "hold"}, (STEP, RESET), id="the discretisation is given"
+        ),
+        pytest.param(
+            LEAKY, {"dt": 1e-3, "reset": "zero", "discretisation": "euler"}, (), id="none"
+        ),
         pytest.param(INTEGRATORS, {}, (STEP, RESET), id="nothing to discretise"),
         pytest.param(THRESHOLDS, {}, (), id="nothing of it matters"),
-        pytest.param(IDLE, {}, ("The weights of 'more' feed no node and were left out.",), id="weights lead nowhere"),
+        pytest.param(
+            IDLE,
+            {},
+            ("The weights of 'more' feed no node and were left out.",),
+            id="weights lead nowhere",
+        ),
     ],
 )
 def test_what_a_nir_graph_leaves_open(graph, options, wanted, tmp_path):
@@ -64,7 +82,9 @@ def test_a_step_that_is_not_known_is_not_written_as_if_it_were(dt, tmp_path):
     (tmp_path / "again.nir").write_bytes(exchange_file("nir", quantize(network, chip("loihi-sim"))))
     again = lc.load(tmp_path / "again.nir")
     assert again.step_seconds == dt
-    np.testing.assert_array_equal(again.populations[0].neuron.decay_v, network.populations[0].neuron.decay_v)
+    np.testing.assert_array_equal(
+        again.populations[0].neuron.decay_v, network.populations[0].neuron.decay_v
+    )
 
 
 def weights(outs, ins):

@@ -25,7 +25,9 @@ def graph_file(folder, change=None):
 def edges(*rows):
     def change(file):
         del file["node/edges"]
-        file["node"].create_dataset("edges", data=np.array(rows, dtype=object), dtype=h5py.string_dtype())
+        file["node"].create_dataset(
+            "edges", data=np.array(rows, dtype=object), dtype=h5py.string_dtype()
+        )
 
     return change
 
@@ -43,7 +45,9 @@ def circle(file):
     for name in ("a", "b"):
         file[f"node/nodes/{name}/type"] = "Linear"
         file[f"node/nodes/{name}/weight"] = np.eye(10)
-    edges(("input", "a"), ("a", "b"), ("b", "a"), ("b", "fc"), ("fc", "lif"), ("lif", "output"))(file)
+    edges(("input", "a"), ("a", "b"), ("b", "a"), ("b", "fc"), ("fc", "lif"), ("lif", "output"))(
+        file
+    )
 
 
 def rename(file):
@@ -83,7 +87,9 @@ BROKEN = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("change", "message"), [row[1:] for row in BROKEN], ids=[row[0] for row in BROKEN])
+@pytest.mark.parametrize(
+    ("change", "message"), [row[1:] for row in BROKEN], ids=[row[0] for row in BROKEN]
+)
 def test_a_broken_graph_is_one_line(change, message, tmp_path):
     with pytest.raises(lc.InputError) as caught:
         lc.load(graph_file(tmp_path, change), dt=DT)
@@ -100,7 +106,9 @@ OPTIONS = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("options", "message"), [row[1:] for row in OPTIONS], ids=[row[0] for row in OPTIONS])
+@pytest.mark.parametrize(
+    ("options", "message"), [row[1:] for row in OPTIONS], ids=[row[0] for row in OPTIONS]
+)
 def test_an_option_that_cannot_be_met_is_one_line(options, message, tmp_path):
     with pytest.raises(lc.InputError) as caught:
         lc.load(graph_file(tmp_path), **({"dt": DT} | options))
@@ -110,7 +118,9 @@ def test_an_option_that_cannot_be_met_is_one_line(options, message, tmp_path):
 @pytest.mark.parametrize("suffix", ["nir", "net"])
 def test_truncated_and_mutated_files_never_end_in_another_error(suffix, tmp_path):
     path = tmp_path / f"model.{suffix}"
-    nir.write(path, graphs()["nested"][0]) if suffix == "nir" else write_net(path, [dense(RNG, 5, 4)])
+    nir.write(path, graphs()["nested"][0]) if suffix == "nir" else write_net(
+        path, [dense(RNG, 5, 4)]
+    )
     whole, rng = path.read_bytes(), np.random.default_rng(0)
     messages = []
     for trial in range(90):
@@ -142,6 +152,21 @@ def test_the_command_line_says_it_in_a_line_and_writes_nothing(tmp_path, capsys)
 
 def test_the_command_line_compiles_a_graph_and_gives_it_back(tmp_path, capsys):
     path = graph_file(tmp_path)
-    assert main([str(path), "--dt", "1e-3", "--reset", "zero", "--emit", "nir", "-o", str(tmp_path / "out")]) == 0
+    assert (
+        main(
+            [
+                str(path),
+                "--dt",
+                "1e-3",
+                "--reset",
+                "zero",
+                "--emit",
+                "nir",
+                "-o",
+                str(tmp_path / "out"),
+            ]
+        )
+        == 0
+    )
     assert "synthetic spikes, 5 % per step" in (tmp_path / "out" / "report.json").read_text()
     assert lc.load(tmp_path / "out" / "network.nir").step_seconds == pytest.approx(1e-3)

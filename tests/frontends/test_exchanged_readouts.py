@@ -60,16 +60,28 @@ def emitted(kind, made, tmp_path):
 HOLDS = {
     "nir, LI": ("nir", network(silent(4), potentials_from=2)),
     "nir, CubaLI": ("nir", network(silent(4, decay_u=0.5), potentials_from=2)),
-    "nir, several decays": ("nir", network(silent(4, decay_v=[0.1, 0.2, 0.3, 1.0]), potentials_from=2)),
+    "nir, several decays": (
+        "nir",
+        network(silent(4, decay_v=[0.1, 0.2, 0.3, 1.0]), potentials_from=2),
+    ),
     "nir, past a layer": ("nir", network(silent(4), skip=True, potentials_from=1)),
-    "nir, integers that must not spike": ("nir", network(integers(4, threshold=2**17 - 1), potentials_from=2)),
-    "nir, integers that nothing leads to spike": ("nir", network(integers(4, threshold=90_000), potentials_from=2)),
+    "nir, integers that must not spike": (
+        "nir",
+        network(integers(4, threshold=2**17 - 1), potentials_from=2),
+    ),
+    "nir, integers that nothing leads to spike": (
+        "nir",
+        network(integers(4, threshold=90_000), potentials_from=2),
+    ),
     "nir, spikes": ("nir", network(floats(4))),
     "nir, two inputs": ("nir", network(floats(4), inputs=INPUTS)),
     "net, potentials": ("net", network(integers(4, threshold=90_000), potentials_from=2)),
     "net, potentials with biases": (
         "net",
-        network(integers(4, threshold=90_000, bias_mantissa=[1, 0, 2, 3], bias_exponent=6), potentials_from=2),
+        network(
+            integers(4, threshold=90_000, bias_mantissa=[1, 0, 2, 3], bias_exponent=6),
+            potentials_from=2,
+        ),
     ),
     "net, spikes": ("net", network(integers(4))),
 }
@@ -83,12 +95,16 @@ def test_what_a_format_holds_reads_back_as_it_was(name, tmp_path):
     assert again.channels == made.channels
     assert bool(again.readout.from_step) == bool(made.readout.from_step)
     assert again.readout.weights == (1.0,)
-    late = "past a layer" in name  # a reader delays what takes the shorter path, and with it the whole layer
+    late = (
+        "past a layer" in name
+    )  # a reader delays what takes the shorter path, and with it the whole layer
     before, after = evaluate(made, GIVEN[:, : 40 - late]), evaluate(again, GIVEN)
     assert np.ptp(before.scores) > 0
     # Integers that become floats are no longer truncated.
     rounded = made.populations[1].on_grid and kind == "nir"
-    np.testing.assert_allclose(after.scores, before.scores, rtol=0.05 if rounded else 1e-9, atol=2560 * rounded + 1e-9)
+    np.testing.assert_allclose(
+        after.scores, before.scores, rtol=0.05 if rounded else 1e-9, atol=2560 * rounded + 1e-9
+    )
     np.testing.assert_array_equal(after.prediction, before.prediction)
 
 
@@ -126,7 +142,11 @@ def test_what_a_format_cannot_hold_is_refused(name):
 @pytest.mark.parametrize(
     ("kind", "readout", "line"),
     [
-        ("nir", {"potentials_from": (None, 2)}, f"nir, readout: NIR cannot add spikes and potentials. {HELD}"),
+        (
+            "nir",
+            {"potentials_from": (None, 2)},
+            f"nir, readout: NIR cannot add spikes and potentials. {HELD}",
+        ),
         ("net", {}, f"net, readout: lava-dl reads out the last layer (one, two). {HELD}"),
     ],
     ids=["nir, spikes and potentials", "net, two layers"],
@@ -134,7 +154,10 @@ def test_what_a_format_cannot_hold_is_refused(name):
 def test_several_populations_that_a_format_cannot_read_out(kind, readout, line):
     made = network(integers(4, threshold=90_000))
     one = replace(made.populations[0], size=4, neuron=integers(4))
-    parts = (replace(made.projections[0], mantissa=EVEN[2]), replace(made.projections[1], mantissa=EVEN[1][:, :4]))
+    parts = (
+        replace(made.projections[0], mantissa=EVEN[2]),
+        replace(made.projections[1], mantissa=EVEN[1][:, :4]),
+    )
     made = replace(made, populations=(one, made.populations[1]), projections=parts)
     made = replace(made, readout=lc.Readout(("one", "two"), (1.0, 1.0), **readout))
     with pytest.raises(lc.InputError) as caught:

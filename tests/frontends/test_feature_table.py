@@ -22,7 +22,10 @@ def test_a_cell_says_what_happens(cell, tmp_path):
         with pytest.raises(lc.InputError) as caught:
             loaded(cell, tmp_path)
         assert (
-            str(caught.value).removeprefix(f"model 'model.{'nir' if cell.format == 'NIR' else 'net'}'") == cell.message
+            str(caught.value).removeprefix(
+                f"model 'model.{'nir' if cell.format == 'NIR' else 'net'}'"
+            )
+            == cell.message
         )
         return
     network = loaded(cell, tmp_path)

@@ -60,19 +60,26 @@ def test_the_chip_spikes_as_the_files_integers_say(name, tmp_path):
         for number, rows in wanted.items():
             assert rows.sum() > 5
             np.testing.assert_array_equal(result.spikes[f"layer{number}"], rows)
-    np.testing.assert_array_equal(evaluate(network, given[None]).spikes[f"layer{max(wanted)}"][0], wanted[max(wanted)])
+    np.testing.assert_array_equal(
+        evaluate(network, given[None]).spikes[f"layer{max(wanted)}"][0], wanted[max(wanted)]
+    )
 
 
 def test_a_conv_of_stride_1_needs_no_input_layer(tmp_path):
     layer = CONV | {"stride": np.array([1, 1]), "shape": np.array([4, 6, 6])}
     for name, layers in (("with", [IMAGE, layer]), ("without", [layer])):
         write_net(tmp_path / f"{name}.net", layers)
-    both = [lc.load(tmp_path / f"{name}.net").projections[0].mantissa.toarray() for name in ("with", "without")]
+    both = [
+        lc.load(tmp_path / f"{name}.net").projections[0].mantissa.toarray()
+        for name in ("with", "without")
+    ]
     np.testing.assert_array_equal(*both)
 
 
 def test_integers_are_kept_as_they_are(tmp_path):
-    layer = dense(RNG, 12, 10, bias=np.arange(12.0), neuron=neuron(RNG.integers(0, 4097, 12), 77, 4321))
+    layer = dense(
+        RNG, 12, 10, bias=np.arange(12.0), neuron=neuron(RNG.integers(0, 4097, 12), 77, 4321)
+    )
     write_net(tmp_path / "model.net", [layer], {"Ts": 1.0, "tSample": 50})
     network = lc.load(tmp_path / "model.net")
     held, made = network.projections[0], network.populations[0].neuron
@@ -110,7 +117,9 @@ def test_weights_that_lack_axes_of_one_are_those_that_have_them(name, tmp_path):
 def test_pooling_of_an_image_that_no_windows_fill_goes_on_in_silence(tmp_path):
     ragged = {"type": "input", "shape": np.array([2, 5, 6])}
     write_net(tmp_path / "model.net", [ragged, POOL])
-    held = lc.load(tmp_path / "model.net").projections[0].mantissa.toarray().reshape(2, 3, 3, 2, 5, 6)
+    held = (
+        lc.load(tmp_path / "model.net").projections[0].mantissa.toarray().reshape(2, 3, 3, 2, 5, 6)
+    )
     for channel, row, column in np.ndindex(2, 3, 3):
         wanted = np.zeros((2, 5, 6))
         wanted[channel, 2 * row : 2 * row + 2, 2 * column : 2 * column + 2] = 88
@@ -135,7 +144,9 @@ REFUSED = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("layers", "message"), [row[1:] for row in REFUSED], ids=[row[0] for row in REFUSED])
+@pytest.mark.parametrize(
+    ("layers", "message"), [row[1:] for row in REFUSED], ids=[row[0] for row in REFUSED]
+)
 def test_what_the_chip_cannot_hold_is_refused_by_name(layers, message, tmp_path):
     write_net(tmp_path / "model.net", layers)
     with pytest.raises(lc.InputError) as caught:

@@ -23,23 +23,31 @@ def loaded(folder, made, simulation=None):
 THRESHOLDS = [(2**17 - 2, 2**17 - 2, None), (2**18 - 2, 2**17 - 1, None), (2**18 - 1, 2**17 - 1, 1)]
 
 
-@pytest.mark.parametrize(("written", "held", "read_from"), THRESHOLDS, ids=["held", "cut off", "never spikes"])
+@pytest.mark.parametrize(
+    ("written", "held", "read_from"), THRESHOLDS, ids=["held", "cut off", "never spikes"]
+)
 def test_thresholds_at_the_end_of_the_register(written, held, read_from, tmp_path):
     network = loaded(tmp_path, layer([[2]], threshold=written))
     assert network.populations[0].neuron.threshold.tolist() == [held]
     assert network.readout.potentials_from == read_from
 
 
-@pytest.mark.parametrize(("samples", "steps"), [(0.5, 100), (1, 1), (10_000, 10_000), (10_001, 100)])
+@pytest.mark.parametrize(
+    ("samples", "steps"), [(0.5, 100), (1, 1), (10_000, 10_000), (10_001, 100)]
+)
 def test_steps_of_a_recording(samples, steps, tmp_path):
     assert loaded(tmp_path, layer([[2]]), {"Ts": 1.0, "tSample": samples}).steps == steps
 
 
 def test_a_refractory_delay_of_0_blocks_no_step(tmp_path):
-    assert loaded(tmp_path, layer([[2]], refDelay=0)).populations[0].neuron.refractory.tolist() == [1]
+    assert loaded(tmp_path, layer([[2]], refDelay=0)).populations[0].neuron.refractory.tolist() == [
+        1
+    ]
 
 
-@pytest.mark.parametrize("weights", [[-256, 254], [-255, 255], [1, 254]], ids=["even", "odd", "one odd"])
+@pytest.mark.parametrize(
+    "weights", [[-256, 254], [-255, 255], [1, 254]], ids=["even", "odd", "one odd"]
+)
 def test_weights_at_the_ends_of_their_range(weights, tmp_path):
     (projection,) = loaded(tmp_path, layer([weights])).projections
     assert projection.signs == ("mixed" if weights[0] % 2 == 0 else "apart")

@@ -39,7 +39,13 @@ def flattened(graph):
     nodes = {k: n for k, n in graph.nodes.items() if k != "sub"} | {
         f"sub.{k}": n for k, n in inner.nodes.items() if type(n).__name__ not in ("Input", "Output")
     }
-    edges = [("input", "sub.w"), ("sub.w", "sub.lif"), ("sub.lif", "fc"), ("fc", "lif"), ("lif", "output")]
+    edges = [
+        ("input", "sub.w"),
+        ("sub.w", "sub.lif"),
+        ("sub.lif", "fc"),
+        ("fc", "lif"),
+        ("lif", "output"),
+    ]
     return nir.NIRGraph(nodes, edges, type_check=False)
 
 
@@ -56,10 +62,14 @@ def test_the_reference_spikes_as_plain_euler_steps_do(name, tmp_path):
     for population in network.populations:
         if population.name == "nir/bias":
             continue
-        depth = 2 if name == "nested" and population.name == "lif" else DEPTH.get(population.name, 1)
+        depth = (
+            2 if name == "nested" and population.name == "lif" else DEPTH.get(population.name, 1)
+        )
         expected = wanted[population.name].reshape(len(given), -1)
         assert expected.sum() > 10
-        np.testing.assert_array_equal(found[population.name][0, depth:], expected[:-depth], err_msg=population.name)
+        np.testing.assert_array_equal(
+            found[population.name][0, depth:], expected[:-depth], err_msg=population.name
+        )
 
 
 @pytest.mark.parametrize("name", GRAPHS)
@@ -71,7 +81,9 @@ def test_every_graph_compiles_and_the_chip_follows_it(name, tmp_path):
 
 
 def test_populations_of_any_length_play_recordings_as_long_as_they_are(tmp_path):
-    compiled = lc.compile(load(GRAPHS["lif"][0], tmp_path), events=spikes((10,), 33)[None], diagnosis=False)
+    compiled = lc.compile(
+        load(GRAPHS["lif"][0], tmp_path), events=spikes((10,), 33)[None], diagnosis=False
+    )
     assert lc.verify(compiled, spikes((10,), 150)[None]).spikes.reference_spikes > 100
 
 
@@ -92,7 +104,9 @@ def test_a_bias_settles_where_the_equation_does(tmp_path):
     neuron = lif(rng, 3)
     network = load(chain((4,), ("fc", affine), ("lif", neuron)), tmp_path)
     brought = next(p for p in network.projections if p.source == "nir/bias").weights
-    np.testing.assert_allclose(brought[:, 0] / network.populations[0].neuron.decay_v, neuron.r * affine.bias)
+    np.testing.assert_allclose(
+        brought[:, 0] / network.populations[0].neuron.decay_v, neuron.r * affine.bias
+    )
 
 
 def test_files_without_v_reset_reset_to_0(tmp_path):
@@ -108,14 +122,23 @@ def test_several_inputs_are_lines_one_after_the_other_by_name(tmp_path):
     rng = np.random.default_rng(9)
     first, second, neurons = linear(rng, 6, 4), linear(rng, 6, 3), lif(rng, 6)
     ends = {"n": neurons, "output": nir.Output(np.array([6]))}
-    two = {"b": nir.Input(np.array([3])), "a": nir.Input(np.array([4])), "v": second, "w": first, **ends}
+    two = {
+        "b": nir.Input(np.array([3])),
+        "a": nir.Input(np.array([4])),
+        "v": second,
+        "w": first,
+        **ends,
+    }
     edges = [("a", "w"), ("b", "v"), ("w", "n"), ("v", "n"), ("n", "output")]
     network = load(nir.NIRGraph(two, edges, type_check=False), tmp_path)
-    joined = chain((7,), ("w", nir.Linear(np.hstack([first.weight, second.weight]))), ("n", neurons))
+    joined = chain(
+        (7,), ("w", nir.Linear(np.hstack([first.weight, second.weight]))), ("n", neurons)
+    )
     given = spikes((7,))
     assert (network.channels, [v.name for v in network.views]) == (7, ["nir/inputs"])
     np.testing.assert_array_equal(
-        evaluate(network, given[None]).spikes["n"], evaluate(load(joined, tmp_path), given[None]).spikes["n"]
+        evaluate(network, given[None]).spikes["n"],
+        evaluate(load(joined, tmp_path), given[None]).spikes["n"],
     )
 
 
@@ -140,7 +163,13 @@ def test_a_readout_never_spikes_and_its_potential_is_the_equations(kind, tmp_pat
         if kind == "LI"
         else nir.CubaLI(tau_syn=tau / 2, tau_mem=tau, r=tau / DT, v_leak=0 * ones, w_in=2 * ones)
     )
-    graph = chain((10,), ("fc", linear(rng, 8, 10)), ("lif", lif(rng, 8)), ("w", linear(rng, 3, 8)), ("read", node))
+    graph = chain(
+        (10,),
+        ("fc", linear(rng, 8, 10)),
+        ("lif", lif(rng, 8)),
+        ("w", linear(rng, 3, 8)),
+        ("read", node),
+    )
     given = spikes((10,))
     wanted = run(graph, given, DT)["read"]
     compiled = lc.compile(load(graph, tmp_path), events=given[None], diagnosis=False)
@@ -161,7 +190,11 @@ def impulse(kind, tau, tau_syn, how, tmp_path):
         if kind == "LI"
         else nir.CubaLI(tau_syn=tau_syn * one, tau_mem=tau * one, r=one, v_leak=0 * one, w_in=one)
     )
-    network = load(chain((1,), ("fc", nir.Linear(np.ones((1, 1)))), ("read", node)), tmp_path, discretisation=how)
+    network = load(
+        chain((1,), ("fc", nir.Linear(np.ones((1, 1)))), ("read", node)),
+        tmp_path,
+        discretisation=how,
+    )
     given = np.zeros((1, 60, 1), dtype=np.uint8)
     given[0, 0] = 1
     found = evaluate(network, given, potentials=True).potential["read"][0, 1:, 0]
@@ -184,7 +217,9 @@ ODE_ERRORS = [
 
 
 @pytest.mark.parametrize(("kind", "tau", "tau_syn", "bound"), ODE_ERRORS, ids=lambda v: str(v))
-def test_the_error_of_both_discretisations_against_the_equation(kind, tau, tau_syn, bound, tmp_path):
+def test_the_error_of_both_discretisations_against_the_equation(
+    kind, tau, tau_syn, bound, tmp_path
+):
     errors = {}
     for how in ("euler", "exact"):
         found, wanted = impulse(kind, tau * DT, tau_syn and tau_syn * DT, how, tmp_path)

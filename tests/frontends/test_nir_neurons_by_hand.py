@@ -17,7 +17,15 @@ from locsnn_compile.frontends.nir.signals import Signal
 from locsnn_compile.network.neurons import Cuba, SoftCuba
 
 LIF = {"tau": 4.0, "r": 1.0, "v_leak": 0.0, "v_reset": 0.0, "v_threshold": 1.0}
-CUBA = {"tau_syn": 2.0, "tau_mem": 4.0, "r": 1.0, "w_in": 1.0, "v_leak": 0.0, "v_reset": 0.0, "v_threshold": 1.0}
+CUBA = {
+    "tau_syn": 2.0,
+    "tau_mem": 4.0,
+    "r": 1.0,
+    "w_in": 1.0,
+    "v_leak": 0.0,
+    "v_reset": 0.0,
+    "v_threshold": 1.0,
+}
 LI = {"tau": 2.0, "r": 1.0, "v_leak": 0.0}
 
 
@@ -53,22 +61,31 @@ def test_parameters_that_are_refused(kind, parameters, how, message):
     assert str(caught.value) == message
 
 
-@pytest.mark.parametrize(("leak", "first"), [(0.5, 0.5), (1.0, 0.0), (1.5, 0.0)], ids=["below", "at", "above"])
+@pytest.mark.parametrize(
+    ("leak", "first"), [(0.5, 0.5), (1.0, 0.0), (1.5, 0.0)], ids=["below", "at", "above"]
+)
 def test_neurons_start_at_rest_where_that_is_below_the_threshold(leak, first):
     assert stated("LIF", LIF | {"v_leak": leak}).first.tolist() == [first, first]
 
 
-@pytest.mark.parametrize(("tau_syn", "kind"), [([1.0, 1.0], Cuba), ([1.0, 2.0], SoftCuba)], ids=["none has", "one has"])
+@pytest.mark.parametrize(
+    ("tau_syn", "kind"), [([1.0, 1.0], Cuba), ([1.0, 2.0], SoftCuba)], ids=["none has", "one has"]
+)
 def test_a_current_of_any_neuron_makes_them_soft(tau_syn, kind):
     assert type(stated("CubaLIF", CUBA | {"tau_syn": tau_syn}, reset="subtract").neuron) is kind
 
 
 @pytest.mark.parametrize(
-    ("leak", "above"), [([0.3, 0.3], [0.0, 0.0]), ([0.3, 0.4], [0.3, 0.4])], ids=["one for all", "one each"]
+    ("leak", "above"),
+    [([0.3, 0.3], [0.0, 0.0]), ([0.3, 0.4], [0.3, 0.4])],
+    ids=["one for all", "one each"],
 )
 def test_potentials_of_a_readout_are_counted_from_rest_where_that_is_one_for_all(leak, above):
     found = stated("LI", LI | {"v_leak": leak})
-    assert (found.first.tolist(), found.neuron.bias.tolist()) == (above, [value / 2 for value in above])
+    assert (found.first.tolist(), found.neuron.bias.tolist()) == (
+        above,
+        [value / 2 for value in above],
+    )
 
 
 def test_a_readout_has_the_threshold_that_no_input_of_any_neuron_reaches():
@@ -78,14 +95,23 @@ def test_a_readout_has_the_threshold_that_no_input_of_any_neuron_reaches():
 
 
 def test_the_exact_answer_of_equal_time_constants():
-    found = stated("CubaLIF", CUBA | {"tau_syn": [4.0, 2.0]}, how="exact").signal.terms[0].weights.toarray().ravel()
+    found = (
+        stated("CubaLIF", CUBA | {"tau_syn": [4.0, 2.0]}, how="exact")
+        .signal.terms[0]
+        .weights.toarray()
+        .ravel()
+    )
     apart = (math.exp(-1 / 4) - math.exp(-1 / 2)) / 2
     assert found == pytest.approx([math.exp(-1 / 4) / 16, apart], rel=1e-12)
 
 
 def test_a_constant_goes_through_what_follows():
     weights = sparse.csr_array(np.array([[1.0, 2.0], [0.0, 4.0]]))
-    signal = Signal.of_source("x", 2).through(weights, np.array([1.0, 2.0]), "n").through(weights, 0.5, "n")
+    signal = (
+        Signal.of_source("x", 2)
+        .through(weights, np.array([1.0, 2.0]), "n")
+        .through(weights, 0.5, "n")
+    )
     assert signal.constant.tolist() == [5.5, 8.5]
     assert signal.scaled(np.array([3.0, 0.5])).constant.tolist() == [16.5, 4.25]
     assert signal.delayed(np.array([1, 0])).constant.tolist() == [5.5, 8.5]
@@ -94,9 +120,13 @@ def test_a_constant_goes_through_what_follows():
 RNG = np.random.default_rng(2)
 
 
-@pytest.mark.parametrize(("delay", "measured"), [(2.3, "2.3"), (2.02, "2.02"), (-1.0, "-1"), (1e7, "1e+07")])
+@pytest.mark.parametrize(
+    ("delay", "measured"), [(2.3, "2.3"), (2.02, "2.02"), (-1.0, "-1"), (1e7, "1e+07")]
+)
 def test_delays_between_steps_or_out_of_range_are_refused(delay, measured, tmp_path):
-    graph = chain((3,), ("d", nir.Delay(np.full(3, delay * DT))), ("w", linear(RNG, 3, 3)), ("n", lif(RNG, 3)))
+    graph = chain(
+        (3,), ("d", nir.Delay(np.full(3, delay * DT))), ("w", linear(RNG, 3, 3)), ("n", lif(RNG, 3))
+    )
     with pytest.raises(InputError) as caught:
         load(graph, tmp_path)
     assert str(caught.value) == (
@@ -120,8 +150,20 @@ def test_delays_are_the_nearest_whole_steps(dt, off, tmp_path):
 def test_potentials_count_from_where_the_deepest_readout_begins(tmp_path):
     one = np.ones(2)
     readout = nir.LI(tau=0.01 * one, r=one, v_leak=0 * one)
-    nodes = {"input": nir.Input(np.array([3])), "w": linear(RNG, 2, 3), "near": readout, "lif": lif(RNG, 2)}
+    nodes = {
+        "input": nir.Input(np.array([3])),
+        "w": linear(RNG, 2, 3),
+        "near": readout,
+        "lif": lif(RNG, 2),
+    }
     nodes |= {"w2": linear(RNG, 2, 2), "far": readout, "output": nir.Output(np.array([2]))}
-    edges = [("input", "w"), ("w", "near"), ("w", "lif"), ("lif", "w2"), ("w2", "far"), ("near", "output")]
+    edges = [
+        ("input", "w"),
+        ("w", "near"),
+        ("w", "lif"),
+        ("lif", "w2"),
+        ("w2", "far"),
+        ("near", "output"),
+    ]
     network = load(nir.NIRGraph(nodes, [*edges, ("far", "output")], type_check=False), tmp_path)
     assert (network.readout.populations, network.readout.potentials_from) == (("near", "far"), 2)

@@ -21,11 +21,17 @@ SIZES = {"input": 10, "a": 12, "b": 11, "c": 9, "d": 7}
 
 def graph(*ways, bias=True):
     """Return a graph with a layer of weights for each way ``source target``, delayed by so many steps after a ``+``."""
-    nodes, edges = {"input": nir.Input(np.array([10])), "output": nir.Output(np.array([7]))}, [("d", "output")]
+    nodes, edges = (
+        {"input": nir.Input(np.array([10])), "output": nir.Output(np.array([7]))},
+        [("d", "output")],
+    )
     for way in ways:
         source, target, *late = way.split()
         name, ins, outs = f"{source}_{target}", SIZES[source], SIZES[target]
-        gain, steps = 0.2 if "back" in late else 1.0, sum(int(word) for word in late if word != "back")
+        gain, steps = (
+            0.2 if "back" in late else 1.0,
+            sum(int(word) for word in late if word != "back"),
+        )
         weight = linear(RNG, outs, ins, gain)
         nodes[name] = nir.Affine(weight.weight, RNG.normal(0.05, 0.05, outs)) if bias else weight
         nodes |= {target: nodes.get(target, lif(RNG, outs))}
@@ -77,7 +83,9 @@ def test_paths_that_meet_are_aligned(ways, depths, tmp_path):
 )
 def test_a_loop_that_is_slower_than_a_frameworks_is_told(way, said, tmp_path):
     start = "A loop over several populations takes a step for each of them here, and one step in a framework"
-    assert load(graph(*CHAIN, way), tmp_path).assumptions[2:] == tuple(f"{start}: {text}." for text in said)
+    assert load(graph(*CHAIN, way), tmp_path).assumptions[2:] == tuple(
+        f"{start}: {text}." for text in said
+    )
 
 
 LOOP = {"input a": 0, "a b": 0, "b a": 0, "b c": 0}
@@ -85,7 +93,15 @@ CHIPS = {
     "a path as long as the other": {"input a": 0, "a b": 0, "input b": 1},
     "a longer one": {"input a": 0, "a b": 0, "input b": 4},
     "a shorter one": {"input a": 0, "a b": 0, "input b": 0},
-    "shorter ones": {"input a": 0, "a b": 0, "b c": 2, "input c": 1, "a c": 0, "c d": 0, "input d": 0},
+    "shorter ones": {
+        "input a": 0,
+        "a b": 0,
+        "b c": 2,
+        "input c": 1,
+        "a c": 0,
+        "c d": 0,
+        "input d": 0,
+    },
     "a shorter one told last": {"c d": 0, "b d": 0, "b c": 0, "a b": 0, "input a": 0, "input c": 0},
     "a loop of two": LOOP,
     "a loop of three": {**LOOP, "b a": 3, "c a": 0},
@@ -106,7 +122,9 @@ def by_hand(ways, names=None):
     names = names or sorted({way.split()[1] for way in ways})
     view, readout = lc.InputView("input", "time", 6), lc.Readout((names[-1],), (1.0,))
     populations = tuple(lc.Population(name, "time", 6, cells) for name in names)
-    return quantize(lc.Network("skips", 6, 40, (view,), populations, onto, readout), chip("loihi-sim"))
+    return quantize(
+        lc.Network("skips", 6, 40, (view,), populations, onto, readout), chip("loihi-sim")
+    )
 
 
 def written(quantized, path):
@@ -129,7 +147,11 @@ def test_what_is_written_spikes_in_a_framework_as_on_the_chip(name, tmp_path):
 def test_what_is_written_has_the_same_relative_delays_when_it_is_read_again(name, held, tmp_path):
     quantized, given = by_hand(CHIPS[name]), spikes((6,))
     graph = written(quantized, tmp_path / "model.nir")
-    delays = [node.delay[0] / 1e-4 for _, node in sorted(graph.nodes.items()) if isinstance(node, nir.Delay)]
+    delays = [
+        node.delay[0] / 1e-4
+        for _, node in sorted(graph.nodes.items())
+        if isinstance(node, nir.Delay)
+    ]
     assert np.rint(delays).tolist() == held
     again = lc.load(tmp_path / "model.nir")
     assert again.assumptions[3:] == ()
@@ -140,13 +162,17 @@ def test_what_is_written_has_the_same_relative_delays_when_it_is_read_again(name
         assert any((ours[: 60 - late] == theirs[late:]).all() for late in range(4)), population.name
 
 
-@pytest.mark.parametrize("names", [("a/b", "c"), ("weights0", "c"), ("c.output", "c"), ("a", "a_", "a/b", "a.b")])
+@pytest.mark.parametrize(
+    "names", [("a/b", "c"), ("weights0", "c"), ("c.output", "c"), ("a", "a_", "a/b", "a.b")]
+)
 def test_every_name_of_a_population_can_be_written(names, tmp_path):
     """A slash made a file that cannot be read; a name of a node that is added was overwritten."""
     chained = by_hand({f"{a} {b}": 0 for a, b in itertools.pairwise(["input", *names])}, names)
     written(chained, tmp_path / "model.nir")
     given = spikes((6,))[None]
-    wanted, found = (evaluate(n, given).spikes for n in (chained.on_grid(), lc.load(tmp_path / "model.nir")))
+    wanted, found = (
+        evaluate(n, given).spikes for n in (chained.on_grid(), lc.load(tmp_path / "model.nir"))
+    )
     for (name, ours), (called, theirs) in zip(wanted.items(), found.items(), strict=True):
         assert called.rstrip("_") == name.replace("/", ".").rstrip("_")
         assert ours.any()

@@ -23,7 +23,9 @@ NEURONS = {
         "rest above": lambda rng, *n: lif(rng, *n, v_leak=1.3, v_reset=0.2),
         "cuba": lambda rng, *n: cuba(rng, *n),
         "cuba rest above": lambda rng, *n: cuba(rng, *n, v_leak=1.2, v_reset=-0.1),
-        "if": lambda rng, *n: nir.IF(np.full(n, 1 / DT), rng.uniform(0.8, 1.5, n), np.full(n, -0.3)),
+        "if": lambda rng, *n: nir.IF(
+            np.full(n, 1 / DT), rng.uniform(0.8, 1.5, n), np.full(n, -0.3)
+        ),
         "threshold": lambda rng, *n: nir.Threshold(rng.uniform(0.2, 1, n)),
     },
     "subtract": {
@@ -38,7 +40,9 @@ def image(rng):
     """Return nodes that lead from an input of (2, 6, 6), their neurons' shape, and what flattens it."""
     kernel = {"stride": 2, "padding": 1, "dilation": 1, "groups": 2, "bias": rng.normal(0, 0.1, 4)}
     conv = nir.Conv2d(input_shape=(6, 6), weight=rng.normal(0.1, 0.3, (4, 1, 3, 3)), **kernel)
-    pool = nir.SumPool2d(kernel_size=np.array([2, 2]), stride=np.array([1, 1]), padding=np.array([0, 0]))
+    pool = nir.SumPool2d(
+        kernel_size=np.array([2, 2]), stride=np.array([1, 1]), padding=np.array([0, 0])
+    )
     return [("conv", conv), ("pool", pool)], (4, 2, 2)
 
 
@@ -60,7 +64,9 @@ def ways(draw, count):
 
 
 def dominators(above, name):
-    return {name} if above.get(name, name) in (name, None) else {name} | dominators(above, above[name])
+    return (
+        {name} if above.get(name, name) in (name, None) else {name} | dominators(above, above[name])
+    )
 
 
 @st.composite
@@ -92,14 +98,18 @@ def graphs(draw):
         weight = linear(rng, sizes[target], sizes[source], scale)
         chain = [names[source]]
         if (sizes[source] == 72 and not source) or (pictured and source == 1):
-            nodes[f"{name}_flat"] = nir.Flatten(input_type={"input": np.array([2, 6, 6] if not source else [4, 2, 2])})
+            nodes[f"{name}_flat"] = nir.Flatten(
+                input_type={"input": np.array([2, 6, 6] if not source else [4, 2, 2])}
+            )
             nodes[f"{name}_flat"].start_dim, nodes[f"{name}_flat"].end_dim = 0, -1
             chain.append(f"{name}_flat")
         if late:
             nodes[f"{name}_delay"] = nir.Delay(np.full(sizes[source], late * DT))
             chain.append(f"{name}_delay")
         biased = source < target and draw(st.booleans())
-        nodes[name] = nir.Affine(weight.weight, rng.normal(0.05, 0.05, sizes[target])) if biased else weight
+        nodes[name] = (
+            nir.Affine(weight.weight, rng.normal(0.05, 0.05, sizes[target])) if biased else weight
+        )
         chain.append(name)
         if draw(st.booleans()):
             nodes[f"{name}_scale"] = nir.Scale(rng.uniform(0.5, 1.5, sizes[target]))
@@ -108,7 +118,12 @@ def graphs(draw):
     shape = (2, 6, 6) if pictured else (8,)
     nodes |= {"input": nir.Input(np.array(shape)), "output": nir.Output(np.array([sizes[count]]))}
     edges = draw(st.permutations([*edges, (names[count], "output")]))
-    return nir.NIRGraph(nodes, edges, type_check=False), shape, {names[k]: depth[k] for k in range(1, count + 1)}, reset
+    return (
+        nir.NIRGraph(nodes, edges, type_check=False),
+        shape,
+        {names[k]: depth[k] for k in range(1, count + 1)},
+        reset,
+    )
 
 
 @given(graphs(), st.sampled_from(["euler", "hold"]))

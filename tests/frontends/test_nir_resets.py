@@ -43,7 +43,11 @@ def two_layers(neuron, bias=True):
         "second": lif(RNG, 5),
         "output": nir.Output(np.array([5])),
     }
-    edges = [*itertools.pairwise(k for k in nodes if k != "back"), ("first", "back"), ("back", "first")]
+    edges = [
+        *itertools.pairwise(k for k in nodes if k != "back"),
+        ("first", "back"),
+        ("back", "first"),
+    ]
     return nir.NIRGraph(nodes, edges, type_check=False)
 
 
@@ -83,7 +87,9 @@ def test_what_a_spike_takes_is_exact_but_for_the_current_that_is_left(tmp_path):
 def test_a_soma_beside_one_dendrite_or_a_single_compartment(tmp_path):
     sizes = {}
     for kind in ("LIF", "CubaLIF"):
-        levels = lower(load(two_layers(NEURONS[kind]), tmp_path, reset="subtract"), hw.chip("loihi-sim"), 8)
+        levels = lower(
+            load(two_layers(NEURONS[kind]), tmp_path, reset="subtract"), hw.chip("loihi-sim"), 8
+        )
         sizes[kind] = [g.name for g in levels.compartments.groups if g.name.startswith("first")]
     assert sizes == {"LIF": ["first"], "CubaLIF": ["first", "first/dendrite"]}
 
@@ -127,7 +133,9 @@ def test_a_tau_without_end_integrates(kind, tmp_path):
     integrator = nir.IF(r=zero + 1 / DT, v_threshold=zero + 1.5, v_reset=zero)
     weights, given = linear(RNG, 12, 10), spikes((10,))
     wanted = run(chain((10,), ("fc", weights), ("n", integrator)), given, DT)["n"]
-    found = evaluate(load(chain((10,), ("fc", weights), ("n", node)), tmp_path), given[None]).spikes["n"]
+    found = evaluate(
+        load(chain((10,), ("fc", weights), ("n", node)), tmp_path), given[None]
+    ).spikes["n"]
     np.testing.assert_array_equal(found[0, 1:], wanted[:-1])
 
 
@@ -174,7 +182,9 @@ TONIC = {
 @pytest.mark.parametrize("reset", ["zero", "late-zero"])
 @pytest.mark.parametrize("how", ["euler", "hold"])
 @pytest.mark.parametrize("name", TONIC)
-def test_neurons_whose_rest_is_above_their_threshold_start_there_and_spike_by_themselves(name, how, reset, tmp_path):
+def test_neurons_whose_rest_is_above_their_threshold_start_there_and_spike_by_themselves(
+    name, how, reset, tmp_path
+):
     graph, given = two_layers(TONIC[name]), spikes((10,))
     graph.nodes["second"] = TONIC[name]
     graph.nodes["fc2"] = linear(RNG, 12, 12, 0.3)
@@ -187,7 +197,11 @@ def test_neurons_whose_rest_is_above_their_threshold_start_there_and_spike_by_th
 
 @pytest.mark.parametrize("reset", ["zero", "subtract"])
 def test_weights_of_several_delays_fit_the_formats_of_a_core(reset, tmp_path):
-    layer = {"input": nir.Input(np.array([10])), "n": cuba(RNG, 12), "output": nir.Output(np.array([12]))}
+    layer = {
+        "input": nir.Input(np.array([10])),
+        "n": cuba(RNG, 12),
+        "output": nir.Output(np.array([12])),
+    }
     edges = [("n", "output"), ("n", "back"), ("back", "n")]
     for delay in (0, 1, 3, 7):
         layer |= {f"d{delay}": nir.Delay(np.full(10, delay * DT)), f"w{delay}": linear(RNG, 12, 10)}

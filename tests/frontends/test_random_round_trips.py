@@ -29,13 +29,20 @@ def neurons(draw, size, rng, shared):
     kind = draw(st.sampled_from(["LIF", "CubaLIF", "IF", "Threshold"]))
     dtype = draw(st.sampled_from([np.float32, np.float64]))
     n = 1 if shared and draw(st.booleans()) else size
-    floor, leak = (rng.uniform(-0.5, 0.5, n) if draw(st.booleans()) else np.zeros(n) for _ in range(2))
+    floor, leak = (
+        rng.uniform(-0.5, 0.5, n) if draw(st.booleans()) else np.zeros(n) for _ in range(2)
+    )
     limit = np.maximum(np.maximum(floor, leak), 0) + rng.uniform(0.3, 2, n)
     tau = rng.uniform(2e-3, 3e-2, n)
     if kind == "Threshold":
         return nir.Threshold(limit.astype(dtype))
     if kind == "IF":
-        return nir.IF(*(v.astype(dtype) for v in (1 / DT * rng.uniform(0.5, 2, n), limit, np.minimum(floor, 0))))
+        return nir.IF(
+            *(
+                v.astype(dtype)
+                for v in (1 / DT * rng.uniform(0.5, 2, n), limit, np.minimum(floor, 0))
+            )
+        )
     common = {"r": tau / DT, "v_leak": leak, "v_threshold": limit, "v_reset": floor}
     if kind == "LIF":
         return nir.LIF(**{key: v.astype(dtype) for key, v in {"tau": tau, **common}.items()})
@@ -48,7 +55,14 @@ def layers(draw, ins, rng, shared):
     """Draw the nodes of a layer, as (name, node), and its size; recurrent weights are called ``back``."""
     size = draw(st.integers(1, 5))
     weight = rng.normal(0.2, 1, (size, ins))
-    named = [("w", nir.Affine(weight, rng.normal(0, 0.1, size)) if draw(st.booleans()) else nir.Linear(weight))]
+    named = [
+        (
+            "w",
+            nir.Affine(weight, rng.normal(0, 0.1, size))
+            if draw(st.booleans())
+            else nir.Linear(weight),
+        )
+    ]
     if draw(st.booleans()):
         named.append(("s", nir.Scale(rng.uniform(0.5, 2, size))))
     if draw(st.booleans()):
@@ -75,16 +89,27 @@ def graphs(draw, depth=1):
         chain = [name for name in inside if name != "back"]
         links += itertools.pairwise(chain)
         if nested:
-            whole = {"in": nir.Input(np.array([size])), **inside, "out": nir.Output(np.array([outs]))}
-            nodes[f"sub{number}"] = nir.NIRGraph(whole, [("in", chain[0]), *links, ("n", "out")], type_check=False)
+            whole = {
+                "in": nir.Input(np.array([size])),
+                **inside,
+                "out": nir.Output(np.array([outs])),
+            }
+            nodes[f"sub{number}"] = nir.NIRGraph(
+                whole, [("in", chain[0]), *links, ("n", "out")], type_check=False
+            )
             edges, before = [*edges, (before, f"sub{number}")], f"sub{number}"
         else:
             nodes |= {f"{name}{number}": node for name, node in inside.items()}
-            edges += [(before, f"{chain[0]}{number}"), *((f"{a}{number}", f"{b}{number}") for a, b in links)]
+            edges += [
+                (before, f"{chain[0]}{number}"),
+                *((f"{a}{number}", f"{b}{number}") for a, b in links),
+            ]
             before = f"n{number}"
         size = outs
     nodes["output"] = nir.Output(np.array([size]))
-    return nir.NIRGraph(nodes, draw(st.permutations([*edges, (before, "output")])), type_check=False)
+    return nir.NIRGraph(
+        nodes, draw(st.permutations([*edges, (before, "output")])), type_check=False
+    )
 
 
 @st.composite
@@ -134,7 +159,9 @@ def test_nir_to_ours_to_nir(graph, reset):
         metadata = nir.read(after, type_check=False).metadata
     for k, p in enumerate(quantized.projections):
         dense_form = p.mantissa if isinstance(p.mantissa, np.ndarray) else p.mantissa.toarray()
-        rows, columns, held = (metadata[f"quantized.projection{k}.{key}"] for key in ("rows", "columns", "mantissa"))
+        rows, columns, held = (
+            metadata[f"quantized.projection{k}.{key}"] for key in ("rows", "columns", "mantissa")
+        )
         np.testing.assert_array_equal(dense_form[rows, columns], held)
         assert np.count_nonzero(dense_form) == np.count_nonzero(held)
     for q in quantized.populations:
@@ -142,7 +169,8 @@ def test_nir_to_ours_to_nir(graph, reset):
             taps = metadata[f"quantized.{q.population.name}.refractory.mantissa"]
             np.testing.assert_array_equal(taps, q.neuron.refractory.mantissa)
         np.testing.assert_array_equal(
-            metadata[f"quantized.{q.population.name.replace('/', '.')}.threshold"], q.neuron.threshold
+            metadata[f"quantized.{q.population.name.replace('/', '.')}.threshold"],
+            q.neuron.threshold,
         )
 
 

@@ -48,7 +48,9 @@ def test_the_chip_predicts_so_too_in_both_engines_and_from_a_file(kind, tmp_path
         for engine in ("fast", "reference"):
             result = hw.simulate(program, GIVEN, engine=engine, probe=("potential",))
             np.testing.assert_array_equal(result.prediction, predicted)
-            np.testing.assert_array_equal(result.scores, result.potential["read"][:, 2:].max(axis=1))
+            np.testing.assert_array_equal(
+                result.scores, result.potential["read"][:, 2:].max(axis=1)
+            )
     over_time = compiled.report["over_time"]
     assert over_time["right"]["together"][-1] == 1.0
     assert over_time["proven_stop"]["steps"] <= over_time["proven_stop"]["all_steps"] == 60
@@ -88,7 +90,9 @@ def test_sessions_and_stops_predict_by_potentials(kind, tmp_path):
     program = lc.compile(load(graph(kind), tmp_path), events=GIVEN, diagnosis=False).program
     whole = hw.simulate(program, GIVEN, probe=("potential",))
     session = hw.Session(program)
-    for recording, potential, prediction in zip(GIVEN, whole.potential["read"], whole.prediction, strict=True):
+    for recording, potential, prediction in zip(
+        GIVEN, whole.potential["read"], whole.prediction, strict=True
+    ):
         session.reset()
         rows = [session.push(row) for row in recording]
         assert rows[1].scores.tolist() == [[0] * 5]
@@ -124,4 +128,6 @@ def test_probes_and_readout_are_kept_side_by_side(probes, engine, tmp_path):
     wanted = probes[-1] if isinstance(probes[-1], hw.Probe) else hw.Probe("potential")
     rows = slice(None) if wanted.steps is None else slice(wanted.steps.start, wanted.steps.stop)
     assert sorted(found.potential) == sorted(wanted.populations or program.populations)
-    assert all(np.array_equal(found.potential[name], every[name][:, rows]) for name in found.potential)
+    assert all(
+        np.array_equal(found.potential[name], every[name][:, rows]) for name in found.potential
+    )

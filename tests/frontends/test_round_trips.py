@@ -25,7 +25,9 @@ def datasets(path, root):
     with h5py.File(path) as file:
         file[root].visititems(
             lambda name, item: (
-                found.update({name: item[()]}) if isinstance(item, h5py.Dataset) and "metadata" not in name else None
+                found.update({name: item[()]})
+                if isinstance(item, h5py.Dataset) and "metadata" not in name
+                else None
             )
         )
     return found
@@ -35,7 +37,9 @@ def assert_equal(before, after):
     assert sorted(before) == sorted(after)
     for name, value in before.items():
         if name.endswith("edges"):
-            assert {tuple(edge) for edge in value.tolist()} == {tuple(edge) for edge in after[name].tolist()}
+            assert {tuple(edge) for edge in value.tolist()} == {
+                tuple(edge) for edge in after[name].tolist()
+            }
         else:
             np.testing.assert_array_equal(after[name], value, err_msg=name)
 
@@ -45,8 +49,12 @@ def test_nir_to_ours_to_nir_loses_nothing(name, tmp_path):
     nir.write(tmp_path / "before.nir", GRAPHS[name][0])
     network = lc.load(tmp_path / "before.nir", dt=DT)
     (tmp_path / "after.nir").write_bytes(exchange_file("nir", quantize(network, CHIP)))
-    assert_equal(datasets(tmp_path / "before.nir", "node"), datasets(tmp_path / "after.nir", "node"))
-    assert set(nir.read(tmp_path / "after.nir", type_check=False).nodes) == set(GRAPHS[name][0].nodes)
+    assert_equal(
+        datasets(tmp_path / "before.nir", "node"), datasets(tmp_path / "after.nir", "node")
+    )
+    assert set(nir.read(tmp_path / "after.nir", type_check=False).nodes) == set(
+        GRAPHS[name][0].nodes
+    )
 
 
 @pytest.mark.parametrize("name", NETS)
@@ -54,7 +62,9 @@ def test_net_to_ours_to_net_loses_nothing(name, tmp_path):
     write_net(tmp_path / "before.net", NETS[name])
     network = lc.load(tmp_path / "before.net")
     (tmp_path / "after.net").write_bytes(exchange_file("net", quantize(network, CHIP)))
-    assert_equal(datasets(tmp_path / "before.net", "layer"), datasets(tmp_path / "after.net", "layer"))
+    assert_equal(
+        datasets(tmp_path / "before.net", "layer"), datasets(tmp_path / "after.net", "layer")
+    )
 
 
 def test_the_quantised_integers_are_in_the_metadata(tmp_path):
@@ -64,15 +74,19 @@ def test_the_quantised_integers_are_in_the_metadata(tmp_path):
     metadata = nir.read(tmp_path / "after.nir", type_check=False).metadata
     for k, p in enumerate(quantized.projections):
         dense = np.zeros(p.mantissa.shape, dtype=int)
-        dense[metadata[f"quantized.projection{k}.rows"], metadata[f"quantized.projection{k}.columns"]] = metadata[
-            f"quantized.projection{k}.mantissa"
-        ]
+        dense[
+            metadata[f"quantized.projection{k}.rows"], metadata[f"quantized.projection{k}.columns"]
+        ] = metadata[f"quantized.projection{k}.mantissa"]
         np.testing.assert_array_equal(dense, p.mantissa)
     for q in quantized.populations:
-        np.testing.assert_array_equal(metadata[f"quantized.{q.population.name}.decay_v"], q.neuron.decay_v)
+        np.testing.assert_array_equal(
+            metadata[f"quantized.{q.population.name}.decay_v"], q.neuron.decay_v
+        )
 
 
-@pytest.mark.parametrize("name", ["dense", "bias", "one delay", "delay of a neuron", "recurrent", "conv"])
+@pytest.mark.parametrize(
+    "name", ["dense", "bias", "one delay", "delay of a neuron", "recurrent", "conv"]
+)
 def test_a_net_as_nir_has_the_same_constants(name, tmp_path):
     write_net(tmp_path / "model.net", NETS[name])
     network = lc.load(tmp_path / "model.net")
@@ -91,10 +105,15 @@ def test_a_net_as_nir_has_the_same_constants(name, tmp_path):
 def chain(*mantissas):
     """Integers of one layer behind ten channels, in as many formats as there are mantissas."""
     cells = lc.ChipCuba.of(3, decay_u=1024, decay_v=128, threshold=100)
-    parts = tuple(lc.ChipProjection("touch", "cells", m, exponent, 8) for exponent, m in enumerate(mantissas))
+    parts = tuple(
+        lc.ChipProjection("touch", "cells", m, exponent, 8) for exponent, m in enumerate(mantissas)
+    )
     touch, readout = lc.InputView("touch", "time", 10), lc.Readout(("cells",), (1.0,))
     return quantize(
-        lc.Network("chain", 10, 40, (touch,), (lc.Population("cells", "time", 3, cells),), parts, readout), CHIP
+        lc.Network(
+            "chain", 10, 40, (touch,), (lc.Population("cells", "time", 3, cells),), parts, readout
+        ),
+        CHIP,
     )
 
 

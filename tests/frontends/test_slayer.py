@@ -66,18 +66,30 @@ def test_kernels_may_be_cut_in_the_reference_and_the_chip_keeps_them(tmp_path):
 
 def test_tails_of_kernels_are_a_stage_where_the_reference_cuts_them(tmp_path):
     """The budget was of whole kernels, and the cause what the other stages do to those, in both of which tails lack."""
-    network = lc.load(*write(tmp_path, {"fc1": weights(8, 12), "fc2": weights(4, 8)}, steps=200), kernels="cut")
-    report = lc.compile(network, events=spikes(12, steps=200, rate=0.05)[None], strategy="dendrite").report
-    match, budget, first = report["match"], report["error_budget"], report["match"]["first_divergence"]
+    network = lc.load(
+        *write(tmp_path, {"fc1": weights(8, 12), "fc2": weights(4, 8)}, steps=200), kernels="cut"
+    )
+    report = lc.compile(
+        network, events=spikes(12, steps=200, rate=0.05)[None], strategy="dendrite"
+    ).report
+    match, budget, first = (
+        report["match"],
+        report["error_budget"],
+        report["match"]["first_divergence"],
+    )
     assert budget["together"]["spike_agreement"] == match["spike_agreement"] < 1
-    assert budget["alone"]["tails"]["spike_agreement"] < budget["all_but"]["tails"]["spike_agreement"]
+    assert (
+        budget["alone"]["tails"]["spike_agreement"] < budget["all_but"]["tails"]["spike_agreement"]
+    )
     assert (budget["unexplained_spikes"], budget["kernel_tail"]) == (0, None)
     moved = first["chip_potential"] - first["reference_potential"]
     assert first["cause"]["moved_together"] == pytest.approx(moved, abs=1e-9)
     by, start = first["cause"]["moved_by"], first["reference_potential"]
     assert by["tails"]
     decided = {
-        stage for stage, far in by.items() if (start + far >= first["threshold"]) != (start >= first["threshold"])
+        stage
+        for stage, far in by.items()
+        if (start + far >= first["threshold"]) != (start >= first["threshold"])
     }
     assert decided == set(first["cause"]["enough_alone"])
 
@@ -109,7 +121,12 @@ def test_loihi_layers_are_integers_and_spike_as_these_mean(tmp_path):
     first, second = rng.normal(0, 60, (9, 12)), rng.normal(10, 60, (4, 9))
     network = lc.load(*write(tmp_path, {"fc1": first, "fc2": second}, LOIHI))
     layers = [
-        {"type": "dense", "shape": [len(w)], "weight": 2 * np.round(np.float32(w).astype(float) / 2), "neuron": LOIHI}
+        {
+            "type": "dense",
+            "shape": [len(w)],
+            "weight": 2 * np.round(np.float32(w).astype(float) / 2),
+            "neuron": LOIHI,
+        }
         for w in (first, second)
     ]
     given = spikes(12, 80)
@@ -117,7 +134,9 @@ def test_loihi_layers_are_integers_and_spike_as_these_mean(tmp_path):
     compiled = lc.compile(network, events=given[None], diagnosis=False)
     result = hw.simulate(compiled.program, given)
     for number, name in enumerate(("fc1", "fc2")):
-        np.testing.assert_array_equal(network.projections[number].mantissa, layers[number]["weight"])
+        np.testing.assert_array_equal(
+            network.projections[number].mantissa, layers[number]["weight"]
+        )
         np.testing.assert_array_equal(result.spikes[name], wanted[number])
     assert wanted[1].sum() > 10
     assert compiled.match.spikes.agreement == 1
@@ -144,7 +163,9 @@ def test_weight_normalisation_is_multiplied_out(names, tmp_path):
 
 def test_delays_belong_to_the_spikes_of_the_layer_of_their_size(tmp_path):
     delay = torch.tensor([0.0, 1.2, 2.9, 70.0]).reshape(1, 4, 1, 1, 1)
-    network = lc.load(*write(tmp_path, {"fc1": weights(4, 6), "fc2": weights(3, 4)}, extra={"delay.delay": delay}))
+    network = lc.load(
+        *write(tmp_path, {"fc1": weights(4, 6), "fc2": weights(3, 4)}, extra={"delay.delay": delay})
+    )
     np.testing.assert_array_equal(network.projections[1].delay, np.tile([0, 1, 2, 62], (3, 1)))
     assert np.max(network.projections[0].delay) == 0
 
@@ -153,7 +174,12 @@ LOCATION = {"theta": 4.0, "tauSr": 3.0, "tauRef": 2.0}
 
 
 def hybrid_weights():
-    return {"fc1": weights(4, 78), "fc2": weights(3, 4), "locationFc1": weights(4, 60), "locationFc2": weights(3, 4)}
+    return {
+        "fc1": weights(4, 78),
+        "fc2": weights(3, 4),
+        "locationFc1": weights(4, 60),
+        "locationFc2": weights(3, 4),
+    }
 
 
 @pytest.mark.parametrize("key", ["location_neuron", "locationNeuron"])
@@ -161,7 +187,9 @@ def test_location_neurons_have_their_own_constants_and_delays(key, tmp_path):
     held = hybrid_weights()
     delay = torch.tensor([0.0, 1.2, 2.9, 70.0]).reshape(1, 4, 1, 1, 1)
     kernels = {f"locationSlayer.{n}": torch.tensor(kernel(t, f)).float() for n, t, f in KERNELS}
-    network = lc.load(*write(tmp_path, held, extra={"locationDelay.delay": delay, **kernels}, **{key: LOCATION}))
+    network = lc.load(
+        *write(tmp_path, held, extra={"locationDelay.delay": delay, **kernels}, **{key: LOCATION})
+    )
     assert [p.neuron.theta for p in network.populations] == [10.0, 10.0, 4.0, 4.0]
     late = np.array([0, 1, 2, 62])
     assert [np.max(p.delay) for p in network.projections] == [0, 0, 0, 62]
@@ -170,8 +198,12 @@ def test_location_neurons_have_their_own_constants_and_delays(key, tmp_path):
     first = srm_layer(held["locationFc1"], given.T, SRM | LOCATION)
     found = evaluate(network, given[np.newaxis]).spikes
     np.testing.assert_array_equal(found["locationFc1"][0], first)
-    heard = np.stack([np.pad(first[:, i], (d, 0))[: len(first)] for i, d in enumerate(late)], axis=1)
-    np.testing.assert_array_equal(found["locationFc2"][0], srm_layer(held["locationFc2"], heard, SRM | LOCATION))
+    heard = np.stack(
+        [np.pad(first[:, i], (d, 0))[: len(first)] for i, d in enumerate(late)], axis=1
+    )
+    np.testing.assert_array_equal(
+        found["locationFc2"][0], srm_layer(held["locationFc2"], heard, SRM | LOCATION)
+    )
     assert found["locationFc2"].sum() > 0
 
 
@@ -186,7 +218,9 @@ KERNELS = (("srmKernel", 3.0, 1), ("refKernel", 2.0, -2.0 * 4.0))
             "config 'net.yaml', location_neuron.type: it differs from the type of the other neurons. Leave it out.",
             id="another kind",
         ),
-        pytest.param(3, "config 'net.yaml': section 'location_neuron' is missing. {fix}", id="no section"),
+        pytest.param(
+            3, "config 'net.yaml': section 'location_neuron' is missing. {fix}", id="no section"
+        ),
         pytest.param(
             {"tauSr": 4.0},
             "model 'model.pt', entry 'locationSlayer.srmKernel': the kernel is not that of the YAML (0.239 apart). "
@@ -199,7 +233,9 @@ def test_location_neurons_that_cannot_be(location, message, tmp_path):
     kernels = {f"locationSlayer.{n}": torch.tensor(kernel(t, f)).float() for n, t, f in KERNELS[:1]}
     with pytest.raises(lc.InputError) as caught:
         lc.load(*write(tmp_path, hybrid_weights(), extra=kernels, location_neuron=location))
-    assert str(caught.value) == message.replace("{fix}", "Give slayerPytorch's network description.")
+    assert str(caught.value) == message.replace(
+        "{fix}", "Give slayerPytorch's network description."
+    )
 
 
 def test_cut_kernels_are_cut_along_both_axes(tmp_path):
@@ -228,7 +264,10 @@ def listed(folder, entries=LISTED, neuron=LOIHI, **more):
     """Write a network of a list of layers, as slayerPytorch's Loihi networks name them."""
     shapes = {0: (4, 2, 3, 3, 1), 1: (1, 1, 2, 2, 1), 2: (3, 4, 2, 2, 1), 4: (5, 6, 1, 1, 1)}
     rng = np.random.default_rng(5)
-    state = {f"blocks.{i}.weightOp.weight": torch.tensor(rng.normal(40, 60, s)).float() for i, s in shapes.items()}
+    state = {
+        f"blocks.{i}.weightOp.weight": torch.tensor(rng.normal(40, 60, s)).float()
+        for i, s in shapes.items()
+    }
     state["blocks.0.delayOp.delay"] = torch.tensor([0.0, 3.2, 1.0, 2.0]).reshape(1, 4, 1, 1, 1)
     return (*write(folder, {}, neuron, extra={**state, **more}, layer=entries), state)
 
@@ -247,7 +286,10 @@ def test_listed_convolutions_and_pooling_spike_as_their_integers_mean(tmp_path):
     given = spikes(2 * 6 * 7, 60)
     first = play_layer(layers[0], given, (2, 6, 7)).reshape(60, 4, 6, 7)
     late = np.stack(
-        [np.roll(first[:, c], d, axis=0) * (np.arange(60) >= d)[:, None, None] for c, d in enumerate((0, 3, 1, 2))],
+        [
+            np.roll(first[:, c], d, axis=0) * (np.arange(60) >= d)[:, None, None]
+            for c, d in enumerate((0, 3, 1, 2))
+        ],
         axis=1,
     )
     padded = np.pad(late, [(0, 0), (0, 0), (0, 0), (0, 1)])
@@ -257,7 +299,9 @@ def test_listed_convolutions_and_pooling_spike_as_their_integers_mean(tmp_path):
     compiled = lc.compile(network, events=given[None], diagnosis=False)
     found = hw.simulate(compiled.program, given).spikes
     for name, wanted in zip(
-        [p.name for p in network.populations], (first.reshape(60, -1), second, third, last), strict=True
+        [p.name for p in network.populations],
+        (first.reshape(60, -1), second, third, last),
+        strict=True,
     ):
         np.testing.assert_array_equal(found[name], wanted, err_msg=name)
         assert wanted.sum() > 5
@@ -267,7 +311,9 @@ def test_listed_convolutions_and_pooling_spike_as_their_integers_mean(tmp_path):
 def test_srm_convolutions_are_linear_layers(tmp_path):
     path, config, state = listed(tmp_path, neuron=SRM)
     weights = lc.load(path, config).projections[1].weights
-    assert set(values_of(weights).tolist()) == set(state["blocks.1.weightOp.weight"].double().ravel().tolist())
+    assert set(values_of(weights).tolist()) == set(
+        state["blocks.1.weightOp.weight"].double().ravel().tolist()
+    )
 
 
 def other_kernel(tau):
@@ -329,7 +375,9 @@ REFUSED = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("made", "message"), [row[1:] for row in REFUSED], ids=[row[0] for row in REFUSED])
+@pytest.mark.parametrize(
+    ("made", "message"), [row[1:] for row in REFUSED], ids=[row[0] for row in REFUSED]
+)
 def test_what_cannot_be_used_is_said_in_a_line(made, message, tmp_path):
     kernels = {"kernels 'short'": "short", "kernels 'cut'": "cut"}.get(message.partition(":")[0])
     with pytest.raises(lc.InputError) as caught:
@@ -338,4 +386,6 @@ def test_what_cannot_be_used_is_said_in_a_line(made, message, tmp_path):
 
 
 def test_biases_of_zero_change_nothing(tmp_path):
-    assert [p.name for p in lc.load(*replaced(tmp_path, "fc1.bias", torch.zeros(4))).populations] == ["fc1", "fc2"]
+    assert [
+        p.name for p in lc.load(*replaced(tmp_path, "fc1.bias", torch.zeros(4))).populations
+    ] == ["fc1", "fc2"]

@@ -51,7 +51,9 @@ class Job:
         if "fault" in document:
             self.faults.append(document)
         for key, value in document.get("figures", {}).items():
-            self.figures[key] = self.figures[key] + value if key in COUNTED else max(self.figures[key], value)
+            self.figures[key] = (
+                self.figures[key] + value if key in COUNTED else max(self.figures[key], value)
+            )
 
     def end(self, status):
         """Note the end of the process; tell whether cases are left, where one of them ended it."""
@@ -126,14 +128,20 @@ def table(jobs):
         "| --- | --- | --- | --- | --- | --- | --- |",
     ]
     for name, row in rows.items():
-        lines.append(f"| {name} | " + " | ".join(f"{row[key]:,.0f}" for key in ("cases", *COUNTED, *LARGEST)) + " |")
+        lines.append(
+            f"| {name} | "
+            + " | ".join(f"{row[key]:,.0f}" for key in ("cases", *COUNTED, *LARGEST))
+            + " |"
+        )
     return lines
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--cases", type=int, default=22_950, help="of all readers together")
-    parser.add_argument("--first", type=int, default=0, help="number of the first case of each reader")
+    parser.add_argument(
+        "--first", type=int, default=0, help="number of the first case of each reader"
+    )
     parser.add_argument("--reader", action="append", choices=[reader.name for reader in READERS])
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--json", action="store_true")
@@ -146,7 +154,11 @@ def main():
     run_jobs(jobs, args.jobs)
     faults = [{"reader": job.reader.name, **fault} for job in jobs for fault in job.faults]
     if args.json:
-        print(json.dumps({"figures": {job.reader.name: job.figures for job in jobs}, "faults": faults}))
+        print(
+            json.dumps(
+                {"figures": {job.reader.name: job.figures for job in jobs}, "faults": faults}
+            )
+        )
     else:
         print("\n".join([*table(jobs), *map(str, faults)]))
     return 1 if faults else 0

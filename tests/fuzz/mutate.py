@@ -11,11 +11,63 @@ import zipfile
 import h5py
 import numpy as np
 
-SIZES = (0, 1, 2, 0x7F, 0x80, 0xFF, 0x7FFF, 0xFFFF, 0x7FFFFFFF, 0xFFFFFFFF, 2**40, 2**63 - 1, 2**64 - 1)
+SIZES = (
+    0,
+    1,
+    2,
+    0x7F,
+    0x80,
+    0xFF,
+    0x7FFF,
+    0xFFFF,
+    0x7FFFFFFF,
+    0xFFFFFFFF,
+    2**40,
+    2**63 - 1,
+    2**64 - 1,
+)
 WORDS = (
-    *("0", "-1", "1e999", ".nan", "NaN", "-.inf", "1.5", "99999999999999999999", "1e-320", "true", "null", "''", "[]"),
-    *("{}", "[1, 2]", "{a: 1}", "&a [*a]", "*a", "!!python/object/apply:os.system ['touch ran']", "!!binary aGk=", "~"),
-    *("../../ran", "\x1b[31m", "\u202e", "\ud800", "=", "<<", "2026-01-01", "0x10", "1_000", "|", '"', "'", ":", "-"),
+    *(
+        "0",
+        "-1",
+        "1e999",
+        ".nan",
+        "NaN",
+        "-.inf",
+        "1.5",
+        "99999999999999999999",
+        "1e-320",
+        "true",
+        "null",
+        "''",
+        "[]",
+    ),
+    *(
+        "{}",
+        "[1, 2]",
+        "{a: 1}",
+        "&a [*a]",
+        "*a",
+        "!!python/object/apply:os.system ['touch ran']",
+        "!!binary aGk=",
+        "~",
+    ),
+    *(
+        "../../ran",
+        "\x1b[31m",
+        "\u202e",
+        "\ud800",
+        "=",
+        "<<",
+        "2026-01-01",
+        "0x10",
+        "1_000",
+        "|",
+        '"',
+        "'",
+        ":",
+        "-",
+    ),
     *(
         '"\\ud800"',
         "0.5",
@@ -57,7 +109,12 @@ ARRAYS = (
 
 def mutated(data, kind, chance):
     """Return ``data`` with a few faults; ``kind``: bytes, text, zip or hdf5."""
-    ways = {"bytes": (damage,), "text": (damage, retype), "zip": (damage, repack, repack), "hdf5": (damage, regraph)}
+    ways = {
+        "bytes": (damage,),
+        "text": (damage, retype),
+        "zip": (damage, repack, repack),
+        "hdf5": (damage, regraph),
+    }
     chosen = [chance.choice(ways[kind]) for _ in range(chance.choice((1, 1, 1, 2, 4)))]
     # Libraries that write are not for damaged files: those come after.
     for way in sorted(chosen, key=lambda way: way is damage):
@@ -128,7 +185,9 @@ def repack(data, chance):
         del members[at]
     elif way == 2:
         members[at] = (
-            chance.choice(("../../ran", "/ran", "a" * 300, "\x1b[31m.npy", "", name + "/", "x/../" + name)),
+            chance.choice(
+                ("../../ran", "/ran", "a" * 300, "\x1b[31m.npy", "", name + "/", "x/../" + name)
+            ),
             content,
         )
     elif way == 3:
@@ -144,7 +203,9 @@ def repack(data, chance):
     with zipfile.ZipFile(packed, "w") as archive:
         for entry, inside in members:
             member = zipfile.ZipInfo(entry.replace("\x00", ""))
-            member.compress_type = chance.choice((zipfile.ZIP_STORED, zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED))
+            member.compress_type = chance.choice(
+                (zipfile.ZIP_STORED, zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+            )
             member.external_attr = chance.choice((0o644, 0o644, 0o120777)) << 16
             archive.writestr(member, inside)
     return packed.getvalue()
@@ -188,7 +249,9 @@ def _change(file, path, other, chance):
         del file[path]
     elif way == 1:
         del file[path]
-        file[path] = chance.choice((h5py.SoftLink("/nowhere"), h5py.SoftLink("/"), h5py.ExternalLink("ran", "/")))
+        file[path] = chance.choice(
+            (h5py.SoftLink("/nowhere"), h5py.SoftLink("/"), h5py.ExternalLink("ran", "/"))
+        )
     elif way == 2:
         del file[path]
         file.create_group(path)
@@ -198,7 +261,9 @@ def _change(file, path, other, chance):
         file[f"{path}/deep" if isinstance(held, h5py.Group) else f"{path}_again"] = file[other]
     elif way == 5:
         del file[path]
-        file[path] = chance.choice((np.nan, "text", b"bytes", 2**63 - 1, -1, 0, [], h5py.Empty("f4"), "é" * 5000))
+        file[path] = chance.choice(
+            (np.nan, "text", b"bytes", 2**63 - 1, -1, 0, [], h5py.Empty("f4"), "é" * 5000)
+        )
     elif isinstance(held, h5py.Dataset) and held.dtype.kind in "biuf":
         array = chance.choice(ARRAYS)(np.asarray(held[()]))
         del file[path]
@@ -223,7 +288,9 @@ def _change(file, path, other, chance):
                 "Scale",
                 "I",
             ]
-            texts[chance.randrange(texts.size)] = chance.choice((*words, texts[chance.randrange(texts.size)]))
+            texts[chance.randrange(texts.size)] = chance.choice(
+                (*words, texts[chance.randrange(texts.size)])
+            )
         shape = held.shape
         del file[path]
         file.create_dataset(path, data=texts.reshape(shape), dtype=h5py.string_dtype())

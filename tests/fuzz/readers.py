@@ -87,7 +87,9 @@ def as_before_torch_1_6(path):
         pickler = OldPickler(old, protocol=2)
         pickler.storages = []
         pickler.dump(torch.load(path, weights_only=True))
-        pickle.dump([f"{number + 1:04}" for number in range(len(pickler.storages))], old, protocol=2)
+        pickle.dump(
+            [f"{number + 1:04}" for number in range(len(pickler.storages))], old, protocol=2
+        )
         for held in pickler.storages:
             values = torch.tensor([], dtype=held.dtype).set_(held).numpy()
             old.write(len(values).to_bytes(8, "little") + values.tobytes())
@@ -104,11 +106,29 @@ def nir_files(folder):
 
 def net_files(folder):
     rng = np.random.default_rng(2)
-    write_net(folder / "a.net", [dense(rng, 5, 4), dense(rng, 3, 5, delay=np.arange(3.0), bias=even(rng, 3))])
-    conv = dense(rng, 2, 2) | {"type": "conv", "weight": even(rng, 2, 1, 3, 3), "inChannels": 1, "outChannels": 2}
-    conv |= {"kernelSize": [3, 3], "stride": [1, 1], "padding": [1, 1], "dilation": [1, 1], "groups": 1}
+    write_net(
+        folder / "a.net",
+        [dense(rng, 5, 4), dense(rng, 3, 5, delay=np.arange(3.0), bias=even(rng, 3))],
+    )
+    conv = dense(rng, 2, 2) | {
+        "type": "conv",
+        "weight": even(rng, 2, 1, 3, 3),
+        "inChannels": 1,
+        "outChannels": 2,
+    }
+    conv |= {
+        "kernelSize": [3, 3],
+        "stride": [1, 1],
+        "padding": [1, 1],
+        "dilation": [1, 1],
+        "groups": 1,
+    }
     conv["shape"] = np.array([2, 4, 4])
-    layers = [{"type": "input", "shape": np.array([1, 4, 4])}, conv, {"type": "flatten", "shape": np.array([32])}]
+    layers = [
+        {"type": "input", "shape": np.array([1, 4, 4])},
+        conv,
+        {"type": "flatten", "shape": np.array([32])},
+    ]
     write_net(folder / "b.net", [*layers, dense(rng, 3, 32)])
     return ["a.net", "b.net"]
 
@@ -145,9 +165,14 @@ def recordings(*names, members="npy", structured=False, one=False):
 
 def raw_text(folder):
     times = np.sort(np.random.default_rng(4).uniform(100, 101, 60))
-    lines = [f"{i % 2} {cell} {t:.6f}" for i, (cell, t) in enumerate(zip(np.arange(60) % 16 + 1, times, strict=True))]
+    lines = [
+        f"{i % 2} {cell} {t:.6f}"
+        for i, (cell, t) in enumerate(zip(np.arange(60) % 16 + 1, times, strict=True))
+    ]
     (folder / "a.tact").write_text("\n".join(lines))
-    (folder / "a.startend").write_text("start 1\nreaching 2\nreached 3\ngrasping 100.0\nlifting 105\nholding 110\n")
+    (folder / "a.startend").write_text(
+        "start 1\nreaching 2\nreached 3\ngrasping 100.0\nlifting 105\nholding 110\n"
+    )
     return ["a.tact"]
 
 
@@ -175,7 +200,11 @@ def spike_times(folder):
                 rows[index] = np.random.default_rng(index).uniform(0, top, 5).astype(kind)
         file["labels"], file["extra/keys"] = [0, 1, 0], [b"left", b"right"]
     with h5py.File(folder / "b.h5", "w") as file:
-        file["spikes"], file["labels"], file["class_names"] = TOUCHES.spikes, [0, 1], ["left", "right"]
+        file["spikes"], file["labels"], file["class_names"] = (
+            TOUCHES.spikes,
+            [0, 1],
+            ["left", "right"],
+        )
         file["axes"], file["step_seconds"] = "samples,steps,channels", 0.02
     return ["a.h5", "b.h5"]
 
@@ -189,7 +218,13 @@ def class_folders(folder):
 
 
 def layouts(folder):
-    lines = ["name: glove", "polarities: 2", "surfaces: 1", "positions: [[0, 0], [1.5, 0], [0, 2]]", "names: [a, b, c]"]
+    lines = [
+        "name: glove",
+        "polarities: 2",
+        "surfaces: 1",
+        "positions: [[0, 0], [1.5, 0], [0, 2]]",
+        "names: [a, b, c]",
+    ]
     (folder / "glove.yaml").write_text("\n".join([*lines, ""]))
     return ["glove.yaml"]
 
@@ -198,7 +233,9 @@ def programs(folder):
     chip = hw.chip("loihi-sim")
     builder = hw.ProgramBuilder(chip)
     x = builder.add_input("x", 4)
-    h = builder.add_compartments("h", 3, decay_u=1024, decay_v=128, threshold=10, bias=3, refractory=2)
+    h = builder.add_compartments(
+        "h", 3, decay_u=1024, decay_v=128, threshold=10, bias=3, refractory=2
+    )
     builder.connect(x, h, np.arange(-6, 6).reshape(3, 4) * 2, weight_bits=8, delay=1)
     builder.connect(h, h, np.eye(3) * 4, weight_bits=8)
     builder.build().save(folder)
@@ -210,8 +247,12 @@ def programs(folder):
 def play_program(folder, _):
     """Load a program, and play a few steps of it where it is small: compiled loops trust what was loaded."""
     program = hw.load_program(folder)
-    if all(size <= 1000 for size in program.streams.values()) and all((p.steps or 0) <= 1000 for p in program.phases):
-        spikes = {name: np.ones((4, size), dtype=np.uint8) for name, size in program.streams.items()}
+    if all(size <= 1000 for size in program.streams.values()) and all(
+        (p.steps or 0) <= 1000 for p in program.phases
+    ):
+        spikes = {
+            name: np.ones((4, size), dtype=np.uint8) for name, size in program.streams.items()
+        }
         hw.simulate(program, spikes, engine="fast")
 
 
@@ -229,7 +270,9 @@ def mend_checksum(folder, name):
     """Let the text name the damaged arrays' checksum: else no more than that is ever looked at."""
     digest = hashlib.sha256((folder / name).read_bytes()).hexdigest()
     text = (folder / "program.yaml").read_text()
-    (folder / "program.yaml").write_text(re.sub("arrays_sha256: .*", f"arrays_sha256: {digest}", text))
+    (folder / "program.yaml").write_text(
+        re.sub("arrays_sha256: .*", f"arrays_sha256: {digest}", text)
+    )
 
 
 def chip_files(folder):
@@ -238,8 +281,17 @@ def chip_files(folder):
 
 
 def training_configs(folder):
-    lines = ["model: hybrid", "order: whorl", "hidden: 16", "learning_rate: 0.003", "refit: true", "epochs: 20"]
-    (folder / "run.yaml").write_text("\n".join([*lines, "event_dropout: 0.5", "target: float", "theta: 10.0", ""]))
+    lines = [
+        "model: hybrid",
+        "order: whorl",
+        "hidden: 16",
+        "learning_rate: 0.003",
+        "refit: true",
+        "epochs: 20",
+    ]
+    (folder / "run.yaml").write_text(
+        "\n".join([*lines, "event_dropout: 0.5", "target: float", "theta: 10.0", ""])
+    )
     return ["run.yaml"]
 
 
@@ -262,7 +314,9 @@ def reports(folder):
 def compare_builds(folder, _):
     with contextlib.redirect_stdout(io.StringIO()):
         builds = {"before": folder / "before", "after": folder, "json": False, "html": None}
-        with contextlib.suppress(InputError):  # the summary asks for figures that a report here has not
+        with contextlib.suppress(
+            InputError
+        ):  # the summary asks for figures that a report here has not
             diff.run(Namespace(**builds, all=False))
         diff.run(Namespace(**builds, all=True))
 

@@ -19,7 +19,11 @@ CASES = 22_950
 
 def fuzz(*options):
     done = subprocess.run(
-        [sys.executable, str(FUZZ), "--json", *options], capture_output=True, text=True, check=False, timeout=1500
+        [sys.executable, str(FUZZ), "--json", *options],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=1500,
     )
     assert done.stderr == ""
     return json.loads(done.stdout)
@@ -48,7 +52,11 @@ def test_the_page_gives_the_figures_of_all_readers():
     sys.path.insert(0, str(FUZZ.parent))
     from readers import READERS
 
-    rows = re.findall(r"^\| ([^|]+) \| ([\d,]+) \| ([\d,]+) \| ([\d,]+) \| 0 \|", PAGE.read_text(), flags=re.MULTILINE)
+    rows = re.findall(
+        r"^\| ([^|]+) \| ([\d,]+) \| ([\d,]+) \| ([\d,]+) \| 0 \|",
+        PAGE.read_text(),
+        flags=re.MULTILINE,
+    )
     assert [row[0] for row in rows] == [*(reader.name for reader in READERS), "all"]
     counts = [[int(figure.replace(",", "")) for figure in row[1:]] for row in rows]
     assert counts[-1] == [sum(column) for column in zip(*counts[:-1], strict=True)]

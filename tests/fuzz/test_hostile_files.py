@@ -31,8 +31,14 @@ CODE = "model: !!python/object/apply:os.system ['touch ran']\n"
 DEEP, MANY = "[" * 200_000, "[" + "1," * 200_000 + "]"
 OF_YAML = {
     "aliases of aliases": (LAUGHS, "aliases are not read (line 2). Write the value out."),
-    "a list that holds itself": ("hidden: &a [*a]\n", "aliases are not read (line 1). Write the value out."),
-    "a key twice": ("hidden: 4\nepochs: 2\nhidden: 8\n", "the key 'hidden' is given twice, again at line 3. Keep one."),
+    "a list that holds itself": (
+        "hidden: &a [*a]\n",
+        "aliases are not read (line 1). Write the value out.",
+    ),
+    "a key twice": (
+        "hidden: 4\nepochs: 2\nhidden: 8\n",
+        "the key 'hidden' is given twice, again at line 3. Keep one.",
+    ),
     "a key twice, further in": (
         "a: [{b: 1, c: 2,\n  b: 3}]\n",
         "the key 'b' is given twice, again at line 2. Keep one.",
@@ -72,7 +78,9 @@ TEXTS = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("old", "new", "message"), [row[1:] for row in TEXTS], ids=[row[0] for row in TEXTS])
+@pytest.mark.parametrize(
+    ("old", "new", "message"), [row[1:] for row in TEXTS], ids=[row[0] for row in TEXTS]
+)
 def test_entries_of_a_program_that_hurt(tmp_path, old, new, message):
     text = (program(tmp_path) / "program.yaml").read_text()
     assert old in text
@@ -93,7 +101,11 @@ def write(path, content):
 
 @pytest.mark.parametrize(
     ("read", "where"),
-    [(hw.chip, "a.yaml"), (read_training_config, "config 'a.yaml'"), (read_slayer_config, "config 'a.yaml'")],
+    [
+        (hw.chip, "a.yaml"),
+        (read_training_config, "config 'a.yaml'"),
+        (read_slayer_config, "config 'a.yaml'"),
+    ],
     ids=["chip", "training", "slayer"],
 )
 @pytest.mark.parametrize(("text", "message"), OF_YAML.values(), ids=list(OF_YAML))
@@ -153,7 +165,9 @@ def packed(arrays, **extra):
 
 def header(shape, descr="<i8"):
     stream = io.BytesIO()
-    np.lib.format.write_array_header_1_0(stream, {"shape": shape, "fortran_order": False, "descr": descr})
+    np.lib.format.write_array_header_1_0(
+        stream, {"shape": shape, "fortran_order": False, "descr": descr}
+    )
     return stream.getvalue()
 
 
@@ -175,7 +189,9 @@ ARRAYS = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("change", "message"), [row[1:] for row in ARRAYS], ids=[row[0] for row in ARRAYS])
+@pytest.mark.parametrize(
+    ("change", "message"), [row[1:] for row in ARRAYS], ids=[row[0] for row in ARRAYS]
+)
 def test_arrays_of_a_program_that_hurt(tmp_path, change, message):
     with_arrays(tmp_path, change)
     assert message_of(hw.load_program, tmp_path) == message
@@ -193,15 +209,25 @@ def large_directory(path, *, wide):
 @pytest.mark.parametrize("wide", [False, True], ids=["32 bits", "64 bits"])
 def test_archives_that_claim_a_huge_directory(tmp_path, wide):
     large_directory(tmp_path / "a.zip", wide=wide)
-    refused = (
-        r"^a directory of \d+ bytes$|^Corrupt zip64 end of central directory record$"  # the latter from Python 3.12
-    )
-    with (tmp_path / "a.zip").open("rb") as stream, pytest.raises((ValueError, zipfile.BadZipFile), match=refused):
+    refused = r"^a directory of \d+ bytes$|^Corrupt zip64 end of central directory record$"  # the latter from Python 3.12
+    with (
+        (tmp_path / "a.zip").open("rb") as stream,
+        pytest.raises((ValueError, zipfile.BadZipFile), match=refused),
+    ):
         check_directory(stream)
     for name, what in (
-        ("a.zip", "archive 'a.zip': it is damaged, truncated or not a zip archive. Fetch the archive again."),
-        ("a.npz", "file 'a.npz': it is damaged, truncated or not a .npz file. Write it again with numpy.savez."),
-        ("a.pt", "file 'a.pt': it is damaged, truncated or not a torch file. Write it again with torch.save."),
+        (
+            "a.zip",
+            "archive 'a.zip': it is damaged, truncated or not a zip archive. Fetch the archive again.",
+        ),
+        (
+            "a.npz",
+            "file 'a.npz': it is damaged, truncated or not a .npz file. Write it again with numpy.savez.",
+        ),
+        (
+            "a.pt",
+            "file 'a.pt': it is damaged, truncated or not a torch file. Write it again with torch.save.",
+        ),
     ):
         large_directory(tmp_path / name, wide=wide)
         assert message_of(read_recordings, tmp_path / name) == what
@@ -241,7 +267,11 @@ def test_an_archive_that_unpacks_to_far_more(tmp_path):
             "spikes.npy",
             "file 'a.npz': it is damaged, truncated or not a .npz file. Write it again with numpy.savez.",
         ),
-        ("a.zip", "sample_0.npy", "archive 'a.zip', 'sample_0.npy': it is damaged. Fetch the archive again."),
+        (
+            "a.zip",
+            "sample_0.npy",
+            "archive 'a.zip', 'sample_0.npy': it is damaged. Fetch the archive again.",
+        ),
         (
             "a.pt",
             "a/data.pkl",
@@ -292,10 +322,14 @@ PIPES = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("name", "read", "message"), [row[1:] for row in PIPES], ids=[row[0] for row in PIPES])
+@pytest.mark.parametrize(
+    ("name", "read", "message"), [row[1:] for row in PIPES], ids=[row[0] for row in PIPES]
+)
 def test_a_pipe_that_nobody_writes_to(tmp_path, name, read, message):
     os.mkfifo(tmp_path / name)
-    assert message_of(read, tmp_path / name) == message.replace("NAME", tmp_path.name).replace("PATH", str(tmp_path))
+    assert message_of(read, tmp_path / name) == message.replace("NAME", tmp_path.name).replace(
+        "PATH", str(tmp_path)
+    )
 
 
 def test_names_that_would_move_the_cursor_are_written_out(tmp_path):
@@ -327,7 +361,9 @@ def test_hdf5_that_the_library_does_not_come_to_the_end_of(tmp_path, monkeypatch
 def test_a_pool_of_less_than_nothing(tmp_path):
     size = np.array([-2, -2])
     pool = nir.SumPool2d(kernel_size=size, stride=np.array([1, 1]), padding=np.array([0, 0]))
-    fires = nir.IF(r=np.ones((1, 3, 3)), v_threshold=np.ones((1, 3, 3)), v_reset=np.zeros((1, 3, 3)))
+    fires = nir.IF(
+        r=np.ones((1, 3, 3)), v_threshold=np.ones((1, 3, 3)), v_reset=np.zeros((1, 3, 3))
+    )
     ends = {"input": nir.Input(np.array([1, 4, 4])), "output": nir.Output(np.array([1, 3, 3]))}
     edges = [("input", "pool"), ("pool", "if"), ("if", "output")]
     graph = nir.NIRGraph(ends | {"pool": pool, "if": fires}, edges, type_check=False)
@@ -350,7 +386,10 @@ def test_a_crash_of_the_library_is_a_damaged_file(tmp_path, monkeypatch):
 
 def test_a_build_of_strange_texts_is_compared(tmp_path, capfd):
     program(tmp_path)
-    write(tmp_path / "report.json", '{"schema": "locsnn-report/1", "model": {"name": "\\ud800\\u001b[2J"}}')
+    write(
+        tmp_path / "report.json",
+        '{"schema": "locsnn-report/1", "model": {"name": "\\ud800\\u001b[2J"}}',
+    )
     other = program(tmp_path / "b")
     write(other / "report.json", '{"schema": "locsnn-report/1", "model": {"name": "b"}}')
     assert main(["diff", "--all", str(tmp_path), str(other)]) == 0
@@ -362,7 +401,9 @@ def test_safe_text_is_what_the_loader_says():
     assert load_yaml(text, "x") == yaml.safe_load(text)
 
 
-@pytest.mark.parametrize("text", ["1e", "e1", "1e5x", "0x1e", "1.2.3e4", "e", "-", "1_0e3", "2026-01-01", "'1e-3'"])
+@pytest.mark.parametrize(
+    "text", ["1e", "e1", "1e5x", "0x1e", "1.2.3e4", "e", "-", "1_0e3", "2026-01-01", "'1e-3'"]
+)
 def test_text_that_looks_like_an_exponent(text):
     assert repr(load_yaml(text, "x")) == repr(yaml.safe_load(text))
     assert Path(hw.__file__).is_file()

@@ -54,7 +54,11 @@ class Watch:
     def __call__(self, event, args):
         if not self.reading:
             return
-        writes = event == "open" and isinstance(args[2], int) and args[2] & (os.O_WRONLY | os.O_RDWR | os.O_CREAT)
+        writes = (
+            event == "open"
+            and isinstance(args[2], int)
+            and args[2] & (os.O_WRONLY | os.O_RDWR | os.O_CREAT)
+        )
         if writes or event.startswith(FORBIDDEN):
             self.seen.append(f"{event} {args[:1]}"[:200])
 
@@ -77,7 +81,9 @@ def fault_of(read):
         return (f"its message is long: {len(line)} characters" if len(line) > 3600 else ""), True
     except Exception as error:
         frame = traceback.extract_tb(error.__traceback__)[-1]
-        return f"{type(error).__name__}: {error}"[:200] + f" at {Path(frame.filename).name}:{frame.lineno}", False
+        return f"{type(error).__name__}: {error}"[
+            :200
+        ] + f" at {Path(frame.filename).name}:{frame.lineno}", False
     return "", False
 
 
@@ -91,7 +97,11 @@ def run(folder, reader, first, last, out):
     watch = Watch()
     for name in names:
         reader.read(whole, name)
-    limit = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize() + BYTES + (1 << 30)
+    limit = (
+        int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+        + BYTES
+        + (1 << 30)
+    )
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
     warnings.simplefilter("error")
     case = folder / "case"

@@ -81,9 +81,12 @@ def row(model: str, strategy: str, kept: Path | None, sizes: Sizes, mhz: float) 
         return None
     found = hw.simulate(program, spikes, probe=("spikes",))
     predicted = [
-        parts(core, one, {name: its[index] for name, its in found.spikes.items()}) for index, one in enumerate(spikes)
+        parts(core, one, {name: its[index] for name, its in found.spikes.items()})
+        for index, one in enumerate(spikes)
     ]
-    answers = play_on_core(program, spikes, None, (), "verilator", timed_from_the_last_word(), sizes, PATIENCE)[1]
+    answers = play_on_core(
+        program, spikes, None, (), "verilator", timed_from_the_last_word(), sizes, PATIENCE
+    )[1]
     of_rtl = answers[:, ANSWER.index("cycles")]
     assert of_rtl.tolist() == [sum(one) for one in predicted], (of_rtl, predicted)
     means, after = np.mean(predicted, axis=0), of_rtl.mean()
@@ -92,7 +95,9 @@ def row(model: str, strategy: str, kept: Path | None, sizes: Sizes, mhz: float) 
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--programs", type=Path)
     kept, arrival = parser.parse_args().programs, hw.chip(ON_ARRIVAL)
     for section, sizes, mhz in (

@@ -54,7 +54,9 @@ def compiled(model: str, target: str, strategy: str) -> hw.ChipProgram:
 def placed_core(target: str, seeds: int) -> str:
     """Return the row of the core by itself on an ECP5, placed out of context for 100 MHz."""
     files = board_files(hw.chip(target).open_core, "ulx3s")
-    given = re.sub("(\\S+)=", r"-set \1 ", re.search("PARAMETERS := (.*)", files["config.mk"].decode())[1])
+    given = re.sub(
+        "(\\S+)=", r"-set \1 ", re.search("PARAMETERS := (.*)", files["config.mk"].decode())[1]
+    )
     part = f"--{target.split('-')[1][:-1]}k --package CABGA381 --speed 6 --out-of-context --freq 100 --timing-allow-fail -q"
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -87,7 +89,9 @@ def placed(board: str, seeds: int) -> str:
         lines = (error.measured or error.what).strip().splitlines()
         reason = next((line for line in lines if line.startswith("ERROR")), lines[0])
         return f"{name} not placed: {reason.replace('|', '/')} |||||"
-    cells = " | ".join(f"{found[key]:,}" for key in ("luts", "flip_flops", "block_rams", "multipliers"))
+    cells = " | ".join(
+        f"{found[key]:,}" for key in ("luts", "flip_flops", "block_rams", "multipliers")
+    )
     return f"{name} {cells} | {found['fmax_mhz']:.1f} MHz of {seeds} |"
 
 
@@ -115,7 +119,11 @@ def main() -> None:
     if args.only is None:
         recordings = read_recordings(str(ROOT / "examples/recordings/touches.npz")).spikes
         head = "| eight recordings of `touches.npz` on Objects | values compared | different | cycles per recording |"
-        table = [head, "| --- | ---: | ---: | ---: |", *(played(name, recordings) for name in STRATEGIES)]
+        table = [
+            head,
+            "| --- | ---: | ---: | ---: |",
+            *(played(name, recordings) for name in STRATEGIES),
+        ]
         put_section(PAGE, "played", "\n".join(table))
 
 

@@ -31,7 +31,16 @@ from peer_runs import networks_of
 from quirks import PEERS
 
 FOUND = Path(__file__).parent / "played.csv"
-COLUMNS = ("model", "strategy", "file", "recordings", "values", "different", "cycles different", "mean cycles")
+COLUMNS = (
+    "model",
+    "strategy",
+    "file",
+    "recordings",
+    "values",
+    "different",
+    "cycles different",
+    "mean cycles",
+)
 SETS = {"objects": "Ev-Objects.zip", "containers": "Ev-Containers.zip"}
 MOST = 20
 
@@ -62,7 +71,14 @@ def rows(data: Path | None, kept: Path | None, known: set[tuple[str, ...]]):
             played = network.fit(recordings.spikes[:MOST], recordings.source)
             found = compare(program, played, sources())
             compared = (found["compared_values"], found["mismatches"], found["cycle_mismatches"])
-            yield (model, strategy, path.name, len(played), *compared, round(np.mean(found["cycles"])))
+            yield (
+                model,
+                strategy,
+                path.name,
+                len(played),
+                *compared,
+                round(np.mean(found["cycles"])),
+            )
 
 
 def peer_rows(known: set[tuple[str, ...]]):
@@ -71,13 +87,28 @@ def peer_rows(known: set[tuple[str, ...]]):
         name = f"random networks of {peer.name}"
         if (name, "", "") in known:
             continue
-        found = [compare(network.program(), network.spikes[None], sources()) for network in networks_of(peer)]
-        compared = [sum(one[key] for one in found) for key in ("compared_values", "mismatches", "cycle_mismatches")]
-        yield (name, "", "", len(found), *compared, round(np.mean([one["cycles"] for one in found])))
+        found = [
+            compare(network.program(), network.spikes[None], sources())
+            for network in networks_of(peer)
+        ]
+        compared = [
+            sum(one[key] for one in found)
+            for key in ("compared_values", "mismatches", "cycle_mismatches")
+        ]
+        yield (
+            name,
+            "",
+            "",
+            len(found),
+            *compared,
+            round(np.mean([one["cycles"] for one in found])),
+        )
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--data", type=Path)
     parser.add_argument("--programs", type=Path)
     given = parser.parse_args()
@@ -93,9 +124,12 @@ def main() -> None:
             print(*row, flush=True)
     found = list(csv.DictReader(FOUND.open()))
     totals = [
-        sum(int(row[name]) for row in found) for name in ("recordings", "values", "different", "cycles different")
+        sum(int(row[name]) for row in found)
+        for name in ("recordings", "values", "different", "cycles different")
     ]
-    print("{} recordings, {:,} values compared, {} different, cycles of {} different".format(*totals))
+    print(
+        "{} recordings, {:,} values compared, {} different, cycles of {} different".format(*totals)
+    )
 
 
 if __name__ == "__main__":

@@ -11,7 +11,9 @@ TRAINED = (
     *("objects-hybrid-loihi", "containers-hybrid-loihi", "two-fingertips"),
     *("containers-window-16", "containers-best", "objects-best"),
 )
-MODELS = [(model, strategy) for model in HYBRIDS for strategy in STRATEGIES] + [(model, "auto") for model in TRAINED]
+MODELS = [(model, strategy) for model in HYBRIDS for strategy in STRATEGIES] + [
+    (model, "auto") for model in TRAINED
+]
 EXAMPLES = {
     "objects": ("touches",),
     "containers": ("motions", "touches-long"),

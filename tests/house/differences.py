@@ -19,7 +19,10 @@ _SOURCES = re.compile(rb"\d+\.\d+\.\d+\+[0-9a-f]{12}")
 
 def differences(before: Path, after: Path) -> dict[str, list[str]]:
     """Return by file what differs between two folders, in lines; nothing where the bytes are the same."""
-    folders = [{path.relative_to(f).as_posix() for path in f.rglob("*") if path.is_file()} for f in (before, after)]
+    folders = [
+        {path.relative_to(f).as_posix() for path in f.rglob("*") if path.is_file()}
+        for f in (before, after)
+    ]
     found = {}
     for name in sorted(folders[0] | folders[1]):
         if name not in folders[1]:
@@ -27,7 +30,9 @@ def differences(before: Path, after: Path) -> dict[str, list[str]]:
         elif name not in folders[0]:
             found[name] = ["only now"]
         else:
-            found[name] = file_differences(name, (before / name).read_bytes(), (after / name).read_bytes())
+            found[name] = file_differences(
+                name, (before / name).read_bytes(), (after / name).read_bytes()
+            )
     return found
 
 
@@ -37,7 +42,9 @@ def file_differences(name: str, before: bytes, after: bytes) -> list[str]:
     if before == after:
         return []
     if name.endswith(".json"):
-        return [*_by_key("", json.loads(before), json.loads(after))] or ["layout: keys and values are the same"]
+        return [*_by_key("", json.loads(before), json.loads(after))] or [
+            "layout: keys and values are the same"
+        ]
     if name.endswith((".npz", ".zip")):
         return [*_by_member(before, after)] or ["archive: its members are the same"]
     if name.endswith((".html", ".svg")):
@@ -45,11 +52,15 @@ def file_differences(name: str, before: bytes, after: bytes) -> list[str]:
     try:
         lines = before.decode().splitlines(), after.decode().splitlines()
     except UnicodeDecodeError:
-        first = next((i for i, (a, b) in enumerate(zip(before, after, strict=False)) if a != b), None)
+        first = next(
+            (i for i, (a, b) in enumerate(zip(before, after, strict=False)) if a != b), None
+        )
         at = "one is longer" if first is None else f"first at byte {first}"
         return [f"{len(before)} bytes, now {len(after)}; {at}"]
     diff = difflib.unified_diff(*lines, n=0, lineterm="")
-    return [line[:400] for line in diff if not line.startswith(("---", "+++", "@@"))] or ["line ends"]
+    return [line[:400] for line in diff if not line.startswith(("---", "+++", "@@"))] or [
+        "line ends"
+    ]
 
 
 def _by_key(where: str, before: Any, after: Any) -> Iterator[str]:

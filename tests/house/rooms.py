@@ -29,8 +29,12 @@ _NO_CODE = (
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("tree", nargs="?", type=Path, default=ROOT, help="a checkout (default this one)")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "tree", nargs="?", type=Path, default=ROOT, help="a checkout (default this one)"
+    )
     parser.add_argument("--types", action="store_true", help="count imports for types alone")
     args = parser.parse_args()
     print(table(modules_of(args.tree), types=args.types))
@@ -39,7 +43,9 @@ def main() -> None:
 def modules_of(tree: Path) -> dict[str, str]:
     """Return the source of each module of the packages, by its path without the ending: ``hw_model/chip``."""
     paths = [path for package in PACKAGES for path in sorted((tree / package).rglob("*.py"))]
-    return {path.relative_to(tree).with_suffix("").as_posix(): path.read_text("utf-8") for path in paths}
+    return {
+        path.relative_to(tree).with_suffix("").as_posix(): path.read_text("utf-8") for path in paths
+    }
 
 
 def table(modules: dict[str, str], *, types: bool = False) -> str:
@@ -53,7 +59,10 @@ def table(modules: dict[str, str], *, types: bool = False) -> str:
     rows += [(name, f"{n:,}") for name, n in sorted(lines.items())]
     rows.append(("all", f"{lines.total():,}"))
     widths = [max(len(row[i]) for row in rows) for i in range(2)]
-    shown = ["  ".join([row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])]).rstrip() for row in rows]
+    shown = [
+        "  ".join([row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])]).rstrip()
+        for row in rows
+    ]
     back = [f"{a} -> {b} ({rooms.edges[a, b]['imports']})" for a, b in running_back(rooms)]
     return "\n".join(
         [
@@ -63,7 +72,10 @@ def table(modules: dict[str, str], *, types: bool = False) -> str:
             f"floors: {nx.dag_longest_path_length(nx.condensation(rooms)) + 1}",
             *listed("arrows that run back", back),
             *listed("circles of rooms", [", ".join(circle) for circle in circles(rooms)]),
-            *listed("circles of folders in a room", [", ".join(circle) for circle in inner_circles(files)]),
+            *listed(
+                "circles of folders in a room",
+                [", ".join(circle) for circle in inner_circles(files)],
+            ),
             *listed("circles of files", [", ".join(circle) for circle in circles(files)]),
         ]
     )
@@ -89,7 +101,11 @@ def code_lines(source: str) -> int:
         if token.type not in _NO_CODE:
             found.update(range(token.start[0], token.end[0] + 1))
     for node in ast.walk(ast.parse(source)):
-        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
+        if (
+            isinstance(node, ast.Expr)
+            and isinstance(node.value, ast.Constant)
+            and isinstance(node.value.value, str)
+        ):
             found.difference_update(range(node.lineno, (node.end_lineno or node.lineno) + 1))
     return len(found)
 
@@ -110,7 +126,9 @@ def between(files: nx.DiGraph, place: Callable[[str], str]) -> nx.DiGraph:
     found.add_nodes_from(map(place, files))
     for arrow in ((place(a), place(b)) for a, b in files.edges):
         if arrow[0] != arrow[1]:
-            found.add_edge(*arrow, imports=found.get_edge_data(*arrow, {"imports": 0})["imports"] + 1)
+            found.add_edge(
+                *arrow, imports=found.get_edge_data(*arrow, {"imports": 0})["imports"] + 1
+            )
     return found
 
 
@@ -142,7 +160,9 @@ def module_of(name: str, modules: dict[str, str]) -> str | None:
 
 def circles(graph: nx.DiGraph) -> list[list[str]]:
     """Return the groups of nodes that reach each other."""
-    return sorted(sorted(group) for group in nx.strongly_connected_components(graph) if len(group) > 1)
+    return sorted(
+        sorted(group) for group in nx.strongly_connected_components(graph) if len(group) > 1
+    )
 
 
 def running_back(rooms: nx.DiGraph) -> list[tuple[str, str]]:

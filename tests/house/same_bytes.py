@@ -29,18 +29,29 @@ MOST_LINES = 12
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--against", default="HEAD", metavar="REV", help="the earlier commit (default HEAD)")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--against", default="HEAD", metavar="REV", help="the earlier commit (default HEAD)"
+    )
     parser.add_argument("--quick", action="store_true", help="a part of the cases")
-    parser.add_argument("--work", type=Path, default=ROOT / "build/same_bytes", help="folder to write")
-    parser.add_argument("--all-lines", action="store_true", help="say every changed key and line of a file")
+    parser.add_argument(
+        "--work", type=Path, default=ROOT / "build/same_bytes", help="folder to write"
+    )
+    parser.add_argument(
+        "--all-lines", action="store_true", help="say every changed key and line of a file"
+    )
     args = parser.parse_args()
     commit = git("rev-parse", f"{args.against}^{{commit}}")
     names = QUICK if args.quick else tuple(CASES)
 
     inputs = args.work.resolve() / "inputs"
     run_script("same_inputs.py", ROOT, inputs)
-    before, after = args.work.resolve() / f"{commit[:12]}-{digest(inputs)}", args.work.resolve() / "now"
+    before, after = (
+        args.work.resolve() / f"{commit[:12]}-{digest(inputs)}",
+        args.work.resolve() / "now",
+    )
     if missing := [name for name in names if not (before / name / CODES).exists()]:
         play_commit(commit, before, missing)
     shutil.rmtree(after, ignore_errors=True)
@@ -51,7 +62,9 @@ def main() -> int:
     for name, files in found.items():
         print("\n".join(case_lines(name, (after / name / CODES).read_text(), files, most)))
     differ = [file for files in found.values() for file in files.values()]
-    print(f"{differ.count([])} files the same, {len(differ) - differ.count([])} differ, against {commit[:12]}")
+    print(
+        f"{differ.count([])} files the same, {len(differ) - differ.count([])} differ, against {commit[:12]}"
+    )
     return 0 if differ and not any(differ) else 1
 
 
@@ -62,7 +75,9 @@ def case_lines(name: str, codes: str, files: dict[str, list[str]], most: int | N
     for file, found in files.items():
         lines += [f"  {file}"] if found else []
         lines += [f"    {line}" for line in found[:most]]
-        lines += [f"    and {len(found) - most} more"] if most is not None and len(found) > most else []
+        lines += (
+            [f"    and {len(found) - most} more"] if most is not None and len(found) > most else []
+        )
     return lines
 
 
@@ -103,12 +118,20 @@ def start_script(script: str, tree: Path, *words: Path | str) -> subprocess.Pope
 
 def digest(inputs: Path) -> str:
     """Return what stands for the inputs and the cases: with others, what was kept says nothing."""
-    files = [HERE / "same_cases.py", HERE / "same_play.py", *sorted(p for p in inputs.rglob("*") if p.is_file())]
-    return hashlib.sha256(b"".join(hashlib.sha256(path.read_bytes()).digest() for path in files)).hexdigest()[:12]
+    files = [
+        HERE / "same_cases.py",
+        HERE / "same_play.py",
+        *sorted(p for p in inputs.rglob("*") if p.is_file()),
+    ]
+    return hashlib.sha256(
+        b"".join(hashlib.sha256(path.read_bytes()).digest() for path in files)
+    ).hexdigest()[:12]
 
 
 def git(*words: str) -> str:
-    return subprocess.run(["git", *words], cwd=ROOT, check=True, capture_output=True, text=True).stdout.strip()
+    return subprocess.run(
+        ["git", *words], cwd=ROOT, check=True, capture_output=True, text=True
+    ).stdout.strip()
 
 
 if __name__ == "__main__":

@@ -12,14 +12,23 @@ RECORDINGS = ("touches", "touches-long", "motions")
 STRATEGIES = {"dendrite": 6, "delay-line": 8, "reset": 4, "paired-dendrite": 8}
 """By strategy the bits of a weight that it is tried with."""
 NIR_FILES = ("two-layers", "biases", "conv2d", "avg-pool", "delay", "recurrent", "nested", "if")
-NET_FILES = ("a-decay-each", "bias", "delay-of-a-neuron", "recurrent", "conv", "input-layer-with-neurons")
+NET_FILES = (
+    "a-decay-each",
+    "bias",
+    "delay-of-a-neuron",
+    "recurrent",
+    "conv",
+    "input-layer-with-neurons",
+)
 CODES = "exit_codes"
 """The file of a case that is written last."""
 
 
 def shipped(model: str, recording: str, more: str = "", out: str = "out") -> str:
     """Compile a shipped model on a shipped recording."""
-    return f"compile {IN}/models/{model}.pt --events {IN}/recordings/{recording}.npz -o {out} {more}"
+    return (
+        f"compile {IN}/models/{model}.pt --events {IN}/recordings/{recording}.npz -o {out} {more}"
+    )
 
 
 def _cases() -> dict[str, list[str]]:
@@ -31,13 +40,19 @@ def _cases() -> dict[str, list[str]]:
             cases[f"{model} {recording}"] = [shipped(model, recording, emit)]
     for model in SRM_MODELS:
         for strategy, bits in STRATEGIES.items():
-            options = f"--strategy {strategy} --weight-bits {bits} --split-weights 0.25 --emit {LEVELS}"
+            options = (
+                f"--strategy {strategy} --weight-bits {bits} --split-weights 0.25 --emit {LEVELS}"
+            )
             cases[f"{model} {strategy}"] = [shipped(model, "touches", options)]
     for name in NIR_FILES:
         emit = f"--emit {LEVELS} nir {BENCH if name == 'two-layers' else ''}"
-        cases[f"nir {name}"] = [f"compile {IN}/{name}.nir --dt 1e-3 --events {IN}/{name}-nir.npy -o out {emit}"]
+        cases[f"nir {name}"] = [
+            f"compile {IN}/{name}.nir --dt 1e-3 --events {IN}/{name}-nir.npy -o out {emit}"
+        ]
     for name in NET_FILES:
-        cases[f"net {name}"] = [f"compile {IN}/{name}.net --events {IN}/{name}-net.npy -o out --emit {LEVELS} net"]
+        cases[f"net {name}"] = [
+            f"compile {IN}/{name}.net --events {IN}/{name}-net.npy -o out --emit {LEVELS} net"
+        ]
     for name in ("srm", "loihi"):
         folder = f"{IN}/slayer-{name}"
         files = f"{folder}/model.pt --config {folder}/net.yaml --events {folder}/spikes.npy"
@@ -70,7 +85,10 @@ def _cases() -> dict[str, list[str]]:
         "locsnn targets",
         "locsnn targets --show loihi-sim",
     ]
-    explore, grid = "locsnn explore", f"--events {TOUCHES} --recordings 6 --split-weights 0 1 --engines"
+    explore, grid = (
+        "locsnn explore",
+        f"--events {TOUCHES} --recordings 6 --split-weights 0 1 --engines",
+    )
     cases["explore"] = [
         f"{explore} {IN}/models/{small}.pt -o out --weight-bits 3 6 --max-spike-error 0.05 {grid}",
         f"{explore} {IN}/models/objects-hybrid.pt -o srm --weight-bits 6 --strategy dendrite reset {grid} "
@@ -79,10 +97,20 @@ def _cases() -> dict[str, list[str]]:
     cases["stress"] = ["locsnn stress --quick -o stress.md", "locsnn stress --quick --json"]
     cases["help"] = [
         "compile --help",
-        *(f"locsnn {name} --help" for name in ("train", "run", "events", "explore", "diff", "stress", "targets")),
+        *(
+            f"locsnn {name} --help"
+            for name in ("train", "run", "events", "explore", "diff", "stress", "targets")
+        ),
     ]
     return cases
 
 
 CASES = _cases()
-QUICK = ("objects-hybrid-loihi touches", "objects-hybrid dendrite", "nir two-layers", "net conv", "slayer srm", "help")
+QUICK = (
+    "objects-hybrid-loihi touches",
+    "objects-hybrid dendrite",
+    "nir two-layers",
+    "net conv",
+    "slayer srm",
+    "help",
+)

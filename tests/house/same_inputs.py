@@ -18,21 +18,33 @@ from test_lava_dl import NETS
 
 ROOT = Path(__file__).parents[2]
 NIR_GRAPHS = ("two layers", "biases", "conv2d", "avg pool", "delay", "recurrent", "nested", "if")
-NET_FILES = ("a decay each", "bias", "delay of a neuron", "recurrent", "conv", "input layer with neurons")
+NET_FILES = (
+    "a decay each",
+    "bias",
+    "delay of a neuron",
+    "recurrent",
+    "conv",
+    "input layer with neurons",
+)
 STEPS, SAMPLES, RATE = 60, 4, 0.3
 
 
 def main(folder: Path) -> None:
     shutil.rmtree(folder, ignore_errors=True)
     for name in ("models", "recordings"):
-        shutil.copytree(ROOT / "examples" / name, folder / name, ignore=shutil.ignore_patterns("*.md"))
+        shutil.copytree(
+            ROOT / "examples" / name, folder / name, ignore=shutil.ignore_patterns("*.md")
+        )
     for name, (graph, shape) in graphs().items():
         if name in NIR_GRAPHS:
             nir.write(folder / f"{file_name(name)}.nir", graph)
             write_spikes(folder / f"{file_name(name)}-nir.npy", int(np.prod(shape)))
     for name in NET_FILES:
         write_net(folder / f"{file_name(name)}.net", NETS[name])
-        write_spikes(folder / f"{file_name(name)}-net.npy", 72 if "input layer w" in name or name == "conv" else 10)
+        write_spikes(
+            folder / f"{file_name(name)}-net.npy",
+            72 if "input layer w" in name or name == "conv" else 10,
+        )
     for name, neuron, mean in (("srm", slayer_files.SRM, 1.0), ("loihi", slayer_files.LOIHI, 20.0)):
         (folder / f"slayer-{name}").mkdir()
         rng = np.random.default_rng(4)

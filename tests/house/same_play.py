@@ -45,7 +45,11 @@ def play(folder: Path, commands: list[str]) -> None:
         text, errors = io.StringIO(), io.StringIO()
         with redirect_stdout(text), redirect_stderr(errors):
             codes.append(run(command))
-        said = [line for line in errors.getvalue().splitlines() if not line.startswith(("compiling ", "compiled in "))]
+        said = [
+            line
+            for line in errors.getvalue().splitlines()
+            if not line.startswith(("compiling ", "compiled in "))
+        ]
         Path(f"{number}.txt").write_text("\n".join([*said, text.getvalue()]))
     for path in [path for name in UNLIKE for path in folder.rglob(name)]:
         shutil.rmtree(path) if path.is_dir() else path.unlink()

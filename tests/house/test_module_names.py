@@ -18,5 +18,11 @@ def test_no_two_modules_share_a_name():
 
 
 def test_a_name_taken_twice_is_told():
-    files = ("energy/tables.py", "results/tables.py", "rtl/conftest.py", "data/conftest.py", "data/text.py")
+    files = (
+        "energy/tables.py",
+        "results/tables.py",
+        "rtl/conftest.py",
+        "data/conftest.py",
+        "data/text.py",
+    )
     assert taken_twice(map(Path, files)) == ["tables"]

@@ -26,12 +26,19 @@ def unused_and_missing(text, pieces, code):
     unused = {
         name
         for name in pieces - asked
-        if not (name[0].isupper() or name == "str" or f'"{name}"' in code or f'"{name.split()[0]} ' in code)
+        if not (
+            name[0].isupper()
+            or name == "str"
+            or f'"{name}"' in code
+            or f'"{name.split()[0]} ' in code
+        )
     }
     return unused, asked - pieces
 
 
-@pytest.mark.parametrize(("package", "file"), CASES, ids=[f"{package}/{file}" for package, file in CASES])
+@pytest.mark.parametrize(
+    ("package", "file"), CASES, ids=[f"{package}/{file}" for package, file in CASES]
+)
 def test_every_piece_is_used_and_exists(package, file):
     folder = Path(importlib.import_module(package).__path__[0])
     code = "\n".join(path.read_text("utf-8") for path in folder.glob("*.py"))

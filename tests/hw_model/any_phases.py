@@ -51,7 +51,10 @@ class Case:
     @property
     def mixed(self) -> list[str]:
         """The phases that hear inputs both as they come and through the transpose buffer."""
-        kinds = {p.name: {i.positions is None for i in self.program.inputs_of(p.name)} for p in self.program.phases}
+        kinds = {
+            p.name: {i.positions is None for i in self.program.inputs_of(p.name)}
+            for p in self.program.phases
+        }
         return [name for name, kind in kinds.items() if len(kind) == 2]
 
 
@@ -80,17 +83,23 @@ def _chip(r: np.random.Generator, plain: bool) -> hw.Chip:
     return parse_chip(yaml.safe_dump(text), "drawn")
 
 
-def _parameters(r: np.random.Generator, size: int, chip: hw.Chip, quiet: bool) -> dict[str, np.ndarray]:
+def _parameters(
+    r: np.random.Generator, size: int, chip: hw.Chip, quiet: bool
+) -> dict[str, np.ndarray]:
     given = any_program.parameters(r, size, chip)
     if quiet:
         # Few biases, and nothing that stays: or all spike in every step, and no phase would hear another's silence.
         given |= {name: r.choice([4096, 2000, 390], size) for name in ("decay_u", "decay_v")}
-        given["threshold"] = np.minimum(r.choice([0, 1, 30, 300], size), chip.registers.threshold_mantissa_max)
+        given["threshold"] = np.minimum(
+            r.choice([0, 1, 30, 300], size), chip.registers.threshold_mantissa_max
+        )
         given["bias"] = given["bias"] * int(r.random() < 0.4)
     return given
 
 
-def _branch(r: np.random.Generator, chip: hw.Chip, name: str, lines: list[int], classes: int) -> CompartmentGraph:
+def _branch(
+    r: np.random.Generator, chip: hw.Chip, name: str, lines: list[int], classes: int
+) -> CompartmentGraph:
     """Populations ``y`` and ``z`` of so many classes and up to two more, with what is joined to them, and synapses."""
     builder, quiet, narrow = hw.ProgramBuilder(chip), bool(r.random() < 0.5), bool(r.random() < 0.5)
     senders = [builder.add_input(f"{name}/x{i}", n) for i, n in enumerate(lines)]
@@ -98,19 +107,29 @@ def _branch(r: np.random.Generator, chip: hw.Chip, name: str, lines: list[int], 
     for group in ["y", "z", *(f"h{i}" for i in range(r.integers(3)))]:
         size, kept = classes if group in "yz" else int(r.integers(1, 4)), {}
         if narrow:
-            kept = {"vmin": int(r.choice(voltage_minima(chip))), "vmax": int(r.choice(voltage_maxima(chip)))}
-        soma = builder.add_compartments(f"{name}/{group}", size, **_parameters(r, size, chip, quiet), **kept)
+            kept = {
+                "vmin": int(r.choice(voltage_minima(chip))),
+                "vmax": int(r.choice(voltage_maxima(chip))),
+            }
+        soma = builder.add_compartments(
+            f"{name}/{group}", size, **_parameters(r, size, chip, quiet), **kept
+        )
         senders.append(soma)
         shape = str(r.choice(["none", *SHAPES]))
         targets += [soma, *any_program.add_children(builder, soma, shape, chip, r, kept)]
     for _ in range(int(r.choice([0, 3, 6, 12]))):
-        source, target = senders[int(r.integers(len(senders)))], targets[int(r.integers(len(targets)))]
+        source, target = (
+            senders[int(r.integers(len(senders)))],
+            targets[int(r.integers(len(targets)))],
+        )
         for _ in range(int(r.choice([1, 1, 2]))):
             any_program.connect(r, builder, source, target, chip)
     return builder.graph()
 
 
-def _visits(r: np.random.Generator, channels: int, rows: int, steps: int) -> tuple[int, dict[str, Any]]:
+def _visits(
+    r: np.random.Generator, channels: int, rows: int, steps: int
+) -> tuple[int, dict[str, Any]]:
     """The lines that the transpose buffer fills, and when: channels of one step have lines of their own."""
     if r.random() < 0.6:
         positions = r.integers(0, steps, channels)
@@ -123,7 +142,12 @@ def _visits(r: np.random.Generator, channels: int, rows: int, steps: int) -> tup
 
 
 def _phase(
-    r: np.random.Generator, name: str, rows: int, streams: dict[str, int], touches: list[int], alike: bool
+    r: np.random.Generator,
+    name: str,
+    rows: int,
+    streams: dict[str, int],
+    touches: list[int],
+    alike: bool,
 ) -> tuple[Phase, list[int], list[dict[str, Any]]]:
     """A phase, the lines of each of its inputs, and what each input hears of which stream.
 
@@ -140,7 +164,10 @@ def _phase(
         channels, size, visits = streams[stream], streams[stream], {}
         if (axis == "location") != (mixed and i == 1):
             size, visits = _visits(
-                r, channels, int(r.choice(heard)), steps or int(r.choice([1, channels, channels + 5]))
+                r,
+                channels,
+                int(r.choice(heard)),
+                steps or int(r.choice([1, channels, channels + 5])),
             )
         lines.append(size)
         feeds.append({"stream": stream, **visits})
@@ -150,7 +177,11 @@ def _phase(
 def _readout(r: np.random.Generator, names: list[str], plain: bool) -> Readout:
     """Some of the populations in any order, by spikes or potentials."""
     read = [str(name) for name in r.permutation(names)[: int(r.integers(1, len(names) + 1))]]
-    weights = r.choice(PLAIN_WEIGHTS if plain else WEIGHTS, len(read)) if r.random() < 0.6 else np.ones(len(read))
+    weights = (
+        r.choice(PLAIN_WEIGHTS if plain else WEIGHTS, len(read))
+        if r.random() < 0.6
+        else np.ones(len(read))
+    )
     first: int | tuple[int | None, ...] | None = None
     if not plain and r.random() < 0.4:
         first = tuple(None if r.random() < 0.4 else int(r.choice([0, 1, 3, 100])) for _ in read)
@@ -171,12 +202,17 @@ def case(seed: int, plain: bool = False) -> Case:
     for i in range(int(r.choice([1, 2, 2, 3, 4]))):
         phase, lines, feeds = _phase(r, f"p{i}", rows, streams, touches, plain)
         graphs.append(hybrids.moved(_branch(r, chip, phase.name, lines, classes), phase, *feeds))
-    readout = _readout(r, [f"{graph.phases[0].name}/{name}" for graph in graphs for name in "yz"], plain)
+    readout = _readout(
+        r, [f"{graph.phases[0].name}/{name}" for graph in graphs for name in "yz"], plain
+    )
     graph = replace(hybrids.side_by_side(*graphs), readout=readout)
     check_graph(graph, chip)
     program = hybrids.assembled(chip, readout, *graphs)
     batch = int(r.choice([1, 1, 2, 3, 9]))
     density = r.choice([0, 0.02, 0.1, 0.5, 1], (batch, 1, 1))
-    spikes = {name: (r.random((batch, rows, n)) < density).astype(np.uint8) for name, n in program.streams.items()}
+    spikes = {
+        name: (r.random((batch, rows, n)) < density).astype(np.uint8)
+        for name, n in program.streams.items()
+    }
     steps = int(r.choice([1, 3, 50])) if rows == 0 or r.random() < 0.3 else None
     return Case(program, graph, spikes, steps)

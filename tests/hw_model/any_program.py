@@ -71,7 +71,9 @@ def parameters(r: np.random.Generator, size: int, chip: hw.Chip) -> dict[str, np
     limits = chip.registers
     span = 1 << limits.bias_mantissa_bits
     mantissa = r.choice([0, 0, 0, 1, -2, span - 1, -span, r.integers(-span, span)], size)
-    exponent = r.choice([0, 0, limits.bias_exponent_max, r.integers(0, limits.bias_exponent_max + 1)], size)
+    exponent = r.choice(
+        [0, 0, limits.bias_exponent_max, r.integers(0, limits.bias_exponent_max + 1)], size
+    )
     reached = min(limits.threshold_mantissa_max, limits.voltage_max >> 6)
     return {
         "decay_u": r.choice([0, 1, 390, 2048, 4095, 4096, r.integers(0, 4097)], size),
@@ -88,12 +90,23 @@ POTENTIALS_FROM = st.sampled_from([None, None, 0, 2, 7])
 OF_EACH = st.one_of(POTENTIALS_FROM, st.tuples(POTENTIALS_FROM, POTENTIALS_FROM))
 """The same for all populations of a readout, or for each of two."""
 
-SHAPES = {"none": (0, 0), "fan": (2, 4), "chain": (2, 5), "tree": (3, 6), "many": (MANY_CHILDREN,) * 2}
+SHAPES = {
+    "none": (0, 0),
+    "fan": (2, 4),
+    "chain": (2, 5),
+    "tree": (3, 6),
+    "many": (MANY_CHILDREN,) * 2,
+}
 """Ways to join compartments, and how many at least and at most."""
 
 
 def add_children(
-    builder: hw.ProgramBuilder, soma: Node, shape: str, chip: hw.Chip, r: np.random.Generator, kept: dict[str, int]
+    builder: hw.ProgramBuilder,
+    soma: Node,
+    shape: str,
+    chip: hw.Chip,
+    r: np.random.Generator,
+    kept: dict[str, int],
 ) -> list[Node]:
     """Join compartments to a population; often alike, and many at the end of their range more often than not."""
     alike = bool(r.random() < (0.9 if shape == "many" else 0.7))
@@ -106,11 +119,17 @@ def add_children(
     for i in range(int(r.integers(least, most + 1))):
         parent = {"chain": nodes[-1], "tree": nodes[int(r.integers(len(nodes)))]}.get(shape, soma)
         given = first if alike else parameters(r, soma.size, chip)
-        nodes.append(builder.add_compartments(f"{soma.name}/{i}", soma.size, **given, **kept, joined_to=parent))
+        nodes.append(
+            builder.add_compartments(
+                f"{soma.name}/{i}", soma.size, **given, **kept, joined_to=parent
+            )
+        )
     return nodes[1:]
 
 
-def connect(r: np.random.Generator, builder: hw.ProgramBuilder, source: Node, target: Node, chip: hw.Chip) -> None:
+def connect(
+    r: np.random.Generator, builder: hw.ProgramBuilder, source: Node, target: Node, chip: hw.Chip
+) -> None:
     """Add synapses of any format, weights, exponent and delays; some pairs of compartments have none."""
     bits, mode = int(r.choice(chip.registers.weight_bits)), str(r.choice(SIGN_MODES))
     grid = weight_grid(bits, mode)
@@ -133,7 +152,10 @@ def graphs(
     r = np.random.default_rng(draw(st.integers(0, 2**32 - 1), label="seed"))
     builder = hw.ProgramBuilder(chip)
     senders = [builder.add_input(f"{prefix}x", lines)]
-    kept = {"vmin": int(r.choice(voltage_minima(chip))), "vmax": int(r.choice(voltage_maxima(chip)))}
+    kept = {
+        "vmin": int(r.choice(voltage_minima(chip))),
+        "vmax": int(r.choice(voltage_maxima(chip))),
+    }
     if r.random() < 0.7:
         kept = {}
     names = ["y", *(f"h{i}" for i in range(draw(st.integers(0, 2), label="hidden")))]
@@ -144,7 +166,9 @@ def graphs(
         shapes = [shape for shape in SHAPES if shape != "many" or not seen["fans of more than 255"]]
         shape = draw(st.sampled_from(shapes), label="joins")
         size = classes if name == "y" else 1 if shape == "many" else int(r.integers(1, 6))
-        soma = builder.add_compartments(f"{prefix}{name}", size, **parameters(r, size, chip), **kept)
+        soma = builder.add_compartments(
+            f"{prefix}{name}", size, **parameters(r, size, chip), **kept
+        )
         senders.append(soma)
         children = add_children(builder, soma, shape, chip, r, kept)
         joined += children
@@ -152,12 +176,17 @@ def graphs(
         seen["fans of more than 255"] += len(children) > 255
     targets = senders[1:] + joined[:12]
     for _ in range(draw(st.integers(1, 8), label="links")):
-        source, target = senders[int(r.integers(len(senders)))], targets[int(r.integers(len(targets)))]
+        source, target = (
+            senders[int(r.integers(len(senders)))],
+            targets[int(r.integers(len(targets)))],
+        )
         for _ in range(int(r.choice([1, 1, 2, 4]))):
             connect(r, builder, source, target, chip)
         seen["links"] += 1
         seen["recurrent links"] += source.name == target.name
-    biases = np.concatenate([group.bias_mantissa << group.bias_exponent for group in builder.graph().groups])
+    biases = np.concatenate(
+        [group.bias_mantissa << group.bias_exponent for group in builder.graph().groups]
+    )
     seen["biases of more than 31 bits"] += int((np.abs(biases) >= 1 << 31).sum())
     return builder.graph(), seen
 
@@ -179,10 +208,15 @@ def small_cores(draw: st.DrawFn, chip: hw.Chip, *parts: CompartmentGraph) -> hw.
 
 
 @st.composite
-def programs(draw: st.DrawFn, widths: bool = True, given: st.SearchStrategy[hw.Chip] | None = None) -> Drawn:
+def programs(
+    draw: st.DrawFn, widths: bool = True, given: st.SearchStrategy[hw.Chip] | None = None
+) -> Drawn:
     """A program of one phase, out of the builder, and a batch of recordings; ``given``: for which chips."""
     chip = draw(chips(widths) if given is None else given)
-    lines, classes = draw(st.integers(1, 5), label="lines"), draw(st.integers(1, 4), label="classes")
+    lines, classes = (
+        draw(st.integers(1, 5), label="lines"),
+        draw(st.integers(1, 4), label="classes"),
+    )
     graph, seen = draw(graphs(chip, lines, classes))
     chip = small_cores(draw, chip, graph)
     program = hybrids.assembled(chip, Readout(("y",), (1.0,), draw(POTENTIALS_FROM)), graph)
@@ -196,7 +230,10 @@ def programs(draw: st.DrawFn, widths: bool = True, given: st.SearchStrategy[hw.C
 def hybrid_programs(draw: st.DrawFn, given: st.SearchStrategy[hw.Chip] | None = None) -> Drawn:
     """A program of a time phase and a transposed location phase, and one recording (1, steps, channels)."""
     chip = draw(chips() if given is None else given)
-    steps, channels = draw(st.integers(1, 16), label="steps"), draw(st.integers(1, 5), label="channels")
+    steps, channels = (
+        draw(st.integers(1, 16), label="steps"),
+        draw(st.integers(1, 5), label="channels"),
+    )
     classes = draw(st.integers(1, 3), label="classes")
     time, seen = draw(graphs(chip, channels, classes, "time/"))
     location, more = draw(graphs(chip, steps, classes, "location/"))

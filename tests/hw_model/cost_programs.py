@@ -51,7 +51,9 @@ def chain() -> Worked:
     )
     sanafe = (
         (6.0 * 2 + 16.0 + 4.7)  # two visits, the input packet, one synapse
-        + (6.0 * 2 + 3.7 + 30.0 + 5.1 + 16.0 + 4.7)  # a updated, spikes, its packet out and in, one synapse
+        + (
+            6.0 * 2 + 3.7 + 30.0 + 5.1 + 16.0 + 4.7
+        )  # a updated, spikes, its packet out and in, one synapse
         + (6.0 * 2 + 3.7 * 2 + 30.0)
         + (6.0 * 2 + 3.7)
         + 4 * 600.0
@@ -82,7 +84,9 @@ def crossroads() -> Worked:
     )
     builder = hw.ProgramBuilder(chip, name="crossroads")
     x = builder.add_input("x", 1)
-    first, others = (builder.add_compartments(name, n, **FORGETS) for name, n in (("first", 1), ("others", 3)))
+    first, others = (
+        builder.add_compartments(name, n, **FORGETS) for name, n in (("first", 1), ("others", 3))
+    )
     builder.connect(x, first, [[20]])
     builder.connect(first, others, [[20], [20], [20]])
     mesh = 2 * 4.1 + 4.1  # two hops east, and a wait on the first
@@ -107,7 +111,10 @@ def crossroads() -> Worked:
             "sanafe": 4 * 35.5 + 12 * 51.2 + 5 * 21.6 + 4 * 69.3 + 3 * 111.0 + 3 * 3.0 + 1 * 4.2,
         },
         phase_ns={"davies2018": {"time": davies}, "sanafe": {"time": sanafe}},
-        after_last_row_ns={"davies2018": 8.4 + 113.0 + 0.6 * 352.0, "sanafe": 39.7 + 600.0 + 0.6 * 1200.0},
+        after_last_row_ns={
+            "davies2018": 8.4 + 113.0 + 0.6 * 352.0,
+            "sanafe": 39.7 + 600.0 + 0.6 * 1200.0,
+        },
     )
 
 
@@ -136,8 +143,13 @@ def hybrid() -> Worked:
     }
     sanafe = {
         # step 1: updated and spikes; step 2: once more updated, and two input packets
-        "time": (6.0 + 16.0 + 4.7) + (6.0 + 3.7 + 30.0) + (6.0 + 3.7 + 2 * (16.0 + 4.7)) + 3 * 600.0,
-        "location": (6.0 + 1.0 + 16.0 + 4.7) + (6.0 + 3.7 + 30.0 + 2.0 + 2 * (16.0 + 4.7)) + 2 * 600.0,
+        "time": (6.0 + 16.0 + 4.7)
+        + (6.0 + 3.7 + 30.0)
+        + (6.0 + 3.7 + 2 * (16.0 + 4.7))
+        + 3 * 600.0,
+        "location": (6.0 + 1.0 + 16.0 + 4.7)
+        + (6.0 + 3.7 + 30.0 + 2.0 + 2 * (16.0 + 4.7))
+        + 2 * 600.0,
     }
     return Worked(
         program,

@@ -17,10 +17,18 @@ SEEDS = st.integers(0, 2**32 - 1)
 
 def in_streams(program: hw.ChipProgram) -> hw.ChipProgram:
     """The same program with a recording of its own for each phase, so that they can be varied apart."""
-    return replace(program, inputs=tuple(replace(item, stream=item.phase) for item in program.inputs))
+    return replace(
+        program, inputs=tuple(replace(item, stream=item.phase) for item in program.inputs)
+    )
 
 
-def futures(program: hw.ChipProgram, recording: np.ndarray, done: int, r: np.random.Generator, batch: int = 64):
+def futures(
+    program: hw.ChipProgram,
+    recording: np.ndarray,
+    done: int,
+    r: np.random.Generator,
+    batch: int = 64,
+):
     """Recordings of both streams that are as given until ``done`` steps of the phases in order have run.
 
     When the time phase has ended the recording is over, and the buffer of the location phase holds all of it.
@@ -36,7 +44,9 @@ def futures(program: hw.ChipProgram, recording: np.ndarray, done: int, r: np.ran
     return {"time": time, "location": location}
 
 
-def by_potentials(program: hw.ChipProgram, first: int | tuple[int | None, ...] | None) -> hw.ChipProgram:
+def by_potentials(
+    program: hw.ChipProgram, first: int | tuple[int | None, ...] | None
+) -> hw.ChipProgram:
     """The program with a readout of potentials from that step on, or of spikes."""
     return replace(program, readout=replace(program.readout, potentials_from=first))
 
@@ -49,7 +59,14 @@ def one_layer(
     classes, channels = np.shape(weights)
     x = builder.add_input("x", channels)
     y = builder.add_compartments(
-        "y", classes, decay_u=decay_u, decay_v=decay_v, threshold=threshold, bias=bias, refractory=refractory, vmin=vmin
+        "y",
+        classes,
+        decay_u=decay_u,
+        decay_v=decay_v,
+        threshold=threshold,
+        bias=bias,
+        refractory=refractory,
+        vmin=vmin,
     )
     builder.connect(x, y, weights, exponent=exponent)
     builder.read_out(y)
@@ -75,7 +92,9 @@ def random_layer(seed: int) -> tuple[hw.ChipProgram, np.ndarray]:
             "y/dendrite", classes, decay_u=r.choice([1024, 4096]), decay_v=r.choice([512, 4096]), threshold=0,
             bias=r.choice([0, -640, 640], classes), vmin=builder._groups[0].vmin[0], joined_to=y,
         )  # fmt: skip
-        builder.connect(y, dendrite, 2 * r.integers(-60, 20, (classes, classes)), delay=int(r.integers(3)))
+        builder.connect(
+            y, dendrite, 2 * r.integers(-60, 20, (classes, classes)), delay=int(r.integers(3))
+        )
     program = builder.build()
     program = replace(program, readout=Readout(("y",), (float(r.choice([1.0, 1.0, -1.0, 0.1])),)))
     return program, (r.random((steps, channels)) < 0.5).astype(np.uint8)
@@ -88,4 +107,6 @@ def counted(counts: hw.Counts) -> dict[str, int]:
 def batch_for(seed: int, batch: int = 4) -> tuple[hw.ChipProgram, np.ndarray]:
     program, recording = random_hybrid(seed)
     r = np.random.default_rng(seed + 1)
-    return program, (r.random((batch, *recording.shape)) < r.choice([0.1, 0.5, 1.0], (batch, 1, 1))).astype(np.uint8)
+    return program, (
+        r.random((batch, *recording.shape)) < r.choice([0.1, 0.5, 1.0], (batch, 1, 1))
+    ).astype(np.uint8)

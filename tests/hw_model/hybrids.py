@@ -48,7 +48,9 @@ def moved(graph: CompartmentGraph, phase: Phase, *feeds: Mapping[str, Any]) -> C
     return replace(
         graph,
         phases=(phase,),
-        inputs=tuple(replace(item, phase=phase.name, **{"stream": "touch", **its}) for item, its in inputs),
+        inputs=tuple(
+            replace(item, phase=phase.name, **{"stream": "touch", **its}) for item, its in inputs
+        ),
         groups=tuple(replace(group, phase=phase.name) for group in graph.groups),
     )
 
@@ -61,7 +63,9 @@ def in_phase(
     return moved(graph, Phase(axis, axis, steps), *[visits] * len(graph.inputs))
 
 
-def random_branch(r: np.random.Generator, axis: Axis, lines: int, classes: int, chip: hw.Chip) -> CompartmentGraph:
+def random_branch(
+    r: np.random.Generator, axis: Axis, lines: int, classes: int, chip: hw.Chip
+) -> CompartmentGraph:
     """Two populations and joined dendrites, with recurrence, delays, biases, refractory periods, every link format."""
     big = bool(r.random() < 0.2)
     vmin = [None, 0, 1 - 2**15][r.integers(3)] if big else None
@@ -89,16 +93,24 @@ def random_branch(r: np.random.Generator, axis: Axis, lines: int, classes: int, 
     senders = ["x", *sizes]
     pairs = [("x", f"{axis}/h"), (f"{axis}/h", f"{axis}/y")]
     targets = [name for name in nodes if name != "x"]
-    pairs += [(str(r.choice(senders)), str(r.choice(targets))) for _ in range(int(r.integers(1, 6)))]
+    pairs += [
+        (str(r.choice(senders)), str(r.choice(targets))) for _ in range(int(r.integers(1, 6)))
+    ]
     for source, target in pairs:
         bits = int(r.choice([1, 4, 6, 8]))
         shape = (nodes[target].size, nodes[source].size)
         weights = weight_grid(bits, "mixed").round(r.uniform(-150, 250, shape))
         weights[r.random(shape) < r.choice([0.0, 0.9])] = 0
-        delay = r.integers(0, r.choice([1, 3, 63]), shape) if r.random() < 0.5 else int(r.integers(0, 4))
+        delay = (
+            r.integers(0, r.choice([1, 3, 63]), shape)
+            if r.random() < 0.5
+            else int(r.integers(0, 4))
+        )
         given = sparse.csr_array(weights) if r.random() < 0.5 else weights
         exponent = int(r.integers(0, 8)) if big else int(r.integers(-2, 2))
-        builder.connect(nodes[source], nodes[target], given, exponent=exponent, delay=delay, weight_bits=bits)
+        builder.connect(
+            nodes[source], nodes[target], given, exponent=exponent, delay=delay, weight_bits=bits
+        )
     return builder.graph()
 
 
@@ -117,13 +129,20 @@ def random_hybrid(seed: int, together: int = 1, silence: int = 0) -> tuple[ChipP
         Readout(("time/y", "location/y"), weights),
         in_phase(random_branch(r, "time", channels, classes, chip), "time", steps),
         _location_phase(
-            random_branch(r, "location", together * steps, classes, chip), r.permutation(channels), together, silence
+            random_branch(r, "location", together * steps, classes, chip),
+            r.permutation(channels),
+            together,
+            silence,
         ),
     )
     return program, (r.random((steps, channels)) < r.choice([0.05, 0.3, 1.0])).astype(np.uint8)
 
 
-def _location_phase(branch: CompartmentGraph, at: np.ndarray, together: int, silence: int) -> CompartmentGraph:
+def _location_phase(
+    branch: CompartmentGraph, at: np.ndarray, together: int, silence: int
+) -> CompartmentGraph:
     """Visit channel c as number ``at[c]``."""
     first_lines = None if together == 1 else at % together * (branch.inputs[0].size // together)
-    return in_phase(branch, "location", -(-len(at) // together) + silence, at // together, first_lines)
+    return in_phase(
+        branch, "location", -(-len(at) // together) + silence, at // together, first_lines
+    )

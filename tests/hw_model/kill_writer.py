@@ -18,7 +18,12 @@ from hw_model.io import folders
 from hw_model.io.files import replace_file
 
 OLD = {"program.yaml": b"old", "program.npz": b"o" * 100_000, "vectors/gone.hex": b"old"}
-NEW = {"program.yaml": b"new", "program.npz": b"n" * 100_000, "vectors/come.hex": b"new", "report.json": b"{}"}
+NEW = {
+    "program.yaml": b"new",
+    "program.npz": b"n" * 100_000,
+    "vectors/come.hex": b"new",
+    "report.json": b"{}",
+}
 MINE = {"notes.txt": b"mine", "mine/deep/er.txt": b"mine"}
 RANDOM_KILLS = 40
 
@@ -26,18 +31,26 @@ RANDOM_KILLS = 40
 def tree(folder):
     if folder.is_file():
         return folder.read_bytes()
-    files = {file.relative_to(folder).as_posix(): file for file in folder.rglob("*") if file.is_file()}
+    files = {
+        file.relative_to(folder).as_posix(): file for file in folder.rglob("*") if file.is_file()
+    }
     # What is hidden under a partial name is no output yet.
     return {name: file.read_bytes() for name, file in files.items() if ".partial-" not in name}
 
 
 def everything(root):
     """Return all names, hidden ones too, but for folders."""
-    return sorted(file.relative_to(root).as_posix() for file in root.rglob("*") if not file.is_dir())
+    return sorted(
+        file.relative_to(root).as_posix() for file in root.rglob("*") if not file.is_dir()
+    )
 
 
 def everything_of(target, files):
-    return sorted(f"{target.name}/{name}" for name in files) if isinstance(files, dict) else [target.name]
+    return (
+        sorted(f"{target.name}/{name}" for name in files)
+        if isinstance(files, dict)
+        else [target.name]
+    )
 
 
 def set_up(mode, root):
@@ -102,7 +115,11 @@ def at_every_operation(mode, root):
             folders.recover_folder(target)
         left = tree(target)
         kind = "old" if left == old else "new" if left == new else "other"
-        found[kind] = [*found["other"], [found["killed"], sorted(left)]] if kind == "other" else found[kind] + 1
+        found[kind] = (
+            [*found["other"], [found["killed"], sorted(left)]]
+            if kind == "other"
+            else found[kind] + 1
+        )
         write_new(mode, target)
         if tree(target) != new or everything(root) != everything_of(target, new):
             found["other"].append([found["killed"], "leftovers", everything(root)])

@@ -27,7 +27,9 @@ def run(
         for probe in ("spikes", "u", "v")
     }
     state = {g["name"]: {key: [0] * g["size"] for key in ("u", "v", "hold")} for g in groups}
-    sent = {g["name"]: [] for g in groups} | {name: [list(row) for row in rows] for name, rows in events.items()}
+    sent = {g["name"]: [] for g in groups} | {
+        name: [list(row) for row in rows] for name, rows in events.items()
+    }
     totals = {"charge_wraps": 0, "current_wraps": 0, "voltage_clips": 0}
     for t in range(steps):
         passed = {g["name"]: [0] * g["size"] for g in groups}
@@ -41,7 +43,11 @@ def run(
                         continue
                     for j in range(link["weights"].shape[1]):
                         when = t - 1 - int(link["delay"][i, j])
-                        if when >= 0 and when < len(sent[link["source"]]) and sent[link["source"]][when][j]:
+                        if (
+                            when >= 0
+                            and when < len(sent[link["source"]])
+                            and sent[link["source"]][when][j]
+                        ):
                             exponent = link["exponent"]
                             m = int(link["weights"][i, j])
                             total += 64 * (m * 2**exponent if exponent >= 0 else m // 2**-exponent)

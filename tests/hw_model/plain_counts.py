@@ -24,7 +24,11 @@ COUNTED = (
 def _length(case: Case, phase: Phase) -> int:
     """Steps of a phase: its own, those asked for, or what its rows and visits need."""
     visits = [item.positions for item in case.program.inputs_of(phase.name)]
-    return phase.steps or case.steps or max(case.rows if at is None else int(max(at)) + 1 for at in visits)
+    return (
+        phase.steps
+        or case.steps
+        or max(case.rows if at is None else int(max(at)) + 1 for at in visits)
+    )
 
 
 def _extent(case: Case, phase: Phase, recording: int) -> tuple[int, int, int]:
@@ -33,7 +37,10 @@ def _extent(case: Case, phase: Phase, recording: int) -> tuple[int, int, int]:
     if phase.align_events is None:
         return 0, 0, length
     streams = {item.stream for item in case.program.inputs_of(phase.name)}
-    events = [sum(int(case.spikes[name][recording, row].sum()) for name in streams) for row in range(case.rows)]
+    events = [
+        sum(int(case.spikes[name][recording, row].sum()) for name in streams)
+        for row in range(case.rows)
+    ]
     touch = next((row for row, many in enumerate(events) if many >= phase.align_events), case.rows)
     if phase.axis == "location":
         return touch, 0, length
@@ -50,7 +57,11 @@ def _played(case: Case, item: Input, phase: Phase, recording: int) -> list[tuple
         return [(row, channel) for row, channel in events if begin <= row < end]
     first = [0] * item.channels if item.first_lines is None else item.first_lines.tolist()
     lines = [(int(item.positions[c]), first[c] + row - touch, row - touch) for row, c in events]
-    return [(step, line) for step, line, row in lines if step < end and 0 <= row < item.size - max(first)]
+    return [
+        (step, line)
+        for step, line, row in lines
+        if step < end and 0 <= row < item.size - max(first)
+    ]
 
 
 def counts_of(case: Case, spikes: dict[str, np.ndarray], recording: int) -> Counter[str]:
@@ -67,14 +78,18 @@ def counts_of(case: Case, spikes: dict[str, np.ndarray], recording: int) -> Coun
         sent: list[tuple[str, int, int]] = []
         for item in program.inputs_of(phase.name):
             events = _played(case, item, phase, recording)
-            found["transpose_events" if item.positions is not None else "input_events"] += len(events)
+            found["transpose_events" if item.positions is not None else "input_events"] += len(
+                events
+            )
             found["events_dropped"] += int(case.spikes[item.stream][recording].sum()) - len(events)
             sent += [(item.name, line, step) for step, line in events]
         for name in program.columns_of(phase.name).keys() & program.spiking:
             fired = [(name, i, step) for step, i in np.argwhere(spikes[name][recording]).tolist()]
             found["spikes"] += len(fired)
             sent += fired
-        found["neuron_updates"] += (end - begin) * sum(program.populations[n] for n in program.columns_of(phase.name))
+        found["neuron_updates"] += (end - begin) * sum(
+            program.populations[n] for n in program.columns_of(phase.name)
+        )
         found["aligned_steps"] += touch
         for source, i, step in sent:
             reached_cores: set[int] = set()
@@ -82,19 +97,26 @@ def counts_of(case: Case, spikes: dict[str, np.ndarray], recording: int) -> Coun
                 if synapses.source == source:
                     reached = np.flatnonzero(synapses.source_index == i)
                     found["synaptic_ops"] += len(reached)
-                    found["synaptic_ops_after_end"] += int((step + 1 + synapses.delay[reached] >= end).sum())
+                    found["synaptic_ops_after_end"] += int(
+                        (step + 1 + synapses.delay[reached] >= end).sum()
+                    )
                     reached_cores |= {
-                        core_of[synapses.target, j].number for j in synapses.target_index[reached].tolist()
+                        core_of[synapses.target, j].number
+                        for j in synapses.target_index[reached].tolist()
                     }
             _send(program, core_of.get((source, i)), sorted(reached_cores), found)
     return found
 
 
-def _send(program: hw.ChipProgram, sender: Core | None, targets: list[int], found: Counter[str]) -> None:
+def _send(
+    program: hw.ChipProgram, sender: Core | None, targets: list[int], found: Counter[str]
+) -> None:
     """Count packets to cores by number, and their hops; a spike of no sender comes from outside."""
     if sender is None:
         found["input_packets"] += len(targets)
         return
     for number in targets:
         x, y = program.chip.hops(sender.slot, program.cores[number].slot)
-        found += Counter({"axon_packets": 1, "packets_within_tile": x + y == 0, "hops_x": x, "hops_y": y})
+        found += Counter(
+            {"axon_packets": 1, "packets_within_tile": x + y == 0, "hops_x": x, "hops_y": y}
+        )

@@ -44,13 +44,17 @@ def check_every_step(program: hw.ChipProgram, recording: np.ndarray, found) -> N
             counts = whole.spikes[name].cumsum(axis=0, dtype=np.int64)[: len(recording)]
         else:
             counts = again.spikes[name].sum(axis=1, dtype=np.int64)
-        assert np.array_equal((found.spikes if first is None else found.potential)[name], counts), name
+        assert np.array_equal((found.spikes if first is None else found.potential)[name], counts), (
+            name
+        )
         wanted += weight * counts
     assert np.array_equal(found.scores, wanted)
     assert np.array_equal(found.scores[-1], whole.scores)
     assert np.array_equal(found.prediction, wanted.argmax(axis=1))
     ordered = np.sort(wanted, axis=1)
-    assert np.array_equal(found.lead, ordered[:, -1] - (ordered[:, -2] if wanted.shape[1] > 1 else 0))
+    assert np.array_equal(
+        found.lead, ordered[:, -1] - (ordered[:, -2] if wanted.shape[1] > 1 else 0)
+    )
 
 
 def live_program() -> hw.ChipProgram:
@@ -58,7 +62,9 @@ def live_program() -> hw.ChipProgram:
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("touch", 6)
     h = builder.add_compartments("h", 20, decay_u=1024, decay_v=128, threshold=1000, refractory=3)
-    y = builder.add_compartments("y", 3, decay_u=4096, decay_v=400, threshold=600, bias=[0, 64, 640])
+    y = builder.add_compartments(
+        "y", 3, decay_u=4096, decay_v=400, threshold=600, bias=[0, 64, 640]
+    )
     r = np.random.default_rng(4)
     builder.connect(x, h, 2 * r.integers(-60, 100, (20, 6)))
     builder.connect(h, h, 2 * r.integers(-60, 40, (20, 20)), delay=5)

@@ -37,7 +37,10 @@ def check_equal(found: hw.SimulationResult, wanted: hw.SimulationResult) -> None
     assert np.array_equal(found.scores, wanted.scores, equal_nan=True)
     for phase, items in wanted.activity.items():
         for ours, theirs in zip(found.activity[phase], items, strict=True):
-            assert all(np.array_equal(ours.by_piece[name], counts) for name, counts in theirs.by_piece.items())
+            assert all(
+                np.array_equal(ours.by_piece[name], counts)
+                for name, counts in theirs.by_piece.items()
+            )
             for name in ("packets", "input_packets", "buffered"):
                 assert np.array_equal(getattr(ours, name), getattr(theirs, name)), (phase, name)
 
@@ -46,7 +49,9 @@ def check_engines(case: any_phases.Case) -> hw.SimulationResult:
     """With and without skipping, a second time, and a recording at a time, against the reference."""
     wanted = hw.simulate(case.program, case.spikes, case.steps, ENGINES[1], PROBE)
     for skip in (True, False, True):
-        check_equal(hw.simulate(case.program, case.spikes, case.steps, probe=PROBE, skip=skip), wanted)
+        check_equal(
+            hw.simulate(case.program, case.spikes, case.steps, probe=PROBE, skip=skip), wanted
+        )
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(simulation, "MAX_TOGETHER", 1)
         check_equal(hw.simulate(case.program, case.spikes, case.steps, probe=PROBE), wanted)
@@ -75,14 +80,17 @@ def check_totals(case: any_phases.Case, found: hw.SimulationResult) -> None:
         assert {name: counts[name] for name in COUNTED} == {name: plain[name] for name in COUNTED}
         totals += plain
     totals += Counter(
-        hops=totals["hops_x"] + totals["hops_y"], neuron_updates_active=found.counts.neuron_updates_active
+        hops=totals["hops_x"] + totals["hops_y"],
+        neuron_updates_active=found.counts.neuron_updates_active,
     )
     totals["neuron_updates_inactive"] = totals["neuron_updates"] - totals["neuron_updates_active"]
     for profile in case.program.chip.profiles.values():
         wanted = sum(cost * totals[name] for name, cost in profile.energy_pj.items())
         assert sum(energy_pj(found.counts, profile).values()) == pytest.approx(wanted, rel=1e-12)
     for kept in ("synaptic_ops", "neuron_updates", "spikes", "axon_packets", "hops_x", "hops_y"):
-        by_step = sum(int(item.count(kept).sum()) for items in found.activity.values() for item in items)
+        by_step = sum(
+            int(item.count(kept).sum()) for items in found.activity.values() for item in items
+        )
         assert by_step == totals[kept], kept
 
 
@@ -91,7 +99,9 @@ def check(seed: int, folder: Path) -> None:
     found = check_engines(case)
     check_each(case, found)
     check_totals(case, found)
-    assert np.array_equal(case.program.readout.scores(found.spikes, found.potential), found.scores, equal_nan=True)
+    assert np.array_equal(
+        case.program.readout.scores(found.spikes, found.potential), found.scores, equal_nan=True
+    )
     case.program.save(folder)
     check_equal(hw.simulate(hw.load_program(folder), case.spikes, case.steps, probe=PROBE), found)
 
@@ -115,7 +125,9 @@ def test_a_batch_after_one_recording(seed):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "seeds", [MANY[at : at + 30] for at in range(0, len(MANY), 30)], ids=lambda its: f"from {its[0]}"
+    "seeds",
+    [MANY[at : at + 30] for at in range(0, len(MANY), 30)],
+    ids=lambda its: f"from {its[0]}",
 )
 def test_engines_and_totals_of_many(seeds, tmp_path):
     for seed in seeds:
@@ -127,7 +139,9 @@ def test_what_the_quick_seeds_meet():
     met: Counter[str] = Counter(dict.fromkeys(hw.Counts(), 0))
     for case in map(any_phases.case, QUICK):
         met.update(hw.simulate(case.program, case.spikes, case.steps, probe=()).counts)
-        met["phases that begin at a touch"] += any(phase.align_events is not None for phase in case.program.phases)
+        met["phases that begin at a touch"] += any(
+            phase.align_events is not None for phase in case.program.phases
+        )
         met["phases of both kinds of input"] += bool(case.mixed)
         met["four phases"] += len(case.program.phases) == 4
         met["no rows"] += case.rows == 0

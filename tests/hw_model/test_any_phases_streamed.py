@@ -20,9 +20,15 @@ def pushed(session: hw.Session, recording: dict[str, np.ndarray], cuts: list[int
     session.reset()
     rows = len(next(iter(recording.values())))
     ends = [0, *sorted(cuts), rows]
-    parts = [session.push({name: array[low:high] for name, array in recording.items()}) for low, high in pairwise(ends)]
+    parts = [
+        session.push({name: array[low:high] for name, array in recording.items()})
+        for low, high in pairwise(ends)
+    ]
     spikes, potential = (
-        {name: np.concatenate([getattr(part, kind)[name] for part in parts]) for name in getattr(parts[0], kind)}
+        {
+            name: np.concatenate([getattr(part, kind)[name] for part in parts])
+            for name in getattr(parts[0], kind)
+        }
         for kind in ("spikes", "potential")
     )
     return StepScores(spikes, potential, np.concatenate([part.scores for part in parts]))
@@ -34,10 +40,16 @@ def check_so_far(case: any_phases.Case, step: int, found: StepScores) -> None:
     Phases that play rows as they come have run so many steps; transposed ones run to their end.
     """
     heard = (np.arange(case.rows) <= step)[:, None]
-    so_far = {name: np.where(heard, array, 0).astype(np.uint8) for name, array in case.first.items()}
+    so_far = {
+        name: np.where(heard, array, 0).astype(np.uint8) for name, array in case.first.items()
+    }
     whole = hw.simulate(case.program, so_far, engine=ENGINES[1], probe=("spikes", "potential"))
     scores, from_step = np.zeros(found.scores.shape[1]), case.program.readout.from_step
-    phase_of = {name: phase.name for phase in case.program.phases for name in case.program.columns_of(phase.name)}
+    phase_of = {
+        name: phase.name
+        for phase in case.program.phases
+        for name in case.program.columns_of(phase.name)
+    }
     for name, weight in case.program.readout.terms:
         live = case.program.inputs_of(phase_of[name])[0].positions is None
         ran = slice(0, step + 1) if live else slice(None)
@@ -57,7 +69,10 @@ def check_session(case: any_phases.Case, r: np.random.Generator) -> None:
     found = pushed(session, case.first, [])
     for step in {0, case.rows - 1, *r.integers(case.rows, size=2).tolist()}:
         check_so_far(case, step, found)
-    every, some = list(range(1, case.rows)), r.integers(case.rows + 1, size=int(r.integers(1, 6))).tolist()
+    every, some = (
+        list(range(1, case.rows)),
+        r.integers(case.rows + 1, size=int(r.integers(1, 6))).tolist(),
+    )
     for cuts in (every, some):
         again = pushed(session if r.random() < 0.5 else hw.Session(case.program), case.first, cuts)
         assert np.array_equal(again.scores, found.scores, equal_nan=True)
@@ -66,20 +81,28 @@ def check_session(case: any_phases.Case, r: np.random.Generator) -> None:
             assert [name for name in theirs if not np.array_equal(ours[name], theirs[name])] == []
     live = [p for p in case.program.phases if case.program.inputs_of(p.name)[0].positions is None]
     if all((phase.steps or 0) <= case.rows for phase in live):
-        assert np.array_equal(found.scores[-1], hw.simulate(case.program, case.first).scores, equal_nan=True)
+        assert np.array_equal(
+            found.scores[-1], hw.simulate(case.program, case.first).scores, equal_nan=True
+        )
 
 
 def check_futures(case: any_phases.Case, proven: hw.Stops, r: np.random.Generator) -> None:
     """While the first phase plays rows as they come, those that have not come yet may be any and change no winner."""
     first, done = case.program.phases[0], int(proven.steps[0])
-    ends = case.rows if first.steps is None or first.align_events is not None else min(case.rows, first.steps)
+    ends = (
+        case.rows
+        if first.steps is None or first.align_events is not None
+        else min(case.rows, first.steps)
+    )
     if case.program.inputs_of(first.name)[0].positions is not None or done >= ends:
         return
     for density in (0.0, 0.05, 0.3, 0.7, 1.0):
         later = {name: np.repeat(array[:1], 32, axis=0) for name, array in case.spikes.items()}
         for array in later.values():
             array[:, done:] = r.random(array[:, done:].shape) < density
-        assert set(hw.simulate(case.program, later).prediction.tolist()) == {proven.prediction[0]}, (done, density)
+        assert set(hw.simulate(case.program, later).prediction.tolist()) == {
+            proven.prediction[0]
+        }, (done, density)
 
 
 def check_stops(case: any_phases.Case, r: np.random.Generator) -> hw.Stops:
@@ -94,7 +117,9 @@ def check_stops(case: any_phases.Case, r: np.random.Generator) -> hw.Stops:
     leads = leads[..., 1] - leads[..., 0] if scores.shape[2] > 1 else scores[..., 0]
     at_margin = hw.stop_at_margin(program, spikes, 1.0)
     for b, step in enumerate(at_margin.steps.tolist()):
-        assert step == next((t for t, lead in enumerate(leads[b], 1) if lead >= 1.0), scores.shape[1])
+        assert step == next(
+            (t for t, lead in enumerate(leads[b], 1) if lead >= 1.0), scores.shape[1]
+        )
         assert at_margin.prediction[b] == scores[b, step - 1].argmax()
     for silence in (1, 3):
         silent = hw.stop_in_silence(program, spikes, silence)
@@ -123,11 +148,19 @@ def check(seed: int) -> Counter[str]:
     check_session(case, r)
     proven = check_stops(case, r)
     early = (proven.steps < proven.all_steps) & (proven.steps > 0)
-    return Counter({"sessions": 1, "proven in between": int(early.sum()), "one phase": len(case.program.phases) == 1})
+    return Counter(
+        {
+            "sessions": 1,
+            "proven in between": int(early.sum()),
+            "one phase": len(case.program.phases) == 1,
+        }
+    )
 
 
 @pytest.mark.parametrize(
-    "seeds", [QUICK[at : at + 4] for at in range(0, len(QUICK), 4)], ids=lambda its: f"from {its[0]}"
+    "seeds",
+    [QUICK[at : at + 4] for at in range(0, len(QUICK), 4)],
+    ids=lambda its: f"from {its[0]}",
 )
 def test_sessions_and_stops(seeds):
     for seed in seeds:
@@ -137,4 +170,6 @@ def test_sessions_and_stops(seeds):
 @pytest.mark.slow
 def test_sessions_and_stops_of_many():
     met = sum(map(check, MANY), Counter())
-    assert min(met["sessions"], met["mixed phases"], met["proven in between"], met["one phase"]) >= 10, met
+    assert (
+        min(met["sessions"], met["mixed phases"], met["proven in between"], met["one phase"]) >= 10
+    ), met

@@ -26,7 +26,11 @@ PROBE = ("spikes", "u", "v", "potential", "activity")
 EVENTS = ("charge_wraps", "current_wraps", "voltage_clips")
 SETTINGS = settings(
     deadline=None,
-    suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.large_base_example],
+    suppress_health_check=[
+        HealthCheck.too_slow,
+        HealthCheck.data_too_large,
+        HealthCheck.large_base_example,
+    ],
 )
 
 
@@ -49,7 +53,10 @@ def check_ranges(program: hw.ChipProgram, found: hw.SimulationResult) -> None:
     """What is proven of a compartment holds in this run."""
     for core, proven in zip(program.cores, hw.prove_range(program), strict=True):
         for piece in core.slices:
-            here, there = slice(piece.offset, piece.offset + piece.size), slice(piece.start, piece.stop)
+            here, there = (
+                slice(piece.offset, piece.offset + piece.size),
+                slice(piece.start, piece.stop),
+            )
             u, v = (getattr(found, kind)[piece.group][..., there] for kind in ("u", "potential"))
             kept = proven.cannot_wrap[here]
             assert (u.max(axis=(0, 1))[kept] <= proven.u.high[here][kept]).all()
@@ -68,7 +75,9 @@ def check_program(drawn: any_program.Drawn) -> Counter[str]:
     check_ranges(drawn.program, found)
     session = hw.Session(drawn.program)
     first = drawn.program.readout.potentials_from
-    for recording, spikes, potential in zip(drawn.spikes, found.spikes["y"], found.potential["y"], strict=True):
+    for recording, spikes, potential in zip(
+        drawn.spikes, found.spikes["y"], found.potential["y"], strict=True
+    ):
         session.reset()
         pushed = session.push(recording)
         if first is None:
@@ -77,7 +86,11 @@ def check_program(drawn: any_program.Drawn) -> Counter[str]:
             assert np.array_equal(pushed.potential["y"], largest_so_far(potential, first))
     met = Counter({event: int(found.counts[event]) for event in EVENTS})
     met["predict by potentials"] += first is not None
-    return drawn.drawn + met + Counter({"spikes": int(found.counts.spikes), "recordings": len(drawn.spikes)})
+    return (
+        drawn.drawn
+        + met
+        + Counter({"spikes": int(found.counts.spikes), "recordings": len(drawn.spikes)})
+    )
 
 
 def check_streams(drawn: any_program.Drawn) -> Counter[str]:
@@ -88,9 +101,13 @@ def check_streams(drawn: any_program.Drawn) -> Counter[str]:
     apart = in_streams(program)
     stops = hw.stop_when_proven(apart, {"time": drawn.spikes, "location": drawn.spikes})
     done = int(stops.steps[0])
-    found = hw.simulate(apart, futures(apart, recording, done, np.random.default_rng(done), batch=16))
+    found = hw.simulate(
+        apart, futures(apart, recording, done, np.random.default_rng(done), batch=16)
+    )
     assert (found.prediction == stops.prediction[0]).all()
-    return drawn.drawn + Counter({"proven early": int(done < stops.all_steps), "steps replayed": session.replayed[0]})
+    return drawn.drawn + Counter(
+        {"proven early": int(done < stops.all_steps), "steps replayed": session.replayed[0]}
+    )
 
 
 def draw_and_check(check, strategy, examples: int, phases=tuple(Phase)) -> Counter[str]:
@@ -100,11 +117,15 @@ def draw_and_check(check, strategy, examples: int, phases=tuple(Phase)) -> Count
     @given(strategy, st.sampled_from([32, 32, 12]))
     def run(drawn, bits):
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(links, "WORD_BITS", bits)  # 12 are too few for most: their lists are wide ones
+            patch.setattr(
+                links, "WORD_BITS", bits
+            )  # 12 are too few for most: their lists are wide ones
             met.update(check(drawn))
             for phase in drawn.program.phases:
                 kinds = lay_out.fast_layout(drawn.program, phase.name).links.kind.tolist()
-                met.update({"wide lists": kinds.count(layout.WIDE_LIST), "lists": kinds.count(layout.LIST)})
+                met.update(
+                    {"wide lists": kinds.count(layout.WIDE_LIST), "lists": kinds.count(layout.LIST)}
+                )
 
     run()
     return met
@@ -136,9 +157,13 @@ def without(program: hw.ChipProgram, **values: int) -> hw.ChipProgram:
 def test_a_sum_that_the_bound_forgets_is_found(monkeypatch, values):
     """32 bits where joins, or biases, need 64: what the draws are for."""
     bound = lay_out._largest_sum
-    monkeypatch.setattr(lay_out, "_largest_sum", lambda program, *rest: bound(without(program, **values), *rest))
+    monkeypatch.setattr(
+        lay_out, "_largest_sum", lambda program, *rest: bound(without(program, **values), *rest)
+    )
     with pytest.raises(AssertionError):
-        draw_and_check(check_program, any_program.programs(widths=False), 200, phases=(Phase.generate,))
+        draw_and_check(
+            check_program, any_program.programs(widths=False), 200, phases=(Phase.generate,)
+        )
 
 
 def test_any_hybrid():

@@ -51,7 +51,9 @@ def random_graph(seed, size, links):
 
 def hops(placed):
     return total_hops(
-        core_traffic(placed), slot_distances(placed.chip, placed.chip.limits.cores_per_chip), placed.slots
+        core_traffic(placed),
+        slot_distances(placed.chip, placed.chip.limits.cores_per_chip),
+        placed.slots,
     )
 
 
@@ -84,7 +86,10 @@ def test_traffic_counts_every_compartment_and_target_core_once():
     traffic = core_traffic(placed)
     recurrent = placed.graph.synapses[1]
     core = np.arange(9) // 2
-    pairs = {(int(s), int(core[t])) for s, t in zip(recurrent.source_index, recurrent.target_index, strict=True)}
+    pairs = {
+        (int(s), int(core[t]))
+        for s, t in zip(recurrent.source_index, recurrent.target_index, strict=True)
+    }
     wanted = np.zeros((5, 5))
     for source, to in pairs:
         if core[source] != to:
@@ -122,7 +127,9 @@ def test_a_program_over_two_chips_gives_the_same_spikes(seed):
     two = assemble(route_axons(arrange_cores(place_cores(graph, board))))
     assert {core.slot // 6 for core in two.cores} == {0, 1}
     spikes = [[1], [0], [1], [0], [0]]
-    assert np.array_equal(hw.simulate(one, spikes).spikes["n"], hw.simulate(two, spikes).spikes["n"])
+    assert np.array_equal(
+        hw.simulate(one, spikes).spikes["n"], hw.simulate(two, spikes).spikes["n"]
+    )
     with pytest.raises(hw.TargetError) as caught:
         place_cores(graph, replace(board, chips=1))
     assert str(caught.value) == (

@@ -19,7 +19,11 @@ WRITER = Path(__file__).with_name("kill_writer.py")
 
 def kill_writers(mode, folder):
     done = subprocess.run(
-        [sys.executable, str(WRITER), mode, str(folder)], capture_output=True, text=True, check=False, timeout=300
+        [sys.executable, str(WRITER), mode, str(folder)],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=300,
     )
     assert (done.returncode, done.stderr) == (0, "")
     return json.loads(done.stdout)
@@ -54,7 +58,15 @@ def test_what_else_a_folder_holds_stays(mode, tmp_path):
     (out / "link").symlink_to("nowhere")
     out.chmod(0o750)
     folders.replace_entries(out, {"a": b"2", "deep/b": b"2"})
-    assert names(tmp_path) == ["out", "out/a", "out/deep", "out/deep/b", "out/link", "out/points", "out/points/p.json"]
+    assert names(tmp_path) == [
+        "out",
+        "out/a",
+        "out/deep",
+        "out/deep/b",
+        "out/link",
+        "out/points",
+        "out/points/p.json",
+    ]
     assert ((out / "a").read_bytes(), (out / "deep/b").read_bytes()) == (b"2", b"2")
     assert (os.readlink(out / "link"), oct(out.stat().st_mode & 0o777)) == ("nowhere", "0o750")
 

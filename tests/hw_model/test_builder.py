@@ -51,7 +51,9 @@ LIMIT_ERRORS = [
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"), [row[1:] for row in LIMIT_ERRORS], ids=[row[0] for row in LIMIT_ERRORS]
+    ("arguments", "message"),
+    [row[1:] for row in LIMIT_ERRORS],
+    ids=[row[0] for row in LIMIT_ERRORS],
 )
 def test_limits(arguments, message):
     with pytest.raises(hw.TargetError) as caught:
@@ -59,11 +61,16 @@ def test_limits(arguments, message):
     assert str(caught.value) == message
 
 
-@pytest.mark.parametrize("vmin", [1 - 2**32, -(2**23)], ids=["beyond all", "beyond the register, of another form"])
+@pytest.mark.parametrize(
+    "vmin", [1 - 2**32, -(2**23)], ids=["beyond all", "beyond the register, of another form"]
+)
 def test_lower_limits_beyond_the_register_keep_their_form(vmin):
     with pytest.raises(hw.TargetError) as caught:
         build(parameters={"vmin": vmin})
-    assert str(caught.value) == f"compartments 'n': vmin {vmin} is not of the form 1 - 2^k. The nearest is -8388607."
+    assert (
+        str(caught.value)
+        == f"compartments 'n': vmin {vmin} is not of the form 1 - 2^k. The nearest is -8388607."
+    )
     assert build(parameters={"vmin": 1 - 2**31}).cores[0].vmin == -8388607
 
 
@@ -87,7 +94,9 @@ def test_a_neuron_with_too_many_target_cores():
 
 
 def test_a_population_with_too_many_output_axons_is_spread_over_cores():
-    program = fan_out(limited(compartments_per_core=4, output_axons_per_core=5), senders=4, targets=8)
+    program = fan_out(
+        limited(compartments_per_core=4, output_axons_per_core=5), senders=4, targets=8
+    )
     assert max(core.axons.output_axons for core in program.cores) <= 5
     assert [core.compartments for core in program.cores if core.axons.output_axons] == [2, 2]
 
@@ -108,7 +117,9 @@ MISTAKES = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("arguments", "message"), [row[1:] for row in MISTAKES], ids=[row[0] for row in MISTAKES])
+@pytest.mark.parametrize(
+    ("arguments", "message"), [row[1:] for row in MISTAKES], ids=[row[0] for row in MISTAKES]
+)
 def test_mistakes(arguments, message):
     with pytest.raises(hw.InputError) as caught:
         build(**arguments)
@@ -154,7 +165,10 @@ def test_joins_without_a_public_meaning(operation):
     ("named", "message"),
     [
         (("n", "n"), "readout: it names 'n' twice. Name it once: it has one weight."),
-        (("x",), "readout: 'x' is not a group of compartments. Read out groups of compartments of this graph."),
+        (
+            ("x",),
+            "readout: 'x' is not a group of compartments. Read out groups of compartments of this graph.",
+        ),
         (("n", "m"), "readout: its populations differ in size: [2, 3]. Make them equal."),
         ((), "readout: it names no population. Name one, or leave out the readout."),
     ],
@@ -169,7 +183,10 @@ def test_what_cannot_be_read_out(named, message):
 def read_out(named):
     builder = hw.ProgramBuilder(CHIP)
     nodes = {"x": builder.add_input("x", 2)}
-    nodes |= {name: builder.add_compartments(name, size, threshold=1) for name, size in {"n": 2, "m": 3}.items()}
+    nodes |= {
+        name: builder.add_compartments(name, size, threshold=1)
+        for name, size in {"n": 2, "m": 3}.items()
+    }
     builder.read_out(*(nodes[name] for name in named))
     return builder.build()
 
@@ -180,7 +197,10 @@ def test_an_input_takes_no_synapses():
     builder.connect(builder.add_compartments("n", 1, threshold=5), x, [[20], [20]])
     with pytest.raises(hw.InputError) as caught:
         builder.build()
-    assert str(caught.value) == "synapses 'n' -> 'x': an input takes no synapses. Connect it the other way round."
+    assert (
+        str(caught.value)
+        == "synapses 'n' -> 'x': an input takes no synapses. Connect it the other way round."
+    )
 
 
 def test_names_are_unique():
@@ -195,7 +215,12 @@ def test_names_are_unique():
 def test_the_weight_bits_that_would_fit_the_board_are_named():
     """A list of 60 synapses: 10 + 60 * 8 bits are 8 words, 10 + 60 * 5 are 5; two lists, and room for 11 words."""
     chip = limited(synapse_words_per_core=11, cores_per_chip=1)
-    assert build(chip, size=60, weights=np.full((60, 2), 16), weight_bits=5).cores[0].axons.synapse_words == 10
+    assert (
+        build(chip, size=60, weights=np.full((60, 2), 16), weight_bits=5)
+        .cores[0]
+        .axons.synapse_words
+        == 10
+    )
     with pytest.raises(hw.TargetError) as caught:
         build(chip, size=60, weights=np.full((60, 2), 16), weight_bits=8)
     assert str(caught.value) == (
@@ -207,7 +232,9 @@ def test_the_weight_bits_that_would_fit_the_board_are_named():
 def test_the_page_of_limits_names_every_test():
     page = (Path(__file__).parents[2] / "docs/limits.md").read_text()
     named = {
-        line.split("|")[3].strip().strip("`") for line in page.splitlines() if line.count("|") == 5 and "`" in line
+        line.split("|")[3].strip().strip("`")
+        for line in page.splitlines()
+        if line.count("|") == 5 and "`" in line
     }
     tested = {row[0] for row in (*LIMIT_ERRORS, *MISTAKES)} | {"output axons", "joins"}
     assert named <= tested
@@ -228,7 +255,10 @@ def test_sparse_and_dense_weights_make_the_same_program():
 def test_scores_are_the_spikes_of_what_is_read_out():
     b = hw.ProgramBuilder(hw.chip("loihi-sim"))
     x = b.add_input("x", 2)
-    read = [b.add_compartments(name, 2, decay_u=4096, decay_v=4096, threshold=1) for name in ("first", "second")]
+    read = [
+        b.add_compartments(name, 2, decay_u=4096, decay_v=4096, threshold=1)
+        for name in ("first", "second")
+    ]
     for node, weights in zip(read, ([[20, 20], [0, 20]], [[0, 0], [20, 0]]), strict=True):
         b.connect(x, node, weights)
     b.read_out(*read)
@@ -246,7 +276,12 @@ def test_delays_that_memory_does_not_hold():
     builder = hw.ProgramBuilder(replace(chip, registers=replace(chip.registers, delay_max=65_534)))
     x = builder.add_input("x", 1)
     for name, size in (("a", 1000), ("b", 1049)):
-        builder.connect(x, builder.add_compartments(name, size, threshold=1), np.full((size, 1), 2), delay=65_534)
+        builder.connect(
+            x,
+            builder.add_compartments(name, size, threshold=1),
+            np.full((size, 1), 2),
+            delay=65_534,
+        )
     with pytest.raises(hw.TargetError) as caught:
         builder.build()
     assert str(caught.value) == (

@@ -50,7 +50,9 @@ class OfOneKind:
 
         return checked
 
-    def _check(self, function: Callable[..., object], given: tuple[object, ...], first: tuple[object, ...]) -> None:
+    def _check(
+        self, function: Callable[..., object], given: tuple[object, ...], first: tuple[object, ...]
+    ) -> None:
         assert _kinds(given) == first, f"{function.__name__} is given {_kinds(given)} after {first}"
 
 
@@ -74,14 +76,23 @@ def test_recordings_of_every_kind_reach_compiled_code_as_one(watched, kind):
         program, recording = random_hybrid(seed, together=1 + seed % 3)
         wanted = hw.simulate(program, recording, engine="reference")
         rows = KINDS[kind](recording)
-        for found in (hw.simulate(program, rows), hw.simulate(program, KINDS[kind](np.stack([recording] * 2)))):
+        for found in (
+            hw.simulate(program, rows),
+            hw.simulate(program, KINDS[kind](np.stack([recording] * 2))),
+        ):
             assert all(np.array_equal(found.spikes[name], np.broadcast_to(spikes, found.spikes[name].shape))
                        for name, spikes in wanted.spikes.items())  # fmt: skip
         at_once, by_row = hw.Session(program).push(rows), hw.Session(program)
         scores = np.concatenate([by_row.push(row).scores for row in rows])
         assert np.array_equal(at_once.scores, scores)
         assert np.array_equal(scores[-1], wanted.scores)
-    assert {function.__name__ for function in watched.given} == {"list_into", "_transpose", "weigh", "_run", "_push"}
+    assert {function.__name__ for function in watched.given} == {
+        "list_into",
+        "_transpose",
+        "weigh",
+        "_run",
+        "_push",
+    }
 
 
 @pytest.mark.parametrize(
@@ -95,7 +106,15 @@ def test_recordings_of_every_kind_reach_compiled_code_as_one(watched, kind):
         ((np.zeros(4, np.uint8), 4, FIRST.astype(np.int32), CHANNEL), 2),
         ((np.zeros(4, np.uint8), 4, FIRST, CHANNEL.astype(np.int64)), 3),
     ],
-    ids=["booleans", "two axes", "read-only", "every other", "a float", "short starts", "long channels"],
+    ids=[
+        "booleans",
+        "two axes",
+        "read-only",
+        "every other",
+        "a float",
+        "short starts",
+        "long channels",
+    ],
 )
 def test_another_kind_is_found(watched, planted, place):
     right = np.zeros(4, np.uint8), 4, FIRST, CHANNEL
@@ -110,9 +129,14 @@ def test_another_kind_is_found(watched, planted, place):
 
 
 def test_in_the_tests_every_entry_looks_at_what_it_is_given(monkeypatch):
-    right, wrong = (np.zeros(4, np.uint8), 4, FIRST, CHANNEL), (np.zeros(8, np.uint8)[::2], 4, FIRST, CHANNEL)
+    right, wrong = (
+        (np.zeros(4, np.uint8), 4, FIRST, CHANNEL),
+        (np.zeros(8, np.uint8)[::2], 4, FIRST, CHANNEL),
+    )
     code = compiled.entry(events.list_into, *right)
-    assert code(np.frombuffer(bytes(4), np.uint8), *right[1:]) == code(*right)  # read-only: it lies in memory as others
+    assert code(np.frombuffer(bytes(4), np.uint8), *right[1:]) == code(
+        *right
+    )  # read-only: it lies in memory as others
     with pytest.raises(TypeError) as caught:
         code(*wrong)
     assert str(caught.value) == "list_into: made for array(uint8, 1d, C), given array(uint8, 1d, A)"

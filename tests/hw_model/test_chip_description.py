@@ -42,8 +42,20 @@ def on_core(sizes):
 
 def test_the_chip_that_ships():
     chip = hw.chip("loihi-sim")
-    assert (chip.registers.voltage_max, chip.registers.slots, chip.cores, chip.mesh.tiles) == (8388607, 64, 128, 32)
-    assert hw.chip_names() == ("ecp5-25f", "ecp5-85f", "ice40up5k", "locsnn-130nm", "loihi-sim", "tiny-sim")
+    assert (chip.registers.voltage_max, chip.registers.slots, chip.cores, chip.mesh.tiles) == (
+        8388607,
+        64,
+        128,
+        32,
+    )
+    assert hw.chip_names() == (
+        "ecp5-25f",
+        "ecp5-85f",
+        "ice40up5k",
+        "locsnn-130nm",
+        "loihi-sim",
+        "tiny-sim",
+    )
 
 
 def test_the_small_chip_has_the_registers_of_the_large_one():
@@ -71,7 +83,9 @@ def test_numbers_with_an_exponent(tmp_path):
     path = tmp_path / "fast.yaml"
     text = hw.chip("tiny-sim").document
     path.write_text(
-        text.replace("clock_ghz: 0.1 ", "clock_ghz: 1e-1").replace("synaptic_ops: 10.0", "synaptic_ops: 1E1")
+        text.replace("clock_ghz: 0.1 ", "clock_ghz: 1e-1").replace(
+            "synaptic_ops: 10.0", "synaptic_ops: 1E1"
+        )
     )
     assert path.read_text() != text
     assert hw.chip(path).clock_ghz == 0.1
@@ -166,7 +180,9 @@ def largest_allowed(section, key):
     """Return the largest number that a chip file may have there, by what the refusal of too large a one says."""
     with pytest.raises(hw.InputError) as caught:
         parse_chip(changed([section, key], 2**39), "my.yaml")
-    assert str(caught.value).startswith(f"my.yaml: {section}.{key}: it must be a whole number from ")
+    assert str(caught.value).startswith(
+        f"my.yaml: {section}.{key}: it must be a whole number from "
+    )
     return int(re.search(r"to (\d+) \(", str(caught.value))[1])
 
 
@@ -198,7 +214,9 @@ def use_everything(document):
     b.connect(h, h, np.eye(5, dtype=int) * 20, delay=min(3, chip.registers.delay_max))
     program = b.build()
     spikes = np.ones((20, 3), dtype=np.uint8)
-    fast, slow = (hw.simulate(program, spikes, engine=name, skip=False) for name in ("fast", "reference"))
+    fast, slow = (
+        hw.simulate(program, spikes, engine=name, skip=False) for name in ("fast", "reference")
+    )
     vectors_files(play_recording(program, spikes))
     return fast, slow
 

@@ -32,5 +32,7 @@ def test_the_order_is_that_of_networkx(seed):
     graph.add_nodes_from(range(count))
     graph.add_edges_from(edges.tolist())
     whole = nx.condensation(graph)
-    order = nx.lexicographical_topological_sort(whole, key=lambda one: min(whole.nodes[one]["members"]))
+    order = nx.lexicographical_topological_sort(
+        whole, key=lambda one: min(whole.nodes[one]["members"])
+    )
     assert sources_first(count, edges) == [sorted(whole.nodes[one]["members"]) for one in order]

@@ -28,7 +28,9 @@ def wrapped(x):
 
 
 def test_all_folders_with_loops_are_named():
-    holds = re.compile(r"^@(compiled|shared|inner|absorbed|intrinsic|kernel)|intrinsic", re.MULTILINE)
+    holds = re.compile(
+        r"^@(compiled|shared|inner|absorbed|intrinsic|kernel)|intrinsic", re.MULTILINE
+    )
     found = {path.parent.name for path in PACKAGE.rglob("*.py") if holds.search(path.read_text())}
     assert found | {"arithmetic"} == set(hw_model.engine.compiled.FOLDERS_OF_LOOPS)
 
@@ -38,11 +40,22 @@ def run(folder, *, limits="true", **environment):
     if not (folder / "user.py").exists():
         shutil.copytree(PACKAGE, folder / "hw_model", ignore=shutil.ignore_patterns("__pycache__"))
         (folder / "user.py").write_text(USER)
-    python = f"{sys.executable} -c 'import numpy, user; print(user.wrapped(numpy.int32(2**24 + 5)))'"
-    given = {key: value for key, value in os.environ.items() if key not in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME")}
+    python = (
+        f"{sys.executable} -c 'import numpy, user; print(user.wrapped(numpy.int32(2**24 + 5)))'"
+    )
+    given = {
+        key: value
+        for key, value in os.environ.items()
+        if key not in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME")
+    }
     given |= {"PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"} | environment
     done = subprocess.run(
-        ["bash", "-c", f"{limits}; {python}"], cwd=folder, env=given, capture_output=True, text=True, timeout=100
+        ["bash", "-c", f"{limits}; {python}"],
+        cwd=folder,
+        env=given,
+        capture_output=True,
+        text=True,
+        timeout=100,
     )
     assert (done.returncode, done.stderr) == (0, "")
     return int(done.stdout)
@@ -57,7 +70,9 @@ def test_a_change_in_another_file_is_seen(tmp_path):
     cache = str(tmp_path / "cache")
     assert run(tmp_path, NUMBA_CACHE_DIR=cache) == 5
     source = tmp_path / "hw_model/engine/lane_arithmetic.py"
-    source.write_text(source.read_text().replace("fit(((x & (2 * half - 1)) ^ half) - half, x)", "x"))
+    source.write_text(
+        source.read_text().replace("fit(((x & (2 * half - 1)) ^ half) - half, x)", "x")
+    )
     assert run(tmp_path, NUMBA_CACHE_DIR=cache) == 2**24 + 5
 
 
@@ -147,11 +162,19 @@ def test_loops_of_a_package_are_compiled_beside_others(tmp_path, code, cores, sa
     for name, text in files.items():
         (tmp_path / f"{name}.py").write_text(text)
     start = f"import os; os.sched_getaffinity = lambda _: range({cores}); import runpy; runpy.run_path('asks.py')"
-    environment = os.environ | {"PYTHONPATH": str(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    environment = os.environ | {
+        "PYTHONPATH": str(tmp_path),
+        "NUMBA_CACHE_DIR": str(tmp_path / "cache"),
+    }
 
     def asked():
         done = subprocess.run(
-            [sys.executable, "-c", start], cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=100
+            [sys.executable, "-c", start],
+            cwd=tmp_path,
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=100,
         )
         assert (done.returncode, done.stderr) == (0, "")
         return done.stdout.strip()
@@ -172,6 +195,12 @@ def test_what_is_compiled_ahead_is_what_a_session_needs(tmp_path):
         "program = lc.compile(network, strategy='dendrite', diagnosis=False).program\n"
         "hw.Session(program).push(np.ones((3, program.streams['touch']), dtype=np.uint8))\n"
     )
-    subprocess.run([sys.executable, "-c", plays], cwd=ROOT, env=environment, check=True, timeout=300)
-    after = sorted(path for path in tmp_path.rglob("*.nbc") if path.parent.name.startswith("streaming"))
-    assert [path for path in after if ".weigh-" not in path.name] == before  # that one takes a tenth of a second
+    subprocess.run(
+        [sys.executable, "-c", plays], cwd=ROOT, env=environment, check=True, timeout=300
+    )
+    after = sorted(
+        path for path in tmp_path.rglob("*.nbc") if path.parent.name.startswith("streaming")
+    )
+    assert [
+        path for path in after if ".weigh-" not in path.name
+    ] == before  # that one takes a tenth of a second

@@ -20,7 +20,9 @@ def test_counts_of_a_chain():
     counts = hw.simulate(worked.program, worked.recording).counts
     assert counts.synaptic_ops == 2  # x -> a and a -> b
     assert counts.neuron_updates == 8  # two compartments, four steps
-    assert counts.neuron_updates_active == 4  # a and b in the step of their charge, and with u left in the next
+    assert (
+        counts.neuron_updates_active == 4
+    )  # a and b in the step of their charge, and with u left in the next
     assert counts.spikes == 2
     assert counts.axon_packets == 1  # b has no target
     assert counts.packets_within_tile == 1
@@ -28,13 +30,17 @@ def test_counts_of_a_chain():
 
 
 @pytest.mark.parametrize("profile", CHIP.profiles)
-@pytest.mark.parametrize("worked", [chain(), crossroads(), hybrid()], ids=lambda worked: worked.program.name)
+@pytest.mark.parametrize(
+    "worked", [chain(), crossroads(), hybrid()], ids=lambda worked: worked.program.name
+)
 def test_energy_and_latency_worked_out_by_hand(worked, profile):
     """Equal to the last of the digits that the constants have, and far beyond."""
     result = hw.simulate(worked.program, worked.recording, probe=("activity",))
     costs = CHIP.profile(profile)
     assert round(sum(energy_pj(result.counts, costs).values()), 9) == round(worked.pj[profile], 9)
-    time = latency(worked.program, {phase: found[0] for phase, found in result.activity.items()}, costs)
+    time = latency(
+        worked.program, {phase: found[0] for phase, found in result.activity.items()}, costs
+    )
     wanted = worked.phase_ns[profile]
     assert {phase: round(ns, 9) for phase, ns in time.by_phase_ns.items()} == {
         phase: round(ns, 9) for phase, ns in wanted.items()
@@ -54,7 +60,10 @@ def test_a_wait_on_a_link_north_or_south_is_the_time_of_its_own_hop():
         )
         builder = hw.ProgramBuilder(chip)
         x = builder.add_input("x", 1)
-        first, others = (builder.add_compartments(name, n, **FORGETS) for name, n in (("first", 1), ("others", 3)))
+        first, others = (
+            builder.add_compartments(name, n, **FORGETS)
+            for name, n in (("first", 1), ("others", 3))
+        )
         builder.connect(x, first, [[20]])
         builder.connect(first, others, [[20], [20], [20]])
         program = assembled(chip, None, builder.graph())
@@ -68,7 +77,10 @@ def test_a_wait_on_a_link_north_or_south_is_the_time_of_its_own_hop():
 def test_the_figures_worked_out_by_hand_in_digits():
     """The same figures as numbers, so that a slip of the working would show."""
     found = {
-        worked.program.name: (worked.pj, {name: sum(ns.values()) for name, ns in worked.phase_ns.items()})
+        worked.program.name: (
+            worked.pj,
+            {name: sum(ns.values()) for name, ns in worked.phase_ns.items()},
+        )
         for worked in (chain(), crossroads(), hybrid())
     }
     assert {name: {p: round(v, 9) for p, v in pj.items()} for name, (pj, _) in found.items()} == {
@@ -86,7 +98,9 @@ def test_the_figures_worked_out_by_hand_in_digits():
 def test_a_step_waits_for_the_farthest_packet():
     worked = crossroads()
     result = hw.simulate(worked.program, worked.recording, probe=("activity",))
-    times = step_times(worked.program, "time", result.activity["time"][0], CHIP.profile("davies2018"))
+    times = step_times(
+        worked.program, "time", result.activity["time"][0], CHIP.profile("davies2018")
+    )
     path = critical_path(times)
     assert [worked.program.cores[i].slot for i in path.last] == [0, 2, 0]
     assert [worked.program.cores[i].slot for i in path.sender] == [0, 0, 0]
@@ -101,13 +115,17 @@ def test_a_step_waits_for_the_farthest_packet():
     }
 
 
-@pytest.mark.parametrize(("others", "barrier_ns"), [(1, 113.0), (3, 113.0), (4, 113.0 + (465.0 - 113.0) / 31)])
+@pytest.mark.parametrize(
+    ("others", "barrier_ns"), [(1, 113.0), (3, 113.0), (4, 113.0 + (465.0 - 113.0) / 31)]
+)
 def test_the_barrier_is_of_tiles(others, barrier_ns):
     """One compartment a core: two or four cores are one tile, five are two of 32."""
     small = replace(CHIP, limits=replace(CHIP.limits, compartments_per_core=1))
     builder = hw.ProgramBuilder(small)
     builder.connect(
-        builder.add_input("x", 1), builder.add_compartments("y", 1 + others, threshold=1), [[20]] * (1 + others)
+        builder.add_input("x", 1),
+        builder.add_compartments("y", 1 + others, threshold=1),
+        [[20]] * (1 + others),
     )
     program = builder.build()
     result = hw.simulate(program, [[1], [0]], probe=("activity",))
@@ -115,7 +133,9 @@ def test_the_barrier_is_of_tiles(others, barrier_ns):
     assert (len(program.cores), times.barrier_ns) == (1 + others, barrier_ns)
 
 
-@pytest.mark.parametrize(("synapses", "core"), [((1, 3), 1), ((3, 1), 0)], ids=["the second", "the first"])
+@pytest.mark.parametrize(
+    ("synapses", "core"), [((1, 3), 1), ((3, 1), 0)], ids=["the second", "the first"]
+)
 def test_the_critical_core_is_the_one_that_is_last_for_longest(synapses, core):
     """Two cores, which one event reaches by so many synapses each."""
     small = replace(CHIP, limits=replace(CHIP.limits, compartments_per_core=1))
@@ -136,7 +156,9 @@ def test_the_critical_core_is_one_of_the_program_and_not_of_its_phase():
     activity = hw.simulate(program, recording, probe=("activity",)).activity
     for phase, (item,) in activity.items():
         (core,) = program.cores_of(phase)
-        assert latency(program, {phase: item}, CHIP.profile("davies2018")).critical_core == core.number
+        assert (
+            latency(program, {phase: item}, CHIP.profile("davies2018")).critical_core == core.number
+        )
 
 
 @pytest.mark.parametrize(
@@ -156,7 +178,9 @@ def test_the_buffer_is_read_in_cycles_of_the_clock():
     fast = replace(program, chip=replace(program.chip, clock_ghz=4.0))
     for played, ns in ((program, [1.0, 2.0]), (fast, [0.25, 0.5])):
         result = hw.simulate(played, hybrid().recording, probe=("activity",))
-        times = step_times(played, "location", result.activity["location"][0], CHIP.profile("davies2018"))
+        times = step_times(
+            played, "location", result.activity["location"][0], CHIP.profile("davies2018")
+        )
         assert times.buffer_ns.ravel().tolist() == ns
 
 
@@ -176,9 +200,12 @@ def test_the_most_packets_in_a_step_are_those_of_one_recording():
     """Whether recordings are measured together, or apart and then added up."""
     worked, profile = crossroads(), CHIP.profile("davies2018")
     one, two = (
-        hw.simulate(worked.program, np.stack(many * [worked.recording]), probe=("activity",)) for many in (1, 2)
+        hw.simulate(worked.program, np.stack(many * [worked.recording]), probe=("activity",))
+        for many in (1, 2)
     )
-    (_, usage), (_, together) = (measure(worked.program, found.activity, profile) for found in (one, two))
+    (_, usage), (_, together) = (
+        measure(worked.program, found.activity, profile) for found in (one, two)
+    )
     for found in (together["time"], added(usage, usage)["time"]):
         assert np.array_equal(found.link_packets, 2 * usage["time"].link_packets)
         assert np.array_equal(found.link_most, usage["time"].link_most)
@@ -191,7 +218,9 @@ def test_spikes_by_piece_are_those_of_its_compartments():
     x = builder.add_input("x", 5)
     for name in ("first", "second"):
         soma = builder.add_compartments(name, 5, **FORGETS)
-        dendrite = builder.add_compartments(f"{name}/dendrite", 5, **(FORGETS | {"threshold": 0}), joined_to=soma)
+        dendrite = builder.add_compartments(
+            f"{name}/dendrite", 5, **(FORGETS | {"threshold": 0}), joined_to=soma
+        )
         builder.connect(x, dendrite, np.diag([20] * 5))
     program = builder.build()
     result = hw.simulate(program, np.tri(6, 5), probe=("spikes", "activity"))
@@ -222,7 +251,14 @@ def test_hops_are_counted_from_tile_to_tile():
 
 @pytest.mark.parametrize(
     ("slots", "hops"),
-    [((0, 3), (0, 0)), ((0, 4), (1, 0)), ((0, 31), (7, 0)), ((0, 32), (0, 1)), ((31, 32), (7, 1)), ((0, 128), (8, 0))],
+    [
+        ((0, 3), (0, 0)),
+        ((0, 4), (1, 0)),
+        ((0, 31), (7, 0)),
+        ((0, 32), (0, 1)),
+        ((31, 32), (7, 1)),
+        ((0, 128), (8, 0)),
+    ],
     ids=["same tile", "next tile", "end of row", "next row", "both", "next chip"],
 )
 def test_hops_table(slots, hops):

@@ -13,7 +13,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import hw_model as hw
-from hw_model.accounting.cost import PARTS, SENDING, SYNAPSES, UPDATES, critical_path, latency, step_times
+from hw_model.accounting.cost import (
+    PARTS,
+    SENDING,
+    SYNAPSES,
+    UPDATES,
+    critical_path,
+    latency,
+    step_times,
+)
 from hw_model.accounting.usage import measure, total_ns
 from hw_model.description.counts import BY_CORE
 from hw_model.program.check import check_program
@@ -25,9 +33,13 @@ DAVIES, SANAFE = (CHIP.profile(name) for name in ("davies2018", "sanafe"))
 def played(seed):
     """Return a hybrid, some of them with a core of seven compartments on each tile, and its activity."""
     program, recording = random_hybrid(seed)
-    chip = replace(program.chip, mesh=replace(program.chip.mesh, columns=8, rows=16, cores_per_tile=1))
+    chip = replace(
+        program.chip, mesh=replace(program.chip.mesh, columns=8, rows=16, cores_per_tile=1)
+    )
     program = replace(program, chip=chip)
-    return program, hw.simulate(program, np.stack((recording, recording[::-1])), probe=("activity",))
+    return program, hw.simulate(
+        program, np.stack((recording, recording[::-1])), probe=("activity",)
+    )
 
 
 @settings(max_examples=40, deadline=None)
@@ -57,7 +69,9 @@ def test_energy_by_phase_core_and_step_is_the_energy(profile, seed):
     _, result = played(seed)
 
     def pj(counts):
-        return sum(Fraction(str(cost)) * int(counts(name)) for name, cost in profile.energy_pj.items())
+        return sum(
+            Fraction(str(cost)) * int(counts(name)) for name, cost in profile.energy_pj.items()
+        )
 
     whole = pj(lambda name: result.counts[name])
     by_phase = [pj(lambda name, c=counts: c[name]) for counts in result.counts_by_phase.values()]
@@ -69,10 +83,14 @@ def test_energy_by_phase_core_and_step_is_the_energy(profile, seed):
         for core in range(item.input_packets.shape[1])
     ]
     by_step = [
-        pj(lambda name, i=item, t=step: i.count(name)[t].sum()) for item in items for step in range(len(item.buffered))
+        pj(lambda name, i=item, t=step: i.count(name)[t].sum())
+        for item in items
+        for step in range(len(item.buffered))
     ]
     assert sum(by_core) == sum(by_step) == whole
-    assert float(whole) == pytest.approx(sum(hw.energy_pj(result.counts, profile).values()), rel=1e-12)
+    assert float(whole) == pytest.approx(
+        sum(hw.energy_pj(result.counts, profile).values()), rel=1e-12
+    )
 
 
 @settings(max_examples=20, deadline=None)
@@ -91,7 +109,11 @@ def test_times_by_part_step_path_and_phase_add_up(profile, seed):
     ):
         assert sum(cut) == pytest.approx(whole, rel=1e-12)
     assert [one.total_ns for one in latencies] == [
-        pytest.approx(latency(program, {phase: items[i] for phase, items in result.activity.items()}, profile).total_ns)
+        pytest.approx(
+            latency(
+                program, {phase: items[i] for phase, items in result.activity.items()}, profile
+            ).total_ns
+        )
         for i in range(2)
     ]
     assert all(tuple(used.parts_ns) == PARTS for used in usage.values())
@@ -110,7 +132,9 @@ def test_events_of_a_direct_input_are_not_read_from_the_buffer():
     item = program.inputs_of("location")[0]
     direct = replace(item, name="direct", positions=None)
     route = replace(program.route_of(item.name), input="direct")
-    mixed = replace(program, inputs=(direct, *program.inputs), input_routes=(route, *program.input_routes))
+    mixed = replace(
+        program, inputs=(direct, *program.inputs), input_routes=(route, *program.input_routes)
+    )
     recording = recording.copy()
     recording[:, 1:] = 0  # so that the two inputs have different events
     result = hw.simulate(mixed, recording[None], probe=("activity",))
@@ -122,10 +146,14 @@ def walked_step_ns(program, phase, item, spikes, profile, step):
     """Return the time of a step, packet by packet, from the axons alone."""
     chip, cores, costs = program.chip, program.cores_of(phase), profile.time_ns
     spent = {
-        core.number: {name: float(item.count(name)[step, i] * costs.get(name, 0.0)) for name in TIMED}
+        core.number: {
+            name: float(item.count(name)[step, i] * costs.get(name, 0.0)) for name in TIMED
+        }
         for i, core in enumerate(cores)
     }
-    sent = {core: sum(ns for name, ns in its.items() if name in BEFORE) for core, its in spent.items()}
+    sent = {
+        core: sum(ns for name, ns in its.items() if name in BEFORE) for core, its in spent.items()
+    }
     ways, loads = Counter(), Counter()
     for core in cores:
         fired = spikes[step, program.columns_of_core(core)]
@@ -141,7 +169,8 @@ def walked_step_ns(program, phase, item, spikes, profile, step):
         arrived[target] = max(arrived[target], sent[source] + sum(hop.values()) + waits)
     read = item.buffered[step] * chip.transpose_buffer.cycles_per_event / chip.clock_ghz
     done = [
-        arrived[core] + read + sum(ns for name, ns in its.items() if name not in BEFORE) for core, its in spent.items()
+        arrived[core] + read + sum(ns for name, ns in its.items() if name not in BEFORE)
+        for core, its in spent.items()
     ]
     tiles = {chip.tile_of(core.slot) for core in cores}
     return max(done) + profile.barrier_ns.ns(len(tiles), chip.mesh.tiles)
@@ -179,7 +208,9 @@ def spikes_of(program, phase, result, steps):
 def two_axons_of_a_neuron(core):
     """Return a core whose compartments have two output axons each, which may end on one core, as a file may have it."""
     sender = core.axons.out_compartment
-    return replace(core, axons=replace(core.axons, out_compartment=np.repeat(sender[::2], 2)[: len(sender)]))
+    return replace(
+        core, axons=replace(core.axons, out_compartment=np.repeat(sender[::2], 2)[: len(sender)])
+    )
 
 
 @settings(max_examples=20, deadline=None)
@@ -187,7 +218,9 @@ def two_axons_of_a_neuron(core):
 def test_counts_equal_a_walk_of_every_spike(seed):
     """From the tables of the cores alone: each list that a spike reaches, each packet and each link on its way."""
     program, recording = random_hybrid(seed)
-    chip = replace(program.chip, mesh=replace(program.chip.mesh, columns=8, rows=16, cores_per_tile=1))
+    chip = replace(
+        program.chip, mesh=replace(program.chip.mesh, columns=8, rows=16, cores_per_tile=1)
+    )
     program = replace(program, chip=chip)
     if seed % 2:
         program = replace(program, cores=tuple(map(two_axons_of_a_neuron, program.cores)))
@@ -196,7 +229,9 @@ def test_counts_equal_a_walk_of_every_spike(seed):
     for phase, (item,) in result.activity.items():
         counts, reached = Counter(), []
         for core in program.cores_of(phase):
-            sent = spikes_of(program, phase, result, len(item.buffered))[:, program.columns_of_core(core)].sum(axis=0)
+            sent = spikes_of(program, phase, result, len(item.buffered))[
+                :, program.columns_of_core(core)
+            ].sum(axis=0)
             counts["spikes"] += int(sent.sum())
             for k, here in enumerate(core.axons.out_compartment):
                 to, many = int(core.axons.out_core[k]), int(sent[here])
@@ -217,11 +252,15 @@ def test_counts_equal_a_walk_of_every_spike(seed):
         by_core = {"synaptic_ops": Counter(), "packets_received": Counter()}
         for to, axon, many in reached:
             by_core["packets_received"][to] += many
-            by_core["synaptic_ops"][to] += many * int(np.diff(program.cores[to].axons.list_start)[axon])
+            by_core["synaptic_ops"][to] += many * int(
+                np.diff(program.cores[to].axons.list_start)[axon]
+            )
         counts["synaptic_ops"] = by_core["synaptic_ops"].total()
         assert {name: result.counts_by_phase[phase][name] for name in counts} == dict(counts)
         for name, wanted in by_core.items():
-            assert item.count(name).sum(axis=0).tolist() == [wanted[core.number] for core in program.cores_of(phase)]
+            assert item.count(name).sum(axis=0).tolist() == [
+                wanted[core.number] for core in program.cores_of(phase)
+            ]
 
 
 @settings(max_examples=15, deadline=None)
@@ -229,11 +268,15 @@ def test_counts_equal_a_walk_of_every_spike(seed):
 @pytest.mark.parametrize("profile", [DAVIES, SANAFE], ids=["davies2018", "sanafe"])
 def test_latency_equals_a_walk_of_every_packet(profile, seed):
     program, recording = random_hybrid(seed)
-    chip = replace(program.chip, mesh=replace(program.chip.mesh, columns=8, rows=16, cores_per_tile=1))
+    chip = replace(
+        program.chip, mesh=replace(program.chip.mesh, columns=8, rows=16, cores_per_tile=1)
+    )
     program = replace(program, chip=chip)
     result = hw.simulate(program, recording, probe=("spikes", "activity"))
     for phase, (item,) in result.activity.items():
         spikes = spikes_of(program, phase, result, len(item.buffered))
         found = critical_path(step_times(program, phase, item, profile)).step_ns
-        wanted = [walked_step_ns(program, phase, item, spikes, profile, t) for t in range(len(spikes))]
+        wanted = [
+            walked_step_ns(program, phase, item, spikes, profile, t) for t in range(len(spikes))
+        ]
         assert found.tolist() == pytest.approx(wanted, rel=1e-12)

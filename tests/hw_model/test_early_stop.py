@@ -26,7 +26,9 @@ ROOT = Path(__file__).parents[2]
 @given(seed=SEEDS, together=st.integers(1, 2))
 def test_no_future_changes_a_proven_winner(seed, together):
     program, recording = random_hybrid(seed, together)
-    program = by_potentials(in_streams(program), (None, 0, 3, (None, 2), (4, None), (3, 1))[seed % 6])
+    program = by_potentials(
+        in_streams(program), (None, 0, 3, (None, 2), (4, None), (3, 1))[seed % 6]
+    )
     stops = hw.stop_when_proven(program, {"time": recording[None], "location": recording[None]})
     done = int(stops.steps[0])
     assert 0 <= done <= stops.all_steps == sum(phase.steps for phase in program.phases)
@@ -45,13 +47,17 @@ def test_every_single_future_keeps_a_proven_winner(seed, first):
     rest = recording[done:]
     if rest.size > 10:
         rest = rest[-10 // recording.shape[1] :]
-    many = np.array(list(product((0, 1), repeat=rest.size)), dtype=np.uint8).reshape(2**rest.size, *rest.shape)
+    many = np.array(list(product((0, 1), repeat=rest.size)), dtype=np.uint8).reshape(
+        2**rest.size, *rest.shape
+    )
     played = np.repeat(recording[None], len(many), axis=0)
     played[:, len(recording) - len(rest) :] = many
     assert (hw.simulate(program, played).prediction == stops.prediction[0]).all()
 
 
-def most_to_come(program: hw.ChipProgram, result, name: str, at: int, steps: int) -> list[tuple[int, int]]:
+def most_to_come(
+    program: hw.ChipProgram, result, name: str, at: int, steps: int
+) -> list[tuple[int, int]]:
     """Spikes and the largest potential of one population, as the module's words bound them, in Python's integers."""
     core = program.cores[0]
     assert len(program.cores) == 1
@@ -78,10 +84,17 @@ def most_to_come(program: hw.ChipProgram, result, name: str, at: int, steps: int
             joined = 0
             for c in family:
                 u[c] = left(u[c], setting["decay_u"][c]) + int(charge[c])
-                arrived = left(v[c], setting["decay_v"][c]) + u[c] + int(core.bias[c]) + (joined if c == soma else 0)
+                arrived = (
+                    left(v[c], setting["decay_v"][c])
+                    + u[c]
+                    + int(core.bias[c])
+                    + (joined if c == soma else 0)
+                )
                 v[c] = min(core.vmax, max(core.vmin, arrived))
                 joined += v[c] if c != soma else 0
-            if step >= free and (v[soma] > core.threshold_voltage[soma] or not all(kept[c] for c in family)):
+            if step >= free and (
+                v[soma] > core.threshold_voltage[soma] or not all(kept[c] for c in family)
+            ):
                 n += 1
                 free = step + int(setting["refractory"][soma])
             v[soma] = max(v[soma], 0)
@@ -106,14 +119,19 @@ def first_proven(program: hw.ChipProgram, recording: np.ndarray) -> int:
             seen = [[int(v) for v in row] for row in result.potential[name][first:at].T]
             now = [max(row, default=0) for row in seen]
             least = program.cores[0].vmin
-            ends = [(max(*row, least, least), max(*row, top, top)) for row, (_, top) in zip(seen, more, strict=True)]
+            ends = [
+                (max(*row, least, least), max(*row, top, top))
+                for row, (_, top) in zip(seen, more, strict=True)
+            ]
             ends = ends if first < steps else [(0, 0)] * len(now)
         score = [weight * n for n in now]
         low = [min(weight * a, weight * b) for a, b in ends]
         high = [max(weight * a, weight * b) for a, b in ends]
         w = score.index(max(score))
         if low == high or all(
-            high[c] < low[w] or (exact and c > w and high[c] == low[w]) for c in range(len(score)) if c != w
+            high[c] < low[w] or (exact and c > w and high[c] == low[w])
+            for c in range(len(score))
+            if c != w
         ):
             return at
     return steps
@@ -124,7 +142,9 @@ def first_proven(program: hw.ChipProgram, recording: np.ndarray) -> int:
 def test_the_stop_is_the_first_step_that_the_bound_proves(seed, first):
     program, recording = random_layer(seed)
     program = by_potentials(program, first)
-    assert int(hw.stop_when_proven(program, recording[None]).steps[0]) == first_proven(program, recording)
+    assert int(hw.stop_when_proven(program, recording[None]).steps[0]) == first_proven(
+        program, recording
+    )
 
 
 @settings(max_examples=15, deadline=None)
@@ -139,7 +159,10 @@ def test_counts_of_a_proven_stop_are_those_of_so_many_steps(seed):
         steps = min(left, phase.steps)
         left -= steps
         if phase.name == "time" and steps:
-            short = replace(program, phases=tuple(replace(p, steps=steps) if p is phase else p for p in program.phases))
+            short = replace(
+                program,
+                phases=tuple(replace(p, steps=steps) if p is phase else p for p in program.phases),
+            )
             counts = counted(hw.simulate(short, recording).counts_by_phase["time"])
         else:
             activity = result.activity[phase.name][0]
@@ -163,7 +186,10 @@ def test_an_empty_buffer_ends_a_recording():
     drawn = [random_hybrid(seed) for seed in range(40)]
     unbiased = [x for x in drawn if not any(core.bias.any() for core in x[0].cores_of("location"))]
     stops = [hw.stop_when_proven(program, 0 * recording[None]) for program, recording in unbiased]
-    ends = [(int(stop.steps[0]), len(recording)) for stop, (_, recording) in zip(stops, unbiased, strict=True)]
+    ends = [
+        (int(stop.steps[0]), len(recording))
+        for stop, (_, recording) in zip(stops, unbiased, strict=True)
+    ]
     assert all(step <= rows for step, rows in ends)
     assert any(0 < step for step, _ in ends)
 
@@ -177,7 +203,11 @@ def test_a_shorter_recording_is_followed_by_silence():
     assert np.array_equal(scores[0, -1], hw.simulate(program, short).scores)
     for stop in (hw.stop_when_proven, lambda p, x: hw.stop_at_margin(p, x, 2.0)):
         a, b = stop(program, short[None]), stop(program, padded[None])
-        assert (a.steps.tolist(), a.all_steps, counted(a.counts)) == (b.steps.tolist(), b.all_steps, counted(b.counts))
+        assert (a.steps.tolist(), a.all_steps, counted(a.counts)) == (
+            b.steps.tolist(),
+            b.all_steps,
+            counted(b.counts),
+        )
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,9 @@ def biased() -> hw.ChipProgram:
     """Compartments that spike and clip by their bias alone."""
     builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
     x = builder.add_input("x", 3)
-    y = builder.add_compartments("y", 20, threshold=90, bias=640 * np.arange(20), decay_u=4096, decay_v=100)
+    y = builder.add_compartments(
+        "y", 20, threshold=90, bias=640 * np.arange(20), decay_u=4096, decay_v=100
+    )
     low = builder.add_compartments("low", 2, threshold=90, bias=-64_000, decay_v=0, vmin=1 - 2**13)
     builder.connect(x, y, np.full((20, 3), 100))
     builder.connect(y, low, np.full((2, 20), 4))
@@ -33,14 +35,18 @@ def parts(value: object) -> list[np.ndarray]:
     if isinstance(value, tuple):
         return [array for item in value for array in parts(item)]
     if isinstance(value, (hw.SimulationResult, simulation.StepActivity)):
-        held = {name: item for name, item in vars(value).items() if name not in ("pieces", "routes")}
+        held = {
+            name: item for name, item in vars(value).items() if name not in ("pieces", "routes")
+        }
         return parts(held)
     return []
 
 
 def equal(one: hw.SimulationResult, other: hw.SimulationResult) -> bool:
     pairs = list(zip(parts(one), parts(other), strict=True))
-    return one.events == other.events and all(np.array_equal(a, b) and a.dtype == b.dtype for a, b in pairs)
+    return one.events == other.events and all(
+        np.array_equal(a, b) and a.dtype == b.dtype for a, b in pairs
+    )
 
 
 @pytest.mark.parametrize("batched", [False, True], ids=["rows", "a batch of one"])
@@ -90,7 +96,9 @@ def test_events_of_one_stream_are_played_beside_an_empty_one():
 @pytest.mark.parametrize("kind", ["uint8", "bool", "int64", "float64"])
 def test_an_empty_recording_is_played_once(monkeypatch, kind):
     played = []
-    monkeypatch.setattr(simulation, "play", lambda *given, play=simulation.play: (played.append(1), play(*given))[1])
+    monkeypatch.setattr(
+        simulation, "play", lambda *given, play=simulation.play: (played.append(1), play(*given))[1]
+    )
     program, nothing = biased(), np.zeros((STEPS, 3), dtype=kind)
     for _ in range(3):
         hw.simulate(program, nothing)

@@ -30,7 +30,10 @@ def random_program(seed: int, chip: hw.Chip = CHIP):
     builder = hw.ProgramBuilder(chip)
     nodes = {"x": builder.add_input("x", 4)}
     groups, links = [], []
-    limits = {"vmin": int(r.choice([1 - 2**23, 1 - 2**15, 0])), "vmax": int(r.choice([2**23 - 1, 2**19 - 1]))}
+    limits = {
+        "vmin": int(r.choice([1 - 2**23, 1 - 2**15, 0])),
+        "vmax": int(r.choice([2**23 - 1, 2**19 - 1])),
+    }
     sizes = {"h": 6, "h/dendrite": 6, "y": 3}
     for name, size in sizes.items():
         given_parameters = {
@@ -64,9 +67,23 @@ def random_program(seed: int, chip: hw.Chip = CHIP):
         exponent = int(r.integers(-8, 8)) if big else int(r.integers(-3, 2))
         delay = r.integers(0, r.choice([1, 3, 63]), shape)
         builder.connect(
-            nodes[source], nodes[target], weights, exponent=exponent, delay=delay, weight_bits=bits, sign_mode=mode
+            nodes[source],
+            nodes[target],
+            weights,
+            exponent=exponent,
+            delay=delay,
+            weight_bits=bits,
+            sign_mode=mode,
         )
-        links.append({"source": source, "target": target, "weights": weights, "delay": delay, "exponent": exponent})
+        links.append(
+            {
+                "source": source,
+                "target": target,
+                "weights": weights,
+                "delay": delay,
+                "exponent": exponent,
+            }
+        )
     steps = 40
     spikes = (r.random((steps, 4)) < r.choice([0.05, 0.3, 1.0])).astype(np.uint8)
     # The oracle walks groups in order, so a dendrite must come before the soma that it is joined to.
@@ -100,7 +117,10 @@ def test_engines_agree_on_every_probe_and_count(seed):
     fast, slow = (hw.simulate(program, spikes, engine=engine, probe=probe) for engine in ENGINES)
     for name in program.populations:
         for kind in ("u", "v", "potential"):
-            assert np.array_equal(getattr(fast, kind)[name], getattr(slow, kind)[name]), (kind, name)
+            assert np.array_equal(getattr(fast, kind)[name], getattr(slow, kind)[name]), (
+                kind,
+                name,
+            )
     assert replace(fast.counts, skipped_steps=0) == slow.counts
     assert fast.events == slow.events
     for phase in ("time",):
@@ -111,19 +131,33 @@ def test_engines_agree_on_every_probe_and_count(seed):
 def test_engines_agree_on_a_chip_of_other_registers():
     """Late spikes, long rests, wide biases and a narrow voltage, at the ends of what a chip file may have."""
     registers = replace(
-        CHIP.registers, voltage_bits=15, delay_max=1022, refractory_max=300, bias_mantissa_bits=20, bias_exponent_max=2
+        CHIP.registers,
+        voltage_bits=15,
+        delay_max=1022,
+        refractory_max=300,
+        bias_mantissa_bits=20,
+        bias_exponent_max=2,
     )
     builder = hw.ProgramBuilder(replace(CHIP, registers=registers))
     line = builder.add_input("line", 3)
     cell = builder.add_compartments(
-        "cell", 4, decay_u=900, decay_v=[0, 100, 4095, 4096], threshold=100, bias=[0, 5, -9, 1 << 20], refractory=300
+        "cell",
+        4,
+        decay_u=900,
+        decay_v=[0, 100, 4095, 4096],
+        threshold=100,
+        bias=[0, 5, -9, 1 << 20],
+        refractory=300,
     )
     builder.connect(line, cell, np.full((4, 3), 200), delay=[[0, 1, 1022]] * 4)
     builder.connect(cell, cell, np.full((4, 4), -50), delay=700)
     program = builder.build()
     spikes = np.zeros((2500, 3), dtype=np.uint8)
     spikes[[0, 3, 5, 1000]] = 1
-    fast, slow = (hw.simulate(program, spikes, engine=engine, probe=("spikes", "u", "v")) for engine in ENGINES)
+    fast, slow = (
+        hw.simulate(program, spikes, engine=engine, probe=("spikes", "u", "v"))
+        for engine in ENGINES
+    )
     assert np.array_equal(fast.u["cell"], slow.u["cell"])
     assert np.array_equal(fast.v["cell"], slow.v["cell"])
     assert replace(fast.counts, skipped_steps=0) == slow.counts
@@ -138,7 +172,13 @@ def joined_children(builder: hw.ProgramBuilder, parents: int = 1, chain: bool = 
     soma = node
     for i in range(300):
         child = builder.add_compartments(
-            f"child{i}", parents, decay_u=4096, decay_v=0, bias=4095 << 7, threshold=0, joined_to=node
+            f"child{i}",
+            parents,
+            decay_u=4096,
+            decay_v=0,
+            bias=4095 << 7,
+            threshold=0,
+            joined_to=node,
         )
         node = child if chain else soma
 
@@ -151,7 +191,10 @@ def test_the_sum_of_many_joined_voltages(chain):
     joined_children(builder, chain=chain)
     program = builder.build()
     silence = np.zeros((30, 1), dtype=np.uint8)
-    fast, slow = (hw.simulate(program, silence, engine=engine, probe=("spikes", "potential")) for engine in ENGINES)
+    fast, slow = (
+        hw.simulate(program, silence, engine=engine, probe=("spikes", "potential"))
+        for engine in ENGINES
+    )
     assert slow.counts.spikes == 30
     assert np.array_equal(fast.spikes["soma"], slow.spikes["soma"])
     assert np.array_equal(fast.potential["soma"], slow.potential["soma"])
@@ -163,14 +206,20 @@ def test_the_sum_of_many_joined_voltages(chain):
 def test_a_tile_of_silence_waits_for_what_is_under_way(decay, row):
     """Events of one tile of 64 steps are due in the next, which has none; a third has nothing, and a fourth one more."""
     builder = hw.ProgramBuilder(CHIP)
-    x, y = builder.add_input("x", 2), builder.add_compartments("y", 2, decay_u=decay, decay_v=decay, threshold=30)
+    x, y = (
+        builder.add_input("x", 2),
+        builder.add_compartments("y", 2, decay_u=decay, decay_v=decay, threshold=30),
+    )
     builder.connect(x, y, [[60, 0], [0, 60]], delay=[[0, 0], [0, 62]])
     builder.read_out(y)
     program = builder.build()
     recording = np.zeros((260, 2), dtype=np.uint8)
     recording[[row, 200], 1] = 1
     recording[[3, 129], 0] = 1
-    fast, slow = (hw.simulate(program, recording, engine=engine, probe=("spikes", "u", "v")) for engine in ENGINES)
+    fast, slow = (
+        hw.simulate(program, recording, engine=engine, probe=("spikes", "u", "v"))
+        for engine in ENGINES
+    )
     for kind in ("spikes", "u", "v"):
         assert np.array_equal(getattr(fast, kind)["y"], getattr(slow, kind)["y"])
     assert fast.spikes["y"][:, 1].nonzero()[0][0] == row + 63
@@ -201,10 +250,14 @@ def test_a_chain_as_long_as_a_core():
 def test_a_bias_wider_than_32_bits():
     """It wraps in each step, and keeps the compartment busy, even where its low 32 bits are zero."""
     builder = hw.ProgramBuilder(
-        replace(CHIP, registers=replace(CHIP.registers, bias_mantissa_bits=24, bias_exponent_max=24))
+        replace(
+            CHIP, registers=replace(CHIP.registers, bias_mantissa_bits=24, bias_exponent_max=24)
+        )
     )
     builder.add_input("x", 1)
-    builder.add_compartments("n", 4, decay_u=4096, decay_v=0, threshold=100, bias=[1 << 47, 1 << 32, -(1 << 48), 0])
+    builder.add_compartments(
+        "n", 4, decay_u=4096, decay_v=0, threshold=100, bias=[1 << 47, 1 << 32, -(1 << 48), 0]
+    )
     program = builder.build()
     silence = np.zeros((800, 1), dtype=np.uint8)
     fast, slow = (hw.simulate(program, silence, engine=engine) for engine in ENGINES)
@@ -227,7 +280,9 @@ def test_widths_by_hand(registers, bound):
     chip = replace(CHIP, registers=replace(CHIP.registers, **registers))
     builder = hw.ProgramBuilder(chip)
     x = builder.add_input("x", 1)
-    n = builder.add_compartments("n", 1, decay_u=0, decay_v=0, threshold=chip.registers.threshold_mantissa_max)
+    n = builder.add_compartments(
+        "n", 1, decay_u=0, decay_v=0, threshold=chip.registers.threshold_mantissa_max
+    )
     builder.connect(x, n, [[254]], exponent=3)
     spikes = np.ones((60, 1), dtype=np.uint8)
     u = v = clips = wraps = 0
@@ -243,7 +298,10 @@ def test_widths_by_hand(registers, bound):
         wanted.append((u, v))
     for engine in ENGINES:
         found = hw.simulate(builder.build(), spikes, engine=engine, probe=("u", "v"))
-        assert list(zip(found.u["n"][:, 0].tolist(), found.v["n"][:, 0].tolist(), strict=True)) == wanted
+        assert (
+            list(zip(found.u["n"][:, 0].tolist(), found.v["n"][:, 0].tolist(), strict=True))
+            == wanted
+        )
         assert (found.counts.wraps, found.counts.clips) == (wraps, clips)
 
 
@@ -254,8 +312,12 @@ def test_a_voltage_wider_than_a_factor():
     n = builder.add_compartments("n", 1, decay_u=0, decay_v=0, threshold=100)
     builder.connect(x, n, [[-254]], exponent=3)
     for engine in ENGINES:
-        found = hw.simulate(builder.build(), np.ones((60, 1), dtype=np.uint8), engine=engine, probe=("v",))
-        assert found.v["n"][:, 0].tolist() == [-64 * 8 * 254 * (t * (t + 1) // 2) for t in range(60)], engine
+        found = hw.simulate(
+            builder.build(), np.ones((60, 1), dtype=np.uint8), engine=engine, probe=("v",)
+        )
+        assert found.v["n"][:, 0].tolist() == [
+            -64 * 8 * 254 * (t * (t + 1) // 2) for t in range(60)
+        ], engine
 
 
 @settings(max_examples=20, deadline=None)
@@ -282,7 +344,13 @@ def test_results_do_not_depend_on_placement(seed):
     here, there = hw.simulate(one, spikes), hw.simulate(many, spikes)
     for name, array in here.spikes.items():
         assert np.array_equal(array, there.spikes[name])
-    for count in ("synaptic_ops", "neuron_updates", "neuron_updates_active", "spikes", "synaptic_ops_after_end"):
+    for count in (
+        "synaptic_ops",
+        "neuron_updates",
+        "neuron_updates_active",
+        "spikes",
+        "synaptic_ops_after_end",
+    ):
         assert here.counts[count] == there.counts[count], count
 
 
@@ -290,7 +358,9 @@ def test_synaptic_ops_are_spikes_times_fan_out():
     program, _, links, spikes = random_program(5)
     result = hw.simulate(program, spikes)
     sent = {"x": spikes, **result.spikes}
-    ops = sum(int((sent[k["source"]].sum(axis=0) * (k["weights"] != 0).sum(axis=0)).sum()) for k in links)
+    ops = sum(
+        int((sent[k["source"]].sum(axis=0) * (k["weights"] != 0).sum(axis=0)).sum()) for k in links
+    )
     steps = len(spikes)
     late = 0
     for k in links:
@@ -301,7 +371,9 @@ def test_synaptic_ops_are_spikes_times_fan_out():
     assert result.counts.synaptic_ops_after_end == late
 
 
-@pytest.mark.parametrize("sent", [(1 << 30) + 1, (1 << 52) + 1, (1 << 58) + 1], ids=["few", "more than floats", "most"])
+@pytest.mark.parametrize(
+    "sent", [(1 << 30) + 1, (1 << 52) + 1, (1 << 58) + 1], ids=["few", "more than floats", "most"]
+)
 def test_no_number_of_spikes_is_counted_inexactly(sent):
     builder = hw.ProgramBuilder(CHIP)
     x, y = builder.add_input("x", 1), builder.add_compartments("y", 7, threshold=1)
@@ -312,7 +384,9 @@ def test_no_number_of_spikes_is_counted_inexactly(sent):
     played = play(program, phase, lists, None, Player())._replace(steps=sent)
     trace = PhaseTrace.empty(played._replace(steps=1), 7, 1, {})
     trace.sent[1] = [sent, 1, 2, 3, 4, 5, 6, 7]
-    assert count_totals(program, phase.name, played, trace)[:, COUNTED.index("synaptic_ops")].tolist() == [0, 7 * sent]
+    assert count_totals(program, phase.name, played, trace)[
+        :, COUNTED.index("synaptic_ops")
+    ].tolist() == [0, 7 * sent]
 
 
 def test_a_batch_equals_its_recordings_one_by_one():
@@ -330,13 +404,19 @@ def test_silence_is_skipped_and_counted():
     """Nothing before the first event, and nothing after the last trace of it has faded."""
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 1)
-    soma = builder.add_compartments("soma", 2, decay_u=4096, decay_v=4096, threshold=90, refractory=5)
-    dendrite = builder.add_compartments("soma/dendrite", 2, decay_u=2048, decay_v=2048, threshold=0, joined_to=soma)
+    soma = builder.add_compartments(
+        "soma", 2, decay_u=4096, decay_v=4096, threshold=90, refractory=5
+    )
+    dendrite = builder.add_compartments(
+        "soma/dendrite", 2, decay_u=2048, decay_v=2048, threshold=0, joined_to=soma
+    )
     builder.connect(x, dendrite, [[100], [-40]])
     program = builder.build()
     spikes = np.zeros((400, 1), dtype=np.uint8)
     spikes[150] = 1
-    fast, slow = (hw.simulate(program, spikes, engine=engine, probe=("spikes", "v")) for engine in ENGINES)
+    fast, slow = (
+        hw.simulate(program, spikes, engine=engine, probe=("spikes", "v")) for engine in ENGINES
+    )
     assert np.array_equal(fast.v["soma/dendrite"], slow.v["soma/dendrite"])
     assert np.array_equal(fast.spikes["soma"], slow.spikes["soma"])
     assert fast.spikes["soma"].sum() > 0
@@ -349,8 +429,12 @@ def test_a_refractory_sum_counts_on_while_its_dendrites_rest():
     """A soma that only adds up: it is at rest when it may spike again, not when its dendrites are."""
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 1)
-    soma = builder.add_compartments("soma", 1, decay_u=4096, decay_v=4096, threshold=90, refractory=5)
-    dendrite = builder.add_compartments("dendrite", 1, decay_u=4096, decay_v=4096, threshold=0, joined_to=soma)
+    soma = builder.add_compartments(
+        "soma", 1, decay_u=4096, decay_v=4096, threshold=90, refractory=5
+    )
+    dendrite = builder.add_compartments(
+        "dendrite", 1, decay_u=4096, decay_v=4096, threshold=0, joined_to=soma
+    )
     builder.connect(x, dendrite, [[100]])
     spikes = np.zeros((40, 1), dtype=np.uint8)
     spikes[[0, 3, 10, 15, 19, 25]] = 1

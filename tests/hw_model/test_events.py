@@ -42,8 +42,12 @@ def test_compiled_lists_equal_those_of_numpy(recordings, lines, seed):
     played = np.zeros((len(recordings), steps, item.size), dtype=np.uint8)
     for b, t, c in np.argwhere(recordings).tolist():
         if t < lines and item.positions[c] < steps:
-            played[b, item.positions[c], t + (0 if item.first_lines is None else item.first_lines[c])] += 1
-    turned = PhaseInput(steps, (item.size,), (found,), *np.zeros((3, len(recordings)), dtype=np.int64))
+            played[
+                b, item.positions[c], t + (0 if item.first_lines is None else item.first_lines[c])
+            ] += 1
+    turned = PhaseInput(
+        steps, (item.size,), (found,), *np.zeros((3, len(recordings)), dtype=np.int64)
+    )
     assert all(np.array_equal(turned.lines(b), played[b]) for b in range(len(recordings)))
     for b, row in np.ndindex(len(recordings), steps):  # ascending within a row, as every list
         assert (np.diff(found.channel[found.first[b, row] : found.first[b, row + 1]]) > 0).all()
@@ -56,7 +60,9 @@ def _visits(seed: int, channels: int, lines: int) -> tuple[Input, int]:
     at = r.permutation(channels)
     first_lines = None if together == 1 and r.random() < 0.5 else read_only(at % together * lines)
     steps = max(1, -(-channels // together) + int(r.integers(-1, 3)))
-    return Input("x", together * lines, "location", "touch", read_only(at // together), first_lines), steps
+    return Input(
+        "x", together * lines, "location", "touch", read_only(at // together), first_lines
+    ), steps
 
 
 @pytest.mark.parametrize("module", [event_scan, playing], ids=["compiled", "numpy"])
@@ -65,10 +71,14 @@ def _visits(seed: int, channels: int, lines: int) -> tuple[Input, int]:
 def test_lists_hold_the_recording_and_transpose_it(module, recordings):
     events = module.list_events("x", recordings)
     steps, channels = recordings.shape[1:]
-    played = PhaseInput(steps, (channels,), (events,), *np.zeros((3, len(recordings)), dtype=np.int64))
+    played = PhaseInput(
+        steps, (channels,), (events,), *np.zeros((3, len(recordings)), dtype=np.int64)
+    )
     item = Input("x", steps, "location", "touch", np.arange(channels)[::-1].copy())
     turned = module.transpose(events, item, channels)
-    transposed = PhaseInput(channels, (steps,), (turned,), *np.zeros((3, len(recordings)), dtype=np.int64))
+    transposed = PhaseInput(
+        channels, (steps,), (turned,), *np.zeros((3, len(recordings)), dtype=np.int64)
+    )
     for b, recording in enumerate(recordings):
         assert np.array_equal(played.lines(b), recording)
         assert np.array_equal(transposed.lines(b), recording.T[::-1])
@@ -78,7 +88,10 @@ def test_lists_hold_the_recording_and_transpose_it(module, recordings):
 @pytest.mark.parametrize("module", [event_scan, playing], ids=["compiled", "numpy"])
 def test_no_rows_and_no_events(module):
     assert module.list_events("x", np.zeros((2, 0, 3), dtype=np.uint8)).first.tolist() == [[0], [0]]
-    assert module.list_events("x", np.zeros((2, 1, 3), dtype=np.uint8)).first.tolist() == [[0, 0], [0, 0]]
+    assert module.list_events("x", np.zeros((2, 1, 3), dtype=np.uint8)).first.tolist() == [
+        [0, 0],
+        [0, 0],
+    ]
 
 
 VISITS = [
@@ -137,14 +150,18 @@ def test_ones_that_are_no_real_numbers_are_refused(dtype):
 @pytest.mark.parametrize("channels", [1, 15, 16, 63, 64, 65, 156])
 @pytest.mark.parametrize("density", [0.0, 0.03, 0.5, 1.0])
 def test_rows_of_every_length_are_listed(channels, density):
-    recordings = (np.random.default_rng(channels).random((3, 7, channels)) < density).astype(np.uint8)
+    recordings = (np.random.default_rng(channels).random((3, 7, channels)) < density).astype(
+        np.uint8
+    )
     wanted, found = playing.list_events("x", recordings), event_scan.list_events("x", recordings)
     assert np.array_equal(found.first, wanted.first)
     assert np.array_equal(found.channel, wanted.channel)
 
 
 @pytest.mark.parametrize(
-    "shape", [(5, 300, 500), (2, 1100, 500), (40, 3, 500)], ids=["some", "one at a time", "all together"]
+    "shape",
+    [(5, 300, 500), (2, 1100, 500), (40, 3, 500)],
+    ids=["some", "one at a time", "all together"],
 )
 def test_a_batch_is_listed_in_threads_as_one(shape, monkeypatch):
     """Lists of more than a part begin where those of the parts before end; a byte beyond 1 in the last part is refused."""
@@ -191,7 +208,9 @@ def test_lists_are_the_same_on_every_processor(moves, tmp_path):
     paths = os.pathsep.join(map(str, (Path(__file__).parents[2], Path(__file__).parent)))
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": paths}
     script = OF_EVERY_WIDTH.format(moves=moves)
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False, env=environment)
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=False, env=environment
+    )
     assert (done.returncode, done.stderr) == (0, "")
 
 
@@ -205,7 +224,9 @@ def test_lists_are_the_same_on_every_processor(moves, tmp_path):
         ("generic", "+avx512f", True),
     ],
 )
-def test_what_a_processor_can_do_is_that_of_the_one_compiled_for(monkeypatch, name, features, moves):
+def test_what_a_processor_can_do_is_that_of_the_one_compiled_for(
+    monkeypatch, name, features, moves
+):
     monkeypatch.setattr(config, "CPU_NAME", name)
     monkeypatch.setattr(config, "CPU_FEATURES", features)
     assert lanes.can.__wrapped__("avx512f") is moves

@@ -25,7 +25,9 @@ def test_the_format_that_holds_two(field):
     assert PLAIN.joins(wider)
 
 
-@pytest.mark.parametrize("change", [{"exponent": 1}, {"sign_mode": "excitatory"}], ids=["exponent", "signs"])
+@pytest.mark.parametrize(
+    "change", [{"exponent": 1}, {"sign_mode": "excitatory"}], ids=["exponent", "signs"]
+)
 def test_what_no_format_holds_together(change):
     assert not PLAIN.joins(replace(PLAIN, **change))
 

@@ -22,14 +22,21 @@ from hw_model.program.write import program_files
 
 
 @settings(max_examples=30, deadline=None)
-@given(seed=st.integers(0, 2**32 - 1), together=st.integers(1, 4), silence=st.integers(0, 3), extra=st.integers(0, 3))
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    together=st.integers(1, 4),
+    silence=st.integers(0, 3),
+    extra=st.integers(0, 3),
+)
 def test_both_engines_give_the_same(seed, together, silence, extra):
     program, recording = random_hybrid(seed, together, silence)
     # Rows after those that the lines are for, in a batch of which one is silent.
     rows = np.pad(recording, ((0, extra), (0, 0)), constant_values=1)
     batch = np.stack((rows, np.zeros_like(rows), rows[::-1]))
     probe = ("spikes", "u", "v", "potential", "activity")
-    fast, slow = (hw.simulate(program, batch, engine=engine, probe=probe) for engine in ("fast", "reference"))
+    fast, slow = (
+        hw.simulate(program, batch, engine=engine, probe=probe) for engine in ("fast", "reference")
+    )
     assert replace(fast.counts, skipped_steps=0) == slow.counts
     for kind in ("spikes", "u", "v", "potential"):
         for name, wanted in getattr(slow, kind).items():
@@ -124,14 +131,18 @@ CHANGES = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("change", "message"), [row[1:] for row in CHANGES], ids=[row[0] for row in CHANGES])
+@pytest.mark.parametrize(
+    ("change", "message"), [row[1:] for row in CHANGES], ids=[row[0] for row in CHANGES]
+)
 def test_visits_that_no_program_has_are_refused(saved, change, message):
     with np.load(saved / "program.npz") as held:
         content = pack_arrays(change(dict(held)), compressed=False)
     (saved / "program.npz").write_bytes(content)
     text = (saved / "program.yaml").read_text()
     digest = hashlib.sha256(content).hexdigest()
-    (saved / "program.yaml").write_text(re.sub("arrays_sha256: .*", f"arrays_sha256: {digest}", text))
+    (saved / "program.yaml").write_text(
+        re.sub("arrays_sha256: .*", f"arrays_sha256: {digest}", text)
+    )
     with pytest.raises(hw.InputError) as caught:
         hw.load_program(saved)
     assert str(caught.value) == message

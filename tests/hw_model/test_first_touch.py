@@ -26,7 +26,9 @@ PROBE = ("spikes", "u", "v", "potential", "activity")
 def aligned(program: hw.ChipProgram, time: int | None, location: int | None) -> hw.ChipProgram:
     """The program with phases that start at so many events."""
     events = {"time": time, "location": location}
-    return replace(program, phases=tuple(replace(p, align_events=events[p.name]) for p in program.phases))
+    return replace(
+        program, phases=tuple(replace(p, align_events=events[p.name]) for p in program.phases)
+    )
 
 
 def of_kind(kind: str, recording: np.ndarray, r: np.random.Generator) -> np.ndarray:
@@ -35,15 +37,23 @@ def of_kind(kind: str, recording: np.ndarray, r: np.random.Generator) -> np.ndar
         silent = np.zeros((int(r.integers(0, 60)), recording.shape[1]), dtype=np.uint8)
         return np.concatenate((silent, recording, recording))
     first = {"as drawn": 0, "late": int(r.integers(len(recording))), "empty": len(recording)}
-    return recording * (np.arange(len(recording)) >= first.get(kind, len(recording) - 1))[:, None].astype(np.uint8)
+    return recording * (np.arange(len(recording)) >= first.get(kind, len(recording) - 1))[
+        :, None
+    ].astype(np.uint8)
 
 
 def start_of(recording: np.ndarray, events: int | None) -> int:
     """The first step with so many events; the number of steps where there is none."""
-    return 0 if events is None else next((t for t, row in enumerate(recording) if row.sum() >= events), len(recording))
+    return (
+        0
+        if events is None
+        else next((t for t, row in enumerate(recording) if row.sum() >= events), len(recording))
+    )
 
 
-def check_phase(program: hw.ChipProgram, found: hw.SimulationResult, recording: np.ndarray, name: str) -> None:
+def check_phase(
+    program: hw.ChipProgram, found: hw.SimulationResult, recording: np.ndarray, name: str
+) -> None:
     """A phase against the phase that starts at once, played the recording from its start on."""
     (phase,) = (p for p in program.phases if p.name == name)
     start = start_of(recording, phase.align_events)
@@ -55,7 +65,9 @@ def check_phase(program: hw.ChipProgram, found: hw.SimulationResult, recording: 
         whole = max(phase.steps, len(recording))
         ran = 0 if start == len(recording) else min(phase.steps, whole - start)
         rows = slice(start, start + ran)
-        assert counts.neuron_updates == ran * sum(core.compartments for core in program.cores_of(name))
+        assert counts.neuron_updates == ran * sum(
+            core.compartments for core in program.cores_of(name)
+        )
         for kind in PROBE[:-1]:
             for group in getattr(found, kind).keys() & program.columns_of(name).keys():
                 array = getattr(found, kind)[group]
@@ -75,7 +87,11 @@ def check_phase(program: hw.ChipProgram, found: hw.SimulationResult, recording: 
             assert np.array_equal(getattr(found, kind)[group][rows], array), (kind, group)
     given = wanted.counts_by_phase[name]
     dropped = int(recording.sum()) - given.input_events - given.transpose_events
-    skipped = {"aligned_steps": counts.aligned_steps, "events_dropped": dropped, "skipped_steps": counts.skipped_steps}
+    skipped = {
+        "aligned_steps": counts.aligned_steps,
+        "events_dropped": dropped,
+        "skipped_steps": counts.skipped_steps,
+    }
     assert counts == replace(given, **skipped)
     if phase.align_events:
         price = {phase.name: wanted.activity[name][0]}
@@ -87,7 +103,13 @@ DAVIES = hw.chip("loihi-sim").profile("davies2018")
 
 
 @settings(max_examples=40, deadline=None)
-@given(seed=SEEDS, time=EVENTS, location=EVENTS, kind=st.sampled_from(KINDS), together=st.sampled_from([1, 2]))
+@given(
+    seed=SEEDS,
+    time=EVENTS,
+    location=EVENTS,
+    kind=st.sampled_from(KINDS),
+    together=st.sampled_from([1, 2]),
+)
 def test_both_engines_play_a_recording_from_its_start_on(seed, time, location, kind, together):
     program, recording = random_hybrid(seed, together)
     program = aligned(program, time, location)
@@ -109,18 +131,29 @@ def test_both_engines_play_a_recording_from_its_start_on(seed, time, location, k
 
 
 @settings(max_examples=30, deadline=None)
-@given(seed=SEEDS, time=EVENTS, location=EVENTS, kind=st.sampled_from(KINDS[:4]), rows=st.sampled_from([1, 3, 80]))
+@given(
+    seed=SEEDS,
+    time=EVENTS,
+    location=EVENTS,
+    kind=st.sampled_from(KINDS[:4]),
+    rows=st.sampled_from([1, 3, 80]),
+)
 def test_sessions_know_the_same_after_every_step(seed, time, location, kind, rows):
     """The first events decide the start, whatever parts they come in; and once more after a reset."""
     program, recording = random_hybrid(seed)
     first = [None, 0, 3, (None, 1), (2, None)][seed % 5]
-    program = replace(aligned(program, time, location), readout=replace(program.readout, potentials_from=first))
+    program = replace(
+        aligned(program, time, location), readout=replace(program.readout, potentials_from=first)
+    )
     recording = of_kind(kind, recording, np.random.default_rng(seed))
     session = hw.Session(program)
     for _ in range(2):
         parts = [session.push(recording[at : at + rows]) for at in range(0, len(recording), rows)]
         spikes, potential = (
-            {name: np.concatenate([getattr(p, kept)[name] for p in parts]) for name in getattr(parts[0], kept)}
+            {
+                name: np.concatenate([getattr(p, kept)[name] for p in parts])
+                for name in getattr(parts[0], kept)
+            }
             for kept in ("spikes", "potential")
         )
         scores = np.concatenate([part.scores for part in parts])
@@ -133,7 +166,10 @@ def test_sessions_know_the_same_after_every_step(seed, time, location, kind, row
 def test_a_session_of_a_late_phase_that_ends_before_its_recording_or_with_it(steps, first):
     """Potentials are below 0 while it runs, and 0 before and after."""
     b = hw.ProgramBuilder(CHIP)
-    x, y = b.add_input("x", 1), b.add_compartments("y", 2, threshold=9, bias=[-640, -64], decay_u=4096, decay_v=4096)
+    x, y = (
+        b.add_input("x", 1),
+        b.add_compartments("y", 2, threshold=9, bias=[-640, -64], decay_u=4096, decay_v=4096),
+    )
     b.connect(x, y, [[2], [-2]])
     graph = b.graph()
     late = replace(graph, phases=(replace(graph.phases[0], steps=steps, align_events=1),))
@@ -142,7 +178,9 @@ def test_a_session_of_a_late_phase_that_ends_before_its_recording_or_with_it(ste
     for rows in (1, 3, 7):
         session = hw.Session(program)
         pushed = [session.push(recording[at : at + rows]).scores for at in range(0, 7, rows)]
-        whole = hw.simulate(program, recording, engine="reference", probe=("potential",)).potential["y"][:7]
+        whole = hw.simulate(program, recording, engine="reference", probe=("potential",)).potential[
+            "y"
+        ][:7]
         assert np.concatenate(pushed).tolist() == largest_so_far(whole, first).tolist()
 
 
@@ -152,7 +190,9 @@ def test_a_session_waits_for_the_touch_as_long_as_it_takes(seed, time, location)
     program, recording = random_hybrid(seed)
     program = aligned(program, time, location)
     longer = of_kind("longer", recording, np.random.default_rng(seed))
-    assert np.array_equal(hw.Session(program).push(longer).scores[-1], hw.simulate(program, longer).scores)
+    assert np.array_equal(
+        hw.Session(program).push(longer).scores[-1], hw.simulate(program, longer).scores
+    )
 
 
 @settings(max_examples=25, deadline=None)
@@ -160,10 +200,14 @@ def test_a_session_waits_for_the_touch_as_long_as_it_takes(seed, time, location)
 def test_no_future_changes_a_proven_winner(seed, time, location, kind):
     program, recording = random_hybrid(seed)
     program = in_streams(aligned(program, time, location))
-    program = replace(program, readout=replace(program.readout, potentials_from=(None, 0, 3)[seed % 3]))
+    program = replace(
+        program, readout=replace(program.readout, potentials_from=(None, 0, 3)[seed % 3])
+    )
     recording = of_kind(kind, recording, np.random.default_rng(seed))
     stops = hw.stop_when_proven(program, {"time": recording[None], "location": recording[None]})
-    found = hw.simulate(program, futures(program, recording, int(stops.steps[0]), np.random.default_rng(seed)))
+    found = hw.simulate(
+        program, futures(program, recording, int(stops.steps[0]), np.random.default_rng(seed))
+    )
     assert (found.prediction == stops.prediction[0]).all()
 
 
@@ -259,7 +303,9 @@ def test_a_dendrite_that_has_not_started_has_not_fallen():
 def test_a_potential_is_0_until_the_touch():
     """Class 1 falls to -511 once it has started. The sixth spike exceeds what class 0 may still lose, 5.11."""
     builder = hw.ProgramBuilder(CHIP)
-    b = builder.add_compartments("b", 2, decay_u=4096, decay_v=0, threshold=100_000, bias=[0, -64], vmin=-511)
+    b = builder.add_compartments(
+        "b", 2, decay_u=4096, decay_v=0, threshold=100_000, bias=[0, -64], vmin=-511
+    )
     builder.connect(builder.add_input("z", 1), b, [[-2], [-2]])
     assert stop_before_a_touch(builder) == [7]
 
@@ -298,7 +344,10 @@ def test_a_reset_forgets_the_largest_potential():
         rows = np.zeros((4, 2), dtype=np.uint8)
         rows[row, channel] = 1
         played.append(
-            (session.push(rows).potential["b"][:, 0].tolist(), int(hw.simulate(session.program, rows).scores[0]))
+            (
+                session.push(rows).potential["b"][:, 0].tolist(),
+                int(hw.simulate(session.program, rows).scores[0]),
+            )
         )
         session.reset()
     assert played == [([0, 384, 384, 384], 384), ([0, 0, 0, 0], 0)]
@@ -315,4 +364,8 @@ def test_events_before_the_touch_are_not_played():
     rows = np.array([[1, 0, 0, 0], [0, 1, 1, 0], [0, 0, 0, 0]], dtype=np.uint8)
     session = hw.Session(program)
     assert session.push(rows).spikes["y"].tolist() == [[0], [2], [2]]
-    assert session.spikes("y").tolist() == hw.simulate(program, rows).spikes["y"].tolist() == [[0], [0], [1], [1]]
+    assert (
+        session.spikes("y").tolist()
+        == hw.simulate(program, rows).spikes["y"].tolist()
+        == [[0], [0], [1], [1]]
+    )

@@ -41,7 +41,9 @@ def test_every_synapse_once_within_every_limit(chip, seed):
         assert words(core, chip) == axons.synapse_words <= limits.synapse_words_per_core
         for piece in core.slices:
             joined = core.parent[piece.offset : piece.offset + piece.size]
-            assert (joined == -1).all() or (joined > np.arange(piece.offset, piece.offset + piece.size)).all()
+            assert (joined == -1).all() or (
+                joined > np.arange(piece.offset, piece.offset + piece.size)
+            ).all()
     assert delivered(program) == wanted(links)
 
 
@@ -51,7 +53,9 @@ def words(core, chip):
     axons = core.axons
     for j in range(axons.input_axons):
         row = slice(axons.list_start[j], axons.list_start[j + 1])
-        for form, count in zip(*np.unique(axons.format_index[row], return_counts=True), strict=True):
+        for form, count in zip(
+            *np.unique(axons.format_index[row], return_counts=True), strict=True
+        ):
             bits = axons.formats[form].bits_per_synapse
             total += sum(-(-(10 + min(64, count - at) * bits) // 64) for at in range(0, count, 64))
     return total
@@ -78,7 +82,9 @@ def delivered(program):
             follow((route.input, int(line)), int(core), int(axon))
     for core in program.cores:
         axons = core.axons
-        for sender, to_core, to_axon in zip(axons.out_compartment, axons.out_core, axons.out_axon, strict=True):
+        for sender, to_core, to_axon in zip(
+            axons.out_compartment, axons.out_core, axons.out_axon, strict=True
+        ):
             follow(name_of[core.number, int(sender)], int(to_core), int(to_axon))
     return sorted((s, t, w[:2], d) for s, t, w, d in found)
 
@@ -97,7 +103,9 @@ def wanted(links):
 
 
 @pytest.mark.parametrize(
-    ("end", "values"), [("vmin", [0, 0, -1, -1]), ("vmax", [511, 511, 2047, 2047])], ids=["lower", "upper"]
+    ("end", "values"),
+    [("vmin", [0, 0, -1, -1]), ("vmax", [511, 511, 2047, 2047])],
+    ids=["lower", "upper"],
 )
 def test_voltage_limits_are_of_a_core(end, values):
     builder = hw.ProgramBuilder(CHIP)
@@ -105,7 +113,10 @@ def test_voltage_limits_are_of_a_core(end, values):
     n = builder.add_compartments("n", 4, threshold=1, **{end: values})
     builder.connect(x, n, np.full((4, 1), 2))
     cores = builder.build().cores
-    assert [(getattr(core, end), core.compartments) for core in cores] == [(values[0], 2), (values[2], 2)]
+    assert [(getattr(core, end), core.compartments) for core in cores] == [
+        (values[0], 2),
+        (values[2], 2),
+    ]
 
 
 @settings(max_examples=60, deadline=None)
@@ -124,12 +135,16 @@ def test_no_core_has_room_for_the_next_neuron(chip, seed):
             here = np.isin(axons.target, compartments)
             sources |= set(source[here].tolist())
             lists.update(
-                (int(s), axons.formats[f]) for s, f in zip(source[here], axons.format_index[here], strict=True)
+                (int(s), axons.formats[f])
+                for s, f in zip(source[here], axons.format_index[here], strict=True)
             )
             profiles |= {one.profiles[i] for i in one.profile[compartments]}
             thresholds |= {one.thresholds[i] for i in one.threshold[compartments]}
             ends.add((one.vmin, one.vmax))
-        words = sum(int(chip.synapse_memory.words(n, form.bits_per_synapse)) for (_, form), n in lists.items())
+        words = sum(
+            int(chip.synapse_memory.words(n, form.bits_per_synapse))
+            for (_, form), n in lists.items()
+        )
         formats = {*core.axons.formats, *after.axons.formats}
         broken = [
             core.compartments + len(moved) > limits.compartments_per_core,
@@ -147,12 +162,17 @@ def _first_neuron(program, core):
     """The compartments of the first neuron of a core: of every group of its cluster the first."""
     root = program.joined_to.get(core.slices[0].group, core.slices[0].group)
     start = core.slices[0].start
-    groups = [p for p in core.slices if p.start == start and program.joined_to.get(p.group, p.group) == root]
+    groups = [
+        p
+        for p in core.slices
+        if p.start == start and program.joined_to.get(p.group, p.group) == root
+    ]
     return np.array([piece.offset for piece in groups])
 
 
 @pytest.mark.parametrize(
-    ("synapses", "bits", "words"), [(1, 8, 1), (6, 9, 1), (7, 8, 2), (64, 8, 9), (65, 8, 10), (128, 8, 18)]
+    ("synapses", "bits", "words"),
+    [(1, 8, 1), (6, 9, 1), (7, 8, 2), (64, 8, 9), (65, 8, 10), (128, 8, 18)],
 )
 def test_synapse_memory_formula(synapses, bits, words):
     assert CHIP.synapse_memory.words(synapses, bits) == words
@@ -175,12 +195,15 @@ def test_placement_counts_the_words_that_routing_stores(seed, share, limit):
     assert [words(core, chip) for core in program.cores] == used
     # One neuron more has at most ten synapses, each a word at worst.
     assert all(
-        one > limit - 10 or core.compartments == 1024 for one, core in zip(used[:-1], program.cores, strict=False)
+        one > limit - 10 or core.compartments == 1024
+        for one, core in zip(used[:-1], program.cores, strict=False)
     )
 
 
 def test_only_those_who_send_too_much_give_way():
-    limits = replace(CHIP.limits, compartments_per_core=40, output_axons_per_core=80, synapse_words_per_core=90)
+    limits = replace(
+        CHIP.limits, compartments_per_core=40, output_axons_per_core=80, synapse_words_per_core=90
+    )
     b = hw.ProgramBuilder(replace(CHIP, limits=limits))
     x = b.add_input("touch", 1)
     wide, narrow = (
@@ -206,7 +229,9 @@ def test_input_axons_of_two_populations_add_up():
 
 def test_formats_of_two_populations_add_up():
     """Two exponents each, and two of three formats are the same: the third is one too many."""
-    builder = hw.ProgramBuilder(replace(CHIP, limits=replace(CHIP.limits, synapse_formats_per_core=2)))
+    builder = hw.ProgramBuilder(
+        replace(CHIP, limits=replace(CHIP.limits, synapse_formats_per_core=2))
+    )
     x = builder.add_input("x", 1)
     for name, exponents in (("first", (0, 1)), ("second", (1, 0)), ("third", (0, 2))):
         n = builder.add_compartments(name, 3, threshold=1)
@@ -217,7 +242,9 @@ def test_formats_of_two_populations_add_up():
 
 
 @pytest.mark.parametrize(
-    ("first", "second", "words"), [([2, 0], [0, 2], 1), ([2, 2], [2, 2], 2)], ids=["one each", "both"]
+    ("first", "second", "words"),
+    [([2, 0], [0, 2], 1), ([2, 2], [2, 2], 2)],
+    ids=["one each", "both"],
 )
 def test_synapses_of_one_format_share_a_list(first, second, words):
     """Of two projections from one line, which reach a target each: 10 + 2 * 19 bits are one word, dense lists two."""
@@ -250,7 +277,9 @@ def test_synapses_of_one_format_share_a_list(first, second, words):
 )
 def test_populations_with_too_many_output_axons_give_way(output_axons, cores):
     program = six_senders(output_axons_per_core=output_axons)
-    assert [[(piece.group, piece.size) for piece in core.slices] for core in program.cores][: len(cores)] == cores
+    assert [[(piece.group, piece.size) for piece in core.slices] for core in program.cores][
+        : len(cores)
+    ] == cores
 
 
 def test_narrower_weights_are_no_way_out_of_too_many_output_axons():
@@ -267,7 +296,10 @@ def six_senders(**limits):
     limits = replace(CHIP.limits, compartments_per_core=6, **limits)
     builder = hw.ProgramBuilder(replace(CHIP, limits=limits))
     x = builder.add_input("x", 1)
-    a, b, out = (builder.add_compartments(name, size, threshold=1) for name, size in (("a", 4), ("b", 2), ("out", 12)))
+    a, b, out = (
+        builder.add_compartments(name, size, threshold=1)
+        for name, size in (("a", 4), ("b", 2), ("out", 12))
+    )
     for group, size in ((a, 4), (b, 2)):
         builder.connect(x, group, np.full((size, 1), 2))
         builder.connect(group, out, np.full((12, size), 2))

@@ -18,7 +18,13 @@ def example():
 @pytest.mark.parametrize("kind", ["spikes", "u", "v", "potential"])
 @pytest.mark.parametrize(
     ("populations", "steps"),
-    [(None, None), (("h",), None), (None, range(5, 9)), (("h/dendrite", "y"), range(38, 60)), (("y",), range(50, 60))],
+    [
+        (None, None),
+        (("h",), None),
+        (None, range(5, 9)),
+        (("h/dendrite", "y"), range(38, 60)),
+        (("y",), range(50, 60)),
+    ],
     ids=["all", "one", "some steps", "both", "after the end"],
 )
 def test_a_window_is_a_part_of_the_whole(example, engine, kind, populations, steps):
@@ -37,9 +43,15 @@ def test_a_window_is_a_part_of_the_whole(example, engine, kind, populations, ste
 @pytest.mark.parametrize(
     ("probe", "message"),
     [
-        (("voltage",), "probe 'voltage': does not exist. Choose one of: activity, potential, spikes, u, v."),
+        (
+            ("voltage",),
+            "probe 'voltage': does not exist. Choose one of: activity, potential, spikes, u, v.",
+        ),
         (("u", hw.Probe("u")), "probe 'u': is asked for twice. List its populations in one probe."),
-        ((hw.Probe("v", ("h/dendrit",)),), "probe 'v': there is no 'h/dendrit'. Did you mean 'h/dendrite'?"),
+        (
+            (hw.Probe("v", ("h/dendrit",)),),
+            "probe 'v': there is no 'h/dendrit'. Did you mean 'h/dendrite'?",
+        ),
         (
             (hw.Probe("v", None, range(0, 8, 2)),),
             "probe 'v': steps must count up by one from 0 or later. Give a range.",

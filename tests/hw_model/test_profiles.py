@@ -19,7 +19,10 @@ MINE = {
     "barrier_ns": {"one_tile": 100.0, "all_tiles": 400.0},
     "static_power": {"chip_mw": 90.0, "source": "the same board"},
     "sources": {"transpose_events": "a guess"},
-    "not_included": ["host", {"what": "loading", "bound_pj": {"spikes": 1.5}, "bound_source": "a data sheet"}],
+    "not_included": [
+        "host",
+        {"what": "loading", "bound_pj": {"spikes": 1.5}, "bound_source": "a data sheet"},
+    ],
 }
 
 
@@ -31,7 +34,10 @@ def written(tmp_path, name="mine.yaml", **changes):
 
 
 def test_every_constant_that_ships_has_source_basis_and_voltage():
-    assert {name: profile.voltage_v for name, profile in CHIP.profiles.items()} == {"davies2018": 0.75, "sanafe": None}
+    assert {name: profile.voltage_v for name, profile in CHIP.profiles.items()} == {
+        "davies2018": 0.75,
+        "sanafe": None,
+    }
     for profile in CHIP.profiles.values():
         assert profile.basis
         assert all(profile.source_of(count) for count in (*profile.energy_pj, *profile.time_ns))
@@ -58,9 +64,15 @@ def test_a_profile_of_ones_own_comes_first(tmp_path):
     assert list(chip.profiles) == ["mine", "davies2018", "sanafe"]
     assert chip.default_profile == "mine"
     mine = chip.profile("mine")
-    assert (mine.source_of("synaptic_ops"), mine.source_of("transpose_events")) == ("our board, run 7", "a guess")
+    assert (mine.source_of("synaptic_ops"), mine.source_of("transpose_events")) == (
+        "our board, run 7",
+        "a guess",
+    )
     assert mine.energy_pj_range == {"synaptic_ops": (25.0, 35.0)}
-    assert mine.not_included == (NotIncluded("host"), NotIncluded("loading", {"spikes": 1.5}, "a data sheet"))
+    assert mine.not_included == (
+        NotIncluded("host"),
+        NotIncluded("loading", {"spikes": 1.5}, "a data sheet"),
+    )
     assert hw.energy_pj(hw.Counts(synaptic_ops=2, neuron_updates=3, transpose_events=4), mine) == {
         "synaptic_ops": 60.0,
         "neuron_updates": 210.0,

@@ -28,7 +28,11 @@ def test_odd_names_are_read_back(name, read, tmp_path):
     b.read_out(y)
     b.build().save(tmp_path)
     found = hw.load_program(tmp_path)
-    assert (found.name, found.inputs[0].name, list(found.populations)) == (f"p{read}", f"x{read}", [read])
+    assert (found.name, found.inputs[0].name, list(found.populations)) == (
+        f"p{read}",
+        f"x{read}",
+        [read],
+    )
     assert found.readout.populations == (read,)
 
 
@@ -75,7 +79,10 @@ def swap_arrays(folder):
             lambda f: (f / "program.npz").write_bytes((f / "program.npz").read_bytes()[:-7]),
             "program.npz: the checksum differs: it is damaged, or of another program. Compile again.",
         ),
-        (swap_arrays, "program.npz: the checksum differs: it is damaged, or of another program. Compile again."),
+        (
+            swap_arrays,
+            "program.npz: the checksum differs: it is damaged, or of another program. Compile again.",
+        ),
         (
             lambda f: (f / "program.yaml").write_text("cores: ["),
             "program.yaml: the file is not YAML: it is damaged. Compile again.",
@@ -99,7 +106,9 @@ def swap_arrays(folder):
         ),
         (
             lambda f: replace_in(
-                f / "program.yaml", "weight_bits: \\d+", "weight_bits: !!python/object/apply:os.system [id]"
+                f / "program.yaml",
+                "weight_bits: \\d+",
+                "weight_bits: !!python/object/apply:os.system [id]",
             ),
             "program.yaml: the file is not YAML: it is damaged. Compile again.",
         ),
@@ -186,17 +195,25 @@ def test_a_reader_that_knows_only_the_page_finds_every_weight(saved):
     found = []
 
     def follow(source, k, axon):
-        core = {key.split("/")[1]: value for key, value in arrays.items() if key.startswith(f"core{k}/")}
+        core = {
+            key.split("/")[1]: value for key, value in arrays.items() if key.startswith(f"core{k}/")
+        }
         for row in range(core["list_start"][axon], core["list_start"][axon + 1]):
-            exponent = document["cores"][k]["synapse_formats"][core["format_index"][row]]["exponent"]
+            exponent = document["cores"][k]["synapse_formats"][core["format_index"][row]][
+                "exponent"
+            ]
             weight = 64 * math.floor(int(core["mantissa"][row]) * 2.0**exponent)
             found.append((source, names[k, core["target"][row]], weight, int(core["delay"][row])))
 
     for k, item in enumerate(document["inputs"]):
-        for line, core, axon in zip(*(arrays[f"input{k}/{n}"] for n in ("line", "core", "axon")), strict=True):
+        for line, core, axon in zip(
+            *(arrays[f"input{k}/{n}"] for n in ("line", "core", "axon")), strict=True
+        ):
             follow((item["name"], int(line)), int(core), axon)
     for core in document["cores"]:
-        sent = (arrays[f"core{core['number']}/{n}"] for n in ("out_compartment", "out_core", "out_axon"))
+        sent = (
+            arrays[f"core{core['number']}/{n}"] for n in ("out_compartment", "out_core", "out_axon")
+        )
         for compartment, to_core, axon in zip(*sent, strict=True):
             follow(names[core["number"], compartment], int(to_core), axon)
     wanted = [

@@ -17,7 +17,9 @@ CHIP = hw.chip("loihi-sim")
 def one(weights, exponent=0, chip=CHIP, **parameters):
     builder = hw.ProgramBuilder(chip)
     x = builder.add_input("x", len(weights))
-    n = builder.add_compartments("n", 1, **{"threshold": 131071, "decay_u": 4096, "decay_v": 4096, **parameters})
+    n = builder.add_compartments(
+        "n", 1, **{"threshold": 131071, "decay_u": 4096, "decay_v": 4096, **parameters}
+    )
     builder.connect(x, n, [weights], exponent=exponent)
     return builder.build()
 
@@ -65,7 +67,9 @@ def test_no_input_makes_a_safe_compartment_wrap_or_clip(seed, rate):
             assert (u.min(axis=(0, 1))[kept] >= proven.u.low[here][kept]).all()
             assert (v.max(axis=(0, 1)) <= proven.v.high[here]).all()
             assert (v.min(axis=(0, 1)) >= proven.v.low[here]).all()
-            events = found.events.get(piece.group, {"charge_wraps": 0, "current_wraps": 0, "voltage_clips": 0})
+            events = found.events.get(
+                piece.group, {"charge_wraps": 0, "current_wraps": 0, "voltage_clips": 0}
+            )
             if kept.all():
                 assert events["charge_wraps"] == events["current_wraps"] == 0
             if proven.cannot_clip[here].all():
@@ -82,7 +86,9 @@ def test_no_input_makes_a_safe_compartment_wrap_or_clip(seed, rate):
 def test_a_rate_that_is_called_safe_is_safe(seed, decay_u, decay_v, bias):
     r = np.random.default_rng(seed)
     weights = (2 * r.integers(-100, 127, 5)).tolist()
-    program = one(weights, decay_u=decay_u, decay_v=decay_v, bias=bias, vmax=2**19 - 1, vmin=1 - 2**19)
+    program = one(
+        weights, decay_u=decay_u, decay_v=decay_v, bias=bias, vmax=2**19 - 1, vmin=1 - 2**19
+    )
     period = int(prove_range(program)[0].safe_period[0])
     assert period in (0, *PERIODS)
     if period == 0:
@@ -95,7 +101,8 @@ def test_a_rate_that_is_called_safe_is_safe(seed, decay_u, decay_v, bias):
 
 @pytest.mark.parametrize("period", [2, 3, 16])
 @pytest.mark.parametrize(
-    ("decay_u", "decay_v"), [(390, 390), (379, 401), (4096, 390), (390, 4096), (4096, 4096), (40, 41)]
+    ("decay_u", "decay_v"),
+    [(390, 390), (379, 401), (4096, 390), (390, 4096), (4096, 4096), (40, 41)],
 )
 def test_gains_are_sums_over_charges_without_end(decay_u, decay_v, period):
     """Step by step in real numbers, until nothing of the first charge is left."""
@@ -157,9 +164,16 @@ def test_a_rate_at_which_a_narrow_current_would_wrap(weight, exponent, parameter
     program = one([weight], exponent=exponent, chip=narrow, **parameters)
     assert prove_range(program)[0].safe_period[0] == period
     steps = np.arange(60)[:, None]
-    assert hw.simulate(program, (steps % max(period - 1, 1) == 0).astype(np.uint8)).counts.current_wraps > 0
+    assert (
+        hw.simulate(
+            program, (steps % max(period - 1, 1) == 0).astype(np.uint8)
+        ).counts.current_wraps
+        > 0
+    )
     if period:
-        assert hw.simulate(program, (steps % period == 0).astype(np.uint8)).counts.current_wraps == 0
+        assert (
+            hw.simulate(program, (steps % period == 0).astype(np.uint8)).counts.current_wraps == 0
+        )
 
 
 def test_what_a_child_may_do_its_parent_may_suffer():
@@ -217,7 +231,9 @@ def test_children_pass_on_what_their_limits_leave(sign):
         program = builder.build()
         proven = prove_range(program)[0]
         end = (proven.v.high if sign > 0 else -proven.v.low)[-1]
-        clips = hw.simulate(program, [[1], [0]]).events["soma" if children == 3 else "child0"]["voltage_clips"]
+        clips = hw.simulate(program, [[1], [0]]).events["soma" if children == 3 else "child0"][
+            "voltage_clips"
+        ]
         ends.append((end, proven.safe_period[-1], clips))
     assert ends == [(2**15 - 1, 1, 1), (3 * 254 * 64, 0, 1)]
 
@@ -227,7 +243,9 @@ def test_joined_voltages_are_in_the_bound():
     x = builder.add_input("x", 1)
     soma = builder.add_compartments("soma", 1, decay_u=4096, decay_v=4096, threshold=131071)
     for name in ("a", "b"):
-        child = builder.add_compartments(name, 1, decay_u=4096, decay_v=2048, threshold=0, joined_to=soma)
+        child = builder.add_compartments(
+            name, 1, decay_u=4096, decay_v=2048, threshold=0, joined_to=soma
+        )
         builder.connect(x, child, [[100]])
     program = builder.build()
     proven = prove_range(program)[0]
@@ -241,7 +259,9 @@ def test_what_truncation_takes_of_parts_a_sum_may_keep():
     x = builder.add_input("x", 1)
     ends = {"vmin": -511, "vmax": 511}
     n = builder.add_compartments("n", 1, decay_u=4096, decay_v=94, threshold=131071, **ends)
-    builder.add_compartments("one", 1, decay_u=4096, decay_v=4096, threshold=0, bias=1, joined_to=n, **ends)
+    builder.add_compartments(
+        "one", 1, decay_u=4096, decay_v=4096, threshold=0, bias=1, joined_to=n, **ends
+    )
     builder.connect(x, n, [[1]], sign_mode="excitatory")
     program = builder.build()
     period = int(prove_range(program)[0].safe_period[1])

@@ -21,7 +21,9 @@ def relayed(builder, source, target, weights, delay, relays):
     links = [rest // (relays + 1) + (i < rest % (relays + 1)) for i in range(relays + 1)]
     at = source
     for i, steps in enumerate(links[:-1]):
-        relay = builder.add_compartments(f"{source.name}{i}", at.size, decay_u=4096, decay_v=4096, threshold=1)
+        relay = builder.add_compartments(
+            f"{source.name}{i}", at.size, decay_u=4096, decay_v=4096, threshold=1
+        )
         builder.connect(at, relay, 2 * np.eye(at.size, dtype=int), delay=steps)
         at = relay
     builder.connect(at, target, weights, delay=links[-1])
@@ -34,7 +36,9 @@ def program(delay_max, delay, relays, seed=0):
     x = builder.add_input("x", LINES)
     n = builder.add_compartments("n", SIZE, decay_u=1500, decay_v=300, threshold=150)
     m = builder.add_compartments("m", SIZE, decay_u=2000, decay_v=200, threshold=150)
-    ahead, back, late, direct = (2 * r.integers(-60, 100, (SIZE, w)) for w in (SIZE, SIZE, LINES, LINES))
+    ahead, back, late, direct = (
+        2 * r.integers(-60, 100, (SIZE, w)) for w in (SIZE, SIZE, LINES, LINES)
+    )
     builder.connect(n, m, ahead)
     builder.connect(x, m, direct)
     relayed(builder, x, n, late, delay, relays)

@@ -32,7 +32,9 @@ def dendrites(count, weights, soma, times=(1, 1, 1), biases=None, **parameters):
         y = builder.add_compartments("y", 1, **FORGETS, **soma)
         for k in range(count):
             own = parameters if biases is None else {**parameters, "bias": biases[k]}
-            child = builder.add_compartments(f"d{k}", 1, threshold=0, joined_to=y, **{**FORGETS, **own})
+            child = builder.add_compartments(
+                f"d{k}", 1, threshold=0, joined_to=y, **{**FORGETS, **own}
+            )
             builder.connect(x, child, times[k] * np.array([weights]), exponent=7)
 
     return build
@@ -43,8 +45,12 @@ def chain(weights, soma, **parameters):
 
     def build(builder, x):
         y = builder.add_compartments("y", 1, **FORGETS, **soma)
-        near = builder.add_compartments("near", 1, threshold=0, joined_to=y, **{**FORGETS, **parameters})
-        far = builder.add_compartments("far", 1, threshold=0, joined_to=near, **{**FORGETS, **parameters})
+        near = builder.add_compartments(
+            "near", 1, threshold=0, joined_to=y, **{**FORGETS, **parameters}
+        )
+        far = builder.add_compartments(
+            "far", 1, threshold=0, joined_to=near, **{**FORGETS, **parameters}
+        )
         for child, sign in ((near, 1), (far, -1)):
             builder.connect(x, child, sign * np.array([weights]), exponent=7)
 
@@ -76,7 +82,9 @@ def echoing(children, onto=1, **parameters):
     def build(builder, x):
         h = builder.add_compartments("h", 20, threshold=60, **FORGETS)
         for k in range(children):
-            child = builder.add_compartments(f"d{k}", 20, threshold=0, joined_to=h, **{**FORGETS, **parameters})
+            child = builder.add_compartments(
+                f"d{k}", 20, threshold=0, joined_to=h, **{**FORGETS, **parameters}
+            )
             builder.connect(x, child, np.add.outer(2 * np.arange(20), [60, 20]) * (k == 0))
             if k == onto:
                 builder.connect(h, child, np.diag(4 * np.arange(20) - 120))
@@ -92,10 +100,14 @@ def delay_line(to=lambda neuron: neuron, onto=("h",)):
     def build(builder, x):
         h = builder.add_compartments("h", 40, threshold=60, **FORGETS)
         of_group = {"h": h} | {
-            name: builder.add_compartments(name, 40, threshold=0, joined_to=h, decay_u=2000, decay_v=1000)
+            name: builder.add_compartments(
+                name, 40, threshold=0, joined_to=h, decay_u=2000, decay_v=1000
+            )
             for name in ("d0", "d1", "d2")
         }
-        builder.connect(x, of_group[onto[0]], 30 + 60 * np.not_equal.outer(np.arange(40) % 2, [0, 1]))
+        builder.connect(
+            x, of_group[onto[0]], 30 + 60 * np.not_equal.outer(np.arange(40) % 2, [0, 1])
+        )
         for name in onto:
             for delay in range(5):
                 weights = np.zeros((40, 40), dtype=np.int64)
@@ -111,7 +123,9 @@ LARGE = {"decay_u": 0, "bias": 4095 * 128}
 """A current that is kept, so that five charges of 254 * 2^13 take it, and a bias, beyond 2^23."""
 PHASES = {
     "a spike that is taken back": relay,
-    "a pair that forgets, the second alone": dendrites(2, [100, -60], {"threshold": 6000}, times=(0, 1)),
+    "a pair that forgets, the second alone": dendrites(
+        2, [100, -60], {"threshold": 6000}, times=(0, 1)
+    ),
     "two chunks, refractory": side_by_side,
     "pulled to vmin": neuron([100, -200], decay_v=0, vmin=0, threshold=300),
     "a dendrite, pushed to vmax": dendrites(
@@ -126,16 +140,26 @@ PHASES = {
     "a pair of unlike dendrites": dendrites(
         2, [-120, 60], {"threshold": 500}, times=(1, -2), decay_u=1024, decay_v=512
     ),
-    "a pair, the first alone": dendrites(2, [100, -60], {"threshold": 9000}, times=(1, 0), decay_u=900, decay_v=900),
-    "a pair, the second alone": dendrites(2, [100, -60], {"threshold": 9000}, times=(0, 1), decay_u=900, decay_v=900),
+    "a pair, the first alone": dendrites(
+        2, [100, -60], {"threshold": 9000}, times=(1, 0), decay_u=900, decay_v=900
+    ),
+    "a pair, the second alone": dendrites(
+        2, [100, -60], {"threshold": 9000}, times=(0, 1), decay_u=900, decay_v=900
+    ),
     "a pair at its threshold": dendrites(2, [100, 60], {"threshold": 200 * 128}),
-    "a pair, pulled to vmin": dendrites(2, [100, -200], {"threshold": 300, "vmin": 0}, decay_v=0, vmin=0),
+    "a pair, pulled to vmin": dendrites(
+        2, [100, -200], {"threshold": 300, "vmin": 0}, decay_v=0, vmin=0
+    ),
     "a pair, its sum cut off": dendrites(
         2, [250, -60], {"threshold": 30_000, "vmax": 2**21 - 1}, decay_v=2048, vmax=2**21 - 1
     ),
     "a pair that wraps": dendrites(2, [252, -252], {"threshold": 20_000}, **LARGE),
-    "a bias after refractory steps": neuron([40, 20], bias=-64_000, refractory=3, decay_v=512, threshold=100),
-    "three dendrites": dendrites(3, [100, -60], {"threshold": 9000}, times=(1, 1, -1), decay_u=900, decay_v=900),
+    "a bias after refractory steps": neuron(
+        [40, 20], bias=-64_000, refractory=3, decay_v=512, threshold=100
+    ),
+    "three dendrites": dendrites(
+        3, [100, -60], {"threshold": 9000}, times=(1, 1, -1), decay_u=900, decay_v=900
+    ),
     "a dendrite of a dendrite": chain([100, -60], {"threshold": 900}, decay_u=900, decay_v=2000),
     "a pair, the first biased": dendrites(
         2, [10, 20], {"threshold": 100}, times=(1, 0), biases=(-40_960, 0), decay_v=0
@@ -151,7 +175,9 @@ PHASES = {
     "a delay line onto two dendrites": delay_line(onto=("d1", "d2")),
     "a delay line onto a neighbour in the chunk": delay_line(lambda neuron: neuron ^ 1),
     "a delay line onto the next chunk": delay_line(lambda neuron: (neuron + 16) % 32),
-    "a pair with a bias": dendrites(2, [250, -250], {"threshold": 10_000}, bias=-64_000, decay_v=512),
+    "a pair with a bias": dendrites(
+        2, [250, -250], {"threshold": 10_000}, bias=-64_000, decay_v=512
+    ),
 }
 
 
@@ -190,7 +216,9 @@ def test_the_largest_potential_after_every_row(name):
     program = replace(location_program(PHASES[name]), readout=Readout(("y",), (1.0,), 2))
     recording = (np.random.default_rng(5).random((2, STEPS)) < 0.5).astype(np.uint8)
     potential = [
-        hw.simulate(program, recording * [[1], [later]], engine="reference", probe=("potential",)).potential["y"]
+        hw.simulate(
+            program, recording * [[1], [later]], engine="reference", probe=("potential",)
+        ).potential["y"]
         for later in (0, 1)
     ]
     wanted = [[float(rows[2:].max())] for rows in potential]
@@ -223,7 +251,9 @@ def test_what_has_run_does_not_run_again():
 
 def test_a_sum_cut_off_below_its_threshold_never_spikes():
     """Two dendrites together would exceed it, but the register of the soma ends before."""
-    build = dendrites(2, [250, 0], {"threshold": 40_000, "vmax": 2**21 - 1}, decay_v=0, vmax=2**21 - 1)
+    build = dendrites(
+        2, [250, 0], {"threshold": 40_000, "vmax": 2**21 - 1}, decay_v=0, vmax=2**21 - 1
+    )
     program = location_program(build)
     session = hw.Session(program)
     assert session.push(np.ones((2, STEPS), dtype=np.uint8)).spikes["y"].tolist() == [[0], [0]]
@@ -233,8 +263,14 @@ def test_a_sum_cut_off_below_its_threshold_never_spikes():
 def test_the_phases_reach_the_ends_of_their_registers():
     """So that the comparison above is one of wraps and clips."""
     recordings = (np.random.default_rng(3).random((5, 2, STEPS)) < 0.5).astype(np.uint8)
-    counts = {name: hw.simulate(location_program(build), recordings).counts for name, build in PHASES.items()}
-    assert {name for name, found in counts.items() if found.current_wraps} == {"u + bias wraps", "a pair that wraps"}
+    counts = {
+        name: hw.simulate(location_program(build), recordings).counts
+        for name, build in PHASES.items()
+    }
+    assert {name for name, found in counts.items() if found.current_wraps} == {
+        "u + bias wraps",
+        "a pair that wraps",
+    }
     clipped = {name for name, found in counts.items() if found.voltage_clips}
     assert clipped >= {
         "pulled to vmin",
@@ -254,6 +290,9 @@ def test_no_row_is_played_after_the_last_step():
     program = replace(program, phases=(replace(program.phases[0], steps=5),))
     session = hw.Session(program)
     for _ in range(2):
-        found = [session.push(np.ones((rows, 1), dtype=np.uint8)).spikes["y"][:, 0].tolist() for rows in (3, 4, 1, 2)]
+        found = [
+            session.push(np.ones((rows, 1), dtype=np.uint8)).spikes["y"][:, 0].tolist()
+            for rows in (3, 4, 1, 2)
+        ]
         assert found == [[0, 1, 2], [3, 4, 4, 4], [4], [4, 4]]
         session.reset()

@@ -37,7 +37,9 @@ def peak_mib(do):
         tracemalloc.stop()
 
 
-@pytest.mark.parametrize("delay", [3, sparse.eye_array(SIZE, dtype=np.int64) * 3], ids=["one for all", "one for each"])
+@pytest.mark.parametrize(
+    "delay", [3, sparse.eye_array(SIZE, dtype=np.int64) * 3], ids=["one for all", "one for each"]
+)
 def test_delays_are_those_of_synapses_not_of_pairs(delay):
     graph, mib = peak_mib(relays(MANY_CORES, delay).graph)
     assert graph.synapses[0].delay.tolist() == [3] * SIZE
@@ -58,7 +60,10 @@ def test_a_core_takes_no_memory_for_the_sources_of_others():
     graph = relays(MANY_CORES).graph()
     placed, mib = peak_mib(lambda: place_cores(graph, MANY_CORES))
     assert placed.cores == 400
-    assert all(np.array_equal(axons, np.arange(50 * i, 50 * i + 50)) for i, axons in enumerate(placed.axons))
+    assert all(
+        np.array_equal(axons, np.arange(50 * i, 50 * i + 50))
+        for i, axons in enumerate(placed.axons)
+    )
     assert mib < 15, "a byte and a number for each core and source take 140"
 
 
@@ -82,7 +87,11 @@ def test_what_is_held_for_a_synapse():
         (rows * 0 + 7, 0),
     ):
         kept = held(values)
-        assert (kept.tolist(), kept.strides, kept.flags.writeable) == (values.tolist(), (bytes_of_one,), False)
+        assert (kept.tolist(), kept.strides, kept.flags.writeable) == (
+            values.tolist(),
+            (bytes_of_one,),
+            False,
+        )
     assert held([]).tolist() == []
 
 

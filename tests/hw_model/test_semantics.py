@@ -39,9 +39,14 @@ class TestStep:
         result = played(one_compartment(weight=-2, decay_u=1, decay_v=4096), [0], 3, engine)
         assert result.u["n"].ravel().tolist() == [0, -128, -127]
 
-    @pytest.mark.parametrize(("threshold", "spikes"), [(100, 0), (99, 1)], ids=["equal does not spike", "above does"])
+    @pytest.mark.parametrize(
+        ("threshold", "spikes"), [(100, 0), (99, 1)], ids=["equal does not spike", "above does"]
+    )
     def test_threshold_is_strict(self, engine, threshold, spikes):
-        assert played(one_compartment(threshold=threshold, decay_v=4096), [0], 3, engine).counts.spikes == spikes
+        assert (
+            played(one_compartment(threshold=threshold, decay_v=4096), [0], 3, engine).counts.spikes
+            == spikes
+        )
 
     def test_a_spike_resets_v_but_not_u(self, engine):
         result = played(one_compartment(threshold=99, decay_u=0), [0], 4, engine)
@@ -71,11 +76,20 @@ class TestStep:
         builder.connect(x, n, [[sign * 254]], exponent=7)
         result = played(builder.build(), [0], 3, engine)
         assert result.u["n"].ravel().tolist() == [0, sign * (2 * 2080768 - 2**22), 0]
-        assert (result.counts.charge_wraps, result.counts.current_wraps, result.counts.clips) == (1, 0, 0)
+        assert (result.counts.charge_wraps, result.counts.current_wraps, result.counts.clips) == (
+            1,
+            0,
+            0,
+        )
         assert result.events == {"n": {"charge_wraps": 1, "current_wraps": 0, "voltage_clips": 0}}
 
     def test_current_wraps_at_23_bits(self, engine):
-        result = played(one_compartment(weight=254, exponent=7, decay_u=0, decay_v=4096), [0, 1, 2, 3, 4], 7, engine)
+        result = played(
+            one_compartment(weight=254, exponent=7, decay_u=0, decay_v=4096),
+            [0, 1, 2, 3, 4],
+            7,
+            engine,
+        )
         assert result.u["n"].ravel().tolist() == [
             0,
             *(2080768 * k for k in (1, 2, 3, 4)),
@@ -139,8 +153,17 @@ class TestStep:
 
     def test_what_wraps_or_is_cut_off_in_a_refractory_step_is_not_counted(self, engine):
         """The bias makes it spike at once, and for 62 steps nothing is compared."""
-        wide = {"weight": 252, "exponent": 7, "decay_u": 0, "decay_v": 4096, "bias": 4095 * 128, "vmax": 2**19 - 1}
-        result = played(one_compartment(**wide, threshold=100, refractory=63), [0, 1, 2, 3], 9, engine)
+        wide = {
+            "weight": 252,
+            "exponent": 7,
+            "decay_u": 0,
+            "decay_v": 4096,
+            "bias": 4095 * 128,
+            "vmax": 2**19 - 1,
+        }
+        result = played(
+            one_compartment(**wide, threshold=100, refractory=63), [0, 1, 2, 3], 9, engine
+        )
         assert (result.counts.spikes, result.counts.wraps, result.counts.clips) == (1, 0, 0)
         assert result.potential["n"].ravel().tolist() == [4095 * 128, *8 * [0]]
 
@@ -150,14 +173,23 @@ class TestStep:
         common = {"decay_u": 4096, "decay_v": 4096, "vmax": 2**13 - 1}
         soma = builder.add_compartments("soma", 1, threshold=100, refractory=5, **common)
         for name in ("one", "two"):
-            builder.connect(x, builder.add_compartments(name, 1, threshold=0, joined_to=soma, **common), [[100]])
+            builder.connect(
+                x, builder.add_compartments(name, 1, threshold=0, joined_to=soma, **common), [[100]]
+            )
         result = played(builder.build(), [0, 1], 4, engine)
         assert (result.counts.spikes, result.counts.clips) == (1, 1)
         assert result.potential["soma"].ravel().tolist() == [0, 8191, 0, 0]
 
     def test_voltage_clips_to_the_register(self, engine):
-        result = played(one_compartment(weight=254, exponent=7, decay_u=4096), [0, 1, 2, 3, 4], 7, engine)
-        assert result.potential["n"].ravel().tolist() == [0, *(2080768 * k for k in (1, 2, 3, 4)), 2**23 - 1, 0]
+        result = played(
+            one_compartment(weight=254, exponent=7, decay_u=4096), [0, 1, 2, 3, 4], 7, engine
+        )
+        assert result.potential["n"].ravel().tolist() == [
+            0,
+            *(2080768 * k for k in (1, 2, 3, 4)),
+            2**23 - 1,
+            0,
+        ]
         assert result.spikes["n"].ravel().tolist() == [0, 0, 0, 0, 0, 1, 0]
         assert result.counts.clips == 1
 
@@ -179,8 +211,12 @@ class TestStep:
         builder = hw.ProgramBuilder(CHIP)
         x = builder.add_input("x", 1)
         soma = builder.add_compartments("soma", 1, decay_u=4096, decay_v=4096, threshold=150)
-        one = builder.add_compartments("soma/one", 1, decay_u=4096, decay_v=0, threshold=0, joined_to=soma)
-        two = builder.add_compartments("soma/two", 1, decay_u=4096, decay_v=4096, threshold=0, joined_to=one)
+        one = builder.add_compartments(
+            "soma/one", 1, decay_u=4096, decay_v=0, threshold=0, joined_to=soma
+        )
+        two = builder.add_compartments(
+            "soma/two", 1, decay_u=4096, decay_v=4096, threshold=0, joined_to=one
+        )
         builder.connect(x, one, [[100]])
         builder.connect(x, two, [[100]])
         result = played(builder.build(), [0], 4, engine)

@@ -45,8 +45,13 @@ def test_the_largest_potentials_so_far(seed, first, rows):
     session = hw.Session(program)
     for _ in range(2):
         parts = [session.push(recording[at : at + rows]) for at in range(0, len(recording), rows)]
-        joined = {key: np.concatenate([part.potential[key] for part in parts]) for key in parts[0].potential}
-        counted = {key: np.concatenate([part.spikes[key] for part in parts]) for key in parts[0].spikes}
+        joined = {
+            key: np.concatenate([part.potential[key] for part in parts])
+            for key in parts[0].potential
+        }
+        counted = {
+            key: np.concatenate([part.spikes[key] for part in parts]) for key in parts[0].spikes
+        }
         scores = np.concatenate([part.scores for part in parts])
         check_every_step(program, recording, StepScores(counted, joined, scores))
         session.reset()
@@ -67,26 +72,38 @@ def test_any_split_of_the_rows_gives_the_same(seed, together, data):
 
 
 @pytest.mark.parametrize("names", list(permutations("abc")), ids="".join)
-@pytest.mark.parametrize("first", [None, 0, (None, 1, None)], ids=lambda first: f"potentials from {first}")
+@pytest.mark.parametrize(
+    "first", [None, 0, (None, 1, None)], ids=lambda first: f"potentials from {first}"
+)
 def test_scores_are_added_in_the_order_of_the_readout_everywhere(names, first):
     """0.1 + 0.2 + 0.3 is another float than 0.2 + 0.3 + 0.1, which decides between classes that are as good."""
     graphs = []
     for name in "abc":
         b = hw.ProgramBuilder(CHIP)
-        x, y = b.add_input(f"{name}/x", 1), b.add_compartments(name, 2, decay_u=4096, decay_v=4096, threshold=9)
+        x, y = (
+            b.add_input(f"{name}/x", 1),
+            b.add_compartments(name, 2, decay_u=4096, decay_v=4096, threshold=9),
+        )
         b.connect(x, y, [[20], [14]])
         graph = in_phase(b.graph(), "time", None)
         phase = replace(graph.phases[0], name=name)
-        inputs, groups = ([replace(one, phase=name) for one in both] for both in (graph.inputs, graph.groups))
+        inputs, groups = (
+            [replace(one, phase=name) for one in both] for both in (graph.inputs, graph.groups)
+        )
         graphs.append(replace(graph, phases=(phase,), inputs=tuple(inputs), groups=tuple(groups)))
     weights = {"a": 0.1, "b": 0.2, "c": 0.3}
     readout = Readout(names, tuple(weights[name] for name in names), first)
     program, recording = assembled(CHIP, readout, *graphs), np.array([[1], [0]], dtype=np.uint8)
     found = hw.simulate(program, recording, probe=("spikes", "potential"))
-    batch = {kind: {n: array[None] for n, array in getattr(found, kind).items()} for kind in ("spikes", "potential")}
+    batch = {
+        kind: {n: array[None] for n, array in getattr(found, kind).items()}
+        for kind in ("spikes", "potential")
+    }
     assert found.scores.tolist() == readout.scores(**batch)[0].tolist()
     assert found.scores.tolist() == hw.Session(program).push(recording).scores[-1].tolist()
-    assert found.scores.tolist() == hw.simulate(program, recording, engine="reference").scores.tolist()
+    assert (
+        found.scores.tolist() == hw.simulate(program, recording, engine="reference").scores.tolist()
+    )
 
 
 @settings(max_examples=10, deadline=None)
@@ -101,7 +118,9 @@ def test_rows_one_by_one_and_again_after_a_reset(seed):
     assert np.array_equal(session.push(recording).scores, np.concatenate(first))
 
 
-@pytest.mark.parametrize("kind", ["read-only", "by columns", "every other", "booleans", "wide", "lists", "a subclass"])
+@pytest.mark.parametrize(
+    "kind", ["read-only", "by columns", "every other", "booleans", "wide", "lists", "a subclass"]
+)
 def test_rows_of_any_kind_give_the_same(kind):
     program, recording = random_hybrid(5)
     given = {
@@ -130,7 +149,9 @@ def test_time_weighted_scores(seed, psi):
         w = 0.0 if psi * (1 - t / steps) > 700 else 1 / (1 + np.exp(-psi * (t / steps - 1)))
         first, second = (plain.spikes[name][t - 1] for name in ("time/y", "location/y"))
         a, b = program.readout.weights
-        assert np.allclose(weighted.scores[t - 1], (1 - w) * a * first + w * b * second, rtol=1e-12, atol=1e-300)
+        assert np.allclose(
+            weighted.scores[t - 1], (1 - w) * a * first + w * b * second, rtol=1e-12, atol=1e-300
+        )
 
 
 def test_silence_runs_nothing_again():
@@ -151,7 +172,13 @@ def test_an_event_runs_no_more_than_all_again():
 
 @pytest.mark.parametrize(
     ("given", "steps"),
-    [(None, {}), (3, {"a": 3, "b": 3}), ((None, 10), {"b": 10}), ((2, None), {"a": 2}), ((0, 1), {"a": 0, "b": 1})],
+    [
+        (None, {}),
+        (3, {"a": 3, "b": 3}),
+        ((None, 10), {"b": 10}),
+        ((2, None), {"a": 2}),
+        ((0, 1), {"a": 0, "b": 1}),
+    ],
     ids=["spikes", "one for all", "the second", "the first", "one each"],
 )
 def test_populations_that_give_potentials_have_a_first_step(given, steps):
@@ -160,8 +187,20 @@ def test_populations_that_give_potentials_have_a_first_step(given, steps):
 
 @pytest.mark.parametrize(
     ("scores", "wanted"),
-    [([1.0, 3.0, 3.0], 1), ([2.0, 2.0, 2.0], -1), ([2.0], 0), ([0.0], -1), ([[0.0, 0.0], [0.0, 1.0]], [-1, 1])],
-    ids=["first of equals", "all tie", "an only class", "an only class that is silent", "a row each"],
+    [
+        ([1.0, 3.0, 3.0], 1),
+        ([2.0, 2.0, 2.0], -1),
+        ([2.0], 0),
+        ([0.0], -1),
+        ([[0.0, 0.0], [0.0, 1.0]], [-1, 1]),
+    ],
+    ids=[
+        "first of equals",
+        "all tie",
+        "an only class",
+        "an only class that is silent",
+        "a row each",
+    ],
 )
 def test_classes_that_are_decided(scores, wanted):
     assert decided(np.array(scores)).tolist() == wanted
@@ -176,11 +215,17 @@ def test_a_readout_of_one_branch():
 
 def test_streams_by_name():
     program, recording = random_hybrid(7)
-    named = replace(program, inputs=tuple(replace(item, stream=item.phase) for item in program.inputs))
+    named = replace(
+        program, inputs=tuple(replace(item, stream=item.phase) for item in program.inputs)
+    )
     other = recording[::-1].copy()
     found = hw.Session(named).push({"time": recording, "location": other})
-    assert np.array_equal(found.spikes["time/y"], hw.Session(program).push(recording).spikes["time/y"])
-    assert np.array_equal(found.spikes["location/y"], hw.Session(program).push(other).spikes["location/y"])
+    assert np.array_equal(
+        found.spikes["time/y"], hw.Session(program).push(recording).spikes["time/y"]
+    )
+    assert np.array_equal(
+        found.spikes["location/y"], hw.Session(program).push(other).spikes["location/y"]
+    )
 
 
 def _location_only() -> hw.ChipProgram:
@@ -199,7 +244,9 @@ def _mixed() -> hw.ChipProgram:
     item = program.inputs_of("location")[0]
     beside = replace(item, name="beside", positions=None)
     route = replace(program.route_of(item.name), input="beside")
-    return replace(program, inputs=(*program.inputs, beside), input_routes=(*program.input_routes, route))
+    return replace(
+        program, inputs=(*program.inputs, beside), input_routes=(*program.input_routes, route)
+    )
 
 
 @pytest.mark.parametrize(

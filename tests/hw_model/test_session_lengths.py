@@ -27,8 +27,14 @@ def test_a_recording_is_as_long_as_the_longest_phase_over_time():
     longer = replace(
         program,
         phases=(short[0], *program.phases, short[1]),
-        inputs=(*program.inputs, *(replace(touch, name=phase.name, phase=phase.name) for phase in short)),
-        input_routes=(*program.input_routes, *(InputRoute(phase.name, nowhere, nowhere, nowhere) for phase in short)),
+        inputs=(
+            *program.inputs,
+            *(replace(touch, name=phase.name, phase=phase.name) for phase in short),
+        ),
+        input_routes=(
+            *program.input_routes,
+            *(InputRoute(phase.name, nowhere, nowhere, nowhere) for phase in short),
+        ),
     )
     scores = hw.Session(longer, 10.0).push(recording).scores
     assert np.array_equal(scores, hw.Session(program, 10.0).push(recording).scores)
@@ -82,19 +88,25 @@ def test_a_live_program_over_many_rows():
     assert held[10_000] - held[5_000] < 4_000
 
 
-@pytest.mark.parametrize(("threshold", "first"), [(300, None), (100_000, 3), (100_000, 66)], ids=["spikes", "3", "66"])
+@pytest.mark.parametrize(
+    ("threshold", "first"), [(300, None), (100_000, 3), (100_000, 66)], ids=["spikes", "3", "66"]
+)
 @pytest.mark.parametrize("cuts", [[], [70], [3, 5, 140]], ids=["at once", "in two", "in four"])
 def test_rows_of_more_than_a_tile(threshold, first, cuts):
     """Tiles have 64 rows: two inputs, rests in between, and potentials that are largest in the first tile or the last."""
     builder = hw.ProgramBuilder(CHIP)
-    y = builder.add_compartments("y", 2, decay_u=4096, decay_v=[1000, 2000], threshold=threshold, refractory=2)
+    y = builder.add_compartments(
+        "y", 2, decay_u=4096, decay_v=[1000, 2000], threshold=threshold, refractory=2
+    )
     for name, weights in (("x", [[100], [60]]), ("z", [[-20, 100], [140, -80]])):
         builder.connect(builder.add_input(name, len(weights[0])), y, weights)
     builder.read_out(y)
     program = replace(builder.build(), readout=Readout(("y",), (1.0,), first))
     r = np.random.default_rng(7)
     density = np.repeat([0.9, 0.0, 0.3], [50, 40, 60])[:, None]
-    streams = {name: (r.random((150, n)) < density).astype(np.uint8) for name, n in (("x", 1), ("z", 2))}
+    streams = {
+        name: (r.random((150, n)) < density).astype(np.uint8) for name, n in (("x", 1), ("z", 2))
+    }
     whole = hw.simulate(program, streams, engine="reference", probe=("spikes", "potential"))
     if first is None:
         wanted = whole.spikes["y"].cumsum(axis=0, dtype=np.int64)
@@ -103,8 +115,13 @@ def test_rows_of_more_than_a_tile(threshold, first, cuts):
     session = hw.Session(program)
     for _ in range(2):
         session.reset()
-        parts = [{name: rows[a:b] for name, rows in streams.items()} for a, b in pairwise([0, *cuts, 150])]
-        assert np.array_equal(np.concatenate([session.push(part).scores for part in parts]), wanted[:150])
+        parts = [
+            {name: rows[a:b] for name, rows in streams.items()}
+            for a, b in pairwise([0, *cuts, 150])
+        ]
+        assert np.array_equal(
+            np.concatenate([session.push(part).scores for part in parts]), wanted[:150]
+        )
     assert len(np.unique(wanted)) > 5
 
 
@@ -127,7 +144,9 @@ def test_a_transposed_phase_that_does_not_say_its_length_lasts_as_long_as_its_vi
     builder = hw.ProgramBuilder(CHIP)
     y = builder.add_compartments("y", 1, decay_u=4096, decay_v=4096, threshold=10)
     builder.connect(builder.add_input("x", 2), y, [[20, 20]])
-    program = assembled(CHIP, Readout(("y",), (1.0,)), in_phase(builder.graph(), "location", None, np.arange(4)))
+    program = assembled(
+        CHIP, Readout(("y",), (1.0,)), in_phase(builder.graph(), "location", None, np.arange(4))
+    )
     recording, session = np.ones((rows, 4), dtype=np.uint8), hw.Session(program)
     assert session.push(recording).spikes["y"].tolist() == [[3]] * rows
     assert session.spikes("y").tolist() == [[0], [1], [1], [1]]

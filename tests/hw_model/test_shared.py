@@ -19,10 +19,17 @@ def kinds_given(function: object) -> list[tuple[object, ...]]:
     """Return the kinds that a compiled function gives to what it calls by its address, for all that it was given."""
     found = []
     for signature in function.nopython_signatures:
-        anew = numba.njit(**compiled.OPTIONS)(function.py_func)  # of what is read from a cache nothing is known
+        anew = numba.njit(**compiled.OPTIONS)(
+            function.py_func
+        )  # of what is read from a cache nothing is known
         anew.compile(signature.args)
         for call in anew.overloads[signature.args].type_annotation.calltypes.values():
-            if call is not None and len(call.args) == 2 and call.return_type == numba.int64 and is_tuple(call.args[1]):
+            if (
+                call is not None
+                and len(call.args) == 2
+                and call.return_type == numba.int64
+                and is_tuple(call.args[1])
+            ):
                 found.append(call.args[1].types)
     return found
 
@@ -61,4 +68,7 @@ def test_a_call_with_other_kinds_is_found():
     at = compiled.address(_add, x, x)
     assert _right(at, x) == 10
     _wrong.compile("(int64, int64)")
-    assert [set(kinds_given(one)) <= set(_add.overloads) for one in (_right, _wrong)] == [True, False]
+    assert [set(kinds_given(one)) <= set(_add.overloads) for one in (_right, _wrong)] == [
+        True,
+        False,
+    ]

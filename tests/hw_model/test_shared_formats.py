@@ -26,7 +26,10 @@ formats = st.builds(
 
 
 @settings(max_examples=100, deadline=None)
-@given(synapses=st.dictionaries(formats, st.integers(1, 500), min_size=1, max_size=24), limit=st.integers(1, 20))
+@given(
+    synapses=st.dictionaries(formats, st.integers(1, 500), min_size=1, max_size=24),
+    limit=st.integers(1, 20),
+)
 def test_every_format_is_held_and_no_more_share_than_must(synapses, limit):
     stored = share_formats(synapses, limit)
     kinds = {(form.sign_mode, form.exponent) for form in synapses}
@@ -49,16 +52,22 @@ def test_the_two_that_cost_least_share():
     synapses = Counter({form(0): 100, form(4): 300, form(5): 10, form(4, exponent=1): 1})
     assert share_formats(synapses, 4) == {f: f for f in synapses}
     assert share_formats(synapses, 3) == {f: f for f in synapses} | {form(4): form(5)}
-    assert share_formats(synapses, 2) == {f: form(5) for f in synapses if f.exponent == 0} | {form(4, 1): form(4, 1)}
+    assert share_formats(synapses, 2) == {f: form(5) for f in synapses if f.exponent == 0} | {
+        form(4, 1): form(4, 1)
+    }
 
 
 def many_formats(limit, exponents=(0,)):
     """Return a program of a neuron with a dendrite whose lists differ in delays, bits, signs, and in being full."""
     r = np.random.default_rng(3)
-    builder = hw.ProgramBuilder(replace(CHIP, limits=replace(CHIP.limits, synapse_formats_per_core=limit)))
+    builder = hw.ProgramBuilder(
+        replace(CHIP, limits=replace(CHIP.limits, synapse_formats_per_core=limit))
+    )
     x = builder.add_input("x", 9)
     n = builder.add_compartments("n", 12, decay_u=1024, decay_v=128, threshold=60)
-    dendrite = builder.add_compartments("n/dendrite", 12, decay_u=500, decay_v=500, threshold=0, joined_to=n)
+    dendrite = builder.add_compartments(
+        "n/dendrite", 12, decay_u=500, decay_v=500, threshold=0, joined_to=n
+    )
     for target in (n, dendrite):
         for exponent in exponents:
             for delay, bits, share in ((0, 8, 1.0), (3, 4, 0.5), (12, 8, 0.3), (62, 5, 0.8)):
@@ -66,7 +75,13 @@ def many_formats(limit, exponents=(0,)):
                 weights = r.integers(1, 1 << bits, (12, 9)) * step * (r.random((12, 9)) < share)
                 for sign, mode in ((1, "excitatory"), (-1, "inhibitory")):
                     builder.connect(
-                        x, target, sign * weights, exponent=exponent, delay=delay, weight_bits=bits, sign_mode=mode
+                        x,
+                        target,
+                        sign * weights,
+                        exponent=exponent,
+                        delay=delay,
+                        weight_bits=bits,
+                        sign_mode=mode,
                     )
     builder.connect(x, n, np.full((12, 9), 254), delay=7)
     return builder.build()
@@ -75,7 +90,9 @@ def many_formats(limit, exponents=(0,)):
 def synapse_bits(program):
     """Return what the synapses take without headers and rounding: lists that come to share a format save of these."""
     axons = program.cores[0].axons
-    return sum(form.bits_per_synapse for form in np.array(axons.formats, dtype=object)[axons.format_index])
+    return sum(
+        form.bits_per_synapse for form in np.array(axons.formats, dtype=object)[axons.format_index]
+    )
 
 
 @pytest.mark.parametrize("limit", [8, 3])

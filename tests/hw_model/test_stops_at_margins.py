@@ -34,7 +34,9 @@ def plain_margin(scores: np.ndarray, agreement: float) -> float:
 
 
 @settings(max_examples=25, deadline=None)
-@given(seed=SEEDS, agreement=st.sampled_from([0.0, 0.5, 0.8, 1.0]), psi=st.sampled_from([None, 10.0]))
+@given(
+    seed=SEEDS, agreement=st.sampled_from([0.0, 0.5, 0.8, 1.0]), psi=st.sampled_from([None, 10.0])
+)
 def test_the_smallest_margin(seed, agreement, psi):
     program, recordings = batch_for(seed)
     wanted = plain_margin(hw.timestep_scores(program, recordings, psi), agreement)
@@ -45,14 +47,20 @@ def test_the_smallest_margin(seed, agreement, psi):
 def test_margins_are_in_the_integers_of_the_readout(psi):
     program, recordings = batch_for(5)
     readout = program.readout
-    tripled = replace(program, readout=replace(readout, weights=tuple(3 * weight for weight in readout.weights)))
+    tripled = replace(
+        program, readout=replace(readout, weights=tuple(3 * weight for weight in readout.weights))
+    )
     margin = hw.calibrate_margin(program, recordings, 0.5, psi)
     assert 0 < margin < float("inf")
     assert hw.calibrate_margin(tripled, recordings, 0.5, psi) == pytest.approx(3 * margin)
 
 
 @settings(max_examples=15, deadline=None)
-@given(seed=SEEDS, margin=st.sampled_from([0.5, 1.0, 2.0, 5.0, float("inf")]), psi=st.sampled_from([None, 10.0]))
+@given(
+    seed=SEEDS,
+    margin=st.sampled_from([0.5, 1.0, 2.0, 5.0, float("inf")]),
+    psi=st.sampled_from([None, 10.0]),
+)
 def test_stops_at_a_margin(seed, margin, psi):
     """The first step with the lead; the counts of a time phase that ends there, and of what follows it."""
     program, recordings = batch_for(seed)

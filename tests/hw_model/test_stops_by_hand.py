@@ -29,7 +29,15 @@ from hw_model.mapping.graph import Readout
         ({"threshold": 240, "exponent": 7, "decay_u": 1}, 5),
         ({"threshold": 240, "exponent": 7, "decay_u": 1, "refractory": 4}, 4),
     ],
-    ids=["at any time", "refractory", "never", "at the threshold", "just above it", "wraps", "wraps and refractory"],
+    ids=[
+        "at any time",
+        "refractory",
+        "never",
+        "at the threshold",
+        "just above it",
+        "wraps",
+        "wraps and refractory",
+    ],
 )
 def test_stops_by_hand(options, stop):
     """Two classes, a channel each; the first has an event in each of the first four rows of eight."""
@@ -50,12 +58,17 @@ def test_the_largest_weight_that_a_program_may_have_changes_no_stop(weight):
     recording = np.zeros((1, 8, 2), dtype=np.uint8)
     recording[0, :4, 0] = 1
     wanted, found = (hw.stop_when_proven(its, recording) for its in (one, large))
-    assert (found.steps.tolist(), found.prediction.tolist()) == (wanted.steps.tolist(), wanted.prediction.tolist())
+    assert (found.steps.tolist(), found.prediction.tolist()) == (
+        wanted.steps.tolist(),
+        wanted.prediction.tolist(),
+    )
 
 
 def test_what_may_wrap_may_spike():
     """Class 1 has no positive weight at all, but two of its negative ones together wrap to a charge above 0."""
-    builder, _ = one_layer([[60, 0, 0], [0, -254, -254]], decay_u=4096, decay_v=4096, exponent=7, threshold=[30, 500])
+    builder, _ = one_layer(
+        [[60, 0, 0], [0, -254, -254]], decay_u=4096, decay_v=4096, exponent=7, threshold=[30, 500]
+    )
     program = builder.build()
     recording = np.zeros((8, 3), dtype=np.uint8)
     recording[0, 0] = 1
@@ -69,7 +82,11 @@ def test_what_may_wrap_may_spike():
 def test_refractory_steps_take_a_voltage_up_to_0():
     """A strong inhibition is forgotten while the neuron is refractory: its charge alone would say that it never spikes."""
     builder, _ = one_layer(
-        [[40, 0, 0], [0, 40, -158]], decay_u=[4096, 1024], decay_v=[4096, 0], threshold=10, refractory=[6, 4]
+        [[40, 0, 0], [0, 40, -158]],
+        decay_u=[4096, 1024],
+        decay_v=[4096, 0],
+        threshold=10,
+        refractory=[6, 4],
     )
     program = builder.build()
     recording = np.zeros((6, 3), dtype=np.uint8)
@@ -117,7 +134,9 @@ def test_spikes_of_a_batch_count_to_the_end_of_each_recording_alone():
 
 def test_a_potential_that_may_wrap_may_be_the_largest_voltage():
     """Class 1 has no positive weight at all, but two of its negative ones together wrap to a charge above 0."""
-    builder, _ = one_layer([[60, 0, 0], [0, -254, -254]], decay_u=4096, decay_v=4096, exponent=7, threshold=100_000)
+    builder, _ = one_layer(
+        [[60, 0, 0], [0, -254, -254]], decay_u=4096, decay_v=4096, exponent=7, threshold=100_000
+    )
     recording = np.zeros((1, 8, 3), dtype=np.uint8)
     recording[0, 0, 0] = 1
     assert hw.stop_when_proven(by_potentials(builder.build(), 0), recording).steps.tolist() == [8]
@@ -137,7 +156,11 @@ def test_potentials_stay_0_after_the_end_of_a_recording():
     program = replace(program, phases=(replace(program.phases[0], steps=40),))
     recording = np.zeros((1, 3, 2), dtype=np.uint8)
     recording[0, :, 1] = 1
-    busy = hw.simulate(program, recording, probe=("activity",)).activity["time"][0].by_piece["neuron_updates_active"]
+    busy = (
+        hw.simulate(program, recording, probe=("activity",))
+        .activity["time"][0]
+        .by_piece["neuron_updates_active"]
+    )
     rests = 1 + int(busy.any(axis=1).nonzero()[0].max())
     found = hw.stop_when_proven(program, recording)
     assert (found.steps.tolist(), found.prediction.tolist(), rests < 8) == ([rests], [1], True)
@@ -146,9 +169,14 @@ def test_potentials_stay_0_after_the_end_of_a_recording():
 def test_a_buffer_that_is_empty_needs_no_step():
     """A program of a transposed phase alone: the whole recording is there before it begins."""
     builder = hw.ProgramBuilder(CHIP)
-    x, y = builder.add_input("x", 3), builder.add_compartments("y", 2, decay_u=4096, decay_v=4096, threshold=10)
+    x, y = (
+        builder.add_input("x", 3),
+        builder.add_compartments("y", 2, decay_u=4096, decay_v=4096, threshold=10),
+    )
     builder.connect(x, y, [[20, 20, 20], [20, 20, 20]])
-    program = assembled(CHIP, Readout(("y",), (1.0,)), in_phase(builder.graph(), "location", 4, np.arange(4)))
+    program = assembled(
+        CHIP, Readout(("y",), (1.0,)), in_phase(builder.graph(), "location", 4, np.arange(4))
+    )
     assert hw.stop_when_proven(program, np.zeros((1, 3, 4), dtype=np.uint8)).steps.tolist() == [0]
 
 
@@ -169,7 +197,9 @@ def test_scores_that_are_rounded_are_no_ties():
     recording = np.zeros((9, 2), dtype=np.uint8)
     recording[:4, 0] = 1
     stops = [
-        hw.stop_when_proven(replace(program, readout=Readout(("y",), (weight,))), recording[None]).steps.tolist()
+        hw.stop_when_proven(
+            replace(program, readout=Readout(("y",), (weight,))), recording[None]
+        ).steps.tolist()
         for weight in (1.0, 0.1)
     ]
     assert stops == [[5], [6]]
@@ -189,7 +219,9 @@ def test_spikes_against_a_class_count_as_losses():
 def test_a_child_is_not_below_its_lower_limit():
     """A joined child is pulled down by its bias, but clipped at 0, so that its parent can spike."""
     builder, y = one_layer([[20, 0], [0, 20]], decay_u=4096, decay_v=4096, threshold=10, vmin=0)
-    builder.add_compartments("d", 2, decay_v=4096, threshold=0, bias=[0, -6400], vmin=0, joined_to=y)
+    builder.add_compartments(
+        "d", 2, decay_v=4096, threshold=0, bias=[0, -6400], vmin=0, joined_to=y
+    )
     program = builder.build()
     recording = np.zeros((6, 2), dtype=np.uint8)
     recording[0, 0] = 1

@@ -15,10 +15,17 @@ import hw_model as hw
 def at_rest_for(program: hw.ChipProgram, recording: np.ndarray) -> list[int]:
     """For how many rows before each step the phases that play a recording as it comes held nothing at all."""
     found = hw.simulate(program, recording, probe=("u", "v"))
-    names = [name for p in program.phases if p.axis == "time" for name in program.columns_of(p.name)]
-    zero = [all(not found.u[n][t].any() and not found.v[n][t].any() for n in names) for t in range(len(recording))]
+    names = [
+        name for p in program.phases if p.axis == "time" for name in program.columns_of(p.name)
+    ]
+    zero = [
+        all(not found.u[n][t].any() and not found.v[n][t].any() for n in names)
+        for t in range(len(recording))
+    ]
     still = [now and before for now, before in zip(zero, [True, *zero], strict=False)]
-    return [next((k for k in range(t) if not still[t - 1 - k]), t) for t in range(1, len(recording) + 1)]
+    return [
+        next((k for k in range(t) if not still[t - 1 - k]), t) for t in range(1, len(recording) + 1)
+    ]
 
 
 @settings(max_examples=30, deadline=None)
@@ -34,11 +41,15 @@ def test_stops_in_silence(seed, silence, first):
     under_way = 1 + max(int(core.axons.delay.max(initial=0)) for core in cores)
     biased = any(core.bias.any() for core in cores)
     final = hw.simulate(program, recordings).prediction
-    for step, prediction, recording, end in zip(found.steps, found.prediction, recordings, final, strict=True):
+    for step, prediction, recording, end in zip(
+        found.steps, found.prediction, recordings, final, strict=True
+    ):
         rests = at_rest_for(program, recording)
         events = [t for t in range(rows) if recording[t].any()]
         silent = [t - max((e + 1 for e in events if e < t), default=0) for t in range(1, rows + 1)]
-        wanted = (t for t in range(1, rows + 1) if not biased and silent[t - 1] >= max(silence, under_way))
+        wanted = (
+            t for t in range(1, rows + 1) if not biased and silent[t - 1] >= max(silence, under_way)
+        )
         assert step == next((t for t in wanted if rests[t - 1] >= under_way), rows)
         later = recording[step:].any()
         assert prediction == end or later
@@ -53,7 +64,11 @@ def test_what_a_silence_saves():
     recording = np.zeros((2, 12, 2), dtype=np.uint8)
     recording[:, 0, 0] = recording[1, 10, 1] = 1
     found = hw.stop_in_silence(program, recording, 3)
-    assert (found.steps.tolist(), found.all_steps, found.prediction.tolist()) == ([4, 4], 12, [0, 0])
+    assert (found.steps.tolist(), found.all_steps, found.prediction.tolist()) == (
+        [4, 4],
+        12,
+        [0, 0],
+    )
     assert (found.counts.neuron_updates, found.all_counts.neuron_updates) == (2 * 4 * 2, 2 * 12 * 2)
     assert (found.counts.spikes, found.all_counts.spikes) == (2, 3)
     profile = CHIP.profile(CHIP.default_profile)
@@ -61,14 +76,20 @@ def test_what_a_silence_saves():
     ns = [hw.latency(program, {"time": one}, profile).total_ns for one in whole]
     short = hw.simulate(program, recording[:, :4], probe=("activity",)).activity["time"]
     until = [hw.latency(program, {"time": one}, profile).total_ns for one in short]
-    assert (found.latency_ns, found.all_latency_ns) == (pytest.approx(sum(until)), pytest.approx(sum(ns)))
+    assert (found.latency_ns, found.all_latency_ns) == (
+        pytest.approx(sum(until)),
+        pytest.approx(sum(ns)),
+    )
     assert hw.stop_in_silence(program, recording[:, :3], 3).steps.tolist() == [3, 3]
 
 
 def test_silence_waits_for_what_is_under_way():
     """A spike that takes five steps to arrive: nothing is held meanwhile, and it would be too early to stop."""
     builder = hw.ProgramBuilder(CHIP)
-    x, y = builder.add_input("x", 1), builder.add_compartments("y", 1, decay_u=4096, decay_v=4096, threshold=30)
+    x, y = (
+        builder.add_input("x", 1),
+        builder.add_compartments("y", 1, decay_u=4096, decay_v=4096, threshold=30),
+    )
     builder.connect(x, y, [[60]], delay=5)
     builder.read_out(y)
     recording = np.zeros((1, 20, 1), dtype=np.uint8)

@@ -100,7 +100,9 @@ def sums(bias: int, decays: tuple[int, int] = (2000, 4096)) -> hw.ProgramBuilder
     x = builder.add_input("x", 3)
     soma = builder.add_compartments("soma", 20, threshold=150, bias=bias, **FORGETS)
     for name, decay in zip("ab", decays, strict=True):
-        child = builder.add_compartments(name, 20, decay_u=4096, decay_v=decay, threshold=0, joined_to=soma)
+        child = builder.add_compartments(
+            name, 20, decay_u=4096, decay_v=decay, threshold=0, joined_to=soma
+        )
         builder.connect(x, child, np.full((20, 3), 100))
     return builder
 
@@ -112,7 +114,9 @@ def pairs(*decays: tuple[int, int]) -> hw.ProgramBuilder:
     x = builder.add_input("x", 3)
     soma = builder.add_compartments("soma", 20, **FORGETS, **limits)
     for name, (decay_u, decay_v) in zip("ab", decays, strict=True):
-        child = builder.add_compartments(name, 20, decay_u=decay_u, decay_v=decay_v, joined_to=soma, **limits)
+        child = builder.add_compartments(
+            name, 20, decay_u=decay_u, decay_v=decay_v, joined_to=soma, **limits
+        )
         weights = np.add.outer(np.arange(20) * 4 - 40, [20, 8, -6 if name == "a" else 2])
         builder.connect(x, child, weights)
         builder.connect(soma, child, np.full((20, 20), -2))
@@ -125,7 +129,9 @@ def echoes(children: int, delays: tuple[int, ...] = (0,), shift: int = 0) -> hw.
     x = builder.add_input("x", 3)
     soma = builder.add_compartments("soma", 20, threshold=40, **FORGETS)
     for k in range(children):
-        child = builder.add_compartments(f"d{k}", 20, decay_u=2000, decay_v=1000 * k, threshold=0, joined_to=soma)
+        child = builder.add_compartments(
+            f"d{k}", 20, decay_u=2000, decay_v=1000 * k, threshold=0, joined_to=soma
+        )
         builder.connect(x, child, np.add.outer(2 * np.arange(20), [20, 8, 4 * k]))
         for late in delays:
             own = np.diag(2 * k - 120 + 4 * np.arange(20) + 10 * late)
@@ -154,7 +160,9 @@ def sums_of_two(*, chain: bool, refractory: int) -> hw.ProgramBuilder:
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 3)
     soma = builder.add_compartments("soma", 20, threshold=40, refractory=refractory, **FORGETS)
-    first = builder.add_compartments("a", 20, decay_u=4096, decay_v=300, threshold=0, joined_to=soma)
+    first = builder.add_compartments(
+        "a", 20, decay_u=4096, decay_v=300, threshold=0, joined_to=soma
+    )
     second = builder.add_compartments(
         "b", 20, decay_u=2000, decay_v=40, threshold=0, joined_to=first if chain else soma
     )
@@ -193,7 +201,8 @@ def always(*, circle: bool) -> hw.ProgramBuilder:
     builder = hw.ProgramBuilder(CHIP)
     x = builder.add_input("x", 3)
     first, h, last = (
-        builder.add_compartments(name, 3, threshold=0, bias=64, **FORGETS) for name in ("first", "h", "last")
+        builder.add_compartments(name, 3, threshold=0, bias=64, **FORGETS)
+        for name in ("first", "h", "last")
     )
     builder.connect(x, h, np.full((3, 3), 100))
     builder.connect(h, first, 2 * np.eye(3))
@@ -330,8 +339,12 @@ def test_what_is_due_after_the_end_is_counted_by_input():
     program = builder.build()
     first, second = np.zeros((2, 5, 2), dtype=np.uint8)
     first[3, 0] = second[1, 0] = second[3, 1] = 1
-    found = [hw.simulate(program, {"x": first, "z": second}, engine=engine).counts for engine in ENGINES]
-    assert [(counts.synaptic_ops, counts.synaptic_ops_after_end) for counts in found] == [(6, 2)] * 2
+    found = [
+        hw.simulate(program, {"x": first, "z": second}, engine=engine).counts for engine in ENGINES
+    ]
+    assert [(counts.synaptic_ops, counts.synaptic_ops_after_end) for counts in found] == [
+        (6, 2)
+    ] * 2
 
 
 @pytest.mark.parametrize(
@@ -356,7 +369,9 @@ def test_wide_synapses_are_in_a_list_of_their_own():
     assert fast_layout(lists_by_delay().build(), "time").links.delay.tolist() == [0, 2, 0, 2]
 
 
-@pytest.mark.parametrize(("widest", "fits"), [(2**30 - 1, True), (2**30 + 1, False)], ids=["31 bits", "one more"])
+@pytest.mark.parametrize(
+    ("widest", "fits"), [(2**30 - 1, True), (2**30 + 1, False)], ids=["31 bits", "one more"]
+)
 def test_a_packed_weight_has_a_sign(widest, fits):
     """One bit is the slot's, so that 31 are left for the weight and its sign."""
     words, _ = _packed(np.array([0, 1]), np.array([widest, -widest]), np.array([3, 3]), 1)
@@ -371,12 +386,21 @@ def many_children(count: int, **limits) -> hw.ChipProgram:
     soma = builder.add_compartments("soma", 1, threshold=0, **FORGETS, **limits)
     for i in range(count):
         builder.add_compartments(
-            f"c{i}", 1, decay_u=4096, decay_v=0, bias=-4095 << 7, threshold=0, joined_to=soma, **limits
+            f"c{i}",
+            1,
+            decay_u=4096,
+            decay_v=0,
+            bias=-4095 << 7,
+            threshold=0,
+            joined_to=soma,
+            **limits,
         )
     return builder.build()
 
 
-@pytest.mark.parametrize(("children", "bits"), [(254, 32), (255, 64)], ids=["the most in 32 bits", "one more"])
+@pytest.mark.parametrize(
+    ("children", "bits"), [(254, 32), (255, 64)], ids=["the most in 32 bits", "one more"]
+)
 def test_the_width_of_a_sum_by_hand(children, bits):
     """256 voltages at the end of their range and a current at the end of its own are 2^31 + 2^23 - 256."""
     assert fast_layout(many_children(children), "time").chunks.registers.dtype == f"int{bits}"
@@ -398,7 +422,10 @@ def test_more_spikes_than_are_delivered_together(lines):
     n = builder.add_compartments("n", 20, decay_u=1024, decay_v=128, threshold=4000)
     builder.connect(x, n, 2 * (np.arange(20)[:, None] - np.arange(lines) % 7))
     spikes = np.ones((TILE + 3, lines), dtype=np.uint8)
-    fast, slow = (hw.simulate(builder.build(), spikes, engine=engine, probe=("u",), skip=False) for engine in ENGINES)
+    fast, slow = (
+        hw.simulate(builder.build(), spikes, engine=engine, probe=("u",), skip=False)
+        for engine in ENGINES
+    )
     assert (fast.u["n"] == slow.u["n"]).all()
     assert slow.counts.spikes > 0
     assert fast.counts == slow.counts

@@ -28,7 +28,9 @@ def test_grid(bits, mode, step, low, high):
     assert (grid.step, grid.low, grid.high) == (step, low, high)
 
 
-@given(bits=st.sampled_from(WEIGHT_BITS), mode=st.sampled_from(SIGN_MODES), value=st.floats(-400, 400))
+@given(
+    bits=st.sampled_from(WEIGHT_BITS), mode=st.sampled_from(SIGN_MODES), value=st.floats(-400, 400)
+)
 def test_rounding_is_nearest_on_the_grid(bits, mode, value):
     grid = weight_grid(bits, mode)
     rounded = int(grid.round(np.array([value]))[0])
@@ -38,7 +40,13 @@ def test_rounding_is_nearest_on_the_grid(bits, mode, value):
 
 
 def test_rounding_is_half_to_even():
-    assert weight_grid(8, "mixed").round(np.array([1.0, 3.0, 5.0, -1.0, -3.0])).tolist() == [0, 4, 4, 0, -4]
+    assert weight_grid(8, "mixed").round(np.array([1.0, 3.0, 5.0, -1.0, -3.0])).tolist() == [
+        0,
+        4,
+        4,
+        0,
+        -4,
+    ]
 
 
 TRIED = np.array([-257, -256, -255, -8, -4, -2, -1, 0, 1, 4, 8, 248, 252, 254, 255, 256])
@@ -62,7 +70,10 @@ def test_what_a_format_holds(bits, mode, held):
 def test_widths_that_no_format_has(bits):
     with pytest.raises(InputError) as caught:
         weight_grid(bits, "mixed")
-    assert str(caught.value) == f"weight bits: no synapse format has {bits} bits. Choose one of 1, 2, 3, 4, 5, 6, 8."
+    assert (
+        str(caught.value)
+        == f"weight bits: no synapse format has {bits} bits. Choose one of 1, 2, 3, 4, 5, 6, 8."
+    )
 
 
 def test_unknown_sign_mode():

@@ -8,14 +8,18 @@ from hypothesis import strategies as st
 
 from hw_model.io.xml_text import escaped, xml_file
 
-XML = st.text(st.characters(codec="utf-8", exclude_categories=["Cc", "Cs"], exclude_characters="\ufffe\uffff"))
+XML = st.text(
+    st.characters(codec="utf-8", exclude_categories=["Cc", "Cs"], exclude_characters="\ufffe\uffff")
+)
 
 
 @pytest.mark.parametrize(
     ("text", "written"),
     [
         pytest.param('<a href="b">&', "&lt;a href=&quot;b&quot;&gt;&amp;", id="markup"),
-        pytest.param("one\ntwo\tthree\r", "one&#10;two&#9;three&#13;", id="blanks that attributes would lose"),
+        pytest.param(
+            "one\ntwo\tthree\r", "one&#10;two&#9;three&#13;", id="blanks that attributes would lose"
+        ),
         pytest.param("a\x00b\uffff", "a\ufffdb\ufffd", id="what XML cannot express"),
     ],
 )
@@ -34,4 +38,7 @@ def test_a_text_is_read_again(text):
 
 def test_a_file_is_indented_and_its_root_has_the_attributes_first():
     made = xml_file("<a b='1'>\n<c/></a>", xmlns="urn:x")
-    assert made == b"<?xml version='1.0' encoding='utf-8'?>\n<a xmlns=\"urn:x\" b=\"1\">\n  <c />\n</a>\n"
+    assert (
+        made
+        == b"<?xml version='1.0' encoding='utf-8'?>\n<a xmlns=\"urn:x\" b=\"1\">\n  <c />\n</a>\n"
+    )

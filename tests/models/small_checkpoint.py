@@ -31,5 +31,7 @@ def recordings(samples: int = 2) -> Recordings:
 
 def save(path: Path) -> Path:
     weights = build_network(DESCRIPTION, seed=1).weights()
-    Checkpoint(DESCRIPTION, weights, recordings=recordings(), training={"seed": 1, "dataset": "none"}).save(path)
+    Checkpoint(
+        DESCRIPTION, weights, recordings=recordings(), training={"seed": 1, "dataset": "none"}
+    ).save(path)
     return path

@@ -42,7 +42,10 @@ def network_of(model: str) -> tuple[NetworkDescription, torch.nn.Module]:
     if description.structure.window_branch:
         rng = np.random.default_rng(1)
         shapes = description.weight_shapes
-        own = {name: rng.normal(size=shapes[name]).astype(np.float32) for name in description.window_names}
+        own = {
+            name: rng.normal(size=shapes[name]).astype(np.float32)
+            for name in description.window_names
+        }
         network.load_weights(network.weights() | own)
     return description, network
 
@@ -71,7 +74,9 @@ def test_torch_the_reference_and_the_chip_start_alike(model: str, tmp_path: Path
     assert model == "tactile-snn" or not np.allclose(other, wanted)
 
 
-def test_the_command_trains_it_and_goes_on_from_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_trains_it_and_goes_on_from_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     write_recordings(tmp_path / "touches.npz", synthetic_touches(9, steps=40, classes=3, seed=1))
     (tmp_path / "own.yaml").write_text("model: window-snn\nalign_events: 2\n")
     train_with = ["train", "--data", str(tmp_path / "touches.npz"), "--epochs", "2", "--quiet"]
@@ -80,7 +85,20 @@ def test_the_command_trains_it_and_goes_on_from_it(tmp_path: Path, capsys: pytes
     assert main([*train_with, "--from", str(first), "-o", str(second)]) == 0
     assert read_checkpoint(second).description.align_events == 2
     (tmp_path / "other.yaml").write_text("align_events: 3\n")
-    assert main([*train_with, "--from", str(first), "--config", str(tmp_path / "other.yaml"), "-o", str(second)]) == 2
+    assert (
+        main(
+            [
+                *train_with,
+                "--from",
+                str(first),
+                "--config",
+                str(tmp_path / "other.yaml"),
+                "-o",
+                str(second),
+            ]
+        )
+        == 2
+    )
     assert capsys.readouterr().err == (
         "training option 'align_events': the network to start from has another value (got 3 against 2). "
         "Leave the option out.\n"

@@ -7,7 +7,13 @@ import pytest
 import torch
 from scipy.optimize import linear_sum_assignment
 
-from locsnn_compile.data.sensor import FRAME_OF_TAXELS, TAXEL_COORDINATES_MM, SensorLayout, frame_cells, neutouch
+from locsnn_compile.data.sensor import (
+    FRAME_OF_TAXELS,
+    TAXEL_COORDINATES_MM,
+    SensorLayout,
+    frame_cells,
+    neutouch,
+)
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.ann import Cnn3d
 from locsnn_compile.models.description import InputLayout, NetworkDescription
@@ -35,14 +41,20 @@ def test_gru_mlp_is_its_equations(fingertips: int) -> None:
     p = {name: value.detach().numpy() for name, value in network.named_parameters()}
     h = np.zeros((3, 7))
     for t in range(30):
-        r_in, z_in, n_in = np.split(x[:, t].numpy() @ p["gru.weight_ih_l0"].T + p["gru.bias_ih_l0"], 3, axis=1)
+        r_in, z_in, n_in = np.split(
+            x[:, t].numpy() @ p["gru.weight_ih_l0"].T + p["gru.bias_ih_l0"], 3, axis=1
+        )
         r_h, z_h, n_h = np.split(h @ p["gru.weight_hh_l0"].T + p["gru.bias_hh_l0"], 3, axis=1)
         z, n = sigmoid(z_in + z_h), np.tanh(n_in + sigmoid(r_in + r_h) * n_h)
         h = (1 - z) * n + z * h
-    np.testing.assert_allclose(network.counts(x).detach().numpy(), h @ p["readout.weight"].T + p["readout.bias"])
+    np.testing.assert_allclose(
+        network.counts(x).detach().numpy(), h @ p["readout.weight"].T + p["readout.bias"]
+    )
 
 
-def convolved(x: np.ndarray, weight: np.ndarray, bias: np.ndarray, stride: tuple[int, ...]) -> np.ndarray:
+def convolved(
+    x: np.ndarray, weight: np.ndarray, bias: np.ndarray, stride: tuple[int, ...]
+) -> np.ndarray:
     """Return ReLU of a convolution of x (channels, steps, rows, columns), output by output."""
     kernel = weight.shape[2:]
     size = [(n - k) // s + 1 for n, k, s in zip(x.shape[1:], kernel, stride, strict=True)]
@@ -66,7 +78,9 @@ def test_cnn_3d_is_its_equations() -> None:
                 first = 78 * fingertip + 2 * (taxel - 1)
                 frames[:, :, row, column] = x[0, :, first : first + 2].numpy().T
         first_layer = convolved(frames, p["conv_1.weight"], p["conv_1.bias"], (4, 1, 1))
-        features.append(convolved(first_layer, p["conv_2.weight"], p["conv_2.bias"], (3, 1, 1)).ravel())
+        features.append(
+            convolved(first_layer, p["conv_2.weight"], p["conv_2.bias"], (3, 1, 1)).ravel()
+        )
     expected = p["readout.weight"] @ np.concatenate(features) + p["readout.bias"]
     np.testing.assert_allclose(network.counts(x).detach().numpy()[0], expected)
 
@@ -74,7 +88,9 @@ def test_cnn_3d_is_its_equations() -> None:
 def test_a_seed_gives_the_same_weights_and_leaves_torchs_alone() -> None:
     torch.manual_seed(5)
     before = torch.get_rng_state()
-    first, again, other = (build_network(description("cnn-3d"), seed=seed).weights() for seed in (1, 1, 2))
+    first, again, other = (
+        build_network(description("cnn-3d"), seed=seed).weights() for seed in (1, 1, 2)
+    )
     assert torch.equal(torch.get_rng_state(), before)
     assert all(np.array_equal(first[name], again[name]) for name in first)
     assert not np.array_equal(first["conv_1.weight"], other["conv_1.weight"])
@@ -83,7 +99,9 @@ def test_a_seed_gives_the_same_weights_and_leaves_torchs_alone() -> None:
 @pytest.mark.parametrize("architecture", ["gru-mlp", "cnn-3d"])
 def test_parameters_have_the_described_names_and_shapes(architecture: str) -> None:
     network = build_network(description(architecture, 2))
-    assert {name: tuple(p.shape) for name, p in network.named_parameters()} == network.description.weight_shapes
+    assert {
+        name: tuple(p.shape) for name, p in network.named_parameters()
+    } == network.description.weight_shapes
     assert network.hidden_spikes(network(recording(2))) == []
 
 

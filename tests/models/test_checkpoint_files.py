@@ -19,7 +19,12 @@ def test_what_is_written_comes_back(tmp_path: Path) -> None:
     found = read_checkpoint(save(tmp_path / "small.pt"))
     weights = build_network(DESCRIPTION, seed=1).weights()
     assert found.description == DESCRIPTION
-    assert list(found.weights) == ["time_hidden", "time_output", "location_hidden", "location_output"]
+    assert list(found.weights) == [
+        "time_hidden",
+        "time_output",
+        "location_hidden",
+        "location_output",
+    ]
     assert all(np.array_equal(found.weights[name], weights[name]) for name in weights)
     assert found.training == {"seed": 1, "dataset": "none"}
     assert found.recordings is not None
@@ -50,7 +55,9 @@ def test_recordings_say_whether_the_network_was_trained_on_them(
     tmp_path: Path, training: dict[str, int | None], origin: str
 ) -> None:
     weights = build_network(DESCRIPTION).weights()
-    Checkpoint(DESCRIPTION, weights, recordings=recordings(), training=training).save(tmp_path / "w.pt")
+    Checkpoint(DESCRIPTION, weights, recordings=recordings(), training=training).save(
+        tmp_path / "w.pt"
+    )
     found = read_checkpoint(tmp_path / "w.pt").recordings
     assert found is not None
     assert (found.origin, found.subset([1]).origin) == (origin, origin)
@@ -86,5 +93,9 @@ def test_saving_refuses_weights_that_do_not_fit(tmp_path: Path) -> None:
 
 def test_saving_into_no_folder(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
-        Checkpoint(DESCRIPTION, build_network(DESCRIPTION).weights()).save(tmp_path / "none" / "x.pt")
-    assert str(caught.value) == ("checkpoint 'x.pt': its folder does not exist. Make the folder first.")
+        Checkpoint(DESCRIPTION, build_network(DESCRIPTION).weights()).save(
+            tmp_path / "none" / "x.pt"
+        )
+    assert str(caught.value) == (
+        "checkpoint 'x.pt': its folder does not exist. Make the folder first."
+    )

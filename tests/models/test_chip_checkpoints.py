@@ -37,11 +37,18 @@ POPULATION = {"exponent": 1, "weight_bits": 4, "scale": 41984.1, "unit": 0.0125}
 def chip_of(own_fields: dict[str, Any], strategy: str = "dendrite") -> ChipNumbers:
     held = own_fields | {"own": tuple(map(tuple, own_fields["own"]))}
     population = ChipPopulation(threshold=6560, decay=390, **held, **POPULATION)
-    return ChipNumbers("loihi-sim", strategy, RegisterWidths(), dict.fromkeys(DESCRIPTION.weight_shapes, population))
+    return ChipNumbers(
+        "loihi-sim",
+        strategy,
+        RegisterWidths(),
+        dict.fromkeys(DESCRIPTION.weight_shapes, population),
+    )
 
 
 def with_dendrite(size: int) -> ChipSrm:
-    return ChipSrm.with_taps(size, decay=390, threshold=6560, refractory_decay=2589, mantissa=-205, exponent=6)
+    return ChipSrm.with_taps(
+        size, decay=390, threshold=6560, refractory_decay=2589, mantissa=-205, exponent=6
+    )
 
 
 DENDRITE = {"refractory_decay": 2589, "refractory": 1, "own": [[-205, 6, 0]]}
@@ -62,14 +69,20 @@ def test_round_trip(tmp_path: Path) -> None:
         assert np.array_equal(found.weights[name], mantissas)
         assert not found.weights[name].flags.writeable
     network.load_weights(found.float_weights)
-    assert all(np.array_equal(network.mantissas()[name], found.weights[name]) for name in found.weights)
+    assert all(
+        np.array_equal(network.mantissas()[name], found.weights[name]) for name in found.weights
+    )
     network.double()
-    assert all(np.array_equal(network.mantissas()[name], found.weights[name]) for name in found.weights)
+    assert all(
+        np.array_equal(network.mantissas()[name], found.weights[name]) for name in found.weights
+    )
 
 
 def with_taps(size: int) -> ChipSrm:
     taps = np.arange(13)
-    return ChipSrm.with_taps(size, decay=390, threshold=6560, delay=2 * taps, mantissa=taps - 100, exponent=taps - 5)
+    return ChipSrm.with_taps(
+        size, decay=390, threshold=6560, delay=2 * taps, mantissa=taps - 100, exponent=taps - 5
+    )
 
 
 def with_reset(size: int) -> ChipCuba:
@@ -88,10 +101,16 @@ def with_reset(size: int) -> ChipCuba:
         pytest.param(
             with_taps,
             "delay-line",
-            {"refractory_decay": 0, "refractory": 1, "own": [[k - 100, k - 5, 2 * k] for k in range(13)]},
+            {
+                "refractory_decay": 0,
+                "refractory": 1,
+                "own": [[k - 100, k - 5, 2 * k] for k in range(13)],
+            },
             id="delay-line",
         ),
-        pytest.param(with_reset, "reset", {"refractory_decay": 0, "refractory": 5, "own": []}, id="reset"),
+        pytest.param(
+            with_reset, "reset", {"refractory_decay": 0, "refractory": 5, "own": []}, id="reset"
+        ),
     ],
 )
 def test_neurons_of_every_strategy_survive(
@@ -101,7 +120,12 @@ def test_neurons_of_every_strategy_survive(
     path = save(tmp_path / "small.pt", chip_of(own_fields, strategy))
     entry = torch.load(path, weights_only=True)["chip"]
     assert entry["strategy"] == strategy
-    assert entry["populations"]["time_hidden"] == {"threshold": 6560, "decay": 390, **own_fields, **POPULATION}
+    assert entry["populations"]["time_hidden"] == {
+        "threshold": 6560,
+        "decay": 390,
+        **own_fields,
+        **POPULATION,
+    }
     found = read_checkpoint(path).chip
     assert found is not None
     for name, shape in DESCRIPTION.weight_shapes.items():
@@ -112,7 +136,10 @@ def test_neurons_of_every_strategy_survive(
 
 def vars_of(neuron: Any) -> dict[str, Any]:
     """Every array of a neuron, those of its refractory part too."""
-    return {name: vars(value) if hasattr(value, "__dict__") else value for name, value in vars(neuron).items()}
+    return {
+        name: vars(value) if hasattr(value, "__dict__") else value
+        for name, value in vars(neuron).items()
+    }
 
 
 def put(*keys: Any, value: Any) -> Callable[[dict[Any, Any]], None]:
@@ -131,8 +158,12 @@ PLACE = "chip.populations.time_hidden"
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        pytest.param(lambda v: v.pop("chip"), f": the key 'chip' is missing. {AGAIN}", id="no numbers"),
-        pytest.param(put("version", value=1), ": unknown key 'chip'. Choose one of: ", id="older version"),
+        pytest.param(
+            lambda v: v.pop("chip"), f": the key 'chip' is missing. {AGAIN}", id="no numbers"
+        ),
+        pytest.param(
+            put("version", value=1), ": unknown key 'chip'. Choose one of: ", id="older version"
+        ),
         pytest.param(
             put("chip", value={}),
             f": chip: the key 'target' is missing. {AGAIN}",
@@ -212,7 +243,9 @@ PLACE = "chip.populations.time_hidden"
         ),
     ],
 )
-def test_what_is_refused(tmp_path: Path, change: Callable[[dict[Any, Any]], None], message: str) -> None:
+def test_what_is_refused(
+    tmp_path: Path, change: Callable[[dict[Any, Any]], None], message: str
+) -> None:
     path = save(tmp_path / "small.pt")
     values = torch.load(path, weights_only=True)
     change(values)

@@ -89,10 +89,14 @@ def layer_of(
     return layer
 
 
-def program_of(numbers: Numbers, strategy: str, mantissas: np.ndarray, registers: RegisterWidths) -> hw.ChipProgram:
+def program_of(
+    numbers: Numbers, strategy: str, mantissas: np.ndarray, registers: RegisterWidths
+) -> hw.ChipProgram:
     """The same population written by hand for the chip: an independent way to its integers."""
     n, inputs = mantissas.shape
-    builder = hw.ProgramBuilder(replace(CHIP, registers=replace(CHIP.registers, **asdict(registers))))
+    builder = hw.ProgramBuilder(
+        replace(CHIP, registers=replace(CHIP.registers, **asdict(registers)))
+    )
     touch = builder.add_input("touch", inputs)
     filters = {"decay_u": numbers.decay, "decay_v": numbers.decay}
     soma_filters = {"decay_u": 4096, "decay_v": 4096, "threshold": numbers.threshold}
@@ -107,7 +111,12 @@ def program_of(numbers: Numbers, strategy: str, mantissas: np.ndarray, registers
         part = np.where(np.sign(mantissas) == sign, mantissas, 0)
         if part.any():
             builder.connect(
-                touch, target, part, exponent=numbers.exponent, weight_bits=numbers.weight_bits, sign_mode=mode
+                touch,
+                target,
+                part,
+                exponent=numbers.exponent,
+                weight_bits=numbers.weight_bits,
+                sign_mode=mode,
             )
     own_target = target
     if strategy == "dendrite":
@@ -119,7 +128,14 @@ def program_of(numbers: Numbers, strategy: str, mantissas: np.ndarray, registers
         if synapse.mantissa:
             mode = "excitatory" if synapse.mantissa > 0 else "inhibitory"
             weights = np.eye(n, dtype=np.int64) * synapse.mantissa
-            builder.connect(soma, own_target, weights, exponent=synapse.exponent, delay=synapse.delay, sign_mode=mode)
+            builder.connect(
+                soma,
+                own_target,
+                weights,
+                exponent=synapse.exponent,
+                delay=synapse.delay,
+                sign_mode=mode,
+            )
     return builder.build()
 
 
@@ -127,7 +143,8 @@ def draw_numbers(rng: np.random.Generator, strategy: str) -> Numbers:
     """Numbers anywhere on the chip, large ones often: registers wrap and clip."""
     count = {"dendrite": 1, "delay-line": int(rng.integers(1, 8)), "reset": 0}[strategy]
     own = tuple(
-        Synapse(int(rng.integers(-255, 256)), int(rng.integers(-8, 8)), int(rng.integers(0, 63))) for _ in range(count)
+        Synapse(int(rng.integers(-255, 256)), int(rng.integers(-8, 8)), int(rng.integers(0, 63)))
+        for _ in range(count)
     )
     if strategy == "dendrite":
         own = (replace(own[0], delay=0),)
@@ -155,7 +172,9 @@ def test_layers_are_the_chip(strategy: str, seed: int) -> None:
     # Half of them on the registers of the chips that ship.
     widths = (21, 23, 23) if seed % 2 else rng.choice([9, 13, 16, 20, 29], 3).tolist()
     registers = RegisterWidths(*widths)
-    layer = layer_of(numbers, strategy, rng.uniform(-largest, largest, size=(n, inputs)), registers=registers)
+    layer = layer_of(
+        numbers, strategy, rng.uniform(-largest, largest, size=(n, inputs)), registers=registers
+    )
     x = (rng.random((2, steps, inputs)) < rng.choice([0.05, 0.5, 1.0])).astype(np.uint8)
 
     check_against_the_chip(layer, numbers, strategy, x)
@@ -166,11 +185,15 @@ def test_a_charge_of_own_spikes_that_wraps() -> None:
     numbers = replace(NUMBERS, threshold=100, own=(Synapse(-156, 7),))
     weights = np.array([[0.5], [1.0], [3.0]])
     layer = layer_of(numbers, "dendrite", weights, registers=RegisterWidths(charge_bits=20))
-    check_against_the_chip(layer, numbers, "dendrite", (np.arange(60) % 7 == 0).astype(np.uint8)[None, :, None])
+    check_against_the_chip(
+        layer, numbers, "dendrite", (np.arange(60) % 7 == 0).astype(np.uint8)[None, :, None]
+    )
     assert layer.events[0] > 3
 
 
-def check_against_the_chip(layer: ChipLayer, numbers: Numbers, strategy: str, x: np.ndarray) -> None:
+def check_against_the_chip(
+    layer: ChipLayer, numbers: Numbers, strategy: str, x: np.ndarray
+) -> None:
     """Spikes, potentials and events are those of the program that is written by hand."""
     found = layer(torch.from_numpy(x).float()).detach().numpy()
     potential = layer.steps((x @ layer.mantissas().T).astype(np.float64))[1]
@@ -229,7 +252,9 @@ def test_gradient_is_the_surrogate_through_the_filters(strategy: str) -> None:
     spikes, potential, live = (a[0] for a in layer.steps(x.detach().numpy() @ mantissas.T))
     assert spikes.sum() > 5
     width = neuron.tau_rho * neuron.theta
-    slope = neuron.scale_rho / width * np.exp(-np.abs(potential / numbers.scale - neuron.theta) / width)
+    slope = (
+        neuron.scale_rho / width * np.exp(-np.abs(potential / numbers.scale - neuron.theta) / width)
+    )
     keep = (4096 - numbers.decay) / 4096
     charge = 64 * 2**numbers.exponent / numbers.scale
     sent = np.zeros((steps, 3))
@@ -252,7 +277,9 @@ def test_gradient_is_the_surrogate_through_the_filters(strategy: str) -> None:
 
 def test_weights_beyond_the_range_are_held_at_it() -> None:
     populations = dict.fromkeys(DESCRIPTION.weight_shapes, NUMBERS.population())
-    network = build_network(DESCRIPTION, chip=ChipNumbers("loihi-sim", "dendrite", USUAL, populations))
+    network = build_network(
+        DESCRIPTION, chip=ChipNumbers("loihi-sim", "dendrite", USUAL, populations)
+    )
     largest = np.float32(255 * NUMBERS.unit)
     for name in populations:
         weight = network.weight(name).detach()
@@ -265,7 +292,9 @@ def test_weights_beyond_the_range_are_held_at_it() -> None:
 def test_biases_of_windows_may_leave_the_range_that_weights_are_held_in() -> None:
     description = replace(DESCRIPTION, architecture="window-snn", neuron=None)
     populations = dict.fromkeys(description.window_names, NUMBERS.population())
-    network = build_network(description, chip=ChipNumbers("loihi-sim", "dendrite", USUAL, populations))
+    network = build_network(
+        description, chip=ChipNumbers("loihi-sim", "dendrite", USUAL, populations)
+    )
     for name in populations:
         network.weight(name).detach()[:] = 100.0
     network.hold()

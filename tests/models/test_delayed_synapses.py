@@ -35,15 +35,27 @@ RECORDINGS = synthetic_touches(6, steps=60, classes=3, seed=4)
 
 
 def description(**own: object) -> NetworkDescription:
-    values = {"architecture": "tactile-snn", "input": LAYOUT, "classes": 3, "hidden": 5, "delays": DELAYS} | own
+    values = {
+        "architecture": "tactile-snn",
+        "input": LAYOUT,
+        "classes": 3,
+        "hidden": 5,
+        "delays": DELAYS,
+    } | own
     return NetworkDescription(**values)  # type: ignore[arg-type]
 
 
 def hybrid() -> NetworkDescription:
-    return description(architecture="hybrid", location_order="loop", location_taxels=tuple(range(1, 40)))
+    return description(
+        architecture="hybrid", location_order="loop", location_taxels=tuple(range(1, 40))
+    )
 
 
-@given(steps=st.integers(1, 8), delays=st.sets(st.integers(0, 12), min_size=1), seed=st.integers(0, 2**31))
+@given(
+    steps=st.integers(1, 8),
+    delays=st.sets(st.integers(0, 12), min_size=1),
+    seed=st.integers(0, 2**31),
+)
 @settings(max_examples=40, deadline=None)
 def test_every_delay_moves_all_channels(steps: int, delays: set[int], seed: int) -> None:
     x = torch.rand(2, steps, 3, generator=torch.Generator().manual_seed(seed))
@@ -63,7 +75,9 @@ def test_the_reference_hears_each_delay(tmp_path: Path) -> None:
     network = build_network(hybrid(), seed=3, initial_scale=10.0).double()
     Checkpoint(network.description, network.weights()).save(tmp_path / "net.pt")
     loaded = lc.load(tmp_path / "net.pt")
-    assert [(p.source, p.delay) for p in loaded.into("time_hidden")] == [("touch", delay) for delay in DELAYS]
+    assert [(p.source, p.delay) for p in loaded.into("time_hidden")] == [
+        ("touch", delay) for delay in DELAYS
+    ]
     with torch.no_grad():
         wanted = network(torch.from_numpy(RECORDINGS.spikes.copy()).double())
     found = evaluate(loaded, RECORDINGS.spikes)
@@ -103,11 +117,15 @@ def test_trained_on_the_chip_the_program_spikes_the_same(strategy: str, tmp_path
 def test_a_float_network_compiles(tmp_path: Path) -> None:
     network = build_network(hybrid(), seed=3, initial_scale=10.0)
     Checkpoint(network.description, network.weights()).save(tmp_path / "net.pt")
-    report = lc.compile(lc.load(tmp_path / "net.pt"), strategy="dendrite", events=RECORDINGS, diagnosis=False).report
+    report = lc.compile(
+        lc.load(tmp_path / "net.pt"), strategy="dendrite", events=RECORDINGS, diagnosis=False
+    ).report
     assert report["match"]["spike_agreement"] > 0.8
 
 
-def test_the_command_trains_with_delays_and_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_command_trains_with_delays_and_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     write_recordings(tmp_path / "touches.npz", RECORDINGS)
     data = ["train", "--data", "touches.npz", "--epochs", "1", "--quiet"]
@@ -138,7 +156,11 @@ def test_the_command_trains_with_delays_and_goes_on(tmp_path: Path, monkeypatch:
             id="none",
         ),
         pytest.param(
-            {"architecture": "location-tactile-snn", "location_order": "loop", "location_taxels": tuple(range(1, 40))},
+            {
+                "architecture": "location-tactile-snn",
+                "location_order": "loop",
+                "location_taxels": tuple(range(1, 40)),
+            },
             "architecture 'location-tactile-snn': it has no fully connected layer over time steps, so it takes no delays. "
             "Leave the delays out.",
             id="no time branch",

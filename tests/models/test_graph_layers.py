@@ -16,7 +16,12 @@ from locsnn_compile.data.sensor import LOCATION_ORDERS, TAXEL_COORDINATES_MM, ne
 from locsnn_compile.data.taxel_graph import GRAPHS, taxel_graph
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.description import InputLayout, LifParameters, NetworkDescription
-from locsnn_compile.models.graph_and_windows import BranchGraph, GraphParameters, hop_powers, spread_weights
+from locsnn_compile.models.graph_and_windows import (
+    BranchGraph,
+    GraphParameters,
+    hop_powers,
+    spread_weights,
+)
 from locsnn_compile.models.lif import GraphLayer, scan_spikes, spike
 
 SEEDS = st.integers(0, 2**31)
@@ -33,7 +38,9 @@ def length_mm(edge: tuple[int, int]) -> float:
 
 def complete() -> nx.Graph:
     graph = nx.Graph()
-    graph.add_weighted_edges_from((a, b, length_mm((a, b))) for a, b in combinations(range(1, 40), 2))
+    graph.add_weighted_edges_from(
+        (a, b, length_mm((a, b))) for a, b in combinations(range(1, 40), 2)
+    )
     return graph
 
 
@@ -52,7 +59,9 @@ def test_every_taxel_has_its_nearest_neighbours(neighbours: int) -> None:
     graph, whole = nx.Graph(edges_of("nearest", neighbours)), complete()
     for taxel in range(1, 40):
         near = sorted(
-            (round(whole.edges[taxel, other]["weight"], 9), other) for other in range(1, 40) if other != taxel
+            (round(whole.edges[taxel, other]["weight"], 9), other)
+            for other in range(1, 40)
+            if other != taxel
         )
         assert {other for _, other in near[:neighbours]} <= set(graph[taxel])
 
@@ -79,7 +88,9 @@ def graphs(draw: st.DrawFn) -> tuple[tuple[tuple[int, int], ...], int]:
     return tuple(draw(st.lists(st.sampled_from(pairs), unique=True)) if pairs else ()), nodes
 
 
-def brute_convolution(x: np.ndarray, weight: np.ndarray, edges: tuple[tuple[int, int], ...], hops: int) -> np.ndarray:
+def brute_convolution(
+    x: np.ndarray, weight: np.ndarray, edges: tuple[tuple[int, int], ...], hops: int
+) -> np.ndarray:
     """Return features (nodes, f) of inputs (nodes, c): every walk of up to ``hops`` edges that ends at a node."""
     nodes, inputs = x.shape
     near = {n: [b if a == n else a for a, b in edges if n in (a, b)] for n in range(1, nodes + 1)}
@@ -87,12 +98,22 @@ def brute_convolution(x: np.ndarray, weight: np.ndarray, edges: tuple[tuple[int,
     for k in range(hops + 1):
         for walk in product(range(1, nodes + 1), repeat=k + 1):
             if all(b in near[a] for a, b in pairwise(walk)):
-                share = np.prod([1 / np.sqrt(len(near[a]) * len(near[b])) for a, b in pairwise(walk)])
-                found[walk[-1] - 1] += share * weight[:, k * inputs : (k + 1) * inputs] @ x[walk[0] - 1]
+                share = np.prod(
+                    [1 / np.sqrt(len(near[a]) * len(near[b])) for a, b in pairwise(walk)]
+                )
+                found[walk[-1] - 1] += (
+                    share * weight[:, k * inputs : (k + 1) * inputs] @ x[walk[0] - 1]
+                )
     return found
 
 
-@given(graph=graphs(), hops=st.integers(1, 3), inputs=st.integers(1, 3), features=st.integers(1, 3), seed=SEEDS)
+@given(
+    graph=graphs(),
+    hops=st.integers(1, 3),
+    inputs=st.integers(1, 3),
+    features=st.integers(1, 3),
+    seed=SEEDS,
+)
 @settings(max_examples=30, deadline=None)
 def test_spread_weights_sum_over_walks(
     graph: tuple[tuple[tuple[int, int], ...], int], hops: int, inputs: int, features: int, seed: int
@@ -133,7 +154,9 @@ def test_layer_and_its_gradient_equal_those_of_the_spread_weights(
         unit = np.zeros(weight.shape)
         unit[f, term] = 1
         by_weight = x @ spread_weights(unit, parts).toarray().T
-        assert float(layer.weight.grad[f, term]) == pytest.approx((by_weight * dense.grad.numpy()).sum(), abs=1e-9)
+        assert float(layer.weight.grad[f, term]) == pytest.approx(
+            (by_weight * dense.grad.numpy()).sum(), abs=1e-9
+        )
 
 
 def description(fingertips: int) -> NetworkDescription:

@@ -32,7 +32,9 @@ ORDER = tuple(range(39, 0, -1))
 
 def described(steps: int = 40, hidden: int = 6) -> NetworkDescription:
     layout, windows = InputLayout(neutouch(1), steps, 0.02), WindowParameters(4, 2, (1, 3))
-    return NetworkDescription("hybrid-window", layout, 3, hidden, None, "own", ORDER, window=windows)
+    return NetworkDescription(
+        "hybrid-window", layout, 3, hidden, None, "own", ORDER, window=windows
+    )
 
 
 def touches(samples: int, steps: int = 40, share: float = 0.2) -> np.ndarray:
@@ -44,7 +46,9 @@ def random_network(description: NetworkDescription) -> TouchNetwork:
     assert isinstance(network, TouchNetwork)
     rng = np.random.default_rng(0)
     shapes = {name: description.weight_shapes[name] for name in description.window_names}
-    network.windows.load_weights({name: rng.normal(size=shape).astype(np.float32) for name, shape in shapes.items()})
+    network.windows.load_weights(
+        {name: rng.normal(size=shape).astype(np.float32) for name, shape in shapes.items()}
+    )
     return network
 
 
@@ -64,14 +68,20 @@ def test_torch_reference_and_both_engines_read_out_one_sum(tmp_path: Path) -> No
     wanted = sum(part.numpy() for part in parts.values())
     assert np.allclose(evaluate(loaded, x).scores, wanted, atol=1e-4)
     compiled = lc.compile(loaded, strategy="dendrite", events=Recordings(x, None, 0.02, "touches"))
-    fast, plain = hw.simulate(compiled.program, x), hw.simulate(compiled.program, x, engine="reference")
+    fast, plain = (
+        hw.simulate(compiled.program, x),
+        hw.simulate(compiled.program, x, engine="reference"),
+    )
     on_grid = evaluate(compiled.levels.quantized.on_grid(), x)
     assert np.array_equal(fast.scores, plain.scores)
     assert np.array_equal(fast.scores, on_grid.scores)
     weights = dict(zip(outputs, compiled.program.readout.weights, strict=True))  # type: ignore[union-attr]
     assert all(weight.is_integer() for weight in weights.values())
     # A spike of the chip counts what the weight of its branch says: the sum is in units of the window's registers.
-    assert np.abs(np.asarray(fast.scores) / weights["time_output"] - wanted).max() < 0.1 * np.abs(wanted).max()
+    assert (
+        np.abs(np.asarray(fast.scores) / weights["time_output"] - wanted).max()
+        < 0.1 * np.abs(wanted).max()
+    )
 
 
 def test_a_session_follows_it_and_stops_it_early() -> None:
@@ -79,7 +89,9 @@ def test_a_session_follows_it_and_stops_it_early() -> None:
     checkpoint = Checkpoint(description, random_network(description).weights(), None, {}, "")
     x = touches(4)
     x[:, 12:] = 0  # a touch that ends early
-    compiled = lc.compile(checkpoint, strategy="reset", events=Recordings(x, np.zeros(4, np.int64), 0.02, "touches"))
+    compiled = lc.compile(
+        checkpoint, strategy="reset", events=Recordings(x, np.zeros(4, np.int64), 0.02, "touches")
+    )
     whole = hw.simulate(compiled.program, x)
     for one, scores in zip(x, np.asarray(whole.scores), strict=True):
         assert np.array_equal(hw.Session(compiled.program).push(one).scores[-1], scores)
@@ -149,10 +161,17 @@ def test_windows_only_go_with_a_branch_of_them() -> None:
 
 def test_all_three_branches_learn() -> None:
     made = synthetic_touches(24, steps=40, classes=3, seed=3)
-    config = config_from_mapping({"model": "hybrid-window", "epochs": 4, "validation_fraction": 0.0, "hidden": 6})
+    config = config_from_mapping(
+        {"model": "hybrid-window", "epochs": 4, "validation_fraction": 0.0, "hidden": 6}
+    )
     found = train(made, config)
-    start = build_network(found.network.description, seed=0, initial_scale=config.initial_scale).weights()
-    assert all(not np.array_equal(start[name], weights) for name, weights in found.network.weights().items())
+    start = build_network(
+        found.network.description, seed=0, initial_scale=config.initial_scale
+    ).weights()
+    assert all(
+        not np.array_equal(start[name], weights)
+        for name, weights in found.network.weights().items()
+    )
     assert found.history[-1].loss < found.history[0].loss
 
 
@@ -168,7 +187,9 @@ def test_going_on_from_it_and_training_on_integers(tmp_path: Path) -> None:
     found = read_checkpoint(second).description
     assert found.window == WindowParameters(8, 3, (2, 4))
     assert found.srm("time").tau_sr == 5.0
-    assert main([*train_with, "--from", str(first), "--target", "loihi-sim", "-o", str(second)]) == 0
+    assert (
+        main([*train_with, "--from", str(first), "--target", "loihi-sim", "-o", str(second)]) == 0
+    )
     chip = read_checkpoint(second).chip
     assert chip is not None
     assert list(chip.populations) == list(found.weight_shapes)

@@ -25,7 +25,9 @@ def brute_scan(drive: np.ndarray, neuron: LifParameters) -> tuple[np.ndarray, np
     for b, i in np.ndindex(batch, size):
         last = -1
         for t in range(steps):
-            u[b, t, i] = sum(drive[b, s, i] * neuron.decay ** (t - 1 - s) for s in range(max(last, 0), t))
+            u[b, t, i] = sum(
+                drive[b, s, i] * neuron.decay ** (t - 1 - s) for s in range(max(last, 0), t)
+            )
             if u[b, t, i] > neuron.threshold:
                 spikes[b, t, i], last = 1, t
     return spikes, u
@@ -83,9 +85,13 @@ def by_autograd(drive: torch.Tensor, neuron: LifParameters) -> torch.Tensor:
     return torch.stack(found, dim=1)
 
 
-@given(decay=st.floats(0.0, 1.0), threshold=st.floats(0.1, 3.0), window=st.floats(0.1, 3.0), seed=SEEDS)
+@given(
+    decay=st.floats(0.0, 1.0), threshold=st.floats(0.1, 3.0), window=st.floats(0.1, 3.0), seed=SEEDS
+)
 @settings(max_examples=40, deadline=None)
-def test_gradient_is_that_of_the_recursion(decay: float, threshold: float, window: float, seed: int) -> None:
+def test_gradient_is_that_of_the_recursion(
+    decay: float, threshold: float, window: float, seed: int
+) -> None:
     neuron = LifParameters(decay, threshold, window)
     generator = torch.Generator().manual_seed(seed)
     drive = torch.randn(2, 20, 3, generator=generator, dtype=torch.float64) * threshold + 0.3
@@ -103,22 +109,33 @@ def test_gradient_is_that_of_the_recursion(decay: float, threshold: float, windo
 
 @given(inputs=st.integers(1, 12), size=st.integers(1, 20), share=st.floats(0.0, 1.0), seed=SEEDS)
 @settings(max_examples=40, deadline=None)
-def test_adding_active_inputs_equals_a_matrix_product(inputs: int, size: int, share: float, seed: int) -> None:
+def test_adding_active_inputs_equals_a_matrix_product(
+    inputs: int, size: int, share: float, seed: int
+) -> None:
     rng, neuron = np.random.default_rng(seed), LifParameters()
-    x = torch.from_numpy((rng.random((2, inputs, 9)) < share) * rng.integers(1, 3, size=(2, inputs, 9)).astype(float))
-    weight, sent = torch.from_numpy(rng.normal(size=(size, inputs))), torch.from_numpy(rng.normal(size=(2, 9, size)))
+    x = torch.from_numpy(
+        (rng.random((2, inputs, 9)) < share) * rng.integers(1, 3, size=(2, inputs, 9)).astype(float)
+    )
+    weight, sent = (
+        torch.from_numpy(rng.normal(size=(size, inputs))),
+        torch.from_numpy(rng.normal(size=(2, 9, size))),
+    )
     found = []
     for of_spikes in (True, False):
         # As they come in a network: both are views whose entries do not lie side by side.
         heard, by_input = x.clone().requires_grad_(), weight.clone().requires_grad_()
         rows, columns = heard.transpose(1, 2), by_input.T
-        fired = spike_of_spikes(rows, columns, neuron) if of_spikes else spike(rows @ columns, neuron)
+        fired = (
+            spike_of_spikes(rows, columns, neuron) if of_spikes else spike(rows @ columns, neuron)
+        )
         (fired * sent).sum().backward()
         found.append((fired, heard.grad, by_input.grad))
     for ours, expected in zip(*found, strict=True):
         assert ours is not None
         assert expected is not None
-        np.testing.assert_allclose(ours.detach().numpy(), expected.detach().numpy(), rtol=1e-9, atol=1e-11)
+        np.testing.assert_allclose(
+            ours.detach().numpy(), expected.detach().numpy(), rtol=1e-9, atol=1e-11
+        )
 
 
 def test_a_large_layer_adds_active_inputs() -> None:

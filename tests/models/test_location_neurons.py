@@ -18,7 +18,12 @@ from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
-from locsnn_compile.models.description import InputLayout, LifParameters, NetworkDescription, NeuronParameters
+from locsnn_compile.models.description import (
+    InputLayout,
+    LifParameters,
+    NetworkDescription,
+    NeuronParameters,
+)
 from locsnn_compile.models.networks import build_network
 from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.reference.evaluate import evaluate
@@ -42,7 +47,9 @@ def description(**own: object) -> NetworkDescription:
     return NetworkDescription(**values | own)  # type: ignore[arg-type]
 
 
-LIF = description(architecture="hybrid-lif", location_neuron=LifParameters(decay=0.5, threshold=1.5))
+LIF = description(
+    architecture="hybrid-lif", location_neuron=LifParameters(decay=0.5, threshold=1.5)
+)
 
 
 def alpha(k: np.ndarray, tau: float) -> np.ndarray:
@@ -55,7 +62,9 @@ def hidden_by_hand(weights: np.ndarray, spikes: np.ndarray) -> np.ndarray:
     for delay in DELAYS:  # the loop walks channels as they are numbered
         events = np.hstack([events, np.vstack([np.zeros((delay, 60)), spikes.T[: 78 - delay]])])
     k = np.arange(78.0)
-    psp = np.array([sum(alpha(k, OWN.tau_sr)[i - j] * events[j] for j in range(i + 1)) for i in range(78)])
+    psp = np.array(
+        [sum(alpha(k, OWN.tau_sr)[i - j] * events[j] for j in range(i + 1)) for i in range(78)]
+    )
     u, found = psp @ weights.T, np.zeros((78, len(weights)))
     for i in range(78):
         found[i] = u[i] >= OWN.theta
@@ -66,7 +75,9 @@ def hidden_by_hand(weights: np.ndarray, spikes: np.ndarray) -> np.ndarray:
 def test_a_location_branch_has_its_own_constants_and_delays() -> None:
     network = build_network(description(), seed=3, initial_scale=10.0).double()
     with torch.no_grad():
-        found = network(torch.from_numpy(RECORDINGS.spikes.copy()).double())["location_hidden"].numpy()
+        found = network(torch.from_numpy(RECORDINGS.spikes.copy()).double())[
+            "location_hidden"
+        ].numpy()
     weights = network.weights()["location_hidden"].astype(np.float64)
     assert weights.shape == (5, 60 * len(DELAYS))
     assert found.sum() > 50
@@ -80,7 +91,9 @@ def test_file_reference_and_torch_are_equal(own: NetworkDescription, tmp_path: P
     Checkpoint(network.description, network.weights()).save(tmp_path / "net.pt")
     assert read_checkpoint(tmp_path / "net.pt").description == own
     loaded = lc.load(tmp_path / "net.pt")
-    assert [(p.source, p.delay) for p in loaded.into("location_hidden")] == [("touch_transposed", d) for d in DELAYS]
+    assert [(p.source, p.delay) for p in loaded.into("location_hidden")] == [
+        ("touch_transposed", d) for d in DELAYS
+    ]
     assert [p.delay for p in loaded.into("time_hidden")] == [0]
     with torch.no_grad():
         wanted = network(torch.from_numpy(RECORDINGS.spikes.copy()).double())
@@ -95,17 +108,26 @@ def test_both_engines_play_it_alike(own: NetworkDescription, tmp_path: Path) -> 
     network = build_network(own, seed=3, initial_scale=10.0)
     Checkpoint(own, network.weights()).save(tmp_path / "net.pt")
     strategy = "auto" if own is LIF else "dendrite"
-    compiled = lc.compile(lc.load(tmp_path / "net.pt"), strategy=strategy, events=RECORDINGS, diagnosis=False)
+    compiled = lc.compile(
+        lc.load(tmp_path / "net.pt"), strategy=strategy, events=RECORDINGS, diagnosis=False
+    )
     assert compiled.report["match"]["spike_agreement"] > 0.8
-    slow, fast = (hw.simulate(compiled.program, RECORDINGS.spikes, engine=engine) for engine in ("reference", "fast"))
+    slow, fast = (
+        hw.simulate(compiled.program, RECORDINGS.spikes, engine=engine)
+        for engine in ("reference", "fast")
+    )
     for name, spikes in slow.spikes.items():
         assert np.array_equal(fast.spikes[name], spikes), name
 
 
 def test_a_session_says_what_a_simulation_says(tmp_path: Path) -> None:
     own = description()
-    Checkpoint(own, build_network(own, seed=3, initial_scale=10.0).weights()).save(tmp_path / "net.pt")
-    program = lc.compile(lc.load(tmp_path / "net.pt"), strategy="dendrite", events=RECORDINGS, diagnosis=False).program
+    Checkpoint(own, build_network(own, seed=3, initial_scale=10.0).weights()).save(
+        tmp_path / "net.pt"
+    )
+    program = lc.compile(
+        lc.load(tmp_path / "net.pt"), strategy="dendrite", events=RECORDINGS, diagnosis=False
+    ).program
     recording = RECORDINGS.spikes[0]
     found = hw.Session(program).push(recording)
     for step in (20, 59):
@@ -137,10 +159,18 @@ def test_trained_on_the_chip_the_program_spikes_the_same(strategy: str, tmp_path
     ("options", "wanted"),
     [
         pytest.param({}, None, id="none"),
-        pytest.param({"theta": 8.0, "location_tau_sr": 3.0}, NeuronParameters(theta=8.0, tau_sr=3.0), id="one"),
+        pytest.param(
+            {"theta": 8.0, "location_tau_sr": 3.0},
+            NeuronParameters(theta=8.0, tau_sr=3.0),
+            id="one",
+        ),
         pytest.param({"location_theta": 3.0}, NeuronParameters(theta=3.0), id="threshold"),
         pytest.param({"location_decay": 0.0}, None, id="of another kind"),
-        pytest.param({"model": "hybrid-lif", "location_decay": 0.0}, LifParameters(decay=0.0), id="LIF, nought"),
+        pytest.param(
+            {"model": "hybrid-lif", "location_decay": 0.0},
+            LifParameters(decay=0.0),
+            id="LIF, nought",
+        ),
     ],
 )
 def test_options_make_the_neuron(options: dict[str, object], wanted: object) -> None:
@@ -182,7 +212,12 @@ def test_the_command_trains_with_them_and_goes_on(
             id="delays that fall",
         ),
         pytest.param(
-            {"architecture": "tactile-snn", "location_order": None, "location_taxels": None, "location_neuron": None},
+            {
+                "architecture": "tactile-snn",
+                "location_order": None,
+                "location_taxels": None,
+                "location_neuron": None,
+            },
             "architecture 'tactile-snn': it has no fully connected layer over locations, so it takes no delays. "
             "Leave the delays out.",
             id="delays without a branch",
@@ -194,7 +229,12 @@ def test_the_command_trains_with_them_and_goes_on(
             id="delays of windows",
         ),
         pytest.param(
-            {"architecture": "tactile-snn", "location_order": None, "location_taxels": None, "location_delays": (0,)},
+            {
+                "architecture": "tactile-snn",
+                "location_order": None,
+                "location_taxels": None,
+                "location_delays": (0,),
+            },
             "architecture 'tactile-snn': its location neuron is of another kind (NeuronParameters against NoneType). "
             "Correct the description.",
             id="a neuron without a branch",
@@ -228,5 +268,7 @@ def test_a_checkpoint_without_them_is_as_before(tmp_path: Path) -> None:
     assert b"location_neuron" not in data
     assert b"location_delays" not in data
     assert fixed_by(plain)["location_theta"] is None
-    assert {p.neuron for p in lc.load(tmp_path / "net.pt").populations} == {SrmAlpha(10.0, 10.0, 1.0, 2.0)}
+    assert {p.neuron for p in lc.load(tmp_path / "net.pt").populations} == {
+        SrmAlpha(10.0, 10.0, 1.0, 2.0)
+    }
     assert replace(plain, location_neuron=OWN).srm("location_output") == OWN

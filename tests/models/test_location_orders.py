@@ -10,7 +10,12 @@ import torch
 
 from locsnn_compile.data.orders import location_order
 from locsnn_compile.data.sensor import neutouch
-from locsnn_compile.models.description import InputLayout, LifParameters, NetworkDescription, NeuronParameters
+from locsnn_compile.models.description import (
+    InputLayout,
+    LifParameters,
+    NetworkDescription,
+    NeuronParameters,
+)
 from locsnn_compile.models.networks import build_network
 
 STEPS, HIDDEN = 8, 4
@@ -52,17 +57,25 @@ def integrate_and_fire(x: np.ndarray, weight: np.ndarray, places: list[int]) -> 
     for i, row in enumerate(weight):
         last = 0
         for here in range(len(places)):
-            u = sum(row @ x[:, places[before]] * n.decay ** (here - 1 - before) for before in range(last, here))
+            u = sum(
+                row @ x[:, places[before]] * n.decay ** (here - 1 - before)
+                for before in range(last, here)
+            )
             if u > n.threshold:
                 spikes[here, i], last = 1, here
     return spikes
 
 
 @pytest.mark.parametrize("fingertips", [1, 2])
-@pytest.mark.parametrize("order", ["loop", "arch", "whorl", BACKWARDS], ids=["loop", "arch", "whorl", "one's own"])
+@pytest.mark.parametrize(
+    "order", ["loop", "arch", "whorl", BACKWARDS], ids=["loop", "arch", "whorl", "one's own"]
+)
 @pytest.mark.parametrize(
     ("name", "expected", "scale"),
-    [("location-tactile-snn", spike_response, 30.0), ("location-tactile-snn-lif", integrate_and_fire, 3.0)],
+    [
+        ("location-tactile-snn", spike_response, 30.0),
+        ("location-tactile-snn-lif", integrate_and_fire, 3.0),
+    ],
     ids=["LSRM", "LLIF"],
 )
 def test_a_location_branch_is_its_sum_of_kernels(name, expected, scale, order, fingertips):

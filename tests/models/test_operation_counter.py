@@ -23,10 +23,15 @@ def network(name: str, fingertips: int, steps: int, classes: int) -> nn.Module:
 
 @pytest.mark.parametrize("name", ["cnn-3d", "gru-mlp"])
 @pytest.mark.parametrize(
-    ("fingertips", "steps", "classes"), [(1, 250, 36), (1, 23, 2), (3, 60, 5), (2, 325, 36), (2, 150, 2)]
+    ("fingertips", "steps", "classes"),
+    [(1, 250, 36), (1, 23, 2), (3, 60, 5), (2, 325, 36), (2, 150, 2)],
 )
-def test_counting_modules_is_the_formula(name: str, fingertips: int, steps: int, classes: int) -> None:
-    counts = count_operations(network(name, fingertips, steps, classes), torch.zeros(1, steps, 78 * fingertips))
+def test_counting_modules_is_the_formula(
+    name: str, fingertips: int, steps: int, classes: int
+) -> None:
+    counts = count_operations(
+        network(name, fingertips, steps, classes), torch.zeros(1, steps, 78 * fingertips)
+    )
     assert counts == ann_counts(name, sensor=neutouch(fingertips), steps=steps, classes=classes)
 
 
@@ -35,10 +40,21 @@ def test_counting_modules_is_the_formula(name: str, fingertips: int, steps: int,
     [
         pytest.param(nn.Linear(5, 3), (1, 5), 15, id="linear"),
         pytest.param(nn.Linear(5, 3, bias=False), (1, 4, 5), 60, id="linear at every step"),
-        pytest.param(nn.Conv1d(4, 6, 3, groups=2), (1, 4, 10), 8 * 6 * 2 * 3, id="grouped convolution"),
-        pytest.param(nn.Conv2d(2, 3, (3, 5), stride=2, padding=1), (1, 2, 9, 11), 5 * 5 * 3 * 2 * 15, id="2d"),
-        pytest.param(nn.Sequential(nn.Linear(5, 3), nn.ReLU(), nn.Linear(3, 2)), (1, 5), 21, id="layers"),
-        pytest.param(nn.Sequential(nn.Flatten(), nn.Dropout(), nn.MaxPool1d(2)), (1, 4, 5), 0, id="no product"),
+        pytest.param(
+            nn.Conv1d(4, 6, 3, groups=2), (1, 4, 10), 8 * 6 * 2 * 3, id="grouped convolution"
+        ),
+        pytest.param(
+            nn.Conv2d(2, 3, (3, 5), stride=2, padding=1), (1, 2, 9, 11), 5 * 5 * 3 * 2 * 15, id="2d"
+        ),
+        pytest.param(
+            nn.Sequential(nn.Linear(5, 3), nn.ReLU(), nn.Linear(3, 2)), (1, 5), 21, id="layers"
+        ),
+        pytest.param(
+            nn.Sequential(nn.Flatten(), nn.Dropout(), nn.MaxPool1d(2)),
+            (1, 4, 5),
+            0,
+            id="no product",
+        ),
     ],
 )
 def test_products_with_weights(module: nn.Module, shape: tuple[int, ...], macs: int) -> None:
@@ -57,7 +73,9 @@ def test_a_layer_called_twice_counts_twice() -> None:
     ids=["rnn", "gru", "lstm"],
 )
 @pytest.mark.parametrize("bias", [True, False], ids=["biases", "no biases"])
-def test_recurrent_cells(module: type[nn.RNNBase], gates: int, products: int, sums: int, bias: bool) -> None:
+def test_recurrent_cells(
+    module: type[nn.RNNBase], gates: int, products: int, sums: int, bias: bool
+) -> None:
     steps, inputs, hidden = 7, 5, 3
     one = module(inputs, hidden, batch_first=True, bias=bias)
     # All products with weights of one step are the elements of its matrices.
@@ -66,7 +84,9 @@ def test_recurrent_cells(module: type[nn.RNNBase], gates: int, products: int, su
     assert counts.macs == products_with_weights
     assert counts.multiplications == products_with_weights + steps * products * hidden
     biases = 2 if bias else 0
-    assert counts.additions == products_with_weights + steps * (gates * (1 + biases) + sums) * hidden
+    assert (
+        counts.additions == products_with_weights + steps * (gates * (1 + biases) + sums) * hidden
+    )
 
 
 def test_layers_and_directions_of_a_recurrent_network() -> None:
@@ -118,4 +138,6 @@ def test_spiking_networks_are_not_counted_so() -> None:
     spiking = network("tactile-snn-lif", 1, 30, 2)
     with pytest.raises(InputError) as caught:
         count_operations(spiking, torch.zeros(1, 30, 78))
-    assert str(caught.value).startswith("module 'time_hidden': operations of a LifLayer are not known.")
+    assert str(caught.value).startswith(
+        "module 'time_hidden': operations of a LifLayer are not known."
+    )

@@ -36,7 +36,9 @@ def description(name: str) -> NetworkDescription:
         classes=3,
         hidden=4,
         neuron=LifParameters(0.3, 0.6, 0.4) if structure.neurons == "lif" else None,
-        graph=GraphParameters("tree", edges, hops=2, features=3, step_features=2) if structure.graph else None,
+        graph=GraphParameters("tree", edges, hops=2, features=3, step_features=2)
+        if structure.graph
+        else None,
         location_order="arch" if located else None,
         location_taxels=LOCATION_ORDERS["arch"] if located else None,
         name="small",
@@ -83,7 +85,9 @@ GRAPH_FAULTS = [
         "Correct the description.",
         id="no graph",
     ),
-    pytest.param(drop("graph", "hops"), f": graph: the key 'hops' is missing. {AGAIN}", id="no hops"),
+    pytest.param(
+        drop("graph", "hops"), f": graph: the key 'hops' is missing. {AGAIN}", id="no hops"
+    ),
     pytest.param(
         put("graph", "hops", value=True),
         f": graph.hops: it must be a whole number from 1 to 16 (got True). {AGAIN}",
@@ -135,7 +139,9 @@ def graph_values(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize(("change", "message"), GRAPH_FAULTS)
-def test_faults_are_named(graph_values: dict[str, Any], change: Callable[[dict[str, Any]], None], message: str) -> None:
+def test_faults_are_named(
+    graph_values: dict[str, Any], change: Callable[[dict[str, Any]], None], message: str
+) -> None:
     values = copy.deepcopy(graph_values)
     change(values)
     with pytest.raises(InputError) as caught:
@@ -146,14 +152,22 @@ def test_faults_are_named(graph_values: dict[str, Any], change: Callable[[dict[s
 LEVELS = ", windows 'levels': they must be numbers of events, each larger than the one before (got {} against 1..6). Give, for example, 1 2."
 WINDOW_FAULTS = [
     pytest.param(
-        "levels", ["a"], f": neuron.levels: it must be a whole number (got 'a'). {AGAIN}", id="a level of text"
+        "levels",
+        ["a"],
+        f": neuron.levels: it must be a whole number (got 'a'). {AGAIN}",
+        id="a level of text",
     ),
     pytest.param("levels", [], LEVELS.format("[]"), id="no level"),
     pytest.param("levels", [2, 1], LEVELS.format("[2, 1]"), id="levels that fall"),
     pytest.param(
-        "levels", [1, True], f": neuron.levels: it must be a whole number (got True). {AGAIN}", id="a level of truth"
+        "levels",
+        [1, True],
+        f": neuron.levels: it must be a whole number (got True). {AGAIN}",
+        id="a level of truth",
     ),
-    pytest.param("levels", 2, f": neuron.levels: it must be a list (got 2). {AGAIN}", id="a number"),
+    pytest.param(
+        "levels", 2, f": neuron.levels: it must be a list (got 2). {AGAIN}", id="a number"
+    ),
     pytest.param(
         "stride",
         0,
@@ -179,7 +193,9 @@ WINDOW_FAULTS = [
 
 @pytest.mark.parametrize(("key", "value", "message"), WINDOW_FAULTS)
 def test_faults_of_windows_are_named(key: str, value: Any, message: str, tmp_path: Path) -> None:
-    values: dict[str, Any] = load_plain(save(tmp_path / "small.pt", "window-snn").read_bytes(), "x", fix="")  # type: ignore[assignment]
+    values: dict[str, Any] = load_plain(
+        save(tmp_path / "small.pt", "window-snn").read_bytes(), "x", fix=""
+    )  # type: ignore[assignment]
     values["neuron"][key] = value
     with pytest.raises(InputError) as caught:
         parse_checkpoint(values, "checkpoint 'small.pt'", "small.pt", "0" * 64)
@@ -198,15 +214,21 @@ def test_a_weight_that_is_not_finite_is_named_by_its_place(tmp_path: Path) -> No
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize(("version", "name"), [(3, "tactile-snn"), (1, "gru-mlp")], ids=["new", "old"])
-def test_a_version_that_does_not_hold_such_networks(version: int, name: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("version", "name"), [(3, "tactile-snn"), (1, "gru-mlp")], ids=["new", "old"]
+)
+def test_a_version_that_does_not_hold_such_networks(
+    version: int, name: str, tmp_path: Path
+) -> None:
     values: dict[str, Any] = load_plain(save(tmp_path / "small.pt", name).read_bytes(), "x", fix="")  # type: ignore[assignment]
     values["version"] = version
     if version == 3:
         values |= {"graph": None, "neuron": {}}
     else:
         del values["graph"]
-        values["neuron"] = dict.fromkeys(("theta", "tau_sr", "tau_ref", "scale_ref", "tau_rho", "scale_rho"), 1.0)
+        values["neuron"] = dict.fromkeys(
+            ("theta", "tau_sr", "tau_ref", "scale_ref", "tau_rho", "scale_rho"), 1.0
+        )
     with pytest.raises(InputError) as caught:
         parse_checkpoint(values, "checkpoint 'small.pt'", "small.pt", "0" * 64)
     expected = {

@@ -79,18 +79,28 @@ def truncate(path: Path) -> None:
 def flip(path: Path) -> None:
     data = bytearray(save(path).read_bytes())
     # The last byte of a weight: read without its checksum it would be another number.
-    data[data.rindex(build_network(DESCRIPTION, seed=1).weights()["time_output"].tobytes()) + 7] ^= 1
+    data[
+        data.rindex(build_network(DESCRIPTION, seed=1).weights()["time_output"].tobytes()) + 7
+    ] ^= 1
     path.write_bytes(data)
 
 
 TAXELS = list(LOCATION_ORDERS["loop"])
 BAD: list[tuple[str, Callable[[Path], object], str]] = [
-    ("missing", lambda path: None, "it cannot be read (No such file or directory). Check the path."),
+    (
+        "missing",
+        lambda path: None,
+        "it cannot be read (No such file or directory). Check the path.",
+    ),
     ("a folder", Path.mkdir, "it cannot be read (Is a directory). Check the path."),
     ("empty", Path.touch, f"it is damaged, truncated or not a torch file. {AGAIN}"),
     ("truncated", truncate, f"it is damaged, truncated or not a torch file. {AGAIN}"),
     ("overwritten inside", flip, f"it is damaged, truncated or not a torch file. {AGAIN}"),
-    ("text", lambda path: path.write_text("hello"), f"it is damaged, truncated or not a torch file. {AGAIN}"),
+    (
+        "text",
+        lambda path: path.write_text("hello"),
+        f"it is damaged, truncated or not a torch file. {AGAIN}",
+    ),
     (
         "plain pickle",
         lambda path: path.write_bytes(pickle.dumps({"format": "locsnn-checkpoint"})),
@@ -138,9 +148,21 @@ BAD: list[tuple[str, Callable[[Path], object], str]] = [
         put("version", value=4),
         "it was written by a newer version (version 4 against 3). Update locsnn-compile.",
     ),
-    ("version that is a list", put("version", value=[]), f"version: it must be a whole number (got list). {AGAIN}"),
-    ("version of 0", put("version", value=0), f"its version does not exist (version 0 against 3). {AGAIN}"),
-    ("version of text", put("version", value="1"), f"version: it must be a whole number (got '1'). {AGAIN}"),
+    (
+        "version that is a list",
+        put("version", value=[]),
+        f"version: it must be a whole number (got list). {AGAIN}",
+    ),
+    (
+        "version of 0",
+        put("version", value=0),
+        f"its version does not exist (version 0 against 3). {AGAIN}",
+    ),
+    (
+        "version of text",
+        put("version", value="1"),
+        f"version: it must be a whole number (got '1'). {AGAIN}",
+    ),
     (
         "weights of text",
         put("weights", "time_hidden", value="none"),
@@ -152,7 +174,11 @@ BAD: list[tuple[str, Callable[[Path], object], str]] = [
         f"location_order.taxels: it must be a list (got 'loop'). {AGAIN}",
     ),
     ("missing entry", drop("hidden"), f"the key 'hidden' is missing. {AGAIN}"),
-    ("missing neuron entry", drop("neuron", "theta"), f"neuron: the key 'theta' is missing. {AGAIN}"),
+    (
+        "missing neuron entry",
+        drop("neuron", "theta"),
+        f"neuron: the key 'theta' is missing. {AGAIN}",
+    ),
     ("unknown entry", put("hiden", value=3), "unknown key 'hiden'. Did you mean 'hidden'?"),
     (
         "wrong type",
@@ -164,9 +190,21 @@ BAD: list[tuple[str, Callable[[Path], object], str]] = [
         put("input", "sensor", value={"name": "x", "taxels": 39, "polarities": 2}),
         "input: unknown key 'fingertips'. Choose one of: sensor, step_seconds, steps.",
     ),
-    ("a sensor of text", swap_sizes("glove"), f"input.sensor: it must be a mapping of names (got 'glove'). {AGAIN}"),
-    ("truth value", put("classes", value=True), f"classes: it must be a whole number (got True). {AGAIN}"),
-    ("name with a path", put("name", value="../x"), f"name: it must be text that is a name (got '../x'). {AGAIN}"),
+    (
+        "a sensor of text",
+        swap_sizes("glove"),
+        f"input.sensor: it must be a mapping of names (got 'glove'). {AGAIN}",
+    ),
+    (
+        "truth value",
+        put("classes", value=True),
+        f"classes: it must be a whole number (got True). {AGAIN}",
+    ),
+    (
+        "name with a path",
+        put("name", value="../x"),
+        f"name: it must be text that is a name (got '../x'). {AGAIN}",
+    ),
     (
         "training holds a tensor",
         put("training", "x", value=torch.zeros(1)),
@@ -263,7 +301,11 @@ BAD_INSIDE: list[tuple[str, Callable[[Path], object], str]] = [
     ),
     (
         "recordings that claim to be huge",
-        put("recordings", "spikes", value=torch.zeros(1, 1, 1, dtype=torch.uint8).expand(10**9, 9, 78)),
+        put(
+            "recordings",
+            "spikes",
+            value=torch.zeros(1, 1, 1, dtype=torch.uint8).expand(10**9, 9, 78),
+        ),
         "recordings: they are too large (702000000000 values against 200000000). Give fewer.",
     ),
     (
@@ -294,7 +336,9 @@ def test_what_is_no_checkpoint(
 
 
 @pytest.mark.parametrize(("make", "message"), [pytest.param(m, t, id=i) for i, m, t in BAD_INSIDE])
-def test_checkpoints_with_a_fault_inside(tmp_path: Path, make: Callable[[Path], object], message: str) -> None:
+def test_checkpoints_with_a_fault_inside(
+    tmp_path: Path, make: Callable[[Path], object], message: str
+) -> None:
     path = tmp_path / "small.pt"
     make(path)
     with pytest.raises(InputError) as caught:

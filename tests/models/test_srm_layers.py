@@ -59,12 +59,22 @@ def test_refractory_recursion_is_the_kernel(tau: float, scale: float) -> None:
     neuron = NeuronParameters(tau_ref=tau, scale_ref=scale)
     decay, gain = alpha_recursion(neuron.tau_ref, -neuron.scale_ref * neuron.theta)
     for lag in range(1, 30):
-        assert gain * lag * decay ** (lag - 1) == pytest.approx(nu(neuron, lag), rel=1e-12, abs=1e-300)
+        assert gain * lag * decay ** (lag - 1) == pytest.approx(
+            nu(neuron, lag), rel=1e-12, abs=1e-300
+        )
 
 
-@given(tau=TAUS, tau_ref=TAUS, scale=st.floats(0.0, 4.0), theta=st.floats(0.5, 20.0), seed=st.integers(0, 2**32 - 1))
+@given(
+    tau=TAUS,
+    tau_ref=TAUS,
+    scale=st.floats(0.0, 4.0),
+    theta=st.floats(0.5, 20.0),
+    seed=st.integers(0, 2**32 - 1),
+)
 @settings(max_examples=40, deadline=None)
-def test_response_equals_brute_force(tau: float, tau_ref: float, scale: float, theta: float, seed: int) -> None:
+def test_response_equals_brute_force(
+    tau: float, tau_ref: float, scale: float, theta: float, seed: int
+) -> None:
     neuron = NeuronParameters(theta=theta, tau_sr=tau, tau_ref=tau_ref, scale_ref=scale)
     drive = np.random.default_rng(seed).normal(theta / 4, theta, size=(2, 25, 3))
     spikes, u = respond(drive.copy(), neuron)
@@ -101,7 +111,9 @@ class Surrogate(torch.autograd.Function):
     def backward(ctx: Any, *grads: torch.Tensor) -> tuple[torch.Tensor, None]:
         (u,), neuron = ctx.saved_tensors, ctx.neuron
         width = neuron.tau_rho * neuron.theta
-        return grads[0] * neuron.scale_rho / width * torch.exp(-(u - neuron.theta).abs() / width), None
+        return grads[0] * neuron.scale_rho / width * torch.exp(
+            -(u - neuron.theta).abs() / width
+        ), None
 
 
 def stepped(drive: torch.Tensor, neuron: NeuronParameters) -> torch.Tensor:
@@ -134,7 +146,9 @@ def test_gradient_is_that_of_the_recursion_by_autograd(
 ) -> None:
     neuron = NeuronParameters(theta=theta, tau_sr=tau, tau_rho=tau_rho, scale_rho=scale_rho)
     generator = torch.Generator().manual_seed(seed)
-    ours = (torch.randn(2, 20, 3, generator=generator, dtype=torch.float64) * theta).requires_grad_()
+    ours = (
+        torch.randn(2, 20, 3, generator=generator, dtype=torch.float64) * theta
+    ).requires_grad_()
     theirs = ours.detach().clone().requires_grad_()
     weight = torch.randn(2, 20, 3, generator=generator, dtype=torch.float64)
     layer = SRMLayer(3, 3, neuron).double()
@@ -150,7 +164,9 @@ def test_gradient_is_that_of_the_recursion_by_autograd(
 def test_gradients_of_two_layers_are_those_of_the_recursion_by_autograd() -> None:
     neuron = NeuronParameters()
     generator = torch.Generator().manual_seed(11)
-    layers = [drawn(SRMLayer(*shape, neuron), generator, 40.0).double() for shape in ((5, 6), (6, 4))]
+    layers = [
+        drawn(SRMLayer(*shape, neuron), generator, 40.0).double() for shape in ((5, 6), (6, 4))
+    ]
     x = (torch.rand(3, 30, 5, generator=generator) < 0.3).double()
     aim = torch.randn(3, 30, 4, generator=generator, dtype=torch.float64)
     spikes = layers[1](layers[0](x))
@@ -162,7 +178,9 @@ def test_gradients_of_two_layers_are_those_of_the_recursion_by_autograd() -> Non
     for layer, weight in zip(layers, mine, strict=True):
         assert layer.weight.grad is not None
         assert weight.grad is not None
-        np.testing.assert_allclose(layer.weight.grad.numpy(), weight.grad.numpy(), rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(
+            layer.weight.grad.numpy(), weight.grad.numpy(), rtol=1e-9, atol=1e-12
+        )
 
 
 def test_gradient_of_sums_over_the_steps_of_a_transposed_recording() -> None:
@@ -178,7 +196,9 @@ def test_gradient_of_sums_over_the_steps_of_a_transposed_recording() -> None:
     assert spikes.sum() > 10
     assert layer.weight.grad is not None
     assert weight.grad is not None
-    np.testing.assert_allclose(layer.weight.grad.numpy(), weight.grad.numpy(), rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(
+        layer.weight.grad.numpy(), weight.grad.numpy(), rtol=1e-9, atol=1e-12
+    )
 
 
 def brute_layer(x: np.ndarray, weight: np.ndarray, neuron: NeuronParameters) -> np.ndarray:
@@ -208,9 +228,16 @@ def test_layer_takes_input_that_is_not_contiguous() -> None:
     assert torch.equal(layer(turned), layer(turned.contiguous()))
 
 
-@given(samples=st.integers(1, 3), steps=st.integers(1, 6), channels=st.integers(1, 8), seed=st.integers(0, 2**31))
+@given(
+    samples=st.integers(1, 3),
+    steps=st.integers(1, 6),
+    channels=st.integers(1, 8),
+    seed=st.integers(0, 2**31),
+)
 @settings(max_examples=25, deadline=None)
-def test_transposed_recording_is_the_walk(samples: int, steps: int, channels: int, seed: int) -> None:
+def test_transposed_recording_is_the_walk(
+    samples: int, steps: int, channels: int, seed: int
+) -> None:
     rng = np.random.default_rng(seed)
     x, walk = rng.random((samples, steps, channels)), rng.permutation(channels)
     turned = transpose_recording(torch.from_numpy(x), torch.from_numpy(walk)).numpy()

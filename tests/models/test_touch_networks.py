@@ -16,7 +16,9 @@ from locsnn_compile.models.srm import SRMLayer
 LAYOUT = InputLayout(neutouch(1), steps=30, step_seconds=0.02)
 
 
-def description(architecture: str, layout: InputLayout = LAYOUT, order: str = "whorl") -> NetworkDescription:
+def description(
+    architecture: str, layout: InputLayout = LAYOUT, order: str = "whorl"
+) -> NetworkDescription:
     located = architecture != "tactile-snn"
     return NetworkDescription(
         architecture,
@@ -36,9 +38,13 @@ def recording(layout: InputLayout = LAYOUT, samples: int = 3) -> torch.Tensor:
 @pytest.mark.parametrize(
     ("architecture", "shapes"),
     [
-        pytest.param("tactile-snn", {"time_hidden": (3, 30, 7), "time_output": (3, 30, 5)}, id="tactile-snn"),
         pytest.param(
-            "location-tactile-snn", {"location_hidden": (3, 78, 7), "location_output": (3, 78, 5)}, id="location"
+            "tactile-snn", {"time_hidden": (3, 30, 7), "time_output": (3, 30, 5)}, id="tactile-snn"
+        ),
+        pytest.param(
+            "location-tactile-snn",
+            {"location_hidden": (3, 78, 7), "location_output": (3, 78, 5)},
+            id="location",
         ),
         pytest.param(
             "hybrid",
@@ -70,7 +76,9 @@ def test_hybrid_is_both_branches_side_by_side() -> None:
         alone.load_weights(hybrid.weights())
         for name, spikes in alone(x).items():
             assert torch.equal(spikes, together[name])
-    assert torch.equal(hybrid.counts(x), together["time_output"].sum(1) + together["location_output"].sum(1))
+    assert torch.equal(
+        hybrid.counts(x), together["time_output"].sum(1) + together["location_output"].sum(1)
+    )
 
 
 def test_location_branch_steps_over_the_walk() -> None:
@@ -90,7 +98,9 @@ def test_two_fingertips_walk_one_after_the_other() -> None:
 
 
 def test_a_seed_gives_the_same_weights_and_another_does_not() -> None:
-    first, again, other = (build_network(description("hybrid"), seed=seed).weights() for seed in (1, 1, 2))
+    first, again, other = (
+        build_network(description("hybrid"), seed=seed).weights() for seed in (1, 1, 2)
+    )
     assert all(np.array_equal(first[name], again[name]) for name in first)
     assert not np.array_equal(first["time_hidden"], other["time_hidden"])
 

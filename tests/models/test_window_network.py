@@ -32,10 +32,14 @@ ORDER = tuple(range(39, 0, -1))
 WEIGHT, BIAS = "location_output", "location_output_bias"
 
 
-def described(steps: int = 12, fingertips: int = 1, windows: WindowParameters | None = None) -> NetworkDescription:
+def described(
+    steps: int = 12, fingertips: int = 1, windows: WindowParameters | None = None
+) -> NetworkDescription:
     layout = InputLayout(neutouch(fingertips), steps=steps, step_seconds=0.02)
     window = windows or WindowParameters(steps=4, stride=2, levels=(1, 3))
-    return NetworkDescription("window-snn", layout, 3, window=window, location_order="own", location_taxels=ORDER)
+    return NetworkDescription(
+        "window-snn", layout, 3, window=window, location_order="own", location_taxels=ORDER
+    )
 
 
 def touches(samples: int, steps: int, fingertips: int = 1, share: float = 0.3) -> NDArray[np.uint8]:
@@ -47,11 +51,15 @@ def random_network(description: NetworkDescription) -> WindowNetwork:
     network = WindowNetwork(description)
     rng = np.random.default_rng(0)
     shapes = description.weight_shapes
-    network.load_weights({name: rng.normal(size=shape).astype(np.float32) for name, shape in shapes.items()})
+    network.load_weights(
+        {name: rng.normal(size=shape).astype(np.float32) for name, shape in shapes.items()}
+    )
     return network
 
 
-@given(st.integers(1, 5), st.integers(1, 4), st.sets(st.integers(1, 5), min_size=1), st.integers(5, 14))
+@given(
+    st.integers(1, 5), st.integers(1, 4), st.sets(st.integers(1, 5), min_size=1), st.integers(5, 14)
+)
 def test_a_hidden_neuron_spikes_where_its_window_holds_enough_events(
     length: int, stride: int, levels: set[int], steps: int
 ) -> None:
@@ -59,7 +67,12 @@ def test_a_hidden_neuron_spikes_where_its_window_holds_enough_events(
     windows = WindowParameters(length, stride, told)
     description = described(steps, windows=windows)
     x = touches(2, steps)
-    found = WindowNetwork(description).hidden(torch.from_numpy(x).float()).numpy().reshape(2, 78, -1, len(told))
+    found = (
+        WindowNetwork(description)
+        .hidden(torch.from_numpy(x).float())
+        .numpy()
+        .reshape(2, 78, -1, len(told))
+    )
     starts = range(0, steps - length + 1, stride)
     for place in range(78):
         channel = 2 * (ORDER[place // 2] - 1) + place % 2
@@ -144,7 +157,9 @@ def test_kept_weights_give_the_scores_of_the_learning_network() -> None:
 
 def test_it_learns_motions() -> None:
     made = synthetic_touches(60, steps=60, classes=4, seed=3)
-    config = config_from_mapping({"model": "window-snn", "epochs": 12, "validation_fraction": 0.25, "refit": False})
+    config = config_from_mapping(
+        {"model": "window-snn", "epochs": 12, "validation_fraction": 0.25, "refit": False}
+    )
     found = train(made, config)
     assert found.history[-1].loss < 0.5 * found.history[0].loss
     assert found.validation_accuracy is not None
@@ -171,7 +186,9 @@ def test_a_killed_run_goes_on_to_equal_bits(tmp_path: Path) -> None:
 
 def test_going_on_from_a_network_keeps_its_windows(tmp_path: Path) -> None:
     write_recordings(tmp_path / "touches.npz", synthetic_touches(9, steps=40, classes=3, seed=1))
-    (tmp_path / "own.yaml").write_text("model: window-snn\nwindow_steps: 8\nwindow_stride: 5\nwindow_levels: 2 4\n")
+    (tmp_path / "own.yaml").write_text(
+        "model: window-snn\nwindow_steps: 8\nwindow_stride: 5\nwindow_levels: 2 4\n"
+    )
     train_with = ["train", "--data", str(tmp_path / "touches.npz"), "--epochs", "2", "--quiet"]
     first, second = tmp_path / "first.pt", tmp_path / "second.pt"
     assert main([*train_with, "--config", str(tmp_path / "own.yaml"), "-o", str(first)]) == 0
@@ -202,7 +219,9 @@ def test_the_chip_adds_what_the_network_adds(
     wanted = network.double().counts(given_x).detach().numpy()
     reference = evaluate(loaded, x)
     assert np.allclose(reference.scores, wanted, atol=1e-5)
-    assert np.array_equal(reference.spikes["location_hidden"][:, 1], network.hidden(given_x).numpy())
+    assert np.array_equal(
+        reference.spikes["location_hidden"][:, 1], network.hidden(given_x).numpy()
+    )
     compiled = lc.compile(loaded, events=Recordings(x, None, 0.02, "touches"))
     played = hw.simulate(compiled.program, x)
     assert np.array_equal(played.spikes["location_hidden"], reference.spikes["location_hidden"])

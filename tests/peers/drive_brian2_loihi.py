@@ -29,7 +29,11 @@ def one_value(population, key):
 
 def neurons(population):
     """Return a neuron group with the parameters of a population."""
-    if any(population["bias"]) or population["vmax"] != VOLTAGE_MAX or population["vmin"] != -VOLTAGE_MAX:
+    if (
+        any(population["bias"])
+        or population["vmax"] != VOLTAGE_MAX
+        or population["vmin"] != -VOLTAGE_MAX
+    ):
         raise ValueError("a neuron group has no bias and no voltage limits")
     return LoihiNeuronGroup(
         population["size"],
@@ -64,8 +68,12 @@ def run(network):
     """Return the arrays of one network by key."""
     spikes = np.array(network["spikes"])
     rows, lines = np.nonzero(spikes)
-    groups = {"x": LoihiSpikeGeneratorGroup(spikes.shape[1], lines, rows + 1)}  # a spike acts in the row it is given
-    groups.update({population["name"]: neurons(population) for population in network["populations"]})
+    groups = {
+        "x": LoihiSpikeGeneratorGroup(spikes.shape[1], lines, rows + 1)
+    }  # a spike acts in the row it is given
+    groups.update(
+        {population["name"]: neurons(population) for population in network["populations"]}
+    )
     parts = list(groups.values())
     for projection in network["projections"]:
         parts += synapses(projection, groups[projection["source"]], groups[projection["target"]])
@@ -88,4 +96,6 @@ if __name__ == "__main__":
     prefs.codegen.target = "numpy"
     with open(sys.argv[1]) as file:
         job = json.load(file)
-    np.savez_compressed(sys.argv[2], **{key: array for network in job for key, array in run(network).items()})
+    np.savez_compressed(
+        sys.argv[2], **{key: array for network in job for key, array in run(network).items()}
+    )

@@ -10,7 +10,9 @@ import types
 import numpy as np
 import torch
 
-sys.modules["lava.lib.dl.slayer.object_detection"] = types.ModuleType("unused")  # the only part that needs torchvision
+sys.modules["lava.lib.dl.slayer.object_detection"] = types.ModuleType(
+    "unused"
+)  # the only part that needs torchvision
 from lava.lib.dl import slayer  # noqa: E402
 
 WEIGHT_SCALE = 64
@@ -26,7 +28,11 @@ def one_value(population, key):
 
 def neuron_of(population):
     """Return a neuron that keeps its state from call to call, so that it can be stepped."""
-    if any(population["bias"]) or population["vmax"] != VOLTAGE_MAX or population["vmin"] != -VOLTAGE_MAX:
+    if (
+        any(population["bias"])
+        or population["vmax"] != VOLTAGE_MAX
+        or population["vmin"] != -VOLTAGE_MAX
+    ):
         raise ValueError("the neuron has no bias and no voltage limits")
     if one_value(population, "refractory") != 1:
         raise ValueError("the neuron has no refractory count")
@@ -44,7 +50,9 @@ def synapse_of(projection, neuron):
         raise ValueError("the synapse has no weight exponent")
     weights = np.array(projection["weights"])
     synapse = slayer.synapse.Dense(weights.shape[1], weights.shape[0])
-    synapse.weight.data = torch.tensor(weights / WEIGHT_SCALE, dtype=torch.float32).reshape(synapse.weight.shape)
+    synapse.weight.data = torch.tensor(weights / WEIGHT_SCALE, dtype=torch.float32).reshape(
+        synapse.weight.shape
+    )
     synapse.pre_hook_fx = neuron.quantize_8bit
     return synapse
 
@@ -67,7 +75,9 @@ def play(neuron, charge, feedback):
         total = charge[..., t : t + 1] + sum(synapse(spike) for synapse in feedback)
         current, voltage = neuron.dynamics(total)
         spike = neuron.spike(voltage)
-        rows.append(torch.cat([spike, current * STATE_SCALE, voltage * STATE_SCALE * (1 - spike)], dim=2))
+        rows.append(
+            torch.cat([spike, current * STATE_SCALE, voltage * STATE_SCALE * (1 - spike)], dim=2)
+        )
     return torch.stack(rows, dim=3)[0]
 
 
@@ -101,4 +111,6 @@ if __name__ == "__main__":
     with open(sys.argv[1]) as file:
         job = json.load(file)
     with torch.no_grad():
-        np.savez_compressed(sys.argv[2], **{key: array for network in job for key, array in run(network).items()})
+        np.savez_compressed(
+            sys.argv[2], **{key: array for network in job for key, array in run(network).items()}
+        )

@@ -48,7 +48,9 @@ def synapses(projection):
         weight_bits=min(projection["weight_bits"], WIDEST_FORMAT),
         fanout_type=FANOUT_TYPES[projection["sign_mode"]],
     )
-    synapse.weights = [discretize_weights(synapse.synapse_cfg, w.astype(np.float64)) for w in synapse.weights]
+    synapse.weights = [
+        discretize_weights(synapse.synapse_cfg, w.astype(np.float64)) for w in synapse.weights
+    ]
     return synapse
 
 
@@ -77,11 +79,18 @@ def run(network):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # one for each overflow
         emulator.run_steps(len(spikes))
-    return {key: np.array(emulator.collect_probe_output(probe), np.int64) for key, probe in probes.items()}
+    return {
+        key: np.array(emulator.collect_probe_output(probe), np.int64)
+        for key, probe in probes.items()
+    }
 
 
 if __name__ == "__main__":
     with open(sys.argv[1]) as file:
         job = json.load(file)
-    warnings.filterwarnings("ignore", message="Lost .* extra bits")  # only in mantissas that have none to lose
-    np.savez_compressed(sys.argv[2], **{key: array for network in job for key, array in run(network).items()})
+    warnings.filterwarnings(
+        "ignore", message="Lost .* extra bits"
+    )  # only in mantissas that have none to lose
+    np.savez_compressed(
+        sys.argv[2], **{key: array for network in job for key, array in run(network).items()}
+    )

@@ -34,7 +34,10 @@ def check(network):
     for projection in network["projections"]:
         if np.any(projection["delay"]):
             raise ValueError("the dendrites that are used here have no delays")
-    sizes = [len(network["projections"][0]["weights"][0]), *(p["size"] for p in network["populations"])]
+    sizes = [
+        len(network["projections"][0]["weights"][0]),
+        *(p["size"] for p in network["populations"]),
+    ]
     if max(sizes) > CORE_NEURONS:
         raise ValueError(f"a population is mapped to one core, which holds {CORE_NEURONS}")
 
@@ -53,7 +56,9 @@ def neurons(net, core, population, log_spikes):
     group = net.create_neuron_group(
         population["name"], population["size"], soma_hw_name="loihi_lif", log_spikes=log_spikes
     )
-    columns = zip(*(population[key] for key in ("decay_u", "decay_v", "threshold", "bias")), strict=True)
+    columns = zip(
+        *(population[key] for key in ("decay_u", "decay_v", "threshold", "bias")), strict=True
+    )
     for neuron, (decay_u, decay_v, threshold, bias) in enumerate(columns):
         group[neuron].set_attributes(
             model_attributes={
@@ -72,7 +77,9 @@ def connect(source, target, projection):
     mantissa = np.array(projection["weights"]).T  # (sources, targets)
     pairs = np.argwhere(mantissa != 0)
     weights = np.floor(mantissa[tuple(pairs.T)] * 2.0 ** projection["exponent"])
-    source.connect_neurons_sparse(target, {"weight": weights.tolist()}, [tuple(pair) for pair in pairs.tolist()])
+    source.connect_neurons_sparse(
+        target, {"weight": weights.tolist()}, [tuple(pair) for pair in pairs.tolist()]
+    )
 
 
 def load(network, *, log_spikes=False):
@@ -81,7 +88,10 @@ def load(network, *, log_spikes=False):
     architecture, net = sanafe.load_loihi(), sanafe.Network()
     all_cores = architecture.cores()
     names = ["x", *(population["name"] for population in network["populations"])]
-    cores = {name: all_cores[network.get("cores", {}).get(name, index)] for index, name in enumerate(names)}
+    cores = {
+        name: all_cores[network.get("cores", {}).get(name, index)]
+        for index, name in enumerate(names)
+    }
     lines = next(len(p["weights"][0]) for p in network["projections"] if p["source"] == "x")
     groups = {"x": input_lines(net, cores["x"], lines)}
     for population in network["populations"]:
@@ -104,7 +114,9 @@ def raster(trace, population, steps):
     """Return the spikes (steps, n) of a population out of a trace of all."""
     spikes = np.zeros((steps, population["size"]), np.int64)
     for step, row in enumerate(trace):
-        fired = [address.neuron_offset for address in row if address.group_name == population["name"]]
+        fired = [
+            address.neuron_offset for address in row if address.group_name == population["name"]
+        ]
         spikes[step, fired] = 1
     return spikes
 
@@ -115,7 +127,10 @@ def run(network, timing_model="detailed"):
     feed(chip, network["spikes"])
     played = chip.sim(steps, timing_model=timing_model, processing_threads=1, spike_trace=True)
     name = network["name"]
-    found = {f"{name}/{p['name']}/spikes": raster(played["spike_trace"], p, steps) for p in network["populations"]}
+    found = {
+        f"{name}/{p['name']}/spikes": raster(played["spike_trace"], p, steps)
+        for p in network["populations"]
+    }
     found |= {f"{name}/energy_joules/{part}": value for part, value in played["energy"].items()}
     found |= {f"{name}/counts/{count}": played[count] for count in COUNTS}
     return found | {f"{name}/sim_time_seconds": played["sim_time"]}
@@ -124,4 +139,6 @@ def run(network, timing_model="detailed"):
 if __name__ == "__main__":
     with open(sys.argv[1]) as file:
         job = json.load(file)
-    np.savez_compressed(sys.argv[2], **{key: array for network in job for key, array in run(network).items()})
+    np.savez_compressed(
+        sys.argv[2], **{key: array for network in job for key, array in run(network).items()}
+    )

@@ -8,7 +8,9 @@ import numpy as np
 import torch
 from framework_files import save_trace
 
-sys.modules["lava.lib.dl.slayer.object_detection"] = types.ModuleType("unused")  # the only part that needs torchvision
+sys.modules["lava.lib.dl.slayer.object_detection"] = types.ModuleType(
+    "unused"
+)  # the only part that needs torchvision
 from lava.lib.dl import slayer  # noqa: E402
 
 CUBA = slayer.block.cuba
@@ -48,7 +50,9 @@ if __name__ == "__main__":
     for name, make in NETWORKS.items():
         torch.manual_seed(1)
         blocks, shape = make(), (1, 2, 8, 8) if "conv" in name else (1, 20)
-        given = torch.tensor(np.random.default_rng(3).random((*shape, STEPS)) < 0.2, dtype=torch.float32)
+        given = torch.tensor(
+            np.random.default_rng(3).random((*shape, STEPS)) < 0.2, dtype=torch.float32
+        )
         if "delay" in name:
             self_sized = given
             for block in blocks:  # delays get their size in the first pass

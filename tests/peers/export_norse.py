@@ -39,7 +39,9 @@ def readout(n):
 
 NETWORKS = {
     "lif": lambda: SequentialState(linear(20, 16), box(16), linear(16, 8), box(8)),
-    "lif-at-rest-off-0": lambda: SequentialState(linear(20, 16), box(16, 0.1), linear(16, 8), box(8, -0.2)),
+    "lif-at-rest-off-0": lambda: SequentialState(
+        linear(20, 16), box(16, 0.1), linear(16, 8), box(8, -0.2)
+    ),
     "iaf": lambda: SequentialState(linear(20, 16), IAFCell(IAFParameters(v_th=torch.ones(16)))),
     "li": lambda: SequentialState(linear(20, 16), box(16), linear(16, 8), readout(8)),
 }
@@ -56,14 +58,19 @@ SIZES = {"input": 20, "a": 12, "b": 10, "c": 9, "d": 8}
 
 def graph(rng, ways, rests):
     """Return a graph with weights for each way ``source target``; ``rests``: v_leak and v_reset of neurons off 0."""
-    nodes, edges = {"input": nir.Input(np.array([20])), "output": nir.Output(np.array([8]))}, [("d", "output")]
+    nodes, edges = (
+        {"input": nir.Input(np.array([20])), "output": nir.Output(np.array([8]))},
+        [("d", "output")],
+    )
     for way in ways:
         source, target = way.split()
         ins, outs = SIZES[source], SIZES[target]
         # nirtorch leaves the bias of a loop out of the first step; snnTorch does not, nor do we.
         back = source == target
         bias = np.zeros(outs) if back else rng.normal(0.05, 0.1, outs)
-        nodes[f"{source}_{target}"] = nir.Affine(rng.normal(0.1, 0.15 if back else 1.0, (outs, ins)), bias)
+        nodes[f"{source}_{target}"] = nir.Affine(
+            rng.normal(0.1, 0.15 if back else 1.0, (outs, ins)), bias
+        )
         edges += [(source, f"{source}_{target}"), (f"{source}_{target}", target)]
     for name in "abcd":
         leak, reset = (np.full(SIZES[name], value) for value in rests.get(name, (0.0, 0.0)))
@@ -79,7 +86,10 @@ def tensor(values):
 
 def cell(node):
     parameters = LIFBoxParameters(
-        1e-3 / tensor(node.tau), v_leak=tensor(node.v_leak), v_th=tensor(node.v_threshold), v_reset=tensor(node.v_reset)
+        1e-3 / tensor(node.tau),
+        v_leak=tensor(node.v_leak),
+        v_th=tensor(node.v_threshold),
+        v_reset=tensor(node.v_reset),
     )
     return LIFBoxCell(parameters)
 
@@ -106,9 +116,15 @@ def written(made, path):
 if __name__ == "__main__":
     for name in (*NETWORKS, *GRAPHS):
         torch.manual_seed(0)
-        made = NETWORKS[name]() if name in NETWORKS else graph(np.random.default_rng(5), *GRAPHS[name])
+        made = (
+            NETWORKS[name]() if name in NETWORKS else graph(np.random.default_rng(5), *GRAPHS[name])
+        )
         network, given = written(made, f"{sys.argv[1]}/{name}.nir"), recording((20,))
-        cells = {k: m for k, m in network.named_modules() if isinstance(m, LIFBoxCell | LIBoxCell | IAFCell)}
+        cells = {
+            k: m
+            for k, m in network.named_modules()
+            if isinstance(m, LIFBoxCell | LIBoxCell | IAFCell)
+        }
         found, state = heard(cells), None
         with torch.no_grad():
             for row in given:

@@ -44,9 +44,13 @@ def readout(n):
 
 NETWORKS = {
     "lif": lambda: Sequential(linear(20, 16, 12), lif(16, ZERO), linear(16, 8, 12), lif(8, ZERO)),
-    "lif-subtract": lambda: Sequential(linear(20, 16, 12), lif(16, SUBTRACT), linear(16, 8, 12), lif(8, SUBTRACT)),
+    "lif-subtract": lambda: Sequential(
+        linear(20, 16, 12), lif(16, SUBTRACT), linear(16, 8, 12), lif(8, SUBTRACT)
+    ),
     "iaf": lambda: Sequential(linear(20, 16, 4), iaf(ZERO), linear(16, 8, 4), iaf(ZERO)),
-    "iaf-subtract": lambda: Sequential(linear(20, 16, 2), iaf(SUBTRACT), linear(16, 8, 2), iaf(SUBTRACT)),
+    "iaf-subtract": lambda: Sequential(
+        linear(20, 16, 2), iaf(SUBTRACT), linear(16, 8, 2), iaf(SUBTRACT)
+    ),
     "li": lambda: Sequential(linear(20, 16, 12), lif(16, ZERO), linear(16, 8, 4), readout(8)),
 }
 IMAGES = {

@@ -32,12 +32,16 @@ def synaptic(n, how=ZERO):
 
 
 def recurrent(n, how=ZERO, **weights):
-    return snn.RLeaky(beta=torch.full((n,), 0.9), threshold=torch.ones(n), init_hidden=True, **weights, **how)
+    return snn.RLeaky(
+        beta=torch.full((n,), 0.9), threshold=torch.ones(n), init_hidden=True, **weights, **how
+    )
 
 
 def recurrent_synaptic(n, how):
     each = torch.ones(n)
-    return snn.RSynaptic(alpha=0.7 * each, beta=0.9 * each, threshold=each, init_hidden=True, **ALL_TO_ALL, **how)
+    return snn.RSynaptic(
+        alpha=0.7 * each, beta=0.9 * each, threshold=each, init_hidden=True, **ALL_TO_ALL, **how
+    )
 
 
 def layers(neuron, how=ZERO):
@@ -52,13 +56,27 @@ NETWORKS = {
     "synaptic-late-zero": lambda: layers(synaptic, LATE_ZERO),
     "beta-1": lambda: Sequential(linear(20, 16), leaky(16, beta=1.0)),
     "beta-0": lambda: Sequential(linear(20, 16), leaky(16, beta=0.0)),
-    "recurrent": lambda: Sequential(linear(20, 16), recurrent(16, **ALL_TO_ALL), linear(16, 8), leaky(8)),
-    "recurrent-one-to-one": lambda: Sequential(linear(20, 16), recurrent(16, all_to_all=False, V=-torch.rand(16))),
-    "recurrent-late-zero": lambda: Sequential(linear(20, 16), recurrent(16, LATE_ZERO, **ALL_TO_ALL)),
-    "recurrent-late-subtract": lambda: Sequential(linear(20, 16), recurrent(16, LATE_SUBTRACT, **ALL_TO_ALL)),
-    "recurrent-synaptic-late-zero": lambda: Sequential(linear(20, 16), recurrent_synaptic(16, LATE_ZERO)),
-    "recurrent-synaptic-late-subtract": lambda: Sequential(linear(20, 16), recurrent_synaptic(16, LATE_SUBTRACT)),
-    "nested": lambda: Sequential(Sequential(linear(20, 16), leaky(16)), Sequential(linear(16, 8), leaky(8))),
+    "recurrent": lambda: Sequential(
+        linear(20, 16), recurrent(16, **ALL_TO_ALL), linear(16, 8), leaky(8)
+    ),
+    "recurrent-one-to-one": lambda: Sequential(
+        linear(20, 16), recurrent(16, all_to_all=False, V=-torch.rand(16))
+    ),
+    "recurrent-late-zero": lambda: Sequential(
+        linear(20, 16), recurrent(16, LATE_ZERO, **ALL_TO_ALL)
+    ),
+    "recurrent-late-subtract": lambda: Sequential(
+        linear(20, 16), recurrent(16, LATE_SUBTRACT, **ALL_TO_ALL)
+    ),
+    "recurrent-synaptic-late-zero": lambda: Sequential(
+        linear(20, 16), recurrent_synaptic(16, LATE_ZERO)
+    ),
+    "recurrent-synaptic-late-subtract": lambda: Sequential(
+        linear(20, 16), recurrent_synaptic(16, LATE_SUBTRACT)
+    ),
+    "nested": lambda: Sequential(
+        Sequential(linear(20, 16), leaky(16)), Sequential(linear(16, 8), leaky(8))
+    ),
 }
 IMAGES = {
     "conv": lambda: Sequential(

@@ -5,7 +5,13 @@ import sys
 import torch
 from framework_files import save_played
 from spikingjelly.activation_based import functional, layer
-from spikingjelly.activation_based.neuron import BaseNode, CUBALIFNode, IFNode, LIFNode, ParametricLIFNode
+from spikingjelly.activation_based.neuron import (
+    BaseNode,
+    CUBALIFNode,
+    IFNode,
+    LIFNode,
+    ParametricLIFNode,
+)
 from spikingjelly.activation_based.nir_exchange import export_to_nir
 from torch.nn import Module, Sequential
 
@@ -28,8 +34,16 @@ class Skip(Module):
 
     def __init__(self, summed):
         super().__init__()
-        self.summed, self.first, self.second, self.last = summed, *(LIFNode(tau=4.0) for _ in range(3))
-        self.fc1, self.fc2, self.fc3, self.over = linear(20, 16, 12), linear(16, 16), linear(16, 8), linear(16, 8)
+        self.summed, self.first, self.second, self.last = (
+            summed,
+            *(LIFNode(tau=4.0) for _ in range(3)),
+        )
+        self.fc1, self.fc2, self.fc3, self.over = (
+            linear(20, 16, 12),
+            linear(16, 16),
+            linear(16, 8),
+            linear(16, 8),
+        )
 
     def forward(self, x):
         a = self.first(self.fc1(x))
@@ -66,5 +80,9 @@ if __name__ == "__main__":
         export_to_nir(network, torch.zeros(1, *shape), save_path=f"{sys.argv[1]}/{name}.nir")
         functional.reset_net(network)
         # Nodes of a chain are called _0, _1, ...
-        neurons = {f"_{k}" if k.isdigit() else k: m for k, m in network.named_modules() if isinstance(m, BaseNode)}
+        neurons = {
+            f"_{k}" if k.isdigit() else k: m
+            for k, m in network.named_modules()
+            if isinstance(m, BaseNode)
+        }
         save_played(sys.argv[1], name, network, neurons, shape)

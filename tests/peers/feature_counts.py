@@ -33,14 +33,20 @@ class Feature:
     count: Callable[[Network, hw.SimulationResult], int]
 
 
-def compartments(test: Callable[[Population], NDArray[np.bool_]]) -> Callable[[Network, hw.SimulationResult], int]:
+def compartments(
+    test: Callable[[Population], NDArray[np.bool_]],
+) -> Callable[[Network, hw.SimulationResult], int]:
     """Count the compartments that pass a test."""
     return lambda network, _: sum(int(np.sum(test(p))) for p in network.populations)
 
 
-def synapses(test: Callable[[Projection], NDArray[np.bool_] | bool]) -> Callable[[Network, hw.SimulationResult], int]:
+def synapses(
+    test: Callable[[Projection], NDArray[np.bool_] | bool],
+) -> Callable[[Network, hw.SimulationResult], int]:
     """Count the synapses that pass a test."""
-    return lambda network, _: sum(int(np.sum((p.weights != 0) & test(p))) for p in network.projections)
+    return lambda network, _: sum(
+        int(np.sum((p.weights != 0) & test(p))) for p in network.projections
+    )
 
 
 def event(name: str) -> Callable[[Network, hw.SimulationResult], int]:
@@ -94,7 +100,11 @@ FEATURES = (
     Feature("roundings of a negative u", None, negative_roundings("u")),
     Feature("roundings of a negative v", None, negative_roundings("v")),
     Feature("compartments with threshold 0", None, compartments(lambda p: p.threshold == 0)),
-    Feature("compartments with threshold 4096 or more", "threshold", compartments(lambda p: p.threshold >= 4096)),
+    Feature(
+        "compartments with threshold 4096 or more",
+        "threshold",
+        compartments(lambda p: p.threshold >= 4096),
+    ),
     Feature("compartments with a bias", "bias", compartments(lambda p: p.bias != 0)),
     Feature(
         "compartments with narrow voltage limits",
@@ -107,9 +117,15 @@ FEATURES = (
     Feature("inhibitory synapses", None, synapses(lambda p: p.sign_mode == "inhibitory")),
     Feature("synapses of fewer than 8 bits", None, synapses(lambda p: p.weight_bits < 8)),
     Feature("synapses of an odd mantissa", "odd weights", synapses(lambda p: p.weights % 2 == 1)),
-    Feature("synapses of mantissa -256", "lowest mixed weight", synapses(lambda p: p.weights == -256)),
-    Feature("synapses with a positive exponent", "weight exponent", synapses(lambda p: p.exponent > 0)),
-    Feature("synapses with a negative exponent", "weight exponent", synapses(lambda p: p.exponent < 0)),
+    Feature(
+        "synapses of mantissa -256", "lowest mixed weight", synapses(lambda p: p.weights == -256)
+    ),
+    Feature(
+        "synapses with a positive exponent", "weight exponent", synapses(lambda p: p.exponent > 0)
+    ),
+    Feature(
+        "synapses with a negative exponent", "weight exponent", synapses(lambda p: p.exponent < 0)
+    ),
     Feature(
         "synapses that lose bits to it",
         "negative exponent",
@@ -117,7 +133,11 @@ FEATURES = (
     ),
     Feature("synapses with a delay", "delay", synapses(lambda p: p.delay > 0)),
     Feature("recurrent synapses", None, synapses(lambda p: p.source == p.target)),
-    Feature("synapses to an earlier population", "recurrence", synapses(lambda p: (p.source, p.target) == ("y", "h"))),
+    Feature(
+        "synapses to an earlier population",
+        "recurrence",
+        synapses(lambda p: (p.source, p.target) == ("y", "h")),
+    ),
     Feature("wraps of q", "overflow", event("charge_wraps")),
     Feature("wraps of u or u + bias", "overflow", event("current_wraps")),
     Feature("clips of v", "overflow", event("voltage_clips")),
@@ -134,13 +154,18 @@ def total(feature: Feature, peer: Peer) -> int:
 def table() -> str:
     """Return the counts of the first features, sizes and spikes, as a Markdown table."""
     lines = [["", *(peer.name for peer in PEERS)], ["---", *("---:" for _ in PEERS)]]
-    lines += [[feature.name, *(f"{total(feature, peer):,}" for peer in PEERS)] for feature in FEATURES[:IN_THE_PAGE]]
+    lines += [
+        [feature.name, *(f"{total(feature, peer):,}" for peer in PEERS)]
+        for feature in FEATURES[:IN_THE_PAGE]
+    ]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
 def rows() -> list[list[str]]:
     """Return all counts as rows of text; what is left out is empty."""
-    counts = [[feature.name, *(str(total(feature, peer) or "") for peer in PEERS)] for feature in FEATURES]
+    counts = [
+        [feature.name, *(str(total(feature, peer) or "") for peer in PEERS)] for feature in FEATURES
+    ]
     return [["counted", *(peer.name for peer in PEERS)], *counts]
 
 

@@ -19,8 +19,12 @@ def recording(shape, steps: int = STEPS) -> Any:
 
 def save_trace(folder: str, name: str, given: Any, layers: Mapping[str, Any]) -> None:
     """Write the spikes given (steps, n) and those of the framework's layers (steps, n), by module name."""
-    rows = {f"out/{layer}": np.asarray(found).reshape(len(given), -1) for layer, found in layers.items()}
-    np.savez_compressed(Path(folder) / f"{name}.npz", given=np.reshape(given, (len(given), -1)), **rows)
+    rows = {
+        f"out/{layer}": np.asarray(found).reshape(len(given), -1) for layer, found in layers.items()
+    }
+    np.savez_compressed(
+        Path(folder) / f"{name}.npz", given=np.reshape(given, (len(given), -1)), **rows
+    )
 
 
 def save_played(folder: str, name: str, network: Any, layers: Mapping[str, Any], shape) -> None:

@@ -56,7 +56,9 @@ def make(name: str) -> str | None:
     _note(name).unlink(missing_ok=True)
     ROOT.mkdir(exist_ok=True)
     calls = [[PYTHON, "-m", "venv", str(folder)]]
-    calls += [[str(python_of(name)), "-m", "pip", "install", "--quiet", *line.split()] for line in recipe]
+    calls += [
+        [str(python_of(name)), "-m", "pip", "install", "--quiet", *line.split()] for line in recipe
+    ]
     for call in calls:
         try:
             subprocess.run(call, check=True, capture_output=True, text=True)

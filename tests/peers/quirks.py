@@ -117,7 +117,13 @@ BRIAN2_LOIHI = Peer(
     name="brian2-loihi",
     driver="drive_brian2_loihi.py",
     networks=80,
-    can=Abilities(overflow=False, per_compartment=False, bias=False, limits=False, lowest_mantissa=range(-8, 7)),
+    can=Abilities(
+        overflow=False,
+        per_compartment=False,
+        bias=False,
+        limits=False,
+        lowest_mantissa=range(-8, 7),
+    ),
     quirks=(
         Quirk("first input", "acts in its own row", "translated", "row t is given as row t + 1"),
         Quirk("delay", "one per synapse group", "translated", "one group for each delay"),
@@ -167,8 +173,18 @@ LAVA_DL = Peer(
     ),
     quirks=(
         Quirk("first input", "acts in its own row", "translated", "row t is given as row t + 1"),
-        Quirk("units", "weights and thresholds in 64ths, decays in 4096ths", "translated", "divided on the way in"),
-        Quirk("v of a spike", "shown before the reset", "translated", "set to 0, the chip's value after the step"),
+        Quirk(
+            "units",
+            "weights and thresholds in 64ths, decays in 4096ths",
+            "translated",
+            "divided on the way in",
+        ),
+        Quirk(
+            "v of a spike",
+            "shown before the reset",
+            "translated",
+            "set to 0, the chip's value after the step",
+        ),
         Quirk(
             "threshold",
             "a spike from v = threshold on where the mantissa is 4096 or more, by rounding to float32",
@@ -184,7 +200,12 @@ LAVA_DL = Peer(
             witness("lava overflow", 254, sources=40, steps=40, decay_u=0),
         ),
         Quirk("parameters", "one value per neuron layer", "in part", "one value per population"),
-        Quirk("delay", "one per axon, and none in a layer's recurrence", "in part", "one per source, forward only"),
+        Quirk(
+            "delay",
+            "one per axon, and none in a layer's recurrence",
+            "in part",
+            "one per source, forward only",
+        ),
         Quirk("recurrence", "within a layer", "in part", "no projection to an earlier population"),
         Quirk(
             "odd weights",

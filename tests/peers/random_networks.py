@@ -65,13 +65,17 @@ def random_network(name: str, seed: int, can: Abilities) -> Network:
 
 def _draw(name: str, r: Generator, can: Abilities) -> Network:
     size = {"x": int(r.integers(3, 9)), "h": int(r.integers(3, 10)), "y": int(r.integers(2, 6))}
-    pairs = [("x", "h"), ("x", "h"), ("x", "y"), ("h", "y"), ("h", "h")] + [("y", "h")] * can.feedback
+    pairs = [("x", "h"), ("x", "h"), ("x", "y"), ("h", "y"), ("h", "h")] + [
+        ("y", "h")
+    ] * can.feedback
     top = int(r.choice(can.exponents))
     return Network(
         name,
         spikes=(r.random((STEPS, size["x"])) < r.choice([0.05, 0.2, 0.5, 1.0])).astype(np.uint8),
         populations=tuple(_population(r, can, key, size[key], top) for key in ("h", "y")),
-        projections=tuple(_projection(r, can, pair, (size[pair[1]], size[pair[0]]), top) for pair in pairs),
+        projections=tuple(
+            _projection(r, can, pair, (size[pair[1]], size[pair[0]]), top) for pair in pairs
+        ),
     )
 
 
@@ -79,7 +83,10 @@ def _population(r: Generator, can: Abilities, name: str, size: int, top: int) ->
     def column(choices: Sequence[int]) -> NDArray[np.int64]:
         return r.choice(choices, size) if can.per_compartment else np.full(size, r.choice(choices))
 
-    thresholds = [*THRESHOLDS, *(int(share * 128 * 2.0**top) for share in 2 * THRESHOLDS_IN_WEIGHTS)]
+    thresholds = [
+        *THRESHOLDS,
+        *(int(share * 128 * 2.0**top) for share in 2 * THRESHOLDS_IN_WEIGHTS),
+    ]
     return Population(
         name,
         size,
@@ -93,7 +100,9 @@ def _population(r: Generator, can: Abilities, name: str, size: int, top: int) ->
     )
 
 
-def _projection(r: Generator, can: Abilities, pair: tuple[str, str], shape: tuple[int, int], top: int) -> Projection:
+def _projection(
+    r: Generator, can: Abilities, pair: tuple[str, str], shape: tuple[int, int], top: int
+) -> Projection:
     exponent = int(r.integers(max(can.exponents.start, top - 2), top + 1))
     bits, mode = int(r.choice(WEIGHT_BITS)), str(r.choice(SIGN_MODES, p=SIGN_MODE_SHARES))
     weights = _weights(r, can, shape, exponent, bits, mode)
@@ -116,7 +125,9 @@ def _weights(
     return weights
 
 
-def _delay(r: Generator, can: Abilities, pair: tuple[str, str], shape: tuple[int, int]) -> NDArray[np.int64]:
+def _delay(
+    r: Generator, can: Abilities, pair: tuple[str, str], shape: tuple[int, int]
+) -> NDArray[np.int64]:
     """Draw delays out of three values, so that a peer with one delay to a group of synapses needs few groups."""
     values = r.integers(0, r.choice([1, 4, 63]), 3)
     if can.delay == "synapse":

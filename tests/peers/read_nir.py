@@ -30,9 +30,15 @@ def read(framework, graph):
 if __name__ == "__main__":
     framework, folder = sys.argv[1:]
     for path in sorted(Path(folder).glob("*.nir")):
-        module, given = read(framework, nir.read(path)), np.load(path.with_suffix(".npy")).astype(np.float32)
+        module, given = (
+            read(framework, nir.read(path)),
+            np.load(path.with_suffix(".npy")).astype(np.float32),
+        )
         found, state = heard({name: module.get_submodule(name) for name in "abc"}), None
         with torch.no_grad():
             for row in torch.from_numpy(given if framework == "norse" else given[:, None]):
                 _, state = module(row, state)
-        np.savez(path.with_suffix(".npz"), **{name: np.reshape(rows, (len(given), -1)) for name, rows in found.items()})
+        np.savez(
+            path.with_suffix(".npz"),
+            **{name: np.reshape(rows, (len(given), -1)) for name, rows in found.items()},
+        )

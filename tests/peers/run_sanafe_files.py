@@ -18,11 +18,20 @@ def run(folder, file, steps):
     arch = sanafe.load_arch(Path(folder) / "arch.yaml")
     chip = sanafe.SpikingChip(arch)
     chip.load(sanafe.load_net(Path(folder) / file, arch))
-    found = chip.sim(steps, processing_threads=1, spike_trace=True, potential_trace=True, perf_trace=True)
+    found = chip.sim(
+        steps, processing_threads=1, spike_trace=True, potential_trace=True, perf_trace=True
+    )
     return {
-        "counts": {**{name: found[name] for name in COUNTS}, "hops": sum(found["perf_trace"]["hops"])},
+        "counts": {
+            **{name: found[name] for name in COUNTS},
+            "hops": sum(found["perf_trace"]["hops"]),
+        },
         "energy_joules": dict(found["energy"]),
-        "spikes": [(step, a.group_name, a.neuron_offset) for step, row in enumerate(found["spike_trace"]) for a in row],
+        "spikes": [
+            (step, a.group_name, a.neuron_offset)
+            for step, row in enumerate(found["spike_trace"])
+            for a in row
+        ],
         "potential": found["potential_trace"],
     }
 

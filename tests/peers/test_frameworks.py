@@ -58,7 +58,9 @@ def written(tmp_path_factory):
             pytest.skip(f"{framework}: {reason}")
         folder = tmp_path_factory.mktemp(framework)
         script = SCRIPTS / f"export_{framework.replace('-', '_')}.py"
-        made = subprocess.run([str(python_of(framework)), str(script), str(folder)], capture_output=True, text=True)
+        made = subprocess.run(
+            [str(python_of(framework)), str(script), str(folder)], capture_output=True, text=True
+        )
         assert made.returncode == 0, made.stderr
         return folder
 
@@ -86,13 +88,16 @@ def agreement(ours, theirs) -> float:
 
 
 @pytest.mark.parametrize(
-    ("framework", "name"), [pytest.param(f, n, id=f"{f}-{n}") for f, names in NETWORKS.items() for n in names]
+    ("framework", "name"),
+    [pytest.param(f, n, id=f"{f}-{n}") for f, names in NETWORKS.items() for n in names],
 )
 def test_we_spike_as_the_framework_does(framework, name, written):
     folder = written(framework)
     network = load(framework, name, folder)
     with np.load(folder / f"{name}.npz") as held:
-        theirs = {key.removeprefix("out/"): held[key] for key in held.files if key.startswith("out/")}
+        theirs = {
+            key.removeprefix("out/"): held[key] for key in held.files if key.startswith("out/")
+        }
         given = held["given"].astype(np.uint8)[None]
     reference = evaluate(network, given, potentials=True)
     chip = hw.simulate(lc.compile(network, events=given, diagnosis=False).program, given)
@@ -104,12 +109,17 @@ def test_we_spike_as_the_framework_does(framework, name, written):
             continue
         late = 0 if framework == "lava-dl" else at[population.name]
         wanted = theirs[layer][: len(given[0]) - late]
-        if population.name in network.readout.populations and network.readout.potentials_from is not None:
+        if (
+            population.name in network.readout.populations
+            and network.readout.potentials_from is not None
+        ):
             if framework != "lava-dl":  # potentials of slayer are in other units
                 found = reference.potential[population.name][0, late:]
                 np.testing.assert_allclose(found, wanted, atol=1e-5)
             continue
-        np.testing.assert_array_equal(reference.spikes[population.name][0, late:], wanted, err_msg=population.name)
+        np.testing.assert_array_equal(
+            reference.spikes[population.name][0, late:], wanted, err_msg=population.name
+        )
         found = agreement(chip.spikes[population.name][0, late:], wanted)
         if framework == "lava-dl" or at[population.name] == 1:
             assert found >= (1.0 if framework == "lava-dl" else CHIP_LEAST), population.name
@@ -131,7 +141,11 @@ OURS = {
     "cuba-recurrent": ("cuba", (*CHAIN, ("b", "b", 0))),
 }
 READ = {
-    "snntorch": ("lif", "cuba", "lif-skip"),  # its reader takes no IF whose r is not 1, and no recurrent one of ours
+    "snntorch": (
+        "lif",
+        "cuba",
+        "lif-skip",
+    ),  # its reader takes no IF whose r is not 1, and no recurrent one of ours
     "norse": ("cuba", "if", "cuba-recurrent"),  # it leaves out the r of an LIF
     "spikingjelly": tuple(OURS),
 }
@@ -144,7 +158,10 @@ def our_network(kind: str, ways: Sequence[tuple[str, str, int]]) -> lc.Network:
     def onto(source, target, delay):
         scale = 0.2 if source == target else 0.6
         return Projection(
-            source, target, matrix(rng.normal(0.1, scale, (sizes[target], sizes[source])), np.float64), delay
+            source,
+            target,
+            matrix(rng.normal(0.1, scale, (sizes[target], sizes[source])), np.float64),
+            delay,
         )
 
     neurons = {name: Cuba.of(sizes[name], **NEURONS[kind], rule=">") for name in "abc"}
@@ -169,4 +186,6 @@ def test_a_framework_spikes_as_the_network_that_we_write(framework, tmp_path):
         theirs = np.load(tmp_path / f"{name}.npz")
         for late, population in enumerate("abc", start=1):
             assert theirs[population].sum() > 10
-            np.testing.assert_array_equal(ours[population][0, late:], theirs[population][:-late], err_msg=name)
+            np.testing.assert_array_equal(
+                ours[population][0, late:], theirs[population][:-late], err_msg=name
+            )

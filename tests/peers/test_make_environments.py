@@ -25,12 +25,16 @@ def test_an_environment_that_cannot_be_made_keeps_the_reason(root, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("stamp", "remade"), [("--version", False), ("--help", True)], ids=["same recipe", "another recipe"]
+    ("stamp", "remade"),
+    [("--version", False), ("--help", True)],
+    ids=["same recipe", "another recipe"],
 )
 def test_an_environment_is_remade_for_another_recipe(root, monkeypatch, stamp, remade):
     (root / "peer").mkdir(parents=True)
     (root / "peer" / "recipe").write_text(stamp)
-    assert make_environments.why_missing("peer") == ("made by another recipe: run `make peers`" if remade else None)
+    assert make_environments.why_missing("peer") == (
+        "made by another recipe: run `make peers`" if remade else None
+    )
     calls = []
     monkeypatch.setattr(make_environments.subprocess, "run", lambda call, **_: calls.append(call))
     monkeypatch.setattr(make_environments.shutil, "rmtree", lambda *_, **__: None)

@@ -41,7 +41,8 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Found:
 
 
 @pytest.mark.parametrize(
-    ("peer", "seed"), [pytest.param(peer, seed, id=f"{peer.name}-{seed}") for peer in PEERS for seed in peer.seeds]
+    ("peer", "seed"),
+    [pytest.param(peer, seed, id=f"{peer.name}-{seed}") for peer in PEERS for seed in peer.seeds],
 )
 def test_spikes_u_and_v_are_equal(peer, seed, found):
     network = networks_of(peer)[seed]
@@ -51,7 +52,10 @@ def test_spikes_u_and_v_are_equal(peer, seed, found):
 
 @pytest.mark.parametrize("peer", PEERS, ids=lambda peer: peer.name)
 def test_what_a_peer_finds_is_not_trivial(peer, found):
-    probes = {probe: [array for key, array in found(peer).items() if key.endswith(f"/{probe}")] for probe in PROBES}
+    probes = {
+        probe: [array for key, array in found(peer).items() if key.endswith(f"/{probe}")]
+        for probe in PROBES
+    }
     assert sum(array.sum() for array in probes["spikes"]) > 1000
     for probe in ("u", "v"):
         assert min(array.min() for array in probes[probe]) < -(2**20)
@@ -86,5 +90,7 @@ def test_the_page_has_the_counts():
 
 @pytest.mark.parametrize("peer", PEERS, ids=lambda peer: peer.name)
 def test_the_page_has_every_quirk(peer):
-    rows = {f"| {peer.name} | {q.topic} | {q.peer} | {q.handling} | {q.ours} |" for q in peer.quirks}
+    rows = {
+        f"| {peer.name} | {q.topic} | {q.peer} | {q.handling} | {q.ours} |" for q in peer.quirks
+    }
     assert rows <= set(PAGE.read_text().splitlines())

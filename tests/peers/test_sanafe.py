@@ -27,7 +27,9 @@ def with_whole_currents(network: Network) -> Network:
     return replace(
         network,
         name=f"{network.name}, whole currents",
-        populations=tuple(replace(p, decay_u=np.where(p.decay_u > 1000, 4096, 0)) for p in network.populations),
+        populations=tuple(
+            replace(p, decay_u=np.where(p.decay_u > 1000, 4096, 0)) for p in network.populations
+        ),
     )
 
 
@@ -36,8 +38,15 @@ def play(networks: list[Network], folder: Path) -> Mapping[str, NDArray[np.float
     if reason:
         pytest.skip(f"sanafe: {reason}")
     job, result = folder / "job.json", folder / "result.npz"
-    job.write_text(json.dumps([network.job() for network in networks], default=lambda value: value.tolist()))
-    call = [str(python_of("sanafe")), str(Path(__file__).with_name("drive_sanafe.py")), str(job), str(result)]
+    job.write_text(
+        json.dumps([network.job() for network in networks], default=lambda value: value.tolist())
+    )
+    call = [
+        str(python_of("sanafe")),
+        str(Path(__file__).with_name("drive_sanafe.py")),
+        str(job),
+        str(result),
+    ]
     done = subprocess.run(call, capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
     with np.load(result) as arrays:
@@ -47,7 +56,10 @@ def play(networks: list[Network], folder: Path) -> Mapping[str, NDArray[np.float
 def without_truncated_currents(network: Network) -> dict[str, NDArray[np.int64]]:
     """Return the spikes of the chip model, but for currents of any fraction: what SANA-FE is written to do."""
     steps = len(network.spikes)
-    spikes = {"x": network.spikes, **{p.name: np.zeros((steps, p.size), np.int64) for p in network.populations}}
+    spikes = {
+        "x": network.spikes,
+        **{p.name: np.zeros((steps, p.size), np.int64) for p in network.populations},
+    }
     u = {p.name: np.zeros(p.size) for p in network.populations}
     v = {p.name: np.zeros(p.size) for p in network.populations}
     for t in range(steps):
@@ -72,7 +84,9 @@ def networks():
 
 @pytest.fixture(scope="module")
 def found(networks, tmp_path_factory):
-    return play([network for kind in networks for network in kind], tmp_path_factory.mktemp("sanafe"))
+    return play(
+        [network for kind in networks for network in kind], tmp_path_factory.mktemp("sanafe")
+    )
 
 
 def test_spikes_are_equal_where_currents_are_whole(networks, found):
@@ -101,4 +115,6 @@ def test_its_currents_are_not_truncated_and_nothing_else_differs(networks, found
 def test_it_counts_the_same_synaptic_events_where_currents_are_whole(networks, found):
     _, whole = networks
     for network in whole:
-        assert network.simulate().counts.synaptic_ops == found[f"{network.name}/counts/spikes"], network.name
+        assert network.simulate().counts.synaptic_ops == found[f"{network.name}/counts/spikes"], (
+            network.name
+        )

@@ -32,7 +32,12 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 def small_chip(chips: int = 1) -> hw.Chip:
     """Return the chip with 16 compartments a core, two cores a tile, and 3 x 4 tiles."""
     limits = replace(CHIP.limits, compartments_per_core=16, cores_per_chip=24)
-    return replace(CHIP, chips=chips, limits=limits, mesh=replace(CHIP.mesh, columns=3, rows=4, cores_per_tile=2))
+    return replace(
+        CHIP,
+        chips=chips,
+        limits=limits,
+        mesh=replace(CHIP.mesh, columns=3, rows=4, cores_per_tile=2),
+    )
 
 
 def odd(r: np.random.Generator, shape: tuple[int, int], share: float = 1.0) -> np.ndarray:
@@ -145,7 +150,8 @@ def hybrid(name: str) -> Callable[[], Played]:
         import locsnn_compile as lc
 
         compiled = lc.compile(
-            lc.load(EXAMPLES / f"models/{name}-hybrid.pt"), events=EXAMPLES / "recordings/touches.npz"
+            lc.load(EXAMPLES / f"models/{name}-hybrid.pt"),
+            events=EXAMPLES / "recordings/touches.npz",
         )
         recording = lc.read_recordings(EXAMPLES / "recordings/touches.npz").spikes[0]
         return play_recording(compiled.program, recording)
@@ -183,10 +189,17 @@ def run(played: Played, folder: Path) -> Case:
         (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_bytes(content)
     phases = yaml.safe_load((folder / "sanafe/expected.yaml").read_text())["phases"]
-    jobs = [{"folder": str(folder / "sanafe"), "file": p["file"], "steps": p["steps"]} for p in phases]
+    jobs = [
+        {"folder": str(folder / "sanafe"), "file": p["file"], "steps": p["steps"]} for p in phases
+    ]
     job, result = folder / "job.json", folder / "result.json"
     job.write_text(json.dumps(jobs))
-    call = [str(python_of("sanafe")), str(Path(__file__).with_name("run_sanafe_files.py")), str(job), str(result)]
+    call = [
+        str(python_of("sanafe")),
+        str(Path(__file__).with_name("run_sanafe_files.py")),
+        str(job),
+        str(result),
+    ]
     done = subprocess.run(call, capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
     return Case(played, phases, json.loads(result.read_text()))
@@ -223,7 +236,9 @@ def test_neurons_are_simulated_on_several_cores_and_tiles(simulated):
 def test_every_spike_and_voltage_is_equal(simulated):
     played, (found,) = simulated.played, simulated.found
     names = played.program.populations
-    spikes = {name: np.zeros((played.steps("time"), n), dtype=np.uint8) for name, n in names.items()}
+    spikes = {
+        name: np.zeros((played.steps("time"), n), dtype=np.uint8) for name, n in names.items()
+    }
     for step, group, neuron in found["spikes"]:
         if group in spikes:
             spikes[group][step, neuron] = 1
@@ -232,13 +247,19 @@ def test_every_spike_and_voltage_is_equal(simulated):
     for name in sorted(names):
         assert np.array_equal(spikes[name], played.result.spikes[name])
         mine = voltage[:, first : first + names[name]]
-        silent = spikes[name] == 0  # after a spike SANA-FE's holds the half that the export puts there
+        silent = (
+            spikes[name] == 0
+        )  # after a spike SANA-FE's holds the half that the export puts there
         assert np.array_equal(mine[silent], played.result.v[name][silent])
         first += names[name]
 
 
 def test_counts_are_ours(simulated):
-    counts, (found,), (expected,) = simulated.played.result.counts, simulated.found, simulated.expected
+    counts, (found,), (expected,) = (
+        simulated.played.result.counts,
+        simulated.found,
+        simulated.expected,
+    )
     played_lines = expected["counts"]["neurons_fired"] - counts.spikes
     assert found["counts"] == {
         "neurons_fired": counts.spikes + played_lines,
@@ -286,9 +307,13 @@ def assert_found_as_written(case: Case) -> None:
 
 def test_the_lines_of_the_readme_run(tmp_path):
     case = run(delays(), tmp_path)
-    (code,) = re.findall(r"```python\n(.*?)```", (tmp_path / "sanafe/README.md").read_text(), flags=re.DOTALL)
+    (code,) = re.findall(
+        r"```python\n(.*?)```", (tmp_path / "sanafe/README.md").read_text(), flags=re.DOTALL
+    )
     call = [str(python_of("sanafe")), "-c", code]
-    done = subprocess.run(call, cwd=tmp_path / "sanafe", capture_output=True, text=True, timeout=600)
+    done = subprocess.run(
+        call, cwd=tmp_path / "sanafe", capture_output=True, text=True, timeout=600
+    )
     assert done.returncode == 0, done.stderr
     assert f"'neurons_fired': {case.expected[0]['counts']['neurons_fired']}" in done.stdout
 
@@ -301,5 +326,9 @@ def test_its_rule_for_updates_differs_where_charges_cancel(tmp_path):
     b.connect(x, h, [[20, -20]])
     case = run(play_recording(b.build(), [[1, 1], [0, 0], [0, 0]]), tmp_path)
     assert case.played.result.counts.neuron_updates_active == 0
-    assert case.expected[0]["counts"]["neurons_updated"] == case.found[0]["counts"]["neurons_updated"] == 3
+    assert (
+        case.expected[0]["counts"]["neurons_updated"]
+        == case.found[0]["counts"]["neurons_updated"]
+        == 3
+    )
     assert case.expected[0]["report"]["neuron_updates_active"] == 0

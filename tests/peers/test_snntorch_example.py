@@ -26,24 +26,34 @@ def written(tmp_path_factory):
         pytest.skip(f"snntorch: {reason}")
     folder = tmp_path_factory.mktemp("trained")
     script = Path(__file__).with_name("train_snntorch.py")
-    made = subprocess.run([str(python_of("snntorch")), str(script), str(folder)], capture_output=True, text=True)
+    made = subprocess.run(
+        [str(python_of("snntorch")), str(script), str(folder)], capture_output=True, text=True
+    )
     assert made.returncode == 0, made.stderr
     return folder
 
 
-def figures(folder: Path, kind: str) -> tuple[dict[str, float], dict[str, float], tuple[float, float, float]]:
+def figures(
+    folder: Path, kind: str
+) -> tuple[dict[str, float], dict[str, float], tuple[float, float, float]]:
     """Return the agreement of reference and chip by layer, and the accuracy of snnTorch, reference and chip."""
     with np.load(folder / f"{kind}.npz") as held:
         given, labels, theirs = (
-            held[key].reshape(-1, STEPS, held[key].shape[1]) for key in ("given", "out/labels", "out/3")
+            held[key].reshape(-1, STEPS, held[key].shape[1])
+            for key in ("given", "out/labels", "out/3")
         )
         layers = {name: held[f"out/{name}"].reshape(len(given), STEPS, -1) for name in ("1", "3")}
     spikes = given.astype(np.uint8)
     network = lc.load(folder / f"{kind}.nir")
-    compiled = lc.compile(network, events=spikes, labels=labels[:, 0, 0].astype(int), diagnosis=False)
+    compiled = lc.compile(
+        network, events=spikes, labels=labels[:, 0, 0].astype(int), diagnosis=False
+    )
     ours = evaluate(network, spikes).spikes, hw.simulate(compiled.program, spikes).spikes
     reference, chip = (
-        {name: float(agreement(found[name][:, late:], layers[name][:, :-late])) for late, name in enumerate(layers, 1)}
+        {
+            name: float(agreement(found[name][:, late:], layers[name][:, :-late]))
+            for late, name in enumerate(layers, 1)
+        }
         for found in ours
     )
     snntorch = float((theirs.sum(axis=1).argmax(axis=1) == labels[:, 0, 0]).mean())

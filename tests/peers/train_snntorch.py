@@ -44,7 +44,9 @@ def train(network, given, labels):
     adam = torch.optim.Adam(network.parameters(), lr=2e-3)
     for _ in range(EPOCHS):
         for part in torch.randperm(len(given)).split(BATCH):
-            loss = torch.nn.functional.cross_entropy(0.3 * counts(network, given[part]), labels[part])
+            loss = torch.nn.functional.cross_entropy(
+                0.3 * counts(network, given[part]), labels[part]
+            )
             adam.zero_grad()
             loss.backward()
             adam.step()
@@ -58,13 +60,21 @@ if __name__ == "__main__":
     for kind in ("leaky", "synaptic"):
         torch.manual_seed(0)
         network = Sequential(
-            Linear(CHANNELS, HIDDEN), neurons(kind, HIDDEN), Linear(HIDDEN, CLASSES), neurons(kind, CLASSES)
+            Linear(CHANNELS, HIDDEN),
+            neurons(kind, HIDDEN),
+            Linear(HIDDEN, CLASSES),
+            neurons(kind, CLASSES),
         )
         train(network, torch.tensor(seen[0]), torch.tensor(seen[1]))
-        nir.write(f"{sys.argv[1]}/{kind}.nir", export_to_nir(network, torch.zeros(1, CHANNELS), ignore_dims=[0]))
+        nir.write(
+            f"{sys.argv[1]}/{kind}.nir",
+            export_to_nir(network, torch.zeros(1, CHANNELS), ignore_dims=[0]),
+        )
         found = heard({"1": network[1], "3": network[3]})
         with torch.no_grad():
             counts(network, torch.tensor(unseen[0]))
         given = unseen[0].reshape(-1, CHANNELS)
-        layers = {name: np.stack(rows, axis=1).reshape(len(given), -1) for name, rows in found.items()}
+        layers = {
+            name: np.stack(rows, axis=1).reshape(len(given), -1) for name, rows in found.items()
+        }
         save_trace(sys.argv[1], kind, given, {**layers, "labels": np.repeat(unseen[1], STEPS)})

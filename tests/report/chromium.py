@@ -31,9 +31,27 @@ _PART = """
 """
 PICTURES = (
     ("report", 1120, False, "screen", _ALL.replace("HEIGHT", "950")),
-    ("report-dark", 1120, True, "screen", _PART.replace("FROM", "'over-time'").replace("TO", "'over-time'")),
-    ("report-spikes", 1120, False, "screen", _PART.replace("FROM", "'spikes'").replace("TO", "'spikes'")),
-    ("report-potential", 1120, False, "screen", _PART.replace("FROM", "'potential'").replace("TO", "'potential'")),
+    (
+        "report-dark",
+        1120,
+        True,
+        "screen",
+        _PART.replace("FROM", "'over-time'").replace("TO", "'over-time'"),
+    ),
+    (
+        "report-spikes",
+        1120,
+        False,
+        "screen",
+        _PART.replace("FROM", "'spikes'").replace("TO", "'spikes'"),
+    ),
+    (
+        "report-potential",
+        1120,
+        False,
+        "screen",
+        _PART.replace("FROM", "'potential'").replace("TO", "'potential'"),
+    ),
     ("report-phone", 360, True, "screen", _ALL.replace("HEIGHT", "1400")),
     ("report-paper", 700, False, "print", "return {x: 0, y: 0, width: innerWidth, height: 990}"),
 )
@@ -58,7 +76,9 @@ class Chromium:
         self._last, self._session, self._rest = 0, None, b""
         self.events: list[Message] = []
         target = self.call("Target.createTarget", url="about:blank")["targetId"]
-        self._session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        self._session = self.call("Target.attachToTarget", targetId=target, flatten=True)[
+            "sessionId"
+        ]
         for domain in ("Page", "Runtime", "Log", "Network", "Accessibility"):
             self.call(f"{domain}.enable")
 
@@ -84,10 +104,18 @@ class Chromium:
         message: Message = json.loads(line)
         return message
 
-    def open(self, page: Path, *, width: int = 1280, dark: bool = False, media: str = "screen") -> None:
+    def open(
+        self, page: Path, *, width: int = 1280, dark: bool = False, media: str = "screen"
+    ) -> None:
         """Show a page as a screen of that width, or another medium, shows it."""
         self.events.clear()
-        self.call("Emulation.setDeviceMetricsOverride", width=width, height=800, deviceScaleFactor=1, mobile=False)
+        self.call(
+            "Emulation.setDeviceMetricsOverride",
+            width=width,
+            height=800,
+            deviceScaleFactor=1,
+            mobile=False,
+        )
         features = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
         self.call("Emulation.setEmulatedMedia", media=media, features=features)
         self.call("Page.navigate", url=page.resolve().as_uri())
@@ -104,16 +132,30 @@ class Chromium:
         """Press a key and let it go."""
         text = {"text": "\r"} if key == "Enter" else {}
         for kind in ("keyDown", "keyUp"):
-            self.call("Input.dispatchKeyEvent", type=kind, key=key, code=key, windowsVirtualKeyCode=code, **text)
+            self.call(
+                "Input.dispatchKeyEvent",
+                type=kind,
+                key=key,
+                code=key,
+                windowsVirtualKeyCode=code,
+                **text,
+            )
 
     def picture(self, clip: Message) -> bytes:
         """Return a PNG of the rectangle ``clip`` of the page: x, y, width, height."""
-        found = self.call("Page.captureScreenshot", format="png", clip={**clip, "scale": 1}, captureBeyondViewport=True)
+        found = self.call(
+            "Page.captureScreenshot",
+            format="png",
+            clip={**clip, "scale": 1},
+            captureBeyondViewport=True,
+        )
         return base64.b64decode(found["data"])
 
     def pdf(self) -> bytes:
         """Return the page as it is printed."""
-        return base64.b64decode(self.call("Page.printToPDF", paperWidth=8.27, paperHeight=11.69)["data"])
+        return base64.b64decode(
+            self.call("Page.printToPDF", paperWidth=8.27, paperHeight=11.69)["data"]
+        )
 
 
 @contextmanager
@@ -121,15 +163,25 @@ def started(path: str) -> Iterator[Chromium]:
     """Start a Chromium with a profile of its own, and end it."""
     to_browser, from_us = os.pipe()
     to_us, from_browser = os.pipe()
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile, open(os.devnull, "wb") as nothing:
+    with (
+        tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile,
+        open(os.devnull, "wb") as nothing,
+    ):
         options = ["--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"]
         options += ["--no-first-run", "--remote-debugging-pipe"]
         # The protocol is spoken on descriptors 3 and 4; ours go there by way of higher ones, for they may be these.
-        high = [(fcntl.fcntl(fd, fcntl.F_DUPFD, 64), place) for fd, place in ((to_browser, 3), (from_browser, 4))]
+        high = [
+            (fcntl.fcntl(fd, fcntl.F_DUPFD, 64), place)
+            for fd, place in ((to_browser, 3), (from_browser, 4))
+        ]
         actions = [(os.POSIX_SPAWN_DUP2, nothing.fileno(), 2)]
         actions += [(os.POSIX_SPAWN_DUP2, fd, place) for fd, place in high]
         browser = os.posix_spawn(
-            path, [path, *options, f"--user-data-dir={profile}"], os.environ, file_actions=actions, setsid=True
+            path,
+            [path, *options, f"--user-data-dir={profile}"],
+            os.environ,
+            file_actions=actions,
+            setsid=True,
         )
         for fd in (to_browser, from_browser, *(fd for fd, _ in high)):
             os.close(fd)
@@ -156,7 +208,9 @@ def main(page: Path, folder: Path, *, whole: bool) -> None:
             picture = Image.open(io.BytesIO(chromium.picture(clip))).convert("RGB")
             if media == "print":
                 picture = ImageOps.expand(picture, border=40, fill="white")
-            picture.quantize(96, kmeans=3, dither=Image.Dither.NONE).save(folder / f"{name}.png", optimize=True)
+            picture.quantize(96, kmeans=3, dither=Image.Dither.NONE).save(
+                folder / f"{name}.png", optimize=True
+            )
         if whole:
             chromium.open(page, media="print")
             (folder / "report.pdf").write_bytes(chromium.pdf())

@@ -36,7 +36,9 @@ def excerpt() -> Excerpt:
         steps={"time": range(39, 43)},
         all_steps={"time": 100},
         inputs=(SpikeRows("input", "time", "time", 5, np.array([0, 2, 4]), touched, touched, 2),),
-        populations=(SpikeRows("time_output", "time", "time", 36, np.array([1, 3]), reference, chip),),
+        populations=(
+            SpikeRows("time_output", "time", "time", 36, np.array([1, 3]), reference, chip),
+        ),
         populations_left_out=1,
         potential=potential,
     )
@@ -46,7 +48,12 @@ def excerpt() -> Excerpt:
 def document() -> dict[str, Any]:
     """A small report in which every number can be followed by hand; the check played 20 recordings."""
     branch = {"synaptic_ops": 1000.0, "neuron_updates": 400.0, "spikes": 12.5}
-    population = {"spike_agreement": 0.9, "spike_mismatches": 10, "reference_spikes": 49, "chip_spikes": 51}
+    population = {
+        "spike_agreement": 0.9,
+        "spike_mismatches": 10,
+        "reference_spikes": 49,
+        "chip_spikes": 51,
+    }
     core = {
         "compartments": 6,
         "synapses": 40,
@@ -64,7 +71,9 @@ def document() -> dict[str, Any]:
         "target": "loihi-sim",
         "strategy": "dendrite",
         "weight_bits": 8,
-        "assumptions": ["A step lasts 0.7 s, like the bins of the recordings, because the model does not say."],
+        "assumptions": [
+            "A step lasts 0.7 s, like the bins of the recordings, because the model does not say."
+        ],
         "gates": [],
         "match": {
             "reference": "float64",
@@ -75,7 +84,11 @@ def document() -> dict[str, Any]:
             "score_error": 0.02,
             "class_scores": {"mean_spread": 4.5, "mean_error": 0.09},
             "helper_neurons": {},
-            "readout": {"populations": ["time_output", "location_output"], "by": "spikes", "silent": False},
+            "readout": {
+                "populations": ["time_output", "location_output"],
+                "by": "spikes",
+                "silent": False,
+            },
             "prediction_agreement": 0.95,
             "spike_agreement": 0.9,
             "spike_mismatches": 20,
@@ -138,19 +151,35 @@ def document() -> dict[str, Any]:
             "axons_in": 16,
             "axons_out": 4,
             "limits": {
-                name: {"used": 2 if name == "cores" else core[name], "limit": limit} for name, limit in limits.items()
+                name: {"used": 2 if name == "cores" else core[name], "limit": limit}
+                for name, limit in limits.items()
             },
-            "mesh": {"chips": 1, "cores_per_chip": 128, "columns": 8, "rows": 4, "cores_per_tile": 4},
+            "mesh": {
+                "chips": 1,
+                "cores_per_chip": 128,
+                "columns": 8,
+                "rows": 4,
+                "cores_per_tile": 4,
+            },
             "by_core": [
                 {"core": 0, "phase": "time", "slot": 0, "tile": [0, 0], **core},
                 {"core": 1, "phase": "location", "slot": 39, "tile": [1, 1], **core},
             ],
         },
         "ann_comparison": {
-            "cnn-3d": ann(macs=9250, multiplications=9250, additions=9250, ratio=10.0, chip_ratio=9.25),
-            "gru-mlp": ann(macs=450, multiplications=460, additions=465, ratio=0.5, chip_ratio=0.4625),
+            "cnn-3d": ann(
+                macs=9250, multiplications=9250, additions=9250, ratio=10.0, chip_ratio=9.25
+            ),
+            "gru-mlp": ann(
+                macs=450, multiplications=460, additions=465, ratio=0.5, chip_ratio=0.4625
+            ),
         },
-        "skipped": {"steps": 7, "events_dropped": 0, "synapses_pruned": 5, "compartments_pruned": 0},
+        "skipped": {
+            "steps": 7,
+            "events_dropped": 0,
+            "synapses_pruned": 5,
+            "compartments_pruned": 0,
+        },
         "quantization": {
             name: {
                 "strategy": "dendrite",
@@ -169,8 +198,23 @@ def document() -> dict[str, Any]:
             for name in ("time_output", "location_output")
         },
         "range": {
-            "time_output/dendrite": {"compartments": 4, "cannot_wrap": 4, "cannot_clip": 1, "safe_period_steps": 12},
-            "time_output": {"compartments": 4, "cannot_wrap": 4, "cannot_clip": 4, "safe_period_steps": 1},
-            "location_output": {"compartments": 4, "cannot_wrap": 3, "cannot_clip": 0, "safe_period_steps": None},
+            "time_output/dendrite": {
+                "compartments": 4,
+                "cannot_wrap": 4,
+                "cannot_clip": 1,
+                "safe_period_steps": 12,
+            },
+            "time_output": {
+                "compartments": 4,
+                "cannot_wrap": 4,
+                "cannot_clip": 4,
+                "safe_period_steps": 1,
+            },
+            "location_output": {
+                "compartments": 4,
+                "cannot_wrap": 3,
+                "cannot_clip": 0,
+                "safe_period_steps": None,
+            },
         },
     }

@@ -24,7 +24,10 @@ def energy() -> dict[str, Any]:
             "location": {"synaptic_ops": 15000.0, "neuron_updates_active": 10000.0, "hops_x": 0.0},
         },
         "by_population_pj": {
-            "time_output": {"pj": 75000.0, "compartments": {"time_output/dendrite": 50000.0, "time_output": 25000.0}},
+            "time_output": {
+                "pj": 75000.0,
+                "compartments": {"time_output/dendrite": 50000.0, "time_output": 25000.0},
+            },
             "location_output": {"pj": 25000.0, "compartments": {"location_output": 25000.0}},
         },
         "by_core_pj": [
@@ -40,7 +43,13 @@ def energy() -> dict[str, Any]:
         "worst_recording": {"recording": 7, "class": 1, "pj": 1200000.0},
         "by_class": [
             {"class": 0, "recordings": 12, "min_pj": 800.0, "mean_pj": 60000.0, "max_pj": 110000.0},
-            {"class": 1, "recordings": 8, "min_pj": 20000.0, "mean_pj": 160000.0, "max_pj": 1200000.0},
+            {
+                "class": 1,
+                "recordings": 8,
+                "min_pj": 20000.0,
+                "mean_pj": 160000.0,
+                "max_pj": 1200000.0,
+            },
         ],
         "other_profiles_pj": {"sanafe": 136000.0},
         "other_profiles_by_branch_pj": {"sanafe": {"time": 96000.0, "location": 40000.0}},
@@ -54,7 +63,11 @@ def energy() -> dict[str, Any]:
         "not_included": ["host input and output (not published)", "the transpose buffer"],
         "not_included_bounds": [
             {"what": "host input and output (not published)", **unpublished},
-            {"what": "the transpose buffer", "at_most_pj": 1000.0, "bound_source": "20 pJ an event, at 45 nm"},
+            {
+                "what": "the transpose buffer",
+                "at_most_pj": 1000.0,
+                "bound_source": "20 pJ an event, at 45 nm",
+            },
         ],
         "profiles": {
             "davies2018": {
@@ -70,7 +83,12 @@ def energy() -> dict[str, Any]:
                         "time_ns_range": [None, 3.5],
                         "source": davies,
                     },
-                    {"count": "neuron_updates_active", "energy_pj": 81.0, "energy_pj_range": None, **constant},
+                    {
+                        "count": "neuron_updates_active",
+                        "energy_pj": 81.0,
+                        "energy_pj_range": None,
+                        **constant,
+                    },
                 ],
                 "barrier_ns": {"one_tile": 113.0, "all_tiles": 465.0},
             },
@@ -78,7 +96,14 @@ def energy() -> dict[str, Any]:
                 "source": "an architecture file",
                 "basis": "simulator calibration",
                 "voltage_v": None,
-                "constants": [{"count": "synaptic_ops", "energy_pj": 35.5, "energy_pj_range": None, **constant}],
+                "constants": [
+                    {
+                        "count": "synaptic_ops",
+                        "energy_pj": 35.5,
+                        "energy_pj_range": None,
+                        **constant,
+                    }
+                ],
                 "barrier_ns": {"one_tile": 600.0, "all_tiles": 1800.0},
             },
         },
@@ -87,8 +112,21 @@ def energy() -> dict[str, Any]:
 
 def latency() -> dict[str, Any]:
     """Core 1 waits for core 0 in a third of the time; the sensor takes 5,000 times as long."""
-    time = {"updates": 300000.0, "sending": 0.0, "mesh": 0.0, "buffer": 0.0, "deliveries": 0.0, "synapses": 500000.0}
-    location = {**time, "updates": 90000.0, "mesh": 10000.0, "buffer": 50000.0, "synapses": 300000.0}
+    time = {
+        "updates": 300000.0,
+        "sending": 0.0,
+        "mesh": 0.0,
+        "buffer": 0.0,
+        "deliveries": 0.0,
+        "synapses": 500000.0,
+    }
+    location = {
+        **time,
+        "updates": 90000.0,
+        "mesh": 10000.0,
+        "buffer": 50000.0,
+        "synapses": 300000.0,
+    }
     return {
         "profile": "davies2018",
         "basis": "pre-silicon simulation at 0.75 V",
@@ -98,7 +136,10 @@ def latency() -> dict[str, Any]:
         "range_ns": [None, 1400000.0],
         "by_branch_ns": {"time": 900000.0, "location": 500000.0},
         "by_part_ns": {part: time[part] + location[part] for part in time} | {"barrier": 150000.0},
-        "by_branch_part_ns": {"time": time | {"barrier": 100000.0}, "location": location | {"barrier": 50000.0}},
+        "by_branch_part_ns": {
+            "time": time | {"barrier": 100000.0},
+            "location": location | {"barrier": 50000.0},
+        },
         "by_step_ns": {
             "time": {"bin_steps": 4, "bins": [200000.0, 500000.0, 200000.0]},
             "location": {"bin_steps": 2, "bins": [100000.0, 400000.0]},
@@ -109,7 +150,12 @@ def latency() -> dict[str, Any]:
                 "phase": phase,
                 "slot": 4 * core,
                 "tile": [core, 0],
-                "busy_ns": {"updates": 300000.0, "sending": 0.0, "deliveries": 0.0, "synapses": 300000.0},
+                "busy_ns": {
+                    "updates": 300000.0,
+                    "sending": 0.0,
+                    "deliveries": 0.0,
+                    "synapses": 300000.0,
+                },
                 "last_ns": last,
             }
             for core, phase, last in ((0, "time", 900000.0), (1, "location", 500000.0))
@@ -118,12 +164,26 @@ def latency() -> dict[str, Any]:
             {"phase": "time", "sender": 0, "last": 0, "ns": 900000.0},
             {"phase": "location", "sender": 0, "last": 1, "ns": 500000.0},
         ],
-        "links": [{"phase": "location", "from": [0, 0], "to": [1, 0], "packets": 2.5, "most_in_a_step": 3}],
+        "links": [
+            {"phase": "location", "from": [0, 0], "to": [1, 0], "packets": 2.5, "most_in_a_step": 3}
+        ],
         "over_samples_ns": {"min": 700.0, "p50": 1300000.0, "p99": 2700000.0, "max": 2800000.0},
         "worst_recording": {"recording": 7, "class": 1, "ns": 2800000.0},
         "by_class": [
-            {"class": 0, "recordings": 12, "min_ns": 700.0, "mean_ns": 1000000.0, "max_ns": 1500000.0},
-            {"class": 1, "recordings": 8, "min_ns": 800000.0, "mean_ns": 2000000.0, "max_ns": 2800000.0},
+            {
+                "class": 0,
+                "recordings": 12,
+                "min_ns": 700.0,
+                "mean_ns": 1000000.0,
+                "max_ns": 1500000.0,
+            },
+            {
+                "class": 1,
+                "recordings": 8,
+                "min_ns": 800000.0,
+                "mean_ns": 2000000.0,
+                "max_ns": 2800000.0,
+            },
         ],
         "critical_core": 1,
         "recording_ns": 7e9,
@@ -138,10 +198,19 @@ def latency() -> dict[str, Any]:
     }
 
 
-def ann(macs: int, multiplications: int, additions: int, ratio: float, chip_ratio: float) -> dict[str, Any]:
+def ann(
+    macs: int, multiplications: int, additions: int, ratio: float, chip_ratio: float
+) -> dict[str, Any]:
     """A conventional network; 100,000 pJ is this network's energy."""
-    float_pj, byte_pj = multiplications * 3.7 + additions * 0.9, multiplications * 0.2 + additions * 0.03
-    energies = {"fp32": float_pj, "int8": byte_pj, "int8_sums_of_32_bits": multiplications * 0.2 + additions * 0.1}
+    float_pj, byte_pj = (
+        multiplications * 3.7 + additions * 0.9,
+        multiplications * 0.2 + additions * 0.03,
+    )
+    energies = {
+        "fp32": float_pj,
+        "int8": byte_pj,
+        "int8_sums_of_32_bits": multiplications * 0.2 + additions * 0.1,
+    }
     return {
         "operations": multiplications + additions,
         "ratio": ratio,

@@ -35,14 +35,17 @@ def test_linear_axes_begin_at_0():
 
 
 @pytest.mark.parametrize(
-    ("points", "shown"), [(((1.0, 0.0), (2.0, 1.0)), 1), (((0.0, 1.0),), 0), ((), 0), (((5.0, 3.0),), 1)]
+    ("points", "shown"),
+    [(((1.0, 0.0), (2.0, 1.0)), 1), (((0.0, 1.0),), 0), ((), 0), (((5.0, 3.0),), 1)],
 )
 def test_what_a_logarithm_cannot_show_is_left_out(points, shown):
     assert len(dots(drawn(Curve("one", points)))) == shown
 
 
 def test_every_curve_is_in_the_legend():
-    picture = drawn(Curve("first", ((1.0, 1.0), (2.0, 2.0))), Curve("second", ((1.0, 2.0), (3.0, 1.0))))
+    picture = drawn(
+        Curve("first", ((1.0, 1.0), (2.0, 2.0))), Curve("second", ((1.0, 2.0), (3.0, 1.0)))
+    )
     texts = [text.text for text in picture.iter(f"{SVG}text")]
     assert {"first", "second", "title & <more>", "panel", "x"} <= set(texts)
     # Each curve once in the panel and once in the legend.

@@ -27,10 +27,18 @@ def drawn(*marks, kinds=("dendrite", "reset")):
 
 def shapes(root):
     """The marks of the panel, without those of the legend."""
-    return [element for element in root.iter() if (element.get("class") or "").startswith("mark") and len(element)]
+    return [
+        element
+        for element in root.iter()
+        if (element.get("class") or "").startswith("mark") and len(element)
+    ]
 
 
-@given(st.lists(st.builds(mark, FIGURE, FIGURE, kind=st.integers(0, 9), front=st.booleans()), max_size=8))
+@given(
+    st.lists(
+        st.builds(mark, FIGURE, FIGURE, kind=st.integers(0, 9), front=st.booleans()), max_size=8
+    )
+)
 def test_any_figures_make_a_whole_picture(marks):
     root = drawn(*marks)
     assert [float(value) for value in root.get("viewBox").split()][:2] == [0, 0]
@@ -48,7 +56,10 @@ def test_kinds_differ_in_shape_and_the_front_in_its_fill():
     ]
     defined = {element.get("id") for element in root.find(f"{SVG}defs")}
     assert {element.get("href")[1:] for element in root.iter(f"{SVG}use")} <= defined
-    assert [found[name].get("class") for name in ("at 0.1, 5", "at 0.6, 4")] == ["mark front", "mark"]
+    assert [found[name].get("class") for name in ("at 0.1, 5", "at 0.6, 4")] == [
+        "mark front",
+        "mark",
+    ]
 
 
 def test_lower_figures_are_lower_and_lower_errors_to_the_left():
@@ -70,7 +81,9 @@ def test_the_recommended_one_has_a_ring():
 def test_crowded_marks_share_no_room_for_labels():
     root = drawn(*(mark(0.5 + 1e-4 * i, 5, label=f"{i}-bit") for i in range(8)), mark(1, 1))
     labels = [element for element in root.iter(f"{SVG}text") if element.get("class") == "label"]
-    places = [(element.get("x"), element.get("y"), element.get("text-anchor")) for element in labels]
+    places = [
+        (element.get("x"), element.get("y"), element.get("text-anchor")) for element in labels
+    ]
     assert 2 <= len(labels) < 9
     assert len(set(places)) == len(places)
 
@@ -80,7 +93,9 @@ def test_names_that_are_no_xml_do_no_harm():
     assert ET.fromstring(content).find(f"{SVG}title").text == "<a>&�"
 
 
-@pytest.mark.parametrize(("largest", "step"), [(1, 0.2), (6, 1), (7, 2), (0.31, 0.1), (12e6, 2e6), (1e-300, 2e-301)])
+@pytest.mark.parametrize(
+    ("largest", "step"), [(1, 0.2), (6, 1), (7, 2), (0.31, 0.1), (12e6, 2e6), (1e-300, 2e-301)]
+)
 def test_ticks_are_round(largest, step):
     assert nice_step(largest / 6) == pytest.approx(step)
 

@@ -46,13 +46,32 @@ def test_histograms_are_left_to_the_reports(builds: tuple[Build, Build]) -> None
 def test_three_questions(builds: tuple[Build, Build]) -> None:
     report = comparison(*builds)
     assert (report.title, report.notices) == ("one → two", ())
-    assert report.subtitle == "two-branches on loihi-sim, then two-branches on loihi-sim: 5 figures changed"
+    assert (
+        report.subtitle
+        == "two-branches on loihi-sim, then two-branches on loihi-sim: 5 figures changed"
+    )
     assert [(v.status, v.answer, v.figure, v.figure_label) for v in report.verdicts] == [
-        ("nearly", "As before, but fewer spikes are equal", "95.0 %", "same prediction; 95.0 % before"),
-        ("yes", "Yes, 25.0 % less", "75.0 nJ", "dynamic energy per recording, profile davies2018; 100 nJ before"),
+        (
+            "nearly",
+            "As before, but fewer spikes are equal",
+            "95.0 %",
+            "same prediction; 95.0 % before",
+        ),
+        (
+            "yes",
+            "Yes, 25.0 % less",
+            "75.0 nJ",
+            "dynamic energy per recording, profile davies2018; 100 nJ before",
+        ),
         ("no", "No, more cores", "3 cores", "2 before"),
     ]
-    assert [section.title for section in report.sections] == ["Key figures", "Match", "Energy", "Resources", "Program"]
+    assert [section.title for section in report.sections] == [
+        "Key figures",
+        "Match",
+        "Energy",
+        "Resources",
+        "Program",
+    ]
     energy = next(b for b in report.sections[2].blocks if isinstance(b, Table))
     assert energy.rows == (("per_sample_pj", "100,000.0", "75,000.0", "-25.0 %"),)
 
@@ -78,7 +97,9 @@ def test_class_scores_count(
     assert {row.label: row.value for row in found.facts}["class scores"] == fact
 
 
-def test_predictions_that_were_not_compared_are_not_said_to_differ(builds: tuple[Build, Build]) -> None:
+def test_predictions_that_were_not_compared_are_not_said_to_differ(
+    builds: tuple[Build, Build],
+) -> None:
     builds[0].report["match"]["prediction_agreement"] = None
     found = comparison(*builds).verdicts[0]
     assert (found.answer, found.sentence) == (
@@ -108,7 +129,9 @@ def test_equal_builds_are_as_before(builds: tuple[Build, Build]) -> None:
     ],
     ids=["less", "more", "from nothing", "equal"],
 )
-def test_the_answer_on_costs(builds: tuple[Build, Build], before: float, after: float, answer: tuple[str, str]) -> None:
+def test_the_answer_on_costs(
+    builds: tuple[Build, Build], before: float, after: float, answer: tuple[str, str]
+) -> None:
     for build, energy in zip(builds, (before, after), strict=True):
         build.report["energy"]["per_sample_pj"] = energy
     found = comparison(*builds).verdicts[1]
@@ -121,7 +144,9 @@ def test_what_makes_them_less_comparable(builds: tuple[Build, Build]) -> None:
     builds[1].report["energy"]["profile"] = "sanafe"
     report = comparison(*builds)
     assert report.notices == (
-        Notice("The models differ.", "What changed may come from the model, not from the compiler."),
+        Notice(
+            "The models differ.", "What changed may come from the model, not from the compiler."
+        ),
         Notice(
             "They were checked on different recordings.",
             "20 recordings of touches.npz and 20 recordings of others.npz: figures per recording cannot be compared.",
@@ -142,7 +167,10 @@ def test_a_time_that_a_build_does_not_know_is_not_compared(builds: tuple[Build, 
 
 def test_committees_of_other_weights_are_other_models(builds: tuple[Build, Build]) -> None:
     for build, weight in zip(builds, (1.0, 5.0), strict=True):
-        build.report["model"]["members"] = [{"name": "a", "weight": 1.0}, {"name": "b", "weight": weight}]
+        build.report["model"]["members"] = [
+            {"name": "a", "weight": 1.0},
+            {"name": "b", "weight": weight},
+        ]
     assert "The models differ." in [notice.title for notice in comparison(*builds).notices]
 
 
@@ -150,7 +178,9 @@ NOT_KNOWN = Notice(
     "Whether the models are equal is not known.",
     "A network that was made in Python has no file to tell by. What changed may come from the model.",
 )
-CHIPS = Notice("The chips differ.", "What changed may come from what their cores and registers hold.")
+CHIPS = Notice(
+    "The chips differ.", "What changed may come from what their cores and registers hold."
+)
 PROFILES = Notice("Their energy profiles differ.", "Their energies and times cannot be compared.")
 RECORDINGS = Notice(
     "They were checked on different recordings.",
@@ -165,9 +195,19 @@ RECORDINGS = Notice(
         ({"target": "mine"}, CHIPS, "Yes, 25.0 % less"),
         ({"resources": {"limits": {"compartments": {"limit": 7}}}}, CHIPS, "Yes, 25.0 % less"),
         ({"energy": {"profiles": {"davies2018": {"voltage_v": 0.5}}}}, PROFILES, "Not comparable"),
-        ({"operations": {"by_branch": {"time": {"input_events": 9.0}}}}, RECORDINGS, "Not comparable"),
+        (
+            {"operations": {"by_branch": {"time": {"input_events": 9.0}}}},
+            RECORDINGS,
+            "Not comparable",
+        ),
     ],
-    ids=["made in Python", "another target", "another core", "another profile of one name", "another array"],
+    ids=[
+        "made in Python",
+        "another target",
+        "another core",
+        "another profile of one name",
+        "another array",
+    ],
 )
 def test_what_is_of_one_name_may_differ(
     builds: tuple[Build, Build], change: dict[str, Any], notice: Notice, answer: str
@@ -182,7 +222,10 @@ def test_what_is_of_one_name_may_differ(
     limits = {"limits": {"compartments": {"used": 5, "limit": 8}}}
     first = {"resources": limits, "operations": {"by_branch": {"time": {"input_events": 8.0}}}}
     for build in builds:
-        merge(build.report, {"energy": {"profiles": {"davies2018": {"voltage_v": 0.75}}}} | copy.deepcopy(first))
+        merge(
+            build.report,
+            {"energy": {"profiles": {"davies2018": {"voltage_v": 0.75}}}} | copy.deepcopy(first),
+        )
     builds[1].report["resources"]["limits"]["compartments"]["used"] = 3
     merge(builds[1].report, change)
     fresh = tuple(Build(build.name, build.report, build.program) for build in builds)
@@ -191,8 +234,12 @@ def test_what_is_of_one_name_may_differ(
     assert report.verdicts[1].answer == answer
 
 
-@pytest.mark.parametrize("change", [{"events_source": "others.npz"}, {"samples": 3}], ids=["others", "fewer"])
-def test_costs_of_different_recordings_are_not_comparable(builds: tuple[Build, Build], change: dict[str, Any]) -> None:
+@pytest.mark.parametrize(
+    "change", [{"events_source": "others.npz"}, {"samples": 3}], ids=["others", "fewer"]
+)
+def test_costs_of_different_recordings_are_not_comparable(
+    builds: tuple[Build, Build], change: dict[str, Any]
+) -> None:
     builds[1].report["match"] |= change
     cost = comparison(*builds).verdicts[1]
     assert (cost.status, cost.answer) == ("unknown", "Not comparable")
@@ -218,7 +265,14 @@ def test_the_page_is_small_whatever_changed(builds: tuple[Build, Build]) -> None
 
 @pytest.mark.parametrize(
     ("before", "after", "text"),
-    [(4, 5, "+25.0 %"), (0, 5, ""), ("a", 1, ""), (True, 2, ""), (10**400, 1, ""), (float("inf"), 1, "")],
+    [
+        (4, 5, "+25.0 %"),
+        (0, 5, ""),
+        ("a", 1, ""),
+        (True, 2, ""),
+        (10**400, 1, ""),
+        (float("inf"), 1, ""),
+    ],
 )
 def test_percent(before: Any, after: Any, text: str) -> None:
     assert percent(before, after) == text
@@ -227,7 +281,9 @@ def test_percent(before: Any, after: Any, text: str) -> None:
 def test_figures_of_a_program() -> None:
     builder = hw.ProgramBuilder(hw.chip("loihi-sim"), name="tiny")
     line = builder.add_input("line", 2)
-    cell = builder.add_compartments("cell", 2, decay_u=[4096, 2048], decay_v=128, threshold=15, bias=64, refractory=2)
+    cell = builder.add_compartments(
+        "cell", 2, decay_u=[4096, 2048], decay_v=128, threshold=15, bias=64, refractory=2
+    )
     builder.connect(line, cell, [[20, -2], [0, 4]], delay=3)
     found = program_figures(builder.build())
     assert found.pop("registers")["voltage_bits"] == 23
@@ -260,7 +316,11 @@ def test_figures_of_a_program() -> None:
 
 
 def test_flatten_keeps_the_order_at_any_depth() -> None:
-    assert list(flatten({"b": [1, {"a": 2}], "a": {}, "c": None}).items()) == [("b.0", 1), ("b.1.a", 2), ("c", None)]
+    assert list(flatten({"b": [1, {"a": 2}], "a": {}, "c": None}).items()) == [
+        ("b.0", 1),
+        ("b.1.a", 2),
+        ("c", None),
+    ]
     deep: Any = 1
     for _ in range(5000):
         deep = [deep]

@@ -41,13 +41,21 @@ KEYS = {
     "accuracy": (dict, NONE),
     "operations": {"per_sample": dict.fromkeys(OPERATIONS, NUMBER), "by_branch": {"time": dict}},
     "energy": {"profile": str, "per_sample_pj": NUMBER, "breakdown_pj": dict, "not_included": list},
-    "latency": {"per_sample_ns": NUMBER, "per_sample_cycles": int, "critical_core": int, "basis": str},
+    "latency": {
+        "per_sample_ns": NUMBER,
+        "per_sample_cycles": int,
+        "critical_core": int,
+        "basis": str,
+    },
     "resources": {
-        **dict.fromkeys(("cores", "compartments", "synapses", "synapse_bits", "axons_in", "axons_out"), int),
+        **dict.fromkeys(
+            ("cores", "compartments", "synapses", "synapse_bits", "axons_in", "axons_out"), int
+        ),
         "limits": dict,
     },
     "ann_comparison": {
-        name: dict.fromkeys(("operations", "ratio", "chip_ratio"), (*NUMBER, NONE)) for name in ("cnn-3d", "gru-mlp")
+        name: dict.fromkeys(("operations", "ratio", "chip_ratio"), (*NUMBER, NONE))
+        for name in ("cnn-3d", "gru-mlp")
     },
     "skipped": {
         **dict.fromkeys(("steps", "events_dropped"), NUMBER),
@@ -59,7 +67,9 @@ KEYS = {
 }
 """The type of each value; of a mapping, the keys that it holds."""
 NO_MESH = ("latency.critical_core",)
-NO_ENERGY = tuple(f"energy.{key}" for key in ("profile", "per_sample_pj", "breakdown_pj", "not_included"))
+NO_ENERGY = tuple(
+    f"energy.{key}" for key in ("profile", "per_sample_pj", "breakdown_pj", "not_included")
+)
 NULL = {
     "loihi-sim": (),
     "tiny-sim": (),
@@ -93,7 +103,10 @@ def model(tmp_path_factory):
     layout = InputLayout(neutouch(1), 40, 0.02)
     description = NetworkDescription("tactile-snn", layout, classes=3, hidden=6, name="small")
     r = np.random.default_rng(0)
-    weights = {name: r.normal(0.5, 2.0, shape).astype(np.float32) for name, shape in description.weight_shapes.items()}
+    weights = {
+        name: r.normal(0.5, 2.0, shape).astype(np.float32)
+        for name, shape in description.weight_shapes.items()
+    }
     path = tmp_path_factory.mktemp("model") / "small.pt"
     Checkpoint(description, weights).save(path)
     return path
@@ -125,7 +138,11 @@ def test_a_gate_on_an_energy_that_is_not_known_fails(build):
     energy, latency = json.loads((folder / "report.json").read_text())["gates"]
     assert set(energy) == set(latency) == {"name", "bound", "measured", "passed"}
     known = target not in {"ecp5-25f", "ecp5-85f", "ice40up5k"}
-    assert (energy["passed"], energy["measured"] is not None, code) == (known, known, 0 if known else 3)
+    assert (energy["passed"], energy["measured"] is not None, code) == (
+        known,
+        known,
+        0 if known else 3,
+    )
     assert latency["passed"]
 
 
@@ -176,10 +193,16 @@ SIGNATURES = [
 """Functions with their first parameters. Where weight bits are None, they are the chip's widest: 8 on all that ship."""
 
 
-@pytest.mark.parametrize(("function", "wanted"), SIGNATURES, ids=[f.__qualname__ for f, _ in SIGNATURES])
+@pytest.mark.parametrize(
+    ("function", "wanted"), SIGNATURES, ids=[f.__qualname__ for f, _ in SIGNATURES]
+)
 def test_public_functions_keep_their_first_parameters(function, wanted):
     def text(parameter):
-        return parameter.name if parameter.default is parameter.empty else f"{parameter.name}={parameter.default!r}"
+        return (
+            parameter.name
+            if parameter.default is parameter.empty
+            else f"{parameter.name}={parameter.default!r}"
+        )
 
     found = [text(parameter) for parameter in inspect.signature(function).parameters.values()]
     assert ", ".join(found[: wanted.count(", ") + 1]) == wanted
@@ -189,4 +212,7 @@ def test_eight_bits_are_what_no_bits_mean_on_chips_that_ship(model):
     network = lc.load(model)
     for name in hw.chip_names():
         assert hw.chip(name).registers.weight_bits[-1] == 8, name
-    assert lc.compile(network, diagnosis=False).files() == lc.compile(network, weight_bits=8, diagnosis=False).files()
+    assert (
+        lc.compile(network, diagnosis=False).files()
+        == lc.compile(network, weight_bits=8, diagnosis=False).files()
+    )

@@ -23,11 +23,15 @@ def test_profiles_and_arithmetics_are_those_of_the_code():
         assert profile.source in row
         assert ("not stated" if profile.voltage_v is None else f"{profile.voltage_v:g} V") in row
     for name, costs in ARITHMETICS.items():
-        assert f"| {words(name)} | {costs.multiplication_pj:g} pJ | {costs.addition_pj:g} pJ |" in PAGE
+        assert (
+            f"| {words(name)} | {costs.multiplication_pj:g} pJ | {costs.addition_pj:g} pJ |" in PAGE
+        )
 
 
 def test_the_bound_of_the_buffer_is_that_of_the_chip_file():
-    bounds = [item for item in hw.chip("loihi-sim").profile("davies2018").not_included if item.bound_pj]
+    bounds = [
+        item for item in hw.chip("loihi-sim").profile("davies2018").not_included if item.bound_pj
+    ]
     assert [item.bound_pj for item in bounds] == [{"transpose_events": 20.0}]
     assert "20 pJ per event" in PAGE
 
@@ -37,7 +41,9 @@ def test_the_bound_of_the_buffer_is_that_of_the_chip_file():
 @pytest.mark.parametrize("name", ["objects-hybrid-loihi", "containers-hybrid-loihi"])
 def test_the_tables_are_what_the_command_writes(name):
     """Of the networks whose integers are their own: no change of the rounding moves them."""
-    spec = importlib.util.spec_from_file_location("energy_tables", ROOT / "tests/benchmarks/energy.py")
+    spec = importlib.util.spec_from_file_location(
+        "energy_tables", ROOT / "tests/benchmarks/energy.py"
+    )
     assert spec
     assert spec.loader
     script = importlib.util.module_from_spec(spec)

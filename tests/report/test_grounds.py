@@ -34,17 +34,23 @@ TRAINED_ON = (
     "lower."
 )
 NO_STEP = "How long a step lasts is not known, because neither the model nor the recordings say it (--step-seconds, or --dt of a NIR graph): there is no comparison with the pace of a sensor."
-STEP_OF_BINS = "A step lasts 0.01 s, like the bins of the recordings, because the model does not say."
+STEP_OF_BINS = (
+    "A step lasts 0.01 s, like the bins of the recordings, because the model does not say."
+)
 SILENCE = "The recordings have 30 steps; silence follows, up to the 40 of the model."
 
-THRESHOLD = "A bin of more than 2 events is 1, the default, because the model does not say (--threshold)."
+THRESHOLD = (
+    "A bin of more than 2 events is 1, the default, because the model does not say (--threshold)."
+)
 
 
 def calibrated(on: str) -> str:
     return f"The program was calibrated on {on}: its weights and settings suit these. Give others with --calibration."
 
 
-def played(origin: Origin = "given", step_seconds: float | None = None, steps: int = 40) -> Recordings:
+def played(
+    origin: Origin = "given", step_seconds: float | None = None, steps: int = 40
+) -> Recordings:
     spikes = np.random.default_rng(1).integers(0, 2, size=(3, steps, 78), dtype=np.uint8)
     source = "synthetic touches" if origin == "made up" else "a.npz"
     return Recordings(spikes, np.arange(3), step_seconds, source, origin)
@@ -74,7 +80,13 @@ OTHERS = played()
     ("recordings", "calibration", "step", "wanted"),
     [
         pytest.param(GIVEN, OTHERS, 0.02, (), id="nothing"),
-        pytest.param(GIVEN, GIVEN, 0.02, (calibrated("the recordings of the check itself"),), id="the same twice"),
+        pytest.param(
+            GIVEN,
+            GIVEN,
+            0.02,
+            (calibrated("the recordings of the check itself"),),
+            id="the same twice",
+        ),
         pytest.param(
             GIVEN,
             played("made up"),
@@ -93,26 +105,53 @@ OTHERS = played()
         pytest.param(played("trained on"), OTHERS, 0.02, (TRAINED_ON,), id="trained on"),
         pytest.param(played("carried"), OTHERS, 0.02, (), id="of the test part"),
         pytest.param(GIVEN, OTHERS, None, (NO_STEP,), id="no step"),
-        pytest.param(played(step_seconds=0.01), OTHERS, None, (STEP_OF_BINS,), id="the step of the bins"),
-        pytest.param(played("made up", 0.01), OTHERS, None, (MADE_UP, NO_STEP), id="made-up bins say no step"),
+        pytest.param(
+            played(step_seconds=0.01), OTHERS, None, (STEP_OF_BINS,), id="the step of the bins"
+        ),
+        pytest.param(
+            played("made up", 0.01), OTHERS, None, (MADE_UP, NO_STEP), id="made-up bins say no step"
+        ),
         pytest.param(played(steps=30), OTHERS, 0.02, (SILENCE,), id="shorter"),
-        pytest.param(replace(GIVEN, binned=Binned(None, 9, 0, 0)), OTHERS, 0.02, (), id="bins were given"),
-        pytest.param(replace(GIVEN, binned=Binned(2, 9, 0, 0)), OTHERS, 0.02, (THRESHOLD,), id="a usual threshold"),
+        pytest.param(
+            replace(GIVEN, binned=Binned(None, 9, 0, 0)), OTHERS, 0.02, (), id="bins were given"
+        ),
+        pytest.param(
+            replace(GIVEN, binned=Binned(2, 9, 0, 0)),
+            OTHERS,
+            0.02,
+            (THRESHOLD,),
+            id="a usual threshold",
+        ),
     ],
 )
 def test_every_assumption_stands_and_no_other(
-    network: Network, recordings: Recordings, calibration: Recordings, step: float | None, wanted: tuple[str, ...]
+    network: Network,
+    recordings: Recordings,
+    calibration: Recordings,
+    step: float | None,
+    wanted: tuple[str, ...],
 ) -> None:
     found = grounds_of(replace(network, step_seconds=step), recordings, calibration, REGISTERS)
     assert found.assumptions == ("The file left this open.", *wanted)
 
 
-def test_weights_that_round_alike_for_any_recordings_are_not_called_calibrated(tmp_path: Path) -> None:
+def test_weights_that_round_alike_for_any_recordings_are_not_called_calibrated(
+    tmp_path: Path,
+) -> None:
     file = tmp_path / "windows.pt"
-    layout, windows = InputLayout(neutouch(1), 40, 0.02), WindowParameters(steps=8, stride=8, levels=(1,))
+    layout, windows = (
+        InputLayout(neutouch(1), 40, 0.02),
+        WindowParameters(steps=8, stride=8, levels=(1,)),
+    )
     order = tuple(range(1, 40))
     description = NetworkDescription(
-        "window-snn", layout, 3, window=windows, location_order="own", location_taxels=order, name="windows"
+        "window-snn",
+        layout,
+        3,
+        window=windows,
+        location_order="own",
+        location_taxels=order,
+        name="windows",
     )
     Checkpoint(description, build_network(description, seed=1).weights()).save(file)
     network = lc.load(file)
@@ -161,13 +200,24 @@ def in_seconds(value: object, key: str = "") -> dict[str, object]:
     ],
 )
 def test_seconds_and_pace_only_where_a_step_is_known(
-    of_model: float | None, of_events: float | None, known: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    of_model: float | None,
+    of_events: float | None,
+    known: bool,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     model = saved(tmp_path / "m.pt", step_seconds=of_model)
     array = np.random.default_rng(1).integers(0, 2, size=(3, 78, 40), dtype=np.uint8)
-    np.savez(tmp_path / "a.npz", spikes=array, **({} if of_events is None else {"step_seconds": of_events}))
+    np.savez(
+        tmp_path / "a.npz",
+        spikes=array,
+        **({} if of_events is None else {"step_seconds": of_events}),
+    )
     out = tmp_path / "out"
-    assert main([str(model), "--events", str(tmp_path / "a.npz"), "-o", str(out), "--emit", "csv"]) == 0
+    assert (
+        main([str(model), "--events", str(tmp_path / "a.npz"), "-o", str(out), "--emit", "csv"])
+        == 0
+    )
     report = json.loads((out / "report.json").read_text())
     times = in_seconds(report)
     assert len(times) >= 3
@@ -181,7 +231,10 @@ def test_seconds_and_pace_only_where_a_step_is_known(
         ),
     ]
     for text in (*shown, (out / "csv/figures.csv").read_text()):
-        assert all(sentence.replace("'", "&#x27;") in text or sentence in text for sentence in report["assumptions"])
+        assert all(
+            sentence.replace("'", "&#x27;") in text or sentence in text
+            for sentence in report["assumptions"]
+        )
     for text in shown:
         assert ("recorded" in text and "times faster than" in text) == known
 
@@ -194,7 +247,9 @@ def test_a_nir_graph_of_no_step_has_no_pace_and_says_what_was_taken(
         {
             "input": nir.Input(np.array([3])),
             "w": nir.Linear(np.full((2, 3), 0.5)),
-            "out": nir.LIF(tau=1e-3 * one, r=10 * one, v_leak=0 * one, v_threshold=one, v_reset=0 * one),
+            "out": nir.LIF(
+                tau=1e-3 * one, r=10 * one, v_leak=0 * one, v_threshold=one, v_reset=0 * one
+            ),
             "output": nir.Output(np.array([2])),
         },
         [("input", "w"), ("w", "out"), ("out", "output")],
@@ -219,7 +274,9 @@ def test_a_nir_graph_of_no_step_has_no_pace_and_says_what_was_taken(
 
 def test_recordings_that_a_network_was_trained_on_are_told_from_others(tmp_path: Path) -> None:
     for test_recordings, said in ((None, True), (3, False)):
-        model = saved(tmp_path / "m.pt", recordings=played(), training={"test_recordings": test_recordings})
+        model = saved(
+            tmp_path / "m.pt", recordings=played(), training={"test_recordings": test_recordings}
+        )
         report = lc.compile(lc.load(model), diagnosis=False).report
         assert (TRAINED_ON in report["assumptions"]) == said
         assert report["match"]["events_origin"] == ("trained on" if said else "carried")
@@ -233,4 +290,7 @@ def test_time_is_of_the_profile_that_says_what_it_rests_on(network: Network) -> 
 
 def test_made_up_recordings_have_the_step_of_the_model_or_none() -> None:
     for channels in (78, 5):
-        assert [synthetic_recordings(channels, 40, step).step_seconds for step in (None, 0.5)] == [None, 0.5]
+        assert [synthetic_recordings(channels, 40, step).step_seconds for step in (None, 0.5)] == [
+            None,
+            0.5,
+        ]

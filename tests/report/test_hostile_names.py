@@ -43,7 +43,9 @@ class Tags(HTMLParser):
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         self.found.add(tag)
-        self.handlers |= {name for name, _ in attrs if name.startswith("on") or name in ("src", "style")}
+        self.handlers |= {
+            name for name, _ in attrs if name.startswith("on") or name in ("src", "style")
+        }
 
 
 def renamed(name):
@@ -55,9 +57,12 @@ def renamed(name):
         name=name,
         populations=tuple(replace(p, name=new[p.name]) for p in network.populations),
         projections=tuple(
-            replace(p, source=new.get(p.source, p.source), target=new[p.target]) for p in network.projections
+            replace(p, source=new.get(p.source, p.source), target=new[p.target])
+            for p in network.projections
         ),
-        readout=replace(network.readout, populations=tuple(new[n] for n in network.readout.populations)),
+        readout=replace(
+            network.readout, populations=tuple(new[n] for n in network.readout.populations)
+        ),
     )
 
 
@@ -79,7 +84,9 @@ def test_names_of_populations(name, tmp_path):
     folder = tmp_path / "inside" / "build"
     write_build(folder, files)
     assert [path.name for path in tmp_path.iterdir()] == ["inside"]
-    assert {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()} == set(files)
+    assert {
+        path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()
+    } == set(files)
 
 
 @pytest.mark.parametrize(
@@ -101,7 +108,9 @@ def test_names_of_model_files(model, folder):
     assert str(default_folder(model)) == folder
 
 
-@pytest.mark.parametrize("name", ["...pt", "\"'<script>alert(1)<script>\n指.pt"], ids=["dots", "script"])
+@pytest.mark.parametrize(
+    "name", ["...pt", "\"'<script>alert(1)<script>\n指.pt"], ids=["dots", "script"]
+)
 def test_a_model_file_with_a_bad_name(name, tmp_path, monkeypatch, capsys):
     home = tmp_path / "home"
     home.mkdir()
@@ -114,4 +123,7 @@ def test_a_model_file_with_a_bad_name(name, tmp_path, monkeypatch, capsys):
     (build,) = (home / "build").iterdir()
     assert "\n" not in build.name
     assert "<script" not in (build / "report.html").read_text(encoding="utf-8")
-    assert json.loads((build / "report.json").read_text(encoding="utf-8"))["model"]["name"] == "objects-hybrid"
+    assert (
+        json.loads((build / "report.json").read_text(encoding="utf-8"))["model"]["name"]
+        == "objects-hybrid"
+    )

@@ -38,14 +38,23 @@ def checkpoint(path: Path, **weights: float) -> Path:
         "tactile-snn", InputLayout(neutouch(1), STEPS, 0.02), classes=3, hidden=6, name=path.stem
     )
     r = np.random.default_rng(0)
-    drawn = {name: r.normal(0.5, 2.0, shape).astype(np.float32) for name, shape in described.weight_shapes.items()}
+    drawn = {
+        name: r.normal(0.5, 2.0, shape).astype(np.float32)
+        for name, shape in described.weight_shapes.items()
+    }
     held = {name: np.full_like(array, weights.get(name, 0.0)) for name, array in drawn.items()}
-    Checkpoint(described, {name: held[name] if name in weights else drawn[name] for name in drawn}).save(path)
+    Checkpoint(
+        described, {name: held[name] if name in weights else drawn[name] for name in drawn}
+    ).save(path)
     return path
 
 
 def graph_with_biases(
-    path: Path, threshold: float = 100.0, biases: tuple[float, ...] = (0.1, 0.1, 0.1), *, potentials: bool = False
+    path: Path,
+    threshold: float = 100.0,
+    biases: tuple[float, ...] = (0.1, 0.1, 0.1),
+    *,
+    potentials: bool = False,
 ) -> Path:
     """Two layers of LIF neurons whose thresholds nothing reaches; of the biases comes a neuron of the compiler's own.
 
@@ -115,7 +124,14 @@ CASES = [
         lambda folder: graph_with_biases(folder / "biases.nir"),
         SILENT_GRAPH,
         {"hidden": None, "out": None},
-        {"nir/bias": {"spike_agreement": 1.0, "spike_mismatches": 0, "reference_spikes": 800, "chip_spikes": 800}},
+        {
+            "nir/bias": {
+                "spike_agreement": 1.0,
+                "spike_mismatches": 0,
+                "reference_spikes": 800,
+                "chip_spikes": 800,
+            }
+        },
         TIES + SILENCE,
         id="a graph with biases in which no neuron spikes",
     ),
@@ -132,7 +148,14 @@ def test_what_was_not_compared_is_not_100_percent(
     helpers: dict[str, Any],
     failures: str,
 ) -> None:
-    gates = ("--min-agreement", "1", "--max-spike-error", "0", "--junit", str(tmp_path / "gates.xml"))
+    gates = (
+        "--min-agreement",
+        "1",
+        "--max-spike-error",
+        "0",
+        "--junit",
+        str(tmp_path / "gates.xml"),
+    )
     assert main([str(make(tmp_path)), "-o", str(tmp_path / "out"), *gates]) == 3
     printed = capsys.readouterr()
     assert summary in printed.out
@@ -140,27 +163,42 @@ def test_what_was_not_compared_is_not_100_percent(
 
     report = json.loads((tmp_path / "out/report.json").read_text())
     match = report["match"]
-    assert {name: found["spike_agreement"] for name, found in match["by_population"].items()} == agreement
+    assert {
+        name: found["spike_agreement"] for name, found in match["by_population"].items()
+    } == agreement
     assert (match["prediction_agreement"], match["tied_predictions"]) == (None, match["samples"])
     assert match["helper_neurons"] == helpers
     spikes = 1.0 if 1.0 in agreement.values() else None
     assert match["spike_agreement"] == spikes
     assert report["gates"] == [
         {"name": "--min-agreement", "bound": 1.0, "measured": None, "passed": False},
-        {"name": "--max-spike-error", "bound": 0.0, "measured": spikes and 0.0, "passed": spikes is not None},
+        {
+            "name": "--max-spike-error",
+            "bound": 0.0,
+            "measured": spikes and 0.0,
+            "passed": spikes is not None,
+        },
     ]
     cases = {
-        case.get("name"): case.find("failure") for case in ElementTree.parse(tmp_path / "gates.xml").iter("testcase")
+        case.get("name"): case.find("failure")
+        for case in ElementTree.parse(tmp_path / "gates.xml").iter("testcase")
     }
     assert {name for name, failure in cases.items() if failure is not None} == {
         gate["name"] for gate in report["gates"] if not gate["passed"]
     }
 
     page, text = ((tmp_path / "out" / name).read_text() for name in ("report.html", "report.md"))
-    assert '<p class="figure">silent</p><p class="figure-label">no prediction to compare</p>' in page
-    assert "No prediction was compared: all class scores tie in every recording, on both sides." in text
+    assert (
+        '<p class="figure">silent</p><p class="figure-label">no prediction to compare</p>' in page
+    )
+    assert (
+        "No prediction was compared: all class scores tie in every recording, on both sides."
+        in text
+    )
     for name, found in agreement.items():
-        row = re.search(rf"\| {name.replace('_', '.')} \| ([^|]*) \|", text[text.index("## Agreement") :])
+        row = re.search(
+            rf"\| {name.replace('_', '.')} \| ([^|]*) \|", text[text.index("## Agreement") :]
+        )
         assert row is not None
         assert row[1] == ("100 %" if found else "silent")
     assert ("nir/bias (800 spikes in the network, 800 on the chip)." in text) == bool(helpers)
@@ -168,7 +206,21 @@ def test_what_was_not_compared_is_not_100_percent(
 
 def test_the_json_output_has_the_gates(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     model = checkpoint(tmp_path / "loud.pt")
-    assert main([str(model), "-o", str(tmp_path / "out"), "--json", "--min-agreement", "0.5", "--max-cores", "0"]) == 3
+    assert (
+        main(
+            [
+                str(model),
+                "-o",
+                str(tmp_path / "out"),
+                "--json",
+                "--min-agreement",
+                "0.5",
+                "--max-cores",
+                "0",
+            ]
+        )
+        == 3
+    )
     printed = capsys.readouterr()
     report = json.loads(printed.out)
     assert report == json.loads((tmp_path / "out/report.json").read_text())
@@ -212,7 +264,13 @@ FAULTS = [
     pytest.param({}, {}, "yes", "Yes, in every prediction", id="no fault"),
     pytest.param({}, {"time_output": -0.5}, "no", "No", id="outputs fall silent"),
     pytest.param({"time_output": -0.5}, {}, "no", "No", id="outputs spike that should not"),
-    pytest.param({"time_output": -0.5}, {"time_output": -0.25}, "unknown", "Not known", id="a fault no output shows"),
+    pytest.param(
+        {"time_output": -0.5},
+        {"time_output": -0.25},
+        "unknown",
+        "Not known",
+        id="a fault no output shows",
+    ),
     pytest.param(
         {"time_output": -0.5},
         {"time_hidden": 3.0, "time_output": -0.5},
@@ -236,7 +294,8 @@ def test_a_planted_fault(
 ) -> None:
     """The chip has the program of another network; the verdict is that of the comparison."""
     model, other = (
-        compiled(checkpoint(tmp_path / f"{name}.pt", **weights)) for name, weights in (("a", trained), ("b", on_chip))
+        compiled(checkpoint(tmp_path / f"{name}.pt", **weights))
+        for name, weights in (("a", trained), ("b", on_chip))
     )
     wrong = replace(model, levels=replace(model.levels, program=other.levels.program))
     match = lc.verify(wrong, events())
@@ -259,10 +318,16 @@ def test_potentials_never_spike_and_are_silent_only_where_all_are_equal(
     tmp_path: Path, threshold: float, biases: tuple[float, ...], answer: str
 ) -> None:
     """Where every spike is equal, or there is none, the chip may still predict otherwise."""
-    network = lc.load(graph_with_biases(tmp_path / "read.nir", threshold, biases, potentials=True), dt=1e-3)
+    network = lc.load(
+        graph_with_biases(tmp_path / "read.nir", threshold, biases, potentials=True), dt=1e-3
+    )
     model = lc.compile(network, diagnosis=False)
     match, found = model.match, model.report["match"]
-    assert found["readout"] == {"populations": ["out"], "by": "potentials", "silent": answer == "Not known"}
+    assert found["readout"] == {
+        "populations": ["out"],
+        "by": "potentials",
+        "silent": answer == "Not known",
+    }
     assert found["by_population"]["out"]["spike_agreement"] is None
     assert (found["spike_agreement"] is None) == (threshold == 100.0)
     agreeing = replace(match, chip_prediction=match.reference_prediction)
@@ -271,5 +336,7 @@ def test_potentials_never_spike_and_are_silent_only_where_all_are_equal(
     turned = replace(match, chip_prediction=(match.chip_prediction + 1) % network.classes)
     assert matches(report_document(model.levels, turned, GROUNDS)).answer == "No"
     tied = np.full(match.samples, -1)
-    silent = report_document(model.levels, replace(match, chip_prediction=tied, reference_prediction=tied), GROUNDS)
+    silent = report_document(
+        model.levels, replace(match, chip_prediction=tied, reference_prediction=tied), GROUNDS
+    )
     assert matches(silent).answer == "Not known"

@@ -19,7 +19,14 @@ ROOT = Path(__file__).parents[2]
 def build(tmp_path_factory):
     folder = tmp_path_factory.mktemp("builds") / "out"
     recordings = ROOT / "examples/recordings/touches.npz"
-    arguments = [ROOT / "examples/models/objects-hybrid.pt", "--events", recordings, "-o", folder, "--quiet"]
+    arguments = [
+        ROOT / "examples/models/objects-hybrid.pt",
+        "--events",
+        recordings,
+        "-o",
+        folder,
+        "--quiet",
+    ]
     assert compile_main([str(a) for a in arguments]) == 0
     return folder
 
@@ -40,7 +47,10 @@ def of_core(program, **changes):
 def of_axons(program, *names, **changes):
     """Return a program with other axons in its first core; arrays of these names are swapped."""
     axons = program.cores[0].axons
-    return of_core(program, axons=replace(axons, **{name: swapped(getattr(axons, name)) for name in names}, **changes))
+    return of_core(
+        program,
+        axons=replace(axons, **{name: swapped(getattr(axons, name)) for name in names}, **changes),
+    )
 
 
 def of_input(program, **changes):
@@ -53,7 +63,9 @@ def of_phase(program, **changes):
 
 def of_route(program, name):
     first, *others = program.input_routes
-    return replace(program, input_routes=(replace(first, **{name: swapped(getattr(first, name))}), *others))
+    return replace(
+        program, input_routes=(replace(first, **{name: swapped(getattr(first, name))}), *others)
+    )
 
 
 def of_readout(program, **changes):
@@ -79,7 +91,10 @@ def of_chip(program, before, after):
 def regrouped(program):
     """Return a program whose two groups of 32 changed their names, and so their places."""
     first, second, *others = program.cores[0].slices
-    return of_core(program, slices=(replace(first, group=second.group), replace(second, group=first.group), *others))
+    return of_core(
+        program,
+        slices=(replace(first, group=second.group), replace(second, group=first.group), *others),
+    )
 
 
 EDITS = {
@@ -160,7 +175,10 @@ def test_where_figures_of_reports_differ_as_well_the_summary_says_so(build, tmp_
     (tmp_path / "out/report.json").write_text(json.dumps(report))
     assert main(["diff", str(build), str(tmp_path / "out")]) == 0
     said = " ".join(capsys.readouterr().out.split())
-    assert "The programs differ, but not in their sums and extremes. They differ in cores.mantissa." in said
+    assert (
+        "The programs differ, but not in their sums and extremes. They differ in cores.mantissa."
+        in said
+    )
 
 
 @pytest.mark.parametrize(

@@ -52,7 +52,9 @@ def browser() -> Iterator[Chromium]:
 @pytest.fixture
 def page(document: dict[str, Any], excerpt: Excerpt, tmp_path: Path) -> Path:
     row = document["resources"]["by_core"][0]
-    document["resources"]["by_core"] = [{**row, "core": i, "slot": i, "tile": [i // 4, 0]} for i in range(20)]
+    document["resources"]["by_core"] = [
+        {**row, "core": i, "slot": i, "tile": [i // 4, 0]} for i in range(20)
+    ]
     path = tmp_path / "report.html"
     path.write_text(render_html(compose(document, excerpt)), encoding="utf-8")
     return path
@@ -61,7 +63,11 @@ def page(document: dict[str, Any], excerpt: Excerpt, tmp_path: Path) -> Path:
 def _quiet_and_alone(browser: Chromium, page: Path) -> None:
     """Nothing was said on the console, and nothing asked for but the page itself."""
     assert [event for event in browser.events if event["method"] in LOUD] == []
-    asked = [e["params"]["request"]["url"] for e in browser.events if e["method"] == "Network.requestWillBeSent"]
+    asked = [
+        e["params"]["request"]["url"]
+        for e in browser.events
+        if e["method"] == "Network.requestWillBeSent"
+    ]
     assert asked == [page.resolve().as_uri()]
 
 
@@ -69,7 +75,13 @@ def test_it_says_nothing_to_the_console_and_asks_for_nothing(browser: Chromium, 
     browser.open(page)
     _quiet_and_alone(browser, page)
     shown = browser.evaluate("document.body.innerText")
-    for figure in ("two-branches on loihi-sim", "95.0 %", "100 nJ", "2 of 128 cores", "1 only on the chip"):
+    for figure in (
+        "two-branches on loihi-sim",
+        "95.0 %",
+        "100 nJ",
+        "2 of 128 cores",
+        "1 only on the chip",
+    ):
         assert figure in shown
 
 
@@ -77,7 +89,12 @@ def test_it_says_nothing_to_the_console_and_asks_for_nothing(browser: Chromium, 
 def test_it_is_never_wider_than_the_screen(browser: Chromium, page: Path, width: int) -> None:
     browser.open(page, width=width)
     assert browser.evaluate(TOO_WIDE) == []
-    assert browser.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth") == 0
+    assert (
+        browser.evaluate(
+            "document.documentElement.scrollWidth - document.documentElement.clientWidth"
+        )
+        == 0
+    )
 
 
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
@@ -90,9 +107,13 @@ def test_all_text_stands_out_from_its_ground(browser: Chromium, page: Path, dark
 
 def test_paper_is_white_and_whole(browser: Chromium, page: Path) -> None:
     browser.open(page, dark=True, media="print")
-    assert browser.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
+    assert (
+        browser.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
+    )
     assert browser.evaluate(FAINT) == []
-    assert browser.evaluate("document.querySelector('details table').checkVisibility({contentVisibilityAuto: true})")
+    assert browser.evaluate(
+        "document.querySelector('details table').checkVisibility({contentVisibilityAuto: true})"
+    )
     made = browser.pdf()
     assert made.startswith(b"%PDF-")
     assert made.count(b"/Type /Page\n") > 3
@@ -110,7 +131,9 @@ def test_the_keyboard_reaches_and_opens_everything(browser: Chromium, page: Path
         browser.press(*TAB)
         reached.append(browser.evaluate("document.activeElement.outerHTML.slice(0, 40)"))
         if "<summary" in reached[-1]:
-            assert browser.evaluate("getComputedStyle(document.activeElement).outlineStyle") == "solid"
+            assert (
+                browser.evaluate("getComputedStyle(document.activeElement).outlineStyle") == "solid"
+            )
             browser.press(*ENTER)
             assert browser.evaluate("document.activeElement.parentElement.open")
         if reached[-1].startswith(("<body", '<a class="skip"')):  # round once
@@ -118,14 +141,19 @@ def test_the_keyboard_reaches_and_opens_everything(browser: Chromium, page: Path
             break
     links = browser.evaluate("document.querySelectorAll('nav a').length")
     assert sum("<a " in element for element in reached) == links
-    for start, selector in (("<summary", "summary"), ('<div class="scroll" tabindex', ".scroll[tabindex]")):
+    for start, selector in (
+        ("<summary", "summary"),
+        ('<div class="scroll" tabindex', ".scroll[tabindex]"),
+    ):
         there = browser.evaluate(f"document.querySelectorAll('{selector}').length")
         assert sum(start in element for element in reached) == there > 0
 
 
 def test_pictures_and_tables_have_names(browser: Chromium, page: Path) -> None:
     browser.open(page)
-    nodes = [node for node in browser.call("Accessibility.getFullAXTree")["nodes"] if not node["ignored"]]
+    nodes = [
+        node for node in browser.call("Accessibility.getFullAXTree")["nodes"] if not node["ignored"]
+    ]
     names = [
         (node["role"]["value"], node.get("name", {}).get("value", ""))
         for node in nodes
@@ -153,15 +181,26 @@ def test_a_page_of_two_builds(browser: Chromium, document: dict[str, Any], tmp_p
 
 @pytest.mark.parametrize(
     "name",
-    ["<img src=x onerror='window.hurt = 1'><script>window.hurt = 1</script>\"", "two\nlines", "../../x", "n" * 10_000],
+    [
+        "<img src=x onerror='window.hurt = 1'><script>window.hurt = 1</script>\"",
+        "two\nlines",
+        "../../x",
+        "n" * 10_000,
+    ],
     ids=["script", "newline", "path", "long"],
 )
 def test_hostile_names_stay_text(
     browser: Chromium, document: dict[str, Any], excerpt: Excerpt, tmp_path: Path, name: str
 ) -> None:
     match = document["match"]
-    document["model"]["name"] = match["events_source"] = match["first_divergence"]["population"] = name
-    for table in (match["by_population"], document["quantization"], document["energy"]["by_population_pj"]):
+    document["model"]["name"] = match["events_source"] = match["first_divergence"]["population"] = (
+        name
+    )
+    for table in (
+        match["by_population"],
+        document["quantization"],
+        document["energy"]["by_population_pj"],
+    ):
         table[name] = table.pop("time_output")
     assert excerpt.first is not None
     excerpt = replace(
@@ -184,19 +223,35 @@ def test_hostile_names_stay_text(
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("model", "events", "predictions"),
-    [("objects-hybrid", "touches.npz", "8 of 8"), ("containers-hybrid", "touches-long.npz", "4 of 4")],
+    [
+        ("objects-hybrid", "touches.npz", "8 of 8"),
+        ("containers-hybrid", "touches-long.npz", "4 of 4"),
+    ],
     ids=["objects", "containers"],
 )
-def test_the_examples(browser: Chromium, tmp_path: Path, model: str, events: str, predictions: str) -> None:
+def test_the_examples(
+    browser: Chromium, tmp_path: Path, model: str, events: str, predictions: str
+) -> None:
     examples = ROOT / "examples"
-    arguments = [str(examples / f"models/{model}.pt"), "--events", str(examples / "recordings" / events), "--quiet"]
+    arguments = [
+        str(examples / f"models/{model}.pt"),
+        "--events",
+        str(examples / "recordings" / events),
+        "--quiet",
+    ]
     assert main([*arguments, "-o", str(tmp_path / "build")]) == 0
     page = tmp_path / "build" / "report.html"
     assert page.stat().st_size < 2_000_000
     browser.open(page)
     _quiet_and_alone(browser, page)
     shown = browser.evaluate("document.body.innerText")
-    for figure in (f"{model} on loihi-sim", "of 128 cores", "µJ", f"{predictions} recordings", "location_output"):
+    for figure in (
+        f"{model} on loihi-sim",
+        "of 128 cores",
+        "µJ",
+        f"{predictions} recordings",
+        "location_output",
+    ):
         assert figure in shown
     for dark in (False, True):
         browser.open(page, width=360, dark=dark)

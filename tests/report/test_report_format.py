@@ -69,7 +69,9 @@ from locsnn_compile.report.format import (
         pytest.param(any_value(44236.9), "44,236.9", id="float"),
         pytest.param(any_value(0.904785), "0.904785", id="small-float"),
         pytest.param(any_value("text"), "text", id="text"),
-        pytest.param(plain("a\nb\x1b[0m\u202e\ud800"), r"a\nb\x1b[0m\u202e\ud800", id="unprintable"),
+        pytest.param(
+            plain("a\nb\x1b[0m\u202e\ud800"), r"a\nb\x1b[0m\u202e\ud800", id="unprintable"
+        ),
         pytest.param(plain("µ touch 1"), "µ touch 1", id="printable"),
     ],
 )
@@ -80,7 +82,9 @@ def test_texts_of_values(made: str, text: str) -> None:
 @pytest.mark.parametrize(
     ("values", "texts"),
     [
-        pytest.param((10.0002176, 9.97762, 10.0), ["10.0002", "9.97762", "10"], id="six-digits-will-do"),
+        pytest.param(
+            (10.0002176, 9.97762, 10.0), ["10.0002", "9.97762", "10"], id="six-digits-will-do"
+        ),
         pytest.param((9.99999999, 10.0, 10.0), ["9.99999999", "10", "10"], id="more-digits"),
         pytest.param((1.0, 1.0, 1.0), ["1", "1", "1"], id="equal"),
     ],
@@ -98,5 +102,8 @@ def test_a_share_is_never_rounded_to_its_ends(value: float) -> None:
 @given(st.floats(1e-3, 1e15))
 def test_three_digits_are_kept_and_one_unit_is_chosen(pj: float) -> None:
     number, unit = energy(pj).split()
-    shown = float(number.replace(",", "")) * {"pJ": 1.0, "nJ": 1e3, "µJ": 1e6, "mJ": 1e9, "J": 1e12}[unit]
+    shown = (
+        float(number.replace(",", ""))
+        * {"pJ": 1.0, "nJ": 1e3, "µJ": 1e6, "mJ": 1e9, "J": 1e12}[unit]
+    )
     assert abs(shown - pj) <= 0.0051 * pj

@@ -76,7 +76,13 @@ def test_key_figures_are_on_the_page(document: dict[str, Any]) -> None:
 
 def test_the_verdict_comes_first(document: dict[str, Any]) -> None:
     text = Page(render_html(compose(document))).text
-    order = ["Does it match?", "What does it cost?", "Does it fit?", "Where the energy goes", "2 of 128 cores in use"]
+    order = [
+        "Does it match?",
+        "What does it cost?",
+        "Does it fit?",
+        "Where the energy goes",
+        "2 of 128 cores in use",
+    ]
     order += [
         "Each stage alone, over",
         "Distance of potentials",
@@ -96,7 +102,15 @@ def test_lines_break_neither_before_a_unit_nor_within_an_option() -> None:
 def test_the_page_asks_for_nothing(document: dict[str, Any]) -> None:
     html = render_html(compose(document))
     page = Page(html)
-    assert {tag for tag, _ in page.tags} & {"script", "link", "img", "iframe", "object", "embed", "form"} == set()
+    assert {tag for tag, _ in page.tags} & {
+        "script",
+        "link",
+        "img",
+        "iframe",
+        "object",
+        "embed",
+        "form",
+    } == set()
     for _, attributes in page.tags:
         assert not {"src", "srcset", "data", "style", "onload"} & attributes.keys()
         assert (attributes.get("href") or "#").startswith("#")
@@ -106,7 +120,9 @@ def test_the_page_asks_for_nothing(document: dict[str, Any]) -> None:
     assert len(html.encode()) < 80_000
 
 
-def test_structure_for_readers_without_sight_or_mouse(document: dict[str, Any], excerpt: Excerpt) -> None:
+def test_structure_for_readers_without_sight_or_mouse(
+    document: dict[str, Any], excerpt: Excerpt
+) -> None:
     page = Page(render_html(compose(document, excerpt)))
     assert page.named("html") == [{"lang": "en"}]
     assert [len(page.named(tag)) for tag in ("h1", "main", "nav", "header", "footer")] == [1] * 5
@@ -140,7 +156,9 @@ def _hostile(value: Any) -> Any:
 
 
 def test_every_string_is_escaped(document: dict[str, Any], excerpt: Excerpt) -> None:
-    tags = sorted(tag for tag, _ in Page(render_html(compose(document, excerpt))).tags if tag != "wbr")
+    tags = sorted(
+        tag for tag, _ in Page(render_html(compose(document, excerpt))).tags if tag != "wbr"
+    )
     document = _hostile(document)
     names = [f"{HOSTILE}{item.name}" for item in (*excerpt.inputs, *excerpt.populations)]
     excerpt = replace(
@@ -150,7 +168,11 @@ def test_every_string_is_escaped(document: dict[str, Any], excerpt: Excerpt) -> 
         populations=(replace(excerpt.populations[0], name=names[1]),),
         potential=replace(excerpt.potential, population=names[1]),
     )
-    for table in (document["match"]["by_population"], document["quantization"], document["energy"]["breakdown_pj"]):
+    for table in (
+        document["match"]["by_population"],
+        document["quantization"],
+        document["energy"]["breakdown_pj"],
+    ):
         table[HOSTILE] = table.pop(next(iter(table)))
     html = render_html(compose(document, excerpt))
     page = Page(html)
@@ -163,7 +185,9 @@ def test_every_string_is_escaped(document: dict[str, Any], excerpt: Excerpt) -> 
 @pytest.mark.parametrize(
     ("path", "value", "text"),
     [
-        pytest.param(("accuracy",), None, "not known, because the recordings have no labels", id="no-labels"),
+        pytest.param(
+            ("accuracy",), None, "not known, because the recordings have no labels", id="no-labels"
+        ),
         pytest.param(
             ("match", "events_origin"),
             "made up",
@@ -171,11 +195,21 @@ def test_every_string_is_escaped(document: dict[str, Any], excerpt: Excerpt) -> 
             id="made-up",
         ),
         pytest.param(("assumptions",), [], "Does it match?", id="no-assumptions"),
-        pytest.param(("match", "first_divergence"), None, "First difference: none, every spike is equal.", id="equal"),
-        pytest.param(("ann_comparison",), {}, "No comparison: the published networks", id="no-comparison"),
+        pytest.param(
+            ("match", "first_divergence"),
+            None,
+            "First difference: none, every spike is equal.",
+            id="equal",
+        ),
+        pytest.param(
+            ("ann_comparison",), {}, "No comparison: the published networks", id="no-comparison"
+        ),
         pytest.param(
             ("ann_comparison",),
-            {name: {"operations": None, "ratio": None, "chip_ratio": None} for name in ("cnn-3d", "gru-mlp")},
+            {
+                name: {"operations": None, "ratio": None, "chip_ratio": None}
+                for name in ("cnn-3d", "gru-mlp")
+            },
             "No comparison: the published networks",
             id="none-is-defined",
         ),
@@ -191,14 +225,21 @@ def test_every_string_is_escaped(document: dict[str, Any], excerpt: Excerpt) -> 
             "chip operations nothing to compare: there were none (syn",
             id="no-chip-ratio",
         ),
-        pytest.param(("latency", "recording_ns"), None, "How long a step lasts is not known, so", id="no-duration"),
+        pytest.param(
+            ("latency", "recording_ns"),
+            None,
+            "How long a step lasts is not known, so",
+            id="no-duration",
+        ),
         pytest.param(("energy", "other_profiles_pj"), {}, "range 800 pJ", id="one-profile"),
         pytest.param(("energy", "not_included"), [], "Energy by operation", id="nothing-missing"),
         pytest.param(("quantization",), {}, "Numbers of the chip", id="no-quantisation"),
         pytest.param(("model", "sha256"), None, "model sha256 –", id="no-checksum"),  # noqa: RUF001
     ],
 )
-def test_what_may_be_missing(document: dict[str, Any], path: tuple[str, ...], value: Any, text: str) -> None:
+def test_what_may_be_missing(
+    document: dict[str, Any], path: tuple[str, ...], value: Any, text: str
+) -> None:
     *outer, last = path
     target = document
     for key in outer:
@@ -208,7 +249,9 @@ def test_what_may_be_missing(document: dict[str, Any], path: tuple[str, ...], va
 
 
 def test_many_cores_are_folded(document: dict[str, Any]) -> None:
-    assert len(Page(render_html(compose(document))).named("details")) == len(document["energy"]["profiles"])
+    assert len(Page(render_html(compose(document))).named("details")) == len(
+        document["energy"]["profiles"]
+    )
     row = document["resources"]["by_core"][0]
     document["resources"]["by_core"] = [{**row, "core": i} for i in range(128)]
     html = render_html(compose(document))
@@ -216,9 +259,14 @@ def test_many_cores_are_folded(document: dict[str, Any]) -> None:
     assert len(html.encode()) < 200_000
     document["resources"]["mesh"]["chips"] = 40
     tiles = [[i // 128 * 8 + i % 32 // 4, i % 128 // 32] for i in range(5000)]
-    document["resources"]["by_core"] = [{**row, "core": i, "slot": i, "tile": tile} for i, tile in enumerate(tiles)]
+    document["resources"]["by_core"] = [
+        {**row, "core": i, "slot": i, "tile": tile} for i, tile in enumerate(tiles)
+    ]
     html = render_html(compose(document))
-    assert "<summary>Core by core (5000 rows, 201 of them shown here, all in report.json)</summary>" in html
+    assert (
+        "<summary>Core by core (5000 rows, 201 of them shown here, all in report.json)</summary>"
+        in html
+    )
     assert len(html.encode()) < 500_000
 
 
@@ -229,7 +277,11 @@ def test_margins_are_drawn_with_the_error_where_there_is_any(document: dict[str,
     )
     page = Page(render_html(compose(document)))
     # Once in the description of the drawing, once below it.
-    assert (page.text.count(nearer), page.text.count(larger), len(page.named("polyline"))) == (4, 4, 4 + 4 + 4)
+    assert (page.text.count(nearer), page.text.count(larger), len(page.named("polyline"))) == (
+        4,
+        4,
+        4 + 4 + 4,
+    )
     first, second = (curve["points"].split(" ") for curve in page.named("polyline")[:2])
     # Shares on a logarithmic axis of five decades, upwards from the edges of the bins: 0.1 %, 2 %, 50 % and all.
     assert first == ["25,60", "50,33.98", "75,6.021", "100,0"]
@@ -243,7 +295,9 @@ def test_many_populations_are_not_all_drawn(document: dict[str, Any]) -> None:
     one = document["margins"]["by_population"]["time_output"]
     document["margins"]["by_population"] = {f"layer{i}": one for i in range(40)}
     page = Page(render_html(compose(document)))
-    assert len([drawing for drawing in page.named("svg") if drawing.get("class") == "plot"]) == 8 + 3
+    assert (
+        len([drawing for drawing in page.named("svg") if drawing.get("class") == "plot"]) == 8 + 3
+    )
 
 
 def test_the_same_document_gives_the_same_bytes(document: dict[str, Any]) -> None:
@@ -255,6 +309,8 @@ def test_the_same_document_gives_the_same_bytes(document: dict[str, Any]) -> Non
     [("reset", "strategy reset"), ("delay-line, native", "strategies delay-line and native")],
     ids=["one", "two"],
 )
-def test_the_header_names_every_strategy(document: dict[str, Any], strategy: str, said: str) -> None:
+def test_the_header_names_every_strategy(
+    document: dict[str, Any], strategy: str, said: str
+) -> None:
     report = compose(document | {"strategy": strategy})
     assert report.subtitle == f"8-bit weights, {said}, 20 recordings of touches.npz"

@@ -22,14 +22,27 @@ def _plot(document: dict[str, Any]) -> Plot:
 def test_curves_are_drawn_at_their_steps(document: dict[str, Any]) -> None:
     plot = _plot(document)
     assert (plot.title, plot.x_label) == ("Accuracy after each step", "seconds")
-    assert plot.x.places == [(0.0, "0"), (0.2, "1.4"), (0.4, "2.8"), (0.6, "4.2"), (0.8, "5.6"), (1.0, "7.0")]
+    assert plot.x.places == [
+        (0.0, "0"),
+        (0.2, "1.4"),
+        (0.4, "2.8"),
+        (0.6, "4.2"),
+        (0.8, "5.6"),
+        (1.0, "7.0"),
+    ]
     assert [curve.label for curve in plot.curves] == [
         "all branches together",
         "time branch",
         "location branch",
         "time-weighted",
     ]
-    assert plot.placed(plot.curves[1]) == [(0.2, 0.25), (0.4, 0.5), (0.6, 0.5), (0.8, 0.75), (1.0, 0.75)]
+    assert plot.placed(plot.curves[1]) == [
+        (0.2, 0.25),
+        (0.4, 0.5),
+        (0.6, 0.5),
+        (0.8, 0.75),
+        (1.0, 0.75),
+    ]
 
 
 def test_every_curve_has_a_look_of_its_own(document: dict[str, Any]) -> None:
@@ -40,8 +53,15 @@ def test_every_curve_has_a_look_of_its_own(document: dict[str, Any]) -> None:
 
 
 def test_savings_are_of_the_whole(document: dict[str, Any]) -> None:
-    table = next(b for b in _section(document).blocks if isinstance(b, Table) and "proven" in b.caption)
-    costs = ["steps", "synaptic operations", "energy, profile davies2018", "latency, profile davies2018"]
+    table = next(
+        b for b in _section(document).blocks if isinstance(b, Table) and "proven" in b.caption
+    )
+    costs = [
+        "steps",
+        "synaptic operations",
+        "energy, profile davies2018",
+        "latency, profile davies2018",
+    ]
     assert [row[0] for row in table.rows] == costs
     assert table.rows[2] == (
         "energy, profile davies2018",
@@ -68,7 +88,9 @@ def test_one_branch_needs_no_weights(document: dict[str, Any]) -> None:
     right = document["over_time"]["right"]
     document["over_time"]["right"] = {"together": right["together"]}
     assert len(_plot(document).curves) == 1
-    assert "psi" not in render_html(compose(document)).split('id="over-time"')[1].split("<section")[0]
+    assert (
+        "psi" not in render_html(compose(document)).split('id="over-time"')[1].split("<section")[0]
+    )
 
 
 def test_what_was_not_followed_says_why(document: dict[str, Any]) -> None:
@@ -96,7 +118,13 @@ def test_what_was_not_followed_says_why(document: dict[str, Any]) -> None:
     ],
     ids=["every step", "a last bin that may be short", "one bin"],
 )
-def test_only_a_bin_that_may_be_short_is_left_out(document: dict[str, Any], course: Any, points: Any) -> None:
+def test_only_a_bin_that_may_be_short_is_left_out(
+    document: dict[str, Any], course: Any, points: Any
+) -> None:
     document["energy"]["by_step_pj"] = {"time": course}
-    plot = next(b for b in _section(document).blocks if isinstance(b, Plot) and b.title.startswith("Energy of a step"))
+    plot = next(
+        b
+        for b in _section(document).blocks
+        if isinstance(b, Plot) and b.title.startswith("Energy of a step")
+    )
     assert plot.placed(plot.curves[0]) == [(pytest.approx(x), y) for x, y in points]

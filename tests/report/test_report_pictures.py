@@ -38,7 +38,9 @@ def _section(key: str, document: dict[str, Any], excerpt: Excerpt | None = None)
 
 
 def _rasters(document: dict[str, Any], excerpt: Excerpt) -> list[Raster]:
-    return [block for block in _section("spikes", document, excerpt).blocks if isinstance(block, Raster)]
+    return [
+        block for block in _section("spikes", document, excerpt).blocks if isinstance(block, Raster)
+    ]
 
 
 def test_spikes_are_sorted_by_side(document: dict[str, Any], excerpt: Excerpt) -> None:
@@ -54,16 +56,29 @@ def test_spikes_are_sorted_by_side(document: dict[str, Any], excerpt: Excerpt) -
     assert drawn.x.places == [(0.125, "39"), (0.375, "40"), (0.625, "41"), (0.875, "42")]
 
 
-def test_a_network_in_its_own_integers_is_called_the_network(document: dict[str, Any], excerpt: Excerpt) -> None:
+def test_a_network_in_its_own_integers_is_called_the_network(
+    document: dict[str, Any], excerpt: Excerpt
+) -> None:
     document["match"]["reference"] = "integers"
     drawn = _rasters(document, excerpt)[1]
-    assert [one.label for one in drawn.strokes] == ["3 on both sides", "1 only in the network", "1 only on the chip"]
-    assert drawn.description.endswith(" spikes on both sides, 1 only in the network, 1 only on the chip.")
+    assert [one.label for one in drawn.strokes] == [
+        "3 on both sides",
+        "1 only in the network",
+        "1 only on the chip",
+    ]
+    assert drawn.description.endswith(
+        " spikes on both sides, 1 only in the network, 1 only on the chip."
+    )
 
 
 def test_limits_that_a_core_does_not_have_are_left_out(document: dict[str, Any]) -> None:
-    document["resources"]["limits"] |= {"step": {"used": 0, "limit": 0}, "places": {"used": 1, "limit": 0}}
-    rows = next(block for block in _section("resources", document, None).blocks if isinstance(block, Table)).rows
+    document["resources"]["limits"] |= {
+        "step": {"used": 0, "limit": 0},
+        "places": {"used": 1, "limit": 0},
+    }
+    rows = next(
+        block for block in _section("resources", document, None).blocks if isinstance(block, Table)
+    ).rows
     assert "places for compartments of a phase of a core" in {row[0] for row in rows}
     assert not any("steps between targets" in str(row[0]) for row in rows)
 
@@ -85,12 +100,16 @@ def test_populations_read_by_potential_are_drawn_only_where_they_spike(
     document: dict[str, Any], excerpt: Excerpt
 ) -> None:
     document["match"]["readout"] |= {"by": "potentials", "populations": ["time_output"]}
-    assert [one.title for one in _rasters(document, excerpt)][1:] == ["time_output: 2 of 36 neurons"]
+    assert [one.title for one in _rasters(document, excerpt)][1:] == [
+        "time_output: 2 of 36 neurons"
+    ]
     (item,) = excerpt.populations
     silent = replace(item, reference=np.zeros_like(item.reference), chip=np.zeros_like(item.chip))
     quiet = replace(excerpt, populations=(silent,))
     assert len(_rasters(document, quiet)) == 1
-    assert str(_section("spikes", document, quiet).blocks[0]).endswith("2 further populations are not drawn.")
+    assert str(_section("spikes", document, quiet).blocks[0]).endswith(
+        "2 further populations are not drawn."
+    )
     document["match"]["readout"]["populations"] = []
     assert len(_rasters(document, quiet)) == 2
 
@@ -111,7 +130,10 @@ def test_populations_read_by_potential_have_no_margins_drawn_and_no_row_in_the_e
         return [block for block in section.blocks if isinstance(block, kind)]
 
     document["match"]["readout"] |= {"by": "potentials", "populations": ["time_output"]}
-    assert [plot.title.split(":")[0] for plot in told("margins", Plot)] == ["time_output", "location_output"]
+    assert [plot.title.split(":")[0] for plot in told("margins", Plot)] == [
+        "time_output",
+        "location_output",
+    ]
     document["match"]["by_population"]["time_output"]["spike_agreement"] = None
     assert [plot.title.split(":")[0] for plot in told("margins", Plot)] == ["location_output"]
     assert [row[0] for row in told("error-budget", Table)[1].rows] == ["location_output"]
@@ -124,33 +146,52 @@ def test_nothing_is_shown_of_nothing(document: dict[str, Any]) -> None:
 def test_the_potential_is_drawn_until_it_counts(document: dict[str, Any], excerpt: Excerpt) -> None:
     section = _section("potential", document, excerpt)
     both, error = (block for block in section.blocks if isinstance(block, Plot))
-    assert [curve.label for curve in both.curves] == ["float potential", "chip potential", "threshold, 10"]
+    assert [curve.label for curve in both.curves] == [
+        "float potential",
+        "chip potential",
+        "threshold, 10",
+    ]
     assert both.x.place(both.marked) == pytest.approx(2 / 3)
     at_threshold = both.curves[2].points[0][1]
     assert [y > at_threshold for _, y in both.curves[0].points] == [False, True, True, False]
     assert [y > at_threshold for _, y in both.curves[1].points] == [False, True, False, True]
     # The error in percent of the threshold: 0, 0 and -5; what the chip does after that has another cause.
-    assert [y for _, y in error.placed(error.curves[0])] == pytest.approx([5.3 / 5.6, 5.3 / 5.6, 0.3 / 5.6])
+    assert [y for _, y in error.placed(error.curves[0])] == pytest.approx(
+        [5.3 / 5.6, 5.3 / 5.6, 0.3 / 5.6]
+    )
     table = next(block for block in section.blocks if isinstance(block, Table))
-    assert table.rows[1:3] == (("40", "10.5", "10.5", "float and chip"), ("41", "10.25", "9.75", "float"))
+    assert table.rows[1:3] == (
+        ("40", "10.5", "10.5", "float and chip"),
+        ("41", "10.25", "9.75", "float"),
+    )
 
 
-def test_without_a_difference_a_neuron_is_an_example(document: dict[str, Any], excerpt: Excerpt) -> None:
+def test_without_a_difference_a_neuron_is_an_example(
+    document: dict[str, Any], excerpt: Excerpt
+) -> None:
     document["match"]["first_divergence"] = None
     excerpt = replace(excerpt, first=None)
     assert _section("potential", document, excerpt).title == "Potential of a neuron"
     assert [drawn.flag for drawn in _rasters(document, excerpt)] == [None, None]
-    assert "the first one, as no spike of any recording differs." in render_html(compose(document, excerpt))
+    assert "the first one, as no spike of any recording differs." in render_html(
+        compose(document, excerpt)
+    )
 
 
-def test_cores_sit_where_they_are_and_are_as_full_as_their_fullest_limit(document: dict[str, Any]) -> None:
-    room, energy = (block for block in _section("cores", document).blocks if isinstance(block, Mesh))
+def test_cores_sit_where_they_are_and_are_as_full_as_their_fullest_limit(
+    document: dict[str, Any],
+) -> None:
+    room, energy = (
+        block for block in _section("cores", document).blocks if isinstance(block, Mesh)
+    )
     # Slot 39 is core 3 of tile (1, 1): of 2 by 2 cores there the last. Three of 16 synapse formats are in use.
     assert [(core.column, core.row, core.share, core.text) for core in room.cores] == [
         (0, 0, 0.1875, "19"),
         (3, 3, 0.1875, "19"),
     ]
-    assert room.title == "Fullest limit of each core of loihi-sim, in percent: 2 of 128 cores in use"
+    assert (
+        room.title == "Fullest limit of each core of loihi-sim, in percent: 2 of 128 cores in use"
+    )
     assert room.description == (
         "core 0, time branch: 18.8 % of its synapse formats; core 1, location branch: 18.8 % of its synapse formats"
     )
@@ -170,7 +211,8 @@ def test_chips_are_drawn_one_by_one(document: dict[str, Any]) -> None:
     blocks = _section("cores", document).blocks
     drawn = [block for block in blocks if isinstance(block, Mesh)]
     assert [block.title for block in drawn[::2]] == [
-        f"Fullest limit of each core of chip {i} of loihi-sim, in percent: 1 of 128 cores in use" for i in range(4)
+        f"Fullest limit of each core of chip {i} of loihi-sim, in percent: 1 of 128 cores in use"
+        for i in range(4)
     ]
     assert blocks[-1] == "2 chips are not drawn; see core by core."
     assert all(core.column == 0 for block in drawn for core in block.cores)
@@ -180,19 +222,28 @@ def test_the_largest_excerpt_is_a_small_page(document: dict[str, Any], excerpt: 
     steps = MARKS // NEURONS
     full = np.ones((steps, NEURONS), dtype=np.uint8)
     populations = tuple(
-        SpikeRows(f"layer{i}", "time", "time", 100_000, np.arange(NEURONS), full, 1 - full) for i in range(POPULATIONS)
+        SpikeRows(f"layer{i}", "time", "time", 100_000, np.arange(NEURONS), full, 1 - full)
+        for i in range(POPULATIONS)
     )
     rows = np.ones((MARKS // LINES, LINES), dtype=np.uint8)
     rows = np.pad(rows, ((0, steps - len(rows)), (0, 0)))
-    inputs = (SpikeRows("input", "time", "time", 100_000, np.arange(0, 100_000, 782), rows, rows, 782),)
-    excerpt = replace(excerpt, first=None, steps={"time": range(steps)}, populations=populations, inputs=inputs)
+    inputs = (
+        SpikeRows("input", "time", "time", 100_000, np.arange(0, 100_000, 782), rows, rows, 782),
+    )
+    excerpt = replace(
+        excerpt, first=None, steps={"time": range(steps)}, populations=populations, inputs=inputs
+    )
     assert len(render_html(compose(document, excerpt)).encode()) < 1_000_000
     assert steps < STEPS
 
 
 def test_energy_of_a_step_over_the_steps(document: dict[str, Any]) -> None:
     blocks = _section("over-time", document).blocks
-    (drawn,) = (block for block in blocks if isinstance(block, Plot) and block.title.startswith("Energy of a step"))
+    (drawn,) = (
+        block
+        for block in blocks
+        if isinstance(block, Plot) and block.title.startswith("Energy of a step")
+    )
     # 15 and 45 nJ over 4 steps each, 5 nJ over 2; bins that may be shorter are left out. The largest is 11.25 nJ a step.
     assert [drawn.placed(curve) for curve in drawn.curves] == [
         [(pytest.approx(1 / 6), pytest.approx(1 / 3)), (pytest.approx(1 / 2), 1.0)],
@@ -218,10 +269,14 @@ def test_one_step_has_one_tick() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("neurons", "steps"), [(20_000, 20), (64, 10_000)], ids=["neurons", "steps"])
+@pytest.mark.parametrize(
+    ("neurons", "steps"), [(20_000, 20), (64, 10_000)], ids=["neurons", "steps"]
+)
 def test_large_networks_and_long_recordings_make_small_pages(neurons: int, steps: int) -> None:
     r = np.random.default_rng(0)
-    weights = sparse.random(neurons, 100, density=0.05, random_state=0, data_rvs=lambda n: r.normal(1, 1, n))
+    weights = sparse.random(
+        neurons, 100, density=0.05, random_state=0, data_rvs=lambda n: r.normal(1, 1, n)
+    )
     network = single(Cuba.of(neurons, decay_v=0.5, threshold=3.0), weights, steps=steps)
     played = (r.random((1, steps, 100)) < 0.3).astype(np.uint8)
     compiled = lc.compile(network, events=played)

@@ -51,8 +51,13 @@ def _check_sections(made: dict[str, str], folder: str) -> None:
 def _sections(made: str) -> dict[str, str]:
     """Return the sections of a report by their titles in file names, what stands above the first one as verdicts."""
     top, *sections = made.split("\n## ")
-    named = {section.splitlines()[0].lower().replace(" ", "-"): f"## {section}" for section in sections}
-    return {"verdicts": f"{top}\n", **{name: f"{section.rstrip()}\n" for name, section in named.items()}}
+    named = {
+        section.splitlines()[0].lower().replace(" ", "-"): f"## {section}" for section in sections
+    }
+    return {
+        "verdicts": f"{top}\n",
+        **{name: f"{section.rstrip()}\n" for name, section in named.items()},
+    }
 
 
 def _bare(document: dict[str, Any]) -> dict[str, Any]:
@@ -60,17 +65,33 @@ def _bare(document: dict[str, Any]) -> dict[str, Any]:
     document["accuracy"] = None
     document["ann_comparison"] = {}
     document["latency"] |= {"recording_ns": None, "real_time": None, "by_class": None, "links": []}
-    document["energy"] |= {"other_profiles_pj": {}, "other_profiles_by_branch_pj": {}, "static": None, "by_class": None}
+    document["energy"] |= {
+        "other_profiles_pj": {},
+        "other_profiles_by_branch_pj": {},
+        "static": None,
+        "by_class": None,
+    }
     document["energy"] |= {"not_included": [], "not_included_bounds": []}
     for found, unit in ((document["energy"], "pj"), (document["latency"], "ns")):
         found[f"range_{unit}"] = [found[f"per_sample_{unit}"]] * 2
         found["worst_recording"]["class"] = None
     document["error_budget"] = None
     del document["margins"]
-    document["over_time"] = {"left_out": "the network is too large to be followed step by step within seconds"}
+    document["over_time"] = {
+        "left_out": "the network is too large to be followed step by step within seconds"
+    }
     match = document["match"]
-    match |= {"first_divergence": None, "clips": 0, "wraps_and_clips_by_population": {}, "spike_mismatches": 0}
-    match |= {"prediction_agreement": 1.0, "spike_agreement": 1.0, "events_source": "synthetic touches"}
+    match |= {
+        "first_divergence": None,
+        "clips": 0,
+        "wraps_and_clips_by_population": {},
+        "spike_mismatches": 0,
+    }
+    match |= {
+        "prediction_agreement": 1.0,
+        "spike_agreement": 1.0,
+        "events_source": "synthetic touches",
+    }
     match["events_origin"] = "made up"
     document["assumptions"] = ["The recordings are made up.", "How long a step lasts is not known."]
     for found in match["by_population"].values():
@@ -86,7 +107,9 @@ def test_markdown_with_nothing_optional_golden(document: dict[str, Any]) -> None
     """Only the sections that differ from those of a document that has everything."""
     whole = _sections(render_markdown(compose(document)))
     made = _sections(render_markdown(compose(_bare(document))))
-    _check_sections({name: section for name, section in made.items() if section != whole.get(name)}, "bare")
+    _check_sections(
+        {name: section for name, section in made.items() if section != whole.get(name)}, "bare"
+    )
 
 
 def test_terminal_golden(document: dict[str, Any]) -> None:
@@ -119,19 +142,34 @@ def test_values_are_aligned_next_to_long_labels(document: dict[str, Any]) -> Non
     report = compose(document)
     facts = (Fact("spikes on one side only", "4,859"), Fact("x" * 40, "1"), Fact("latency", "1 ms"))
     made = io.StringIO()
-    render_terminal(replace(report, verdicts=(replace(report.verdicts[1], facts=facts),)), Console(file=made, width=80))
-    for line in (f"  {'spikes on one side only':24}4,859", f"  {'x' * 22}… 1", f"  {'latency':24}1 ms"):
+    render_terminal(
+        replace(report, verdicts=(replace(report.verdicts[1], facts=facts),)),
+        Console(file=made, width=80),
+    )
+    for line in (
+        f"  {'spikes on one side only':24}4,859",
+        f"  {'x' * 22}… 1",
+        f"  {'latency':24}1 ms",
+    ):
         assert line in made.getvalue().splitlines()
 
 
 def test_numbered_populations_without_spikes_are_one_line(document: dict[str, Any]) -> None:
     match = document["match"]
     silent = {**match["by_population"]["time_output"], "spike_agreement": None}
-    match["by_population"] |= {f"out_{number}": dict(silent) for number in range(1, 13)} | {"last": dict(silent)}
-    match["readout"] |= {"by": "potentials", "populations": [f"out_{number}" for number in range(1, 13)]}
+    match["by_population"] |= {f"out_{number}": dict(silent) for number in range(1, 13)} | {
+        "last": dict(silent)
+    }
+    match["readout"] |= {
+        "by": "potentials",
+        "populations": [f"out_{number}" for number in range(1, 13)],
+    }
     lines = _terminal(document).splitlines()
     at = next(i for i, line in enumerate(lines) if "out_*" in line)
-    assert lines[at : at + 2] == ["  out_*             12 populations, read by potential", "  last              silent"]
+    assert lines[at : at + 2] == [
+        "  out_*             12 populations, read by potential",
+        "  last              silent",
+    ]
     match["by_population"]["out_7"]["spike_agreement"] = 1.0
     assert [line.split()[0] for line in _terminal(document).splitlines() if "out_" in line] == [
         "out_*",
@@ -144,8 +182,13 @@ def test_terminal_counts_the_populations_that_are_left_out(document: dict[str, A
     match = document["match"]
     half = match["by_population"]["time_output"]
     match["by_population"] = {f"layer_{number}": dict(half) for number in range(1, 12)}
-    match["by_population"] |= {f"out_{number}": {**half, "spike_agreement": None} for number in range(1, 5)}
-    assert "  ...               and 7 more populations in the report" in _terminal(document).splitlines()
+    match["by_population"] |= {
+        f"out_{number}": {**half, "spike_agreement": None} for number in range(1, 5)
+    }
+    assert (
+        "  ...               and 7 more populations in the report"
+        in _terminal(document).splitlines()
+    )
 
 
 def test_terminal_cuts_long_names(document: dict[str, Any]) -> None:
@@ -165,29 +208,41 @@ def test_terminal_shows_some_of_many_populations(document: dict[str, Any]) -> No
 def test_terminal_tells_populations_of_members_apart(document: dict[str, Any]) -> None:
     found = document["match"]["by_population"]["time_output"]
     names = [
-        f"{member}/{axis}_hidden" for member in ("objects-first", "objects-second") for axis in ("time", "location")
+        f"{member}/{axis}_hidden"
+        for member in ("objects-first", "objects-second")
+        for axis in ("time", "location")
     ]
     document["match"]["by_population"] = dict.fromkeys(names, found)
     shown = _terminal(document).splitlines()
-    assert [line.split()[0] for line in shown if "_hidden" in line] == [f"…{name[-16:]}" for name in names]
+    assert [line.split()[0] for line in shown if "_hidden" in line] == [
+        f"…{name[-16:]}" for name in names
+    ]
 
 
 def test_terminal_uses_colour_where_there_is_any(document: dict[str, Any]) -> None:
     stream = io.StringIO()
-    render_terminal(compose(document), Console(file=stream, width=80, force_terminal=True, color_system="standard"))
+    render_terminal(
+        compose(document),
+        Console(file=stream, width=80, force_terminal=True, color_system="standard"),
+    )
     assert "\x1b[1;32m✓ Does it fit? Yes.\x1b[0m" in stream.getvalue()
 
 
 def _coloured(document: dict[str, Any], width: int) -> list[str]:
     """Return the words in bold, line breaks aside."""
     stream = io.StringIO()
-    render_terminal(compose(document), Console(file=stream, width=width, force_terminal=True, color_system="standard"))
+    render_terminal(
+        compose(document),
+        Console(file=stream, width=width, force_terminal=True, color_system="standard"),
+    )
     marked = re.findall(r"\x1b\[(?:1|1;3\d)m(.*?)\x1b\[0m", stream.getvalue(), re.DOTALL)
     return " ".join(marked).split()
 
 
 @pytest.mark.parametrize("width", [20, 30, 36, 40, 80])
-def test_colour_ends_with_the_answer_however_it_is_wrapped(document: dict[str, Any], width: int) -> None:
+def test_colour_ends_with_the_answer_however_it_is_wrapped(
+    document: dict[str, Any], width: int
+) -> None:
     assert _coloured(document, width) == _coloured(document, 200)
 
 
@@ -216,4 +271,6 @@ def test_markdown_escapes(given: str, escaped: str) -> None:
 def test_markdown_tables_stay_whole_with_hostile_names(document: dict[str, Any]) -> None:
     found = document["match"]["by_population"]
     document["match"]["by_population"] = {"a | b\n| c |": found["time_output"]}
-    assert "\n| a \\| b\\\\n\\| c \\| | 90.0 % | 49 | 51 | 10 |\n" in render_markdown(compose(document))
+    assert "\n| a \\| b\\\\n\\| c \\| | 90.0 % | 49 | 51 | 10 |\n" in render_markdown(
+        compose(document)
+    )

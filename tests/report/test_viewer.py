@@ -30,11 +30,15 @@ LABELS = np.arange(12) % 2
 
 @pytest.fixture(scope="module")
 def compiled():
-    return lc.compile(NETWORK, weight_bits=1, strategy="dendrite", events=PLAYED, labels=LABELS, diagnosis=False)
+    return lc.compile(
+        NETWORK, weight_bits=1, strategy="dendrite", events=PLAYED, labels=LABELS, diagnosis=False
+    )
 
 
 def page_of(compiled, spikes=PLAYED, labels=LABELS):
-    return render_viewer(compiled.levels, compiled.report, spikes, labels, compiled.match.first_divergence)
+    return render_viewer(
+        compiled.levels, compiled.report, spikes, labels, compiled.match.first_divergence
+    )
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +47,9 @@ def page(compiled):
 
 
 def values_of(page):
-    values = json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', page, re.DOTALL)[1])
+    values = json.loads(
+        re.search(r'<script type="application/json" id="data">(.*?)</script>', page, re.DOTALL)[1]
+    )
     values["recordings"].sort(key=lambda row: row["number"])
     return values
 
@@ -61,7 +67,9 @@ def test_spikes_are_those_of_both_sides(compiled, page):
         assert row["label"] == LABELS[row["number"]]
         for population in values["populations"]:
             name = population["name"]
-            for text, side in zip(row["spikes"][name], (reference.spikes[name], chip.spikes[name]), strict=True):
+            for text, side in zip(
+                row["spikes"][name], (reference.spikes[name], chip.spikes[name]), strict=True
+            ):
                 assert np.array_equal(array(text, "u4"), np.flatnonzero(side[0]))
 
 
@@ -72,7 +80,9 @@ def test_potentials_are_those_of_both_sides(compiled, page):
     chip = hw.simulate(compiled.program, PLAYED[[3]], probe=("potential",)).potential
     for population in values["populations"]:
         name, held = population["name"], row["potentials"][population["name"]]
-        found = held["low"] + held["grade"] * array(held["values"], "u2").reshape(2, -1, population["steps"])
+        found = held["low"] + held["grade"] * array(held["values"], "u2").reshape(
+            2, -1, population["steps"]
+        )
         assert population["kept"] == list(range(population["size"]))
         scale = compiled.levels.quantized.population(name).scale
         for side, wanted in zip(found, (reference[name][0], chip[name][0] / scale), strict=True):
@@ -179,9 +189,10 @@ def test_potentials_are_shown_as_exactly_as_they_are_held(opened, compiled, page
     shown = re.findall(r"(?:network|chip) (-?[\d.]+)[,;]", text(opened(), "status"))
     wanted = (first.reference_potential, first.chip_potential)
     unit = 10.0 ** -np.floor(-np.log10(grade))
-    assert [abs(float(one) - exact) <= grade / 2 + unit / 2 for one, exact in zip(shown, wanted, strict=True)] == [
-        True
-    ] * 2
+    assert [
+        abs(float(one) - exact) <= grade / 2 + unit / 2
+        for one, exact in zip(shown, wanted, strict=True)
+    ] == [True] * 2
     assert all(len(one.partition(".")[2]) <= -np.log10(unit) for one in shown)
 
 
@@ -196,9 +207,17 @@ def test_a_person_walks_through_the_differences(opened, compiled):
     assert text(browser, "status") == begin
     press(browser, "]")
     press(browser, "f")
-    reference, chip = (side.spikes for side in (evaluate(NETWORK, PLAYED), hw.simulate(compiled.program, PLAYED)))
-    shown = int(browser.evaluate("document.getElementById('recording').selectedOptions[0].textContent").split(",")[0])
-    differs = sum(int((reference[p.name][shown] != chip[p.name][shown]).sum()) for p in NETWORK.populations)
+    reference, chip = (
+        side.spikes for side in (evaluate(NETWORK, PLAYED), hw.simulate(compiled.program, PLAYED))
+    )
+    shown = int(
+        browser.evaluate(
+            "document.getElementById('recording').selectedOptions[0].textContent"
+        ).split(",")[0]
+    )
+    differs = sum(
+        int((reference[p.name][shown] != chip[p.name][shown]).sum()) for p in NETWORK.populations
+    )
     assert f" {differs} spikes are on one side only." in text(browser, "summary").replace(
         "One spike is", "1 spikes are"
     )
@@ -228,8 +247,14 @@ def test_it_plays_the_mesh(opened, compiled):
     browser.evaluate("document.getElementById('population').dispatchEvent(new Event('input'))")
     browser.evaluate("document.getElementById('step').value = 7")
     browser.evaluate("document.getElementById('step').dispatchEvent(new Event('input'))")
-    number = int(browser.evaluate("document.getElementById('recording').selectedOptions[0].textContent").split(",")[0])
-    activity = hw.simulate(compiled.program, PLAYED[[number]], probe=("activity",)).activity["time"][0]
+    number = int(
+        browser.evaluate(
+            "document.getElementById('recording').selectedOptions[0].textContent"
+        ).split(",")[0]
+    )
+    activity = hw.simulate(compiled.program, PLAYED[[number]], probe=("activity",)).activity[
+        "time"
+    ][0]
     shown = browser.evaluate("document.querySelector('.core.here b').textContent")
     assert int(shown.replace(",", "")) == activity.count("synaptic_ops")[7].max()
     press(browser, " ")
@@ -257,7 +282,9 @@ def test_every_screen(opened, width, dark):
     assert "Runtime.exceptionThrown" not in told
     assert not [event for event in browser.events if event["method"] == "Log.entryAdded"]
     requests = [
-        event["params"]["request"]["url"] for event in browser.events if event["method"] == "Network.requestWillBeSent"
+        event["params"]["request"]["url"]
+        for event in browser.events
+        if event["method"] == "Network.requestWillBeSent"
     ]
     assert all(url.startswith("file:") for url in requests)
     assert len(requests) <= 1
@@ -269,5 +296,7 @@ def test_without_a_difference_there_is_nowhere_to_go(chromium, tmp_path):
     silent = lc.compile(network, events=spikes, strategy="dendrite", diagnosis=False)
     (tmp_path / "silent.html").write_bytes(page_of(silent, spikes, None))
     chromium.open(tmp_path / "silent.html")
-    assert text(chromium, "summary").endswith("the network predicts no class, the chip no class. Every spike is equal.")
+    assert text(chromium, "summary").endswith(
+        "the network predicts no class, the chip no class. Every spike is equal."
+    )
     assert chromium.evaluate("document.getElementById('next').disabled") is True

@@ -10,7 +10,17 @@ import locsnn_compile
 from hw_model.texts.pieces import Pieces
 from hw_model.texts.templates import sections
 from locsnn_compile.report.content import Block, Fact, Facts, Table
-from locsnn_compile.report.words import STAGES, facts, fill, notice, section, sentence, share_of, table, words
+from locsnn_compile.report.words import (
+    STAGES,
+    facts,
+    fill,
+    notice,
+    section,
+    sentence,
+    share_of,
+    table,
+    words,
+)
 from locsnn_compile.verification.error_budget.budget import STAGES as COMPILED
 from locsnn_compile.verification.error_budget.budget import TAILS
 
@@ -43,7 +53,9 @@ def test_a_share_is_that_of_the_sum_in_any_order(value, whole, share):
 def test_places_are_filled():
     made = section("resources", target="tiny-sim")
     assert (made.title, made.lead) == ("Resources", "How much of tiny-sim the program uses.")
-    assert notice("wraps", times="2 times").text.startswith("A register overflowed 2 times and its value wrapped")
+    assert notice("wraps", times="2 times").text.startswith(
+        "A register overflowed 2 times and its value wrapped"
+    )
     assert sentence("polarity", rising=0.25, falling=0.75) == "25.0 % rising, 75.0 % falling"
 
 
@@ -73,7 +85,11 @@ def test_every_block_has_a_piece_in_every_form(file):
 
 def test_pieces_hold_what_is_there():
     pieces = Pieces(
-        "locsnn_compile.report.renderers", "pieces.html", str.upper, given={"assumed": "assumed"}, prose=str.upper
+        "locsnn_compile.report.renderers",
+        "pieces.html",
+        str.upper,
+        given={"assumed": "assumed"},
+        prose=str.upper,
     )
     assert pieces.each([Fact("a", "b")], "fact") == "<div><dt>A</dt><dd>B</dd></div>"
     assert pieces.fill("{x:piece fact}{y:piece fact}", {"x": None, "y": Fact("a", "b")}) == (
@@ -88,10 +104,14 @@ def test_pieces_hold_what_is_there():
 def test_a_row_without_a_mapping_is_a_value_and_facts_of_nothing_are_left_out():
     found = table("static energy", {"at rest": 5.0, "at work": None})
     assert found == Table(
-        "Static energy per recording", ("how long", "energy"), (("at rest", "5.00 pJ"), ("at work", "not known"))
+        "Static energy per recording",
+        ("how long", "energy"),
+        (("at rest", "5.00 pJ"), ("at work", "not known")),
     )
     given = dict.fromkeys(("accuracy", "equal", "mismatches", "scores"))
-    assert facts("matches compared", overflows="2", **given) == Facts((Fact("wraps and clips", "2"),))
+    assert facts("matches compared", overflows="2", **given) == Facts(
+        (Fact("wraps and clips", "2"),)
+    )
 
 
 def test_what_has_no_words_is_said_as_it_is():
@@ -100,4 +120,7 @@ def test_what_has_no_words_is_said_as_it_is():
 
 def test_parts_of_the_document_have_the_names_of_their_sections():
     titles = {name: words(name).capitalize() for name in ("ann_comparison", "quantization")}
-    assert titles == {"ann_comparison": TEXTS["sections"]["comparison"]["title"], "quantization": "Quantisation"}
+    assert titles == {
+        "ann_comparison": TEXTS["sections"]["comparison"]["title"],
+        "quantization": "Quantisation",
+    }

@@ -32,7 +32,9 @@ def dead_taxels(share: float) -> Change:
 
 def lost_events(share: float) -> Change:
     """Drop each event with this probability."""
-    return lambda spikes, rng: np.asarray(spikes * (rng.random(spikes.shape) >= share), dtype=np.uint8)
+    return lambda spikes, rng: np.asarray(
+        spikes * (rng.random(spikes.shape) >= share), dtype=np.uint8
+    )
 
 
 def clock(rate: float) -> Change:
@@ -55,7 +57,11 @@ def changes() -> Iterator[tuple[str, Change, int]]:
     """Yield what is wrong with a sensor, in words, what it does to recordings, and how often it is drawn."""
     yield "nothing", lambda spikes, rng: spikes, 1
     for share in SHARES:
-        yield f"{round(share * TAXELS)} of {TAXELS} taxels dead ({share:.0%})", dead_taxels(share), DRAWS
+        yield (
+            f"{round(share * TAXELS)} of {TAXELS} taxels dead ({share:.0%})",
+            dead_taxels(share),
+            DRAWS,
+        )
     for share in SHARES:
         yield f"{share:.0%} of events lost", lost_events(share), DRAWS
     yield "clock 10 % fast", clock(1.1), 1

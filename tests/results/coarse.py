@@ -15,4 +15,6 @@ def coarse(way: Coarse, of: Division, rows: Rows) -> Scorer:
     if not way.in_training:
         return on_chip(learned(way.setting, of, rows), of, rows, weight_bits=way.bits)
     options = {"target": "loihi-sim", "weight_bits": way.bits, "weight_room": way.room}
-    return on_chip(learned(way.setting, of, rows, f"-{way.bits}-bits-{way.room:g}", **options), of, rows)
+    return on_chip(
+        learned(way.setting, of, rows, f"-{way.bits}-bits-{way.room:g}", **options), of, rows
+    )

@@ -26,9 +26,14 @@ def distilled(way: Distilled, of: Division, rows: Rows) -> Scorer:
     """Train the student on ``rows``, all folds of a division but one, by their labels and by what the teachers say."""
     student = of.known[way.student]
     assert isinstance(student, Setting)
-    said = torch.softmax(torch.from_numpy(np.sum([said_by(name, of, rows) for name in way.teachers], axis=0)), dim=1)
+    said = torch.softmax(
+        torch.from_numpy(np.sum([said_by(name, of, rows) for name in way.teachers], axis=0)), dim=1
+    )
     loss, numbered = distilling(said, way.weight)
-    with mock.patch.object(training, "Loss", loss), mock.patch.object(training, "batches", numbered):
+    with (
+        mock.patch.object(training, "Loss", loss),
+        mock.patch.object(training, "batches", numbered),
+    ):
         return student.learn(of, rows)
 
 
@@ -54,7 +59,10 @@ def pair_scores(name: str, of: Division, learned: tuple[int, ...]) -> Floats:
         found = np.full((len(known), of.classes), np.nan)
         found[~known] = teacher.learn(of, np.flatnonzero(known))(of.recordings.spikes[~known])
         np.save(path, found)
-        print(f"{path.stem}: {np.mean(found[~known].argmax(axis=1) == of.labels[~known]):.3f}", flush=True)
+        print(
+            f"{path.stem}: {np.mean(found[~known].argmax(axis=1) == of.labels[~known]):.3f}",
+            flush=True,
+        )
     return np.asarray(np.load(path))
 
 
@@ -69,10 +77,18 @@ def distilling(said: Tensor, weight: float) -> tuple[Any, Any]:
 
     class Distilling(Loss):
         def __call__(
-            self, network: TouchModel, activity: Mapping[str, Tensor], labels: Tensor, weights: Tensor | None = None
+            self,
+            network: TouchModel,
+            activity: Mapping[str, Tensor],
+            labels: Tensor,
+            weights: Tensor | None = None,
         ) -> Tensor:
             counts = weighted_counts(network.scores(activity), self.config.location_weight)
-            soft = torch.nn.functional.cross_entropy(self.config.count_scale * counts, fed[0].to(counts))
-            return (1.0 - weight) * super().__call__(network, activity, labels, weights) + weight * soft
+            soft = torch.nn.functional.cross_entropy(
+                self.config.count_scale * counts, fed[0].to(counts)
+            )
+            return (1.0 - weight) * super().__call__(
+                network, activity, labels, weights
+            ) + weight * soft
 
     return Distilling, numbered

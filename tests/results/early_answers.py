@@ -20,7 +20,11 @@ from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.training.config import config_from_mapping, read_config
 
 EARLY = tuple(
-    Shipped("objects", f"Objects, Window-SNN, up to {share} cut in training", f"objects-window-{name}-{seed}.pt")
+    Shipped(
+        "objects",
+        f"Objects, Window-SNN, up to {share} cut in training",
+        f"objects-window-{name}-{seed}.pt",
+    )
     for name, share in (("early", "half"), ("quarter", "three quarters"))
     for seed in SEEDS
 )
@@ -38,12 +42,20 @@ def seen(study: Study) -> Table:
             program, test = study.program(shipped), study.part(shipped.dataset, "test")
             scores = hw.timestep_scores(program, test.spikes)
             right = [
-                float((scores[:, int(share * scores.shape[1]) - 1].argmax(axis=1) == test.labels).mean())
+                float(
+                    (
+                        scores[:, int(share * scores.shape[1]) - 1].argmax(axis=1) == test.labels
+                    ).mean()
+                )
                 for share in SEEN
             ]
-            return {"right": right} | of_stops(program, hw.stop_when_proven(program, test.spikes), test)
+            return {"right": right} | of_stops(
+                program, hw.stop_when_proven(program, test.spikes), test
+            )
 
-        found.setdefault(shipped.label, []).append(study.figures(f"seen-{Path(shipped.file).stem}", measured))
+        found.setdefault(shipped.label, []).append(
+            study.figures(f"seen-{Path(shipped.file).stem}", measured)
+        )
     rows = []
     for label, each in found.items():
         shares = [
@@ -52,7 +64,12 @@ def seen(study: Study) -> Table:
         ]
         rows.append([label, *shares, *saved(each[0])])
     heads = [f"after {share:.0%} of the steps" for share in SEEN[:-1]]
-    return ["network", *heads, "at the end", *(f"stopped when proven: {what}" for what in SAVED)], rows
+    return [
+        "network",
+        *heads,
+        "at the end",
+        *(f"stopped when proven: {what}" for what in SAVED),
+    ], rows
 
 
 SAVED = ("steps", "of", "energy, µJ", "of, µJ")
@@ -61,7 +78,10 @@ SAVED = ("steps", "of", "energy, µJ", "of, µJ")
 def of_stops(program: hw.ChipProgram, stops: hw.Stops, test: Recordings) -> dict[str, float]:
     """Return means of a recording until it stops, and of a whole one."""
     profile, batch = program.chip.profile(program.chip.default_profile), len(stops.steps)
-    spent, whole = (sum(hw.energy_pj(counts, profile).values()) / batch for counts in (stops.counts, stops.all_counts))
+    spent, whole = (
+        sum(hw.energy_pj(counts, profile).values()) / batch
+        for counts in (stops.counts, stops.all_counts)
+    )
     return {
         "steps": float(stops.steps.mean()),
         "all_steps": float(stops.all_steps),
@@ -114,8 +134,16 @@ HELD = (
         "containers-window-snn-levels",
         0.1667,
     ),
-    Held("objects", "Objects, Window-SNN", "held-objects-window-snn.pt", "objects-window-snn", 0.125),
-    Held("objects", "Objects, Window-SNN, ends cut", "held-objects-window-early.pt", "objects-window-snn-early", 0.125),
+    Held(
+        "objects", "Objects, Window-SNN", "held-objects-window-snn.pt", "objects-window-snn", 0.125
+    ),
+    Held(
+        "objects",
+        "Objects, Window-SNN, ends cut",
+        "held-objects-window-early.pt",
+        "objects-window-snn-early",
+        0.125,
+    ),
 )
 
 
@@ -126,13 +154,23 @@ def margins(study: Study) -> Table:
         found = study.figures(Path(held.file).stem, lambda held=held: at_margin(study, held))
         accuracies = [f"{found[key]:.3f}" for key in ("stopped_right", "final_right", "same")]
         rows.append([held.label, str(found["held"]), *accuracies, *saved(found)])
-    head = ["network", "validation recordings", "accuracy at the stop", "accuracy at the end", "same prediction"]
+    head = [
+        "network",
+        "validation recordings",
+        "accuracy at the stop",
+        "accuracy at the end",
+        "same prediction",
+    ]
     return [*head, *SAVED], rows
 
 
 def at_margin(study: Study, held: Held) -> dict[str, Any]:
     """Train a network unless it is there, find its margin, and stop the test part by it."""
-    recordings, test, path = study.part(held.dataset, "train"), study.part(held.dataset, "test"), study.work / held.file
+    recordings, test, path = (
+        study.part(held.dataset, "train"),
+        study.part(held.dataset, "test"),
+        study.work / held.file,
+    )
     if not path.exists():
         values = read_config(CONFIGS / f"{held.config}.yaml")
         own = {"seed": 0, "refit": False, "validation_fraction": held.fraction}
@@ -140,6 +178,8 @@ def at_margin(study: Study, held: Held) -> dict[str, Any]:
     learned, kept_back = stratified_split(recordings.labels, held.fraction, 0)
     events = recordings.subset(learned[:16])
     program = lc.compile(lc.load(path), events=events, diagnosis=False).program
-    margin = margin_of(hw.timestep_scores(program, recordings.spikes[kept_back]), recordings.labels[kept_back])
+    margin = margin_of(
+        hw.timestep_scores(program, recordings.spikes[kept_back]), recordings.labels[kept_back]
+    )
     found = of_stops(program, hw.stop_at_margin(program, test.spikes, margin), test)
     return found | {"margin": margin, "held": len(kept_back)}

@@ -31,7 +31,10 @@ class Point:
 
 WINDOWS, JOINED, COMMITTEE = "windows", "windows and hybrid", "committee"
 PROTOTYPES, LEVELS = "Window-SNN, prototypes", "Window-SNN, neighbouring levels"
-THREE, TRAINED = "Three Window-SNNs and hybrid, joined", "Three Window-SNNs and hybrid, trained for the chip"
+THREE, TRAINED = (
+    "Three Window-SNNs and hybrid, joined",
+    "Three Window-SNNs and hybrid, trained for the chip",
+)
 TWO_BITS = (f"{LEVELS}, trained with 2 bits", "Window-SNN, trained with 2 bits")
 POINTS = (
     Point("objects", "Window-SNN and hybrid, joined", JOINED, ("objects-windows-and-hybrid-{}.pt",), "dendrite"),
@@ -69,13 +72,32 @@ def front(study: Study) -> Table:
                 for given, name in zip(point.files, names, strict=True)
             ]
             if all(path.exists() for path in paths):
-                stem = f"front-{'+'.join(path.stem for path in paths)}-{point.strategy}-{point.bits}"
-                found.append(study.figures(stem, lambda point=point, paths=paths: of_point(study, point, paths)))
+                stem = (
+                    f"front-{'+'.join(path.stem for path in paths)}-{point.strategy}-{point.bits}"
+                )
+                found.append(
+                    study.figures(
+                        stem, lambda point=point, paths=paths: of_point(study, point, paths)
+                    )
+                )
         if found:
-            accuracy, pj = spread([each["right"] for each in found]), statistics.mean(each["pj"] for each in found)
+            accuracy, pj = (
+                spread([each["right"] for each in found]),
+                statistics.mean(each["pj"] for each in found),
+            )
             how = f"{point.strategy}, {point.bits} bits"
             cores = f"{statistics.mean(each['cores'] for each in found):.0f}"
-            rows.append([point.dataset.title(), point.label, point.kind, how, accuracy, f"{pj / 1e6:.2f}", cores])
+            rows.append(
+                [
+                    point.dataset.title(),
+                    point.label,
+                    point.kind,
+                    how,
+                    accuracy,
+                    f"{pj / 1e6:.2f}",
+                    cores,
+                ]
+            )
     known = kept(study.tables / "chip.csv")
     for row in known[1] if known else ():
         label, _, dataset = row[0].rpartition(", ")
@@ -84,7 +106,15 @@ def front(study: Study) -> Table:
             rows.append([dataset, label, KNOWN[label], how, row[2], row[5], ""])
     for dataset, strategy, bits, accuracy, energy in trained_for_the_chip(study.tables):
         rows.append(
-            [dataset, "Hybrid, trained for the chip", "hybrid", f"{strategy}, {bits} bits", accuracy, energy, ""]
+            [
+                dataset,
+                "Hybrid, trained for the chip",
+                "hybrid",
+                f"{strategy}, {bits} bits",
+                accuracy,
+                energy,
+                "",
+            ]
         )
     before = kept(study.tables / "front.csv")
     head = ["set", "network", "kind", "compiled", "accuracy on the chip", "energy, µJ", "cores"]
@@ -107,7 +137,12 @@ def of_point(study: Study, point: Point, paths: Sequence[Path]) -> dict[str, flo
     one = networks if len(networks) > 1 else networks[0]
     weights = None if len(networks) == 1 else [1.0, 0.1]  # the count_scale of either
     compiled = lc.compile(
-        one, strategy=point.strategy, weight_bits=point.bits, events=events, diagnosis=False, weights=weights
+        one,
+        strategy=point.strategy,
+        weight_bits=point.bits,
+        events=events,
+        diagnosis=False,
+        weights=weights,
     )
     report = compiled.report
     return {
@@ -124,9 +159,13 @@ def trained_for_the_chip(tables: Path) -> list[list[str]]:
     for path in sorted(tables.parent.rglob("*.md")):
         text = path.read_text(encoding="utf-8")
         if "<!-- target-aware: begin -->" in text:
-            part = text.partition("<!-- target-aware: begin -->")[2].partition("<!-- target-aware: end -->")[0]
+            part = text.partition("<!-- target-aware: begin -->")[2].partition(
+                "<!-- target-aware: end -->"
+            )[0]
             cells = [
-                [cell.strip() for cell in line.strip("|").split("|")] for line in part.splitlines() if line[:1] == "|"
+                [cell.strip() for cell in line.strip("|").split("|")]
+                for line in part.splitlines()
+                if line[:1] == "|"
             ]
             found += [[row[0], row[1], row[2], row[3], row[6]] for row in cells[2:] if row[6]]
     return found

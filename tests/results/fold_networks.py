@@ -25,7 +25,9 @@ def learned(name: str, of: Division, rows: Rows, suffix: str = "", **options: An
     if not path.exists():
         setting = of.known[name]
         assert isinstance(setting, Setting)
-        config, network = replace(setting, options=dict(setting.options) | options).trained(of, rows)
+        config, network = replace(setting, options=dict(setting.options) | options).trained(
+            of, rows
+        )
         said = {"seed": config.seed, "dataset": of.dataset, "count_scale": config.count_scale}
         weights = network.mantissas() if network.chip else network.weights()
         Checkpoint(network.description, dict(weights), training=said, chip=network.chip).save(path)
@@ -35,7 +37,9 @@ def learned(name: str, of: Division, rows: Rows, suffix: str = "", **options: An
 
 def on_chip(network: Checkpoint, of: Division, rows: Rows, **options: Any) -> Scorer:
     """Return the scores of a network's program, in its integers: they tell classes apart, no more."""
-    program = lc.compile(network, events=of.recordings.subset(rows[:HEARD]), diagnosis=False, **options).program
+    program = lc.compile(
+        network, events=of.recordings.subset(rows[:HEARD]), diagnosis=False, **options
+    ).program
 
     def score(spikes: ByteArray) -> Floats:
         return np.asarray(hw.simulate(program, spikes).scores, dtype=np.float64)

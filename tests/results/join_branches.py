@@ -35,7 +35,9 @@ from locsnn_compile.training.target import chip_numbers
 def joined(hybrid: Checkpoint, windows: Sequence[Checkpoint], name: str) -> Checkpoint:
     """Return the network of all three branches; its `training` says what each was trained with."""
     ours, first = hybrid.training, windows[0].description
-    description = replace(hybrid.description, name=name, architecture="hybrid-window", window=first.windows)
+    description = replace(
+        hybrid.description, name=name, architecture="hybrid-window", window=first.windows
+    )
     weights = dict(hybrid.float_weights)
     for own, of_windows in zip(description.window_names, first.window_names, strict=True):
         each = [_scale(part, hybrid) * part.weights[of_windows] for part in windows]
@@ -64,7 +66,9 @@ def _scale(windows: Checkpoint, hybrid: Checkpoint) -> np.float32:
     return np.float32(theirs / ours)
 
 
-def write(path: Path, hybrid: Checkpoint, windows: Sequence[Checkpoint], test: Recordings | None) -> float | None:
+def write(
+    path: Path, hybrid: Checkpoint, windows: Sequence[Checkpoint], test: Recordings | None
+) -> float | None:
     """Write the joined network, and return its accuracy on ``test``, which is measured once, in float64."""
     found = joined(hybrid, windows, path.stem)
     training = dict(found.training)
@@ -72,13 +76,18 @@ def write(path: Path, hybrid: Checkpoint, windows: Sequence[Checkpoint], test: R
         network = build_network(found.description, chip=found.chip)
         network.load_weights(found.float_weights)
         right = confusion(network.double(), test)
-        training |= {"test_recordings": int(right.sum()), "test_accuracy": int(np.trace(right)) / int(right.sum())}
+        training |= {
+            "test_recordings": int(right.sum()),
+            "test_accuracy": int(np.trace(right)) / int(right.sum()),
+        }
     replace(found, training=training).save(path)
     return training.get("test_accuracy")
 
 
 def main(arguments: list[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("hybrid", type=Path)
     parser.add_argument("windows", type=Path, nargs="+")
     parser.add_argument("-o", "--output", type=Path, required=True)

@@ -30,7 +30,9 @@ RECIPES = {"objects": ("base", 1), "containers": ("near", 2)}
 """Data set -> its setting in ``tried_settings.yaml``, and how often the train part is divided into folds."""
 
 
-def share_of(labels: NDArray[np.int64], rows: NDArray[np.int64], share: float, repeat: int) -> NDArray[np.int64]:
+def share_of(
+    labels: NDArray[np.int64], rows: NDArray[np.int64], share: float, repeat: int
+) -> NDArray[np.int64]:
     """Return this share of ``rows``, of every class as many (rounded); of a larger share a part."""
     rng, kept = epoch_generator(repeat, 78), []
     for label in np.unique(labels):
@@ -69,11 +71,20 @@ def row_of(dataset: str, share: float, found: Sequence[Sequence[float]]) -> list
     error = right.std(ddof=1) / len(right) ** 0.5
     half = float(stats.t.ppf(0.975, len(right) - 1)) * error
     ends = [f"{right.mean() + side * half:.3f}" for side in (-1, 1)]
-    return [dataset.title(), f"{share:g}", f"{learned.mean():.0f}", str(len(right)), f"{right.mean():.3f}", *ends]
+    return [
+        dataset.title(),
+        f"{share:g}",
+        f"{learned.mean():.0f}",
+        str(len(right)),
+        f"{right.mean():.3f}",
+        *ends,
+    ]
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--data", type=Path, default=ROOT.parent / "shared/data/neutouch")
     parser.add_argument("--work", type=Path, default=ROOT / "runs/tried")
     parser.add_argument("--datasets", nargs="*", choices=tuple(RECIPES), default=tuple(RECIPES))
@@ -85,13 +96,24 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for dataset in args.datasets:
         name, repeats = RECIPES[dataset]
         recordings = read_recordings(args.data / f"Ev-{dataset.title()}.zip", split="train")
-        divisions = [Division(dataset, recordings, repeat, args.work, args.data, known) for repeat in range(repeats)]
+        divisions = [
+            Division(dataset, recordings, repeat, args.work, args.data, known)
+            for repeat in range(repeats)
+        ]
         for share in SHARES:
             each = [right_of(of, name, share) for of in divisions]
             rows.append(row_of(dataset, share, [part for parts in each for part in parts]))
         each = [whole(of, name) for of in divisions]
         rows.append(row_of(dataset, 1.0, [part for parts in each for part in parts]))
-    head = ["set", "share of three folds", "recordings to learn from", "folds held out", "accuracy", "95 % from", "to"]
+    head = [
+        "set",
+        "share of three folds",
+        "recordings to learn from",
+        "folds held out",
+        "accuracy",
+        "95 % from",
+        "to",
+    ]
     write_table(args.table, (head, rows))
 
 

@@ -58,7 +58,11 @@ def make(work: Path, data: Path, row: Row, dataset: Dataset, seed: int) -> None:
 
 
 def train_network(
-    path: Path, config: TrainingConfig, recordings: Recordings, test: Recordings | None, start: Checkpoint | None = None
+    path: Path,
+    config: TrainingConfig,
+    recordings: Recordings,
+    test: Recordings | None,
+    start: Checkpoint | None = None,
 ) -> None:
     """Train a network, from ``start`` on if it is given; ``test`` None leaves its test part unread."""
     state = path.with_suffix(".state")
@@ -71,7 +75,9 @@ def train_network(
     print(f"{path.stem}: trained in {time.process_time() - before:.0f} s", flush=True)
 
 
-def _join(path: Path, row: Row, dataset: Dataset, seed: int, recordings: Recordings, test: Recordings) -> None:
+def _join(
+    path: Path, row: Row, dataset: Dataset, seed: int, recordings: Recordings, test: Recordings
+) -> None:
     """Train the networks that a row joins on the whole train part, and measure only what they are together."""
     found = []
     for part in row.parts:
@@ -83,7 +89,9 @@ def _join(path: Path, row: Row, dataset: Dataset, seed: int, recordings: Recordi
     if row.further is not None:
         further = path.with_name(f"{dataset.name}-{row.further}-whole-{seed}.pt")
         if not further.exists():
-            train_network(further, part_config(row.further, dataset, seed), recordings, None, hybrid)
+            train_network(
+                further, part_config(row.further, dataset, seed), recordings, None, hybrid
+            )
         hybrid = read_checkpoint(further)
     write(path, hybrid, windows, test)
 
@@ -99,7 +107,8 @@ def measure(path: Path, row: Row, dataset: Dataset, test: Recordings) -> dict[st
     checkpoint = read_checkpoint(path)
     training = checkpoint.training
     found: dict[str, Any] = {
-        "epochs": training.get("epochs") or f"{training['hybrid_epochs']} and {training['windows_epochs']}",
+        "epochs": training.get("epochs")
+        or f"{training['hybrid_epochs']} and {training['windows_epochs']}",
         "chosen_epoch": training.get("chosen_epoch", "all"),
         "validation_accuracy": training.get("validation_accuracy"),
         "test_accuracy": training["test_accuracy"],
@@ -108,7 +117,11 @@ def measure(path: Path, row: Row, dataset: Dataset, test: Recordings) -> dict[st
         "fingertips": checkpoint.description.input.sensor.surfaces,
         "classes": checkpoint.description.classes,
     }
-    return found | _on_chip(path, row, dataset, test) if checkpoint.description.structure.spiking else found
+    return (
+        found | _on_chip(path, row, dataset, test)
+        if checkpoint.description.structure.spiking
+        else found
+    )
 
 
 def _on_chip(path: Path, row: Row, dataset: Dataset, test: Recordings) -> dict[str, Any]:
@@ -118,8 +131,12 @@ def _on_chip(path: Path, row: Row, dataset: Dataset, test: Recordings) -> dict[s
     """
     assert test.labels is not None
     network = lc.load(path)
-    strategy = row.strategy if any(isinstance(p.neuron, SrmAlpha) for p in network.populations) else "auto"
-    compiled = lc.compile(network, target="loihi-sim", strategy=strategy, events=test, diagnosis=False)
+    strategy = (
+        row.strategy if any(isinstance(p.neuron, SrmAlpha) for p in network.populations) else "auto"
+    )
+    compiled = lc.compile(
+        network, target="loihi-sim", strategy=strategy, events=test, diagnosis=False
+    )
     played = hw.simulate(compiled.program, test.spikes)
     heard = {view.name: view.play(test.spikes) for view in network.views} | dict(played.spikes)
     followed = over_time(compiled.levels, test.spikes, test.labels, dataset.psi)
@@ -130,8 +147,12 @@ def _on_chip(path: Path, row: Row, dataset: Dataset, test: Recordings) -> dict[s
         "reference_accuracy": report["accuracy"]["reference"],
         "spike_agreement": report["match"]["spike_agreement"],
         "prediction_agreement": report["match"]["prediction_agreement"],
-        "additions": {axis: each.tolist() for axis, each in additions_of_recordings(network, heard).items()},
-        "transposed": events.tolist() if any(phase.axis == "location" for phase in network.phases) else [],
+        "additions": {
+            axis: each.tolist() for axis, each in additions_of_recordings(network, heard).items()
+        },
+        "transposed": events.tolist()
+        if any(phase.axis == "location" for phase in network.phases)
+        else [],
         "chip": report["operations"]["per_sample"],
         "synaptic_ops": [counts["synaptic_ops"] for counts in played.per_recording],
         "energy_pj": report["energy"]["per_sample_pj"],

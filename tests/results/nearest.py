@@ -34,7 +34,9 @@ def windows(spikes: ByteArray) -> Floats:
     """Return which channel had an event in which window of the last steps, (samples, windows * channels)."""
     events = np.cumsum(np.pad(spikes[:, -LAST:].astype(np.int32), ((0, 0), (1, 0), (0, 0))), axis=1)
     starts = np.arange(0, events.shape[1] - STEPS, STRIDE)
-    return (events[:, starts + STEPS] > events[:, starts]).reshape(len(spikes), -1).astype(np.float64)
+    return (
+        (events[:, starts + STEPS] > events[:, starts]).reshape(len(spikes), -1).astype(np.float64)
+    )
 
 
 def moved(spikes: ByteArray, by: int) -> ByteArray:

@@ -27,12 +27,18 @@ def ann_table() -> Table:
     rows = []
     for name, label in (("gru-mlp", "GRU-MLP"), ("cnn-3d", "CNN-3D")):
         cells = [label]
-        for printed, (steps, classes) in zip(PUBLISHED_OPERATIONS[name], PUBLISHED_CASES.values(), strict=True):
+        for printed, (steps, classes) in zip(
+            PUBLISHED_OPERATIONS[name], PUBLISHED_CASES.values(), strict=True
+        ):
             ours = ann_operations(name, fingertips=2, steps=steps, classes=classes)
             cells += [printed, f"{ours:,}"]
         rows.append(cells)
-    rows.append(["Hybrid", *(cell for printed in PUBLISHED_OPERATIONS["hybrid"] for cell in (printed, ""))])
-    rows.append(["ratio as printed", *(cell for printed in PRINTED_RATIOS for cell in (printed, ""))])
+    rows.append(
+        ["Hybrid", *(cell for printed in PUBLISHED_OPERATIONS["hybrid"] for cell in (printed, ""))]
+    )
+    rows.append(
+        ["ratio as printed", *(cell for printed in PRINTED_RATIOS for cell in (printed, ""))]
+    )
     rows.append(["ratio, corrected", *(cell for text in corrected_ratios() for cell in (text, ""))])
     head = ["network, two fingertips"]
     for name in PUBLISHED_CASES:
@@ -42,14 +48,22 @@ def ann_table() -> Table:
 
 def corrected_ratios() -> list[str]:
     """Return the ratio row that the printed operations give."""
-    columns = zip(*(map(float, PUBLISHED_OPERATIONS[name]) for name in ("gru-mlp", "cnn-3d", "hybrid")), strict=True)
-    return [f"{min(gru, cnn) / hybrid:.2f}-{max(gru, cnn) / hybrid:.2f}" for gru, cnn, hybrid in columns]
+    columns = zip(
+        *(map(float, PUBLISHED_OPERATIONS[name]) for name in ("gru-mlp", "cnn-3d", "hybrid")),
+        strict=True,
+    )
+    return [
+        f"{min(gru, cnn) / hybrid:.2f}-{max(gru, cnn) / hybrid:.2f}" for gru, cnn, hybrid in columns
+    ]
 
 
 def quantiles(values: Sequence[float]) -> list[str]:
     """Return mean, median, 99th percentile and maximum."""
     array = np.asarray(values, dtype=float)
-    return [f"{figure:,.0f}" for figure in (array.mean(), np.median(array), np.percentile(array, 99), array.max())]
+    return [
+        f"{figure:,.0f}"
+        for figure in (array.mean(), np.median(array), np.percentile(array, 99), array.max())
+    ]
 
 
 def operations(found: Found) -> Table:
@@ -60,12 +74,17 @@ def operations(found: Found) -> Table:
     return ["network, test recordings of all seeds", "mean", "median", "99 %", "most"], rows
 
 
-def _operation_rows(seeds: Mapping[int, Mapping[str, Any]], row: Row, dataset: Dataset) -> list[list[str]]:
+def _operation_rows(
+    seeds: Mapping[int, Mapping[str, Any]], row: Row, dataset: Dataset
+) -> list[list[str]]:
     measured = [f for f in seeds.values() if "additions" in f]
     if not measured:
         return []
     title = f"{row.label}, {dataset.title}"
-    by_part = {axis: np.concatenate([f["additions"][axis] for f in measured]) for axis in measured[0]["additions"]}
+    by_part = {
+        axis: np.concatenate([f["additions"][axis] for f in measured])
+        for axis in measured[0]["additions"]
+    }
     rows = [[f"{title}: {_branch(row, axis)}", *quantiles(each)] for axis, each in by_part.items()]
     if measured[0]["transposed"]:
         by_part["transposed"] = np.concatenate([f["transposed"] for f in measured])
@@ -88,15 +107,24 @@ def ratios(found: Found) -> Table:
             for ann, label in (("gru-mlp", "GRU-MLP"), ("cnn-3d", "CNN-3D")):
                 measured = [f for f in found.get((name, row.name), {}).values() if "additions" in f]
                 if measured:
-                    rows.append([f"{row.label}, {dataset.title}, against {label}", *_ratios(measured, ann)])
+                    rows.append(
+                        [f"{row.label}, {dataset.title}, against {label}", *_ratios(measured, ann)]
+                    )
     return ["networks", "operations of the ANN", "ratio, mean", "ratio, 99 %", "ratio, least"], rows
 
 
 def _ratios(measured: Sequence[Mapping[str, Any]], ann: str) -> list[str]:
     first = measured[0]
-    theirs = ann_operations(ann, fingertips=first["fingertips"], steps=first["steps"], classes=first["classes"])
-    ours = np.concatenate([np.sum([*f["additions"].values(), f["transposed"]], axis=0) for f in measured])
-    return [f"{theirs:,}", *(f"{theirs / cost:.1f}" for cost in (ours.mean(), np.percentile(ours, 99), ours.max()))]
+    theirs = ann_operations(
+        ann, fingertips=first["fingertips"], steps=first["steps"], classes=first["classes"]
+    )
+    ours = np.concatenate(
+        [np.sum([*f["additions"].values(), f["transposed"]], axis=0) for f in measured]
+    )
+    return [
+        f"{theirs:,}",
+        *(f"{theirs / cost:.1f}" for cost in (ours.mean(), np.percentile(ours, 99), ours.max())),
+    ]
 
 
 def chip_ratios(found: Found) -> Table:
@@ -108,16 +136,23 @@ def chip_ratios(found: Found) -> Table:
             row = next(row for row in ROWS if row.name == row_name)
             kind = "networks joined" if row.parts else "one network"
             accuracy = spread([f["chip_accuracy"] for f in measured])
-            rows.append([f"{row.label}, {DATASETS[name].title}", kind, accuracy, *_chip_ratios(measured)])
+            rows.append(
+                [f"{row.label}, {DATASETS[name].title}", kind, accuracy, *_chip_ratios(measured)]
+            )
     counts = ["synaptic operations, mean", "synaptic operations, most"]
     return ["network", "kind", "accuracy on the chip", *counts, "ratio, mean", "ratio, least"], rows
 
 
 def _chip_ratios(measured: Sequence[Mapping[str, Any]]) -> list[str]:
     first, ours = measured[0], np.concatenate([f["synaptic_ops"] for f in measured])
-    theirs = ann_operations("cnn-3d", fingertips=first["fingertips"], steps=first["steps"], classes=first["classes"])
+    theirs = ann_operations(
+        "cnn-3d", fingertips=first["fingertips"], steps=first["steps"], classes=first["classes"]
+    )
     counts, few = (ours.mean(), ours.max()), of_seeds(len(measured))
-    return [*(f"{count:,.0f}{few}" for count in counts), *(f"{theirs / count:.1f}{few}" for count in counts)]
+    return [
+        *(f"{count:,.0f}{few}" for count in counts),
+        *(f"{theirs / count:.1f}{few}" for count in counts),
+    ]
 
 
 def chip_counts(found: Found) -> Table:
@@ -129,7 +164,14 @@ def chip_counts(found: Found) -> Table:
             keys = ("synaptic_ops", "neuron_updates", "spikes", "input_events", "transpose_events")
             cells = [f"{statistics.mean(float(f[key]) for f in measured):,.0f}" for key in keys]
             rows.append([f"{label}, {DATASETS[name].title}", *cells])
-    head = ["network", "synaptic operations", "compartment updates", "spikes", "input events", "transposed events"]
+    head = [
+        "network",
+        "synaptic operations",
+        "compartment updates",
+        "spikes",
+        "input events",
+        "transposed events",
+    ]
     return head, rows
 
 

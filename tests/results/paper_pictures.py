@@ -57,14 +57,29 @@ def operations(tables: Path) -> Figure | None:
         return None
     figure, panels = plt.subplots(1, 2, figsize=(7.6, 2.8), layout="constrained", sharex=True)
     for axes, name in zip(panels, ("Objects", "Containers"), strict=True):
-        bars = {row[0].rsplit("against ", 1)[1]: _number(row[1]) for row in ratios[1] if f", {name}, against" in row[0]}
+        bars = {
+            row[0].rsplit("against ", 1)[1]: _number(row[1])
+            for row in ratios[1]
+            if f", {name}, against" in row[0]
+        }
         for label in ("Hybrid, lambda 1, loop", "Window-SNN"):
-            own = {row[0]: _number(row[1]) for row in ours[1] if row[0].startswith(f"{label}, {name}: ")}
-            bars[label.partition(",")[0]] = own.get(f"{label}, {name}: together", max(own.values(), default=0.0))
+            own = {
+                row[0]: _number(row[1])
+                for row in ours[1]
+                if row[0].startswith(f"{label}, {name}: ")
+            }
+            bars[label.partition(",")[0]] = own.get(
+                f"{label}, {name}: together", max(own.values(), default=0.0)
+            )
         axes.barh(list(bars), list(bars.values()), color=[INK, INK, BLUE, BLUE][: len(bars)])
         for place, value in enumerate(bars.values()):
             axes.text(value * 1.1, place, f"{value / 1e6:.2f}", va="center")
-        axes.set(title=name, xlabel="operations per recording, 10^6 at the bars", xscale="log", xlim=(2e4, 3e7))
+        axes.set(
+            title=name,
+            xlabel="operations per recording, 10^6 at the bars",
+            xscale="log",
+            xlim=(2e4, 3e7),
+        )
         axes.invert_yaxis()
     return figure
 
@@ -92,8 +107,15 @@ def apart(counts: np.ndarray[Any, Any]) -> tuple[np.ndarray[Any, Any], np.ndarra
 
 def levels(work: Path) -> Figure | None:
     """Confusions on the chip with containers and fill levels apart: the paper's two networks, and the best."""
-    named = {"Tactile-SNN": "tactile-snn", "Hybrid": "hybrid", "Window-SNN, levels": "window-snn-levels"}
-    counts = {label: counts_of(sorted(work.glob(f"containers-{row}-[0-9].json"))) for label, row in named.items()}
+    named = {
+        "Tactile-SNN": "tactile-snn",
+        "Hybrid": "hybrid",
+        "Window-SNN, levels": "window-snn-levels",
+    }
+    counts = {
+        label: counts_of(sorted(work.glob(f"containers-{row}-[0-9].json")))
+        for label, row in named.items()
+    }
     if any(found is None for found in counts.values()):
         return None
     figure, panels = plt.subplots(2, len(counts), figsize=(7.6, 5.2), layout="constrained")
@@ -109,7 +131,9 @@ def objects(work: Path) -> Figure | None:
     """Confusions of Objects on the chip: the paper's hybrid before, the best after."""
     named = {
         "Hybrid": sorted(work.glob("predicted-objects-hybrid.json")),
-        "Three Window-SNNs and hybrid": sorted(work.glob("objects-three-windows-and-trained-hybrid-[0-9].json")),
+        "Three Window-SNNs and hybrid": sorted(
+            work.glob("objects-three-windows-and-trained-hybrid-[0-9].json")
+        ),
     }
     counts = {label: counts_of(files) for label, files in named.items()}
     if any(found is None for found in counts.values()):
@@ -118,7 +142,11 @@ def objects(work: Path) -> Figure | None:
     for axes, (label, found) in zip(panels, counts.items(), strict=True):
         assert found is not None
         axes.imshow(found / found.sum(axis=1, keepdims=True), cmap="Blues", vmin=0, vmax=1)
-        axes.set(title=f"{label}\n{int(found.sum())} predictions", xlabel="object predicted", ylabel="object")
+        axes.set(
+            title=f"{label}\n{int(found.sum())} predictions",
+            xlabel="object predicted",
+            ylabel="object",
+        )
         axes.set(xticks=range(0, len(found), 5), yticks=range(0, len(found), 5))
     return figure
 
@@ -128,8 +156,18 @@ def _matrix(axes: Axes, part: np.ndarray[Any, Any], what: str) -> None:
     axes.imshow(shares, cmap="Blues", vmin=0, vmax=1)
     for row, column in np.argwhere(shares >= 0.005):
         ink = "white" if shares[row, column] > 0.6 else "#404040"
-        axes.text(column, row, f"{shares[row, column]:.2f}", ha="center", va="center", color=ink, fontsize=7)
-    axes.set(xlabel=f"{what} predicted", ylabel=what, xticks=range(len(part)), yticks=range(len(part)))
+        axes.text(
+            column,
+            row,
+            f"{shares[row, column]:.2f}",
+            ha="center",
+            va="center",
+            color=ink,
+            fontsize=7,
+        )
+    axes.set(
+        xlabel=f"{what} predicted", ylabel=what, xticks=range(len(part)), yticks=range(len(part))
+    )
 
 
 def profiles(work: Path) -> Figure | None:
@@ -141,7 +179,9 @@ def profiles(work: Path) -> Figure | None:
     figure, panels = plt.subplots(1, 2, figsize=(7.6, 2.8), layout="constrained")
     for (label, log), colour in zip(read.items(), (ORANGE, BLUE), strict=True):
         panels[0].plot(log["loss"], color=colour, linewidth=1.2, label=f"{label}, training")
-        panels[0].plot(log["validation_loss"], ":", color=colour, linewidth=1.2, label=f"{label}, validation")
+        panels[0].plot(
+            log["validation_loss"], ":", color=colour, linewidth=1.2, label=f"{label}, validation"
+        )
         panels[1].plot(log["validation_accuracy"], color=colour, linewidth=0.9, label=label)
     panels[0].set(title="Containers, loss", xlabel="epoch", ylim=(0, None))
     panels[1].set(title="Containers, validation accuracy", xlabel="epoch", ylim=(0, 1))
@@ -153,7 +193,10 @@ def profiles(work: Path) -> Figure | None:
 def _log(path: Path) -> Mapping[str, list[float]]:
     with path.open(newline="", encoding="utf-8") as file:
         rows = [row for row in csv.DictReader(file) if row["phase"] == "select"]
-    return {key: [float(row[key]) for row in rows] for key in ("loss", "validation_loss", "validation_accuracy")}
+    return {
+        key: [float(row[key]) for row in rows]
+        for key in ("loss", "validation_loss", "validation_accuracy")
+    }
 
 
 def curves(tables: Path) -> Figure | None:
@@ -166,8 +209,18 @@ def curves(tables: Path) -> Figure | None:
         rows = [list(map(float, row[2:])) for row in made[1] if row[0] == name]
         if rows:
             learned, _, right, low, high = np.array(rows).T
-            axes.errorbar(learned, right, (right - low, high - right), color=colour, marker="o", capsize=3, label=name)
-    axes.set(xlabel="recordings to learn from", ylabel="accuracy, held out", xscale="log", ylim=(0.4, 1))
+            axes.errorbar(
+                learned,
+                right,
+                (right - low, high - right),
+                color=colour,
+                marker="o",
+                capsize=3,
+                label=name,
+            )
+    axes.set(
+        xlabel="recordings to learn from", ylabel="accuracy, held out", xscale="log", ylim=(0.4, 1)
+    )
     axes.set_xticks([45, 90, 180, 216, 432], [45, 90, 180, 216, 432])
     axes.minorticks_off()
     axes.legend()
@@ -183,7 +236,9 @@ def front(tables: Path) -> Figure | None:
     for axes, name in zip(panels, ("Objects", "Containers"), strict=True):
         rows = [row for row in made[1] if row[0] == name]
         kinds = {row[2]: None for row in made[1]}
-        for kind, colour, marker in zip(kinds, (INK, ORANGE, BLUE, VIOLET), ("o", "s", "D", "^"), strict=False):
+        for kind, colour, marker in zip(
+            kinds, (INK, ORANGE, BLUE, VIOLET), ("o", "s", "D", "^"), strict=False
+        ):
             its = [(float(row[5]), float(row[4].split(" ")[0])) for row in rows if row[2] == kind]
             if its:
                 axes.scatter(*np.array(its).T, color=colour, marker=marker, s=26, label=kind)
@@ -193,7 +248,11 @@ def front(tables: Path) -> Figure | None:
                 best, line = right, [*line, (energy, right)]
         axes.plot(*np.array(line).T, color=INK, linewidth=0.8, drawstyle="steps-post", zorder=0)
         axes.set(title=name, xlabel="energy per recording, µJ", ylabel="accuracy on the chip")
-    named = {label: handle for axes in panels for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
+    named = {
+        label: handle
+        for axes in panels
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
+    }
     figure.legend(named.values(), named, loc="outside lower center", ncols=4)
     return figure
 
@@ -214,11 +273,19 @@ def data_table(data: Path) -> Table:
                  str(channels), f"{events.mean():,.0f}", f"{events.min():,}", f"{events.max():,}", f"{first.mean():.0f}"]
             )  # fmt: skip
     head = ["set", "recordings", "classes", "of a class", "steps", "seconds", "channels"]
-    return [*head, "events, mean", "events, least", "events, most", "first event at step, mean"], rows
+    return [
+        *head,
+        "events, mean",
+        "events, least",
+        "events, most",
+        "first event at step, mean",
+    ], rows
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--data", type=Path, default=ROOT.parent / "shared/data/neutouch")
     parser.add_argument("--work", type=Path, default=ROOT / "runs/results")
     parser.add_argument("--docs", type=Path, default=ROOT / "docs")

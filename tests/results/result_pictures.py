@@ -46,7 +46,9 @@ def _save(figure: Figure, path: Path) -> None:
 
 
 def _over_time(shown: Mapping[str, list[Mapping[str, Any]]]) -> Figure:
-    figure, panels = plt.subplots(1, len(shown), figsize=(4.6 * len(shown), 3.4), layout="constrained", squeeze=False)
+    figure, panels = plt.subplots(
+        1, len(shown), figsize=(4.6 * len(shown), 3.4), layout="constrained", squeeze=False
+    )
     for axes, (name, runs) in zip(panels[0], shown.items(), strict=True):
         for key, (label, colour, style) in LINES.items():
             curves = [run["right"][key] for run in runs if key in run["right"]]
@@ -58,12 +60,16 @@ def _over_time(shown: Mapping[str, list[Mapping[str, Any]]]) -> Figure:
             ylabel="accuracy",
             ylim=(0, 1),
         )
-    figure.legend(*panels[0][0].get_legend_handles_labels(), loc="outside lower center", ncols=len(LINES))
+    figure.legend(
+        *panels[0][0].get_legend_handles_labels(), loc="outside lower center", ncols=len(LINES)
+    )
     return figure
 
 
 def _confusion(shown: Mapping[str, list[Mapping[str, Any]]]) -> Figure:
-    figure, panels = plt.subplots(1, len(shown), figsize=(4.6 * len(shown), 4.2), layout="constrained", squeeze=False)
+    figure, panels = plt.subplots(
+        1, len(shown), figsize=(4.6 * len(shown), 4.2), layout="constrained", squeeze=False
+    )
     for axes, (name, runs) in zip(panels[0], shown.items(), strict=True):
         classes = runs[0]["classes"]
         counts = np.zeros((classes, classes))

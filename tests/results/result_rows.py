@@ -24,8 +24,12 @@ class Dataset:
 
 
 DATASETS: Mapping[str, Dataset] = {
-    "objects": Dataset("objects", "Objects", "Ev-Objects.zip", "objects-hybrid.yaml", 15.0, 325, 36),
-    "containers": Dataset("containers", "Containers", "Ev-Containers.zip", "containers-hybrid.yaml", 10.0, 325, 20),
+    "objects": Dataset(
+        "objects", "Objects", "Ev-Objects.zip", "objects-hybrid.yaml", 15.0, 325, 36
+    ),
+    "containers": Dataset(
+        "containers", "Containers", "Ev-Containers.zip", "containers-hybrid.yaml", 10.0, 325, 20
+    ),
     "slip": Dataset("slip", "Slip (synthetic)", None, "objects-hybrid.yaml", 2.0, 150, 2),
 }
 
@@ -58,7 +62,11 @@ class Row:
         """Return the file in ``examples/configs`` that it is trained with."""
         recipe = dataset.config.partition("-")[0]
         published = "slip" if dataset.archive is None else "objects"
-        return dataset.config if self.config is None else self.config.format(recipe=recipe, published=published)
+        return (
+            dataset.config
+            if self.config is None
+            else self.config.format(recipe=recipe, published=published)
+        )
 
     @property
     def model(self) -> str:
@@ -108,10 +116,30 @@ ROWS = (
         _published("0.89", "0.88", "0.82"),
     ),
     Row("hybrid", "Hybrid, lambda 1, loop", {}, _published("0.91", "0.86", "1.0")),
-    Row("hybrid-half", "Hybrid, lambda 0.5, loop", {"location_weight": 0.5}, _published("0.92", "0.89", "0.98")),
-    Row("hybrid-arch", "Hybrid, lambda 1, arch", {"order": "arch"}, _published("0.91", "0.86", "0.99")),
-    Row("hybrid-whorl", "Hybrid, lambda 1, whorl", {"order": "whorl"}, _published("0.92", "0.86", "0.98")),
-    Row("hybrid-published", "Hybrid, published training", {}, config="{published}-hybrid-published.yaml"),
+    Row(
+        "hybrid-half",
+        "Hybrid, lambda 0.5, loop",
+        {"location_weight": 0.5},
+        _published("0.92", "0.89", "0.98"),
+    ),
+    Row(
+        "hybrid-arch",
+        "Hybrid, lambda 1, arch",
+        {"order": "arch"},
+        _published("0.91", "0.86", "0.99"),
+    ),
+    Row(
+        "hybrid-whorl",
+        "Hybrid, lambda 1, whorl",
+        {"order": "whorl"},
+        _published("0.92", "0.86", "0.98"),
+    ),
+    Row(
+        "hybrid-published",
+        "Hybrid, published training",
+        {},
+        config="{published}-hybrid-published.yaml",
+    ),
     Row(
         "hybrid-half-published",
         "Hybrid, published training, lambda 0.5",
@@ -127,14 +155,24 @@ ROWS = (
         minutes={"objects": 3},
     ),
     Row("hybrid-delays", "Hybrid, synapses of six delays", {"delays": SIX_DELAYS}),
-    Row("tactile-snn-lif", "Tactile-SNN of TLIF neurons", {"model": "tactile-snn-lif"}, config="tactile-snn-lif.yaml"),
+    Row(
+        "tactile-snn-lif",
+        "Tactile-SNN of TLIF neurons",
+        {"model": "tactile-snn-lif"},
+        config="tactile-snn-lif.yaml",
+    ),
     Row(
         "location-tactile-snn-lif",
         "Location Tactile-SNN of LLIF neurons",
         {"model": "location-tactile-snn-lif"},
         config="location-tactile-snn-lif.yaml",
     ),
-    Row("hybrid-lif", "Hybrid of TLIF and LLIF neurons", {"model": "hybrid-lif"}, config="hybrid-lif.yaml"),
+    Row(
+        "hybrid-lif",
+        "Hybrid of TLIF and LLIF neurons",
+        {"model": "hybrid-lif"},
+        config="hybrid-lif.yaml",
+    ),
     Row("window-snn", "Window-SNN", {"model": "window-snn"}, config="{recipe}-window-snn.yaml"),
     Row(
         "window-prototypes",
@@ -156,7 +194,13 @@ ROWS = (
         config="objects-window-snn-quarter.yaml",
         only="objects",
     ),
-    Row("windows-and-hybrid", "Window-SNN and hybrid, joined", {}, parts=("hybrid", "window-snn"), only="objects"),
+    Row(
+        "windows-and-hybrid",
+        "Window-SNN and hybrid, joined",
+        {},
+        parts=("hybrid", "window-snn"),
+        only="objects",
+    ),
     Row(
         "three-windows-and-hybrid",
         "Three Window-SNNs and hybrid, joined",
@@ -210,7 +254,12 @@ ROWS = (
     ),
 )
 ROW_NAMES = tuple(row.name for row in ROWS)
-FLAGS = {"model": "--model", "order": "--order", "location_weight": "--lambda", "delays": "--delays"}
+FLAGS = {
+    "model": "--model",
+    "order": "--order",
+    "location_weight": "--lambda",
+    "delays": "--delays",
+}
 """Option of a row -> the flag of ``locsnn train`` that gives it."""
 
 
@@ -223,9 +272,15 @@ def command(row: Row, dataset: Dataset, seed: int) -> str:
         made = [f"{begin}/{dataset.name}-{part}.yaml {whole} -o {part}.pt" for part in row.parts]
         joined = list(row.parts)
         if row.further is not None:
-            made.append(f"{begin}/{dataset.name}-{row.further}.yaml --from {joined[0]}.pt {whole} -o {row.further}.pt")
+            made.append(
+                f"{begin}/{dataset.name}-{row.further}.yaml --from {joined[0]}.pt {whole} -o {row.further}.pt"
+            )
             joined[0] = row.further
         files = " ".join(f"{part}.pt" for part in joined)
-        return " && ".join([*made, f"python tests/results/join_branches.py {files} -o {row.name}.pt --test {data}"])
+        return " && ".join(
+            [*made, f"python tests/results/join_branches.py {files} -o {row.name}.pt --test {data}"]
+        )
     flags = [f"{FLAGS[name]} {value}" for name, value in row.options.items()]
-    return " ".join([f"{begin}/{row.config_for(dataset)}", *flags, f"--seed {seed}", f"-o {row.name}.pt"])
+    return " ".join(
+        [f"{begin}/{row.config_for(dataset)}", *flags, f"--seed {seed}", f"-o {row.name}.pt"]
+    )

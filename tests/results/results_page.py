@@ -10,7 +10,18 @@ from typing import Any
 
 from operation_tables import ann_table, chip_counts, chip_ratios, named, operations, ratios
 from result_rows import DATASETS, ROWS, SEEDS, command
-from tables import NOT_RUN, Found, Table, column, kept, markdown, merged, seeds_of, spread, write_table
+from tables import (
+    NOT_RUN,
+    Found,
+    Table,
+    column,
+    kept,
+    markdown,
+    merged,
+    seeds_of,
+    spread,
+    write_table,
+)
 
 
 def read(work: Path) -> Found:
@@ -21,7 +32,9 @@ def read(work: Path) -> Found:
             for seed in SEEDS:
                 path = work / f"{dataset}-{row.name}-{seed}.json"
                 if path.exists():
-                    found.setdefault((dataset, row.name), {})[seed] = json.loads(path.read_text(encoding="utf-8"))
+                    found.setdefault((dataset, row.name), {})[seed] = json.loads(
+                        path.read_text(encoding="utf-8")
+                    )
     return found
 
 
@@ -79,7 +92,9 @@ def settings(found: Found) -> Table:
     for (name, row_name), seeds in found.items():
         label = next(row.label for row in ROWS if row.name == row_name)
         epochs = [f["chosen_epoch"] for f in seeds.values()]
-        held = [f["validation_accuracy"] for f in seeds.values() if f["validation_accuracy"] is not None]
+        held = [
+            f["validation_accuracy"] for f in seeds.values() if f["validation_accuracy"] is not None
+        ]
         rows.append(
             [
                 f"{label}, {DATASETS[name].title}",
@@ -88,7 +103,12 @@ def settings(found: Found) -> Table:
                 spread(held) if held else "none held out",
             ]
         )
-    return ["network", "epochs at most", "chosen, seed by seed", "accuracy on the validation part"], rows
+    return [
+        "network",
+        "epochs at most",
+        "chosen, seed by seed",
+        "accuracy on the validation part",
+    ], rows
 
 
 def chip(found: Found) -> Table:
@@ -96,11 +116,23 @@ def chip(found: Found) -> Table:
     for (name, row_name), seeds in found.items():
         if column(found, name, row_name, "chip_accuracy"):
             label = next(row.label for row in ROWS if row.name == row_name)
-            keys = ("reference_accuracy", "chip_accuracy", "prediction_agreement", "spike_agreement")
+            keys = (
+                "reference_accuracy",
+                "chip_accuracy",
+                "prediction_agreement",
+                "spike_agreement",
+            )
             cells = [spread(column(found, name, row_name, key)) for key in keys]
             energy = statistics.mean(float(f["energy_pj"]) for f in seeds.values()) / 1e6
             rows.append([f"{label}, {DATASETS[name].title}", *cells, f"{energy:.2f}"])
-    head = ["network", "float accuracy", "chip accuracy", "predictions that agree", "spikes that agree", "energy, µJ"]
+    head = [
+        "network",
+        "float accuracy",
+        "chip accuracy",
+        "predictions that agree",
+        "spikes that agree",
+        "energy, µJ",
+    ]
     return head, rows
 
 
@@ -117,14 +149,23 @@ def confusions(found: Found) -> Table:
             label = next(row.label for row in ROWS if row.name == row_name)
             pairs = ", ".join(f"{wanted} for {got}: {n}" for (wanted, got), n in worst)
             rows.append(
-                [f"{label}, {DATASETS[name].title}", str(sum(wrong.values())), pairs.replace(" for ", " taken for ")]
+                [
+                    f"{label}, {DATASETS[name].title}",
+                    str(sum(wrong.values())),
+                    pairs.replace(" for ", " taken for "),
+                ]
             )
     return ["network, on the chip, all seeds", "wrong", "most often"], rows
 
 
 def commands(found: Found) -> Table:
     """The command of seed 0 of every row that has figures."""
-    rows = [[command(row, DATASETS[name], 0)] for row in ROWS for name in DATASETS if (name, row.name) in found]
+    rows = [
+        [command(row, DATASETS[name], 0)]
+        for row in ROWS
+        for name in DATASETS
+        if (name, row.name) in found
+    ]
     return ["command"], rows
 
 
@@ -172,7 +213,9 @@ def pages(tables: Mapping[str, Table]) -> dict[str, str]:
         "ratios": markdown(named(tables["ratios"])),
         "chip_ratios": markdown(named(tables["chip-ratios"])),
         "ann_table": markdown(ann_table()),
-        "missing": f"{SOME_MISSING}\n{gaps}" if (gaps := missing(tables["accuracy"])) else NONE_MISSING,
+        "missing": f"{SOME_MISSING}\n{gaps}"
+        if (gaps := missing(tables["accuracy"]))
+        else NONE_MISSING,
     } | {
         f"{key}_{name}": ratio.get(f"{label}, {name.title()}, against CNN-3D", NOT_RUN)
         for key, label in short.items()

@@ -20,7 +20,9 @@ def robustness(study: Study) -> Table:
         cells = [what]
         for shipped in SHIPPED:
 
-            def measured(shipped: Shipped = shipped, change: Change = change, draws: int = draws) -> list[float]:
+            def measured(
+                shipped: Shipped = shipped, change: Change = change, draws: int = draws
+            ) -> list[float]:
                 test = study.part(shipped.dataset, "test")
                 found = []
                 for draw in range(draws):
@@ -29,7 +31,9 @@ def robustness(study: Study) -> Table:
                     found.append(float((played.prediction == test.labels).mean()))
                 return found
 
-            found = study.figures(f"robust-{Path(shipped.file).stem}-{what.replace(' ', '-')}", measured)
+            found = study.figures(
+                f"robust-{Path(shipped.file).stem}-{what.replace(' ', '-')}", measured
+            )
             deviation = f" ± {statistics.stdev(found):.3f}" if len(found) > 1 else ""
             cells.append(f"{statistics.mean(found):.3f}{deviation}")
         rows.append(cells)

@@ -22,12 +22,16 @@ ROOT = Path(__file__).parents[2]
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--data", type=Path, default=ROOT.parent / "shared/data/neutouch")
     parser.add_argument("--work", type=Path, default=ROOT / "runs/results")
     parser.add_argument("--page", type=Path, default=ROOT / "docs/results.md")
     parser.add_argument("--rows", nargs="*", default=ROW_NAMES, choices=ROW_NAMES, metavar="NAME")
-    parser.add_argument("--datasets", nargs="*", default=tuple(DATASETS), choices=tuple(DATASETS), metavar="NAME")
+    parser.add_argument(
+        "--datasets", nargs="*", default=tuple(DATASETS), choices=tuple(DATASETS), metavar="NAME"
+    )
     parser.add_argument("--seeds", nargs="*", type=int, default=tuple(SEEDS), metavar="N")
     parser.add_argument("--page-only", action="store_true")
     args = parser.parse_args()

@@ -18,7 +18,8 @@ PARTS = {"slip.npz": (80, 11), "slip-test.npz": (20, 12)}
 def slip_recordings() -> tuple[Recordings, Recordings]:
     """Return the train and the test part."""
     train, test = (
-        synthetic_touches(count, steps=150, classes=2, seed=seed, step_seconds=0.001) for count, seed in PARTS.values()
+        synthetic_touches(count, steps=150, classes=2, seed=seed, step_seconds=0.001)
+        for count, seed in PARTS.values()
     )
     return train, test
 

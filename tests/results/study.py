@@ -53,7 +53,9 @@ class Study:
         own = MODELS / shipped.file
         network = lc.load(own if own.exists() else self.work / shipped.file)
         events = self.part(shipped.dataset, "train").subset(np.arange(16))
-        return lc.compile(network, strategy=shipped.strategy, events=events, diagnosis=False).program
+        return lc.compile(
+            network, strategy=shipped.strategy, events=events, diagnosis=False
+        ).program
 
     def figures(self, name: str, make: Callable[[], Any]) -> Any:
         """Return what a file holds, or what ``make`` returns, which is kept there."""

@@ -66,7 +66,10 @@ def merged(made: Table, before: Table | None) -> Table:
     if before is None or list(before[0]) != list(head):
         return made
     old = {row[0]: list(row) for row in before[1]}
-    new = {row[0]: [_laid(mine, was) for mine, was in zip(row, old.get(row[0], row), strict=True)] for row in rows}
+    new = {
+        row[0]: [_laid(mine, was) for mine, was in zip(row, old.get(row[0], row), strict=True)]
+        for row in rows
+    }
     order = new if old.keys() <= new.keys() else old | new
     return head, [new.get(name, old.get(name, [])) for name in order]
 

@@ -29,7 +29,9 @@ def test_dead_taxels_lose_both_polarities_in_every_recording(share: float, dead:
     found = dead_taxels(share)(given, np.random.default_rng(1))
     silent = ~found.reshape(6, 100, 39, 2).any(axis=(0, 1, 3))
     assert silent.sum() == dead
-    assert np.array_equal(found.reshape(6, 100, 39, 2)[:, :, ~silent], given.reshape(6, 100, 39, 2)[:, :, ~silent])
+    assert np.array_equal(
+        found.reshape(6, 100, 39, 2)[:, :, ~silent], given.reshape(6, 100, 39, 2)[:, :, ~silent]
+    )
 
 
 def test_lost_events_are_lost_and_none_is_new() -> None:
@@ -41,7 +43,9 @@ def test_lost_events_are_lost_and_none_is_new() -> None:
     assert found.sum() / given.sum() == pytest.approx(0.8, abs=0.02)
 
 
-@pytest.mark.parametrize(("rate", "wanted"), [(1.0, [0, 10, 99]), (0.9, [0, 9, 89]), (1.1, [0, 11])])
+@pytest.mark.parametrize(
+    ("rate", "wanted"), [(1.0, [0, 10, 99]), (0.9, [0, 9, 89]), (1.1, [0, 11])]
+)
 def test_a_clock_moves_events(rate: float, wanted: list[int]) -> None:
     from broken_sensors import clock
 
@@ -72,7 +76,9 @@ def test_the_points_name_files_that_ship_or_are_made() -> None:
 
     made = {f"{dataset}-{row}-{{}}.pt" for dataset in DATASETS for row in ROW_NAMES}
     made |= {name.format(seed) for name in made for seed in SEEDS}
-    for name in {name for point in POINTS for name in point.files} | {shipped.file for shipped in (*SHIPPED, *EARLY)}:
+    for name in {name for point in POINTS for name in point.files} | {
+        shipped.file for shipped in (*SHIPPED, *EARLY)
+    }:
         assert name in made or (MODELS / name).exists(), name
 
 
@@ -81,7 +87,9 @@ def test_points_whose_networks_are_gone_stay() -> None:
 
     stood = ["Objects", "A", "windows", "auto, 8 bits", "0.900 ± 0.010", "5.00", "21"]
     other = ["Objects", "A", "windows", "auto, 4 bits", "0.890 ± 0.010", "4.00", "18"]
-    fewer, all_seeds = ([*stood[:4], right, "6.00", "21"] for right in ("0.950 (1 of 5 seeds)", "0.910 ± 0.020"))
+    fewer, all_seeds = (
+        [*stood[:4], right, "6.00", "21"] for right in ("0.950 (1 of 5 seeds)", "0.910 ± 0.020")
+    )
     assert over([stood, other], []) == [stood, other]
     assert over([stood, other], [fewer]) == [stood, other]
     assert over([stood, other], [all_seeds]) == [all_seeds, other]
@@ -107,7 +115,10 @@ def test_pictures_are_drawn_of_the_tables_that_ship(tmp_path: Path) -> None:
     mpl.use("svg")
     tables = HERE.parents[1] / "docs/results"
     with mpl.rc_context(STYLE):
-        drawn = [paper_pictures.orders(), *(draw(tables) for draw in (paper_pictures.operations, paper_pictures.front))]
+        drawn = [
+            paper_pictures.orders(),
+            *(draw(tables) for draw in (paper_pictures.operations, paper_pictures.front)),
+        ]
         assert all(figure is not None for figure in drawn)
         assert (
             paper_pictures.levels(tmp_path)

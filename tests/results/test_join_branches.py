@@ -34,7 +34,9 @@ def test_the_sum_is_that_of_log_probabilities(
         result = train(made, config, name=model)
         entry = training_entry(result, config, made, None)
         files.append(str(tmp_path / f"{model}-{scale}.pt"))
-        Checkpoint(result.network.description, result.network.weights(), training=entry).save(Path(files[-1]))
+        Checkpoint(result.network.description, result.network.weights(), training=entry).save(
+            Path(files[-1])
+        )
         logits.append(scale * class_scores(result.network, made.spikes))
     main([*files, "-o", str(tmp_path / "both.pt")])
     found = read_checkpoint(tmp_path / "both.pt")
@@ -44,11 +46,15 @@ def test_the_sum_is_that_of_log_probabilities(
     network = build_network(found.description)
     network.load_weights(found.weights)
     hybrid, *windows = logits
-    assert np.allclose(0.1 * class_scores(network, made.spikes), hybrid + np.mean(windows, axis=0), atol=1e-4)
+    assert np.allclose(
+        0.1 * class_scores(network, made.spikes), hybrid + np.mean(windows, axis=0), atol=1e-4
+    )
     assert all(float(np.abs(part).max()) > 0 for part in logits)
 
 
-def test_a_hybrid_on_the_chips_integers_keeps_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_hybrid_on_the_chips_integers_keeps_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.syspath_prepend(str(Path(__file__).parent))
     from join_branches import main
 
@@ -70,8 +76,15 @@ def test_a_hybrid_on_the_chips_integers_keeps_them(tmp_path: Path, monkeypatch: 
     for name, mantissas in hybrid.weights.items():
         assert np.array_equal(found.weights[name], mantissas)
         assert found.chip.populations[name].scale == hybrid.chip.populations[name].scale
-    wanted, unit = 10.0 * windows.weights["location_output"], found.chip.populations["window_output"].unit
-    assert np.abs(found.float_weights["window_output"] - wanted).max() <= 0.501 * unit < np.abs(wanted).max() / 50
+    wanted, unit = (
+        10.0 * windows.weights["location_output"],
+        found.chip.populations["window_output"].unit,
+    )
+    assert (
+        np.abs(found.float_weights["window_output"] - wanted).max()
+        <= 0.501 * unit
+        < np.abs(wanted).max() / 50
+    )
 
     # What the compiler plays is what torch computes: nothing is rounded a second time.
     compiled = lc.compile(found, events=made)
@@ -81,5 +94,6 @@ def test_a_hybrid_on_the_chips_integers_keeps_them(tmp_path: Path, monkeypatch: 
     network = build_network(found.description, chip=found.chip)
     network.load_weights(found.float_weights)
     assert np.array_equal(
-        hw.simulate(compiled.program, made.spikes).prediction, class_scores(network, made.spikes).argmax(axis=1)
+        hw.simulate(compiled.program, made.spikes).prediction,
+        class_scores(network, made.spikes).argmax(axis=1),
     )

@@ -92,7 +92,9 @@ def test_ratios_of_what_the_chip_does(work: Path) -> None:
     from operation_tables import chip_ratios
     from results_page import read
 
-    (work / "objects-windows-and-hybrid-0.json").write_text(json.dumps(figures(steps=250, classes=36)))
+    (work / "objects-windows-and-hybrid-0.json").write_text(
+        json.dumps(figures(steps=250, classes=36))
+    )
     (work / "containers-cnn-3d-0.json").write_text(json.dumps({"test_accuracy": 0.5}))
     one, two = " (1 of 5 seeds)", " (2 of 5 seeds)"
     assert chip_ratios(read(work))[1] == [
@@ -109,17 +111,26 @@ def test_few_seeds_fill_only_the_operations_that_were_not_counted(work: Path) ->
 
     tables = write_tables(read(work), work / "results")
     head, rows = tables["chip-ratios"]
-    write_table(work / "results/chip-ratios.csv", (head, [[*rows[0][:3], "7", NOT_RUN, "9.9", NOT_RUN]]))
+    write_table(
+        work / "results/chip-ratios.csv", (head, [[*rows[0][:3], "7", NOT_RUN, "9.9", NOT_RUN]])
+    )
     (work / "containers-hybrid-1.json").unlink()
     found = write_tables(read(work), work / "results")
-    assert found["chip-ratios"][1][0][3:] == ["7", "300 (1 of 5 seeds)", "9.9", "13568.0 (1 of 5 seeds)"]
+    assert found["chip-ratios"][1][0][3:] == [
+        "7",
+        "300 (1 of 5 seeds)",
+        "9.9",
+        "13568.0 (1 of 5 seeds)",
+    ]
     assert found["accuracy"] == tables["accuracy"]
 
 
 def test_confusions_name_the_pairs(work: Path) -> None:
     from results_page import confusions, read
 
-    assert confusions(read(work))[1] == [["Hybrid, lambda 1, loop, Containers", "2", "2 taken for 1: 2"]]
+    assert confusions(read(work))[1] == [
+        ["Hybrid, lambda 1, loop, Containers", "2", "2 taken for 1: 2"]
+    ]
 
 
 def test_missing_rows_are_named_where_they_belong(work: Path) -> None:
@@ -149,7 +160,9 @@ def test_every_part_of_the_page_is_filled(work: Path) -> None:
     from results_page import pages, read, write_tables
 
     for found in (read(work), {}):
-        assert not [text for text in pages(write_tables(found, work / "results")).values() if "{{" in text]
+        assert not [
+            text for text in pages(write_tables(found, work / "results")).values() if "{{" in text
+        ]
 
 
 def test_the_pages_are_those_of_their_tables_and_templates(tmp_path: Path) -> None:
@@ -235,7 +248,9 @@ def test_commands_are_those_of_locsnn_train() -> None:
     ],
     ids=["windows and hybrid", "three windows", "a hybrid trained further"],
 )
-def test_commands_of_a_joined_row_train_its_parts_on_the_whole_train_part(name: str, trained: str, files: str) -> None:
+def test_commands_of_a_joined_row_train_its_parts_on_the_whole_train_part(
+    name: str, trained: str, files: str
+) -> None:
     from measure_run import part_config
     from result_rows import DATASETS, ROWS, command
 
@@ -244,13 +259,19 @@ def test_commands_of_a_joined_row_train_its_parts_on_the_whole_train_part(name: 
     row = next(row for row in ROWS if row.name == name)
     *lines, joined = command(row, DATASETS["objects"], 3).split(" && ")
     for line, part in zip(lines, trained.split(), strict=True):
-        args, config = parser.parse_args(line.split()[1:]), part_config(part, DATASETS["objects"], 3)
+        args, config = (
+            parser.parse_args(line.split()[1:]),
+            part_config(part, DATASETS["objects"], 3),
+        )
         assert (args.seed, args.validation_fraction, args.output) == (3, 0.0, f"{part}.pt")
         assert (config.seed, config.validation_fraction) == (3, 0.0)
         assert part.startswith(config.model)
         assert args.config == f"examples/configs/objects-{part}.yaml"
         assert args.start == ("hybrid.pt" if part == row.further else None)
-    assert joined == f"python tests/results/join_branches.py {files} -o {name}.pt --test Ev-Objects.zip"
+    assert (
+        joined
+        == f"python tests/results/join_branches.py {files} -o {name}.pt --test Ev-Objects.zip"
+    )
 
 
 def test_slip_is_synthetic_and_small() -> None:
@@ -276,7 +297,9 @@ def test_slip_recordings_are_written_where_the_commands_look(tmp_path: Path) -> 
     from result_rows import DATASETS
 
     subprocess.run([sys.executable, HERE / "slip_recordings.py"], cwd=tmp_path, check=True)
-    for name, wanted in zip(("slip.npz", "slip-test.npz"), parts(tmp_path, DATASETS["slip"]), strict=True):
+    for name, wanted in zip(
+        ("slip.npz", "slip-test.npz"), parts(tmp_path, DATASETS["slip"]), strict=True
+    ):
         found = read_recordings(tmp_path / name)
         assert np.array_equal(found.spikes, wanted.spikes)
         assert np.array_equal(found.labels, wanted.labels)

@@ -55,7 +55,9 @@ Learned = list[list[int]]
 
 
 @pytest.fixture
-def compare(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], tuple[list[list[str]], Learned]]:
+def compare(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Callable[[str], tuple[list[list[str]], Learned]]:
     """Return what compares the ways of a YAML text on synthetic recordings: rows of the table, and what each network learned from."""
     import try_training
     import ways
@@ -79,13 +81,17 @@ def compare(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], 
         (tmp_path / "own.yaml").write_text(text)
         line = ["--work", str(tmp_path), "--settings", str(tmp_path / "own.yaml"), "--repeats", "1"]
         try_training.main([*line, "--table", str(tmp_path / "t.csv")])
-        rows = [row.split(",") for row in (tmp_path / "t.csv").read_text().replace('"', "").splitlines()]
+        rows = [
+            row.split(",") for row in (tmp_path / "t.csv").read_text().replace('"', "").splitlines()
+        ]
         return rows, learned
 
     return run
 
 
-def test_only_the_train_part_is_read_and_scores_are_made_once(compare: Any, capsys: pytest.CaptureFixture[str]) -> None:
+def test_only_the_train_part_is_read_and_scores_are_made_once(
+    compare: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
     text = "a: {label: one, options: {epochs: 2}}\nb: {label: both, members: {a: 2.0}}\nc: {label: none, members: {d: 1.0}}\n"
     compare(text)
     rows, learned = compare(text)
@@ -115,7 +121,9 @@ def test_a_setting_begins_with_the_network_of_another_that_learned_from_the_same
     compare: Any, tmp_path: Path
 ) -> None:
     still = "options: {epochs: 1, learning_rate: 1.0e-9, weight_decay: 0.0}"
-    rows, learned = compare(f"a: {{label: one, options: {{epochs: 9}}}}\nb: {{label: two, begin: a, {still}}}\n")
+    rows, learned = compare(
+        f"a: {{label: one, options: {{epochs: 9}}}}\nb: {{label: two, begin: a, {still}}}\n"
+    )
     assert rows[1][2:] == rows[2][2:]
     # The four of "a", then, fold by fold, "a" once more as a file and "b" from it.
     assert [len(each) for each in learned] == [18] * 12
@@ -125,7 +133,9 @@ def test_a_setting_begins_with_the_network_of_another_that_learned_from_the_same
     assert np.abs(first).max() > 0.1
 
 
-def test_teachers_know_neither_what_they_score_nor_what_is_held_out(tmp_path: Path, compare: Any) -> None:
+def test_teachers_know_neither_what_they_score_nor_what_is_held_out(
+    tmp_path: Path, compare: Any
+) -> None:
     from ways import folds
 
     text = "a: {label: one, options: {epochs: 2}}\nb: {label: taught, teachers: [a], student: a}\n"
@@ -157,7 +167,9 @@ def test_a_student_of_teachers_alone_follows_them(compare: Any, tmp_path: Path) 
     for pair in ("1-2", "1-3", "2-3"):
         np.save(tmp_path / f"containers-a-0-of-{pair}.npy", 20.0 * np.eye(3)[wrong])
     found = {
-        weight: distilling.distilled(Distilled("", ("a",), "a", weight), of, rows)(made.spikes[rows]).argmax(axis=1)
+        weight: distilling.distilled(Distilled("", ("a",), "a", weight), of, rows)(
+            made.spikes[rows]
+        ).argmax(axis=1)
         for weight in (0.0, 1.0)
     }
     assert (found[0.0] == of.labels[rows]).mean() > 0.9
@@ -170,11 +182,16 @@ def test_a_learning_curve_measures_on_the_fold_that_is_held_out(
     import learning_curve
     from ways import Setting
 
-    made, known = synthetic_touches(48, steps=24, classes=3, seed=1), {"a": Setting("one", {"epochs": 2})}
+    made, known = (
+        synthetic_touches(48, steps=24, classes=3, seed=1),
+        {"a": Setting("one", {"epochs": 2})},
+    )
     monkeypatch.setattr(learning_curve, "read_recordings", lambda path, *, split: made)
     monkeypatch.setattr(learning_curve, "settings_of", lambda path: known)
     monkeypatch.setattr(learning_curve, "RECIPES", {"containers": ("a", 1)})
-    learning_curve.main(["--datasets", "containers", "--work", str(tmp_path), "--table", str(tmp_path / "t.csv")])
+    learning_curve.main(
+        ["--datasets", "containers", "--work", str(tmp_path), "--table", str(tmp_path / "t.csv")]
+    )
     rows = [line.split(",") for line in (tmp_path / "t.csv").read_text().splitlines()]
     assert [row[:4] for row in rows[1:]] == [
         ["Containers", "0.25", "9", "4"],
@@ -223,11 +240,16 @@ def test_the_chip_plays_the_weights_that_were_trained(tmp_path: Path) -> None:
 
     made = synthetic_touches(24, steps=24, classes=3, seed=1)
     on_chip = {"target": "loihi-sim", "weight_bits": 2, "weight_room": 0.5}
-    known = {"a": Setting("one", {"epochs": 20}), "on chip": Setting("one", {"epochs": 20} | on_chip)}
+    known = {
+        "a": Setting("one", {"epochs": 20}),
+        "on chip": Setting("one", {"epochs": 20} | on_chip),
+    }
     of, rows = Division("containers", made, 0, tmp_path, tmp_path, known), np.arange(18)
     _, network = known["on chip"].trained(of, rows)
     wanted = class_scores(network, made.spikes)
-    trained, later = (coarse(Coarse("", "a", 2, held, 0.5), of, rows)(made.spikes) for held in (True, False))
+    trained, later = (
+        coarse(Coarse("", "a", 2, held, 0.5), of, rows)(made.spikes) for held in (True, False)
+    )
     same, other = (np.corrcoef(found.ravel(), wanted.ravel())[0, 1] for found in (trained, later))
     assert same > 0.999999
     assert other < 0.9995

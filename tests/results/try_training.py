@@ -30,7 +30,9 @@ HERE = Path(__file__).parent
 
 def ended(share: float) -> Callable[[ByteArray], ByteArray]:
     """Silence recordings after this share of their steps."""
-    return lambda spikes: spikes * (np.arange(spikes.shape[1]) < int(share * spikes.shape[1]))[:, np.newaxis]
+    return lambda spikes: (
+        spikes * (np.arange(spikes.shape[1]) < int(share * spikes.shape[1]))[:, np.newaxis]
+    )
 
 
 def clocked(rate: float) -> Callable[[ByteArray], ByteArray]:
@@ -63,7 +65,10 @@ def scores_of(of: Division, name: str) -> Floats | None:
         paths = [of.work / f"{of.dataset}-{member}-{of.repeat}.npy" for member in way.members]
         if not all(found.exists() for found in paths):
             return None
-        each = [weight * np.load(found) for weight, found in zip(way.members.values(), paths, strict=True)]
+        each = [
+            weight * np.load(found)
+            for weight, found in zip(way.members.values(), paths, strict=True)
+        ]
         return np.asarray(sum(scores[: min(map(len, each))] for scores in each))
     if path.exists():
         return np.asarray(np.load(path))
@@ -75,7 +80,10 @@ def scores_of(of: Division, name: str) -> Floats | None:
             played[fold == held] = score(play(of.recordings.spikes[fold == held]))
     np.save(path, scores)
     right = float((scores[0].argmax(axis=1) == of.labels).mean())
-    print(f"{of.dataset} {name} {of.repeat}: {right:.3f} in {time.process_time() - before:.0f} s", flush=True)
+    print(
+        f"{of.dataset} {name} {of.repeat}: {right:.3f} in {time.process_time() - before:.0f} s",
+        flush=True,
+    )
     return scores
 
 
@@ -86,7 +94,11 @@ def row_of(label: str, divisions: Sequence[Division], scores: Sequence[Floats]) 
         hits = found[:plays].argmax(axis=2) == of.labels
         right += [hits[:, of.fold == held].mean(axis=1) for held in range(FOLDS)]
     whole, *others = np.transpose(right)
-    figures = [whole.mean(), whole.std(ddof=1) / len(whole) ** 0.5, *(play.mean() for play in others)]
+    figures = [
+        whole.mean(),
+        whole.std(ddof=1) / len(whole) ** 0.5,
+        *(play.mean() for play in others),
+    ]
     known = [f"{figure:.3f}" for figure in figures]
     first = divisions[0]
     title = f"{first.dataset.title()}{', first division' if len(divisions) == 1 else ''}: {label}"
@@ -94,7 +106,9 @@ def row_of(label: str, divisions: Sequence[Division], scores: Sequence[Floats]) 
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--data", type=Path, default=ROOT.parent / "shared/data/neutouch")
     parser.add_argument("--work", type=Path, default=ROOT / "runs/tried")
     parser.add_argument("--settings", type=Path, default=HERE / "tried_settings.yaml")
@@ -110,7 +124,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         settings_of(args.settings),
     )
     divisions = [
-        Division(args.dataset, recordings, repeat, args.work, args.data, known) for repeat in range(args.repeats)
+        Division(args.dataset, recordings, repeat, args.work, args.data, known)
+        for repeat in range(args.repeats)
     ]
     for name in args.names or list(known):
         found = [scores for of in divisions if (scores := scores_of(of, name)) is not None]

@@ -80,15 +80,21 @@ class Setting:
 
     def config_of(self, dataset: str, repeat: int) -> TrainingConfig:
         """Return what it trains with: no validation part, one phase, a seed for each repeat."""
-        values = read_config(ROOT / f"examples/configs/{dataset}-{self.config}.yaml") | dict(self.options)
-        return config_from_mapping(values | {"seed": repeat, "validation_fraction": 0.0, "refit": False})
+        values = read_config(ROOT / f"examples/configs/{dataset}-{self.config}.yaml") | dict(
+            self.options
+        )
+        return config_from_mapping(
+            values | {"seed": repeat, "validation_fraction": 0.0, "refit": False}
+        )
 
     def trained(self, of: Division, rows: Rows) -> tuple[TrainingConfig, TouchModel]:
         from fold_networks import learned
 
         config = self.config_of(of.dataset, of.repeat)
         start = None if self.begin is None else learned(self.begin, of, rows)
-        return config, train(of.recordings.subset(rows), config, classes=of.classes, start=start).network
+        return config, train(
+            of.recordings.subset(rows), config, classes=of.classes, start=start
+        ).network
 
     def learn(self, of: Division, rows: Rows) -> Scorer:
         config, network = self.trained(of, rows)

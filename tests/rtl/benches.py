@@ -15,7 +15,16 @@ CHIP = hw.chip("loihi-sim")
 FAULT = ("update.sv", "6'b0}) < sum7;", "6'b0}) >= sum7;")
 """Of a file, what to write in place of what: compartments fire below the threshold."""
 SIZES = Sizes(
-    axons=256, synapses=4096, compartments=64, slots=64, charge=26, join=36, bitmap=256, visits=32, entries=32, word=8
+    axons=256,
+    synapses=4096,
+    compartments=64,
+    slots=64,
+    charge=26,
+    join=36,
+    bitmap=256,
+    visits=32,
+    entries=32,
+    word=8,
 )
 
 LATER = replace(SIZES, compartments=128, later=2, groups=1)
@@ -35,11 +44,22 @@ def ends_of_ranges() -> tuple[hw.ChipProgram, np.ndarray]:
     b = hw.ProgramBuilder(CHIP, name="ends")
     x = b.add_input("x", 4)
     kept = {"vmin": 1 - (1 << 15), "vmax": (1 << 17) - 1}
-    one = b.add_compartments("one", 1, decay_u=0, decay_v=1, threshold=900, bias=-4096 * 128, refractory=2)
-    two = b.add_compartments(
-        "two", 2, decay_u=[1, 2048], decay_v=[0, 4095], threshold=40, bias=[0, 4095 * 128], refractory=3, **kept
+    one = b.add_compartments(
+        "one", 1, decay_u=0, decay_v=1, threshold=900, bias=-4096 * 128, refractory=2
     )
-    y = b.add_compartments("y", 3, decay_u=390, decay_v=128, threshold=[0, 100, 131071], refractory=[1, 63, 5])
+    two = b.add_compartments(
+        "two",
+        2,
+        decay_u=[1, 2048],
+        decay_v=[0, 4095],
+        threshold=40,
+        bias=[0, 4095 * 128],
+        refractory=3,
+        **kept,
+    )
+    y = b.add_compartments(
+        "y", 3, decay_u=390, decay_v=128, threshold=[0, 100, 131071], refractory=[1, 63, 5]
+    )
     # After four spikes its current is -2^23, the only value whose magnitude needs all 24 bits.
     edge = b.add_compartments("edge", 1, decay_u=0, decay_v=4096, threshold=131071)
     b.connect(x, edge, [[-256, 0, 0, 0]], exponent=7)
@@ -50,7 +70,12 @@ def ends_of_ranges() -> tuple[hw.ChipProgram, np.ndarray]:
             b.connect(x, target, weights, exponent=exponent, delay=delay)
     b.connect(x, y, 255 * np.ones((3, 4), dtype=int), sign_mode="excitatory", delay=62)
     for source in (one, two):
-        b.connect(source, y, 2 * r.integers(20, 128, (3, source.size)), delay=r.integers(0, 4, (3, source.size)))
+        b.connect(
+            source,
+            y,
+            2 * r.integers(20, 128, (3, source.size)),
+            delay=r.integers(0, 4, (3, source.size)),
+        )
     b.read_out(y)
     return b.build(), (r.random((2, 66, 4)) < 0.5).astype(np.uint8)
 
@@ -78,7 +103,9 @@ def blocked() -> tuple[hw.ChipProgram, np.ndarray]:
     h = b.add_compartments("h", 2, decay_u=4096, decay_v=4096, threshold=1, refractory=[4, 9])
     b.connect(x, h, [[200, 0], [0, 200]])
     # Its bias makes it fire at once, and wraps what drives it after four spikes, while it is blocked.
-    full = b.add_compartments("full", 1, decay_u=0, decay_v=4096, threshold=1, bias=4095 * 128, refractory=63)
+    full = b.add_compartments(
+        "full", 1, decay_u=0, decay_v=4096, threshold=1, bias=4095 * 128, refractory=63
+    )
     b.connect(x, full, [[254, 0]], exponent=7)
     b.read_out(h)
     spikes = np.zeros((1, 30, 2), dtype=np.uint8)
@@ -98,7 +125,12 @@ def _hybrid_of(seed: int, rows: int, told: int, shape: tuple[int, int], density:
         CHIP,
         Readout(("time/y", "location/y"), (1.0, 1.0)),
         hybrids.in_phase(hybrids.random_branch(r, "time", channels, 2, CHIP), "time", rows),
-        hybrids.in_phase(hybrids.random_branch(r, "location", told, 2, CHIP), "location", 4, r.permutation(channels)),
+        hybrids.in_phase(
+            hybrids.random_branch(r, "location", told, 2, CHIP),
+            "location",
+            4,
+            r.permutation(channels),
+        ),
     )
     return program, (r.random((batch, rows, channels)) < density).astype(np.uint8)
 
@@ -118,7 +150,9 @@ def by_potentials() -> tuple[hw.ChipProgram, np.ndarray]:
     r = np.random.default_rng(6)
     b = hw.ProgramBuilder(CHIP, name="potentials")
     x = b.add_input("x", 2)
-    y = b.add_compartments("y", 4, decay_u=4096, decay_v=[0, 100, 100, 2000], threshold=131071, bias=-99)
+    y = b.add_compartments(
+        "y", 4, decay_u=4096, decay_v=[0, 100, 100, 2000], threshold=131071, bias=-99
+    )
     weights = 2 * r.integers(-60, 60, (4, 2))
     weights[2] = weights[1]
     b.connect(x, y, weights)
@@ -129,7 +163,9 @@ def by_potentials() -> tuple[hw.ChipProgram, np.ndarray]:
 def together(*branches: CompartmentGraph) -> hw.ChipProgram:
     """Phases of all branches, and a readout of their last groups with weights of both signs."""
     groups = tuple(f"{branch.phases[0].name}/y" for branch in branches)
-    return hybrids.assembled(CHIP, Readout(groups, (1.0, -2.0, 0.5, 3.0, 1.5)[: len(groups)]), *branches)
+    return hybrids.assembled(
+        CHIP, Readout(groups, (1.0, -2.0, 0.5, 3.0, 1.5)[: len(groups)]), *branches
+    )
 
 
 def several_phases() -> tuple[hw.ChipProgram, np.ndarray]:
@@ -141,11 +177,15 @@ def several_phases() -> tuple[hw.ChipProgram, np.ndarray]:
         return hybrids.random_branch(r, name, lines, 3, CHIP)
 
     program = together(
-        hybrids.moved(branch("a", rows), Phase("a", "location", 5), {"positions": r.permutation(channels)}),
+        hybrids.moved(
+            branch("a", rows), Phase("a", "location", 5), {"positions": r.permutation(channels)}
+        ),
         hybrids.moved(branch("b", channels), Phase("b", "time", 9)),
         hybrids.moved(branch("c", channels), Phase("c", "time", 14)),
         hybrids.moved(
-            branch("d", 2 * 12), Phase("d", "location", 3), {"positions": [1, 0, 0, 1], "first_lines": [0, 0, 12, 12]}
+            branch("d", 2 * 12),
+            Phase("d", "location", 3),
+            {"positions": [1, 0, 0, 1], "first_lines": [0, 0, 12, 12]},
         ),
     )
     spikes = (r.random((2, rows, channels)) < 0.3).astype(np.uint8)
@@ -162,7 +202,9 @@ def both_ways() -> tuple[hw.ChipProgram, np.ndarray]:
     y = b.add_compartments("both/y", 4, decay_u=390, decay_v=300, threshold=60)
     b.connect(x, y, 2 * r.integers(-30, 60, (4, channels)), delay=2)
     b.connect(turned, y, 2 * r.integers(-30, 60, (4, rows)))
-    program = together(hybrids.moved(b.graph(), Phase("both", "time", 9), {}, {"positions": [2, 2 + 5, 2 + 3]}))
+    program = together(
+        hybrids.moved(b.graph(), Phase("both", "time", 9), {}, {"positions": [2, 2 + 5, 2 + 3]})
+    )
     return program, (r.random((1, rows, channels)) < 0.3).astype(np.uint8)
 
 
@@ -193,7 +235,9 @@ def never_starts() -> tuple[hw.ChipProgram, np.ndarray]:
     r = np.random.default_rng(14)
     channels, rows, told = 3, 6, 17
     program = together(
-        hybrids.moved(hybrids.random_branch(r, "a", channels, 2, CHIP), Phase("a", "time", rows, 2)),
+        hybrids.moved(
+            hybrids.random_branch(r, "a", channels, 2, CHIP), Phase("a", "time", rows, 2)
+        ),
         hybrids.moved(
             hybrids.random_branch(r, "b", told, 2, CHIP),
             Phase("b", "location", 4),
@@ -212,7 +256,12 @@ def windows(changed: slice = slice(0)) -> tuple[hw.ChipProgram, np.ndarray]:
         b = hw.ProgramBuilder(CHIP, name=name)
         x = b.add_input(f"{name}/x", channels * rows)
         y = b.add_compartments(f"{name}/y", 4, decay_u=390, decay_v=300, threshold=60)
-        weights = 2 * r.integers(-30, 60, (4, channels, -(-rows // window))).repeat(window, axis=2)[:, :, :rows]
+        weights = (
+            2
+            * r.integers(-30, 60, (4, channels, -(-rows // window))).repeat(window, axis=2)[
+                :, :, :rows
+            ]
+        )
         weights = weights.reshape(4, -1)
         weights[1, changed] += 2
         b.connect(x, y, weights)

@@ -47,7 +47,9 @@ class Desk:
         assert (tick, end) == (TICK, END)
         return [*words, LAST | TICK]
 
-    def play_axis(self, folder: Path, beats: list[int], texts: Mapping[str, str], waits: int = 2, **more):
+    def play_axis(
+        self, folder: Path, beats: list[int], texts: Mapping[str, str], waits: int = 2, **more
+    ):
         """Play beats to the AXI-Stream bench; return the answers and the spikes, as it writes them."""
         binary = built("icarus", self.sizes, texts, "axis_bench", waits=waits, **more)
         (folder / "load").write_bytes(hex_words(self.core.load_words(self.sizes)))
@@ -96,17 +98,35 @@ def chapters(desk: Desk) -> Iterator[list[int]]:
     yield [0x7E, HELLO, 256 + 1, 0x7E, *framed(REPORT, 1, b"\1")]
     yield [*framed(REPORT, 1, b"\1"), *framed(WORDS, 2, stream_words(words))]
     yield framed(WORDS, 1, stream_words(words))
-    yield [*framed(REPORT, 1, b"\1"), *framed(REPORT, 2, b"\0"), *framed(WORDS, 3, stream_words(words))]
+    yield [
+        *framed(REPORT, 1, b"\1"),
+        *framed(REPORT, 2, b"\0"),
+        *framed(WORDS, 3, stream_words(words)),
+    ]
     yield [*damaged(framed(WORDS, 1, WORD)), *framed(WORDS, 1, stream_words([0, END]))]
     yield [*framed(WORDS, 1, WORD)[:5], *framed(REPORT, 1, b"\0")]
     yield [*framed(WORDS, 1, WORD)[:-1], 0x7D, 0x7E, *framed(REPORT, 1, b"\0")]
     yield [*b"\x7eabc\x7e", *framed(REPORT, 1, b"\0")]
     yield [*framed(WORDS, 1, bytes(200)), *framed(REPORT, 1, b"\0")]
     yield [*framed(WORDS, 1, bytes(127)), *framed(REPORT, 1, b"\0")]
-    yield [*framed(WORDS, 2, WORD), *framed(WORDS, 1, WORD), *framed(WORDS, 1, WORD), *framed(WORDS, 2, WORD)]
-    yield [*framed(WORDS, 1, stream_words(words[:15])), *framed(LOAD, 2, REFUSED_LOADS["an empty load"])]
-    yield [*framed(WORDS, 1, stream_words([desk.core.channels, TICK, END])), *framed(LOAD, 2, b"\x01\0\0\0\x04abcd")]
-    yield [*framed(WORDS, 1, stream_words([*words[:9], STOP])), *framed(WORDS, 2, stream_words(words[:4]))]
+    yield [
+        *framed(WORDS, 2, WORD),
+        *framed(WORDS, 1, WORD),
+        *framed(WORDS, 1, WORD),
+        *framed(WORDS, 2, WORD),
+    ]
+    yield [
+        *framed(WORDS, 1, stream_words(words[:15])),
+        *framed(LOAD, 2, REFUSED_LOADS["an empty load"]),
+    ]
+    yield [
+        *framed(WORDS, 1, stream_words([desk.core.channels, TICK, END])),
+        *framed(LOAD, 2, b"\x01\0\0\0\x04abcd"),
+    ]
+    yield [
+        *framed(WORDS, 1, stream_words([*words[:9], STOP])),
+        *framed(WORDS, 2, stream_words(words[:4])),
+    ]
     for kind, payload in (
         (9, b""),
         (0, b"abc"),
@@ -161,6 +181,11 @@ def rates(folder: Path, texts: Mapping[str, str], bit: int, host_bit: int) -> li
     command = ["iverilog", "-g2012", "-s", "uart_rates", "-o", "rates.vvp", *given, *files]
     subprocess.run(command, cwd=folder, check=True)
     done = subprocess.run(
-        ["vvp", "-n", "rates.vvp"], cwd=folder, check=True, capture_output=True, text=True, timeout=60
+        ["vvp", "-n", "rates.vvp"],
+        cwd=folder,
+        check=True,
+        capture_output=True,
+        text=True,
+        timeout=60,
     )
     return done.stdout.split()

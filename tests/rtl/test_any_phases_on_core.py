@@ -14,7 +14,9 @@ from hw_model.rtl.comparison import compare
 from hw_model.rtl.refused import refuse_unplayable
 from hw_model.rtl.simulators import Simulator, sources
 
-icarus = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
+icarus = pytest.mark.skipif(
+    shutil.which("iverilog") is None, reason="Icarus Verilog is not installed"
+)
 FEW = (8, 10, 15, 17, 22, 25, 29, 30, 33, 35, 38, 39)
 """Seeds of programs that the core runs, short enough for Icarus Verilog."""
 MANY = range(40, 340)

@@ -14,7 +14,9 @@ from hw_model.rtl.cosimulation import ANSWER, END, TICK
 from hw_model.rtl.simulators import sources
 from tests.marks import first_quick
 
-pytestmark = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
+pytestmark = pytest.mark.skipif(
+    shutil.which("iverilog") is None, reason="Icarus Verilog is not installed"
+)
 
 
 @pytest.fixture(scope="module", params=first_quick([SIZES, LATER]), ids=["plain", "later"])
@@ -34,7 +36,9 @@ def play(desk, tmp_path_factory):
 @pytest.fixture(scope="module")
 def expected(desk) -> tuple[list[str], list[str]]:
     found = hw.simulate(desk.program, desk.spikes, probe=("spikes",))
-    times = spike_numbers(desk.core, desk.spikes[0], {name: its[0] for name, its in found.spikes.items()})
+    times = spike_numbers(
+        desk.core, desk.spikes[0], {name: its[0] for name, its in found.spikes.items()}
+    )
     counts = [found.per_recording[0][name] for name in ANSWER[3:]]
     return list(map(str, [found.prediction[0], *counts, 0])), list(map(str, times))
 

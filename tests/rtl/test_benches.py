@@ -27,7 +27,9 @@ from hw_model.rtl.images import CoreProgram
 from hw_model.rtl.simulators import sources
 from tests.marks import first_quick, sampled
 
-pytestmark = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
+pytestmark = pytest.mark.skipif(
+    shutil.which("iverilog") is None, reason="Icarus Verilog is not installed"
+)
 MUTANTS = yaml.safe_load((Path(__file__).parent / "mutants.yaml").read_text())
 benches = cache(all_benches)
 
@@ -64,7 +66,10 @@ def differ(texts, sizes=SIZES) -> bool:
 
 
 def test_the_benches_wrap_and_clip():
-    met = sum((hw.simulate(program, spikes, probe=()).counts for program, spikes in benches()), hw.Counts())
+    met = sum(
+        (hw.simulate(program, spikes, probe=()).counts for program, spikes in benches()),
+        hw.Counts(),
+    )
     assert min(met.charge_wraps, met.current_wraps, met.voltage_clips) > 10
 
 
@@ -74,7 +79,9 @@ def test_the_core_passes_every_bench(sizes):
 
 
 def test_hybrids_hear_events_when_they_arrive():
-    later = [CoreProgram(program, spikes.shape[1], None, LATER).later for program, spikes in benches()]
+    later = [
+        CoreProgram(program, spikes.shape[1], None, LATER).later for program, spikes in benches()
+    ]
     assert later.count(True) == 4
 
 
@@ -107,7 +114,10 @@ SLICES = (
 
 def in_slices(old: str = "", new: str = "") -> dict[str, str]:
     """Return the SystemVerilog by file, with memories in slices of a few bits, as large devices have them."""
-    return {**sources(), "memory.sv": "`define MEMORY_BLOCK 256\n" + sources()["memory.sv"].replace(old, new)}
+    return {
+        **sources(),
+        "memory.sv": "`define MEMORY_BLOCK 256\n" + sources()["memory.sv"].replace(old, new),
+    }
 
 
 @pytest.mark.slow
@@ -116,7 +126,9 @@ def test_slices_of_memories_change_nothing(sizes):
     assert not differ(in_slices(), sizes)
 
 
-@pytest.mark.parametrize(("old", "new"), first_quick(row[1:] for row in SLICES), ids=[row[0] for row in SLICES])
+@pytest.mark.parametrize(
+    ("old", "new"), first_quick(row[1:] for row in SLICES), ids=[row[0] for row in SLICES]
+)
 def test_faults_of_slices_are_found(old, new):
     assert sources()["memory.sv"].count(old) == 1
     assert differ(in_slices(old, new))
@@ -125,9 +137,15 @@ def test_faults_of_slices_are_found(old, new):
 @pytest.mark.parametrize(("places", "later"), [(1, False), (2, True)])
 def test_events_wait_where_a_phase_has_one_place(places, later):
     """The lowest bit of a place chooses a bank, so slots cannot take it."""
-    single = [in_phase(one_compartment(axis), axis, 8, at) for axis, at in (("time", None), ("location", np.arange(2)))]
+    single = [
+        in_phase(one_compartment(axis), axis, 8, at)
+        for axis, at in (("time", None), ("location", np.arange(2)))
+    ]
     program = assembled(CHIP, Readout(("time/y", "location/y"), (1.0, 1.0)), *single)
-    spikes, sizes = np.ones((1, 8, 2), dtype=np.uint8), replace(SIZES, compartments=4 * places, slots=8, later=2)
+    spikes, sizes = (
+        np.ones((1, 8, 2), dtype=np.uint8),
+        replace(SIZES, compartments=4 * places, slots=8, later=2),
+    )
     found = compare(program, spikes, sources(), "icarus", sizes=sizes, patience=20000)
     assert CoreProgram(program, 8, None, sizes).later is later
     assert (found["mismatches"], found["cycle_mismatches"]) == (0, 0)
@@ -157,7 +175,15 @@ def axis_streams(folder: Path, texts: Mapping[str, str]) -> Iterator[object]:
         1 << 20,
         LAST | STOP,
     ]
-    last = [1 << 18, LAST | TICK, LAST | 1 << 18 | TICK, core.channels, LAST | TICK, TICK, LAST | END]
+    last = [
+        1 << 18,
+        LAST | TICK,
+        LAST | 1 << 18 | TICK,
+        core.channels,
+        LAST | TICK,
+        TICK,
+        LAST | END,
+    ]
     played = [*beats, *faults, *beats, *last, *beats]
     for waits in (0, 2):
         yield desk().play_axis(folder, played, texts, waits)
@@ -212,7 +238,9 @@ _NOTHING = object()
 
 
 @cache
-def heard_without_fault(session: Callable[[Path, Mapping[str, str]], Iterator[object]]) -> list[object]:
+def heard_without_fault(
+    session: Callable[[Path, Mapping[str, str]], Iterator[object]],
+) -> list[object]:
     with tempfile.TemporaryDirectory() as folder:
         return list(session(Path(folder), sources()))
 
@@ -227,9 +255,13 @@ def sounds_different(name: str, folder: Path, texts: Mapping[str, str]) -> bool:
         return True
 
 
-@pytest.mark.parametrize("name", first_quick(["top_uart.sv", "locsnn_axis.sv", "uart_rx.sv", "commands.sv"]))
+@pytest.mark.parametrize(
+    "name", first_quick(["top_uart.sv", "locsnn_axis.sv", "uart_rx.sv", "commands.sv"])
+)
 def test_a_session_hears_the_same_twice(name, tmp_path):
-    assert not sounds_different(name, tmp_path, {**sources(), "crc16.sv": sources()["crc16.sv"] + "\n"})
+    assert not sounds_different(
+        name, tmp_path, {**sources(), "crc16.sv": sources()["crc16.sv"] + "\n"}
+    )
 
 
 def test_there_are_enough_mutants():

@@ -9,7 +9,18 @@ from dataclasses import replace
 import benches
 import numpy as np
 import pytest
-from desk import PATIENCE, PRESS, REFUSED_LOADS, WORD, Desk, damaged, over_a_line, said, say, stream_words
+from desk import (
+    PATIENCE,
+    PRESS,
+    REFUSED_LOADS,
+    WORD,
+    Desk,
+    damaged,
+    over_a_line,
+    said,
+    say,
+    stream_words,
+)
 
 import hw_model as hw
 from hw_model.rtl.board import PROBLEMS, Board, spike_numbers
@@ -18,8 +29,12 @@ from hw_model.rtl.frames import ANSWER as ANSWERED
 from hw_model.rtl.frames import DONE, ERROR, HELLO, LOAD, REPORT, SPIKES, WELCOME, WORDS, framed
 from tests.marks import first_quick
 
-pytestmark = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
-LINE, CHECKSUM, SHORT, OVERRUN, SEQUENCE, CUT_OFF, NO_TYPE, FORM, NO_PLACE, BUSY, NO_PROGRAM = range(1, 12)
+pytestmark = pytest.mark.skipif(
+    shutil.which("iverilog") is None, reason="Icarus Verilog is not installed"
+)
+LINE, CHECKSUM, SHORT, OVERRUN, SEQUENCE, CUT_OFF, NO_TYPE, FORM, NO_PLACE, BUSY, NO_PROGRAM = (
+    range(1, 12)
+)
 
 
 @pytest.fixture(scope="module")
@@ -59,8 +74,14 @@ def test_answers_equal_the_simulators(desk, loaded):
     with_spikes = board.play(desk.core, desk.spikes[0])
     of_simulation = tuple(expected.per_recording[0][name] for name in ANSWER[3:])
     for answer in (first, with_spikes):
-        assert (answer.error, answer.winner, answer.counts) == (0, expected.prediction[0], of_simulation)
-    times = spike_numbers(desk.core, desk.spikes[0], {name: its[0] for name, its in expected.spikes.items()})
+        assert (answer.error, answer.winner, answer.counts) == (
+            0,
+            expected.prediction[0],
+            of_simulation,
+        )
+    times = spike_numbers(
+        desk.core, desk.spikes[0], {name: its[0] for name, its in expected.spikes.items()}
+    )
     assert len(times) > 10
     assert (first.spikes, list(with_spikes.spikes), with_spikes.lost) == ((), times, 0)
 
@@ -68,8 +89,14 @@ def test_answers_equal_the_simulators(desk, loaded):
 SPOILED = {
     "a byte without its stop bit": (LINE, lambda port: port.write([0x7E, HELLO, 256 + 1, 0x7E])),
     "a wrong checksum": (CHECKSUM, lambda port: port.write(damaged(framed(WORDS, 1, WORD)))),
-    "a frame cut off in the middle": (CHECKSUM, lambda port: port.write(framed(WORDS, 1, WORD)[:5] + b"\x7e")),
-    "a frame that ends in an escape": (CHECKSUM, lambda port: port.write(framed(WORDS, 1, WORD)[:-1] + b"\x7d\x7e")),
+    "a frame cut off in the middle": (
+        CHECKSUM,
+        lambda port: port.write(framed(WORDS, 1, WORD)[:5] + b"\x7e"),
+    ),
+    "a frame that ends in an escape": (
+        CHECKSUM,
+        lambda port: port.write(framed(WORDS, 1, WORD)[:-1] + b"\x7d\x7e"),
+    ),
     "three bytes": (SHORT, lambda port: port.write(b"\x7eabc\x7e")),
     "bytes outside of frames": (SHORT, lambda port: port.write(b"a\x7e")),
     "more than its buffer": (OVERRUN, lambda port: port.write(framed(WORDS, 1, bytes(1200)))),
@@ -121,7 +148,11 @@ def empty(desk):
 
 @pytest.mark.parametrize("name", first_quick(REFUSED_LOADS, 3))
 def test_a_load_that_is_refused_is_answered(empty, name):
-    problem = NO_PLACE if name in ("an address outside its memory", "a word that runs over the end") else FORM
+    problem = (
+        NO_PLACE
+        if name in ("an address outside its memory", "a word that runs over the end")
+        else FORM
+    )
     greeted(empty)
     assert say(empty, LOAD, 1, REFUSED_LOADS[name]) == [(ERROR, 1, bytes((problem,)))]
     assert say(empty, REPORT, 2, b"\0") == [(DONE, 2, b"")]
@@ -171,7 +202,9 @@ def test_a_board_that_hears_events_on_arrival(desk):
     again = board.play(later.core, later.spikes[0])
     port.close()
     expected = hw.simulate(later.program, later.spikes, probe=("spikes",))
-    times = spike_numbers(later.core, later.spikes[0], {name: its[0] for name, its in expected.spikes.items()})
+    times = spike_numbers(
+        later.core, later.spikes[0], {name: its[0] for name, its in expected.spikes.items()}
+    )
     counts = tuple(expected.per_recording[0][name] for name in ANSWER[3:])
     assert (first.error, first.winner, first.counts) == (0, expected.prediction[0], counts)
     assert list(first.spikes) == times
@@ -190,7 +223,11 @@ def test_a_hello_waits_for_the_answer_that_is_due(desk, loaded):
     port, _ = loaded
     greeted(port)
     port.write(framed(WORDS, 1, stream_words(desk.words)) + framed(HELLO, 7, b""))
-    assert [(kind, number) for kind, number, _ in said(port)] == [(DONE, 1), (ANSWERED, 0), (WELCOME, 7)]
+    assert [(kind, number) for kind, number, _ in said(port)] == [
+        (DONE, 1),
+        (ANSWERED, 0),
+        (WELCOME, 7),
+    ]
 
 
 STREAM = {
@@ -253,7 +290,9 @@ def test_spikes_without_room_are_counted(desk):
     answer = board.play(desk.core, desk.spikes[0])
     port.close()
     every = spike_numbers(
-        desk.core, desk.spikes[0], {n: s[0] for n, s in hw.simulate(desk.program, desk.spikes).spikes.items()}
+        desk.core,
+        desk.spikes[0],
+        {n: s[0] for n, s in hw.simulate(desk.program, desk.spikes).spikes.items()},
     )
     assert answer.lost > 0
     assert answer.lost + len(answer.spikes) == len(every)
@@ -268,7 +307,9 @@ class Noisy:
         self.damaged = 0
 
     def spoil(self, data: bytes) -> bytes:
-        bits = self.random.integers(1, 256, len(data)) * (self.random.random(len(data)) < 1 / self.every)
+        bits = self.random.integers(1, 256, len(data)) * (
+            self.random.random(len(data)) < 1 / self.every
+        )
         self.damaged += np.count_nonzero(bits)
         return bytes(np.frombuffer(data, dtype=np.uint8) ^ bits.astype(np.uint8))
 
@@ -296,13 +337,19 @@ def test_damaged_bytes_do_no_harm(desk, monkeypatch, every, seed):
     monkeypatch.setattr("hw_model.rtl.board.TRIES", 16)
     line, answer = damaged_session(desk, every, seed)
     assert line.damaged >= 20
-    assert (answer.error, answer.winner) == (0, hw.simulate(desk.program, desk.spikes).prediction[0])
+    assert (answer.error, answer.winner) == (
+        0,
+        hw.simulate(desk.program, desk.spikes).prediction[0],
+    )
 
 
 def test_a_host_gives_up_on_a_line_that_damages_too_much(desk):
     with pytest.raises(hw.InputError) as caught:
         damaged_session(desk, 20, 1)
-    assert str(caught.value) == "board: it does not answer. Check the port, the baud rate and the bitstream."
+    assert (
+        str(caught.value)
+        == "board: it does not answer. Check the port, the baud rate and the bitstream."
+    )
 
 
 def test_a_board_that_is_silent(desk):
@@ -315,7 +362,10 @@ def test_a_board_that_is_silent(desk):
 
     with pytest.raises(hw.InputError) as caught:
         Board(Silent())
-    assert str(caught.value) == "board: it does not answer. Check the port, the baud rate and the bitstream."
+    assert (
+        str(caught.value)
+        == "board: it does not answer. Check the port, the baud rate and the bitstream."
+    )
 
 
 def test_a_program_that_has_no_room(desk):

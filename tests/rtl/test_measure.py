@@ -23,8 +23,13 @@ REASONS = {
 @pytest.mark.parametrize("kind", [InputError, TargetError])
 def test_a_board_that_is_not_placed_takes_one_row(monkeypatch, kind, measured, shown):
     def fails(*_given):
-        raise kind("board", "the core cannot be placed", measured=measured, fix="Choose a larger device.")
+        raise kind(
+            "board", "the core cannot be placed", measured=measured, fix="Choose a larger device."
+        )
 
     monkeypatch.setattr(measure, "compiled", lambda *_given: None)
     monkeypatch.setattr(measure, "fit", fails)
-    assert measure.placed("icebreaker", 5) == f"| `icebreaker` | `objects-hybrid`, `reset` | not placed: {shown} |||||"
+    assert (
+        measure.placed("icebreaker", 5)
+        == f"| `icebreaker` | `objects-hybrid`, `reset` | not placed: {shown} |||||"
+    )

@@ -29,17 +29,62 @@ MACROS = {
 @pytest.mark.parametrize(
     ("array", "price", "row", "banks", "pack", "area", "energy"),
     [
-        pytest.param(Array("a", 64, 8, 1, {1: 100.0}), 0.0, ("small",), 4, 1, 400, 100, id="energy: shallow banks"),
-        pytest.param(Array("a", 64, 8, 1, {1: 100.0}), 9.0, ("deep",), 1, 1, 250, 300, id="area: a deep one"),
         pytest.param(
-            Array("a", 32, 8, 1, {1: 100.0, 2: 50.0}), 0.0, ("wide",), 1, 2, 150, 75, id="words in order: two in a row"
+            Array("a", 64, 8, 1, {1: 100.0}),
+            0.0,
+            ("small",),
+            4,
+            1,
+            400,
+            100,
+            id="energy: shallow banks",
         ),
-        pytest.param(Array("a", 16, 20, 1, {1: 10.0}), 0.0, ("wide", "small"), 1, 1, 250, 25, id="side by side"),
-        pytest.param(Array("a", 16, 8, 2, {1: 10.0}, 10.0), 9.0, ("pair",), 1, 1, 300, 30, id="read and written"),
         pytest.param(
-            Array("a", 32, 8, 2, {1: 10.0}, 10.0, halves=2), 9.0, ("small",), 2, 1, 200, 30, id="even and odd banks"
+            Array("a", 64, 8, 1, {1: 100.0}), 9.0, ("deep",), 1, 1, 250, 300, id="area: a deep one"
         ),
-        pytest.param(Array("a", 16, 8, 1, {1: 10.0}, copies=3), 0.0, ("small",), 1, 1, 300, 10, id="copies"),
+        pytest.param(
+            Array("a", 32, 8, 1, {1: 100.0, 2: 50.0}),
+            0.0,
+            ("wide",),
+            1,
+            2,
+            150,
+            75,
+            id="words in order: two in a row",
+        ),
+        pytest.param(
+            Array("a", 16, 20, 1, {1: 10.0}),
+            0.0,
+            ("wide", "small"),
+            1,
+            1,
+            250,
+            25,
+            id="side by side",
+        ),
+        pytest.param(
+            Array("a", 16, 8, 2, {1: 10.0}, 10.0),
+            9.0,
+            ("pair",),
+            1,
+            1,
+            300,
+            30,
+            id="read and written",
+        ),
+        pytest.param(
+            Array("a", 32, 8, 2, {1: 10.0}, 10.0, halves=2),
+            9.0,
+            ("small",),
+            2,
+            1,
+            200,
+            30,
+            id="even and odd banks",
+        ),
+        pytest.param(
+            Array("a", 16, 8, 1, {1: 10.0}, copies=3), 0.0, ("small",), 1, 1, 300, 10, id="copies"
+        ),
     ],
 )
 def test_the_cheapest_plan(array, price, row, banks, pack, area, energy):
@@ -130,12 +175,34 @@ def test_every_bit_of_a_shipped_program_has_one_place(tmp_path):
 
 def test_the_folder_of_a_chip_has_the_plan(tmp_path):
     model, events = str(model_file("objects-hybrid-loihi")), str(example_files("objects-hybrid")[0])
-    given = ["--target", "locsnn-130nm", "--events", events, "--emit", "rtl", "--quiet", "-o", str(tmp_path)]
+    given = [
+        "--target",
+        "locsnn-130nm",
+        "--events",
+        events,
+        "--emit",
+        "rtl",
+        "--quiet",
+        "-o",
+        str(tmp_path),
+    ]
     assert compile_main([model, *given]) == 0
     head, *rows = (tmp_path / "rtl" / "memories.csv").read_text().splitlines()
-    assert head == "memory,copies,macro,first word,words to the next row,rows,words in a row,first bit,bits"
-    assert {row.split(",")[0] for row in rows} >= {"axons", "synapses", "charges", "states", "leaks_same", "fires_own"}
-    assert [row for row in rows if row.startswith("charges")] == ["charges,2,latches 256x16,0,1,256,1,0,16"]
+    assert (
+        head
+        == "memory,copies,macro,first word,words to the next row,rows,words in a row,first bit,bits"
+    )
+    assert {row.split(",")[0] for row in rows} >= {
+        "axons",
+        "synapses",
+        "charges",
+        "states",
+        "leaks_same",
+        "fires_own",
+    }
+    assert [row for row in rows if row.startswith("charges")] == [
+        "charges,2,latches 256x16,0,1,256,1,0,16"
+    ]
 
 
 def test_shared_words_that_repeat_are_not_read_again():

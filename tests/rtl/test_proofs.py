@@ -42,7 +42,9 @@ def planted() -> list:
     return params + sampled(faults)
 
 
-def proved(folder: Path, name: str, texts: dict[str, str], changed: dict[str, str] | None = None) -> bool:
+def proved(
+    folder: Path, name: str, texts: dict[str, str], changed: dict[str, str] | None = None
+) -> bool:
     """Whether a proof holds of these files; ``changed``: what else its text says, in place of what."""
     for file, text in texts.items():
         (folder / file).write_text(text)
@@ -69,7 +71,11 @@ def proved(folder: Path, name: str, texts: dict[str, str], changed: dict[str, st
 
 def test_every_proof_has_faults():
     names = {path.name.removesuffix("_proof.sv") for path in BOARDS.glob("*_proof.sv")}
-    (made,) = (line for line in (BOARDS / "Makefile").read_text().splitlines() if line.startswith("PROOFS := "))
+    (made,) = (
+        line
+        for line in (BOARDS / "Makefile").read_text().splitlines()
+        if line.startswith("PROOFS := ")
+    )
     assert names == FAULTS.keys() == set(made.split()[2:])
 
 
@@ -111,12 +117,21 @@ def test_the_step_of_a_core_without_joins_is_proved(tmp_path):
         ("beyond7 = !sum7[SUM-1] &&", "beyond7 = 1'b1 &&"),
         ("assign joined4 = {JOINED{1'b0}};", "assign joined4 = 1;"),
     ],
-    ids=["fires at the threshold", "negative voltages are clipped to vmax", "a voltage from nowhere"],
+    ids=[
+        "fires at the threshold",
+        "negative voltages are clipped to vmax",
+        "a voltage from nowhere",
+    ],
 )
 def test_faults_of_a_core_without_joins_are_found(tmp_path, old, new):
     texts = sources()
     assert texts["update.sv"].count(old) == 1
-    assert not proved(tmp_path, "step", {**texts, "update.sv": texts["update.sv"].replace(old, new)}, WITHOUT_JOINS)
+    assert not proved(
+        tmp_path,
+        "step",
+        {**texts, "update.sv": texts["update.sv"].replace(old, new)},
+        WITHOUT_JOINS,
+    )
 
 
 @needs_tools

@@ -13,7 +13,9 @@ from hw_model.rtl.images import CoreProgram, sizes_for
 from hw_model.rtl.memory_words import hex_words
 from hw_model.rtl.simulators import built, run, sources
 
-pytestmark = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
+pytestmark = pytest.mark.skipif(
+    shutil.which("iverilog") is None, reason="Icarus Verilog is not installed"
+)
 STOP = 3 << 16
 
 
@@ -52,7 +54,9 @@ ERRORS = {
 def answers(play):
     """Return the answer to the recording, then to each error and to the recording after it, all played in a row."""
     core, words, played = play
-    return played([*words, *(word for _, wrong in ERRORS.values() for word in (*wrong(core), *words))])
+    return played(
+        [*words, *(word for _, wrong in ERRORS.values() for word in (*wrong(core), *words))]
+    )
 
 
 @pytest.mark.parametrize("name", ERRORS)

@@ -24,20 +24,28 @@ def branch(name: str, phase: Phase, lines: int = CHANNELS, *visits: dict):
 def other_widths() -> hw.ChipProgram:
     chip = replace(benches.CHIP, registers=replace(benches.CHIP.registers, current_bits=20))
     b = hw.ProgramBuilder(chip, name="program")
-    b.connect(b.add_input("x", 1), b.add_compartments("y", 1, decay_u=0, decay_v=0, threshold=1), [[2]])
+    b.connect(
+        b.add_input("x", 1), b.add_compartments("y", 1, decay_u=0, decay_v=0, threshold=1), [[2]]
+    )
     return b.build()
 
 
 def heavy_weights() -> hw.ChipProgram:
-    return hybrids.assembled(benches.CHIP, Readout(("a/y",), (0.1,)), branch("a", Phase("a", "time", 5)))
+    return hybrids.assembled(
+        benches.CHIP, Readout(("a/y",), (0.1,)), branch("a", Phase("a", "time", 5))
+    )
 
 
 def two_starts() -> hw.ChipProgram:
-    return benches.together(*(branch(name, Phase(name, "time", 5, events)) for name, events in (("a", 1), ("b", 2))))
+    return benches.together(
+        *(branch(name, Phase(name, "time", 5, events)) for name, events in (("a", 1), ("b", 2)))
+    )
 
 
 def late_potentials() -> hw.ChipProgram:
-    return hybrids.assembled(benches.CHIP, Readout(("a/y",), (1.0,), 2), branch("a", Phase("a", "time", 5, 1)))
+    return hybrids.assembled(
+        benches.CHIP, Readout(("a/y",), (1.0,), 2), branch("a", Phase("a", "time", 5, 1))
+    )
 
 
 def a_stream_of_two() -> hw.ChipProgram:
@@ -90,4 +98,7 @@ def test_it_is_named(make):
     program = make()
     with pytest.raises(hw.TargetError) as told:
         loaded(program)
-    assert str(told.value) == f"program {program.name!r}: the open core has no {CASES[make]}. Simulate it instead."
+    assert (
+        str(told.value)
+        == f"program {program.name!r}: the open core has no {CASES[make]}. Simulate it instead."
+    )

@@ -13,7 +13,9 @@ from hw_model.rtl import simulators
 from hw_model.rtl.cosimulation import UNKNOWN, _numbers
 from locsnn_compile.cli import main as locsnn
 
-pytestmark = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
+pytestmark = pytest.mark.skipif(
+    shutil.which("iverilog") is None, reason="Icarus Verilog is not installed"
+)
 
 
 @pytest.fixture
@@ -24,13 +26,29 @@ def arguments(tmp_path, monkeypatch):
     program.save(tmp_path / "program")
     np.save(tmp_path / "spikes.npy", spikes.transpose(0, 2, 1))
     events = str(tmp_path / "spikes.npy")
-    return ["rtl", "sim", str(tmp_path / "program"), "--events", events, "--simulator", "icarus", "--json"]
+    return [
+        "rtl",
+        "sim",
+        str(tmp_path / "program"),
+        "--events",
+        events,
+        "--simulator",
+        "icarus",
+        "--json",
+    ]
 
 
 def test_equal(arguments, capsys):
     assert locsnn.main(arguments) == 0
     found = json.loads(capsys.readouterr().out)
-    keys = ["recordings", "compared_values", "mismatches", "cycles", "predicted_cycles", "cycle_mismatches"]
+    keys = [
+        "recordings",
+        "compared_values",
+        "mismatches",
+        "cycles",
+        "predicted_cycles",
+        "cycle_mismatches",
+    ]
     assert list(found) == keys
     assert (found["recordings"], found["mismatches"], found["cycle_mismatches"]) == (1, 0, 0)
     assert found["cycles"] == found["predicted_cycles"]

@@ -80,7 +80,9 @@ def _cache_of_its_own(tmp_path, monkeypatch):
 
 def saving() -> dict[str, str]:
     """Return the SystemVerilog by file, as a chip has it."""
-    core, found = re.subn(r"(parameter integer (?:AT_ONCE|LAZY) = )0", r"\g<1>1", sources()["locsnn_core.sv"])
+    core, found = re.subn(
+        r"(parameter integer (?:AT_ONCE|LAZY) = )0", r"\g<1>1", sources()["locsnn_core.sv"]
+    )
     assert found == 2
     return {**sources(), "locsnn_core.sv": core, "clock_gate.sv": STOPPING}
 

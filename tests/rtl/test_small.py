@@ -33,8 +33,12 @@ SMALL = replace(benches.SIZES, join=0, one_port=1, phase_words=8)
 DEVICE = hw.chip("ice40up5k")
 PLAYED = {"objects-hybrid": "touches.npz", "containers-hybrid": "touches-long.npz"}
 """Networks that ship and fit, and a file of recordings for each."""
-NEEDS_ICARUS = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
-NEEDS_VERILATOR = pytest.mark.skipif(shutil.which("verilator") is None, reason="Verilator is not installed")
+NEEDS_ICARUS = pytest.mark.skipif(
+    shutil.which("iverilog") is None, reason="Icarus Verilog is not installed"
+)
+NEEDS_VERILATOR = pytest.mark.skipif(
+    shutil.which("verilator") is None, reason="Verilator is not installed"
+)
 FAULTS = [
     ("a mark is written a cycle late", "transpose.sv", "ONE_PORT != 0 ? marked || sweep : write_back", "write_back"),
     ("marks are not written", "transpose.sv", "ONE_PORT != 0 ? marked || sweep :", "ONE_PORT != 0 ? sweep :"),
@@ -70,7 +74,10 @@ def test_a_core_that_shares_places_sweeps_as_many_as_the_device_has():
 
     def branch(name: str, lines: int) -> hw.ProgramBuilder:
         b = hw.ProgramBuilder(chip)
-        x, y = b.add_input(f"{name}/x", lines), b.add_compartments(f"{name}/y", 3, decay_v=400, threshold=20)
+        x, y = (
+            b.add_input(f"{name}/x", lines),
+            b.add_compartments(f"{name}/y", 3, decay_v=400, threshold=20),
+        )
         b.connect(x, y, np.full((3, lines), 20))
         return b.graph()
 
@@ -106,27 +113,41 @@ def test_numbers_of_more_bits_than_the_core_has_do_not_fit():
     program = b.build()
     assert on_core(program, 10, program.chip)
     heavy = replace(program, readout=replace(program.readout, weights=(float(1 << 33),)))
-    with pytest.raises(hw.TargetError, match="the open core has no weight of a readout of more than 32 bits"):
+    with pytest.raises(
+        hw.TargetError, match="the open core has no weight of a readout of more than 32 bits"
+    ):
         on_core(heavy, 10, program.chip)
 
 
 def test_what_does_not_fit_the_device_is_not_simulated():
     chip = hw.chip("ecp5-25f")
     b = hw.ProgramBuilder(chip)
-    x, y = b.add_input("location/x", 900), b.add_compartments("location/y", 3, decay_v=400, threshold=20)
+    x, y = (
+        b.add_input("location/x", 900),
+        b.add_compartments("location/y", 3, decay_v=400, threshold=20),
+    )
     b.connect(x, y, np.full((3, 900), 20) * (np.arange(900) % 3 == 0))
     program = hybrids.assembled(
-        chip, Readout(("location/y",), (1.0,)), hybrids.in_phase(b.graph(), "location", 40, np.arange(40))
+        chip,
+        Readout(("location/y",), (1.0,)),
+        hybrids.in_phase(b.graph(), "location", 40, np.arange(40)),
     )
     spikes = np.ones((1, 900, 40), np.uint8)
-    for play in (lambda: hw.cosimulate(program, spikes), lambda: stream(program, spikes, "sim:icarus", 115200, False)):
-        with pytest.raises(hw.TargetError, match=r"the open core of ecp5-25f is too small in 'bitmap'"):
+    for play in (
+        lambda: hw.cosimulate(program, spikes),
+        lambda: stream(program, spikes, "sim:icarus", 115200, False),
+    ):
+        with pytest.raises(
+            hw.TargetError, match=r"the open core of ecp5-25f is too small in 'bitmap'"
+        ):
             play()
 
 
 @pytest.mark.slow
 @NEEDS_ICARUS
-@pytest.mark.parametrize(("file", "old", "new"), [row[1:] for row in FAULTS], ids=[row[0] for row in FAULTS])
+@pytest.mark.parametrize(
+    ("file", "old", "new"), [row[1:] for row in FAULTS], ids=[row[0] for row in FAULTS]
+)
 def test_faults_of_a_small_core_are_found(file, old, new):
     assert differ({**sources(), file: sources()[file].replace(old, new)}, SMALL)
 
@@ -138,9 +159,21 @@ def program_of(model: str, strategy: str = "reset", chip: hw.Chip = DEVICE) -> h
 HELD = "Use the device ecp5-25f, ecp5-85f or locsnn-130nm."
 SMALL_IN = "the open core of ice40up5k is too small in"
 REFUSED = [
-    ("objects-hybrid", "dendrite", f"program 'objects-hybrid': {SMALL_IN} 'axons' (736 against 512). {HELD}"),
-    ("objects-hybrid-loihi", "native", f"program 'objects-hybrid-loihi': {SMALL_IN} 'axons' (736 against 512). {HELD}"),
-    ("containers-hybrid", "dendrite", f"program 'containers-hybrid': {SMALL_IN} 'axons' (715 against 512). {HELD}"),
+    (
+        "objects-hybrid",
+        "dendrite",
+        f"program 'objects-hybrid': {SMALL_IN} 'axons' (736 against 512). {HELD}",
+    ),
+    (
+        "objects-hybrid-loihi",
+        "native",
+        f"program 'objects-hybrid-loihi': {SMALL_IN} 'axons' (736 against 512). {HELD}",
+    ),
+    (
+        "containers-hybrid",
+        "dendrite",
+        f"program 'containers-hybrid': {SMALL_IN} 'axons' (715 against 512). {HELD}",
+    ),
     (
         "two-fingertips",
         "reset",
@@ -162,7 +195,9 @@ REFUSED = [
 ]
 
 
-@pytest.mark.parametrize(("model", "strategy", "message"), REFUSED, ids=[f"{row[0]}-{row[1]}" for row in REFUSED])
+@pytest.mark.parametrize(
+    ("model", "strategy", "message"), REFUSED, ids=[f"{row[0]}-{row[1]}" for row in REFUSED]
+)
 def test_what_the_smallest_device_does_not_hold_is_refused_by_name(model, strategy, message):
     with pytest.raises(hw.TargetError) as caught:
         program_of(model, strategy)
@@ -200,7 +235,11 @@ def test_its_exact_configuration_plays_what_ships(model):
     recordings = read_recordings(str(EXAMPLES / "recordings" / PLAYED[model])).spikes
     program = program_of(model)
     found = compare(program, recordings, sources(), sizes=DEVICE.open_core)
-    assert (found["recordings"], found["mismatches"], found["cycle_mismatches"]) == (len(recordings), 0, 0)
+    assert (found["recordings"], found["mismatches"], found["cycle_mismatches"]) == (
+        len(recordings),
+        0,
+        0,
+    )
     assert found["compared_values"] > 50_000 * len(recordings)
     _, file, old, new = FAULTS[0]
     faulty = {**sources(), file: sources()[file].replace(old, new)}
@@ -210,7 +249,10 @@ def test_its_exact_configuration_plays_what_ships(model):
 @pytest.mark.slow
 @NEEDS_VERILATOR
 def test_its_board_says_its_sizes_and_plays_a_recording():
-    program, recordings = program_of("objects-hybrid"), read_recordings(str(EXAMPLES / "recordings/touches.npz")).spikes
+    program, recordings = (
+        program_of("objects-hybrid"),
+        read_recordings(str(EXAMPLES / "recordings/touches.npz")).spikes,
+    )
     core = on_core(program, recordings.shape[1], DEVICE)
     expected = hw.simulate(program, recordings[:1], probe=())
     with closing(SimulatedBoard("verilator", DEVICE.open_core)) as port:
@@ -219,4 +261,8 @@ def test_its_board_says_its_sizes_and_plays_a_recording():
         board.load(core)
         answer = board.play(core, recordings[0])
     wanted = tuple(expected.per_recording[0][name] for name in ANSWER[3:])
-    assert (answer.error, answer.winner, answer.counts) == (0, int(np.ravel(expected.prediction)[0]), wanted)
+    assert (answer.error, answer.winner, answer.counts) == (
+        0,
+        int(np.ravel(expected.prediction)[0]),
+        wanted,
+    )

@@ -23,7 +23,9 @@ def walked(core: CoreProgram) -> list[tuple[int, ...]]:
         for half in (0, 1):
             place, exponent = lists["place"][source], lists["exponent"][source]
             for at in range(start, start + length):
-                step, delay, mantissa = (words[f"{name}{half}"][at] for name in ("step", "delay", "mantissa"))
+                step, delay, mantissa = (
+                    words[f"{name}{half}"][at] for name in ("step", "delay", "mantissa")
+                )
                 place += step - 1 if step else mantissa >> 3
                 if step:
                     found.append((source, half, place, delay, exponent, mantissa))
@@ -38,7 +40,10 @@ def told(core: CoreProgram) -> list[tuple[int, ...]]:
     for source, (start, length) in enumerate(zip(lists["start"], lists["length"], strict=True)):
         for half in (0, 1):
             for at in range(start, start + length):
-                fields = [words[f"{name}{half}"][at] for name in ("target", "delay", "exponent", "mantissa")]
+                fields = [
+                    words[f"{name}{half}"][at]
+                    for name in ("target", "delay", "exponent", "mantissa")
+                ]
                 if fields[2:] != [7, 0]:
                     found.append((source, half, *fields))
     return sorted(found)
@@ -75,7 +80,10 @@ def test_what_a_list_is_made_of(targets, entries):
     half, found, head = in_steps(np.zeros(many, dtype=np.int64), synapses, 3, 2)
     assert list(zip(found["step"], found["mantissa"], strict=True)) == entries
     assert half.tolist() == [0] * len(entries)
-    assert {name: values.tolist() for name, values in head.items()} == {"place": [targets[0], 0], "exponent": [2, 0]}
+    assert {name: values.tolist() for name, values in head.items()} == {
+        "place": [targets[0], 0],
+        "exponent": [2, 0],
+    }
 
 
 def test_another_exponent_and_the_way_back_take_a_jump():
@@ -95,7 +103,9 @@ def test_another_exponent_and_the_way_back_take_a_jump():
 
 def test_a_list_that_is_too_long_for_its_field_is_refused(monkeypatch):
     program, spikes = PROGRAMS[0]
-    longest = CoreProgram(program, spikes.shape[1], sizes=replace(benches.SIZES, step=3)).lengths.max()
+    longest = CoreProgram(
+        program, spikes.shape[1], sizes=replace(benches.SIZES, step=3)
+    ).lengths.max()
     monkeypatch.setattr(images, "LENGTH_BITS", 1)
     CoreProgram(program, spikes.shape[1], sizes=benches.SIZES)
     with pytest.raises(hw.TargetError) as caught:

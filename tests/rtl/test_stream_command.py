@@ -20,7 +20,9 @@ from locsnn_compile.cli import main as locsnn
 from locsnn_compile.cli.compile import main as compile_main
 
 ROOT = Path(__file__).parents[2]
-icarus = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
+icarus = pytest.mark.skipif(
+    shutil.which("iverilog") is None, reason="Icarus Verilog is not installed"
+)
 
 
 @pytest.fixture
@@ -47,7 +49,9 @@ def on_desk(desk, monkeypatch):
 
 
 def run(*more: str, port: str = "/dev/ttyUSB7") -> int:
-    return locsnn.main(["rtl", "stream", "program", "--events", "spikes.npy", "--port", port, *more])
+    return locsnn.main(
+        ["rtl", "stream", "program", "--events", "spikes.npy", "--port", port, *more]
+    )
 
 
 @icarus
@@ -61,7 +65,10 @@ def test_a_program_without_a_readout_gives_counts_and_spikes(tmp_path, monkeypat
     np.save("spikes.npy", (np.random.default_rng(0).random((1, 3, 8)) < 0.4).astype(np.uint8))
     axes = "samples,channels,steps"
     assert run("--axes", axes, "--spikes", port="sim:icarus") == 0
-    assert capsys.readouterr().out == "recording 0: no readout\nrecordings 1, different from the simulator 0\n"
+    assert (
+        capsys.readouterr().out
+        == "recording 0: no readout\nrecordings 1, different from the simulator 0\n"
+    )
 
 
 @icarus
@@ -195,6 +202,15 @@ def test_a_shipped_model_over_a_simulated_line(tmp_path, monkeypatch, capsys):
     events = str(ROOT / "examples/recordings/touches.npz")
     model = str(ROOT / "examples/models/objects-hybrid-loihi.pt")
     assert compile_main([model, "--quiet", "-o", str(tmp_path / "build")]) == 0
-    arguments = ["rtl", "stream", str(tmp_path / "build"), "--events", events, "--port", "sim:verilator", "--spikes"]
+    arguments = [
+        "rtl",
+        "stream",
+        str(tmp_path / "build"),
+        "--events",
+        events,
+        "--port",
+        "sim:verilator",
+        "--spikes",
+    ]
     assert locsnn.main([*arguments, "--recordings", "3"]) == 0
     assert capsys.readouterr().out.endswith("recordings 3, different from the simulator 0\n")

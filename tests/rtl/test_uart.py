@@ -18,13 +18,18 @@ from hw_model.rtl.simulators import sources
 from tests.marks import first_quick
 
 RTL = Path(hw.__file__).parent / "rtl"
-icarus = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
-verilator = pytest.mark.skipif(shutil.which("verilator") is None, reason="Verilator is not installed")
+icarus = pytest.mark.skipif(
+    shutil.which("iverilog") is None, reason="Icarus Verilog is not installed"
+)
+verilator = pytest.mark.skipif(
+    shutil.which("verilator") is None, reason="Verilator is not installed"
+)
 
 
 @icarus
 @pytest.mark.parametrize(
-    ("bit", "host_bit"), first_quick([(100, 104), (8, 8), (100, 100), (100, 98), (100, 102), (100, 96), (217, 213)], 2)
+    ("bit", "host_bit"),
+    first_quick([(100, 104), (8, 8), (100, 100), (100, 98), (100, 102), (100, 96), (217, 213)], 2),
 )
 def test_every_byte_passes_at_a_rate_within_the_tolerance(tmp_path, bit, host_bit):
     assert rates(tmp_path, sources(), bit, host_bit) == [str(byte) for byte in range(256)]
@@ -65,7 +70,10 @@ def test_a_recording_at_a_rate_that_is_two_percent_off(desk, host_bit):
     board.load(desk.core)
     answer = board.play(desk.core, desk.spikes[0])
     port.close()
-    assert (answer.error, answer.winner) == (0, hw.simulate(desk.program, desk.spikes).prediction[0])
+    assert (answer.error, answer.winner) == (
+        0,
+        hw.simulate(desk.program, desk.spikes).prediction[0],
+    )
 
 
 @verilator
@@ -74,6 +82,11 @@ def test_the_tops_have_no_warning(top, tmp_path):
     names = [name for name in sources() if not name.endswith("bench.sv")]
     command = ["verilator", "--lint-only", "-Wall", "--top-module", top, *names]
     done = subprocess.run(
-        command, cwd=RTL, capture_output=True, text=True, check=False, env={**os.environ, "HOME": str(tmp_path)}
+        command,
+        cwd=RTL,
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "HOME": str(tmp_path)},
     )
     assert (done.returncode, done.stderr) == (0, "")

@@ -40,7 +40,12 @@ def test_reports_of_all_cases_hold_finite_numbers(group):
     for case in one_of_each_name(group):
         strategy = "auto" if case.strategy == NATIVE else case.strategy
         try:
-            made = lc.compile(case.network, strategy=strategy, weight_bits=case.weight_bits, events=case.recordings)
+            made = lc.compile(
+                case.network,
+                strategy=strategy,
+                weight_bits=case.weight_bits,
+                events=case.recordings,
+            )
         except LocsnnError:
             continue
         json.dumps(made.report, allow_nan=False)

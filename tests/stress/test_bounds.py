@@ -64,7 +64,9 @@ def played(network, strategy="dendrite"):
 @pytest.mark.parametrize("tau", [0.7, 3.0, 33.0])
 def test_a_leaky_integrator_by_hand(tau):
     """Weights, decay and cut of a neuron that never spikes, step by step."""
-    network = network_of(lif(tau, size=1, threshold=1e4), weights(tau, response="leak", size=1)[:, :3], steps=60)
+    network = network_of(
+        lif(tau, size=1, threshold=1e4), weights(tau, response="leak", size=1)[:, :3], steps=60
+    )
     sides, bound = played(network)
     (pair,) = sides.phase.program_neurons.groups
     (synapses,) = sides.phase.program_neurons.synapses
@@ -76,7 +78,8 @@ def test_a_leaky_integrator_by_hand(tau):
         before = parts.copy()
         parts = kept * parts + [
             arrived @ np.abs(synapses.chip - synapses.exact_fitted)[0],
-            arrived @ np.abs(synapses.exact_fitted - synapses.exact.weights)[0] + abs(kept - wanted) * abs(v),
+            arrived @ np.abs(synapses.exact_fitted - synapses.exact.weights)[0]
+            + abs(kept - wanted) * abs(v),
             1.0 if v or before.any() else 0.0,
         ]
         v = wanted * v + arrived @ synapses.exact.weights[0]

@@ -54,10 +54,15 @@ def test_what_fades_does_not_grow():
 def test_a_session_that_counts_otherwise_is_unexplained(monkeypatch):
     run = RUNS["leak of 10 steps", "native"]
     monkeypatch.setattr(
-        drift_module, "_session_differs", lambda *given: "a session counts other spikes until step 1000"
+        drift_module,
+        "_session_differs",
+        lambda *given: "a session counts other spikes until step 1000",
     )
     row = long_row(run, CHIP, play_float(run.case.network, run.block, 1_000))
-    assert (row.verdict, row.causes) == ("unexplained", ("a session counts other spikes until step 1000",))
+    assert (row.verdict, row.causes) == (
+        "unexplained",
+        ("a session counts other spikes until step 1000",),
+    )
 
 
 def test_an_error_beyond_its_bound_is_unexplained(monkeypatch):
@@ -66,4 +71,6 @@ def test_an_error_beyond_its_bound_is_unexplained(monkeypatch):
     row = long_row(run, CHIP, play_float(run.case.network, run.block, 1_000))
     assert row.verdict == "unexplained"
     largest = short(max(row.drift.error))
-    assert row.causes == (f"an error of {largest} thresholds in the long run is beyond the bound of 0.000010",)
+    assert row.causes == (
+        f"an error of {largest} thresholds in the long run is beyond the bound of 0.000010",
+    )

@@ -55,7 +55,9 @@ TOO_MUCH = [
 
 
 @pytest.mark.parametrize(
-    ("network", "strategy", "message"), [row[1:] for row in REFUSED], ids=[row[0] for row in REFUSED]
+    ("network", "strategy", "message"),
+    [row[1:] for row in REFUSED],
+    ids=[row[0] for row in REFUSED],
 )
 def test_numbers_that_float64_cannot_compute_with(network, strategy, message):
     with pytest.raises(InputError) as caught:
@@ -64,7 +66,9 @@ def test_numbers_that_float64_cannot_compute_with(network, strategy, message):
 
 
 @pytest.mark.parametrize(
-    ("network", "strategy", "message"), [row[1:] for row in TOO_MUCH], ids=[row[0] for row in TOO_MUCH]
+    ("network", "strategy", "message"),
+    [row[1:] for row in TOO_MUCH],
+    ids=[row[0] for row in TOO_MUCH],
 )
 def test_what_no_scale_holds_is_named(network, strategy, message):
     with pytest.raises(TargetError) as caught:
@@ -128,7 +132,9 @@ HEARD = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("network", "message"), [row[1:] for row in HEARD], ids=[row[0] for row in HEARD])
+@pytest.mark.parametrize(
+    ("network", "message"), [row[1:] for row in HEARD], ids=[row[0] for row in HEARD]
+)
 def test_a_population_that_would_hear_nothing(network, message):
     with pytest.raises(TargetError) as caught:
         lower(replace(network, steps=3000), CHIP, 8)
@@ -144,7 +150,11 @@ def test_a_threshold_in_three_spikes_is_met_exactly():
     """10 / 3 is a third of 10 but for float rounding; the scale is one in which the chip's integers are thirds too."""
     network = one(Cuba.of(1, decay_v=0.0, threshold=10.0, rule=">="), 10.0 / 3.0)
     levels = lower(network, CHIP, 8)
-    (weight,) = 64 * levels.quantized.projections[0].mantissa[0] * 2 ** levels.quantized.projections[0].exponent
+    (weight,) = (
+        64
+        * levels.quantized.projections[0].mantissa[0]
+        * 2 ** levels.quantized.projections[0].exponent
+    )
     assert 3 * weight == 64 * (levels.quantized.population("n").neuron.threshold[0] + 1)
 
 
@@ -168,7 +178,9 @@ def test_a_network_without_weights_is_refused():
 NOT_WHOLE = [("fraction", 0.5, "0.5"), ("nan", np.nan, "nan"), ("huge", 1e300, "1e+300"), ("infinite", -np.inf, "-inf"), ("unsigned", np.uint64(2**64 - 2), "18446744073709551614")]  # fmt: skip
 
 
-@pytest.mark.parametrize(("value", "shown"), [row[1:] for row in NOT_WHOLE], ids=[row[0] for row in NOT_WHOLE])
+@pytest.mark.parametrize(
+    ("value", "shown"), [row[1:] for row in NOT_WHOLE], ids=[row[0] for row in NOT_WHOLE]
+)
 @pytest.mark.parametrize(
     "make",
     [
@@ -190,7 +202,10 @@ def test_integers_are_whole_or_refused(make, value, shown):
 
 
 def test_whole_floats_are_integers():
-    assert ChipCuba.of(2, decay_u=4096.0, decay_v=[1.0, 2.0], threshold=1).decay_v.tolist() == [1, 2]
+    assert ChipCuba.of(2, decay_u=4096.0, decay_v=[1.0, 2.0], threshold=1).decay_v.tolist() == [
+        1,
+        2,
+    ]
     assert matrix([[2.0, -4.0]], np.int64).dtype == np.int64
 
 
@@ -201,7 +216,9 @@ BUILDER = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("changes", "message"), [row[1:] for row in BUILDER], ids=[row[0] for row in BUILDER])
+@pytest.mark.parametrize(
+    ("changes", "message"), [row[1:] for row in BUILDER], ids=[row[0] for row in BUILDER]
+)
 def test_programs_by_hand_take_no_number_beyond_int64(changes, message):
     with pytest.raises(InputError) as caught:
         hw.ProgramBuilder(CHIP).add_compartments("n", 1, **{"threshold": 1, **changes})
@@ -213,7 +230,10 @@ def test_a_weight_exponent_by_hand_is_whole():
     x, n = builder.add_input("x", 1), builder.add_compartments("n", 1, threshold=1)
     with pytest.raises(InputError) as caught:
         builder.connect(x, n, [[2]], exponent=1.5)
-    assert str(caught.value) == "ProgramBuilder.connect, exponent: it must be an int (got float 1.5). Correct it."
+    assert (
+        str(caught.value)
+        == "ProgramBuilder.connect, exponent: it must be an int (got float 1.5). Correct it."
+    )
 
 
 def test_lost_biases_are_counted_in_the_report():
@@ -236,12 +256,17 @@ FAINT = [
 ]
 
 
-@pytest.mark.parametrize(("neuron", "weight"), [row[1:] for row in FAINT], ids=[row[0] for row in FAINT])
+@pytest.mark.parametrize(
+    ("neuron", "weight"), [row[1:] for row in FAINT], ids=[row[0] for row in FAINT]
+)
 @pytest.mark.filterwarnings("error")
 def test_rounding_for_recordings_takes_what_is_nearly_nothing(neuron, weight):
     played = np.ones((1, 30, 1), dtype=np.uint8)
     compiled = lc.compile(one(neuron, weight), strategy="dendrite", events=played)
-    assert compiled.levels.quantized.population("n").neuron.threshold[0] <= CHIP.registers.threshold_mantissa_max
+    assert (
+        compiled.levels.quantized.population("n").neuron.threshold[0]
+        <= CHIP.registers.threshold_mantissa_max
+    )
 
 
 @pytest.mark.parametrize(
@@ -256,4 +281,7 @@ def test_rounding_for_recordings_takes_what_is_nearly_nothing(neuron, weight):
 def test_networks_are_checked_before_anything_is_evaluated(changes, what):
     with pytest.raises(InputError) as caught:
         lc.compile(one(replace(SRM, **changes)), events=np.ones((1, 30, 1), dtype=np.uint8))
-    assert str(caught.value) == f"population 'n': {what} against 1e-100 to 1e+100). Give it in other units."
+    assert (
+        str(caught.value)
+        == f"population 'n': {what} against 1e-100 to 1e+100). Give it in other units."
+    )

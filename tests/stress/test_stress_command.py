@@ -42,9 +42,15 @@ def test_every_group_has_a_row_and_a_lead(rows):
 
 
 def test_the_rows_that_every_run_has_exist():
-    names = {(case.group, case.strategy, case.name) for case in (*cases(), *(run.case for run in long_runs()))}
+    names = {
+        (case.group, case.strategy, case.name)
+        for case in (*cases(), *(run.case for run in long_runs()))
+    }
     wanted = {
-        (group, *row) for group, of in QUICK.items() for strategy in of for row in ((strategy, n) for n in of[strategy])
+        (group, *row)
+        for group, of in QUICK.items()
+        for strategy in of
+        for row in ((strategy, n) for n in of[strategy])
     }
     assert wanted <= names
 
@@ -58,11 +64,35 @@ def test_cases_have_names_of_their_own():
     ("group", "name", "strategy", "verdict", "cause"),
     [
         ("time constants", "tau_sr 0.5", "dendrite", "ok", ""),
-        ("time constants", "tau_sr 10000", "dendrite", "refused", "(10000 steps against at most 8191)"),
-        ("time constants", "leak of 1000 steps", "native", "limited", "a decay of 4.094 in 4096 is 4"),
+        (
+            "time constants",
+            "tau_sr 10000",
+            "dendrite",
+            "refused",
+            "(10000 steps against at most 8191)",
+        ),
+        (
+            "time constants",
+            "leak of 1000 steps",
+            "native",
+            "limited",
+            "a decay of 4.094 in 4096 is 4",
+        ),
         ("decays at the ends of the grid", "decay_u 0, decay_v 4095", "native", "ok", ""),
-        ("weights against the threshold", "weights times 1e-6", "native", "limited", "24 of 24 weights round to 0"),
-        ("weights against the threshold", "weights times 1e+6", "native", "refused", "Train with smaller weights"),
+        (
+            "weights against the threshold",
+            "weights times 1e-6",
+            "native",
+            "limited",
+            "24 of 24 weights round to 0",
+        ),
+        (
+            "weights against the threshold",
+            "weights times 1e+6",
+            "native",
+            "refused",
+            "Train with smaller weights",
+        ),
         ("weight bits", "7 bits", "dendrite", "refused", "Choose one of 1, 2, 3, 4, 5, 6, 8."),
         ("extreme floats", "theta 5e-324", "dendrite", "refused", "Give it in other units."),
         ("extreme floats", "weights 5e-324", "native", "limited", "24 of 24 weights round to 0"),
@@ -71,24 +101,40 @@ def test_cases_have_names_of_their_own():
         ("inputs", "every step", "dendrite", "ok", ""),
         ("crowds of inputs", "4096 inputs excite, exponent 7", "native", "limited", "19 wraps"),
         ("potentials at the threshold", "integrator, 3 spikes, rule >=", "native", "ok", ""),
-        ("potentials at the threshold", "peak of a kernel of 1", "dendrite", "limited", "4 potentials exactly at the"),
+        (
+            "potentials at the threshold",
+            "peak of a kernel of 1",
+            "dendrite",
+            "limited",
+            "4 potentials exactly at the",
+        ),
         ("refractory counts", "count 63", "native", "ok", ""),
         ("refractory counts", "count 64", "native", "refused", "(64 against 1..63)"),
         ("biases", "bias 1e-09 thresholds", "native", "limited", "4 of 4 biases round to 0"),
         ("delays", "delay 62", "dendrite", "ok", ""),
-        ("delays", "delay 63", "dendrite", "refused", "(63 against 0..62 steps; 6 of 6 delays outside)"),
+        (
+            "delays",
+            "delay 63",
+            "dendrite",
+            "refused",
+            "(63 against 0..62 steps; 6 of 6 delays outside)",
+        ),
         ("a million steps", "leak of 10 steps", "native", "ok", ""),
     ],
 )
 def test_rows(rows, group, name, strategy, verdict, cause):
-    (row,) = [r for r in rows if (r.case.group, r.case.name, r.case.strategy) == (group, name, strategy)]
+    (row,) = [
+        r for r in rows if (r.case.group, r.case.name, r.case.strategy) == (group, name, strategy)
+    ]
     assert row.verdict == verdict
     assert cause in "; ".join(row.causes)
 
 
 def test_scale_is_all_that_differs_over_twelve_orders_of_magnitude(rows):
     alike = [row.measured for row in rows if row.case.group == "threshold and weights together"]
-    by_strategy = {row.case.strategy for row in rows if row.case.group == "threshold and weights together"}
+    by_strategy = {
+        row.case.strategy for row in rows if row.case.group == "threshold and weights together"
+    }
     assert len(alike) >= 4
     assert len({(m.spikes, round(m.error_thresholds, 9)) for m in alike}) == len(by_strategy)
 
@@ -123,7 +169,12 @@ def test_json_has_every_figure(few, capsys):
     limited, ok, refused = document["rows"]
     assert limited["causes"] == ["24 of 24 weights round to 0"]
     assert limited["measured"]["weights"] == {"lost": 24, "of": 24}
-    assert (ok["case"], ok["strategy"], ok["weight_bits"], ok["causes"]) == ("one spike", "native", 8, [])
+    assert (ok["case"], ok["strategy"], ok["weight_bits"], ok["causes"]) == (
+        "one spike",
+        "native",
+        8,
+        [],
+    )
     assert 0 < ok["measured"]["error_thresholds"] <= ok["measured"]["bound_thresholds"]
     assert refused["measured"] is None
     assert refused["causes"][0].startswith("synapses 'touch' -> 'n': a delay is out of range")
@@ -135,14 +186,21 @@ def test_weights_are_as_wide_as_the_chip_holds(few, tmp_path, capsys):
     narrow.write_text(CHIP.document.replace("  delay_max:", "  weight_bits_max: 4\n  delay_max:"))
     assert main(["stress", "--json", "--quick", "--target", str(narrow)]) == 0
     found = json.loads(capsys.readouterr().out)["rows"]
-    assert [(row["verdict"], row["weight_bits"]) for row in found] == [("limited", 4), ("ok", 4), ("refused", 4)]
+    assert [(row["verdict"], row["weight_bits"]) for row in found] == [
+        ("limited", 4),
+        ("ok", 4),
+        ("refused", 4),
+    ]
 
 
 def test_a_defect_is_exit_code_3(few, monkeypatch, capsys):
     monkeypatch.setattr(run_module, "measure", lambda case, chip: 1 / 0)
     assert main(["stress"]) == 3
     lines = capsys.readouterr().out.splitlines()
-    assert "unexplained: inputs, one spike, native: crash: ZeroDivisionError: division by zero" in lines
+    assert (
+        "unexplained: inputs, one spike, native: crash: ZeroDivisionError: division by zero"
+        in lines
+    )
 
 
 def test_the_page_is_written_between_its_marks(few, tmp_path, capsys):
@@ -154,7 +212,9 @@ def test_the_page_is_written_between_its_marks(few, tmp_path, capsys):
     assert text.endswith(f"{END}\n\nafter\n")
     assert "old" not in text
     rows = list(csv.DictReader(page.with_suffix(".csv").read_text().splitlines()))
-    assert [row["verdict"] for row in rows if (row["case"], row["strategy"]) == ("one spike", "native")] == ["ok"]
+    assert [
+        row["verdict"] for row in rows if (row["case"], row["strategy"]) == ("one spike", "native")
+    ] == ["ok"]
     assert len(rows) == 3
     assert main(["stress", "-o", str(page)]) == 0
     assert page.read_text() == text
@@ -182,7 +242,9 @@ def test_a_new_page_and_its_pictures(rows, monkeypatch, tmp_path, capsys):
     ],
     ids=["no marks", "marks the wrong way", "no text"],
 )  # fmt: skip
-def test_pages_that_cannot_be_written_to_are_refused_first(monkeypatch, tmp_path, content, line, capsys):
+def test_pages_that_cannot_be_written_to_are_refused_first(
+    monkeypatch, tmp_path, content, line, capsys
+):
     monkeypatch.setattr("locsnn_compile.cli.stress.run_stress", None)  # it must not be called
     page = tmp_path / "p.md"
     page.write_bytes(content)

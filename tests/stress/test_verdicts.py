@@ -38,7 +38,9 @@ CAUSES = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("changes", "verdict", "causes"), [row[1:] for row in CAUSES], ids=[row[0] for row in CAUSES])
+@pytest.mark.parametrize(
+    ("changes", "verdict", "causes"), [row[1:] for row in CAUSES], ids=[row[0] for row in CAUSES]
+)
 def test_causes(changes, verdict, causes):
     row = judge(CASE, replace(FINE, **changes))
     assert (row.verdict, row.causes) == (verdict, causes)
@@ -55,7 +57,10 @@ def test_a_refusal_is_a_row():
 @pytest.mark.parametrize(
     ("error", "cause"),
     [
-        (ZeroDivisionError("float division by zero"), "crash: ZeroDivisionError: float division by zero"),
+        (
+            ZeroDivisionError("float division by zero"),
+            "crash: ZeroDivisionError: float division by zero",
+        ),
         (RuntimeWarning("overflow"), "crash: RuntimeWarning: overflow"),
         (hw.TargetError("here", "no", fix=" "), "refused without a way out: here: no."),
     ],

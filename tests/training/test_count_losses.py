@@ -149,7 +149,9 @@ def test_neighbours_share_what_smoothing_leaves() -> None:
 
 def test_a_file_says_how_near_classes_are(tmp_path: Path) -> None:
     (tmp_path / "near.csv").write_text("0,2,0\n2,0,1\n0,0,0\n")
-    config = TrainingConfig(label_smoothing=0.0, neighbour_smoothing=0.1, class_order=str(tmp_path / "near.csv"))
+    config = TrainingConfig(
+        label_smoothing=0.0, neighbour_smoothing=0.1, class_order=str(tmp_path / "near.csv")
+    )
     assert label_shares(config, 3).round(12).tolist() == [[0.8, 0.2, 0], [0.2, 0.7, 0.1], [0, 0, 1]]
 
 
@@ -157,7 +159,9 @@ def test_the_loss_takes_the_shares() -> None:
     config = TrainingConfig(label_smoothing=0.0, count_scale=1.0, **NEAR)
     counts, y = torch.tensor([[1.0, 3.0, 2.0, 0, 0, 0]], dtype=torch.float64), torch.tensor([0])
     logs = counts.log_softmax(dim=1)[0]
-    assert float(Loss(config, 6).of_counts(counts, y)) == pytest.approx(float(-0.9 * logs[0] - 0.1 * logs[1]))
+    assert float(Loss(config, 6).of_counts(counts, y)) == pytest.approx(
+        float(-0.9 * logs[0] - 0.1 * logs[1])
+    )
 
 
 RANGES = "Give, for example, '0-4 5-9'."
@@ -171,9 +175,21 @@ RANGES = "Give, for example, '0-4 5-9'."
         (0.1, "0-1-2", f"it must be ranges of classes, or a .csv file (got '0-1-2'). {RANGES}"),
         (0.1, "0-1 2-6", f"a range must rise within the classes (got '2-6' against 0-5). {RANGES}"),
         (0.1, "3-3", f"a range must rise within the classes (got '3-3' against 0-5). {RANGES}"),
-        (0.1, "none.csv", f"its file is missing, or does not hold numbers (got 'none.csv'). {RANGES}"),
-        (0.1, "words.csv", f"its file is missing, or does not hold numbers (got 'words.csv'). {RANGES}"),
-        (0.1, "small.csv", f"its matrix is not (classes, classes) (got (1, 2) against (6, 6)). {RANGES}"),
+        (
+            0.1,
+            "none.csv",
+            f"its file is missing, or does not hold numbers (got 'none.csv'). {RANGES}",
+        ),
+        (
+            0.1,
+            "words.csv",
+            f"its file is missing, or does not hold numbers (got 'words.csv'). {RANGES}",
+        ),
+        (
+            0.1,
+            "small.csv",
+            f"its matrix is not (classes, classes) (got (1, 2) against (6, 6)). {RANGES}",
+        ),
         (
             0.1,
             "minus.csv",
@@ -184,14 +200,22 @@ RANGES = "Give, for example, '0-4 5-9'."
             "itself.csv",
             f"its matrix must hold 0 or more, and 0 for a class and itself (got 'itself.csv'). {RANGES}",
         ),
-        (0.4, "0-5", "label 1 would get no more than a neighbour (0.2 against 0.4). Give a smaller share."),
+        (
+            0.4,
+            "0-5",
+            "label 1 would get no more than a neighbour (0.2 against 0.4). Give a smaller share.",
+        ),
     ],
 )
 def test_neighbours_that_are_none(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, smoothing: float, order: str, message: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    for name, matrix in (("small", np.zeros((1, 2))), ("minus", -np.ones((6, 6))), ("itself", np.eye(6))):
+    for name, matrix in (
+        ("small", np.zeros((1, 2))),
+        ("minus", -np.ones((6, 6))),
+        ("itself", np.eye(6)),
+    ):
         np.savetxt(f"{name}.csv", matrix, delimiter=",")
     Path("words.csv").write_text("a,b\n")
     option = "neighbour_smoothing" if smoothing == 0.4 else "class_order"

@@ -17,28 +17,53 @@ from locsnn_compile.models.networks import build_network
 from locsnn_compile.training.config import TrainingConfig, config_from_mapping, read_config
 
 CONFIGS = Path(__file__).parents[2] / "examples" / "configs"
-SMALL = "hidden: 4\nfeatures: 3\nstep_features: 2\nepochs: 2\nvalidation_fraction: 0.0\nbatch_size: 6\n"
+SMALL = (
+    "hidden: 4\nfeatures: 3\nstep_features: 2\nepochs: 2\nvalidation_fraction: 0.0\nbatch_size: 6\n"
+)
 
 
 def write_touches(folder: Path, fingertips: int = 1) -> Path:
     touches = synthetic_touches(12, steps=30, classes=3, fingertips=fingertips)
     path = folder / "touches.npz"
-    np.savez(path, spikes=touches.spikes.transpose(0, 2, 1), labels=touches.labels, step_seconds=0.02)
+    np.savez(
+        path, spikes=touches.spikes.transpose(0, 2, 1), labels=touches.labels, step_seconds=0.02
+    )
     return path
 
 
 @pytest.mark.parametrize("fingertips", [1, 2])
 @pytest.mark.parametrize("name", ARCHITECTURES)
 def test_the_command_trains_it(
-    name: str, fingertips: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    name: str,
+    fingertips: int,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
     write_touches(tmp_path, fingertips)
     (tmp_path / "small.yaml").write_text(SMALL)
-    assert main(["train", "--data", "touches.npz", "--model", name, "--config", "small.yaml", "-o", "net.pt"]) == 0
+    assert (
+        main(
+            [
+                "train",
+                "--data",
+                "touches.npz",
+                "--model",
+                name,
+                "--config",
+                "small.yaml",
+                "-o",
+                "net.pt",
+            ]
+        )
+        == 0
+    )
     first, *remarks, last = capsys.readouterr().out.splitlines()
     assert (first, last) == ("epoch 2 chosen", "wrote net.pt")
-    assert all(line.startswith(("! No output neuron spikes in any", "! Accuracy ")) for line in remarks)
+    assert all(
+        line.startswith(("! No output neuron spikes in any", "! Accuracy ")) for line in remarks
+    )
     found = read_checkpoint("net.pt")
     assert (found.description.architecture, found.training["epochs"]) == (name, 2)
     again = build_network(found.description)
@@ -46,14 +71,26 @@ def test_the_command_trains_it(
     start = build_network(found.description, seed=0, initial_scale=TrainingConfig().initial_scale)
     x = torch.zeros(2, 30, 78 * fingertips)
     assert tuple(again.counts(x).shape) == (2, 3)
-    assert any(not np.array_equal(start.weights()[key], found.weights[key]) for key in found.weights)
+    assert any(
+        not np.array_equal(start.weights()[key], found.weights[key]) for key in found.weights
+    )
 
 
 def test_it_is_compiled_from_its_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     write_touches(tmp_path)
     (tmp_path / "small.yaml").write_text(SMALL)
-    train = ["train", "--data", "touches.npz", "--model", "hybrid-graph", "--graph", "tree", "--config", "small.yaml"]
+    train = [
+        "train",
+        "--data",
+        "touches.npz",
+        "--model",
+        "hybrid-graph",
+        "--graph",
+        "tree",
+        "--config",
+        "small.yaml",
+    ]
     assert main([*train, "--quiet", "-o", "net.pt"]) == 0
     graph = read_checkpoint("net.pt").description.graph
     assert graph is not None
@@ -68,7 +105,20 @@ def test_an_artificial_one_is_refused_by_name(
     monkeypatch.chdir(tmp_path)
     write_touches(tmp_path)
     (tmp_path / "small.yaml").write_text(SMALL)
-    main(["train", "--data", "touches.npz", "--model", "gru-mlp", "--config", "small.yaml", "--quiet", "-o", "net.pt"])
+    main(
+        [
+            "train",
+            "--data",
+            "touches.npz",
+            "--model",
+            "gru-mlp",
+            "--config",
+            "small.yaml",
+            "--quiet",
+            "-o",
+            "net.pt",
+        ]
+    )
     assert compile_main(["net.pt"]) == 1
     assert capsys.readouterr().err == (
         "model 'net': a 'gru-mlp' has no spiking neurons, so no chip program can be made of it. "

@@ -19,8 +19,18 @@ SMOOTHING = 0.2
 
 
 def config(**own: object) -> TrainingConfig:
-    quiet = {"event_dropout": 0.0, "channel_dropout": 0.0, "validation_fraction": 0.0, "refit": False}
-    given = {"model": "window-snn", "optimizer": "prototypes", "weight_decay": SMOOTHING, "epochs": 1}
+    quiet = {
+        "event_dropout": 0.0,
+        "channel_dropout": 0.0,
+        "validation_fraction": 0.0,
+        "refit": False,
+    }
+    given = {
+        "model": "window-snn",
+        "optimizer": "prototypes",
+        "weight_decay": SMOOTHING,
+        "epochs": 1,
+    }
     return config_from_mapping(given | quiet | own)
 
 
@@ -42,7 +52,9 @@ def test_scores_are_those_of_discriminant_analysis() -> None:
     assert made.labels is not None
     network = train(made, config(window_steps=18, window_stride=9, window_levels="1")).network
     assert isinstance(network, WindowNetwork)
-    played = [torch.from_numpy(recordings.spikes.astype(np.float32)) for recordings in (made, others)]
+    played = [
+        torch.from_numpy(recordings.spikes.astype(np.float32)) for recordings in (made, others)
+    ]
     hidden = [network.hidden(spikes).double().numpy() for spikes in played]
     scale = 1.0 / analysis(hidden[0], made.labels, hidden[0]).std(axis=1, ddof=1).mean()
     wanted = scale * analysis(hidden[0], made.labels, hidden[1])
@@ -56,12 +68,16 @@ def test_recordings_that_were_not_learned_from_are_told_apart() -> None:
 
 
 def test_every_epoch_adds_recordings() -> None:
-    one, two, again = (train(touches(), config(epochs=n, time_shift=3)).network.weights() for n in (1, 2, 2))
+    one, two, again = (
+        train(touches(), config(epochs=n, time_shift=3)).network.weights() for n in (1, 2, 2)
+    )
     assert not any(np.array_equal(one[name], two[name]) for name in one)
     assert all(np.array_equal(two[name], again[name]) for name in two)
 
 
-def test_a_run_that_was_stopped_goes_on_with_the_recordings_of_epochs_before(tmp_path: Path) -> None:
+def test_a_run_that_was_stopped_goes_on_with_the_recordings_of_epochs_before(
+    tmp_path: Path,
+) -> None:
     asked, state = config(epochs=3, time_shift=3), tmp_path / "state"
 
     def stop(done: int, expected: int, record: EpochRecord) -> None:

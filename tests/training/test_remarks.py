@@ -15,7 +15,14 @@ from locsnn_compile.models.description import InputLayout, NetworkDescription
 from locsnn_compile.models.networks import build_network
 from locsnn_compile.training.config import TrainingConfig
 from locsnn_compile.training.export import carried_rows
-from locsnn_compile.training.measure import Loss, chance_remarks, confusion, data_remarks, evaluate, result_remarks
+from locsnn_compile.training.measure import (
+    Loss,
+    chance_remarks,
+    confusion,
+    data_remarks,
+    evaluate,
+    result_remarks,
+)
 
 Capture = pytest.CaptureFixture[str]
 
@@ -56,7 +63,10 @@ STUCK = ("--hidden", "4", "--epochs", "1", "--learning-rate", "1e-9")
             [0, 2, 5] * 4,
             0,
             QUICK,
-            ["! No recording to train on has label 1, 3, 4: labels count from 0 to 5 here.", SILENT],
+            [
+                "! No recording to train on has label 1, 3, 4: labels count from 0 to 5 here.",
+                SILENT,
+            ],
             id="gaps",
         ),
         pytest.param(
@@ -67,7 +77,11 @@ STUCK = ("--hidden", "4", "--epochs", "1", "--learning-rate", "1e-9")
             id="labels from 1",
         ),
         pytest.param(
-            [0, 1] * 6, 3, QUICK, ["! 3 of 12 recordings to train on have no event.", SILENT], id="some are empty"
+            [0, 1] * 6,
+            3,
+            QUICK,
+            ["! 3 of 12 recordings to train on have no event.", SILENT],
+            id="some are empty",
         ),
         pytest.param(
             [0] * 12,
@@ -77,11 +91,18 @@ STUCK = ("--hidden", "4", "--epochs", "1", "--learning-rate", "1e-9")
             id="one class",
         ),
         pytest.param([0, 1] * 6, 0, ("--model", "gru-mlp", *STUCK), [CHANCE], id="GRU at chance"),
-        pytest.param([0, 1] * 6, 0, ("--model", "tactile-sgnet", *STUCK), [CHANCE], id="graph at chance"),
+        pytest.param(
+            [0, 1] * 6, 0, ("--model", "tactile-sgnet", *STUCK), [CHANCE], id="graph at chance"
+        ),
     ],
 )
 def test_what_a_run_says(
-    tmp_path: Path, labels: list[int], silent: int, options: tuple[str, ...], wanted: list[str], capsys: Capture
+    tmp_path: Path,
+    labels: list[int],
+    silent: int,
+    options: tuple[str, ...],
+    wanted: list[str],
+    capsys: Capture,
 ) -> None:
     data = save(tmp_path / "a.npz", labels, silent=silent)
     assert train(tmp_path, data, *options) == 0
@@ -157,7 +178,11 @@ def test_networks_without_weights_are_silent(name: str, words: str) -> None:
 
 @pytest.mark.parametrize(
     ("right", "said"),
-    [pytest.param(5, True, id="half"), pytest.param(7, True, id="luck"), pytest.param(8, False, id="more")],
+    [
+        pytest.param(5, True, id="half"),
+        pytest.param(7, True, id="luck"),
+        pytest.param(8, False, id="more"),
+    ],
 )
 def test_chance_is_what_guesses_reach(right: int, said: bool) -> None:
     # Of ten recordings of two classes, guesses have 5 right, and 7.6 or more in one case of twenty.
@@ -180,7 +205,10 @@ def test_many_missing_labels_are_counted() -> None:
             [0, 1, 2] * 4,
             [1, 4, 7, 10],
             {},
-            ["4 of 12 recordings to train on have no event.", "No recording of label 1 (slide) has an event."],
+            [
+                "4 of 12 recordings to train on have no event.",
+                "No recording of label 1 (slide) has an event.",
+            ],
             id="a silent class",
         ),
         pytest.param(
@@ -193,13 +221,17 @@ def test_many_missing_labels_are_counted() -> None:
             ],
             id="imbalance",
         ),
-        pytest.param([0] * 10 + [1] * 5 + [2] * 2, [], {"class_weights": "balanced"}, [], id="balanced"),
+        pytest.param(
+            [0] * 10 + [1] * 5 + [2] * 2, [], {"class_weights": "balanced"}, [], id="balanced"
+        ),
         pytest.param([0] * 9 + [1] * 5 + [2] * 2, [], {}, [], id="less than five to one"),
         pytest.param(
             [0, 1, 2],
             [],
             {},
-            ["Every label has one recording to train on: none was held back, and the last epoch was taken."],
+            [
+                "Every label has one recording to train on: none was held back, and the last epoch was taken."
+            ],
             id="one each",
         ),
         pytest.param([0, 1, 2], [], {"validation_fraction": 0.0}, [], id="none to hold back"),
@@ -220,21 +252,27 @@ def test_what_recordings_cannot_teach_is_said(
 ) -> None:
     spikes = np.ones((len(labels), 3, 78))
     spikes[silent] = 0
-    recordings = Recordings(spikes, np.array(labels), None, "a", class_names=("press", "slide", "twist"))
+    recordings = Recordings(
+        spikes, np.array(labels), None, "a", class_names=("press", "slide", "twist")
+    )
     assert data_remarks(recordings, 3, TrainingConfig(**options)) == remarks
 
 
 @pytest.mark.parametrize(
     ("labels", "wanted", "rows"),
     [
-        pytest.param([0] * 90 + [1] * 6 + [2] * 4, 6, [0, 45, 90, 93, 96, 98], id="as many of a small class"),
+        pytest.param(
+            [0] * 90 + [1] * 6 + [2] * 4, 6, [0, 45, 90, 93, 96, 98], id="as many of a small class"
+        ),
         pytest.param([0] * 8 + [1], 4, [0, 2, 5, 8], id="a class that has too few"),
         pytest.param([0, 1, 2, 3, 4, 5], 3, [0, 2, 4], id="fewer than classes"),
         pytest.param([1, 0, 1, 0], 9, [0, 1, 2, 3], id="all"),
         pytest.param([1, 0, 1, 0], 0, [], id="none"),
     ],
 )
-def test_carried_recordings_are_of_all_classes(labels: list[int], wanted: int, rows: list[int]) -> None:
+def test_carried_recordings_are_of_all_classes(
+    labels: list[int], wanted: int, rows: list[int]
+) -> None:
     assert carried_rows(np.array(labels), len(labels), wanted).tolist() == rows
 
 

@@ -42,7 +42,9 @@ def mismatches(found: Checkpoint, network: Network, recordings: Recordings) -> t
     with torch.no_grad():
         wanted = own(torch.from_numpy(recordings.spikes.copy()).float())
     played = hw.simulate(lower(network, CHIP, 8).program, recordings.spikes)
-    differing = sum(int((played.spikes[name] != spikes.numpy()).sum()) for name, spikes in wanted.items())
+    differing = sum(
+        int((played.spikes[name] != spikes.numpy()).sum()) for name, spikes in wanted.items()
+    )
     return differing, sum(int(spikes.sum()) for spikes in wanted.values())
 
 
@@ -70,7 +72,10 @@ def test_shipped_networks_were_trained_by_the_shipped_configuration(name: str) -
 def test_model_cards_agree_with_their_networks(name: str) -> None:
     training = read_checkpoint(ROOT / f"examples/models/{name}-hybrid.pt").training
     card = (ROOT / f"examples/models/{name}-hybrid.md").read_text(encoding="utf-8")
-    rows = {int(row[0]): row[1:] for row in re.findall(r"^\| (\d) \| (\d+) \| ([\d.]+) \| ([\d.]+) \|$", card, re.M)}
+    rows = {
+        int(row[0]): row[1:]
+        for row in re.findall(r"^\| (\d) \| (\d+) \| ([\d.]+) \| ([\d.]+) \|$", card, re.M)
+    }
     assert sorted(rows) == [0, 1, 2, 3, 4]
     figures = [(float(validation), float(test)) for _, validation, test in rows.values()]
     best = min(range(5), key=lambda seed: (-figures[seed][0], seed))
@@ -80,7 +85,9 @@ def test_model_cards_agree_with_their_networks(name: str) -> None:
     assert f"{training['validation_accuracy']:.3f}" == validation
     assert f"{training['test_accuracy']:.3f}" == test
     recordings = training["test_recordings"]
-    tests = np.array([round(test * recordings) for _, test in figures]) / recordings  # not rounded to three digits
+    tests = (
+        np.array([round(test * recordings) for _, test in figures]) / recordings
+    )  # not rounded to three digits
     assert f"mean {tests.mean():.3f}, sample standard deviation {tests.std(ddof=1):.3f}" in card
 
 
@@ -94,14 +101,19 @@ def test_shipped_networks_reach_their_test_accuracy(name: str) -> None:
     with torch.no_grad():
         counts = network.double().counts(torch.from_numpy(recordings.spikes.copy()).double())
     assert recordings.labels is not None
-    assert float((counts.argmax(dim=1).numpy() == recordings.labels).mean()) == found.training["test_accuracy"]
+    assert (
+        float((counts.argmax(dim=1).numpy() == recordings.labels).mean())
+        == found.training["test_accuracy"]
+    )
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_shipped_networks_survive_a_round_trip(tmp_path: Path, name: str) -> None:
     path = ROOT / f"examples/models/{name}-hybrid.pt"
     found = read_checkpoint(path)
-    Checkpoint(found.description, found.weights, training=found.training).save(tmp_path / "again.pt")
+    Checkpoint(found.description, found.weights, training=found.training).save(
+        tmp_path / "again.pt"
+    )
     again = read_checkpoint(tmp_path / "again.pt")
     assert again.description == found.description
     assert all(np.array_equal(again.weights[key], found.weights[key]) for key in found.weights)
@@ -115,7 +127,9 @@ def test_a_network_of_two_fingertips_ships_with_its_recordings() -> None:
     assert (found.description.input.channels, found.description.location_delays) == (156, (0, 4))
     assert found.recordings is not None
     assert np.array_equal(found.recordings.spikes, test.spikes)
-    given = vars(config_from_mapping(read_config(ROOT / "examples/configs/two-fingertips-hybrid.yaml")))
+    given = vars(
+        config_from_mapping(read_config(ROOT / "examples/configs/two-fingertips-hybrid.yaml"))
+    )
     # Options that came later have no entry in the file: they are as they were, at their defaults.
     defaults = vars(TrainingConfig())
     assert {key: found.training.get(key, defaults[key]) for key in given} == given
@@ -133,7 +147,9 @@ def test_a_network_of_two_fingertips_ships_with_its_recordings() -> None:
 def test_both_engines_play_two_fingertips_alike(strategy: str) -> None:
     network, test = load(model("two-fingertips")), read_recordings(TWO, test_share=0.2)
     program = lower(network, CHIP, 8, strategy).program
-    slow, fast = (hw.simulate(program, test.spikes, engine=engine) for engine in ("reference", "fast"))
+    slow, fast = (
+        hw.simulate(program, test.spikes, engine=engine) for engine in ("reference", "fast")
+    )
     for name, spikes in slow.spikes.items():
         assert np.array_equal(fast.spikes[name], spikes), name
     assert np.array_equal(slow.prediction, test.labels)
@@ -148,7 +164,9 @@ def test_networks_on_the_chips_integers_are_whole(name: str) -> None:
     assert (found.chip.target, found.chip.strategy) == ("loihi-sim", "dendrite")
     assert {numbers.weight_bits for numbers in found.chip.populations.values()} == {8}
     assert found.training["start_sha256"] == read_checkpoint(model(f"{name}-hybrid")).sha256
-    config = vars(config_from_mapping(read_config(ROOT / f"examples/configs/{name}-hybrid-loihi.yaml")))
+    config = vars(
+        config_from_mapping(read_config(ROOT / f"examples/configs/{name}-hybrid-loihi.yaml"))
+    )
     # Options that came later are not in the file.
     kept = {key: value for key, value in config.items() if key in found.training}
     assert {key: found.training[key] for key in kept} == kept
@@ -158,19 +176,29 @@ def test_networks_on_the_chips_integers_are_whole(name: str) -> None:
 def test_cards_of_networks_on_the_chips_integers(name: str) -> None:
     training = read_checkpoint(model(f"{name}-hybrid-loihi")).training
     card = model(f"{name}-hybrid-loihi").with_suffix(".md").read_text(encoding="utf-8")
-    rows = {int(row[0]): row[1:] for row in re.findall(r"^\| (\d) \| ([\d.]+) \| ([\d.]+) \|$", card, re.M)}
+    rows = {
+        int(row[0]): row[1:]
+        for row in re.findall(r"^\| (\d) \| ([\d.]+) \| ([\d.]+) \|$", card, re.M)
+    }
     assert sorted(rows) == [0, 1, 2, 3, 4]
     assert f"{training['test_accuracy']:.3f}" == rows[int(training["seed"] or 0)][1]
     tests = np.array([float(test) for _, test in rows.values()])
-    stated = re.search(r"Test: mean ([\d.]+), sample standard deviation ([\d.]+), over five seeds", card)
+    stated = re.search(
+        r"Test: mean ([\d.]+), sample standard deviation ([\d.]+), over five seeds", card
+    )
     assert stated is not None
     # Of the figures before they were rounded for the table.
-    assert [float(figure) for figure in stated.groups()] == pytest.approx([tests.mean(), tests.std(ddof=1)], abs=1e-3)
+    assert [float(figure) for figure in stated.groups()] == pytest.approx(
+        [tests.mean(), tests.std(ddof=1)], abs=1e-3
+    )
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_programs_of_shipped_networks_spike_as_trained(name: str) -> None:
-    found, network = read_checkpoint(model(f"{name}-hybrid-loihi")), load(model(f"{name}-hybrid-loihi"))
+    found, network = (
+        read_checkpoint(model(f"{name}-hybrid-loihi")),
+        load(model(f"{name}-hybrid-loihi")),
+    )
     touches = synthetic_touches(12, steps=found.description.input.steps, seed=3)
     differing, spikes = mismatches(found, network, touches)
     assert differing == 0
@@ -180,7 +208,10 @@ def test_programs_of_shipped_networks_spike_as_trained(name: str) -> None:
 @on_real_recordings
 @pytest.mark.parametrize("name", NAMES)
 def test_shipped_networks_on_the_chip_reach_their_test_accuracy(name: str) -> None:
-    found, network = read_checkpoint(model(f"{name}-hybrid-loihi")), load(model(f"{name}-hybrid-loihi"))
+    found, network = (
+        read_checkpoint(model(f"{name}-hybrid-loihi")),
+        load(model(f"{name}-hybrid-loihi")),
+    )
     test = read_recordings(REAL / f"Ev-{name.title()}.zip", split="test")
     assert mismatches(found, network, test)[0] == 0
     prediction = hw.simulate(lower(network, CHIP, 8).program, test.spikes).prediction
@@ -217,7 +248,9 @@ def test_networks_of_windows_are_those_of_their_configurations(name: str) -> Non
     assert (found.description.name, found.description.architecture) == (name, "window-snn")
     assert found.recordings is None
     config = vars(
-        config_from_mapping(read_config(ROOT / f"examples/configs/containers-window-snn-{WINDOWS[name]}.yaml"))
+        config_from_mapping(
+            read_config(ROOT / f"examples/configs/containers-window-snn-{WINDOWS[name]}.yaml")
+        )
     )
     assert config["seed"] == found.training["seed"] == 0  # fixed beforehand, not picked
     assert {key: found.training[key] for key in config if key in found.training} == {
@@ -229,13 +262,19 @@ def test_networks_of_windows_are_those_of_their_configurations(name: str) -> Non
 def test_cards_of_networks_of_windows(name: str, wrong: int) -> None:
     training = read_checkpoint(model(name)).training
     card = model(name).with_suffix(".md").read_text(encoding="utf-8")
-    rows = {int(row[0]): row[1:] for row in re.findall(r"^\| (\d) \| ([\d.]+) \| ([\d.]+) \|$", card, re.M)}
+    rows = {
+        int(row[0]): row[1:]
+        for row in re.findall(r"^\| (\d) \| ([\d.]+) \| ([\d.]+) \|$", card, re.M)
+    }
     assert sorted(rows) == [0, 1, 2, 3, 4]
     assert rows[0][0] == f"{training['test_accuracy']:.3f}"
     right = np.array([round(60 * float(test)) for test, _ in rows.values()])
     assert int(5 * 60 - right.sum()) == wrong
     tests = right / 60
-    assert f"Test: mean {tests.mean():.3f}, sample standard deviation {tests.std(ddof=1):.3f}, over five seeds" in card
+    assert (
+        f"Test: mean {tests.mean():.3f}, sample standard deviation {tests.std(ddof=1):.3f}, over five seeds"
+        in card
+    )
 
 
 @on_real_recordings
@@ -246,18 +285,25 @@ def test_networks_of_windows_on_the_chip(name: str) -> None:
     own = build_network(found.description)
     own.load_weights(found.weights)
     with torch.no_grad():
-        in_torch = own.double().counts(torch.from_numpy(test.spikes.copy()).double()).argmax(dim=1).numpy()
+        in_torch = (
+            own.double().counts(torch.from_numpy(test.spikes.copy()).double()).argmax(dim=1).numpy()
+        )
     prediction = np.asarray(hw.simulate(lower(network, CHIP, 8).program, test.spikes).prediction)
     assert np.array_equal(prediction, in_torch)
     assert float((prediction == test.labels).mean()) == found.training["test_accuracy"]
     assert test.labels is not None
     wrong = prediction != test.labels
-    assert (prediction[wrong] // 5 == test.labels[wrong] // 5).all()  # the container is right, its fill level is not
+    assert (
+        prediction[wrong] // 5 == test.labels[wrong] // 5
+    ).all()  # the container is right, its fill level is not
 
 
 def test_the_best_network_of_objects_is_of_its_configurations() -> None:
     found = read_checkpoint(model("objects-best"))
-    assert (found.description.name, found.description.architecture) == ("objects-best", "hybrid-window")
+    assert (found.description.name, found.description.architecture) == (
+        "objects-best",
+        "hybrid-window",
+    )
     assert found.recordings is None
     assert found.chip is not None
     assert (found.chip.target, found.chip.strategy) == ("loihi-sim", "reset")
@@ -267,7 +313,9 @@ def test_the_best_network_of_objects_is_of_its_configurations() -> None:
     assert "test_accuracy" not in found.training  # its card says that no test part was read
     names = {"hybrid": "hybrid-reset", "windows": "window-snn", "windows_2": "window-snn-quarter"}
     for part, name in (names | {"windows_3": "window-snn-prototypes"}).items():
-        config = vars(config_from_mapping(read_config(ROOT / f"examples/configs/objects-{name}.yaml")))
+        config = vars(
+            config_from_mapping(read_config(ROOT / f"examples/configs/objects-{name}.yaml"))
+        )
         config = config | {"validation_fraction": 0.0, "refit": False}
         kept = {key: value for key, value in config.items() if f"{part}_{key}" in found.training}
         assert len(kept) > 50
@@ -288,7 +336,9 @@ def played_alike(recordings: Recordings) -> IntArray:
     for name in spiking:
         assert np.array_equal(played.spikes[name], activity[name].numpy()), name
     scores = own.total(activity).double().numpy()
-    assert np.allclose(played.scores / np.abs(played.scores).max(), scores / np.abs(scores).max(), atol=1e-6)
+    assert np.allclose(
+        played.scores / np.abs(played.scores).max(), scores / np.abs(scores).max(), atol=1e-6
+    )
     assert np.array_equal(played.prediction, scores.argmax(axis=1))
     return np.asarray(played.prediction)
 
@@ -301,8 +351,14 @@ def test_the_best_network_of_objects_plays_on_the_chip_as_in_torch() -> None:
 def test_the_best_network_of_objects_on_the_chip() -> None:
     test = read_recordings(REAL / "Ev-Objects.zip", split="test")
     card = model("objects-best").with_suffix(".md").read_text(encoding="utf-8")
-    rows = {int(row[0]): float(row[1]) for row in re.findall(r"^\| (\d) \| ([\d.]+) \| [\d.]+ \|$", card, re.M)}
+    rows = {
+        int(row[0]): float(row[1])
+        for row in re.findall(r"^\| (\d) \| ([\d.]+) \| [\d.]+ \|$", card, re.M)
+    }
     assert sorted(rows) == [0, 1, 2, 3, 4]
     tests = np.array([round(144 * accuracy) for accuracy in rows.values()]) / 144
-    assert f"Test: mean {tests.mean():.3f}, sample standard deviation {tests.std(ddof=1):.3f}, over five seeds" in card
+    assert (
+        f"Test: mean {tests.mean():.3f}, sample standard deviation {tests.std(ddof=1):.3f}, over five seeds"
+        in card
+    )
     assert float((played_alike(test) == test.labels).mean()) == tests[0]

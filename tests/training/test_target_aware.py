@@ -30,7 +30,9 @@ from locsnn_compile.training.target import chip_numbers
 from locsnn_compile.training.train import train
 
 CHIP = hw.chip("loihi-sim")
-FLOAT = TrainingConfig(hidden=8, epochs=6, batch_size=4, validation_fraction=0.25, learning_rate=0.01)
+FLOAT = TrainingConfig(
+    hidden=8, epochs=6, batch_size=4, validation_fraction=0.25, learning_rate=0.01
+)
 ON_CHIP = replace(FLOAT, target="loihi-sim", epochs=3, validation_fraction=0.0)
 
 
@@ -41,17 +43,25 @@ def touches(samples: int = 12) -> Recordings:
 @pytest.fixture(scope="module")
 def start(tmp_path_factory: pytest.TempPathFactory) -> Checkpoint:
     path = tmp_path_factory.mktemp("start") / "start.pt"
-    export_checkpoint(path, train(touches(), FLOAT, name="start"), FLOAT, touches(), None, carried=0)
+    export_checkpoint(
+        path, train(touches(), FLOAT, name="start"), FLOAT, touches(), None, carried=0
+    )
     return read_checkpoint(path)
 
 
 @pytest.mark.parametrize("strategy", TRAINABLE)
 @pytest.mark.parametrize("bits", [8, 4])
-def test_the_program_spikes_as_the_network_did(tmp_path: Path, start: Checkpoint, strategy: str, bits: int) -> None:
-    check_program_spikes_alike(tmp_path, start, replace(ON_CHIP, strategy=strategy, weight_bits=bits), CHIP)
+def test_the_program_spikes_as_the_network_did(
+    tmp_path: Path, start: Checkpoint, strategy: str, bits: int
+) -> None:
+    check_program_spikes_alike(
+        tmp_path, start, replace(ON_CHIP, strategy=strategy, weight_bits=bits), CHIP
+    )
 
 
-def check_program_spikes_alike(folder: Path, start: Checkpoint, config: TrainingConfig, chip: hw.Chip) -> Checkpoint:
+def check_program_spikes_alike(
+    folder: Path, start: Checkpoint, config: TrainingConfig, chip: hw.Chip
+) -> Checkpoint:
     """Train, export and compile; return the checkpoint."""
     result = train(touches(), config, name="tuned", start=start)
     path = folder / "tuned.pt"
@@ -86,7 +96,10 @@ def test_training_from_scratch_learns(strategy: str) -> None:
 
 
 def test_fine_tuning_begins_where_the_network_was(start: Checkpoint) -> None:
-    losses = [train(touches(), replace(ON_CHIP, epochs=1), start=at).history[0].loss for at in (start, None)]
+    losses = [
+        train(touches(), replace(ON_CHIP, epochs=1), start=at).history[0].loss
+        for at in (start, None)
+    ]
     assert losses[0] < losses[1]
 
 
@@ -118,7 +131,10 @@ def test_a_killed_run_goes_on_to_the_same_bits(tmp_path: Path, start: Checkpoint
         train(touches(), config, start=start, state_path=state, save_every=1, progress=killer)
     resumed = train(touches(), config, start=start, state_path=state)
     assert whole.history == resumed.history
-    assert all(np.array_equal(value, resumed.network.mantissas()[n]) for n, value in whole.network.mantissas().items())
+    assert all(
+        np.array_equal(value, resumed.network.mantissas()[n])
+        for n, value in whole.network.mantissas().items()
+    )
     with pytest.raises(InputError) as caught:
         train(touches(), config, state_path=state)
     assert str(caught.value) == (
@@ -140,7 +156,9 @@ def test_a_cost_of_spikes_saves_spikes(start: Checkpoint) -> None:
     x = torch.from_numpy(touches().spikes.copy()).float()
     spikes = []
     for cost in (0.0, 0.3):
-        network = train(touches(), replace(ON_CHIP, epochs=10, spike_cost=cost), start=start).network
+        network = train(
+            touches(), replace(ON_CHIP, epochs=10, spike_cost=cost), start=start
+        ).network
         with torch.no_grad():
             spikes.append(float(network(x)["time_hidden"].sum()))
     assert spikes[1] < 0.8 * spikes[0]
@@ -148,14 +166,18 @@ def test_a_cost_of_spikes_saves_spikes(start: Checkpoint) -> None:
 
 def test_there_is_room_for_weights_to_grow(start: Checkpoint) -> None:
     for room in (0.5, 1.25, 4.0):
-        numbers = chip_numbers(replace(ON_CHIP, weight_room=room), start.description, start.float_weights)
+        numbers = chip_numbers(
+            replace(ON_CHIP, weight_room=room), start.description, start.float_weights
+        )
         for name, population in numbers.populations.items():
             largest = float(np.abs(start.float_weights[name]).max())
             assert population.grid.high * population.unit >= room * largest
 
 
 def test_options_that_the_start_decides(start: Checkpoint) -> None:
-    config = fine_tuning_config(TrainingConfig(hidden=99, theta=3.0, model="tactile-snn"), start.description)
+    config = fine_tuning_config(
+        TrainingConfig(hidden=99, theta=3.0, model="tactile-snn"), start.description
+    )
     assert (config.hidden, config.theta, config.model, config.order) == (8, 10.0, "hybrid", "loop")
     check_fits_start({"hidden": 8, "epochs": 5}, start.description)
     with pytest.raises(InputError) as caught:
@@ -189,7 +211,9 @@ def test_options_that_the_start_decides(start: Checkpoint) -> None:
         ),
     ],
 )
-def test_recordings_that_do_not_fit_the_start(start: Checkpoint, recordings: Recordings, message: str) -> None:
+def test_recordings_that_do_not_fit_the_start(
+    start: Checkpoint, recordings: Recordings, message: str
+) -> None:
     with pytest.raises(InputError) as caught:
         train(recordings, ON_CHIP, start=start)
     assert str(caught.value) == message
@@ -226,13 +250,19 @@ def test_strategies_that_join_are_not_trained_for_a_core_that_joins_nothing(stra
 
 def test_training_follows_the_widths_of_the_chip(tmp_path: Path, start: Checkpoint) -> None:
     target = chip_file(tmp_path, charge_bits=15, current_bits=17, voltage_bits=16)
-    trained = check_program_spikes_alike(tmp_path, start, replace(ON_CHIP, target=target), hw.chip(target))
+    trained = check_program_spikes_alike(
+        tmp_path, start, replace(ON_CHIP, target=target), hw.chip(target)
+    )
     assert trained.chip is not None
-    assert trained.chip.registers == RegisterWidths(charge_bits=15, current_bits=17, voltage_bits=16)
+    assert trained.chip.registers == RegisterWidths(
+        charge_bits=15, current_bits=17, voltage_bits=16
+    )
 
 
 @pytest.mark.parametrize("strategy", TRAINABLE)
-def test_training_for_few_weight_bits_and_narrow_voltages(tmp_path: Path, start: Checkpoint, strategy: str) -> None:
+def test_training_for_few_weight_bits_and_narrow_voltages(
+    tmp_path: Path, start: Checkpoint, strategy: str
+) -> None:
     """Weight exponents go below 0, so that the few bits are those that the register resolves."""
     target = chip_file(tmp_path, voltage_bits=16, weight_bits_max=4, delay_max=20)
     config = replace(ON_CHIP, target=target, strategy=strategy, epochs=1)

@@ -26,7 +26,13 @@ from locsnn_compile.training.export import export_checkpoint
 from locsnn_compile.training.measure import class_scores
 from locsnn_compile.training.train import TrainingResult, train
 
-WINDOWS = {"window_steps": 8, "window_levels": "1 3", "hidden": 6, "epochs": 3, "validation_fraction": 0.0}
+WINDOWS = {
+    "window_steps": 8,
+    "window_levels": "1 3",
+    "hidden": 6,
+    "epochs": 3,
+    "validation_fraction": 0.0,
+}
 
 
 def touches(samples: int = 12) -> Recordings:
@@ -34,7 +40,9 @@ def touches(samples: int = 12) -> Recordings:
 
 
 def config_of(model: str, **options: object) -> TrainingConfig:
-    return config_from_mapping({"model": model, "batch_size": 4, "target": "loihi-sim"} | WINDOWS | options)
+    return config_from_mapping(
+        {"model": model, "batch_size": 4, "target": "loihi-sim"} | WINDOWS | options
+    )
 
 
 def exported(path: Path, result: TrainingResult, config: TrainingConfig) -> Checkpoint:
@@ -44,7 +52,10 @@ def exported(path: Path, result: TrainingResult, config: TrainingConfig) -> Chec
 
 def compared(network: TouchModel, path: Path, target: str = "loihi-sim") -> tuple[int, int]:
     """Return how many spikes, and how many scores, of the network and of the program of a file differ."""
-    program, test = lc.compile(lc.load(path), target=target, diagnosis=False).program, touches(30).spikes
+    program, test = (
+        lc.compile(lc.load(path), target=target, diagnosis=False).program,
+        touches(30).spikes,
+    )
     with torch.no_grad():
         activity = network.double()(torch.from_numpy(test.copy()).double())
         scores = class_scores(network, test)
@@ -52,7 +63,9 @@ def compared(network: TouchModel, path: Path, target: str = "loihi-sim") -> tupl
     windows = network if isinstance(network, WindowNetwork) else network.get_submodule("windows")
     assert isinstance(windows, WindowNetwork)
     own = {name: spikes.numpy() for name, spikes in activity.items() if name != f"{branch}_output"}
-    own[f"{branch}_hidden"] = windows.hidden(torch.from_numpy(test.copy()).double()).numpy()[:, None]
+    own[f"{branch}_hidden"] = windows.hidden(torch.from_numpy(test.copy()).double()).numpy()[
+        :, None
+    ]
     played = hw.simulate(program, test)
     assert sum(int(spikes.sum()) for spikes in own.values()) > 1000
     heard = dict(played.spikes) | {f"{branch}_hidden": played.spikes[f"{branch}_hidden"][:, 1:2]}
@@ -72,7 +85,9 @@ def compared(network: TouchModel, path: Path, target: str = "loihi-sim") -> tupl
     [("window-snn", "dendrite"), ("hybrid-window", "dendrite"), ("hybrid-window", "reset")],
     ids=["windows", "hybrid-window", "hybrid-window, reset"],
 )
-def test_the_program_scores_as_the_network_did(tmp_path: Path, model: str, strategy: str, bits: int) -> None:
+def test_the_program_scores_as_the_network_did(
+    tmp_path: Path, model: str, strategy: str, bits: int
+) -> None:
     options = {"weight_bits": bits} | ({"strategy": strategy} if model == "hybrid-window" else {})
     config = config_of(model, **options)
     result = train(touches(), config)
@@ -87,13 +102,20 @@ def test_the_program_scores_as_the_network_did(tmp_path: Path, model: str, strat
 def narrow(tmp_path_factory: pytest.TempPathFactory) -> str:
     """A chip like loihi-sim with narrow registers."""
     document = yaml.safe_load(hw.chip("loihi-sim").document) | {"name": "narrow"}
-    document["registers"] |= {"charge_bits": 13, "current_bits": 14, "voltage_bits": 16, "weight_bits_max": 4}
+    document["registers"] |= {
+        "charge_bits": 13,
+        "current_bits": 14,
+        "voltage_bits": 16,
+        "weight_bits_max": 4,
+    }
     path = tmp_path_factory.mktemp("chip") / "narrow.yaml"
     path.write_text(yaml.safe_dump(document))
     return str(path)
 
 
-def test_charges_that_wrap_wrap_in_training(tmp_path: Path, narrow: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_charges_that_wrap_wrap_in_training(
+    tmp_path: Path, narrow: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     config = config_of("window-snn", target=narrow, weight_room=0.05, learning_rate=0.05)
     result = train(touches(), config)
     exported(tmp_path / "tuned.pt", result, config)
@@ -106,7 +128,9 @@ def test_charges_that_wrap_wrap_in_training(tmp_path: Path, narrow: str, monkeyp
 
 
 @pytest.mark.parametrize("model", ["window-snn", "hybrid-window"])
-def test_planted_faults_are_seen(tmp_path: Path, model: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_planted_faults_are_seen(
+    tmp_path: Path, model: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     config, path = config_of(model, weight_bits=4), tmp_path / "tuned.pt"
     result = train(touches(), config)
     found = exported(path, result, config)
@@ -120,7 +144,9 @@ def test_planted_faults_are_seen(tmp_path: Path, model: str, monkeypatch: pytest
         assert scores > 0
     found.save(path)
     whole = networks.WindowNetwork.hidden
-    monkeypatch.setattr(networks.WindowNetwork, "hidden", lambda self, x: whole(self, x.roll(1, dims=1)))
+    monkeypatch.setattr(
+        networks.WindowNetwork, "hidden", lambda self, x: whole(self, x.roll(1, dims=1))
+    )
     assert compared(result.network, path)[0] > 0
 
 
@@ -150,7 +176,10 @@ def test_both_engines_a_session_and_a_committee_agree(tmp_path: Path) -> None:
     assert compiled.report["match"]["spike_agreement"] == 1.0
     assert compiled.report["match"]["prediction_agreement"] == 1.0
     program = compiled.program
-    whole, plain = hw.simulate(program, x.spikes), hw.simulate(program, x.spikes, engine="reference")
+    whole, plain = (
+        hw.simulate(program, x.spikes),
+        hw.simulate(program, x.spikes, engine="reference"),
+    )
     assert np.array_equal(whole.scores, plain.scores)  # type: ignore[arg-type]
     for one, scores in zip(x.spikes[:4], np.asarray(whole.scores), strict=False):
         assert np.array_equal(hw.Session(program).push(one).scores[-1], scores)
@@ -164,9 +193,14 @@ def test_only_networks_that_learn_integers_have_them_in_their_file(tmp_path: Pat
     exported(tmp_path / "tuned.pt", train(touches(), config), config)
     values = torch.load(tmp_path / "tuned.pt", weights_only=True)
     assert values["version"] == 3
-    small = config_from_mapping({"model": "hybrid-lif", "hidden": 4, "epochs": 1, "validation_fraction": 0.0})
+    small = config_from_mapping(
+        {"model": "hybrid-lif", "hidden": 4, "epochs": 1, "validation_fraction": 0.0}
+    )
     exported(tmp_path / "lif.pt", train(touches(), small), small)
-    torch.save(torch.load(tmp_path / "lif.pt", weights_only=True) | {"chip": values["chip"]}, tmp_path / "lif.pt")
+    torch.save(
+        torch.load(tmp_path / "lif.pt", weights_only=True) | {"chip": values["chip"]},
+        tmp_path / "lif.pt",
+    )
     with pytest.raises(InputError) as caught:
         read_checkpoint(tmp_path / "lif.pt")
     assert str(caught.value) == (
@@ -183,23 +217,33 @@ def test_only_networks_that_learn_integers_have_them_in_their_file(tmp_path: Pat
 
 
 def test_training_from_scratch_learns() -> None:
-    config = config_of("window-snn", epochs=20, weight_bits=4, validation_fraction=0.25, refit=False)
+    config = config_of(
+        "window-snn", epochs=20, weight_bits=4, validation_fraction=0.25, refit=False
+    )
     result = train(touches(24), config)
     assert result.validation_accuracy is not None
     assert result.validation_accuracy >= 0.9
 
 
 def test_weights_stay_in_their_range_and_pruned_ones_0() -> None:
-    network = train(touches(), config_of("hybrid-window", weight_room=0.02, learning_rate=0.05, pruned=0.5)).network
+    network = train(
+        touches(), config_of("hybrid-window", weight_room=0.02, learning_rate=0.05, pruned=0.5)
+    ).network
     found = network.mantissas()
-    assert all((held == 0).sum() >= held.size // 2 for name, held in found.items() if not name.endswith("bias"))
+    assert all(
+        (held == 0).sum() >= held.size // 2
+        for name, held in found.items()
+        if not name.endswith("bias")
+    )
     latent = network.weight("window_output").detach().abs().max()
     numbers = network.chip.populations["window_output"]  # type: ignore[union-attr]
     assert float(latent) <= numbers.grid.high * numbers.unit * (1 + 1e-6)
     assert int(np.abs(found["window_output"]).max()) == numbers.grid.high
 
 
-def test_a_strategy_of_windows_alone_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_strategy_of_windows_alone_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     given = ["--model", "window-snn", "--target", "loihi-sim", "--strategy", "reset"]
     assert main(["train", "--data", "none.npz", *given, "-o", str(tmp_path / "x.pt")]) == 2
     assert capsys.readouterr().err == (

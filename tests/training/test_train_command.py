@@ -55,15 +55,27 @@ def evtouch_folder(path: Path) -> str:
     for index, (spikes, label) in enumerate(zip(touches.spikes, touches.labels, strict=True)):
         part = path / ("test" if index < 3 else "train")
         part.mkdir(parents=True, exist_ok=True)
-        np.save(part / f"sample_{index}_label_{label}.npy", spikes.T.reshape(39, 2, 40).astype(np.float32))
+        np.save(
+            part / f"sample_{index}_label_{label}.npy",
+            spikes.T.reshape(39, 2, 40).astype(np.float32),
+        )
     return str(path)
 
 
-def test_a_file_without_parts(tmp_path: Path, data: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_file_without_parts(
+    tmp_path: Path, data: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     output = tmp_path / "small.pt"
-    assert run("--data", data, "--epochs", "2", "--hidden", "6", "--order", "whorl", "-o", str(output)) == 0
+    assert (
+        run("--data", data, "--epochs", "2", "--hidden", "6", "--order", "whorl", "-o", str(output))
+        == 0
+    )
     found = read_checkpoint(output)
-    assert (found.description.name, found.description.hidden, found.description.classes) == ("small", 6, 3)
+    assert (found.description.name, found.description.hidden, found.description.classes) == (
+        "small",
+        6,
+        3,
+    )
     assert found.description.location_order == "whorl"
     assert found.recordings is not None
     assert len(found.recordings) == 8
@@ -75,15 +87,36 @@ def test_a_file_without_parts(tmp_path: Path, data: str, capsys: pytest.CaptureF
     )
     lines = printed.err.splitlines()
     assert len(lines) == 2 + found.training["chosen_epoch"]
-    assert re.fullmatch(rf"1/4 select epoch 1, loss \d+\.\d{{3}}, validation {validation:.3f}", lines[0])
+    assert re.fullmatch(
+        rf"1/4 select epoch 1, loss \d+\.\d{{3}}, validation {validation:.3f}", lines[0]
+    )
     assert re.fullmatch(r"3/\d refit epoch 1, loss \d+\.\d{3}", lines[2])
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["small.csv", "small.pt", "small.svg", "touches.npz"]
+    assert sorted(file.name for file in tmp_path.iterdir()) == [
+        "small.csv",
+        "small.pt",
+        "small.svg",
+        "touches.npz",
+    ]
 
 
 def test_a_folder_with_parts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     output = tmp_path / "small.pt"
     folder = evtouch_folder(tmp_path / "Ev-X")
-    assert run("--data", folder, "--epochs", "2", "--hidden", "6", "--recordings", "2", "-o", str(output)) == 0
+    assert (
+        run(
+            "--data",
+            folder,
+            "--epochs",
+            "2",
+            "--hidden",
+            "6",
+            "--recordings",
+            "2",
+            "-o",
+            str(output),
+        )
+        == 0
+    )
     found = read_checkpoint(output)
     assert (found.training["train_recordings"], found.training["test_recordings"]) == (6, 3)
     assert found.recordings is not None
@@ -91,7 +124,8 @@ def test_a_folder_with_parts(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert found.recordings.labels.tolist() == [0, 1]
     printed = capsys.readouterr().out
     assert (
-        f"test accuracy {found.training['test_accuracy']:.3f} on 3 recordings\nlabel \\ predicted  0  1  2\n" in printed
+        f"test accuracy {found.training['test_accuracy']:.3f} on 3 recordings\nlabel \\ predicted  0  1  2\n"
+        in printed
     )
     rows = [[int(n) for n in line.split()] for line in found.training["test_confusion"].split(";")]
     assert [sum(row) for row in rows] == [0, 0, 0]
@@ -101,10 +135,20 @@ def test_a_folder_with_parts(tmp_path: Path, capsys: pytest.CaptureFixture[str])
         assert f"{label:>17}" + "".join(f"{n:3}" for n in row) + "\n" in printed
 
 
-def test_options_lie_over_the_configuration(tmp_path: Path, data: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_options_lie_over_the_configuration(
+    tmp_path: Path, data: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     (tmp_path / "c.yaml").write_text("model: tactile-snn\nepochs: 9\nhidden: 5\nseed: 3\n")
     output = tmp_path / "small.pt"
-    config = ("--config", str(tmp_path / "c.yaml"), "--epochs", "1", "--learning-rate", "0.01", "--no-refit")
+    config = (
+        "--config",
+        str(tmp_path / "c.yaml"),
+        "--epochs",
+        "1",
+        "--learning-rate",
+        "0.01",
+        "--no-refit",
+    )
     assert run("--data", data, *config, "--recordings", "0", "--quiet", "-o", str(output)) == 0
     found = read_checkpoint(output)
     names = ("model", "epochs", "hidden", "seed", "learning_rate", "refit")
@@ -113,18 +157,37 @@ def test_options_lie_over_the_configuration(tmp_path: Path, data: str, capsys: p
     assert capsys.readouterr() == ("", "")
 
 
-def test_a_float_network_goes_on_to_the_chip(tmp_path: Path, data: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_float_network_goes_on_to_the_chip(
+    tmp_path: Path, data: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     start, output = tmp_path / "float.pt", tmp_path / "chip.pt"
     run("--data", data, "--epochs", "2", "--hidden", "6", "--order", "whorl", "-o", str(start))
     capsys.readouterr()
-    options = ("--target", "loihi-sim", "--strategy", "reset", "--weight-bits", "4", "--epochs", "2")
+    options = (
+        "--target",
+        "loihi-sim",
+        "--strategy",
+        "reset",
+        "--weight-bits",
+        "4",
+        "--epochs",
+        "2",
+    )
     assert run("--data", data, "--from", str(start), *options, "-o", str(output)) == 0
     found = read_checkpoint(output)
     assert found.chip is not None
     assert (found.chip.target, found.chip.strategy) == ("loihi-sim", "reset")
     assert {numbers.weight_bits for numbers in found.chip.populations.values()} == {4}
     assert found.description == replace(read_checkpoint(start).description, name="chip")
-    names = ("start", "start_sha256", "hidden", "order", "epochs", "learning_rate", "validation_fraction")
+    names = (
+        "start",
+        "start_sha256",
+        "hidden",
+        "order",
+        "epochs",
+        "learning_rate",
+        "validation_fraction",
+    )
     sha256 = read_checkpoint(start).sha256
     assert [found.training[name] for name in names] == ["float", sha256, 6, "whorl", 2, 0.001, 0.0]
     assert capsys.readouterr().out == f"epoch 2 chosen\n{SILENT}wrote {output}\n"
@@ -161,7 +224,10 @@ def test_a_stopped_run_resumes(
 def test_a_disk_that_is_full_at_the_end_loses_no_epoch(
     tmp_path: Path, data: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    options, written = ("--data", data, "--epochs", "1", "--hidden", "5", "--quiet"), Path.write_bytes
+    options, written = (
+        ("--data", data, "--epochs", "1", "--hidden", "5", "--quiet"),
+        Path.write_bytes,
+    )
 
     def full(path: Path, content: bytes) -> int:
         if path.name.startswith(".small.pt.partial-"):
@@ -177,7 +243,11 @@ def test_a_disk_that_is_full_at_the_end_loses_no_epoch(
         "Free space or fix access, then repeat the command with --resume.\n",
     )
     monkeypatch.undo()
-    assert sorted(path.name for path in tmp_path.glob("small*")) == ["small.csv", "small.pt.state", "small.svg"]
+    assert sorted(path.name for path in tmp_path.glob("small*")) == [
+        "small.csv",
+        "small.pt.state",
+        "small.svg",
+    ]
     assert main(["train", *options, "--resume", "-o", output]) == 0
     assert not (tmp_path / "small.pt.state").exists()
 
@@ -215,9 +285,15 @@ REFUSED = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("arguments", "message"), [row[1:] for row in REFUSED], ids=[row[0] for row in REFUSED])
+@pytest.mark.parametrize(
+    ("arguments", "message"), [row[1:] for row in REFUSED], ids=[row[0] for row in REFUSED]
+)
 def test_what_is_refused(
-    tmp_path: Path, data: str, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], message: str
+    tmp_path: Path,
+    data: str,
+    monkeypatch: pytest.MonkeyPatch,
+    arguments: tuple[str, ...],
+    message: str,
 ) -> None:
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InputError) as caught:
@@ -233,7 +309,9 @@ def test_help_shows_a_working_example(capsys: pytest.CaptureFixture[str]) -> Non
     assert "locsnn train --data examples/recordings/motions.npz --epochs 20 -o motions.pt" in text
 
 
-def test_progress_is_drawn_on_a_terminal(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_progress_is_drawn_on_a_terminal(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     asked = argparse.Namespace(tensorboard=None, quiet=False)
     with progress_bar("training", show=True) as moved:
@@ -250,7 +328,9 @@ def test_progress_is_drawn_on_a_terminal(capsys: pytest.CaptureFixture[str], mon
 
 
 def test_the_command_is_imported_without_torch() -> None:
-    code = "import sys, locsnn_compile.cli.train, locsnn_compile.data; print('torch' in sys.modules)"
+    code = (
+        "import sys, locsnn_compile.cli.train, locsnn_compile.data; print('torch' in sys.modules)"
+    )
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert found.stdout == "False\n"
 
@@ -272,7 +352,14 @@ def test_a_gpu_learns_what_the_processor_learns(name: str) -> None:
     made = synthetic_touches(16, steps=30, classes=2, seed=1)
     losses = []
     for device in ("cpu", "cuda"):
-        options = {"model": name, "device": device, "epochs": 2, "hidden": 4, "features": 3, "step_features": 2}
+        options = {
+            "model": name,
+            "device": device,
+            "epochs": 2,
+            "hidden": 4,
+            "features": 3,
+            "step_features": 2,
+        }
         losses.append([row.loss for row in train(made, config_from_mapping(options)).history])
     assert np.allclose(*losses, rtol=0.05)
 
@@ -281,21 +368,37 @@ def test_a_gpu_learns_what_the_processor_learns(name: str) -> None:
     ("names", "lines"),
     [
         pytest.param(
-            None, ["label \\ predicted   0   1", "                0  12   0", "                1   3   4"], id="numbers"
+            None,
+            [
+                "label \\ predicted   0   1",
+                "                0  12   0",
+                "                1   3   4",
+            ],
+            id="numbers",
         ),
         pytest.param(
             ("press", "slide"),
-            ["label \\ predicted  press  slide", "            press     12      0", "            slide      3      4"],
+            [
+                "label \\ predicted  press  slide",
+                "            press     12      0",
+                "            slide      3      4",
+            ],
             id="names",
         ),
         pytest.param(
             ("p" * 40, "s" * 20),
-            ["label \\ predicted   0   1", "                0  12   0", "                1   3   4"],
+            [
+                "label \\ predicted   0   1",
+                "                0  12   0",
+                "                1   3   4",
+            ],
             id="long names",
         ),
     ],
 )
-def test_confusions_are_called_by_their_classes(names: tuple[str, ...] | None, lines: list[str]) -> None:
+def test_confusions_are_called_by_their_classes(
+    names: tuple[str, ...] | None, lines: list[str]
+) -> None:
     assert command._confusion(np.array([[12, 0], [3, 4]]), names) == lines
 
 
@@ -309,15 +412,39 @@ def test_the_confusions_of_many_classes_are_not_printed() -> None:
     ]
 
 
-def test_a_quiet_run_prints_no_epochs(tmp_path: Path, data: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run("--data", data, "--epochs", "1", "--hidden", "4", "--quiet", "-o", str(tmp_path / "q.pt")) == 0
+def test_a_quiet_run_prints_no_epochs(
+    tmp_path: Path, data: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert (
+        run(
+            "--data",
+            data,
+            "--epochs",
+            "1",
+            "--hidden",
+            "4",
+            "--quiet",
+            "-o",
+            str(tmp_path / "q.pt"),
+        )
+        == 0
+    )
     assert capsys.readouterr() == ("", "")
 
 
-def test_without_tensorboard_nothing_is_trained(tmp_path: Path, data: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_tensorboard_nothing_is_trained(
+    tmp_path: Path, data: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setitem(sys.modules, "torch.utils.tensorboard", None)
     with pytest.raises(InputError) as found:
-        run("--data", data, "--tensorboard", str(tmp_path / "runs"), "-o", str(tmp_path / "small.pt"))
+        run(
+            "--data",
+            data,
+            "--tensorboard",
+            str(tmp_path / "runs"),
+            "-o",
+            str(tmp_path / "small.pt"),
+        )
     assert str(found.value) == (
         "--tensorboard: it needs torch.utils.tensorboard, which is not installed. "
         "Install it with: pip install 'locsnn-compile[tensorboard]'."
@@ -325,7 +452,9 @@ def test_without_tensorboard_nothing_is_trained(tmp_path: Path, data: str, monke
     assert not (tmp_path / "small.pt").exists()
 
 
-def test_epochs_go_to_tensorboard(tmp_path: Path, data: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_epochs_go_to_tensorboard(
+    tmp_path: Path, data: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     told: list[tuple[str, float, int]] = []
 
     class Writer:
@@ -338,13 +467,28 @@ def test_epochs_go_to_tensorboard(tmp_path: Path, data: str, monkeypatch: pytest
         def flush(self) -> None:
             pass
 
-    monkeypatch.setitem(sys.modules, "torch.utils.tensorboard", types.SimpleNamespace(SummaryWriter=Writer))
-    asked = ("--epochs", "1", "--hidden", "4", "--no-refit", "--quiet", "--tensorboard", str(tmp_path / "runs"))
+    monkeypatch.setitem(
+        sys.modules, "torch.utils.tensorboard", types.SimpleNamespace(SummaryWriter=Writer)
+    )
+    asked = (
+        "--epochs",
+        "1",
+        "--hidden",
+        "4",
+        "--no-refit",
+        "--quiet",
+        "--tensorboard",
+        str(tmp_path / "runs"),
+    )
     assert run("--data", data, *asked, "-o", str(tmp_path / "small.pt")) == 0
     _, rate, loss, *held = (tmp_path / "small.csv").read_text().splitlines()[1].split(",")[1:]
     names = ("learning_rate", "loss", "validation_loss", "validation_accuracy")
     assert [(name, step) for name, _, step in told] == [(f"select/{name}", 1) for name in names]
-    assert [float(f"{value:.6g}") for _, value, _ in told] == [float(rate), float(loss), *map(float, held)]
+    assert [float(f"{value:.6g}") for _, value, _ in told] == [
+        float(rate),
+        float(loss),
+        *map(float, held),
+    ]
 
 
 @pytest.mark.slow

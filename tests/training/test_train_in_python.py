@@ -37,7 +37,10 @@ def test_it_is_saved_loaded_and_compiled(checkpoint: lc.Checkpoint, tmp_path: Pa
     checkpoint.save(tmp_path / "small.pt")
     network = lc.load(tmp_path / "small.pt")
     assert network.sha256 == lc.load(checkpoint).sha256 == checkpoint.sha256
-    files = [lc.compile(one, diagnosis=False).files() for one in (network, checkpoint, lc.load(checkpoint))]
+    files = [
+        lc.compile(one, diagnosis=False).files()
+        for one in (network, checkpoint, lc.load(checkpoint))
+    ]
     assert files[0]["program.npz"] == files[1]["program.npz"] == files[2]["program.npz"]
 
 
@@ -54,7 +57,10 @@ def test_arrays_with_labels(checkpoint: lc.Checkpoint) -> None:
 def test_a_test_part_is_measured_and_epochs_are_told() -> None:
     told: list[int] = []
     found = lc.train(
-        DATA, QUICK | {"refit": False}, test=DATA.subset([0, 1, 2]), progress=lambda done, *_: told.append(done)
+        DATA,
+        QUICK | {"refit": False},
+        test=DATA.subset([0, 1, 2]),
+        progress=lambda done, *_: told.append(done),
     )
     assert (found.training["test_recordings"], told) == (3, [1])
 
@@ -76,7 +82,9 @@ def test_a_run_that_learned_nothing_says_so(caplog: pytest.LogCaptureFixture) ->
 
 def test_a_line_says_what_it_is(checkpoint: lc.Checkpoint) -> None:
     assert len(repr(checkpoint)) <= 450
-    assert repr(checkpoint).startswith("Checkpoint(description=<NetworkDescription 'small'>, weights=<4 entries>, ")
+    assert repr(checkpoint).startswith(
+        "Checkpoint(description=<NetworkDescription 'small'>, weights=<4 entries>, "
+    )
 
 
 @pytest.mark.parametrize(

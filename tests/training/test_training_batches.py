@@ -97,12 +97,16 @@ def test_dropped_taxels_lose_both_polarities() -> None:
 
 @given(steps=st.integers(1, 9), largest=st.integers(1, 12), seed=st.integers(0, 2**31))
 @settings(max_examples=40, deadline=None)
-def test_a_shift_moves_every_event_alike_and_loses_what_leaves(steps: int, largest: int, seed: int) -> None:
+def test_a_shift_moves_every_event_alike_and_loses_what_leaves(
+    steps: int, largest: int, seed: int
+) -> None:
     spikes = (np.random.default_rng(seed).random((4, steps, 3)) < 0.5).astype(np.float32)
     moved = shift_in_time(spikes, largest, epoch_generator(seed, 1, 1))
     for before, after in zip(spikes, moved, strict=True):
         padded = np.concatenate([np.zeros((largest, 3)), before, np.zeros((largest, 3))])
-        shifts = [padded[largest - by : largest - by + steps] for by in range(-largest, largest + 1)]
+        shifts = [
+            padded[largest - by : largest - by + steps] for by in range(-largest, largest + 1)
+        ]
         assert any(np.array_equal(after, shifted) for shifted in shifts)
 
 
@@ -117,7 +121,9 @@ def test_shifts_go_both_ways() -> None:
 def test_what_is_off_does_not_change_what_is_drawn() -> None:
     spikes = np.ones((4, 5, 78), dtype=np.float32)
     alone = drop(drop(spikes, 0.5, rng := epoch_generator(1, 1, 1)), 0.3, rng, 78)
-    both = augmented(spikes, TrainingConfig(event_dropout=0.5, channel_dropout=0.3), epoch_generator(1, 1, 1))
+    both = augmented(
+        spikes, TrainingConfig(event_dropout=0.5, channel_dropout=0.3), epoch_generator(1, 1, 1)
+    )
     assert np.array_equal(both, alone)
 
 
@@ -155,7 +161,11 @@ def test_mixing_stays_within_a_class() -> None:
 def test_taxels_are_moved_by_themselves_with_both_polarities() -> None:
     spikes = np.zeros((60, 9, 78), dtype=np.float32)
     spikes[:, 4] = 1
-    moved = shift_in_time(spikes, 2, epoch_generator(0, 1, 1), parts=39).argmax(axis=1).reshape(60, 39, 2)
+    moved = (
+        shift_in_time(spikes, 2, epoch_generator(0, 1, 1), parts=39)
+        .argmax(axis=1)
+        .reshape(60, 39, 2)
+    )
     assert (moved[:, :, 0] == moved[:, :, 1]).all()
     assert set(moved.ravel()) == {2, 3, 4, 5, 6}
     assert all(len(set(recording)) > 1 for recording in moved[:, :, 0].tolist())
@@ -201,4 +211,14 @@ def test_a_configuration_stretches_time() -> None:
     spikes = np.zeros((60, 40, 4), dtype=np.float32)
     spikes[:, 30] = 1
     config = TrainingConfig(event_dropout=0.0, channel_dropout=0.0, time_stretch=0.2)
-    assert len({int(step) for step in augmented(spikes, config, epoch_generator(0, 1, 1))[:, :, 0].argmax(axis=1)}) > 5
+    assert (
+        len(
+            {
+                int(step)
+                for step in augmented(spikes, config, epoch_generator(0, 1, 1))[:, :, 0].argmax(
+                    axis=1
+                )
+            }
+        )
+        > 5
+    )

@@ -22,7 +22,9 @@ def test_shipped_configurations_load(path: Path) -> None:
 
 
 def test_objects_configuration_is_the_default() -> None:
-    assert config_from_mapping(read_config(CONFIGS / "objects-hybrid.yaml")) == TrainingConfig(step_seconds=0.02)
+    assert config_from_mapping(read_config(CONFIGS / "objects-hybrid.yaml")) == TrainingConfig(
+        step_seconds=0.02
+    )
 
 
 @pytest.mark.parametrize("text", ["1e-3", "1E-3", "+1.e-3", ".1e-2", "1.0e-3", "0.001"])
@@ -40,9 +42,14 @@ def test_a_number_with_an_exponent(text, tmp_path):
         pytest.param(None, None, None, id="nobody says it"),
     ],
 )
-def test_a_step_is_as_long_as_somebody_says(said: float | None, configured: float | None, wanted: float | None) -> None:
+def test_a_step_is_as_long_as_somebody_says(
+    said: float | None, configured: float | None, wanted: float | None
+) -> None:
     recordings = Recordings(np.ones((1, 5, 78)), np.array([0]), said, "x.npy")
-    assert describe(recordings, TrainingConfig(step_seconds=configured), 2).input.step_seconds == wanted
+    assert (
+        describe(recordings, TrainingConfig(step_seconds=configured), 2).input.step_seconds
+        == wanted
+    )
 
 
 def test_whole_numbers_serve_as_numbers() -> None:
@@ -54,7 +61,11 @@ def test_whole_numbers_serve_as_numbers() -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        pytest.param("epoch: 3", "config 'a.yaml': unknown key 'epoch'. Did you mean 'epochs'?", id="misspelt key"),
+        pytest.param(
+            "epoch: 3",
+            "config 'a.yaml': unknown key 'epoch'. Did you mean 'epochs'?",
+            id="misspelt key",
+        ),
         pytest.param(
             "model: hybird",
             "config 'a.yaml': model: 'hybird' is not known. Did you mean 'hybrid'?",
@@ -100,7 +111,11 @@ def test_whole_numbers_serve_as_numbers() -> None:
             "config 'a.yaml': it is not a mapping (list). Write one 'key: value' per line.",
             id="a list",
         ),
-        pytest.param("{", "config 'a.yaml': it is not a YAML file. Write one 'key: value' per line.", id="broken"),
+        pytest.param(
+            "{",
+            "config 'a.yaml': it is not a YAML file. Write one 'key: value' per line.",
+            id="broken",
+        ),
         pytest.param(
             "!!python/object/apply:os.system ['touch ran']",
             "config 'a.yaml': it is not a YAML file. Write one 'key: value' per line.",
@@ -114,7 +129,9 @@ def test_whole_numbers_serve_as_numbers() -> None:
         pytest.param("3: 4", "config 'a.yaml': unknown key '3'. {known}", id="a number for a key"),
     ],
 )
-def test_configurations_that_are_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, message: str) -> None:
+def test_configurations_that_are_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, message: str
+) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "a.yaml").write_text(text)
     with pytest.raises(InputError) as caught:
@@ -127,4 +144,7 @@ def test_configurations_that_are_none(tmp_path: Path, monkeypatch: pytest.Monkey
 def test_a_missing_configuration(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         read_config(tmp_path / "a.yaml")
-    assert str(caught.value) == "config 'a.yaml': it cannot be read (No such file or directory). Check the path."
+    assert (
+        str(caught.value)
+        == "config 'a.yaml': it cannot be read (No such file or directory). Check the path."
+    )

@@ -18,7 +18,9 @@ from locsnn_compile.training.schedule import choose_epoch, learning_rate
 from locsnn_compile.training.state import EpochRecord
 from locsnn_compile.training.train import TrainingResult, train
 
-CONFIG = TrainingConfig(hidden=8, epochs=4, batch_size=4, validation_fraction=0.25, learning_rate=0.01)
+CONFIG = TrainingConfig(
+    hidden=8, epochs=4, batch_size=4, validation_fraction=0.25, learning_rate=0.01
+)
 
 
 def touches(samples: int = 12) -> Recordings:
@@ -31,17 +33,28 @@ class KilledError(Exception):
 
 def same(first: TrainingResult, second: TrainingResult) -> bool:
     weights, others = first.network.weights(), second.network.weights()
-    return first.history == second.history and all(np.array_equal(weights[name], others[name]) for name in weights)
+    return first.history == second.history and all(
+        np.array_equal(weights[name], others[name]) for name in weights
+    )
 
 
 @pytest.mark.parametrize(
     ("values", "floor"),
     [
         pytest.param({}, 0.9, id="hybrid, cross-entropy"),
-        pytest.param({"model": "tactile-snn", "optimizer": "rmsprop", "weight_decay": 0.0}, 0.9, id="time, rmsprop"),
+        pytest.param(
+            {"model": "tactile-snn", "optimizer": "rmsprop", "weight_decay": 0.0},
+            0.9,
+            id="time, rmsprop",
+        ),
         pytest.param({"model": "location-tactile-snn", "order": "whorl"}, 0.9, id="location"),
         pytest.param(
-            {"loss": "spike-count", "target_right": 20.0, "target_wrong": 1.0, "location_weight": 0.5},
+            {
+                "loss": "spike-count",
+                "target_right": 20.0,
+                "target_wrong": 1.0,
+                "location_weight": 0.5,
+            },
             0.9,
             id="hybrid, spike counts",
         ),
@@ -75,9 +88,14 @@ SHAPE = "weights 'time_output.weight' have another shape ((3, 9) against (3, 8))
 
 
 @pytest.mark.parametrize("part", ["weights", "chosen_weights", "averages"])
-@pytest.mark.parametrize(("change", "what"), [(other_names, NAMES), (another_shape, SHAPE)], ids=["names", "shape"])
+@pytest.mark.parametrize(
+    ("change", "what"), [(other_names, NAMES), (another_shape, SHAPE)], ids=["names", "shape"]
+)
 def test_a_state_with_other_weights_is_refused(
-    tmp_path: Path, part: str, change: Callable[[dict[str, torch.Tensor]], dict[str, torch.Tensor]], what: str
+    tmp_path: Path,
+    part: str,
+    change: Callable[[dict[str, torch.Tensor]], dict[str, torch.Tensor]],
+    what: str,
 ) -> None:
     state, config = tmp_path / "run.state", replace(CONFIG, weight_average=0.5)
     train(touches(), config, state_path=state)
@@ -85,7 +103,10 @@ def test_a_state_with_other_weights_is_refused(
     torch.save(values | {"phase": "select", part: change(values[part])}, state)
     with pytest.raises(InputError) as caught:
         train(touches(), config, state_path=state)
-    assert str(caught.value) == f"training state 'run.state': {what}Delete it, or train without --resume."
+    assert (
+        str(caught.value)
+        == f"training state 'run.state': {what}Delete it, or train without --resume."
+    )
 
 
 @pytest.mark.parametrize("stop", [1, 3, 4, 5, 7])
@@ -100,7 +121,12 @@ def test_a_killed_run_goes_on_to_the_same_bits(tmp_path: Path, stop: int) -> Non
     with pytest.raises(KilledError):
         train(touches(), CONFIG, state_path=state, save_every=1, progress=killer)
     seen: list[int] = []
-    resumed = train(touches(), CONFIG, state_path=state, progress=lambda done, expected, record: seen.append(done))
+    resumed = train(
+        touches(),
+        CONFIG,
+        state_path=state,
+        progress=lambda done, expected, record: seen.append(done),
+    )
     assert seen[0] == stop + 1
     assert same(whole, resumed)
     assert same(whole, train(touches(), CONFIG, state_path=state))
@@ -131,14 +157,19 @@ def test_the_log_has_a_line_an_epoch(tmp_path: Path) -> None:
     result = train(touches(), CONFIG, log_path=tmp_path / "log.csv")
     lines = (tmp_path / "log.csv").read_text().splitlines()
     assert lines[0] == "phase,epoch,learning_rate,loss,validation_loss,validation_accuracy"
-    assert [line.split(",")[:2] for line in lines[1:]] == [[row.phase, str(row.epoch)] for row in result.history]
+    assert [line.split(",")[:2] for line in lines[1:]] == [
+        [row.phase, str(row.epoch)] for row in result.history
+    ]
     assert [row.phase for row in result.history] == ["select"] * 4 + ["refit"] * result.chosen_epoch
 
 
 def test_a_refit_has_its_own_schedule() -> None:
     result = train(touches(), replace(CONFIG, epochs=3))
     refit = [row.learning_rate for row in result.history if row.phase == "refit"]
-    assert refit == [learning_rate(CONFIG, epoch, result.chosen_epoch) for epoch in range(1, result.chosen_epoch + 1)]
+    assert refit == [
+        learning_rate(CONFIG, epoch, result.chosen_epoch)
+        for epoch in range(1, result.chosen_epoch + 1)
+    ]
 
 
 def test_without_refit_the_chosen_weights_stay(tmp_path: Path) -> None:
@@ -165,7 +196,10 @@ def test_without_validation_the_last_epoch_stays() -> None:
     ],
 )
 def test_choice_of_the_epoch(accuracy: list[float], smoothing: int, chosen: int) -> None:
-    rows = [EpochRecord("select", epoch, 0.1, 1.0, 1.0, value) for epoch, value in enumerate(accuracy, start=1)]
+    rows = [
+        EpochRecord("select", epoch, 0.1, 1.0, 1.0, value)
+        for epoch, value in enumerate(accuracy, start=1)
+    ]
     rows.append(EpochRecord("refit", 1, 0.1, 1.0, None, None))
     assert choose_epoch(rows, smoothing, held=10) == chosen
 
@@ -180,7 +214,11 @@ def test_learning_rates() -> None:
 def test_a_run_takes_the_smallest_floats_as_zero_and_leaves_torch_as_it_was() -> None:
     smallest, seen = torch.full((16,), 1e-40), []
     threads = torch.get_num_threads()
-    train(touches(), CONFIG, progress=lambda *_: seen.append((float((smallest * 1.0).sum()), torch.get_num_threads())))
+    train(
+        touches(),
+        CONFIG,
+        progress=lambda *_: seen.append((float((smallest * 1.0).sum()), torch.get_num_threads())),
+    )
     assert set(seen) == {(0.0, 1)}
     assert float((smallest * 1.0).sum()) > 0.0
     assert torch.get_num_threads() == threads
@@ -217,7 +255,9 @@ def test_a_run_takes_the_smallest_floats_as_zero_and_leaves_torch_as_it_was() ->
         ),
     ],
 )
-def test_what_cannot_be_trained(recordings: Recordings, values: dict[str, str], message: str) -> None:
+def test_what_cannot_be_trained(
+    recordings: Recordings, values: dict[str, str], message: str
+) -> None:
     with pytest.raises(InputError) as caught:
         train(recordings, replace(CONFIG, **values))  # type: ignore[arg-type]
     assert str(caught.value) == message
@@ -226,4 +266,6 @@ def test_what_cannot_be_trained(recordings: Recordings, values: dict[str, str], 
 def test_a_log_that_cannot_be_written(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         train(touches(), CONFIG, log_path=tmp_path / "none" / "log.csv")
-    assert str(caught.value) == ("training log 'log.csv': its folder does not exist. Make the folder first.")
+    assert str(caught.value) == (
+        "training log 'log.csv': its folder does not exist. Make the folder first."
+    )

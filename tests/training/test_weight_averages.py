@@ -17,7 +17,9 @@ from locsnn_compile.training.schedule import follow_weights
 from locsnn_compile.training.state import EpochRecord
 from locsnn_compile.training.train import train
 
-CONFIG = TrainingConfig(model="tactile-snn", hidden=4, epochs=4, batch_size=4, weight_average=0.9, refit=True)
+CONFIG = TrainingConfig(
+    model="tactile-snn", hidden=4, epochs=4, batch_size=4, weight_average=0.9, refit=True
+)
 RECORDINGS = synthetic_touches(12, steps=20, classes=2, seed=5)
 
 
@@ -64,12 +66,22 @@ def test_the_picture_has_what_was_measured(tmp_path: Path) -> None:
         EpochRecord("select", 1, 0.1, 2.0, 2.5, 0.25), EpochRecord("select", 2, 0.05, 1.0, 1.5, 0.5),
         EpochRecord("refit", 1, 0.1, 1.75, None, None),
     ]  # fmt: skip
-    words = [element.text for element in ElementTree.fromstring(profile(history, "a <b>")).iter() if element.text]
+    words = [
+        element.text
+        for element in ElementTree.fromstring(profile(history, "a <b>")).iter()
+        if element.text
+    ]
     assert "Training of a <b>" in words
-    for label in ("training, part of the recordings", "training afresh, all recordings", "accuracy"):
+    for label in (
+        "training, part of the recordings",
+        "training afresh, all recordings",
+        "accuracy",
+    ):
         assert label in words
     assert "accuracy" not in [
-        element.text for element in ElementTree.fromstring(profile(history[2:], "b")).iter() if element.text
+        element.text
+        for element in ElementTree.fromstring(profile(history[2:], "b")).iter()
+        if element.text
     ]
     train(RECORDINGS, replace(CONFIG, epochs=1), name="touch", log_path=tmp_path / "log.csv")
     assert b"Training of touch" in (tmp_path / "log.svg").read_bytes()

@@ -8,7 +8,14 @@ from hw_model.values import AnyArray
 from locsnn_compile.frontends.lava_dl.to_network import THRESHOLD_MAX
 from locsnn_compile.network.chip_neurons import ChipCuba
 from locsnn_compile.network.neurons import Cuba
-from locsnn_compile.network.projections import ChipProjection, Matrix, Projection, row_sums, values_of, with_values
+from locsnn_compile.network.projections import (
+    ChipProjection,
+    Matrix,
+    Projection,
+    row_sums,
+    values_of,
+    with_values,
+)
 
 HELD = "program.yaml holds it, and --emit network shows it."
 """The way out for a part of a network that a format cannot hold."""

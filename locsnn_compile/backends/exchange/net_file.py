@@ -49,7 +49,10 @@ def net_file(quantized: QuantizedNetwork) -> NetFile:
     if len(network.views) != 1:
         measured = f"{len(network.views)} against 1"
         raise InputError(
-            _WHERE, "lava-dl has one input", measured=measured, fix="Emit nir, or give the network one input."
+            _WHERE,
+            "lava-dl has one input",
+            measured=measured,
+            fix="Emit nir, or give the network one input.",
         )
     before, layers = network.views[0].name, []
     layers.append(NetLayer(0, "input", {"shape": np.array([network.views[0].lines])}))
@@ -58,9 +61,13 @@ def net_file(quantized: QuantizedNetwork) -> NetFile:
         onto = [p for p in quantized.projections if p.target == name]
         sources = {p.source for p in onto}
         if sources - {name} != {before}:
-            raise InputError(f"{_WHERE}, population {name!r}", "it is not the next layer of a chain", fix=_OTHER)
+            raise InputError(
+                f"{_WHERE}, population {name!r}", "it is not the next layer of a chain", fix=_OTHER
+            )
         if len(sources) < len(onto):
-            raise InputError(f"{_WHERE}, population {name!r}", "its weights have several formats", fix=_OTHER)
+            raise InputError(
+                f"{_WHERE}, population {name!r}", "its weights have several formats", fix=_OTHER
+            )
         layers.append(_layer(number, q, onto, name in network.readout.from_step))
         before = name
     _check_readout(network)
@@ -72,10 +79,15 @@ def _check_readout(network: Network) -> None:
     readout, layers = network.readout, len(network.populations)
     if readout.populations != (network.populations[-1].name,):
         measured = ", ".join(readout.populations)[:80]
-        raise InputError(f"{_WHERE}, readout", "lava-dl reads out the last layer", measured=measured, fix=HELD)
+        raise InputError(
+            f"{_WHERE}, readout", "lava-dl reads out the last layer", measured=measured, fix=HELD
+        )
     for first in readout.from_step.values():
         if first != layers:
-            what, measured = "lava-dl counts potentials from another step", f"{layers} against {first}"
+            what, measured = (
+                "lava-dl counts potentials from another step",
+                f"{layers} against {first}",
+            )
             raise InputError(f"{_WHERE}, readout", what, measured=measured, fix=HELD)
 
 
@@ -83,12 +95,23 @@ def _layer(number: int, q: QuantizedPopulation, onto: list[ChipProjection], read
     name, neuron = q.population.name, q.neuron
     where = f"{_WHERE}, population {name!r}"
     if not isinstance(neuron, ChipCuba) or (neuron.refractory > 1).any():
-        raise InputError(where, "lava-dl only runs neurons of one compartment without a refractory period", fix=_OTHER)
+        raise InputError(
+            where,
+            "lava-dl only runs neurons of one compartment without a refractory period",
+            fix=_OTHER,
+        )
     if read and may_spike(neuron, onto):
-        raise InputError(where, "neurons that lava-dl reads by potential never spike, and these may", fix=HELD)
+        raise InputError(
+            where, "neurons that lava-dl reads by potential never spike, and these may", fix=HELD
+        )
     bias = neuron.bias_mantissa * 2**neuron.bias_exponent
     if (bias % 64).any():
-        raise InputError(where, "a bias is not a multiple of 64", measured=f"{bias[bias % 64 != 0][0]}", fix=_OTHER)
+        raise InputError(
+            where,
+            "a bias is not a multiple of 64",
+            measured=f"{bias[bias % 64 != 0][0]}",
+            fix=_OTHER,
+        )
     values: dict[str, Array | str] = {
         "shape": np.array([q.population.size]),
         "outFeatures": np.array(q.population.size),
@@ -106,7 +129,9 @@ def _layer(number: int, q: QuantizedPopulation, onto: list[ChipProjection], read
         values["weight_rec" if projection.source == name else "weight"] = weights.astype(np.float32)
         if np.any(projection.delay):
             if projection.source == name or np.size(projection.delay) > 1:
-                raise InputError(where, "one layer cannot have several delays in lava-dl", fix=_OTHER)
+                raise InputError(
+                    where, "one layer cannot have several delays in lava-dl", fix=_OTHER
+                )
             values["delay"] = np.array(projection.delay)
     values["inFeatures"] = np.array(np.shape(values["weight"])[1])
     return NetLayer(number, "dense_rec" if "weight_rec" in values else "dense", values)
@@ -119,5 +144,7 @@ def _weights(projection: ChipProjection, where: str) -> Any:
     weights = np.floor(dense * 2.0**projection.exponent).astype(np.int64)
     if (weights % 2).any() or weights.min(initial=0) < -256 or weights.max(initial=0) > 254:
         measured = f"{weights.min()}..{weights.max()} against -256..254"
-        raise InputError(where, "its weights are not even numbers of 8 bits", measured=measured, fix=_OTHER)
+        raise InputError(
+            where, "its weights are not even numbers of 8 bits", measured=measured, fix=_OTHER
+        )
     return weights

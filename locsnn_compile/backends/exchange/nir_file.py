@@ -59,7 +59,9 @@ def _write_graph(group: Any, graph: NirGraph) -> None:
     import h5py
 
     group.create_dataset("type", data="NIRGraph", dtype=h5py.string_dtype())
-    group.create_dataset("edges", data=np.array(graph.edges, dtype=object).reshape(-1, 2), dtype=h5py.string_dtype())
+    group.create_dataset(
+        "edges", data=np.array(graph.edges, dtype=object).reshape(-1, 2), dtype=h5py.string_dtype()
+    )
     nodes = group.create_group("nodes")
     for name, node in graph.nodes.items():
         inside = nodes.create_group(name)
@@ -94,14 +96,26 @@ def nir_graph(network: Network) -> NirGraph:
     # All inputs over time play the same recording, and a reader would put the lines of several nodes side by side.
     inputs = [view for view in network.views if view.axis == "time"]
     for view in inputs:
-        called[view.name] = called.get(inputs[0].name) or add(view.name, "Input", {"shape": np.array([view.lines])})
+        called[view.name] = called.get(inputs[0].name) or add(
+            view.name, "Input", {"shape": np.array([view.lines])}
+        )
     read = network.readout.from_step
     for population in network.populations:
-        called[population.name] = add(population.name, *_neuron(population, dt, population.name in read))
+        called[population.name] = add(
+            population.name, *_neuron(population, dt, population.name in read)
+        )
     pairs = ((p.source, p.target) for p in network.projections)
-    paths = Paths(pairs, [view.name for view in network.views], [p.name for p in network.populations])
+    paths = Paths(
+        pairs, [view.name for view in network.views], [p.name for p in network.populations]
+    )
     deep = dict(paths.depths)
-    paths.fit([(p.source, p.target, delay) for p in network.projections for delay in np.unique(p.delay).tolist()])
+    paths.fit(
+        [
+            (p.source, p.target, delay)
+            for p in network.projections
+            for delay in np.unique(p.delay).tolist()
+        ]
+    )
     _check_readout(network, deep, paths.depths)
     for k, projection in enumerate(network.projections):
         weights, factor = weights_of(projection)
@@ -109,13 +123,19 @@ def nir_graph(network: Network) -> NirGraph:
         for delay, part in by_delay(weights, projection.delay) or [(late, weights)]:
             name = f"weights{k}" if np.size(projection.delay) == 1 else f"weights{k}.{delay}"
             dense = (part.toarray() if sparse.issparse(part) else part) * factor
-            ways = [called[projection.source], add(name, "Linear", {"weight": dense}), called[projection.target]]
+            ways = [
+                called[projection.source],
+                add(name, "Linear", {"weight": dense}),
+                called[projection.target],
+            ]
             if delay > late:
                 held = np.full(dense.shape[1], (delay - late) * dt)
                 ways.insert(1, add(f"{name}.delay", "Delay", {"delay": held}))
             edges += itertools.pairwise(ways)
     for name in network.readout.populations:
-        edges.append((called[name], add(f"{name}.output", "Output", {"shape": np.array([network.classes])})))
+        edges.append(
+            (called[name], add(f"{name}.output", "Output", {"shape": np.array([network.classes])}))
+        )
     return NirGraph(nodes, tuple(edges))
 
 
@@ -136,7 +156,9 @@ def _check_readout(network: Network, deep: Mapping[str, int], depths: Mapping[st
             measured = f"{max(deep[its] for its in read) - late} against {first}"
             raise InputError(where, what, measured=measured, fix=HELD)
         neuron = next(p.neuron for p in network.populations if p.name == name)
-        if neuron.biased.any() or (isinstance(neuron, Cuba | ChipCuba) and may_spike(neuron, network.into(name))):
+        if neuron.biased.any() or (
+            isinstance(neuron, Cuba | ChipCuba) and may_spike(neuron, network.into(name))
+        ):
             what = "neurons that NIR reads by potential have no biases and never spike"
             raise InputError(f"--emit nir, population {name!r}", what, fix=HELD)
         if any(p.source == name for p in network.projections):
@@ -154,8 +176,12 @@ def _neuron(population: Population, dt: float, read: bool) -> tuple[str, dict[st
         raise InputError(where, "NIR has no steps along locations", fix="Emit another kind.")
     if (neuron.refractory > 1).any():
         raise InputError(where, "NIR has no refractory period", fix="Emit another kind.")
-    if (u <= 0).any() or ((v <= 0).any() and (read or (v > 0).any() or (u < 1).any() or bias.any())):
-        raise InputError(where, "a state that never decays has no time constant", fix="Emit another kind.")
+    if (u <= 0).any() or (
+        (v <= 0).any() and (read or (v > 0).any() or (u < 1).any() or bias.any())
+    ):
+        raise InputError(
+            where, "a state that never decays has no time constant", fix="Emit another kind."
+        )
     zero = np.zeros(population.size)
     if not v.any():
         return "IF", {"r": zero + 1 / dt, "v_threshold": threshold, "v_reset": zero}
@@ -175,7 +201,9 @@ def _integers(quantized: QuantizedNetwork) -> dict[str, Array | str]:
         found[f"quantized.{name}.scale"] = np.asarray(q.scale)
         numbers = dict(vars(q.neuron))
         if isinstance(q.neuron, ChipSrm):
-            held_back = {key: value for key, value in vars(q.neuron.refractory).items() if value is not None}
+            held_back = {
+                key: value for key, value in vars(q.neuron.refractory).items() if value is not None
+            }
             numbers |= {f"refractory.{key}": np.asarray(value) for key, value in held_back.items()}
         for key, values in numbers.items():
             if isinstance(values, np.ndarray):

@@ -19,7 +19,15 @@ from locsnn_compile.errors import InputError
 SYNAPSE, DENDRITE, SOMA, REPLAY, LINE = "synapse", "dendrite", "soma", "replay", "line"
 """Names of units: those of a compartment, a soma that plays spikes back, and the host's soma for an input line."""
 PROFILE = "sanafe"
-PRICED = ("synaptic_ops", "neuron_updates", "neuron_updates_active", "spikes", "axon_packets", "hops_x", "hops_y")
+PRICED = (
+    "synaptic_ops",
+    "neuron_updates",
+    "neuron_updates_active",
+    "spikes",
+    "axon_packets",
+    "hops_x",
+    "hops_y",
+)
 """Counts that SANA-FE has a cost for."""
 _EVENTS = {*PRICED, "packets_received", "free"}
 """What the template of a tile gives for an event; what is ``free`` costs nothing in any profile."""
@@ -56,7 +64,9 @@ def architecture(chip: hw.Chip, uses: Mapping[int, TileUse]) -> str:
         "height": chip.mesh.rows,
         "link_buffer_size": LINK_BUFFER,
         "sync_model": "table",
-        "latency_sync": {n: profile.barrier_ns.ns(n, chip.mesh.tiles) * 1e-9 for n in range(1, len(uses) + 1)},
+        "latency_sync": {
+            n: profile.barrier_ns.ns(n, chip.mesh.tiles) * 1e-9 for n in range(1, len(uses) + 1)
+        },
     }
     tiles = []
     for found, tiles_alike in groupby(range(columns * chip.mesh.rows), key=uses.get):
@@ -67,14 +77,18 @@ def architecture(chip: hw.Chip, uses: Mapping[int, TileUse]) -> str:
         if not use.lines:
             del tile["core"][1]
         tiles.append(tile)
-    return yaml.safe_dump({"architecture": {"name": "chip", "attributes": attributes, "tile": tiles}}, sort_keys=False)
+    return yaml.safe_dump(
+        {"architecture": {"name": "chip", "attributes": attributes, "tile": tiles}}, sort_keys=False
+    )
 
 
 def _tile(chip: hw.Chip, numbers: list[int], use: TileUse) -> Any:
     places = {"first": numbers[0], "last": numbers[-1], "last_core": chip.mesh.cores_per_tile - 1}
     places |= {"unit_size": UNIT_SIZE, "lines": use.lines, "last_line": use.lines - 1}
     places |= {"last_replayed": use.replayed - 1}
-    return yaml_table(__package__, "tile.template.yaml", **{name: str(number) for name, number in places.items()})
+    return yaml_table(
+        __package__, "tile.template.yaml", **{name: str(number) for name, number in places.items()}
+    )
 
 
 def _priced(value: Any, profile: hw.Profile) -> Any:

@@ -6,7 +6,13 @@ import yaml
 
 from hw_model.description.profile import Profile
 from locsnn_compile.backends.played import Played, unique_names
-from locsnn_compile.backends.sanafe.architecture import PROFILE, TileUse, architecture, priced_by, tile_number
+from locsnn_compile.backends.sanafe.architecture import (
+    PROFILE,
+    TileUse,
+    architecture,
+    priced_by,
+    tile_number,
+)
 from locsnn_compile.backends.sanafe.network import PhaseNetwork
 from locsnn_compile.backends.sanafe.rules import UNIT_SIZE, obstacles, updates
 from locsnn_compile.errors import check_most
@@ -28,18 +34,25 @@ def sanafe_files(played: Played) -> dict[str, bytes]:
     what = "a core has more compartments than SANA-FE's units hold"
     check_most(largest, UNIT_SIZE, "--emit sanafe", what, fix="Leave it out for this chip.")
     notes = {phase.name: obstacles(played, phase.name) for phase in played.phases}
-    networks = {phase: PhaseNetwork(played, phase, replayed=bool(why)) for phase, why in notes.items()}
+    networks = {
+        phase: PhaseNetwork(played, phase, replayed=bool(why)) for phase, why in notes.items()
+    }
     names = unique_names(networks)
     expected = {
         "profile": PROFILE,
         "phases": [
-            {"file": f"{names[phase]}.yaml", **_expected(played, phase, networks[phase], notes[phase], profile)}
+            {
+                "file": f"{names[phase]}.yaml",
+                **_expected(played, phase, networks[phase], notes[phase], profile),
+            }
             for phase in networks
         ],
     }
     first = played.phases[0].name
     texts = {
-        "README.md": played.readme(__package__, profile=PROFILE, first=names[first], steps=str(played.steps(first))),
+        "README.md": played.readme(
+            __package__, profile=PROFILE, first=names[first], steps=str(played.steps(first))
+        ),
         "arch.yaml": architecture(program.chip, _uses(played, networks, notes)),
         **{f"{names[phase]}.yaml": network.text() for phase, network in networks.items()},
         "expected.yaml": yaml.safe_dump(expected, sort_keys=False, width=120),
@@ -47,7 +60,9 @@ def sanafe_files(played: Played) -> dict[str, bytes]:
     return {f"{FOLDER}/{name}": text.encode() for name, text in texts.items()}
 
 
-def _uses(played: Played, networks: Mapping[str, PhaseNetwork], notes: Mapping[str, list[str]]) -> dict[int, TileUse]:
+def _uses(
+    played: Played, networks: Mapping[str, PhaseNetwork], notes: Mapping[str, list[str]]
+) -> dict[int, TileUse]:
     """Return what each tile must hold for any of the phases, which are loaded one at a time."""
     program = played.program
     uses: dict[int, TileUse] = {}
@@ -57,7 +72,9 @@ def _uses(played: Played, networks: Mapping[str, PhaseNetwork], notes: Mapping[s
             tile = tile_number(program.chip, core.slot)
             so_far = uses.get(tile, TileUse(0, 0))
             replayed = core.compartments if notes[phase] else 0
-            uses[tile] = TileUse(max(so_far.lines, lines.get(tile, 0)), max(so_far.replayed, replayed))
+            uses[tile] = TileUse(
+                max(so_far.lines, lines.get(tile, 0)), max(so_far.replayed, replayed)
+            )
     return uses
 
 
@@ -68,9 +85,12 @@ def _expected(
     counts, cores = played.result.counts_by_phase[phase], played.program.cores_of(phase)
     its_updates = counts.spikes if why_replayed else sum(updates(core, played) for core in cores)
     energy = {
-        part: sum(counts[name] * profile.energy_pj.get(name, 0.0) for name in names) for part, names in PARTS.items()
+        part: sum(counts[name] * profile.energy_pj.get(name, 0.0) for name in names)
+        for part, names in PARTS.items()
     }
-    more = (its_updates - counts.neuron_updates_active) * profile.energy_pj.get("neuron_updates_active", 0.0)
+    more = (its_updates - counts.neuron_updates_active) * profile.energy_pj.get(
+        "neuron_updates_active", 0.0
+    )
     lines = network.input_spikes()
     return {
         "phase": phase,
@@ -86,5 +106,8 @@ def _expected(
             "spikes": counts.synaptic_ops,
         },
         "energy_pj": {**energy, "soma": energy["soma"] + more},
-        "report": {"neuron_updates_active": counts.neuron_updates_active, "energy_pj": dict(energy)},
+        "report": {
+            "neuron_updates_active": counts.neuron_updates_active,
+            "energy_pj": dict(energy),
+        },
     }

@@ -14,7 +14,14 @@ from hw_model.mapping.graph import Input
 from hw_model.program.chip_program import Core
 from hw_model.values import ByteArray, IntArray
 from locsnn_compile.backends.played import Played, unique_names
-from locsnn_compile.backends.sanafe.architecture import DENDRITE, LINE, REPLAY, SOMA, SYNAPSE, tile_number
+from locsnn_compile.backends.sanafe.architecture import (
+    DENDRITE,
+    LINE,
+    REPLAY,
+    SOMA,
+    SYNAPSE,
+    tile_number,
+)
 from locsnn_compile.backends.sanafe.rules import AFTER_SPIKE
 
 UNIT = 1 << WEIGHT_SHIFT
@@ -60,7 +67,9 @@ class PhaseNetwork:
         """Yield every input with each tile that it reaches, and the lines that reach it."""
         for item in self._program.inputs_of(self._phase):
             route = self._program.route_of(item.name)
-            tiles = np.array([self._tile(core) for core in self._program.cores], dtype=np.int64)[route.core]
+            tiles = np.array([self._tile(core) for core in self._program.cores], dtype=np.int64)[
+                route.core
+            ]
             for tile in np.unique(tiles).tolist():
                 yield item, tile, np.unique(route.line[tiles == tile])
 
@@ -84,7 +93,11 @@ class PhaseNetwork:
             yield "      neurons:"
             settings = self._played_back(group) if self._replayed else self._settings(group)
             assert len(settings) == columns.stop - columns.start
-            changes = [0, *(i for i in range(1, len(settings)) if settings[i] != settings[i - 1]), len(settings)]
+            changes = [
+                0,
+                *(i for i in range(1, len(settings)) if settings[i] != settings[i - 1]),
+                len(settings),
+            ]
             for start, stop in pairwise(changes):
                 yield f"        - {start}..{stop - 1}: {settings[start]}"
 
@@ -92,7 +105,9 @@ class PhaseNetwork:
         if group not in self._played.result.spikes:
             silent = np.zeros(self._played.steps(self._phase), dtype=np.uint8)
             return [_spike_list(silent)] * self._program.populations[group]
-        return [_spike_list(column) for column in self._played.recorded(self._phase, "spikes", group).T]
+        return [
+            _spike_list(column) for column in self._played.recorded(self._phase, "spikes", group).T
+        ]
 
     def _settings(self, group: str) -> list[str]:
         """Return the attributes of every neuron of a group, in order."""
@@ -104,7 +119,10 @@ class PhaseNetwork:
             lambda core: core.bias,
             lambda core: core.vmin,
         )
-        rows = zip(*(self._program.by_column(self._phase, values)[here].tolist() for values in kept), strict=True)
+        rows = zip(
+            *(self._program.by_column(self._phase, values)[here].tolist() for values in kept),
+            strict=True,
+        )
         return [
             f"{{soma: {{input_decay: {1 - decay_u / DECAY_ONE!r}, leak_decay: {1 - decay_v / DECAY_ONE!r}, "
             f"threshold: {threshold}, bias: {bias / UNIT!r}, reset: {AFTER_SPIKE!r}, "
@@ -118,7 +136,9 @@ class PhaseNetwork:
             targets = self._neurons(core)
             weights = core.effective_weights >> WEIGHT_SHIFT
             axon = axons.axon_of_synapse.tolist()
-            rows = zip(axon, axons.target.tolist(), weights.tolist(), axons.delay.tolist(), strict=True)
+            rows = zip(
+                axon, axons.target.tolist(), weights.tolist(), axons.delay.tolist(), strict=True
+            )
             for source, target, weight, delay in rows:
                 held = f"weight: {weight}, delay: {delay}" if not self._replayed else "weight: 0"
                 yield f"    - {sources[source]} -> {targets[target]}: {{{held}}}"
@@ -130,8 +150,12 @@ class PhaseNetwork:
             if tile == self._tile(core):
                 route = self._program.route_of(item.name)
                 here = route.core == core.number
-                for axon, line in zip(route.axon[here].tolist(), route.line[here].tolist(), strict=True):
-                    found[axon] = f"{self._names[_lines_of(item, tile)]}.{np.searchsorted(lines, line)}"
+                for axon, line in zip(
+                    route.axon[here].tolist(), route.line[here].tolist(), strict=True
+                ):
+                    found[axon] = (
+                        f"{self._names[_lines_of(item, tile)]}.{np.searchsorted(lines, line)}"
+                    )
         for sender in self._cores:
             neurons, axons = self._neurons(sender), sender.axons
             for k in np.flatnonzero(axons.out_core == core.number).tolist():

@@ -36,7 +36,9 @@ def obstacles(played: Played, phase: str) -> list[str]:
 
     found = {
         "joined compartments, of which its neurons have none": count(lambda core: core.parent >= 0),
-        "refractory periods, in which it loses charge that arrives": count(lambda core: core.setting("refractory") > 1),
+        "refractory periods, in which it loses charge that arrives": count(
+            lambda core: core.setting("refractory") > 1
+        ),
         f"delays above {DELAY_MAX} steps": count(lambda core: core.axons.delay > DELAY_MAX),
         "upper voltage limits not above the threshold; it has no upper limit": count(
             lambda core: core.vmax <= core.threshold_voltage
@@ -74,7 +76,9 @@ def _arrives(core: Core, played: Played) -> BoolArray:
     for delay in np.unique(axons.delay).tolist():
         mine = axons.delay == delay
         ends = axons.axon_of_synapse[mine], axons.target[mine]
-        synapses = sparse.csr_array((np.ones_like(ends[0]), ends), shape=(axons.input_axons, core.compartments))
+        synapses = sparse.csr_array(
+            (np.ones_like(ends[0]), ends), shape=(axons.input_axons, core.compartments)
+        )
         arriving = (sparse.csr_array(spikes, dtype=np.int64) @ synapses).toarray() > 0
         found[1 + delay :] |= arriving[: max(len(spikes) - 1 - delay, 0)]
     return found

@@ -35,7 +35,10 @@ def synapse_layouts(chip: Chip) -> dict[str, Layout]:
     Raises ``InputError`` for a chip whose run header has no room for format and length.
     """
     limits, memory = chip.limits, chip.synapse_memory
-    words, compartment = bits_for(limits.synapse_words_per_core), bits_for(limits.compartments_per_core - 1)
+    words, compartment = (
+        bits_for(limits.synapse_words_per_core),
+        bits_for(limits.compartments_per_core - 1),
+    )
     header = {
         "format": bits_for(limits.synapse_formats_per_core - 1),
         "synapses_less_1": bits_for(memory.run_length - 1),
@@ -44,7 +47,9 @@ def synapse_layouts(chip: Chip) -> dict[str, Layout]:
     if spare < 0:
         what = "the header of a run has no room for a format and a length"
         measured = f"run_header_bits {memory.run_header_bits} against {sum(header.values())}"
-        raise InputError(f"chip {chip.name}", what, measured=measured, fix="Leave out --emit vectors.")
+        raise InputError(
+            f"chip {chip.name}", what, measured=measured, fix="Leave out --emit vectors."
+        )
     return {
         "axon": Layout.of(first_list=words, lists=words),
         "list": Layout.of(first_word=words, words=words, base=compartment),
@@ -64,21 +69,32 @@ def synapse_image(core: Core, chip: Chip) -> SynapseImage:
     """Pack the axons and synapses of a core; ``InputError`` if they take other words than placement counted."""
     layouts, axons = synapse_layouts(chip), core.axons
     ends = np.array([piece.offset + piece.size for piece in core.slices])
-    lists = synapse_lists(axons.list_start, axons.target, axons.format_index, axons.formats, ends, chip.synapse_memory)
+    lists = synapse_lists(
+        axons.list_start, axons.target, axons.format_index, axons.formats, ends, chip.synapse_memory
+    )
     words = int(lists.words.sum())
     what = "its synapse lists take a different number of words than the program says"
-    check_same(words, axons.synapse_words, f"core {core.number}", what, fix="Compile the program again.")
+    check_same(
+        words, axons.synapse_words, f"core {core.number}", what, fix="Compile the program again."
+    )
     first_word = np.cumsum(lists.words) - lists.words
     first_list = np.searchsorted(lists.axon, np.arange(axons.input_axons + 1))
     first_target = axons.target[lists.order[lists.start]]
     return SynapseImage(
         axons=layouts["axon"].pack({"first_list": first_list[:-1], "lists": np.diff(first_list)}),
         lists=layouts["list"].pack(
-            {"first_word": first_word, "words": lists.words, "base": np.where(lists.dense, first_target, 0)}
+            {
+                "first_word": first_word,
+                "words": lists.words,
+                "base": np.where(lists.dense, first_target, 0),
+            }
         ),
         words=_words(core, chip, layouts["run_header"], lists, first_word),
         formats=layouts["format"].pack_rows(
-            [{**vars(form), "sign_mode": SIGN_MODES.index(form.sign_mode)} for form in axons.formats]
+            [
+                {**vars(form), "sign_mode": SIGN_MODES.index(form.sign_mode)}
+                for form in axons.formats
+            ]
         ),
     )
 
@@ -87,12 +103,16 @@ def stored_weights(form: SynapseFormat, mantissa: IntArray, where: str) -> IntAr
     """Return mantissas in steps of their grid, as a format stores them; magnitudes if the format is inhibitory."""
     grid = weight_grid(form.weight_bits, form.sign_mode)
     if grid.off_grid(mantissa).any():
-        raise InputError(where, "a weight is not on the grid of its format", fix="Compile the program again.")
+        raise InputError(
+            where, "a weight is not on the grid of its format", fix="Compile the program again."
+        )
     stored: IntArray = mantissa // grid.step
     return np.abs(stored) if form.sign_mode == "inhibitory" else stored
 
 
-def _words(core: Core, chip: Chip, layout: Layout, lists: SynapseLists, first_word: IntArray) -> BitArray:
+def _words(
+    core: Core, chip: Chip, layout: Layout, lists: SynapseLists, first_word: IntArray
+) -> BitArray:
     """Return the memory, (words, bits of a word)."""
     axons, memory, rows = core.axons, chip.synapse_memory, lists.order
     bits = np.zeros(int(lists.words.sum()) * memory.word_bits, dtype=np.uint8)
@@ -110,7 +130,10 @@ def _words(core: Core, chip: Chip, layout: Layout, lists: SynapseLists, first_wo
 
     heads = np.flatnonzero(in_run == 0)
     left = lists.length[of_list[heads]] - place[heads]
-    header = {"format": format_index[heads], "synapses_less_1": np.minimum(left, memory.run_length) - 1}
+    header = {
+        "format": format_index[heads],
+        "synapses_less_1": np.minimum(left, memory.run_length) - 1,
+    }
     if layout.fields[-1].name == "spare":
         header["spare"] = np.zeros(len(heads), dtype=np.int64)
     _put(bits, run_at[heads], layout.pack(header))
@@ -121,9 +144,13 @@ def _words(core: Core, chip: Chip, layout: Layout, lists: SynapseLists, first_wo
         fields = {
             Field("weight", form.weight_bits, signed=form.sign_mode == "mixed"): weights,
             Field("delay", form.delay_bits): delay[mine],
-            Field("index", form.index_bits): target[mine] if form.index_bits else np.zeros_like(weights),
+            Field("index", form.index_bits): target[mine]
+            if form.index_bits
+            else np.zeros_like(weights),
         }
-        packed = np.concatenate([bits_of(values, field) for field, values in fields.items()], axis=1)
+        packed = np.concatenate(
+            [bits_of(values, field) for field, values in fields.items()], axis=1
+        )
         _put(bits, synapse_at[mine], packed)
     return bits.reshape(-1, memory.word_bits)
 

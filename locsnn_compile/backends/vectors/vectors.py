@@ -34,7 +34,11 @@ class _Image(Frozen, eq=False):
 
     def describe(self, file: str) -> dict[str, object]:
         """Return the entry of the file in the manifest."""
-        kind = {"layout": self.layout} if self.layout else {"bit": self.bit, "width": self.bits.shape[1]}
+        kind = (
+            {"layout": self.layout}
+            if self.layout
+            else {"bit": self.bit, "width": self.bits.shape[1]}
+        )
         return {"file": file, "rows": len(self.bits), "row": self.row, **kind}
 
 
@@ -60,13 +64,24 @@ def vectors_files(played: Played) -> dict[str, bytes]:
         "arithmetic": _arithmetic(program.chip),
         "layouts": layouts,
         "phases": [
-            {"name": name, "axis": axis, "first_step": played.runs[name].start, "steps": played.steps(name)}
+            {
+                "name": name,
+                "axis": axis,
+                "first_step": played.runs[name].start,
+                "steps": played.steps(name),
+            }
             for name, axis in ((phase.name, phase.axis) for phase in played.phases)
         ],
         "cores": cores,
     }
-    text = yaml.safe_dump(manifest, sort_keys=False, allow_unicode=True, width=120, default_flow_style=None)
-    files = {"manifest.yaml": text.encode(), "README.md": played.readme(__package__).encode(), **files}
+    text = yaml.safe_dump(
+        manifest, sort_keys=False, allow_unicode=True, width=120, default_flow_style=None
+    )
+    files = {
+        "manifest.yaml": text.encode(),
+        "README.md": played.readme(__package__).encode(),
+        **files,
+    }
     return {f"{FOLDER}/{name}": content for name, content in files.items()}
 
 
@@ -77,14 +92,24 @@ def _images(core: Core, played: Played) -> Iterator[_Image]:
     yield _Image("synapses", "memory word", synapses.words, bit="bit of a word")
     yield _Image("formats", "synapse format", synapses.formats, layout="format")
     yield _Image(
-        "profiles", "compartment profile", layouts["profile"].pack_rows([*map(vars, core.profiles)]), layout="profile"
+        "profiles",
+        "compartment profile",
+        layouts["profile"].pack_rows([*map(vars, core.profiles)]),
+        layout="profile",
     )
     axons = core.axons
     outputs = {"compartment": axons.out_compartment, "core": axons.out_core, "axon": axons.out_axon}
     mantissas = layouts["threshold"].pack({"mantissa": np.array(core.thresholds, dtype=np.int64)})
     yield _Image("thresholds", "threshold", mantissas, layout="threshold")
-    yield _Image("compartments", "compartment", _compartments(core, layouts["compartment"]), layout="compartment")
-    yield _Image("output_axons", "output axon", layouts["output_axon"].pack(outputs), layout="output_axon")
+    yield _Image(
+        "compartments",
+        "compartment",
+        _compartments(core, layouts["compartment"]),
+        layout="compartment",
+    )
+    yield _Image(
+        "output_axons", "output axon", layouts["output_axon"].pack(outputs), layout="output_axon"
+    )
     yield _Image("input_spikes", "step", played.input_axons(core), bit="input axon")
     yield _Image("axon_spikes", "step", played.axons(core), bit="input axon")
     yield _Image("spikes", "step", played.spikes(core), bit="compartment")
@@ -100,7 +125,9 @@ def _layouts(chip: Chip) -> dict[str, Layout]:
     compartment, decay = bits_for(limits.compartments_per_core - 1), bits_for(DECAY_ONE)
     return {
         **synapse_layouts(chip),
-        "profile": Layout.of(decay_u=decay, decay_v=decay, refractory=bits_for(registers.refractory_max), joined=1),
+        "profile": Layout.of(
+            decay_u=decay, decay_v=decay, refractory=bits_for(registers.refractory_max), joined=1
+        ),
         "threshold": Layout.of(mantissa=registers.threshold_mantissa_bits),
         "compartment": Layout.of(
             "bias_mantissa",
@@ -112,9 +139,13 @@ def _layouts(chip: Chip) -> dict[str, Layout]:
             parent=compartment,
         ),
         "output_axon": Layout.of(
-            compartment=compartment, core=bits_for(chip.cores - 1), axon=bits_for(limits.input_axons_per_core - 1)
+            compartment=compartment,
+            core=bits_for(chip.cores - 1),
+            axon=bits_for(limits.input_axons_per_core - 1),
         ),
-        "register": Layout.of("value", value=max(registers.current_bits, registers.voltage_bits) + 1),
+        "register": Layout.of(
+            "value", value=max(registers.current_bits, registers.voltage_bits) + 1
+        ),
     }
 
 
@@ -124,7 +155,9 @@ def _compartments(core: Core, layout: Layout) -> BitArray:
     return layout.pack({**held, "parent": core.parent * has_parent})
 
 
-def _core_entry(core: Core, played: Played, files: dict[str, dict[str, object]]) -> dict[str, object]:
+def _core_entry(
+    core: Core, played: Played, files: dict[str, dict[str, object]]
+) -> dict[str, object]:
     return {
         **picked(core, "number", "slot", "phase"),
         "steps": played.steps(core.phase),
@@ -161,4 +194,6 @@ def _check_size(played: Played) -> None:
         ("u and v of every compartment and step", values * line, "Emit a shorter recording."),
         ("the words of the synapse memory", bits, "Leave out --emit vectors."),
     ):
-        check_most(size, MAX_BYTES, "--emit vectors", f"{what} would be too much", unit="bytes", fix=fix)
+        check_most(
+            size, MAX_BYTES, "--emit vectors", f"{what} would be too much", unit="bytes", fix=fix
+        )

@@ -42,5 +42,7 @@ def _board(args: argparse.Namespace, target: str) -> str:
         fix = f"Choose --device {listed(sorted(BOARDS.values()), 'or')}."
         raise InputError(f"--device {device}", "it holds no open core", fix=fix)
     if args.board not in (None, *boards):
-        raise InputError(f"--board {args.board}", f"it has no {device}", fix="Leave one of them out.")
+        raise InputError(
+            f"--board {args.board}", f"it has no {device}", fix="Leave one of them out."
+        )
     return args.board or boards[0]

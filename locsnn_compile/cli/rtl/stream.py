@@ -25,8 +25,18 @@ def run(args: argparse.Namespace) -> int:
     found = stream(program, spikes, args.port, args.baud, args.spikes)
     said = "no readout" if found["expected"] is None else "class {}"
     lines = [
-        f"recording {index}: {said.format(winner)}" + (f"; different: {', '.join(differs)}" if differs else "")
-        for index, (winner, differs) in enumerate(zip(found["classes"], found["different"], strict=True))
+        f"recording {index}: {said.format(winner)}"
+        + (f"; different: {', '.join(differs)}" if differs else "")
+        for index, (winner, differs) in enumerate(
+            zip(found["classes"], found["different"], strict=True)
+        )
     ]
-    say(args, found, [*lines, f"recordings {found['recordings']}, different from the simulator {found['mismatches']}"])
+    say(
+        args,
+        found,
+        [
+            *lines,
+            f"recordings {found['recordings']}, different from the simulator {found['mismatches']}",
+        ],
+    )
     return EXIT_GATE if found["mismatches"] else 0

@@ -99,7 +99,12 @@ class Group:
         """Return a dataset of numbers, read-only, as int64 or float64; ``infinite`` numbers only if allowed."""
         found = self._dataset(name)
         if found.dtype.kind not in "biuf":
-            raise InputError(self.where, f"{name!r} is not made of numbers", measured=f"{found.dtype}", fix=_WHOLE)
+            raise InputError(
+                self.where,
+                f"{name!r} is not made of numbers",
+                measured=f"{found.dtype}",
+                fix=_WHOLE,
+            )
         values = np.asarray(self._read(found, name))
         if values.dtype.kind == "f":
             values = values.astype(np.float64)
@@ -107,7 +112,9 @@ class Group:
                 fix = "Train or export again."
                 raise InputError(self.where, f"{name!r} holds a number that is not finite", fix=fix)
         else:
-            check_most(int(values.max(initial=0)), 2**62, self.where, f"{name!r} is too large", fix=_WHOLE)
+            check_most(
+                int(values.max(initial=0)), 2**62, self.where, f"{name!r} is too large", fix=_WHOLE
+            )
             values = values.astype(np.int64)
         return sealed(values)
 
@@ -119,7 +126,13 @@ class Group:
         kind = h5py.check_vlen_dtype(found.dtype)
         if kind is None or kind.kind not in "biuf" or found.ndim != 1:
             raise InputError(self.where, f"{name!r} does not hold rows of numbers", fix=_WHOLE)
-        check_most(len(found), MAX_ROWS, self.where, f"{name!r} has too many rows", fix="Give fewer recordings.")
+        check_most(
+            len(found),
+            MAX_ROWS,
+            self.where,
+            f"{name!r} has too many rows",
+            fix="Give fewer recordings.",
+        )
         rows = []
         for index in range(len(found)):
             # The library returns the bytes as they are in the file, but calls them native.
@@ -146,12 +159,16 @@ class Group:
         """Return a dataset of texts, row by row."""
         found = self._dataset(name)
         if found.dtype.kind not in "OS":
-            raise InputError(self.where, f"{name!r} is not text", measured=f"{found.dtype}", fix=_WHOLE)
+            raise InputError(
+                self.where, f"{name!r} is not text", measured=f"{found.dtype}", fix=_WHOLE
+            )
         texts = []
         for value in np.asarray(self._read(found, name), dtype=object).reshape(-1):
             text = value.decode("utf-8", "replace") if isinstance(value, bytes) else value
             if not isinstance(text, str) or len(text) > MAX_TEXT:
-                raise InputError(self.where, f"{name!r} is not text of {MAX_TEXT} characters at most", fix=_WHOLE)
+                raise InputError(
+                    self.where, f"{name!r} is not text of {MAX_TEXT} characters at most", fix=_WHOLE
+                )
             texts.append(text)
         return texts
 
@@ -177,7 +194,9 @@ class Group:
         if found.shape is None:
             raise InputError(self.where, f"{name!r} is empty", fix=_WHOLE)
         if found.is_virtual or found.external:
-            raise InputError(self.where, f"{name!r} keeps its data in another file", fix="Store the data itself.")
+            raise InputError(
+                self.where, f"{name!r} keeps its data in another file", fix="Store the data itself."
+            )
         return found
 
     def _read(self, found: Any, name: str) -> Any:

@@ -28,7 +28,11 @@ class NetLayer(Frozen, eq=False):
         """Return a dataset of whole numbers; ``InputError`` for other numbers."""
         values = self.values[name] if name in self.values else None
         if values is None or isinstance(values, str):
-            raise InputError(self.where, f"{name!r} is missing or not a number", fix="Export it again with lava-dl.")
+            raise InputError(
+                self.where,
+                f"{name!r} is missing or not a number",
+                fix="Export it again with lava-dl.",
+            )
         bad = values[(values != np.rint(values)) | (np.abs(values) > 2**40)]
         if bad.size:
             raise self.fault(f"{name!r} is not made of integers", f"{bad.flat[0]:g}")
@@ -81,8 +85,12 @@ def read_net(path: Path, where: str) -> tuple[NetFile, bytes]:
         names = held.names()
         if not all(name.isascii() and name.isdecimal() and len(name) < 6 for name in names):
             raise export_again(where, "its layers are not numbered", f"{names[:4]}"[:80])
-        if not 0 < len(names) <= MAX_LAYERS or sorted(int(name) for name in names) != list(range(len(names))):
-            raise export_again(where, "its layers are not numbered 0, 1, 2, ...", counted(len(names), "layer"))
+        if not 0 < len(names) <= MAX_LAYERS or sorted(int(name) for name in names) != list(
+            range(len(names))
+        ):
+            raise export_again(
+                where, "its layers are not numbered 0, 1, 2, ...", counted(len(names), "layer")
+            )
         layers = []
         for name in sorted(names, key=int):
             group = held.group(name, f"{where}, layer {name}")

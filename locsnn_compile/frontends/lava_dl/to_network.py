@@ -17,11 +17,26 @@ from hw_model.arithmetic.fixed_point import DECAY_ONE
 from hw_model.values import IntArray, sealed
 from locsnn_compile.errors import InputError, check_same, counted
 from locsnn_compile.frontends.lava_dl.layers import NetFile, NetLayer, export_again, read_net
-from locsnn_compile.frontends.linear_maps import Ints, Shape, Window, check_entries, check_shape, convolution, pooling
+from locsnn_compile.frontends.linear_maps import (
+    Ints,
+    Shape,
+    Window,
+    check_entries,
+    check_shape,
+    convolution,
+    pooling,
+)
 from locsnn_compile.frontends.parts import STEPS, Parts, eight_bit_signs
 from locsnn_compile.network.chip_neurons import ChipCuba, integers
 from locsnn_compile.network.network import InputView, Network, Population
-from locsnn_compile.network.projections import ChipProjection, Matrix, matrix, of_source, of_target, values_of
+from locsnn_compile.network.projections import (
+    ChipProjection,
+    Matrix,
+    matrix,
+    of_source,
+    of_target,
+    values_of,
+)
 
 INPUT = "input"
 DELAY_MAX = 62
@@ -58,7 +73,9 @@ def load_lava_dl(path: Path) -> Network:
     for layer in file.layers:
         _add(built, layer)
     if not built.populations:
-        raise InputError(where, "it has no layer of neurons", fix="Export a network with a dense or conv layer.")
+        raise InputError(
+            where, "it has no layer of neurons", fix="Export a network with a dense or conv layer."
+        )
     lines = built.views[0].lines
     seconds, steps = _simulation(file, f"{where}, simulation")
     built.outputs = {built.source: _potentials_from(file, built)}
@@ -99,9 +116,15 @@ def _add(built: _Built, layer: NetLayer) -> None:
     elif kind in ("dense", "dense_rec", "conv", "pool"):
         _add_weights(built, layer)
     elif kind in _REFUSED:
-        raise InputError(layer.where, f"{kind!r} is a type of layer that the chip cannot run", fix=_REFUSED[kind])
+        raise InputError(
+            layer.where, f"{kind!r} is a type of layer that the chip cannot run", fix=_REFUSED[kind]
+        )
     else:
-        raise InputError(layer.where, f"{kind[:40]!r} is not a known type of layer", fix="Use dense and conv layers.")
+        raise InputError(
+            layer.where,
+            f"{kind[:40]!r} is not a known type of layer",
+            fix="Use dense and conv layers.",
+        )
 
 
 def _add_weights(built: _Built, layer: NetLayer) -> None:
@@ -173,14 +196,21 @@ def _fill(given: Shape, shape: Shape, stride: Ints) -> Ints:
     """Return how many silent rows and columns slayerPytorch's pooling adds behind an image to get whole windows."""
     if len(shape) != 3 or min(stride) < 1:
         return (0, 0)
-    return tuple(-n % s if out == -(-n // s) else 0 for n, out, s in zip(given[1:], shape[1:], stride, strict=True))
+    return tuple(
+        -n % s if out == -(-n // s) else 0
+        for n, out, s in zip(given[1:], shape[1:], stride, strict=True)
+    )
 
 
 def _image_before(layer: NetLayer, kernel: Shape, shape: Shape) -> Shape:
     """Return the shape of a convolution's input if no layer states it: with stride 1, its own shape determines it."""
     stride, padding, dilation = _strides(layer)
     if layer.kind != "conv" or len(kernel) < 4 or len(shape) != 3 or set(stride) != {1}:
-        raise InputError(layer.where, "the shape of its input is not known", fix="Export the input layer as well.")
+        raise InputError(
+            layer.where,
+            "the shape of its input is not known",
+            fix="Export the input layer as well.",
+        )
     axes = zip(shape[1:], dilation, kernel[2:4], padding, strict=True)
     rows, columns = (n + d * (k - 1) - 2 * p for n, d, k, p in axes)
     if min(rows, columns) < 1:
@@ -198,7 +228,9 @@ def _shape(layer: NetLayer) -> Shape:
     return shape
 
 
-def _projection(source: str, target: str, mantissa: Matrix, delay: int | IntArray, where: str) -> ChipProjection:
+def _projection(
+    source: str, target: str, mantissa: Matrix, delay: int | IntArray, where: str
+) -> ChipProjection:
     fix = "Export it again, with quantised weights."
     signs = eight_bit_signs(mantissa, where, "-256..254, even, or -255..255", fix)
     return ChipProjection(source, target, mantissa, 0, 8, signs, delay)
@@ -210,7 +242,9 @@ def _delay(layer: NetLayer, mantissa: Matrix) -> int | IntArray:
         return 0
     values = layer.values["delay"]
     if isinstance(values, str) or (values < 0).any():
-        raise InputError(layer.where, "a delay is below 0", fix="Clamp the delays before the export.")
+        raise InputError(
+            layer.where, "a delay is below 0", fix="Clamp the delays before the export."
+        )
     delay = np.minimum(np.floor(values), DELAY_MAX).astype(np.int64).reshape(-1)
     rows, columns = mantissa.shape
     if (delay == delay[:1]).all() and delay.size in (1, rows, columns):
@@ -219,7 +253,10 @@ def _delay(layer: NetLayer, mantissa: Matrix) -> int | IntArray:
     if layer.kind == "conv" and delay.size == channels and rows % channels == 0:
         delay = np.repeat(delay, rows // channels)
     if delay.size not in (rows, columns):
-        raise layer.fault("the delays have the wrong size", f"{delay.size} against {rows} outputs or {columns} inputs")
+        raise layer.fault(
+            "the delays have the wrong size",
+            f"{delay.size} against {rows} outputs or {columns} inputs",
+        )
     each = of_target(mantissa, delay) if delay.size == rows else of_source(mantissa, delay)
     return sealed(np.broadcast_to(each, values_of(mantissa).shape).astype(np.int64))
 
@@ -227,12 +264,18 @@ def _delay(layer: NetLayer, mantissa: Matrix) -> int | IntArray:
 def _neurons(layer: NetLayer, shape: Shape) -> ChipCuba:
     kind = layer.text("neuron/type") or ("CUBA" if "neuron/vThMant" in layer.values else "")
     if kind not in ("CUBA", "LOIHI"):
-        what = f"{kind[:40]!r} neurons do not fit into one compartment of the chip" if kind else "it has no neurons"
+        what = (
+            f"{kind[:40]!r} neurons do not fit into one compartment of the chip"
+            if kind
+            else "it has no neurons"
+        )
         raise InputError(layer.where, what, fix="Use CUBA neurons.")
     if layer.one("neuron/gradedSpike", 0):
         raise InputError(layer.where, "its spikes are graded", fix="Train with graded_spike=False.")
     if layer.one("neuron/wgtExp", 0):
-        raise InputError(layer.where, "wgtExp is not 0, and lava-dl ignores it", fix="Export with wgtExp 0.")
+        raise InputError(
+            layer.where, "wgtExp is not 0, and lava-dl ignores it", fix="Export with wgtExp 0."
+        )
     size = math.prod(shape)
 
     def each(name: str, default: int | None = None) -> IntArray:
@@ -246,7 +289,9 @@ def _neurons(layer: NetLayer, shape: Shape) -> ChipCuba:
     for key, values in decays.items():
         if not 0 <= values.min() <= values.max() <= DECAY_ONE:
             measured = f"{values.min()}..{values.max()} against 0..{DECAY_ONE}"
-            raise InputError(layer.where, f"{key} is not a decay", measured=measured, fix="Correct it.")
+            raise InputError(
+                layer.where, f"{key} is not a decay", measured=measured, fix="Correct it."
+            )
     return ChipCuba.of(
         size,
         decay_u=decays["iDecay"],

@@ -15,7 +15,14 @@ from scipy import sparse
 
 from hw_model.values import FloatArray, Frozen
 from locsnn_compile.errors import InputError, check_known, check_same
-from locsnn_compile.frontends.linear_maps import Shape, Window, check_entries, check_shape, convolution, pooling
+from locsnn_compile.frontends.linear_maps import (
+    Shape,
+    Window,
+    check_entries,
+    check_shape,
+    convolution,
+    pooling,
+)
 from locsnn_compile.frontends.nir.graph import Edge, NirGraph, NirNode
 
 NEURONS = ("IF", "LIF", "CubaLIF", "Threshold", "LI", "CubaLI")
@@ -57,7 +64,10 @@ def flatten_graph(graph: NirGraph, where: str) -> FlatGraph:
 
 def linear_order(nodes: Mapping[str, NirNode], sources: Mapping[str, Sequence[str]]) -> list[str]:
     """Return the nodes, each after those that feed it in the same step; ``CycleError`` for a circle of no neuron."""
-    within = {name: [one for one in found if nodes[one].kind not in NEURONS] for name, found in sources.items()}
+    within = {
+        name: [one for one in found if nodes[one].kind not in NEURONS]
+        for name, found in sources.items()
+    }
     return list(TopologicalSorter(within).static_order())
 
 
@@ -70,7 +80,9 @@ def targets_of(sources: Mapping[str, Sequence[str]]) -> dict[str, list[str]]:
     return targets
 
 
-def _flat(graph: NirGraph, where: str, prefix: str, *, top: bool = False) -> tuple[dict[str, NirNode], list[Edge]]:
+def _flat(
+    graph: NirGraph, where: str, prefix: str, *, top: bool = False
+) -> tuple[dict[str, NirNode], list[Edge]]:
     nodes: dict[str, NirNode] = {}
     edges: list[Edge] = []
     entrance: dict[str, str] = {}
@@ -80,7 +92,9 @@ def _flat(graph: NirGraph, where: str, prefix: str, *, top: bool = False) -> tup
         entrance[name] = leave[name] = full
         if isinstance(node, NirGraph):
             inside, inner = _flat(node, where, f"{full}.")
-            entrance[name], leave[name] = (f"{full}.{_only(node, kind, where, full)}" for kind in ("Input", "Output"))
+            entrance[name], leave[name] = (
+                f"{full}.{_only(node, kind, where, full)}" for kind in ("Input", "Output")
+            )
         else:
             passing = not top and node.kind in ("Input", "Output")
             inside, inner = {full: NirNode("Pass", node.parameters) if passing else node}, []
@@ -92,14 +106,23 @@ def _flat(graph: NirGraph, where: str, prefix: str, *, top: bool = False) -> tup
     for source, target in graph.edges:
         for end in (source, target):
             edge = f"{source[:60]!r} -> {target[:60]!r}"
-            check_known(where, f"the edge {edge} names a node that does not exist", end, graph.nodes)
+            check_known(
+                where, f"the edge {edge} names a node that does not exist", end, graph.nodes
+            )
         edges.append((leave[source], entrance[target]))
     return nodes, edges
 
 
 def _only(graph: NirGraph, kind: str, where: str, name: str) -> str:
-    found = [inner for inner, node in graph.nodes.items() if isinstance(node, NirNode) and node.kind == kind]
-    what, fix = f"a graph inside a graph needs one {kind}", "Split it into graphs of one input and one output."
+    found = [
+        inner
+        for inner, node in graph.nodes.items()
+        if isinstance(node, NirNode) and node.kind == kind
+    ]
+    what, fix = (
+        f"a graph inside a graph needs one {kind}",
+        "Split it into graphs of one input and one output.",
+    )
     check_same(len(found), 1, f"{where}, node {name!r}", what, fix=fix)
     return found[0]
 
@@ -111,9 +134,13 @@ def _shapes(
     shapes: dict[str, Shape] = {}
     layers: dict[str, Layer] = {}
     targets = targets_of(sources)
-    waiting = deque(name for name, node in nodes.items() if node.kind == "Input" or not sources[name])
+    waiting = deque(
+        name for name, node in nodes.items() if node.kind == "Input" or not sources[name]
+    )
     # In a circle, start with the nodes that know their own size.
-    waiting.extend(name for name, node in nodes.items() if node.kind in NEURONS and _own_shape(node))
+    waiting.extend(
+        name for name, node in nodes.items() if node.kind in NEURONS and _own_shape(node)
+    )
     while waiting:
         name = waiting.popleft()
         if name in shapes:
@@ -122,7 +149,9 @@ def _shapes(
         node, place = nodes[name], f"{where}, node {name!r}"
         if node.kind in WITH_WEIGHTS:
             if not sources[name]:
-                raise InputError(place, "no node feeds it", fix="Connect it to the input, or remove it.")
+                raise InputError(
+                    place, "no node feeds it", fix="Connect it to the input, or remove it."
+                )
             layer = layer_of(node, given, place)
             layers |= {} if layer is None else {name: layer}
             shape = None if layer is None else layer.shape
@@ -135,7 +164,11 @@ def _shapes(
         waiting.extend(targets[name])
     for name in nodes:
         if name not in shapes:
-            raise InputError(f"{where}, node {name!r}", "its size cannot be found", fix="Connect it to the input.")
+            raise InputError(
+                f"{where}, node {name!r}",
+                "its size cannot be found",
+                fix="Connect it to the input.",
+            )
     return shapes, layers
 
 
@@ -172,7 +205,12 @@ def _flattened(node: NirNode, given: Shape) -> Shape:
 def _as_shape(node: NirNode, name: str, where: str) -> Shape:
     values = node.array(name).reshape(-1)
     if not values.size or (values != np.rint(values)).any() or np.abs(values).max() > 2**40:
-        raise InputError(where, "its shape is not made of whole numbers", measured=f"{values[:6]}", fix="Correct it.")
+        raise InputError(
+            where,
+            "its shape is not made of whole numbers",
+            measured=f"{values[:6]}",
+            fix="Correct it.",
+        )
     return tuple(int(v) for v in values)
 
 
@@ -186,7 +224,9 @@ def _joined(own: Shape, given: Shape, where: str) -> Shape:
     except ValueError:
         pass
     fix = "Give one number per neuron."
-    raise InputError(where, "its parameters do not fit its input", measured=f"{own} against {given}", fix=fix)
+    raise InputError(
+        where, "its parameters do not fit its input", measured=f"{own} against {given}", fix=fix
+    )
 
 
 WITH_WEIGHTS = ("Linear", "Affine", "Conv1d", "Conv2d", "SumPool2d", "AvgPool2d")
@@ -212,7 +252,12 @@ def layer_of(node: NirNode, given: Shape | None, where: str) -> Layer | None:
 def _dense(node: NirNode, where: str) -> Layer:
     weight = node.array("weight")
     if weight.ndim != 2:
-        raise InputError(where, "its weight is not a matrix", measured=f"{weight.shape}", fix="Give (outputs, inputs).")
+        raise InputError(
+            where,
+            "its weight is not a matrix",
+            measured=f"{weight.shape}",
+            fix="Give (outputs, inputs).",
+        )
     check_entries(weight.size, where)
     bias = node.each("bias", len(weight), "output", where) if node.kind == "Affine" else 0.0
     return Layer(sparse.csr_array(weight.astype(np.float64)), bias, (len(weight),))
@@ -222,11 +267,21 @@ def _image(node: NirNode, given: Shape, where: str) -> Shape:
     """Return the input shape (channels, *spatial) of a convolution: its own, or the one it is given."""
     weight, axes = node.array("weight"), 1 if node.kind == "Conv1d" else 2
     if weight.ndim != axes + 2:
-        raise InputError(where, "its weight has the wrong axes", measured=f"{weight.shape}", fix="Give (out, in, ...).")
+        raise InputError(
+            where,
+            "its weight has the wrong axes",
+            measured=f"{weight.shape}",
+            fix="Give (out, in, ...).",
+        )
     if "input_shape" in node.parameters:
-        return (weight.shape[1] * _ints(node, "groups", 1, where)[0], *_ints(node, "input_shape", axes, where))
+        return (
+            weight.shape[1] * _ints(node, "groups", 1, where)[0],
+            *_ints(node, "input_shape", axes, where),
+        )
     if len(_unbatched(given, axes)) != axes + 1:
-        raise InputError(where, "its input is not an image", measured=f"{given}", fix="Set its input_shape.")
+        raise InputError(
+            where, "its input is not an image", measured=f"{given}", fix="Set its input_shape."
+        )
     return _unbatched(given, axes)
 
 
@@ -242,12 +297,18 @@ def _convolved(node: NirNode, given: Shape, where: str) -> Layer:
 def _pooled(node: NirNode, given: Shape, where: str) -> Layer:
     image, kernel = _unbatched(given, 2), _ints(node, "kernel_size", 2, where)
     if len(image) != 3:
-        raise InputError(where, "its input is not an image", measured=f"{given}", fix="Pool before flattening.")
+        raise InputError(
+            where, "its input is not an image", measured=f"{given}", fix="Pool before flattening."
+        )
     if min(kernel) < 1:
-        raise InputError(where, "its kernel is smaller than 1", measured=f"{kernel}", fix="Correct it.")
+        raise InputError(
+            where, "its kernel is smaller than 1", measured=f"{kernel}", fix="Correct it."
+        )
     # An average divides by the size of the kernel, padding included, which is torch's default.
     each = 1.0 / math.prod(kernel) if node.kind == "AvgPool2d" else 1.0
-    weights, shape = pooling(np.broadcast_to(each, kernel), image, _window(node, kernel, where), where=where)
+    weights, shape = pooling(
+        np.broadcast_to(each, kernel), image, _window(node, kernel, where), where=where
+    )
     return Layer(weights, 0.0, shape)
 
 
@@ -260,12 +321,16 @@ def _window(node: NirNode, kernel: Shape, where: str) -> Window:
     """Return how the kernel slides."""
     axes, padding = len(kernel), node.parameters["padding"]
     stride = _ints(node, "stride", axes, where)
-    dilation = _ints(node, "dilation", axes, where) if "dilation" in node.parameters else (1,) * axes
+    dilation = (
+        _ints(node, "dilation", axes, where) if "dilation" in node.parameters else (1,) * axes
+    )
     if not isinstance(padding, str):
         return Window.padded(stride, _ints(node, "padding", axes, where), dilation)
     check_known(where, f"padding {padding[:60]!r} is not known", padding, ("same", "valid"))
     if padding == "same" and set(stride) != {1}:
-        raise InputError(where, "padding 'same' needs stride 1", measured=f"{stride}", fix="Give numbers.")
+        raise InputError(
+            where, "padding 'same' needs stride 1", measured=f"{stride}", fix="Give numbers."
+        )
     total = [d * (k - 1) if padding == "same" else 0 for d, k in zip(dilation, kernel, strict=True)]
     return Window(stride, tuple((t // 2, t - t // 2) for t in total), dilation)
 
@@ -273,6 +338,15 @@ def _window(node: NirNode, kernel: Shape, where: str) -> Window:
 def _ints(node: NirNode, name: str, axes: int, where: str) -> tuple[int, ...]:
     """Return a parameter of whole numbers, one per axis; a single number stands for all."""
     values = node.array(name)
-    if values.size not in (1, axes) or (values != np.rint(values)).any() or np.abs(values).max(initial=0) > 1e9:
-        raise InputError(where, f"{name} must be {axes} whole numbers", measured=f"{values.shape}", fix="Correct it.")
+    if (
+        values.size not in (1, axes)
+        or (values != np.rint(values)).any()
+        or np.abs(values).max(initial=0) > 1e9
+    ):
+        raise InputError(
+            where,
+            f"{name} must be {axes} whole numbers",
+            measured=f"{values.shape}",
+            fix="Correct it.",
+        )
     return tuple(int(v) for v in np.broadcast_to(values.reshape(-1), (axes,)))

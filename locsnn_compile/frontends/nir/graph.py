@@ -48,7 +48,10 @@ class NirNode(Frozen, eq=False):
         """Return a parameter with one number per neuron, or per ``of``, (size,); a single number stands for all."""
         values = self.array(name).astype(np.float64).reshape(-1)
         if values.size not in (1, size):
-            what, measured = f"{name} is not one number per {of}", f"{self.array(name).shape} against {size}"
+            what, measured = (
+                f"{name} is not one number per {of}",
+                f"{self.array(name).shape} against {size}",
+            )
             raise InputError(where, what, measured=measured, fix="Give as many.")
         return np.broadcast_to(values, (size,))
 
@@ -85,7 +88,12 @@ def _read_graph(group: Group, where: str, depth: int, seen: list[int]) -> NirGra
         nodes[name] = _read_node(held.group(name, place), place, depth, seen)
     edges = group.texts("edges") if "edges" in group else []
     if edges and group.shape("edges")[1:] != (2,):
-        raise InputError(where, "edges are not pairs", measured=f"shape {group.shape('edges')}", fix="Write it again.")
+        raise InputError(
+            where,
+            "edges are not pairs",
+            measured=f"shape {group.shape('edges')}",
+            fix="Write it again.",
+        )
     return NirGraph(nodes, tuple(zip(edges[::2], edges[1::2], strict=True)), _metadata(group))
 
 
@@ -109,9 +117,17 @@ def _read_node(group: Group, where: str, depth: int, seen: list[int]) -> NirNode
         return _read_graph(group, where, depth + 1, seen)
     check_known(where, f"{kind[:60]!r} is not a NIR primitive", kind[:60], PARAMETERS)
     # Some versions write the type of the input as a group. Only its order matters to the weights behind it.
-    left_out = [name for name in OPTIONAL if name not in group or (name == "input_type" and group.is_group(name))]
+    left_out = [
+        name
+        for name in OPTIONAL
+        if name not in group or (name == "input_type" and group.is_group(name))
+    ]
     held: dict[str, Array | str] = {}
     for name in PARAMETERS[kind]:
         if name not in left_out:
-            held[name] = group.value(name) if name == "padding" else group.array(name, infinite=name in UNBOUNDED)
+            held[name] = (
+                group.value(name)
+                if name == "padding"
+                else group.array(name, infinite=name in UNBOUNDED)
+            )
     return NirNode(kind, held)

@@ -50,7 +50,10 @@ DT_SECONDS = 1e-4
 _IN_SECONDS = ("IF", "LIF", "CubaLIF", "LI", "CubaLI", "Delay")
 _WITH_TAU, _WITH_RESET = ("LIF", "CubaLIF", "LI", "CubaLI"), ("IF", "LIF", "CubaLIF")
 _ASSUMED = (
-    (_IN_SECONDS, f"how long a step is: its constants were read in steps of {DT_SECONDS:g} s, the convention (--dt)."),
+    (
+        _IN_SECONDS,
+        f"how long a step is: its constants were read in steps of {DT_SECONDS:g} s, the convention (--dt).",
+    ),
     (_WITH_RESET, "how a spike resets: its potential goes to v_reset at once (--reset zero)."),
     (_WITH_TAU, "how its equations become steps: by Euler's method (--discretisation euler)."),
 )
@@ -81,7 +84,13 @@ class Stated(Frozen, eq=False):
 
 
 def neurons_of(
-    node: NirNode, signal: Signal, size: int, dt: float, how: Discretisation, reset: Reset, where: str
+    node: NirNode,
+    signal: Signal,
+    size: int,
+    dt: float,
+    how: Discretisation,
+    reset: Reset,
+    where: str,
 ) -> Stated:
     """Return the neurons of a node."""
     values = {name: node.each(name, size, "neuron", where) for name in node.parameters}
@@ -93,7 +102,11 @@ def neurons_of(
     scaled = Signal(signal.scaled(stepping.spike).terms, constant)
     if node.kind in READOUTS:
         return _read_out(scaled, stepping, leak, where)
-    reset, limit = ("zero", values["threshold"]) if node.kind == "Threshold" else (reset, values["v_threshold"])
+    reset, limit = (
+        ("zero", values["threshold"])
+        if node.kind == "Threshold"
+        else (reset, values["v_threshold"])
+    )
     soft = reset in ("subtract", "late-subtract")
     zero = leak if soft else floor
     _check_threshold(limit, zero, "v_leak, where it starts" if soft else "the reset", where)
@@ -109,7 +122,9 @@ def neurons_of(
     if (stepping.decay_u == 1).all():
         held = Cuba.of(size, decay_u=stepping.decay_v, decay_v=1.0, threshold=limit - zero)
         return Stated(held, scaled, drop, nothing)
-    return Stated(SoftCuba(stepping.decay_u, stepping.decay_v, limit - zero, drop), scaled, nothing, nothing)
+    return Stated(
+        SoftCuba(stepping.decay_u, stepping.decay_v, limit - zero, drop), scaled, nothing, nothing
+    )
 
 
 def _read_out(signal: Signal, stepping: Stepping, leak: FloatArray, where: str) -> Stated:
@@ -118,12 +133,16 @@ def _read_out(signal: Signal, stepping: Stepping, leak: FloatArray, where: str) 
     Potentials are counted from v_leak if all have the same, else from 0.
     """
     if (stepping.decay_v == 0).any():
-        raise InputError(where, "a readout without leak overflows every register", fix="Give it a tau.")
+        raise InputError(
+            where, "a readout without leak overflows every register", fix="Give it a tau."
+        )
     size = len(leak)
     above = leak - leak[0] if (leak == leak[0]).all() else leak
     bias = stepping.decay_v * above
     threshold = np.full(size, _unreached(signal, bias, stepping).max())
-    made = Cuba.of(size, decay_u=stepping.decay_u, decay_v=stepping.decay_v, threshold=threshold, bias=bias)
+    made = Cuba.of(
+        size, decay_u=stepping.decay_u, decay_v=stepping.decay_v, threshold=threshold, bias=bias
+    )
     return Stated(made, signal, np.zeros(size), above)
 
 
@@ -132,25 +151,42 @@ def _check_threshold(limit: FloatArray, zero: FloatArray, name: str, where: str)
     above = limit - zero
     if (above <= 0).any():
         fix = "Train with a threshold above v_reset and v_leak, and above 0."
-        raise InputError(where, f"the threshold is not above {name}", measured=f"by {above[above <= 0][0]:g}", fix=fix)
+        raise InputError(
+            where,
+            f"the threshold is not above {name}",
+            measured=f"by {above[above <= 0][0]:g}",
+            fix=fix,
+        )
 
 
 def _lost(tau: FloatArray, dt: float, how: Discretisation, name: str, where: str) -> FloatArray:
     """Return the share that a time constant loses in a step."""
     if (tau <= 0).any():
-        raise InputError(where, f"{name} must be above 0", measured=f"{tau.min():g}", fix="Correct it.")
+        raise InputError(
+            where, f"{name} must be above 0", measured=f"{tau.min():g}", fix="Correct it."
+        )
     if how != "euler":
         return np.asarray(-np.expm1(-dt / tau))
     if (dt > tau * (1 + 1e-6)).any():
         fix = "Give a smaller --dt, or --discretisation exact or hold."
-        raise InputError(where, f"{name} is shorter than a step", measured=f"{tau.min():g} s against {dt:g} s", fix=fix)
+        raise InputError(
+            where,
+            f"{name} is shorter than a step",
+            measured=f"{tau.min():g} s against {dt:g} s",
+            fix=fix,
+        )
     return np.minimum(dt / tau, 1.0)
 
 
 def _leaky(p: dict[str, FloatArray], dt: float, how: Discretisation, where: str) -> Stepping:
     lost = _lost(p["tau"], dt, how, "tau", where)
     gain = _gain(p["r"], lost, where)
-    return Stepping(np.ones_like(lost), lost, gain if how != "exact" else _gain(p["r"], dt / p["tau"], where), gain)
+    return Stepping(
+        np.ones_like(lost),
+        lost,
+        gain if how != "exact" else _gain(p["r"], dt / p["tau"], where),
+        gain,
+    )
 
 
 def _integrating(p: dict[str, FloatArray], dt: float, how: Discretisation, where: str) -> Stepping:
@@ -159,9 +195,14 @@ def _integrating(p: dict[str, FloatArray], dt: float, how: Discretisation, where
     return Stepping(np.ones_like(gain), np.zeros_like(gain), gain, gain)
 
 
-def _current_based(p: dict[str, FloatArray], dt: float, how: Discretisation, where: str) -> Stepping:
+def _current_based(
+    p: dict[str, FloatArray], dt: float, how: Discretisation, where: str
+) -> Stepping:
     tau_syn, tau_mem = p["tau_syn"], p["tau_mem"]
-    u, v = (_lost(tau, dt, how, name, where) for tau, name in ((tau_syn, "tau_syn"), (tau_mem, "tau_mem")))
+    u, v = (
+        _lost(tau, dt, how, name, where)
+        for tau, name in ((tau_syn, "tau_syn"), (tau_mem, "tau_mem"))
+    )
     weight = p.get("w_in", np.ones_like(u))
     settled = _gain(p["r"], v, where) * weight
     spike = p["r"] * weight * dt * _alpha(tau_syn, tau_mem, dt) if how == "exact" else settled * u
@@ -201,7 +242,9 @@ _STEPPING: dict[str, Callable[[dict[str, FloatArray], float, Discretisation, str
 
 def _unreached(signal: Signal, bias: FloatArray, stepping: Stepping) -> FloatArray:
     """Return thresholds that no input reaches, up or down, even with all of one sign in every step, and the bias."""
-    most = np.abs(signal.constant) + np.sum([row_sums(matrix(t.weights, np.float64)) for t in signal.terms], axis=0)
+    most = np.abs(signal.constant) + np.sum(
+        [row_sums(matrix(t.weights, np.float64)) for t in signal.terms], axis=0
+    )
     # The start at rest adds to this for some steps.
     reached = most / (stepping.decay_u * stepping.decay_v) + 2 * np.abs(bias) / stepping.decay_v
     return np.where(reached > 0, reached, 1.0) * _UNREACHED

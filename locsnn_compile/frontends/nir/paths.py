@@ -41,8 +41,12 @@ class Paths:
 def _ahead(pairs: set[Pair], names: list[str], inputs: int) -> set[Pair]:
     """Return the pairs that close no loop: what leads to the population of a loop nearest to the input closes it."""
     index = {name: k for k, name in enumerate(names)}
-    ends = np.array([(index[a], index[b]) for a, b in sorted(pairs)], dtype=np.int64).reshape(-1, 2).T
-    near = csgraph.dijkstra(_links(ends, len(names)), indices=range(inputs), unweighted=True, min_only=True)
+    ends = (
+        np.array([(index[a], index[b]) for a, b in sorted(pairs)], dtype=np.int64).reshape(-1, 2).T
+    )
+    near = csgraph.dijkstra(
+        _links(ends, len(names)), indices=range(inputs), unweighted=True, min_only=True
+    )
     while True:
         loop = csgraph.connected_components(_links(ends, len(names)), connection="strong")[1]
         nearest = np.full(len(names), np.inf)

@@ -40,22 +40,36 @@ class Signal(Frozen, eq=False):
         """Return the sum of signals; 0 if there are none."""
         found = tuple(parts)
         terms = tuple(term for part in found for term in part.terms)
-        return cls(terms, np.sum([part.constant for part in found], axis=0) if found else np.zeros(size))
+        return cls(
+            terms, np.sum([part.constant for part in found], axis=0) if found else np.zeros(size)
+        )
 
     def through(self, weights: Any, constant: FloatArray | float, where: str) -> Signal:
         """Return the output of a linear layer with weights (m, n) and a constant for this signal."""
-        terms = tuple(Term(t.source, t.delay, product(weights, t.weights, where)) for t in self.terms)
+        terms = tuple(
+            Term(t.source, t.delay, product(weights, t.weights, where)) for t in self.terms
+        )
         return Signal(terms, weights @ self.constant + constant)
 
     def scaled(self, factor: FloatArray) -> Signal:
         """Return it with each value multiplied by its factor, (n,)."""
         rows = sparse.diags_array(factor)
-        return Signal(tuple(Term(t.source, t.delay, rows @ t.weights) for t in self.terms), self.constant * factor)
+        return Signal(
+            tuple(Term(t.source, t.delay, rows @ t.weights) for t in self.terms),
+            self.constant * factor,
+        )
 
     def delayed(self, steps: IntArray) -> Signal:
         """Return it with each value delayed by its own number of steps, (n,)."""
-        rows = {late: sparse.diags_array((steps == late).astype(np.float64)) for late in np.unique(steps).tolist()}
-        terms = (Term(t.source, t.delay + late, own @ t.weights) for t in self.terms for late, own in rows.items())
+        rows = {
+            late: sparse.diags_array((steps == late).astype(np.float64))
+            for late in np.unique(steps).tolist()
+        }
+        terms = (
+            Term(t.source, t.delay + late, own @ t.weights)
+            for t in self.terms
+            for late, own in rows.items()
+        )
         return Signal(tuple(terms), self.constant)
 
     def aligned(self, late: Mapping[str, int]) -> Signal:
@@ -68,15 +82,21 @@ class Signal(Frozen, eq=False):
         by_source: dict[str, dict[int, Any]] = {}
         for term in self.terms:
             delays = by_source.setdefault(term.source, {})
-            delays[term.delay] = delays[term.delay] + term.weights if term.delay in delays else term.weights
-        rows = ((source, *joined) for source, delays in by_source.items() for joined in _joined(delays))
+            delays[term.delay] = (
+                delays[term.delay] + term.weights if term.delay in delays else term.weights
+            )
+        rows = (
+            (source, *joined) for source, delays in by_source.items() for joined in _joined(delays)
+        )
         return tuple(Projection(source, target, weights, delay) for source, weights, delay in rows)
 
 
 def _joined(delays: Mapping[int, Any]) -> list[tuple[Matrix, int | IntArray]]:
     """Return pairs (weights, delay) for one source: a single pair with an array of delays if no connection has two."""
     held = {delay: _canonical(weights) for delay, weights in delays.items()}
-    held = {delay: weights for delay, weights in held.items() if weights.nnz} or dict(list(held.items())[:1])
+    held = {delay: weights for delay, weights in held.items() if weights.nnz} or dict(
+        list(held.items())[:1]
+    )
     merged = _canonical(sum(abs(weights) for weights in held.values()))
     if len(held) == 1 or merged.nnz != sum(weights.nnz for weights in held.values()):
         return [(compact(weights), delay) for delay, weights in held.items()]

@@ -14,9 +14,23 @@ from scipy import sparse
 from hw_model.values import FloatArray
 from locsnn_compile.data.recordings import STEP_SECONDS
 from locsnn_compile.errors import InputError, check_known, check_same, listed
-from locsnn_compile.frontends.nir.flat import NEURONS, READOUTS, FlatGraph, flatten_graph, linear_order, targets_of
+from locsnn_compile.frontends.nir.flat import (
+    NEURONS,
+    READOUTS,
+    FlatGraph,
+    flatten_graph,
+    linear_order,
+    targets_of,
+)
 from locsnn_compile.frontends.nir.graph import NirGraph, NirNode, read_nir
-from locsnn_compile.frontends.nir.neurons import DT_SECONDS, Discretisation, Reset, Stated, neurons_of, nir_assumptions
+from locsnn_compile.frontends.nir.neurons import (
+    DT_SECONDS,
+    Discretisation,
+    Reset,
+    Stated,
+    neurons_of,
+    nir_assumptions,
+)
 from locsnn_compile.frontends.nir.paths import Paths
 from locsnn_compile.frontends.nir.signals import Signal, Term
 from locsnn_compile.frontends.parts import STEPS, Parts
@@ -47,10 +61,14 @@ def load_nir(
     signals = _signals(flat, view, seconds, where)
     parts, order = Parts([view]), _in_order(flat)
     arriving = {name: _arriving(flat, signals, name, f"{where}, node {name!r}") for name in order}
-    paths = Paths(((term.source, name) for name in order for term in arriving[name].terms), [view.name], order)
+    paths = Paths(
+        ((term.source, name) for name in order for term in arriving[name].terms), [view.name], order
+    )
     for found in order:
         place, size = f"{where}, node {found!r}", flat.size(found)
-        given = arriving[found].aligned({t.source: paths.late(t.source, found) for t in arriving[found].terms})
+        given = arriving[found].aligned(
+            {t.source: paths.late(t.source, found) for t in arriving[found].terms}
+        )
         stated = neurons_of(flat.nodes[found], given, size, seconds, how, after, place)
         parts.populations.append(Population(found, "time", size, stated.neuron))
         parts.projections += _onto(found, stated, paths.depths[found]).projections(found)
@@ -72,7 +90,11 @@ def load_nir(
 
 def _slow_loops(arriving: dict[str, Signal], paths: Paths) -> tuple[str, ...]:
     """Return a sentence on the connection that is slowest against a framework's, if a loop has one."""
-    rows = ((t.delay + paths.late(t.source, name), t.source, name) for name in arriving for t in arriving[name].terms)
+    rows = (
+        (t.delay + paths.late(t.source, name), t.source, name)
+        for name in arriving
+        for t in arriving[name].terms
+    )
     early, source, target = min(rows, default=(0, "", ""))
     steps = "a step" if early == -1 else f"{-early} steps"
     said = "A loop over several populations takes a step for each of them here, and one step in a framework"
@@ -81,7 +103,11 @@ def _slow_loops(arriving: dict[str, Signal], paths: Paths) -> tuple[str, ...]:
 
 def _left_out(flat: FlatGraph) -> tuple[str, ...]:
     """Return a sentence on weights that lead nowhere, if there are any."""
-    idle = [repr(name) for name, targets in targets_of(flat.sources).items() if name in flat.layers and not targets]
+    idle = [
+        repr(name)
+        for name, targets in targets_of(flat.sources).items()
+        if name in flat.layers and not targets
+    ]
     return (f"The weights of {listed(idle)} feed no node and were left out.",) if idle else ()
 
 
@@ -100,8 +126,14 @@ def _onto(name: str, stated: Stated, depth: int) -> Signal:
             terms.append(Term(START, 1, _column(-(1 - neuron.decay_u) * missing)))
     if np.any(stated.driven):
         # With the constant, whose current grows, this makes the potential the rest in the first step of the layer.
-        terms.append(Term(START, depth - 1, _column(stated.driven * (1 - neuron.decay_u * neuron.decay_v))))
-        terms.append(Term(START, depth, _column(-stated.driven * (1 - neuron.decay_u) * (1 - neuron.decay_v))))
+        terms.append(
+            Term(START, depth - 1, _column(stated.driven * (1 - neuron.decay_u * neuron.decay_v)))
+        )
+        terms.append(
+            Term(
+                START, depth, _column(-stated.driven * (1 - neuron.decay_u) * (1 - neuron.decay_v))
+            )
+        )
     return Signal(tuple(terms), stated.signal.constant)
 
 
@@ -130,17 +162,25 @@ def _input(flat: FlatGraph, where: str) -> InputView:
     """Return the view of a graph's inputs; refuse a graph without inputs or neurons, or with an integrator."""
     for name in flat.named("I"):
         what = "an integrator without leak or threshold overflows every register"
-        raise InputError(f"{where}, node {name!r}", what, fix="Use an LI with a long tau, or an IF.")
+        raise InputError(
+            f"{where}, node {name!r}", what, fix="Use an LI with a long tau, or an IF."
+        )
     names = flat.named("Input")
     if not names:
-        raise InputError(where, "a graph needs an Input", fix="Add an Input node before the first weights.")
+        raise InputError(
+            where, "a graph needs an Input", fix="Add an Input node before the first weights."
+        )
     for name in names:
         for source in flat.sources[name]:
             place, fix = f"{where}, node {name!r}", "Connect it to the nodes that the Input feeds."
-            raise InputError(place, "an edge leads into an Input", measured=f"from {source!r}", fix=fix)
+            raise InputError(
+                place, "an edge leads into an Input", measured=f"from {source!r}", fix=fix
+            )
     if not flat.named(*NEURONS):
         raise InputError(where, "it has no neurons", fix="Export a network with LIF neurons.")
-    return InputView(names[0] if len(names) == 1 else INPUTS, "time", sum(flat.size(name) for name in names))
+    return InputView(
+        names[0] if len(names) == 1 else INPUTS, "time", sum(flat.size(name) for name in names)
+    )
 
 
 def _in_order(flat: FlatGraph) -> list[str]:
@@ -177,14 +217,29 @@ def _arriving(flat: FlatGraph, signals: dict[str, Signal], name: str, where: str
     sources = flat.sources[name]
     sizes = {flat.size(source) for source in sources}
     if len(sizes) > 1:
-        raise InputError(where, "its inputs differ in size", measured=f"{sorted(sizes)}", fix="Make them one size.")
+        raise InputError(
+            where,
+            "its inputs differ in size",
+            measured=f"{sorted(sizes)}",
+            fix="Make them one size.",
+        )
     graded = [source for source in sources if flat.nodes[source].kind in READOUTS]
     if graded and flat.nodes[name].kind not in ("Output", "Pass", "Flatten"):
         fix = "End the graph at that node, or make it a LIF."
-        raise InputError(where, f"it takes the potential of {graded[0]!r}, and the chip sends spikes only", fix=fix)
+        raise InputError(
+            where,
+            f"it takes the potential of {graded[0]!r}, and the chip sends spikes only",
+            fix=fix,
+        )
     size = sizes.pop() if sizes else flat.size(name)
     if flat.nodes[name].kind in NEURONS:
-        check_same(size, flat.size(name), where, "its input has another size", fix="Give it a neuron for each value.")
+        check_same(
+            size,
+            flat.size(name),
+            where,
+            "its input has another size",
+            fix="Give it a neuron for each value.",
+        )
     return Signal.total((signals[source] for source in sources), size)
 
 
@@ -198,7 +253,9 @@ def _passed(flat: FlatGraph, name: str, signal: Signal, dt: float, where: str) -
     if node.kind == "Delay":
         return signal.delayed(_delay_steps(node, size, dt, where))
     layer = flat.layers[name]
-    check_same(size, layer.weights.shape[1], where, "its input has another size", fix="Correct its weight.")
+    check_same(
+        size, layer.weights.shape[1], where, "its input has another size", fix="Correct its weight."
+    )
     return signal.through(layer.weights, layer.constant, where)
 
 
@@ -208,17 +265,24 @@ def _delay_steps(node: NirNode, size: int, dt: float, where: str) -> Any:
     whole = np.rint(steps)
     bad = steps[(steps < -0.01) | (np.abs(steps - whole) > 0.01) | (whole > 1e6)]
     if bad.size:
-        what, fix = "a delay is not a whole number of steps from 0 to 1e+06", "Correct it, or give another --dt."
+        what, fix = (
+            "a delay is not a whole number of steps from 0 to 1e+06",
+            "Correct it, or give another --dt.",
+        )
         raise InputError(where, what, measured=f"{bad[0]:g} steps of {dt:g} s", fix=fix)
     return whole.astype(np.int64)
 
 
-def _potentials_from(flat: FlatGraph, outputs: tuple[str, ...], depth: dict[str, int], where: str) -> int | None:
+def _potentials_from(
+    flat: FlatGraph, outputs: tuple[str, ...], depth: dict[str, int], where: str
+) -> int | None:
     """Return the step from which potentials of readouts equal those of a framework; None if outputs spike."""
     graded = [name for name in outputs if flat.nodes[name].kind in READOUTS]
     if graded and len(graded) < len(outputs):
         fix = "Keep outputs of one kind."
-        raise InputError(f"{where}, node {graded[0]!r}", "some outputs are potentials, others spikes", fix=fix)
+        raise InputError(
+            f"{where}, node {graded[0]!r}", "some outputs are potentials, others spikes", fix=fix
+        )
     return max(depth[name] for name in graded) if graded else None
 
 
@@ -227,7 +291,9 @@ def _outputs(flat: FlatGraph, where: str) -> tuple[str, ...]:
     found: list[str] = []
     waiting = flat.named("Output")
     if not waiting:
-        raise InputError(where, "a graph needs an Output", fix="Add an Output node behind the last neurons.")
+        raise InputError(
+            where, "a graph needs an Output", fix="Add an Output node behind the last neurons."
+        )
     while waiting:
         name = waiting.pop(0)
         kind = flat.nodes[name].kind
@@ -242,5 +308,7 @@ def _outputs(flat: FlatGraph, where: str) -> tuple[str, ...]:
     outputs = tuple(dict.fromkeys(found))
     sizes = {flat.size(name) for name in outputs}
     if len(sizes) > 1:
-        raise InputError(where, "its outputs differ in size", measured=f"{sorted(sizes)}", fix="Keep one Output.")
+        raise InputError(
+            where, "its outputs differ in size", measured=f"{sorted(sizes)}", fix="Keep one Output."
+        )
     return outputs

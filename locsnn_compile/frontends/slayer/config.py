@@ -78,18 +78,29 @@ def axis_of(name: str) -> Axis:
 def read_config(path: Path) -> SlayerConfig:
     """Read a description, every entry checked; ``InputError`` for other files."""
     where, fix = f"config {path.name!r}", "Give slayerPytorch's network description."
-    values = load_yaml(read_bytes(path, where, MAX_CONFIG_BYTES, "Give only the YAML."), where, "it is not YAML", fix)
+    values = load_yaml(
+        read_bytes(path, where, MAX_CONFIG_BYTES, "Give only the YAML."),
+        where,
+        "it is not YAML",
+        fix,
+    )
     if not isinstance(values, dict):
         raise InputError(where, "it does not describe a network", fix=fix)
     simulation = _section(values, "simulation", where)
     ts = _number(simulation, "Ts", where, least=1e-6)
-    samples = _number(simulation, "tSample", where, least=0) if "tSample" in simulation else math.nan
+    samples = (
+        _number(simulation, "tSample", where, least=0) if "tSample" in simulation else math.nan
+    )
     steps = int(samples / ts) if samples >= ts and samples / ts <= 1_000_000 else None
     section = _section(values, "neuron", where)
     key = next((key for key in ("location_neuron", "locationNeuron") if key in values), "neuron")
     location = {**section, **_section(values, key, where)}
     if location.get("type") != section.get("type"):
-        raise InputError(f"{where}, {key}.type", "it differs from the type of the other neurons", fix="Leave it out.")
+        raise InputError(
+            f"{where}, {key}.type",
+            "it differs from the type of the other neurons",
+            fix="Leave it out.",
+        )
     layers = parse_layers(values["layer"], where) if "layer" in values else ()
     neurons = _neuron(section, ts, where), _neuron(location, ts, where)
     return SlayerConfig(*neurons, ts, steps, _order(values, where), layers)
@@ -98,20 +109,36 @@ def read_config(path: Path) -> SlayerConfig:
 def _neuron(section: Mapping[Any, Any], ts: float, where: str) -> SrmAlpha | LoihiNeuron:
     kind = section.get("type")
     if kind == "SRMALPHA":
-        theta, tau_sr, tau_ref = (_number(section, key, where, least=1e-6) for key in ("theta", "tauSr", "tauRef"))
-        return SrmAlpha(theta, tau_sr / ts, tau_ref / ts, _number(section, "scaleRef", where, least=0))
+        theta, tau_sr, tau_ref = (
+            _number(section, key, where, least=1e-6) for key in ("theta", "tauSr", "tauRef")
+        )
+        return SrmAlpha(
+            theta, tau_sr / ts, tau_ref / ts, _number(section, "scaleRef", where, least=0)
+        )
     if kind == "LOIHI":
-        threshold, decay_v, decay_u = (_whole(section, key, where) for key in ("vThMant", "vDecay", "iDecay"))
+        threshold, decay_v, decay_u = (
+            _whole(section, key, where) for key in ("vThMant", "vDecay", "iDecay")
+        )
         refractory = max(_whole(section, "refDelay", where, 1), 1)
-        return LoihiNeuron(decay_u, decay_v, threshold, refractory, _whole(section, "wgtExp", where, 0))
+        return LoihiNeuron(
+            decay_u, decay_v, threshold, refractory, _whole(section, "wgtExp", where, 0)
+        )
     fix = did_you_mean(str(kind), ("SRMALPHA", "LOIHI"))
     raise InputError(f"{where}, neuron.type", f"{str(kind)[:40]!r} is not known", fix=fix)
 
 
 def parse_layers(held: Any, where: str) -> tuple[LayerEntry, ...]:
     """Return the entries of a ``layer`` list, as slayerPytorch's Loihi networks read it: ``34x34x2, 16c5z, 2a, 10``."""
-    if not isinstance(held, list) or not 0 < len(held) <= MAX_LAYERS or not all(isinstance(e, dict) for e in held):
-        raise InputError(f"{where}, layer", "it is not a list of layers", fix="Give entries such as {dim: 16c5z}.")
+    if (
+        not isinstance(held, list)
+        or not 0 < len(held) <= MAX_LAYERS
+        or not all(isinstance(e, dict) for e in held)
+    ):
+        raise InputError(
+            f"{where}, layer",
+            "it is not a list of layers",
+            fix="Give entries such as {dim: 16c5z}.",
+        )
     return tuple(_entry(entry, f"{where}, layer {i}", first=i == 0) for i, entry in enumerate(held))
 
 
@@ -123,7 +150,9 @@ def _entry(entry: Mapping[Any, Any], where: str, *, first: bool) -> LayerEntry:
         kind, numbers = "input", (1, 1, *numbers)
     if first and kind == "input" and len(numbers) == 2:
         numbers = (*numbers, 1)
-    known = first == (kind == "input") and len(numbers) == _NUMBERS.get(kind) and "neuron" not in entry
+    known = (
+        first == (kind == "input") and len(numbers) == _NUMBERS.get(kind) and "neuron" not in entry
+    )
     if not known or min(numbers) < 1:
         fix = "Give the input first, as 34x34x2, then 16c5z, 2a or 10."
         raise InputError(where, f"dim {dim!r} is not supported there", fix=fix)
@@ -131,7 +160,11 @@ def _entry(entry: Mapping[Any, Any], where: str, *, first: bool) -> LayerEntry:
         return LayerEntry(kind, numbers, stride=numbers[0])
     if kind != "conv":
         return LayerEntry(kind, numbers)
-    given = {key: _whole(entry, key, where) for key in ("stride", "padding", "dilation", "groups") if key in entry}
+    given = {
+        key: _whole(entry, key, where)
+        for key in ("stride", "padding", "dilation", "groups")
+        if key in entry
+    }
     return LayerEntry(kind, numbers, **{"padding": numbers[1] // 2, **given})
 
 
@@ -140,31 +173,52 @@ def _order(values: Mapping[Any, Any], where: str) -> str | None:
     for key in ("location_order", "locationOrder"):
         if key in values:
             order = values[key]
-            if isinstance(order, list) and all(isinstance(n, int) and not isinstance(n, bool) for n in order):
+            if isinstance(order, list) and all(
+                isinstance(n, int) and not isinstance(n, bool) for n in order
+            ):
                 return ",".join(str(n) for n in order[:1000])
             if isinstance(order, str):
                 return order[:4000]
-            raise InputError(f"{where}, {key}", "it is not an order", fix="Give arch, whorl, loop or a list of taxels.")
+            raise InputError(
+                f"{where}, {key}",
+                "it is not an order",
+                fix="Give arch, whorl, loop or a list of taxels.",
+            )
     return None
 
 
 def _section(values: Mapping[Any, Any], name: str, where: str) -> Mapping[Any, Any]:
     section = values.get(name)
     if not isinstance(section, dict):
-        raise InputError(where, f"section {name!r} is missing", fix="Give slayerPytorch's network description.")
+        raise InputError(
+            where, f"section {name!r} is missing", fix="Give slayerPytorch's network description."
+        )
     return section
 
 
 def _number(section: Mapping[Any, Any], key: str, where: str, *, least: float) -> float:
     value = section.get(key)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value <= sys.float_info.max:
+    if (
+        isinstance(value, bool)
+        or not isinstance(value, int | float)
+        or not least <= value <= sys.float_info.max
+    ):
         fix = "Correct it."
-        raise InputError(where, f"{key} must be a number from {least:g} on", measured=f"{value!r}"[:40], fix=fix)
+        raise InputError(
+            where, f"{key} must be a number from {least:g} on", measured=f"{value!r}"[:40], fix=fix
+        )
     return float(value)
 
 
 def _whole(section: Mapping[Any, Any], key: str, where: str, default: int | None = None) -> int:
     value = section.get(key, default)
-    if isinstance(value, bool) or not isinstance(value, int | float) or value != value // 1 or abs(value) > 2**31:
-        raise InputError(where, f"{key} must be a whole number", measured=f"{value!r}"[:40], fix="Correct it.")
+    if (
+        isinstance(value, bool)
+        or not isinstance(value, int | float)
+        or value != value // 1
+        or abs(value) > 2**31
+    ):
+        raise InputError(
+            where, f"{key} must be a whole number", measured=f"{value!r}"[:40], fix="Correct it."
+        )
     return int(value)

@@ -37,7 +37,10 @@ def listed_layers(
 ) -> dict[str, tuple[Matrix, int]]:
     """Return the matrix and the channels of every kernel; the entries after the input belong to them in order."""
     weighted = entries[1:]
-    what, fix = "the YAML lists a different number of layers", "List the input and every layer that has weights."
+    what, fix = (
+        "the YAML lists a different number of layers",
+        "List the input and every layer that has weights.",
+    )
     check_same(len(weighted), len(kernels), where, what, fix=fix)
     width, height, channels = entries[0].numbers
     shape: Shape = (channels, height, width)
@@ -48,7 +51,9 @@ def listed_layers(
     return found
 
 
-def _listed(kernel: FloatArray, entry: LayerEntry, given: Shape, where: str) -> tuple[Matrix, Shape]:
+def _listed(
+    kernel: FloatArray, entry: LayerEntry, given: Shape, where: str
+) -> tuple[Matrix, Shape]:
     if entry.kind == "dense":
         (size,), inputs = entry.numbers, math.prod(given)
         return _shaped(kernel, (size, inputs), f"{size} x {inputs}", where), (size, 1, 1)
@@ -62,7 +67,9 @@ def _listed(kernel: FloatArray, entry: LayerEntry, given: Shape, where: str) -> 
     if entry.kind == "pool":
         return pooling(_shaped(kernel, shape, f"{shape}", where), given, window, where=where)
     whole = (entry.numbers[0], given[0] // max(entry.groups, 1), *shape)
-    return convolution(_shaped(kernel, whole, f"{whole}", where), given, window, groups=entry.groups, where=where)
+    return convolution(
+        _shaped(kernel, whole, f"{whole}", where), given, window, groups=entry.groups, where=where
+    )
 
 
 def _shaped(kernel: FloatArray, shape: Shape, wanted: str, where: str) -> FloatArray:
@@ -71,17 +78,24 @@ def _shaped(kernel: FloatArray, shape: Shape, wanted: str, where: str) -> FloatA
     Another number of weights is refused, and so are axes in another order.
     """
     axes, wanted_axes = ([n for n in sizes if n != 1] for sizes in (kernel.shape, shape))
-    in_order = axes == wanted_axes or (len(shape) == 2 and (shape[0] == 1 or axes[:1] == wanted_axes[:1]))
+    in_order = axes == wanted_axes or (
+        len(shape) == 2 and (shape[0] == 1 or axes[:1] == wanted_axes[:1])
+    )
     if kernel.size == math.prod(shape) and in_order:
         return kernel.reshape(shape)
-    what, fix = "its weights are not those that the YAML lists", "Give the YAML that this checkpoint was trained with."
+    what, fix = (
+        "its weights are not those that the YAML lists",
+        "Give the YAML that this checkpoint was trained with.",
+    )
     raise InputError(where, what, measured=f"{kernel.shape} against {wanted}", fix=fix)
 
 
 def cut(neuron: SrmAlpha | LoihiNeuron) -> SrmAlpha:
     """Return neurons whose kernels end where slayerPytorch ends them; ``InputError`` for neurons without kernels."""
     if not isinstance(neuron, SrmAlpha):
-        raise InputError("kernels 'cut'", "LOIHI neurons have no kernels", fix="Leave the option out.")
+        raise InputError(
+            "kernels 'cut'", "LOIHI neurons have no kernels", fix="Leave the option out."
+        )
     return neuron.cut()
 
 
@@ -92,11 +106,20 @@ def check_kernels(tensors: Mapping[str, Any], config: SlayerConfig, where: str) 
         neuron = config.neuron_of(module)
         if name not in ("srmKernel", "refKernel") or not isinstance(neuron, SrmAlpha):
             continue
-        constants = (neuron.tau_sr, 1.0) if name == "srmKernel" else (neuron.tau_ref, -neuron.scale_ref * neuron.theta)
+        constants = (
+            (neuron.tau_sr, 1.0)
+            if name == "srmKernel"
+            else (neuron.tau_ref, -neuron.scale_ref * neuron.theta)
+        )
         held, made = values.reshape(-1), alpha_taps(*constants)
         shared = min(len(held), len(made))
         scale = max(float(np.abs(made).max(initial=0)), 1e-9)
         apart = np.abs(held[:shared] - made[:shared]).max(initial=0.0)
         if apart > _CLOSE * scale:
-            what, fix = "the kernel is not that of the YAML", "Give the YAML that this checkpoint was trained with."
-            raise InputError(f"{where}, entry {key!r}", what, measured=f"{apart:.3g} apart", fix=fix)
+            what, fix = (
+                "the kernel is not that of the YAML",
+                "Give the YAML that this checkpoint was trained with.",
+            )
+            raise InputError(
+                f"{where}, entry {key!r}", what, measured=f"{apart:.3g} apart", fix=fix
+            )

@@ -27,22 +27,46 @@ from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.data.tensors import FLOATS, Tensor
 from locsnn_compile.data.torch_file import load_plain
 from locsnn_compile.errors import InputError, check_known, check_most, check_same, counted
-from locsnn_compile.frontends.parts import STEPS, VIEW_NAMES, Parts, eight_bit_signs, touch_fingertips
-from locsnn_compile.frontends.slayer.config import DEFAULT_ORDER, LoihiNeuron, SlayerConfig, axis_of, read_config
+from locsnn_compile.frontends.parts import (
+    STEPS,
+    VIEW_NAMES,
+    Parts,
+    eight_bit_signs,
+    touch_fingertips,
+)
+from locsnn_compile.frontends.slayer.config import (
+    DEFAULT_ORDER,
+    LoihiNeuron,
+    SlayerConfig,
+    axis_of,
+    read_config,
+)
 from locsnn_compile.frontends.slayer.layers import check_kernels, cut, dense_layer, listed_layers
 from locsnn_compile.models.checkpoint import FORMAT
 from locsnn_compile.network import projections
 from locsnn_compile.network.chip_neurons import ChipCuba
 from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.network.neurons import SrmAlpha
-from locsnn_compile.network.projections import ChipProjection, Matrix, Projection, matrix, values_of, with_values
+from locsnn_compile.network.projections import (
+    ChipProjection,
+    Matrix,
+    Projection,
+    matrix,
+    values_of,
+    with_values,
+)
 
 MAX_WEIGHTS = 50_000_000
 DELAY_MAX = 62
 KERNELS = ("full", "cut")
 
 _STATE_KEYS = ("state_dict", "model_state_dict", "net", "model")
-_WEIGHT = (".weight", ".weight_g", ".weight_v", *(f".parametrizations.weight.original{i}" for i in range(2)))
+_WEIGHT = (
+    ".weight",
+    ".weight_g",
+    ".weight_v",
+    *(f".parametrizations.weight.original{i}" for i in range(2)),
+)
 _FIX = "Save net.state_dict() with torch.save."
 
 
@@ -72,24 +96,39 @@ def load_slayer(path: Path, config: Path, kernels: str | None = None) -> Network
     data = read_bytes(path, where)
     held = load_plain(data, where, fix=_FIX)
     if isinstance(held, dict) and held.get("format") == FORMAT:
-        raise InputError(where, "config was given, but a checkpoint contains this itself", fix="Leave config out.")
+        raise InputError(
+            where,
+            "config was given, but a checkpoint contains this itself",
+            fix="Leave config out.",
+        )
     description = read_config(config)
     tails: tuple[str, ...] = ()
     if kernels == "cut":
         neurons = description.neuron, description.location_neuron
         description = replace(description, neuron=cut(neurons[0]), location_neuron=cut(neurons[1]))
     elif kernels is None and isinstance(description.neuron, SrmAlpha):
-        tails = ("The reference has the tails of its kernels, which slayerPytorch cuts in training (--kernels full).",)
+        tails = (
+            "The reference has the tails of its kernels, which slayerPytorch cuts in training (--kernels full).",
+        )
     tensors = _tensors(held, where)
     check_kernels(tensors, description, where)
     layers = _layers(tensors, description, where)
-    chains = {axis: [layer for layer in layers if axis_of(layer.name) == axis] for axis in VIEW_NAMES}
+    chains = {
+        axis: [layer for layer in layers if axis_of(layer.name) == axis] for axis in VIEW_NAMES
+    }
     chains = {axis: chain for axis, chain in chains.items() if chain}
     for before, after in (pair for chain in chains.values() for pair in pairwise(chain)):
-        what, fix = f"its inputs are not the neurons of {before.name!r}", "Save the layers of one chain in their order."
+        what, fix = (
+            f"its inputs are not the neurons of {before.name!r}",
+            "Save the layers of one chain in their order.",
+        )
         place, inputs = f"{where}, layer {after.name!r}", after.weights.shape[1]
         check_same(inputs, before.size, place, what, fix=fix)
-    steps = chains["location"][0].weights.shape[1] if "location" in chains else description.steps or STEPS
+    steps = (
+        chains["location"][0].weights.shape[1]
+        if "location" in chains
+        else description.steps or STEPS
+    )
     channels = chains["time"][0].weights.shape[1] if "time" in chains else None
     parts = Parts()
     for axis, chain in chains.items():
@@ -107,14 +146,22 @@ def load_slayer(path: Path, config: Path, kernels: str | None = None) -> Network
     assert channels is not None  # one chain or the other says it
     sizes = [p.size for p in parts.populations if p.name in parts.outputs]
     if len(set(sizes)) > 1:
-        raise InputError(where, "its branches differ in class count", measured=f"{sizes}", fix="Train them together.")
+        raise InputError(
+            where,
+            "its branches differ in class count",
+            measured=f"{sizes}",
+            fix="Train them together.",
+        )
     said: dict[str, Any] = {"any_length": "location" not in chains}
     said |= {"assumptions": (*tails, *_assumed(layers, chains, description, channels))}
     return parts.network_of_file(path, data, channels, steps, description.ts / 1000, **said)
 
 
 def _assumed(
-    layers: tuple[_Layer, ...], chains: Mapping[Axis, list[_Layer]], config: SlayerConfig, channels: int
+    layers: tuple[_Layer, ...],
+    chains: Mapping[Axis, list[_Layer]],
+    config: SlayerConfig,
+    channels: int,
 ) -> Iterator[str]:
     """Yield a sentence for each value that neither the checkpoint nor its description states."""
     if "location" in chains and config.order is None:
@@ -131,7 +178,10 @@ def _walk(order: str, channels: int | None, where: str) -> tuple[Any, int]:
     fingertips = touch_fingertips(count)
     if fingertips is None:
         if order != "loop":
-            what, measured = f"order {order[:40]!r} is only for fingertips", counted(count, "channel")
+            what, measured = (
+                f"order {order[:40]!r} is only for fingertips",
+                counted(count, "channel"),
+            )
             raise InputError(where, what, measured=measured, fix="Use loop.")
         return np.arange(count), count
     return channel_walk(location_order(order, neutouch())[1], neutouch(fingertips)), count
@@ -150,12 +200,20 @@ def _stated(
             late = np.array(np.broadcast_to(of_each, values_of(layer.weights).shape))
     n = config.neuron_of(layer.name)
     if not isinstance(n, LoihiNeuron):
-        return Population(layer.name, axis, size, n), Projection(source, layer.name, layer.weights, late)
-    mantissa = with_values(layer.weights, (2 * np.rint(values_of(layer.weights) / 2)).astype(np.int64))
+        return Population(layer.name, axis, size, n), Projection(
+            source, layer.name, layer.weights, late
+        )
+    mantissa = with_values(
+        layer.weights, (2 * np.rint(values_of(layer.weights) / 2)).astype(np.int64)
+    )
     place, fix = f"{where}, layer {layer.name!r}", "Clamp the weights in training."
     signs = eight_bit_signs(mantissa, place, "-256..254", fix)
-    neuron = ChipCuba.of(size, decay_u=n.decay_u, decay_v=n.decay_v, threshold=n.threshold, refractory=n.refractory)
-    projection = ChipProjection(source, layer.name, matrix(mantissa, np.int64), n.weight_exponent, 8, signs, late)
+    neuron = ChipCuba.of(
+        size, decay_u=n.decay_u, decay_v=n.decay_v, threshold=n.threshold, refractory=n.refractory
+    )
+    projection = ChipProjection(
+        source, layer.name, matrix(mantissa, np.int64), n.weight_exponent, 8, signs, late
+    )
     return Population(layer.name, axis, size, neuron), projection
 
 
@@ -164,7 +222,9 @@ def _tensors(held: object, where: str) -> dict[str, Any]:
     if isinstance(held, dict):
         held = next((held[key] for key in _STATE_KEYS if isinstance(held.get(key), dict)), held)
     if not isinstance(held, dict) or not held:
-        raise InputError(where, "it is not a state dict", measured=f"a {type(held).__name__}", fix=_FIX)
+        raise InputError(
+            where, "it is not a state dict", measured=f"a {type(held).__name__}", fix=_FIX
+        )
     found: dict[str, Any] = {}
     for key, tensor in held.items():
         if not isinstance(key, str) or not (isinstance(tensor, Tensor) or key.endswith(_WEIGHT)):
@@ -173,8 +233,16 @@ def _tensors(held: object, where: str) -> dict[str, Any]:
         if not isinstance(tensor, Tensor) or not tensor.dense or tensor.dtype not in FLOATS:
             measured = tensor.dtype if isinstance(tensor, Tensor) else type(tensor).__name__
             raise InputError(place, "it is not a dense float tensor", measured=measured, fix=_FIX)
-        check_most(len(key), 200, place, "its name is too long", unit="characters", fix="Rename it.")
-        check_most(math.prod(tensor.shape), MAX_WEIGHTS, place, "too many weights", fix="Give a smaller layer.")
+        check_most(
+            len(key), 200, place, "its name is too long", unit="characters", fix="Rename it."
+        )
+        check_most(
+            math.prod(tensor.shape),
+            MAX_WEIGHTS,
+            place,
+            "too many weights",
+            fix="Give a smaller layer.",
+        )
         with np.errstate(invalid="ignore"):
             array = np.array(tensor.array(), dtype=np.float64)
         if not np.isfinite(array).all():
@@ -184,19 +252,29 @@ def _tensors(held: object, where: str) -> dict[str, Any]:
 
 
 def _layers(tensors: Mapping[str, Any], config: SlayerConfig, where: str) -> tuple[_Layer, ...]:
-    names = dict.fromkeys(key.removesuffix(end) for key in tensors for end in _WEIGHT if key.endswith(end))
+    names = dict.fromkeys(
+        key.removesuffix(end) for key in tensors for end in _WEIGHT if key.endswith(end)
+    )
     kernels = {name: _weights(tensors, name, where) for name in names}
     if not kernels:
         raise InputError(where, "it has no weights", measured=f"{list(tensors)[:3]}"[:80], fix=_FIX)
     if config.layers:
         found = listed_layers(kernels, config.layers, where)
     else:
-        found = {name: dense_layer(kernel, f"{where}, layer {name!r}") for name, kernel in kernels.items()}
-    layers = [_Layer(name, matrix(weights, np.float64), channels) for name, (weights, channels) in found.items()]
+        found = {
+            name: dense_layer(kernel, f"{where}, layer {name!r}")
+            for name, kernel in kernels.items()
+        }
+    layers = [
+        _Layer(name, matrix(weights, np.float64), channels)
+        for name, (weights, channels) in found.items()
+    ]
     for key, values in tensors.items():
         if key.endswith(".bias") and values.any():
             fix = "Train without biases, or export the network as NIR."
-            raise InputError(f"{where}, entry {key!r}", "layers of slayerPytorch have no biases", fix=fix)
+            raise InputError(
+                f"{where}, entry {key!r}", "layers of slayerPytorch have no biases", fix=fix
+            )
         if key == "delay" or key.endswith(".delay"):
             _attach(layers, key, values.reshape(-1), config, f"{where}, entry {key!r}")
     return tuple(layers)
@@ -216,23 +294,36 @@ def _attach(layers: list[_Layer], key: str, delay: Any, config: SlayerConfig, wh
         if layer.delays is None and steps.size in (1, layer.size, layer.channels):
             layer.delays = np.repeat(steps, layer.size // steps.size)
             if not beside:
-                layer.assumed += (f"Delays {key!r} are used for layer {layer.name!r}, the first with as many outputs.",)
+                layer.assumed += (
+                    f"Delays {key!r} are used for layer {layer.name!r}, the first with as many outputs.",
+                )
             if (whole > DELAY_MAX).any():
-                layer.assumed += (f"Delays {key!r} above {DELAY_MAX} steps were cut to {DELAY_MAX}.",)
+                layer.assumed += (
+                    f"Delays {key!r} above {DELAY_MAX} steps were cut to {DELAY_MAX}.",
+                )
             return
     fix = "Give one per neuron."
-    raise InputError(where, "no layer has as many outputs", measured=counted(steps.size, "delay"), fix=fix)
+    raise InputError(
+        where, "no layer has as many outputs", measured=counted(steps.size, "delay"), fix=fix
+    )
 
 
 def _weights(tensors: Mapping[str, Any], name: str, where: str) -> FloatArray:
     """Return a layer's weights in their own shape, with weight normalisation multiplied out."""
     held = [tensors.get(name + end) for end in _WEIGHT]
-    plain, gains, directions = held[0], *(next((t for t in held[i::2] if t is not None), None) for i in (1, 2))
+    plain, gains, directions = (
+        held[0],
+        *(next((t for t in held[i::2] if t is not None), None) for i in (1, 2)),
+    )
     if plain is None:
         if gains is None or directions is None:
-            raise InputError(f"{where}, layer {name!r}", "half of its weight normalisation is missing", fix=_FIX)
+            raise InputError(
+                f"{where}, layer {name!r}", "half of its weight normalisation is missing", fix=_FIX
+            )
         norms = np.sqrt((directions**2).sum(axis=tuple(range(1, directions.ndim)), keepdims=True))
         if gains.size != len(directions) or (norms == 0).any():
-            raise InputError(f"{where}, layer {name!r}", "its weight normalisation is not valid", fix=_FIX)
+            raise InputError(
+                f"{where}, layer {name!r}", "its weight normalisation is not valid", fix=_FIX
+            )
         plain = gains.reshape(norms.shape) * directions / norms
     return np.asarray(plain, dtype=np.float64)

@@ -17,7 +17,14 @@ from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm, Refractory, i
 from locsnn_compile.network.neurons import Cuba, SoftCuba
 from locsnn_compile.network.projections import Projection, row_sums
 from locsnn_compile.passes.kernels import keeps, rounded_decays
-from locsnn_compile.passes.rounding.task import Scaled, Task, checked_scale, exponent_holding, largest_charge, own_grid
+from locsnn_compile.passes.rounding.task import (
+    Scaled,
+    Task,
+    checked_scale,
+    exponent_holding,
+    largest_charge,
+    own_grid,
+)
 
 
 def quantize_cuba(neuron: Cuba, task: Task) -> Scaled:
@@ -35,9 +42,15 @@ def quantize_cuba(neuron: Cuba, task: Task) -> Scaled:
     # What holds a steady input at the threshold: no charge of a step is larger if potentials stay below it.
     holding = (1 - keeps(decay_u)) * (1 - keeps(decay_v)) / gain
     bounded = _stays_below(neuron, task.incoming, holding)
-    room = (1 << chip.registers.charge_bits) / 64 / holding.max() if bounded else _room(neuron, task.incoming, chip)
+    room = (
+        (1 << chip.registers.charge_bits) / 64 / holding.max()
+        if bounded
+        else _room(neuron, task.incoming, chip)
+    )
     # A bias acts on the voltage only; the value at which it settles is preserved.
-    bias = neuron.bias * np.divide(decay_v / 4096, neuron.decay_v, out=np.ones(size), where=neuron.decay_v > 0)
+    bias = neuron.bias * np.divide(
+        decay_v / 4096, neuron.decay_v, out=np.ones(size), where=neuron.decay_v > 0
+    )
     over = 1 if neuron.rule == ">=" else 0
     heaviest = float((task.largest * gain / neuron.threshold).max())
     strongest = float((np.abs(bias) / neuron.threshold).max())
@@ -46,11 +59,15 @@ def quantize_cuba(neuron: Cuba, task: Task) -> Scaled:
     mantissa_max = int(min(chip.registers.threshold_mantissa_max, max(room, lossless, 1.0)))
     if strongest > bias_max / 128:
         measured = f"one bias reaches {strongest:.6g} thresholds against {bias_max / 128:.0f}"
-        raise task.no_scale("largest bias", measured, "Train with smaller biases, or a higher threshold.")
+        raise task.no_scale(
+            "largest bias", measured, "Train with smaller biases, or a higher threshold."
+        )
     cap = int(min(bias_max / strongest / 64 - 1, mantissa_max)) if strongest else mantissa_max
     exponent, threshold = checked_scale(task, heaviest, cap, over, bounded=bounded)
     scale = (64 * threshold + over) / neuron.threshold
-    made = ChipCuba(decay_u, decay_v, integers(threshold, size), *_bias(bias * scale, chip), neuron.refractory)
+    made = ChipCuba(
+        decay_u, decay_v, integers(threshold, size), *_bias(bias * scale, chip), neuron.refractory
+    )
     return Scaled(made, scale, gain, exponent)
 
 
@@ -59,7 +76,9 @@ def _stays_below(neuron: Cuba, incoming: Sequence[Projection], holding: FloatArr
 
     ``holding`` (n,): the share of a potential that an input has to bring in every step to hold it there.
     """
-    driven = np.abs(neuron.bias) * neuron.decay_u + np.sum([row_sums(p.weights) for p in incoming], axis=0)
+    driven = np.abs(neuron.bias) * neuron.decay_u + np.sum(
+        [row_sums(p.weights) for p in incoming], axis=0
+    )
     return bool(((holding > 0) & (driven <= holding * neuron.threshold)).all())
 
 
@@ -84,7 +103,9 @@ def _room(neuron: Cuba, incoming: Sequence[Projection], chip: Chip) -> float:
 def _bias(values: FloatArray, chip: Chip) -> tuple[IntArray, IntArray]:
     """Round to mantissas (n,) times the smallest powers of two that hold them."""
     most = (1 << chip.registers.bias_mantissa_bits) - 1
-    exponent = np.array([math.ceil(math.log2(v / most)) if v > most else 0 for v in np.abs(values)], dtype=np.int64)
+    exponent = np.array(
+        [math.ceil(math.log2(v / most)) if v > most else 0 for v in np.abs(values)], dtype=np.int64
+    )
     mantissa = np.clip(np.rint(values / 2.0**exponent), -most, most).astype(np.int64)
     return mantissa, exponent
 
@@ -101,7 +122,9 @@ def quantize_soft(neuron: SoftCuba, task: Task) -> Scaled:
     most = min(held, largest_charge(chip))
     if deepest > most:
         measured = f"a spike takes {deepest:.3g} thresholds against {most}"
-        raise task.no_scale("drop of a spike", measured, "Train with a smaller drop, or a higher threshold.")
+        raise task.no_scale(
+            "drop of a spike", measured, "Train with a smaller drop, or a higher threshold."
+        )
     cap = int(most / max(deepest, 1.0))
     exponent, threshold = checked_scale(task, heaviest, cap, 0)
     drop = np.rint(threshold * neuron.drop / neuron.threshold).astype(np.int64)
@@ -118,7 +141,9 @@ def _taps(drop: IntArray, decay_u: IntArray, grid: WeightGrid) -> Refractory:
         for part, exponent in _parts(charge, grid)
         if part.any()
     ]
-    delay, mantissa, exponent = zip(*rows, strict=True) if rows else ((), np.zeros((0, len(drop))), ())
+    delay, mantissa, exponent = (
+        zip(*rows, strict=True) if rows else ((), np.zeros((0, len(drop))), ())
+    )
     return Refractory.of(len(drop), mantissa, exponent, delay)
 
 

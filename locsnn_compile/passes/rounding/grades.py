@@ -12,7 +12,13 @@ import numpy as np
 from hw_model.arithmetic.fixed_point import WEIGHT_EXPONENTS
 from hw_model.values import BoolArray, FloatArray, Frozen, IntArray
 from locsnn_compile.network.chip_neurons import ChipNeuron
-from locsnn_compile.network.projections import ChipProjection, Projection, of_target, values_of, with_values
+from locsnn_compile.network.projections import (
+    ChipProjection,
+    Projection,
+    of_target,
+    values_of,
+    with_values,
+)
 from locsnn_compile.passes.rounding.task import Scaled, Task
 
 MANTISSA_BITS = 8
@@ -31,7 +37,9 @@ class Grades(Frozen):
     held: tuple[int, ...]
 
     @classmethod
-    def holding(cls, largest: float, weight_bits: int, *, count: int = GRADES, split: bool = False) -> "Grades":
+    def holding(
+        cls, largest: float, weight_bits: int, *, count: int = GRADES, split: bool = False
+    ) -> "Grades":
         """Return ``count`` grades for magnitudes up to ``largest`` quanta, and those of second synapses, if any."""
         top = coarsest(weight_bits)
         highest = next((k for k in range(top) if np.rint(largest / 2**k) < 1 << weight_bits), top)
@@ -41,7 +49,10 @@ class Grades(Frozen):
 
     def grade(self, magnitude: FloatArray) -> IntArray:
         """Return, for each magnitude, the finest grade that holds it with one more step, else the coarsest."""
-        most = [float(self.largest_of(np.array(k)) - (1 << k if self.weight_bits > 1 else 0)) for k in self.held]
+        most = [
+            float(self.largest_of(np.array(k)) - (1 << k if self.weight_bits > 1 else 0))
+            for k in self.held
+        ]
         index = np.minimum(np.searchsorted(most, magnitude), len(self.held) - 1)
         return np.array(self.held, dtype=np.int64)[index]
 
@@ -58,7 +69,9 @@ class Grades(Frozen):
         """Return the weight exponent of a grade's format."""
         return grade + self.weight_bits - MANTISSA_BITS
 
-    def parts(self, quanta: IntArray, grade: IntArray, split: BoolArray) -> Iterator[tuple[IntArray, int]]:
+    def parts(
+        self, quanta: IntArray, grade: IntArray, split: BoolArray
+    ) -> Iterator[tuple[IntArray, int]]:
         """Yield (mantissas, exponent) for every grade in use, finest first; effective weights add up."""
         magnitude, sign = np.abs(quanta), np.sign(quanta)
         first = magnitude >> grade << grade
@@ -84,7 +97,9 @@ def grades_for(largest: float, task: Task, neuron: ChipNeuron) -> Grades:
     own = FORMATS_OF_TAPS if taps else int(kinds == 1 and neuron.strategy != "native")
     left = task.chip.limits.synapse_formats_per_core - own
     count = max(1, min(count, left // (2 * kinds * (2 if split else 1))))
-    return Grades.holding(largest, task.grid.weight_bits, count=count if task.rounding.graded else 1, split=split)
+    return Grades.holding(
+        largest, task.grid.weight_bits, count=count if task.rounding.graded else 1, split=split
+    )
 
 
 def nearest(quanta: FloatArray, step: IntArray, most: IntArray) -> IntArray:
@@ -105,7 +120,12 @@ def shares(quanta: IntArray, dendrites: int, step: IntArray | int) -> list[IntAr
 
 
 def in_grades(
-    p: Projection, quanta: IntArray, grade: IntArray, split: BoolArray, grades: Grades, dendrites: int = 1
+    p: Projection,
+    quanta: IntArray,
+    grade: IntArray,
+    split: BoolArray,
+    grades: Grades,
+    dendrites: int = 1,
 ) -> list[ChipProjection]:
     """Return a projection, with values in quanta, as one projection per dendrite and grade; with zeros if all are 0.
 
@@ -114,7 +134,9 @@ def in_grades(
     made = []
     step = 1 << np.where(split, grades.second_grade(grade), grade)
     for dendrite, share in enumerate(shares(quanta, dendrites, step)):
-        parts = list(grades.parts(share, grade, split)) or [(share, grades.exponent(grades.held[0]))]
+        parts = list(grades.parts(share, grade, split)) or [
+            (share, grades.exponent(grades.held[0]))
+        ]
         for mantissa, exponent in parts:
             form = with_values(p.weights, mantissa), exponent, grades.weight_bits
             made.append(ChipProjection(p.source, p.target, *form, delay=p.delay, dendrite=dendrite))
@@ -127,7 +149,10 @@ def round_apart(task: Task, scaled: Scaled) -> list[list[ChipProjection]]:
     The largest weights are the ones that are split. Returns the projections that each incoming one becomes.
     """
     incoming, dendrites = task.incoming, scaled.neuron.dendrites
-    ideal = [values_of(p.weights) * of_target(p.weights, scaled.gain * scaled.scale / 64) for p in incoming]
+    ideal = [
+        values_of(p.weights) * of_target(p.weights, scaled.gain * scaled.scale / 64)
+        for p in incoming
+    ]
     largest = max((float(np.abs(part).max(initial=0.0)) for part in ideal), default=0.0)
     grades = grades_for(largest / dendrites, task, scaled.neuron)
     grade = [grades.grade(np.abs(part) / dendrites) for part in ideal]
@@ -149,4 +174,6 @@ def _coarsest(ideal: Sequence[FloatArray], share: float) -> list[BoolArray]:
     marked = np.zeros(len(flat), dtype=np.bool_)
     marked[np.argsort(-flat, kind="stable")[:count]] = True
     ends = np.cumsum([part.size for part in ideal])[:-1]
-    return [piece.reshape(part.shape) for piece, part in zip(np.split(marked, ends), ideal, strict=True)]
+    return [
+        piece.reshape(part.shape) for piece, part in zip(np.split(marked, ends), ideal, strict=True)
+    ]

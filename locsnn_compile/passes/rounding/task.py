@@ -55,7 +55,12 @@ class Task(Frozen, eq=False):
 
     def no_scale(self, other: str, measured: str, fix: str) -> TargetError:
         """Return the error for neurons that no threshold mantissa from 1 up would fit."""
-        return TargetError(self.where, f"no scale holds both the threshold and the {other}", measured=measured, fix=fix)
+        return TargetError(
+            self.where,
+            f"no scale holds both the threshold and the {other}",
+            measured=measured,
+            fix=fix,
+        )
 
     @property
     def largest(self) -> FloatArray:
@@ -128,7 +133,10 @@ def exponent_and_threshold(
     )
     cap = min(cap, max(1, int(min(room) / 64)))
     most = heaviest_weight(chip)
-    fits = [min(grid.high * 2**e, most) / heaviest - over / 64 if heaviest else math.inf for e in range(8)]
+    fits = [
+        min(grid.high * 2**e, most) / heaviest - over / 64 if heaviest else math.inf
+        for e in range(8)
+    ]
     exponent = max((e for e, threshold in enumerate(fits) if threshold <= cap), default=None)
     if exponent is not None:
         # Some weights are more thresholds than a mantissa holds: they need a larger exponent for a threshold of 1.
@@ -137,7 +145,9 @@ def exponent_and_threshold(
     return min(0, exponent_holding(heaviest * (cap + over / 64), grid)), cap
 
 
-def checked_scale(task: Task, heaviest: float, cap: int, over: int, *, bounded: bool = False) -> tuple[int, int]:
+def checked_scale(
+    task: Task, heaviest: float, cap: int, over: int, *, bounded: bool = False
+) -> tuple[int, int]:
     """Return the result of :func:`exponent_and_threshold` for a task; ``bounded``: potentials never pass the threshold.
 
     Refuses a threshold mantissa below 1, with which a weight would be larger than the largest of the grid.
@@ -147,5 +157,7 @@ def checked_scale(task: Task, heaviest: float, cap: int, over: int, *, bounded: 
     if threshold < 1:
         most = min(grid.high * 2.0 ** WEIGHT_EXPONENTS[-1], heaviest_weight(chip)) / (1 + over / 64)
         measured = f"one weight reaches {heaviest:.3g} thresholds against {most:.0f}"
-        raise task.no_scale("largest weight", measured, "Train with smaller weights, or a higher threshold.")
+        raise task.no_scale(
+            "largest weight", measured, "Train with smaller weights, or a higher threshold."
+        )
     return exponent, threshold

@@ -30,7 +30,9 @@ class Metric(Frozen, eq=False):
         return cls(order, np.linalg.cholesky((inverse + inverse.T) / 2).T.astype(np.float64))
 
 
-def round_together(metric: Metric, ideal: FloatArray, step: IntArray, most: IntArray, beam: int) -> IntArray:
+def round_together(
+    metric: Metric, ideal: FloatArray, step: IntArray, most: IntArray, beam: int
+) -> IntArray:
     """Return whole multiples of ``step`` (m, n), at most ``most`` in magnitude, near ``ideal`` (m, n) in the metric G.
 
     Where ``step`` is 0, the weight is 0. ``beam`` candidates per neuron are continued.
@@ -44,7 +46,9 @@ def round_together(metric: Metric, ideal: FloatArray, step: IntArray, most: IntA
     return rounded
 
 
-def _beam(factor: FloatArray, ideal: FloatArray, step: FloatArray, most: FloatArray, *, beam: int) -> IntArray:
+def _beam(
+    factor: FloatArray, ideal: FloatArray, step: FloatArray, most: FloatArray, *, beam: int
+) -> IntArray:
     """Round columns from left to right; ``left`` (m, candidates, columns) holds the targets of the remaining ones."""
     m, n = ideal.shape
     left, cost, row = ideal[:, None], np.zeros((m, 1)), np.arange(m)[:, None]
@@ -52,7 +56,9 @@ def _beam(factor: FloatArray, ideal: FloatArray, step: FloatArray, most: FloatAr
     for j in range(n):
         unit, limit = step[:, None, j], most[:, None, j]
         below = np.floor(left[:, :, 0] / np.where(unit > 0, unit, 1.0)) * unit
-        tried = np.clip(np.stack((below, below + unit), axis=2), -limit[:, :, None], limit[:, :, None])
+        tried = np.clip(
+            np.stack((below, below + unit), axis=2), -limit[:, :, None], limit[:, :, None]
+        )
         error = (left[:, :, :1] - tried) / factor[j, j]
         costs = cost[:, :, None] + error**2
         # Equal neighbours count once.

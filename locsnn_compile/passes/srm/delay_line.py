@@ -69,10 +69,15 @@ def lay_out(neuron: SrmAlpha, decay: int, thresholds: Iterable[int], task: Task)
         measured += f"; {chip.name} has delay_max {chip.registers.delay_max}"
         other = "reset" if chip.open_core and not chip.open_core.join else "dendrite"
         raise TargetError(task.where, what, measured=measured, fix=f"Use strategy {other}.")
-    mantissa, exponent = found.mantissa[: last + 1, :, chosen], found.exponent[: last + 1, :, chosen]
+    mantissa, exponent = (
+        found.mantissa[: last + 1, :, chosen],
+        found.exponent[: last + 1, :, chosen],
+    )
     delay, part = np.nonzero(mantissa)
     taps = {"mantissa": mantissa[delay, part], "exponent": exponent[delay, part], "delay": delay}
-    return ChipSrm.with_taps(task.population.size, decay=decay, threshold=int(candidates[chosen]), **taps)
+    return ChipSrm.with_taps(
+        task.population.size, decay=decay, threshold=int(candidates[chosen]), **taps
+    )
 
 
 def _taps(chip: Chip) -> int:
@@ -80,7 +85,9 @@ def _taps(chip: Chip) -> int:
     return min(chip.registers.delay_max + 1, TAPS_MAX)
 
 
-def _round_taps(neuron: SrmAlpha, decay: int, theta: FloatArray, taps: int, grid: WeightGrid) -> _Rounded:
+def _round_taps(
+    neuron: SrmAlpha, decay: int, theta: FloatArray, taps: int, grid: WeightGrid
+) -> _Rounded:
     """Round the charges lag by lag, for thetas (candidates,) in units of the registers."""
     keep = (DECAY_ONE - decay) / DECAY_ONE
     tau = max(neuron.tau_ref, -1.0 / math.log(keep) if keep else 0.0)
@@ -104,7 +111,9 @@ def _round_taps(neuron: SrmAlpha, decay: int, theta: FloatArray, taps: int, grid
     return _Rounded(*(np.stack(column) for column in zip(*rows, strict=True)))
 
 
-def _round(charge: FloatArray, exponents: IntArray, fine: FloatArray, grid: WeightGrid) -> tuple[IntArray, IntArray]:
+def _round(
+    charge: FloatArray, exponents: IntArray, fine: FloatArray, grid: WeightGrid
+) -> tuple[IntArray, IntArray]:
     """Return mantissas and exponents (2, candidates) of charges in units of 64; the second row holds large rests."""
     first = _round_once(charge, exponents, grid)
     rest = charge - first[0] * 2.0 ** first[1]
@@ -112,11 +121,15 @@ def _round(charge: FloatArray, exponents: IntArray, fine: FloatArray, grid: Weig
     return np.stack((first[0], second[0])), np.stack((first[1], second[1]))
 
 
-def _round_once(charge: FloatArray, exponents: IntArray, grid: WeightGrid) -> tuple[IntArray, IntArray]:
+def _round_once(
+    charge: FloatArray, exponents: IntArray, grid: WeightGrid
+) -> tuple[IntArray, IntArray]:
     """Return mantissas and the smallest exponents that hold charges (candidates,), in units of 64."""
     largest = (grid.high + grid.step / 2) * 2.0**exponents
     exponent = exponents[np.minimum(np.searchsorted(largest, np.abs(charge)), len(exponents) - 1)]
-    mantissa: IntArray = np.sign(charge).astype(np.int64) * grid.round(np.abs(charge) / 2.0**exponent)
+    mantissa: IntArray = np.sign(charge).astype(np.int64) * grid.round(
+        np.abs(charge) / 2.0**exponent
+    )
     return mantissa, exponent
 
 

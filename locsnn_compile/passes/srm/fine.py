@@ -19,7 +19,14 @@ from locsnn_compile.network.neurons import SrmAlpha, alpha_recursion
 from locsnn_compile.network.projections import Projection
 from locsnn_compile.network.projections import charge as charge_of
 from locsnn_compile.passes.kernels import keeps
-from locsnn_compile.passes.rounding.grades import Grades, coarsest, grades_for, in_grades, nearest, shares
+from locsnn_compile.passes.rounding.grades import (
+    Grades,
+    coarsest,
+    grades_for,
+    in_grades,
+    nearest,
+    shares,
+)
 from locsnn_compile.passes.rounding.task import Rounded, Scaled, Task, heaviest_weight, own_grid
 from locsnn_compile.passes.rounding.together import Metric, round_together
 from locsnn_compile.passes.srm.quantize import dendrite_charge, of_a_dendrite, whole_mantissas
@@ -68,7 +75,11 @@ _known: WeakKeyDictionary[Calibration, dict[Any, Drive | None]] = WeakKeyDiction
 
 
 def drive_of(
-    neuron: SrmAlpha, incoming: tuple[Projection, ...], decays: tuple[int, int], gain: float, calibration: Calibration
+    neuron: SrmAlpha,
+    incoming: tuple[Projection, ...],
+    decays: tuple[int, int],
+    gain: float,
+    calibration: Calibration,
 ) -> Drive | None:
     """Return the drive of SRM neurons through an alpha dendrite with these decays and this gain.
 
@@ -82,10 +93,18 @@ def drive_of(
 
 
 def _drive_of(
-    neuron: SrmAlpha, incoming: tuple[Projection, ...], decays: tuple[int, int], gain: float, calibration: Calibration
+    neuron: SrmAlpha,
+    incoming: tuple[Projection, ...],
+    decays: tuple[int, int],
+    gain: float,
+    calibration: Calibration,
 ) -> Drive | None:
     weights = [p.weights for p in incoming]
-    if not incoming or any(sparse.issparse(w) for w in weights) or any(np.ndim(p.delay) for p in incoming):
+    if (
+        not incoming
+        or any(sparse.issparse(w) for w in weights)
+        or any(np.ndim(p.delay) for p in incoming)
+    ):
         return None
     joined = np.hstack(weights)
     m, n = joined.shape
@@ -93,10 +112,18 @@ def _drive_of(
         return None
     a, c = alpha_recursion(neuron.tau_sr)
     keep_u, keep_v = (float(keep) for keep in keeps(np.array(decays)))
-    gram, wanted, rate, peak, steps = np.zeros((n, n)), np.zeros((m, n)), np.zeros(n), np.zeros(m), 0
+    gram, wanted, rate, peak, steps = (
+        np.zeros((n, n)),
+        np.zeros((m, n)),
+        np.zeros(n),
+        np.zeros(m),
+        0,
+    )
     for start in range(0, calibration.samples, CHUNK):
         here = slice(start, start + CHUNK)
-        spikes = np.concatenate([_arriving(calibration.spikes[p.source][here], p) for p in incoming], axis=2)
+        spikes = np.concatenate(
+            [_arriving(calibration.spikes[p.source][here], p) for p in incoming], axis=2
+        )
         x = _filtered(spikes, keep_u, keep_v).reshape(-1, n)
         exact = _filtered(spikes, a, a).reshape(-1, n) * c
         gram += x.T @ x
@@ -124,7 +151,10 @@ def _arriving(spikes: ByteArray, p: Projection) -> FloatArray:
 
 def _filtered(arriving: FloatArray, keep_u: float, keep_v: float) -> FloatArray:
     """Return the response of two first-order filters in a row, (batch, steps, n)."""
-    answer, before, twice_before = np.empty_like(arriving), *np.zeros((2, len(arriving), arriving.shape[2]))
+    answer, before, twice_before = (
+        np.empty_like(arriving),
+        *np.zeros((2, len(arriving), arriving.shape[2])),
+    )
     for step in range(arriving.shape[1]):
         np.add(arriving[:, step], before, out=answer[:, step])
         before = twice_before + (keep_u + keep_v) * answer[:, step]
@@ -154,7 +184,11 @@ def fine_srm(neuron: SrmAlpha, known: Task, plain: Scaled) -> Rounded | None:
     if rounding.scaled_apart and made.refractory.decay is not None:
         made = _scaled_apart(task, made)
     quanta, grade, split, grades = _rounded(task, made, BEAM)
-    columns = zip(task.incoming, *(np.split(part, _ends(task), axis=1) for part in (quanta, grade, split)), strict=True)
+    columns = zip(
+        task.incoming,
+        *(np.split(part, _ends(task), axis=1) for part in (quanta, grade, split)),
+        strict=True,
+    )
     projections = [in_grades(p, q, g, two, grades, made.dendrites) for p, q, g, two in columns]
     return Scaled(made, _scale(task, made), plain.gain, plain.exponent), projections
 
@@ -183,14 +217,19 @@ def _at(made: ChipSrm, thresholds: IntArray, mantissas: IntArray, exponent: int)
     assert made.refractory.decay is not None
     size, (u, v) = len(thresholds), (made.decay_u[0], made.decay_v[0])
     own = Refractory.of(size, mantissas[None], exponent, refractory_decay=made.refractory.decay[0])
-    return ChipSrm.of(size, decay_u=u, decay_v=v, threshold=thresholds, refractory=own, dendrites=made.dendrites)
+    return ChipSrm.of(
+        size, decay_u=u, decay_v=v, threshold=thresholds, refractory=own, dendrites=made.dendrites
+    )
 
 
 def _largest_threshold(task: _Task, share: SrmAlpha, dendrites: int) -> float:
     """Return the largest threshold mantissa that registers, and a dendrite's ``share`` of own charges, allow."""
     registers = task.chip.registers
     own = dendrite_charge(share, task.where)
-    caps = [registers.threshold_mantissa_max, dendrites * registers.voltage_max / (64 * HEADROOM_MIN)]
+    caps = [
+        registers.threshold_mantissa_max,
+        dendrites * registers.voltage_max / (64 * HEADROOM_MIN),
+    ]
     return min(*caps, heaviest_weight(task.chip) / own - 1) if own else min(caps)
 
 
@@ -204,7 +243,9 @@ def _threshold_limits(task: _Task) -> FloatArray:
     one_sign = np.maximum(np.maximum(ideal, 0).sum(axis=1), np.maximum(-ideal, 0).sum(axis=1))
     # A neuron without weights, or with negligible ones, has no limit.
     with np.errstate(divide="ignore", over="ignore"):
-        heaviest = float((1 << task.grid.weight_bits) - 1 << coarsest(task.grid.weight_bits)) / largest
+        heaviest = (
+            float((1 << task.grid.weight_bits) - 1 << coarsest(task.grid.weight_bits)) / largest
+        )
         charge = (1 << registers.charge_bits) / 64 / one_sign
         current = (1 << registers.current_bits) / 64 / CURRENT_ROOM / task.drive.peak_current
         limits: FloatArray = np.minimum(np.minimum(heaviest, charge), current) * theta - 1
@@ -226,7 +267,9 @@ def _errors(task: _Task, candidates: ChipSrm, count: int) -> FloatArray:
     error = np.zeros(len(scale))
     for start in range(0, calibration.samples, CHUNK):
         here = slice(start, start + CHUNK)
-        own = np.tile(calibration.spikes[task.population.name][here].astype(np.bool_), (1, 1, count))
+        own = np.tile(
+            calibration.spikes[task.population.name][here].astype(np.bool_), (1, 1, count)
+        )
         wanted = np.tile(calibration.potential[task.population.name][here], (1, 1, count))
         weight = np.exp(-np.abs(wanted / theta - 1) / NEAR)
         charge = np.zeros((*own.shape[:2], len(weights)), dtype=np.int64)
@@ -267,7 +310,9 @@ def _worth_splitting(task: _Task, grades: Grades, grade: IntArray, present: Bool
     """Mark the share of weights with the best ratio of squared error saved to synaptic operations added."""
     saved = (4.0**grade - 4.0 ** grades.second_grade(grade)) * np.diag(task.drive.gram)
     # A silent input costs nothing, and the ridge estimates its worth.
-    value = np.where(present, saved / np.maximum(task.drive.rate, 1 / task.calibration.samples), 0.0)
+    value = np.where(
+        present, saved / np.maximum(task.drive.rate, 1 / task.calibration.samples), 0.0
+    )
     count = round(task.rounding.split * int(present.sum()))
     chosen = np.zeros(value.shape, dtype=np.bool_)
     chosen.flat[np.argsort(-value, axis=None, kind="stable")[:count]] = True

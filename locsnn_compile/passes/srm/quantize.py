@@ -16,7 +16,14 @@ from hw_model.values import FloatArray, IntArray
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm, integers
 from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.passes.kernels import one_decay, two_decays
-from locsnn_compile.passes.rounding.task import Scaled, Task, checked_scale, exponent_holding, heaviest_weight, own_grid
+from locsnn_compile.passes.rounding.task import (
+    Scaled,
+    Task,
+    checked_scale,
+    exponent_holding,
+    heaviest_weight,
+    own_grid,
+)
 from locsnn_compile.passes.srm import delay_line
 from locsnn_compile.settings import STRATEGIES
 
@@ -50,7 +57,9 @@ def quantize_srm(neuron: SrmAlpha, task: Task) -> Scaled:
     most_own = heaviest_weight(task.chip)
     if own > most_own / 2:
         measured = f"its own spike weighs {own:.3g} thresholds against {most_own / 2:.0f}"
-        raise task.no_scale("refractory kernel", measured, "Use a smaller scale_ref, or strategy reset.")
+        raise task.no_scale(
+            "refractory kernel", measured, "Use a smaller scale_ref, or strategy reset."
+        )
     cap = int(min(most_own / own - 1, mantissa_max)) if own else mantissa_max
     exponent, most = checked_scale(task, heaviest, cap, 1)
     candidates = range(most, max(1, math.ceil(SCALE_SLACK * most)) - 1, -1)
@@ -80,7 +89,11 @@ def _with_dendrites(neuron: SrmAlpha, decay: int, thresholds: Iterable[int], tas
     The chosen threshold mantissa is the one whose refractory weight rounds best.
     """
     refractory_decay = one_decay(neuron.tau_ref, f"{task.where}: tau_ref").u
-    size, grid, charge = task.population.size, own_grid(task.chip), dendrite_charge(neuron, task.where)
+    size, grid, charge = (
+        task.population.size,
+        own_grid(task.chip),
+        dendrite_charge(neuron, task.where),
+    )
 
     def rounded(threshold: int) -> tuple[float, int, int]:
         # v > 64 * threshold is v >= 64 * threshold + 1 for integers: this value stands for theta.
@@ -96,7 +109,9 @@ def _with_dendrites(neuron: SrmAlpha, decay: int, thresholds: Iterable[int], tas
     return ChipSrm.with_taps(size, decay=decay, threshold=threshold, **own)
 
 
-def whole_mantissas(charge: float, thresholds: FloatArray, grid: WeightGrid) -> tuple[IntArray, IntArray, int]:
+def whole_mantissas(
+    charge: float, thresholds: FloatArray, grid: WeightGrid
+) -> tuple[IntArray, IntArray, int]:
     """Return threshold mantissas (k,) near those wanted, their refractory mantissas (k,), and the exponent of all.
 
     ``charge`` is that of an own spike, in thresholds. The scale is free, so it is chosen for the refractory weight: its
@@ -105,7 +120,11 @@ def whole_mantissas(charge: float, thresholds: FloatArray, grid: WeightGrid) -> 
     """
     heaviest = charge * (float(thresholds.max()) + 1 / 64)
     if heaviest < 0.5:
-        return np.maximum(np.floor(thresholds), 1).astype(np.int64), np.zeros(len(thresholds), dtype=np.int64), 0
+        return (
+            np.maximum(np.floor(thresholds), 1).astype(np.int64),
+            np.zeros(len(thresholds), dtype=np.int64),
+            0,
+        )
     exponent = exponent_holding(heaviest, grid)
     step = grid.step * 2.0**exponent
     wanted = charge * (thresholds + 1 / 64) / step
@@ -120,7 +139,13 @@ def _with_resets(neuron: SrmAlpha, decay: int, thresholds: Iterable[int], task: 
     The threshold mantissa is the largest.
     """
     count = min(task.chip.registers.refractory_max, refractory_count(neuron, decay))
-    return ChipCuba.of(task.population.size, decay_u=decay, decay_v=decay, threshold=max(thresholds), refractory=count)
+    return ChipCuba.of(
+        task.population.size,
+        decay_u=decay,
+        decay_v=decay,
+        threshold=max(thresholds),
+        refractory=count,
+    )
 
 
 def refractory_count(neuron: SrmAlpha, decay: int) -> int:

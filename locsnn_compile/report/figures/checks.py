@@ -88,7 +88,9 @@ def _population(found: PopulationMargins) -> Document:
     }
 
 
-def over_time_entry(found: OverTime | str, program: ChipProgram, step_seconds: float | None) -> dict[str, Any]:
+def over_time_entry(
+    found: OverTime | str, program: ChipProgram, step_seconds: float | None
+) -> dict[str, Any]:
     """Return ``over_time``; if predictions were not followed, only the reason."""
     if isinstance(found, str):
         return {"left_out": found}
@@ -101,7 +103,9 @@ def over_time_entry(found: OverTime | str, program: ChipProgram, step_seconds: f
         "psi": found.psi,
         "step_seconds": step_seconds,
         "steps": kept.tolist(),
-        "right": {name: found.right[name][kept - 1].tolist() for name in _ORDER if name in found.right},
+        "right": {
+            name: found.right[name][kept - 1].tolist() for name in _ORDER if name in found.right
+        },
         "proven_stop": savings(program, found.proven),
     }
 
@@ -121,7 +125,14 @@ def choice_document(choice: Choice | None) -> dict[str, Any] | None:
         "candidates": [
             {
                 **asdict(candidate.setting),
-                **picked(candidate, "prediction_agreement", "spike_error", "score_error", "energy_pj", "chip_time_ns"),
+                **picked(
+                    candidate,
+                    "prediction_agreement",
+                    "spike_error",
+                    "score_error",
+                    "energy_pj",
+                    "chip_time_ns",
+                ),
                 "within_budget": candidate.keeps(choice.budget),
             }
             for candidate in choice.candidates

@@ -13,7 +13,13 @@ from locsnn_compile.baselines import operations as paper
 from locsnn_compile.network.network import Network
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.report.content import Document
-from locsnn_compile.report.figures.checks import budget_entry, cause_entry, margins_entry, over_time_entry, spikes_entry
+from locsnn_compile.report.figures.checks import (
+    budget_entry,
+    cause_entry,
+    margins_entry,
+    over_time_entry,
+    spikes_entry,
+)
 from locsnn_compile.report.figures.energy import energy_entry
 from locsnn_compile.report.figures.latency import latency_entry
 from locsnn_compile.report.figures.spread import place
@@ -44,7 +50,11 @@ def report_document(
     core = on_core(program, network.steps, program.chip) if program.chip.open_core else None
     return {
         "schema": SCHEMA,
-        "model": {"name": network.name, "sha256": network.sha256, "members": _members(levels, match, energy)},
+        "model": {
+            "name": network.name,
+            "sha256": network.sha256,
+            "members": _members(levels, match, energy),
+        },
         "target": program.chip.name,
         "strategy": program.provenance["strategy"],
         "weight_bits": max(projection.weight_bits for projection in levels.quantized.projections),
@@ -58,14 +68,18 @@ def report_document(
         **({"classes": list(network.class_names)} if network.class_names else {}),
         "operations": {
             "per_sample": _per_sample(counts, samples),
-            "by_branch": {name: _per_sample(c, samples) for name, c in match.counts_by_phase.items()},
+            "by_branch": {
+                name: _per_sample(c, samples) for name, c in match.counts_by_phase.items()
+            },
             "published_method": _published(network, match),
         },
         "energy": energy,
         **({"activity": activity(core, counts, samples)} if core else {}),
         "latency": latency_entry(program, match, network.steps, grounds.step_seconds),
         "resources": _resources(program, core),
-        "ann_comparison": _ann_comparison(network, match, energy["per_sample_pj"], counts["synaptic_ops"] / samples),
+        "ann_comparison": _ann_comparison(
+            network, match, energy["per_sample_pj"], counts["synaptic_ops"] / samples
+        ),
         "skipped": {
             "steps": counts.skipped_steps,
             "events_dropped": counts.events_dropped,
@@ -80,8 +94,16 @@ def report_document(
         "gates": [],
         "quantization": _quantization(levels),
         "range": _range(program),
-        **({"error_budget": budget_entry(diagnosis), "margins": margins_entry(diagnosis)} if diagnosis else {}),
-        **({"over_time": over_time_entry(followed, program, grounds.step_seconds)} if followed else {}),
+        **(
+            {"error_budget": budget_entry(diagnosis), "margins": margins_entry(diagnosis)}
+            if diagnosis
+            else {}
+        ),
+        **(
+            {"over_time": over_time_entry(followed, program, grounds.step_seconds)}
+            if followed
+            else {}
+        ),
     }
 
 
@@ -94,7 +116,11 @@ def _members(levels: Levels, match: Match, energy: Document) -> list[Document]:
     for member in levels.network.members:
         cores = [c for c in levels.program.cores if c.slices[0].group.startswith(f"{member.name}/")]
         by_population = energy["by_population_pj"]
-        its = [found["pj"] for name, found in (by_population or {}).items() if name.startswith(f"{member.name}/")]
+        its = [
+            found["pj"]
+            for name, found in (by_population or {}).items()
+            if name.startswith(f"{member.name}/")
+        ]
         per_sample_pj = None if by_population is None else sum(its)
         alone = chip.timed and not chip.open_core
         per_sample_ns = match.member_ns[member.name] / match.samples if alone else None
@@ -106,7 +132,11 @@ def _members(levels: Levels, match: Match, energy: Document) -> list[Document]:
 def _input(network: Network, match: Match) -> Document:
     """Return the mean steps before the start of recordings: of the phase that starts last, and of each that aligns."""
     aligned = any(view.align_events for view in network.views)
-    steps = {name: counts.aligned_steps / match.samples for name, counts in match.counts_by_phase.items() if aligned}
+    steps = {
+        name: counts.aligned_steps / match.samples
+        for name, counts in match.counts_by_phase.items()
+        if aligned
+    }
     return {"aligned_steps": max(steps.values(), default=0.0), "aligned_steps_by_branch": steps}
 
 
@@ -136,8 +166,17 @@ def _readout(network: Network, match: Match) -> Document:
     spiked = any(match.by_population[name].agreement is not None for name in populations)
     silent = match.tied_predictions == match.samples if read else not spiked
     if not read or read == populations:
-        return {"populations": populations, "by": "potentials" if read else "spikes", "silent": silent}
-    return {"populations": populations, "by": "spikes and potentials", "potentials_of": read, "silent": silent}
+        return {
+            "populations": populations,
+            "by": "potentials" if read else "spikes",
+            "silent": silent,
+        }
+    return {
+        "populations": populations,
+        "by": "spikes and potentials",
+        "potentials_of": read,
+        "silent": silent,
+    }
 
 
 def _per_sample(counts: Counts, samples: int) -> dict[str, float]:
@@ -170,21 +209,31 @@ def _resources(program: ChipProgram, core: CoreProgram | None) -> Document:
     }
     held = {
         "cores": {"used": len(program.cores), "limit": program.chip.cores},
-        **{key: {"used": max(row[key] for row in rows), "limit": limit} for key, limit in of_core.items()},
+        **{
+            key: {"used": max(row[key] for row in rows), "limit": limit}
+            for key, limit in of_core.items()
+        },
     }
     if core and program.chip.open_core:
         use = uses(core.needs, program.chip.open_core)
         chosen = ("word", "one_port")  # by the chip
-        held = {name: {"used": used, "limit": limit} for name, (used, limit) in use.items() if name not in chosen}
+        held = {
+            name: {"used": used, "limit": limit}
+            for name, (used, limit) in use.items()
+            if name not in chosen
+        }
     return {
         "cores": 1 if program.chip.open_core else len(program.cores),
         "compartments": sum(row["compartments"] for row in rows),
         "synapses": sum(row["synapses"] for row in rows),
-        "synapse_bits": sum(row["synapse_words"] for row in rows) * program.chip.synapse_memory.word_bits,
+        "synapse_bits": sum(row["synapse_words"] for row in rows)
+        * program.chip.synapse_memory.word_bits,
         "axons_in": sum(row["axons_in"] for row in rows),
         "axons_out": sum(row["axons_out"] for row in rows),
         "limits": held,
-        "mesh": picked(program.chip, "chips") | picked(limits, "cores_per_chip") | asdict(program.chip.mesh),
+        "mesh": picked(program.chip, "chips")
+        | picked(limits, "cores_per_chip")
+        | asdict(program.chip.mesh),
         "by_core": rows,
     }
 
@@ -223,7 +272,9 @@ def _ann_comparison(network: Network, match: Match, own_pj: float, synaptic_ops:
             "chip_ratio": counted.operations / synaptic_ops if synaptic_ops else None,
             **picked(counted, "macs", "multiplications", "additions"),
             "energy_pj": energies,
-            "energy_ratio": {arithmetic: pj / own_pj if own_pj else None for arithmetic, pj in energies.items()},
+            "energy_ratio": {
+                arithmetic: pj / own_pj if own_pj else None for arithmetic, pj in energies.items()
+            },
             "energy_source": paper.ANN_ENERGY_SOURCE,
             "energy_not_included": list(paper.ANN_NOT_INCLUDED),
         }
@@ -235,7 +286,9 @@ def _ann_counts(name: str, network: Network) -> paper.AnnCounts | None:
     if network.sensor is None:
         return None
     try:
-        return paper.ann_counts(name, sensor=network.sensor, steps=network.steps, classes=network.classes)
+        return paper.ann_counts(
+            name, sensor=network.sensor, steps=network.steps, classes=network.classes
+        )
     except hw.InputError:  # no frames, or a recording too short for that network's kernels
         return None
 
@@ -250,7 +303,9 @@ def _quantization(levels: Levels) -> Document:
             "decay_u": _spread(q.neuron.decay_u),
             "decay_v": _spread(q.neuron.decay_v),
             "kernel_fit": None if q.fit is None else asdict(q.fit),
-            "weight_exponents": [p.exponent for p in quantized.projections if p.target == q.population.name],
+            "weight_exponents": [
+                p.exponent for p in quantized.projections if p.target == q.population.name
+            ],
         }
         for q in quantized.populations
     }
@@ -264,14 +319,19 @@ def _spread(values: AnyArray) -> Any:
 
 def _range(program: ChipProgram) -> Document:
     """Return what is proven of the registers, by group; the period is the longest that a compartment needs."""
-    proven = {core.number: bounds for core, bounds in zip(program.cores, hw.prove_range(program), strict=True)}
+    proven = {
+        core.number: bounds
+        for core, bounds in zip(program.cores, hw.prove_range(program), strict=True)
+    }
 
     def by_column(phase: str, key: str) -> IntArray:
         return program.by_column(phase, lambda core: getattr(proven[core.number], key))
 
     found: Document = {}
     for phase in program.phases:
-        wrap, clip, period = (by_column(phase.name, key) for key in ("cannot_wrap", "cannot_clip", "safe_period"))
+        wrap, clip, period = (
+            by_column(phase.name, key) for key in ("cannot_wrap", "cannot_clip", "safe_period")
+        )
         for group, here in program.columns_of(phase.name).items():
             found[group] = {
                 "compartments": program.populations[group],

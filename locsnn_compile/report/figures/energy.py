@@ -24,7 +24,9 @@ _PLACED = frozenset((*BY_CORE, "neuron_updates_inactive", "hops"))
 """Counts that are known for every step, core and population."""
 
 
-def energy_entry(program: ChipProgram, match: Match, network: Network, step_seconds: float | None) -> Document:
+def energy_entry(
+    program: ChipProgram, match: Match, network: Network, step_seconds: float | None
+) -> Document:
     """Return ``energy`` by the default profile of the chip; figures are means per recording, except for the spread.
 
     All of them are None for a chip without a profile.
@@ -36,7 +38,9 @@ def energy_entry(program: ChipProgram, match: Match, network: Network, step_seco
     pieces = _pieces_pj(program, match, profile)
     recording_ns = None if step_seconds is None else network.steps * step_seconds * 1e9
     static = _static(program, match, recording_ns, profile)
-    by_branch = {phase: _breakdown(c, profile, samples) for phase, c in match.counts_by_phase.items()}
+    by_branch = {
+        phase: _breakdown(c, profile, samples) for phase, c in match.counts_by_phase.items()
+    }
     others = {other: found for other, found in program.chip.profiles.items() if other != name}
     left_out = _left_out(counts, profile, samples, static)
     entry = {
@@ -48,13 +52,19 @@ def energy_entry(program: ChipProgram, match: Match, network: Network, step_seco
         "by_branch_pj": {phase: sum(its.values()) for phase, its in by_branch.items()},
         "by_branch_breakdown_pj": by_branch,
         "by_population_pj": _by_population(program, network, pieces),
-        "by_core_pj": by_core(program, {phase: _cores_pj(program, phase, pj) for phase, pj in pieces.items()}),
+        "by_core_pj": by_core(
+            program, {phase: _cores_pj(program, phase, pj) for phase, pj in pieces.items()}
+        ),
         "by_step_pj": {phase: course(found.sum(axis=1)) for phase, found in pieces.items()},
         "elsewhere_pj": sum(pj for count, pj in breakdown.items() if count not in _PLACED),
         **spread(each, match, "pj"),
-        "other_profiles_pj": {other: _energy_pj(counts, found, samples) for other, found in others.items()},
+        "other_profiles_pj": {
+            other: _energy_pj(counts, found, samples) for other, found in others.items()
+        },
         "other_profiles_by_branch_pj": {
-            other: {phase: _energy_pj(c, found, samples) for phase, c in match.counts_by_phase.items()}
+            other: {
+                phase: _energy_pj(c, found, samples) for phase, c in match.counts_by_phase.items()
+            }
             for other, found in others.items()
         },
         "static": static,
@@ -77,7 +87,10 @@ def _range_pj(counts: Counts, profile: hw.Profile, samples: int) -> list[float |
     """Return the least and the most of the mean energy; None if a constant that was used has no such bound."""
 
     def end(index: int) -> float | None:
-        costs = {name: profile.energy_pj_range.get(name, (pj, pj))[index] for name, pj in profile.energy_pj.items()}
+        costs = {
+            name: profile.energy_pj_range.get(name, (pj, pj))[index]
+            for name, pj in profile.energy_pj.items()
+        }
         if any(cost is None and counts[name] for name, cost in costs.items()):
             return None
         return sum(counts[name] * (cost or 0.0) for name, cost in costs.items()) / samples
@@ -89,7 +102,11 @@ def _pieces_pj(program: ChipProgram, match: Match, profile: hw.Profile) -> dict[
     """Return the mean energy by phase, (steps, pieces)."""
     return {
         phase: sum(
-            (counted(used.counts, name) * pj for name, pj in profile.energy_pj.items() if name in _PLACED),
+            (
+                counted(used.counts, name) * pj
+                for name, pj in profile.energy_pj.items()
+                if name in _PLACED
+            ),
             start=np.zeros(used.counts["spikes"].shape),
         )
         / match.samples
@@ -97,12 +114,16 @@ def _pieces_pj(program: ChipProgram, match: Match, profile: hw.Profile) -> dict[
     }
 
 
-def _by_population(program: ChipProgram, network: Network, pieces: dict[str, FloatArray]) -> Document:
+def _by_population(
+    program: ChipProgram, network: Network, pieces: dict[str, FloatArray]
+) -> Document:
     """Return the energy of each population, and of its own and its joined groups of compartments."""
     names = [population.name for population in network.populations]
     found: Document = {name: {"pj": 0.0, "compartments": {}} for name in names}
     for phase, pj in pieces.items():
-        for group, its in zip(pieces_of(program, phase).group, pj.sum(axis=0).tolist(), strict=True):
+        for group, its in zip(
+            pieces_of(program, phase).group, pj.sum(axis=0).tolist(), strict=True
+        ):
             entry = found[_population_of(group, names)]
             entry["pj"] += its
             entry["compartments"][group] = entry["compartments"].get(group, 0.0) + its
@@ -111,7 +132,11 @@ def _by_population(program: ChipProgram, network: Network, pieces: dict[str, Flo
 
 def _population_of(group: str, names: Sequence[str]) -> str:
     """Return the population of a group of compartments: the same name, or the longest that it extends."""
-    return group if group in names else max((name for name in names if group.startswith(f"{name}/")), key=len)
+    return (
+        group
+        if group in names
+        else max((name for name in names if group.startswith(f"{name}/")), key=len)
+    )
 
 
 def _cores_pj(program: ChipProgram, phase: str, pj: FloatArray) -> list[Document]:
@@ -119,7 +144,9 @@ def _cores_pj(program: ChipProgram, phase: str, pj: FloatArray) -> list[Document
     return [{"pj": value} for value in its.tolist()]
 
 
-def _static(program: ChipProgram, match: Match, recording_ns: float | None, profile: hw.Profile) -> Document | None:
+def _static(
+    program: ChipProgram, match: Match, recording_ns: float | None, profile: hw.Profile
+) -> Document | None:
     """Return the energy of whole chips at rest, over the time of the chip and over that of the sensor."""
     power = profile.static_power
     if power is None:
@@ -134,11 +161,16 @@ def _static(program: ChipProgram, match: Match, recording_ns: float | None, prof
     }
 
 
-def _left_out(counts: Counts, profile: hw.Profile, samples: int, static: Document | None) -> list[Document]:
+def _left_out(
+    counts: Counts, profile: hw.Profile, samples: int, static: Document | None
+) -> list[Document]:
     """Return what the energy leaves out, with an upper bound where one is known."""
     rows = []
     for item in profile.not_included:
-        bound = item.bound_recording_pj + sum(counts[name] * pj for name, pj in item.bound_pj.items()) / samples
+        bound = (
+            item.bound_recording_pj
+            + sum(counts[name] * pj for name, pj in item.bound_pj.items()) / samples
+        )
         known = bool(item.bound_pj) or bound > 0
         rows.append({
             "what": item.what, "at_most_pj": bound if known else None, "bound_source": item.bound_source or None,
@@ -165,5 +197,8 @@ def _constant(profile: hw.Profile, name: str) -> Document:
     row: Document = {"count": name}
     for key in ("energy_pj", "time_ns"):
         ends = getattr(profile, f"{key}_range").get(name)
-        row |= {key: getattr(profile, key).get(name), f"{key}_range": None if ends is None else list(ends)}
+        row |= {
+            key: getattr(profile, key).get(name),
+            f"{key}_range": None if ends is None else list(ends),
+        }
     return row | {"source": profile.source_of(name)}

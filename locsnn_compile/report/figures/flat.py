@@ -33,7 +33,9 @@ def flatten(value: object, key: str = "") -> Figures:
 def csv_bytes(rows: Sequence[Mapping[str, Any]]) -> bytes:
     """Return rows as a table with a column for each key of any row; nothing for no rows."""
     columns = dict.fromkeys(key for row in rows for key in row)
-    return table_bytes(columns, ([row.get(key) for key in columns] for row in rows)) if rows else b""
+    return (
+        table_bytes(columns, ([row.get(key) for key in columns] for row in rows)) if rows else b""
+    )
 
 
 def table_bytes(columns: Iterable[str], rows: Iterable[Iterable[Any]]) -> bytes:

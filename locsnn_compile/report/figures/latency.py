@@ -23,7 +23,9 @@ _IN_THE_MESH = (
 """Figures of the latency that only cores on a mesh have."""
 
 
-def latency_entry(program: ChipProgram, match: Match, steps: int, step_seconds: float | None) -> Document:
+def latency_entry(
+    program: ChipProgram, match: Match, steps: int, step_seconds: float | None
+) -> Document:
     """Return ``latency`` by the default profile of the chip; figures are means per recording, except for the spread.
 
     For an open core the cycles are known, but not what they consist of.
@@ -33,7 +35,10 @@ def latency_entry(program: ChipProgram, match: Match, steps: int, step_seconds: 
     last = [one.critical_core for one in match.latencies]
     mean_ns = match.mean_ns
     step_ns = None if step_seconds is None else step_seconds * 1e9
-    by_part = {phase: {part: ns / samples for part, ns in used.parts_ns.items()} for phase, used in match.usage.items()}
+    by_part = {
+        phase: {part: ns / samples for part, ns in used.parts_ns.items()}
+        for phase, used in match.usage.items()
+    }
     after = [one.after_last_row_ns for one in match.latencies]
     entry = {
         "profile": chip.default_profile,
@@ -49,15 +54,21 @@ def latency_entry(program: ChipProgram, match: Match, steps: int, step_seconds: 
         },
         "by_part_ns": {part: sum(found[part] for found in by_part.values()) for part in PARTS},
         "by_branch_part_ns": by_part,
-        "by_step_ns": {phase: course(used.step_ns / samples) for phase, used in match.usage.items()},
-        "by_core": by_core(program, {phase: _cores_ns(used, samples) for phase, used in match.usage.items()}),
+        "by_step_ns": {
+            phase: course(used.step_ns / samples) for phase, used in match.usage.items()
+        },
+        "by_core": by_core(
+            program, {phase: _cores_ns(used, samples) for phase, used in match.usage.items()}
+        ),
         "critical_paths": _critical_paths(program, match),
         "links": _links(program, match),
         **spread(each, match, "ns"),
         "critical_core": max(sorted(set(last)), key=last.count),
         "recording_ns": None if step_ns is None else steps * step_ns,
         "after_last_row_ns": {"mean": float(np.mean(after)), "max": max(after)},
-        "real_time": None if step_ns is None else _real_time(match, steps, step_ns, mean_ns, float(each.max())),
+        "real_time": None
+        if step_ns is None
+        else _real_time(match, steps, step_ns, mean_ns, float(each.max())),
     }
     return entry | dict.fromkeys(_IN_THE_MESH) if chip.open_core else entry
 
@@ -66,7 +77,11 @@ def _basis(chip: hw.Chip) -> str:
     """Say what times rest on: an open core has exact cycles of a clock as placed or, in cells, as analysed."""
     if not chip.open_core:
         return chip.costs.basis
-    return "cycle-exact model of the RTL core at the analysed clock" if chip.profiles else UNPRICED.basis
+    return (
+        "cycle-exact model of the RTL core at the analysed clock"
+        if chip.profiles
+        else UNPRICED.basis
+    )
 
 
 def _cores_ns(used: PhaseUsage, samples: int) -> Iterator[Document]:
@@ -83,7 +98,14 @@ def _critical_paths(program: ChipProgram, match: Match) -> list[Document]:
     for phase, used in match.usage.items():
         numbers = [core.number for core in program.cores_of(phase)]
         for (sender, last), ns in used.paths_ns.items():
-            rows.append({"phase": phase, "sender": numbers[sender], "last": numbers[last], "ns": ns / match.samples})
+            rows.append(
+                {
+                    "phase": phase,
+                    "sender": numbers[sender],
+                    "last": numbers[last],
+                    "ns": ns / match.samples,
+                }
+            )
     return sorted(rows, key=lambda row: row["ns"], reverse=True)[:_PATHS]
 
 
@@ -92,14 +114,18 @@ def _links(program: ChipProgram, match: Match) -> list[Document]:
     rows = []
     for phase, used in match.usage.items():
         links = routes_of(program, phase).links
-        for (start, end), packets, most in zip(links, used.link_packets.tolist(), used.link_most.tolist(), strict=True):
+        for (start, end), packets, most in zip(
+            links, used.link_packets.tolist(), used.link_most.tolist(), strict=True
+        ):
             if packets:
                 load = {"packets": packets / match.samples, "most_in_a_step": most}
                 rows.append({"phase": phase, "from": list(start), "to": list(end), **load})
     return rows
 
 
-def _real_time(match: Match, steps: int, step_ns: float, mean_ns: float, most_ns: float) -> Document:
+def _real_time(
+    match: Match, steps: int, step_ns: float, mean_ns: float, most_ns: float
+) -> Document:
     """Return how the chip keeps up with a sensor whose steps last ``step_ns``."""
     slowest = max(one.slowest_step_ns for one in match.latencies)
     return {

@@ -41,11 +41,20 @@ def program_figures(program: hw.ChipProgram) -> Document:
             parts.setdefault(piece.group, []).append(held)
     groups = {name: _group(its) for name, its in parts.items()}
     registers = asdict(program.chip.registers)
-    return {"cores": len(program.cores), "registers": registers, "groups": groups, "contents": _contents(program)}
+    return {
+        "cores": len(program.cores),
+        "registers": registers,
+        "groups": groups,
+        "contents": _contents(program),
+    }
 
 
 def _contents(program: hw.ChipProgram) -> dict[str, str]:
-    chip = {key: value for key, value in asdict(program.chip).items() if key not in ("name", "description", "document")}
+    chip = {
+        key: value
+        for key, value in asdict(program.chip).items()
+        if key not in ("name", "description", "document")
+    }
     parts: dict[str, Any] = {**program_document(program), "chip": chip}
     for core in parts.pop("cores"):
         for key, value in core.items():
@@ -53,7 +62,11 @@ def _contents(program: hw.ChipProgram) -> dict[str, str]:
     for key, array in program_arrays(program).items():
         content = sha256(array.astype(np.int64).tobytes()).hexdigest()
         parts.setdefault(re.sub(r"\d+/", "s.", key), []).append((key, content))
-    return {key: sha256(repr(value).encode()).hexdigest()[:12] for key, value in parts.items() if key not in _ORIGIN}
+    return {
+        key: sha256(repr(value).encode()).hexdigest()[:12]
+        for key, value in parts.items()
+        if key not in _ORIGIN
+    }
 
 
 def _group(parts: list[dict[str, AnyArray]]) -> Document:

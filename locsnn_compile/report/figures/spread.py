@@ -16,12 +16,23 @@ BINS = 64
 def spread(each: FloatArray, match: Match, unit: str) -> Document:
     """Return the spread of a cost over recordings, the costliest recording, and the classes, None without labels."""
     most, labels = int(each.argmax()), match.labels
-    ends = {"min": each.min(), "p50": np.median(each), "p99": np.quantile(each, 0.99), "max": each.max()}
-    worst = {"recording": most, "class": None if labels is None else int(labels[most]), unit: float(each[most])}
+    ends = {
+        "min": each.min(),
+        "p50": np.median(each),
+        "p99": np.quantile(each, 0.99),
+        "max": each.max(),
+    }
+    worst = {
+        "recording": most,
+        "class": None if labels is None else int(labels[most]),
+        unit: float(each[most]),
+    }
     return {
         f"over_samples_{unit}": {name: float(value) for name, value in ends.items()},
         "worst_recording": worst,
-        "by_class": None if labels is None else [_of_class(c, each[labels == c], unit) for c in np.unique(labels)],
+        "by_class": None
+        if labels is None
+        else [_of_class(c, each[labels == c], unit) for c in np.unique(labels)],
     }
 
 
@@ -34,7 +45,10 @@ def _of_class(label: int, each: FloatArray, unit: str) -> Document:
 def course(by_step: FloatArray) -> Document:
     """Add up values (steps,) in at most :data:`BINS` bins, all but the last of equal length."""
     length = max(1, -(-len(by_step) // BINS))
-    return {"bin_steps": length, "bins": np.add.reduceat(by_step, np.arange(0, len(by_step), length)).tolist()}
+    return {
+        "bin_steps": length,
+        "bins": np.add.reduceat(by_step, np.arange(0, len(by_step), length)).tolist(),
+    }
 
 
 def place(program: ChipProgram, core: Core) -> Document:

@@ -49,7 +49,10 @@ def log_axis(values: Sequence[float], text: Callable[[float], str]) -> Axis:
         tried = (m * 10.0**decade for decade in range(first - 1, last + 1) for m in (1, 2, 5))
         ticks = tuple(value for value in tried if low - 1e-9 <= math.log10(value) <= high + 1e-9)
     else:
-        ticks = tuple(10.0**decade for decade in range(first, last + 1, max(1, math.ceil((last - first + 1) / 8))))
+        ticks = tuple(
+            10.0**decade
+            for decade in range(first, last + 1, max(1, math.ceil((last - first + 1) / 8)))
+        )
     return Axis(low - beyond, high + beyond, ticks, text, log=True)
 
 
@@ -71,7 +74,9 @@ def round_numbers(low: float, high: float, about: int) -> list[float]:
 def step_axis(steps: range, *, centred: bool) -> Axis:
     """Return an axis of steps with round numbers on it; ``centred`` if a step is as wide as its column."""
     half = 0.5 if centred or len(steps) == 1 else 0.0
-    found = [number for number in round_numbers(steps[0], steps[-1], 6) if number == int(number)] or [float(steps[0])]
+    found = [
+        number for number in round_numbers(steps[0], steps[-1], 6) if number == int(number)
+    ] or [float(steps[0])]
     return Axis(steps[0] - half, steps[-1] + half, tuple(found), "{:,.0f}".format)
 
 

@@ -24,13 +24,20 @@ PIECES = Pieces(__package__, "files.svg", escaped)
 def sheet(width: int, height: int, title: str, style: str, inside: str) -> bytes:
     """Return a picture as a file, with its title, shown and as metadata; ``style`` is a file of further rules."""
     rules = filled(__package__, "sheet.css") + filled(__package__, style)
-    made = PIECES.piece("sheet", None, width=width, height=height, title=title, style=rules, inside=inside)
+    made = PIECES.piece(
+        "sheet", None, width=width, height=height, title=title, style=rules, inside=inside
+    )
     return xml_file(made, xmlns="http://www.w3.org/2000/svg")
 
 
-def chart(title: str, subtitle: str, style: str, panels: Sequence[str], below: int, legend: str = "") -> bytes:
+def chart(
+    title: str, subtitle: str, style: str, panels: Sequence[str], below: int, legend: str = ""
+) -> bytes:
     """Return a chart of drawn panels, with ``below`` pixels under them."""
-    placed = [{"left": i * (WIDTH + _GAP) + _GAP, "top": _TOP, "drawn": drawn} for i, drawn in enumerate(panels)]
+    placed = [
+        {"left": i * (WIDTH + _GAP) + _GAP, "top": _TOP, "drawn": drawn}
+        for i, drawn in enumerate(panels)
+    ]
     inside = PIECES.piece("chart", None, subtitle=subtitle, panels=placed, legend=legend)
     return sheet(len(panels) * (WIDTH + _GAP) + RIGHT, BOTTOM + below, title, style, inside)
 
@@ -76,11 +83,19 @@ def draw(title: str, panels: Sequence[Panel]) -> bytes:
 
 def _panel(panel: Panel) -> str:
     shown = [
-        [(x, y) for x, y in curve.points if (x > 0 or not panel.x_log) and (y > 0 or not panel.y_log)]
+        [
+            (x, y)
+            for x, y in curve.points
+            if (x > 0 or not panel.x_log) and (y > 0 or not panel.y_log)
+        ]
         for curve in panel.curves
     ]
-    x_axis = (log_axis if panel.x_log else linear_axis)([x for held in shown for x, _ in held], _figure)
-    y_axis = (log_axis if panel.y_log else linear_axis)([y for held in shown for _, y in held], _figure)
+    x_axis = (log_axis if panel.x_log else linear_axis)(
+        [x for held in shown for x, _ in held], _figure
+    )
+    y_axis = (log_axis if panel.y_log else linear_axis)(
+        [y for held in shown for _, y in held], _figure
+    )
     curves = []
     for i, (curve, held) in enumerate(zip(panel.curves, shown, strict=True)):
         mine, bottom = places(x_axis, y_axis, held), HEIGHT + _LEGEND + i * _LINE

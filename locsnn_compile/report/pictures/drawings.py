@@ -39,7 +39,9 @@ def percent(value: float) -> str:
     return f"{value:.2f}%"
 
 
-_PIECES = Pieces(__package__, "drawings.svg", lambda text: escape(plain(text)), folded=True, percent=percent)
+_PIECES = Pieces(
+    __package__, "drawings.svg", lambda text: escape(plain(text)), folded=True, percent=percent
+)
 
 
 def patterns() -> str:
@@ -55,7 +57,11 @@ def bar(cell: Bar) -> str:
 def stack(drawn: Stack) -> str:
     """Return one bar cut into its shares, each with its own pattern."""
     starts = accumulate((part.share or 0.0 for part in drawn.shares), initial=0.0)
-    parts = [made for start, part in zip(starts, drawn.shares, strict=False) for made in _part(start, part, 28)]
+    parts = [
+        made
+        for start, part in zip(starts, drawn.shares, strict=False)
+        for made in _part(start, part, 28)
+    ]
     label = f"{drawn.label}: {'; '.join(part.label for part in drawn.shares) or 'nothing'}"
     return _PIECES.piece("track", None, kind="stack", height=28, label=label, parts=parts)
 
@@ -74,7 +80,9 @@ def span(drawn: Span) -> str:
     shares = (value / top if top else 0.0 for value in drawn.values)
     least, median, mean, most = (_FIRST + (_LAST - _FIRST) * share for share in shares)
     label = f"{drawn.title}: {', '.join(f'{fact.label} {fact.value}' for fact in drawn.facts)}; drawn from 0"
-    return _PIECES.piece("span", None, label=label, least=least, median=median, mean=mean, most=most)
+    return _PIECES.piece(
+        "span", None, label=label, least=least, median=median, mean=mean, most=most
+    )
 
 
 def mark(kind: str) -> str:
@@ -89,7 +97,10 @@ def plot(drawn: Plot) -> str:
     """
     bottom = _PLOT_TOP + _PLOT_HEIGHT
     places = ((_PLOT_TOP + (1.0 - at) * _PLOT_HEIGHT, label) for at, label in drawn.y.places)
-    lines = [" ".join(f"{100 * x:.4g},{100 * (1 - y):.4g}" for x, y in drawn.placed(curve)) for curve in drawn.curves]
+    lines = [
+        " ".join(f"{100 * x:.4g},{100 * (1 - y):.4g}" for x, y in drawn.placed(curve))
+        for curve in drawn.curves
+    ]
     marked = None if drawn.marked is None else 100 * drawn.x.place(drawn.marked)
     return _PIECES.piece(
         "plot",
@@ -124,7 +135,14 @@ def raster(drawn: Raster) -> str:
         column, row = drawn.flag
         place, y = (column + 0.5) / drawn.columns, _RASTER_TOP + (row + 0.5) * pixels
         anchor, shift = ("start", 6) if place < 0.5 else ("end", -6)
-        flag = {"x": 100 * place, "y": y, "bottom": bottom, "anchor": anchor, "shift": shift, "label": drawn.flag_label}
+        flag = {
+            "x": 100 * place,
+            "y": y,
+            "bottom": bottom,
+            "anchor": anchor,
+            "shift": shift,
+            "label": drawn.flag_label,
+        }
         flags.append(flag)
     return _PIECES.piece(
         "raster",
@@ -152,7 +170,9 @@ def mesh(drawn: Mesh) -> str:
     core_wide = (wide - gap) / drawn.tile_columns
     tile_high = _CORE * drawn.tile_rows + _GAP
     tiles = [
-        _rectangle("tile", column * wide + gap / 2, row * tile_high, wide - gap, _CORE * drawn.tile_rows)
+        _rectangle(
+            "tile", column * wide + gap / 2, row * tile_high, wide - gap, _CORE * drawn.tile_rows
+        )
         for row, column in product(range(drawn.rows), range(drawn.columns))
     ]
     cores = []
@@ -164,7 +184,14 @@ def mesh(drawn: Mesh) -> str:
         filled = max(2.0, core.share * _CORE)
         outline = _rectangle("core", left, top, core_wide, _CORE)
         parts = [outline, _rectangle("fill", left, top + _CORE - filled, core_wide, filled)]
-        cores.append({"parts": parts, "middle": left + core_wide / 2, "baseline": top + 17, "text": core.text})
+        cores.append(
+            {
+                "parts": parts,
+                "middle": left + core_wide / 2,
+                "baseline": top + 17,
+                "text": core.text,
+            }
+        )
     return _PIECES.piece("mesh", drawn, height=drawn.rows * tile_high, tiles=tiles, drawn=cores)
 
 

@@ -49,24 +49,34 @@ class Panel(Frozen):
 def draw(title: str, subtitle: str, kinds: Sequence[str], panels: Sequence[Panel]) -> bytes:
     """Return the picture as a file; equal input gives equal bytes."""
     legend = _legend(kinds, chart.BOTTOM + _LEGEND)
-    return chart.chart(title, subtitle, "marks.css", [_panel(panel) for panel in panels], _BELOW, legend)
+    return chart.chart(
+        title, subtitle, "marks.css", [_panel(panel) for panel in panels], _BELOW, legend
+    )
 
 
 def _panel(panel: Panel) -> str:
     x_axis = linear_axis([mark.x for mark in panel.marks], panel.x_text)
     y_axis = linear_axis([mark.y for mark in panel.marks], panel.y_text)
     places = chart.places(x_axis, y_axis, [(mark.x, mark.y) for mark in panel.marks])
-    return chart.axes(panel.title, panel.x_label, x_axis, y_axis) + _stair(places) + _marks(panel.marks, places)
+    return (
+        chart.axes(panel.title, panel.x_label, x_axis, y_axis)
+        + _stair(places)
+        + _marks(panel.marks, places)
+    )
 
 
 def _marks(marks: Sequence[Mark], places: Sequence[chart.Point]) -> str:
     """Draw the marks, those on the front last, and label those where there is room."""
     order, drawn = sorted(range(len(marks)), key=lambda i: (marks[i].taken, marks[i].front)), ""
     for i in order:
-        drawn += _shape(marks[i].kind, *places[i], "mark front" if marks[i].front else "mark", marks[i].words)
+        drawn += _shape(
+            marks[i].kind, *places[i], "mark front" if marks[i].front else "mark", marks[i].words
+        )
         drawn += _ring(*places[i], _RING) if marks[i].taken else ""
     sizes = [_RING if mark.taken else _RADIUS for mark in marks]
-    taken = [(x - size, y - size, x + size, y + size) for (x, y), size in zip(places, sizes, strict=True)]
+    taken = [
+        (x - size, y - size, x + size, y + size) for (x, y), size in zip(places, sizes, strict=True)
+    ]
     for i in reversed(order):
         if not (marks[i].front or marks[i].taken):
             continue
@@ -115,7 +125,10 @@ def _legend(kinds: Sequence[str], y: float) -> str:
         *((name, partial(_shape, kind, style="mark")) for kind, name in enumerate(kinds)),
         ("on the front", partial(_shape, 0, style="mark front")),
         ("recommended", partial(_ring, radius=6)),
-        ("best of the two figures", lambda x, y: chart.PIECES.piece("stair", chart.path([(x - 8, y), (x + 8, y)]))),
+        (
+            "best of the two figures",
+            lambda x, y: chart.PIECES.piece("stair", chart.path([(x - 8, y), (x + 8, y)])),
+        ),
     ]
     entries, x = [], 20.0
     for text, shape in shapes:
@@ -129,7 +142,9 @@ def _ring(x: float, y: float, radius: int) -> str:
 
 
 def _shape(kind: int, x: float, y: float, style: str, words: str | None = None) -> str:
-    return chart.PIECES.piece("shape", None, number=kind % _SHAPES, x=x, y=y, style=style, words=words)
+    return chart.PIECES.piece(
+        "shape", None, number=kind % _SHAPES, x=x, y=y, style=style, words=words
+    )
 
 
 def _overlap(one: Box, other: Box) -> bool:

@@ -22,9 +22,20 @@ def csv_files(document: Document, excerpt: "Excerpt | None") -> dict[str, bytes]
     )
     files = {"csv/figures.csv": table_bytes(("section", "name", "unit", "value"), figures)}
     if excerpt is not None:
-        files["csv/spikes.csv"] = table_bytes(("axis", "source", "step", "row", "reference", "chip"), _spikes(excerpt))
+        files["csv/spikes.csv"] = table_bytes(
+            ("axis", "source", "step", "row", "reference", "chip"), _spikes(excerpt)
+        )
         files["csv/potential.csv"] = table_bytes(
-            ("population", "neuron", "step", "reference", "chip", "threshold", "reference_spike", "chip_spike"),
+            (
+                "population",
+                "neuron",
+                "step",
+                "reference",
+                "chip",
+                "threshold",
+                "reference_spike",
+                "chip_spike",
+            ),
             _potential(excerpt),
         )
     return files
@@ -48,6 +59,16 @@ def _spikes(excerpt: "Excerpt") -> Iterable[tuple[Cell, ...]]:
 
 def _potential(excerpt: "Excerpt") -> Iterable[tuple[Cell, ...]]:
     shown = excerpt.potential
-    for i, (reference, chip) in enumerate(zip(shown.reference.tolist(), shown.chip.tolist(), strict=True)):
+    for i, (reference, chip) in enumerate(
+        zip(shown.reference.tolist(), shown.chip.tolist(), strict=True)
+    ):
         fired = int(shown.reference_spikes[i]), int(shown.chip_spikes[i])
-        yield shown.population, shown.neuron, shown.first_step + i, reference, chip, shown.threshold, *fired
+        yield (
+            shown.population,
+            shown.neuron,
+            shown.first_step + i,
+            reference,
+            chip,
+            shown.threshold,
+            *fired,
+        )

@@ -25,7 +25,10 @@ MAX_ROWS = 200
 def render_html(report: content.Report) -> str:
     """Return the page of a report; equal content gives equal bytes."""
     texts = {name: text(getattr(report, name)) for name in ("title", "subtitle", "kind", "footer")}
-    parts = {name: _PIECES.piece(name, report) for name in ("verdicts", "notices", "contents", "sections")}
+    parts = {
+        name: _PIECES.piece(name, report)
+        for name in ("verdicts", "notices", "contents", "sections")
+    }
     return filled(__package__, "page.html", patterns=drawings.patterns(), **texts, **parts)
 
 
@@ -51,7 +54,8 @@ def _table(table: content.Table) -> str:
     kinds = _column_kinds(table)
     named = zip(table.columns, kinds, strict=True)
     heads = "".join(
-        f'<th scope="col"{kind}>{text(name).replace(" %", "&nbsp;%") or _DRAWN}</th>' for name, kind in named
+        f'<th scope="col"{kind}>{text(name).replace(" %", "&nbsp;%") or _DRAWN}</th>'
+        for name, kind in named
     )
     body = "".join(_table_row(kinds, table.rows[i], table.total and i == last) for i in shown)
     look = "plain" if all(table.columns) else "barred"
@@ -62,7 +66,11 @@ def _table(table: content.Table) -> str:
     many = str(len(table.rows))
     if len(table.rows) <= content.MANY_ROWS and not table.folded:
         return made
-    cut = "" if len(shown) == len(table.rows) else f", {len(shown)} of them shown here, all in report.json"
+    cut = (
+        ""
+        if len(shown) == len(table.rows)
+        else f", {len(shown)} of them shown here, all in report.json"
+    )
     return _PIECES.piece("details", table, all=many, cut=cut, made=made)
 
 
@@ -96,4 +104,6 @@ def _breakable(name: str) -> str:
 _DRAWINGS = ("stack", "span", "mark", "plot", "curve_mark", "raster", "stroke_mark", "mesh")
 _SHOWN = {name: getattr(drawings, name) for name in _DRAWINGS}
 _SHOWN |= {"sign": SIGNS.__getitem__, "prose": prose, "table": _table}
-_PIECES = Pieces(__package__, "pieces.html", text, folded=True, given={"assumed": ASSUMED}, **_SHOWN)
+_PIECES = Pieces(
+    __package__, "pieces.html", text, folded=True, given={"assumed": ASSUMED}, **_SHOWN
+)

@@ -27,7 +27,10 @@ def _table(table: content.Table) -> str:
     """Return the table without its drawn columns, below its caption."""
     kept = [i for i, name in enumerate(table.columns) if name]
     rows = [[_cell(row[i]) for i in kept] for row in table.rows]
-    lines = [line([text(table.columns[i]) for i in kept]), line(["---", *("---:" for _ in kept[1:])])]
+    lines = [
+        line([text(table.columns[i]) for i in kept]),
+        line(["---", *("---:" for _ in kept[1:])]),
+    ]
     lines += [line(row) for row in rows]
     return f"**{text(table.caption)}**\n\n" + "\n".join(lines)
 

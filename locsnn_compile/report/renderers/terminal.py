@@ -12,7 +12,13 @@ from locsnn_compile.report.content import Bar, Report, Table, Verdict
 from locsnn_compile.report.format import BEFORE_UNIT, plain, plural, shortened
 from locsnn_compile.report.words import ASSUMED, SIGNS
 
-_STYLES = {"yes": "bold green", "nearly": "bold yellow", "no": "bold red", "unknown": "bold", "modelled": "bold"}
+_STYLES = {
+    "yes": "bold green",
+    "nearly": "bold yellow",
+    "no": "bold red",
+    "unknown": "bold",
+    "modelled": "bold",
+}
 _BAR = 24
 """Characters of a full bar, where there is room."""
 _AFTER_BAR = 9
@@ -25,7 +31,18 @@ _SHOWN_POPULATIONS = 8
 _HELD = "\u00a0"
 """Replaces the blank between a number and its unit while lines are wrapped, to keep the two together."""
 _ASCII = str.maketrans(
-    {"✓": "+", "≈": "~", "✗": "x", "█": "#", "░": ".", "µ": "u", "−": "-", "–": "-", "…": "~", "→": "->"}  # noqa: RUF001
+    {
+        "✓": "+",
+        "≈": "~",
+        "✗": "x",
+        "█": "#",
+        "░": ".",
+        "µ": "u",
+        "\N{MINUS SIGN}": "-",
+        "\N{EN DASH}": "-",
+        "…": "~",
+        "→": "->",
+    }
 )
 
 
@@ -36,7 +53,9 @@ def render_terminal(report: Report, console: Console) -> None:
     """
     _line(console, _short(report.title, 2 * _LONGEST + 4), style="bold")
     _line(console, _short(report.subtitle, 2 * _LONGEST), style="dim")
-    longest = max((len(fact.label) for verdict in report.verdicts for fact in verdict.facts), default=0)
+    longest = max(
+        (len(fact.label) for verdict in report.verdicts for fact in verdict.facts), default=0
+    )
     width = min(max(_LABEL, longest + 1), _WIDEST_LABEL)
     for verdict in report.verdicts:
         console.print()
@@ -65,13 +84,22 @@ def _populations(console: Console, report: Report, width: int) -> None:
 
     Populations without spikes whose names differ in a last number are one line.
     """
-    blocks = (block for section in report.sections if section.key == "agreement" for block in section.blocks)
+    blocks = (
+        block
+        for section in report.sections
+        if section.key == "agreement"
+        for block in section.blocks
+    )
     rows = next((block.rows[:-1] for block in blocks if isinstance(block, Table)), ())
     lines = [list(alike) for _, alike in groupby(rows, _same_line)]
     length = min(max(console.width - 2 - width - _AFTER_BAR, 2), _BAR)
     for alike in lines[:_SHOWN_POPULATIONS]:
         name, bar, equal, *_ = alike[0]
-        drawn = f"{_drawn(bar.share, length)} " if isinstance(bar, Bar) and bar.share is not None else ""
+        drawn = (
+            f"{_drawn(bar.share, length)} "
+            if isinstance(bar, Bar) and bar.share is not None
+            else ""
+        )
         many = f"{len(alike)} populations, " if len(alike) > 1 else ""
         label = f"{str(name).rstrip(digits)}*" if many else str(name)
         _row(console, _ending(label, width - 1), f"{many}{drawn}{equal}", width)
@@ -83,7 +111,11 @@ def _populations(console: Console, report: Report, width: int) -> None:
 def _same_line(row: tuple[str | Bar, ...]) -> tuple[str | Bar, ...]:
     """Return what rows have in common that are one line."""
     name, bar, equal, *_ = row
-    return (name,) if isinstance(bar, Bar) and bar.share is not None else (str(name).rstrip(digits), equal)
+    return (
+        (name,)
+        if isinstance(bar, Bar) and bar.share is not None
+        else (str(name).rstrip(digits), equal)
+    )
 
 
 def _drawn(value: float, length: int) -> str:
@@ -95,10 +127,18 @@ def _drawn(value: float, length: int) -> str:
 
 
 def _row(console: Console, label: str, value: str, width: int) -> None:
-    _line(console, f"  {_short(label, width - 1):<{width}}{value}", style="dim", styled=width, hanging=2 + width)
+    _line(
+        console,
+        f"  {_short(label, width - 1):<{width}}{value}",
+        style="dim",
+        styled=width,
+        hanging=2 + width,
+    )
 
 
-def _line(console: Console, line: str, style: str, *, styled: int | None = None, hanging: int = 2) -> None:
+def _line(
+    console: Console, line: str, style: str, *, styled: int | None = None, hanging: int = 2
+) -> None:
     """Print a line, wrapped to the console with a hanging indent; its first ``styled`` characters in ``style``."""
     folded = textwrap.fill(
         BEFORE_UNIT.sub(_HELD, _readable(console, line)),
@@ -107,7 +147,9 @@ def _line(console: Console, line: str, style: str, *, styled: int | None = None,
         break_on_hyphens=False,
     )
     made = Text(folded.replace(_HELD, " "))
-    letters = len("".join(_readable(console, line[:styled]).split()))  # wrapping changes only the space around them
+    letters = len(
+        "".join(_readable(console, line[:styled]).split())
+    )  # wrapping changes only the space around them
     made.stylize(style, 0, re.match(rf"(?:\s*\S){{{letters}}}", made.plain).end())  # type: ignore[union-attr]
     console.print(made, soft_wrap=True)
 

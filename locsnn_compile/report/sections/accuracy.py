@@ -7,7 +7,16 @@ from itertools import accumulate
 from locsnn_compile.report.content import Curve, Document, Plot, Section, Table
 from locsnn_compile.report.format import NONE, SILENT, agreed, any_value, count, plural, ratio
 from locsnn_compile.report.pictures.axis import Axis
-from locsnn_compile.report.words import STAGES, facts, listed, no_spikes, section, sentence, stage_words, table
+from locsnn_compile.report.words import (
+    STAGES,
+    facts,
+    listed,
+    no_spikes,
+    section,
+    sentence,
+    stage_words,
+    table,
+)
 
 _DRAWN = 8
 """Populations whose margins are drawn; a table has those of all."""
@@ -28,8 +37,15 @@ def error_budget(document: Document) -> Section | None:
     return section(
         "error-budget",
         _checked(budget),
-        table("stages", _stages(variants, [*without, NONE]), total=True, recordings=len(budget["recordings"])),
-        _by_population(variants, that_spike(budget["together"]["by_population"], document["match"])),
+        table(
+            "stages",
+            _stages(variants, [*without, NONE]),
+            total=True,
+            recordings=len(budget["recordings"]),
+        ),
+        _by_population(
+            variants, that_spike(budget["together"]["by_population"], document["match"])
+        ),
         _kernel_tail(budget["kernel_tail"]),
         sentence("kernels cut") if "tails" in budget["alone"] else None,
         facts("recordings", recordings=sample(budget)),
@@ -43,11 +59,17 @@ def margins(document: Document) -> Section | None:
     found = document["margins"]
     populations = found["by_population"]
     drawn = that_spike(populations, document["match"])
-    registers = {name: one | {"drawn": max(one["share_u"], one["share_v"])} for name, one in found["registers"].items()}
+    registers = {
+        name: one | {"drawn": max(one["share_u"], one["share_v"])}
+        for name, one in found["registers"].items()
+    }
     return section(
         "margins",
         table("distances", populations, columns=_nearest(populations)),
-        table("errors", {name: one | {"errors": [*one["error"].values()]} for name, one in populations.items()}),
+        table(
+            "errors",
+            {name: one | {"errors": [*one["error"].values()]} for name, one in populations.items()},
+        ),
         *(_plot(name, populations[name], found["histogram_edges"]) for name in drawn[:_DRAWN]),
         table("registers", registers),
         facts("recordings", recordings=sample(found)),
@@ -60,12 +82,22 @@ def cause(document: Document) -> str | None:
     found = first and first["cause"]
     if not found:
         return None
-    parts = [f"{stage_words(stage)} {_signed(moved)}" for stage, moved in found["moved_by"].items() if moved]
+    parts = [
+        f"{stage_words(stage)} {_signed(moved)}"
+        for stage, moved in found["moved_by"].items()
+        if moved
+    ]
     parts.append(f"their interaction {_signed(found['moved_by_interaction'])}")
     distance = first["reference_potential"] - first["threshold"]
     side = f"{abs(distance):.3g} {'below' if distance < 0 else 'above'}" if distance else "at"
     enough = listed([stage_words(stage) for stage in found["enough_alone"]] or ["no stage"])
-    return sentence("cause", side=side, moved=_signed(found["moved_together"]), parts=listed(parts), enough=enough)
+    return sentence(
+        "cause",
+        side=side,
+        moved=_signed(found["moved_together"]),
+        parts=listed(parts),
+        enough=enough,
+    )
 
 
 def sample(entry: Document, *, named: bool = True) -> str:
@@ -102,12 +134,22 @@ def equal_spikes(agreement: float | None, none: str = SILENT) -> Document:
 def that_spike(populations: Iterable[str], match: Document) -> list[str]:
     """Return the populations without those that are read by potential and do not spike."""
     found = match["by_population"]
-    return [p for p in populations if no_spikes(match, p) == SILENT or found[p]["spike_agreement"] is not None]
+    return [
+        p
+        for p in populations
+        if no_spikes(match, p) == SILENT or found[p]["spike_agreement"] is not None
+    ]
 
 
 def _by_population(variants: Document, shown: Sequence[str]) -> Table:
     rows = tuple(
-        (name, *(agreed(found["by_population"][name]["spike_agreement"], SILENT) for found in variants.values()))
+        (
+            name,
+            *(
+                agreed(found["by_population"][name]["spike_agreement"], SILENT)
+                for found in variants.values()
+            ),
+        )
         for name in shown
     )
     return Table("Spikes equal by population, each stage alone", ("population", *variants), rows)
@@ -116,7 +158,10 @@ def _by_population(variants: Document, shown: Sequence[str]) -> Table:
 def _kernel_tail(tail: Document | None) -> str | None:
     if tail is None:
         return None
-    equal, changed = agreed(tail["spike_agreement"], "none"), plural(tail["predictions_changed"], "prediction")
+    equal, changed = (
+        agreed(tail["spike_agreement"], "none"),
+        plural(tail["predictions_changed"], "prediction"),
+    )
     return sentence("kernel tail", equal=equal, predictions=changed)
 
 
@@ -137,11 +182,24 @@ def _plot(name: str, one: Document, edges: Sequence[float]) -> Plot:
         title=f"{name}: distance to the threshold, and error",
         x_label="thresholds",
         x=Axis(first, last, decades, _power, log=True),
-        y=Axis(math.log10(_LEAST_SHARE), 0.0, (1e-4, 1e-3, 0.01, 0.1, 1.0), lambda part: f"{100 * part:g} %", log=True),
+        y=Axis(
+            math.log10(_LEAST_SHARE),
+            0.0,
+            (1e-4, 1e-3, 0.01, 0.1, 1.0),
+            lambda part: f"{100 * part:g} %",
+            log=True,
+        ),
         curves=tuple(
             Curve(f"neurons and steps {label} than that", points)
-            for label, shares in (("nearer to the threshold", nearer), ("with a larger error", larger))
-            if (points := tuple(point for point in zip(edges, shares, strict=True) if point[1] >= _LEAST_SHARE))
+            for label, shares in (
+                ("nearer to the threshold", nearer),
+                ("with a larger error", larger),
+            )
+            if (
+                points := tuple(
+                    point for point in zip(edges, shares, strict=True) if point[1] >= _LEAST_SHARE
+                )
+            )
         ),
     )
 

@@ -3,7 +3,17 @@
 import math
 
 from locsnn_compile.report.content import Block, Document, Section, Table
-from locsnn_compile.report.format import NONE, any_value, count, energy, known, plural, ratio, share, told_apart
+from locsnn_compile.report.format import (
+    NONE,
+    any_value,
+    count,
+    energy,
+    known,
+    plural,
+    ratio,
+    share,
+    told_apart,
+)
 from locsnn_compile.report.sections.accuracy import cause, equal_spikes
 from locsnn_compile.report.words import listed, no_spikes, section, sentence, share_of, table, words
 
@@ -42,7 +52,9 @@ def operations(document: Document) -> Section:
         Table(
             "Counted on the chip, mean per recording",
             ("operation", *columns),
-            tuple((words(key), *(count(counts[key]) for counts in columns.values())) for key in total),
+            tuple(
+                (words(key), *(count(counts[key]) for counts in columns.values())) for key in total
+            ),
         ),
         table("published operations", published, total=True),
     )
@@ -50,7 +62,11 @@ def operations(document: Document) -> Section:
 
 def defined_anns(document: Document) -> Document:
     """Return the entries of the conventional networks that are defined for this network's input."""
-    return {name: entry for name, entry in document["ann_comparison"].items() if entry["operations"] is not None}
+    return {
+        name: entry
+        for name, entry in document["ann_comparison"].items()
+        if entry["operations"] is not None
+    }
 
 
 def comparison(document: Document) -> Section:
@@ -58,11 +74,22 @@ def comparison(document: Document) -> Section:
     entries = defined_anns(document)
     own = document["operations"]["published_method"]["operations"]
     if not entries:
-        return section("comparison", "No comparison: the published networks are not defined for this network's input.")
+        return section(
+            "comparison",
+            "No comparison: the published networks are not defined for this network's input.",
+        )
     chip = document["operations"]["per_sample"]["synaptic_ops"]
     rows: Document = {
-        "the trained network, on paper": {"operations": own, "ratio": 1 if own else None, "chip_ratio": None},
-        "the program, synaptic operations": {"operations": chip, "ratio": None, "chip_ratio": 1 if chip else None},
+        "the trained network, on paper": {
+            "operations": own,
+            "ratio": 1 if own else None,
+            "chip_ratio": None,
+        },
+        "the program, synaptic operations": {
+            "operations": chip,
+            "ratio": None,
+            "chip_ratio": 1 if chip else None,
+        },
         **{words(name): entry for name, entry in entries.items()},
     }
     most = max(row["operations"] for row in rows.values())
@@ -76,18 +103,31 @@ def _ann_energy(document: Document) -> tuple[Block, ...]:
     entries, own = defined_anns(document), document["energy"]
     first = next(iter(entries.values()))
     arithmetics = list(first["energy_pj"])
-    rows = [("this network, as modelled", NONE, NONE, *(energy(own["per_sample_pj"]) for _ in arithmetics))]
+    rows = [
+        (
+            "this network, as modelled",
+            NONE,
+            NONE,
+            *(energy(own["per_sample_pj"]) for _ in arithmetics),
+        )
+    ]
     for name, entry in entries.items():
         times = {key: known(value, ratio) for key, value in entry["energy_ratio"].items()}
         cells = [f"{energy(entry['energy_pj'][key])} ({times[key]})" for key in arithmetics]
-        rows.append((words(name), count(entry["multiplications"]), count(entry["additions"]), *cells))
+        rows.append(
+            (words(name), count(entry["multiplications"]), count(entry["additions"]), *cells)
+        )
     return (
         Table(
             f"Energy of the arithmetic only; in brackets, as a multiple of this network's (profile {own['profile']})",
             ("network", "multiplications", "additions", *(words(key) for key in arithmetics)),
             tuple(rows),
         ),
-        sentence("conventional energy", source=first["energy_source"], left_out=listed(first["energy_not_included"])),
+        sentence(
+            "conventional energy",
+            source=first["energy_source"],
+            left_out=listed(first["energy_not_included"]),
+        ),
     )
 
 
@@ -123,7 +163,11 @@ def _wraps_and_clips(events: Document) -> Table | None:
     found = [(name, counts) for name, counts in events.items() if any(counts.values())]
     rows = tuple((name, *(count(counts.get(kind, 0)) for kind in kinds)) for name, counts in found)
     columns = ("compartments", *(words(kind) for kind in kinds))
-    return Table("Wraps and clips over all recordings, where there are any", columns, rows) if rows else None
+    return (
+        Table("Wraps and clips over all recordings, where there are any", columns, rows)
+        if rows
+        else None
+    )
 
 
 def _first_divergence(document: Document) -> str:
@@ -132,11 +176,17 @@ def _first_divergence(document: Document) -> str:
         return "First difference: not known, because neither side spikes."
     if first is None:
         return "First difference: none, every spike is equal."
-    reference, chip, threshold = first["reference_potential"], first["chip_potential"], first["threshold"]
+    reference, chip, threshold = (
+        first["reference_potential"],
+        first["chip_potential"],
+        first["threshold"],
+    )
     a, b, at = told_apart((reference, chip, threshold))
     fires = _FIRES.get((reference >= threshold, chip >= threshold), "the sides differ")
     place = {key: any_value(first[key]) for key in ("recording", "population", "neuron", "step")}
-    return f"{sentence('first difference', **place)} {sentence(fires, float=a, chip=b, threshold=at)}"
+    return (
+        f"{sentence('first difference', **place)} {sentence(fires, float=a, chip=b, threshold=at)}"
+    )
 
 
 def _interval(document: Document) -> str:
@@ -150,4 +200,6 @@ def _interval(document: Document) -> str:
     half = _SCORE / (1 + z2 / n) * math.sqrt(p * (1 - p) / n + z2 / (4 * n * n))
     low, high = max(0.0, centre - half), min(1.0, centre + half)
     recordings = plural(n, "recording")
-    return sentence("confidence", share=share(p), recordings=recordings, low=100 * low, high=100 * high)
+    return sentence(
+        "confidence", share=share(p), recordings=recordings, low=100 * low, high=100 * high
+    )

@@ -20,7 +20,10 @@ def resources(document: Document) -> Section:
     return section(
         "resources",
         facts("resources", **found),
-        table("limits", {limit_words(name): entry | {"drawn": fullness(entry)} for name, entry in limits}),
+        table(
+            "limits",
+            {limit_words(name): entry | {"drawn": fullness(entry)} for name, entry in limits},
+        ),
         _by_core(found["by_core"]),
         target=document["target"],
     )
@@ -46,21 +49,30 @@ def quantization(document: Document) -> Section:
     """Scales, decays and rounding errors by population."""
     populations = document["quantization"]
     keys = list(dict.fromkeys(key for entry in populations.values() for key in entry))
-    rows = tuple((name, *(_number(key, entry.get(key)) for key in keys)) for name, entry in populations.items())
-    its = Table("Numbers of the chip by population", ("population", *(words(key) for key in keys)), rows)
+    rows = tuple(
+        (name, *(_number(key, entry.get(key)) for key in keys))
+        for name, entry in populations.items()
+    )
+    its = Table(
+        "Numbers of the chip by population", ("population", *(words(key) for key in keys)), rows
+    )
     return section("quantization", its)
 
 
 def ranges(document: Document) -> Section:
     """What is proven of the registers for any input, and up to which input rate."""
     proven = document["range"].items()
-    return section("range", table("ranges", {name: row | {"period": _period(**row)} for name, row in proven}))
+    return section(
+        "range", table("ranges", {name: row | {"period": _period(**row)} for name, row in proven})
+    )
 
 
 def provenance(document: Document) -> Section:
     """What was compiled, for which target, with which options, checked on which recordings; what is assumed."""
     strategies = document["strategy"].split(", ")
-    meaning = "; ".join(f"{name}: {LAYOUTS[name]}" if name in LAYOUTS else name for name in strategies)
+    meaning = "; ".join(
+        f"{name}: {LAYOUTS[name]}" if name in LAYOUTS else name for name in strategies
+    )
     joined = [] if _WITHOUT_JOINED.issuperset(strategies) else ["joined"]
     modelled = ["modelled"] if document["energy"]["profile"] else []
     notes = tuple(sentence(name) for name in (*modelled, *joined, "silent sources"))
@@ -78,7 +90,9 @@ def _by_core(rows: list[Document]) -> Table | str:
     if not rows:
         return "No core is in use."
     keys = [key for key in rows[0] if key not in ("core", "phase", "slot", "tile")]
-    return table("core by core", rows, columns={words(key): f"{{{key}:any_value or {NONE}}}" for key in keys})
+    return table(
+        "core by core", rows, columns={words(key): f"{{{key}:any_value or {NONE}}}" for key in keys}
+    )
 
 
 def _period(safe_period_steps: int | None, **_: int) -> str:
@@ -91,14 +105,19 @@ def _number(key: str, value: object) -> str:
     if isinstance(value, float) and key.endswith("_error"):
         return share(value)
     if isinstance(value, dict):
-        return ", ".join(f"{words(name)} {share(part)}" for name, part in value.items() if part is not None)
+        return ", ".join(
+            f"{words(name)} {share(part)}" for name, part in value.items() if part is not None
+        )
     return any_value(value)
 
 
 def settings_compared(choice: Document) -> Table:
     """Return a table of the settings that were compared."""
     priced = choice["candidates"][0]["energy_pj"] is not None
-    rows = (row | {"setting": Setting(*(row[axis.name] for axis in AXES))} for row in choice["candidates"])
+    rows = (
+        row | {"setting": Setting(*(row[axis.name] for axis in AXES))}
+        for row in choice["candidates"]
+    )
     cost = {"energy": "{energy_pj:energy}"} if priced else {"time": "{chip_time_ns:time}"}
     taken = Setting(choice["taken"], choice["taken_weight_bits"], choice["taken_split_weights"])
     return table("settings", rows, columns=cost, setting=taken, why=_reason(choice), **choice)
@@ -107,11 +126,15 @@ def settings_compared(choice: Document) -> Table:
 def unmet_budget(choice: Choice) -> str:
     """Say in one line that no setting keeps the budget, what the best one loses, and what to do."""
     best, bounds = choice.taken, choice.budget
-    silent = best.spike_agreement is None or (bounds.min_agreement is not None and best.prediction_agreement is None)
+    silent = best.spike_agreement is None or (
+        bounds.min_agreement is not None and best.prediction_agreement is None
+    )
     fix = "Train for the chip with locsnn train --target, or allow more."
     if silent:
         fix = "Give --calibration recordings in which outputs spike."
-    return sentence("unmet budget", bounds=bounds.words(), choice=choice, many=len(choice.candidates), fix=fix)
+    return sentence(
+        "unmet budget", bounds=bounds.words(), choice=choice, many=len(choice.candidates), fix=fix
+    )
 
 
 def _reason(choice: dict[str, Any]) -> str:

@@ -6,9 +6,29 @@ from typing import Any
 
 from hw_model.values import Frozen
 from locsnn_compile.errors import InputError, listed
-from locsnn_compile.report.content import Bar, Document, Fact, Facts, Notice, Report, Section, Status, Table, Verdict
+from locsnn_compile.report.content import (
+    Bar,
+    Document,
+    Fact,
+    Facts,
+    Notice,
+    Report,
+    Section,
+    Status,
+    Table,
+    Verdict,
+)
 from locsnn_compile.report.figures.flat import Figures, flatten
-from locsnn_compile.report.format import NONE, agreed, any_value, count, plural, points, share, shortened
+from locsnn_compile.report.format import (
+    NONE,
+    agreed,
+    any_value,
+    count,
+    plural,
+    points,
+    share,
+    shortened,
+)
 from locsnn_compile.report.words import SHOWN, facts, notice, section, table, texts, verdict, words
 
 MAX_ROWS = 150
@@ -63,7 +83,9 @@ KeyFigure = tuple[str, str, Callable[[float], str]]
 
 def _named(group: str) -> tuple[KeyFigure, ...]:
     """Return a group of figures of ``words.yaml``."""
-    return tuple((name, key, SHOWN[shown]) for name, (key, shown) in texts("figures", group).items())
+    return tuple(
+        (name, key, SHOWN[shown]) for name, (key, shown) in texts("figures", group).items()
+    )
 
 
 _KEY_FIGURES = _named("all")
@@ -122,14 +144,24 @@ def _is_number(value: Any) -> bool:
 
 def _figures(build: Build) -> Figures:
     found = build.figures | flatten(build.program, "program")
-    return {key: value for key, value in found.items() if not any(p.endswith("_histogram") for p in key.split("."))}
+    return {
+        key: value
+        for key, value in found.items()
+        if not any(p.endswith("_histogram") for p in key.split("."))
+    }
 
 
 def _matches(before: Build, after: Build) -> Verdict:
     a, b = predictions = _shares(before, after, "prediction_agreement")
-    spikes, scores = _shares(before, after, "spike_agreement"), (before.score_error, after.score_error)
+    spikes, scores = (
+        _shares(before, after, "spike_agreement"),
+        (before.score_error, after.score_error),
+    )
     status, answer = _change_of_match(predictions, spikes, scores)
-    off = ["not compared" if error is None else f"{share(error)} of their spread off" for error in scores]
+    off = [
+        "not compared" if error is None else f"{share(error)} of their spread off"
+        for error in scores
+    ]
     its = facts(
         "matches compared",
         accuracy=_accuracy(before, after),
@@ -154,7 +186,9 @@ def _change_of_match(predictions: _Known, spikes: _Known, scores: _Known) -> tup
     answer = "As before" if a == b else "Better" if b > a else "Worse"
     losses = {"fewer spikes are equal": spikes[::-1], "class scores differ more": scores}
     worse = [
-        words for words, (least, most) in losses.items() if least is not None and most is not None and most > least
+        words
+        for words, (least, most) in losses.items()
+        if least is not None and most is not None and most > least
     ]
     if b >= a and worse:
         return "nearly", f"{answer}, but {listed(worse)}"
@@ -177,14 +211,20 @@ def _costs(before: Build, after: Build) -> Verdict:
     figures = _key(before, after)
     _, key, shown = figures[0]
     what, profile = (
-        ("dynamic energy", f", profile {after.text('energy.profile')}") if key.startswith("energy.") else ("time", "")
+        ("dynamic energy", f", profile {after.text('energy.profile')}")
+        if key.startswith("energy.")
+        else ("time", "")
     )
     a, b = before.number(key), after.number(key)
     comparable = _same_profile(before, after) and _same_recordings(before, after)
     by = percent(a, b).lstrip("+-")
-    answer = _answer(a, b, f"{by} less", f"{by} more") if comparable else ("unknown", "Not comparable")
+    answer = (
+        _answer(a, b, f"{by} less", f"{by} more") if comparable else ("unknown", "Not comparable")
+    )
     its = _changed(before, after, "costs")
-    return verdict("costs compared", *answer, its, now=shown(b), before=shown(a), what=what, profile=profile)
+    return verdict(
+        "costs compared", *answer, its, now=shown(b), before=shown(a), what=what, profile=profile
+    )
 
 
 def _fits(before: Build, after: Build) -> Verdict:
@@ -202,7 +242,9 @@ def _answer(before: float, after: float, less: str, more: str) -> tuple[Status, 
 
 def _changed(before: Build, after: Build, group: str) -> Facts:
     named = _timed(before, after, _named(group))
-    return Facts(tuple(Fact(label, _both(before, after, key, shown)) for label, key, shown in named))
+    return Facts(
+        tuple(Fact(label, _both(before, after, key, shown)) for label, key, shown in named)
+    )
 
 
 def _recordings(build: Build) -> str:
@@ -212,7 +254,9 @@ def _recordings(build: Build) -> str:
 
 def _same_recordings(before: Build, after: Build) -> bool:
     """Tell whether recordings have one source and number, and as many events in every phase that both builds have."""
-    return _recordings(before) == _recordings(after) and _agree(before, after, "operations.by_branch.", _EVENTS)
+    return _recordings(before) == _recordings(after) and _agree(
+        before, after, "operations.by_branch.", _EVENTS
+    )
 
 
 def _same_profile(before: Build, after: Build) -> bool:
@@ -224,19 +268,28 @@ def _same_profile(before: Build, after: Build) -> bool:
 def _same_chip(before: Build, after: Build) -> bool:
     """Tell whether both are for a target of one name, whose registers and cores hold the same."""
     equal = _agree(before, after, ("program.registers.", "resources.mesh."))
-    equal &= _agree(before, after, "resources.limits.", ".limit")  # how much of it is used is the program's
+    equal &= _agree(
+        before, after, "resources.limits.", ".limit"
+    )  # how much of it is used is the program's
     return before.text("target") == after.text("target") and equal
 
 
-def _agree(before: Build, after: Build, begin: str | tuple[str, ...], end: str | tuple[str, ...] = "") -> bool:
+def _agree(
+    before: Build, after: Build, begin: str | tuple[str, ...], end: str | tuple[str, ...] = ""
+) -> bool:
     """Tell whether figures that both have are equal, by the beginning and the end of their keys."""
     a, b = (_figures(build) for build in (before, after))
-    return all(a[key] == b[key] for key in a if key in b and key.startswith(begin) and key.endswith(end))
+    return all(
+        a[key] == b[key] for key in a if key in b and key.startswith(begin) and key.endswith(end)
+    )
 
 
 def _notices(before: Build, after: Build) -> tuple[Notice, ...]:
     """Return what makes the two less comparable."""
-    models, changed = {build.text("model.sha256") for build in (before, after)}, changes(before, after)
+    models, changed = (
+        {build.text("model.sha256") for build in (before, after)},
+        changes(before, after),
+    )
     parts = contents_changed(changed, "program.")
     said = {
         "models differ": (len(models) > 1 and "" not in models)
@@ -248,14 +301,19 @@ def _notices(before: Build, after: Build) -> tuple[Notice, ...]:
         "programs differ": bool(parts),
     }
     both = " and ".join(map(_recordings, (before, after)))
-    return tuple(notice(name, both=both, parts=", ".join(parts)) for name, holds in said.items() if holds)
+    return tuple(
+        notice(name, both=both, parts=", ".join(parts)) for name, holds in said.items() if holds
+    )
 
 
 def _key_figures(before: Build, after: Build) -> Section:
     its = Table(
         "Before, a full bar, and after, a hatched one",
         ("figure", "", "before", "", "after", "change"),
-        tuple(_row(name, before.number(key), after.number(key), shown) for name, key, shown in _key(before, after)),
+        tuple(
+            _row(name, before.number(key), after.number(key), shown)
+            for name, key, shown in _key(before, after)
+        ),
     )
     return section("key-figures", its, before=before.name, after=after.name)
 
@@ -263,7 +321,14 @@ def _key_figures(before: Build, after: Build) -> Section:
 def _row(name: str, a: float, b: float, shown: Callable[[float], str]) -> tuple[str | Bar, ...]:
     most = max(a, b) or 1.0
     bars = Bar(a / most, f"before, {shown(a)}"), Bar(b / most, f"after, {shown(b)}", 1)
-    return name, bars[0], shown(a), bars[1], shown(b), "no change" if a == b else percent(a, b) or NONE
+    return (
+        name,
+        bars[0],
+        shown(a),
+        bars[1],
+        shown(b),
+        "no change" if a == b else percent(a, b) or NONE,
+    )
 
 
 def _all(changed: dict[str, Change]) -> list[Section]:
@@ -276,7 +341,12 @@ def _all(changed: dict[str, Change]) -> list[Section]:
     for i, (part, rows) in enumerate(by_part.items()):
         cut = f", the first {MAX_ROWS}; --json has all" if len(rows) > MAX_ROWS else ""
         shown = (
-            {"name": _short(name), "a": _short(any_value(a)), "b": _short(any_value(b)), "by": percent(a, b) or NONE}
+            {
+                "name": _short(name),
+                "a": _short(any_value(a)),
+                "b": _short(any_value(b)),
+                "by": percent(a, b) or NONE,
+            }
             for name, (a, b) in rows[:MAX_ROWS]
         )
         changes = table("figures changed", shown, part=_short(words(part)), many=len(rows), cut=cut)
@@ -284,7 +354,9 @@ def _all(changed: dict[str, Change]) -> list[Section]:
     return sections
 
 
-def _both(before: Build, after: Build, key: str, shown: Callable[[float], str], also: str | None = None) -> str:
+def _both(
+    before: Build, after: Build, key: str, shown: Callable[[float], str], also: str | None = None
+) -> str:
     """Return a figure, or the sum of two, as it is now and as it was before."""
     a, b = (build.number(key) + (build.number(also) if also else 0) for build in (before, after))
     return shown(b) if a == b else _now(shown(a), shown(b))

@@ -27,7 +27,9 @@ def cores(document: Document) -> Section:
     for row in found["by_core"]:
         by_chip.setdefault(row["tile"][0] // mesh["columns"], []).append(row)
     drawn = sorted(by_chip.items())[:_CHIPS] if mesh["columns"] * mesh["rows"] <= _TILES else []
-    meshes = [pair for its in drawn for pair in (_room(document, *its), _energy(document, *its, energies))]
+    meshes = [
+        pair for its in drawn for pair in (_room(document, *its), _energy(document, *its, energies))
+    ]
     left_out = len(by_chip) - len(drawn)
     note = f"{plural(left_out, 'chip is', 'chips are')} not drawn; see core by core."
     return section("cores", *meshes, note if left_out else None)
@@ -35,7 +37,9 @@ def cores(document: Document) -> Section:
 
 def _room(document: Document, chip: int, rows: list[Document]) -> Mesh:
     found = document["resources"]
-    of = f"chip {chip} of {document['target']}" if found["mesh"]["chips"] > 1 else document["target"]
+    of = (
+        f"chip {chip} of {document['target']}" if found["mesh"]["chips"] > 1 else document["target"]
+    )
     every = plural(found["mesh"]["cores_per_chip"], "core")
     uses = []
     for row in rows:
@@ -50,35 +54,53 @@ def _room(document: Document, chip: int, rows: list[Document]) -> Mesh:
     )
 
 
-def _energy(document: Document, chip: int, rows: list[Document], energies: dict[int, float]) -> Mesh:
+def _energy(
+    document: Document, chip: int, rows: list[Document], energies: dict[int, float]
+) -> Mesh:
     most, total = max(energies.values(), default=0.0) or 1.0, sum(energies.values()) or 1.0
     uses = []
     for pj in (energies[row["core"]] for row in rows):
         percent = 100 * pj / total
-        uses.append((pj / most, f"{percent:.{int(percent < 9.95)}f}", f"{energy(pj)}, {share(pj / total)} of all"))
+        uses.append(
+            (
+                pj / most,
+                f"{percent:.{int(percent < 9.95)}f}",
+                f"{energy(pj)}, {share(pj / total)} of all",
+            )
+        )
     title = f"Energy, in percent of all cores, profile {document['energy']['profile']}"
     return _mesh(document, chip, rows, uses, title)
 
 
-def _mesh(document: Document, chip: int, rows: list[Document], uses: list[_Use], title: str) -> Mesh:
+def _mesh(
+    document: Document, chip: int, rows: list[Document], uses: list[_Use], title: str
+) -> Mesh:
     """Draw cores by their use, and name those with the most."""
     mesh = document["resources"]["mesh"]
     tile_columns = math.isqrt(mesh["cores_per_tile"] - 1) + 1
     tile_rows = -(-mesh["cores_per_tile"] // tile_columns)
     cores = []
     for row, (full, text, _) in zip(rows, uses, strict=True):
-        inside_row, inside_column = divmod(row["slot"] % mesh["cores_per_chip"] % mesh["cores_per_tile"], tile_columns)
+        inside_row, inside_column = divmod(
+            row["slot"] % mesh["cores_per_chip"] % mesh["cores_per_tile"], tile_columns
+        )
         column, tile_row = row["tile"][0] - chip * mesh["columns"], row["tile"][1]
         place = column * tile_columns + inside_column, tile_row * tile_rows + inside_row
         cores.append(MeshCore(*place, full, text))
     named = sorted(zip(rows, uses, strict=True), key=lambda core: -core[1][0])[:_NAMED]
     said = "; ".join(f"{core_words(row)}: {words}" for row, (_, _, words) in named)
     more = f"; and {count(len(rows) - _NAMED)} more" if len(rows) > _NAMED else ""
-    return Mesh(title, said + more, mesh["columns"], mesh["rows"], tile_columns, tile_rows, tuple(cores))
+    return Mesh(
+        title, said + more, mesh["columns"], mesh["rows"], tile_columns, tile_rows, tuple(cores)
+    )
 
 
 def _fullest(limits: Document, row: Document) -> tuple[float, str]:
     """Return how full the fullest limit of a core is, and its name in words."""
-    use = [(fullness(entry | {"used": row[name]}), name) for name, entry in limits.items() if name in row]
+    use = [
+        (fullness(entry | {"used": row[name]}), name)
+        for name, entry in limits.items()
+        if name in row
+    ]
     full, name = max(use, key=lambda one: one[0])
     return full, words(name)

@@ -7,9 +7,25 @@ from typing import Any
 
 from locsnn_compile.report.content import Document, Facts, Section, Table, Verdict
 from locsnn_compile.report.format import energy, time
-from locsnn_compile.report.sections.cost_tables import ENERGY, TIME, by_branch, constants, shares, stack
+from locsnn_compile.report.sections.cost_tables import (
+    ENERGY,
+    TIME,
+    by_branch,
+    constants,
+    shares,
+    stack,
+)
 from locsnn_compile.report.sections.verdict import against_anns, pace, timed
-from locsnn_compile.report.words import core_words, facts, section, sentence, share_of, table, verdict, words
+from locsnn_compile.report.words import (
+    core_words,
+    facts,
+    section,
+    sentence,
+    share_of,
+    table,
+    verdict,
+    words,
+)
 
 
 def energy_section(document: Document) -> Section:
@@ -29,11 +45,17 @@ def energy_section(document: Document) -> Section:
         stack(breakdown, f"Where the energy goes, profile {profile}"),
         shares("operation", f"Energy by operation, {mean}", operations, patterned=True),
         by_branch(columns, "Energy by branch and profile, mean per recording", energy),
-        shares("population", f"Energy by population, including its dendrites, {mean}", populations + elsewhere),
+        shares(
+            "population",
+            f"Energy by population, including its dendrites, {mean}",
+            populations + elsewhere,
+        ),
         shares("core", f"Energy by core, {mean}", cores + elsewhere),
         ENERGY.by_class(document),
         *(_static(found["static"]) if found["static"] else ()),
-        table("not included", found["not_included_bounds"]) if found["not_included_bounds"] else None,
+        table("not included", found["not_included_bounds"])
+        if found["not_included_bounds"]
+        else None,
         *(constants(name, one) for name, one in found["profiles"].items()),
     )
 
@@ -42,7 +64,9 @@ def latency_section(document: Document) -> Section:
     """Time per recording: spread, breakdown, which core waits for which, and comparison with real time."""
     found = document["latency"]
     if not timed(document):
-        return section("latency", _links(found["links"]), called="latency not known", profile=found["profile"])
+        return section(
+            "latency", _links(found["links"]), called="latency not known", profile=found["profile"]
+        )
     mean, real = found["per_sample_ns"], found["real_time"]
     slowest = sentence("slowest step", **real) if real and real["slowest_step_factor"] else None
     return section(
@@ -50,7 +74,11 @@ def latency_section(document: Document) -> Section:
         TIME.span(document),
         real_time(found),
         facts("latency", **found, **TIME.facts(document), slowest=slowest),
-        by_branch(_parts(found), f"Time by branch and part, mean per recording, profile {found['profile']}", time),
+        by_branch(
+            _parts(found),
+            f"Time by branch and part, mean per recording, profile {found['profile']}",
+            time,
+        ),
         table("critical paths", (_path(mean=mean, **row) for row in found["critical_paths"])),
         _cores(found["by_core"], mean) if found["by_core"] else None,
         _links(found["links"]),
@@ -59,7 +87,10 @@ def latency_section(document: Document) -> Section:
 
 
 def _static(static: Document) -> tuple[str, Table]:
-    lasting = {"while the chip works": "at_latency_pj", "while the sensor records": "at_real_time_pj"}
+    lasting = {
+        "while the chip works": "at_latency_pj",
+        "while the sensor records": "at_real_time_pj",
+    }
     return (
         sentence("static energy", **static),
         table("static energy", {name: static[key] for name, key in lasting.items()}),
@@ -71,7 +102,9 @@ def real_time(found: Document) -> str:
     duration = found["recording_ns"]
     if duration is None:
         return sentence("no pace")
-    mean, slowest = (pace(ns, duration) for ns in (found["per_sample_ns"], found["over_samples_ns"]["max"]))
+    mean, slowest = (
+        pace(ns, duration) for ns in (found["per_sample_ns"], found["over_samples_ns"]["max"])
+    )
     return sentence("pace", mean=mean, slowest=slowest)
 
 
@@ -84,7 +117,9 @@ def _parts(found: Document) -> dict[str, dict[str, float]]:
     """Return the time of each branch by the parts that take any, and in all."""
     by_branch = found["by_branch_part_ns"]
     parts = [part for part, ns in found["by_part_ns"].items() if ns]
-    columns = {words(part): {branch: its[part] for branch, its in by_branch.items()} for part in parts}
+    columns = {
+        words(part): {branch: its[part] for branch, its in by_branch.items()} for part in parts
+    }
     return columns | {"all": found["by_branch_ns"]}
 
 
@@ -96,7 +131,9 @@ def _cores(cores: list[Document], total: float) -> Table:
 
 def _links(links: list[Document]) -> Table | None:
     most = max((row["packets"] for row in links), default=0)
-    return table("links", (row | {"drawn": row["packets"] / most} for row in links)) if links else None
+    return (
+        table("links", (row | {"drawn": row["packets"] / most} for row in links)) if links else None
+    )
 
 
 def cycles(document: Document) -> Verdict:
@@ -112,7 +149,10 @@ def cycles(document: Document) -> Verdict:
 def activity_section(document: Document) -> Section:
     """Memory accesses and multiplications, in place of energy."""
     found = document["activity"].items()
-    its = table("activity", ({"what": key, "of": of, "number": n} for key, its in found for of, n in its.items()))
+    its = table(
+        "activity",
+        ({"what": key, "of": of, "number": n} for key, its in found for of, n in its.items()),
+    )
     if document["energy"]["profile"]:
         return section("activity", its)
     return section("energy", its, called="activity without energy")

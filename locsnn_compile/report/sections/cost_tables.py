@@ -36,7 +36,9 @@ class Cost(Frozen):
         """Return the range of the mean and the costliest recordings in words."""
         found = document[self.key]
         worst = found["worst_recording"]
-        label = "" if worst["class"] is None else f" of class {_class_name(document, worst['class'])}"
+        label = (
+            "" if worst["class"] is None else f" of class {_class_name(document, worst['class'])}"
+        )
         return {
             "range": _range(found[f"range_{self.unit}"], self.shown),
             "p99": f"at most {self.shown(found[f'over_samples_{self.unit}']['p99'])}",
@@ -54,7 +56,11 @@ class Cost(Frozen):
         for row in rows:
             ends = {end: self.shown(row[f"{end}_{self.unit}"]) for end in ("mean", "min", "max")}
             drawn = share_of(row[f"mean_{self.unit}"], largest)
-            shown[_class_name(document, row["class"])] = {"recordings": row["recordings"], "drawn": drawn, **ends}
+            shown[_class_name(document, row["class"])] = {
+                "recordings": row["recordings"],
+                "drawn": drawn,
+                **ends,
+            }
         return table("classes", shown, cost=self.name, by=_by(found))
 
     def course(self, document: Document) -> tuple[Plot, Table]:
@@ -64,7 +70,10 @@ class Cost(Frozen):
         a_step = {branch: _per_step(its) for branch, its in by_step.items()}
         most = max((value for values in a_step.values() for value in values), default=0.0) or 1.0
         curves = tuple(
-            Curve(words(name), tuple(((i + 0.5) / len(by_step[name]["bins"]), x) for i, x in enumerate(values)))
+            Curve(
+                words(name),
+                tuple(((i + 0.5) / len(by_step[name]["bins"]), x) for i, x in enumerate(values)),
+            )
             for name, values in a_step.items()
         )
         return (
@@ -78,7 +87,9 @@ class Cost(Frozen):
             Table(
                 f"{self.name} after a part of the steps, mean per recording, {of_profile}",
                 ("branch", *(f"{100 * part:.0f} % of its steps" for part in PARTS)),
-                tuple((words(branch), *self._so_far(its["bins"])) for branch, its in by_step.items()),
+                tuple(
+                    (words(branch), *self._so_far(its["bins"])) for branch, its in by_step.items()
+                ),
             ),
         )
 
@@ -103,18 +114,31 @@ TIME = Cost("Time", "latency", "ns", time)
 def stack(breakdown: dict[str, float], label: str) -> Stack:
     """Return parts of an energy as one bar."""
     total = sum(breakdown.values())
-    parts = [(words(name), share_of(pj, total), i) for i, (name, pj) in enumerate(breakdown.items()) if pj]
+    parts = [
+        (words(name), share_of(pj, total), i)
+        for i, (name, pj) in enumerate(breakdown.items())
+        if pj
+    ]
     return Stack(label, tuple(Bar(its, f"{name} {share(its)}", i) for name, its, i in parts))
 
 
-def shares(what: str, caption: str, parts: Iterable[tuple[str, float]], *, patterned: bool = False) -> Table:
+def shares(
+    what: str, caption: str, parts: Iterable[tuple[str, float]], *, patterned: bool = False
+) -> Table:
     """Return a table of parts of an energy with their sum; ``what`` heads the column of their names."""
     rows = list(parts)
     total = sum(value for _, value in rows)
     made: list[tuple[str | Bar, ...]] = []
     for i, (name, value) in enumerate(rows):
         its = share(share_of(value, total))
-        made.append((name, Bar(share_of(value, total), f"{its} of energy", i if patterned else 0), energy(value), its))
+        made.append(
+            (
+                name,
+                Bar(share_of(value, total), f"{its} of energy", i if patterned else 0),
+                energy(value),
+                its,
+            )
+        )
     made.append(("sum", "", energy(total), share(float(total > 0))))
     return Table(caption, (what, "", "energy", "share"), tuple(made), total=True)
 
@@ -122,21 +146,42 @@ def shares(what: str, caption: str, parts: Iterable[tuple[str, float]], *, patte
 def by_branch(columns: dict[str, dict[str, float]], caption: str, shown: Shown) -> Table:
     """Return ``columns[heading][branch]`` as a table: a row per branch, and the sum as the last row."""
     branches = list(next(iter(columns.values())))
-    rows = [(words(branch), *(shown(found[branch]) for found in columns.values())) for branch in branches]
+    rows = [
+        (words(branch), *(shown(found[branch]) for found in columns.values()))
+        for branch in branches
+    ]
     rows.append(("sum", *(shown(sum(found.values())) for found in columns.values())))
     return Table(caption, ("branch", *columns), tuple(rows), total=True)
 
 
 def constants(name: str, profile: Document) -> Table:
     """Return a table of the constants of a profile with their ranges and sources."""
-    voltage = "voltage not stated" if profile["voltage_v"] is None else f"{profile['voltage_v']:g} V"
+    voltage = (
+        "voltage not stated" if profile["voltage_v"] is None else f"{profile['voltage_v']:g} V"
+    )
     rows = [
-        row | {key: _constant(row[key], row[f"{key}_range"], unit) for key, unit in _OF_CONSTANTS.items()}
+        row
+        | {
+            key: _constant(row[key], row[f"{key}_range"], unit)
+            for key, unit in _OF_CONSTANTS.items()
+        }
         for row in profile["constants"]
     ]
     ends = "{one_tile:g} ns in one tile to {all_tiles:g} ns in all".format(**profile["barrier_ns"])
-    barrier = {"count": "barrier, per step", "energy_pj": NONE, "time_ns": ends, "source": profile["source"]}
-    return table("constants", [*rows, barrier], folded=True, profile=name, basis=profile["basis"], voltage=voltage)
+    barrier = {
+        "count": "barrier, per step",
+        "energy_pj": NONE,
+        "time_ns": ends,
+        "source": profile["source"],
+    }
+    return table(
+        "constants",
+        [*rows, barrier],
+        folded=True,
+        profile=name,
+        basis=profile["basis"],
+        voltage=voltage,
+    )
 
 
 def _range(ends: Sequence[Any], shown: Shown) -> str:
@@ -148,7 +193,9 @@ def _range(ends: Sequence[Any], shown: Shown) -> str:
         return f"{shown(high)} or less: a constant is given as an upper bound"
     if high is None:
         return f"{shown(low)} or more: a constant is given as a lower bound"
-    return "none: no constant is given as a range" if low == high else f"{shown(low)} to {shown(high)}"
+    return (
+        "none: no constant is given as a range" if low == high else f"{shown(low)} to {shown(high)}"
+    )
 
 
 def _constant(value: float | None, ends: list[float | None] | None, unit: str) -> str:

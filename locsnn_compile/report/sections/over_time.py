@@ -13,7 +13,10 @@ def over_time(document: Document) -> Section:
     """The share of right predictions during a recording, and what a proven stop saves."""
     priced = document["energy"]["profile"]
     by_step = timed(document) and "activity" not in document
-    costs = (*(ENERGY.course(document) if priced else ()), *(TIME.course(document) if by_step else ()))
+    costs = (
+        *(ENERGY.course(document) if priced else ()),
+        *(TIME.course(document) if by_step else ()),
+    )
     if "over_time" not in document:
         return section("over-time", *costs, called="over-time of costs")
     entry = document["over_time"]
@@ -58,13 +61,21 @@ def _table(entry: Document) -> Table:
     return Table(
         _title(entry),
         ("prediction by", *(f"step {count(steps[i])}" for i in at)),
-        tuple((words(name), *(share(values[i]) for i in at)) for name, values in entry["right"].items()),
+        tuple(
+            (words(name), *(share(values[i]) for i in at))
+            for name, values in entry["right"].items()
+        ),
     )
 
 
 def _stop(found: Document) -> Table:
     rows = {}
-    for name, shown in (("steps", count), ("synaptic_ops", count), ("energy_pj", energy), ("latency_ns", time)):
+    for name, shown in (
+        ("steps", count),
+        ("synaptic_ops", count),
+        ("energy_pj", energy),
+        ("latency_ns", time),
+    ):
         until, whole = found[name], found[f"all_{name}"]
         if whole is not None:
             what, _, unit = name.rpartition("_")

@@ -25,7 +25,9 @@ def spikes(document: Document, excerpt: Excerpt | None) -> Section | None:
     rasters: list[Raster] = []
     for phase in excerpt.steps:
         rasters += [_input(item, excerpt) for item in excerpt.inputs if item.phase == phase]
-        rasters += [_population(item, excerpt, side) for item in excerpt.populations if item.phase == phase]
+        rasters += [
+            _population(item, excerpt, side) for item in excerpt.populations if item.phase == phase
+        ]
     return section("spikes", _shown(excerpt), *rasters, _spike_table(excerpt, side))
 
 
@@ -53,21 +55,27 @@ def _shown(excerpt: Excerpt) -> str:
     for phase, steps in excerpt.steps.items():
         every = excerpt.all_steps[phase]
         if len(steps) < every:
-            parts.append(f"Of {count(every)} {phase} steps, {count(steps[0])} to {count(steps[-1])} are drawn.")
+            parts.append(
+                f"Of {count(every)} {phase} steps, {count(steps[0])} to {count(steps[-1])} are drawn."
+            )
     thinned = [item.name for item in excerpt.populations if len(item.numbers) < item.size]
     if thinned:
         parts.append(
             "Large populations are drawn in part: the neurons with the most differences, then the busiest ones."
         )
     if left := excerpt.populations_left_out:
-        parts.append(f"{plural(left, 'further population is', 'further populations are')} not drawn.")
+        parts.append(
+            f"{plural(left, 'further population is', 'further populations are')} not drawn."
+        )
     return " ".join(parts)
 
 
 def _input(item: SpikeRows, excerpt: Excerpt) -> Raster:
     alone = item.together == 1
     title = f"Input of the {words(item.phase)}: {plural(item.size, 'line')}"
-    strokes = _strokes("event", item.reference, "input events" if alone else "strokes, each one event or more")
+    strokes = _strokes(
+        "event", item.reference, "input events" if alone else "strokes, each one event or more"
+    )
     return Raster(
         title if alone else f"{title}, {item.together} per row",
         f"{plural(int(item.reference.sum(dtype=np.int64)), 'event')} drawn.",
@@ -79,11 +87,18 @@ def _input(item: SpikeRows, excerpt: Excerpt) -> Raster:
 def _population(item: SpikeRows, excerpt: Excerpt, side: str) -> Raster:
     rows = item.reference.shape[1]
     equal, reference, chip = _sides(item)
-    of = plural(item.size, "neuron") if rows == item.size else f"{count(rows)} of {plural(item.size, 'neuron')}"
+    of = (
+        plural(item.size, "neuron")
+        if rows == item.size
+        else f"{count(rows)} of {plural(item.size, 'neuron')}"
+    )
     network = "network" if side == "network" else f"{side} network"
     flag, flag_label, first = None, "", excerpt.first
     if first is not None and first.population == item.name:
-        flag = first.step - excerpt.steps[item.phase].start, item.numbers.tolist().index(first.neuron)
+        flag = (
+            first.step - excerpt.steps[item.phase].start,
+            item.numbers.tolist().index(first.neuron),
+        )
         flag_label = f"neuron {first.neuron}, step {first.step}"
     return Raster(
         f"{item.name}: {of}",
@@ -102,7 +117,11 @@ def _population(item: SpikeRows, excerpt: Excerpt, side: str) -> Raster:
 
 def _axes(item: SpikeRows, excerpt: Excerpt) -> tuple[int, int, str, Axis]:
     """Return the columns and rows of a raster, and its axis with the label."""
-    return *item.reference.shape, f"{item.axis} step", step_axis(excerpt.steps[item.phase], centred=True)
+    return (
+        *item.reference.shape,
+        f"{item.axis} step",
+        step_axis(excerpt.steps[item.phase], centred=True),
+    )
 
 
 def _spike_table(excerpt: Excerpt, side: str) -> Table:
@@ -121,10 +140,16 @@ def _sides(item: SpikeRows) -> tuple[ByteArray, ByteArray, ByteArray]:
     return equal, item.reference ^ equal, item.chip ^ equal
 
 
-def _strokes(kind: Literal["equal", "reference", "chip", "event"], found: ByteArray, label: str) -> Strokes:
+def _strokes(
+    kind: Literal["equal", "reference", "chip", "event"], found: ByteArray, label: str
+) -> Strokes:
     """Return the (column, row) of every spike, row by row."""
     rows, columns = np.nonzero(found.T)
-    return Strokes(kind, f"{count(len(rows))} {label}", tuple(zip(columns.tolist(), rows.tolist(), strict=True)))
+    return Strokes(
+        kind,
+        f"{count(len(rows))} {label}",
+        tuple(zip(columns.tolist(), rows.tolist(), strict=True)),
+    )
 
 
 def potential(document: Document, excerpt: Excerpt | None) -> Section | None:
@@ -136,7 +161,9 @@ def potential(document: Document, excerpt: Excerpt | None) -> Section | None:
     where = f"{shown.population}, neuron {shown.neuron}, recording {excerpt.recording}"
     at = None if first is None else first.step - shown.first_step
     blocks = (make(shown, side, at) for make in (_potentials, _difference, _around))
-    return section("potential", *blocks, called="potential that differs" if first else None, where=where)
+    return section(
+        "potential", *blocks, called="potential that differs" if first else None, where=where
+    )
 
 
 def _potentials(shown: NeuronPotential, side: str, at: int | None) -> Plot:
@@ -166,7 +193,9 @@ def _plot(
     """Draw series of values by step, and a named level."""
     steps = len(next(iter(series.values())))
     x = step_axis(range(shown.first_step, shown.first_step + steps), centred=False)
-    curves = [Curve(label, tuple(enumerate(values, shown.first_step))) for label, values in series.items()]
+    curves = [
+        Curve(label, tuple(enumerate(values, shown.first_step))) for label, values in series.items()
+    ]
     curves.append(Curve(level[0], ((x.low, level[1]), (x.high, level[1]))))
     y = value_axis([value for curve in curves for _, value in curve.points], unit)
     return Plot(title, f"{shown.axis} step", x, y, tuple(curves), marked)
@@ -175,10 +204,16 @@ def _plot(
 def _around(shown: NeuronPotential, side: str, at: int | None) -> Table:
     centre = len(shown.reference) // 2 if at is None else at
     kept = range(max(0, centre - _BESIDE), min(len(shown.reference), centre + _BESIDE + 1))
-    texts = told_apart([float(v) for i in kept for v in (shown.reference[i], shown.chip[i], shown.threshold)])
+    texts = told_apart(
+        [float(v) for i in kept for v in (shown.reference[i], shown.chip[i], shown.threshold)]
+    )
     rows = []
     for n, i in enumerate(kept):
-        fired = [name for name, at_step in ((side, shown.reference_spikes), ("chip", shown.chip_spikes)) if at_step[i]]
+        fired = [
+            name
+            for name, at_step in ((side, shown.reference_spikes), ("chip", shown.chip_spikes))
+            if at_step[i]
+        ]
         both = {"step": shown.first_step + i, "reference": texts[3 * n], "chip": texts[3 * n + 1]}
         rows.append(both | {"fired": " and ".join(fired) or NONE})
     return table("potentials", rows, side=side, **vars(shown))

@@ -1,9 +1,29 @@
 """The three questions that a report answers first, and what to know before believing its figures."""
 
 from locsnn_compile.report.content import Document, Fact, Facts, Notice, Status, Verdict
-from locsnn_compile.report.format import NONE, SILENT, count, energy, known, plural, points, ratio, share, time
+from locsnn_compile.report.format import (
+    NONE,
+    SILENT,
+    count,
+    energy,
+    known,
+    plural,
+    points,
+    ratio,
+    share,
+    time,
+)
 from locsnn_compile.report.sections.behaviour import defined_anns
-from locsnn_compile.report.words import facts, limit_words, listed, notice, sentence, stage_words, verdict, words
+from locsnn_compile.report.words import (
+    facts,
+    limit_words,
+    listed,
+    notice,
+    sentence,
+    stage_words,
+    verdict,
+    words,
+)
 
 _SIDES = {
     "paper operations": ("ratio", "the trained network, by the published method"),
@@ -28,13 +48,29 @@ def matches(document: Document) -> Verdict:
     match = document["match"]
     tied, agreement = match["tied_predictions"], match["prediction_agreement"]
     predicted = match["samples"] - tied
-    network = "the network in its own integers" if match["reference"] == "integers" else "the float network"
-    same = f"in {count(round(agreement * predicted))} of {plural(predicted, 'recording')}" if predicted else ""
-    equal = f"The chip predicts the same class as {network} {same}" if predicted else "Every class score ties"
+    network = (
+        "the network in its own integers"
+        if match["reference"] == "integers"
+        else "the float network"
+    )
+    same = (
+        f"in {count(round(agreement * predicted))} of {plural(predicted, 'recording')}"
+        if predicted
+        else ""
+    )
+    equal = (
+        f"The chip predicts the same class as {network} {same}"
+        if predicted
+        else "Every class score ties"
+    )
     status, answer = _answer(match)
     said = f"{equal}, and every spike is equal" if answer == SPIKE_FOR_SPIKE else equal
     if status == "unknown":
-        unproven = "nothing was compared" if match["spike_agreement"] is None else "no prediction was compared"
+        unproven = (
+            "nothing was compared"
+            if match["spike_agreement"] is None
+            else "no prediction was compared"
+        )
         said = f"{_not_compared(match)}, in {network} or on the chip: {unproven}"
     elif predicted and tied:
         said += f"; {count(tied)} more are not predicted, as all class scores tie on both sides"
@@ -45,14 +81,18 @@ def matches(document: Document) -> Verdict:
         "match",
         accuracy=_accuracy(document),
         spikes=known(
-            match["spike_agreement"], lambda part: f"{share(part)} at the same neuron and step", "none on either side"
+            match["spike_agreement"],
+            lambda part: f"{share(part)} at the same neuron and step",
+            "none on either side",
         ),
         first=_first_difference(document),
         scores=_scores(match) if "potentials" in match["readout"]["by"] else "",
         registers=_registers(document),
     )
     label = f"same prediction, {same}" if predicted else "no prediction to compare"
-    return verdict("match", status, answer, its, figure=known(agreement, share, silent), label=label, said=said)
+    return verdict(
+        "match", status, answer, its, figure=known(agreement, share, silent), label=label, said=said
+    )
 
 
 def _answer(match: Document) -> tuple[Status, str]:
@@ -60,7 +100,11 @@ def _answer(match: Document) -> tuple[Status, str]:
     agreement, exact = match["prediction_agreement"], match["spike_mismatches"] == 0
     if match["readout"]["silent"] or (agreement is None and not exact):
         return "unknown", "Not known"
-    if agreement == 1 and "potentials" in match["readout"]["by"] and (match["score_error"] or 0) > MOST_SCORE_ERROR:
+    if (
+        agreement == 1
+        and "potentials" in match["readout"]["by"]
+        and (match["score_error"] or 0) > MOST_SCORE_ERROR
+    ):
         return "nearly", SAME_CLASSES
     if exact and match["spike_agreement"] is not None and agreement in (None, 1):
         return "yes", SPIKE_FOR_SPIKE
@@ -82,15 +126,28 @@ def costs(document: Document) -> Verdict:
     spread, duration = found["over_samples_pj"], time_of["recording_ns"]
     real = "" if latency is None or duration is None else f", {pace(latency, duration)}"
     its = [
-        Fact("range", f"{energy(spread['min'])} to {energy(spread['max'])}, median {energy(spread['p50'])}"),
-        *(Fact("other profile", f"{energy(pj)} with {name}") for name, pj in found["other_profiles_pj"].items()),
-        Fact("latency", sentence("latency", latency=latency, real=real, profile=time_of["profile"])),
-        *(Fact(member["name"], sentence("member", **member)) for member in document["model"].get("members", ())),
+        Fact(
+            "range",
+            f"{energy(spread['min'])} to {energy(spread['max'])}, median {energy(spread['p50'])}",
+        ),
+        *(
+            Fact("other profile", f"{energy(pj)} with {name}")
+            for name, pj in found["other_profiles_pj"].items()
+        ),
+        Fact(
+            "latency", sentence("latency", latency=latency, real=real, profile=time_of["profile"])
+        ),
+        *(
+            Fact(member["name"], sentence("member", **member))
+            for member in document["model"].get("members", ())
+        ),
     ]
     if starts(document):
         its.append(Fact("start", sentence("start", **document["input"])))
     its += against_anns(document)
-    return verdict("cost", "modelled", "Modelled, not measured", Facts(tuple(its)), latency=latency, **found)
+    return verdict(
+        "cost", "modelled", "Modelled, not measured", Facts(tuple(its)), latency=latency, **found
+    )
 
 
 def fits(document: Document) -> Verdict:
@@ -99,7 +156,9 @@ def fits(document: Document) -> Verdict:
     limits = resources["limits"]
     over = {name for name, entry in limits.items() if entry["used"] > entry["limit"]}
     # What a core can do or not, such as to group rows, says nothing about room.
-    worst = max(limits, key=lambda name: (name in over, limits[name]["limit"] > 1, fullness(limits[name])))
+    worst = max(
+        limits, key=lambda name: (name in over, limits[name]["limit"] > 1, fullness(limits[name]))
+    )
     of_cores = "the open core"
     if cores := limits.get("cores"):
         of_cores = f"{count(cores['used'])} of {plural(cores['limit'], 'core')}"
@@ -194,7 +253,11 @@ def _scores(match: Document) -> str:
 def _first_difference(document: Document) -> str:
     first = document["match"]["first_divergence"]
     if first is None:
-        return "none, every spike is equal" if document["match"]["spike_agreement"] is not None else NONE
+        return (
+            "none, every spike is equal"
+            if document["match"]["spike_agreement"] is not None
+            else NONE
+        )
     place = f"{first['population']}, neuron {first['neuron']}, step {first['step']} of recording {first['recording']}"
     return f"{place}, by {stage_words(first['cause']['largest'])}" if first["cause"] else place
 
@@ -204,7 +267,11 @@ def _registers(document: Document) -> str:
     match = document["match"]
     text = f"{plural(match['wraps'], 'wrap')}, {plural(match['clips'], 'clip')}"
     updates = document["operations"]["per_sample"]["neuron_updates"] * match["samples"]
-    return f"{text} ({share(match['clips'] / updates)} of updates)" if match["clips"] and updates else text
+    return (
+        f"{text} ({share(match['clips'] / updates)} of updates)"
+        if match["clips"] and updates
+        else text
+    )
 
 
 def fullness(entry: dict[str, int]) -> float:

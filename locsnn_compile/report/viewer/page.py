@@ -23,16 +23,28 @@ from locsnn_compile.verification.matching import Divergence
 
 
 def render_viewer(
-    levels: Levels, document: Document, recordings: ByteArray, labels: IntArray | None, first: Divergence | None
+    levels: Levels,
+    document: Document,
+    recordings: ByteArray,
+    labels: IntArray | None,
+    first: Divergence | None,
 ) -> bytes:
     """Return a page on recordings (samples, steps, channels) with the network's steps and channels.
 
     ``document`` is report.json; ``first`` is where the sides first differ.
     """
     report = compose(document)
-    values = viewer_values(levels, recordings, labels, first) | {"cores": document["resources"]["by_core"]}
+    values = viewer_values(levels, recordings, labels, first) | {
+        "cores": document["resources"]["by_core"]
+    }
     data = json.dumps(values, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
-    page = filled(__package__, "viewer.html", title=text(report.title), subtitle=text(report.subtitle), data=data)
+    page = filled(
+        __package__,
+        "viewer.html",
+        title=text(report.title),
+        subtitle=text(report.subtitle),
+        data=data,
+    )
     return page.encode(errors="backslashreplace")
 
 
@@ -54,10 +66,14 @@ def viewer_values(
     is (steps, cores of the phase) for each of :data:`QUANTITIES`.
     """
     network, program = levels.network, levels.program
-    numbers = list(dict.fromkeys([first.recording if first else 0, *range(len(recordings))]))[:RECORDINGS]
+    numbers = list(dict.fromkeys([first.recording if first else 0, *range(len(recordings))]))[
+        :RECORDINGS
+    ]
     reference = evaluate(network, recordings[numbers], registers=program.chip.registers)
     chip = hw.simulate(program, recordings[numbers], probe=("spikes", "activity"))
-    sides = {p.name: (reference.spikes[p.name], chip.spikes[p.name]) for p in network.own_populations}
+    sides = {
+        p.name: (reference.spikes[p.name], chip.spikes[p.name]) for p in network.own_populations
+    }
     phases = [phase.name for phase in network.phases]
     views = [view for view in network.views if view.phase in phases]
     given = sides | {view.name: (reference.spikes[view.name],) * 2 for view in views}
@@ -65,8 +81,13 @@ def viewer_values(
         {
             "number": number,
             "label": None if labels is None else int(labels[number]),
-            "predictions": [int(decided(scores[i])) for scores in (reference.scores, np.asarray(chip.scores))],
-            "spikes": {name: [_text(np.flatnonzero(side[i]), "u4") for side in both] for name, both in given.items()},
+            "predictions": [
+                int(decided(scores[i])) for scores in (reference.scores, np.asarray(chip.scores))
+            ],
+            "spikes": {
+                name: [_text(np.flatnonzero(side[i]), "u4") for side in both]
+                for name, both in given.items()
+            },
             "activity": {
                 phase: [_text(steps[i].count(name), "u4") for name in QUANTITIES]
                 for phase, steps in chip.activity.items()
@@ -83,8 +104,16 @@ def viewer_values(
     for row in rows:
         row["potentials"] = _potentials(levels, recordings[[row["number"]]], kept)
     populations = [_population(levels, p, kept[p.name]) for p in network.own_populations]
-    inputs = [{"name": v.name, "axis": v.phase, "size": v.lines, "steps": network.steps_of(v.phase)} for v in views]
-    shown = {"recordings": rows, "samples": len(recordings), "populations": populations, "inputs": inputs}
+    inputs = [
+        {"name": v.name, "axis": v.phase, "size": v.lines, "steps": network.steps_of(v.phase)}
+        for v in views
+    ]
+    shown = {
+        "recordings": rows,
+        "samples": len(recordings),
+        "populations": populations,
+        "inputs": inputs,
+    }
     return shown | {"phases": phases, "first": first and vars(first), "quantities": QUANTITIES}
 
 
@@ -97,7 +126,11 @@ def _population(levels: Levels, p: Population, kept: list[int]) -> Document:
         "steps": levels.network.steps_of(p.phase),
         "kept": kept,
         "thresholds": p.thresholds[kept].tolist(),
-        "cores": [core.number for core in levels.program.cores if any(s.group == p.name for s in core.slices)],
+        "cores": [
+            core.number
+            for core in levels.program.cores
+            if any(s.group == p.name for s in core.slices)
+        ],
     }
 
 
@@ -109,19 +142,36 @@ def _kept(levels: Levels, differing: dict[str, AnyArray], room: int) -> dict[str
     """Return the neurons of each population that differ most, as many as fit their potentials into ``room``."""
     populations, most = levels.network.own_populations, max(map(len, differing.values()))
     # Two sides with 2 bytes per step, in base64.
-    while most > 1 and sum(6 * levels.network.steps_of(p.phase) * min(most, p.size) for p in populations) > room:
+    while (
+        most > 1
+        and sum(6 * levels.network.steps_of(p.phase) * min(most, p.size) for p in populations)
+        > room
+    ):
         most = most * 3 // 4
-    return {name: sorted(np.argsort(-one, kind="stable")[:most].tolist()) for name, one in differing.items()}
+    return {
+        name: sorted(np.argsort(-one, kind="stable")[:most].tolist())
+        for name, one in differing.items()
+    }
 
 
-def _potentials(levels: Levels, one: ByteArray, kept: dict[str, list[int]]) -> dict[str, dict[str, Any]]:
+def _potentials(
+    levels: Levels, one: ByteArray, kept: dict[str, list[int]]
+) -> dict[str, dict[str, Any]]:
     """Return potentials (2 sides, kept neurons, steps) in 65,536 grades from ``low`` on, in the network's units."""
-    reference = evaluate(levels.network, one, potentials=True, registers=levels.program.chip.registers).potential
+    reference = evaluate(
+        levels.network, one, potentials=True, registers=levels.program.chip.registers
+    ).potential
     chip = hw.simulate(levels.program, one, probe=(hw.Probe("potential", tuple(kept)),)).potential
     found = {}
     for name, neurons in kept.items():
         scale = levels.quantized.population(name).scale[neurons]
-        sides = np.stack([reference[name][0][:, neurons], chip[name][0][:, neurons] / scale]).swapaxes(1, 2)
+        sides = np.stack(
+            [reference[name][0][:, neurons], chip[name][0][:, neurons] / scale]
+        ).swapaxes(1, 2)
         low, grade = float(sides.min()), float(np.ptp(sides)) / 65535 or 1.0
-        found[name] = {"low": low, "grade": grade, "values": _text(np.rint((sides - low) / grade), "u2")}
+        found[name] = {
+            "low": low,
+            "grade": grade,
+            "values": _text(np.rint((sides - low) / grade), "u2"),
+        }
     return found

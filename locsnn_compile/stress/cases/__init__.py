@@ -24,7 +24,10 @@ GROUPS: dict[str, Callable[[], Iterable[Case]]] = {
     "biases": neurons.biases,
     "delays": synapses.delays,
 }
-LEADS = {name: " ".join((made.__doc__ or "").split()) for name, made in {**GROUPS, GROUP: long_runs}.items()}
+LEADS = {
+    name: " ".join((made.__doc__ or "").split())
+    for name, made in {**GROUPS, GROUP: long_runs}.items()
+}
 """The text about each group of rows."""
 
 

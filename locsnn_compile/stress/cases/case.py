@@ -50,7 +50,9 @@ class Case(Frozen, eq=False):
         return self.name in QUICK.get(self.group, {}).get(self.strategy, ())
 
 
-def srm_cases(name: str, neuron: SrmAlpha | None = None, given: ArrayLike | None = None, **more: Any) -> Iterator[Case]:
+def srm_cases(
+    name: str, neuron: SrmAlpha | None = None, given: ArrayLike | None = None, **more: Any
+) -> Iterator[Case]:
     """Yield a network of spike response neurons for every strategy.
 
     Defaults are the published neuron, random weights and random input; ``more`` as in :func:`case_of`.
@@ -60,13 +62,22 @@ def srm_cases(name: str, neuron: SrmAlpha | None = None, given: ArrayLike | None
         yield replace(made, strategy=strategy)
 
 
-def lif_case(name: str, neuron: Cuba | None = None, given: ArrayLike | None = None, **more: Any) -> Case:
+def lif_case(
+    name: str, neuron: Cuba | None = None, given: ArrayLike | None = None, **more: Any
+) -> Case:
     """Return a network of integrate-and-fire neurons, by default with random weights and random input."""
-    return case_of(name, NATIVE, neuron or lif(), weights(response="leak") if given is None else given, **more)
+    return case_of(
+        name, NATIVE, neuron or lif(), weights(response="leak") if given is None else given, **more
+    )
 
 
 def case_of(
-    name: str, strategy: str, neuron: Neuron, given: ArrayLike, played: ByteArray | None = None, **more: Any
+    name: str,
+    strategy: str,
+    neuron: Neuron,
+    given: ArrayLike,
+    played: ByteArray | None = None,
+    **more: Any,
 ) -> Case:
     """Return neurons with weights, by default with random input.
 
@@ -74,7 +85,13 @@ def case_of(
     """
     recordings = random_input() if played is None else played
     of_weights = {key: more.pop(key) for key in ("delay", "exponent", "signs") if key in more}
-    return Case(name, strategy, network_of(neuron, given, steps=recordings.shape[1], **of_weights), recordings, **more)
+    return Case(
+        name,
+        strategy,
+        network_of(neuron, given, steps=recordings.shape[1], **of_weights),
+        recordings,
+        **more,
+    )
 
 
 def network_of(
@@ -92,7 +109,9 @@ def network_of(
     """
     if isinstance(neuron, ChipNeuron):
         held = matrix(given, np.int64)
-        projection: Projection | ChipProjection = ChipProjection(TOUCH, POPULATION, held, exponent, 8, signs, delay)
+        projection: Projection | ChipProjection = ChipProjection(
+            TOUCH, POPULATION, held, exponent, 8, signs, delay
+        )
     else:
         held = matrix(given, np.float64)
         projection = Projection(TOUCH, POPULATION, held, delay)
@@ -128,7 +147,9 @@ def weights(tau: float = 10.0, *, response: str = "alpha", size: int = NEURONS) 
     lift, energy = (math.e * tau, math.e**2 * tau / 4) if response == "alpha" else (tau, tau / 2)
     drawn = np.random.default_rng(SEED).normal(0.0, 1.0, (size, CHANNELS))
     drawn -= drawn.mean(axis=1, keepdims=True)
-    found: FloatArray = THETA * (drawn / np.sqrt(1.0 + energy) + 1.0 / (CHANNELS * RATE * (1.0 + lift)))
+    found: FloatArray = THETA * (
+        drawn / np.sqrt(1.0 + energy) + 1.0 / (CHANNELS * RATE * (1.0 + lift))
+    )
     return found
 
 
@@ -171,7 +192,9 @@ def long_runs() -> Iterator[LongRun]:
     yield _run("leak of 10 steps", NATIVE, lif(10.0), given, block, 2)
     given = _mostly_quiet(weights(4096.0, response="leak"))
     # The chip has this decay exactly, so only truncation and weights differ.
-    yield _run("leak of 1 in 4096", NATIVE, lif(decay_v=1 / 4096), given, block, SETTLED * 4096 // BLOCK)
+    yield _run(
+        "leak of 1 in 4096", NATIVE, lif(decay_v=1 / 4096), given, block, SETTLED * 4096 // BLOCK
+    )
     yield _run("no leak, balanced input", NATIVE, lif(decay_v=0.0), *_balanced(), 2, fades=False)
     ticking = lif(decay_v=0.0, bias=THETA * np.array([0.3, 0.03, 0.003, 0.0003]))
     yield _run("no leak, bias alone", NATIVE, ticking, np.zeros_like(given), block, 2, fades=False)
@@ -199,7 +222,14 @@ def _balanced() -> tuple[FloatArray, ByteArray]:
 
 
 def _run(
-    name: str, strategy: str, neuron: Neuron, given: FloatArray, block: ByteArray, blocks: int, *, fades: bool = True
+    name: str,
+    strategy: str,
+    neuron: Neuron,
+    given: FloatArray,
+    block: ByteArray,
+    blocks: int,
+    *,
+    fades: bool = True,
 ) -> LongRun:
     played = np.tile(block, (blocks, 1))[None]
     return LongRun(case_of(name, strategy, neuron, given, played, group=GROUP), block, fades)

@@ -61,7 +61,12 @@ def decays() -> Iterator[Case]:
         yield case_of(f"decay_u {decay_u}, decay_v {decay_v}", NATIVE, neuron, mantissa)
     for decay, own in ((0, 4096), (1, 4095), (4095, 1), (4096, 0)):
         dendrite = ChipSrm.with_taps(
-            usual.NEURONS, decay=decay, threshold=THRESHOLD, refractory_decay=own, mantissa=-200, exponent=1
+            usual.NEURONS,
+            decay=decay,
+            threshold=THRESHOLD,
+            refractory_decay=own,
+            mantissa=-200,
+            exponent=1,
         )
         yield case_of(f"decays {decay}, refractory {own}", "dendrite", dendrite, mantissa)
         taps = ChipSrm.with_taps(
@@ -82,19 +87,31 @@ def exact_thresholds() -> Iterator[Case]:
     one, two = (usual.random_input(channels=channels) for channels in (1, 2))
     for rule in RULES:
         for parts in PARTS:
-            name, neuron = "one spike" if parts == 1 else f"{parts} spikes", lif(size=1, decay_v=0.0, rule=rule)
-            yield lif_case(f"integrator, {name}, rule {rule}", neuron, [[usual.THETA / parts]], played=one)
-        neuron, given = lif(size=1, decay_v=1.0, rule=rule), [[0.25 * usual.THETA, 0.75 * usual.THETA]]
+            name, neuron = (
+                "one spike" if parts == 1 else f"{parts} spikes",
+                lif(size=1, decay_v=0.0, rule=rule),
+            )
+            yield lif_case(
+                f"integrator, {name}, rule {rule}", neuron, [[usual.THETA / parts]], played=one
+            )
+        neuron, given = (
+            lif(size=1, decay_v=1.0, rule=rule),
+            [[0.25 * usual.THETA, 0.75 * usual.THETA]],
+        )
         yield lif_case(f"memoryless, 1/4 and 3/4, rule {rule}", neuron, given, played=two)
     # Single spikes, so far apart that the kernel of one ends before the next.
     apart = np.zeros_like(one)
     apart[:, 0 : usual.STEPS : usual.STEPS // 2] = 1
     for strategy, tau in product(USUAL, (1.0, 10.0)):
-        yield case_of(f"peak of a kernel of {tau:g}", strategy, srm(tau_sr=tau), [[usual.THETA]], apart)
+        yield case_of(
+            f"peak of a kernel of {tau:g}", strategy, srm(tau_sr=tau), [[usual.THETA]], apart
+        )
     for over, word in ((0, "at"), (1, "a unit above")):
         memoryless = ChipCuba.of(1, decay_u=4096, decay_v=4096, threshold=100, bias_mantissa=over)
         yield case_of(f"integers, {word} it", NATIVE, memoryless, [[100]], one)
-    memoryless_srm = ChipSrm.with_taps(1, decay=4096, threshold=100, refractory_decay=4096, mantissa=-1, exponent=0)
+    memoryless_srm = ChipSrm.with_taps(
+        1, decay=4096, threshold=100, refractory_decay=4096, mantissa=-1, exponent=0
+    )
     yield case_of("integers, at it", "dendrite", memoryless_srm, [[100]], one)
 
 
@@ -115,7 +132,12 @@ def biases() -> Iterator[Case]:
     yield lif_case("bias alone, nothing fades", alone, np.zeros((usual.NEURONS, 1)), played=one)
     for mantissa, exponent in ((-4096, 7), (4095, 7), (4095, 0), (4096, 0), (-4097, 0), (1, 8)):
         neuron = ChipCuba.of(
-            usual.NEURONS, decay_u=4096, decay_v=410, threshold=8000, bias_mantissa=mantissa, bias_exponent=exponent
+            usual.NEURONS,
+            decay_u=4096,
+            decay_v=410,
+            threshold=8000,
+            bias_mantissa=mantissa,
+            bias_exponent=exponent,
         )
         name, given = f"mantissa {mantissa}, exponent {exponent}", np.full((usual.NEURONS, 1), 255)
         yield case_of(name, NATIVE, neuron, given, one)
@@ -132,5 +154,7 @@ def float_extremes() -> Iterator[Case]:
         for which, first in (("weights", 0), ("weights but the first", 1)):
             if which in change:
                 given[:, first:] = change[which]
-        integrator = lif(**{key: value for key, value in change.items() if not key.startswith("weights")})
+        integrator = lif(
+            **{key: value for key, value in change.items() if not key.startswith("weights")}
+        )
         yield lif_case(name, integrator, given)

@@ -87,7 +87,9 @@ def roundings() -> Iterator[Case]:
     """
     for name, rounding in ROUNDINGS.items():
         for tau in TIME_CONSTANTS:
-            yield from srm_cases(f"{name}, tau_sr {tau:g}", srm(tau_sr=tau), weights(tau), rounding=rounding)
+            yield from srm_cases(
+                f"{name}, tau_sr {tau:g}", srm(tau_sr=tau), weights(tau), rounding=rounding
+            )
         yield lif_case(name, rounding=rounding)
 
 
@@ -97,9 +99,13 @@ def weight_exponents() -> Iterator[Case]:
     """
     ends: dict[Signs, tuple[int, ...]] = {"apart": (-255, -1, 1, 255), "mixed": (-256, -2, 2, 254)}
     for signs, mantissas in ends.items():
-        mantissa = np.random.default_rng(usual.SEED).choice(mantissas, (usual.NEURONS, usual.CHANNELS))
+        mantissa = np.random.default_rng(usual.SEED).choice(
+            mantissas, (usual.NEURONS, usual.CHANNELS)
+        )
         for exponent in WEIGHT_EXPONENTS[:: 1 if signs == "mixed" else 5]:
-            neuron = ChipCuba.of(usual.NEURONS, decay_u=4096, decay_v=410, threshold=max(1, int(255 * 2.0**exponent)))
+            neuron = ChipCuba.of(
+                usual.NEURONS, decay_u=4096, decay_v=410, threshold=max(1, int(255 * 2.0**exponent))
+            )
             name = f"exponent {exponent}, signs {signs}"
             yield case_of(name, NATIVE, neuron, mantissa, exponent=exponent, signs=signs)
 
@@ -141,11 +147,17 @@ def crowds() -> Iterator[Case]:
     wrap is counted.
     """
     neuron = ChipCuba.of(1, decay_u=410, decay_v=410, threshold=1000)
-    dendrite = ChipSrm.with_taps(1, decay=390, threshold=8000, refractory_decay=2589, mantissa=-250, exponent=6)
+    dendrite = ChipSrm.with_taps(
+        1, decay=390, threshold=8000, refractory_decay=2589, mantissa=-250, exponent=6
+    )
 
-    def crowd(name: str, strategy: str, model: ChipNeuron, lines: int, weight: int, **more: Any) -> Case:
+    def crowd(
+        name: str, strategy: str, model: ChipNeuron, lines: int, weight: int, **more: Any
+    ) -> Case:
         every = np.ones((1, 20, lines), dtype=np.uint8)
-        return case_of(f"{lines} inputs{name}", strategy, model, np.full((1, lines), weight), every, **more)
+        return case_of(
+            f"{lines} inputs{name}", strategy, model, np.full((1, lines), weight), every, **more
+        )
 
     for sign, word in ((1, "excite"), (-1, "inhibit")):
         for exponent in (0, 7):

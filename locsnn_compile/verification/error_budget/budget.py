@@ -63,10 +63,18 @@ def phases_of(levels: Levels) -> tuple[Phase, ...]:
     registers, populations = levels.program.chip.registers, levels.quantized.populations
     phases = []
     for phase in levels.network.phases:
-        forms = [forms_of(q.population.neuron, levels, q) for q in populations if q.population.phase == phase.name]
+        forms = [
+            forms_of(q.population.neuron, levels, q)
+            for q in populations
+            if q.population.phase == phase.name
+        ]
         numbers = sum((float_neurons for float_neurons, _ in forms), start=Numbers())
         exact = all(float_neurons is program_neurons for float_neurons, program_neurons in forms)
-        program = numbers if exact else sum((program_neurons for _, program_neurons in forms), start=Numbers())
+        program = (
+            numbers
+            if exact
+            else sum((program_neurons for _, program_neurons in forms), start=Numbers())
+        )
         phases.append(Phase(phase.name, registers, numbers, program))
     return tuple(phases)
 
@@ -78,17 +86,24 @@ def lines_of(network: Network, phase: Phase, recordings: ByteArray) -> dict[str,
 
 def neuron_steps(network: Network) -> int:
     """Return neurons times steps of one recording, the cost of evaluating it."""
-    return sum(population.size * network.steps_of(population.phase) for population in network.populations)
+    return sum(
+        population.size * network.steps_of(population.phase) for population in network.populations
+    )
 
 
 def twin_with(phase: Phase, stages: Collection[Stage]) -> Twin:
     """Return the twin of a phase with some stages as on the chip and the others exact."""
     numbers = phase.program_neurons if "kernel" in stages else phase.float_neurons
     taken = [name for name, stage in _OF_STAGE.items() if stage in stages]
-    groups = (replace(pair.exact, bias=_bias(pair, stages), **picked(pair.chip, *taken)) for pair in numbers.groups)
+    groups = (
+        replace(pair.exact, bias=_bias(pair, stages), **picked(pair.chip, *taken))
+        for pair in numbers.groups
+    )
     which = {"rounded": "weights" in stages, "chip_decays": "decays" in stages}
     synapses = (replace(pair.exact, weights=pair.weights(**which)) for pair in numbers.synapses)
-    return Twin(tuple(groups), tuple(s for s in synapses if values_of(s.weights).any()), phase.registers)
+    return Twin(
+        tuple(groups), tuple(s for s in synapses if values_of(s.weights).any()), phase.registers
+    )
 
 
 def _twins(phase: Phase, variants: Sequence[Collection[Stage]]) -> list[Twin]:
@@ -158,7 +173,9 @@ class StageErrors(Frozen, eq=False):
     kernel_tail: Deviation | None
 
 
-def error_budget(levels: Levels, recordings: ByteArray, progress: Progress | None = None) -> StageErrors:
+def error_budget(
+    levels: Levels, recordings: ByteArray, progress: Progress | None = None
+) -> StageErrors:
     """Break the difference down on recordings (samples, steps, channels) with the network's steps and channels."""
     whole, phases = _each(levels.network, methodcaller("whole")), phases_of(levels)
     registers, cuts = levels.program.chip.registers, levels.network.cuts_kernels
@@ -174,7 +191,9 @@ def error_budget(levels: Levels, recordings: ByteArray, progress: Progress | Non
         wanted = mine = evaluate(whole, chunk, registers=registers)
         played = _play(whole, levels.quantized, twins, chunk)
         unexplained += _different(played[0][0], wanted.spikes)
-        unexplained += _different(played[1][0], hw.simulate(levels.program, chunk, probe=("spikes",)).spikes)
+        unexplained += _different(
+            played[1][0], hw.simulate(levels.program, chunk, probe=("spikes",)).spikes
+        )
         if whole.by_strategy:
             cut_short = evaluate(cut, chunk, registers=registers)
             played.append(played[1] if cuts else (cut_short.spikes, cut_short.scores))
@@ -191,19 +210,27 @@ def error_budget(levels: Levels, recordings: ByteArray, progress: Progress | Non
     without = dict[AnyStage, Deviation](zip(stages, found[len(stages) :], strict=True))
     if cuts and last is not None:
         alone[TAILS], without[TAILS] = exact, last
-    return StageErrors(len(recordings), alone, without, together, unexplained, None if cuts else last)
+    return StageErrors(
+        len(recordings), alone, without, together, unexplained, None if cuts else last
+    )
 
 
 def _each(network: Network, changed: Callable[[Neuron], Neuron]) -> Network:
     """Return a network with its neurons changed."""
-    return replace(network, populations=tuple(replace(p, neuron=changed(p.neuron)) for p in network.populations))
+    return replace(
+        network,
+        populations=tuple(replace(p, neuron=changed(p.neuron)) for p in network.populations),
+    )
 
 
 def _deviation(
     network: Network, wanted: ReferenceResult, spikes: Mapping[str, ByteArray], scores: FloatArray
 ) -> Deviation:
     """Compare a variant with the float network."""
-    found = {p.name: PopulationMatch.of(wanted.spikes[p.name], spikes[p.name]) for p in network.own_populations}
+    found = {
+        p.name: PopulationMatch.of(wanted.spikes[p.name], spikes[p.name])
+        for p in network.own_populations
+    }
     changed = int((decided(scores) != decided(wanted.scores)).sum())
     return Deviation(found, changed, ScoreMatch.of(wanted.scores, scores))
 
@@ -213,7 +240,10 @@ _Played = tuple[Mapping[str, ByteArray], FloatArray]
 
 
 def _play(
-    network: Network, quantized: QuantizedNetwork, twins: Sequence[tuple[Phase, Sequence[Twin]]], recordings: ByteArray
+    network: Network,
+    quantized: QuantizedNetwork,
+    twins: Sequence[tuple[Phase, Sequence[Twin]]],
+    recordings: ByteArray,
 ) -> list[_Played]:
     """Play some recordings to the twins of every variant, whose potentials are in units of the registers."""
     readout, traces = quantized.readout, []
@@ -256,7 +286,10 @@ class Cause(Frozen, eq=False):
     @property
     def largest(self) -> AnyStage:
         """The stage that moves the potential furthest in the direction of the difference."""
-        return max(self.moved, key=lambda stage: self.moved[stage] if self.together >= 0 else -self.moved[stage])
+        return max(
+            self.moved,
+            key=lambda stage: self.moved[stage] if self.together >= 0 else -self.moved[stage],
+        )
 
 
 def find_cause(levels: Levels, recording: ByteArray, first: Divergence) -> Cause:
@@ -265,7 +298,9 @@ def find_cause(levels: Levels, recording: ByteArray, first: Divergence) -> Cause
     population = levels.quantized.population(first.population)
     phase = next(phase for phase in phases if phase.name == population.population.phase)
     until = slice(0, first.step + 1)
-    lines = {name: played[:, until] for name, played in lines_of(network, phase, recording[None]).items()}
+    lines = {
+        name: played[:, until] for name, played in lines_of(network, phase, recording[None]).items()
+    }
     reference = evaluate(network, recording[None], registers=phase.registers).spikes
     equal = {name: spikes[:, until] for name, spikes in reference.items()}
     scale = float(population.scale[first.neuron])
@@ -277,17 +312,24 @@ def find_cause(levels: Levels, recording: ByteArray, first: Divergence) -> Cause
     at = (0, first.step, first.neuron)
     # For each variant, the potential in float units and whether the neuron spikes.
     (exact, decides), (chip, fires), *others = (
-        (float(trace.potential[first.population][at]) / scale, bool(trace.spikes[first.population][at]))
+        (
+            float(trace.potential[first.population][at]) / scale,
+            bool(trace.spikes[first.population][at]),
+        )
         for trace in traces
     )
     alone = dict(zip(stages, others, strict=True))
-    moved: dict[AnyStage, float] = {stage: potential - exact for stage, (potential, _) in alone.items()}
+    moved: dict[AnyStage, float] = {
+        stage: potential - exact for stage, (potential, _) in alone.items()
+    }
     decisions: dict[AnyStage, bool] = {stage: decision for stage, (_, decision) in alone.items()}
     begin = exact
     if network.cuts_kernels:
         # Twins have whole kernels: what a stage does to the network's own potential, it does without them.
         begin = first.reference_potential
-        decisions = {stage: begin + far >= first.threshold for stage, far in moved.items()} | {TAILS: decides}
+        decisions = {stage: begin + far >= first.threshold for stage, far in moved.items()} | {
+            TAILS: decides
+        }
         moved[TAILS] = exact - begin
     enough = tuple(stage for stage, decision in decisions.items() if decision == fires)
     return Cause(moved, chip - begin, enough)

@@ -39,7 +39,11 @@ def forms_of(neuron: Neuron, levels: Levels, q: QuantizedPopulation) -> tuple[Nu
         held_by_chip = numbers.chip_group(part)
         groups.append(GroupNumbers(held_by_chip, held_by_chip))
         for (source, delay), weights in numbers.chip_weights(graph, part.name).items():
-            synapses.append(SynapseNumbers(TwinSynapses(source, part.name, weights, delay), weights, weights, weights))
+            synapses.append(
+                SynapseNumbers(
+                    TwinSynapses(source, part.name, weights, delay), weights, weights, weights
+                )
+            )
     same = Numbers(tuple(groups), tuple(synapses))
     return same, same
 
@@ -61,17 +65,25 @@ def _dendrite(levels: Levels, q: QuantizedPopulation, neuron: SrmAlpha) -> Numbe
     pairs = []
     for number in range(count):
         dendrite, own = (
-            numbers.chip_group(graph.group(dendrite_name(name, kind, number))) for kind in ("dendrite", "refractory")
+            numbers.chip_group(graph.group(dendrite_name(name, kind, number)))
+            for kind in ("dendrite", "refractory")
         )
         pairs.append(_srm(levels, q, neuron, dendrite, own, soma, share=1 / count))
     groups = [group for pair in pairs for group in pair.groups[:-1]]
-    return Numbers((*groups, pairs[0].groups[-1]), tuple(s for pair in pairs for s in pair.synapses))
+    return Numbers(
+        (*groups, pairs[0].groups[-1]), tuple(s for pair in pairs for s in pair.synapses)
+    )
 
 
-def _delay_line(levels: Levels, q: QuantizedPopulation, neuron: SrmAlpha) -> tuple[Numbers, Numbers]:
+def _delay_line(
+    levels: Levels, q: QuantizedPopulation, neuron: SrmAlpha
+) -> tuple[Numbers, Numbers]:
     """Lay out taps onto the alpha dendrite; in the float neuron they are only the error of their rounding."""
     graph, name = levels.compartments, q.population.name
-    dendrite, soma = numbers.chip_group(graph.group(f"{name}/dendrite")), numbers.chip_group(graph.group(name))
+    dendrite, soma = (
+        numbers.chip_group(graph.group(f"{name}/dendrite")),
+        numbers.chip_group(graph.group(name)),
+    )
     whole = _srm(levels, q, neuron, dendrite, None, soma)
     alpha, _, top = whole.groups
     taps = _taps(graph, q, neuron, alpha)
@@ -82,7 +94,9 @@ def _delay_line(levels: Levels, q: QuantizedPopulation, neuron: SrmAlpha) -> tup
         for rounded in [tap.chip - tap.exact_fitted]
     ]
     inputs = tuple(s for s in whole.synapses if s.exact.target == alpha.exact.name)
-    return replace(whole, synapses=(*whole.synapses, *errors)), Numbers((alpha, top), (*inputs, *taps))
+    return replace(whole, synapses=(*whole.synapses, *errors)), Numbers(
+        (alpha, top), (*inputs, *taps)
+    )
 
 
 def _taps(
@@ -117,7 +131,9 @@ def _reset(levels: Levels, q: QuantizedPopulation, neuron: SrmAlpha) -> tuple[Nu
     alpha, _, top = whole.groups
     exact = _exactly(chip, alpha.exact.keep_u, alpha.exact.keep_v, top.exact.threshold)
     inputs = [
-        replace(s, exact=replace(s.exact, target=name)) for s in whole.synapses if s.exact.target == alpha.exact.name
+        replace(s, exact=replace(s.exact, target=name))
+        for s in whole.synapses
+        if s.exact.target == alpha.exact.name
     ]
     return whole, Numbers((GroupNumbers(exact, chip),), tuple(inputs))
 
@@ -145,18 +161,23 @@ def _srm(
     refractory_a, refractory_gain = alpha_recursion(neuron.tau_ref)
     alpha = GroupNumbers(exactly(dendrite, a), dendrite)
     pulled = f"{name}/refractory" if refractory is None else refractory.name
-    pull = TwinSynapses(name, pulled, -neuron.scale_ref * neuron.theta * refractory_gain * share * q.scale)
+    pull = TwinSynapses(
+        name, pulled, -neuron.scale_ref * neuron.theta * refractory_gain * share * q.scale
+    )
     if refractory is None:
         exact = exactly(replace(dendrite, name=pull.target), refractory_a)
         own = GroupNumbers(exact, exact)
-        pulls: tuple[SynapseNumbers, ...] = (SynapseNumbers(pull, pull.weights, pull.weights, pull.weights),)
+        pulls: tuple[SynapseNumbers, ...] = (
+            SynapseNumbers(pull, pull.weights, pull.weights, pull.weights),
+        )
     else:
         own = GroupNumbers(exactly(refractory, refractory_a), refractory)
         pulls = numbers.beside_chip(graph, [pull], own, refractory.name)
     inputs = numbers.exact_synapses(levels.network, name, dendrite.name, gain * share * q.scale)
     onto = dendrite.name if any(g.name == dendrite.name for g in graph.groups) else name
     return Numbers(
-        (alpha, own, GroupNumbers(exactly(soma, 0.0), soma)), (*numbers.beside_chip(graph, inputs, alpha, onto), *pulls)
+        (alpha, own, GroupNumbers(exactly(soma, 0.0), soma)),
+        (*numbers.beside_chip(graph, inputs, alpha, onto), *pulls),
     )
 
 
@@ -167,7 +188,9 @@ def _(neuron: Cuba, levels: Levels, q: QuantizedPopulation) -> tuple[Numbers, Nu
     chip = numbers.chip_group(levels.compartments.group(name))
     threshold = neuron.threshold * q.scale * (1 + (SLACK if neuron.rule == ">" else -SLACK))
     keeps = 1.0 - neuron.decay_u, 1.0 - neuron.decay_v
-    group = GroupNumbers(replace(_exactly(chip, *keeps, threshold), bias=neuron.bias * q.scale), chip)
+    group = GroupNumbers(
+        replace(_exactly(chip, *keeps, threshold), bias=neuron.bias * q.scale), chip
+    )
     synapses = numbers.exact_synapses(levels.network, name, name, q.scale)
     same = Numbers((group,), numbers.beside_chip(levels.compartments, synapses, group, name))
     return same, same
@@ -188,11 +211,17 @@ def _(neuron: SoftCuba, levels: Levels, q: QuantizedPopulation) -> tuple[Numbers
         # Recurrent weights with the same delay share its synapse.
         beside = next((s for s in synapses if (s.source, s.delay) == (name, delay)), None)
         weights = taken if beside is None else beside.weights + np.diag(taken)
-        synapses = [s for s in synapses if s is not beside] + [TwinSynapses(name, dendrite.name, weights, delay)]
+        synapses = [s for s in synapses if s is not beside] + [
+            TwinSynapses(name, dendrite.name, weights, delay)
+        ]
     same = Numbers((membrane, top), numbers.beside_chip(graph, synapses, membrane, dendrite.name))
     return same, same
 
 
-def _exactly(group: TwinGroup, keep_u: FloatArray, keep_v: FloatArray, threshold: FloatArray) -> TwinGroup:
+def _exactly(
+    group: TwinGroup, keep_u: FloatArray, keep_v: FloatArray, threshold: FloatArray
+) -> TwinGroup:
     """Return a group with these numbers, whose registers hold any real number."""
-    return replace(group, keep_u=keep_u, keep_v=keep_v, threshold=threshold, truncates=False, limited=False)
+    return replace(
+        group, keep_u=keep_u, keep_v=keep_v, threshold=threshold, truncates=False, limited=False
+    )

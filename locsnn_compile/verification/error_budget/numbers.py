@@ -11,7 +11,14 @@ from hw_model.arithmetic.fixed_point import DECAY_ONE, effective_weight
 from hw_model.mapping.graph import CompartmentGraph, Compartments
 from hw_model.values import FloatArray, Frozen, IntArray, Sums, added, picked
 from locsnn_compile.network.network import Network
-from locsnn_compile.network.projections import Matrix, Projection, by_delay, of_target, values_of, with_values
+from locsnn_compile.network.projections import (
+    Matrix,
+    Projection,
+    by_delay,
+    of_target,
+    values_of,
+    with_values,
+)
 from locsnn_compile.passes.kernels import best_gain
 from locsnn_compile.verification.error_budget.twin import TwinGroup, TwinSynapses
 
@@ -79,14 +86,20 @@ def beside_chip(
     return tuple(pairs)
 
 
-def exact_synapses(network: Network, population: str, target: str, gain: FloatArray) -> list[TwinSynapses]:
+def exact_synapses(
+    network: Network, population: str, target: str, gain: FloatArray
+) -> list[TwinSynapses]:
     """Return the float weights onto a population, times a gain (n,), as synapses onto a group: one entry per delay."""
     found: dict[tuple[str, int], Matrix] = {}
     for projection in network.into(population):
-        assert isinstance(projection, Projection)  # check_network: only float weights reach float neurons
+        assert isinstance(
+            projection, Projection
+        )  # check_network: only float weights reach float neurons
         for delay, weights in by_delay(projection.weights, projection.delay):
             found = added(found, {(projection.source, delay): times(weights, gain)})
-    return [TwinSynapses(source, target, weights, delay) for (source, delay), weights in found.items()]
+    return [
+        TwinSynapses(source, target, weights, delay) for (source, delay), weights in found.items()
+    ]
 
 
 def chip_weights(graph: CompartmentGraph, target: str) -> dict[tuple[str, int], Matrix]:

@@ -93,10 +93,18 @@ def run_twins(
     batch, steps = next(iter(lines.values())).shape[:2]
     registers = twins[0].registers
     *joined, spiking = _blocks(twins, batch, steps)
-    home = {key: (block, columns) for block in (*joined, spiking) for key, columns in block.columns.items()}
-    early = {name: played.transpose(1, 0, 2).reshape(steps * batch, -1) for name, played in lines.items()}
+    home = {
+        key: (block, columns)
+        for block in (*joined, spiking)
+        for key, columns in block.columns.items()
+    }
+    early = {
+        name: played.transpose(1, 0, 2).reshape(steps * batch, -1) for name, played in lines.items()
+    }
     sparse_lines = {name: sparse_spikes(spikes, np.float64) for name, spikes in early.items()}
-    synapses = [(i, s) for i, twin in enumerate(twins) for s in twin.synapses if s.delay + 1 < steps]
+    synapses = [
+        (i, s) for i, twin in enumerate(twins) for s in twin.synapses if s.delay + 1 < steps
+    ]
     longest = 1 + max((s.delay for _, s in synapses if s.weights.ndim == 1), default=0)
     arrived: dict[tuple[str, int, int], FloatArray] = {}
     own: dict[_Block, FloatArray] = {}
@@ -119,7 +127,9 @@ def run_twins(
             others[i].setdefault(s.source, []).append(reach)
     onto = _stacked(others)
     watched = {key: columns for key, (_, columns) in home.items() if key[1] in potentials}
-    potential = {key: np.empty((batch, steps, here.stop - here.start)) for key, here in watched.items()}
+    potential = {
+        key: np.empty((batch, steps, here.stop - here.start)) for key, here in watched.items()
+    }
     for step in range(steps):
         spiking.joined[:] = 0.0
         for block in joined:
@@ -131,7 +141,9 @@ def run_twins(
             kept[:, step] = block.v[:, columns]
         fired = spiking.fire(step)
         if forced is not None:
-            fired = np.hstack([forced[name][:, step] for _, name in spiking.columns]).astype(np.bool_)
+            fired = np.hstack([forced[name][:, step] for _, name in spiking.columns]).astype(
+                np.bool_
+            )
         spiking.reset(fired)
         sent = fired.astype(np.float64)
         # What neurons send to those of the same number is added first: in another order, sums round differently.
@@ -163,19 +175,26 @@ def _blocks(twins: Sequence[Twin], batch: int, steps: int) -> "list[_Block]":
     twins' groups of one name are neighbours.
     """
     groups = {(i, group.name): group for i, twin in enumerate(twins) for group in twin.groups}
-    children: dict[_Key, list[_Key]] = {key: [] for key, group in groups.items() if not group.joined_to}
+    children: dict[_Key, list[_Key]] = {
+        key: [] for key, group in groups.items() if not group.joined_to
+    }
     for (i, name), group in groups.items():
         if group.joined_to:
             children[i, group.joined_to].append((i, name))
     names = list(dict.fromkeys(name for _, name in groups))
     ordered = sorted(children, key=lambda key: (-len(children[key]), names.index(key[1])))
-    ranks = [[children[key][k] for key in ordered if k < len(children[key])] for k in range(len(children[ordered[0]]))]
+    ranks = [
+        [children[key][k] for key in ordered if k < len(children[key])]
+        for k in range(len(children[ordered[0]]))
+    ]
     return [_Block({key: groups[key] for key in keys}, batch, steps) for keys in (*ranks, ordered)]
 
 
 def _stacked(others: "Sequence[Mapping[str, Sequence[_Onto]]]") -> "list[_Onto]":
     """Stack small dense weights of neighbouring twins, (twins, n_target, n_source), and keep the order of each twin."""
-    numbered = [item for by_source in others for item in enumerate(chain.from_iterable(by_source.values()))]
+    numbered = [
+        item for by_source in others for item in enumerate(chain.from_iterable(by_source.values()))
+    ]
     found: list[_Onto] = []
     for _, (late, columns, target, to_columns, weights) in sorted(
         numbered, key=lambda item: (item[0], item[1][1].start)
@@ -184,8 +203,15 @@ def _stacked(others: "Sequence[Mapping[str, Sequence[_Onto]]]") -> "list[_Onto]"
         if found and held.ndim == 3 and weights.size <= STACKED_ENTRIES:
             late_before, before, target_before, to_before, held_before = found[-1]
             neighbours = (before.stop, to_before.stop) == (columns.start, to_columns.start)
-            if neighbours and (late, target, *weights.shape) == (late_before, target_before, *held_before.shape[1:]):
-                columns, to_columns = slice(before.start, columns.stop), slice(to_before.start, to_columns.stop)
+            if neighbours and (late, target, *weights.shape) == (
+                late_before,
+                target_before,
+                *held_before.shape[1:],
+            ):
+                columns, to_columns = (
+                    slice(before.start, columns.stop),
+                    slice(to_before.start, to_columns.stop),
+                )
                 held = np.concatenate([found.pop()[-1], held])
         found.append((late, columns, target, to_columns, held))
     return found
@@ -203,7 +229,10 @@ class _Block:
     def __init__(self, by_key: Mapping[_Key, TwinGroup], batch: int, steps: int) -> None:
         groups = list(by_key.values())
         ends = np.cumsum([0, *(group.size for group in groups)]).tolist()
-        self.columns, self.size = {key: slice(*ends[i : i + 2]) for i, key in enumerate(by_key)}, ends[-1]
+        self.columns, self.size = (
+            {key: slice(*ends[i : i + 2]) for i, key in enumerate(by_key)},
+            ends[-1],
+        )
         self._spiking = groups[0].joined_to is None
         self._keep_u, self._keep_v, self._threshold, self._bias, self._refractory, vmin, vmax = (
             np.tile(np.concatenate([getattr(group, key) for group in groups]), (batch, 1))
@@ -213,7 +242,10 @@ class _Block:
             np.tile(np.repeat([getattr(group, key) for group in groups], np.diff(ends)), (batch, 1))
             for key in ("truncates", "limited")
         )
-        self._vmin, self._vmax = np.where(self._limited, vmin, -np.inf), np.where(self._limited, vmax, np.inf)
+        self._vmin, self._vmax = (
+            np.where(self._limited, vmin, -np.inf),
+            np.where(self._limited, vmax, np.inf),
+        )
         self._biased, self._blocks = bool(self._bias.any()), bool((self._refractory > 1).any())
         self.charge = np.zeros((steps, batch, self.size))
         self._u, self.v, self.joined = np.zeros((3, batch, self.size))
@@ -226,10 +258,14 @@ class _Block:
         self._u += self._wrapped(self.charge[step], registers.charge_bits)
         self._u = self._wrapped(self._u, registers.current_bits)
         self._decay(self.v, self._keep_v)
-        self.v += self._wrapped(self._u + self._bias, registers.current_bits) if self._biased else self._u
+        self.v += (
+            self._wrapped(self._u + self._bias, registers.current_bits) if self._biased else self._u
+        )
         if self._spiking:
             self.v += self.joined
-        np.minimum(np.maximum(self.v, self._vmin, out=self.v), self._vmax, out=self.v)  # twice as fast as np.clip
+        np.minimum(
+            np.maximum(self.v, self._vmin, out=self.v), self._vmax, out=self.v
+        )  # twice as fast as np.clip
         if self._blocks:
             self.v[self._blocked > 0] = 0.0
 
