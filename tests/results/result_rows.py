@@ -39,7 +39,7 @@ class Row:
     """A network of the table: its options over the configuration of its data set, and published accuracies.
 
     ``published``: data set -> accuracy (Kang et al. 2022, two fingertips). ``config`` replaces that of the data set; in
-    it ``{recipe}`` stands for the data set whose recipe is taken, ``{published}`` for that of the published targets. ``parts`` are
+    it ``{recipe}`` stands for the data set whose recipe is taken, ``{dataset}`` for the data set itself. ``parts`` are
     networks that are trained apart and joined, a hybrid and windows; the hybrid is first trained further as ``further`` says.
     ``strategy`` lays out spike response neurons. ``only`` is the one data set of the row. ``minutes``: about how long one
     seed takes on one core, by data set, where somebody who runs what is missing should know. Rows that are not ``on_page``
@@ -60,13 +60,10 @@ class Row:
 
     def config_for(self, dataset: Dataset) -> str:
         """Return the file in ``examples/configs`` that it is trained with."""
+        if self.config is None:
+            return dataset.config
         recipe = dataset.config.partition("-")[0]
-        published = "slip" if dataset.archive is None else "objects"
-        return (
-            dataset.config
-            if self.config is None
-            else self.config.format(recipe=recipe, published=published)
-        )
+        return self.config.format(recipe=recipe, dataset=dataset.name)
 
     @property
     def model(self) -> str:
@@ -84,7 +81,7 @@ def _published_orders() -> Iterator[Row]:
             f"hybrid-{order}-published",
             f"Hybrid, published training, {order}",
             {"order": order},
-            config="{published}-hybrid-published.yaml",
+            config="{dataset}-hybrid-published.yaml",
             minutes={"objects": 3, "containers": 2, "slip": 1},
             on_page=False,
         )
@@ -138,13 +135,13 @@ ROWS = (
         "hybrid-published",
         "Hybrid, published training",
         {},
-        config="{published}-hybrid-published.yaml",
+        config="{dataset}-hybrid-published.yaml",
     ),
     Row(
         "hybrid-half-published",
         "Hybrid, published training, lambda 0.5",
         {"location_weight": 0.5},
-        config="{published}-hybrid-half-published.yaml",
+        config="{dataset}-hybrid-half-published.yaml",
         minutes={"objects": 3, "containers": 2, "slip": 1},
     ),
     *_published_orders(),
