@@ -4,6 +4,7 @@ Structured arrays have the fields ``t`` in microseconds, ``x``, ``y`` (optional)
 
 - ``.bs1``: neuron number, 16 bits, high byte first; ``.bs2`` and ``.bin``: x, then y, 8 bits each
 - all: polarity, 1 bit, and time in microseconds, 23 bits, so no event is later than 8.388607 s
+- ``.bs1`` and ``.bs2`` belong to SLAYER, which rounds times to the nearest step; all other formats have bins
 
 In a ``.bin`` of N-MNIST or N-Caltech101, an entry with y 240 is not an event: it shifts all later times by 8,192
 microseconds (Orchard et al. 2015, and their Read_Ndataset). AEDAT4 is the format of iniVation's cameras, which the
@@ -23,7 +24,13 @@ import numpy as np
 from hw_model.io.extras import needed
 from hw_model.io.npy import load_npy
 from hw_model.values import AnyArray, IntArray
-from locsnn_compile.data.event_stream import MAX_EVENTS, Binning, EventStream, bin_streams
+from locsnn_compile.data.event_stream import (
+    MAX_EVENTS,
+    Binning,
+    EventStream,
+    StepRule,
+    bin_streams,
+)
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError, check_most, counted
 
@@ -35,6 +42,8 @@ DTYPE = np.dtype([("t", "<i8"), ("x", "<i8"), ("p", "<i8")])
 EVENT_BYTES = 5
 OVERFLOW_ROW, OVERFLOW_MICROSECONDS = 240, 1 << 13
 MAX_MICROSECONDS = (1 << 23) - 1
+SLAYER_RULE: StepRule = "nearest"
+"""How ``.bs1`` and ``.bs2`` files count steps: ``np.round(t / Ts)`` in slayerPytorch's and lava-dl's own readers."""
 #: Columns of the grid for recordings without a shape of their own: each row holds the taxels of one fingertip.
 COLUMNS = 39
 _AEDAT4_CHILD = Path(__file__).with_name("aedat4_child.py")
@@ -98,12 +107,14 @@ def parse_slayer_events(data: bytes, suffix: str, where: str) -> EventStream:
     times = (fields[2] & 0x7F) << 16 | fields[3] << 8 | fields[4]
     polarity = fields[2] >> 7
     if suffix == ".bs1":
-        return EventStream(times, fields[0] << 8 | fields[1], None, polarity, place=where)
+        neuron = fields[0] << 8 | fields[1]
+        return EventStream(times, neuron, None, polarity, place=where, step_rule=SLAYER_RULE)
     x, y = fields[0], fields[1]
-    if suffix == ".bin":
-        overflow = y == OVERFLOW_ROW
-        times = times + OVERFLOW_MICROSECONDS * np.cumsum(overflow)
-        times, x, y, polarity = (values[~overflow] for values in (times, x, y, polarity))
+    if suffix == ".bs2":
+        return EventStream(times, x, y, polarity, place=where, step_rule=SLAYER_RULE)
+    overflow = y == OVERFLOW_ROW
+    times = times + OVERFLOW_MICROSECONDS * np.cumsum(overflow)
+    times, x, y, polarity = (values[~overflow] for values in (times, x, y, polarity))
     return EventStream(times, x, y, polarity, place=where)
 
 

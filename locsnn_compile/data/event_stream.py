@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 
@@ -15,6 +15,11 @@ STEP_SECONDS = 0.02
 MICROSECONDS = 1_000_000
 #: Most events of one set of recordings.
 MAX_EVENTS = 20_000_000
+
+StepRule = Literal["floor", "nearest"]
+"""Which step an event at time t belongs to, with steps of width w: ``floor``, the bin that t lies in, [k w, (k + 1) w);
+``nearest``, round(t / w), half to even, as SLAYER and lava-dl do.
+"""
 
 
 class Binning(Frozen):
@@ -52,9 +57,9 @@ class EventStream(Frozen, eq=False):
     Without ``y``, x counts taxels; without ``polarity`` as well, it counts channels. A grid's columns do not bound it.
     ``start`` is the time at which bin 0 begins. ``span_seconds`` is the length of the recording, None if it ends with
     its last event. ``channels``, ``polarities`` and ``columns`` are those of the format, None if it does not fix them.
-    ``step_seconds`` is the default width of its bins, and ``place`` names the recording in errors. ``elsewhere`` counts
-    events of its file that belong to other streams, which are not read. ``if_too_long`` is the way out if it has too
-    many bins.
+    ``step_seconds`` is the default width of its bins, ``step_rule`` says which bin an event is in, and ``place`` names
+    the recording in errors. ``elsewhere`` counts events of its file that belong to other streams, which are not read.
+    ``if_too_long`` is the way out if it has too many bins.
     """
 
     times: AnyArray
@@ -70,6 +75,7 @@ class EventStream(Frozen, eq=False):
     place: str = ""
     elsewhere: int = 0
     if_too_long: str = "Give wider bins."
+    step_rule: StepRule = "floor"
 
 
 def bin_streams(
@@ -161,14 +167,18 @@ def _check_columns(
         raise InputError(where, what, measured=measured, fix=fix)
 
 
-def _bins(one: EventStream, width_seconds: float) -> FloatArray:
+def _bins(stream: EventStream, width_seconds: float) -> FloatArray:
+    """Return the step of every event, as whole numbers; absurd times overflow to infinity, which is outside."""
     width = width_seconds * MICROSECONDS
     if abs(width - round(width)) < 1e-6:
         # 0.0003 s is not quite 300 microseconds in floats, and an event at 300 belongs to the second bin.
         width = round(width)
-    # Absurd times overflow to infinity, which lies outside like any other late time.
     with np.errstate(over="ignore"):
-        return np.floor((one.times - one.start) / width)
+        since_start = stream.times - stream.start
+        if stream.step_rule == "nearest":
+            # Milliseconds first, as SLAYER divides: quotients near a half depend on it.
+            return np.rint(since_start / 1000 / (width / 1000))
+        return np.floor(since_start / width)
 
 
 def _length(one: EventStream, bins: FloatArray, width_seconds: float, most: int | None) -> int:
@@ -228,12 +238,14 @@ def _check_sizes(where: str, samples: int, steps: int, channels: int, needed: in
 
 
 def recording_events(
-    spikes: ByteArray, polarities: int, step_seconds: float
+    spikes: ByteArray, polarities: int, step_seconds: float, step_rule: StepRule = "floor"
 ) -> tuple[IntArray, IntArray, IntArray]:
     """Return (microseconds, cell, polarity) of the events of one recording (steps, channels), in order of time.
 
-    Each event lies in the middle of its bin, so the width of a bin is all that is needed to read it back.
+    Each event lies where its format's ``step_rule`` puts it back into its step, if only the width of a bin is known: in
+    the middle of its bin, or at the time of its step, which readers that take the floor read alike.
     """
     steps, channels = np.nonzero(spikes)
-    times = np.floor((steps + 0.5) * (step_seconds * MICROSECONDS)).astype(np.int64)
-    return times, channels // polarities, channels % polarities
+    width = step_seconds * MICROSECONDS
+    times = np.ceil(steps * width) if step_rule == "nearest" else np.floor((steps + 0.5) * width)
+    return times.astype(np.int64), channels // polarities, channels % polarities

@@ -8,8 +8,13 @@ from hw_model.io.build_folder import check_folder, write_build
 from hw_model.io.files import npy_bytes, pack_arrays, pack_files, replace_file
 from hw_model.values import AnyArray, BoolArray, ByteArray, Frozen, IntArray
 from locsnn_compile.data.axes import is_clear
-from locsnn_compile.data.event_formats import COLUMNS, pack_slayer_events, structured_events
-from locsnn_compile.data.event_stream import STEP_SECONDS, recording_events
+from locsnn_compile.data.event_formats import (
+    COLUMNS,
+    SLAYER_RULE,
+    pack_slayer_events,
+    structured_events,
+)
+from locsnn_compile.data.event_stream import STEP_SECONDS, StepRule, recording_events
 from locsnn_compile.data.members import label_in_name
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.sensor import POLARITIES, TAXELS, SensorLayout
@@ -164,7 +169,11 @@ def _width(recordings: Recordings) -> float:
 
 
 def _timed(
-    recordings: Recordings, index: int, where: str, sensor: Sensor
+    recordings: Recordings,
+    index: int,
+    where: str,
+    sensor: Sensor,
+    step_rule: StepRule = "floor",
 ) -> tuple[IntArray, IntArray, IntArray]:
     width = _width(recordings)
     if width < MIN_EVENT_STEP_SECONDS:
@@ -172,7 +181,8 @@ def _timed(
         raise InputError(
             where, "its bins are too narrow for times in microseconds", measured=measured, fix=fix
         )
-    return recording_events(recordings.spikes[index], _cells(recordings, sensor)[0], width)
+    polarities, _ = _cells(recordings, sensor)
+    return recording_events(recordings.spikes[index], polarities, width, step_rule)
 
 
 def _one_file(
@@ -187,7 +197,7 @@ def _one_file(
         }
     if kind == "tact":
         return _tact_files(recordings, index, stem, where, _cells(recordings, sensor)[0])
-    times, cell, polarity = _timed(recordings, index, where, sensor)
+    times, cell, polarity = _timed(recordings, index, where, sensor, SLAYER_RULE)
     y, x = (None, cell) if kind == "bs1" else np.divmod(cell, _cells(recordings, sensor)[1])
     return {f"{stem}.{kind}": pack_slayer_events(times, x, y, polarity, where)}
 

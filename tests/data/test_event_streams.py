@@ -41,7 +41,7 @@ def found_events(path: Path, **options: Any) -> tuple[tuple[int, ...], list[tupl
         pytest.param("a.bs1", bs1((3, 0, 0), (1, 1, 1)), {}, (1, 1, 8), [(0, 0, 3), (0, 0, 6)], id="bs1 polarities"),
         pytest.param("a.bs1", bs1((3, 0, 0), (1, 1, 1)), {"polarities": 1}, (1, 1, 4), [(0, 0, 1), (0, 0, 3)], id="bs1 polarities together"),
         pytest.param("a.bs1", bs1((1, 0, 0)), {"polarities": 2}, (1, 1, 4), [(0, 0, 2)], id="bs1 one polarity of two"),
-        pytest.param("a.bs1", bs1((0, 0, 19_999), (0, 0, 20_000)), {}, (1, 2, 1), [(0, 0, 0), (0, 1, 0)], id="both sides of a bin's end"),
+        pytest.param("a.bs1", bs1((0, 0, 10_000), (0, 0, 10_001)), {}, (1, 2, 1), [(0, 0, 0), (0, 1, 0)], id="both sides of the middle between two steps"),
         pytest.param("a.bs1", bs1((65_535, 0, 8_388_607)), {}, (1, 420, 65_536), [(0, 419, 65_535)], id="largest neuron and time"),
         pytest.param("a.bs1", bs1((0, 0, 300)), {"step_seconds": 0.0003}, (1, 2, 1), [(0, 1, 0)], id="a width that floats miss"),
         pytest.param("a.bs1", bs1((0, 0, 0), (0, 0, 1), (0, 0, 20_000)), {"threshold": 1}, (1, 2, 1), [(0, 0, 0)], id="threshold"),
@@ -63,6 +63,47 @@ def test_slayer_events(
 ) -> None:
     (tmp_path / name).write_bytes(data)
     assert found_events(tmp_path / name, **options) == (shape, events)
+
+
+PUBLISHED_TIMES = (400, 600, 1500, 2900)
+"""Microseconds of four events of a published example of SLAYER, in steps of 1 ms."""
+
+
+def written_events(name: str, microseconds: tuple[int, ...]) -> bytes | np.ndarray:
+    """Return events of channel 0 at these times, in the format that the name ends in."""
+    match name.rpartition(".")[2]:
+        case "bs1":
+            return bs1(*((0, 0, time) for time in microseconds))
+        case "bs2" | "bin":
+            return bs2(*((0, 0, 0, time) for time in microseconds))
+        case _:
+            return structured([(time, 0, 0, 0) for time in microseconds])
+
+
+@pytest.mark.parametrize(
+    ("name", "steps"),
+    [("a.bs1", [0, 1, 2, 3]), ("a.bs2", [0, 1, 2, 3]), ("a.bin", [0, 1, 2]), ("a.npy", [0, 1, 2])],
+)
+def test_slayer_files_put_an_event_into_the_nearest_step_and_others_into_its_bin(
+    tmp_path: Path, name: str, steps: list[int]
+) -> None:
+    content = written_events(name, PUBLISHED_TIMES)
+    if isinstance(content, bytes):
+        (tmp_path / name).write_bytes(content)
+    else:
+        np.save(tmp_path / name, content)
+    found = read_recordings(tmp_path / name, step_seconds=0.001)
+    assert np.flatnonzero(found.spikes[0, :, 0]).tolist() == steps
+
+
+@pytest.mark.parametrize("seconds", [0.001, 0.0003, 0.0007, 0.01, 1 / 3000])
+def test_slayer_steps_are_those_that_its_own_formula_gives(tmp_path: Path, seconds: float) -> None:
+    """``np.round(microseconds / 1000 / Ts)``, Ts in milliseconds, as slayerPytorch and lava-dl count."""
+    times = np.arange(0, 20_000, 50)
+    (tmp_path / "a.bs1").write_bytes(bs1(*((0, 0, int(time)) for time in times)))
+    found = read_recordings(tmp_path / "a.bs1", step_seconds=seconds)
+    theirs = np.round(times / 1000 / (seconds * 1000)).astype(int)
+    assert np.flatnonzero(found.spikes[0, :, 0]).tolist() == np.unique(theirs).tolist()
 
 
 def structured(rows: list[tuple[float, ...]], dtype: Any = TXYP) -> np.ndarray:

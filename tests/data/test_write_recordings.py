@@ -205,8 +205,8 @@ def test_events_of_a_grid_are_of_its_cells(tmp_path: Path) -> None:
     )
     for name in ("a.bs1", "a.bs2"):
         write_recordings(tmp_path / name, recordings, sensor=sensor)
-    assert (tmp_path / "a.bs1").read_bytes() == bytes([0, 13, 0x80, 30_000 >> 8, 30_000 & 0xFF])
-    assert (tmp_path / "a.bs2").read_bytes() == bytes([1, 3, 0x80, 30_000 >> 8, 30_000 & 0xFF])
+    assert (tmp_path / "a.bs1").read_bytes() == bytes([0, 13, 0x80, 20_000 >> 8, 20_000 & 0xFF])
+    assert (tmp_path / "a.bs2").read_bytes() == bytes([1, 3, 0x80, 20_000 >> 8, 20_000 & 0xFF])
 
 
 def test_recordings_of_another_sensor_are_not_written(tmp_path: Path) -> None:
@@ -233,7 +233,7 @@ REFUSED: list[tuple[str, str, Recordings, dict[str, Any], str]] = [
     ("more taxels than two fingertips have", "a.zip", BOTH, {"members": "tact", "sensor": SensorLayout("mine", 156)}, "file 'a.zip': raw text holds one or two fingertips (156 taxels against 39 or 78). Write .npz."),
     ("silence as text", "a.tact", SILENT, {}, "file 'a.tact': recording 0 is silent, which raw text cannot express. Write .npz."),
     ("silence at the start of one text", "a_label_4.tact", sparse(78).subset([0]), {}, "file 'a_label_4.tact': its first steps are silent, and without a .startend file a recording begins with its first event. Write a folder or .zip with members tact."),
-    ("times after 23 bits", "a.zip", sparse(4 * 39, steps=500), {"members": "bs1"}, "file 'a.zip': an event's microsecond does not fit its bits (9910000 against 8388607). Write .npz."),
+    ("times after 23 bits", "a.zip", sparse(4 * 39, steps=500), {"members": "bs1"}, "file 'a.zip': an event's microsecond does not fit its bits (9900000 against 8388607). Write .npz."),
     ("bins below a microsecond", "a.zip", sparse(78, seconds=1e-6), {"members": "bs1"}, "file 'a.zip': its bins are too narrow for times in microseconds (1e-06 s against 2e-06). Write .npz."),
     ("a folder that is not empty", ".", TOUCHES, {}, "folder '{folder}': it is not empty, and recordings would mix. Name a new folder, or a .zip."),
     ("into no folder", "none/a.npz", TOUCHES, {}, "file 'a.npz': its folder does not exist. Make the folder first."),
