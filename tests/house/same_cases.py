@@ -7,6 +7,15 @@ TOUCHES = f"{IN}/recordings/touches.npz"
 LEVELS = "network quantized compartments placed routed program csv"
 BENCH = "vectors vcd trace sanafe graphml dot"
 MODELS = ("containers-hybrid", "containers-hybrid-loihi", "objects-hybrid", "objects-hybrid-loihi")
+FURTHER_MODELS = {
+    "containers-best": "touches",
+    "containers-window-16": "touches",
+    "objects-best": "touches",
+    "two-fingertips": "two-fingertips",
+}
+"""The other shipped models, each with shipped recordings that it takes."""
+IN_LOGIC = {"objects-hybrid-loihi": "ecp5-25f", "containers-window-16": "ecp5-85f"}
+"""Models that the open core holds, each with a board."""
 SRM_MODELS = ("containers-hybrid", "objects-hybrid")
 RECORDINGS = ("touches", "touches-long", "motions")
 STRATEGIES = {"dendrite": 6, "delay-line": 8, "reset": 4, "paired-dendrite": 8}
@@ -38,6 +47,11 @@ def _cases() -> dict[str, list[str]]:
         for model in MODELS:
             emit = f"--emit {LEVELS} {BENCH if recording == 'touches' else ''}"
             cases[f"{model} {recording}"] = [shipped(model, recording, emit)]
+    for model, recording in FURTHER_MODELS.items():
+        cases[f"{model} {recording}"] = [shipped(model, recording, f"--emit {LEVELS}")]
+    for model, board in IN_LOGIC.items():
+        options = f"--target {board} --emit {LEVELS} rtl"
+        cases[f"{model} rtl"] = [shipped(model, "touches", options)]
     for model in SRM_MODELS:
         for strategy, bits in STRATEGIES.items():
             options = (
@@ -109,6 +123,8 @@ CASES = _cases()
 QUICK = (
     "objects-hybrid-loihi touches",
     "objects-hybrid dendrite",
+    "objects-best touches",
+    "containers-window-16 rtl",
     "nir two-layers",
     "net conv",
     "slayer srm",
