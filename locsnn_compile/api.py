@@ -17,13 +17,12 @@ from hw_model.program.write import program_files
 from hw_model.streaming import ahead
 from hw_model.streaming.session import check_psi
 from hw_model.values import ArrayLike, Frozen
-from locsnn_compile.backends import EXCHANGE_KINDS, LEVEL_KINDS
-from locsnn_compile.backends.exchange import exchange_file
 from locsnn_compile.choose_strategy import Choice, choose_strategy, lower_or_advise
 from locsnn_compile.cluster.spread import Spread, here, spread_over
 from locsnn_compile.data.read import read_recordings, recording_parts
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.synthetic import synthetic_touches
+from locsnn_compile.emitters import Build, ShownRecording, emitted_files
 from locsnn_compile.errors import InputError, check_known, check_range, counted, listed
 from locsnn_compile.frontends import load
 from locsnn_compile.models.checkpoint import Checkpoint
@@ -31,14 +30,13 @@ from locsnn_compile.network.check import check_network
 from locsnn_compile.network.committee import committee
 from locsnn_compile.network.network import Network
 from locsnn_compile.passes.quantize import weight_bits_of
-from locsnn_compile.pipeline import LEVEL_TEXTS, Levels
+from locsnn_compile.pipeline import Levels
 from locsnn_compile.reference.evaluate import calibrate, score_spread
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.content import Report
 from locsnn_compile.report.figures.checks import choice_document
 from locsnn_compile.report.figures.document import report_document
 from locsnn_compile.report.grounds import grounds_of
-from locsnn_compile.report.renderers.csv_files import csv_files
 from locsnn_compile.report.renderers.html import render_html, render_summary
 from locsnn_compile.report.renderers.markdown import render_markdown
 from locsnn_compile.report.sections.verdict import matches
@@ -95,32 +93,29 @@ class CompiledModel(Frozen, eq=False):
         """Return report.html, a page in one file."""
         return render_html(self.composed)
 
-    def files(self, emit: Sequence[str] = ()) -> dict[str, bytes]:
+    def files(
+        self,
+        emit: Sequence[str] = (),
+        shown: ShownRecording | None = None,
+        recordings: Recordings | None = None,
+    ) -> dict[str, bytes]:
         """Return the program and its reports as bytes, by name, as ``locsnn-compile`` writes them.
 
-        ``emit``: levels of the compiler, exchange formats and ``csv``, as for ``--emit``. Equal input, equal bytes.
+        ``emit`` are kinds of ``--emit``; those about one recording need the one that is ``shown``,
+        and the viewer needs ``recordings``.
+        Equal input, equal bytes.
         """
-        texts = {
-            "report.json": json.dumps(self.report, indent=2, allow_nan=False, ensure_ascii=False)
-            + "\n",
+        document = json.dumps(self.report, indent=2, allow_nan=False, ensure_ascii=False)
+        reports = {
+            "report.json": document + "\n",
             "report.md": render_markdown(self.composed),
             "report.html": self.to_html(),
-            **{
-                f"{kind}.txt": LEVEL_TEXTS[kind](self.levels)
-                for kind in LEVEL_KINDS
-                if kind in emit
-            },
         }
-        quantized = self.levels.quantized
-        exchanged = {
-            f"network.{kind}": exchange_file(kind, quantized)
-            for kind in EXCHANGE_KINDS
-            if kind in emit
-        }
-        tables = csv_files(self.report, self.excerpt) if "csv" in emit else {}
-        # A name may hold characters that UTF-8 cannot; JSON can read their escapes.
-        written = {name: text.encode(errors="backslashreplace") for name, text in texts.items()}
-        return {**program_files(self.program), **written, **exchanged, **tables}
+        files = program_files(self.program)
+        for name, text in reports.items():
+            # A name may hold characters that UTF-8 cannot; JSON can read their escapes.
+            files[name] = text.encode(errors="backslashreplace")
+        return files | emitted_files(Build(self.program, self, shown, recordings), emit)
 
     @checked
     def save(self, folder: str | Path) -> None:

@@ -10,14 +10,21 @@ from hw_model.description.chip import chip
 from hw_model.io.build_folder import check_folder, default_folder, write_build
 from hw_model.io.files import replace_file
 from hw_model.values import picked
-from locsnn_compile.api import CompiledModel, compile, join, recordings_for
-from locsnn_compile.backends import BENCH_KINDS, BUILD_NAMES, EMITTED_NAMES
+from locsnn_compile.api import compile, join, recordings_for
 from locsnn_compile.cli.options import given, recording_of
 from locsnn_compile.cli.places import check_places
 from locsnn_compile.cli.shell import EXIT_GATE, progress_bar, terminal
 from locsnn_compile.cli.step_options import asked_reading, with_steps
 from locsnn_compile.data.read import read_recordings
 from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.emitters import (
+    BUILD_NAMES,
+    EMITTERS,
+    ShownRecording,
+    check_kinds,
+    check_recording_is_shown,
+    emitters_of,
+)
 from locsnn_compile.errors import InputError, listed
 from locsnn_compile.frontends import load
 from locsnn_compile.network.network import Network
@@ -29,7 +36,6 @@ from locsnn_compile.verification.error_bounds import ErrorBudget
 
 READ = ("--options", "--config", "--events", "--calibration", "--target", "--profile")
 BOUNDS = ("--min-agreement", "--max-spike-error", "--max-score-error")
-OF_RECORDING = ("vectors", "rtl", "vcd", "trace", "sanafe")
 
 
 def build(args: Namespace) -> int:
@@ -41,10 +47,7 @@ def build(args: Namespace) -> int:
     _check_places(args, folder)
     network = _network(args)
     target = chip(args.target)
-    if args.emit:
-        from locsnn_compile.backends.files import check_kinds
-
-        check_kinds(target, args.emit)
+    check_kinds(target, args.emit)
     recordings, calibration = _recordings(args, network)
     number = recording_of(args.recording, recordings)
     with progress_bar("checking against the trained network", show=not args.quiet) as progress:
@@ -61,7 +64,9 @@ def build(args: Namespace) -> int:
         )
     gates = check_gates(compiled.report, given(args, GATES))
     compiled = replace(compiled, report=compiled.report | {"gates": gates_entry(gates)})
-    files = compiled.files(args.emit) | _emitted(args, compiled, recordings, number)
+    title = f"recording {number} of {recordings.source}"
+    shown = ShownRecording(recordings.spikes[number], title, args.probe)
+    files = compiled.files(args.emit, shown, recordings)
     earlier = _of_an_earlier_build(folder, files)
     write_build(folder, files)
     if args.junit:
@@ -99,7 +104,7 @@ def _of_an_earlier_build(folder: Path, files: Mapping[str, bytes]) -> list[str]:
     written = {name.split("/")[0] for name in files}
     return [
         name
-        for name in EMITTED_NAMES.values()
+        for name in (emitter.path for emitter in EMITTERS)
         if name.strip("/") not in written and (folder / name).exists()
     ]
 
@@ -139,9 +144,8 @@ def _recordings(args: Namespace, network: Network) -> tuple[Recordings, str | Re
 
 def _check_options(args: Namespace) -> None:
     """Refuse options that would fail only after all the work."""
-    if args.recording is not None and not set(args.emit) & set(OF_RECORDING):
-        fix = f"Add --emit {listed(OF_RECORDING, 'or')}."
-        raise InputError("--recording", "no emitted file shows a single recording", fix=fix)
+    if args.recording is not None:
+        check_recording_is_shown(args.emit)
     if args.probe and "vcd" not in args.emit:
         raise InputError("--probe", "no emitted file shows a neuron", fix="Add --emit vcd.")
     if args.junit and not given(args, GATES):
@@ -161,27 +165,4 @@ def _check_places(args: Namespace, folder: Path) -> None:
 
 def written_names(emit: Sequence[str]) -> tuple[str, ...]:
     """Return the names of what a build's folder holds; names of folders end in /."""
-    return (*BUILD_NAMES, *(EMITTED_NAMES[kind] for kind in emit))
-
-
-def _emitted(
-    args: Namespace, compiled: CompiledModel, recordings: Recordings, number: int
-) -> dict[str, bytes]:
-    """Return the files for other tools, made from the program and one recording, and the viewer of several."""
-    found: dict[str, bytes] = {}
-    if kinds := [kind for kind in BENCH_KINDS if kind in args.emit]:
-        from locsnn_compile.backends.files import bench_files
-
-        title = f"recording {number} of {recordings.source}"
-        found |= bench_files(compiled.program, kinds, recordings.spikes[number], title, args.probe)
-    if "viewer" in args.emit:
-        from locsnn_compile.report.viewer.page import render_viewer
-
-        played, first = (
-            compiled.network.fit(recordings.spikes, recordings.source),
-            compiled.match.first_divergence,
-        )
-        found["viewer.html"] = render_viewer(
-            compiled.levels, compiled.report, played, recordings.labels, first
-        )
-    return found
+    return (*BUILD_NAMES, *(emitter.path for emitter in emitters_of(emit)))

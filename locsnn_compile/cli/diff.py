@@ -15,9 +15,9 @@ import hw_model as hw
 from hw_model.io.files import parsing, read_bytes, replace_file
 from hw_model.io.folders import finish_writing
 from hw_model.io.given import check_path
-from locsnn_compile.backends import BUILD_NAMES
 from locsnn_compile.cli.places import check_places
 from locsnn_compile.cli.shell import terminal
+from locsnn_compile.emitters import BUILD_NAMES
 from locsnn_compile.errors import InputError, check_same, listed
 from locsnn_compile.report.figures.program import program_figures
 from locsnn_compile.report.renderers.html import render_html

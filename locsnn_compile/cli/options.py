@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from hw_model.rtl.boards import BOARDS
 from hw_model.texts.templates import sections
-from locsnn_compile.backends import EMIT_KINDS
 from locsnn_compile.cli.completion import chips
+from locsnn_compile.emitters import EMIT_KINDS
 from locsnn_compile.errors import InputError, did_you_mean, listed
 from locsnn_compile.models.architectures import ARCHITECTURES
 from locsnn_compile.settings import AXES, STRATEGIES, TRAINABLE, Axis

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from locsnn_compile.backends import EMIT_KINDS
 from locsnn_compile.cli.completion import PROGRAMS
 from locsnn_compile.cli.main import main
+from locsnn_compile.emitters import EMIT_KINDS
 
 SHELLS = ("bash", "zsh", "fish")
 BIN = Path(sys.executable).parent

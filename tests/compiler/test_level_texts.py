@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import hw_model as hw
-from locsnn_compile.backends import LEVEL_KINDS
+from locsnn_compile.emitters import LEVEL_KINDS
 from locsnn_compile.pipeline import LEVEL_TEXTS, lower
 from locsnn_compile.settings import STRATEGIES
 

@@ -13,16 +13,20 @@ import yaml
 from test_waveforms import read, values
 
 import hw_model as hw
-from locsnn_compile.backends import BENCH_KINDS
 from locsnn_compile.cli.compile import main
+from locsnn_compile.emitters import EMITTERS
 
 MODEL = Path(__file__).parents[2] / "examples/models/objects-hybrid.pt"
 CHOSEN = 1
+PROGRAM_KINDS = [emitter.kind for emitter in EMITTERS if emitter.shows_recording] + [
+    "graphml",
+    "dot",
+]
 
 
 @pytest.fixture(scope="module")
 def build(tmp_path_factory):
-    """Return the folder of a build with every kind, and the simulation of the recording that it is of."""
+    """Return the folder of a build with every kind of file about the program, and the simulation of the recording that it is of."""
     folder = tmp_path_factory.mktemp("emit")
     r = np.random.default_rng(0)
     recordings = (r.random((2, 78, 120)) < 0.1).astype(np.uint8)
@@ -36,7 +40,7 @@ def build(tmp_path_factory):
         folder / "out",
         *options.split(),
         "--emit",
-        *BENCH_KINDS,
+        *PROGRAM_KINDS,
     ]
     assert main([str(argument) for argument in arguments]) == 0
     program = hw.load_program(folder / "out")

@@ -11,7 +11,6 @@ import pytest
 from programs import CHIP, everything, two_phases
 
 import hw_model as hw
-from locsnn_compile.backends import files
 from locsnn_compile.backends.graphs import dot_file, graphml_file
 
 # pydot calls pyparsing by names that it deprecates.
@@ -107,9 +106,3 @@ def test_hostile_names_stay_text():
     (cluster,) = read_dot(program).get_subgraphs()
     label = cluster.get_node("c0s0")[0].get_label()
     assert label == '"<script>\\"\\\\n&]]>\ufffd\ufffd$end -> {é}\\n0 to 0"'
-
-
-def test_a_kind_that_nothing_makes_is_not_left_out_silently(monkeypatch):
-    monkeypatch.setattr(files, "BENCH_KINDS", (*files.BENCH_KINDS, "new"))
-    with pytest.raises(KeyError, match="new"):
-        files.bench_files(two_phases(), ["dot", "new"], [[0]])

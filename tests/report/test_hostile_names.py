@@ -16,8 +16,8 @@ import pytest
 
 import locsnn_compile as lc
 from hw_model.io.build_folder import default_folder, write_build
-from locsnn_compile.backends import LEVEL_KINDS
 from locsnn_compile.cli.compile import main
+from locsnn_compile.emitters import LEVEL_KINDS
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "compiler"))
 from networks import hybrid, recordings

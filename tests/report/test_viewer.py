@@ -15,7 +15,7 @@ from chromium import find_chromium, started
 
 import hw_model as hw
 import locsnn_compile as lc
-from locsnn_compile.backends import EMIT_KINDS
+from locsnn_compile.emitters import EMIT_KINDS
 from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.report.viewer import page as viewer
 from locsnn_compile.report.viewer.page import render_viewer

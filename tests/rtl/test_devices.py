@@ -18,10 +18,10 @@ from hw_model.rtl import simulators
 from hw_model.rtl.cosimulation import play_on_core
 from hw_model.rtl.device import activity, latencies, on_core
 from hw_model.rtl.images import CoreProgram, sizes_for
-from locsnn_compile.backends.files import bench_files
 from locsnn_compile.cli.compile import main as compile_main
 from locsnn_compile.cli.main import main as locsnn
 from locsnn_compile.data.synthetic import synthetic_touches
+from locsnn_compile.emitters import check_kinds
 from locsnn_compile.frontends import load
 from locsnn_compile.pipeline import lower
 from locsnn_compile.report.format import time
@@ -347,10 +347,9 @@ def test_what_an_open_core_does_not_have_is_refused_before_it_is_played(
 
 @pytest.mark.parametrize("kind", ["vectors", "trace", "sanafe"])
 @pytest.mark.parametrize("name", DEVICES)
-def test_files_of_a_mesh_are_refused_before_anything_is_played(small, kind, name):
-    program = replace(small[0], chip=hw.chip(name))
+def test_files_of_a_mesh_are_refused_before_anything_is_played(kind, name):
     with pytest.raises(hw.InputError) as caught:
-        bench_files(program, ["rtl", kind], None)
+        check_kinds(hw.chip(name), ["rtl", kind])
     assert str(caught.value) == (
         f"--emit {kind}: it describes a mesh of cores, and {name} is an open core. Use --emit rtl."
     )

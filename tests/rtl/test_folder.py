@@ -18,8 +18,7 @@ import pytest
 import hw_model as hw
 from hw_model.io.partial import locked
 from hw_model.rtl.boards import BOARDS
-from hw_model.rtl.folder import board_files
-from locsnn_compile.backends.files import bench_files
+from hw_model.rtl.folder import board_files, rtl_files
 from locsnn_compile.cli.compile import main as compile_main
 from locsnn_compile.cli.main import main as locsnn
 
@@ -63,8 +62,8 @@ def make(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
 def emitted(tmp_path_factory) -> Path:
     """A small program of two phases, with a recording."""
     program, spikes = benches.hybrid(22)
-    files = bench_files(program, ["rtl"], spikes[0])
-    assert files == bench_files(program, ["rtl"], spikes[0])
+    files = rtl_files(program, spikes[0])
+    assert files == rtl_files(program, spikes[0])
     return written(tmp_path_factory.mktemp("emitted"), files) / "rtl"
 
 

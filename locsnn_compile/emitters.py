@@ -1,0 +1,258 @@
+"""What ``--emit KIND`` writes: one row for each kind. To add an emitter, write its module and its row.
+
+A row imports the module that writes its files only when its kind is asked for, so that help and
+builds without it do not wait for it; for the same reason, rows are plain dataclasses.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Protocol
+
+from locsnn_compile.errors import InputError, listed
+
+if TYPE_CHECKING:
+    import hw_model as hw
+    from hw_model.engine.playing import Spikes
+    from locsnn_compile.api import CompiledModel
+    from locsnn_compile.backends.played import Played
+    from locsnn_compile.data.recordings import Recordings
+
+LEVEL_KINDS = ("network", "quantized", "compartments", "placed", "routed", "program")
+"""Levels of the compiler, from the trained network to the program."""
+BUILD_NAMES = ("program.yaml", "program.npz", "report.json", "report.md", "report.html")
+"""The files that every build holds, whatever it emits."""
+Files = dict[str, bytes]
+"""Contents by the name of their file below the folder of the build."""
+
+
+@dataclass(frozen=True, eq=False)
+class ShownRecording:
+    """The recording that emitted files show.
+
+    ``spikes`` are (steps, channels), or a mapping by stream; ``title`` names the recording;
+    ``probes`` are the compartments that waveforms show, as ``population[index]``.
+    """
+
+    spikes: "Spikes"
+    title: str = "recording 0"
+    probes: Sequence[str] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Build:
+    """All that an emitter may write about.
+
+    ``compiled`` is None for a program that was written by hand. ``shown`` and ``recordings`` are
+    None where there are none.
+    """
+
+    program: "hw.ChipProgram"
+    compiled: "CompiledModel | None" = None
+    shown: ShownRecording | None = None
+    recordings: "Recordings | None" = None
+
+    @property
+    def model(self) -> "CompiledModel":
+        """The compiled model; ``InputError`` where the program was written by hand."""
+        if self.compiled is None:
+            what = "it shows a model, and the program was written by hand"
+            raise InputError("emit", what, fix="Compile a model.")
+        return self.compiled
+
+    @property
+    def recording(self) -> ShownRecording:
+        """The recording to show; ``InputError`` where there is none."""
+        if self.shown is None:
+            raise InputError("emit", "it shows a recording, and none is given", fix="Give one.")
+        return self.shown
+
+    @cached_property
+    def played(self) -> "Played":
+        """The shown recording on the program: played once, however many kinds show it."""
+        from locsnn_compile.backends.played import play_recording
+
+        return play_recording(self.program, self.recording.spikes, self.recording.title)
+
+
+class Writer(Protocol):
+    """Returns the files of one kind. Equal builds give equal bytes."""
+
+    def __call__(self, build: Build, /) -> Files:
+        """Write about ``build``; ``InputError`` for what the format cannot hold."""
+
+
+@dataclass(frozen=True)
+class Emitter:
+    """A kind of ``--emit``.
+
+    - ``kind``: its name on the command line
+    - ``path``: the file that it writes, or its folder if the name ends in a slash
+    - ``write``: makes the contents
+    - ``shows_recording``: writes about one recording, the one of ``--recording``
+    - ``of_mesh``: describes a mesh of cores, their memories and times, which an open core is not
+    """
+
+    kind: str
+    path: str
+    write: Writer
+    shows_recording: bool = False
+    of_mesh: bool = False
+
+
+class LevelText:
+    """Writes a level of the compiler as stable text."""
+
+    def __init__(self, level: str) -> None:
+        self.level = level
+
+    def __call__(self, build: Build, /) -> Files:
+        """Return ``LEVEL.txt``. A name may hold characters that UTF-8 cannot: they are escaped."""
+        from locsnn_compile.pipeline import LEVEL_TEXTS
+
+        text = LEVEL_TEXTS[self.level](build.model.levels)
+        return {f"{self.level}.txt": text.encode(errors="backslashreplace")}
+
+
+def _vectors(build: Build) -> Files:
+    from locsnn_compile.backends.vectors.vectors import vectors_files
+
+    return vectors_files(build.played)
+
+
+def _rtl(build: Build) -> Files:
+    from hw_model.rtl.folder import rtl_files
+
+    return rtl_files(build.program, build.recording.spikes)
+
+
+def _vcd(build: Build) -> Files:
+    from locsnn_compile.backends.waves import vcd_file
+
+    return vcd_file(build.played, build.recording.probes)
+
+
+def _trace(build: Build) -> Files:
+    from locsnn_compile.backends.timeline import trace_file
+
+    return trace_file(build.played)
+
+
+def _sanafe(build: Build) -> Files:
+    from locsnn_compile.backends.sanafe.files import sanafe_files
+
+    return sanafe_files(build.played)
+
+
+def _graphml(build: Build) -> Files:
+    from locsnn_compile.backends.graphs import graphml_file
+
+    return graphml_file(build.program)
+
+
+def _dot(build: Build) -> Files:
+    from locsnn_compile.backends.graphs import dot_file
+
+    return dot_file(build.program)
+
+
+def _nir(build: Build) -> Files:
+    from locsnn_compile.backends.exchange import exchange_file
+
+    return {"network.nir": exchange_file("nir", build.model.levels.quantized)}
+
+
+def _net(build: Build) -> Files:
+    from locsnn_compile.backends.exchange import exchange_file
+
+    return {"network.net": exchange_file("net", build.model.levels.quantized)}
+
+
+def _csv(build: Build) -> Files:
+    from locsnn_compile.report.renderers.csv_files import csv_files
+
+    return csv_files(build.model.report, build.model.excerpt)
+
+
+def _viewer(build: Build) -> Files:
+    from locsnn_compile.report.viewer.page import render_viewer
+
+    compiled = build.model
+    recordings = build.recordings
+    if recordings is None:
+        raise InputError("emit", "it shows recordings, and none are given", fix="Give some.")
+    played = compiled.network.fit(recordings.spikes, recordings.source)
+    first_divergence = compiled.match.first_divergence
+    page = render_viewer(
+        compiled.levels, compiled.report, played, recordings.labels, first_divergence
+    )
+    return {"viewer.html": page}
+
+
+EMITTERS = (
+    *(Emitter(level, f"{level}.txt", LevelText(level)) for level in LEVEL_KINDS),
+    Emitter("vectors", "vectors/", _vectors, shows_recording=True, of_mesh=True),
+    Emitter("rtl", "rtl/", _rtl, shows_recording=True),
+    Emitter("vcd", "waves.vcd", _vcd, shows_recording=True),
+    Emitter("trace", "trace.json", _trace, shows_recording=True, of_mesh=True),
+    Emitter("sanafe", "sanafe/", _sanafe, shows_recording=True, of_mesh=True),
+    Emitter("graphml", "program.graphml", _graphml),
+    Emitter("dot", "program.dot", _dot),
+    Emitter("nir", "network.nir", _nir),
+    Emitter("net", "network.net", _net),
+    Emitter("csv", "csv/", _csv),
+    Emitter("viewer", "viewer.html", _viewer),
+)
+"""In the order of the help, which is the order in which files are listed."""
+EMIT_KINDS = tuple(emitter.kind for emitter in EMITTERS)
+
+
+def emitters_of(kinds: Sequence[str]) -> list[Emitter]:
+    """Return the rows of some kinds, in the order of the table."""
+    return [emitter for emitter in EMITTERS if emitter.kind in kinds]
+
+
+def check_kinds(chip: "hw.Chip", kinds: Sequence[str]) -> None:
+    """Refuse kinds that describe a mesh of cores where the chip is an open core."""
+    for emitter in emitters_of(kinds):
+        if emitter.of_mesh and chip.open_core:
+            what = f"it describes a mesh of cores, and {chip.name} is an open core"
+            raise InputError(f"--emit {emitter.kind}", what, fix="Use --emit rtl.")
+
+
+def check_recording_is_shown(kinds: Sequence[str]) -> None:
+    """Refuse ``--recording`` where no kind shows a single recording."""
+    if any(emitter.shows_recording for emitter in emitters_of(kinds)):
+        return
+    showing = [emitter.kind for emitter in EMITTERS if emitter.shows_recording]
+    fix = f"Add --emit {listed(showing, 'or')}."
+    raise InputError("--recording", "no emitted file shows a single recording", fix=fix)
+
+
+def emitted_files(build: Build, kinds: Sequence[str]) -> Files:
+    """Return the files of some kinds.
+
+    Raises ``InputError`` for a kind that the chip has not, for one that shows a recording or a
+    model where there is none, and for what a format cannot hold.
+    """
+    check_kinds(build.program.chip, kinds)
+    files: Files = {}
+    for emitter in emitters_of(kinds):
+        files |= emitter.write(build)
+    return files
+
+
+def bench_files(
+    program: "hw.ChipProgram",
+    kinds: Sequence[str],
+    spikes: "Spikes",
+    title: str = "recording 0",
+    probes: Sequence[str] = (),
+) -> Files:
+    """Return the files of kinds that need a program alone, which may have been written by hand.
+
+    ``spikes``, ``title`` and ``probes`` are those of :class:`ShownRecording`. Raises ``InputError``
+    for kinds about a model, and for vectors, timeline and SANA-FE of an open core.
+    """
+    shown = ShownRecording(spikes, title, probes)
+    return emitted_files(Build(program, shown=shown), kinds)
