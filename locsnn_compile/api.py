@@ -190,6 +190,7 @@ def compile(
         check_psi(psi)
         network = replace(network, psi=psi if network.has_both_axes else None)
     recordings = recordings_for(network, events, labels)
+    network = network.with_step_of(recordings)
     if network.any_length:
         network = replace(network, steps=recordings.spikes.shape[1])
     # Recordings that do not fit are refused before all the work.
@@ -311,7 +312,7 @@ def recordings_for(
         )
         # Their labels are motions of the generator, not classes of this model.
         return Recordings(
-            touches.spikes, None, network.step_seconds, touches.source, touches.origin
+            touches.spikes, None, network.stated_step_seconds, touches.source, touches.origin
         )
     if isinstance(events, Recordings):
         network.expected.check(events)
@@ -319,7 +320,7 @@ def recordings_for(
     if isinstance(events, str | Path):
         return read_recordings(events, model=network.expected)
     given = None if labels is None else np.asarray(labels)
-    return Recordings(np.asarray(events), given, network.step_seconds, "array")
+    return Recordings(np.asarray(events), given, network.stated_step_seconds, "array")
 
 
 def calibration_recordings(network: Network, calibration: Events | None) -> Recordings:

@@ -94,19 +94,12 @@ def expected_by(program: hw.ChipProgram) -> Expected:
 
 def with_steps(network: "Network", args: argparse.Namespace) -> "Network":
     """Return the network with the steps asked for; ``InputError`` if its file says otherwise."""
-    if args.step_seconds is not None and args.dt is None:
-        from locsnn_compile.frontends.nir.graph import NirGraph
-
-        if isinstance(network.origin, NirGraph):
-            raise InputError(
-                "--step-seconds",
-                "the neurons of a NIR graph depend on its step",
-                fix="Give it as --dt.",
-            )
     found = network.expected.agreed(**picked(args, "step_seconds", "steps", "threshold"))
     network = replace(
         network, step_seconds=found["step_seconds"], event_threshold=found["threshold"]
     )
+    if args.step_seconds is not None:
+        network = replace(network, usual_step_seconds=None)
     if args.steps is None or not network.any_length:
         return network
     carried = network.recordings and network.recordings.with_steps(args.steps)

@@ -25,7 +25,8 @@ StepRule = Literal["floor", "nearest"]
 class Binning(Frozen):
     """What files of events leave open. None: as the format defines it, or else as the events require.
 
-    - ``step_seconds``: width of a bin, by default 0.02 s
+    - ``step_seconds``: width of a bin. None: that of the format if it has one (a slip of NeuTouch: 1 ms), else
+      ``usual_step_seconds``, else 0.02 s
     - ``threshold``: a bin with more events is 1, by default 0
     - ``channels``, ``steps``: size of every recording. Later events are cut off, events of other channels are refused.
     - ``most_steps``: longer recordings are cut to this length; ``model_channels``: channels that a model expects
@@ -43,6 +44,7 @@ class Binning(Frozen):
     model_channels: int | None = None
     may_merge: bool = True
     axes: tuple[str, ...] | None = None
+    usual_step_seconds: float | None = None
 
     where = "recordings"
 
@@ -57,9 +59,9 @@ class EventStream(Frozen, eq=False):
     Without ``y``, x counts taxels; without ``polarity`` as well, it counts channels. A grid's columns do not bound it.
     ``start`` is the time at which bin 0 begins. ``span_seconds`` is the length of the recording, None if it ends with
     its last event. ``channels``, ``polarities`` and ``columns`` are those of the format, None if it does not fix them.
-    ``step_seconds`` is the default width of its bins, ``step_rule`` says which bin an event is in, and ``place`` names
-    the recording in errors. ``elsewhere`` counts events of its file that belong to other streams, which are not read.
-    ``if_too_long`` is the way out if it has too many bins.
+    ``step_seconds`` is the width of a bin that its format has, if any, ``step_rule`` says which bin an event is in, and
+    ``place`` names the recording in errors. ``elsewhere`` counts events of its file that belong to other streams, which
+    are not read. ``if_too_long`` is the way out if it has too many bins.
     """
 
     times: AnyArray
@@ -71,7 +73,7 @@ class EventStream(Frozen, eq=False):
     channels: int | None = None
     polarities: int | None = None
     columns: int | None = None
-    step_seconds: float = STEP_SECONDS
+    step_seconds: float | None = None
     place: str = ""
     elsewhere: int = 0
     if_too_long: str = "Give wider bins."
@@ -86,9 +88,9 @@ def bin_streams(
     All recordings get as many channels and steps as the largest needs. Raises ``InputError`` if there are no events and
     no size is given, and for sizes above the limits.
     """
-    usual = min((one.step_seconds for one in streams), default=STEP_SECONDS)
-    width = usual if binning.step_seconds is None else binning.step_seconds
     binning.check()
+    stated_width = _stated_width(streams, binning)
+    width = STEP_SECONDS if stated_width is None else stated_width
     events = sum(len(one.times) for one in streams)
     check_most(events, MAX_EVENTS, where, "it has too many events", fix="Give fewer recordings.")
     widest = [one.columns or 1 + int(one.x.max()) for one in streams if one.columns or len(one.x)]
@@ -124,8 +126,23 @@ def bin_streams(
         outside += len(own) - int(inside.sum())
         below += int(counts[counts <= threshold].sum())
     elsewhere = sum(one.elsewhere for one in streams)
-    binned = Binned(threshold, sum(map(len, bins)) + elsewhere, outside, below, elsewhere)
+    binned = Binned(
+        threshold,
+        sum(map(len, bins)) + elsewhere,
+        outside,
+        below,
+        elsewhere,
+        step_is_default=stated_width is None,
+    )
     return spikes.reshape(len(streams), steps, channels), width, binned
+
+
+def _stated_width(streams: Sequence[EventStream], binning: Binning) -> float | None:
+    """Return the width of a bin in seconds that an option, the format or the model states; None if none does."""
+    if binning.step_seconds is not None:
+        return binning.step_seconds
+    widths = [stream.step_seconds for stream in streams if stream.step_seconds is not None]
+    return min(widths, default=binning.usual_step_seconds)
 
 
 def _polarities(

@@ -214,7 +214,12 @@ def read_recordings(
     agreed = model.agreed(**said, steps=steps) | {"steps": steps}
     divided = division.divides(path)
     binning = replace(
-        asked, **agreed, most_steps=model.steps, model_channels=model.channels, may_merge=may_merge
+        asked,
+        **agreed,
+        most_steps=model.steps,
+        model_channels=model.channels,
+        may_merge=may_merge,
+        usual_step_seconds=model.usual_step_seconds,
     )
     found = _read(path, None if divided else split, binning, step_seconds)
     if divided:

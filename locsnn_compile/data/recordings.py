@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from hw_model.io.records import Must
-from hw_model.values import AnyArray, ByteArray, Frozen, IntArray, Shown, sealed
+from hw_model.values import AnyArray, ByteArray, Frozen, IntArray, Shown, picked, sealed
 from locsnn_compile.errors import InputError, check_most, check_same, counted
 
 #: Largest set of recordings accepted, in array elements: four times the largest published tactile set.
@@ -36,6 +36,7 @@ class Binned(Frozen):
     ``outside`` events lay before the first step or after the last. ``below`` events lay in bins with at most
     ``threshold`` events; such bins are 0. ``elsewhere`` events lay in further streams of their files, which are not
     read. If the files hold bins, ``threshold`` is None, and ``outside`` counts the bins that were cut off.
+    ``step_is_default``: neither a file nor an option nor a model said how wide a bin is.
     """
 
     threshold: int | None
@@ -43,6 +44,7 @@ class Binned(Frozen):
     outside: int
     below: int
     elsewhere: int = 0
+    step_is_default: bool = False
 
     @property
     def dropped(self) -> int:
@@ -60,7 +62,8 @@ class Binned(Frozen):
 
     def document(self) -> dict[str, int | None]:
         """Return the figures as plain values, for JSON."""
-        return {**vars(self), "dropped": self.dropped}
+        counts = picked(self, "threshold", "events", "outside", "below", "elsewhere")
+        return {**counts, "dropped": self.dropped}
 
 
 class Recordings(Shown):
@@ -211,7 +214,8 @@ def _clean_labels(where: str, labels: AnyArray, samples: int) -> IntArray:
 class Expected(Frozen):
     """What recordings a model expects; None means that it does not say. ``whose`` names the model: ``model 'slip'``.
 
-    - ``step_seconds``: width of a bin; ``threshold``: a bin with more events is 1
+    - ``step_seconds``: width of a bin; ``usual_step_seconds``: width of a bin where nothing else says it
+    - ``threshold``: a bin with more events is 1
     - ``steps``: length of a recording, None if any length will do; ``channels``
     - ``polarities`` of a taxel and ``columns`` of a grid, for events with x and y; ``class_names``
     """
@@ -224,6 +228,7 @@ class Expected(Frozen):
     class_names: tuple[str, ...] | None = None
     polarities: int | None = None
     columns: int | None = None
+    usual_step_seconds: float | None = None
 
     def agreed(self, **asked: float | None) -> dict[str, Any]:
         """Return each option as asked for, or else as the model has it; ``InputError`` if the two differ."""

@@ -13,7 +13,7 @@ from decimal import Decimal
 import numpy as np
 
 from hw_model.values import ByteArray, IntArray
-from locsnn_compile.data.event_stream import STEP_SECONDS, EventStream
+from locsnn_compile.data.event_stream import EventStream
 from locsnn_compile.errors import InputError, counted
 
 CELLS = 80
@@ -49,7 +49,7 @@ def parse_tact(data: bytes, where: str, startend: bytes | None, startend_where: 
     )
     times = np.array([float((one - start).scaleb(6)) for one in seconds])
     places = channels // 2, None, channels % 2
-    width = SLIP_STEP_SECONDS if span_seconds == SLIP_SECONDS else STEP_SECONDS
+    width = SLIP_STEP_SECONDS if span_seconds == SLIP_SECONDS else None
     found = EventStream(
         times, *places, 0.0, span_seconds, CHANNELS, 2, step_seconds=width, place=where
     )

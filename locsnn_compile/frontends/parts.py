@@ -54,8 +54,12 @@ class Parts:
     def network_of_file(
         self, path: Path, data: bytes, channels: int, steps: int, seconds: float | None, **said: Any
     ) -> Network:
-        """Return the network in the bytes of another tool's file, with made-up recordings to check it on."""
-        said |= {"name": path.stem, "channels": channels, "steps": steps, "step_seconds": seconds}
+        """Return the network in the bytes of another tool's file, with made-up recordings to check it on.
+
+        ``seconds``: the length of a step that the file states, which recordings and options override.
+        """
+        said |= {"name": path.stem, "channels": channels, "steps": steps}
+        said["usual_step_seconds"] = seconds
         recordings, digest = (
             synthetic_recordings(channels, steps, seconds),
             hashlib.sha256(data).hexdigest(),

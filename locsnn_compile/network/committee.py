@@ -18,6 +18,7 @@ _SHARED = (
     "steps",
     "any_length",
     "step_seconds",
+    "usual_step_seconds",
     "sensor",
     "event_threshold",
     "class_names",

@@ -6,7 +6,7 @@ Network -> QuantizedNetwork -> CompartmentGraph -> PlacedGraph -> RoutedGraph ->
 
 import math
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import field, replace
 from typing import Annotated, Any
 
 import numpy as np
@@ -153,7 +153,7 @@ class Network(Shown):
     projections: tuple[Projection | ChipProjection, ...]
     readout: Readout
     step_seconds: Annotated[float | None, STEP_SECONDS] = None
-    """Seconds per time step; None if neither its file nor the user gives it."""
+    """Seconds per time step; None if neither its file nor the user fixes it."""
     sensor: SensorLayout | None = None
     """The layout of its channels, if its file has one."""
     sha256: str = ""
@@ -174,6 +174,8 @@ class Network(Shown):
     """How late its time-weighted prediction turns to the location branch; None if unknown."""
     trained_on: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     """Of training in integers: bits of the charge, current and voltage registers, by the name of the chip."""
+    usual_step_seconds: Annotated[float | None, STEP_SECONDS] = None
+    """Seconds per time step as its file states them, if neither recordings nor the user say otherwise."""
     members: tuple[Member, ...] = ()
     """The networks of a committee, whose populations begin with ``name/``."""
 
@@ -218,7 +220,22 @@ class Network(Shown):
         """What it expects of recordings."""
         steps = None if self.any_length else self.steps
         own = self.step_seconds, self.event_threshold, steps, self.channels, self.class_names
-        return Expected(f"model {self.name!r}", *own, **self.event_options)
+        usual = self.usual_step_seconds
+        return Expected(
+            f"model {self.name!r}", *own, **self.event_options, usual_step_seconds=usual
+        )
+
+    @property
+    def stated_step_seconds(self) -> float | None:
+        """Seconds per time step, where no recordings say them."""
+        return self.usual_step_seconds if self.step_seconds is None else self.step_seconds
+
+    def with_step_of(self, recordings: Recordings) -> "Network":
+        """Return the network with the step that its program keeps, where its file only states a usual one."""
+        if self.step_seconds is not None or self.usual_step_seconds is None:
+            return self
+        step_seconds = recordings.step_seconds or self.usual_step_seconds
+        return replace(self, step_seconds=step_seconds)
 
     @property
     def event_options(self) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from hw_model.description.chip import Registers
 from hw_model.values import Frozen
-from locsnn_compile.data.recordings import Binned, Origin, Recordings
+from locsnn_compile.data.recordings import Binned, Origin, Recordings, same
 from locsnn_compile.errors import counted, listed
 from locsnn_compile.network.network import Network
 from locsnn_compile.report.words import sentence
@@ -38,11 +38,11 @@ def grounds_of(
     """
     # The bins of made-up recordings say nothing about a sensor.
     of_bins = None if recordings.origin == "made up" else recordings.step_seconds
-    known = of_bins if network.step_seconds is None else network.step_seconds
+    known = network.stated_step_seconds if of_bins is None else of_bins
     rest = (
         *_of_registers(network, registers),
         *_of_recordings(network, recordings),
-        *_of_step(network, known),
+        *_of_step(network, recordings, known),
     )
     # The weights of neurons that no strategy lowers round alike for any recordings.
     suits = network.by_strategy or chosen
@@ -75,11 +75,19 @@ def _of_recordings(network: Network, recordings: Recordings) -> Iterator[str]:
         yield sentence("silence follows", steps=counted(steps, "step"), all_steps=network.steps)
 
 
-def _of_step(network: Network, known: float | None) -> Iterator[str]:
+def _of_step(network: Network, recordings: Recordings, known: float | None) -> Iterator[str]:
+    """Say where the length of a step comes from, unless both sides or the user state it."""
+    stated = network.usual_step_seconds or network.step_seconds
     if known is None:
         yield sentence("no step")
-    elif network.step_seconds is None:
+    elif recordings.binned is not None and recordings.binned.step_is_default:
+        yield sentence("default step", seconds=known)
+    elif stated is None:
         yield sentence("step of the bins", seconds=known)
+    elif not same(known, stated):
+        yield sentence("another step", seconds=known, stated=stated)
+    elif network.usual_step_seconds is not None:
+        yield sentence("usual step", seconds=known)
 
 
 def _of_calibration(recordings: Recordings, calibration: Recordings) -> Iterator[str]:

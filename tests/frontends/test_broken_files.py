@@ -169,4 +169,5 @@ def test_the_command_line_compiles_a_graph_and_gives_it_back(tmp_path, capsys):
         == 0
     )
     assert "synthetic spikes, 5 % per step" in (tmp_path / "out" / "report.json").read_text()
-    assert lc.load(tmp_path / "out" / "network.nir").step_seconds == pytest.approx(1e-3)
+    again = lc.load(tmp_path / "out" / "network.nir")
+    assert again.origin.metadata["dt"] == pytest.approx(1e-3)

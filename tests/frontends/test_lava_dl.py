@@ -88,7 +88,7 @@ def test_integers_are_kept_as_they_are(tmp_path):
     np.testing.assert_array_equal(made.bias_mantissa * 2**made.bias_exponent, 64 * np.arange(12))
     assert (held.exponent, held.weight_bits, held.signs) == (0, 8, "mixed")
     assert (set(made.decay_v.tolist()), set(made.threshold.tolist())) == ({77}, {4321})
-    assert (network.steps, network.step_seconds) == (50, 0.001)
+    assert (network.steps, network.usual_step_seconds) == (50, 0.001)
 
 
 POOL = {

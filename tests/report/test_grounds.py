@@ -33,7 +33,7 @@ TRAINED_ON = (
     "The check plays recordings that the network was trained on, which the model carries: its accuracy on others may be "
     "lower."
 )
-NO_STEP = "How long a step lasts is not known, because neither the model nor the recordings say it (--step-seconds, or --dt of a NIR graph): there is no comparison with the pace of a sensor."
+NO_STEP = "How long a step lasts is not known, because neither the model nor the recordings say it (--step-seconds): there is no comparison with the pace of a sensor."
 STEP_OF_BINS = (
     "A step lasts 0.01 s, like the bins of the recordings, because the model does not say."
 )
@@ -267,9 +267,11 @@ def test_a_nir_graph_of_no_step_has_no_pace_and_says_what_was_taken(
     assert (report["latency"]["recording_ns"], report["latency"]["real_time"]) == (None, None)
     assert "times faster" not in unknown
     assert main([*model, "--dt", "1e-4", "--reset", "zero", "--discretisation", "euler"]) == 0
-    assert "times faster than the 10.0 ms recorded" in " ".join(capsys.readouterr().out.split())
     report = json.loads((tmp_path / "out/report.json").read_text())
-    assert report["assumptions"] == [made_up]
+    assert report["assumptions"] == [made_up, NO_STEP]
+    capsys.readouterr()
+    assert main([*model, "--step-seconds", "1e-4"]) == 0
+    assert "times faster than the 10.0 ms recorded" in " ".join(capsys.readouterr().out.split())
 
 
 def test_recordings_that_a_network_was_trained_on_are_told_from_others(tmp_path: Path) -> None:

@@ -6,7 +6,8 @@ is ``tau = dt / d``, ``r = 1 / d``, and a bias b is ``v_leak = b / d``. Neurons 
 CubaLI. Spikes of NIR take no step, or one where they close a loop; a Delay holds what they take more here
 (:mod:`locsnn_compile.frontends.nir.paths`).
 
-Metadata has dotted keys: ``dt``, if known; for each population ``quantized.<name>.threshold``, ``decay_u``,
+Metadata has dotted keys: ``dt``, the step of the constants, and ``step_seconds``, the width of a bin of recordings,
+each if known; for each population ``quantized.<name>.threshold``, ``decay_u``,
 ``decay_v``, ``bias_mantissa``, ``bias_exponent``, ``refractory`` and ``scale``, with dots for slashes in the name; for
 neurons whose spikes lower their own potential, the self-synapses ``refractory.delay``, ``refractory.mantissa`` and
 ``refractory.exponent``; for the k-th projection ``quantized.projection<k>`` with ``source``, ``target``, ``rows``,
@@ -38,10 +39,16 @@ _VERSION = "1.0"
 def nir_bytes(quantized: QuantizedNetwork) -> bytes:
     """Return the file; ``InputError`` for neurons that NIR lacks."""
     network = quantized.network
-    graph = network.origin if isinstance(network.origin, NirGraph) else nir_graph(network)
-    step = {} if network.step_seconds is None else {"dt": np.array(network.step_seconds)}
-    metadata = {**graph.metadata, **step, **_integers(quantized)}
-    return graph_bytes(NirGraph(graph.nodes, graph.edges, metadata))
+    step_seconds = network.stated_step_seconds
+    if isinstance(network.origin, NirGraph):
+        graph = network.origin
+    else:
+        graph = nir_graph(network)
+        if step_seconds is not None:
+            graph = graph.with_metadata(dt=np.array(step_seconds))
+    if step_seconds is not None:
+        graph = graph.with_metadata(step_seconds=np.array(step_seconds))
+    return graph_bytes(graph.with_metadata(**_integers(quantized)))
 
 
 def graph_bytes(graph: NirGraph) -> bytes:
@@ -80,7 +87,7 @@ def _write_values(group: Any, values: Mapping[str, Array | str]) -> None:
 
 def nir_graph(network: Network) -> NirGraph:
     """Return the graph of a network of leaky integrate-and-fire neurons along time."""
-    dt = network.step_seconds or DT_SECONDS
+    dt = network.stated_step_seconds or DT_SECONDS
     nodes: dict[str, NirNode | NirGraph] = {}
     edges: list[Edge] = []
     called: dict[str, str] = {}

@@ -7,7 +7,7 @@ reader trusts every size.
 
 import contextlib
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import field, replace
 from pathlib import Path
 
 import numpy as np
@@ -62,6 +62,10 @@ class NirGraph(Frozen, eq=False):
     nodes: "Mapping[str, NirNode | NirGraph]"
     edges: tuple[Edge, ...]
     metadata: Mapping[str, Array | str] = field(default_factory=dict)
+
+    def with_metadata(self, **entries: Array | str) -> "NirGraph":
+        """Return the graph with more metadata, which replace entries of the same name."""
+        return replace(self, metadata={**self.metadata, **entries})
 
 
 def read_nir(path: Path, where: str) -> tuple[NirGraph, bytes]:

@@ -54,8 +54,8 @@ def load_nir(
     graph, data = read_nir(path, where)
     how: Discretisation = _one_of(discretisation or "euler", Discretisation, "discretisation")
     after: Reset = _one_of(reset or "zero", Reset, "reset")
-    known = _step_seconds(dt, graph)
-    seconds = known or DT_SECONDS
+    known_dt = _dt_seconds(dt, graph)
+    seconds = known_dt or DT_SECONDS
     flat = flatten_graph(graph, where)
     view = _input(flat, where)
     signals = _signals(flat, view, seconds, where)
@@ -82,10 +82,12 @@ def load_nir(
         parts.projections.append(Projection(START, START, matrix(np.array([[-8.0]]), np.float64)))
     outputs = _outputs(flat, where)
     parts.outputs = dict.fromkeys(outputs, _potentials_from(flat, outputs, paths.depths, where))
-    open_questions = nir_assumptions(flat, known, reset, discretisation)
+    open_questions = nir_assumptions(flat, known_dt, reset, discretisation)
     assumptions = (*open_questions, *_slow_loops(arriving, paths), *_left_out(flat))
-    said = {"any_length": True, "origin": graph, "assumptions": assumptions}
-    return parts.network_of_file(path, data, view.lines, STEPS, known, **said)
+    origin = graph if dt is None else graph.with_metadata(dt=np.array(dt))
+    said = {"any_length": True, "origin": origin, "assumptions": assumptions}
+    usual = _number(graph, "step_seconds")
+    return parts.network_of_file(path, data, view.lines, STEPS, usual, **said)
 
 
 def _slow_loops(arriving: dict[str, Signal], paths: Paths) -> tuple[str, ...]:
@@ -147,15 +149,24 @@ def _one_of(name: str, kind: Any, what: str) -> Any:
     return name
 
 
-def _step_seconds(dt: float | None, graph: NirGraph) -> float | None:
-    """Return the step that is given, or the one in a file that we wrote; None if there is neither."""
-    held = graph.metadata.get("dt")
-    if dt is None and held is not None and not isinstance(held, str) and held.size == 1:
-        dt = float(held.reshape(-1)[0])
-    if dt is not None and not STEP_SECONDS.holds(dt):
+def _dt_seconds(dt: float | None, graph: NirGraph) -> float | None:
+    """Return the step of the constants that is given, or the one in a file that we wrote; None without either."""
+    return _number(graph, "dt") if dt is None else _checked_seconds(dt, "dt")
+
+
+def _number(graph: NirGraph, name: str) -> float | None:
+    """Return the seconds in an entry of the metadata, as in files that we wrote; None without it."""
+    held = graph.metadata.get(name)
+    if held is None or isinstance(held, str) or held.size != 1:
+        return None
+    return _checked_seconds(float(held.reshape(-1)[0]), name)
+
+
+def _checked_seconds(seconds: float, name: str) -> float:
+    if not STEP_SECONDS.holds(seconds):
         what = "a step must last more than 0 s and at most 1e+06 s"
-        raise InputError("dt", what, measured=f"{dt:g}", fix="Give the seconds per step.")
-    return dt
+        raise InputError(name, what, measured=f"{seconds:g}", fix="Give the seconds per step.")
+    return seconds
 
 
 def _input(flat: FlatGraph, where: str) -> InputView:

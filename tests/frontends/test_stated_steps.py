@@ -1,0 +1,49 @@
+"""The step that a file of another tool states holds where neither recordings nor the user say how long one lasts."""
+
+import numpy as np
+import pytest
+from slayer_files import LOIHI, write
+
+import locsnn_compile as lc
+from locsnn_compile.data.read import read_recordings
+from locsnn_compile.data.recordings import Recordings
+
+RNG = np.random.default_rng(0)
+
+
+@pytest.fixture
+def network(tmp_path):
+    """A network whose description states a ``Ts`` of 1 ms."""
+    network = lc.load(*write(tmp_path, {"fc1": RNG.normal(1, 2, (3, 6))}, neuron=LOIHI))
+    assert (network.step_seconds, network.usual_step_seconds) == (None, 0.001)
+    return network
+
+
+def bins(step_seconds):
+    spikes = (RNG.random((2, 50, 6)) < 0.2).astype(np.uint8)
+    return Recordings(spikes, None, step_seconds, "bins")
+
+
+AS_STATED = "A step lasts 0.001 s, as the model states it, unless --step-seconds gives another."
+AS_RECORDED = "A step lasts 0.02 s, like the bins of the recordings; the model states 0.001 s."
+
+
+@pytest.mark.parametrize(
+    ("step_seconds", "recording_ns", "said"),
+    [(None, 50e6, AS_STATED), (0.001, 50e6, AS_STATED), (0.02, 1e9, AS_RECORDED)],
+)
+def test_recordings_override_the_step_that_a_file_states(network, step_seconds, recording_ns, said):
+    compiled = lc.compile(network, events=bins(step_seconds), diagnosis=False)
+    assert compiled.report["latency"]["recording_ns"] == pytest.approx(recording_ns)
+    assert said in compiled.report["assumptions"]
+    assert compiled.program.step_seconds == (step_seconds or 0.001)
+
+
+def test_events_are_binned_in_the_steps_that_a_file_states(network, tmp_path):
+    events = np.array([(0, 0, 0), (5_400, 5, 0)], dtype=[("t", "i8"), ("x", "i8"), ("p", "i1")])
+    np.save(tmp_path / "a.npy", events)
+    expected = network.expected
+    found = read_recordings(tmp_path / "a.npy", model=expected, polarities=1)
+    assert (found.spikes.shape, found.step_seconds) == ((1, 6, 6), 0.001)
+    found = read_recordings(tmp_path / "a.npy", model=expected, polarities=1, step_seconds=0.002)
+    assert (found.spikes.shape, found.step_seconds) == ((1, 3, 6), 0.002)
