@@ -79,7 +79,13 @@ def _explore(
 ) -> Exploration:
     """Measure the grid, and then the front on the recordings of --report-on."""
     model = ModelFile(
-        args.model, args.config, args.dt, args.reset, args.discretisation, args.kernels
+        args.model,
+        args.config,
+        args.dt,
+        args.reset,
+        args.discretisation,
+        args.kernels,
+        args.branches,
     )
     network, chip = model.load(), hw.chip(args.target)
     check_matters(network, {"calibration": "--calibration"} if args.calibration else {})

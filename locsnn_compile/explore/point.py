@@ -37,6 +37,7 @@ class ModelFile(Frozen):
     reset: str | None = None
     discretisation: str | None = None
     kernels: str | None = None
+    branches: str | None = None
 
     def load(self) -> Network:
         """Read the model; ``InputError`` for what cannot be read or used."""

@@ -1,5 +1,6 @@
 """Read networks: one frontend per file format, each of which returns a checked Network."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +16,7 @@ _FORMATS = "Give a checkpoint (.pt) that `locsnn train` wrote, a NIR graph (.nir
 _SLAYER, _CHECKPOINT = "a slayerPytorch checkpoint", "a checkpoint"
 _NIR, _LAVA_DL = "a NIR graph", "a lava-dl network"
 _OPTIONS = {
-    _SLAYER: ("config", "kernels"),
+    _SLAYER: ("config", "kernels", "branches"),
     _CHECKPOINT: (),
     _NIR: ("dt", "reset", "discretisation"),
     _LAVA_DL: (),
@@ -32,6 +33,7 @@ def load(
     reset: str | None = None,
     discretisation: str | None = None,
     kernels: str | None = None,
+    branches: str | Mapping[str, Sequence[str]] | None = None,
 ) -> Network:
     """Read a model: a checkpoint of ``locsnn train`` or slayerPytorch, a NIR graph, or a lava-dl network.
 
@@ -43,7 +45,8 @@ def load(
       potential (``zero``, ``subtract``, ``late-zero`` or ``late-subtract``), and ``discretisation`` is ``euler``,
       ``hold`` or ``exact``.
     - slayerPytorch checkpoint of SRMALPHA neurons: ``kernels`` of the float reference are ``full``, or ``cut`` as in
-      training. The chip always keeps the tails.
+      training. The chip always keeps the tails. ``branches`` names the layers that run along ``time`` and
+      ``location``, as ``{"location": ["locationFc1", "locationFc2"]}``, or ``time=fc1,fc2,location=...`` in a text.
 
     Other formats hold these values themselves, so giving them is an ``InputError``, as is a file that cannot be read or
     used. Nothing in the file is executed.
@@ -60,6 +63,7 @@ def load(
         "reset": reset,
         "discretisation": discretisation,
         "kernels": kernels,
+        "branches": branches,
     }
     for name, value in given.items():
         if value is not None and name not in _OPTIONS[kind]:
@@ -69,10 +73,15 @@ def load(
                 fix=f"Leave {name} out.",
             )
     if kind == _SLAYER:
+        from locsnn_compile.frontends.slayer.branches import checked_branches, parse_branches
         from locsnn_compile.frontends.slayer.to_network import load_slayer
 
         assert config is not None  # that makes it a checkpoint of slayerPytorch
-        network = load_slayer(path, Path(config), kernels)
+        if isinstance(branches, str):
+            branches = parse_branches(branches)
+        elif branches is not None:
+            branches = checked_branches(branches, "branches")
+        network = load_slayer(path, Path(config), kernels, branches)
     elif kind == _CHECKPOINT:
         from locsnn_compile.frontends.checkpoint import network_of
         from locsnn_compile.models.checkpoint_reader import read_models

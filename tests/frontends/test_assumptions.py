@@ -116,7 +116,10 @@ TAILS = "The reference has the tails of its kernels, which slayerPytorch cuts in
             {"location1": weights(3, 40), "fc1": weights(3, 156)},
             {},
             {"neuron": LOIHI, "location_order": "arch"},
-            (),
+            (
+                "The checkpoint does not say which layers run, nor over what: all were taken by their names and order, "
+                "time=fc1, location=location1 (--branches).",
+            ),
             id="order and channels said",
         ),
         pytest.param(
@@ -124,6 +127,8 @@ TAILS = "The reference has the tails of its kernels, which slayerPytorch cuts in
             {},
             {"neuron": LOIHI, "extra": {"delay.delay": torch.tensor([0.0, 1.2, 2.9, 70.0])}},
             (
+                "The checkpoint does not say which layers run, nor over what: all were taken by their names and order, "
+                "time=fc1,fc2 (--branches).",
                 "Delays 'delay.delay' are used for layer 'fc1', the first with as many outputs.",
                 "Delays 'delay.delay' above 62 steps were cut to 62.",
             ),

@@ -12,10 +12,13 @@ from hw_model.io.yaml_text import load_yaml
 from hw_model.mapping.graph import Axis
 from hw_model.values import Frozen
 from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.frontends.slayer.branches import Branches, checked_branches
 from locsnn_compile.network.neurons import SrmAlpha
 
 MAX_CONFIG_BYTES = 200_000
 MAX_LAYERS = 1000
+MAX_STOP = 1_000_000
+"""Latest end of a region in which training counts spikes, in milliseconds."""
 DEFAULT_ORDER = "loop"
 """Taxels by number, which is what transposing a recording gives."""
 
@@ -55,7 +58,8 @@ class SlayerConfig(Frozen):
 
     ``location_neuron`` is that of layers along locations. ``ts`` is in milliseconds; SRM time constants are in steps
     already. ``order`` is a name or taxel numbers, None if there is none. ``layers`` come from the description's own
-    ``layer`` list, the input first; () if there is none.
+    ``layer`` list, the input first; () if there is none. ``branches`` name the layers that run, None if nothing does.
+    ``counted_steps``: at how many steps training counts the spikes of an output, None if that is not told.
     """
 
     neuron: SrmAlpha | LoihiNeuron
@@ -64,10 +68,16 @@ class SlayerConfig(Frozen):
     steps: int | None
     order: str | None
     layers: tuple[LayerEntry, ...] = ()
+    branches: Branches | None = None
+    counted_steps: int | None = None
+
+    def neuron_along(self, axis: Axis) -> SrmAlpha | LoihiNeuron:
+        """Return the neuron of the layers along an axis."""
+        return self.location_neuron if axis == "location" else self.neuron
 
     def neuron_of(self, name: str) -> SrmAlpha | LoihiNeuron:
-        """Return the neuron of a layer or entry by its name: the location neuron if the name begins with location."""
-        return self.location_neuron if axis_of(name) == "location" else self.neuron
+        """Return the neuron of an entry by its name: the location neuron if the name begins with location."""
+        return self.neuron_along(axis_of(name))
 
 
 def axis_of(name: str) -> Axis:
@@ -102,8 +112,43 @@ def read_config(path: Path) -> SlayerConfig:
             fix="Leave it out.",
         )
     layers = parse_layers(values["layer"], where) if "layer" in values else ()
-    neurons = _neuron(section, ts, where), _neuron(location, ts, where)
-    return SlayerConfig(*neurons, ts, steps, _order(values, where), layers)
+    return SlayerConfig(
+        _neuron(section, ts, where),
+        _neuron(location, ts, where),
+        ts,
+        steps,
+        _order(values, where),
+        layers,
+        _branches(values, where),
+        _counted_steps(values, ts),
+    )
+
+
+def _branches(values: Mapping[Any, Any], where: str) -> Branches | None:
+    """Return the layers that run, as the key ``branches`` names them; None without it."""
+    if "branches" not in values:
+        return None
+    branches = values["branches"]
+    if not isinstance(branches, dict):
+        fix = "Give {time: [fc1, fc2], location: [locationFc1, locationFc2]}."
+        raise InputError(f"{where}, branches", "they are not lists of layers", fix=fix)
+    return checked_branches(branches, f"{where}, branches")
+
+
+def _counted_steps(values: Mapping[Any, Any], ts: float) -> int | None:
+    """Return the steps of the region in which training counts spikes; None where it does not begin at 0.
+
+    It is no part of the network, so whatever else stands there is left alone.
+    """
+    region: Any = values
+    for key in ("training", "error", "tgtSpikeRegion"):
+        region = region.get(key) if isinstance(region, dict) else None
+    if not isinstance(region, dict) or region.get("start") != 0:
+        return None
+    stop = region.get("stop")
+    if isinstance(stop, bool) or not isinstance(stop, int | float) or not 0 < stop <= MAX_STOP:
+        return None
+    return round(stop / ts)
 
 
 def _neuron(section: Mapping[Any, Any], ts: float, where: str) -> SrmAlpha | LoihiNeuron:

@@ -1,8 +1,8 @@
 """From a slayerPytorch checkpoint, a dict of tensors, and its YAML to a Network.
 
-A checkpoint holds layers and their weights in the order in which they were made, but no structure. Layers are taken as
-one chain in that order; layers whose names begin with ``location`` are a second chain, which walks the channels. A
-``layer`` list in the YAML says which ones are convolutions and pooling. A delay belongs to the layer of its own block,
+A checkpoint holds layers and their weights in the order in which they were made, but no structure: ``choose_layers.py``
+says which of them run, in one chain along time and one that walks the channels. A ``layer`` list in the YAML says which
+ones are convolutions and pooling. A delay belongs to the layer of its own block,
 or else to the first layer that has as many spikes and no delay yet.
 
 SRMALPHA layers become float neurons with full kernels. LOIHI layers become integer neurons with the weights
@@ -34,6 +34,8 @@ from locsnn_compile.frontends.parts import (
     eight_bit_signs,
     touch_fingertips,
 )
+from locsnn_compile.frontends.slayer.branches import Branches
+from locsnn_compile.frontends.slayer.choose_layers import Chosen, choose_layers
 from locsnn_compile.frontends.slayer.config import (
     DEFAULT_ORDER,
     LoihiNeuron,
@@ -74,10 +76,11 @@ _FIX = "Save net.state_dict() with torch.save."
 class _Layer:
     """A layer of weights (n, n_source), its channels, and the delays (n,) of its spikes, in steps.
 
-    ``assumed``: assumptions about these delays, as sentences.
+    ``axis``: what it runs along. ``assumed``: assumptions about these delays, as sentences.
     """
 
     name: str
+    axis: Axis
     weights: Matrix
     channels: int
     delays: Any = None
@@ -89,8 +92,13 @@ class _Layer:
         return int(self.weights.shape[0])
 
 
-def load_slayer(path: Path, config: Path, kernels: str | None = None) -> Network:
-    """Read a checkpoint and its description, and return the network; ``InputError`` if they cannot be used."""
+def load_slayer(
+    path: Path, config: Path, kernels: str | None = None, branches: Branches | None = None
+) -> Network:
+    """Read a checkpoint and its description, and return the network; ``InputError`` if they cannot be used.
+
+    ``branches``: the layers that run, before what the description says.
+    """
     check_known(f"kernels {kernels!r}", "are not known", kernels, KERNELS)
     where = f"model {path.name!r}"
     data = read_bytes(path, where)
@@ -112,11 +120,11 @@ def load_slayer(path: Path, config: Path, kernels: str | None = None) -> Network
         )
     tensors = _tensors(held, where)
     check_kernels(tensors, description, where)
-    layers = _layers(tensors, description, where)
-    chains = {
-        axis: [layer for layer in layers if axis_of(layer.name) == axis] for axis in VIEW_NAMES
-    }
-    chains = {axis: chain for axis, chain in chains.items() if chain}
+    weights = _layer_weights(tensors, where)
+    shapes = {name: kernel.shape for name, kernel in weights.items()}
+    chosen = choose_layers(shapes, description, branches, where)
+    layers = _layers(tensors, weights, chosen, description, where)
+    chains = {axis: [layers[name] for name in names] for axis, names in chosen.chains.items()}
     for before, after in (pair for chain in chains.values() for pair in pairwise(chain)):
         what, fix = (
             f"its inputs are not the neurons of {before.name!r}",
@@ -129,7 +137,7 @@ def load_slayer(path: Path, config: Path, kernels: str | None = None) -> Network
         if "location" in chains
         else description.steps or STEPS
     )
-    channels = chains["time"][0].weights.shape[1] if "time" in chains else None
+    channels = chains["time"][0].weights.shape[1] if "time" in chains else chosen.channels
     parts = Parts()
     for axis, chain in chains.items():
         walk = None
@@ -153,23 +161,26 @@ def load_slayer(path: Path, config: Path, kernels: str | None = None) -> Network
             fix="Train them together.",
         )
     said: dict[str, Any] = {"any_length": "location" not in chains}
-    said |= {"assumptions": (*tails, *_assumed(layers, chains, description, channels))}
+    assumed = _assumed(chosen, chains, description, channels)
+    said |= {"assumptions": (*tails, *assumed)}
     return parts.network_of_file(path, data, channels, steps, description.ts / 1000, **said)
 
 
 def _assumed(
-    layers: tuple[_Layer, ...],
+    chosen: Chosen,
     chains: Mapping[Axis, list[_Layer]],
     config: SlayerConfig,
     channels: int,
 ) -> Iterator[str]:
     """Yield a sentence for each value that neither the checkpoint nor its description states."""
+    yield from chosen.assumed
     if "location" in chains and config.order is None:
         yield f"The description has no location_order: taxels are visited in the order {DEFAULT_ORDER}."
-    if "time" not in chains:
+    if "time" not in chains and chosen.channels is None:
         yield f"No layer along time says how many channels there are: {channels}, those of two fingertips."
-    for layer in layers:
-        yield from layer.assumed
+    for chain in chains.values():
+        for layer in chain:
+            yield from layer.assumed
 
 
 def _walk(order: str, channels: int | None, where: str) -> tuple[Any, int]:
@@ -198,7 +209,7 @@ def _stated(
         if (delays != late).any():
             of_each = projections.of_source(layer.weights, delays)
             late = np.array(np.broadcast_to(of_each, values_of(layer.weights).shape))
-    n = config.neuron_of(layer.name)
+    n = config.neuron_along(axis)
     if not isinstance(n, LoihiNeuron):
         return Population(layer.name, axis, size, n), Projection(
             source, layer.name, layer.weights, late
@@ -251,33 +262,48 @@ def _tensors(held: object, where: str) -> dict[str, Any]:
     return found
 
 
-def _layers(tensors: Mapping[str, Any], config: SlayerConfig, where: str) -> tuple[_Layer, ...]:
+def _layer_weights(tensors: Mapping[str, Any], where: str) -> dict[str, FloatArray]:
+    """Return the weights of every layer in their own shape, in the order of the checkpoint."""
     names = dict.fromkeys(
         key.removesuffix(end) for key in tensors for end in _WEIGHT if key.endswith(end)
     )
-    kernels = {name: _weights(tensors, name, where) for name in names}
-    if not kernels:
+    weights = {name: _weights(tensors, name, where) for name in names}
+    if not weights:
         raise InputError(where, "it has no weights", measured=f"{list(tensors)[:3]}"[:80], fix=_FIX)
+    return weights
+
+
+def _layers(
+    tensors: Mapping[str, Any],
+    weights: Mapping[str, FloatArray],
+    chosen: Chosen,
+    config: SlayerConfig,
+    where: str,
+) -> dict[str, _Layer]:
+    """Return all layers by name, those that do not run as well: delays may belong to these."""
+    run = {name: kernel for name, kernel in weights.items() if name in chosen.names}
     if config.layers:
-        found = listed_layers(kernels, config.layers, where)
+        matrices = listed_layers(run, config.layers, where)
     else:
-        found = {
-            name: dense_layer(kernel, f"{where}, layer {name!r}")
-            for name, kernel in kernels.items()
+        matrices = {
+            name: dense_layer(kernel, f"{where}, layer {name!r}") for name, kernel in run.items()
         }
-    layers = [
-        _Layer(name, matrix(weights, np.float64), channels)
-        for name, (weights, channels) in found.items()
-    ]
+    axes = {name: axis for axis, names in chosen.chains.items() for name in names}
+    layers: dict[str, _Layer] = {}
+    for name, kernel in weights.items():
+        flat, channels = matrices.get(name) or (kernel.reshape(len(kernel), -1), len(kernel))
+        axis = axes.get(name) or axis_of(name)
+        layers[name] = _Layer(name, axis, matrix(flat, np.float64), channels)
     for key, values in tensors.items():
-        if key.endswith(".bias") and values.any():
+        if key.endswith(".bias") and values.any() and key.removesuffix(".bias") in chosen.names:
             fix = "Train without biases, or export the network as NIR."
             raise InputError(
                 f"{where}, entry {key!r}", "layers of slayerPytorch have no biases", fix=fix
             )
         if key == "delay" or key.endswith(".delay"):
-            _attach(layers, key, values.reshape(-1), config, f"{where}, entry {key!r}")
-    return tuple(layers)
+            every = list(layers.values())
+            _attach(every, key, values.reshape(-1), config, f"{where}, entry {key!r}")
+    return layers
 
 
 def _attach(layers: list[_Layer], key: str, delay: Any, config: SlayerConfig, where: str) -> None:
@@ -290,7 +316,7 @@ def _attach(layers: list[_Layer], key: str, delay: Any, config: SlayerConfig, wh
     block = key.rpartition(".")[0].rpartition(".")[0]
     beside = [layer for layer in layers if block and layer.name.rpartition(".")[0] == block]
     axis = axis_of(key.rpartition(".")[0])
-    for layer in beside or sorted(layers, key=lambda layer: axis_of(layer.name) != axis):
+    for layer in beside or sorted(layers, key=lambda layer: layer.axis != axis):
         if layer.delays is None and steps.size in (1, layer.size, layer.channels):
             layer.delays = np.repeat(steps, layer.size // steps.size)
             if not beside:

@@ -1,0 +1,152 @@
+"""Which layers of a checkpoint run, and in which branch: as the user or the YAML says, else as their names suggest.
+
+A state dict also holds layers that the forward pass never runs, and layers that run over the outputs of both branches,
+one after the other. Neither can be seen in it. So what was taken is said, and what is likely wrong is not taken.
+"""
+
+import math
+from collections.abc import Mapping
+
+from hw_model.mapping.graph import AXES, Axis
+from hw_model.values import Frozen
+from locsnn_compile.errors import InputError, did_you_mean
+from locsnn_compile.frontends.linear_maps import Shape
+from locsnn_compile.frontends.slayer.branches import JOINED, Branches
+from locsnn_compile.frontends.slayer.config import SlayerConfig, axis_of
+
+
+class Chosen(Frozen):
+    """The layers that run: a chain for each axis.
+
+    ``assumed``: sentences on what neither the user nor the YAML says. ``channels``: of the recordings, where no layer
+    runs along time and something else tells it; else None.
+    """
+
+    chains: Mapping[Axis, tuple[str, ...]]
+    channels: int | None
+    assumed: tuple[str, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All layers that run."""
+        return tuple(name for chain in self.chains.values() for name in chain)
+
+
+def choose_layers(
+    shapes: Mapping[str, Shape], config: SlayerConfig, branches: Branches | None, where: str
+) -> Chosen:
+    """Return the layers that run, of those in a checkpoint.
+
+    ``shapes``: the shape (out, in, ...) of the weights of every layer, in the order of the checkpoint. ``branches``:
+    what the user says, before what the YAML says.
+    """
+    stated = config.branches if branches is None else branches
+    if stated is not None:
+        return _stated(shapes, stated, where)
+    by_name: dict[Axis, tuple[str, ...]] = {
+        axis: tuple(name for name in shapes if axis_of(name) == axis) for axis in AXES
+    }
+    chains = {axis: names for axis, names in by_name.items() if names}
+    if config.layers or len(chains) == 1:
+        return Chosen(chains, None, _listed(chains, config))
+    if _only_locations(shapes, chains, config):
+        locations: dict[Axis, tuple[str, ...]] = {"location": chains["location"]}
+        region = (
+            f"The YAML counts the spikes of {config.counted_steps} steps, which are the locations: the location branch "
+            f"runs alone, of the layers {_text(locations)}, and {', '.join(chains['time'])} are not used (--branches)."
+        )
+        return Chosen(locations, config.counted_steps, (region,))
+    _refuse_joined(shapes, chains, where)
+    return Chosen(chains, None, _listed(chains, config))
+
+
+def _stated(shapes: Mapping[str, Shape], branches: Branches, where: str) -> Chosen:
+    """Return the layers that branches name, after a look at each."""
+    named = [name for layers in branches.values() for name in layers]
+    for name in named:
+        if name not in shapes:
+            raise InputError(
+                f"{where}, layer {name[:80]!r}",
+                "it is not in the checkpoint",
+                fix=did_you_mean(name, shapes),
+            )
+        if named.count(name) > 1:
+            raise InputError(
+                f"{where}, layer {name!r}", "it is named twice", fix="Name it in one branch."
+            )
+    for name in branches.get(JOINED, ()):
+        raise InputError(
+            f"{where}, layer {name!r}",
+            "it runs over the outputs of both branches, one after the other, which no phase of a program does",
+            fix="Train the network without it.",
+        )
+    chains: dict[Axis, tuple[str, ...]] = {
+        axis: branches[axis] for axis in AXES if axis in branches
+    }
+    unused = tuple(name for name in shapes if name not in named)
+    assumed = []
+    channels = None
+    if unused:
+        assumed.append(
+            f"These layers of the checkpoint are not used, as no branch names them: {', '.join(unused)}."
+        )
+    of_time = tuple(name for name in unused if axis_of(name) == "time")
+    if "time" not in chains and of_time:
+        channels = _inputs(shapes[of_time[0]])
+        assumed.append(
+            f"There are {channels} channels, the inputs of {of_time[0]}, which is not used."
+        )
+    return Chosen(chains, channels, tuple(assumed))
+
+
+def _inputs(shape: Shape) -> int:
+    """Return the inputs of a layer of weights (out, in, ...)."""
+    return math.prod(shape[1:])
+
+
+def _listed(chains: Mapping[Axis, tuple[str, ...]], config: SlayerConfig) -> tuple[str, ...]:
+    """Return the sentence on all layers taken; none for a single layer, or where the YAML lists them itself."""
+    if config.layers or sum(map(len, chains.values())) == 1:
+        return ()
+    return (
+        "The checkpoint does not say which layers run, nor over what: all were taken by their names and order, "
+        f"{_text(chains)} (--branches).",
+    )
+
+
+def _text(chains: Mapping[Axis, tuple[str, ...]]) -> str:
+    return ", ".join(f"{axis}={','.join(names)}" for axis, names in chains.items())
+
+
+def _only_locations(
+    shapes: Mapping[str, Shape], chains: Mapping[Axis, tuple[str, ...]], config: SlayerConfig
+) -> bool:
+    """Whether training counted the spikes of as many steps as there are locations, not those of time as well."""
+    locations = _inputs(shapes[chains["time"][0]])
+    time_steps = _inputs(shapes[chains["location"][0]])
+    return config.counted_steps == locations and locations != time_steps
+
+
+def _refuse_joined(
+    shapes: Mapping[str, Shape], chains: Mapping[Axis, tuple[str, ...]], where: str
+) -> None:
+    """Refuse a layer that stands after all layers of both branches and takes a spike train of each class.
+
+    It is one layer too many for a time branch like the location branch, as in networks that run a layer over the
+    outputs of both.
+    """
+    *before, last = chains["time"]
+    classes = shapes[chains["location"][-1]][0]
+    if not before or (shapes[before[-1]][0], _inputs(shapes[last])) != (classes, classes):
+        return
+    in_order = list(shapes)
+    location_first = in_order.index(before[0]) > in_order.index(chains["location"][0])
+    as_deep = len(chains["time"]) <= len(chains["location"])
+    if in_order[-1] != last or (location_first and as_deep):
+        return
+    branches = f"time={','.join(before)},location={','.join(chains['location'])}"
+    raise InputError(
+        f"{where}, layer {last!r}",
+        "it may run over the outputs of both branches, one after the other, which no phase of a program does",
+        fix=f"If it does not run, give --branches {branches}; if it is the time branch's, name it there.",
+    )

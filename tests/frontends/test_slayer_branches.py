@@ -1,0 +1,209 @@
+"""Layers of slayerPytorch checkpoints that do not run, and layers after both branches: numpy's forward pass judges."""
+
+import numpy as np
+import pytest
+import torch
+from slayer_files import srm_layer, write
+from test_slayer import spikes, weights
+
+import locsnn_compile as lc
+from locsnn_compile.reference.evaluate import evaluate
+
+STEPS, LOCATIONS, HIDDEN, CLASSES = 60, 78, 8, 4
+LAYERS = {
+    "fc1": weights(HIDDEN, LOCATIONS, 0.1),
+    "fc2": weights(CLASSES, HIDDEN),
+    "locationFc1": weights(HIDDEN, STEPS, 0.1),
+    "locationFc2": weights(CLASSES, HIDDEN),
+}
+FUSED = LAYERS | {"outputFc": weights(CLASSES, CLASSES, 3.0)}
+TAILS = "The reference has the tails of its kernels, which slayerPytorch cuts in training (--kernels full)."
+LOOP = "The description has no location_order: taxels are visited in the order loop."
+
+
+def training(steps):
+    """What the YAML says of training: the spikes of the first steps of an output are counted."""
+    return {"error": {"type": "NumSpikes", "tgtSpikeRegion": {"start": 0, "stop": steps}}}
+
+
+def played(network, given):
+    """Return the spike counts of the classes, (classes,), of the float network."""
+    trains = evaluate(network, given[None]).spikes
+    return sum(trains[name][0].sum(axis=0) for name in network.readout.populations)
+
+
+def of_time(given):
+    return srm_layer(LAYERS["fc2"], srm_layer(LAYERS["fc1"], given))
+
+
+def of_locations(given):
+    return srm_layer(LAYERS["locationFc2"], srm_layer(LAYERS["locationFc1"], given.T))
+
+
+GIVEN = spikes(LOCATIONS, STEPS)
+
+
+def test_a_location_network_that_keeps_unused_time_layers_counts_locations_alone(tmp_path):
+    network = lc.load(*write(tmp_path, LAYERS, steps=STEPS, training=training(LOCATIONS)))
+    wanted = of_locations(GIVEN).sum(axis=0)
+    assert wanted.tolist() != (wanted + of_time(GIVEN).sum(axis=0)).tolist()
+    np.testing.assert_array_equal(played(network, GIVEN), wanted)
+    assert network.channels == LOCATIONS
+    assert network.assumptions == (
+        TAILS,
+        "The YAML counts the spikes of 78 steps, which are the locations: the location branch runs alone, of the layers "
+        "location=locationFc1,locationFc2, and fc1, fc2 are not used (--branches).",
+        LOOP,
+    )
+
+
+def test_every_layer_taken_is_said_with_its_chain(tmp_path):
+    network = lc.load(*write(tmp_path, LAYERS, steps=STEPS, training=training(STEPS + LOCATIONS)))
+    np.testing.assert_array_equal(
+        played(network, GIVEN), of_time(GIVEN).sum(axis=0) + of_locations(GIVEN).sum(axis=0)
+    )
+    assert network.assumptions == (
+        TAILS,
+        "The checkpoint does not say which layers run, nor over what: all were taken by their names and order, "
+        "time=fc1,fc2, location=locationFc1,locationFc2 (--branches).",
+        LOOP,
+    )
+
+
+@pytest.mark.parametrize(
+    "branches",
+    [
+        pytest.param("location=locationFc1,locationFc2", id="the option"),
+        pytest.param({"location": ["locationFc1", "locationFc2"]}, id="a mapping"),
+    ],
+)
+def test_branches_name_the_layers_that_run(branches, tmp_path):
+    files = write(tmp_path, FUSED, steps=STEPS)
+    network = lc.load(*files, branches=branches)
+    np.testing.assert_array_equal(played(network, GIVEN), of_locations(GIVEN).sum(axis=0))
+    assert network.assumptions == (
+        TAILS,
+        "These layers of the checkpoint are not used, as no branch names them: fc1, fc2, outputFc.",
+        "There are 78 channels, the inputs of fc1, which is not used.",
+        LOOP,
+    )
+
+
+def test_the_description_names_branches_and_the_option_stands_above_it(tmp_path):
+    files = write(tmp_path, LAYERS, steps=STEPS, branches={"time": ["fc1", "fc2"]})
+    np.testing.assert_array_equal(played(lc.load(*files), GIVEN), of_time(GIVEN).sum(axis=0))
+    by_option = lc.load(*files, branches="location=locationFc1,locationFc2")
+    np.testing.assert_array_equal(played(by_option, GIVEN), of_locations(GIVEN).sum(axis=0))
+
+
+def test_a_branch_may_have_layers_of_any_name(tmp_path):
+    renamed = dict(zip(("a", "b", "c", "d"), LAYERS.values(), strict=True))
+    files = write(tmp_path, renamed, steps=STEPS)
+    network = lc.load(*files, branches="time=a,b,location=c,d")
+    assert {p.name: p.axis for p in network.populations} == {
+        "a": "time",
+        "b": "time",
+        "c": "location",
+        "d": "location",
+    }
+    np.testing.assert_array_equal(
+        played(network, GIVEN), of_time(GIVEN).sum(axis=0) + of_locations(GIVEN).sum(axis=0)
+    )
+
+
+def test_delays_of_a_layer_that_does_not_run_stay_with_it(tmp_path):
+    delay = {"delay.delay": torch.full((1, HIDDEN, 1, 1, 1), 3.0)}
+    files = write(tmp_path, LAYERS, steps=STEPS, extra=delay)
+    network = lc.load(*files, branches="location=locationFc1,locationFc2")
+    assert [np.max(projection.delay) for projection in network.projections] == [0, 0]
+
+
+def test_a_layer_after_both_branches_is_not_part_of_the_time_branch(tmp_path):
+    """As part of it, other classes win: both ways are played here, so that the refusal is worth its trouble."""
+    joined = srm_layer(FUSED["outputFc"], np.concatenate([of_time(GIVEN), of_locations(GIVEN)]))
+    appended = srm_layer(FUSED["outputFc"], of_time(GIVEN)).sum(axis=0) + of_locations(GIVEN).sum(
+        axis=0
+    )
+    assert joined.sum(axis=0).tolist() != appended.tolist()
+    files = write(tmp_path, FUSED, steps=STEPS)
+    with pytest.raises(lc.InputError) as caught:
+        lc.load(*files)
+    assert str(caught.value) == (
+        "model 'model.pt', layer 'outputFc': it may run over the outputs of both branches, one after the other, which no "
+        "phase of a program does. If it does not run, give --branches time=fc1,fc2,location=locationFc1,locationFc2; if it "
+        "is the time branch's, name it there."
+    )
+    deeper = lc.load(*files, branches="time=fc1,fc2,outputFc,location=locationFc1,locationFc2")
+    np.testing.assert_array_equal(played(deeper, GIVEN), appended)
+
+
+def test_a_time_branch_as_wide_as_its_classes_is_no_layer_after_both(tmp_path):
+    square = LAYERS | {"fc1": weights(CLASSES, LOCATIONS, 0.1), "fc2": weights(CLASSES, CLASSES)}
+    order = ("locationFc1", "locationFc2", "fc1", "fc2")
+    files = write(tmp_path, {name: square[name] for name in order}, steps=STEPS)
+    assert lc.load(*files).readout.populations == ("fc2", "locationFc2")
+
+
+BOTH = "time=fc1,fc2,location=locationFc1,locationFc2"
+FORM = "Give them as time=fc1,fc2,location=locationFc1,locationFc2."
+
+
+@pytest.mark.parametrize(
+    ("branches", "message"),
+    [
+        pytest.param(
+            f"{BOTH},joined=outputFc",
+            "model 'model.pt', layer 'outputFc': it runs over the outputs of both branches, one after the other, which no "
+            "phase of a program does. Train the network without it.",
+            id="a layer after both",
+        ),
+        pytest.param(
+            "time=fc1,fc3",
+            "model 'model.pt', layer 'fc3': it is not in the checkpoint. Did you mean 'fc2'?",
+            id="an unknown layer",
+        ),
+        pytest.param(
+            "time=fc1,fc1",
+            "model 'model.pt', layer 'fc1': it is named twice. Name it in one branch.",
+            id="a layer twice",
+        ),
+        pytest.param(
+            "time=fc1,time=fc2",
+            "branches 'time=fc1,time=fc2': branch 'time' is given twice. Give it once.",
+            id="a branch twice",
+        ),
+        pytest.param(
+            "fc1,fc2", f"branches 'fc1,fc2': they are not layers of branches. {FORM}", id="no branch"
+        ),
+        pytest.param(
+            "space=fc1",
+            "branches 'space=fc1': branch 'space' is not known. Choose one of: joined, location, time.",
+            id="an unknown branch",
+        ),
+        pytest.param(
+            "joined=outputFc",
+            f"branches 'joined=outputFc': no branch runs along time or location. {FORM}",
+            id="no branch of its own",
+        ),
+        pytest.param(
+            {"time": []},
+            f"branches: branch 'time' has no list of layers. {FORM}",
+            id="no layers",
+        ),
+    ],
+)  # fmt: skip
+def test_branches_that_cannot_be(branches, message, tmp_path):
+    files = write(tmp_path, FUSED, steps=STEPS)
+    with pytest.raises(lc.InputError) as caught:
+        lc.load(*files, branches=branches)
+    assert str(caught.value) == message
+
+
+def test_branches_of_the_description_that_are_no_lists(tmp_path):
+    files = write(tmp_path, LAYERS, steps=STEPS, branches=["fc1"])
+    with pytest.raises(lc.InputError) as caught:
+        lc.load(*files)
+    assert str(caught.value) == (
+        "config 'net.yaml', branches: they are not lists of layers. Give {time: [fc1, fc2], location: [locationFc1, "
+        "locationFc2]}."
+    )
