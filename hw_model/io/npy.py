@@ -2,6 +2,7 @@
 
 import io
 import math
+from typing import Any
 
 import numpy as np
 
@@ -13,21 +14,39 @@ MAX_VALUES = 200_000_000
 """Most values of an array, of 8 bytes each."""
 
 
-def load_npy(data: bytes, where: str, kinds: str = "biuf") -> AnyArray:
+_REWRITE = "Write it again with numpy.save."
+_NUMBERS = "biuf"
+
+
+def holds_numbers(data: bytes, where: str) -> bool:
+    """Tell whether a ``.npy`` file holds numbers, or rows of fields, by its header."""
+    _, _, dtype = _header(io.BytesIO(data), where)
+    return dtype.kind in _NUMBERS or (dtype.names is not None and not dtype.hasobject)
+
+
+def _header(stream: io.BytesIO, where: str) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    """Return shape, whether columns come first, and dtype; the stream is then at the values."""
+    with parsing(where, "it is damaged or not a numpy file", fix=_REWRITE):
+        version = np.lib.format.read_magic(stream)
+        shape, fortran, dtype = getattr(np.lib.format, "read_array_header_{}_{}".format(*version))(
+            stream
+        )
+        # numpy takes True for a size here, and for none below.
+        return tuple(map(int, shape)), fortran, dtype
+
+
+def load_npy(data: bytes, where: str, kinds: str = _NUMBERS) -> AnyArray:
     """Return the array in the bytes of a ``.npy`` file, read-only, without copying or unpickling anything.
 
     ``kinds``: the kinds of dtype that are accepted, next to structured ones. Raises ``InputError`` for bytes that are
     not such a file, for values of another kind, for a shape that is too large, and for bytes that end too early.
     """
-    fix, stream = "Write it again with numpy.save.", io.BytesIO(data)
-    with parsing(where, "it is damaged or not a numpy file", fix=fix):
-        version = np.lib.format.read_magic(stream)
-        shape, fortran, dtype = getattr(np.lib.format, "read_array_header_{}_{}".format(*version))(
-            stream
-        )
-        shape = tuple(map(int, shape))  # numpy takes True for a size here, and for none below
+    stream = io.BytesIO(data)
+    shape, fortran, dtype = _header(stream, where)
     if dtype.kind not in kinds and (dtype.names is None or dtype.hasobject):
-        raise InputError(where, "its values are not numbers", measured=f"dtype {dtype}", fix=fix)
+        raise InputError(
+            where, "its values are not numbers", measured=f"dtype {dtype}", fix=_REWRITE
+        )
     if (
         any(size < 0 for size in shape)
         or math.prod(shape) * max(1, dtype.itemsize // 8) > MAX_VALUES
@@ -38,5 +57,7 @@ def load_npy(data: bytes, where: str, kinds: str = "biuf") -> AnyArray:
         )
     held, needed = len(data) - stream.tell(), math.prod(shape) * dtype.itemsize
     if held < needed:
-        raise InputError(where, "it is truncated", measured=f"{held} of {needed} bytes", fix=fix)
+        raise InputError(
+            where, "it is truncated", measured=f"{held} of {needed} bytes", fix=_REWRITE
+        )
     return np.ndarray(shape, dtype, data, stream.tell(), order="F" if fortran else "C")

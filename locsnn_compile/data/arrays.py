@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from hw_model.io.files import parsing, read_bytes
-from hw_model.io.npy import load_npy
+from hw_model.io.npy import holds_numbers, load_npy
 from hw_model.io.zip_directory import BoundedZip
 from hw_model.values import AnyArray
 from locsnn_compile.data.axes import Order, parse_axes, to_step_major
@@ -25,6 +25,7 @@ from locsnn_compile.errors import InputError, counted
 #: Entries of ``.npz`` and ``.pt`` files that are not the recordings.
 _BESIDE = ("labels", "step_seconds", "class_names", "axes")
 _TEXTS = _BESIDE[2:]
+_OWN = ("spikes", *_BESIDE)
 _ALIKE = 0.82
 """From which likeness on a name is one of these with an error in it: 0.83 for ``lables``, 0.8 for ``taxels``."""
 HDF5_SUFFIXES = (".h5", ".hdf5")
@@ -96,6 +97,11 @@ def _check_names(names: Collection[str], where: str) -> None:
             raise InputError(f"{where}, entry {name!r}", "it has no meaning here", fix=fix)
 
 
+def _is_read(name: str, names: Collection[str]) -> bool:
+    """Tell whether an entry is one of ours, or may be the recordings because no entry is called ``spikes``."""
+    return name in _OWN or "spikes" not in names
+
+
 def _order(entries: Mapping[str, AnyArray], asked: Order | None, where: str) -> Order | None:
     """Return the order of axes that is asked for, or that the file gives; ``InputError`` if they differ."""
     said = _texts(entries, "axes", where)
@@ -143,11 +149,16 @@ def _npz_entries(data: bytes, where: str) -> dict[str, AnyArray]:
         if len(set(names.values())) < len(names):
             raise InputError(where, "it contains an entry twice, with and without '.npy'", fix=fix)
         _check_names(names.values(), where)
-        kinds = dict.fromkeys(_TEXTS, "US")
-        return {
-            name: load_npy(archive.content(file), f"{where}, {file!r}", kinds.get(name, "biuf"))
-            for file, name in names.items()
-        }
+        entries: dict[str, AnyArray] = {}
+        for file, name in names.items():
+            if not _is_read(name, names.values()):
+                continue
+            content, place = archive.content(file), f"{where}, {file!r}"
+            if name in _TEXTS:
+                entries[name] = load_npy(content, place, "US")
+            elif name in _OWN or holds_numbers(content, place):
+                entries[name] = load_npy(content, place)
+        return entries
 
 
 def _torch_entries(data: bytes, where: str) -> dict[str, AnyArray]:
@@ -156,13 +167,16 @@ def _torch_entries(data: bytes, where: str) -> dict[str, AnyArray]:
     if "format" in found and "weights" in found:
         fix = "Give it as the model, and recordings as events."
         raise InputError(where, "it is a trained network, not recordings", fix=fix)
-    _check_names(list(map(str, found)), where)
+    names = list(map(str, found))
+    _check_names(names, where)
     entries: dict[str, AnyArray] = {}
-    for name, entry in found.items():
+    for name, entry in zip(names, found.values(), strict=True):
+        if entry is None or not _is_read(name, names):
+            continue
         if name in _BESIDE and isinstance(entry, int | float | list | str):
-            entries[str(name)] = _plain_array(entry, where, str(name))
-        elif entry is not None:
-            entries[str(name)] = _tensor_array(entry, where, str(name)[:40])
+            entries[name] = _plain_array(entry, where, name)
+        elif name in _OWN or isinstance(entry, Tensor):
+            entries[name] = _tensor_array(entry, where, name[:40])
     return entries
 
 
@@ -221,10 +235,14 @@ def read_hdf5(path: Path, where: str) -> tuple[dict[str, AnyArray], list[EventSt
     with open_hdf5(path, where) as (root, _):
         values = [name for name in root.names() if not root.is_group(name)]
         _check_names(values, where)
-        entries = {
-            name: np.array(root.texts(name)) if name in _TEXTS else root.array(name)
-            for name in values
-        }
+        entries: dict[str, AnyArray] = {}
+        for name in values:
+            if not _is_read(name, root.names()):
+                continue
+            if name in _TEXTS:
+                entries[name] = np.array(root.texts(name))
+            elif name in _OWN or root.holds_numbers(name):
+                entries[name] = root.array(name)
         if "extra" in root and root.is_group("extra") and "keys" in (extra := root.group("extra")):
             entries.setdefault("class_names", np.array(extra.texts("keys")))
         streams = (

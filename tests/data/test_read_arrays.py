@@ -390,6 +390,49 @@ def test_arrays_of_others_may_lie_beside(tmp_path: Path) -> None:
     assert np.array_equal(found, LABELS)
 
 
+class Notes:
+    """An object of somebody's own, which numpy and torch pickle."""
+
+
+WORDS = ["Ada", "Böge", "Chi", "Dee"]
+NOT_NUMBERS = {
+    "speakers": np.array(WORDS),
+    "raw_speakers": np.array([word.encode() for word in WORDS]),
+    "dates": np.array(["2024-01-01"] * 4, dtype="datetime64[D]"),
+    "notes": np.array([Notes()] * 4, dtype=object),
+    "spread": np.full(4, np.nan),
+    "phase": np.full(4, 1j),
+}
+"""What others keep next to recordings: texts, dates, objects, numbers that are not finite or not real."""
+
+
+@pytest.mark.parametrize("called", ["spikes", "touches"])
+@pytest.mark.parametrize("suffix", [".npz", ".pt", ".h5"])
+def test_what_is_not_made_of_numbers_may_lie_beside(
+    tmp_path: Path, called: str, suffix: str
+) -> None:
+    path = tmp_path / f"a{suffix}"
+    more = {name: array for name, array in NOT_NUMBERS.items() if array.dtype.kind in "SUMO"}
+    if called == "spikes":
+        more = NOT_NUMBERS
+    if suffix == ".npz":
+        np.savez(path, labels=LABELS, **{called: FULL}, **more)
+    elif suffix == ".pt":
+        held = {called: torch.from_numpy(FULL), "labels": torch.from_numpy(LABELS)}
+        torch.save({**held, "speakers": WORDS, "sensor": {"taxels": 39}, "age": 3}, path)
+    else:
+        with h5py.File(path, "w") as file:
+            file[called], file["labels"] = FULL, LABELS
+            file["speakers"] = WORDS
+            file.create_dataset("empty", data=h5py.Empty("f"))
+            if called == "spikes":
+                file["spread"], file["phase"] = NOT_NUMBERS["spread"], NOT_NUMBERS["phase"]
+    found = read_recordings(path)
+    assert np.array_equal(found.spikes, STEPS)
+    assert found.labels is not None
+    assert np.array_equal(found.labels, LABELS)
+
+
 def test_bins_may_be_as_narrow_as_the_steps_of_a_model(tmp_path: Path) -> None:
     """Limits are those of putting events into bins, and these are bins already."""
     np.save(tmp_path / "a.npy", np.zeros((1, 2, 3)))

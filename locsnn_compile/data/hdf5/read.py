@@ -118,6 +118,11 @@ class Group:
             values = values.astype(np.int64)
         return sealed(values)
 
+    def holds_numbers(self, name: str) -> bool:
+        """Tell whether a dataset is made of numbers, without reading it."""
+        found = self._held(name)
+        return getattr(found, "shape", None) is not None and found.dtype.kind in "biuf"
+
     def rows(self, name: str) -> list[FloatArray]:
         """Return a dataset whose rows of numbers differ in length."""
         import h5py
