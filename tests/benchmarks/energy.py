@@ -1,6 +1,6 @@
 """Energy and latency of the example networks on all test recordings, and write the tables.
 
-    python tests/benchmarks/energy.py --data FOLDER --page docs/results/energy.md
+    python tests/benchmarks/energy.py --data FOLDER --page docs/research/results/energy.md
 
 ``FOLDER`` holds Ev-Objects.zip and Ev-Containers.zip. All networks have the same strategy; nothing is chosen here.
 """

@@ -1,6 +1,6 @@
 """Take the error of the example networks apart on all test recordings, by every strategy, and write the tables.
 
-    python tests/benchmarks/error_budget.py --data FOLDER --page docs/accuracy/where-the-error-comes-from.md
+    python tests/benchmarks/error_budget.py --data FOLDER --page docs/research/accuracy/where-the-error-comes-from.md
 
 ``FOLDER`` holds Ev-Objects.zip and Ev-Containers.zip. The networks are the float ones that ship, rounded for the train
 recordings as the compiler rounds; nothing is trained or chosen here.

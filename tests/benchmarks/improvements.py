@@ -1,6 +1,6 @@
 """Measure what each improvement of rounding buys, on all test recordings, and write the tables.
 
-    python tests/benchmarks/improvements.py --data FOLDER --page docs/accuracy/what-each-improvement-buys.md
+    python tests/benchmarks/improvements.py --data FOLDER --page docs/research/accuracy/what-each-improvement-buys.md
 
 ``FOLDER`` holds Ev-Objects.zip and Ev-Containers.zip. The networks are the float ones that ship. Weights are rounded, and
 settings chosen, on training recordings; test recordings are only played.

@@ -1,6 +1,6 @@
 """Explore the example networks on real recordings, and write their Pareto fronts into the page.
 
-    python tests/benchmarks/pareto.py --data FOLDER --page docs/accuracy/speed-error-energy.md
+    python tests/benchmarks/pareto.py --data FOLDER --page docs/research/accuracy/speed-error-energy.md
 
 ``FOLDER`` holds Ev-Objects.zip and Ev-Containers.zip. Settings are chosen on all train recordings; those of the front are
 then measured on the test recordings, once. Points are kept under ``--work``, so the script goes on where it was stopped.

@@ -1,4 +1,4 @@
-"""The engine next to what the machine can do at most, a row for each processor: ``processors.py --page docs/benchmarks.md``.
+"""The engine next to what the machine can do at most, a row for each processor: ``processors.py --page docs/research/benchmarks.md``.
 
 A batch of each network and the kernel of :mod:`limits` with rows and state run in turn, on one core and on two, in
 processes that may use no more. Rows of other processors stay in the table.
@@ -26,7 +26,7 @@ SECTION = "processors"
 CORES = (1, 2)
 HEAD = """## By processor
 
-`python tests/benchmarks/processors.py --page docs/benchmarks.md` on each: microseconds of a recording in a batch, and the share of what the
+`python tests/benchmarks/processors.py --page docs/research/benchmarks.md` on each: microseconds of a recording in a batch, and the share of what the
 machine can do at most with the state read and written (goal 50 %); the engine and the kernel in turn, medians of {turns}.
 
 | processor | small, 1 core | small, 2 cores | large, 1 core | large, 2 cores |

@@ -26,8 +26,8 @@ def main() -> int:
     results = ROOT / ("build/bench-quick" if quick else "build/bench")
     shutil.rmtree(results, ignore_errors=True)
     results.mkdir(parents=True)
-    page = results / "benchmarks.md" if quick else ROOT / "docs/benchmarks.md"
-    picture = results / "benchmarks.svg" if quick else ROOT / "docs/images/benchmarks.svg"
+    page = results / "benchmarks.md" if quick else ROOT / "docs/research/benchmarks.md"
+    picture = results / "benchmarks.svg" if quick else ROOT / "docs/research/images/benchmarks.svg"
     measure = [
         "-m",
         "pytest",

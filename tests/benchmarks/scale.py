@@ -3,8 +3,8 @@
     python tests/benchmarks/scale.py 10000 100000 --write
 
 The networks are those of ``relay_networks.py``, on as many chips as they take. Each size runs in a process of its own, in the
-order given. ``--write`` puts its row into ``docs/scale.csv``, in the place of an earlier one, and all rows into a section of
-``docs/benchmarks/placing.md``. Seconds are processor seconds of all threads, which other work on the machine changes little;
+order given. ``--write`` puts its row into ``docs/research/scale.csv``, in the place of an earlier one, and all rows into a section of
+``docs/research/benchmarks/placing.md``. Seconds are processor seconds of all threads, which other work on the machine changes little;
 ``total_wall_s`` went by. The memory of a part is the most that its process had held when it ended.
 """
 
@@ -35,8 +35,9 @@ from hw_model.mapping.placement import place_cores
 from hw_model.mapping.routing import route_axons
 from hw_model.program.assemble import assemble
 
-PAGE = Path(__file__).parents[2] / "docs/benchmarks/placing.md"
-TABLE, SECTION = PAGE.with_name("scale.csv"), "scale"
+PAGE = Path(__file__).parents[2] / "docs/research/benchmarks/placing.md"
+TABLE = PAGE.parents[1] / "scale.csv"
+SECTION = "scale"
 PARTS = ("build", "place", "arrange", "route", "assemble", "save", "load", "lay out", "play")
 PAGE_TEXT = """## From a graph to a recording, against size
 

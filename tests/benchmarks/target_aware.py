@@ -1,6 +1,6 @@
 """Train on the chip's integers, five seeds, both data sets, every strategy, and measure what the programs do.
 
-    python tests/benchmarks/target_aware.py --data FOLDER --page docs/accuracy/target-aware-training.md
+    python tests/benchmarks/target_aware.py --data FOLDER --page docs/research/accuracy/target-aware-training.md
 
 ``FOLDER`` holds Ev-Objects.zip and Ev-Containers.zip. Every network and its figures are a file under ``--work``; what is
 there is not made again, so the script goes on where it was stopped. With ``--validate`` it tries the settings on

@@ -1,7 +1,7 @@
 """Time one epoch of the hybrid on Ev-Objects beside the same network in snnTorch and SpikingJelly.
 
     python tests/peers/make_environments.py
-    python tests/benchmarks/training_speed.py --data FOLDER --page docs/benchmarks/training-speed.md
+    python tests/benchmarks/training_speed.py --data FOLDER --page docs/research/benchmarks/training-speed.md
 
 ``FOLDER`` holds Ev-Objects.zip. All tools wait in processes of their own and take turns in one run; medians of ``--turns``.
 """

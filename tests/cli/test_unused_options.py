@@ -150,7 +150,7 @@ def test_the_configurations_that_ship_hold_no_unused_keys(path):
 
 
 def commands_of_the_results():
-    with (ROOT / "docs/results/commands.csv").open(encoding="utf-8", newline="") as file:
+    with (ROOT / "docs/research/results/commands.csv").open(encoding="utf-8", newline="") as file:
         lines = [row["command"].split(" && ") for row in csv.DictReader(file)]
     commands = [
         shlex.split(part)[1:] for line in lines for part in line if part.startswith("locsnn train ")

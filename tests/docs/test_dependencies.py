@@ -52,7 +52,7 @@ def test_what_is_imported_is_declared():
 
 
 def test_the_page_says_what_each_is_for():
-    page = (ROOT / "docs/install.md").read_text("utf-8")
+    page = (ROOT / "docs/start/install.md").read_text("utf-8")
     extras = PROJECT["optional-dependencies"]
     rows = re.findall(r"^\| `([\w-]+)` \|", page, flags=re.MULTILINE)
     declared = [

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from fences import ROOT
 
-TABLES = ROOT / "docs/results"
+TABLES = ROOT / "docs/research/results"
 BEST = TABLES / "best-networks.md"
 LABELS = {
     "Hybrid, lambda 1, loop (the paper's)": "Hybrid, lambda 1, loop",
@@ -83,7 +83,9 @@ def test_headlines_and_cards_have_the_figures_of_the_tables(model):
     card = " ".join((ROOT / f"examples/models/{model}.md").read_text("utf-8").split())
     assert re.search(rf"\b{mean} on the chip over five seeds, at {energy} µJ", card)
     assert f"mean {mean}, sample standard deviation {deviation}" in card
-    assert f"**{on_chip} on {data}** (*{network}*)" in (ROOT / "docs/results.md").read_text("utf-8")
+    assert f"**{on_chip} on {data}** (*{network}*)" in (
+        ROOT / "docs/research/results.md"
+    ).read_text("utf-8")
 
 
 def test_the_readme_has_the_operations_of_the_hybrid_and_the_speed_of_the_benchmark():
@@ -95,7 +97,9 @@ def test_the_readme_has_the_operations_of_the_hybrid_and_the_speed_of_the_benchm
     )
     assert f"The paper's hybrid takes {ratio} times fewer operations than CNN-3D" in readme
     (large,) = (
-        row[1] for row in table(ROOT / "docs/benchmarks.md", "network") if row[0] == "large"
+        row[1]
+        for row in table(ROOT / "docs/research/benchmarks.md", "network")
+        if row[0] == "large"
     )
     times = int(large.split()[0].replace(",", ""))
     assert f"about {round(times, -1)} times faster than nengo-loihi" in readme
@@ -104,11 +108,13 @@ def test_the_readme_has_the_operations_of_the_hybrid_and_the_speed_of_the_benchm
 @pytest.mark.parametrize("board", ["ulx3s-25f", "icebreaker"])
 def test_the_page_on_public_work_has_the_resources_that_were_placed(board):
     placed = next(
-        row for row in table(ROOT / "docs/hardware.md", "board | program") if row[0] == board
+        row
+        for row in table(ROOT / "docs/reference/hardware.md", "board | program")
+        if row[0] == board
     )
     beside = next(
         row
-        for row in table(ROOT / "docs/hardware/public-work.md", "work")
+        for row in table(ROOT / "docs/research/hardware/public-work.md", "work")
         if row[0].endswith(board)
     )
     assert [cell.split(" ")[0] for cell in beside[2:5]] == [
@@ -118,7 +124,9 @@ def test_the_page_on_public_work_has_the_resources_that_were_placed(board):
 
 def test_the_page_on_boards_has_the_resources_that_were_placed():
     placed = next(
-        row for row in table(ROOT / "docs/hardware.md", "board | program") if row[0] == "ulx3s-25f"
+        row
+        for row in table(ROOT / "docs/reference/hardware.md", "board | program")
+        if row[0] == "ulx3s-25f"
     )
     luts, flip_flops, rams, multipliers = (cell.replace(",", "") for cell in placed[2:6])
     page = (ROOT / "docs/how-to/put-a-model-on-a-board.md").read_text("utf-8")

@@ -89,7 +89,7 @@ def test_templates_of_issues(path):
 
 
 def test_hostile_files_have_a_page():
-    page = (ROOT / "docs/security.md").read_text("utf-8")
+    page = (ROOT / "docs/explanation/security.md").read_text("utf-8")
     assert "Nothing in it is executed." in page
-    assert "docs/security.md" in (ROOT / ".github/SECURITY.md").read_text("utf-8")
-    assert "](../docs/security.md)" in (ROOT / ".github/SECURITY.md").read_text("utf-8")
+    assert "docs/explanation/security.md" in (ROOT / ".github/SECURITY.md").read_text("utf-8")
+    assert "](../docs/explanation/security.md)" in (ROOT / ".github/SECURITY.md").read_text("utf-8")

@@ -127,7 +127,7 @@ def test_the_quick_start_runs(installed):
     path = f"{python.parent}{os.pathsep}{os.environ['PATH']}"
     blocks = [
         fence
-        for fence in fences(ROOT / "docs/quick-start.md")
+        for fence in fences(ROOT / "docs/start/quick-start.md")
         if fence.language in ("python", "sh")
     ]
     for block in blocks:

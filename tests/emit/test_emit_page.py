@@ -1,4 +1,4 @@
-"""``docs/emit.md`` names every kind."""
+"""``docs/reference/emit.md`` names every kind."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from locsnn_compile.backends.sanafe.rules import DELAY_MAX
 from locsnn_compile.emitters import EMITTERS
 
-PAGE = (Path(__file__).parents[2] / "docs/emit.md").read_text()
+PAGE = (Path(__file__).parents[2] / "docs/reference/emit.md").read_text()
 
 
 def test_every_kind_is_explained():

@@ -1,4 +1,4 @@
-"""Write docs/energy-130nm.md: what a recording costs on the open core in 130 nm cells, and what would cost less.
+"""Write docs/research/energy-130nm.md: what a recording costs on the open core in 130 nm cells, and what would cost less.
 
 make energy           # after `make profile`, whose simulations it uses
 """
@@ -23,9 +23,9 @@ import hw_model as hw
 from locsnn_compile.report.pictures.chart import Curve, Panel, draw
 
 TEMPLATE = Path(__file__).parent / "page.txt"
-PAGE = runs.ROOT / "docs/energy-130nm.md"
-FRONT = runs.ROOT / "docs/images/energy-130nm-memories.svg"
-SEARCH = runs.ROOT / "docs/energy-130nm-memories.csv"
+PAGE = runs.ROOT / "docs/research/energy-130nm.md"
+FRONT = runs.ROOT / "docs/research/images/energy-130nm-memories.svg"
+SEARCH = runs.ROOT / "docs/research/energy-130nm-memories.csv"
 PRICES = (0.0, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 20.0, 50.0)
 ENDS = ("none", "modelled", "flat")
 """No wires, those of modules that are placed as blocks, and those of a flat layout."""

@@ -1,6 +1,6 @@
 """Make the energy profile of `locsnn-130nm` from the libraries and gate-level activity, and check it on other recordings.
 
-make profile          # writes hw_model/chips/locsnn-130nm.yaml and docs/energy-130nm-check.csv
+make profile          # writes hw_model/chips/locsnn-130nm.yaml and docs/research/energy-130nm-check.csv
 """
 
 import argparse
@@ -22,7 +22,7 @@ import hw_model as hw
 from hw_model.rtl.images import layouts
 
 CHIP = runs.ROOT / "hw_model/chips/locsnn-130nm.yaml"
-CHECK = runs.ROOT / "docs/energy-130nm-check.csv"
+CHECK = runs.ROOT / "docs/research/energy-130nm-check.csv"
 SETS = {"Objects": "objects-hybrid-loihi", "Containers": "containers-hybrid-loihi"}
 MADE_FROM, QUIET, CHECKED_ON = 24, 8, 20
 SUPPLY = "1.2 V, 25 C, typical"
@@ -155,7 +155,7 @@ SOURCES = {
 }
 TEXT = """\
 # The open core of this project in the cells and memory macros of IHP SG13G2, an open 130 nm process. Nothing was made of it:
-# there is no layout, and figures are of synthesis and gate-level simulation (docs/energy-130nm.md). `make profile` writes
+# there is no layout, and figures are of synthesis and gate-level simulation (docs/research/energy-130nm.md). `make profile` writes
 # this file from the liberty files of the process, revision 5cccb16 of 2026-03-11, which are not part of this project.
 #
 # {area:.2f} mm2 of cells ({cell_area:.2f}) and macros, without wires, pads and gaps. The longest path takes {period:.1f} ns without wires,

@@ -1,4 +1,4 @@
-"""What docs/accuracy/speed-error-energy.md says of the front: its commands give its figures."""
+"""What docs/research/accuracy/speed-error-energy.md says of the front: its commands give its figures."""
 
 import json
 import re
@@ -12,7 +12,7 @@ from locsnn_compile.report.format import energy, share, time
 from tests.real_recordings import REAL, on_real_recordings
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs/accuracy/speed-error-energy.md").read_text()
+PAGE = (ROOT / "docs/research/accuracy/speed-error-energy.md").read_text()
 SECTION = PAGE[PAGE.index("<!-- pareto: begin -->") : PAGE.index("<!-- pareto: end -->")]
 
 pytestmark = [

@@ -1,6 +1,6 @@
 """Format by feature: what is read as it is, what loses something, and what is refused, each cell with its model file.
 
-``docs/formats/features.csv`` is :func:`table`; ``test_feature_table.py`` tries every cell.
+``docs/reference/formats/features.csv`` is :func:`table`; ``test_feature_table.py`` tries every cell.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ from feature_table import CELLS, LEAST_AGREEMENT, table
 
 import locsnn_compile as lc
 
-LIST = Path(__file__).parents[2] / "docs" / "formats" / "features.csv"
+LIST = Path(__file__).parents[2] / "docs/reference/formats/features.csv"
 
 
 def loaded(cell, folder):

@@ -1,6 +1,6 @@
 """Damaged files of every kind end in a network, recordings, a program or one line, within time and memory.
 
-The slow test reads the cases that docs/robustness.md gives the figures of.
+The slow test reads the cases that docs/research/robustness.md gives the figures of.
 """
 
 import json
@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 FUZZ = Path(__file__).with_name("fuzz.py")
-PAGE = Path(__file__).parents[2] / "docs/robustness.md"
+PAGE = Path(__file__).parents[2] / "docs/research/robustness.md"
 CASES = 22_950
 
 

@@ -1,4 +1,4 @@
-"""How long the answer takes after the last word of a recording: cycles of the RTL and the prediction, into a page of docs/hardware.
+"""How long the answer takes after the last word of a recording: cycles of the RTL and the prediction, into a page of docs/research.
 
     python tests/hardware/answers.py [--programs FOLDER]
 
@@ -27,7 +27,7 @@ from locsnn_compile.api import recordings_for
 sys.path.insert(0, str(ROOT / "tests/benchmarks"))
 from page_section import put_section
 
-PAGE = ROOT / "docs/hardware/time-to-the-answer.md"
+PAGE = ROOT / "docs/research/hardware/time-to-the-answer.md"
 HEAD = """\
 | model | strategy | step that is under way | phases that follow | readout | after the last word | ms at {mhz:.0f} MHz |
 | --- | --- | ---: | ---: | ---: | ---: | ---: |"""

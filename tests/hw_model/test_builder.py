@@ -230,7 +230,7 @@ def test_the_weight_bits_that_would_fit_the_board_are_named():
 
 
 def test_the_page_of_limits_names_every_test():
-    page = (Path(__file__).parents[2] / "docs/limits.md").read_text()
+    page = (Path(__file__).parents[2] / "docs/reference/limits.md").read_text()
     named = {
         line.split("|")[3].strip().strip("`")
         for line in page.splitlines()

@@ -98,7 +98,7 @@ def test_only_visits_together_make_an_array_of_first_lines(saved, tmp_path_facto
 
 def test_a_reader_that_knows_only_the_page_plays_the_lines(saved):
     """The files alone tell how many events each input axon of a core gets in every step of the location phase."""
-    page = (Path(__file__).parents[2] / "docs/program-format.md").read_text()
+    page = (Path(__file__).parents[2] / "docs/reference/program-format.md").read_text()
     assert {"positions", "first_lines"} <= set(re.findall(r"`([a-z_0-9]+)`", page))
     program, recording = random_hybrid(4, together=2)
     document = yaml.safe_load((saved / "program.yaml").read_text())

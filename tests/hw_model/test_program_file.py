@@ -171,7 +171,7 @@ def test_arrays_carry_no_time_stamp(saved):
 
 
 def test_the_page_names_every_field_and_array(saved):
-    page = (Path(__file__).parents[2] / "docs/program-format.md").read_text()
+    page = (Path(__file__).parents[2] / "docs/reference/program-format.md").read_text()
     named = set(re.findall(r"`([a-z_0-9]+)`", page))
     document = yaml.safe_load((saved / "program.yaml").read_text())
     core = document["cores"][0]

@@ -1,6 +1,6 @@
 """How often each feature of the chip occurs in the networks that a peer is compared on.
 
-Run as a script, it writes ``docs/peers.csv``; the first rows are in ``docs/peers.md`` too.
+Run as a script, it writes ``docs/research/peers.csv``; the first rows are in ``docs/research/peers.md`` too.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from random_networks import VOLTAGE_MAX
 
 import hw_model as hw
 
-TABLE = Path(__file__).parents[2] / "docs/peers.csv"
+TABLE = Path(__file__).parents[2] / "docs/research/peers.csv"
 IN_THE_PAGE = 5
 
 

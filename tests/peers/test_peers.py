@@ -1,6 +1,6 @@
 """Our engine against public simulators, spike for spike and register for register, on random networks.
 
-No difference is allowed. What a peer cannot be asked for is in ``quirks.py``; ``docs/peers.md`` is the summary.
+No difference is allowed. What a peer cannot be asked for is in ``quirks.py``; ``docs/research/peers.md`` is the summary.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from quirks import PEERS, Peer
 
 pytestmark = pytest.mark.peers
 
-PAGE = Path(__file__).parents[2] / "docs" / "peers.md"
+PAGE = Path(__file__).parents[2] / "docs/research/peers.md"
 
 Found = Callable[[Peer], Mapping[str, NDArray[np.float64]]]
 

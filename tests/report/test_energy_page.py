@@ -1,4 +1,4 @@
-"""What docs/energy.md and docs/results/energy.md say: tables come from a command, constants from chip file and code."""
+"""What docs/explanation/energy.md and docs/research/results/energy.md say: tables come from a command, constants from chip file and code."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from locsnn_compile.report.words import words
 from tests.real_recordings import REAL, on_real_recordings
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs/energy.md").read_text(encoding="utf-8")
-TABLES = (ROOT / "docs/results/energy.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs/explanation/energy.md").read_text(encoding="utf-8")
+TABLES = (ROOT / "docs/research/results/energy.md").read_text(encoding="utf-8")
 
 
 def test_profiles_and_arithmetics_are_those_of_the_code():

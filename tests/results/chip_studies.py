@@ -4,7 +4,7 @@
 
 Everything is played on the chip's integers with the test part, by the networks that ship and those of ``run_results.py``. Nothing
 is chosen here; only networks that hold a validation part back, for margins, are trained. Figures and networks are files under
-``--work``, and what is there is not made again. The tables are ``docs/results/NAME.csv``.
+``--work``, and what is there is not made again. The tables are ``docs/research/results/NAME.csv``.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     )
     parser.add_argument("--data", type=Path, default=ROOT.parent / "shared/data/neutouch")
     parser.add_argument("--work", type=Path, default=ROOT / "runs/results")
-    parser.add_argument("--tables", type=Path, default=ROOT / "docs/results")
+    parser.add_argument("--tables", type=Path, default=ROOT / "docs/research/results")
     parser.add_argument("--only", nargs="*", choices=tuple(TABLES), default=tuple(TABLES))
     args = parser.parse_args(arguments)
     args.work.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""Answers while the touch lasts: ``docs/results/time-seen.csv`` and ``docs/results/margins.csv``."""
+"""Answers while the touch lasts: ``docs/research/results/time-seen.csv`` and ``docs/research/results/margins.csv``."""
 
 from __future__ import annotations
 

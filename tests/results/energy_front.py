@@ -1,4 +1,4 @@
-"""Energy against accuracy of windows, hybrids and committees: ``docs/results/front.csv``."""
+"""Energy against accuracy of windows, hybrids and committees: ``docs/research/results/front.csv``."""
 
 from __future__ import annotations
 

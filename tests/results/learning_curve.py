@@ -1,4 +1,4 @@
-"""How accuracy grows with the recordings to learn from: `docs/results/learning-curve.csv`, and its picture.
+"""How accuracy grows with the recordings to learn from: `docs/research/results/learning-curve.csv`, and its picture.
 
     python tests/results/learning_curve.py --data FOLDER
 
@@ -88,7 +88,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--data", type=Path, default=ROOT.parent / "shared/data/neutouch")
     parser.add_argument("--work", type=Path, default=ROOT / "runs/tried")
     parser.add_argument("--datasets", nargs="*", choices=tuple(RECIPES), default=tuple(RECIPES))
-    parser.add_argument("--table", type=Path, default=ROOT / "docs/results/learning-curve.csv")
+    parser.add_argument(
+        "--table", type=Path, default=ROOT / "docs/research/results/learning-curve.csv"
+    )
     args = parser.parse_args(arguments)
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     args.work.mkdir(parents=True, exist_ok=True)

@@ -288,7 +288,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     )
     parser.add_argument("--data", type=Path, default=ROOT.parent / "shared/data/neutouch")
     parser.add_argument("--work", type=Path, default=ROOT / "runs/results")
-    parser.add_argument("--docs", type=Path, default=ROOT / "docs")
+    parser.add_argument("--docs", type=Path, default=ROOT / "docs/research")
     args = parser.parse_args(arguments)
     mpl.use("svg")
     tables = args.docs / "results"

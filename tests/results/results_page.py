@@ -201,7 +201,7 @@ TABLES: dict[str, Callable[[Found], Table]] = {
     "chip-ratios": chip_ratios,
     "commands": commands,
 }
-"""What stands in ``docs/results/NAME.csv``."""
+"""What stands in ``docs/research/results/NAME.csv``."""
 
 
 def pages(tables: Mapping[str, Table]) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""The accuracy on the chip where the sensor is not what it was in training: ``docs/results/robustness.csv``."""
+"""The accuracy on the chip where the sensor is not what it was in training: ``docs/research/results/robustness.csv``."""
 
 from __future__ import annotations
 

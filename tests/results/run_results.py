@@ -27,7 +27,7 @@ def main() -> None:
     )
     parser.add_argument("--data", type=Path, default=ROOT.parent / "shared/data/neutouch")
     parser.add_argument("--work", type=Path, default=ROOT / "runs/results")
-    parser.add_argument("--page", type=Path, default=ROOT / "docs/results.md")
+    parser.add_argument("--page", type=Path, default=ROOT / "docs/research/results.md")
     parser.add_argument("--rows", nargs="*", default=ROW_NAMES, choices=ROW_NAMES, metavar="NAME")
     parser.add_argument(
         "--datasets", nargs="*", default=tuple(DATASETS), choices=tuple(DATASETS), metavar="NAME"

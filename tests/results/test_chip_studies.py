@@ -113,7 +113,7 @@ def test_pictures_are_drawn_of_the_tables_that_ship(tmp_path: Path) -> None:
     from result_pictures import STYLE
 
     mpl.use("svg")
-    tables = HERE.parents[1] / "docs/results"
+    tables = HERE.parents[1] / "docs/research/results"
     with mpl.rc_context(STYLE):
         drawn = [
             paper_pictures.orders(),

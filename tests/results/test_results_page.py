@@ -168,7 +168,7 @@ def test_every_part_of_the_page_is_filled(work: Path) -> None:
 def test_the_pages_are_those_of_their_tables_and_templates(tmp_path: Path) -> None:
     from results_page import pages, write_tables
 
-    docs = HERE.parents[1] / "docs"
+    docs = HERE.parents[1] / "docs/research"
     shutil.copytree(docs / "results", tmp_path / "results")
     found = pages(write_tables({}, tmp_path / "results"))
     assert found["results"] == (docs / "results.md").read_text(encoding="utf-8")
@@ -184,7 +184,7 @@ def test_long_tables_are_files_next_to_the_page(work: Path) -> None:
     assert {path.stem for path in (work / "results").iterdir()} == {*TABLES}
     written = (work / "results/confusions.csv").read_text(encoding="utf-8")
     assert written.splitlines()[1] == '"Hybrid, lambda 1, loop, Containers",2,2 taken for 1: 2'
-    kept = HERE.parents[1] / "docs/results"
+    kept = HERE.parents[1] / "docs/research/results"
     tried = {"tried-hybrid", "tried-training", "tried-windows"}
     assert {path.stem for path in kept.glob("*.csv")} == {
         *TABLES,

@@ -1,4 +1,4 @@
-"""Compare ways of training on the train parts of the recordings: what `docs/results/tried-training.csv` holds.
+"""Compare ways of training on the train parts of the recordings: what `docs/research/results/tried-training.csv` holds.
 
     python tests/results/try_training.py --data FOLDER --dataset containers --repeats 2 --names base near
 
@@ -115,7 +115,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--dataset", choices=("objects", "containers"), default="containers")
     parser.add_argument("--repeats", type=int, default=2)
     parser.add_argument("--names", nargs="*")
-    parser.add_argument("--table", type=Path, default=ROOT / "docs/results/tried-training.csv")
+    parser.add_argument(
+        "--table", type=Path, default=ROOT / "docs/research/results/tried-training.csv"
+    )
     args = parser.parse_args(arguments)
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     args.work.mkdir(parents=True, exist_ok=True)

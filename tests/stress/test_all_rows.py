@@ -19,7 +19,7 @@ from locsnn_compile.stress.cases import cases
 from locsnn_compile.stress.run import run_stress
 
 pytestmark = pytest.mark.slow
-PAGE = Path(__file__).parents[2] / "docs/numerics.md"
+PAGE = Path(__file__).parents[2] / "docs/research/numerics.md"
 
 
 def rows_of_table():

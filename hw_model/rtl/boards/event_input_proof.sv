@@ -1,6 +1,6 @@
 // The stream of a recording against its contract, whatever host and core do: what is accepted leaves once, in order and
 // unchanged; what is offered stays until it is taken; a word is accepted only where there is room for it; errors, marks,
-// stops and silent steps are as docs/hardware/stream-and-memory-map.md says. Settings are any, with as many
+// stops and silent steps are as docs/reference/hardware/stream-and-memory-map.md says. Settings are any, with as many
 // channels as there are sources at most, and stay as they are.
 //
 // `held` is a queue of one: what was accepted, or is due at the end, and has not been taken. Of the wires of the module,
