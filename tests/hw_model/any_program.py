@@ -27,9 +27,10 @@ MANY_CHILDREN = 260
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Drawn:
-    """A program, recordings (batch, steps, channels) for it, and what was drawn, by name."""
+    """A program, the graph that it was made of, recordings (batch, steps, channels) for it, and what was drawn, by name."""
 
     program: hw.ChipProgram
+    graph: CompartmentGraph
     spikes: np.ndarray
     drawn: Counter[str]
 
@@ -219,11 +220,12 @@ def programs(
     )
     graph, seen = draw(graphs(chip, lines, classes))
     chip = small_cores(draw, chip, graph)
-    program = hybrids.assembled(chip, Readout(("y",), (1.0,), draw(POTENTIALS_FROM)), graph)
+    graph = replace(graph, readout=Readout(("y",), (1.0,), draw(POTENTIALS_FROM)))
+    program = hybrids.assembled(chip, graph.readout, graph)
     r = np.random.default_rng(draw(st.integers(0, 2**32 - 1), label="recording"))
     shape = (2, draw(st.sampled_from([40, 20, 20, 5, 1]), label="steps"), lines)
     spikes = (r.random(shape) < r.choice([0.0, 0.05, 0.3, 1.0], (2, 1, 1))).astype(np.uint8)
-    return Drawn(program, spikes, seen + _of_chip(program))
+    return Drawn(program, graph, spikes, seen + _of_chip(program))
 
 
 @st.composite
@@ -240,14 +242,15 @@ def hybrid_programs(draw: st.DrawFn, given: st.SearchStrategy[hw.Chip] | None = 
     chip = small_cores(draw, chip, time, location)
     r = np.random.default_rng(draw(st.integers(0, 2**32 - 1), label="recording"))
     silence = int(r.integers(0, 3))
-    program = hybrids.assembled(
-        chip,
-        Readout(("time/y", "location/y"), (1.0, float(r.choice([1.0, -2.0]))), draw(OF_EACH)),
+    readout = Readout(("time/y", "location/y"), (1.0, float(r.choice([1.0, -2.0]))), draw(OF_EACH))
+    branches = (
         hybrids.in_phase(time, "time", steps),
         hybrids.in_phase(location, "location", channels + silence, r.permutation(channels)),
     )
+    graph = replace(hybrids.side_by_side(*branches), readout=readout)
+    program = hybrids.assembled(chip, readout, *branches)
     spikes = (r.random((1, steps, channels)) < r.choice([0.05, 0.3, 1.0])).astype(np.uint8)
-    return Drawn(program, spikes, seen + more + _of_chip(program))
+    return Drawn(program, graph, spikes, seen + more + _of_chip(program))
 
 
 def _of_chip(program: hw.ChipProgram) -> Counter[str]:

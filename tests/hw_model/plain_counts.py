@@ -9,9 +9,9 @@ from collections import Counter
 
 import numpy as np
 from any_phases import Case
+from played_events import extent, played
 
 import hw_model as hw
-from hw_model.mapping.graph import Input, Phase
 from hw_model.program.chip_program import Core
 
 COUNTED = (
@@ -19,49 +19,6 @@ COUNTED = (
     "spikes", "axon_packets", "packets_within_tile", "input_packets", "hops_x", "hops_y", "aligned_steps",
 )  # fmt: skip
 """Counts that follow from events and spikes; the others are of registers."""
-
-
-def _length(case: Case, phase: Phase) -> int:
-    """Steps of a phase: its own, those asked for, or what its rows and visits need."""
-    visits = [item.positions for item in case.program.inputs_of(phase.name)]
-    return (
-        phase.steps
-        or case.steps
-        or max(case.rows if at is None else int(max(at)) + 1 for at in visits)
-    )
-
-
-def _extent(case: Case, phase: Phase, recording: int) -> tuple[int, int, int]:
-    """The first row of the touch, and the first step that a phase runs and the one after its last."""
-    length = _length(case, phase)
-    if phase.align_events is None:
-        return 0, 0, length
-    streams = {item.stream for item in case.program.inputs_of(phase.name)}
-    events = [
-        sum(int(case.spikes[name][recording, row].sum()) for name in streams)
-        for row in range(case.rows)
-    ]
-    touch = next((row for row, many in enumerate(events) if many >= phase.align_events), case.rows)
-    if phase.axis == "location":
-        return touch, 0, length
-    last = max(length, case.rows)
-    begin = touch if touch < case.rows else last
-    return touch, begin, min(begin + length, last)
-
-
-def _played(case: Case, item: Input, phase: Phase, recording: int) -> list[tuple[int, int]]:
-    """Step and line of every event that an input plays."""
-    touch, begin, end = _extent(case, phase, recording)
-    events = np.argwhere(case.spikes[item.stream][recording]).tolist()
-    if item.positions is None:
-        return [(row, channel) for row, channel in events if begin <= row < end]
-    first = [0] * item.channels if item.first_lines is None else item.first_lines.tolist()
-    lines = [(int(item.positions[c]), first[c] + row - touch, row - touch) for row, c in events]
-    return [
-        (step, line)
-        for step, line, row in lines
-        if step < end and 0 <= row < item.size - max(first)
-    ]
 
 
 def counts_of(case: Case, spikes: dict[str, np.ndarray], recording: int) -> Counter[str]:
@@ -73,11 +30,12 @@ def counts_of(case: Case, spikes: dict[str, np.ndarray], recording: int) -> Coun
         for piece in core.slices
         for i in range(piece.start, piece.stop)
     }
+    heard = {name: array[recording] for name, array in case.spikes.items()}
     for phase in program.phases:
-        touch, begin, end = _extent(case, phase, recording)
+        touch, begin, end = extent(case.graph, phase, heard, case.steps)
         sent: list[tuple[str, int, int]] = []
         for item in program.inputs_of(phase.name):
-            events = _played(case, item, phase, recording)
+            events = played(case.graph, item, phase, heard, case.steps)
             found["transpose_events" if item.positions is not None else "input_events"] += len(
                 events
             )

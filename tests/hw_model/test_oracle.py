@@ -1,0 +1,93 @@
+"""Both engines against the oracle, on everything that a chip file and the builder allow."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+
+import any_phases
+import any_program
+import numpy as np
+import oracle
+import pytest
+from against_oracle import check_oracle
+from hypothesis import given
+from hypothesis import settings as hypothesis_settings
+from test_any_program import SETTINGS
+
+import hw_model as hw
+from hw_model.mapping.graph import Readout
+from hw_model.simulation import ENGINES
+
+LARGE = (1, 9)
+"""Seeds of programs that a plain engine takes long for."""
+SEEDS = [seed for seed in range(36) if seed not in LARGE]
+EXAMPLES = hypothesis_settings(SETTINGS, max_examples=20)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("seed", SEEDS)
+def test_programs_of_several_phases_equal_the_oracle(engine, seed):
+    case = any_phases.case(seed)
+    check_oracle(case.program, case.graph, case.spikes, case.steps, engine)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@EXAMPLES
+@given(any_program.programs())
+def test_any_program_equals_the_oracle(engine, drawn):
+    check_oracle(drawn.program, drawn.graph, {"x": drawn.spikes}, None, engine)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@EXAMPLES
+@given(any_program.hybrid_programs())
+def test_any_hybrid_equals_the_oracle(engine, drawn):
+    check_oracle(drawn.program, drawn.graph, {"touch": drawn.spikes}, None, engine)
+
+
+def test_the_seeds_meet_what_the_builder_allows():
+    """Every kind of join, input, phase, delay, limit and event occurs in some seed that is compared."""
+    met: Counter[str] = Counter()
+    for seed in SEEDS:
+        case = any_phases.case(seed)
+        groups = case.graph.groups
+        parents = {group.name: group.joined_to for group in groups}
+        met["joined"] += any(parents.values())
+        met["chains"] += any(parents.get(parent) for parent in parents.values() if parent)
+        met["fans"] += max(Counter(filter(None, parents.values())).values(), default=0) > 1
+        met["several phases"] += len(case.graph.phases) > 1
+        met["late starts"] += any(p.align_events is not None for p in case.graph.phases)
+        met["several inputs"] += len(case.graph.inputs) > len(case.graph.phases)
+        met["transposed"] += any(item.positions is not None for item in case.graph.inputs)
+        met["several delays"] += any(len(set(s.delay.tolist())) > 1 for s in case.graph.synapses)
+        met["negative exponents"] += any(s.exponent < 0 for s in case.graph.synapses)
+        met["refractory"] += any((group.refractory > 1).any() for group in groups)
+        met["biases"] += any(group.bias_mantissa.any() for group in groups)
+        usual = case.program.chip.registers.voltage_max
+        met["narrow voltages"] += any((group.vmax < usual).any() for group in groups)
+        met["several cores"] += len(case.program.cores) > len(case.graph.phases)
+        met["potentials read"] += bool(case.graph.readout.from_step)
+        for b in range(len(next(iter(case.spikes.values())))):
+            recording = {name: array[b] for name, array in case.spikes.items()}
+            wanted = oracle.play(case.graph, case.program.chip, recording, case.steps)
+            for counts in wanted.events.values():
+                met.update(counts)
+    assert [name for name, count in met.items() if not count] == []
+    assert set(oracle.EVENTS) <= met.keys()
+
+
+def test_the_oracle_plays_a_step_by_hand():
+    """One compartment of known numbers: charge 640, half of it left a step later, a reset, and a blocked step."""
+    builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
+    x = builder.add_input("x", 1)
+    n = builder.add_compartments("n", 1, decay_u=2048, decay_v=4096, threshold=4, refractory=2)
+    builder.connect(x, n, [[10]])
+    graph = replace(builder.graph(), readout=Readout(("n",), (1.0,)))
+    wanted = oracle.play(graph, hw.chip("loihi-sim"), {"x": np.array([[1], [0], [0], [0], [0]])})
+    assert wanted.arrays["u"]["n"].ravel().tolist() == [0, 640, 320, 160, 80]
+    assert wanted.arrays["potential"]["n"].ravel().tolist() == [0, 640, 0, 160, 80]
+    assert wanted.arrays["v"]["n"].ravel().tolist() == [0, 0, 0, 160, 80]
+    assert wanted.arrays["spikes"]["n"].ravel().tolist() == [0, 1, 0, 0, 0]
+    assert wanted.scores == [1.0]
+    assert wanted.events == {}
