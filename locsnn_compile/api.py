@@ -19,6 +19,8 @@ from hw_model.streaming.session import check_psi
 from hw_model.values import ArrayLike, Frozen
 from locsnn_compile.choose_strategy import Choice, choose_strategy, lower_or_advise
 from locsnn_compile.cluster.spread import Spread, here, spread_over
+from locsnn_compile.data.channels import frames_as_channels
+from locsnn_compile.data.joining import join_channels
 from locsnn_compile.data.read import read_recordings, recording_parts
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.synthetic import synthetic_touches
@@ -316,11 +318,14 @@ def recordings_for(
         )
     if isinstance(events, Recordings):
         network.expected.check(events)
-        return events
+        return join_channels(events, network.expected)
     if isinstance(events, str | Path):
         return read_recordings(events, model=network.expected)
     given = None if labels is None else np.asarray(labels)
-    return Recordings(np.asarray(events), given, network.stated_step_seconds, "array")
+    spikes, pixels = frames_as_channels(np.asarray(events))
+    step_seconds = network.stated_step_seconds
+    recordings = Recordings(spikes, given, step_seconds, "array", channels=pixels)
+    return join_channels(recordings, network.expected)
 
 
 def calibration_recordings(network: Network, calibration: Events | None) -> Recordings:

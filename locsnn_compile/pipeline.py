@@ -51,7 +51,7 @@ def lower(
     placed = arrange_cores(place_cores(compartments, chip))
     routed = route_axons(placed)
     kept = picked(network, "step_seconds", "event_threshold", "psi", "class_names")
-    program = replace(assemble(routed), **kept, **network.event_options)
+    program = replace(assemble(routed), **kept, **network.numbering_entries)
     if chip.open_core:
         on_core(program, network.steps, chip)
     _log.debug(

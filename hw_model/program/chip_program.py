@@ -111,6 +111,8 @@ class ChipProgram(Shown):
     """Columns of the grid, for events with x and y; None if unknown."""
     class_names: tuple[str, ...] | None = None
     """Of the classes of the readout, if they have names."""
+    channel_order: str | None = None
+    """How channels are numbered: ``yxp``, by pixel and then polarity, or ``pyx``; None if unknown."""
 
     def cores_of(self, phase: str) -> tuple[Core, ...]:
         """Return the cores that run in a phase."""

@@ -27,6 +27,7 @@ from hw_model.program.check import OF_SYNAPSES, check_program
 from hw_model.program.chip_program import ChipProgram, CompartmentProfile, Core
 from hw_model.program.write import (
     AXON_ARRAYS,
+    CHANNEL_ORDERS,
     CORE_ARRAYS,
     FORMAT,
     INPUT_ENTRIES,
@@ -120,6 +121,7 @@ def _program(document: dict[str, Any], arrays: dict[str, IntArray]) -> ChipProgr
         provenance={str(key): str(value) for key, value in document["provenance"].items()},
         **{name: _known(document, name, kind) for name, kind in RECORDINGS.items()},
         class_names=_names(document.get("class_names")),
+        channel_order=_channel_order(document.get("channel_order")),
     )
 
 
@@ -135,6 +137,13 @@ def _known(document: dict[str, Any], name: str, kind: type[int] | type[float]) -
     ):
         raise ValueError(name)
     return value
+
+
+def _channel_order(order: Any) -> str | None:
+    """Return how channels are numbered; programs of earlier versions do not say so."""
+    if order not in (None, *CHANNEL_ORDERS):
+        raise ValueError("channel_order")
+    return None if order is None else str(order)
 
 
 def _names(names: Any) -> tuple[str, ...] | None:

@@ -30,6 +30,8 @@ _NUMBERS: dict[str, type[int] | type[float]] = {
 }
 RECORDINGS = _NUMBERS | {"polarities": int, "columns": int}
 """What is known about how recordings become steps and predictions; unknown values are left out."""
+CHANNEL_ORDERS = ("yxp", "pyx")
+"""How channels may be numbered, by their axes from the slowest to the fastest: rows, columns and polarities."""
 CORE_ARRAYS = ("profile", "threshold", "bias_mantissa", "bias_exponent", "parent")
 AXON_ARRAYS = (
     "list_start",
@@ -100,6 +102,7 @@ def program_document(program: ChipProgram) -> dict[str, Any]:
         **{
             name: value for name, value in picked(program, *RECORDINGS).items() if value is not None
         },
+        **({"channel_order": program.channel_order} if program.channel_order else {}),
         **({"class_names": list(program.class_names)} if program.class_names else {}),
         "phases": [_given(asdict(phase)) for phase in program.phases],
         "inputs": [

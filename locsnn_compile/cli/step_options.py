@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import hw_model as hw
 from hw_model.values import picked
+from locsnn_compile.data.channels import Channels, flat_channels, parse_numbering
 from locsnn_compile.data.read import read_in_chunks, read_recordings
 from locsnn_compile.data.recordings import Expected, Recordings
 from locsnn_compile.errors import InputError, check_most, counted
@@ -87,9 +88,17 @@ def expected_by(program: hw.ChipProgram) -> Expected:
         min(fixed, default=None),
         max(program.streams.values(), default=None),
         program.class_names,
-        polarities=program.polarities,
-        columns=program.columns,
+        _inputs_of(program),
+        parse_numbering(program.channel_order),
     )
+
+
+def _inputs_of(program: hw.ChipProgram) -> Channels | None:
+    """Return the pixels that the channels of a program are; None if it does not say so, as earlier versions did."""
+    channels = max(program.streams.values(), default=0)
+    where = f"program {program.name!r}"
+    numbering = parse_numbering(program.channel_order)
+    return flat_channels(channels, program.polarities, program.columns, numbering, where)
 
 
 def with_steps(network: "Network", args: argparse.Namespace) -> "Network":

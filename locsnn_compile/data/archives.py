@@ -6,14 +6,15 @@ import numpy as np
 
 from hw_model.io.npy import load_npy
 from hw_model.values import ByteArray, IntArray
-from locsnn_compile.data.axes import to_step_major
+from locsnn_compile.data.axes import pixels_of, to_step_major
+from locsnn_compile.data.channels import Channels
 from locsnn_compile.data.event_formats import (
     EVENT_BYTES,
     parse_aedat4,
     parse_slayer_events,
     parse_structured,
 )
-from locsnn_compile.data.event_stream import MAX_EVENTS, Binning, EventStream, bin_streams
+from locsnn_compile.data.event_stream import MAX_EVENTS, Binning, Bins, EventStream, bin_streams
 from locsnn_compile.data.members import (
     EVENT_SUFFIXES,
     TIMES,
@@ -22,7 +23,7 @@ from locsnn_compile.data.members import (
     label_in_name,
     open_members,
 )
-from locsnn_compile.data.recordings import MAX_ELEMENTS, Binned, Recordings, clean_spikes
+from locsnn_compile.data.recordings import MAX_ELEMENTS, Recordings, clean_spikes
 from locsnn_compile.data.tact import parse_tact
 from locsnn_compile.errors import InputError, check_most, check_same, did_you_mean
 
@@ -55,7 +56,7 @@ def read_archive(path: Path, *, split: str | None, binning: Binning) -> Recordin
     with open_members(path) as members:
         names = _chosen(members, split)
         members.check_sizes(names)
-        spikes, seconds, binned = _read(members, names, binning)
+        read = _read(members, names, binning)
         # Classes of all parts: one may be missing from this part.
         class_names, class_of = classes_of(members.recordings)
         labels = _labels_in_names(members, names)
@@ -63,7 +64,15 @@ def read_archive(path: Path, *, split: str | None, binning: Binning) -> Recordin
         class_names = None
     elif class_names is not None:
         labels = np.array([class_names.index(class_of(name)) for name in names], dtype=np.int64)
-    return Recordings(spikes, labels, seconds, path.name, binned=binned, class_names=class_names)
+    return Recordings(
+        read.spikes,
+        labels,
+        read.step_seconds,
+        path.name,
+        binned=read.binned,
+        class_names=class_names,
+        channels=read.channels,
+    )
 
 
 def _labels_in_names(members: Members, names: list[str]) -> IntArray | None:
@@ -111,12 +120,12 @@ def _several(members: Members, kinds: str) -> InputError:
     return InputError(members.where, "its recordings are of several kinds", measured=kinds, fix=fix)
 
 
-def _read(
-    members: Members, names: list[str], binning: Binning
-) -> tuple[ByteArray, float | None, Binned | None]:
-    """Return the spikes, the width of a bin if it is known, and what binning left out."""
+def _read(members: Members, names: list[str], binning: Binning) -> Bins:
+    """Return the recordings of these files in bins."""
     streams: list[EventStream] = []
     arrays: list[ByteArray] = []
+    channels: Channels | None = None
+    expected = binning.channels or binning.model_channels
     for name in names:
         place, suffix = members.place(name), PurePosixPath(name).suffix
         if suffix in EVENT_SUFFIXES:
@@ -126,7 +135,8 @@ def _read(
         if array.dtype.names is not None:
             streams.append(parse_structured(array, place))
         else:
-            array = to_step_major(array, place, binning.channels, binning.axes)
+            channels = pixels_of(array, place, expected, binning.axes)
+            array = to_step_major(array, place, expected, binning.axes)
             check_same(len(array), 1, place, "it is not one recording", fix="Give one per file.")
             arrays.append(clean_spikes(place, array)[0])
             _check_fits(arrays, len(names), members.where, place)
@@ -146,7 +156,7 @@ def _read(
     spikes = np.zeros((len(arrays), max(map(len, arrays)), arrays[0].shape[1]), dtype=np.uint8)
     for row, one in zip(spikes, arrays, strict=True):
         row[: len(one)] = one
-    return spikes, binning.step_seconds, None
+    return Bins(spikes, binning.step_seconds, None, channels)
 
 
 def _events(members: Members, name: str, place: str) -> EventStream:

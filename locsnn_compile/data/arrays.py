@@ -12,12 +12,13 @@ from hw_model.io.files import parsing, read_bytes
 from hw_model.io.npy import holds_numbers, load_npy
 from hw_model.io.zip_directory import BoundedZip
 from hw_model.values import AnyArray
-from locsnn_compile.data.axes import Order, parse_axes, to_step_major
+from locsnn_compile.data.axes import Order, parse_axes, pixels_of, to_step_major
+from locsnn_compile.data.channels import Channels
 from locsnn_compile.data.event_formats import MAX_PLACE, parse_structured
 from locsnn_compile.data.event_stream import MICROSECONDS, Binning, EventStream, bin_streams
 from locsnn_compile.data.hdf5.read import Group, open_hdf5
 from locsnn_compile.data.members import label_in_name
-from locsnn_compile.data.recordings import MAX_ELEMENTS, Recordings, same
+from locsnn_compile.data.recordings import MAX_ELEMENTS, Binned, Recordings, same
 from locsnn_compile.data.tensors import Tensor
 from locsnn_compile.data.torch_file import load_plain
 from locsnn_compile.errors import InputError, counted
@@ -49,11 +50,14 @@ def read_arrays(path: Path, binning: Binning, asked_seconds: float | None) -> Re
     own: float | None = (
         _number(entries["step_seconds"], where) if "step_seconds" in entries else None
     )
-    binned = None
+    binned: Binned | None = None
+    channels: Channels | None
     if streams:
         wanted = binning.step_seconds
         binning = replace(binning, step_seconds=own if wanted is None else wanted)
-        spikes, own, binned = bin_streams(streams, where, binning)
+        bins = bin_streams(streams, where, binning)
+        spikes, channels = bins.spikes, bins.channels
+        own, binned = bins.step_seconds, bins.binned
     else:
         if own is not None and asked_seconds is not None and not same(own, asked_seconds):
             what, measured = (
@@ -62,13 +66,24 @@ def read_arrays(path: Path, binning: Binning, asked_seconds: float | None) -> Re
             )
             raise InputError("step_seconds", what, measured=measured, fix="Leave it out.")
         order = _order(entries, binning.axes, where)
-        spikes = to_step_major(_find_spikes(entries, where), where, binning.channels, order)
+        expected = binning.channels or binning.model_channels
+        array = _find_spikes(entries, where)
+        channels = pixels_of(array, where, expected, order)
+        spikes = to_step_major(array, where, expected, order)
     labels = entries["labels"] if "labels" in entries else labels_beside(path, len(spikes))
     seconds, names = (
         binning.step_seconds if own is None else own,
         _texts(entries, "class_names", where),
     )
-    return Recordings(spikes, labels, seconds, path.name, binned=binned, class_names=names)
+    return Recordings(
+        spikes,
+        labels,
+        seconds,
+        path.name,
+        binned=binned,
+        class_names=names,
+        channels=channels,
+    )
 
 
 def _entries(path: Path, where: str) -> tuple[Mapping[str, AnyArray], list[EventStream]]:

@@ -8,6 +8,7 @@ from itertools import permutations
 import numpy as np
 
 from hw_model.values import AnyArray
+from locsnn_compile.data.channels import Channels
 from locsnn_compile.data.recordings import MAX_ELEMENTS
 from locsnn_compile.data.sensor import POLARITIES, TAXELS
 from locsnn_compile.errors import InputError, check_most, counted
@@ -48,6 +49,26 @@ def to_step_major(
     single recording if the middle one has two polarities and the first the taxels of whole fingertips (39 each).
     Raises ``InputError`` for other numbers of axes, and for sizes that reveal another order: see :func:`check_axes`.
     """
+    order = order_of(array, where, channels, order)
+    if "samples" not in order:
+        array, order = array[np.newaxis], ("samples", *order)
+    array = array.transpose([order.index(axis) for axis in AXES if axis in order])
+    return array.reshape(*array.shape[:2], int(np.prod(array.shape[2:])))
+
+
+def pixels_of(
+    array: AnyArray, where: str, channels: int | None = None, order: Order | None = None
+) -> Channels | None:
+    """Return the pixels of what :func:`to_step_major` returns; None if one axis counts channels, or is empty."""
+    sizes = dict(zip(order_of(array, where, channels, order), array.shape, strict=True))
+    if "channels" in sizes or 0 in sizes.values():
+        return None
+    columns = sizes.get("columns", sizes.get("taxels", 1))
+    return Channels(columns, sizes.get("rows", 1), sizes.get("polarities", 1))
+
+
+def order_of(array: AnyArray, where: str, channels: int | None, order: Order | None) -> Order:
+    """Return the order of an array's axes; see :func:`to_step_major`."""
     # A tensor may claim any size with few stored values. Reshaping would allocate all of it.
     check_most(
         array.size,
@@ -65,10 +86,7 @@ def to_step_major(
         usual = "(samples, channels, steps) or (samples, taxels, polarities, steps)"
         fix = f"Give {'(' + ', '.join(order) + ')' if order else usual}."
         raise InputError(where, "its shape is not one of recordings", measured=measured, fix=fix)
-    if "samples" not in order:
-        array, order = array[np.newaxis], ("samples", *order)
-    array = array.transpose([order.index(axis) for axis in AXES if axis in order])
-    return array.reshape(*array.shape[:2], int(np.prod(array.shape[2:])))
+    return order
 
 
 def is_one(shape: tuple[int, ...], channels: int | None = None) -> bool:

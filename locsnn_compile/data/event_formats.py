@@ -208,7 +208,7 @@ def from_tonic(
     columns, rows, polarities = getattr(dataset, "sensor_size", None) or (None, None, None)
     channels = None if columns is None else columns * rows * polarities
     binning = Binning(step_seconds, threshold, channels, steps, polarities, columns)
-    spikes, width, binned = bin_streams(streams, where, binning)
+    bins = bin_streams(streams, where, binning)
     if not all(isinstance(label, int | np.integer) for label in labels):
         raise InputError(
             where,
@@ -217,4 +217,12 @@ def from_tonic(
         )
     names = getattr(dataset, "classes", None)
     named = None if names is None else tuple(map(str, names))
-    return Recordings(spikes, np.array(labels), width, source, binned=binned, class_names=named)
+    return Recordings(
+        bins.spikes,
+        np.array(labels),
+        bins.step_seconds,
+        source,
+        binned=bins.binned,
+        class_names=named,
+        channels=bins.channels,
+    )

@@ -1,4 +1,8 @@
-"""Single events, and how they become bins of 0 or 1 in channel ``polarities * (columns * y + x) + polarity``."""
+"""Single events, and how they become bins of 0 or 1 in channel ``polarities * (columns * y + x) + polarity``.
+
+How many polarities and columns there are is told by options, by the format, or by the model that takes the recordings;
+else the events show it.
+"""
 
 import math
 from collections.abc import Sequence
@@ -8,11 +12,13 @@ import numpy as np
 
 from hw_model.io.records import between, check_fields
 from hw_model.values import AnyArray, ByteArray, FloatArray, Frozen, IntArray
+from locsnn_compile.data.channels import Channels
 from locsnn_compile.data.recordings import MAX_ELEMENTS, MAX_STEPS, Binned
 from locsnn_compile.errors import InputError, check_most, counted
 
 STEP_SECONDS = 0.02
 MICROSECONDS = 1_000_000
+_APART = "Keep them apart by --polarities 2, or merge them by --merge-polarities."
 #: Most events of one set of recordings.
 MAX_EVENTS = 20_000_000
 
@@ -29,8 +35,9 @@ class Binning(Frozen):
       ``usual_step_seconds``, else 0.02 s
     - ``threshold``: a bin with more events is 1, by default 0
     - ``channels``, ``steps``: size of every recording. Later events are cut off, events of other channels are refused.
-    - ``most_steps``: longer recordings are cut to this length; ``model_channels``: channels that a model expects
-    - ``polarities``: 2, or 1 to merge both, which ``may_merge`` allows; ``columns``: width of a grid of x and y
+    - ``most_steps``: longer recordings are cut to this length; ``model_channels``: channels that a model expects, and
+      ``model_inputs``: the pixels that they are, if it knows them
+    - ``polarities`` of the sensor, and whether to ``merge_polarities``; ``columns``: width of a grid of x and y
     - ``axes``: the order of the axes of arrays, which hold bins already
     """
 
@@ -42,7 +49,8 @@ class Binning(Frozen):
     columns: Annotated[int | None, between(1, 1_000_000)] = None
     most_steps: int | None = None
     model_channels: int | None = None
-    may_merge: bool = True
+    model_inputs: Channels | None = None
+    merge_polarities: bool = False
     axes: tuple[str, ...] | None = None
     usual_step_seconds: float | None = None
 
@@ -80,10 +88,21 @@ class EventStream(Frozen, eq=False):
     step_rule: StepRule = "floor"
 
 
-def bin_streams(
-    streams: Sequence[EventStream], where: str, binning: Binning
-) -> tuple[ByteArray, float, Binned]:
-    """Return spikes (samples, steps, channels), the width of a bin in seconds, and what binning left out.
+class Bins(Frozen, eq=False):
+    """Recordings in bins: ``spikes`` (samples, steps, channels) of 0 and 1, and what is known of them.
+
+    ``step_seconds`` is the width of a bin, None if unknown; ``binned`` is what binning left out, None if the files hold
+    bins. ``channels`` are the pixels of the recordings, None if these only number their channels.
+    """
+
+    spikes: ByteArray
+    step_seconds: float | None
+    binned: Binned | None
+    channels: Channels | None
+
+
+def bin_streams(streams: Sequence[EventStream], where: str, binning: Binning) -> Bins:
+    """Return recordings in bins.
 
     All recordings get as many channels and steps as the largest needs. Raises ``InputError`` if there are no events and
     no size is given, and for sizes above the limits.
@@ -93,25 +112,13 @@ def bin_streams(
     width = STEP_SECONDS if stated_width is None else stated_width
     events = sum(len(one.times) for one in streams)
     check_most(events, MAX_EVENTS, where, "it has too many events", fix="Give fewer recordings.")
-    widest = [one.columns or 1 + int(one.x.max()) for one in streams if one.columns or len(one.x)]
-    columns = binning.columns or max(widest, default=1)
-    found = {int(p) for one in streams if one.polarity is not None for p in np.unique(one.polarity)}
-    if not binning.may_merge and len(found) > 1:
-        fix = "Keep them apart by --polarities 2, or merge them by --polarities 1."
-        raise InputError(
-            where,
-            "its events have two polarities, but the channels of the sensor have one",
-            fix=fix,
-        )
-    polarities = binning.polarities or _polarities(streams, where, binning.model_channels, columns)
-    if binning.columns is None and binning.channels is not None:
-        _check_columns(streams, where, binning.channels, columns, polarities)
+    sensor = _sensor(streams, where, binning)
     bins = [_bins(one, width) for one in streams]
     rows = zip(streams, bins, strict=True)
     lengths = [binning.steps or _length(one, own, width, binning.most_steps) for one, own in rows]
-    channel = [_channels(one, columns, polarities) for one in streams]
+    channel = [_channels(one, sensor) for one in streams]
     needed = max((int(own.max()) + 1 for own in channel if len(own)), default=0)
-    whole_cells = -(-needed // polarities) * polarities
+    whole_cells = -(-needed // sensor.polarities) * sensor.polarities
     channels = binning.channels or max((one.channels or whole_cells for one in streams), default=0)
     steps = max(lengths, default=0)
     _check_sizes(where, len(streams), steps, channels, needed)
@@ -134,7 +141,30 @@ def bin_streams(
         elsewhere,
         step_is_default=stated_width is None,
     )
-    return spikes.reshape(len(streams), steps, channels), width, binned
+    known = None if all(one.polarity is None for one in streams) else sensor
+    return Bins(spikes.reshape(len(streams), steps, channels), width, binned, known)
+
+
+def _sensor(streams: Sequence[EventStream], where: str, binning: Binning) -> Channels:
+    """Return the pixels that events belong to: as asked for, or as the format, the model or the events say."""
+    widest = [one.columns or 1 + int(one.x.max()) for one in streams if one.columns or len(one.x)]
+    columns = binning.columns or max(widest, default=1)
+    polarities, polarity = _polarities(streams, where, binning, columns)
+    if binning.columns is None and binning.channels is not None:
+        _check_columns(streams, where, binning.channels, columns, polarities)
+    of_format = max((one.channels or 0 for one in streams), default=0)
+    count = binning.channels or of_format or None
+    if any(one.y is not None for one in streams):
+        highest = max(
+            (int(one.y.max()) for one in streams if one.y is not None and len(one.y)), default=0
+        )
+        stated = count is not None and (binning.columns is not None or of_format > 0)
+        if stated and count is not None:
+            rows = -(-count // (columns * polarities))
+            return Channels(columns, rows, polarities, polarity=polarity)
+        return Channels(columns, 1 + highest, polarities, reached=True, polarity=polarity)
+    places = columns if count is None else -(-count // polarities)
+    return Channels(places, 1, polarities, reached=count is None, polarity=polarity)
 
 
 def _stated_width(streams: Sequence[EventStream], binning: Binning) -> float | None:
@@ -146,13 +176,35 @@ def _stated_width(streams: Sequence[EventStream], binning: Binning) -> float | N
 
 
 def _polarities(
+    streams: Sequence[EventStream], where: str, binning: Binning, columns: int
+) -> tuple[int, int | None]:
+    """Return the number of polarities and, if events of one do not say how many the sensor has, that polarity."""
+    occurring = sorted(
+        {int(p) for one in streams if one.polarity is not None for p in np.unique(one.polarity)}
+    )
+    if binning.merge_polarities:
+        return 1, None
+    told = binning.polarities
+    if told is None and any(one.polarities == 2 for one in streams):
+        told = 2
+    whose, fix = "the sensor has one", _APART
+    if told is None and binning.model_inputs is not None:
+        told = min(binning.model_inputs.polarities, 2)
+        whose, fix = "the model takes one", "Merge them by --merge-polarities."
+    if told == 1 and len(occurring) > 1:
+        raise InputError(where, f"its events have two polarities, but {whose}", fix=fix)
+    if told is not None:
+        return told, None
+    if len(occurring) > 1:
+        return 2, None
+    _check_one_polarity(streams, where, binning.model_channels, columns)
+    return 1, next(iter(occurring), None)
+
+
+def _check_one_polarity(
     streams: Sequence[EventStream], where: str, channels: int | None, columns: int
-) -> int:
-    """Return 2 if the format or an event says so; ``InputError`` if the events do not tell taxels from channels."""
-    if any(
-        one.polarities == 2 or (one.polarity is not None and one.polarity.any()) for one in streams
-    ):
-        return 2
+) -> None:
+    """Refuse events of one polarity that do not tell taxels from the channels of a model."""
     cells = [_cells(one, columns) for one in streams if one.polarity is not None and len(one.x)]
     highest = max((int(own.max()) for own in cells), default=None)
     if (
@@ -163,10 +215,9 @@ def _polarities(
     ):
         # As taxels, their channels would be twice as high.
         measured = f"up to {highest} of {counted(channels, 'channel')}"
-        fix = "Write bins with locsnn events --polarities 2 (taxels) or 1 (channels) --to FILE."
+        fix = "Give --polarities 2 (taxels) or 1 (channels)."
         what = "its events have one polarity, so x may count taxels or channels"
         raise InputError(where, what, measured=measured, fix=fix)
-    return 1
 
 
 def _check_columns(
@@ -180,7 +231,7 @@ def _check_columns(
     if guessed and columns * rows * polarities != channels:
         what = "the width of its grid is not known"
         measured = f"up to {columns} x {rows} in {counted(channels, 'channel')}"
-        fix = "Train with --grid WxH, or write bins with locsnn events --columns W --to FILE."
+        fix = "Give --grid WxH of the sensor."
         raise InputError(where, what, measured=measured, fix=fix)
 
 
@@ -221,16 +272,18 @@ def _length(one: EventStream, bins: FloatArray, width_seconds: float, most: int 
     return math.floor(last) + 1
 
 
-def _channels(one: EventStream, columns: int, polarities: int) -> IntArray:
+def _channels(one: EventStream, sensor: Channels) -> IntArray:
+    """Return the channel of every event; the polarities of a sensor that has one are all the same."""
     if one.polarity is None:
         return one.x
+    columns = sensor.columns
     if one.y is not None and int(one.x.max(initial=0)) >= columns:
         measured = f"x {int(one.x.max())} against {columns} columns"
         raise InputError(
             one.place, "an event lies outside the grid", measured=measured, fix="Give more columns."
         )
     cells = _cells(one, columns)
-    return cells if polarities == 1 else 2 * cells + one.polarity
+    return cells if sensor.polarities == 1 else sensor.polarities * cells + one.polarity
 
 
 def _cells(one: EventStream, columns: int) -> IntArray:

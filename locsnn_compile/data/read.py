@@ -21,9 +21,10 @@ from locsnn_compile.data.archives import archive_parts, is_archive, read_archive
 from locsnn_compile.data.arrays import HDF5_SUFFIXES, labels_beside, read_arrays
 from locsnn_compile.data.axes import check_axes, is_one, parse_axes
 from locsnn_compile.data.event_stream import Binning
+from locsnn_compile.data.joining import described, join_channels, merged
 from locsnn_compile.data.members import EVENT_SUFFIXES, PARTS
 from locsnn_compile.data.recordings import MAX_ELEMENTS, OPEN, Expected, Recordings
-from locsnn_compile.data.sensor import SensorLayout
+from locsnn_compile.data.sensor import SensorLayout, asked_layout
 from locsnn_compile.errors import InputError, check_known, check_range
 
 PREPROCESSED = "tact.pt"
@@ -173,12 +174,14 @@ def read_recordings(
     polarities: int | None = None,
     columns: int | None = None,
     axes: str | None = None,
+    grid: str | None = None,
     sensor: SensorLayout | None = None,
+    merge_polarities: bool | None = None,
     test_share: float | None = None,
     fold: int | None = None,
     model: Expected = OPEN,
 ) -> Recordings:
-    """Return the recordings at ``path``, in any supported format.
+    """Return the recordings at ``path``, in any supported format, for a ``model`` in the numbering of its inputs.
 
     ``path`` is a ``.zip`` or folder with one recording per file (``.npy`` or events), one such file, or a ``.npz``,
     ``.pt`` or HDF5 file.
@@ -191,34 +194,41 @@ def read_recordings(
       give it.
     - ``steps``: shorter recordings are padded with silence, longer ones are cut. Without it, all recordings of an
       archive or folder get the length of the longest.
-    - ``sensor`` sets ``channels``, ``polarities`` and ``columns`` at once. Other channels are refused. If it
-      only counts channels of one polarity, ``polarities=1`` allows events of two to be merged.
+    - The sensor: ``sensor``, or ``grid`` (columns x rows, such as ``34x34``), or ``channels`` with ``columns`` if they
+      are those of a grid, and ``polarities``, those that the sensor has. Other channels are refused.
+    - ``merge_polarities``: events and bins of both polarities of a pixel become one channel.
 
     Raises ``InputError`` for anything that cannot be used, and for an option that contradicts the model or the file.
     """
     path = _file_of(Path(path))
     division = Division(test_share, fold)
+    if grid is not None:
+        sensor = asked_layout(grid, polarities, channels, None)
     counts = {"threshold": threshold, "polarities": polarities, "columns": columns}
-    may_merge = sensor is None or sensor.laid_out or polarities is not None
     if sensor is not None:
         channels, polarities, columns = sensor.channels, sensor.polarities, sensor.columns
+    if channels is not None:
         counts = {"threshold": threshold}
+    merge = bool(merge_polarities)
+    if merge and channels is not None and polarities is None:
+        polarities = 2
     order = None if axes is None else parse_axes(axes, "axes")
     asked = Binning(step_seconds, threshold, channels, steps, polarities, columns, axes=order)
     asked.check()
     check_known("split", f"{split!r} is not known", split, PARTS)
-    said = {
-        name: getattr(asked, name)
-        for name in ("step_seconds", "threshold", "channels", "polarities", "columns")
-    }
+    said = {"step_seconds": asked.step_seconds, "threshold": asked.threshold}
     agreed = model.agreed(**said, steps=steps) | {"steps": steps}
+    if not merge:
+        model.agreed(channels=channels)
     divided = division.divides(path)
     binning = replace(
         asked,
         **agreed,
+        channels=_channels_of_events(asked, model, merge=merge),
         most_steps=model.steps,
         model_channels=model.channels,
-        may_merge=may_merge,
+        model_inputs=model.inputs,
+        merge_polarities=merge,
         usual_step_seconds=model.usual_step_seconds,
     )
     found = _read(path, None if divided else split, binning, step_seconds)
@@ -231,13 +241,28 @@ def read_recordings(
                 f"{found.source!r} holds bins, not single events to count",
                 fix="Leave it out.",
             )
-    held = found.spikes.shape[2]
-    if channels is not None and held != channels:
-        (sensor or SensorLayout(f"{channels} channels", channels)).check_channels(
-            held, f"recordings {found.source!r}"
-        )
+    if channels is not None and (found.threshold is None or found.channels is None):
+        found = described(found, sensor or _layout(asked))
+    if merge:
+        found = merged(found)
     model.check(found)
+    found = join_channels(found, model)
     return found if steps is None else found.with_steps(steps)
+
+
+def _channels_of_events(asked: Binning, model: Expected, *, merge: bool) -> int | None:
+    """Return the channels that events get: those asked for, or those of a model that does not know their pixels."""
+    if asked.channels is None:
+        flat = model.inputs is None or not model.inputs.is_grid
+        return model.channels if flat else None
+    return asked.channels // (asked.polarities or 2) if merge else asked.channels
+
+
+def _layout(asked: Binning) -> SensorLayout:
+    """Return the sensor that numbers describe: so many channels, in columns if these are given."""
+    layout = asked_layout(None, asked.polarities, asked.channels, None, asked.columns)
+    assert layout is not None  # it has channels
+    return layout
 
 
 def _read(path: Path, split: str | None, binning: Binning, asked: float | None) -> Recordings:
@@ -327,6 +352,7 @@ def _chunks(path: Path, many: int, model: Expected) -> Iterator[Recordings] | No
                 )
             bins = read.reshape(count, -1, shape[-1]).transpose(0, 2, 1)
             its = None if labels is None else labels[start : start + count]
-            yield Recordings(bins, its, model.step_seconds, path.name, first=start)
+            found = Recordings(bins, its, model.step_seconds, path.name, first=start)
+            yield join_channels(found, model)
 
     return chunks()

@@ -12,6 +12,7 @@ import numpy as np
 
 from hw_model.io.records import Must
 from hw_model.values import AnyArray, ByteArray, Frozen, IntArray, Shown, picked, sealed
+from locsnn_compile.data.channels import Channels, Numbering
 from locsnn_compile.errors import InputError, check_most, check_same, counted
 
 #: Largest set of recordings accepted, in array elements: four times the largest published tactile set.
@@ -75,6 +76,8 @@ class Recordings(Shown):
     - ``binned``: what reading left out, None if it took everything as it is
     - ``first``: the number of the first recording in its file
     - ``class_names``: from class 0 on, if the classes have names
+    - ``channels``: the pixels that the channels are, None if nothing says so
+    - ``assumed``: what was taken where nothing said it, as sentences
 
     Raises ``InputError`` for anything else.
     """
@@ -87,6 +90,8 @@ class Recordings(Shown):
     binned: Binned | None = None
     first: int = 0
     class_names: tuple[str, ...] | None = None
+    channels: Channels | None = None
+    assumed: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         where = f"recordings {self.source!r}"
@@ -112,6 +117,10 @@ class Recordings(Shown):
 
     def __len__(self) -> int:
         return len(self.spikes)
+
+    def assuming(self, said: str) -> "Recordings":
+        """Return the same recordings with one more sentence on what was taken."""
+        return replace(self, assumed=(*self.assumed, said))
 
     def called(self, label: int) -> str:
         """Return ``label 1``, or ``label 1 (slide)`` where the class has a name."""
@@ -217,7 +226,7 @@ class Expected(Frozen):
     - ``step_seconds``: width of a bin; ``usual_step_seconds``: width of a bin where nothing else says it
     - ``threshold``: a bin with more events is 1
     - ``steps``: length of a recording, None if any length will do; ``channels``
-    - ``polarities`` of a taxel and ``columns`` of a grid, for events with x and y; ``class_names``
+    - ``inputs``: the pixels that its channels are, and their ``numbering``, if only that is known; ``class_names``
     """
 
     whose: str
@@ -226,9 +235,14 @@ class Expected(Frozen):
     steps: int | None = None
     channels: int | None = None
     class_names: tuple[str, ...] | None = None
-    polarities: int | None = None
-    columns: int | None = None
+    inputs: Channels | None = None
+    numbering: Numbering | None = None
     usual_step_seconds: float | None = None
+
+    @property
+    def kind(self) -> str:
+        """What it is, without its name: ``model`` or ``program``."""
+        return self.whose.partition(" '")[0].removeprefix("the ")
 
     def agreed(self, **asked: float | None) -> dict[str, Any]:
         """Return each option as asked for, or else as the model has it; ``InputError`` if the two differ."""

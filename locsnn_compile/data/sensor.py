@@ -16,6 +16,7 @@ import numpy as np
 from hw_model.io.records import RecordReader, between
 from hw_model.io.yaml_text import read_mapping
 from hw_model.values import FloatArray, Frozen, IntArray
+from locsnn_compile.data.channels import Channels
 from locsnn_compile.errors import InputError, check_same, counted
 
 #: Largest number of channels of a sensor: a few times what any published tactile sensor has.
@@ -114,9 +115,14 @@ class SensorLayout(Frozen):
         return None if self.positions is None else np.array(self.positions, dtype=np.float64)
 
     @property
-    def event_options(self) -> dict[str, Any]:
-        """How events with x and y become channels. For NeuTouch the events decide, since x may count its channels."""
-        return {} if self.is_neutouch else {"polarities": self.polarities, "columns": self.columns}
+    def inputs(self) -> Channels | None:
+        """Its channels as pixels; None for NeuTouch, where events may count taxels or channels."""
+        if self.is_neutouch:
+            return None
+        places = self.surfaces * self.taxels
+        if self.columns is None:
+            return Channels(places, 1, self.polarities)
+        return Channels(self.columns, places // self.columns, self.polarities)
 
     def needed_places(self, where: str) -> FloatArray:
         """Return the places; ``InputError`` if there are none. ``where`` names what needs them."""
@@ -142,12 +148,16 @@ def neutouch(fingertips: int = 1) -> SensorLayout:
 
 
 def asked_layout(
-    grid: str | None, polarities: int | None, channels: int | None, layout: str | None
+    grid: str | None,
+    polarities: int | None,
+    channels: int | None,
+    layout: str | None,
+    columns: int | None = None,
 ) -> SensorLayout | None:
     """Return the layout that options ask for, or None if they ask for none; ``InputError`` if they ask for two.
 
     - ``grid``: columns x rows, by default with two ``polarities``
-    - ``channels``: a number of channels without positions, by default with one polarity
+    - ``channels``: a number of channels, by default with one polarity; without positions, or on a grid of ``columns``
     - ``layout``: a file
     """
     given = [
@@ -178,7 +188,10 @@ def asked_layout(
                 measured=f"{channels}",
                 fix="Correct it.",
             )
-        return SensorLayout(counted(channels, "channel"), taxels, polarities or 1)
+        name = counted(channels, "channel")
+        if columns is not None:
+            name += f" in {counted(columns, 'column')}"
+        return SensorLayout(name, taxels, polarities or 1, columns=columns)
     found = None if layout is None else read_layout(Path(layout))
     return found if found is None or polarities is None else replace(found, polarities=polarities)
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from hw_model.io.given import checked
+from locsnn_compile.data.channels import parse_numbering
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.network.check import check_network
@@ -34,6 +35,7 @@ def load(
     discretisation: str | None = None,
     kernels: str | None = None,
     branches: str | Mapping[str, Sequence[str]] | None = None,
+    channel_order: str | None = None,
 ) -> Network:
     """Read a model: a checkpoint of ``locsnn train`` or slayerPytorch, a NIR graph, or a lava-dl network.
 
@@ -47,6 +49,8 @@ def load(
     - slayerPytorch checkpoint of SRMALPHA neurons: ``kernels`` of the float reference are ``full``, or ``cut`` as in
       training. The chip always keeps the tails. ``branches`` names the layers that run along ``time`` and
       ``location``, as ``{"location": ["locationFc1", "locationFc2"]}``, or ``time=fc1,fc2,location=...`` in a text.
+    - ``channel_order``: how the inputs are numbered, by rows, columns and polarities: ``yxp`` or ``pyx``, as of images
+      (C, H, W). For models that do not say so themselves.
 
     Other formats hold these values themselves, so giving them is an ``InputError``, as is a file that cannot be read or
     used. Nothing in the file is executed.
@@ -103,8 +107,21 @@ def load(
         from locsnn_compile.frontends.lava_dl.to_network import load_lava_dl
 
         network = load_lava_dl(path)
+    network = with_channel_order(network, channel_order)
     check_network(network)
     return network
+
+
+def with_channel_order(network: Network, channel_order: str | None) -> Network:
+    """Return the network with the numbering of its inputs that its user states; refuse another than its own."""
+    asked = parse_numbering(channel_order)
+    if asked is None or asked == network.numbering:
+        return network
+    if network.numbering is not None:
+        measured = f"got {asked} against {network.numbering}"
+        what = f"model {network.name!r} has another"
+        raise InputError("channel_order", what, measured=measured, fix="Leave it out.")
+    return replace(network, channel_order=asked)
 
 
 def _kind(path: Path, where: str, *, described: bool) -> str:

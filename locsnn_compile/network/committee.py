@@ -22,6 +22,8 @@ _SHARED = (
     "sensor",
     "event_threshold",
     "class_names",
+    "inputs",
+    "channel_order",
 )
 """What members must agree on, unless it is None."""
 MOST_APART = 1_000_000

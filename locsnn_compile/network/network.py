@@ -15,6 +15,7 @@ from hw_model.io.records import AT_LEAST_ONE, NOT_NEGATIVE, between
 from hw_model.mapping.graph import AXES, Axis, Phase
 from hw_model.mapping.graph import Readout as Readout
 from hw_model.values import ByteArray, FloatArray, Frozen, IntArray, Shown
+from locsnn_compile.data.channels import Channels, Numbering
 from locsnn_compile.data.recordings import STEP_SECONDS, Expected, Recordings
 from locsnn_compile.data.sensor import SensorLayout
 from locsnn_compile.errors import InputError, check_most, counted
@@ -178,6 +179,10 @@ class Network(Shown):
     """Seconds per time step as its file states them, if neither recordings nor the user say otherwise."""
     members: tuple[Member, ...] = ()
     """The networks of a committee, whose populations begin with ``name/``."""
+    inputs: Channels | None = None
+    """The pixels that its channels are, if its file says so otherwise than by a sensor."""
+    channel_order: Numbering | None = None
+    """How its channels are numbered, if its user says so of a file that does not."""
 
     @property
     def own_populations(self) -> tuple[Population, ...]:
@@ -221,9 +226,8 @@ class Network(Shown):
         steps = None if self.any_length else self.steps
         own = self.step_seconds, self.event_threshold, steps, self.channels, self.class_names
         usual = self.usual_step_seconds
-        return Expected(
-            f"model {self.name!r}", *own, **self.event_options, usual_step_seconds=usual
-        )
+        inputs = self.known_inputs, self.numbering
+        return Expected(f"model {self.name!r}", *own, *inputs, usual_step_seconds=usual)
 
     @property
     def stated_step_seconds(self) -> float | None:
@@ -238,9 +242,27 @@ class Network(Shown):
         return replace(self, step_seconds=step_seconds)
 
     @property
-    def event_options(self) -> dict[str, Any]:
-        """How its sensor turns events with x and y into channels, as options."""
-        return {} if self.sensor is None else self.sensor.event_options
+    def known_inputs(self) -> Channels | None:
+        """The pixels that its channels are, as its sensor or its file says."""
+        if self.inputs is None and self.sensor is not None:
+            return self.sensor.inputs
+        return self.inputs
+
+    @property
+    def numbering(self) -> Numbering | None:
+        """How its channels are numbered; None if neither its file nor its user says so."""
+        if self.known_inputs is not None:
+            return self.known_inputs.numbering
+        return "yxp" if self.sensor is not None else self.channel_order
+
+    @property
+    def numbering_entries(self) -> dict[str, Any]:
+        """What a program keeps of its channels: polarities and columns, and how they are numbered."""
+        entries: dict[str, Any] = {"channel_order": self.numbering}
+        if (known := self.known_inputs) is not None:
+            entries["polarities"] = known.polarities
+            entries["columns"] = known.columns if known.is_grid else None
+        return entries
 
     def steps_of(self, phase: str) -> int:
         """Return the steps of a phase: time steps, or the steps of its walks over the channels."""

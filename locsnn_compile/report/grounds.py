@@ -68,6 +68,7 @@ def _of_registers(network: Network, registers: Registers) -> Iterator[str]:
 def _of_recordings(network: Network, recordings: Recordings) -> Iterator[str]:
     if recordings.origin in ("made up", "trained on"):
         yield sentence(recordings.origin, source=recordings.source)
+    yield from recordings.assumed
     if recordings.threshold is not None and network.event_threshold is None:
         yield sentence("default threshold", events=counted(recordings.threshold, "event"))
     steps = recordings.spikes.shape[1]

@@ -39,7 +39,8 @@ def read_parts(
             "the network to start from",
             *sizes,
             start.description.class_names,
-            **own.sensor.event_options,
+            own.sensor.inputs,
+            "yxp",
         )
     parts = [
         part for part in ("train", "test") if part in recording_parts(data, test_share=config.split)

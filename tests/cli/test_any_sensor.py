@@ -291,14 +291,15 @@ def test_polarities_are_merged_only_if_asked(capsys: Capture) -> None:
     write_recordings(Path("events.zip"), touches, members="bs1", sensor=GRID)
     assert train("events.zip", "--channels", "40") == 2
     assert capsys.readouterr().err == (
-        "archive 'events.zip': its events have two polarities, but the channels of the sensor have one. Keep them apart by "
-        "--polarities 2, or merge them by --polarities 1.\n"
+        "archive 'events.zip': its events have two polarities, but the sensor has one. Keep them apart by --polarities 2, "
+        "or merge them by --merge-polarities.\n"
     )
     assert train("events.zip", "--channels", "40", "--polarities", "2") == 0
     found = read_checkpoint("a.pt").recordings
     assert found is not None
     assert np.array_equal(found.spikes, touches.spikes[: len(found)])
-    assert train("events.zip", "--channels", "20", "--polarities", "1", output="b.pt") == 0
+    merging = ("--channels", "40", "--merge-polarities")
+    assert train("events.zip", *merging, output="b.pt") == 0
     found = read_checkpoint("b.pt").recordings
     assert found is not None
     assert np.array_equal(

@@ -268,7 +268,7 @@ def test_aedat4_says_which_package_it_needs(
 
 def test_a_stream_may_say_its_columns() -> None:
     one = EventStream(*(np.array([value]) for value in (0, 1, 2, 0)), columns=5)
-    assert bin_streams([one], "a", Binning())[0].shape == (1, 1, 12)
+    assert bin_streams([one], "a", Binning()).spikes.shape == (1, 1, 12)
 
 
 FLAT = [(0, 79, 1), (20_000, 3, 0), (45_000, 40, 1)]

@@ -39,7 +39,7 @@ def found_events(path: Path, **options: Any) -> tuple[tuple[int, ...], list[tupl
     [
         pytest.param("a.bs1", bs1((3, 0, 0), (1, 0, 40_000)), {}, (1, 3, 4), [(0, 0, 3), (0, 2, 1)], id="bs1"),
         pytest.param("a.bs1", bs1((3, 0, 0), (1, 1, 1)), {}, (1, 1, 8), [(0, 0, 3), (0, 0, 6)], id="bs1 polarities"),
-        pytest.param("a.bs1", bs1((3, 0, 0), (1, 1, 1)), {"polarities": 1}, (1, 1, 4), [(0, 0, 1), (0, 0, 3)], id="bs1 polarities together"),
+        pytest.param("a.bs1", bs1((3, 0, 0), (1, 1, 1)), {"merge_polarities": True}, (1, 1, 4), [(0, 0, 1), (0, 0, 3)], id="bs1 polarities together"),
         pytest.param("a.bs1", bs1((1, 0, 0)), {"polarities": 2}, (1, 1, 4), [(0, 0, 2)], id="bs1 one polarity of two"),
         pytest.param("a.bs1", bs1((0, 0, 10_000), (0, 0, 10_001)), {}, (1, 2, 1), [(0, 0, 0), (0, 1, 0)], id="both sides of the middle between two steps"),
         pytest.param("a.bs1", bs1((65_535, 0, 8_388_607)), {}, (1, 420, 65_536), [(0, 419, 65_535)], id="largest neuron and time"),
@@ -50,7 +50,10 @@ def found_events(path: Path, **options: Any) -> tuple[tuple[int, ...], list[tupl
         pytest.param("a.bs1", b"", {"channels": 2, "steps": 3}, (1, 3, 2), [], id="silence of a given size"),
         pytest.param("a.bs2", bs2((2, 0, 0, 0), (1, 3, 0, 0)), {}, (1, 1, 11), [(0, 0, 2), (0, 0, 10)], id="bs2"),
         pytest.param("a.bs2", bs2((2, 0, 1, 0), (1, 1, 0, 0)), {"columns": 5}, (1, 1, 14), [(0, 0, 5), (0, 0, 12)], id="bs2 polarities and columns"),
-        pytest.param("a.bs2", bs2((255, 255, 1, 8_388_607)), {}, (1, 420, 131_072), [(0, 419, 131_071)], id="bs2 largest"),
+        pytest.param("a.bs2", bs2((255, 255, 1, 8_388_607)), {"polarities": 2}, (1, 420, 131_072), [(0, 419, 131_071)], id="bs2 largest"),
+        pytest.param("a.bs1", bs1((3, 1, 0), (1, 1, 0)), {}, (1, 1, 4), [(0, 0, 1), (0, 0, 3)], id="bs1 of one polarity, which is 1"),
+        pytest.param("a.bs2", bs2((2, 0, 1, 0), (1, 1, 1, 0)), {}, (1, 1, 5), [(0, 0, 2), (0, 0, 4)], id="bs2 of one polarity, which is 1"),
+        pytest.param("a.bs1", bs1((3, 1, 0)), {"polarities": 1}, (1, 1, 4), [(0, 0, 3)], id="a sensor of one polarity, which is 1"),
     ],
 )  # fmt: skip
 def test_slayer_events(
@@ -213,7 +216,7 @@ def test_a_network_says_how_many_channels_there_are(tmp_path: Path) -> None:
     network = lc.load(Path(__file__).parents[2] / "examples/models/objects-hybrid.pt")
     (tmp_path / "a.bs1").write_bytes(bs1((3, 0, 0), (1, 1, 40_000)))
     assert recordings_for(network, tmp_path / "a.bs1").spikes.shape == (1, 3, 78)
-    (tmp_path / "b.bs1").write_bytes(bs1((39, 1, 0)))
+    (tmp_path / "b.bs1").write_bytes(bs1((39, 1, 0), (0, 0, 0)))
     assert refused(network, tmp_path / "b.bs1") == (
         "file 'b.bs1': it has events on channels that the sensor does not have (channel 79 against 0..77). "
         "Give events of this sensor, or more channels."
@@ -225,7 +228,7 @@ def test_a_network_refuses_events_that_may_count_taxels_or_channels(tmp_path: Pa
     (tmp_path / "a.bs1").write_bytes(bs1((38, 0, 0)))
     assert refused(network, tmp_path / "a.bs1") == (
         "file 'a.bs1': its events have one polarity, so x may count taxels or channels (up to 38 of 78 channels). "
-        "Write bins with locsnn events --polarities 2 (taxels) or 1 (channels) --to FILE."
+        "Give --polarities 2 (taxels) or 1 (channels)."
     )
     for polarities, channel in ((1, 38), (2, 76)):
         found = read_recordings(tmp_path / "a.bs1", polarities=polarities, model=network.expected)
@@ -257,7 +260,7 @@ BAD: list[tuple[str, Callable[[Path], Path], dict[str, Any], str]] = [
     ("no events, but steps", put("a.bs2", b""), {"steps": 4}, "file 'a.bs2': no events inside. Give a recording with events."),
     ("a channel too high", put("a.bs1", bs1((78, 0, 0))), {"channels": 78}, "file 'a.bs1': it has events on channels that the sensor does not have (channel 78 against 0..77). Give events of this sensor, or more channels."),
     ("outside the grid", put("a.bs2", bs2((7, 0, 0, 0))), {"columns": 7}, "file 'a.bs2': an event lies outside the grid (x 7 against 7 columns). Give more columns."),
-    ("a grid of unknown width", put("a.bs2", bs2((2, 0, 0, 0), (0, 1, 0, 0))), {"channels": 8}, "file 'a.bs2': the width of its grid is not known (up to 3 x 2 in 8 channels). Train with --grid WxH, or write bins with locsnn events --columns W --to FILE."),
+    ("a grid of unknown width", put("a.bs2", bs2((2, 0, 0, 0), (0, 1, 0, 0))), {"channels": 8}, "file 'a.bs2': the width of its grid is not known (up to 3 x 2 in 8 channels). Give --grid WxH of the sensor."),
     ("too many bins", put("a.bs1", bs1((0, 0, 8_000_000))), {"step_seconds": 1e-5}, "file 'a.bs1': it lasts too long for its bins (8 s in bins of 1e-05 s against 20000 bins). Give wider bins."),
     ("too large", put("a.bs1", bs1((65_535, 0, 8_000_000))), {"step_seconds": 0.001}, "file 'a.bs1': its recordings of 1 x 8001 x 65536 are too large (524353536 values against 200000000). Give fewer recordings, or wider bins."),
     ("three polarities", put("a.bs1", b""), {"polarities": 3}, "recordings, polarities: it must be a whole number from 1 to 2 (got 3). Correct it."),

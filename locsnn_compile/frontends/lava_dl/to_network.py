@@ -15,6 +15,7 @@ from scipy import sparse
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE
 from hw_model.values import IntArray, sealed
+from locsnn_compile.data.channels import image_channels
 from locsnn_compile.errors import InputError, check_same, counted
 from locsnn_compile.frontends.lava_dl.layers import NetFile, NetLayer, export_again, read_net
 from locsnn_compile.frontends.linear_maps import (
@@ -56,10 +57,11 @@ _REFUSED = {
 
 @dataclass(eq=False)
 class _Built(Parts):
-    """The network's parts so far, and the name and shape of the last layer."""
+    """The network's parts so far, the name and shape of the last layer, and the shape of the input."""
 
     source: str = INPUT
     shape: Shape | None = None
+    input_shape: Shape = ()
 
 
 def load_lava_dl(path: Path) -> Network:
@@ -79,7 +81,8 @@ def load_lava_dl(path: Path) -> Network:
     lines = built.views[0].lines
     seconds, steps = _simulation(file, f"{where}, simulation")
     built.outputs = {built.source: _potentials_from(file, built)}
-    return built.network_of_file(path, data, lines, steps, seconds, origin=file, any_length=True)
+    said = {"origin": file, "any_length": True, "inputs": image_channels(built.input_shape)}
+    return built.network_of_file(path, data, lines, steps, seconds, **said)
 
 
 def _potentials_from(file: NetFile, built: _Built) -> int | None:
@@ -106,6 +109,7 @@ def _add(built: _Built, layer: NetLayer) -> None:
     kind = layer.kind
     if kind == "input":
         built.shape = _shape(layer)
+        built.input_shape = built.shape
         built.views.append(InputView(INPUT, "time", math.prod(built.shape)))
         if any(key.startswith("neuron/") for key in layer.values):
             # At these neurons, an event counts as the value 1.
@@ -166,6 +170,7 @@ def _weights(built: _Built, layer: NetLayer) -> tuple[Matrix, Shape, int]:
             raise layer.fault("its weight has the wrong shape", measured)
         return matrix(held, np.int64), shape, source
     given = built.shape or _image_before(layer, weight.shape, shape)
+    built.input_shape = built.input_shape or given
     kernel, (stride, padding, dilation) = _kernel(layer, weight), _strides(layer)
     if kernel.ndim != 4 or len(given) != 3:
         raise layer.fault("it is not a layer of images", f"weight {weight.shape}")

@@ -12,6 +12,7 @@ import numpy as np
 from scipy import sparse
 
 from hw_model.values import FloatArray
+from locsnn_compile.data.channels import Channels, image_channels
 from locsnn_compile.data.recordings import STEP_SECONDS
 from locsnn_compile.errors import InputError, check_known, check_same, listed
 from locsnn_compile.frontends.nir.flat import (
@@ -85,9 +86,16 @@ def load_nir(
     open_questions = nir_assumptions(flat, known_dt, reset, discretisation)
     assumptions = (*open_questions, *_slow_loops(arriving, paths), *_left_out(flat))
     origin = graph if dt is None else graph.with_metadata(dt=np.array(dt))
-    said = {"any_length": True, "origin": origin, "assumptions": assumptions}
+    said: dict[str, Any] = {"any_length": True, "origin": origin, "assumptions": assumptions}
+    said["inputs"] = _image(flat)
     usual = _number(graph, "step_seconds")
     return parts.network_of_file(path, data, view.lines, STEPS, usual, **said)
+
+
+def _image(flat: FlatGraph) -> Channels | None:
+    """Return the pixels of an Input of shape (C, H, W); None for other shapes, and for several inputs."""
+    inputs = flat.named("Input")
+    return image_channels(flat.shapes[inputs[0]]) if len(inputs) == 1 else None
 
 
 def _slow_loops(arriving: dict[str, Signal], paths: Paths) -> tuple[str, ...]:

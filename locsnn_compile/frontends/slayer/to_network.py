@@ -22,6 +22,7 @@ import numpy as np
 from hw_model.io.files import read_bytes
 from hw_model.mapping.graph import Axis
 from hw_model.values import FloatArray
+from locsnn_compile.data.channels import Channels, image_channels
 from locsnn_compile.data.orders import channel_walk, location_order
 from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.data.tensors import FLOATS, Tensor
@@ -161,9 +162,23 @@ def load_slayer(
             fix="Train them together.",
         )
     said: dict[str, Any] = {"any_length": "location" not in chains}
+    said["inputs"] = _image(tensors, chains, description)
     assumed = _assumed(chosen, chains, description, channels)
     said |= {"assumptions": (*tails, *assumed)}
     return parts.network_of_file(path, data, channels, steps, description.ts / 1000, **said)
+
+
+def _image(
+    tensors: Mapping[str, Any], chains: Mapping[Axis, list[_Layer]], config: SlayerConfig
+) -> Channels | None:
+    """Return the pixels of the input: those in the YAML, or else in the axes of the first weights, if they have any."""
+    if "time" not in chains:
+        return None
+    if config.layers:
+        width, height, channels = config.layers[0].numbers
+        return image_channels((channels, height, width))
+    first = _weights(tensors, chains["time"][0].name, "")
+    return image_channels(first.shape[1:4])
 
 
 def _assumed(

@@ -1,0 +1,168 @@
+"""Recordings joined to what takes them, by what their channels mean and not by their numbers.
+
+Events and arrays of frames know their pixels and polarities. A network over images knows its own. Where one side does
+not know, the numbers are taken as they are, and a sentence among the assumptions says so.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from hw_model.values import ByteArray, IntArray
+from locsnn_compile.data.channels import Channels
+from locsnn_compile.data.recordings import MAX_ELEMENTS, Expected, Recordings
+from locsnn_compile.data.sensor import SensorLayout
+from locsnn_compile.errors import InputError, check_most, counted
+
+_MERGE = "Give --merge-polarities to merge them, or recordings of one polarity."
+_GRID = "Give --grid WxH of the sensor."
+
+
+def join_channels(recordings: Recordings, model: Expected) -> Recordings:
+    """Return recordings whose channels are numbered as those of the model.
+
+    Events of a smaller extent are placed in the model's grid. ``Recordings.assumed`` says what neither side knew.
+    Raises ``InputError`` for recordings of another sensor. Recordings of another number of unknown channels are
+    returned as they are.
+    """
+    if model.channels is None or recordings.origin != "given":
+        return recordings
+    where = f"recordings {recordings.source!r}"
+    given = recordings.channels
+    if given is None:
+        return _taken_as_numbered(recordings, model)
+    wanted = model.inputs or _inputs_for(given, model, where)
+    given = _on_grid(given, wanted, where)
+    _check_polarities(given, wanted, where, model.whose)
+    _check_size(given, wanted, where, model.whose)
+    spikes = _placed(recordings.spikes, given.places_in(wanted), wanted.count, where)
+    joined = replace(recordings, spikes=spikes, channels=wanted)
+    if model.inputs is None and model.numbering is None and wanted.polarities > 1:
+        said = (
+            f"The {model.kind} does not say how its inputs are numbered: {wanted.formula} was taken "
+            "(--channel-order yxp)."
+        )
+        return joined.assuming(said)
+    return joined
+
+
+def described(recordings: Recordings, sensor: SensorLayout) -> Recordings:
+    """Return recordings in bins as those of a sensor; ``InputError`` if they are not.
+
+    Arrays with axes of rows, columns or polarities have to be of its sizes.
+    """
+    where = f"recordings {recordings.source!r}"
+    sensor.check_channels(recordings.spikes.shape[2], where)
+    stated, own = sensor.inputs, recordings.channels
+    if stated is None:
+        return recordings
+    if own is not None and own.is_grid and stated.is_grid and own != stated:
+        what = f"their axes are not those of sensor {sensor.name!r}"
+        fix = "Correct --axes, or the sensor."
+        raise InputError(where, what, measured=f"{own.words} against {stated.words}", fix=fix)
+    return replace(recordings, channels=stated)
+
+
+def merged(recordings: Recordings) -> Recordings:
+    """Return recordings in which all polarities of a pixel are one channel, which spikes where any of them does."""
+    own = recordings.channels
+    if own is None:
+        what = "it is not known which channels are the polarities of a pixel, so none can be merged"
+        fix = "Give --grid WxH, or --channels N, with --polarities 2."
+        raise InputError(f"recordings {recordings.source!r}", what, fix=fix)
+    if own.polarities == 1:
+        return recordings
+    spikes = recordings.spikes[:, :, own.numbers().reshape(own.pixels, own.polarities)].max(axis=3)
+    of_pixels = Channels(own.columns, own.rows, 1, reached=own.reached)
+    return replace(recordings, spikes=spikes, channels=of_pixels)
+
+
+def _taken_as_numbered(recordings: Recordings, model: Expected) -> Recordings:
+    """Return recordings of unknown channels, taken in the numbering of the model."""
+    if recordings.spikes.shape[2] != model.channels:
+        return recordings
+    known = model.inputs
+    if known is not None and known.is_grid:
+        said = (
+            f"The recordings do not say which pixel a channel is: their numbers were taken for those of the "
+            f"{model.kind}, {known.formula} (--grid or --axes)."
+        )
+        return replace(recordings, channels=known).assuming(said)
+    if model.numbering == "pyx":
+        said = (
+            f"The recordings do not say which pixel a channel is: their numbers were taken for those of the "
+            f"{model.kind}, in which polarities come first (--grid or --axes)."
+        )
+        return recordings.assuming(said)
+    return recordings
+
+
+def _inputs_for(given: Channels, model: Expected, where: str) -> Channels:
+    """Return the inputs of a flat model as pixels of the recordings' sensor; ``InputError`` if they cannot be those."""
+    assert model.channels is not None
+    size = replace(given, numbering=model.numbering or "yxp", reached=False, polarity=None)
+    if given.is_grid:
+        if size.count == model.channels:
+            return size
+        if given.reached:
+            measured = (
+                f"up to {given.columns} x {given.rows} in {counted(model.channels, 'channel')}"
+            )
+            what = "the width of its grid is not known"
+            raise InputError(where, what, measured=measured, fix=_GRID)
+        measured = f"{given.words} against {counted(model.channels, 'channel')}"
+        what = f"their pixels are not those of {model.whose}"
+        raise InputError(where, what, measured=measured, fix="Give recordings of its sensor.")
+    places, rest = divmod(model.channels, given.polarities)
+    if rest or (not given.reached and places != given.columns) or places < given.columns:
+        measured = f"{given.words} against {counted(model.channels, 'channel')}"
+        what = f"their channels are not those of {model.whose}"
+        raise InputError(where, what, measured=measured, fix="Give recordings of its sensor.")
+    return replace(size, columns=places)
+
+
+def _on_grid(given: Channels, wanted: Channels, where: str) -> Channels:
+    """Return places that are only numbered as pixels of a grid, which are numbered row by row."""
+    if given.is_grid or not wanted.is_grid or given.columns <= wanted.columns:
+        return given
+    if given.columns > wanted.pixels:
+        measured = f"place {given.columns - 1} against {wanted.columns} x {wanted.rows} pixels"
+        what, fix = "a place lies outside the grid", "Give recordings of this sensor."
+        raise InputError(where, what, measured=measured, fix=fix)
+    return replace(given, columns=wanted.columns, rows=-(-given.columns // wanted.columns))
+
+
+def _check_polarities(given: Channels, wanted: Channels, where: str, whose: str) -> None:
+    """Refuse another number of polarities, unless only one occurs in events that do not say how many there are."""
+    if given.polarities == wanted.polarities or given.polarity is not None:
+        return
+    measured = f"{given.polarities} against {wanted.polarities}"
+    fix = _MERGE if wanted.polarities == 1 else "Give recordings of its sensor."
+    what = f"they do not have the polarities of {whose}"
+    raise InputError(where, what, measured=measured, fix=fix)
+
+
+def _check_size(given: Channels, wanted: Channels, where: str, whose: str) -> None:
+    """Refuse a sensor of another size, and events that reach beyond the grid."""
+    sizes = (given.columns, given.rows)
+    inside = given.columns <= wanted.columns and given.rows <= wanted.rows
+    if inside and (given.reached or sizes == (wanted.columns, wanted.rows)):
+        return
+    what = f"their sensor is not that of {whose}"
+    if given.reached:
+        what = f"their events reach beyond the grid of {whose}"
+    measured = f"{given.words} against {wanted.words}"
+    raise InputError(where, what, measured=measured, fix="Give recordings of its sensor.")
+
+
+def _placed(spikes: ByteArray, places: IntArray, count: int, where: str) -> ByteArray:
+    """Return spikes (samples, steps, channels) with channel i at ``places[i]`` of ``count``; the others are silent."""
+    samples, steps, channels = spikes.shape
+    if channels == count and np.array_equal(places[:channels], np.arange(count)):
+        return spikes
+    what, fix = "they are too large on the grid of the model", "Give fewer recordings."
+    check_most(samples * steps * count, MAX_ELEMENTS, where, what, unit="values", fix=fix)
+    placed = np.zeros((samples, steps, count), dtype=np.uint8)
+    # Recordings may end before the last pixel: the channels after it are silent.
+    placed[:, :, places[:channels]] = spikes
+    return placed
