@@ -1,7 +1,7 @@
 """The Python interface: compile a network, and verify the result."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -230,6 +230,7 @@ def join(
     networks: Sequence[Network],
     weights: Sequence[float] | None = None,
     calibration: Events | None = None,
+    reading: Mapping[str, Any] | None = None,
 ) -> Network:
     """Return several networks as one that adds their class scores.
 
@@ -240,7 +241,9 @@ def join(
     if weights:
         return joined
     recordings = (
-        joined.recordings if calibration is None else calibration_recordings(joined, calibration)
+        joined.recordings
+        if calibration is None
+        else calibration_recordings(joined, calibration, reading)
     )
     if recordings is None:
         said = "Class scores of the networks are added as they are (--weights)."
@@ -328,12 +331,17 @@ def recordings_for(
     return join_channels(recordings, network.expected)
 
 
-def calibration_recordings(network: Network, calibration: Events | None) -> Recordings:
-    """Return the recordings to make choices on: if a file or folder is divided, its train part."""
+def calibration_recordings(
+    network: Network, calibration: Events | None, reading: Mapping[str, Any] | None = None
+) -> Recordings:
+    """Return the recordings to make choices on: if a file or folder is divided, its train part.
+
+    ``reading``: what ``read_recordings`` has to know of the sensor.
+    """
     if not isinstance(calibration, str | Path):
         return recordings_for(network, calibration)
     part = "train" if "train" in recording_parts(calibration) else None
-    return read_recordings(calibration, split=part, model=network.expected)
+    return read_recordings(calibration, split=part, model=network.expected, **reading or {})
 
 
 def _lower(

@@ -10,11 +10,17 @@ from hw_model.description.chip import chip
 from hw_model.io.build_folder import check_folder, default_folder, write_build
 from hw_model.io.files import replace_file
 from hw_model.values import picked
-from locsnn_compile.api import compile, join, recordings_for
+from locsnn_compile.api import calibration_recordings, compile, join, recordings_for
 from locsnn_compile.cli.options import given, recording_of
 from locsnn_compile.cli.places import check_places
 from locsnn_compile.cli.shell import EXIT_GATE, progress_bar, terminal
-from locsnn_compile.cli.step_options import asked_reading, with_steps
+from locsnn_compile.cli.step_options import (
+    SENSOR_OPTIONS,
+    asked_reading,
+    on_sensor,
+    sensor_reading,
+    with_steps,
+)
 from locsnn_compile.data.read import read_recordings
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.emitters import (
@@ -112,6 +118,7 @@ def _of_an_earlier_build(folder: Path, files: Mapping[str, bytes]) -> list[str]:
 def _network(args: Namespace) -> Network:
     """Read the model, or join several, in the steps asked for; refuse options that change nothing for it."""
     options = picked(args, "config", "dt", "reset", "discretisation", "kernels", "branches")
+    options |= picked(args, "channel_order")
     networks = [load(model, **options) for model in args.model]
     if args.weights and len(networks) < 2:
         if networks[0].members:
@@ -120,7 +127,11 @@ def _network(args: Namespace) -> Network:
         raise InputError(
             "--weights", "there is one model, with nothing to weigh it against", fix="Leave it out."
         )
-    network = join(networks, args.weights, args.calibration) if len(networks) > 1 else networks[0]
+    reading = sensor_reading(args)
+    network = networks[0]
+    if len(networks) > 1:
+        network = join(networks, args.weights, args.calibration, reading)
+    network = on_sensor(network, args)
     asked = given(args, ("--weight-bits", "--split-weights", "--calibration", "--psi"))
     if network.has_float_weights and given(args, BOUNDS):  # settings are chosen on --calibration
         asked.pop("--calibration", None)
@@ -128,18 +139,26 @@ def _network(args: Namespace) -> Network:
     return with_steps(network, args)
 
 
-def _recordings(args: Namespace, network: Network) -> tuple[Recordings, str | Recordings | None]:
+def _recordings(args: Namespace, network: Network) -> tuple[Recordings, Recordings | None]:
     """Return the recordings to check on, and those to calibrate on; never the same of a file that is divided here."""
     divided = given(args, ("--split", "--fold"))
     if args.events is None:
-        for option in (*divided, *given(args, ("--axes",))):
+        used = args.calibration is not None or args.channel_order is not None
+        for option in (*divided, *(() if used else given(args, SENSOR_OPTIONS))):
             raise InputError(option, "there are no events to read", fix="Give them with --events.")
-        return recordings_for(network, None), args.calibration
+        return recordings_for(network, None), _calibration(args, network)
     reading = {"model": network.expected, **asked_reading(args)}
     recordings = read_recordings(args.events, **reading)
     if divided and args.calibration == args.events:
         return recordings, read_recordings(args.events, split="train", **reading)
-    return recordings, args.calibration
+    return recordings, _calibration(args, network)
+
+
+def _calibration(args: Namespace, network: Network) -> Recordings | None:
+    """Return the recordings of --calibration, of the sensor that the options describe."""
+    if args.calibration is None:
+        return None
+    return calibration_recordings(network, args.calibration, sensor_reading(args))
 
 
 def _check_options(args: Namespace) -> None:

@@ -13,17 +13,17 @@ No option restores the names of classes: a line says that they are left out.
 
 import argparse
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from hw_model.io.files import replace_file
-from hw_model.values import picked
 from locsnn_compile.cli.options import recording_of
 from locsnn_compile.cli.places import check_places
 from locsnn_compile.cli.shell import say
-from locsnn_compile.cli.step_options import asked_reading
+from locsnn_compile.cli.step_options import asked_reading, asked_sensor
 from locsnn_compile.data.read import read_recordings, recording_parts
 from locsnn_compile.data.recordings import Recordings
-from locsnn_compile.data.sensor import asked_layout
+from locsnn_compile.data.sensor import SensorLayout
 from locsnn_compile.data.statistics import event_statistics
 from locsnn_compile.data.write import write_recordings
 from locsnn_compile.errors import InputError
@@ -41,18 +41,22 @@ def run(args: argparse.Namespace) -> int:
     writes = [(f"{option} {str(path)!r}", path) for option, path in given if path is not None]
     # A folder is written only if it is new or empty.
     check_places({"FILE": args.file}, [place for place in writes if place[1].suffix])
-    laid_out = args.grid is not None or args.layout is not None
-    sensor = (
-        asked_layout(args.grid, args.polarities, args.channels, args.layout) if laid_out else None
-    )
-    asked = picked(args, "channels", "polarities", "columns") | asked_reading(args)
-    recordings = read_recordings(args.file, split=args.part, sensor=sensor, **asked)
+    recordings = read_recordings(args.file, split=args.part, **asked_reading(args))
     number = recording_of(args.recording, recordings)
+    sensor = _laid_out(args)
     found = event_statistics(recordings, sensor)
     written = _write(args, recordings, number, sensor)
     said = statistics_lines(found, recordings.binned.words if recordings.binned else None)
     say(args, found, [*said, *_raster(recordings, number), *written])
     return 0
+
+
+def _laid_out(args: argparse.Namespace) -> SensorLayout | None:
+    """Return the sensor that the options describe, as it is after merging; None for a mere number of channels."""
+    sensor = asked_sensor(args)
+    if sensor is None or not sensor.laid_out:
+        return None
+    return replace(sensor, polarities=1) if args.merge_polarities else sensor
 
 
 def statistics_lines(found: Mapping[str, Any], binning: str | None) -> list[str]:

@@ -28,6 +28,12 @@ from locsnn_compile.cli.interrupt import EXIT_INTERRUPTED
 from locsnn_compile.cli.options import given
 from locsnn_compile.cli.places import check_places
 from locsnn_compile.cli.shell import EXIT_GATE, progress_bar
+from locsnn_compile.cli.step_options import (
+    SENSOR_OPTIONS,
+    on_sensor,
+    sensor_arguments,
+    sensor_reading,
+)
 from locsnn_compile.cluster.spread import Spread, spread_over
 from locsnn_compile.errors import InputError
 from locsnn_compile.explore.events import choose_events, report_events, written
@@ -86,16 +92,24 @@ def _explore(
         args.discretisation,
         args.kernels,
         args.branches,
+        args.channel_order,
     )
-    network, chip = model.load(), hw.chip(args.target)
+    network, chip = on_sensor(model.load(), args), hw.chip(args.target)
+    reading = sensor_reading(args)
+    files = (args.events, args.calibration, args.report_on, args.channel_order)
+    if not any(files):
+        for option in given(args, SENSOR_OPTIONS):
+            raise InputError(option, "there are no events to read", fix="Give them with --events.")
     check_matters(network, {"calibration": "--calibration"} if args.calibration else {})
-    events = choose_events(network, args.events, args.part, args.recordings)
+    events = choose_events(network, args.events, args.part, args.recordings, reading)
     if events.file is None:
         _check_places(args, folder, ["events.npz"])
-    reported_on = report_events(network, args.report_on) if args.report_on else None
+    reported_on = report_events(network, args.report_on, reading) if args.report_on else None
     # By default never the recordings in the model: they may belong to its test part.
     calibration = (
-        calibration_recordings(network, args.calibration) if args.calibration else events.recordings
+        calibration_recordings(network, args.calibration, reading)
+        if args.calibration
+        else events.recordings
     )
     engines = ENGINES if args.engines is None else tuple(dict.fromkeys(args.engines))
     study = Study(network, model.digest(), chip, events.recordings, calibration, engines)
@@ -107,7 +121,15 @@ def _explore(
         budget = asked if asked.given else auto_bounds(study, points, store, spread)
     events = written(events, folder / "events.npz")
     found = Exploration(
-        study, model, args.target, args.calibration, events, budget, not asked.given, points
+        study,
+        model,
+        args.target,
+        args.calibration,
+        events,
+        budget,
+        not asked.given,
+        points,
+        sensor_arguments=sensor_arguments(args),
     )
     if reported_on is None:
         return found

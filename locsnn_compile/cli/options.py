@@ -33,6 +33,7 @@ def numbers(text: str) -> tuple[float, ...]:
 KINDS: Mapping[str, Mapping[str, Any]] = {
     **{kind.__name__.lower(): {"type": kind} for kind in (int, float, str, numbers, part, Path)},
     "flag": {"action": "store_true"},
+    "switch": {"action": "store_true", "default": None},
     "yes or no": {"action": argparse.BooleanOptionalAction},
     "required": {"required": True},
     "any": {"nargs": "*"},

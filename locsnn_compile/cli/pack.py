@@ -14,6 +14,7 @@ from pathlib import Path
 from hw_model.io.extras import needed
 from locsnn_compile.api import join
 from locsnn_compile.cli.places import check_places
+from locsnn_compile.cli.step_options import sensor_reading
 from locsnn_compile.errors import InputError
 from locsnn_compile.frontends.checkpoint import network_of
 from locsnn_compile.models.checkpoint import Pack
@@ -33,7 +34,10 @@ def run(args: argparse.Namespace) -> int:
     needed("torch", "train", "locsnn pack")
     checkpoints = tuple(read_checkpoint(path) for path in args.model)
     joined = join(
-        [network_of(checkpoint) for checkpoint in checkpoints], args.weights, args.calibration
+        [network_of(checkpoint) for checkpoint in checkpoints],
+        args.weights,
+        args.calibration,
+        sensor_reading(args),
     )
     Pack(checkpoints, tuple(member.weight for member in joined.members)).save(args.output)
     for member in joined.members:

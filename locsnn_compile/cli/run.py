@@ -26,7 +26,12 @@ import numpy as np
 import hw_model as hw
 from hw_model.mapping.graph import decided
 from locsnn_compile.cli.shell import progress_bar, say
-from locsnn_compile.cli.step_options import CHUNK, chunks_for_program, read_for_program
+from locsnn_compile.cli.step_options import (
+    CHUNK,
+    assumption_lines,
+    chunks_for_program,
+    read_for_program,
+)
 from locsnn_compile.cluster.spread import Spread, spread_over
 from locsnn_compile.data.read import recording_parts
 from locsnn_compile.data.recordings import Recordings
@@ -83,6 +88,8 @@ def run(args: argparse.Namespace) -> int:
         result: Row = {"program": program.name, "recordings": rows}
         result |= {"counts": dict(counts), "energy_pj": totals}
         said = _summary(program, tally, counts, totals)
+        result["assumptions"] = list(recordings.assumed)
+        said += assumption_lines(recordings)
         if recordings.binned is not None:
             result["binning"] = recordings.binned.document()
             said.append(f"binning: {recordings.binned.words}")

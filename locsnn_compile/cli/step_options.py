@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import hw_model as hw
 from hw_model.values import picked
+from locsnn_compile.cli.options import given
 from locsnn_compile.data.channels import Channels, flat_channels, parse_numbering
 from locsnn_compile.data.read import read_in_chunks, read_recordings
 from locsnn_compile.data.recordings import Expected, Recordings
+from locsnn_compile.data.sensor import SensorLayout, asked_layout
 from locsnn_compile.errors import InputError, check_most, counted
 
 if (
@@ -23,9 +25,50 @@ CHUNK = 16
 
 def asked_reading(args: argparse.Namespace) -> dict[str, Any]:
     """Return these options as arguments of ``read_recordings``."""
-    return picked(args, "step_seconds", "steps", "threshold", "axes", "fold") | {
-        "test_share": args.split
-    }
+    reading = picked(args, "step_seconds", "steps", "threshold", "fold")
+    return reading | {"test_share": args.split} | sensor_reading(args)
+
+
+SENSOR_OPTIONS = (
+    "--axes",
+    "--grid",
+    "--layout",
+    "--channels",
+    "--polarities",
+    "--columns",
+    "--merge-polarities",
+)
+"""The options that say what the channels of recordings are."""
+
+
+def sensor_arguments(args: argparse.Namespace) -> tuple[str, ...]:
+    """Return the options that say what the channels of recordings are, as they are typed."""
+    arguments: list[str] = []
+    for option, value in given(args, SENSOR_OPTIONS).items():
+        arguments.append(option)
+        if value is not True:
+            arguments.append(str(value))
+    return tuple(arguments)
+
+
+def sensor_reading(args: argparse.Namespace) -> dict[str, Any]:
+    """Return what the options say of the sensor, as arguments of ``read_recordings``."""
+    reading = picked(args, "axes", "merge_polarities")
+    sensor = asked_sensor(args)
+    if sensor is not None:
+        return reading | {"sensor": sensor}
+    return reading | picked(args, "polarities", "columns")
+
+
+def asked_sensor(args: argparse.Namespace) -> SensorLayout | None:
+    """Return the sensor that the options describe, None if they do not.
+
+    Where polarities are merged there are two of them, unless the options say otherwise.
+    """
+    polarities = 2 if args.polarities is None and args.merge_polarities else args.polarities
+    if args.grid is None and args.layout is None and args.channels is None:
+        return None
+    return asked_layout(args.grid, polarities, args.channels, args.layout, args.columns)
 
 
 def read_for_program(
@@ -34,14 +77,20 @@ def read_for_program(
     """Return recordings in the steps of a program, or as the options ask where the program does not say."""
     return _fitting(
         program,
-        read_recordings(path, split=split, model=expected_by(program), **asked_reading(args)),
+        read_recordings(path, split=split, model=_expected(args, program), **asked_reading(args)),
     )
 
 
 def chunks_for_program(args: argparse.Namespace, program: hw.ChipProgram) -> Iterator[Recordings]:
     """Yield the recordings of ``--events`` in the same way, a few at a time if the file allows it."""
-    found = read_in_chunks(args.events, CHUNK, model=expected_by(program), **asked_reading(args))
+    model = _expected(args, program)
+    found = read_in_chunks(args.events, CHUNK, model=model, **asked_reading(args))
     return (_fitting(program, part) for part in found)
+
+
+def assumption_lines(recordings: Recordings) -> list[str]:
+    """Return what was taken where neither the recordings nor the program said it, a line for each sentence."""
+    return [f"assumed: {said}" for said in recordings.assumed]
 
 
 def _fitting(program: hw.ChipProgram, recordings: Recordings) -> Recordings:
@@ -69,6 +118,18 @@ def _fitting(program: hw.ChipProgram, recordings: Recordings) -> Recordings:
         what = "the recordings are longer than the program"
         check_most(steps, most, where, what, unit="steps", fix=f"Cut them with --steps {most}.")
     return recordings
+
+
+def _expected(args: argparse.Namespace, program: hw.ChipProgram) -> Expected:
+    """Return the recordings that a program expects, its channels numbered as the options say if it does not."""
+    expected = expected_by(program)
+    if args.channel_order is None:
+        return expected
+    own = expected.inputs.numbering if expected.inputs else expected.numbering
+    if own not in (None, args.channel_order):
+        what, measured = f"{expected.whose} has another", f"got {args.channel_order} against {own}"
+        raise InputError("--channel-order", what, measured=measured, fix="Leave it out.")
+    return replace(expected, numbering=parse_numbering(args.channel_order))
 
 
 def expected_by(program: hw.ChipProgram) -> Expected:
@@ -113,3 +174,13 @@ def with_steps(network: "Network", args: argparse.Namespace) -> "Network":
         return network
     carried = network.recordings and network.recordings.with_steps(args.steps)
     return replace(network, steps=args.steps, any_length=False, recordings=carried)
+
+
+def on_sensor(network: "Network", args: argparse.Namespace) -> "Network":
+    """Return the network with the grid of its inputs, if the options give both their order and the sensor."""
+    sensor = asked_sensor(args)
+    if sensor is None or sensor.inputs is None or network.channel_order is None:
+        return network
+    polarities = 1 if args.merge_polarities else sensor.polarities
+    inputs = replace(sensor.inputs, polarities=polarities, numbering=network.channel_order)
+    return replace(network, inputs=inputs) if inputs.count == network.channels else network

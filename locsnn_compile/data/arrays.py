@@ -24,8 +24,8 @@ from locsnn_compile.data.torch_file import load_plain
 from locsnn_compile.errors import InputError, counted
 
 #: Entries of ``.npz`` and ``.pt`` files that are not the recordings.
-_BESIDE = ("labels", "step_seconds", "class_names", "axes")
-_TEXTS = _BESIDE[2:]
+_BESIDE = ("labels", "step_seconds", "class_names", "axes", "sensor_size")
+_TEXTS = ("class_names", "axes")
 _OWN = ("spikes", *_BESIDE)
 _ALIKE = 0.82
 """From which likeness on a name is one of these with an error in it: 0.83 for ``lables``, 0.8 for ``taxels``."""
@@ -40,6 +40,7 @@ def read_arrays(path: Path, binning: Binning, asked_seconds: float | None) -> Re
       :func:`read_hdf5`.
     - Axes: those of :func:`locsnn_compile.data.axes.to_step_major`, or of the entry ``axes``, or of ``binning``.
     - Labels of a ``.npy``: in ``<stem>_labels.npy`` next to it; for a single recording also ``_label_<k>`` in its name.
+    - Pixels: those of the axes, or of the entry ``sensor_size`` (columns, rows, polarities).
     - Width of a bin: the file's. If it gives none, or holds events, that of ``binning``.
 
     Raises ``InputError`` for anything else, for an entry whose name is almost one of these, for bins that are not
@@ -70,6 +71,7 @@ def read_arrays(path: Path, binning: Binning, asked_seconds: float | None) -> Re
         array = _find_spikes(entries, where)
         channels = pixels_of(array, where, expected, order)
         spikes = to_step_major(array, where, expected, order)
+        channels = _sensor_of(entries, channels, spikes.shape[2], where)
     labels = entries["labels"] if "labels" in entries else labels_beside(path, len(spikes))
     seconds, names = (
         binning.step_seconds if own is None else own,
@@ -146,6 +148,22 @@ def _number(stored: AnyArray, where: str) -> float:
             where, "its entry 'step_seconds' is not one number", fix="Give the width of a bin."
         )
     return float(stored.reshape(()))
+
+
+def _sensor_of(
+    entries: Mapping[str, AnyArray], of_axes: Channels | None, count: int, where: str
+) -> Channels | None:
+    """Return the pixels that the entry ``sensor_size`` states, or else those of the axes; refuse other sizes."""
+    if "sensor_size" not in entries:
+        return of_axes
+    sizes = entries["sensor_size"].reshape(-1)
+    whole = sizes.dtype.kind in "iu" and len(sizes) == 3 and bool((sizes > 0).all())
+    stated = Channels(*sizes.tolist()) if whole else None
+    if stated is None or stated.count != count or (of_axes and of_axes != stated):
+        what = "its entry 'sensor_size' is not that of its channels"
+        measured = f"{sizes.tolist()[:4]} for {counted(count, 'channel')}"[:80]
+        raise InputError(where, what, measured=measured, fix="Give columns, rows, polarities.")
+    return stated
 
 
 def _npz_entries(data: bytes, where: str) -> dict[str, AnyArray]:

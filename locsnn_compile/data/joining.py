@@ -46,6 +46,17 @@ def join_channels(recordings: Recordings, model: Expected) -> Recordings:
     return joined
 
 
+def by_pixel(recordings: Recordings) -> Recordings:
+    """Return recordings numbered as files are: by pixel, and then by polarity."""
+    known = recordings.channels
+    if known is None or known.numbering == "yxp":
+        return recordings
+    wanted = replace(known, numbering="yxp")
+    where = f"recordings {recordings.source!r}"
+    spikes = _placed(recordings.spikes, known.places_in(wanted), wanted.count, where)
+    return replace(recordings, spikes=spikes, channels=wanted)
+
+
 def described(recordings: Recordings, sensor: SensorLayout) -> Recordings:
     """Return recordings in bins as those of a sensor; ``InputError`` if they are not.
 

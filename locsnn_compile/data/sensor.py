@@ -147,6 +147,14 @@ def neutouch(fingertips: int = 1) -> SensorLayout:
     return SensorLayout("neutouch", TAXELS, POLARITIES, fingertips, positions=TAXEL_COORDINATES_MM)
 
 
+def grid_layout(known: Channels | None) -> SensorLayout | None:
+    """Return the layout of a grid that recordings state; None if they do not, or only show how far events reach."""
+    if known is None or not known.is_grid or known.reached or known.polarities > POLARITIES:
+        return None
+    name = f"grid {known.columns}x{known.rows}"
+    return SensorLayout(name, known.pixels, known.polarities, columns=known.columns)
+
+
 def asked_layout(
     grid: str | None,
     polarities: int | None,
@@ -160,6 +168,9 @@ def asked_layout(
     - ``channels``: a number of channels, by default with one polarity; without positions, or on a grid of ``columns``
     - ``layout``: a file
     """
+    if columns is not None and channels is None:
+        what = "the grid or the layout has columns of its own"
+        raise InputError("columns", what, measured=f"got {columns}", fix="Leave it out.")
     given = [
         name
         for name, value in (("grid", grid), ("channels", channels), ("layout", layout))

@@ -15,6 +15,7 @@ from locsnn_compile.data.event_formats import (
     structured_events,
 )
 from locsnn_compile.data.event_stream import STEP_SECONDS, StepRule, recording_events
+from locsnn_compile.data.joining import by_pixel
 from locsnn_compile.data.members import label_in_name
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.sensor import POLARITIES, TAXELS, SensorLayout
@@ -58,6 +59,7 @@ def write_recordings(
     format cannot hold, and if the file cannot be written.
     """
     path = Path(path)
+    recordings = by_pixel(recordings)
     where, suffix = f"file {path.name!r}", path.suffix
     check_known(where, f"files ending in {suffix!r} are not written", suffix or None, SUFFIXES)
     if sensor is not None:
@@ -144,10 +146,19 @@ def _entries(recordings: Recordings, kind: str, where: str, sensor: Sensor) -> d
         "labels": recordings.labels,
         "step_seconds": width,
         "class_names": recordings.class_names,
+        "sensor_size": _sensor_size(recordings),
     }
     if kind != "events" and not is_clear(entries["spikes"].shape):
         more["axes"] = ("samples", "channels", "steps")
     return entries | {name: np.array(value) for name, value in more.items() if value is not None}
+
+
+def _sensor_size(recordings: Recordings) -> tuple[int, int, int] | None:
+    """Return columns, rows and polarities, as Tonic has them; None where only the reach of events is known."""
+    known = recordings.channels
+    if known is None or not known.is_grid or known.reached:
+        return None
+    return known.columns, known.rows, known.polarities
 
 
 def _channel_major(spikes: ByteArray) -> ByteArray:

@@ -4,8 +4,10 @@ Choices are not made on test recordings: by default on the train part of a divid
 events, on synthetic touches, because the recordings in a model may belong to its test part.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -49,11 +51,16 @@ class Chosen(Frozen, eq=False):
 
 
 def choose_events(
-    network: Network, events: str | None, part: str | None, bound: int | None
+    network: Network,
+    events: str | None,
+    part: str | None,
+    bound: int | None,
+    reading: Mapping[str, Any] | None = None,
 ) -> Chosen:
     """Return at most ``bound`` of the recordings of ``events``, evenly spread.
 
-    ``part`` is ``train`` or ``test`` of a divided archive or folder; None takes train.
+    ``part`` is ``train`` or ``test`` of a divided archive or folder; None takes train. ``reading``: what
+    ``read_recordings`` has to know of the sensor.
     """
     if events is None:
         if part is not None:
@@ -71,15 +78,18 @@ def choose_events(
         fix = "Give other recordings, or say so with --part test."
         raise InputError(f"events {Path(events).name!r}", what, fix=fix)
     taken = part or (CHOOSING if parts else None)
-    recordings = read_recordings(events, split=taken, model=network.expected)
+    recordings = read_recordings(events, split=taken, model=network.expected, **reading or {})
     # For a divided file, locsnn-compile plays one part as events and calibrates on another.
     file = None if parts else events
     return _bounded(Chosen(recordings, len(recordings), taken, file), bound)
 
 
-def report_events(network: Network, events: str) -> Chosen:
+def report_events(
+    network: Network, events: str, reading: Mapping[str, Any] | None = None
+) -> Chosen:
     """Return the recordings to report on: all, or the test part if they are divided."""
-    chosen = choose_events(network, events, REPORTING if recording_parts(events) else None, None)
+    part = REPORTING if recording_parts(events) else None
+    chosen = choose_events(network, events, part, None, reading)
     its = chosen.recordings
     # What does not fit is refused before all the work.
     network.fit(its.spikes[:1], its.source)

@@ -38,6 +38,7 @@ class ModelFile(Frozen):
     discretisation: str | None = None
     kernels: str | None = None
     branches: str | None = None
+    channel_order: str | None = None
 
     def load(self) -> Network:
         """Read the model; ``InputError`` for what cannot be read or used."""
@@ -45,7 +46,8 @@ class ModelFile(Frozen):
 
     def arguments(self) -> list[str]:
         """Return the arguments of ``locsnn-compile``."""
-        given = {f"--{name}": str(value) for name, value in vars(self).items() if value is not None}
+        named = {name.replace("_", "-"): value for name, value in vars(self).items()}
+        given = {f"--{name}": str(value) for name, value in named.items() if value is not None}
         return [given.pop("--model"), *chain.from_iterable(given.items())]
 
     def digest(self) -> str:

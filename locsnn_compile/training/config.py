@@ -1,6 +1,7 @@
 """All options of a training run, in one frozen value that a YAML file can hold."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -8,7 +9,7 @@ from hw_model.arithmetic.fixed_point import WEIGHT_BITS
 from hw_model.io.records import Checked, RecordReader, between, said_of
 from hw_model.io.yaml_text import read_mapping
 from hw_model.values import Frozen, Shown
-from locsnn_compile.data.sensor import MAX_CHANNELS, SensorLayout, asked_layout
+from locsnn_compile.data.sensor import MAX_CHANNELS, POLARITIES, SensorLayout, asked_layout
 from locsnn_compile.data.taxel_graph import GRAPHS
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.architectures import ARCHITECTURES, Architecture
@@ -127,12 +128,13 @@ class TrainingConfig(Shown, Checked, eq=True):
       bins). ``event_threshold``: a bin with more single events is 1 (None: 0). ``steps``: shorter recordings are padded
       with silence, longer ones are cut (None: the length of the longest). ``psi``: how late the time-weighted
       prediction turns to the location branch; the checkpoint keeps it (None: not stated).
-    - The sensor, by default NeuTouch: ``grid`` (columns x rows, such as 16x16), ``channels`` or ``layout`` (a YAML
-      file), with ``polarities`` (default: 2 for a grid, 1 for channels); see
-      :class:`locsnn_compile.data.sensor.SensorLayout`. ``axes``: the order of the axes of arrays, if it is not that of
-      files. ``align_events``: recordings start at the first step with at least this many events (None: at their first
-      step). ``split``: the share of every class to test on, if recordings have no parts; ``fold``: its round, or the
-      round of files of rows (None: 1).
+    - The sensor, by default NeuTouch: ``grid`` (columns x rows, such as 16x16), ``channels`` (with ``columns`` if they
+      are those of a grid) or ``layout`` (a YAML file), with ``polarities`` (default: 2 for a grid, 1 for channels); see
+      :class:`locsnn_compile.data.sensor.SensorLayout`. ``merge_polarities``: the network gets one channel for both
+      polarities of a pixel. ``axes``: the order of the axes of arrays, if it is not that of files.
+    - ``align_events``: recordings start at the first step with at least this many events (None: at their first step).
+      ``split``: the share of every class to test on, if recordings have no parts; ``fold``: its round, or the round of
+      files of rows (None: 1).
     - Time constants are in steps. ``theta`` to ``scale_rho`` belong to spike response neurons; ``decay``, ``threshold``
       and ``window`` to integrate-and-fire neurons. ``location_theta`` to ``location_threshold`` are for the location
       branch, if given; its steps are locations.
@@ -201,6 +203,8 @@ class TrainingConfig(Shown, Checked, eq=True):
     polarities: Annotated[int | None, between(1, 2)] = None
     channels: Annotated[int | None, between(1, MAX_CHANNELS)] = None
     layout: str | None = None
+    columns: Annotated[int | None, between(1, MAX_CHANNELS)] = None
+    merge_polarities: bool | None = None
     axes: str | None = None
     align_events: Annotated[int | None, between(1, 20_000), SPIKING] = None
     split: Annotated[float | None, between(0.001, 0.9)] = None
@@ -239,9 +243,21 @@ class TrainingConfig(Shown, Checked, eq=True):
     called = "training option"
 
     @property
+    def recorded(self) -> SensorLayout | None:
+        """The sensor of the recordings that is asked for; None for NeuTouch."""
+        merged = self.merge_polarities and self.polarities is None
+        polarities = POLARITIES if merged and self._describes_sensor else self.polarities
+        return asked_layout(self.grid, polarities, self.channels, self.layout, self.columns)
+
+    @property
     def sensor(self) -> SensorLayout | None:
-        """The sensor that is asked for; None for NeuTouch."""
-        return asked_layout(self.grid, self.polarities, self.channels, self.layout)
+        """The sensor of the network, with one polarity if they are merged; None for NeuTouch."""
+        recorded = self.recorded
+        return replace(recorded, polarities=1) if recorded and self.merge_polarities else recorded
+
+    @property
+    def _describes_sensor(self) -> bool:
+        return any(given is not None for given in (self.grid, self.channels, self.layout))
 
 
 def check_used(given: Mapping[str, str], *configs: TrainingConfig) -> None:

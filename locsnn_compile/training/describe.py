@@ -7,7 +7,14 @@ from typing import Any
 from hw_model.values import picked
 from locsnn_compile.data.orders import location_order, order_text
 from locsnn_compile.data.recordings import MAX_STEPS, Recordings
-from locsnn_compile.data.sensor import POLARITIES, TAXELS, SensorLayout, asked_layout, neutouch
+from locsnn_compile.data.sensor import (
+    POLARITIES,
+    TAXELS,
+    SensorLayout,
+    asked_layout,
+    grid_layout,
+    neutouch,
+)
 from locsnn_compile.data.taxel_graph import taxel_graph
 from locsnn_compile.errors import InputError, check_most, check_same
 from locsnn_compile.models.architectures import ARCHITECTURES
@@ -27,7 +34,8 @@ def describe(
 ) -> NetworkDescription:
     """Return the network that ``config`` asks for on data of this shape; ``InputError`` if they do not fit."""
     channels = recordings.spikes.shape[2]
-    sensor = config.sensor or neutouch(max(1, channels // (TAXELS * POLARITIES)))
+    sensor = config.sensor or grid_layout(recordings.channels)
+    sensor = sensor or neutouch(max(1, channels // (TAXELS * POLARITIES)))
     sensor.check_channels(channels, f"recordings {recordings.source!r}")
     steps, fix = recordings.spikes.shape[1], "Cut them with --steps, or use wider bins."
     check_most(
@@ -133,7 +141,7 @@ def fixed_by(start: NetworkDescription) -> dict[str, Any]:
 def check_fits_start(values: Mapping[str, Any], start: NetworkDescription) -> None:
     """Raise ``InputError`` for a given option that contradicts the network to start from."""
     asked = asked_layout(
-        *(values.get(name) for name in ("grid", "polarities", "channels", "layout"))
+        *(values.get(name) for name in ("grid", "polarities", "channels", "layout", "columns"))
     )
     own = start.input.sensor
     if asked is not None and asked != own:

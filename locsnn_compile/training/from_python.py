@@ -45,7 +45,8 @@ def read_parts(
     parts = [
         part for part in ("train", "test") if part in recording_parts(data, test_share=config.split)
     ]
-    asked = picked(config, "step_seconds", "steps", "axes", "sensor", "polarities", "fold")
+    asked = picked(config, "step_seconds", "steps", "axes", "merge_polarities", "fold")
+    asked["sensor"] = config.recorded
     asked |= {"threshold": config.event_threshold, "test_share": config.split, "model": model}
     read = [
         read_recordings(data, split=part, **asked)

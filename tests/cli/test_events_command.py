@@ -140,6 +140,8 @@ def test_conversion(small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[s
                 str(tmp_path / "out"),
                 "--channels",
                 "78",
+                "--polarities",
+                "2",
                 "--to",
                 str(tmp_path / "back.npz"),
             ]

@@ -81,6 +81,13 @@ def options(**given: Any) -> Namespace:
             "axes": None,
             "split": None,
             "fold": None,
+            "grid": None,
+            "layout": None,
+            "channels": None,
+            "polarities": None,
+            "columns": None,
+            "merge_polarities": None,
+            "channel_order": None,
         }
         | given
     )

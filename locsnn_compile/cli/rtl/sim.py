@@ -16,13 +16,14 @@ import hw_model as hw
 from hw_model.rtl import simulators
 from hw_model.rtl.comparison import compare
 from locsnn_compile.cli.shell import EXIT_GATE, say
-from locsnn_compile.cli.step_options import read_for_program
+from locsnn_compile.cli.step_options import assumption_lines, read_for_program
 
 
 def run(args: argparse.Namespace) -> int:
     """Compare; print the result in a few lines, or as JSON."""
     program = hw.load_program(args.program)
-    spikes = read_for_program(args, args.events, program).spikes[: args.recordings]
+    recordings = read_for_program(args, args.events, program)
+    spikes = recordings.spikes[: args.recordings]
     found = compare(program, spikes, simulators.sources(), args.simulator)
     cycles = found["cycles"]
     lines = (
@@ -30,5 +31,6 @@ def run(args: argparse.Namespace) -> int:
         f"mismatches {found['mismatches']}, cycles predicted wrongly {found['cycle_mismatches']}",
         f"cycles per recording: {sum(cycles) / len(cycles):.0f} on average, {max(cycles)} at most",
     )
-    say(args, found, lines)
+    found["assumptions"] = list(recordings.assumed)
+    say(args, found, [*lines, *assumption_lines(recordings)])
     return EXIT_GATE if found["mismatches"] or found["cycle_mismatches"] else 0

@@ -15,15 +15,17 @@ import argparse
 import hw_model as hw
 from hw_model.rtl.streaming import stream
 from locsnn_compile.cli.shell import EXIT_GATE, say
-from locsnn_compile.cli.step_options import read_for_program
+from locsnn_compile.cli.step_options import assumption_lines, read_for_program
 
 
 def run(args: argparse.Namespace) -> int:
     """Stream; print the class of each recording and what differs, or the result as JSON."""
     program = hw.load_program(args.program)
-    spikes = read_for_program(args, args.events, program).spikes[: args.recordings]
+    recordings = read_for_program(args, args.events, program)
+    spikes = recordings.spikes[: args.recordings]
     found = stream(program, spikes, args.port, args.baud, args.spikes)
     said = "no readout" if found["expected"] is None else "class {}"
+    found["assumptions"] = list(recordings.assumed)
     lines = [
         f"recording {index}: {said.format(winner)}"
         + (f"; different: {', '.join(differs)}" if differs else "")
@@ -36,6 +38,7 @@ def run(args: argparse.Namespace) -> int:
         found,
         [
             *lines,
+            *assumption_lines(recordings),
             f"recordings {found['recordings']}, different from the simulator {found['mismatches']}",
         ],
     )
