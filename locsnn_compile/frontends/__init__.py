@@ -44,8 +44,8 @@ def load(
     - A ``.pt`` file is a checkpoint. With ``config``, its YAML description, it is one of slayerPytorch.
     - HDF5 files are told apart by their content.
     - NIR graph: ``dt`` is the length of a step in seconds (by convention 1e-4), ``reset`` what a spike does to the
-      potential (``zero``, ``subtract``, ``late-zero`` or ``late-subtract``), and ``discretisation`` is ``euler``,
-      ``hold`` or ``exact``.
+      potential (``zero``, ``subtract``, ``late-zero``, ``late-subtract`` or ``none``), and ``discretisation`` is
+      ``euler``, ``hold`` or ``exact``.
     - slayerPytorch checkpoint of SRMALPHA neurons: ``kernels`` of the float reference are ``full``, or ``cut`` as in
       training. The chip always keeps the tails. ``branches`` names the layers that run along ``time`` and
       ``location``, as ``{"location": ["locationFc1", "locationFc2"]}``, or ``time=fc1,fc2,location=...`` in a text.

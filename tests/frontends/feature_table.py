@@ -153,6 +153,7 @@ NIR_CELLS = [
     works("NIR", "--reset subtract of CubaLIF", neurons(cuba(RNG, 12)), dt=DT, reset="subtract"),
     works("NIR", "--reset late-subtract", neurons(integrate(RNG, 12)), dt=DT, reset="late-subtract"),
     works("NIR", "--reset late-zero", neurons(cuba(RNG, 12)), dt=DT, reset="late-zero"),
+    works("NIR", "--reset none", neurons(cuba(RNG, 12)), dt=DT, reset="none"),
     works("NIR", "--discretisation hold", neurons(lif(RNG, 12)), dt=DT, discretisation="hold"),
     works("NIR", "--discretisation exact", neurons(cuba(RNG, 12)), dt=DT, discretisation="exact"),
     loses("NIR", "time", neurons(lif(RNG, 12)), "it becomes steps: a spike is on the grid of `--dt`", lambda n: n.origin.metadata["dt"] == DT, dt=DT),

@@ -2,7 +2,8 @@
 
 Independent of it in everything: convolutions by loops over the output, states in the equations' own units. ``how`` is
 ``euler``, dt / tau of everything, or ``hold``, 1 - exp(-dt / tau). ``reset``: ``zero``, ``subtract``, and as snnTorch
-does with its delay ``late-zero`` (of ``Synaptic``: the potential is 0 in the step after) and ``late-subtract``.
+does with its delay ``late-zero`` (of ``Synaptic``: the potential is 0 in the step after) and ``late-subtract``; with
+``none`` a spike changes nothing.
 """
 
 import networkx as nx
@@ -121,7 +122,7 @@ def step(node, x, state, dt, how="euler", reset="zero"):
     fired = v > node.v_threshold
     if reset == "subtract":
         v = v - fired * (node.v_threshold - node.v_reset)
-    elif reset != "late-subtract":
+    elif reset not in ("late-subtract", "none"):
         v = np.where(fired, node.v_reset, v)
     state.update(v=v, i=i, fired=fired)
     return fired * 1.0

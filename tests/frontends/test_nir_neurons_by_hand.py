@@ -114,7 +114,12 @@ def test_a_constant_goes_through_what_follows():
     )
     assert signal.constant.tolist() == [5.5, 8.5]
     assert signal.scaled(np.array([3.0, 0.5])).constant.tolist() == [16.5, 4.25]
-    assert signal.delayed(np.array([1, 0])).constant.tolist() == [5.5, 8.5]
+    delayed = signal.delayed(np.array([1, 0]))
+    assert delayed.constant.tolist() == [5.5, 8.5]
+    assert [(onset.delay, onset.values.tolist()) for onset in delayed.constants] == [
+        (0, [0.0, 8.5]),
+        (1, [5.5, 0.0]),
+    ]
 
 
 RNG = np.random.default_rng(2)

@@ -15,7 +15,7 @@ from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
 
 RNG = np.random.default_rng(21)
-RESETS = ("zero", "subtract", "late-zero", "late-subtract")
+RESETS = ("zero", "subtract", "late-zero", "late-subtract", "none")
 NEURONS = {
     "LIF": lif(RNG, 12),
     "CubaLIF": cuba(RNG, 12),

@@ -95,6 +95,11 @@ def _flat(
             entrance[name], leave[name] = (
                 f"{full}.{_only(node, kind, where, full)}" for kind in ("Input", "Output")
             )
+        elif has_input_matrix(node):
+            weights = f"{full} (w_in)"
+            inside = without_input_matrix(node, weights, full)
+            inner = [(weights, full)]
+            entrance[name] = weights
         else:
             passing = not top and node.kind in ("Input", "Output")
             inside, inner = {full: NirNode("Pass", node.parameters) if passing else node}, []
@@ -103,14 +108,36 @@ def _flat(
                 raise InputError(where, f"two nodes are called {held[:60]!r}", fix="Rename one.")
         nodes |= inside
         edges += inner
+    place = where if top else f"{where}, graph {prefix.rstrip('.')[:60]!r}"
     for source, target in graph.edges:
         for end in (source, target):
             edge = f"{source[:60]!r} -> {target[:60]!r}"
-            check_known(
-                where, f"the edge {edge} names a node that does not exist", end, graph.nodes
-            )
+            what = f"the edge {edge} names a node that does not exist"
+            check_known(place, what, end, graph.nodes)
         edges.append((leave[source], entrance[target]))
     return nodes, edges
+
+
+def has_input_matrix(node: NirNode) -> bool:
+    """Tell whether the ``w_in`` of a neuron node is a matrix (neurons, inputs), not a number for each.
+
+    Neurons whose other parameters have the shape of ``w_in`` lie in a plane, with a number for each.
+    """
+    if node.kind not in ("CubaLIF", "CubaLI") or "w_in" not in node.parameters:
+        return False
+    shape = node.array("w_in").shape
+    others = [node.array(name).shape for name in node.parameters if name != "w_in"]
+    neurons = max(others, key=math.prod)
+    if len(shape) != 2 or len(neurons) > 1 or shape[1] == 1:
+        return False
+    return math.prod(neurons) in (1, shape[0])
+
+
+def without_input_matrix(node: NirNode, weights: str, neurons: str) -> dict[str, NirNode]:
+    """Return the two nodes that a node with an input matrix is: a Linear, and neurons of w_in 1."""
+    linear = NirNode("Linear", {"weight": node.parameters["w_in"]})
+    others = {name: value for name, value in node.parameters.items() if name != "w_in"}
+    return {weights: linear, neurons: NirNode(node.kind, others)}
 
 
 def _only(graph: NirGraph, kind: str, where: str, name: str) -> str:

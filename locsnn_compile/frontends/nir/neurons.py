@@ -7,8 +7,9 @@ With a step of dt, an input spike is a current of 1 for that step. There are thr
     I(t) = I(t - 1) + dt / tau_syn * (w_in * x(t) - I(t - 1))
     v(t) = v(t - 1) + dt / tau_mem * (v_leak - v(t - 1) + r * I(t))
 
-``exact``: a time constant loses ``1 - exp(-dt / tau)``, and the charge of a spike, ``dt``, arrives at once. Between two
-spikes of the neuron, v is then the solution of the equation at every step, or one step later with a synaptic current.
+``exact``: a time constant loses ``1 - exp(-dt / tau)``, and the charge of a spike, ``dt``, arrives at
+the start of its step. Between two spikes of the neuron, v is then the solution of the equation at the
+end of every step, with and without a synaptic current.
 
 ``hold``: the same, except that input is held for its step, so what is lost of the state is replaced by that share of
 the input.
@@ -24,7 +25,8 @@ whose rest is at their threshold or above spike by themselves: their rest is the
 A reset by subtraction takes the threshold from the potential at once (``subtract``), or in the next step, after the
 decay (``late-subtract``). A membrane without synaptic current then becomes the chip's current, which no spike resets,
 and a synapse from each neuron to itself takes the threshold; a membrane with a current becomes a :class:`SoftCuba`.
-``late-zero`` holds the potential at the reset value for the step after a spike.
+``late-zero`` holds the potential at the reset value for the step after a spike. Without a reset (``none``)
+neurons are made like those with a reset by subtraction, of which nothing is taken.
 """
 
 from collections.abc import Callable
@@ -33,7 +35,7 @@ from typing import Literal
 import numpy as np
 
 from hw_model.values import FloatArray, Frozen, picked
-from locsnn_compile.errors import InputError
+from locsnn_compile.errors import InputError, counted
 from locsnn_compile.frontends.nir.flat import READOUTS, FlatGraph
 from locsnn_compile.frontends.nir.graph import NirNode
 from locsnn_compile.frontends.nir.signals import Signal
@@ -41,7 +43,7 @@ from locsnn_compile.network.neurons import Cuba, SoftCuba
 from locsnn_compile.network.projections import matrix, row_sums
 
 Discretisation = Literal["euler", "exact", "hold"]
-Reset = Literal["zero", "subtract", "late-zero", "late-subtract"]
+Reset = Literal["zero", "subtract", "late-zero", "late-subtract", "none"]
 
 _UNREACHED = 1.1
 """The threshold of a neuron that never spikes, as a multiple of what its inputs can reach, rounded weights or not."""
@@ -98,8 +100,7 @@ def neurons_of(
     floor = values.get("v_reset", np.zeros(size))
     leak = values.get("v_leak", floor)
     # A current that receives decay_u of this in every step settles at the value of the constant.
-    constant = stepping.constant * stepping.decay_u * signal.constant
-    scaled = Signal(signal.scaled(stepping.spike).terms, constant)
+    scaled = signal.scaled(stepping.spike, stepping.constant * stepping.decay_u)
     if node.kind in READOUTS:
         return _read_out(scaled, stepping, leak, where)
     reset, limit = (
@@ -107,24 +108,37 @@ def neurons_of(
         if node.kind == "Threshold"
         else (reset, values["v_threshold"])
     )
-    soft = reset in ("subtract", "late-subtract")
+    soft = reset in ("subtract", "late-subtract", "none")
     zero = leak if soft else floor
     _check_threshold(limit, zero, "v_leak, where it starts" if soft else "the reset", where)
     rest, nothing = leak - zero, np.zeros(size)
     driven = np.where(leak < limit, 0.0, rest)
     bias = stepping.decay_v * (rest - driven)
     if not soft:
-        scaled = Signal(scaled.terms, constant + stepping.decay_u * stepping.decay_v * driven)
+        scaled = scaled.plus(stepping.decay_u * stepping.decay_v * driven)
         blocked, decays = 2 if reset == "late-zero" else 1, picked(stepping, "decay_u", "decay_v")
         made = Cuba.of(size, **decays, threshold=limit - zero, bias=bias, refractory=blocked)
         return Stated(made, scaled, nothing, rest - driven, driven)
-    drop = (limit - floor) * (1.0 if reset == "late-subtract" else 1 - stepping.decay_v)
+    drop = _drop(reset, limit - floor, stepping.decay_v)
     if (stepping.decay_u == 1).all():
         held = Cuba.of(size, decay_u=stepping.decay_v, decay_v=1.0, threshold=limit - zero)
         return Stated(held, scaled, drop, nothing)
     return Stated(
         SoftCuba(stepping.decay_u, stepping.decay_v, limit - zero, drop), scaled, nothing, nothing
     )
+
+
+def _drop(reset: Reset, height: FloatArray, decay_v: FloatArray) -> FloatArray:
+    """Return what a spike takes from the potential of the next step: nothing without a reset.
+
+    ``height`` (n,) is the threshold above the reset value. ``late-subtract`` takes it after the decay
+    of the next step, ``subtract`` before.
+    """
+    if reset == "none":
+        return np.zeros_like(height)
+    if reset == "late-subtract":
+        return height
+    return height * (1 - decay_v)
 
 
 def _read_out(signal: Signal, stepping: Stepping, leak: FloatArray, where: str) -> Stated:
@@ -180,19 +194,61 @@ def _lost(tau: FloatArray, dt: float, how: Discretisation, name: str, where: str
 
 def _leaky(p: dict[str, FloatArray], dt: float, how: Discretisation, where: str) -> Stepping:
     lost = _lost(p["tau"], dt, how, "tau", where)
-    gain = _gain(p["r"], lost, where)
-    return Stepping(
-        np.ones_like(lost),
-        lost,
-        gain if how != "exact" else _gain(p["r"], dt / p["tau"], where),
-        gain,
-    )
+    settled = _gain(p["r"], lost, where)
+    if how != "exact":
+        return Stepping(np.ones_like(lost), lost, settled, settled)
+    # The charge arrives at the start of the step and decays until its end.
+    charge = dt / p["tau"] * np.exp(-dt / p["tau"])
+    return Stepping(np.ones_like(lost), lost, _gain(p["r"], charge, where), settled)
 
 
 def _integrating(p: dict[str, FloatArray], dt: float, how: Discretisation, where: str) -> Stepping:
     """In frameworks, r = 1 means that a spike adds its weight, whatever the step is."""
     gain = np.where(p["r"] == 1, 1.0, p["r"] * dt)
     return Stepping(np.ones_like(gain), np.zeros_like(gain), gain, gain)
+
+
+def integration_assumptions(flat: FlatGraph, known_dt: float | None, where: str) -> tuple[str, ...]:
+    """Return a sentence for each IF node on what a spike adds, where that is open to question.
+
+    It is not with r = 1, by which frameworks mean that a spike adds its weight, nor with r = 1 / dt,
+    by which the equation says so. Any other r needs the step that its constants are counted in:
+    ``InputError`` without one.
+    """
+    sentences = []
+    for name in flat.named("IF"):
+        size = flat.size(name)
+        place = f"{where}, node {name!r}"
+        resistance = flat.nodes[name].each("r", size, "neuron", place)
+        dt = known_dt or DT_SECONDS
+        plain = (resistance == 1) | np.isclose(resistance * dt, 1.0, rtol=1e-6)
+        if plain.all():
+            continue
+        if known_dt is None:
+            measured = f"r {resistance[~plain][0]:g}"
+            what = "r is neither 1 nor 1 / dt, so what a spike adds is not known"
+            fix = "Give --dt: a spike then adds r * dt times its weight."
+            raise InputError(place, what, measured=measured, fix=fix)
+        sentences.append(_what_spikes_add(name, resistance, dt))
+    return tuple(sentences)
+
+
+_RESISTANCES_LISTED = 4
+"""Most values of r that a sentence lists."""
+
+
+def _what_spikes_add(name: str, resistance: FloatArray, dt: float) -> str:
+    """Return a sentence on what a spike adds to the neurons (n,) of an IF node, by their r."""
+    parts = []
+    values = np.unique(resistance)
+    for r in values[:_RESISTANCES_LISTED].tolist():
+        neurons = np.flatnonzero(resistance == r)
+        which = f"neuron {neurons[0]}" if len(neurons) == 1 else counted(len(neurons), "neuron")
+        adds = "its whole weight" if r == 1 else f"{r * dt:g} of its weight (r * dt)"
+        parts.append(f"{adds} where r is {r:g} ({which})")
+    if len(values) > _RESISTANCES_LISTED:
+        parts.append("r * dt of its weight in the others")
+    return f"In IF node {name!r}, a spike adds {', '.join(parts)}."
 
 
 def _current_based(
@@ -242,9 +298,9 @@ _STEPPING: dict[str, Callable[[dict[str, FloatArray], float, Discretisation, str
 
 def _unreached(signal: Signal, bias: FloatArray, stepping: Stepping) -> FloatArray:
     """Return thresholds that no input reaches, up or down, even with all of one sign in every step, and the bias."""
-    most = np.abs(signal.constant) + np.sum(
-        [row_sums(matrix(t.weights, np.float64)) for t in signal.terms], axis=0
-    )
+    of_constants = [np.abs(onset.values) for onset in signal.constants]
+    of_spikes = [row_sums(matrix(term.weights, np.float64)) for term in signal.terms]
+    most = np.sum([np.zeros(signal.size), *of_constants], axis=0) + np.sum(of_spikes, axis=0)
     # The start at rest adds to this for some steps.
     reached = most / (stepping.decay_u * stepping.decay_v) + 2 * np.abs(bias) / stepping.decay_v
     return np.where(reached > 0, reached, 1.0) * _UNREACHED

@@ -1,4 +1,4 @@
-"""The input of a node in a linear network: a sum of delayed, weighted spikes, and a constant."""
+"""The input of a node in a linear network: a sum of delayed, weighted spikes, and of constants."""
 
 from __future__ import annotations
 
@@ -24,58 +24,91 @@ class Term(Frozen, eq=False):
     weights: Any
 
 
-class Signal(Frozen, eq=False):
-    """The sum of terms, and of a constant (n,), at n values."""
+class Onset(Frozen, eq=False):
+    """A constant ``values`` (n,), which arrives from step ``delay`` on: a bias behind delays."""
 
+    delay: int
+    values: FloatArray
+
+
+class Signal(Frozen, eq=False):
+    """The sum of terms and of constants, at ``size`` values.
+
+    ``constants`` have one entry per delay, in ascending order; most signals have one of delay 0.
+    """
+
+    size: int
     terms: tuple[Term, ...]
-    constant: FloatArray
+    constants: tuple[Onset, ...] = ()
+
+    @property
+    def constant(self) -> FloatArray:
+        """The sum of all constants, (size,): what arrives in every step once all have set in."""
+        total = np.zeros(self.size)
+        for onset in self.constants:
+            total += onset.values
+        return total
+
+    def plus(self, values: FloatArray, delay: int = 0) -> Signal:
+        """Return it with ``values`` (size,) added from step ``delay`` on."""
+        constants = _summed((*self.constants, Onset(delay, values)))
+        return Signal(self.size, self.terms, constants)
 
     @classmethod
     def of_source(cls, name: str, size: int) -> Signal:
         """Return the spikes of a source, unchanged."""
-        return cls((Term(name, 0, sparse.csr_array(sparse.eye_array(size))),), np.zeros(size))
+        return cls(size, (Term(name, 0, sparse.csr_array(sparse.eye_array(size))),))
 
     @classmethod
     def total(cls, parts: Iterable[Signal], size: int) -> Signal:
         """Return the sum of signals; 0 if there are none."""
-        found = tuple(parts)
-        terms = tuple(term for part in found for term in part.terms)
-        return cls(
-            terms, np.sum([part.constant for part in found], axis=0) if found else np.zeros(size)
-        )
+        signals = tuple(parts)
+        terms = tuple(term for signal in signals for term in signal.terms)
+        constants = [onset for signal in signals for onset in signal.constants]
+        return cls(size, terms, _summed(constants))
 
     def through(self, weights: Any, constant: FloatArray | float, where: str) -> Signal:
         """Return the output of a linear layer with weights (m, n) and a constant for this signal."""
         terms = tuple(
             Term(t.source, t.delay, product(weights, t.weights, where)) for t in self.terms
         )
-        return Signal(terms, weights @ self.constant + constant)
+        size = weights.shape[0]
+        passed = tuple(Onset(c.delay, weights @ c.values) for c in self.constants)
+        signal = Signal(size, terms, passed)
+        added = np.broadcast_to(np.asarray(constant, dtype=np.float64), (size,))
+        return signal.plus(added) if added.any() else signal
 
-    def scaled(self, factor: FloatArray) -> Signal:
-        """Return it with each value multiplied by its factor, (n,)."""
+    def scaled(self, factor: FloatArray, of_constants: FloatArray | None = None) -> Signal:
+        """Return it with each value multiplied by its factor, (n,).
+
+        Constants are multiplied by ``of_constants`` (n,), by default by the same factor.
+        """
         rows = sparse.diags_array(factor)
-        return Signal(
-            tuple(Term(t.source, t.delay, rows @ t.weights) for t in self.terms),
-            self.constant * factor,
-        )
+        terms = tuple(Term(t.source, t.delay, rows @ t.weights) for t in self.terms)
+        gain = factor if of_constants is None else of_constants
+        constants = tuple(Onset(c.delay, c.values * gain) for c in self.constants)
+        return Signal(self.size, terms, constants)
 
     def delayed(self, steps: IntArray) -> Signal:
         """Return it with each value delayed by its own number of steps, (n,)."""
-        rows = {
-            late: sparse.diags_array((steps == late).astype(np.float64))
-            for late in np.unique(steps).tolist()
-        }
-        terms = (
-            Term(t.source, t.delay + late, own @ t.weights)
-            for t in self.terms
+        chosen = {late: (steps == late).astype(np.float64) for late in np.unique(steps).tolist()}
+        rows = {late: sparse.diags_array(of_delay) for late, of_delay in chosen.items()}
+        terms = tuple(
+            Term(term.source, term.delay + late, own @ term.weights)
+            for term in self.terms
             for late, own in rows.items()
         )
-        return Signal(tuple(terms), self.constant)
+        constants = [
+            Onset(onset.delay + late, of_delay * onset.values)
+            for onset in self.constants
+            for late, of_delay in chosen.items()
+        ]
+        return Signal(self.size, terms, _summed(constants))
 
     def aligned(self, late: Mapping[str, int]) -> Signal:
         """Return it with the spikes of each source delayed by ``late[source]`` more steps, as far as they can be."""
         terms = (Term(t.source, max(t.delay + late[t.source], 0), t.weights) for t in self.terms)
-        return Signal(tuple(terms), self.constant)
+        return Signal(self.size, tuple(terms), self.constants)
 
     def projections(self, target: str) -> tuple[Projection, ...]:
         """Return the projections of the terms: one per source, unless a connection has several delays."""
@@ -89,6 +122,15 @@ class Signal(Frozen, eq=False):
             (source, *joined) for source, delays in by_source.items() for joined in _joined(delays)
         )
         return tuple(Projection(source, target, weights, delay) for source, weights, delay in rows)
+
+
+def _summed(constants: Iterable[Onset]) -> tuple[Onset, ...]:
+    """Return constants with one entry per delay, in ascending order; those of zeros are left out."""
+    by_delay: dict[int, FloatArray] = {}
+    for onset in constants:
+        before = by_delay.get(onset.delay)
+        by_delay[onset.delay] = onset.values if before is None else before + onset.values
+    return tuple(Onset(delay, values) for delay, values in sorted(by_delay.items()) if values.any())
 
 
 def _joined(delays: Mapping[int, Any]) -> list[tuple[Matrix, int | IntArray]]:

@@ -29,6 +29,7 @@ from locsnn_compile.frontends.nir.neurons import (
     Discretisation,
     Reset,
     Stated,
+    integration_assumptions,
     neurons_of,
     nir_assumptions,
 )
@@ -83,7 +84,10 @@ def load_nir(
         parts.projections.append(Projection(START, START, matrix(np.array([[-8.0]]), np.float64)))
     outputs = _outputs(flat, where)
     parts.outputs = dict.fromkeys(outputs, _potentials_from(flat, outputs, paths.depths, where))
-    open_questions = nir_assumptions(flat, known_dt, reset, discretisation)
+    open_questions = (
+        *nir_assumptions(flat, known_dt, reset, discretisation),
+        *integration_assumptions(flat, known_dt, where),
+    )
     assumptions = (*open_questions, *_slow_loops(arriving, paths), *_left_out(flat))
     origin = graph if dt is None else graph.with_metadata(dt=np.array(dt))
     said: dict[str, Any] = {"any_length": True, "origin": origin, "assumptions": assumptions}
@@ -124,8 +128,8 @@ def _left_out(flat: FlatGraph) -> tuple[str, ...]:
 def _onto(name: str, stated: Stated, depth: int) -> Signal:
     """Return all input of a population: its signal, constants, its own spikes, and what sets it to rest."""
     neuron, terms = stated.neuron, list(stated.signal.terms)
-    if stated.signal.constant.any():
-        terms.append(Term(BIAS, depth - 1, _column(stated.signal.constant)))
+    for onset in stated.signal.constants:
+        terms.append(Term(BIAS, depth - 1 + onset.delay, _column(onset.values)))
     if stated.own.any():
         terms.append(Term(name, 0, sparse.csr_array(sparse.diags_array(-stated.own))))
     if stated.first.any():
@@ -144,7 +148,7 @@ def _onto(name: str, stated: Stated, depth: int) -> Signal:
                 START, depth, _column(-stated.driven * (1 - neuron.decay_u) * (1 - neuron.decay_v))
             )
         )
-    return Signal(tuple(terms), stated.signal.constant)
+    return Signal(stated.signal.size, tuple(terms), stated.signal.constants)
 
 
 def _column(values: FloatArray) -> Any:
@@ -222,7 +226,7 @@ def _signals(flat: FlatGraph, view: InputView, dt: float, where: str) -> dict[st
     for name in flat.named("Input"):
         size = flat.size(name)
         lines = sparse.csr_array(sparse.eye_array(size, view.lines, k=first))
-        signals[name] = Signal((Term(view.name, 0, lines),), np.zeros(size))
+        signals[name] = Signal(size, (Term(view.name, 0, lines),))
         first += size
     for name in linear_order(flat.nodes, flat.sources):
         if name not in signals:
@@ -264,7 +268,7 @@ def _arriving(flat: FlatGraph, signals: dict[str, Signal], name: str, where: str
 
 def _passed(flat: FlatGraph, name: str, signal: Signal, dt: float, where: str) -> Signal:
     """Return the output of a linear node for a signal."""
-    node, size = flat.nodes[name], len(signal.constant)
+    node, size = flat.nodes[name], signal.size
     if node.kind in ("Output", "Pass", "Flatten"):
         return signal
     if node.kind == "Scale":

@@ -1,0 +1,64 @@
+"""``w_in`` as a matrix is the weights before the neurons, and edges of inner graphs are named with them."""
+
+import h5py
+import nir
+import numpy as np
+import pytest
+from nir_graphs import DT, chain, cuba, lif
+from test_nir import load
+
+import locsnn_compile as lc
+from locsnn_compile.errors import InputError
+from locsnn_compile.reference.evaluate import evaluate
+
+RNG = np.random.default_rng(8)
+WEIGHTS = RNG.normal(0.2, 0.6, (7, 5))
+
+
+def with_matrix(path, weights: np.ndarray) -> None:
+    """Write neurons behind an input of 5 lines whose ``w_in`` is these weights (neurons, lines)."""
+    nir.write(path, chain((5,), ("n", cuba(np.random.default_rng(1), 7))))
+    with h5py.File(path, "r+") as file:
+        del file["node/nodes/n/w_in"]
+        file["node/nodes/n/w_in"] = weights
+
+
+def test_an_input_matrix_equals_a_linear_before_a_w_in_of_1(tmp_path):
+    neurons = cuba(np.random.default_rng(1), 7)
+    neurons.w_in = np.ones(7)
+    apart = load(chain((5,), ("w", nir.Linear(WEIGHTS)), ("n", neurons)), tmp_path)
+    with_matrix(tmp_path / "matrix.nir", WEIGHTS)
+    together = lc.load(tmp_path / "matrix.nir", dt=DT)
+    spikes = (RNG.random((1, 60, 5)) < 0.5).astype(np.uint8)
+    wanted = evaluate(apart, spikes).spikes["n"]
+    assert wanted.sum() > 20
+    assert np.array_equal(evaluate(together, spikes).spikes["n"], wanted)
+    assert [population.name for population in together.populations] == ["n"]
+
+
+def test_an_input_matrix_of_another_width_is_refused(tmp_path):
+    with_matrix(tmp_path / "matrix.nir", WEIGHTS[:, :4])
+    with pytest.raises(InputError) as refused:
+        lc.load(tmp_path / "matrix.nir", dt=DT)
+    assert str(refused.value) == (
+        "model 'matrix.nir', node 'n (w_in)': its input has another size (5 against 4). "
+        "Correct its weight."
+    )
+
+
+def test_an_edge_to_nowhere_names_the_inner_graph(tmp_path):
+    inner = nir.NIRGraph(
+        {"in": nir.Input(np.array([5])), "n": lif(RNG, 5), "out": nir.Output(np.array([5]))},
+        [("in", "n"), ("n", "out")],
+    )
+    nir.write(tmp_path / "nested.nir", chain((5,), ("block", inner)))
+    with h5py.File(tmp_path / "nested.nir", "r+") as file:
+        group = file["node/nodes/block"]
+        del group["edges"]
+        group["edges"] = np.array([["in", "n"], ["gone", "out"]], dtype=h5py.string_dtype())
+    with pytest.raises(InputError) as refused:
+        lc.load(tmp_path / "nested.nir", dt=DT)
+    assert str(refused.value) == (
+        "model 'nested.nir', graph 'block': the edge 'gone' -> 'out' names a node that does not "
+        "exist. Choose one of: in, n, out."
+    )

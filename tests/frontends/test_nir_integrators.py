@@ -1,0 +1,60 @@
+"""What a spike adds to an IF of any r: taken only where it is known, and said."""
+
+import nir
+import numpy as np
+import pytest
+from nir_graphs import chain
+from test_nir import load
+
+from locsnn_compile.errors import InputError
+from locsnn_compile.reference.evaluate import evaluate
+
+WEIGHT = 0.0625
+
+
+def integrators(*resistances: float) -> nir.NIRGraph:
+    """Return IF neurons of threshold 1 with these r, each behind the one input."""
+    size = len(resistances)
+    ones = np.ones(size)
+    neuron = nir.IF(r=np.array(resistances), v_threshold=ones, v_reset=0 * ones)
+    return chain((1,), ("w", nir.Linear(np.full((size, 1), WEIGHT))), ("n", neuron))
+
+
+def first_spike_steps(network) -> list[int | None]:
+    spikes = evaluate(network, np.ones((1, 40, 1), np.uint8)).spikes["n"][0]
+    return [int(np.flatnonzero(row)[0]) if row.any() else None for row in spikes.T]
+
+
+@pytest.mark.parametrize("dt", [None, 1e-4, 1.0], ids=["no step is given", "1e-4", "1"])
+def test_with_r_1_a_spike_adds_its_weight(dt, tmp_path):
+    network = load(integrators(1.0), tmp_path, dt=dt)
+    assert first_spike_steps(network) == [17]
+    assert not [said for said in network.assumptions if "IF node" in said]
+
+
+@pytest.mark.parametrize("r", [1.001, 2.0])
+def test_another_r_is_refused_without_a_step(r, tmp_path):
+    with pytest.raises(InputError) as refused:
+        load(integrators(1.0, r), tmp_path, dt=None)
+    assert str(refused.value) == (
+        "model 'graph.nir', node 'n': r is neither 1 nor 1 / dt, so what a spike adds is not known "
+        f"(r {r:g}). Give --dt: a spike then adds r * dt times its weight."
+    )
+
+
+def test_with_a_step_the_equation_holds_and_is_said_neuron_by_neuron(tmp_path):
+    """r * dt is 0.5 in the second neuron: it needs 33 inputs of 0.03125 to pass 1."""
+    network = load(integrators(1.0, 500.0, 2.0, 2.0, 1000.0), tmp_path, dt=1e-3)
+    assert first_spike_steps(network) == [17, 33, None, None, 17]
+    (said,) = [said for said in network.assumptions if "IF node" in said]
+    assert said == (
+        "In IF node 'n', a spike adds its whole weight where r is 1 (neuron 0), 0.002 of its weight "
+        "(r * dt) where r is 2 (2 neurons), 0.5 of its weight (r * dt) where r is 500 (neuron 1), "
+        "1 of its weight (r * dt) where r is 1000 (neuron 4)."
+    )
+
+
+def test_r_of_one_over_the_step_needs_no_word(tmp_path):
+    network = load(integrators(1000.0), tmp_path, dt=1e-3)
+    assert first_spike_steps(network) == [17]
+    assert not [said for said in network.assumptions if "IF node" in said]
