@@ -25,7 +25,7 @@ CHUNK = 16
 
 def asked_reading(args: argparse.Namespace) -> dict[str, Any]:
     """Return these options as arguments of ``read_recordings``."""
-    reading = picked(args, "step_seconds", "steps", "threshold", "fold")
+    reading = picked(args, "step_seconds", "steps", "threshold", "fold", "classes")
     return reading | {"test_share": args.split} | sensor_reading(args)
 
 

@@ -25,7 +25,7 @@ from locsnn_compile.data.members import (
 )
 from locsnn_compile.data.recordings import MAX_ELEMENTS, Recordings, clean_spikes
 from locsnn_compile.data.tact import parse_tact
-from locsnn_compile.errors import InputError, check_most, check_same, did_you_mean
+from locsnn_compile.errors import InputError, check_most, check_same
 
 #: Largest text of one recording: about 600,000 events.
 MAX_TEXT_BYTES = 10_000_000
@@ -91,15 +91,7 @@ def _labels_in_names(members: Members, names: list[str]) -> IntArray | None:
 
 def _chosen(members: Members, split: str | None) -> list[str]:
     """Return the names of the recordings of a part, in order."""
-    parts = members.parts
-    split = parts[-1] if split is None and parts else split
-    if split is not None and split not in parts:
-        has = f"it has {' and '.join(parts)}" if parts else "it is not divided"
-        fix = (
-            did_you_mean(split, parts) if parts else "Leave the part out, or divide it by --split."
-        )
-        raise InputError(members.where, f"there is no part {split!r}", measured=has, fix=fix)
-    chosen = members.of_part(split)
+    chosen = members.of_part(members.known_part(split))
     kinds = sorted({PurePosixPath(name).suffix for name in chosen})
     others = members.other_arrays
     if others and set(kinds) <= {".npy"}:

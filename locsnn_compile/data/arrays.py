@@ -16,7 +16,7 @@ from locsnn_compile.data.axes import Order, parse_axes, pixels_of, to_step_major
 from locsnn_compile.data.channels import Channels
 from locsnn_compile.data.event_formats import MAX_PLACE, parse_structured
 from locsnn_compile.data.event_stream import MICROSECONDS, Binning, EventStream, bin_streams
-from locsnn_compile.data.hdf5.read import Group, open_hdf5
+from locsnn_compile.data.hdf5.read import Group, open_hdf5_bytes
 from locsnn_compile.data.members import label_in_name
 from locsnn_compile.data.recordings import MAX_ELEMENTS, Binned, Recordings, same
 from locsnn_compile.data.tensors import Tensor
@@ -32,7 +32,14 @@ _ALIKE = 0.82
 HDF5_SUFFIXES = (".h5", ".hdf5")
 
 
-def read_arrays(path: Path, binning: Binning, asked_seconds: float | None) -> Recordings:
+def read_arrays(
+    path: Path,
+    binning: Binning,
+    asked_seconds: float | None,
+    *,
+    where: str | None = None,
+    data: bytes | None = None,
+) -> Recordings:
     """Return the recordings of a ``.npy``, ``.npz``, ``.pt`` or HDF5 file; a structured array holds events.
 
     - Recordings: the entry ``spikes``, or the only entry other than ``labels``, ``step_seconds``, ``class_names`` and
@@ -43,11 +50,14 @@ def read_arrays(path: Path, binning: Binning, asked_seconds: float | None) -> Re
     - Pixels: those of the axes, or of the entry ``sensor_size`` (columns, rows, polarities).
     - Width of a bin: the file's. If it gives none, or holds events, that of ``binning``.
 
+    ``data`` are the bytes of the file if it was read already, and ``where`` names it in errors.
+
     Raises ``InputError`` for anything else, for an entry whose name is almost one of these, for bins that are not
     ``asked_seconds`` wide, and for a file whose order of axes is not that of ``binning``.
     """
-    where = f"file {path.name!r}"
-    entries, streams = _entries(path, where)
+    where = where or f"file {path.name!r}"
+    content = read_bytes(path, where) if data is None else data
+    entries, streams = _entries(path.suffix, content, where)
     own: float | None = (
         _number(entries["step_seconds"], where) if "step_seconds" in entries else None
     )
@@ -88,17 +98,18 @@ def read_arrays(path: Path, binning: Binning, asked_seconds: float | None) -> Re
     )
 
 
-def _entries(path: Path, where: str) -> tuple[Mapping[str, AnyArray], list[EventStream]]:
+def _entries(
+    suffix: str, data: bytes, where: str
+) -> tuple[Mapping[str, AnyArray], list[EventStream]]:
     """Return the arrays of a file by name, and its recordings if it holds events."""
-    if path.suffix in HDF5_SUFFIXES:
-        return read_hdf5(path, where)
-    data = read_bytes(path, where)
-    if path.suffix == ".npy":
+    if suffix in HDF5_SUFFIXES:
+        return read_hdf5(data, where)
+    if suffix == ".npy":
         entries = {"spikes": load_npy(data, where)}
+    elif suffix == ".npz":
+        entries = _npz_entries(data, where)
     else:
-        entries = (
-            _npz_entries(data, where) if path.suffix == ".npz" else _torch_entries(data, where)
-        )
+        entries = _torch_entries(data, where)
     found = _find_spikes(entries, where)
     return entries, [] if found.dtype.names is None else [parse_structured(found, where)]
 
@@ -258,14 +269,14 @@ def labels_beside(path: Path, samples: int) -> AnyArray | None:
     return np.full(1, label, dtype=np.int64) if label is not None and samples == 1 else None
 
 
-def read_hdf5(path: Path, where: str) -> tuple[dict[str, AnyArray], list[EventStream]]:
+def read_hdf5(data: bytes, where: str) -> tuple[dict[str, AnyArray], list[EventStream]]:
     """Return the arrays at the root of a file by name, and the recordings in its group ``spikes``, if it has one.
 
     The group has the layout of Heidelberg's data sets (SHD, SSC): ``spikes/times`` and ``spikes/units`` hold one row
     per recording, of seconds and of channel numbers from 0. ``extra/keys`` are the names of the classes. Raises
     ``InputError`` for other rows.
     """
-    with open_hdf5(path, where) as (root, _):
+    with open_hdf5_bytes(data, where) as root:
         values = [name for name in root.names() if not root.is_group(name)]
         _check_names(values, where)
         entries: dict[str, AnyArray] = {}

@@ -14,10 +14,13 @@ from pathlib import Path, PurePosixPath
 from hw_model.io.files import parsing, read_bytes
 from hw_model.io.zip_directory import BoundedZip
 from hw_model.values import Frozen
+from locsnn_compile.data.class_names import number_word_order
 from locsnn_compile.data.tact import SLIP_CLASSES
-from locsnn_compile.errors import InputError, check_most
+from locsnn_compile.errors import InputError, check_most, did_you_mean
 
 PARTS = ("train", "test")
+SET_SUFFIXES = (".npz", ".pt", ".h5", ".hdf5")
+"""Files that hold several recordings; a ``.npy`` does if its name has the name of a part."""
 EVENT_SUFFIXES = (".tact", ".bs1", ".bs2", ".bin", ".aedat4")
 #: The folder of ``.startend`` files next to that of recordings, as VT_SNN has it.
 TIMES = "traj_start_ends"
@@ -28,12 +31,22 @@ _ARRAY = re.compile(r"sample_\d{1,9}(?:_label_\d{1,6})?\.npy")
 _LABEL = re.compile(r"_label_(\d{1,6})(?=\.|_|$)")
 _NUMBERED = re.compile(r"(.+)_\d{1,9}\.tact")
 _NUMBER = re.compile(r"\d{1,18}")
+_WORD = re.compile(r"[^\W\d_]+")
 
 
 def is_recording(name: str) -> bool:
     """Tell whether a file is read as a recording."""
     file = PurePosixPath(name)
     return file.suffix in EVENT_SUFFIXES or _ARRAY.fullmatch(file.name) is not None
+
+
+def _is_set(name: str) -> bool:
+    """Tell whether a file holds many recordings: by its ending, or a ``.npy`` by its name, as in ``train.npy``."""
+    file = PurePosixPath(name)
+    if file.name.startswith(".") or file.name.startswith("__"):
+        return False
+    of_part = file.suffix == ".npy" and not file.stem.endswith("_labels") and part_in_name(name)
+    return file.suffix in SET_SUFFIXES or bool(of_part)
 
 
 def recording_files(folder: Path) -> list[Path]:
@@ -57,6 +70,17 @@ def part_of(name: str) -> str:
     return next((folder for folder in reversed(folders) if folder in PARTS), "")
 
 
+def part_in_name(name: str) -> str:
+    """Return the part that the name of a file has among its words, as in ``shd_train.h5``; empty for none."""
+    words = [word.lower() for word in _WORD.findall(PurePosixPath(name).stem)]
+    return next((word for word in words if word in PARTS), "")
+
+
+def part_of_set(name: str) -> str:
+    """Return the part that a file of many recordings is, by its name or its folder; empty for none."""
+    return part_in_name(name) or part_of(name)
+
+
 def in_turn(name: str) -> tuple[list[int], str]:
     """Return what files are sorted by: the numbers in a file's name, so that 2 comes before 10, then the whole name."""
     return [int(number) for number in _NUMBER.findall(PurePosixPath(name).stem)], name
@@ -68,10 +92,17 @@ def classes_of(names: list[str]) -> tuple[tuple[str, ...] | None, Callable[[str]
     The folder of a file names its class, or else the file's own name.
     """
     for class_of in (_folder, _name_before_number):
-        found = sorted({class_of(name) for name in names}, key=in_turn)
-        if len(found) > 1 and "" not in found:
-            return SLIP_CLASSES if set(found) == set(SLIP_CLASSES) else tuple(found), class_of
+        classes = {class_of(name) for name in names}
+        if len(classes) > 1 and "" not in classes:
+            return _ordered(classes), class_of
     return None, _folder
+
+
+def _ordered(classes: set[str]) -> tuple[str, ...]:
+    """Return the names of classes in their known order: a published one, that of numbers, or that of number words."""
+    if classes == set(SLIP_CLASSES):
+        return SLIP_CLASSES
+    return tuple(number_word_order(classes) or sorted(classes, key=in_turn))
 
 
 def _folder(name: str) -> str:
@@ -101,10 +132,38 @@ class Members(Frozen, eq=False):
         return [name for name in self.sizes if is_recording(name)]
 
     @property
+    def sets(self) -> list[str]:
+        """The files that hold many recordings, in turn; none where files hold single recordings.
+
+        Where some belong to a part, others are left out.
+        """
+        if self.recordings:
+            return []
+        sets = [name for name in self.sizes if _is_set(name)]
+        divided = [name for name in sets if part_of_set(name)]
+        return sorted(divided or sets, key=in_turn)
+
+    def sets_of_part(self, part: str | None) -> list[str]:
+        """Return the files of many recordings of a part, or all, in turn."""
+        return [name for name in self.sets if part in (None, part_of_set(name))]
+
+    @property
     def parts(self) -> tuple[str, ...]:
         """Which of ``train`` and ``test`` it has; empty if it is not divided."""
-        found = {*map(part_of, self.recordings)}
+        found = {*map(part_of, self.recordings), *map(part_of_set, self.sets)}
         return tuple(part for part in PARTS if part in found)
+
+    def known_part(self, part: str | None) -> str | None:
+        """Return a part, or by default the last; None if it is not divided. ``InputError`` for one that it lacks."""
+        parts = self.parts
+        if part is None:
+            return parts[-1] if parts else None
+        if part not in parts:
+            has = f"it has {' and '.join(parts)}" if parts else "it is not divided"
+            undivided = "Leave the part out, or divide it by --split."
+            fix = did_you_mean(part, parts) if parts else undivided
+            raise InputError(self.where, f"there is no part {part!r}", measured=has, fix=fix)
+        return part
 
     def of_part(self, part: str | None) -> list[str]:
         """Return the recordings of a part, or all, in turn."""
@@ -124,19 +183,18 @@ class Members(Frozen, eq=False):
         """Return how errors name a file."""
         return f"{self.inside}{PurePosixPath(name).name!r}"
 
-    def check_sizes(self, names: list[str]) -> None:
-        """Refuse files that are too many or too large, before any is read."""
+    def check_total(self, names: list[str]) -> None:
+        """Refuse files that are too large together, before any is read."""
         total = sum(self.sizes[name] for name in names)
+        what = "its recordings are too large together"
+        check_most(total, MAX_TOTAL_BYTES, self.where, what, fix="Give fewer.")
+
+    def check_sizes(self, names: list[str]) -> None:
+        """Refuse recordings that are too many or too large, before any is read."""
         check_most(
             len(names), MAX_MEMBERS, self.where, "it holds too many recordings", fix="Give fewer."
         )
-        check_most(
-            total,
-            MAX_TOTAL_BYTES,
-            self.where,
-            "its recordings are too large together",
-            fix="Give fewer.",
-        )
+        self.check_total(names)
         for name in names:
             size, fix = self.sizes[name], "Give one recording."
             check_most(

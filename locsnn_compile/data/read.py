@@ -20,11 +20,13 @@ from hw_model.values import Frozen, IntArray
 from locsnn_compile.data.archives import archive_parts, is_archive, read_archive
 from locsnn_compile.data.arrays import HDF5_SUFFIXES, labels_beside, read_arrays
 from locsnn_compile.data.axes import check_axes, is_one, parse_axes
+from locsnn_compile.data.class_names import in_order_of, parse_classes, with_classes
 from locsnn_compile.data.event_stream import Binning
 from locsnn_compile.data.joining import described, join_channels, merged
 from locsnn_compile.data.members import EVENT_SUFFIXES, PARTS
 from locsnn_compile.data.recordings import MAX_ELEMENTS, OPEN, Expected, Recordings
 from locsnn_compile.data.sensor import SensorLayout, asked_layout
+from locsnn_compile.data.sets import holds_sets, read_sets
 from locsnn_compile.errors import InputError, check_known, check_range
 
 PREPROCESSED = "tact.pt"
@@ -179,12 +181,13 @@ def read_recordings(
     merge_polarities: bool | None = None,
     test_share: float | None = None,
     fold: int | None = None,
+    classes: str | None = None,
     model: Expected = OPEN,
 ) -> Recordings:
     """Return the recordings at ``path``, in any supported format, for a ``model`` in the numbering of its inputs.
 
     ``path`` is a ``.zip`` or folder with one recording per file (``.npy`` or events), one such file, or a ``.npz``,
-    ``.pt`` or HDF5 file.
+    ``.pt`` or HDF5 file, or a folder or ``.zip`` of these.
 
     - ``split``: ``train`` or ``test`` of an archive or folder that has these parts (None: ``test``). Recordings without
       parts are divided by ``test_share`` and ``fold``: see :class:`locsnn_compile.data.read.Division`.
@@ -194,6 +197,8 @@ def read_recordings(
       give it.
     - ``steps``: shorter recordings are padded with silence, longer ones are cut. Without it, all recordings of an
       archive or folder get the length of the longest.
+    - ``classes``: the names of classes from class 0 on, separated by commas. Without it, class names have the order of
+      ``model``, or of the file, or else a known one: numbers, number words, or by name.
     - The sensor: ``sensor``, or ``grid`` (columns x rows, such as ``34x34``), or ``channels`` with ``columns`` if they
       are those of a grid, and ``polarities``, those that the sensor has. Other channels are refused.
     - ``merge_polarities``: events and bins of both polarities of a pixel become one channel.
@@ -202,6 +207,7 @@ def read_recordings(
     """
     path = _file_of(Path(path))
     division = Division(test_share, fold)
+    class_names = None if classes is None else parse_classes(classes)
     if grid is not None:
         sensor = asked_layout(grid, polarities, channels, None)
     counts = {"threshold": threshold, "polarities": polarities, "columns": columns}
@@ -232,6 +238,9 @@ def read_recordings(
         usual_step_seconds=model.usual_step_seconds,
     )
     found = _read(path, None if divided else split, binning, step_seconds)
+    if class_names is not None:
+        found = with_classes(found, class_names)
+    found = in_order_of(found, model.class_names)
     if divided:
         found = division.part(found, path, split or "test")
     if found.threshold is None:
@@ -272,6 +281,8 @@ def _read(path: Path, split: str | None, binning: Binning, asked: float | None) 
         raise InputError(
             f"file {path.name!r}", f"there is no part {split!r}", measured=measured, fix=fix
         )
+    if is_archive(path) and holds_sets(path):
+        return read_sets(path, split=split, binning=binning, asked_seconds=asked)
     if is_archive(path) or path.suffix in EVENT_SUFFIXES:
         return read_archive(path, split=split, binning=binning)
     return read_arrays(path, binning, asked)

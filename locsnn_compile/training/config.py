@@ -134,7 +134,7 @@ class TrainingConfig(Shown, Checked, eq=True):
       polarities of a pixel. ``axes``: the order of the axes of arrays, if it is not that of files.
     - ``align_events``: recordings start at the first step with at least this many events (None: at their first step).
       ``split``: the share of every class to test on, if recordings have no parts; ``fold``: its round, or the round of
-      files of rows (None: 1).
+      files of rows (None: 1). ``classes``: the names of classes from class 0 on, separated by commas.
     - Time constants are in steps. ``theta`` to ``scale_rho`` belong to spike response neurons; ``decay``, ``threshold``
       and ``window`` to integrate-and-fire neurons. ``location_theta`` to ``location_threshold`` are for the location
       branch, if given; its steps are locations.
@@ -209,6 +209,7 @@ class TrainingConfig(Shown, Checked, eq=True):
     align_events: Annotated[int | None, between(1, 20_000), SPIKING] = None
     split: Annotated[float | None, between(0.001, 0.9)] = None
     fold: Annotated[int | None, between(1, 1_000)] = None
+    classes: str | None = None
     theta: Annotated[float, between(1e-6, 1e6), SRM] = 10.0
     tau_sr: Annotated[float, between(1e-3, 1e5), SRM] = 10.0
     tau_ref: Annotated[float, between(1e-3, 1e5), SRM] = 1.0

@@ -14,6 +14,7 @@ import numpy as np
 from hw_model.io.extras import needed
 from hw_model.io.given import checked
 from hw_model.values import ArrayLike, picked
+from locsnn_compile.data.class_names import in_order_of
 from locsnn_compile.data.read import read_recordings, recording_parts
 from locsnn_compile.data.recordings import OPEN, Expected, Recordings, same
 from locsnn_compile.errors import InputError
@@ -45,7 +46,7 @@ def read_parts(
     parts = [
         part for part in ("train", "test") if part in recording_parts(data, test_share=config.split)
     ]
-    asked = picked(config, "step_seconds", "steps", "axes", "merge_polarities", "fold")
+    asked = picked(config, "step_seconds", "steps", "axes", "merge_polarities", "fold", "classes")
     asked["sensor"] = config.recorded
     asked |= {"threshold": config.event_threshold, "test_share": config.split, "model": model}
     read = [
@@ -54,6 +55,7 @@ def read_parts(
     ]
     steps = max(part.spikes.shape[1] for part in read)
     recordings, *test = (part.with_steps(steps) for part in read)
+    test = [in_order_of(part, recordings.class_names) for part in test]
     return recordings, test[0] if test else None
 
 
@@ -70,7 +72,7 @@ def all_classes(recordings: Recordings, test: Recordings | None) -> int | None:
 def _as_asked(part: Recordings, config: TrainingConfig) -> Recordings:
     """Return recordings in memory in the length asked for; ``InputError`` for options that only a file can follow."""
     theirs = {"step_seconds": part.step_seconds, "event_threshold": part.threshold}
-    for name in ("split", "fold", "axes", *theirs):
+    for name in ("split", "fold", "axes", "classes", *theirs):
         asked, own = getattr(config, name), theirs.get(name)
         if asked is None or (name == "step_seconds" if own is None else same(asked, own)):
             continue

@@ -88,6 +88,7 @@ def options(**given: Any) -> Namespace:
             "columns": None,
             "merge_polarities": None,
             "channel_order": None,
+            "classes": None,
         }
         | given
     )

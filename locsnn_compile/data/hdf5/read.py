@@ -223,11 +223,18 @@ class _Budget:
 @contextmanager
 def open_hdf5(path: Path, where: str) -> Iterator[tuple[Group, bytes]]:
     """Open a file: give its root group and its bytes. Whatever HDF5 stumbles over becomes an ``InputError``."""
+    data = read_bytes(path, where)
+    with open_hdf5_bytes(data, where) as root:
+        yield root, data
+
+
+@contextmanager
+def open_hdf5_bytes(data: bytes, where: str) -> Iterator[Group]:
+    """Open the bytes of a file: give its root group. Whatever HDF5 stumbles over becomes an ``InputError``."""
     import h5py
 
-    data = read_bytes(path, where)
     what = "it is damaged, truncated or not an HDF5 file"
     if not library_survives(data):
         raise InputError(where, what, fix=_WHOLE)
     with parsing(where, what, fix=_WHOLE), h5py.File(io.BytesIO(data), "r") as file:
-        yield Group(file, where, _Budget()), data
+        yield Group(file, where, _Budget())

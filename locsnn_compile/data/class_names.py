@@ -1,0 +1,72 @@
+"""The order of class names: a known one, one that is given, or that of a model; labels follow the names."""
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.errors import InputError
+
+_NUMBER_WORDS = (
+    "zero one two three four five six seven eight nine ten eleven twelve thirteen fourteen fifteen sixteen seventeen "
+    "eighteen nineteen twenty",
+    "null eins zwei drei vier fünf sechs sieben acht neun zehn elf zwölf",
+)
+"""From 0 on, in the languages of spoken digits that are published (SHD has both, English first)."""
+_PLACE_OF_WORD = {
+    word: (language, number)
+    for language, words in enumerate(_NUMBER_WORDS)
+    for number, word in enumerate(words.split())
+}
+
+
+def number_word_order(names: Collection[str]) -> list[str] | None:
+    """Return names in the order of the numbers that they spell; None if any is another word."""
+    places = {name: _PLACE_OF_WORD.get(name.lower()) for name in names}
+    if None in places.values():
+        return None
+    return sorted(places, key=lambda name: (places[name], name))
+
+
+def parse_classes(text: str) -> tuple[str, ...]:
+    """Return the names in a text such as ``egg,cup,ball``; ``InputError`` for empty and repeated ones."""
+    names = tuple(name.strip() for name in text.split(","))
+    fix = "Name each class once, from class 0 on."
+    if "" in names:
+        raise InputError("classes", "a class has no name", measured=f"got {text[:60]!r}", fix=fix)
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError("classes", "a class is named twice", measured=name[:60], fix=fix)
+    return names
+
+
+def with_classes(recordings: Recordings, names: tuple[str, ...]) -> Recordings:
+    """Return recordings whose class k is called ``names[k]``; labels without names get these.
+
+    Raises ``InputError`` if a class of the recordings has another name.
+    """
+    own_names = recordings.class_names
+    if own_names is None:
+        return replace(recordings, class_names=names)
+    unknown = [name for name in own_names if name not in names]
+    if unknown:
+        what = f"recordings {recordings.source!r} have other classes"
+        measured = f"{', '.join(unknown)[:80]} against {', '.join(names)[:80]}"
+        raise InputError("classes", what, measured=measured, fix="Name all of them.")
+    return replace(recordings, labels=_relabelled(recordings, names), class_names=names)
+
+
+def in_order_of(recordings: Recordings, model_names: Sequence[str] | None) -> Recordings:
+    """Return recordings with the labels of a model, if the names of their classes are among those of its classes."""
+    own_names = recordings.class_names
+    if model_names is None or own_names is None or not {*own_names} <= {*model_names}:
+        return recordings
+    return with_classes(recordings, tuple(model_names))
+
+
+def _relabelled(recordings: Recordings, names: tuple[str, ...]) -> np.ndarray | None:
+    if recordings.labels is None or recordings.class_names is None:
+        return recordings.labels
+    new_label = np.array([names.index(name) for name in recordings.class_names], dtype=np.int64)
+    return new_label[recordings.labels]
