@@ -14,7 +14,7 @@ from hw_model.engine.probes import KINDS, Kind, Part, Probe, parts_of, read_prob
 from hw_model.engine.trace import EVENTS, TOTALS, PhaseInput, PhaseTrace, Register, Window
 from hw_model.errors import InputError, check_known, check_most
 from hw_model.io.given import checked
-from hw_model.mapping.graph import Phase, largest
+from hw_model.mapping.graph import Phase, largest, winning
 from hw_model.program.check import MAX_STEPS
 from hw_model.program.chip_program import ChipProgram
 from hw_model.values import AnyArray, ByteArray, FloatArray, IntArray, Shown, joined
@@ -48,6 +48,8 @@ class SimulationResult(Shown):
     """``events[population]``: its wraps and clips by kind, over all recordings; left out where there are none."""
     scores: FloatArray | None
     """Class scores of the readout, (batch, classes) or (classes,); None without a readout."""
+    tie_class: int | None = None
+    """The class that is predicted where all scores tie; None: the program names none."""
 
     @cached_property
     def per_recording(self) -> tuple[Counts, ...]:
@@ -70,10 +72,13 @@ class SimulationResult(Shown):
 
     @property
     def prediction(self) -> IntArray:
-        """Class with the highest score, on a tie the first one; (batch,) or a scalar array."""
+        """Class with the highest score, the first of equals; (batch,) or a scalar array.
+
+        Where all scores tie, it is the readout's class for ties or, as nothing is predicted, class 0.
+        """
         if self.scores is None:
             raise InputError("prediction", "the program has no readout", fix="Read the spikes.")
-        return np.asarray(np.argmax(self.scores, axis=-1), dtype=np.int64)
+        return np.asarray(winning(self.scores, self.tie_class), dtype=np.int64)
 
 
 @checked
@@ -232,6 +237,7 @@ def _played(
             if any(kinds)
         },
         scores=None if program.readout is None else joined(scores) if batched else scores[0][0],
+        tie_class=None if program.readout is None else program.readout.tie_class,
     )  # fmt: skip
 
 

@@ -164,7 +164,10 @@ class Synapses(Frozen, eq=False):
 
 
 class Readout(Frozen):
-    """Class scores: what populations of one size give, weighted and added. Ties go to the first class.
+    """Class scores: what populations of one size give, weighted and added.
+
+    The highest score predicts, and the first of equal ones. Where all scores are equal, nothing is predicted, unless
+    ``tie_class`` names a class for that.
 
     A population gives its spike counts; with ``potentials_from``, its largest potentials from that step on: v as the
     threshold sees it, of neurons that do not spike. One value is for all, None among several for a population that
@@ -175,6 +178,7 @@ class Readout(Frozen):
     populations: tuple[str, ...]
     weights: tuple[float, ...]
     potentials_from: int | tuple[int | None, ...] | None = None
+    tie_class: int | None = None
 
     def __post_init__(self) -> None:
         for name in self.populations:
@@ -222,14 +226,23 @@ class Readout(Frozen):
             total += weight * given[name]
         return total
 
+    def decided(self, scores: FloatArray) -> IntArray:
+        """Return the class that scores (..., classes) predict, or -1 where they predict none."""
+        return decided(scores, self.tie_class)
 
-def decided(scores: FloatArray) -> IntArray:
-    """Return the class with the highest score, the first of equals; -1 where all (..., classes) tie.
 
-    An only class ties with nothing: -1 where its score is 0.
+def decided(scores: FloatArray, tie_class: int | None = None) -> IntArray:
+    """Return the class with the highest score, the first of equals; where all (..., classes) tie, ``tie_class`` or -1.
+
+    An only class ties with nothing: it is not predicted where its score is 0.
     """
     tied = (scores == (scores[..., :1] if scores.shape[-1] > 1 else 0)).all(axis=-1)
-    return np.where(tied, -1, scores.argmax(axis=-1))
+    return np.where(tied, -1 if tie_class is None else tie_class, scores.argmax(axis=-1))
+
+
+def winning(scores: FloatArray, tie_class: int | None = None) -> IntArray:
+    """Return the class that scores (..., classes) predict as :func:`decided` does, but the first class, not -1."""
+    return np.maximum(decided(scores, tie_class), 0)
 
 
 def largest(potential: AnyArray, first: int) -> FloatArray:

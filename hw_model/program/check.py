@@ -173,6 +173,9 @@ def _check_groups(program: ChipProgram) -> None:
         _check(
             "readout", [("populations", len(sizes) == 1 and None not in sizes), ("weights", small)]
         )
+        tie_class = program.readout.tie_class
+        classes = program.populations[program.readout.populations[0]]
+        _check("readout", [("class for ties", tie_class is None or 0 <= tie_class < classes)])
 
 
 def _check(where: str, rules: Iterable[tuple[str, bool]]) -> None:

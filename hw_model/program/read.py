@@ -116,7 +116,11 @@ def _program(document: dict[str, Any], arrays: dict[str, IntArray]) -> ChipProgr
         cores=tuple(_core(core, arrays) for core in document["cores"]),
         readout=None
         if readout is None
-        else _readout(readout, document.get("readout_potentials_from")),
+        else _readout(
+            readout,
+            document.get("readout_potentials_from"),
+            _known(document, "readout_tie_class", int),
+        ),
         synapses_pruned=int(document["synapses_pruned"]),
         provenance={str(key): str(value) for key, value in document["provenance"].items()},
         **{name: _known(document, name, kind) for name, kind in RECORDINGS.items()},
@@ -155,13 +159,13 @@ def _names(names: Any) -> tuple[str, ...] | None:
     return tuple(names)
 
 
-def _readout(weights: dict[str, float], first: Any) -> Readout:
+def _readout(weights: dict[str, float], first: Any, tie_class: int | None) -> Readout:
     """Return a readout; ``first`` is a step for all populations, or a step for each one that gives potentials."""
     if isinstance(first, dict):
         first = tuple(None if (step := first.get(name)) is None else int(step) for name in weights)
     elif first is not None:
         first = int(first)
-    return Readout(tuple(weights), tuple(map(float, weights.values())), first)
+    return Readout(tuple(weights), tuple(map(float, weights.values())), first, tie_class)
 
 
 def _core(core: dict[str, Any], arrays: dict[str, IntArray]) -> Core:

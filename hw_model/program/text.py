@@ -73,9 +73,10 @@ def _readout(readout: Readout) -> str:
     what = {
         name: f"largest potential, from step {step} on," for name, step in readout.from_step.items()
     }
-    return " + ".join(
+    terms = " + ".join(
         f"{weight:g} * {what.get(name, 'spikes')} of {name}" for name, weight in readout.terms
     )
+    return terms if readout.tie_class is None else f"{terms}; ties predict {readout.tie_class}"
 
 
 _LEVELS = Pieces(

@@ -111,6 +111,11 @@ def program_document(program: ChipProgram) -> dict[str, Any]:
         ],
         "readout": None if readout is None else dict(readout.terms),
         **(
+            {}
+            if readout is None or readout.tie_class is None
+            else {"readout_tie_class": readout.tie_class}
+        ),
+        **(
             {"readout_potentials_from": _potentials_from(readout)}
             if readout and readout.from_step
             else {}

@@ -14,6 +14,7 @@ from hw_model.engine.probes import Kind, Probe
 from hw_model.engine.threads import in_parts
 from hw_model.errors import InputError
 from hw_model.io.given import checked
+from hw_model.mapping.graph import winning
 from hw_model.program.chip_program import ChipProgram
 from hw_model.simulation import SimulationResult, simulate
 from hw_model.streaming.proof import Proof, members_of
@@ -98,10 +99,12 @@ def stop_at_margin(
     streams = to_the_end(program, spikes)
     scores = timestep_scores(program, streams, psi)
     steps = _first(leads(scores) >= margin)
-    prediction = scores[np.arange(len(steps)), steps - 1].argmax(axis=1)
+    assert program.readout is not None  # sessions without one are refused
+    tie_class = program.readout.tie_class
+    prediction = winning(scores[np.arange(len(steps)), steps - 1], tie_class)
     whole = simulate(program, streams, probe=("activity",))
     _, spent = _read_until(program, streams, steps)
-    final = np.asarray(scores[:, -1].argmax(axis=1), dtype=np.int64)
+    final = winning(scores[:, -1], tie_class)
     return _stops(steps, scores.shape[1], prediction, final, spent, _spent(program, whole, {}))
 
 
@@ -158,7 +161,9 @@ def calibrate_margin(
             fix="Correct it.",
         )
     scores = timestep_scores(program, spikes, psi)
-    predictions, lead_over_time = scores.argmax(axis=2), leads(scores)
+    assert program.readout is not None  # sessions without one are refused
+    predictions = winning(scores, program.readout.tie_class)
+    lead_over_time = leads(scores)
     margins = np.unique(lead_over_time[lead_over_time > 0])
     agreeing = np.full(len(margins), len(scores))
     for prediction, lead in zip(predictions, lead_over_time, strict=True):

@@ -17,7 +17,7 @@ import numpy as np
 
 from hw_model.accounting.activity import StepActivity
 from hw_model.arithmetic.fixed_point import clip, decay
-from hw_model.mapping.graph import Phase, Readout
+from hw_model.mapping.graph import Phase, Readout, winning
 from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.range_proof import charges, prove_range
 from hw_model.simulation import SimulationResult
@@ -51,6 +51,7 @@ class Proof:
         # Scores of weights that are not whole are rounded: equal ones then prove nothing.
         whole = all(float(weight).is_integer() for weight in readout.weights)
         most = program.chip.registers.voltage_max if readout.from_step else self.all_steps
+        self._tie_class = readout.tie_class
         self._slack = 0.0 if whole else 1e-9 * sum(map(abs, readout.weights)) * most
 
     def stops(self) -> IntArray:
@@ -80,14 +81,18 @@ class Proof:
                 most += np.maximum(low, high)
             before += steps
         known = (least == most).all(axis=1)
-        winner = score.argmax(axis=1)
+        winner = winning(score, self._tie_class)
         each = np.arange(self._batch)
         bound = least[each, winner][:, None] - self._slack
         most[each, winner] = -np.inf
         # A tie goes to the first class: those before the winner must stay below it.
         earlier = np.arange(self._classes)[None] < winner[:, None]
-        settled: BoolArray = np.where(earlier, most < bound, most <= bound).all(axis=1) | known
-        return settled
+        settled = np.asarray(np.where(earlier, most < bound, most <= bound).all(axis=1))
+        if self._tie_class is not None:
+            # A tie of all goes to its own class, so for another winner one class must stay below it.
+            others = np.arange(self._classes)[None] != winner[:, None]
+            settled &= (winner == self._tie_class) | ((most < bound) & others).any(axis=1)
+        return np.asarray(settled | known)
 
 
 def _rests_from(activity: Sequence[StepActivity]) -> IntArray:

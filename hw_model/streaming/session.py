@@ -15,7 +15,7 @@ from hw_model.engine.lay_out import fast_layout
 from hw_model.engine.playing import Spikes, first_touch, length_of, list_events, read_streams
 from hw_model.errors import InputError
 from hw_model.io.given import as_array, checked
-from hw_model.mapping.graph import Phase, Readout
+from hw_model.mapping.graph import Phase, Readout, winning
 from hw_model.program.chip_program import ChipProgram
 from hw_model.streaming.location_phase import Replay
 from hw_model.streaming.time_phase import Live, Read, weigh
@@ -32,11 +32,16 @@ class StepScores(Shown):
     spikes: dict[str, IntArray]
     potential: dict[str, IntArray]
     scores: FloatArray
+    tie_class: int | None = None
+    """The class that is predicted where all scores tie; None: the program names none."""
 
     @property
     def prediction(self) -> IntArray:
-        """Class with the highest score after each step, on a tie the first one, (steps,)."""
-        return np.asarray(self.scores.argmax(axis=1), dtype=np.int64)
+        """Class with the highest score after each step, the first of equals, (steps,).
+
+        Where all scores tie, it is the readout's class for ties or, as nothing is predicted, class 0.
+        """
+        return np.asarray(winning(self.scores, self.tie_class), dtype=np.int64)
 
     @property
     def lead(self) -> FloatArray:
@@ -110,7 +115,8 @@ class Session:
         potential: dict[str, IntArray] = {}
         for name, columns in self._output.items():
             (potential if name in self._by_potential else spikes_of)[name] = counts[:, columns]
-        return StepScores(spikes_of, potential, scores)
+        assert self.program.readout is not None  # sessions without one are refused
+        return StepScores(spikes_of, potential, scores, self.program.readout.tie_class)
 
     def _read(self, spikes: Spikes) -> dict[str, ByteArray]:
         """Return the rows of every stream, (rows, channels), as loops can be given them: whole, and writeable."""

@@ -24,7 +24,6 @@ from typing import Any
 import numpy as np
 
 import hw_model as hw
-from hw_model.mapping.graph import decided
 from locsnn_compile.cli.shell import progress_bar, say
 from locsnn_compile.cli.step_options import (
     CHUNK,
@@ -154,7 +153,8 @@ def _play_part(
 ) -> tuple[list[Row], hw.Counts]:
     """Play some recordings with their labels; return their rows and counts.
 
-    Where all classes tie, the prediction is the first class, but nothing is predicted: with a label, that is wrong.
+    Where all classes tie and the program names none for that, the prediction is the first class, but nothing is
+    predicted: with a label, that is wrong.
     """
     spikes, labels = part
     found = hw.simulate(program, spikes, engine=engine, probe=())
@@ -164,7 +164,8 @@ def _play_part(
         check_most(
             int(labels.max()), most, "labels of --events", "no class has this number", fix=fix
         )
-    tied = decided(found.scores) < 0
+    assert program.readout is not None
+    tied = program.readout.decided(found.scores) < 0
     labels = [None] * len(spikes) if labels is None else labels.tolist()
     columns = zip(
         found.prediction.tolist(), tied.tolist(), labels, found.per_recording, strict=True

@@ -75,7 +75,7 @@ def stream(
         prediction[done], lead[done], sure[done] = (
             found.prediction[0],
             found.lead[0],
-            decided(found.scores)[0],
+            decided(found.scores, found.tie_class)[0],
         )
         done += 1
         if on_step:

@@ -171,7 +171,7 @@ def _summary(
     test: Recordings | None,
 ) -> str:
     from locsnn_compile.training.export import accuracy_of
-    from locsnn_compile.training.measure import chance_remarks
+    from locsnn_compile.training.measure import chance_remarks, tie_remarks
 
     lines, remarks = [f"epoch {result.chosen_epoch} chosen"], list(result.remarks)
     if result.validation_accuracy is not None:
@@ -184,19 +184,28 @@ def _summary(
             ]
         lines.append(f"test accuracy {accuracy:.3f} on {plural(len(test), 'recording')}")
         lines += _confusion(found, test.class_names)
+        remarks += tie_remarks(found)
         remarks += chance_remarks(accuracy, test.labels, "of the test part")
     return "\n".join([*lines, *(f"! {remark}" for remark in remarks), f"wrote {output}"])
 
 
 def _confusion(found: IntArray, names: tuple[str, ...] | None = None) -> list[str]:
-    """Return the confusion matrix as lines, with class names if there is room; nothing for more than SHOWN_CLASSES."""
+    """Return the confusion matrix as lines, with class names if there is room; nothing for more than SHOWN_CLASSES.
+
+    Its column of ties is left out where there is none.
+    """
     if len(found) > SHOWN_CLASSES:
         return []
+    from locsnn_compile.training.measure import NO_CLASS
+
     heads = [str(label) for label in range(len(found))]
     if names is not None and sum(map(len, names)) < SHOWN_NAMES:
         heads = list(names)
-    width = max(len(text) for text in (*heads, str(found.max()))) + 2
-    rows = ["".join(f"{n:>{width}}" for n in row) for row in (heads, *found.tolist())]
+    ties = found[:, -1].any()
+    shown = found if ties else found[:, :-1]
+    columns = [*heads, NO_CLASS] if ties else heads
+    width = max(len(text) for text in (*columns, str(shown.max()))) + 2
+    rows = ["".join(f"{n:>{width}}" for n in row) for row in (columns, *shown.tolist())]
     return [
         f"{head:>17}{row}" for head, row in zip(("label \\ predicted", *heads), rows, strict=True)
     ]

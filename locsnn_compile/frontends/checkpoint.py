@@ -94,7 +94,7 @@ def network_of(checkpoint: Checkpoint) -> Network:
         what = f"a {description.architecture!r} has no spiking neurons, so no chip program can be made of it"
         fix = "Train a spiking network; for this one, only operations are counted."
         raise TargetError(f"model {description.name!r}", what, fix=fix)
-    parts = Parts()
+    parts = Parts(tie_class=checkpoint.tie_class)
     _add_branches(parts, checkpoint)
     if description.structure.window_branch:
         _add_windows(parts, checkpoint)

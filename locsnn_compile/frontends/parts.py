@@ -38,13 +38,16 @@ class Parts:
     projections: list[Projection | ChipProjection] = field(default_factory=list)
     outputs: dict[str, int | None] = field(default_factory=dict)
     weights: dict[str, float] = field(default_factory=dict)
+    tie_class: int | None = None
+    """The class that is predicted where all scores tie, if the file names one."""
 
     @property
     def readout(self) -> Readout:
         """The weighted sum of all outputs."""
         first = tuple(self.outputs.values())
         weights = tuple(self.weights.get(name, 1.0) for name in self.outputs)
-        return Readout(tuple(self.outputs), weights, first[0] if len(set(first)) == 1 else first)
+        from_step = first[0] if len(set(first)) == 1 else first
+        return Readout(tuple(self.outputs), weights, from_step, self.tie_class)
 
     def network(self, **said: Any) -> Network:
         """Return the network of these parts; ``said`` holds its other fields."""

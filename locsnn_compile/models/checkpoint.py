@@ -87,6 +87,14 @@ class Checkpoint(Shown):
         replace_file(Path(path), torch_bytes(checkpoint_values(self), where), where)
 
     @property
+    def tie_class(self) -> int | None:
+        """The class that is predicted where all scores tie; None: it names none, as those of earlier versions."""
+        number = self.training.get("tie")
+        if not isinstance(number, int) or isinstance(number, bool):
+            return None
+        return number if 0 <= number < self.description.classes else None
+
+    @property
     def float_weights(self) -> dict[str, Float32Array]:
         """Weights [out, in] in the float network's units."""
         if self.chip is None:

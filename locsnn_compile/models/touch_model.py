@@ -69,13 +69,15 @@ def to_device(array: AnyArray, like: Tensor) -> Tensor:
 class TouchModel(nn.Module):
     """A network by its description; ``chip`` holds the numbers of one that runs on a chip's integers.
 
-    ``names``: its weights, or those of a branch of it.
+    ``names``: its weights, or those of a branch of it. ``tie_class``: the class that is predicted where the scores of
+    all classes are equal; None: none is.
     """
 
     def __init__(self, description: NetworkDescription, chip: ChipNumbers | None = None) -> None:
         super().__init__()
         self.description, self.chip = description, chip
         self.names: Sequence[str] = tuple(description.weight_shapes)
+        self.tie_class: int | None = None
         self._kept: dict[str, Tensor] = {}
 
     def weight(self, name: str) -> nn.Parameter:

@@ -90,6 +90,14 @@ def _check_readout(network: Network) -> None:
             "readout", "potentials_from is not a step", measured=f"{given!r}"[:80], fix=fix
         )
     _check_magnitude("readout", "a weight", weights[weights != 0], _LEAST)
+    tie_class = readout.tie_class
+    if tie_class is not None and not (type(tie_class) is int and 0 <= tie_class < found[0]):
+        raise InputError(
+            "readout",
+            "tie_class is not a class",
+            measured=f"{tie_class!r} against 0..{found[0] - 1}"[:80],
+            fix="Give the number of a class, or None.",
+        )
     if network.class_names is not None:
         where = f"model {network.name!r}"
         many = len(clean_class_names(where, network.class_names, network.classes))

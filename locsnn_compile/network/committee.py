@@ -82,7 +82,7 @@ def committee(networks: Sequence[Network], weights: Sequence[float], name: str =
         views=tuple(views),
         populations=tuple(populations),
         projections=tuple(projections),
-        readout=Readout(*zip(*terms, strict=True)),
+        readout=_readout(terms, networks),
         sha256=sha256(" ".join(network.sha256 for network in networks).encode()).hexdigest(),
         recordings=next(
             (network.recordings for network in networks if network.recordings is not None), None
@@ -97,6 +97,20 @@ def committee(networks: Sequence[Network], weights: Sequence[float], name: str =
         members=tuple(members),
         **shared,
     )
+
+
+def _readout(
+    terms: Sequence[tuple[str, float, int | None]], networks: Sequence[Network]
+) -> Readout:
+    """Return the readout of terms: a population, its weight, and the step from which its potentials count."""
+    names, weights, first = zip(*terms, strict=True)
+    return Readout(names, weights, first, _tie_class(networks))
+
+
+def _tie_class(networks: Sequence[Network]) -> int | None:
+    """Return the class that all members name for ties; None if they differ, as the sum then ties by other means."""
+    named = {network.readout.tie_class for network in networks}
+    return named.pop() if len(named) == 1 else None
 
 
 def _shared(key: str, networks: Sequence[Network]) -> Any:

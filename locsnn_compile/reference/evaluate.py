@@ -14,6 +14,7 @@ import numpy as np
 import hw_model as hw
 from hw_model.description.chip import Registers
 from hw_model.mapping.circles import sources_first
+from hw_model.mapping.graph import winning
 from hw_model.values import AnyArray, BoolArray, ByteArray, FloatArray, Frozen, IntArray
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
@@ -59,11 +60,13 @@ class ReferenceResult(Frozen, eq=False):
     potential: dict[str, Potentials]
     scores: FloatArray
     """Class scores (batch, classes)."""
+    tie_class: int | None = None
+    """The class that is predicted where all scores tie; None: the network names none."""
 
     @property
     def prediction(self) -> IntArray:
         """Class with the highest score, the first of equals, (batch,)."""
-        return np.asarray(self.scores.argmax(axis=1), dtype=np.int64)
+        return winning(self.scores, self.tie_class)
 
 
 def evaluate(
@@ -84,7 +87,8 @@ def evaluate(
     for together in evaluation_order(network):
         _evaluate_together(network, together, spikes, potential, wanted, registers)
     scores = network.readout.scores(spikes, potential)
-    return ReferenceResult(spikes, potential if potentials else {}, scores)
+    tie_class = network.readout.tie_class
+    return ReferenceResult(spikes, potential if potentials else {}, scores, tie_class)
 
 
 def evaluation_order(network: Network) -> list[tuple[Population, ...]]:

@@ -154,6 +154,8 @@ class TrainingConfig(Shown, Checked, eq=True):
       ``strategy``, weights have ``weight_bits``, and their range is ``weight_room`` times the largest weight of the
       network that the run starts from (from scratch: :data:`locsnn_compile.training.target.USUAL_LARGEST`).
       ``refractory`` is the chip's count, for strategy ``reset``.
+    - ``tie``: the class, by name or number, that is predicted where the scores of all classes are equal, as in silence;
+      checkpoint and program keep it (None: such a recording predicts no class and counts as wrong).
     - ``pruned``: this share of each population's weights, the smallest ones at the start, are set to 0 and stay 0.
     - ``spike_cost``: added to the loss for every spike of a hidden neuron, averaged over neurons and recordings.
     """
@@ -240,6 +242,7 @@ class TrainingConfig(Shown, Checked, eq=True):
     refractory: Annotated[int, between(1, 65_535), CHIP, RESETS] = 1
     pruned: Annotated[float, between(0.0, 0.999)] = 0.0
     spike_cost: Annotated[float, between(0.0, 1e3)] = 0.0
+    tie: str | None = None
 
     called = "training option"
 

@@ -18,6 +18,7 @@ from locsnn_compile.data.sensor import (
 from locsnn_compile.data.taxel_graph import taxel_graph
 from locsnn_compile.errors import InputError, check_most, check_same
 from locsnn_compile.models.architectures import ARCHITECTURES
+from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.description import (
     InputLayout,
     LifParameters,
@@ -166,6 +167,30 @@ def check_fits_start(values: Mapping[str, Any], start: NetworkDescription) -> No
 def fine_tuning_config(config: TrainingConfig, start: NetworkDescription) -> TrainingConfig:
     """Return ``config`` with the options that are determined by the network to start from."""
     return replace(config, **fixed_by(start))
+
+
+def class_for_ties(
+    config: TrainingConfig, description: NetworkDescription, start: Checkpoint | None
+) -> int | None:
+    """Return the class that ties predict: as asked for, else that of the network to start from; None for no class.
+
+    A name is looked for among the classes before a number.
+    """
+    if config.tie is None:
+        return None if start is None else start.tie_class
+    names = description.class_names or ()
+    if config.tie in names:
+        return names.index(config.tie)
+    if config.tie.isascii() and config.tie.isdigit() and len(config.tie) < 9:
+        number = int(config.tie)
+        if number < description.classes:
+            return number
+    known = f"{', '.join(names)[:80]}; " if names else ""
+    raise InputError(
+        "training option 'tie'",
+        f"no class is called {config.tie[:40]!r}",
+        fix=f"Give a class: {known}numbers from 0 to {description.classes - 1}.",
+    )
 
 
 def check_recordings(start: NetworkDescription, recordings: Recordings, classes: int) -> None:

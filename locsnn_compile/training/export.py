@@ -28,11 +28,15 @@ def training_entry(
         "validation_accuracy": result.validation_accuracy,
         "test_recordings": None if test is None else len(test),
         "test_accuracy": None if test is None or found is None else accuracy_of(found, test),
-        "test_confusion": None
-        if found is None
-        else "; ".join(" ".join(map(str, row)) for row in found.tolist()),
+        "test_confusion": None if found is None else _confusion_text(found),
     }
-    return figures | asdict(config)
+    return figures | asdict(config) | {"tie": result.network.tie_class}
+
+
+def _confusion_text(confused: IntArray) -> str:
+    """Return the rows of a confusion matrix; without its column of ties where there is none."""
+    shown = confused if confused[:, -1].any() else confused[:, :-1]
+    return "; ".join(" ".join(map(str, row)) for row in shown.tolist())
 
 
 def accuracy_of(found: IntArray, test: Recordings) -> float:

@@ -16,6 +16,7 @@ from hw_model.mapping.graph import decided
 from hw_model.values import ByteArray, FloatArray, IntArray
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError, counted
+from locsnn_compile.models.architectures import ARCHITECTURES
 from locsnn_compile.models.touch_model import TouchModel
 from locsnn_compile.training.config import TrainingConfig
 
@@ -152,6 +153,8 @@ def _refused(what: str, measured: str) -> InputError:
     )
 
 
+NO_CLASS = "tie"
+"""What a recording predicts in which all classes tie, in tables."""
 _LIKELY = 1.645
 """95 % of guesses stay below this number of standard deviations above chance."""
 _NAMED = 12
@@ -185,15 +188,16 @@ def class_scores(network: TouchModel, spikes: ByteArray) -> FloatArray:
 
 
 def confusion(network: TouchModel, recordings: Recordings) -> IntArray:
-    """Return how often each label (row) was predicted as each class (column), (classes, classes).
+    """Return how often each label (row) was predicted as each class (column), (classes, classes + 1).
 
-    Recordings in which all classes tie are in no column, since nothing is predicted.
+    The last column counts the recordings in which all classes tie, so that none is predicted.
     Raises ``InputError`` for recordings without labels, and for those that do not fit the network.
     """
     labels, classes = recordings.needed_labels("measure with"), network.description.classes
-    predicted = decided(class_scores(network, recordings.spikes))
-    pairs = (labels * classes + predicted)[predicted >= 0]
-    return np.bincount(pairs, minlength=classes**2).reshape(classes, classes)
+    predicted = decided(class_scores(network, recordings.spikes), network.tie_class)
+    columns = classes + 1
+    pairs = labels * columns + np.where(predicted < 0, classes, predicted)
+    return np.bincount(pairs, minlength=classes * columns).reshape(classes, columns)
 
 
 @torch.no_grad()
@@ -206,7 +210,8 @@ def evaluate(
         scores = network.total(activity)
         y = torch.from_numpy(labels[rows].copy()).to(scores.device)
         total += float(loss(network, activity, y)) * len(y)
-        right += int((decided(scores.cpu().numpy()) == labels[rows]).sum())
+        predicted = decided(scores.cpu().numpy(), network.tie_class)
+        right += int((predicted == labels[rows]).sum())
     return total / len(labels), right / len(labels)
 
 
@@ -237,9 +242,7 @@ def data_remarks(recordings: Recordings, classes: int, config: TrainingConfig) -
         of = f"{empty} of {counted(len(labels), 'recording')}"
         found.append(f"{of} to train on {'has' if empty == 1 else 'have'} no event.")
     silent = np.flatnonzero((counts > 0) & (heard == 0))
-    found += [
-        f"No recording of {recordings.called(label)} has an event." for label in silent[:_NAMED]
-    ]
+    found += [_silent_remark(recordings, int(label), config) for label in silent[:_NAMED]]
     missing = np.flatnonzero(counts == 0)
     if len(missing):
         more = f" and {len(missing) - _NAMED} more" if len(missing) > _NAMED else ""
@@ -265,11 +268,31 @@ def data_remarks(recordings: Recordings, classes: int, config: TrainingConfig) -
     return found
 
 
+def _silent_remark(recordings: Recordings, label: int, config: TrainingConfig) -> str:
+    """Return the sentence on a label without an event; where silence makes all classes tie, what that means for it."""
+    silent = f"No recording of {recordings.called(label)} has an event"
+    structure = ARCHITECTURES[config.model]
+    if config.tie is not None or not structure.spiking or structure.neurons == "windows":
+        return f"{silent}."
+    return f"{silent}: all classes tie, so it is never right. With --tie {label}, ties predict it."
+
+
+def tie_remarks(confused: IntArray) -> list[str]:
+    """Return a sentence on the recordings in which all classes tie, the last column of a confusion matrix."""
+    ties, measured = int(confused[:, -1].sum()), int(confused.sum())
+    if not ties:
+        return []
+    recordings = counted(measured, "test recording")
+    return [
+        f"All classes tie in {ties} of {recordings}: they predict no class (column {NO_CLASS!r}) and count as wrong."
+    ]
+
+
 def result_remarks(network: TouchModel, recordings: Recordings) -> list[str]:
     """Return a sentence if outputs are silent on the training recordings, or if their accuracy is at chance."""
     labels, scores = recordings.needed_labels("train on"), class_scores(network, recordings.spikes)
-    predicted = decided(scores)
-    if (predicted < 0).all() and scores.shape[1] > 1:
+    predicted = decided(scores, network.tie_class)
+    if (decided(scores) < 0).all() and scores.shape[1] > 1:
         spiking = (
             network.description.structure.spiking
             and network.description.structure.neurons != "windows"

@@ -27,7 +27,7 @@ from locsnn_compile.models.touch_model import TouchModel
 from locsnn_compile.report.figures.flat import csv_bytes
 from locsnn_compile.training.batches import batches, epoch_generator
 from locsnn_compile.training.config import EpochRecord, Progress, TrainingConfig
-from locsnn_compile.training.describe import check_recordings, describe
+from locsnn_compile.training.describe import check_recordings, class_for_ties, describe
 from locsnn_compile.training.measure import (
     Loss,
     check_events,
@@ -95,6 +95,7 @@ def train(
         description = replace(start.description, name=name)
         check_recordings(description, recordings, classes)
     check_events(recordings)
+    tie_class = class_for_ties(config, description, start)
     loss = Loss(config, description.classes)
     key = run_key(config, recordings, start)
     weights_at_start = None if start is None else start.float_weights
@@ -126,6 +127,7 @@ def train(
         saved,
         save_every,
         progress,
+        tie_class,
     )
     with _torch_for_small_layers():
         training, held = stratified_split(labels, config.validation_fraction, config.seed)
@@ -147,6 +149,7 @@ def train(
             weights = state.weights | state.averages
         network = build_network(description, seed=config.seed, chip=chip)
         network.load_state_dict(weights)
+        network.tie_class = tie_class
         network.snap()
         remarks = (*data_remarks(recordings, classes, config), *result_remarks(network, recordings))
     chosen = [
@@ -173,6 +176,8 @@ class _Run(Frozen, eq=False):
     saved: Callable[[], None]
     save_every: int
     progress: Progress | None
+    tie_class: int | None
+    """What is predicted where all classes tie; None: no class."""
 
 
 class _Phase:
@@ -189,6 +194,7 @@ class _Phase:
             run.description, seed=config.seed, initial_scale=config.initial_scale, chip=run.chip
         )
         self.network = network.to(config.device)
+        self.network.tie_class = run.tie_class
         if run.start is not None:
             self.network.load_weights(run.start)
         if config.pruned:

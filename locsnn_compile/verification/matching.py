@@ -10,7 +10,6 @@ from hw_model.accounting.cost import Latency
 from hw_model.accounting.usage import PhaseUsage, measure, total_ns
 from hw_model.description.counts import Counts, total
 from hw_model.description.profile import Range
-from hw_model.mapping.graph import decided
 from hw_model.rtl.device import latencies as core_latencies
 from hw_model.values import ByteArray, FloatArray, Frozen, IntArray, Shown, Sums, picked
 from locsnn_compile.baselines.operations import network_additions
@@ -249,7 +248,9 @@ def _compare_part(
             for p in network.populations
         },
         differences=_first_difference(network, wanted.spikes, found.spikes, start),
-        predictions=((decided(wanted.scores), decided(found.scores)),),
+        predictions=(
+            (network.readout.decided(wanted.scores), network.readout.decided(found.scores)),
+        ),
         scores=ScoreMatch.of(wanted.scores, found.scores / score_scale),
         counts=found.per_recording,
         counts_by_phase=found.counts_by_phase,

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 import hw_model as hw
-from hw_model.mapping.graph import decided
 from hw_model.streaming.early_stop import pushed_each
 from hw_model.streaming.session import StepScores, check_psi, location_share
 from hw_model.values import ByteArray, FloatArray, Frozen, IntArray, added
@@ -68,7 +67,8 @@ def over_time(
     chosen = spread_sample(levels.network, len(recordings), many)
     played = recordings[list(chosen)]
     scores = _scores(program, played, psi)
-    wanted = decided(scores[TOGETHER][:, -1]) if labels is None else labels[list(chosen)]
+    readout = levels.network.readout
+    wanted = readout.decided(scores[TOGETHER][:, -1]) if labels is None else labels[list(chosen)]
     known = np.full(len(wanted), labels is not None) | (wanted >= 0)
     if not known.any():
         return "all class scores tie after the last step of every recording"
@@ -78,7 +78,7 @@ def over_time(
         labelled=labels is not None,
         psi=psi,
         right={
-            name: (decided(found) == wanted[:, None])[known].mean(axis=0)
+            name: (readout.decided(found) == wanted[:, None])[known].mean(axis=0)
             for name, found in scores.items()
         },
         proven=hw.stop_when_proven(program, played),

@@ -22,6 +22,7 @@ from locsnn_compile.training.measure import (
     data_remarks,
     evaluate,
     result_remarks,
+    tie_remarks,
 )
 
 Capture = pytest.CaptureFixture[str]
@@ -171,9 +172,20 @@ def test_networks_without_weights_are_silent(name: str, words: str) -> None:
     assert result_remarks(network, recordings) == [
         f"{words} in any of the 5 recordings it was trained on: every prediction is a tie. Give more --epochs, or a larger --learning-rate."
     ]
-    # Two recordings are of the first class, which ties would go to.
+    # Two recordings are of the first class, which has the highest of equal scores.
     assert evaluate(network, Loss(TrainingConfig(), 3), recordings.spikes, labels)[1] == 0.0
-    assert not confusion(network, recordings).any()
+    counts = np.bincount(labels, minlength=3)
+    confused = confusion(network, recordings)
+    np.testing.assert_array_equal(confused, np.column_stack([np.zeros((3, 3)), counts]))
+    assert tie_remarks(confused) == [
+        "All classes tie in 5 of 5 test recordings: they predict no class (column 'tie') and count as wrong."
+    ]
+    network.tie_class = 2
+    right = counts[2] / 5
+    assert evaluate(network, Loss(TrainingConfig(), 3), recordings.spikes, labels)[1] == right
+    confused = confusion(network, recordings)
+    np.testing.assert_array_equal(confused[:, 2], counts)
+    assert tie_remarks(confused) == []
 
 
 @pytest.mark.parametrize(
@@ -207,9 +219,20 @@ def test_many_missing_labels_are_counted() -> None:
             {},
             [
                 "4 of 12 recordings to train on have no event.",
-                "No recording of label 1 (slide) has an event.",
+                "No recording of label 1 (slide) has an event: all classes tie, so it is never right. With --tie 1, ties "
+                "predict it.",
             ],
             id="a silent class",
+        ),
+        pytest.param(
+            [0, 1, 2] * 4,
+            [1, 4, 7, 10],
+            {"tie": "slide"},
+            [
+                "4 of 12 recordings to train on have no event.",
+                "No recording of label 1 (slide) has an event.",
+            ],
+            id="a silent class that ties predict",
         ),
         pytest.param(
             [0] * 10 + [1] * 5 + [2] * 2,

@@ -124,15 +124,16 @@ def test_a_folder_with_parts(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert found.recordings.labels.tolist() == [0, 1]
     printed = capsys.readouterr().out
     assert (
-        f"test accuracy {found.training['test_accuracy']:.3f} on 3 recordings\nlabel \\ predicted  0  1  2\n"
+        f"test accuracy {found.training['test_accuracy']:.3f} on 3 recordings\nlabel \\ predicted    0    1    2  tie\n"
         in printed
     )
+    assert "! All classes tie in 3 of 3 test recordings: they predict no class" in printed
     rows = [[int(n) for n in line.split()] for line in found.training["test_confusion"].split(";")]
-    assert [sum(row) for row in rows] == [0, 0, 0]
+    assert rows == [[0, 0, 0, 1]] * 3
     assert "every prediction is a tie" in printed
     assert sum(rows[i][i] for i in range(3)) / 3 == found.training["test_accuracy"]
     for label, row in enumerate(rows):
-        assert f"{label:>17}" + "".join(f"{n:3}" for n in row) + "\n" in printed
+        assert f"{label:>17}" + "".join(f"{n:5}" for n in row) + "\n" in printed
 
 
 def test_options_lie_over_the_configuration(
@@ -399,16 +400,24 @@ def test_a_gpu_learns_what_the_processor_learns(name: str) -> None:
 def test_confusions_are_called_by_their_classes(
     names: tuple[str, ...] | None, lines: list[str]
 ) -> None:
-    assert command._confusion(np.array([[12, 0], [3, 4]]), names) == lines
+    assert command._confusion(np.array([[12, 0, 0], [3, 4, 0]]), names) == lines
 
 
 def test_the_confusions_of_many_classes_are_not_printed() -> None:
-    assert command._confusion(np.diag(np.full(21, 3))) == []
-    assert len(command._confusion(np.diag(np.full(20, 3)))) == 21
-    assert command._confusion(np.array([[12, 0], [1, 4]])) == [
+    assert command._confusion(np.eye(21, 22, dtype=np.int64)) == []
+    assert len(command._confusion(np.eye(20, 21, dtype=np.int64))) == 21
+    assert command._confusion(np.array([[12, 0, 0], [1, 4, 0]])) == [
         "label \\ predicted   0   1",
         "                0  12   0",
         "                1   1   4",
+    ]
+
+
+def test_recordings_whose_classes_tie_have_a_column_of_confusions() -> None:
+    assert command._confusion(np.array([[12, 0, 0], [1, 4, 20]])) == [
+        "label \\ predicted    0    1  tie",
+        "                0   12    0    0",
+        "                1    1    4   20",
     ]
 
 

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 import hw_model as hw
-from hw_model.mapping.graph import decided
 from hw_model.texts.templates import filled
 from hw_model.values import AnyArray, ByteArray, IntArray
 from locsnn_compile.network.network import Population
@@ -82,7 +81,8 @@ def viewer_values(
             "number": number,
             "label": None if labels is None else int(labels[number]),
             "predictions": [
-                int(decided(scores[i])) for scores in (reference.scores, np.asarray(chip.scores))
+                int(network.readout.decided(scores[i]))
+                for scores in (reference.scores, np.asarray(chip.scores))
             ],
             "spikes": {
                 name: [_text(np.flatnonzero(side[i]), "u4") for side in both]

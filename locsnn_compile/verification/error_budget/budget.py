@@ -13,7 +13,6 @@ from typing import Literal, get_args
 
 import hw_model as hw
 from hw_model.description.chip import Registers
-from hw_model.mapping.graph import decided
 from hw_model.values import ByteArray, FloatArray, Frozen, Sums, picked
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.neurons import Neuron
@@ -231,7 +230,7 @@ def _deviation(
         p.name: PopulationMatch.of(wanted.spikes[p.name], spikes[p.name])
         for p in network.own_populations
     }
-    changed = int((decided(scores) != decided(wanted.scores)).sum())
+    changed = int((network.readout.decided(scores) != network.readout.decided(wanted.scores)).sum())
     return Deviation(found, changed, ScoreMatch.of(wanted.scores, scores))
 
 

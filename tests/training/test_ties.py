@@ -1,0 +1,149 @@
+"""A class for ties: what a network, its checkpoint and its program predict where the scores of all classes are equal."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hw_model as hw
+import locsnn_compile as lc
+from hw_model.mapping.graph import decided
+from locsnn_compile.cli.main import main
+from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.models.checkpoint_reader import read_checkpoint
+from locsnn_compile.network.committee import committee
+
+STEPS, CHANNELS = 20, 6
+NAMES = ("left", "right", "nothing")
+LABELS = np.tile([0, 1, 2], 8)
+
+
+def recordings() -> Recordings:
+    """Events on the first channels, on the last ones, or none: silence is a class of its own."""
+    rng = np.random.default_rng(3)
+    spikes = np.zeros((len(LABELS), STEPS, CHANNELS), dtype=np.uint8)
+    for row, label in enumerate(LABELS):
+        if label < 2:
+            spikes[row, :, 3 * label : 3 * label + 3] = rng.random((STEPS, 3)) < 0.5
+    return Recordings(spikes, LABELS, None, "three classes", class_names=NAMES)
+
+
+OPTIONS = {
+    "model": "tactile-snn",
+    "channels": CHANNELS,
+    "hidden": 8,
+    "epochs": 60,
+    "batch_size": 4,
+    "learning_rate": 0.03,
+    "event_dropout": 0.0,
+    "channel_dropout": 0.0,
+    "initial_scale": 10.0,
+}
+
+
+def trained(**more: object) -> lc.Checkpoint:
+    return lc.train(recordings(), OPTIONS | more, test=recordings(), carried=24)
+
+
+@pytest.fixture(scope="module")
+def with_ties() -> lc.Checkpoint:
+    return trained(tie="nothing")
+
+
+def test_a_class_of_silence_is_right_where_ties_predict_it(with_ties: lc.Checkpoint) -> None:
+    without = trained()
+    assert with_ties.tie_class == 2
+    assert without.tie_class is None
+    assert without.training["test_accuracy"] == pytest.approx(2 / 3)
+    assert without.training["test_confusion"] == "8 0 0 0; 0 8 0 0; 0 0 0 8"
+    assert with_ties.training["test_accuracy"] == 1.0
+    assert with_ties.training["test_confusion"] == "8 0 0; 0 8 0; 0 0 8"
+
+
+def test_the_program_keeps_the_class_of_ties(with_ties: lc.Checkpoint, tmp_path: Path) -> None:
+    with_ties.save(tmp_path / "ties.pt")
+    compiled = lc.compile(
+        lc.load(tmp_path / "ties.pt"), events=recordings(), strategy="dendrite", diagnosis=False
+    )
+    assert compiled.report["accuracy"] == {"reference": 1.0, "chip": 1.0}
+    assert compiled.report["match"]["tied_predictions"] == 0
+    compiled.save(tmp_path / "build")
+    program = hw.load_program(tmp_path / "build")
+    assert program.readout is not None
+    assert program.readout.tie_class == 2
+    spikes = recordings().spikes
+    np.testing.assert_array_equal(hw.simulate(program, spikes).prediction, LABELS)
+    session = hw.Session(program)
+    assert session.push(spikes[2]).prediction.tolist() == [2] * STEPS
+
+
+def test_stops_hold_with_a_class_of_ties(with_ties: lc.Checkpoint) -> None:
+    """Whatever stops early predicts what the whole recording predicts, if a proof says so."""
+    program = lc.compile(lc.load(with_ties), diagnosis=False).program
+    spikes = recordings().spikes
+    proven = hw.stop_when_proven(program, spikes)
+    np.testing.assert_array_equal(proven.final, LABELS)
+    scores = np.stack([hw.Session(program).push(rows).scores for rows in spikes])
+    for row, (stop, wanted) in enumerate(zip(proven.steps, proven.final, strict=True)):
+        after = scores[row, stop - 1 :] if stop else scores[row, :0]
+        assert (decided(after, 2) == wanted).all()
+    margin = hw.calibrate_margin(program, spikes, 1.0)
+    stops = hw.stop_at_margin(program, spikes, margin if np.isfinite(margin) else 1e9)
+    np.testing.assert_array_equal(stops.final, LABELS)
+
+
+def test_members_that_name_one_class_for_ties_keep_it_together(with_ties: lc.Checkpoint) -> None:
+    network = lc.load(with_ties)
+    other = replace(network, readout=replace(network.readout, tie_class=None))
+    assert committee([network, network], [1.0, 2.0]).readout.tie_class == 2
+    assert committee([network, other], [1.0, 2.0]).readout.tie_class is None
+
+
+def test_a_network_trained_further_keeps_its_class_of_ties(
+    with_ties: lc.Checkpoint, tmp_path: Path
+) -> None:
+    start, further = tmp_path / "start.pt", tmp_path / "further.pt"
+    with_ties.save(start)
+    np.savez(tmp_path / "a.npz", spikes=recordings().spikes.transpose(0, 2, 1), labels=LABELS)
+    common = ["train", "--data", str(tmp_path / "a.npz"), "--epochs", "1", "--quiet"]
+    assert main([*common, "--from", str(start), "-o", str(further)]) in (0, 3)
+    assert read_checkpoint(further).tie_class == 2
+
+
+@pytest.mark.parametrize(
+    ("tie", "message"),
+    [
+        (
+            "never",
+            "training option 'tie': no class is called 'never'. Give a class: left, right, nothing; numbers from 0 to 2.",
+        ),
+        (
+            "3",
+            "training option 'tie': no class is called '3'. Give a class: left, right, nothing; numbers from 0 to 2.",
+        ),
+    ],
+)
+def test_ties_of_a_class_that_is_not_there(tie: str, message: str) -> None:
+    with pytest.raises(lc.InputError) as caught:
+        trained(tie=tie)
+    assert str(caught.value) == message
+
+
+def test_a_class_of_ties_may_be_a_number() -> None:
+    assert trained(tie="1", epochs=1).tie_class == 1
+
+
+def test_a_readout_names_a_class_that_it_has(with_ties: lc.Checkpoint) -> None:
+    network = lc.load(with_ties)
+    with pytest.raises(lc.InputError) as caught:
+        lc.compile(replace(network, readout=replace(network.readout, tie_class=3)))
+    assert str(caught.value) == (
+        "readout: tie_class is not a class (3 against 0..2). Give the number of a class, or None."
+    )
+
+
+def test_checkpoints_of_earlier_versions_name_no_class(with_ties: lc.Checkpoint) -> None:
+    kept = {name: value for name, value in with_ties.training.items() if name != "tie"}
+    assert replace(with_ties, training=kept).tie_class is None
+    assert replace(with_ties, training=kept | {"tie": 9}).tie_class is None
