@@ -19,6 +19,9 @@ STEP = (
     "(--dt)."
 )
 RESET = "The NIR graph does not say how a spike resets: its potential goes to v_reset at once (--reset zero)."
+TS_UNIT = (
+    "The Ts of the YAML, 1, was read as milliseconds, which SLAYER does not say (--step-seconds)."
+)
 EULER = "The NIR graph does not say how its equations become steps: by Euler's method (--discretisation euler)."
 
 
@@ -137,4 +140,5 @@ TAILS = "The reference has the tails of its kernels, which slayerPytorch cuts in
     ],
 )
 def test_what_a_slayer_checkpoint_leaves_open(named, options, more, wanted, tmp_path):
-    assert lc.load(*write(tmp_path, named, **more), **options).assumptions == wanted
+    assumptions = lc.load(*write(tmp_path, named, **more), **options).assumptions
+    assert assumptions == (*wanted, TS_UNIT)

@@ -18,6 +18,9 @@ LAYERS = {
 }
 FUSED = LAYERS | {"outputFc": weights(CLASSES, CLASSES, 3.0)}
 TAILS = "The reference has the tails of its kernels, which slayerPytorch cuts in training (--kernels full)."
+TS_UNIT = (
+    "The Ts of the YAML, 1, was read as milliseconds, which SLAYER does not say (--step-seconds)."
+)
 LOOP = "The description has no location_order: taxels are visited in the order loop."
 
 
@@ -54,6 +57,7 @@ def test_a_location_network_that_keeps_unused_time_layers_counts_locations_alone
         "The YAML counts the spikes of 78 steps, which are the locations: the location branch runs alone, of the layers "
         "location=locationFc1,locationFc2, and fc1, fc2 are not used (--branches).",
         LOOP,
+        TS_UNIT,
     )
 
 
@@ -67,6 +71,7 @@ def test_every_layer_taken_is_said_with_its_chain(tmp_path):
         "The checkpoint does not say which layers run, nor over what: all were taken by their names and order, "
         "time=fc1,fc2, location=locationFc1,locationFc2 (--branches).",
         LOOP,
+        TS_UNIT,
     )
 
 
@@ -86,6 +91,7 @@ def test_branches_name_the_layers_that_run(branches, tmp_path):
         "These layers of the checkpoint are not used, as no branch names them: fc1, fc2, outputFc.",
         "There are 78 channels, the inputs of fc1, which is not used.",
         LOOP,
+        TS_UNIT,
     )
 
 

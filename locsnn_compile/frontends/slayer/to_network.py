@@ -196,6 +196,7 @@ def _assumed(
     for chain in chains.values():
         for layer in chain:
             yield from layer.assumed
+    yield f"The Ts of the YAML, {config.ts:g}, was read as milliseconds, which SLAYER does not say (--step-seconds)."
 
 
 def _walk(order: str, channels: int | None, where: str) -> tuple[Any, int]:
