@@ -105,6 +105,12 @@ def _taken_as_numbered(recordings: Recordings, model: Expected) -> Recordings:
             f"{model.kind}, in which polarities come first (--grid or --axes)."
         )
         return recordings.assuming(said)
+    if known is None and model.numbering is None:
+        said = (
+            f"Neither the recordings nor the {model.kind} say what a channel is: channel i was taken for input i "
+            "(--grid with --channel-order)."
+        )
+        return recordings.assuming(said)
     return recordings
 
 

@@ -66,8 +66,11 @@ def _pitch(places: Places) -> float:
     """Return the median distance between neighbours; 1 for a single taxel."""
     if len(places) < 2:
         return 1.0
-    far = np.abs(places[:, np.newaxis] - places).max(axis=2)
-    return float(np.median((far + np.diag(np.full(len(places), np.inf))).min(axis=1)))
+    from scipy.spatial import KDTree  # a table of all distances would take gigabytes for a camera
+
+    # The nearest place is the place itself.
+    distances, _ = KDTree(places).query(places, k=2, p=np.inf)
+    return float(np.median(distances[:, 1]))
 
 
 BY_PLACE: dict[str, Callable[[Places], Walk]] = {

@@ -119,7 +119,9 @@ class Recordings(Shown):
         return len(self.spikes)
 
     def assuming(self, said: str) -> "Recordings":
-        """Return the same recordings with one more sentence on what was taken."""
+        """Return the same recordings with a sentence on what was taken, once."""
+        if said in self.assumed:
+            return self
         return replace(self, assumed=(*self.assumed, said))
 
     def called(self, label: int) -> str:

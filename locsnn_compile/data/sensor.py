@@ -19,8 +19,8 @@ from hw_model.values import FloatArray, Frozen, IntArray
 from locsnn_compile.data.channels import Channels
 from locsnn_compile.errors import InputError, check_same, counted
 
-#: Largest number of channels of a sensor: a few times what any published tactile sensor has.
-MAX_CHANNELS = 4_096
+#: Largest number of channels of a sensor: an event camera of 128 x 128 pixels and two polarities.
+MAX_CHANNELS = 32_768
 #: Taxels of one NeuTouch fingertip, numbered from 1 in every file and order.
 TAXELS = 39
 #: Polarities of a taxel: 0 where pressure rises, 1 where it falls; channel = 2 * taxel + polarity, taxel from 0.

@@ -10,10 +10,12 @@ from scipy.spatial.distance import cdist
 
 from hw_model.values import FloatArray
 from locsnn_compile.data.sensor import MANUAL_EDGES, SensorLayout
-from locsnn_compile.errors import InputError, check_known
+from locsnn_compile.errors import InputError, check_known, check_most
 
 Edges = tuple[tuple[int, int], ...]
 GRAPHS = ("manual", "nearest", "tree")
+MAX_TAXELS = 4_096
+"""Most taxels of a surface: their distances are a table of 128 MiB."""
 
 
 def taxel_graph(kind: str, layout: SensorLayout, *, neighbours: int, nearer_mm: float) -> Edges:
@@ -36,6 +38,8 @@ def taxel_graph(kind: str, layout: SensorLayout, *, neighbours: int, nearer_mm: 
             )
         return MANUAL_EDGES
     places = layout.needed_places(where)
+    what, fix = "it has too many taxels for a graph", "Use a network without one."
+    check_most(len(places), MAX_TAXELS, where, what, unit="taxels", fix=fix)
     # Rounded so that equal distances compare as equal.
     distance: FloatArray = cdist(places, places).round(9)
     if kind == "nearest":

@@ -18,6 +18,7 @@ from locsnn_compile.errors import InputError, check_same
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.quantized import QuantizedNetwork
 from locsnn_compile.reference.evaluate import evaluate
+from locsnn_compile.verification.chance import Chance, chance_of
 
 CHUNK = 16
 """Recordings held at a time, so memory does not grow with their number."""
@@ -167,6 +168,11 @@ class Match(Shown, _Figures):
             "reference": float((self.reference_prediction == self.labels).mean()),
             "chip": float((self.chip_prediction == self.labels).mean()),
         }
+
+    @property
+    def chance(self) -> Chance | None:
+        """Whether the chip's accuracy can be told from chance; None without labels, or with too few."""
+        return None if self.labels is None else chance_of(self.chip_prediction, self.labels)
 
 
 def compare(

@@ -94,8 +94,8 @@ def test_no_option_names_no_sensor() -> None:
             id="one side",
         ),
         pytest.param(
-            ("64x64", 2, None, None),
-            "sensor 'grid 64x64': its channels are out of range (got 8192 against 1..4096). "
+            ("128x129", 2, None, None),
+            "sensor 'grid 128x129': its channels are out of range (got 33024 against 1..32768). "
             "Correct the layout of the sensor.",
             id="too large",
         ),

@@ -130,6 +130,29 @@ def test_what_was_not_compared_is_said(
     assert "100 %" not in verdict.figure
 
 
+def test_an_accuracy_at_chance_is_said_in_the_verdict(document: dict[str, Any]) -> None:
+    document["match"] |= EQUAL
+    document["chance"] = {
+        "recordings": 100,
+        "right": 10,
+        "commonest_share": 0.15,
+        "p_value": 0.94,
+        "told_apart": False,
+    }
+    verdict = matches(document)
+    assert (verdict.status, verdict.answer) == (
+        "nearly",
+        "Yes, spike for spike, but it predicts no better than chance",
+    )
+    assert verdict.sentence == (
+        "The chip predicts the same class as the float network in 20 of 20 recordings, and every spike is equal. "
+        "The accuracy of 10.0 % on 100 recordings cannot be told from guessing the commonest label, which has 15.0 % of "
+        "them: the recordings may be numbered, timed or labelled in another way than those of the training."
+    )
+    document["chance"] |= {"right": 90, "p_value": 0.0, "told_apart": True}
+    assert (matches(document).status, matches(document).answer) == ("yes", "Yes, spike for spike")
+
+
 def test_scores_that_are_apart_are_said(document: dict[str, Any]) -> None:
     document["match"] |= EQUAL | READ | {"score_error": 0.25}
     assert matches(document).sentence == (

@@ -65,6 +65,7 @@ def report_document(
             "readout": _readout(network, match),
         },
         "accuracy": match.accuracy,
+        **_chance(match),
         **({"classes": list(network.class_names)} if network.class_names else {}),
         "operations": {
             "per_sample": _per_sample(counts, samples),
@@ -105,6 +106,13 @@ def report_document(
             else {}
         ),
     }
+
+
+def _chance(match: Match) -> Document:
+    """Return the test of the accuracy against chance; nothing where there are too few labels."""
+    if match.chance is None:
+        return {}
+    return {"chance": asdict(match.chance) | {"told_apart": match.chance.told_apart}}
 
 
 def _members(levels: Levels, match: Match, energy: Document) -> list[Document]:

@@ -76,6 +76,13 @@ def matches(document: Document) -> Verdict:
         said += f"; {count(tied)} more are not predicted, as all class scores tie on both sides"
     if answer == SAME_CLASSES:
         said += f", but class scores {_scores(match)}"
+    chance = document.get("chance")
+    if chance and not chance["told_apart"]:
+        said += (
+            f". {sentence('at chance', **chance, accuracy=chance['right'] / chance['recordings'])}"
+        )
+        if status == "yes":
+            status, answer = "nearly", f"{answer}, but it predicts no better than chance"
     silent = SILENT if match["readout"]["silent"] else NONE
     its = facts(
         "match",
