@@ -4,6 +4,7 @@ import subprocess
 from collections.abc import Iterable
 
 from hw_model.errors import InputError
+from hw_model.io.extras import install_hint
 from hw_model.rtl.images import Sizes
 from hw_model.rtl.simulators import built, command_of, sources
 
@@ -50,7 +51,7 @@ class SerialPort:
         try:
             import serial
         except ImportError:
-            fix = "Install it with: pip install 'locsnn-compile[rtl]'."
+            fix = install_hint("rtl")
             raise InputError(where, "pyserial is not installed", fix=fix) from None
         try:
             self._device = serial.Serial(name, baud, timeout=2 + 40_000 / baud)

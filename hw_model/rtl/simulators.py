@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from hw_model.errors import InputError, check_known
+from hw_model.io.extras import install_hint
 from hw_model.rtl.images import Sizes, parameters
 
 Simulator = Literal["verilator", "icarus"]
@@ -112,12 +113,10 @@ def said(command: list[str], folder: Path, where: str) -> str:
         f"{os.environ.get('PATH', '')}{os.pathsep}{Path(sys.executable).parent}",
     )
     if shutil.which(command[0], path=path) is None:
-        way = (
-            "pip install 'locsnn-compile[rtl]'"
-            if tool.startswith("yowasp")
-            else f"apt-get install {tool} (Debian)"
-        )
-        raise InputError(where, f"{tool} is not installed", fix=f"Install it with: {way}.")
+        fix = f"Install it with: apt-get install {tool} (Debian)."
+        if tool.startswith("yowasp"):
+            fix = install_hint("rtl")
+        raise InputError(where, f"{tool} is not installed", fix=fix)
     given = {**os.environ, "PATH": path}
     done = subprocess.run(
         command, cwd=folder, env=given, capture_output=True, text=True, check=False

@@ -40,7 +40,7 @@ for path in sys.argv[1:]:
 print(json.dumps(found))
 """
 """Compiles each of the models given, and prints the exit code and what was said on standard error, by name."""
-INSTALL = "Install it with: pip install 'locsnn-compile[train]'."
+INSTALL = "Install it with: pip install torch."
 
 
 def run(script, *arguments, folder, code=0):

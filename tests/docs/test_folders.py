@@ -1,0 +1,30 @@
+"""Pages lie in folders, and the table of contents names each of the pages that teach, guide and look up."""
+
+from __future__ import annotations
+
+import pytest
+from fences import ROOT, name
+from test_links import links
+
+DOCS = ROOT / "docs"
+LISTED = ("start", "how-to", "reference", "explanation")
+PAGES_OF_MANUAL = sorted(page for folder in LISTED for page in (DOCS / folder).rglob("*.md"))
+STUDIES = sorted(set((DOCS / "research").rglob("*.md")) - {DOCS / "research/studies.md"})
+
+
+def targets(page):
+    return {(page.parent / link.partition("#")[0]).resolve() for link in links(page)}
+
+
+def test_only_the_table_of_contents_lies_loose():
+    assert {path.name for path in DOCS.iterdir() if path.is_file()} == {"conf.py", "index.md"}
+
+
+@pytest.mark.parametrize("page", PAGES_OF_MANUAL, ids=name)
+def test_the_table_of_contents_names_the_page(page):
+    assert page in targets(DOCS / "index.md")
+
+
+@pytest.mark.parametrize("page", STUDIES, ids=name)
+def test_a_study_has_a_summary(page):
+    assert page in targets(DOCS / "research/studies.md")
