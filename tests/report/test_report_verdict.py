@@ -5,7 +5,8 @@ from typing import Any
 import pytest
 
 from locsnn_compile.report.compose import compose
-from locsnn_compile.report.content import Table
+from locsnn_compile.report.content import Bullets, Table
+from locsnn_compile.report.sections.build import provenance
 from locsnn_compile.report.sections.verdict import against, costs, fits, matches, notices, pace
 
 POPULATIONS = ["time_output", "location_output"]
@@ -208,6 +209,42 @@ def test_fit(document: dict[str, Any], cores: tuple[int, int], status: str, full
     verdict = fits(document)
     assert verdict.status == status
     assert verdict.facts[0].value == fullest
+
+
+OF_OPEN_CORE = {
+    "synapses": {"used": 12_942, "limit": 16_384},
+    "join": {"used": 26, "limit": 28},
+    "later": {"used": 2, "limit": 2},
+    "groups": {"used": 1, "limit": 1},
+}
+
+
+def test_the_fullest_limit_of_an_open_core_is_something_that_a_program_fills(
+    document: dict[str, Any],
+) -> None:
+    document["resources"]["limits"] = OF_OPEN_CORE
+    assert fits(document).facts[0].value == "synapses of a core, 12,942 of 16,384 (79.0 %)"
+
+
+def test_a_width_that_is_too_small_is_named(document: dict[str, Any]) -> None:
+    document["resources"]["limits"] = OF_OPEN_CORE | {"join": {"used": 29, "limit": 28}}
+    assert fits(document).facts[0].value == "bits of joined voltages of a core, 29 of 28 (103.6 %)"
+
+
+MODELLED = "Energy and latency are models: counts times published costs. No board was used."
+OF_LOIHI = (
+    "Joined compartments (dendrites) are an assumption about the chip: public sources name them, "
+    "but none gives their integer timing.",
+    "Where public sources on the chip are silent or disagree, the target's description decides.",
+)
+
+
+def test_joined_compartments_are_assumed_of_a_chip_but_not_of_an_open_core(
+    document: dict[str, Any],
+) -> None:
+    assert provenance(document).blocks[-1] == Bullets("Keep in mind", (MODELLED, *OF_LOIHI))
+    document["resources"]["limits"] = OF_OPEN_CORE
+    assert provenance(document).blocks[-1] == Bullets("Keep in mind", (MODELLED,))
 
 
 def test_notices_are_for_what_limits_the_figures(document: dict[str, Any]) -> None:

@@ -1,11 +1,12 @@
 """Sections on the program itself: resources, what was left out, rounding, provenance, and the settings compared."""
 
+from collections.abc import Iterator
 from typing import Any
 
 from locsnn_compile.choose_strategy import Choice
 from locsnn_compile.report.content import Bullets, Document, Section, Table
 from locsnn_compile.report.format import NONE, any_value, count, share
-from locsnn_compile.report.sections.verdict import fullness, outside, starts
+from locsnn_compile.report.sections.verdict import fullness, on_open_core, outside, starts
 from locsnn_compile.report.words import facts, limit_words, listed, section, sentence, table, words
 from locsnn_compile.settings import AXES, LAYOUTS, Setting
 
@@ -73,17 +74,26 @@ def provenance(document: Document) -> Section:
     meaning = "; ".join(
         f"{name}: {LAYOUTS[name]}" if name in LAYOUTS else name for name in strategies
     )
-    joined = [] if _WITHOUT_JOINED.issuperset(strategies) else ["joined"]
-    modelled = ["modelled"] if document["energy"]["profile"] else []
-    notes = tuple(sentence(name) for name in (*modelled, *joined, "silent sources"))
+    notes = tuple(sentence(name) for name in _kept_in_mind(document, strategies))
     gates, choice = document["gates"], document.get("strategy_choice")
     return section(
         "provenance",
         facts("provenance", meaning=meaning, **document),
         table("gates", gates) if gates else None,
         settings_compared(choice) if choice else None,
-        Bullets("Keep in mind", notes),
+        Bullets("Keep in mind", notes) if notes else None,
     )
+
+
+def _kept_in_mind(document: Document, strategies: list[str]) -> Iterator[str]:
+    """Give the names of the notes on the chip: an open core is defined by its sources, so nothing of it is assumed."""
+    if document["energy"]["profile"]:
+        yield "modelled"
+    if on_open_core(document):
+        return
+    if not _WITHOUT_JOINED.issuperset(strategies):
+        yield "joined"
+    yield "silent sources"
 
 
 def _by_core(rows: list[Document]) -> Table | str:

@@ -39,6 +39,8 @@ Nothing else compares potentials, and a few recordings keep their class at error
 """
 _ROUNDING = 1e-9
 """Class scores whose error is smaller differ only as floats round."""
+_WIDTHS = {"charge", "join", "step", "later"}
+"""Limits of the open core that are bits of a number: a program needs them, but does not fill them."""
 SPIKE_FOR_SPIKE = "Yes, spike for spike"
 SAME_CLASSES = "Nearly, in every prediction"
 
@@ -162,17 +164,28 @@ def fits(document: Document) -> Verdict:
     resources = document["resources"]
     limits = resources["limits"]
     over = {name for name, entry in limits.items() if entry["used"] > entry["limit"]}
-    # What a core can do or not, such as to group rows, says nothing about room.
     worst = max(
-        limits, key=lambda name: (name in over, limits[name]["limit"] > 1, fullness(limits[name]))
+        limits,
+        key=lambda name: (name in over, _is_filled(name, limits[name]), fullness(limits[name])),
     )
     of_cores = "the open core"
-    if cores := limits.get("cores"):
+    if not on_open_core(document):
+        cores = limits["cores"]
         of_cores = f"{count(cores['used'])} of {plural(cores['limit'], 'core')}"
     entry = limits[worst]
     its = facts("fit", worst=limit_words(worst), full=fullness(entry), **entry, **resources)
     status: tuple[Status, str] = ("no", "No") if over else ("yes", "Yes")
     return verdict("fit", *status, its, of_cores=of_cores, target=document["target"])
+
+
+def _is_filled(name: str, entry: Document) -> bool:
+    """Return whether a limit is a resource that a program fills, and not a width or what a core can do."""
+    return entry["limit"] > 1 and name not in _WIDTHS
+
+
+def on_open_core(document: Document) -> bool:
+    """Return whether the program is for the open core, which has no limit on cores."""
+    return "cores" not in document["resources"]["limits"]
 
 
 def notices(document: Document) -> tuple[Notice, ...]:
