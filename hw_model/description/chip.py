@@ -10,6 +10,7 @@ from typing import Annotated
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import WEIGHT_BITS
+from hw_model.description.boards import BOARDS
 from hw_model.description.open_core import Macro, MemoryWords, Sizes, check_sizes
 from hw_model.description.profile import UNPRICED, Profile, Text
 from hw_model.description.read import check_profile, parse, read_description
@@ -183,6 +184,9 @@ def chip(name_or_path: str | Path) -> Chip:
     """Return a chip, given the name of a description that ships or the path of a YAML file."""
     text = str(name_or_path)
     if not text.endswith(_YAML):
+        if text in BOARDS:
+            what = f"it is a board of {BOARDS[text]}"
+            raise InputError(f"target {text!r}", what, fix=f"Give the target {BOARDS[text]}.")
         more = " A chip file of your own ends in .yaml."
         check_known(f"target {text!r}", "no chip of this name ships", text, chip_names(), more)
         return _shipped(text)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hw_model.rtl.boards import BOARDS
+from hw_model.description.boards import BOARDS
 from hw_model.texts.templates import sections
 from locsnn_compile.cli.completion import chips
 from locsnn_compile.emitters import EMIT_KINDS

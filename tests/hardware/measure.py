@@ -19,10 +19,11 @@ import numpy as np
 from shipped import STRATEGIES
 
 import hw_model as hw
+from hw_model.description.boards import BOARDS
 from hw_model.errors import LocsnnError
-from hw_model.rtl.boards import BOARDS
+from hw_model.rtl.bitstream import CELLS, fit
 from hw_model.rtl.comparison import compare
-from hw_model.rtl.folder import CELLS, board_files, fit
+from hw_model.rtl.folder import board_files
 from hw_model.rtl.simulators import said, sources
 from locsnn_compile.api import compile
 from locsnn_compile.data.read import read_recordings

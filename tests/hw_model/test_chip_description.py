@@ -225,10 +225,11 @@ def use_everything(document):
     ("name", "message"),
     [
         ("loihi-sin", "target 'loihi-sin': no chip of this name ships. Did you mean 'loihi-sim'? A chip file of your own ends in .yaml."),
+        ("ulx3s-25f", "target 'ulx3s-25f': it is a board of ecp5-25f. Give the target ecp5-25f."),
         ("tpu", "target 'tpu': no chip of this name ships. Choose one of: ecp5-25f, ecp5-85f, ice40up5k, locsnn-130nm, loihi-sim, tiny-sim. A chip file of your own ends in .yaml."),
         ("gone.yaml", "gone.yaml: it cannot be read (No such file or directory). Give the path of a chip YAML file."),
     ],
-    ids=["near miss", "far off", "no file"],
+    ids=["near miss", "board", "far off", "no file"],
 )  # fmt: skip
 def test_unknown_targets(name, message):
     with pytest.raises(hw.InputError) as caught:

