@@ -4,9 +4,10 @@ BIN := .venv/bin
 
 .PHONY: demo test test-slow soak peers bench results hardware mutants profile energy check check-rest docs examples format clean
 
-demo: .venv/installed  ## install, then compile the hybrid of the paper and the best network, check them and write their reports
+demo: .venv/installed  ## install, then compile the hybrid of the paper and the best network, check them and write their reports (a download of 120 MB)
 	$(BIN)/locsnn-compile examples/models/objects-hybrid.pt --events examples/recordings/touches.npz
 	$(BIN)/locsnn-compile examples/models/objects-best.pt --events examples/recordings/touches.npz
+	@echo "Open build/objects-best/report.html in a browser. To use the commands yourself: source $(BIN)/activate"
 
 test: .venv/installed-dev  ## install, then run the tests, a process a core
 	$(BIN)/pytest -n auto --dist worksteal
