@@ -20,9 +20,17 @@ WEIGHT_SHIFT = 6
 
 def decay(x: IntArray, d: IntArray | int) -> IntArray:
     """Return ``sign(x) * ((|x| * (4096 - d)) >> 12)``: what is left of ``x``, truncated toward zero."""
-    magnitude = (np.abs(x) * (DECAY_ONE - np.asarray(d, dtype=np.int64))) >> DECAY_BITS
-    left: IntArray = np.sign(x) * magnitude
-    return left
+    return kept(x, DECAY_ONE - np.asarray(d, dtype=np.int64))
+
+
+def kept(x: IntArray, keep: IntArray | int) -> IntArray:
+    """Return ``x * keep / 4096``, truncated toward zero: a shift rounds down, so what is negative is raised first."""
+    product = x * keep
+    below_zero = product >> 63  # all bits of a negative number, else none
+    below_zero &= DECAY_ONE - 1
+    product += below_zero
+    product >>= DECAY_BITS
+    return product
 
 
 def wrap(x: IntArray, bits: int) -> IntArray:

@@ -1,12 +1,14 @@
-"""The plain engine: the chip's step as the description tells it, core by core, spike by spike. Slow and obvious.
+"""The plain engine: in which order cores, compartments and spikes take their turns. Slow and obvious.
 
-One step is: update every compartment of every core (accumulate, decay, join, fire), then deliver the spikes of this
-step to the accumulator slots of the steps in which their charge is due.
+One step is: update every compartment of every core, then deliver the spikes of this step to the accumulator slots of
+the steps in which their charge acts. What an update does is said in :mod:`hw_model.arithmetic.loihi`.
 """
 
 import numpy as np
 
-from hw_model.arithmetic.fixed_point import clip, decay, wrap
+from hw_model.arithmetic import loihi
+from hw_model.arithmetic.loihi import Parameters, State
+from hw_model.arithmetic.on_integers import OnIntegers
 from hw_model.engine.trace import EVENTS, PhaseInput, PhaseTrace, Register, Window, added_up
 from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.values import IntArray
@@ -36,7 +38,8 @@ def _run_recording(
     columns = np.concatenate([program.columns_of_core(core) for core in program.cores_of(phase)])
     lines = played.lines(b)
     routes = [
-        (program.route_of(name), lines[:, here]) for name, here in program.lines_of(phase).items()
+        (program.route_of(name), lines[:, of_input])
+        for name, of_input in program.lines_of(phase).items()
     ]
     for step in range(played.start[b], played.stop[b]):
         for state in cores.values():
@@ -46,8 +49,8 @@ def _run_recording(
             axons = state.core.axons
             for k in np.flatnonzero(state.fired[axons.out_compartment]):
                 cores[int(axons.out_core[k])].deliver(int(axons.out_axon[k]), step)
-        for route, own in routes:
-            for k in np.flatnonzero(own[step][route.line]):
+        for route, spikes in routes:
+            for k in np.flatnonzero(spikes[step][route.line]):
                 cores[int(route.core[k])].deliver(int(route.axon[k]), step)
 
         trace.spikes[b, step, columns] = np.concatenate([state.fired for state in cores.values()])
@@ -66,69 +69,61 @@ class _CoreState:
     """Registers and accumulators of one core, arrays (compartments,)."""
 
     def __init__(self, core: Core, program: ChipProgram) -> None:
-        self.core, self.limits = core, program.chip.registers
-        n = core.compartments
-        self.decay_u, self.decay_v = core.setting("decay_u"), core.setting("decay_v")
-        self.refractory, self.spiking = core.setting("refractory"), core.setting("joined") == 0
-        self.bias, self.threshold = core.bias, core.threshold_voltage
-        self.weight = core.effective_weights
+        registers = program.chip.registers
+        size = core.compartments
+        self.core = core
+        self.arithmetic = OnIntegers(registers.charge_bits, registers.current_bits)
+        self.turns = [(members, _rows(core.step_parameters, members)) for members in core.turns]
+        self.has_bias = core.bias != 0
+        self.charge = core.effective_weights
         # A slot for every delay in use, the step being read and the next.
-        self.slots = np.zeros((int(core.axons.delay.max(initial=0)) + 2, n), dtype=np.int64)
-        self.u, self.v, self.potential = (np.zeros(n, dtype=np.int64) for _ in range(3))
-        self.blocked = np.zeros(n, dtype=np.int64)
-        self.fired = np.zeros(n, dtype=np.bool_)
-        self.busy = np.zeros(n, dtype=np.bool_)
-        self.turns = core.turns
-        self.events = np.zeros((len(EVENTS), n), dtype=np.int64)
+        self.slots = np.zeros((int(core.axons.delay.max(initial=0)) + 2, size), dtype=np.int64)
+        self.u = np.zeros(size, dtype=np.int64)
+        self.v = np.zeros(size, dtype=np.int64)
+        self.blocked = np.zeros(size, dtype=np.int64)
+        self.potential = np.zeros(size, dtype=np.int64)
+        self.fired = np.zeros(size, dtype=np.bool_)
+        self.busy = np.zeros(size, dtype=np.bool_)
+        self.events = np.zeros((len(EVENTS), size), dtype=np.int64)
 
     def update(self, step: int) -> None:
-        """Accumulate, decay, join and fire, for every compartment of the core."""
-        bits = self.limits
+        """Update every compartment, children before their parents."""
         slot = self.slots[step % len(self.slots)]
-        arrived = slot.copy()
+        charge = slot.copy()
         slot[:] = 0
-        busy = (arrived != 0) | (self.u != 0) | (self.v != 0) | (self.bias != 0)
-
-        q = self._counted("charge_wraps", arrived, wrap(arrived, bits.charge_bits))
-        u = decay(self.u, self.decay_u) + q
-        self.u = self._counted("current_wraps", u, wrap(u, bits.current_bits))
-
         joined = np.zeros_like(self.v)
-        for members in self.turns:
-            busy[members] |= joined[members] != 0
-            self._update_voltage(members, joined)
-        self.busy = busy
-        self.blocked = np.maximum(self.blocked - 1, 0)
-        self.blocked[self.fired] = self.refractory[self.fired] - 1
+        for members, parameters in self.turns:
+            self._update(members, parameters, charge[members], joined[members])
+            children = members[self.core.parent[members] >= 0]
+            np.add.at(joined, self.core.parent[children], self.v[children])
+
+    def _update(
+        self, i: IntArray, parameters: Parameters, charge: IntArray, joined: IntArray
+    ) -> None:
+        """Take the step of compartments i, none the parent of another."""
+        before = State(self.u[i], self.v[i], self.blocked[i])
+        step = loihi.step(self.arithmetic, parameters, before, charge, joined)
+
+        busy = (charge != 0) | (joined != 0) | self.has_bias[i]
+        self.busy[i] = busy | (before.u != 0) | (before.v != 0)
+        self.u[i], self.v[i], self.blocked[i] = step.state
+        self.potential[i] = step.potential
+        self.fired[i] = step.fired
+        for event, met in loihi.events(step.response, step.live):
+            self.events[EVENTS.index(event), i] += met
 
     def active(self) -> list[int]:
         """Count the compartments of every piece that had anything to work on."""
         return [int(self.busy[p.offset : p.offset + p.size].sum()) for p in self.core.slices]
 
-    def _update_voltage(self, i: IntArray, joined: IntArray) -> None:
-        """Update v of compartments i, none the parent of another; ``joined[i]`` is complete."""
-        drive = self.u[i] + self.bias[i]
-        wrapped = wrap(drive, self.limits.current_bits)
-        v = decay(self.v[i], self.decay_v[i]) + wrapped + joined[i]
-        clipped = clip(v, self.core.vmin, self.core.vmax)
-
-        held = self.blocked[i] > 0
-        self.events[EVENTS.index("current_wraps"), i] += (wrapped != drive) & ~held
-        self.events[EVENTS.index("voltage_clips"), i] += (clipped != v) & ~held
-        self.potential[i] = np.where(held, 0, clipped)
-        self.fired[i] = ~held & self.spiking[i] & (clipped > self.threshold[i])
-        self.v[i] = np.where(self.fired[i], 0, self.potential[i])
-
-        children = i[self.core.parent[i] >= 0]
-        np.add.at(joined, self.core.parent[children], self.v[children])
-
     def deliver(self, axon: int, step: int) -> None:
-        """Add the weights of an axon's synapses to the slots of the steps in which they are due."""
+        """Add the weights of an axon's synapses to the slots of the steps in which they act."""
         axons = self.core.axons
         row = slice(int(axons.list_start[axon]), int(axons.list_start[axon + 1]))
-        due = (step + 1 + axons.delay[row]) % len(self.slots)
-        np.add.at(self.slots, (due, axons.target[row]), self.weight[row])
+        due = loihi.acts_at(step, axons.delay[row]) % len(self.slots)
+        np.add.at(self.slots, (due, axons.target[row]), self.charge[row])
 
-    def _counted(self, event: str, before: IntArray, after: IntArray) -> IntArray:
-        self.events[EVENTS.index(event)] += before != after
-        return after
+
+def _rows(parameters: Parameters, members: IntArray) -> Parameters:
+    """Return the parameters of some compartments."""
+    return Parameters(*(array[members] for array in parameters))

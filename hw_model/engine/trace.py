@@ -9,6 +9,7 @@ from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
+from hw_model.arithmetic.loihi import EVENTS as EVENTS
 from hw_model.program.chip_program import ChipProgram
 from hw_model.values import ByteArray, Frozen, Int32Array, IntArray
 
@@ -16,7 +17,6 @@ Register = Literal["u", "v", "potential"]
 REGISTERS: tuple[Register, ...] = get_args(Register)
 """``u`` and ``v`` are registers after the step (v is 0 on a spike row); ``potential`` is v as the threshold saw it."""
 
-EVENTS = ("charge_wraps", "current_wraps", "voltage_clips")
 TOTALS = (
     "synaptic_ops_after_end",
     "neuron_updates",

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hw_model.arithmetic.fixed_point import WEIGHT_SHIFT, effective_weight
+from hw_model.arithmetic import loihi
 from hw_model.description.chip import Chip
 from hw_model.io.given import checked
 from hw_model.mapping.graph import Input, Phase, Readout
@@ -73,18 +73,34 @@ class Core(Frozen, eq=False):
     @property
     def threshold_voltage(self) -> IntArray:
         """Voltage that v must exceed, ``64 * mantissa``, shape (compartments,)."""
-        return np.array(self.thresholds, dtype=np.int64)[self.threshold] << WEIGHT_SHIFT
+        return loihi.threshold_of(np.array(self.thresholds, dtype=np.int64)[self.threshold])
 
     @property
     def effective_weights(self) -> IntArray:
         """Weights as they are added to q, ``64 * floor(mantissa * 2^exponent)``, shape (synapses,)."""
         exponents = np.array([form.exponent for form in self.axons.formats], dtype=np.int64)
-        return effective_weight(self.axons.mantissa, exponents[self.axons.format_index])
+        return loihi.charge_of(self.axons.mantissa, exponents[self.axons.format_index])
 
     @property
     def bias(self) -> IntArray:
         """Bias values, ``mantissa * 2^exponent``, shape (compartments,)."""
-        return self.bias_mantissa << self.bias_exponent
+        return loihi.bias_of(self.bias_mantissa, self.bias_exponent)
+
+    @property
+    def step_parameters(self) -> loihi.Parameters:
+        """What a step reads of every compartment, each (compartments,)."""
+        size = self.compartments
+        vmax = np.full(size, self.vmax, dtype=np.int64)
+        return loihi.Parameters(
+            keep_u=loihi.keep_of(self.setting("decay_u")),
+            keep_v=loihi.keep_of(self.setting("decay_v")),
+            bias=self.bias,
+            # What is joined never spikes: no v exceeds vmax.
+            threshold=np.where(self.setting("joined") == 1, vmax, self.threshold_voltage),
+            refractory=self.setting("refractory"),
+            vmin=np.full(size, self.vmin, dtype=np.int64),
+            vmax=vmax,
+        )
 
 
 class ChipProgram(Shown):

@@ -1,0 +1,223 @@
+"""The arithmetic of ``loihi-sim``, on one page: hold it next to the data sheet and read from top to bottom.
+
+REGISTERS of a compartment; all are 0 at rest. Bits are those of loihi-sim, and the sign comes on top.
+
+    q         21 bits   charge that arrived in this step     wraps
+    u         23 bits   current                              wraps, and so does u + bias
+    v         23 bits   voltage                              is clipped to vmin..vmax
+    blocked             refractory steps that are left
+
+PARAMETERS: a profile of compartments holds decays and refractory, each compartment its threshold and bias, and the
+core vmin and vmax.
+
+    decay_u, decay_v    0..4096               4096 parts lose so many in a step: 0 keeps all, 4096 nothing
+    threshold           0..2^17 - 1           in units of 64
+    bias                13 bits signed, times 2^(0..7)
+    refractory          1..63                 steps from a spike until the next at the least
+    vmin, vmax          -(2^23 - 1) or 1 - 2^k, and 2^23 - 1 or 2^(9 + 2k) - 1
+
+SYNAPSES: a spike of row t, of an input or of a compartment, acts at step t + 1 + delay, delay 0..62. Its charge is
+64 floor(mantissa 2^exponent), exponent -8..7; :func:`hw_model.arithmetic.fixed_point.weight_grid` lists the mantissas.
+Charges of a step are added up without loss, and the sum wraps once, when it is read.
+
+JOINED compartments have no threshold: they never spike, and their parent gets their v of the same step.
+
+THE STEP, in the order of the code below:
+
+    q       = wrap(sum of the charges that act now)
+    u       = wrap(kept(u, decay_u) + q)
+    v       = clip(kept(v, decay_v) + wrap(u + bias) + v of joined children, vmin, vmax)
+    spike   where v > 64 threshold, unless blocked
+    v       = 0 after a spike and while blocked
+    blocked = refractory - 1 after a spike, else one less
+
+    kept(x, decay) = x (4096 - decay) / 4096, truncated toward zero
+
+EVENTS that are counted: q wrapped; u wrapped, or u + bias did; v was clipped. Those of v, and of u + bias, not while
+blocked.
+
+Nothing below says what a number is: :class:`Operations` does. Integers of 64 bits make it the plain engine, vectors of
+a chunk of compartments the fast one, and floats of which some are truncated the twin that takes errors apart.
+"""
+
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT, effective_weight
+from hw_model.values import FloatArray, IntArray
+
+Value = Any
+"""A number of one or many compartments: it adds, subtracts and compares by Python's operators."""
+Truth = Any
+"""What comparing values gives: it combines by ``&``, ``|`` and ``~``."""
+
+
+class Operations(Protocol):
+    """What the step is written over, next to sums, differences and comparisons."""
+
+    def wrap_charge(self, q: Value) -> Value:
+        """Return q as its register holds it: in two's complement."""
+
+    def wrap_current(self, u: Value) -> Value:
+        """Return u, or u + bias, as the register of u holds it."""
+
+    def charged(self, q: Value) -> Value:
+        """Return q in the unit of u: charges are multiples of 64, and may be collected as such."""
+
+    def kept(self, x: Value, keep: Value) -> Value:
+        """Return x keep / 4096, truncated toward zero."""
+
+    def clip(self, v: Value, low: Value, high: Value) -> Value:
+        """Return the value nearest to v within low..high."""
+
+    def select(self, condition: Truth, chosen: Value, otherwise: Value) -> Value:
+        """Return one value where the condition holds, and the other where not."""
+
+
+class Parameters(NamedTuple):
+    """Parameters as the step reads them: see :func:`keep_of`, :func:`bias_of` and :func:`threshold_of`."""
+
+    keep_u: Value
+    keep_v: Value
+    bias: Value
+    threshold: Value
+    """At or above vmax for a joined compartment, which therefore never spikes."""
+    refractory: Value
+    vmin: Value
+    vmax: Value
+
+
+class State(NamedTuple):
+    """Registers between two steps."""
+
+    u: Value
+    v: Value
+    blocked: Value
+
+
+class Response(NamedTuple):
+    """What charge does to a compartment before any threshold; ``..._sum`` is a number before its register holds it."""
+
+    charge_sum: Value
+    q: Value
+    u_sum: Value
+    u: Value
+    drive_sum: Value
+    drive: Value
+    v_sum: Value
+    v: Value
+
+
+class Step(NamedTuple):
+    """All that a step does: registers after it, whether it spikes, and v as the threshold saw it."""
+
+    state: State
+    fired: Truth
+    potential: Value
+    live: Truth
+    response: Response
+
+
+def step(ops: Operations, p: Parameters, state: State, charge: Value, joined: Value) -> Step:
+    """Take the charge that acts now, and the sum of the v of joined children."""
+    response = respond(ops, p, state.u, state.v, charge, joined)
+    live, potential, fired = threshold(ops, p, state.blocked, response.v)
+    v = reset(ops, potential, fired)
+    blocked = count_down(ops, p, state.blocked, fired)
+    return Step(State(response.u, v, blocked), fired, potential, live, response)
+
+
+def respond(
+    ops: Operations, p: Parameters, u: Value, v: Value, charge: Value, joined: Value
+) -> Response:
+    """Let u and v decay and take up charge, bias and what children pass."""
+    q = ops.wrap_charge(charge)
+    u_sum = ops.kept(u, p.keep_u) + ops.charged(q)
+    u = ops.wrap_current(u_sum)
+    drive_sum = u + p.bias
+    drive = ops.wrap_current(drive_sum)
+    v_sum = ops.kept(v, p.keep_v) + drive + joined
+    v = ops.clip(v_sum, p.vmin, p.vmax)
+    return Response(charge, q, u_sum, u, drive_sum, drive, v_sum, v)
+
+
+def threshold(
+    ops: Operations, p: Parameters, blocked: Value, v: Value
+) -> tuple[Truth, Value, Truth]:
+    """Return which are not blocked, v as the threshold sees it, and which spike."""
+    live = blocked == 0
+    potential = ops.select(live, v, 0)
+    fired = live & (potential > p.threshold)
+    return live, potential, fired
+
+
+def reset(ops: Operations, potential: Value, fired: Truth) -> Value:
+    """Return v after the spikes of a step."""
+    return ops.select(fired, 0, potential)
+
+
+def count_down(ops: Operations, p: Parameters, blocked: Value, fired: Truth) -> Value:
+    """Return how many steps are blocked after the spikes of a step."""
+    fewer = ops.select(blocked == 0, 0, blocked - 1)
+    return ops.select(fired, p.refractory - 1, fewer)
+
+
+EVENTS = ("charge_wraps", "current_wraps", "voltage_clips")
+"""What is counted of every step, by name."""
+
+
+def events(response: Response, live: Truth) -> tuple[tuple[str, Truth], ...]:
+    """Return what wrapped or was clipped in a step: u and u + bias may both wrap, and then both count."""
+    r = response
+    return (
+        ("charge_wraps", r.q != r.charge_sum),
+        ("current_wraps", r.u != r.u_sum),
+        ("current_wraps", live & (r.drive != r.drive_sum)),
+        ("voltage_clips", live & (r.v != r.v_sum)),
+    )
+
+
+# What a program holds, as the step reads it.
+
+
+def acts_at(row: Value, delay: Value) -> Value:
+    """Return the step at which a spike of a row acts."""
+    return row + 1 + delay
+
+
+def keep_of(decay: Value) -> Value:
+    """Return what a step keeps of 4096 parts."""
+    return DECAY_ONE - decay
+
+
+def bias_of(mantissa: IntArray, exponent: IntArray) -> IntArray:
+    """Return what a step adds to u on its way to v."""
+    return mantissa << exponent
+
+
+def threshold_of(mantissa: IntArray) -> IntArray:
+    """Return what v must exceed."""
+    return mantissa << WEIGHT_SHIFT
+
+
+charge_of = effective_weight
+
+
+# The inverse, for the quantiser.
+
+
+def nearest_decay(lost: FloatArray) -> IntArray:
+    """Return the decays nearest to the shares that a step loses, ties to even."""
+    decays: IntArray = np.rint(lost * DECAY_ONE).astype(np.int64)
+    return decays
+
+
+def share_kept(decay: Value) -> Value:
+    """Return the share that a decay keeps in a step, if nothing is truncated."""
+    return (DECAY_ONE - decay) / DECAY_ONE
+
+
+def gain_at_rest(decay: Value) -> Value:
+    """Return what a steady input of 1 settles at, if nothing is truncated: each step loses what it gains."""
+    return DECAY_ONE / decay
