@@ -1,4 +1,4 @@
-"""The kernels over the lanes of a chunk in one step: how a compartment is updated.
+"""The kernels over the lanes of a chunk in one step: :mod:`hw_model.arithmetic.loihi` over vectors.
 
 Registers ``c`` and charges are of one type, 32 or 64 bits: :func:`hw_model.engine.lay_out.fast_layout` knows which one
 holds every sum. Charges are in units of 64, the least that a weight can be; ``widths`` are
@@ -6,11 +6,12 @@ holds every sum. Charges are in units of 64, the least that a weight can be; ``w
 of them do not rest.
 """
 
-from collections.abc import Mapping
 from functools import reduce
 from operator import or_
 
-from hw_model.arithmetic.fixed_point import WEIGHT_SHIFT
+from hw_model.arithmetic import loihi
+from hw_model.arithmetic.fixed_point import DECAY_BITS, DECAY_ONE, WEIGHT_SHIFT
+from hw_model.arithmetic.loihi import EVENTS, Parameters, Response, State, Step
 from hw_model.engine.lanes import (
     Ends,
     Given,
@@ -28,6 +29,7 @@ from hw_model.engine.lanes import (
     put,
     put_numbers,
     seldom,
+    select,
     short,
     where,
 )
@@ -51,17 +53,51 @@ from hw_model.engine.layout import (
     V,
 )
 
-Fields = Place | Mapping[int, Lanes]
-"""Registers of a chunk: where they lie, or what was read of them before a loop."""
+NO_JOINED = 0
+"""What children pass to a compartment that has none."""
+FIELD_OF_EVENT = dict(zip(EVENTS, (CHARGE_WRAPS, CURRENT_WRAPS, VOLTAGE_CLIPS), strict=True))
 
 
-def _rz(x: Lanes, keep: Lanes) -> Lanes:
-    """Return sign(x) * ((|x| * keep) >> 12): with x = 4096 a + b no product is wider than x, or than 24 bits.
+class OnLanes:
+    """The operations of a step on vectors; without ``ends`` nothing can wrap."""
 
-    Shifts round down; 4095 more, all bits that stand before a negative a, makes that towards 0.
-    """
-    high, keep = x >> 12, keep & (2 * 4096 - 1)
-    return short(high) * keep + (((x & 4095) * keep + before(high, 12)) >> 12)
+    def __init__(self, ends: Ends = (None, None)) -> None:
+        self._half_charge, self._half_current = ends
+
+    def wrap_charge(self, q: Lanes) -> Lanes:
+        """Return q within its register, in units of 64."""
+        return _wrap(q, self._half_charge)
+
+    def wrap_current(self, u: Lanes) -> Lanes:
+        """Return u, or u + bias, within the register of u."""
+        return _wrap(u, self._half_current)
+
+    def charged(self, q: Lanes) -> Lanes:
+        """Return q in the unit of u."""
+        return q << WEIGHT_SHIFT
+
+    def kept(self, x: Lanes, keep: Lanes) -> Lanes:
+        """Return x keep / 4096: with x = 4096 a + b no product is wider than x, or than 24 bits.
+
+        Shifts round down; 4095 more, all bits that stand before a negative a, makes that towards 0.
+        """
+        high = x >> DECAY_BITS
+        low = x & (DECAY_ONE - 1)
+        factor = keep & (2 * DECAY_ONE - 1)
+        below_zero = before(high, DECAY_BITS)
+        return short(high) * factor + ((low * factor + below_zero) >> DECAY_BITS)
+
+    def clip(self, v: Lanes, low: Lanes, high: Lanes) -> Lanes:
+        """Return v within low..high."""
+        v = where(v < low, low, v)
+        return where(v > high, high, v)
+
+    def select(self, condition: Lanes, chosen: Lanes | int, otherwise: Lanes | int) -> Lanes:
+        """Return one where the condition holds, and the other where not."""
+        return select(condition, chosen, otherwise)
+
+
+PLAINLY = OnLanes()
 
 
 def _wrap(x: Lanes, half: Lanes | int | None) -> Lanes:
@@ -69,93 +105,66 @@ def _wrap(x: Lanes, half: Lanes | int | None) -> Lanes:
     return x if half is None else ((x & (half * 2 - 1)) ^ half) - half
 
 
-def _take_charge(c: Fields, u: Lanes, charge: Lanes, ends: Ends) -> tuple[Lanes, Lanes, Lanes]:
-    """Decay u and take the charge of a step into it; return q, and u before and after it wraps."""
-    half_charge, half_current = ends
-    q = _wrap(charge, half_charge)
-    unwrapped = _rz(u, c[KEEP_U]) + (q << WEIGHT_SHIFT)
-    return q, unwrapped, _wrap(unwrapped, half_current)
+def _parameters(c: Place) -> Parameters:
+    """Return the parameters of a chunk; what a kernel does not use, it does not read."""
+    return Parameters(c[KEEP_U], c[KEEP_V], c[BIAS], c[THRESHOLD], c[REFRACTORY], c[VMIN], c[VMAX])
 
 
-def _take_current(
-    c: Fields, v: Lanes, u: Lanes, added: Lanes | int, ends: Ends
-) -> tuple[Lanes, Lanes, Lanes]:
-    """Decay v and take u, bias and what children add into it; return the drive, that wrapped, and v before clipping."""
-    drive = u if ends[1] is None else u + c[BIAS]  # a chunk that is plain has no bias
-    wrapped = _wrap(drive, ends[1])
-    return drive, wrapped, _rz(v, c[KEEP_V]) + wrapped + added
+def _plain(p: Parameters) -> Parameters:
+    """Return the parameters of a chunk that has no bias, as is known beforehand."""
+    return p._replace(bias=0)
 
 
-def _clip(c: Fields, v: Lanes) -> Lanes:
-    v = where(v < c[VMIN], c[VMIN], v)
-    return where(v > c[VMAX], c[VMAX], v)
-
-
-def _fire(c: Place, v: Lanes) -> tuple[Lanes, Lanes, Lanes, Lanes]:
-    """Compare v with the threshold, unless blocked; set v and blocked.
-
-    Return whether it spikes, whether it was not blocked, v as the threshold saw it, and both registers ored.
-    """
-    blocked = c[BLOCKED]
-    live = blocked == 0
-    seen = where(blocked != 0, 0, v)
-    fired = live & (v > c[THRESHOLD])
-    left = where(fired, 0, seen)
-    blocked = where(fired, c[REFRACTORY] - 1, where(live, 0, blocked - 1))
-    c[V], c[BLOCKED] = left, blocked
-    return fired, live, seen, left | blocked
-
-
-def _count(c: Place, *events: tuple[int, Lanes]) -> None:
+def _count(c: Place, *events: tuple[str, Lanes]) -> None:
     """Count which lanes met an event. Few do: to look for any takes less time than to count none."""
     with seldom(reduce(or_, (met for _, met in events))):
-        for field, met in events:
-            c[field] += met
+        for event, met in events:
+            c[FIELD_OF_EVENT[event]] += met
+
+
+def _finish(c: Place, step: Step) -> Lanes:
+    """Write the registers after a step but u; return which lanes do not rest, apart from u and bias."""
+    _, v, blocked = step.state
+    c[V], c[BLOCKED] = v, blocked
+    c[POTENTIAL] = step.potential
+    not_at_rest: Lanes = v | blocked
+    return not_at_rest
 
 
 @kernel("registers, at, charge, row, slot, widths", returns=3)
 def update(c: Place, charge: Place, widths: Given) -> Returned:
     """Update a chunk. Its charges are taken and set to 0."""
-    ends = halves(c, widths)
-    arrived, added, bias = charge[0], c[JOINED], c[BIAS]
+    arrived, joined, p = charge[0], c[JOINED], _parameters(c)
+    before = State(c[U], c[V], c[BLOCKED])
     charge[0] = 0
     c[JOINED] = 0
-    busy = (arrived | c[U] | c[V] | bias | added) != 0
-    q, unwrapped, u = _take_charge(c, c[U], arrived, ends)
-    drive, wrapped, unclipped = _take_current(c, c[V], u, added, ends)
-    clipped = _clip(c, unclipped)
-    fired, live, seen, state = _fire(c, clipped)
-    c[U], c[POTENTIAL] = u, seen
-    wraps = (
-        (CHARGE_WRAPS, q != arrived),
-        (CURRENT_WRAPS, u != unwrapped),
-        (CURRENT_WRAPS, live & (wrapped != drive)),
-    )
-    _count(c, *wraps, (VOLTAGE_CLIPS, live & (clipped != unclipped)))
-    return bits(fired), count(busy), bits((u | state | bias) != 0)
+    busy = (arrived | before.u | before.v | p.bias | joined) != 0
+    step = loihi.step(OnLanes(halves(c, widths)), p, before, arrived, joined)
+    c[U] = step.state.u
+    state = _finish(c, step)
+    _count(c, *loihi.events(step.response, step.live))
+    return bits(step.fired), count(busy), bits((step.state.u | state | p.bias) != 0)
 
 
-def _respond_plainly(c: Place, charge: Place) -> tuple[Lanes, Lanes, Lanes]:
-    """Take charge into u and v, where nothing can wrap; return which lanes were busy, u, and v before any threshold."""
+def _respond_plainly(c: Place, charge: Place) -> tuple[Lanes, Response]:
+    """Take charge into u and v, where nothing can wrap; return which lanes were busy, and what they did."""
     arrived, u, v = charge[0], c[U], c[V]
     charge[0] = 0
     busy = (arrived | u | v) != 0
-    u = _rz(u, c[KEEP_U]) + (arrived << WEIGHT_SHIFT)
-    unclipped = _rz(v, c[KEEP_V]) + u
-    clipped = _clip(c, unclipped)
-    c[U] = u
-    _count(c, (VOLTAGE_CLIPS, clipped != unclipped))
-    return busy, u, clipped
+    response = loihi.respond(PLAINLY, _plain(_parameters(c)), u, v, arrived, NO_JOINED)
+    c[U] = response.u
+    _count(c, ("voltage_clips", response.v != response.v_sum))
+    return busy, response
 
 
 @kernel("registers, at, charge, row, slot", returns=3)
 def update_plain(c: Place, charge: Place) -> Returned:
     """Do the same for a chunk without bias, refractory steps and children, in which nothing can wrap."""
-    busy, u, v = _respond_plainly(c, charge)
-    fired = v > c[THRESHOLD]
-    left = where(fired, 0, v)
-    c[V], c[POTENTIAL] = left, v
-    return bits(fired), count(busy), bits((u | left) != 0)
+    busy, response = _respond_plainly(c, charge)
+    fired = response.v > c[THRESHOLD]
+    v = loihi.reset(PLAINLY, response.v, fired)
+    c[V], c[POTENTIAL] = v, response.v
+    return bits(fired), count(busy), bits((response.u | v) != 0)
 
 
 @kernel(
@@ -169,40 +178,38 @@ def update_pair(
 
     Return its spikes, how many lanes of each were busy, and which of each do not rest. Potentials are not kept.
     """
-    busy, u, v = _respond_plainly(c, charge)
-    other_busy, other_u, other_v = _respond_plainly(other, other_charge)
-    c[V], other[V] = v, other_v
-    total = v + other_v
-    clipped = _clip(soma, total)
-    fired = clipped > soma[THRESHOLD]
-    left = where(fired, 0, clipped)
+    busy, response = _respond_plainly(c, charge)
+    other_busy, other_response = _respond_plainly(other, other_charge)
+    c[V], other[V] = response.v, other_response.v
+    total = response.v + other_response.v
+    potential = PLAINLY.clip(total, soma[VMIN], soma[VMAX])
+    fired = potential > soma[THRESHOLD]
+    v = loihi.reset(PLAINLY, potential, fired)
     soma_busy = (soma[V] | total) != 0
-    soma[V] = left
-    _count(soma, (VOLTAGE_CLIPS, clipped != total))
-    rests = bits((u | v) != 0), bits((other_u | other_v) != 0), bits(left != 0)
+    soma[V] = v
+    _count(soma, ("voltage_clips", potential != total))
+    rests = (
+        bits((response.u | response.v) != 0),
+        bits((other_response.u | other_response.v) != 0),
+        bits(v != 0),
+    )
     return bits(fired), count(busy), count(other_busy), count(soma_busy), *rests
 
 
 @kernel("registers, at", returns=3)
 def add_up(c: Place) -> Returned:
     """Do the same for a chunk that keeps nothing, and that no synapse reaches: its v is what its children add."""
-    unclipped = c[JOINED]
+    total, p, blocked = c[JOINED], _parameters(c), c[BLOCKED]
     c[JOINED] = 0
-    busy = (c[V] | unclipped) != 0
-    clipped = _clip(c, unclipped)
-    fired, live, seen, state = _fire(c, clipped)
-    c[POTENTIAL] = seen
-    _count(c, (VOLTAGE_CLIPS, live & (clipped != unclipped)))
-    return bits(fired), count(busy), bits(state != 0)
-
-
-def _respond(
-    c: Fields, u: Lanes, v: Lanes, charge: Lanes, ends: Ends, added: Lanes | int = 0
-) -> tuple[Lanes, Lanes]:
-    """Take charge and what children add into u and v, and count nothing; return u, and v before any threshold."""
-    _, _, u = _take_charge(c, u, charge, ends)
-    _, _, v = _take_current(c, v, u, added, ends)
-    return u, _clip(c, v)
+    busy = (c[V] | total) != 0
+    v = PLAINLY.clip(total, p.vmin, p.vmax)
+    live, potential, fired = loihi.threshold(PLAINLY, p, blocked, v)
+    left = loihi.reset(PLAINLY, potential, fired)
+    blocked = loihi.count_down(PLAINLY, p, blocked, fired)
+    c[V], c[BLOCKED] = left, blocked
+    c[POTENTIAL] = potential
+    _count(c, ("voltage_clips", live & (v != total)))
+    return bits(fired), count(busy), bits((left | blocked) != 0)
 
 
 @kernel("registers, at, charge, row, slot, widths", returns=1)
@@ -211,12 +218,15 @@ def advance(c: Place, charge: Place, widths: Given) -> Returned:
 
     What no one will ask for need not be counted, in steps that are run only for their spikes.
     """
-    added = c[JOINED]
+    joined, p, before = c[JOINED], _parameters(c), State(c[U], c[V], c[BLOCKED])
     c[JOINED] = 0
-    u, v = _respond(c, c[U], c[V], charge[0], halves(c, widths), added)
-    fired, _, seen, _ = _fire(c, v)
-    c[U], c[POTENTIAL] = u, seen
-    return (bits(fired),)
+    ends = halves(c, widths)
+    if ends[1] is None:
+        p = _plain(p)
+    step = loihi.step(OnLanes(ends), p, before, charge[0], joined)
+    c[U] = step.state.u
+    _finish(c, step)
+    return (bits(step.fired),)
 
 
 @kernel(
@@ -235,25 +245,24 @@ def advance_pair(
     ``echo`` is what a spike adds to the charges of the next row. Spikes are written as bits, and counted. Without
     ``widths``, an empty tuple, both dendrites are plain.
     """
-    ends, second, parameters = (
-        halves(c, widths),
-        KEPT_FIELDS,
-        (KEEP_U, KEEP_V, BIAS, VMIN, VMAX, THRESHOLD),
-    )
-    one, other, soma = (
-        {field: c.after(n * FIELDS)[field] for field in parameters} for n in range(3)
-    )
+    ends, second = halves(c, widths), KEPT_FIELDS
+    ops = OnLanes(ends)
+    one, other, soma = (_parameters(c.after(n * FIELDS)) for n in range(3))
+    if ends[1] is None:
+        one, other = _plain(one), _plain(other)
     u, v, u_other, v_other = (held(before[field]) for field in (0, 1, second, second + 1))
     fired, counted, echoes = held(mask_of(c, spikes)), held(numbers[0]), (echo[0], other_echo[0])
     # The sum is not kept, so it need not be clipped: where clipped ones never exceed the threshold, no sum exceeds
     # another. None is raised above it, for vmin is 0 at most and the threshold 0 at least.
-    threshold = where(soma[VMAX] > soma[THRESHOLD], soma[THRESHOLD], one[VMAX] + other[VMAX])
+    threshold = where(soma.vmax > soma.threshold, soma.threshold, one.vmax + other.vmax)
     for row in each_row(c, many):
         arrived, also = (where(fired[0], weights, weights & 0) for weights in echoes)
-        u[0], v[0] = _respond(one, u[0], v[0], charge.row(row)[0] + arrived, ends)
-        u_other[0], v_other[0] = _respond(
-            other, u_other[0], v_other[0], other_charge.row(row)[0] + also, ends
+        response = loihi.respond(ops, one, u[0], v[0], charge.row(row)[0] + arrived, NO_JOINED)
+        other_response = loihi.respond(
+            ops, other, u_other[0], v_other[0], other_charge.row(row)[0] + also, NO_JOINED
         )
+        u[0], v[0] = response.u, response.v
+        u_other[0], v_other[0] = other_response.u, other_response.v
         to, was = after.row(row), masks.row(row).bits()
         to[0], to[1], to[second], to[second + 1] = u[0], v[0], u_other[0], v_other[0]
         fired[0] = v[0] + v_other[0] > threshold

@@ -76,6 +76,14 @@ def where(mask: Lanes, one: Lanes | int, other: Lanes) -> Lanes:
     return other.with_value(other.builder.select(mask.value, other.like(one), other.value))
 
 
+def select(mask: Lanes, one: Lanes | int, other: Lanes | int) -> Lanes:
+    """Do the same where at least one of both is lanes."""
+    if isinstance(other, int):
+        assert isinstance(one, Lanes)
+        return one.with_value(one.builder.select(mask.value, one.value, one.like(other)))
+    return where(mask, one, other)
+
+
 def short(lanes: Lanes) -> Lanes:
     """Return lanes that are within the bits of a factor; LLVM, which is told that, multiplies two of them faster."""
     if lanes.value.type.element.width > 32:

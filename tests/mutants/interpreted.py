@@ -95,6 +95,9 @@ lanes.put_numbers = lambda place, mask, first: put(place, mask, first + np.arang
 lanes.first_lanes = lambda mask, many: mask & (np.arange(len(mask)) < many)
 lanes.mask_of = lambda place, number: (int(number) >> np.arange(LANES)) & 1 != 0
 lanes.where = lambda mask, one, other: np.where(mask, one, other).astype(np.asarray(other).dtype)
+lanes.select = lambda mask, one, other: np.where(mask, one, other).astype(
+    np.asarray(one if isinstance(other, int) else other).dtype
+)
 lanes.bits = lambda mask: np.int32(sum(1 << i for i in np.flatnonzero(mask).tolist()))
 lanes.count = lambda mask: np.int32(mask.sum())
 lanes.halves = lambda place, widths: widths or (None, None)
