@@ -12,7 +12,12 @@ from networks import NEURON, check_bit_for_bit, hybrid, recordings, single
 from scipy import sparse
 
 import hw_model as hw
-from hw_model.arithmetic.fixed_point import WEIGHT_BITS, WEIGHT_EXPONENTS, weight_grid
+from hw_model.arithmetic.fixed_point import (
+    WEIGHT_BITS,
+    WEIGHT_EXPONENTS,
+    effective_weight,
+    weight_grid,
+)
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.passes.kernels import one_decay, two_decays
@@ -22,7 +27,6 @@ from locsnn_compile.passes.rounding.together import Metric, round_together
 from locsnn_compile.passes.srm.fine import RIDGE, drive_of
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import SAMPLES, calibrate
-from locsnn_compile.reference.integer_neurons import effective
 from locsnn_compile.verification.matching import compare
 
 CHIP = hw.chip("loihi-sim")
@@ -55,7 +59,7 @@ def test_parts_are_on_the_grid_and_add_up(seed, bits, largest, count, share):
     quanta = nearest(ideal, step, grades.largest_of(grade))
     parts = list(grades.parts(quanta, grade, split))
     assert np.array_equal(
-        sum((effective(m, e) for m, e in parts), start=np.zeros((4, 5))), 64 * quanta
+        sum((effective_weight(m, e) for m, e in parts), start=np.zeros((4, 5))), 64 * quanta
     )
     for mantissa, exponent in parts:
         assert not weight_grid(bits, "excitatory").off_grid(np.abs(mantissa)).any()
@@ -300,7 +304,7 @@ def test_a_weight_that_is_0_gets_no_synapse():
         parts = [
             q for q in levels.quantized.projections if (q.source, q.target) == (p.source, p.target)
         ]
-        whole = sum(effective(q.mantissa, q.exponent) for q in parts)
+        whole = sum(effective_weight(q.mantissa, q.exponent) for q in parts)
         assert (whole[p.weights == 0] == 0).all()
         zeros += int((whole == 0).sum())
     assert levels.program.synapses_pruned == zeros

@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 from networks import on_grid, recordings, single
 
 import hw_model as hw
+from hw_model.arithmetic.fixed_point import decay, effective_weight
 from locsnn_compile.errors import TargetError
 from locsnn_compile.network.chip_neurons import ChipCuba
 from locsnn_compile.network.projections import ChipProjection, matrix
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
-from locsnn_compile.reference.integer_neurons import effective, kept
 from locsnn_compile.verification.matching import compare
 
 CHIP = hw.chip("loihi-sim")
@@ -77,7 +77,7 @@ def test_verify_finds_no_difference():
 @settings(max_examples=50)
 @given(x=st.integers(-(2**24), 2**24), d=st.integers(0, 4096))
 def test_what_is_kept_is_truncated_toward_zero(x, d):
-    assert int(kept(np.array(x), d)) == int(abs(x) * (4096 - d) // 4096) * (1 if x >= 0 else -1)
+    assert int(decay(np.array(x), d)) == int(abs(x) * (4096 - d) // 4096) * (1 if x >= 0 else -1)
 
 
 @pytest.mark.parametrize(
@@ -85,7 +85,7 @@ def test_what_is_kept_is_truncated_toward_zero(x, d):
     [(3, 0, 192), (3, 2, 768), (-3, -1, -128), (3, -1, 64), (-1, -8, -64), (1, -8, 0)],
 )
 def test_a_negative_exponent_floors_every_weight(mantissa, exponent, weight):
-    assert int(effective(np.array(mantissa), exponent)) == weight
+    assert int(effective_weight(np.array(mantissa), exponent)) == weight
 
 
 def integers(*, mantissa=((4, -6),), exponent=0, delay=0, signs="apart", **changes):
