@@ -25,6 +25,7 @@ RECIPES: Mapping[str, Sequence[str]] = {
         "numpy<2 scipy h5py pyyaml matplotlib networkx asteval scikit-image",
     ),
     "sanafe": ("numpy<3 sanafe==2.2.9",),
+    "xylosim": ("numpy<3 xylosim==0.1.3",),
     "snntorch": ("numpy<3 torch==2.13.0 snntorch==1.0.0 nir==1.0.8 nirtorch==2.6",),
     "norse": ("norse==1.1.0 nir==1.0.8 nirtorch==2.6",),
     "sinabs": ("torch==2.13.0 sinabs==3.1.3 nir==1.0.4 nirtorch==2.0.2",),

@@ -1,0 +1,194 @@
+"""The arithmetic of Xylo (Audio 2, Audio 3, IMU), on one page: hold it next to the data sheet and read downwards.
+
+REGISTERS of a neuron; all are 0 at rest, and hold 16 bits of which one is the sign.
+
+    i_k       synaptic currents, k = 1 or 2     saturate at every single addition
+    v         membrane potential                saturates
+
+PARAMETERS of a neuron
+
+    dash_syn_k, dash_mem    0..15               a decay takes away x >> dash
+    threshold               1..32767
+    bias                    -32768..32767, or None where the biases of the chip are off
+
+SYNAPSES hold weights of 8 bits, -128..127. A charge is weight << shift, wrapped to 16 bits; inputs, hidden neurons and
+outputs have a shift each. An input line counts 15 events of a row at most, and the others are lost.
+
+WHEN: events of row t act in row t, and spikes that a hidden neuron sends in row t act in row t + 1, in hidden neurons
+and in outputs alike. There are no delays and no refractory steps.
+
+THE STEP, in the order of the code below:
+
+    i_k     = saturate(i_k + charge)        for each event and spike, one after the other: the order matters
+    i_k     = i_k - taken(i_k, dash_syn_k)
+    change  = saturate(wrap(-taken(v, dash_mem)) + sum over k of i_k), and saturate(change + bias) where there is one
+    v       = saturate(v + change)
+    spikes  = how often the threshold fits into v: up to 31 for a hidden neuron, up to 1 for an output
+    v       = v - spikes threshold
+
+    taken(x, dash) = x >> dash, rounded down; where that is 0, one unit towards 0
+
+An ALIAS of a hidden neuron spikes as often as that neuron does, besides its own spikes, up to 31 in all. Neurons fire
+in the order of their numbers: an alias that comes later has so much less room for its own.
+
+EVENTS that are counted: additions to a current, a change or a potential that saturated; input events that were lost.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from hw_model.values import FloatArray, IntArray
+
+STATE_MIN = -(1 << 15)
+STATE_MAX = (1 << 15) - 1
+WEIGHT_MIN = -128
+WEIGHT_MAX = 127
+DASH_MAX = 15
+INPUT_EVENTS_MAX = 15
+HIDDEN_SPIKES_MAX = 31
+OUTPUT_SPIKES_MAX = 1
+EVENTS = ("current_saturations", "change_saturations", "potential_saturations", "lost_input_events")
+"""What is counted, by name."""
+
+
+class Parameters(NamedTuple):
+    """Of n neurons with k currents each: dash_syn (n, k), all others (n,)."""
+
+    dash_syn: IntArray
+    dash_mem: IntArray
+    threshold: IntArray
+    bias: IntArray | None
+
+
+class State(NamedTuple):
+    """Registers between two steps: currents (n, k), potentials (n,)."""
+
+    i: IntArray
+    v: IntArray
+
+
+class Counted(NamedTuple):
+    """A state, and how often anything saturated on the way to it."""
+
+    state: State
+    saturations: dict[str, int]
+
+
+def collect(i: IntArray, spikes: IntArray, charges: IntArray) -> tuple[IntArray, int]:
+    """Add ``charges`` (sources, n, k) of ``spikes`` (sources,) to the currents, source by source, spike by spike.
+
+    Returns the currents, and how many additions saturated.
+    """
+    saturated = 0
+    for source in np.flatnonzero(spikes):
+        for _ in range(spikes[source]):
+            exact = i + charges[source]
+            i = saturate(exact)
+            saturated += int(np.count_nonzero(i != exact))
+    return i, saturated
+
+
+def respond(p: Parameters, state: State) -> Counted:
+    """Let currents and potentials decay, and add the currents and the bias to the potentials."""
+    i = state.i - taken(state.i, p.dash_syn)
+    exact = wrap(-taken(state.v, p.dash_mem)) + i.sum(axis=1)
+    change = saturate(exact)
+    changes_saturated = np.count_nonzero(change != exact)
+    if p.bias is not None:
+        exact = change + p.bias
+        change = saturate(exact)
+        changes_saturated += np.count_nonzero(change != exact)
+    v_sum = state.v + change
+    v = saturate(v_sum)
+    saturations = {
+        "change_saturations": int(changes_saturated),
+        "potential_saturations": int(np.count_nonzero(v != v_sum)),
+    }
+    return Counted(State(i, v), saturations)
+
+
+def fire(v: IntArray, threshold: IntArray, room: IntArray | int) -> tuple[IntArray, IntArray]:
+    """Return the spikes of a step, ``room`` at most, and what they leave of the potentials.
+
+    Each spike takes the threshold away, which is positive: so it fits as often as a division tells, and no difference
+    leaves the register.
+    """
+    spikes: IntArray = np.minimum(np.maximum(v, 0) // threshold, room)
+    return spikes, v - spikes * threshold
+
+
+def fire_with_aliases(
+    v: IntArray, threshold: IntArray, aliases: tuple[tuple[int, ...], ...]
+) -> tuple[IntArray, IntArray]:
+    """Do the same for hidden neurons in the order of their numbers; ``aliases[n]`` spike when neuron n does."""
+    spikes = np.zeros(len(v), dtype=np.int64)
+    left = v.copy()
+    for n in range(len(v)):
+        own, left[n] = fire(v[n], threshold[n], HIDDEN_SPIKES_MAX - spikes[n])
+        spikes[n] += own
+        for alias in aliases[n]:
+            spikes[alias] = min(HIDDEN_SPIKES_MAX, spikes[alias] + spikes[n])
+    return spikes, left
+
+
+def saturate(x: IntArray) -> IntArray:
+    """Return the value of a register that is nearest to x."""
+    return np.minimum(np.maximum(x, STATE_MIN), STATE_MAX)
+
+
+def wrap(x: IntArray) -> IntArray:
+    """Return the low 16 bits of x, of which the highest is the sign."""
+    span = STATE_MAX - STATE_MIN + 1
+    return (x - STATE_MIN) % span + STATE_MIN
+
+
+def taken(x: IntArray, dash: IntArray) -> IntArray:
+    """Return what a decay takes away: x >> dash, or, where that is 0, one unit with the sign of x."""
+    shifted = x >> dash
+    return np.where(shifted == 0, np.sign(x), shifted)
+
+
+def charge_of(weight: IntArray, shift: int) -> IntArray:
+    """Return what a spike adds to a current."""
+    return wrap(weight << shift)
+
+
+# The inverse, for the quantiser.
+
+
+def nearest_dash(lost: FloatArray) -> IntArray:
+    """Return the dashes whose decays are nearest to the shares (0..1) that a step loses, on a scale of octaves."""
+    with np.errstate(divide="ignore"):
+        dash = np.rint(-np.log2(lost))
+    return np.clip(dash, 0, DASH_MAX).astype(np.int64)
+
+
+def share_lost(dash: IntArray) -> FloatArray:
+    """Return the share that a step loses, if nothing is rounded."""
+    lost: FloatArray = 2.0 ** -np.asarray(dash, dtype=np.float64)
+    return lost
+
+
+def peak_response(dash_syn: int, dash_mem: int, steps: int = 4096) -> float:
+    """Return the highest potential after a charge of 1 at rest, if nothing is rounded.
+
+    A charge loses its first share in the very step in which it acts, so that with dash 0 none ever reaches v.
+    """
+    kept_i = 1.0 - 2.0**-dash_syn
+    kept_v = 1.0 - 2.0**-dash_mem
+    row = np.arange(1, steps + 1, dtype=np.float64)
+    i = kept_i**row
+    if kept_i == kept_v:
+        v = row * i
+    else:
+        v = kept_i * (kept_i**row - kept_v**row) / (kept_i - kept_v)
+    return float(v.max())
+
+
+def largest_current(charge: float, dash_syn: int) -> float:
+    """Return what a current stays at or below while at most ``charge`` of its sign arrives in a step.
+
+    A current at (charge + 1) 2^dash - 1 loses in a step what arrives in it.
+    """
+    return (charge + 1) * 2.0**dash_syn - 1

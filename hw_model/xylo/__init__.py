@@ -1,0 +1,1 @@
+"""Xylo: its chips, networks as it stores them, and the plain engine that plays them."""

@@ -1,0 +1,36 @@
+"""What each Xylo has room for, read from the YAML files next to this one."""
+
+from functools import cache
+from importlib.resources import files
+from typing import Annotated
+
+from hw_model.description.read import parse
+from hw_model.errors import check_known
+from hw_model.io.records import between
+from hw_model.values import Frozen
+
+
+class XyloChip(Frozen):
+    """Neurons and lines of a chip; ``states`` are the currents of a hidden neuron."""
+
+    name: str
+    inputs: Annotated[int, between(1, 1024)]
+    hidden: Annotated[int, between(1, 65_536)]
+    outputs: Annotated[int, between(1, 1024)]
+    states: Annotated[int, between(1, 2)]
+    source: str
+    notes: str = ""
+
+
+def xylo_chip_names() -> tuple[str, ...]:
+    """Return the names of the chips that ship."""
+    entries = (entry.name for entry in (files("hw_model") / "xylo").iterdir())
+    return tuple(sorted(name.removesuffix(".yaml") for name in entries if name.endswith(".yaml")))
+
+
+@cache
+def xylo_chip(name: str) -> XyloChip:
+    """Return a chip by its name; another name is an ``InputError``."""
+    check_known(f"target {name!r}", "no Xylo of this name ships", name, xylo_chip_names())
+    text = (files("hw_model") / "xylo" / f"{name}.yaml").read_text("utf-8")
+    return parse(XyloChip, text, name)

@@ -1,0 +1,115 @@
+"""A network as Xylo stores it, checked against what the chip holds."""
+
+import numpy as np
+
+from hw_model.arithmetic import xylo
+from hw_model.errors import InputError, TargetError
+from hw_model.values import AnyArray, Frozen, IntArray, Shown
+from hw_model.xylo.chips import XyloChip
+
+
+class XyloPopulation(Frozen, eq=False):
+    """n neurons with k currents each: ``dash_syn`` (n, k), all others (n,); ``bias`` None where biases are off."""
+
+    dash_syn: IntArray
+    dash_mem: IntArray
+    threshold: IntArray
+    bias: IntArray | None = None
+
+    @property
+    def size(self) -> int:
+        """Neurons."""
+        return len(self.threshold)
+
+    @property
+    def states(self) -> int:
+        """Currents of a neuron."""
+        return int(self.dash_syn.shape[1])
+
+    @property
+    def parameters(self) -> xylo.Parameters:
+        """What a step reads."""
+        return xylo.Parameters(self.dash_syn, self.dash_mem, self.threshold, self.bias)
+
+
+class XyloNetwork(Shown):
+    """Inputs, one hidden population with synapses among itself, and outputs.
+
+    Weights are integers of 8 bits: ``weights_in`` (inputs, hidden, k), ``weights_hidden`` (hidden, hidden, k), source
+    first, ``weights_out`` (hidden, outputs). ``aliases[n]`` are the hidden neurons that also spike when neuron n does.
+    """
+
+    hidden: XyloPopulation
+    outputs: XyloPopulation
+    weights_in: IntArray
+    weights_hidden: IntArray
+    weights_out: IntArray
+    shift_in: int = 0
+    shift_hidden: int = 0
+    shift_out: int = 0
+    aliases: tuple[tuple[int, ...], ...] | None = None
+
+    def __post_init__(self) -> None:
+        inputs = len(self.weights_in)
+        hidden, outputs, states = self.hidden.size, self.outputs.size, self.hidden.states
+        _check_shape("weights_in", self.weights_in, (inputs, hidden, states))
+        _check_shape("weights_hidden", self.weights_hidden, (hidden, hidden, states))
+        _check_shape("weights_out", self.weights_out, (hidden, outputs))
+        _check_shape("outputs.dash_syn", self.outputs.dash_syn, (outputs, 1))
+        for name in ("weights_in", "weights_hidden", "weights_out"):
+            _check_range(name, getattr(self, name), xylo.WEIGHT_MIN, xylo.WEIGHT_MAX)
+        for name in ("shift_in", "shift_hidden", "shift_out"):
+            _check_range(name, np.array(getattr(self, name)), 0, 15)
+        for name, population in (("hidden", self.hidden), ("outputs", self.outputs)):
+            _check_population(name, population)
+        if (self.hidden.bias is None) != (self.outputs.bias is None):
+            fix = "Give both populations biases, or neither."
+            raise InputError("biases", "the chip has them on or off for all neurons", fix=fix)
+        self._check_aliases()
+
+    def _check_aliases(self) -> None:
+        if self.aliases is None:
+            return
+        size = self.hidden.size
+        named = [alias for of_neuron in self.aliases for alias in of_neuron]
+        if len(self.aliases) != size or any(not 0 <= alias < size for alias in named):
+            fix = f"Give each of the {size} hidden neurons a tuple of numbers 0..{size - 1}."
+            raise InputError("aliases", "they do not fit the hidden neurons", fix=fix)
+
+    def check_fits(self, chip: XyloChip) -> None:
+        """Refuse a network that is too large for a chip, with a ``TargetError`` that names the limit."""
+        for what, count, limit in (
+            ("inputs", len(self.weights_in), chip.inputs),
+            ("hidden neurons", self.hidden.size, chip.hidden),
+            ("outputs", self.outputs.size, chip.outputs),
+            ("currents of a hidden neuron", self.hidden.states, chip.states),
+        ):
+            if count > limit:
+                measured = f"{count} against {limit}"
+                fix = f"Train a network with fewer {what}."
+                raise TargetError(chip.name, f"too many {what}", measured=measured, fix=fix)
+
+
+def _check_population(name: str, population: XyloPopulation) -> None:
+    size = population.size
+    _check_shape(f"{name}.dash_mem", population.dash_mem, (size,))
+    _check_shape(f"{name}.dash_syn", population.dash_syn, (size, population.states))
+    _check_range(f"{name}.dash_mem", population.dash_mem, 0, xylo.DASH_MAX)
+    _check_range(f"{name}.dash_syn", population.dash_syn, 0, xylo.DASH_MAX)
+    _check_range(f"{name}.threshold", population.threshold, 1, xylo.STATE_MAX)
+    if population.bias is not None:
+        _check_shape(f"{name}.bias", population.bias, (size,))
+        _check_range(f"{name}.bias", population.bias, xylo.STATE_MIN, xylo.STATE_MAX)
+
+
+def _check_shape(name: str, array: AnyArray, shape: tuple[int, ...]) -> None:
+    if array.shape != shape:
+        measured = f"{array.shape} against {shape}"
+        raise InputError(name, "the shape does not fit", measured=measured, fix="Give this shape.")
+
+
+def _check_range(name: str, array: AnyArray, low: int, high: int) -> None:
+    beyond = array[(array < low) | (array > high)]
+    if beyond.size:
+        measured = f"{beyond.flat[0]} against {low}..{high}"
+        raise InputError(name, "the chip cannot hold it", measured=measured, fix="Scale it down.")

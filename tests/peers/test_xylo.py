@@ -1,0 +1,39 @@
+"""Our Xylo against xylosim, on random networks: every register of every row."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+from make_environments import python_of, why_missing
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "xylo"))
+from random_xylo import random_xylo
+from record import ask_witness
+from witness_files import REGISTERS
+
+from hw_model.xylo.reference import play_xylo
+
+pytestmark = pytest.mark.peers
+
+SEEDS = range(1000, 1200)
+
+
+def test_two_hundred_networks_play_as_in_xylosim(tmp_path):
+    reason = why_missing("xylosim")
+    if reason:
+        pytest.skip(f"xylosim: {reason}")
+    spikes = 0
+    saturated = 0
+    for seed, witness in zip(
+        SEEDS, ask_witness(python_of("xylosim"), SEEDS, tmp_path), strict=True
+    ):
+        network, events = random_xylo(seed)
+        result = play_xylo(network, events)
+        for name in REGISTERS:
+            assert (getattr(result, name) == witness[name]).all(), (seed, name)
+        spikes += int(result.spikes.sum())
+        saturated += result.events["current_saturations"]
+    assert spikes > 100_000
+    assert saturated > 100_000
