@@ -117,7 +117,9 @@ def _of_an_earlier_build(folder: Path, files: Mapping[str, bytes]) -> list[str]:
 
 def _network(args: Namespace) -> Network:
     """Read the model, or join several, in the steps asked for; refuse options that change nothing for it."""
-    options = picked(args, "config", "dt", "reset", "discretisation", "kernels", "branches")
+    options = picked(
+        args, "config", "dt", "reset", "discretisation", "kernels", "branches", "relay_delays"
+    )
     options |= picked(args, "channel_order")
     networks = [load(model, **options) for model in args.model]
     if args.weights and len(networks) < 2:

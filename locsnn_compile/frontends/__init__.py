@@ -19,8 +19,8 @@ _NIR, _LAVA_DL = "a NIR graph", "a lava-dl network"
 _OPTIONS = {
     _SLAYER: ("config", "kernels", "branches"),
     _CHECKPOINT: (),
-    _NIR: ("dt", "reset", "discretisation"),
-    _LAVA_DL: (),
+    _NIR: ("dt", "reset", "discretisation", "relay_delays"),
+    _LAVA_DL: ("relay_delays",),
 }
 """The options of each kind; files of the other kinds hold these values themselves."""
 
@@ -36,6 +36,7 @@ def load(
     kernels: str | None = None,
     branches: str | Mapping[str, Sequence[str]] | None = None,
     channel_order: str | None = None,
+    relay_delays: bool | None = None,
 ) -> Network:
     """Read a model: a checkpoint of ``locsnn train`` or slayerPytorch, a NIR graph, or a lava-dl network.
 
@@ -49,6 +50,8 @@ def load(
     - slayerPytorch checkpoint of SRMALPHA neurons: ``kernels`` of the float reference are ``full``, or ``cut`` as in
       training. The chip always keeps the tails. ``branches`` names the layers that run along ``time`` and
       ``location``, as ``{"location": ["locationFc1", "locationFc2"]}``, or ``time=fc1,fc2,location=...`` in a text.
+    - ``relay_delays``: reach delays above 62 steps by neurons that repeat spikes. Without it, lava-dl's delays are cut
+      to 62, as its own reader does, and said to be; NIR graphs with such delays do not fit the chip.
     - ``channel_order``: how the inputs are numbered, by rows, columns and polarities: ``yxp`` or ``pyx``, as of images
       (C, H, W). For models that do not say so themselves.
 
@@ -68,6 +71,7 @@ def load(
         "discretisation": discretisation,
         "kernels": kernels,
         "branches": branches,
+        "relay_delays": relay_delays or None,
     }
     for name, value in given.items():
         if value is not None and name not in _OPTIONS[kind]:
@@ -102,11 +106,11 @@ def load(
     elif kind == _NIR:
         from locsnn_compile.frontends.nir.to_network import load_nir
 
-        network = load_nir(path, dt, reset, discretisation)
+        network = load_nir(path, dt, reset, discretisation, relay_delays=bool(relay_delays))
     else:
         from locsnn_compile.frontends.lava_dl.to_network import load_lava_dl
 
-        network = load_lava_dl(path)
+        network = load_lava_dl(path, relay_delays=bool(relay_delays))
     network = with_channel_order(network, channel_order)
     check_network(network)
     return network

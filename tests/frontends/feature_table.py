@@ -180,6 +180,7 @@ NET_CELLS = [
     works("lava-dl", "delays: one, of neurons, of inputs", net(dense(RNG, 6, 10, delay=np.arange(6.0)), dense(RNG, 4, 6, delay=np.arange(6.0)), dense(RNG, 3, 4, delay=2.0))),
     works("lava-dl", "decays and thresholds of each neuron", net(dense(RNG, 6, 10, neuron=neuron(np.arange(6) * 500, np.arange(6) * 50, np.arange(6) * 50 + 200)))),
     works("lava-dl", "odd weights", net(dense(RNG, 6, 10, weight=RNG.integers(-255, 256, (6, 10))))),
+    works("lava-dl", "a last layer without neurons: class by potential", net(DENSE, {k: v for k, v in dense(RNG, 4, 6).items() if k != "neuron"})),
     loses("lava-dl", "a last layer that never spikes: class by potential", net(DENSE, dense(RNG, 4, 6, neuron=neuron(threshold=2**18 - 1))), "its threshold of 2^18 - 1 becomes 2^17 - 1, which potentials hardly reach", lambda n: set(n.populations[-1].neuron.threshold.tolist()) == {2**17 - 1}),
     loses("lava-dl", "delays beyond 62, or of fractions", net(dense(RNG, 6, 10, delay=70.5)), "they are 62 at most, and whole, as in netx", lambda n: n.projections[0].delay == 62),
     refused("lava-dl", "graded spikes", net(dense(RNG, 6, 10, neuron=neuron(gradedSpike=True))), ", layer 0: its spikes are graded. Train with graded_spike=False."),

@@ -56,7 +56,7 @@ def kept(x, decay):
     return np.sign(x) * ((np.abs(x) * (4096 - decay)) >> 12)
 
 
-def play(layers, spikes):
+def play(layers, spikes, longest_delay=62):
     """Return the spikes (steps, n) of each layer of neurons, by number, for input spikes (steps, n)."""
     outputs, rows = {}, np.asarray(spikes, dtype=np.int64)
     shape = None
@@ -67,12 +67,12 @@ def play(layers, spikes):
                 continue
             # An event is the value 1, which is 64 on the scale of the weights.
             layer = {**layer, "type": "dense", "weight": 64 * np.eye(int(np.prod(layer["shape"])))}
-        rows = outputs[number] = play_layer(layer, rows, shape)
+        rows = outputs[number] = play_layer(layer, rows, shape, longest_delay)
         shape = tuple(int(n) for n in layer["shape"])
     return outputs
 
 
-def play_layer(layer, rows, shape):
+def play_layer(layer, rows, shape, longest_delay):
     n, steps = int(np.prod(layer["shape"])), len(rows)
     p = layer["neuron"]
 
@@ -87,7 +87,7 @@ def play_layer(layer, rows, shape):
     bias = spread(layer.get("bias", 0)) * 64
     weight = np.asarray(layer["weight"]).astype(np.int64)
     delay = (
-        np.minimum(np.floor(np.asarray(layer.get("delay", 0), dtype=float)), 62)
+        np.minimum(np.floor(np.asarray(layer.get("delay", 0), dtype=float)), longest_delay)
         .astype(int)
         .reshape(-1)
     )

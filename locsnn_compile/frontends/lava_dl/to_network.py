@@ -2,13 +2,15 @@
 
 As read in lava-dl 0.6 (``netx.hdf5``, ``slayer.block``): ``iDecay`` is the effective decay of the current (the register
 holds one less), and ``vDecay`` that of the voltage. A spike arrives as 64 times its weight, a bias as 64 times its
-number. A neuron spikes where v > 64 vThMant, and each layer takes one step. Delays are floored, and at most 62. A
-``flatten`` reads the image (channels, height, width) of the layer before it, in this order.
+number. A neuron spikes where v > 64 vThMant, and each layer takes one step. Delays are floored and cut to 62 steps,
+unless relays are to carry longer ones. A last layer without neurons is read out: its potential is what arrives in a
+step. A ``flatten`` reads the image (channels, height, width) of the layer before it, in this order.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy import sparse
@@ -17,7 +19,7 @@ from hw_model.arithmetic.fixed_point import DECAY_ONE
 from hw_model.values import IntArray, sealed
 from locsnn_compile.data.channels import image_channels
 from locsnn_compile.errors import InputError, check_same, counted
-from locsnn_compile.frontends.lava_dl.layers import NetFile, NetLayer, export_again, read_net
+from locsnn_compile.frontends.lava_dl.layers import Array, NetFile, NetLayer, export_again, read_net
 from locsnn_compile.frontends.linear_maps import (
     Ints,
     Shape,
@@ -28,6 +30,7 @@ from locsnn_compile.frontends.linear_maps import (
     pooling,
 )
 from locsnn_compile.frontends.parts import STEPS, Parts, eight_bit_signs
+from locsnn_compile.frontends.relays import DELAY_MAX, add_relays
 from locsnn_compile.network.chip_neurons import ChipCuba, integers
 from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.network.projections import (
@@ -40,7 +43,8 @@ from locsnn_compile.network.projections import (
 )
 
 INPUT = "input"
-DELAY_MAX = 62
+LONGEST_DELAY = 1000
+"""Longest delay that relays carry, in steps: longer ones are cut, and said to be."""
 THRESHOLD_MAX = 2**17 - 1
 BIAS_EXPONENT = 6
 SILENT = 2**18 - 1
@@ -57,23 +61,29 @@ _REFUSED = {
 
 @dataclass(eq=False)
 class _Built(Parts):
-    """The network's parts so far, the name and shape of the last layer, and the shape of the input."""
+    """The network's parts so far, the name and shape of the last layer, and the shape of the input.
+
+    ``relay_delays``: keep delays that a synapse cannot have. ``changed_delays`` are sentences on those
+    that the file holds and the network does not.
+    """
 
     source: str = INPUT
     shape: Shape | None = None
     input_shape: Shape = ()
+    relay_delays: bool = False
+    changed_delays: list[str] = field(default_factory=list)
 
 
-def load_lava_dl(path: Path) -> Network:
+def load_lava_dl(path: Path, *, relay_delays: bool = False) -> Network:
     """Read a ``.net`` file and return its network; populations are called ``layer<i>``, the input ``input``.
 
     Raises ``InputError`` for a file that cannot be used.
     """
     where = f"model {path.name!r}"
     file, data = read_net(path, where)
-    built = _Built()
+    built = _Built(relay_delays=relay_delays)
     for layer in file.layers:
-        _add(built, layer)
+        _add(built, layer, last=layer is file.layers[-1])
     if not built.populations:
         raise InputError(
             where, "it has no layer of neurons", fix="Export a network with a dense or conv layer."
@@ -81,13 +91,18 @@ def load_lava_dl(path: Path) -> Network:
     lines = built.views[0].lines
     seconds, steps = _simulation(file, f"{where}, simulation")
     built.outputs = {built.source: _potentials_from(file, built)}
-    said = {"origin": file, "any_length": True, "inputs": image_channels(built.input_shape)}
+    relayed = add_relays(built) if relay_delays else ()
+    said: dict[str, Any] = {"origin": file, "any_length": True}
+    said["inputs"] = image_channels(built.input_shape)
+    said["assumptions"] = (*built.changed_delays, *relayed)
     return built.network_of_file(path, data, lines, steps, seconds, **said)
 
 
 def _potentials_from(file: NetFile, built: _Built) -> int | None:
     """Return the first step of potentials if the last layer never spikes, like an affine block of slayer; else None."""
     last = next(layer for layer in reversed(file.layers) if f"layer{layer.number}" == built.source)
+    if not _has_neurons(last):
+        return len(built.populations)
     threshold = last.values["neuron/vThMant"]
     silent = not isinstance(threshold, str) and bool((threshold >= SILENT).all())
     return len(built.populations) if silent else None
@@ -105,7 +120,7 @@ def _simulation(file: NetFile, where: str) -> tuple[float | None, int]:
     return (ts / 1000 if ts > 0 else None), int(steps) if 1 <= steps <= 10_000 else STEPS
 
 
-def _add(built: _Built, layer: NetLayer) -> None:
+def _add(built: _Built, layer: NetLayer, *, last: bool) -> None:
     kind = layer.kind
     if kind == "input":
         built.shape = _shape(layer)
@@ -118,7 +133,7 @@ def _add(built: _Built, layer: NetLayer) -> None:
     elif kind == "flatten":
         built.shape = None if built.shape is None else (math.prod(built.shape),)
     elif kind in ("dense", "dense_rec", "conv", "pool"):
-        _add_weights(built, layer)
+        _add_weights(built, layer, last=last)
     elif kind in _REFUSED:
         raise InputError(
             layer.where, f"{kind!r} is a type of layer that the chip cannot run", fix=_REFUSED[kind]
@@ -131,13 +146,13 @@ def _add(built: _Built, layer: NetLayer) -> None:
         )
 
 
-def _add_weights(built: _Built, layer: NetLayer) -> None:
+def _add_weights(built: _Built, layer: NetLayer, *, last: bool) -> None:
     if "weight/real" in layer.values or "weight/imag" in layer.values:
         raise InputError(layer.where, "its weights are complex", fix="Use CUBA neurons.")
     mantissa, shape, source = _weights(built, layer)
     if not built.views:
         built.views.append(InputView(INPUT, "time", source))
-    _append(built, layer, shape, mantissa)
+    _append(built, layer, shape, mantissa, read_out=last and not _has_neurons(layer))
     if layer.kind == "dense_rec":
         name, size, back = built.source, math.prod(shape), layer.whole("weight_rec")
         check_entries(back.size, layer.where)
@@ -147,11 +162,22 @@ def _add_weights(built: _Built, layer: NetLayer) -> None:
         built.projections.append(_projection(name, name, again, 0, layer.where))
 
 
-def _append(built: _Built, layer: NetLayer, shape: Shape, mantissa: Matrix) -> None:
-    """Add the neurons of a layer, and the weights onto them from the last layer."""
+def _has_neurons(layer: NetLayer) -> bool:
+    return any(key.startswith("neuron/") for key in layer.values)
+
+
+def _append(
+    built: _Built, layer: NetLayer, shape: Shape, mantissa: Matrix, *, read_out: bool = False
+) -> None:
+    """Add the neurons of a layer, and the weights onto them from the last layer.
+
+    ``read_out``: the layer has no neurons, and what arrives is read.
+    """
     name = f"layer{layer.number}"
-    built.populations.append(Population(name, "time", math.prod(shape), _neurons(layer, shape)))
-    delay = 0 if layer.kind == "input" else _delay(layer, mantissa)
+    size = math.prod(shape)
+    neurons = _sums_of_arriving_weights(layer, size) if read_out else _neurons(layer, shape)
+    built.populations.append(Population(name, "time", size, neurons))
+    delay = 0 if layer.kind == "input" else _delay(built, layer, mantissa)
     built.projections.append(_projection(built.source, name, mantissa, delay, layer.where))
     built.source, built.shape = name, shape
 
@@ -241,8 +267,11 @@ def _projection(
     return ChipProjection(source, target, mantissa, 0, 8, signs, delay)
 
 
-def _delay(layer: NetLayer, mantissa: Matrix) -> int | IntArray:
-    """Return the delays as netx spreads them: one for all, one per neuron, or one per input."""
+def _delay(built: _Built, layer: NetLayer, mantissa: Matrix) -> int | IntArray:
+    """Return the delays as netx spreads them: one for all, one per neuron, or one per input.
+
+    Like netx, cut them to whole steps and to the longest delay of a synapse, and keep what that changed.
+    """
     if "delay" not in layer.values:
         return 0
     values = layer.values["delay"]
@@ -250,7 +279,9 @@ def _delay(layer: NetLayer, mantissa: Matrix) -> int | IntArray:
         raise InputError(
             layer.where, "a delay is below 0", fix="Clamp the delays before the export."
         )
-    delay = np.minimum(np.floor(values), DELAY_MAX).astype(np.int64).reshape(-1)
+    longest = LONGEST_DELAY if built.relay_delays else DELAY_MAX
+    built.changed_delays += _changed_delays(layer, values, longest)
+    delay = np.minimum(np.floor(values), longest).astype(np.int64).reshape(-1)
     rows, columns = mantissa.shape
     if (delay == delay[:1]).all() and delay.size in (1, rows, columns):
         return int(delay[0])
@@ -264,6 +295,33 @@ def _delay(layer: NetLayer, mantissa: Matrix) -> int | IntArray:
         )
     each = of_target(mantissa, delay) if delay.size == rows else of_source(mantissa, delay)
     return sealed(np.broadcast_to(each, values_of(mantissa).shape).astype(np.int64))
+
+
+def _changed_delays(layer: NetLayer, delays: Array, longest: int) -> list[str]:
+    """Return sentences on the delays of a file that are cut to whole steps, and to the longest one."""
+    sentences = []
+    fractions = int((delays != np.floor(delays)).sum())
+    if fractions:
+        sentences.append(
+            f"Of layer {layer.number}, {fractions} of {counted(delays.size, 'delay')} lose a fraction of "
+            "a step, as in netx."
+        )
+    long = int((np.floor(delays) > longest).sum())
+    if long:
+        way_out = "" if longest == LONGEST_DELAY else " (--relay-delays keeps them)"
+        sentences.append(
+            f"Of layer {layer.number}, {long} of {counted(delays.size, 'delay')}, up to "
+            f"{delays.max():g} steps, are cut to {longest} steps, as in netx{way_out}."
+        )
+    return sentences
+
+
+def _sums_of_arriving_weights(layer: NetLayer, size: int) -> ChipCuba:
+    """Return neurons without memory that never spike: their potential is what arrives in a step."""
+    if "bias" in layer.values:
+        what = "a layer without neurons has a bias"
+        raise InputError(layer.where, what, fix="Give it neurons that do not spike.")
+    return ChipCuba.of(size, decay_u=DECAY_ONE, decay_v=DECAY_ONE, threshold=THRESHOLD_MAX)
 
 
 def _neurons(layer: NetLayer, shape: Shape) -> ChipCuba:

@@ -36,6 +36,7 @@ from locsnn_compile.frontends.nir.neurons import (
 from locsnn_compile.frontends.nir.paths import Paths
 from locsnn_compile.frontends.nir.signals import Signal, Term
 from locsnn_compile.frontends.parts import STEPS, Parts
+from locsnn_compile.frontends.relays import add_relays
 from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.network.neurons import Cuba
 from locsnn_compile.network.projections import Projection, matrix
@@ -49,7 +50,12 @@ INPUTS = "nir/inputs"
 
 
 def load_nir(
-    path: Path, dt: float | None = None, reset: str | None = None, discretisation: str | None = None
+    path: Path,
+    dt: float | None = None,
+    reset: str | None = None,
+    discretisation: str | None = None,
+    *,
+    relay_delays: bool = False,
 ) -> Network:
     """Read a NIR file and return its network; options as in :func:`locsnn_compile.frontends.load`."""
     where = f"model {path.name!r}"
@@ -88,7 +94,8 @@ def load_nir(
         *nir_assumptions(flat, known_dt, reset, discretisation),
         *integration_assumptions(flat, known_dt, where),
     )
-    assumptions = (*open_questions, *_slow_loops(arriving, paths), *_left_out(flat))
+    relayed = add_relays(parts) if relay_delays else ()
+    assumptions = (*open_questions, *relayed, *_slow_loops(arriving, paths), *_left_out(flat))
     origin = graph if dt is None else graph.with_metadata(dt=np.array(dt))
     said: dict[str, Any] = {"any_length": True, "origin": origin, "assumptions": assumptions}
     said["inputs"] = _image(flat)
