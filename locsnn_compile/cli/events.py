@@ -20,7 +20,7 @@ from hw_model.io.files import replace_file
 from locsnn_compile.cli.options import recording_of
 from locsnn_compile.cli.places import check_places
 from locsnn_compile.cli.shell import say
-from locsnn_compile.cli.step_options import asked_reading, asked_sensor
+from locsnn_compile.cli.step_options import asked_reading, asked_sensor, assumption_lines
 from locsnn_compile.data.read import read_recordings, recording_parts
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.sensor import SensorLayout
@@ -47,6 +47,8 @@ def run(args: argparse.Namespace) -> int:
     found = event_statistics(recordings, sensor)
     written = _write(args, recordings, number, sensor)
     said = statistics_lines(found, recordings.binned.words if recordings.binned else None)
+    said += assumption_lines(recordings)
+    found = {**found, "assumptions": list(recordings.assumed)}
     say(args, found, [*said, *_raster(recordings, number), *written])
     return 0
 

@@ -25,13 +25,21 @@ def part(text: str) -> float:
     return named[text] if text in named else float(text)
 
 
+def start(text: str) -> float | str:
+    """Read the start of recordings: ``first``, or seconds."""
+    return text if text == "first" else float(text)
+
+
 def numbers(text: str) -> tuple[float, ...]:
     """Read numbers separated by commas."""
     return tuple(map(float, text.split(",")))
 
 
 KINDS: Mapping[str, Mapping[str, Any]] = {
-    **{kind.__name__.lower(): {"type": kind} for kind in (int, float, str, numbers, part, Path)},
+    **{
+        kind.__name__.lower(): {"type": kind}
+        for kind in (int, float, str, numbers, part, start, Path)
+    },
     "flag": {"action": "store_true"},
     "switch": {"action": "store_true", "default": None},
     "yes or no": {"action": argparse.BooleanOptionalAction},

@@ -23,9 +23,12 @@ CHUNK = 16
 """Recordings held in memory at a time, if the file can be read in pieces."""
 
 
+_OF_EVENTS = ("start", "time_unit", "max_steps", "classes")
+
+
 def asked_reading(args: argparse.Namespace) -> dict[str, Any]:
     """Return these options as arguments of ``read_recordings``."""
-    reading = picked(args, "step_seconds", "steps", "threshold", "fold", "classes")
+    reading = picked(args, "step_seconds", "steps", "threshold", "fold", *_OF_EVENTS)
     return reading | {"test_share": args.split} | sensor_reading(args)
 
 

@@ -65,7 +65,7 @@ def run(args: argparse.Namespace) -> int:
         )
         raise InputError(where, what, fix="Correct -o.")
     _check_places(args, output)
-    start = None if args.start is None else read_checkpoint(args.start)
+    start = None if args.from_model is None else read_checkpoint(args.from_model)
     config = _config(args, start)
     needed("torch", "train", "locsnn train")
 
@@ -126,7 +126,9 @@ def _check_places(args: argparse.Namespace, output: Path) -> None:
         output.with_suffix(".svg"): b"Training of ",
         _state_path(output): b"locsnn-training-state",
     }
-    reads = given(args, ("--data", "--config", "--target", "--layout")) | {"--from": args.start}
+    reads = given(args, ("--data", "--config", "--target", "--layout")) | {
+        "--from": args.from_model
+    }
     check_places(reads, [(option, path) for path in (output, *beside)])
     for path, mark in beside.items():
         if path.exists() and mark not in path.read_bytes():

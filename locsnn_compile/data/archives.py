@@ -10,9 +10,10 @@ from locsnn_compile.data.axes import pixels_of, to_step_major
 from locsnn_compile.data.channels import Channels
 from locsnn_compile.data.event_formats import (
     EVENT_BYTES,
+    holds_events,
     parse_aedat4,
+    parse_events,
     parse_slayer_events,
-    parse_structured,
 )
 from locsnn_compile.data.event_stream import MAX_EVENTS, Binning, Bins, EventStream, bin_streams
 from locsnn_compile.data.members import (
@@ -72,6 +73,7 @@ def read_archive(path: Path, *, split: str | None, binning: Binning) -> Recordin
         binned=read.binned,
         class_names=class_names,
         channels=read.channels,
+        assumed=read.assumed,
     )
 
 
@@ -121,11 +123,12 @@ def _read(members: Members, names: list[str], binning: Binning) -> Bins:
     for name in names:
         place, suffix = members.place(name), PurePosixPath(name).suffix
         if suffix in EVENT_SUFFIXES:
+            _check_times(binning, PurePosixPath(name))
             streams.append(_events(members, name, place))
             continue
         array = load_npy(members.read(name), place)
-        if array.dtype.names is not None:
-            streams.append(parse_structured(array, place))
+        if holds_events(array):
+            streams.append(parse_events(array, place, binning.time_unit))
         else:
             channels = pixels_of(array, place, expected, binning.axes)
             array = to_step_major(array, place, expected, binning.axes)
@@ -149,6 +152,17 @@ def _read(members: Members, names: list[str], binning: Binning) -> Bins:
     for row, one in zip(spikes, arrays, strict=True):
         row[: len(one)] = one
     return Bins(spikes, binning.step_seconds, None, channels)
+
+
+def _check_times(binning: Binning, file: PurePosixPath) -> None:
+    """Refuse options on times that the format of a file does not leave open."""
+    if binning.time_unit is not None:
+        unit = "seconds" if file.suffix == ".tact" else "microseconds"
+        what = f"times in {file.name!r} are in {unit}, as its format has them"
+        raise InputError("time_unit", what, fix="Leave it out.")
+    if binning.start is not None and file.suffix == ".tact":
+        what = f"{file.name!r} starts where its .startend file or its first event is"
+        raise InputError("start", what, fix="Leave it out.")
 
 
 def _events(members: Members, name: str, place: str) -> EventStream:

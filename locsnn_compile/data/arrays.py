@@ -14,8 +14,14 @@ from hw_model.io.zip_directory import BoundedZip
 from hw_model.values import AnyArray
 from locsnn_compile.data.axes import Order, parse_axes, pixels_of, to_step_major
 from locsnn_compile.data.channels import Channels
-from locsnn_compile.data.event_formats import MAX_PLACE, parse_structured
-from locsnn_compile.data.event_stream import MICROSECONDS, Binning, EventStream, bin_streams
+from locsnn_compile.data.event_formats import MAX_PLACE, holds_events, parse_events
+from locsnn_compile.data.event_stream import (
+    TIME_UNITS,
+    Binning,
+    EventStream,
+    TimeUnit,
+    bin_streams,
+)
 from locsnn_compile.data.hdf5.read import Group, open_hdf5_bytes
 from locsnn_compile.data.members import label_in_name
 from locsnn_compile.data.recordings import MAX_ELEMENTS, Binned, Recordings, same
@@ -30,6 +36,8 @@ _OWN = ("spikes", *_BESIDE)
 _ALIKE = 0.82
 """From which likeness on a name is one of these with an error in it: 0.83 for ``lables``, 0.8 for ``taxels``."""
 HDF5_SUFFIXES = (".h5", ".hdf5")
+MOST_MICROSECONDS = 1e16
+"""Latest time of a spike, some centuries after 1970."""
 
 
 def read_arrays(
@@ -57,18 +65,19 @@ def read_arrays(
     """
     where = where or f"file {path.name!r}"
     content = read_bytes(path, where) if data is None else data
-    entries, streams = _entries(path.suffix, content, where)
+    entries, streams = _entries(path.suffix, content, where, binning.time_unit)
     own: float | None = (
         _number(entries["step_seconds"], where) if "step_seconds" in entries else None
     )
     binned: Binned | None = None
+    assumed: tuple[str, ...] = ()
     channels: Channels | None
     if streams:
         wanted = binning.step_seconds
         binning = replace(binning, step_seconds=own if wanted is None else wanted)
         bins = bin_streams(streams, where, binning)
         spikes, channels = bins.spikes, bins.channels
-        own, binned = bins.step_seconds, bins.binned
+        own, binned, assumed = bins.step_seconds, bins.binned, bins.assumed
     else:
         if own is not None and asked_seconds is not None and not same(own, asked_seconds):
             what, measured = (
@@ -95,23 +104,27 @@ def read_arrays(
         binned=binned,
         class_names=names,
         channels=channels,
+        assumed=assumed,
     )
 
 
 def _entries(
-    suffix: str, data: bytes, where: str
+    suffix: str, data: bytes, where: str, time_unit: TimeUnit | None
 ) -> tuple[Mapping[str, AnyArray], list[EventStream]]:
     """Return the arrays of a file by name, and its recordings if it holds events."""
+    entries: Mapping[str, AnyArray]
     if suffix in HDF5_SUFFIXES:
-        return read_hdf5(data, where)
-    if suffix == ".npy":
+        entries, streams = read_hdf5(data, where, time_unit)
+        if streams:
+            return entries, streams
+    elif suffix == ".npy":
         entries = {"spikes": load_npy(data, where)}
     elif suffix == ".npz":
         entries = _npz_entries(data, where)
     else:
         entries = _torch_entries(data, where)
     found = _find_spikes(entries, where)
-    return entries, [] if found.dtype.names is None else [parse_structured(found, where)]
+    return entries, [parse_events(found, where, time_unit)] if holds_events(found) else []
 
 
 def _check_names(names: Collection[str], where: str) -> None:
@@ -269,12 +282,14 @@ def labels_beside(path: Path, samples: int) -> AnyArray | None:
     return np.full(1, label, dtype=np.int64) if label is not None and samples == 1 else None
 
 
-def read_hdf5(data: bytes, where: str) -> tuple[dict[str, AnyArray], list[EventStream]]:
+def read_hdf5(
+    data: bytes, where: str, time_unit: TimeUnit | None = None
+) -> tuple[dict[str, AnyArray], list[EventStream]]:
     """Return the arrays at the root of a file by name, and the recordings in its group ``spikes``, if it has one.
 
     The group has the layout of Heidelberg's data sets (SHD, SSC): ``spikes/times`` and ``spikes/units`` hold one row
-    per recording, of seconds and of channel numbers from 0. ``extra/keys`` are the names of the classes. Raises
-    ``InputError`` for other rows.
+    per recording, of seconds (or another ``time_unit``) and of channel numbers from 0. ``extra/keys`` are the names of
+    the classes. Raises ``InputError`` for other rows.
     """
     with open_hdf5_bytes(data, where) as root:
         values = [name for name in root.names() if not root.is_group(name)]
@@ -290,14 +305,14 @@ def read_hdf5(data: bytes, where: str) -> tuple[dict[str, AnyArray], list[EventS
         if "extra" in root and root.is_group("extra") and "keys" in (extra := root.group("extra")):
             entries.setdefault("class_names", np.array(extra.texts("keys")))
         streams = (
-            _streams(root.group("spikes"), where)
+            _streams(root.group("spikes"), where, time_unit or "s")
             if "spikes" in root and "spikes" not in values
             else []
         )
     return entries, streams
 
 
-def _streams(group: Group, where: str) -> list[EventStream]:
+def _streams(group: Group, where: str, time_unit: TimeUnit) -> list[EventStream]:
     times, units = group.rows("times"), group.rows("units")
     if [len(row) for row in times] != [len(row) for row in units]:
         raise InputError(
@@ -308,19 +323,16 @@ def _streams(group: Group, where: str) -> list[EventStream]:
     streams = []
     for index, (row, unit) in enumerate(zip(times, units, strict=True)):
         place = f"{where}, recording {index}"
+        microseconds = np.rint(row * TIME_UNITS[time_unit])
         # Written so that NaN is refused as well.
-        good = (
-            (row >= 0) & (row < 1e9) & (unit >= 0) & (unit < MAX_PLACE) & (unit == np.floor(unit))
-        )
+        timed = (microseconds >= 0) & (microseconds < MOST_MICROSECONDS)
+        good = timed & (unit >= 0) & (unit < MAX_PLACE) & (unit == np.floor(unit))
         if not good.all():
             at = int(np.argmin(good))
-            measured, fix = (
-                f"spike {at}: {row[at]} s, unit {unit[at]}",
-                "Give seconds and units from 0 up.",
-            )
-            raise InputError(
-                place, "it does not hold a time and a channel", measured=measured, fix=fix
-            )
-        microseconds = np.rint(row * MICROSECONDS).astype(np.int64)
-        streams.append(EventStream(microseconds, unit.astype(np.int64), None, None, place=place))
+            what = "it does not hold a time and a channel"
+            measured = f"spike {at}: {row[at]} {time_unit}, unit {unit[at]}"
+            fix = "Give times and units from 0 up."
+            raise InputError(place, what, measured=measured, fix=fix)
+        times_us, channel = microseconds.astype(np.int64), unit.astype(np.int64)
+        streams.append(EventStream(times_us, channel, None, None, place=place))
     return streams

@@ -14,6 +14,7 @@ package ``aedat`` reads: the first stream of events in a file.
 import os
 import subprocess
 import sys
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -26,12 +27,15 @@ from hw_model.io.npy import load_npy
 from hw_model.values import AnyArray, IntArray
 from locsnn_compile.data.event_stream import (
     MAX_EVENTS,
+    TIME_UNITS,
     Binning,
     EventStream,
     StepRule,
+    TimeUnit,
     bin_streams,
 )
-from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.data.event_tables import columns_of, is_table, order_words
+from locsnn_compile.data.recordings import MAX_STEPS, Recordings
 from locsnn_compile.errors import InputError, check_most, counted
 
 _FIX = "Give the fields t (microseconds), x, y if there is one, and p (0 or 1)."
@@ -50,11 +54,21 @@ _AEDAT4_CHILD = Path(__file__).with_name("aedat4_child.py")
 _AEDAT4_SECONDS = 60
 
 
-def parse_structured(array: AnyArray, where: str) -> EventStream:
-    """Return the events of a structured array, (events,); polarity -1 counts as 0.
+def holds_events(array: AnyArray) -> bool:
+    """Tell whether an array holds single events: in fields, or in the columns of a table."""
+    return array.dtype.names is not None or is_table(array)
 
-    Raises ``InputError`` for other fields, and for numbers that are not times, places or polarities.
+
+def parse_events(array: AnyArray, where: str, time_unit: TimeUnit | None = None) -> EventStream:
+    """Return the events of a structured array, (events,), or of a table, (events, columns), from the first event on.
+
+    ``time_unit``: the unit of t, by default whole microseconds. Polarity -1 counts as 0. Raises ``InputError`` for
+    other fields, for columns that are not clear, and for numbers that are not times, places or polarities.
     """
+    if array.dtype.names is None and is_table(array):
+        columns = columns_of(array, where)
+        order = order_words(columns)
+        return replace(_events_of(columns, where, time_unit), column_order=order)
     names = array.dtype.names or ()
     if array.ndim != 1 or not {"t", "x", "p"} <= set(names) <= {"t", "x", "y", "p"}:
         shown = (
@@ -63,16 +77,35 @@ def parse_structured(array: AnyArray, where: str) -> EventStream:
             else counted(array.ndim, "axis", "axes")
         )
         raise InputError(where, "its values are not events", measured=shown, fix=_FIX)
-    times = _whole(array, "t", 0, 2**53, where)
-    x = _whole(array, "x", 0, MAX_PLACE, where)
-    y = _whole(array, "y", 0, MAX_PLACE, where) if "y" in names else None
-    return EventStream(
-        times, x, y, (_whole(array, "p", -1, 1, where) > 0).astype(np.int64), place=where
-    )
+    return _events_of({name: array[name] for name in names}, where, time_unit)
 
 
-def _whole(array: AnyArray, name: str, low: int, high: int, where: str) -> IntArray:
-    values = array[name]
+def _events_of(
+    columns: Mapping[str, AnyArray], where: str, time_unit: TimeUnit | None
+) -> EventStream:
+    """Return the events in columns called t, x, y (optional) and p."""
+    times = _microseconds(columns["t"], time_unit, where)
+    x = _whole(columns["x"], "x", 0, MAX_PLACE, where)
+    y = _whole(columns["y"], "y", 0, MAX_PLACE, where) if "y" in columns else None
+    polarity = (_whole(columns["p"], "p", -1, 1, where) > 0).astype(np.int64)
+    return EventStream(times, x, y, polarity, start=None, place=where)
+
+
+def _microseconds(values: AnyArray, unit: TimeUnit | None, where: str) -> IntArray:
+    """Return times as whole microseconds; refuse fractions whose unit is not given."""
+    if values.ndim == 1 and values.dtype.kind in "biuf":
+        if unit is not None:
+            values = np.rint(values.astype(np.float64) * TIME_UNITS[unit])
+        fractions = np.isfinite(values) & (values != np.floor(values))
+        if fractions.any():
+            event = int(fractions.argmax())
+            what = "its times are not in whole microseconds"
+            fix = "Give their unit: --time-unit ms or s."
+            raise InputError(where, what, measured=f"{values[event]:g} of event {event}", fix=fix)
+    return _whole(values, "t", 0, 2**53, where)
+
+
+def _whole(values: AnyArray, name: str, low: int, high: int, where: str) -> IntArray:
     if values.ndim != 1 or values.dtype.kind not in "biuf":
         raise InputError(
             where, f"its field {name!r} is not one number", measured=f"{values.dtype}", fix=_FIX
@@ -141,11 +174,9 @@ def parse_aedat4(data: bytes, where: str) -> EventStream:
             raise InputError(where, "it is damaged, truncated or has no events", fix=fix) from None
     size, array = done.stdout.split(b"\n", maxsplit=1)
     width, height, elsewhere = map(int, size.split())
-    stream = parse_structured(load_npy(array, where), where)
-    start = float(stream.times.min()) if len(stream.times) else 0.0
+    stream = parse_events(load_npy(array, where), where)
     return replace(
         stream,
-        start=start,
         channels=2 * width * height,
         polarities=2,
         columns=width,
@@ -190,6 +221,8 @@ def from_tonic(
     step_seconds: float | None = None,
     threshold: int | None = None,
     steps: int | None = None,
+    start: float | str | None = None,
+    max_steps: int = MAX_STEPS,
 ) -> Recordings:
     """Return the recordings of a Tonic data set, or of any sequence of (events, label). Tonic is not imported.
 
@@ -201,13 +234,22 @@ def from_tonic(
     streams, labels, events = [], [], 0
     for index in range(len(dataset)):
         array, label = dataset[index]
-        streams.append(parse_structured(np.asarray(array), f"{where}, recording {index}"))
+        streams.append(parse_events(np.asarray(array), f"{where}, recording {index}"))
         labels.append(label)
         events += len(array)
         check_most(events, MAX_EVENTS, where, "it has too many events", fix="Give a part of it.")
     columns, rows, polarities = getattr(dataset, "sensor_size", None) or (None, None, None)
     channels = None if columns is None else columns * rows * polarities
-    binning = Binning(step_seconds, threshold, channels, steps, polarities, columns)
+    binning = Binning(
+        step_seconds,
+        threshold,
+        channels,
+        steps,
+        polarities,
+        columns,
+        start=start,
+        max_steps=max_steps,
+    )
     bins = bin_streams(streams, where, binning)
     if not all(isinstance(label, int | np.integer) for label in labels):
         raise InputError(
@@ -225,4 +267,5 @@ def from_tonic(
         binned=bins.binned,
         class_names=named,
         channels=bins.channels,
+        assumed=bins.assumed,
     )

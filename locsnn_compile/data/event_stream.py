@@ -5,7 +5,8 @@ else the events show it.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Annotated, Literal
 
 import numpy as np
@@ -13,8 +14,8 @@ import numpy as np
 from hw_model.io.records import between, check_fields
 from hw_model.values import AnyArray, ByteArray, FloatArray, Frozen, IntArray
 from locsnn_compile.data.channels import Channels
-from locsnn_compile.data.recordings import MAX_ELEMENTS, MAX_STEPS, Binned
-from locsnn_compile.errors import InputError, check_most, counted
+from locsnn_compile.data.recordings import MAX_ELEMENTS, MAX_STEPS, MOST_STEPS, Binned
+from locsnn_compile.errors import InputError, check_known, check_most, counted, listed
 
 STEP_SECONDS = 0.02
 MICROSECONDS = 1_000_000
@@ -26,6 +27,12 @@ StepRule = Literal["floor", "nearest"]
 """Which step an event at time t belongs to, with steps of width w: ``floor``, the bin that t lies in, [k w, (k + 1) w);
 ``nearest``, round(t / w), half to even, as SLAYER and lava-dl do.
 """
+
+TimeUnit = Literal["ns", "us", "ms", "s"]
+TIME_UNITS: Mapping[str, float] = {"ns": 1e-3, "us": 1.0, "ms": 1e3, "s": 1e6}
+"""Units of time in microseconds."""
+FIRST = "first"
+"""The start of recordings at their first events."""
 
 
 class Binning(Frozen):
@@ -39,12 +46,15 @@ class Binning(Frozen):
       ``model_inputs``: the pixels that they are, if it knows them
     - ``polarities`` of the sensor, and whether to ``merge_polarities``; ``columns``: width of a grid of x and y
     - ``axes``: the order of the axes of arrays, which hold bins already
+    - ``start``: the seconds at which step 0 begins, or ``first``: at the first event of each recording
+    - ``time_unit`` of times whose format has none: by default microseconds, and seconds in HDF5
+    - ``max_steps``: recordings of more steps are refused, unless ``steps`` is given
     """
 
     step_seconds: Annotated[float | None, between(1e-6, 1e3)] = None
     threshold: Annotated[int | None, between(0, MAX_EVENTS)] = None
     channels: Annotated[int | None, between(1, MAX_ELEMENTS)] = None
-    steps: Annotated[int | None, between(1, MAX_STEPS)] = None
+    steps: Annotated[int | None, between(1, MOST_STEPS)] = None
     polarities: Annotated[int | None, between(1, 2)] = None
     columns: Annotated[int | None, between(1, 1_000_000)] = None
     most_steps: int | None = None
@@ -53,11 +63,20 @@ class Binning(Frozen):
     merge_polarities: bool = False
     axes: tuple[str, ...] | None = None
     usual_step_seconds: float | None = None
+    start: float | str | None = None
+    time_unit: TimeUnit | None = None
+    max_steps: Annotated[int, between(1, MOST_STEPS)] = MAX_STEPS
 
     where = "recordings"
 
     def check(self) -> None:
-        """Refuse numbers that are out of range."""
+        """Refuse numbers that are out of range, and unknown names."""
+        check_known("time_unit", f"{self.time_unit!r} is not known", self.time_unit, TIME_UNITS)
+        is_time = isinstance(self.start, int | float) and math.isfinite(self.start)
+        if not (is_time or self.start in (None, FIRST)):
+            fix = "Give the seconds at which step 0 begins, or first."
+            measured = f"got {self.start!r}"
+            raise InputError("start", "it is neither a time nor first", measured=measured, fix=fix)
         check_fields(self)
 
 
@@ -65,18 +84,20 @@ class EventStream(Frozen, eq=False):
     """The events of one recording: ``times`` in microseconds, ``x``, ``y``, and ``polarity`` 0 or 1, each (events,).
 
     Without ``y``, x counts taxels; without ``polarity`` as well, it counts channels. A grid's columns do not bound it.
-    ``start`` is the time at which bin 0 begins. ``span_seconds`` is the length of the recording, None if it ends with
-    its last event. ``channels``, ``polarities`` and ``columns`` are those of the format, None if it does not fix them.
+    ``start`` is the time at which bin 0 begins, None for that of the first event. ``span_seconds`` is the length of the
+    recording, None if it ends with its last event. ``channels``, ``polarities`` and ``columns`` are those of the
+    format, None if it does not fix them.
     ``step_seconds`` is the width of a bin that its format has, if any, ``step_rule`` says which bin an event is in, and
     ``place`` names the recording in errors. ``elsewhere`` counts events of its file that belong to other streams, which
-    are not read. ``if_too_long`` is the way out if it has too many bins.
+    are not read. ``if_too_long`` is the way out if it has too many bins. ``column_order``: what the columns of its
+    table were taken as, in words; empty for events that are not in a table.
     """
 
     times: AnyArray
     x: IntArray
     y: IntArray | None
     polarity: IntArray | None
-    start: float = 0.0
+    start: float | None = 0.0
     span_seconds: float | None = None
     channels: int | None = None
     polarities: int | None = None
@@ -84,21 +105,34 @@ class EventStream(Frozen, eq=False):
     step_seconds: float | None = None
     place: str = ""
     elsewhere: int = 0
-    if_too_long: str = "Give wider bins."
+    if_too_long: str = "Give wider bins, or allow more with --max-steps."
     step_rule: StepRule = "floor"
+    column_order: str = ""
+
+    @property
+    def first_event(self) -> float:
+        """The time of its first event, 0 without any."""
+        return float(self.times.min()) if len(self.times) else 0.0
+
+    @property
+    def began(self) -> float:
+        """The time at which bin 0 begins."""
+        return self.first_event if self.start is None else self.start
 
 
 class Bins(Frozen, eq=False):
     """Recordings in bins: ``spikes`` (samples, steps, channels) of 0 and 1, and what is known of them.
 
     ``step_seconds`` is the width of a bin, None if unknown; ``binned`` is what binning left out, None if the files hold
-    bins. ``channels`` are the pixels of the recordings, None if these only number their channels.
+    bins. ``channels`` are the pixels of the recordings, None if these only number their channels. ``assumed``: what was
+    taken where nothing said it, as sentences.
     """
 
     spikes: ByteArray
     step_seconds: float | None
     binned: Binned | None
     channels: Channels | None
+    assumed: tuple[str, ...] = ()
 
 
 def bin_streams(streams: Sequence[EventStream], where: str, binning: Binning) -> Bins:
@@ -108,6 +142,9 @@ def bin_streams(streams: Sequence[EventStream], where: str, binning: Binning) ->
     no size is given, and for sizes above the limits.
     """
     binning.check()
+    assumed = tuple(_assumed(streams, where, binning))
+    if binning.start is not None:
+        streams = [_starting(stream, binning.start) for stream in streams]
     stated_width = _stated_width(streams, binning)
     width = STEP_SECONDS if stated_width is None else stated_width
     events = sum(len(one.times) for one in streams)
@@ -115,7 +152,7 @@ def bin_streams(streams: Sequence[EventStream], where: str, binning: Binning) ->
     sensor = _sensor(streams, where, binning)
     bins = [_bins(one, width) for one in streams]
     rows = zip(streams, bins, strict=True)
-    lengths = [binning.steps or _length(one, own, width, binning.most_steps) for one, own in rows]
+    lengths = [binning.steps or _length(one, own, width, binning) for one, own in rows]
     channel = [_channels(one, sensor) for one in streams]
     needed = max((int(own.max()) + 1 for own in channel if len(own)), default=0)
     whole_cells = -(-needed // sensor.polarities) * sensor.polarities
@@ -142,7 +179,28 @@ def bin_streams(streams: Sequence[EventStream], where: str, binning: Binning) ->
         step_is_default=stated_width is None,
     )
     known = None if all(one.polarity is None for one in streams) else sensor
-    return Bins(spikes.reshape(len(streams), steps, channels), width, binned, known)
+    return Bins(spikes.reshape(len(streams), steps, channels), width, binned, known, assumed)
+
+
+def _starting(stream: EventStream, start: float | str) -> EventStream:
+    """Return the stream with the start that is asked for: seconds, or ``first``."""
+    if isinstance(start, str):
+        return replace(stream, start=None)
+    return replace(stream, start=start * MICROSECONDS)
+
+
+def _assumed(streams: Sequence[EventStream], where: str, binning: Binning) -> Iterator[str]:
+    """Yield what is taken of times and columns, because neither the format nor an option says it."""
+    orders = sorted({stream.column_order for stream in streams if stream.column_order})
+    if orders:
+        unit = "" if binning.time_unit else ", with t in microseconds (--time-unit)"
+        yield f"The columns of {where} were taken as {listed(orders, 'or')}{unit}."
+    latest = max((stream.began for stream in streams if stream.start is None), default=0.0)
+    if binning.start is None and latest > 0:
+        seconds = f"{latest / MICROSECONDS:g} s"
+        yield (
+            f"Recordings start at their first event, up to {seconds} after time 0 of their files (--start)."
+        )
 
 
 def _sensor(streams: Sequence[EventStream], where: str, binning: Binning) -> Channels:
@@ -242,15 +300,16 @@ def _bins(stream: EventStream, width_seconds: float) -> FloatArray:
         # 0.0003 s is not quite 300 microseconds in floats, and an event at 300 belongs to the second bin.
         width = round(width)
     with np.errstate(over="ignore"):
-        since_start = stream.times - stream.start
+        since_start = stream.times - stream.began
         if stream.step_rule == "nearest":
             # Milliseconds first, as SLAYER divides: quotients near a half depend on it.
             return np.rint(since_start / 1000 / (width / 1000))
         return np.floor(since_start / width)
 
 
-def _length(one: EventStream, bins: FloatArray, width_seconds: float, most: int | None) -> int:
+def _length(one: EventStream, bins: FloatArray, width_seconds: float, binning: Binning) -> int:
     """Return the number of steps of a recording; 0 if it has no events and no span."""
+    most = binning.most_steps
     if one.span_seconds is not None:
         # Whole bins only; the small addend makes up for a quotient that rounds below a whole number.
         last = one.span_seconds / width_seconds - 1 + 1e-6
@@ -258,17 +317,20 @@ def _length(one: EventStream, bins: FloatArray, width_seconds: float, most: int 
         last = float(bins.max()) if len(bins) else -1.0
     if most is not None and not last < most:
         return most
-    if not last < MAX_STEPS:
+    if not last < binning.max_steps:
         # In bins first: absurd times overflow to infinity there already.
         span = (
             last * width_seconds
             if math.isinf(last)
-            else float(one.times.max() - one.start) / MICROSECONDS
+            else float(one.times.max() - one.began) / MICROSECONDS
         )
-        measured = f"{span:g} s in bins of {width_seconds:g} s against {MAX_STEPS} bins"
-        raise InputError(
-            one.place, "it lasts too long for its bins", measured=measured, fix=one.if_too_long
-        )
+        measured = f"{span:g} s in bins of {width_seconds:g} s against {binning.max_steps} bins"
+        lasts_seconds = float(one.times.max() - one.first_event) / MICROSECONDS
+        begins_late = one.start is not None and one.first_event > one.start
+        fix = one.if_too_long
+        if begins_late and lasts_seconds < width_seconds * binning.max_steps:
+            fix = "Start it at its first event with --start first."
+        raise InputError(one.place, "it lasts too long for its bins", measured=measured, fix=fix)
     return math.floor(last) + 1
 
 
@@ -313,9 +375,15 @@ def recording_events(
     """Return (microseconds, cell, polarity) of the events of one recording (steps, channels), in order of time.
 
     Each event lies where its format's ``step_rule`` puts it back into its step, if only the width of a bin is known: in
-    the middle of its bin, or at the time of its step, which readers that take the floor read alike.
+    the middle of its bin (the first one at its start), or at the time of its step, which readers that take the floor
+    read alike.
     """
     steps, channels = np.nonzero(spikes)
     width = step_seconds * MICROSECONDS
-    times = np.ceil(steps * width) if step_rule == "nearest" else np.floor((steps + 0.5) * width)
+    if step_rule == "nearest":
+        times = np.ceil(steps * width)
+    else:
+        times = np.floor((steps + 0.5) * width)
+        # Readers may start at the first event: then it lies at the start of its bin.
+        times[:1] = np.ceil(steps[:1] * width)
     return times.astype(np.int64), channels // polarities, channels % polarities

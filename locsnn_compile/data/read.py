@@ -24,7 +24,7 @@ from locsnn_compile.data.class_names import in_order_of, parse_classes, with_cla
 from locsnn_compile.data.event_stream import Binning
 from locsnn_compile.data.joining import described, join_channels, merged
 from locsnn_compile.data.members import EVENT_SUFFIXES, PARTS
-from locsnn_compile.data.recordings import MAX_ELEMENTS, OPEN, Expected, Recordings
+from locsnn_compile.data.recordings import MAX_ELEMENTS, MAX_STEPS, OPEN, Expected, Recordings
 from locsnn_compile.data.sensor import SensorLayout, asked_layout
 from locsnn_compile.data.sets import holds_sets, read_sets
 from locsnn_compile.errors import InputError, check_known, check_range
@@ -182,6 +182,9 @@ def read_recordings(
     test_share: float | None = None,
     fold: int | None = None,
     classes: str | None = None,
+    start: float | str | None = None,
+    time_unit: str | None = None,
+    max_steps: int | None = None,
     model: Expected = OPEN,
 ) -> Recordings:
     """Return the recordings at ``path``, in any supported format, for a ``model`` in the numbering of its inputs.
@@ -197,6 +200,9 @@ def read_recordings(
       give it.
     - ``steps``: shorter recordings are padded with silence, longer ones are cut. Without it, all recordings of an
       archive or folder get the length of the longest.
+    - ``start``: the seconds at which step 0 of events begins, or ``first``: at the first event of each recording. None:
+      as the format has it, or else at the first event. ``time_unit`` of fields ``t``, of tables and in HDF5: ns, us, ms
+      or s. ``max_steps``: longer recordings of events are refused, unless ``steps`` is given.
     - ``classes``: the names of classes from class 0 on, separated by commas. Without it, class names have the order of
       ``model``, or of the file, or else a known one: numbers, number words, or by name.
     - The sensor: ``sensor``, or ``grid`` (columns x rows, such as ``34x34``), or ``channels`` with ``columns`` if they
@@ -210,16 +216,28 @@ def read_recordings(
     class_names = None if classes is None else parse_classes(classes)
     if grid is not None:
         sensor = asked_layout(grid, polarities, channels, None)
-    counts = {"threshold": threshold, "polarities": polarities, "columns": columns}
+    of_events = {"threshold": threshold, "start": start, "time_unit": time_unit}
+    counts = of_events | {"polarities": polarities, "columns": columns}
     if sensor is not None:
         channels, polarities, columns = sensor.channels, sensor.polarities, sensor.columns
     if channels is not None:
-        counts = {"threshold": threshold}
+        counts = of_events
     merge = bool(merge_polarities)
     if merge and channels is not None and polarities is None:
         polarities = 2
     order = None if axes is None else parse_axes(axes, "axes")
-    asked = Binning(step_seconds, threshold, channels, steps, polarities, columns, axes=order)
+    asked = Binning(
+        step_seconds,
+        threshold,
+        channels,
+        steps,
+        polarities,
+        columns,
+        axes=order,
+        start=start,
+        time_unit=time_unit,  # type: ignore[arg-type]  # checked in the next line
+        max_steps=MAX_STEPS if max_steps is None else max_steps,
+    )
     asked.check()
     check_known("split", f"{split!r} is not known", split, PARTS)
     said = {"step_seconds": asked.step_seconds, "threshold": asked.threshold}
@@ -240,7 +258,9 @@ def read_recordings(
     found = _read(path, None if divided else split, binning, step_seconds)
     if class_names is not None:
         found = with_classes(found, class_names)
-    found = in_order_of(found, model.class_names)
+    elif is_archive(path) and not holds_sets(path):
+        # Folders name their classes in no order of their own.
+        found = in_order_of(found, model.class_names)
     if divided:
         found = division.part(found, path, split or "test")
     if found.threshold is None:

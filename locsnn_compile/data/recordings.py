@@ -5,7 +5,7 @@ Also what a model or program expects of recordings, and the check of options and
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -17,8 +17,10 @@ from locsnn_compile.errors import InputError, check_most, check_same, counted
 
 #: Largest set of recordings accepted, in array elements: four times the largest published tactile set.
 MAX_ELEMENTS = 200_000_000
-#: Most time steps of a recording: a few times what any published tactile recording needs.
+#: Most time steps of a recording, unless more are allowed: a few times what any published tactile recording needs.
 MAX_STEPS = 20_000
+#: Most time steps that can be allowed.
+MOST_STEPS = 1_000_000
 #: Largest class number accepted.
 MAX_LABEL = 100_000
 #: Most characters of a class's name.
@@ -45,7 +47,7 @@ class Binned(Frozen):
     outside: int
     below: int
     elsewhere: int = 0
-    step_is_default: bool = False
+    step_is_default: bool = field(default=False, compare=False)
 
     @property
     def dropped(self) -> int:

@@ -258,6 +258,7 @@ def _not_held(
     shape = (channels, steps) if start else (samples, channels, steps)
     width, (polarities, columns) = _width(recordings), _cells(recordings, sensor)
     active: BoolArray = np.any(recordings.spikes, axis=0)
+    begins_silent = not recordings.spikes[:, 0].any(axis=1).all()
     read_steps, used = (
         int(np.flatnonzero(active.any(axis=axis)).max(initial=-1)) + 1 for axis in (1, 0)
     )
@@ -277,6 +278,7 @@ def _not_held(
             not timed and (kind == "npy" or width != STEP_SECONDS),
         ),
         ("channels", channels, not is_clear(shape) if kind == "npy" else read_channels != channels),
+        ("start", 0, kind == "events" and begins_silent),
         ("steps", steps, kind != "npy" and read_steps != steps),
         ("polarities", 2, kind not in ("npy", "tact") and polarities == 2 and not told),
         ("polarities", 1, kind == "tact" and polarities == 1),

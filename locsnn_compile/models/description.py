@@ -10,7 +10,7 @@ from hw_model.io.records import NOT_NEGATIVE, POSITIVE, Checked, between, check_
 from hw_model.values import AnyArray, Frozen, IntArray, picked
 from locsnn_compile.baselines.ann_shapes import ann_shapes
 from locsnn_compile.data.orders import channel_walk, check_location_taxels
-from locsnn_compile.data.recordings import MAX_STEPS, clean_class_names
+from locsnn_compile.data.recordings import MOST_STEPS, clean_class_names
 from locsnn_compile.data.sensor import SensorLayout, frame_size
 from locsnn_compile.errors import InputError, check_known, check_same
 from locsnn_compile.models.architectures import ARCHITECTURES, Architecture
@@ -38,7 +38,7 @@ class InputLayout(Checked):
     """
 
     sensor: SensorLayout
-    steps: Annotated[int, between(1, MAX_STEPS)]
+    steps: Annotated[int, between(1, MOST_STEPS)]
     step_seconds: Annotated[float | None, POSITIVE]
     event_threshold: Annotated[int | None, between(0, MAX_THRESHOLD)] = None
     """The number of events that a bin had to exceed to become 1; None if recordings came as bins."""

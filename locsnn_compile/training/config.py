@@ -9,6 +9,8 @@ from hw_model.arithmetic.fixed_point import WEIGHT_BITS
 from hw_model.io.records import Checked, RecordReader, between, said_of
 from hw_model.io.yaml_text import read_mapping
 from hw_model.values import Frozen, Shown
+from locsnn_compile.data.event_stream import TIME_UNITS
+from locsnn_compile.data.recordings import MOST_STEPS
 from locsnn_compile.data.sensor import MAX_CHANNELS, POLARITIES, SensorLayout, asked_layout
 from locsnn_compile.data.taxel_graph import GRAPHS
 from locsnn_compile.errors import InputError
@@ -135,6 +137,8 @@ class TrainingConfig(Shown, Checked, eq=True):
     - ``align_events``: recordings start at the first step with at least this many events (None: at their first step).
       ``split``: the share of every class to test on, if recordings have no parts; ``fold``: its round, or the round of
       files of rows (None: 1). ``classes``: the names of classes from class 0 on, separated by commas.
+    - Of single events, ``start``: the seconds at which step 0 begins, or ``first`` (None: as the format has it);
+      ``time_unit`` of times: ns, us, ms or s. ``max_steps``: longer recordings are refused (None: 20,000).
     - Time constants are in steps. ``theta`` to ``scale_rho`` belong to spike response neurons; ``decay``, ``threshold``
       and ``window`` to integrate-and-fire neurons. ``location_theta`` to ``location_threshold`` are for the location
       branch, if given; its steps are locations.
@@ -198,7 +202,7 @@ class TrainingConfig(Shown, Checked, eq=True):
     seed: Annotated[int, between(0, 2**32 - 1)] = 0
     device: Annotated[str, ("cpu", "cuda")] = "cpu"
     step_seconds: Annotated[float | None, between(1e-6, 1e3)] = None
-    steps: Annotated[int | None, between(1, 20_000)] = None
+    steps: Annotated[int | None, between(1, MOST_STEPS)] = None
     event_threshold: Annotated[int | None, between(0, 20_000_000)] = None
     psi: Annotated[float | None, between(0.0, 1e6), BRANCHES] = None
     grid: str | None = None
@@ -212,6 +216,9 @@ class TrainingConfig(Shown, Checked, eq=True):
     split: Annotated[float | None, between(0.001, 0.9)] = None
     fold: Annotated[int | None, between(1, 1_000)] = None
     classes: str | None = None
+    start: float | str | None = None
+    time_unit: Annotated[str | None, tuple(TIME_UNITS)] = None
+    max_steps: Annotated[int | None, between(1, MOST_STEPS)] = None
     theta: Annotated[float, between(1e-6, 1e6), SRM] = 10.0
     tau_sr: Annotated[float, between(1e-3, 1e5), SRM] = 10.0
     tau_ref: Annotated[float, between(1e-3, 1e5), SRM] = 1.0

@@ -38,10 +38,11 @@ def describe(
     sensor = config.sensor or grid_layout(recordings.channels)
     sensor = sensor or neutouch(max(1, channels // (TAXELS * POLARITIES)))
     sensor.check_channels(channels, f"recordings {recordings.source!r}")
-    steps, fix = recordings.spikes.shape[1], "Cut them with --steps, or use wider bins."
+    steps = recordings.spikes.shape[1]
+    fix = "Cut them with --steps, use wider bins, or allow more with --max-steps."
     check_most(
         steps,
-        MAX_STEPS,
+        max(MAX_STEPS, config.steps or 0, config.max_steps or 0),
         f"recordings {recordings.source!r}",
         "they are too long",
         unit="steps",

@@ -27,6 +27,9 @@ from locsnn_compile.training.config import (
     read_config,
 )
 
+_OF_FILES = ("classes", "start", "time_unit", "max_steps")
+"""Options that say how files are read."""
+
 
 def read_parts(
     data: str | Path, config: TrainingConfig, start: Checkpoint | None
@@ -46,7 +49,7 @@ def read_parts(
     parts = [
         part for part in ("train", "test") if part in recording_parts(data, test_share=config.split)
     ]
-    asked = picked(config, "step_seconds", "steps", "axes", "merge_polarities", "fold", "classes")
+    asked = picked(config, "step_seconds", "steps", "axes", "merge_polarities", "fold", *_OF_FILES)
     asked["sensor"] = config.recorded
     asked |= {"threshold": config.event_threshold, "test_share": config.split, "model": model}
     read = [
@@ -72,7 +75,7 @@ def all_classes(recordings: Recordings, test: Recordings | None) -> int | None:
 def _as_asked(part: Recordings, config: TrainingConfig) -> Recordings:
     """Return recordings in memory in the length asked for; ``InputError`` for options that only a file can follow."""
     theirs = {"step_seconds": part.step_seconds, "event_threshold": part.threshold}
-    for name in ("split", "fold", "axes", "classes", *theirs):
+    for name in ("split", "fold", "axes", *_OF_FILES, *theirs):
         asked, own = getattr(config, name), theirs.get(name)
         if asked is None or (name == "step_seconds" if own is None else same(asked, own)):
             continue

@@ -369,7 +369,7 @@ def test_recordings_that_are_too_long_are_told_before_training(capsys: Capture) 
     np.savez("a.npz", spikes=np.ones((2, 4, 20_001), dtype=np.uint8), labels=[0, 1])
     assert train("a.npz", "--channels", "4") == 2
     assert capsys.readouterr().err == (
-        "recordings 'a.npz': they are too long (20001 steps against 20000). Cut them with --steps, or use wider bins.\n"
+        "recordings 'a.npz': they are too long (20001 steps against 20000). Cut them with --steps, use wider bins, or allow more with --max-steps.\n"
     )
 
 

@@ -80,6 +80,7 @@ def test_figures_as_json(small: Path, capsys: pytest.CaptureFixture[str]) -> Non
             {"channel": 1, "place": "taxel 1 falling", "events": 1},
             {"channel": 2, "place": "taxel 2 rising", "events": 1},
         ],
+        "assumptions": [],
     }
 
 

@@ -89,6 +89,9 @@ def options(**given: Any) -> Namespace:
             "merge_polarities": None,
             "channel_order": None,
             "classes": None,
+            "start": None,
+            "time_unit": None,
+            "max_steps": None,
         }
         | given
     )

@@ -118,7 +118,7 @@ def text(path: Path) -> None:
 
 
 PLACE = "file 'a.h5', recording 0: it does not hold a time and a channel"
-WAY = "Give seconds and units from 0 up."
+WAY = "Give times and units from 0 up."
 
 
 @pytest.mark.parametrize(
@@ -141,7 +141,7 @@ WAY = "Give seconds and units from 0 up."
         ),
         pytest.param(
             lambda path: heidelberg(path, [[60_000.0]], [[0]]),
-            "file 'a.h5', recording 0: it lasts too long for its bins (60000 s in bins of 0.02 s against 20000 bins). Give wider bins.",
+            "file 'a.h5', recording 0: it lasts too long for its bins (60000 s in bins of 0.02 s against 20000 bins). Start it at its first event with --start first.",
             id="too long",
         ),
         pytest.param(

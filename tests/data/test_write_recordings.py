@@ -119,7 +119,7 @@ def test_one_recording_comes_back(tmp_path: Path, kind: str) -> None:
         pytest.param(sparse(78), "bs1", {"channels": 78, "steps": 30, "polarities": 2}, id="bs1"),
         pytest.param(sparse(156), "bs2", {"channels": 156, "steps": 30, "polarities": 2}, id="bs2"),
         pytest.param(no_last_column(), "bs2", {"channels": 156, "polarities": 2, "columns": 39}, id="bs2 with a silent column"),
-        pytest.param(sparse(78, seconds=0.001), "events", {"step_seconds": 0.001, "channels": 78, "steps": 30, "polarities": 2}, id="events"),
+        pytest.param(sparse(78, seconds=0.001), "events", {"step_seconds": 0.001, "channels": 78, "steps": 30, "polarities": 2, "start": 0}, id="events"),
         pytest.param(rising_only(), "bs1", {"channels": 78, "steps": 30, "polarities": 2}, id="one polarity"),
         pytest.param(sparse(78), "tact", {"channels": 78, "steps": 30}, id="tact"),
         pytest.param(BOTH, "tact", {}, id="tact of two fingertips and 6.5 s"),
@@ -178,7 +178,11 @@ def test_recordings_of_a_grid_come_back_with_and_without_it(
         ).options
         without = read_recordings(path, **left)  # type: ignore[arg-type]
         assert np.array_equal(without.spikes, spikes)
-        known = {name: value for name, value in left.items() if name in ("steps", "step_seconds")}
+        known = {
+            name: value
+            for name, value in left.items()
+            if name in ("steps", "step_seconds", "start")
+        }
         found = read_recordings(path, sensor=sensor, **known)  # type: ignore[arg-type]
         assert np.array_equal(found.spikes, spikes)
 

@@ -235,7 +235,7 @@ BAD_INSIDE: list[tuple[str, Callable[[Path], object], str]] = [
     (
         "absurd steps",
         put("input", "steps", value=10**12),
-        "input 'steps': it must be a whole number from 1 to 20000 (got 1000000000000). Correct it.",
+        "input 'steps': it must be a whole number from 1 to 1000000 (got 1000000000000). Correct it.",
     ),
     (
         "sizes of no sensor",

@@ -197,7 +197,7 @@ def test_descriptions_that_do_not_hold(values: dict[str, object], message: str) 
         pytest.param(
             InputLayout,
             {"sensor": neutouch(), "steps": 0, "step_seconds": 0.02},
-            "input 'steps': it must be a whole number from 1 to 20000 (got 0). Correct it.",
+            "input 'steps': it must be a whole number from 1 to 1000000 (got 0). Correct it.",
             id="no steps",
         ),
         pytest.param(

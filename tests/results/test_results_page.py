@@ -267,7 +267,7 @@ def test_commands_of_a_joined_row_train_its_parts_on_the_whole_train_part(
         assert (config.seed, config.validation_fraction) == (3, 0.0)
         assert part.startswith(config.model)
         assert args.config == f"examples/configs/objects-{part}.yaml"
-        assert args.start == ("hybrid.pt" if part == row.further else None)
+        assert args.from_model == ("hybrid.pt" if part == row.further else None)
     assert (
         joined
         == f"python tests/results/join_branches.py {files} -o {name}.pt --test Ev-Objects.zip"
