@@ -1,7 +1,8 @@
 """NIR graphs run by the book: step by step, node by node, no latency. It knows nothing of the project.
 
 Independent of it in everything: convolutions by loops over the output, states in the equations' own units. ``how`` is
-``euler``, dt / tau of everything, or ``hold``, 1 - exp(-dt / tau). ``reset``: ``zero``, ``subtract``, and as snnTorch
+``euler``, dt / tau of everything, ``hold``, 1 - exp(-dt / tau), or ``exact``: the solution of the
+equations at the end of a step, for inputs that are charges at its start. ``reset``: ``zero``, ``subtract``, and as snnTorch
 does with its delay ``late-zero`` (of ``Synaptic``: the potential is 0 in the step after) and ``late-subtract``; with
 ``none`` a spike changes nothing.
 """
@@ -107,6 +108,8 @@ def step(node, x, state, dt, how="euler", reset="zero"):
 
     if kind == "IF":
         v = v + dt * node.r * x
+    elif how == "exact":
+        v, i = solution(node, v, i, x, dt)
     elif kind in ("LIF", "LI"):
         v = v + lost(node.tau) * (node.v_leak - v + node.r * x)
     else:
@@ -126,6 +129,19 @@ def step(node, x, state, dt, how="euler", reset="zero"):
         v = np.where(fired, node.v_reset, v)
     state.update(v=v, i=i, fired=fired)
     return fired * 1.0
+
+
+def solution(node, v, i, x, dt):
+    """Return the potential and the current of leaky neurons a step after charges x arrived at both."""
+    if not hasattr(node, "tau_syn"):
+        charged = v - node.v_leak + dt * node.r / node.tau * x
+        return node.v_leak + np.exp(-dt / node.tau) * charged, i
+    i = i + dt * node.w_in / node.tau_syn * x
+    of_current, of_membrane = np.exp(-dt / node.tau_syn), np.exp(-dt / node.tau_mem)
+    # tau_mem v' = v_leak - v + r i, with i falling by tau_syn; the two are never equal here.
+    from_current = node.tau_syn / (node.tau_syn - node.tau_mem) * (of_current - of_membrane)
+    rest = node.v_leak
+    return rest + of_membrane * (v - rest) + node.r * i * from_current, of_current * i
 
 
 def convolve(node, x):

@@ -34,11 +34,13 @@ NEURONS = {
         "if": integrate,
     },
 }
+NEURONS |= dict.fromkeys(("late-zero", "late-subtract", "none"), NEURONS["subtract"])
 
 
-def image(rng):
+def image(rng, may_have_biases):
     """Return nodes that lead from an input of (2, 6, 6), their neurons' shape, and what flattens it."""
-    kernel = {"stride": 2, "padding": 1, "dilation": 1, "groups": 2, "bias": rng.normal(0, 0.1, 4)}
+    bias = rng.normal(0, 0.1, 4) if may_have_biases else np.zeros(4)
+    kernel = {"stride": 2, "padding": 1, "dilation": 1, "groups": 2, "bias": bias}
     conv = nir.Conv2d(input_shape=(6, 6), weight=rng.normal(0.1, 0.3, (4, 1, 3, 3)), **kernel)
     pool = nir.SumPool2d(
         kernel_size=np.array([2, 2]), stride=np.array([1, 1]), padding=np.array([0, 0])
@@ -70,7 +72,7 @@ def dominators(above, name):
 
 
 @st.composite
-def graphs(draw):
+def graphs(draw, may_have_biases=True):
     """Draw a graph, the shape of its input, depths of populations, and a reset."""
     rng, count = np.random.default_rng(draw(st.integers(0, 2**32 - 1))), draw(st.integers(1, 5))
     reset = draw(st.sampled_from([*NEURONS]))
@@ -84,7 +86,7 @@ def graphs(draw):
         kinds = NEURONS[reset]
         before = []
         if pictured and k == 1:
-            before, shape = image(rng)
+            before, shape = image(rng, may_have_biases)
             sizes[1] = 16
         nodes[name] = kinds[draw(st.sampled_from([*kinds]))](rng, *shape)
         if before:
@@ -103,10 +105,11 @@ def graphs(draw):
             )
             nodes[f"{name}_flat"].start_dim, nodes[f"{name}_flat"].end_dim = 0, -1
             chain.append(f"{name}_flat")
-        if late:
+        behind = draw(st.booleans())
+        if late and not behind:
             nodes[f"{name}_delay"] = nir.Delay(np.full(sizes[source], late * DT))
             chain.append(f"{name}_delay")
-        biased = source < target and draw(st.booleans())
+        biased = may_have_biases and source < target and draw(st.booleans())
         nodes[name] = (
             nir.Affine(weight.weight, rng.normal(0.05, 0.05, sizes[target])) if biased else weight
         )
@@ -114,6 +117,10 @@ def graphs(draw):
         if draw(st.booleans()):
             nodes[f"{name}_scale"] = nir.Scale(rng.uniform(0.5, 1.5, sizes[target]))
             chain.append(f"{name}_scale")
+        if late and behind:
+            later = rng.integers(0, 3, sizes[target])
+            nodes[f"{name}_delay"] = nir.Delay((late + later) * DT)
+            chain.append(f"{name}_delay")
         edges += itertools.pairwise([*chain, names[target]])
     shape = (2, 6, 6) if pictured else (8,)
     nodes |= {"input": nir.Input(np.array(shape)), "output": nir.Output(np.array([sizes[count]]))}
@@ -126,10 +133,10 @@ def graphs(draw):
     )
 
 
-@given(graphs(), st.sampled_from(["euler", "hold"]))
-@settings(max_examples=30, deadline=None)
-def test_random_graphs_spike_as_the_equations_say(drawn, how):
-    graph, shape, depths, reset = drawn
+@given(st.data(), st.sampled_from(["euler", "hold", "exact"]))
+@settings(max_examples=40, deadline=None)
+def test_random_graphs_spike_as_the_equations_say(data, how):
+    graph, shape, depths, reset = data.draw(graphs(may_have_biases=how != "exact"))
     spikes = (np.random.default_rng(3).random((STEPS, *shape)) < 0.2).astype(np.uint8)
     wanted = run(graph, spikes, DT, how=how, reset=reset)
     with tempfile.TemporaryDirectory() as folder:
