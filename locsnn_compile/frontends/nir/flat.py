@@ -59,7 +59,32 @@ def flatten_graph(graph: NirGraph, where: str) -> FlatGraph:
         circle = " -> ".join(error.args[1][:-1][:6])[:200]
         what, fix = "a loop of edges has no neuron", "Put a neuron into the loop."
         raise InputError(where, what, measured=circle, fix=fix) from None
-    return FlatGraph(nodes, sources, *_shapes(nodes, sources, where))
+    shapes, layers = _shapes(nodes, sources, where)
+    spread = {name: with_spread_parameters(node, shapes[name]) for name, node in nodes.items()}
+    return FlatGraph(spread, sources, shapes, layers)
+
+
+def with_spread_parameters(node: NirNode, shape: Shape) -> NirNode:
+    """Return a node that has a number for each value where its file has one for each channel.
+
+    Its output has ``shape``, such as (C, H, W); axes of a parameter that have one entry, as of
+    (C, 1, 1), are repeated. Parameters of another shape stay as they are: they are checked where they
+    are used.
+    """
+    if node.kind not in (*NEURONS, "Scale", "Delay"):
+        return node
+    parameters = dict(node.parameters)
+    for name, values in node.parameters.items():
+        if not isinstance(values, str) and _spreads(values.shape, shape):
+            parameters[name] = np.broadcast_to(values, shape)
+    return NirNode(node.kind, parameters)
+
+
+def _spreads(own: Shape, shape: Shape) -> bool:
+    """Tell whether the numbers of a parameter, more than one, are repeated to fill a shape."""
+    if math.prod(own) in (1, math.prod(shape)) or len(own) != len(shape):
+        return False
+    return all(axis in (1, given) for axis, given in zip(own, shape, strict=True))
 
 
 def linear_order(nodes: Mapping[str, NirNode], sources: Mapping[str, Sequence[str]]) -> list[str]:
@@ -164,11 +189,15 @@ def _shapes(
     waiting = deque(
         name for name, node in nodes.items() if node.kind == "Input" or not sources[name]
     )
-    # In a circle, start with the nodes that know their own size.
-    waiting.extend(
-        name for name, node in nodes.items() if node.kind in NEURONS and _own_shape(node)
-    )
-    while waiting:
+    # In a circle, start with the nodes that know their own size. An axis of one entry may be one that
+    # is repeated, so such neurons wait for their input as long as there are others.
+    sized = [name for name, node in nodes.items() if node.kind in NEURONS and _own_shape(node)]
+    whole = [name for name in sized if 1 not in _own_shape(nodes[name])]
+    waiting.extend(whole)
+    repeated = deque(name for name in sized if name not in whole)
+    while waiting or repeated:
+        if not waiting:
+            waiting.append(repeated.popleft())
         name = waiting.popleft()
         if name in shapes:
             continue

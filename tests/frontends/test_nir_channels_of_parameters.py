@@ -1,0 +1,48 @@
+"""Parameters with a number for each channel, (C, 1, 1), are those of every neuron of an image (C, H, W)."""
+
+import nir
+import numpy as np
+import pytest
+from nir_forward import run
+from nir_graphs import DT, chain, cuba, lif
+from test_nir import load
+
+from locsnn_compile.errors import InputError
+from locsnn_compile.reference.evaluate import evaluate
+
+RNG = np.random.default_rng(4)
+CONV = nir.Conv2d(
+    input_shape=(8, 8),
+    weight=RNG.normal(0.05, 0.3, (4, 2, 3, 3)),
+    stride=1,
+    padding=1,
+    dilation=1,
+    groups=1,
+    bias=RNG.normal(0, 0.1, 4),
+)
+BEHIND_IMAGES = {
+    "LIF": [("n", lif(RNG, 4, 1, 1))],
+    "CubaLIF": [("n", cuba(RNG, 4, 1, 1))],
+    "Threshold": [("n", nir.Threshold(RNG.uniform(0.2, 0.8, (4, 1, 1))))],
+    "Scale": [("s", nir.Scale(RNG.uniform(0.5, 1.5, (4, 1, 1)))), ("n", lif(RNG, 4, 8, 8))],
+    "rows": [("n", lif(RNG, 1, 8, 1))],
+}
+
+
+@pytest.mark.parametrize("nodes", BEHIND_IMAGES.values(), ids=BEHIND_IMAGES)
+def test_numbers_of_a_channel_are_those_of_its_neurons(nodes, tmp_path):
+    graph = chain((2, 8, 8), ("conv", CONV), *nodes)
+    given = (RNG.random((30, 2, 8, 8)) < 0.3).astype(np.uint8)
+    wanted = run(graph, given, DT)["n"].reshape(30, -1)
+    spikes = evaluate(load(graph, tmp_path), given.reshape(1, 30, -1)).spikes["n"][0]
+    assert wanted.sum() > 100
+    assert np.array_equal(spikes[1:], wanted[:-1])
+
+
+def test_numbers_of_other_channels_are_refused(tmp_path):
+    with pytest.raises(InputError) as refused:
+        load(chain((2, 8, 8), ("conv", CONV), ("n", lif(RNG, 3, 1, 1))), tmp_path)
+    assert str(refused.value) == (
+        "model 'graph.nir', node 'n': its parameters do not fit its input "
+        "((3, 1, 1) against (4, 8, 8)). Give one number per neuron."
+    )
