@@ -67,10 +67,12 @@ clean:  ## remove the environment and what was built
 	rm -rf .venv build dist *.egg-info
 
 .venv/installed: pyproject.toml constraints.txt
+	@echo "Installing into .venv: a download of 120 MB, one to three minutes"
 	$(PYTHON) -m venv .venv
 	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable .
 	touch $@
 
 .venv/installed-dev: .venv/installed
+	@echo "Installing what the tests need, torch among it: a large download, some minutes"
 	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
 	touch $@
