@@ -9,7 +9,7 @@ demo: .venv/installed  ## install, then compile the hybrid of the paper and the 
 	$(BIN)/locsnn-compile examples/models/objects-best.pt --events examples/recordings/touches.npz
 	@echo "Open build/objects-best/report.html in a browser. To use the commands yourself: source $(BIN)/activate"
 
-test: .venv/installed-dev  ## install, then run the tests, a process a core
+test: .venv/installed-dev  ## install (torch among it), then run the tests, a process a core
 	$(BIN)/pytest -n auto --dist worksteal
 
 test-slow: .venv/installed-dev  ## the tests that take minutes
