@@ -2,6 +2,7 @@
 
 import atexit
 import hashlib
+import logging
 import os
 import shutil
 import subprocess
@@ -20,6 +21,7 @@ from hw_model.rtl.images import Sizes, parameters
 
 Simulator = Literal["verilator", "icarus"]
 SIMULATORS: tuple[Simulator, ...] = get_args(Simulator)
+_log = logging.getLogger("locsnn")
 _BINARY = {"verilator": "bench", "icarus": "bench.vvp"}
 
 
@@ -44,6 +46,7 @@ def built(
     ).hexdigest()[:16]
     found = kept(f"rtl-{named}-{_BINARY[simulator]}")
     if not found.exists():
+        _log.info("building the core with %s, once for its sizes: up to a minute", simulator)
         with tempfile.TemporaryDirectory(dir=found.parent) as folder:
             for name, text in texts.items():
                 (Path(folder) / name).write_text(text)

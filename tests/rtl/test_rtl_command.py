@@ -90,3 +90,13 @@ def test_a_missing_simulator(arguments, capsys, monkeypatch):
     assert locsnn.main(arguments) == 2
     wanted = "simulator 'icarus': iverilog is not installed. Install it with: apt-get install iverilog (Debian).\n"
     assert capsys.readouterr().err == wanted
+
+
+def test_building_the_core_is_named_and_done_once(arguments, caplog):
+    caplog.set_level("INFO", logger="locsnn")
+    built = "building the core with icarus, once for its sizes: up to a minute"
+    assert locsnn.main(arguments) == 0
+    assert caplog.messages.count(built) == 1
+    caplog.clear()
+    assert locsnn.main(arguments) == 0
+    assert built not in caplog.messages
