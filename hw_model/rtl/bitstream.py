@@ -102,7 +102,12 @@ def _versions(build: _Build) -> dict[str, str]:
     tools = build.make("tools").split()
     versions = {}
     for number, tool in enumerate(tools, 1):
-        _log.info("starting %s, tool %d of %d: the first time unpacks it", tool, number, len(tools))
+        _log.info(
+            "starting %s, tool %d of %d: its first start unpacks it, a minute or two",
+            tool,
+            number,
+            len(tools),
+        )
         versions[tool] = said([tool, "--version"], build.folder, build.where).splitlines()[-1]
     return versions
 

