@@ -20,11 +20,11 @@ from .range_proof import prove_range as prove_range
 from .rtl.cosimulation import cosimulate as cosimulate
 from .simulation import SimulationResult as SimulationResult
 from .simulation import simulate as simulate
-from .streaming.early_stop import Stops as Stops
 from .streaming.early_stop import calibrate_margin as calibrate_margin
 from .streaming.early_stop import stop_at_margin as stop_at_margin
 from .streaming.early_stop import stop_in_silence as stop_in_silence
 from .streaming.early_stop import stop_when_proven as stop_when_proven
 from .streaming.early_stop import timestep_scores as timestep_scores
+from .streaming.outcomes import StepScores as StepScores
+from .streaming.outcomes import Stops as Stops
 from .streaming.session import Session as Session
-from .streaming.session import StepScores as StepScores

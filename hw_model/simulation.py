@@ -1,8 +1,9 @@
 """Play recordings to a program, phase by phase, and collect spikes, registers and counts under population names."""
 
+import logging
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from functools import cached_property, lru_cache, partial
+from functools import cache, cached_property, lru_cache, partial
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
@@ -12,6 +13,7 @@ from hw_model.description.counts import Counts, total
 from hw_model.engine.playing import Player, Spikes, length_of, play, read_streams, steps_of
 from hw_model.engine.probes import KINDS, Kind, Part, Probe, parts_of, read_probes
 from hw_model.engine.trace import EVENTS, TOTALS, PhaseInput, PhaseTrace, Register, Window
+from hw_model.engine.usable import fix_of, why_not_compiled
 from hw_model.errors import InputError, check_known, check_most
 from hw_model.io.given import checked
 from hw_model.mapping.graph import Phase, largest, winning
@@ -22,6 +24,7 @@ from hw_model.values import AnyArray, ByteArray, FloatArray, IntArray, Shown, jo
 Engine = Literal["fast", "reference"]
 ENGINES: tuple[Engine, ...] = get_args(Engine)
 
+_log = logging.getLogger("locsnn")
 _EVENTS = slice(TOTALS.index(EVENTS[0]), TOTALS.index(EVENTS[-1]) + 1)
 MAX_TOGETHER = 1 << 26
 """Spikes, 0 or 1, that are held at a time before they are counted: recordings go in parts of at most this many."""
@@ -278,7 +281,7 @@ def _plans(
 
 @lru_cache(maxsize=4)
 def _engine(engine: Engine, skip: bool) -> tuple[Run, Player]:
-    if engine == "reference":
+    if engine == "reference" or not _compiles():
         from hw_model.engine.reference import run_phase
 
         return run_phase, Player()
@@ -286,6 +289,19 @@ def _engine(engine: Engine, skip: bool) -> tuple[Run, Player]:
     from hw_model.engine.events import list_events, transpose
 
     return partial(engine_fast.run_phase, skip=skip), Player(list_events, transpose)
+
+
+@cache
+def _compiles() -> bool:
+    """Tell whether there is a fast engine here; warn, once, where there is none."""
+    reason = why_not_compiled()
+    if reason is not None:
+        _log.warning(
+            "engine 'fast': the plain one plays instead, hundreds of times slower (%s). %s",
+            reason,
+            fix_of(reason),
+        )
+    return reason is None
 
 
 def _add_events(

@@ -14,8 +14,7 @@ from hw_model.engine.ahead import compile_ahead
 from hw_model.io.build_folder import write_build
 from hw_model.io.given import checked
 from hw_model.program.write import program_files
-from hw_model.streaming import ahead
-from hw_model.streaming.session import check_psi
+from hw_model.streaming.psi import check_psi
 from hw_model.values import ArrayLike, Frozen
 from locsnn_compile.choose_strategy import Choice, choose_strategy, lower_or_advise
 from locsnn_compile.cluster.spread import Spread, here, spread_over
@@ -55,6 +54,8 @@ Events = str | Path | Recordings | ArrayLike
 SYNTHETIC_SAMPLES, SYNTHETIC_VALUES = 16, 10_000_000
 """How many synthetic recordings are made, and the most values in them: large recordings are fewer."""
 SYNTHETIC_SEED = 0
+AHEAD_OF_SESSIONS = "hw_model.streaming.ahead"
+"""The module that compiles the loops of sessions in a process of its own, without which nothing here imports them."""
 
 
 class CompiledModel(Frozen, eq=False):
@@ -199,7 +200,7 @@ def compile(
     network.fit(recordings.spikes[:1], recordings.source)
     calibrated = _calibration(network, recordings, calibration)
     if diagnosis:
-        compile_ahead(ahead.__name__)
+        compile_ahead(AHEAD_OF_SESSIONS)
     asked = Setting(strategy, weight_bits, split_weights or 0.0)
     with spread_over(scheduler) as spread:
         settled = split_weights is not None

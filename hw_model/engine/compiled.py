@@ -13,6 +13,10 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+from hw_model.engine.usable import check_compiled
+
+check_compiled()  # a numba that does not fit would end in an error of its own below, or crash
+
 import llvmlite.binding
 import numba
 import numpy as np

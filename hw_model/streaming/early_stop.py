@@ -17,31 +17,12 @@ from hw_model.io.given import checked
 from hw_model.mapping.graph import winning
 from hw_model.program.chip_program import ChipProgram
 from hw_model.simulation import SimulationResult, simulate
+from hw_model.streaming.outcomes import StepScores, Stops, leads
 from hw_model.streaming.proof import Proof, members_of
-from hw_model.streaming.session import Session, StepScores, leads
-from hw_model.values import BoolArray, ByteArray, FloatArray, IntArray, Shown
+from hw_model.streaming.session import Session
+from hw_model.values import BoolArray, ByteArray, FloatArray, IntArray
 
 T = TypeVar("T")
-
-
-class Stops(Shown):
-    """Where each recording of a batch stops, and what was done until then.
-
-    ``steps`` (batch,) of ``all_steps``: over all phases, one after the other, for :func:`stop_when_proven`, and of the
-    recording for the others. ``prediction`` (batch,) there, ``final`` (batch,) without stopping; ``counts`` until
-    there, ``all_counts`` without stopping, of all recordings together, in the counts that cost energy
-    (:data:`hw_model.description.counts.BY_CORE`): the others, wraps and clips too, are 0. ``latency_ns`` and
-    ``all_latency_ns`` likewise, by the chip's default profile.
-    """
-
-    steps: IntArray
-    all_steps: int
-    prediction: IntArray
-    final: IntArray
-    counts: Counts
-    all_counts: Counts
-    latency_ns: float
-    all_latency_ns: float
 
 
 @checked

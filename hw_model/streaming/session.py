@@ -5,7 +5,6 @@ t, and the location phases are what they would be if nothing followed. A locatio
 step: see :mod:`hw_model.streaming.location_phase`.
 """
 
-import sys
 from collections.abc import Mapping
 
 import numpy as np
@@ -15,46 +14,13 @@ from hw_model.engine.lay_out import fast_layout
 from hw_model.engine.playing import Spikes, first_touch, length_of, list_events, read_streams
 from hw_model.errors import InputError
 from hw_model.io.given import as_array, checked
-from hw_model.mapping.graph import Phase, Readout, winning
+from hw_model.mapping.graph import Phase, Readout
 from hw_model.program.chip_program import ChipProgram
 from hw_model.streaming.location_phase import Replay
+from hw_model.streaming.outcomes import StepScores
+from hw_model.streaming.psi import check_psi, location_share
 from hw_model.streaming.time_phase import Live, Read, weigh
-from hw_model.values import AnyArray, ArrayLike, ByteArray, FloatArray, IntArray, Shown
-
-
-class StepScores(Shown):
-    """The state of the readout after each of some steps.
-
-    ``spikes[name]`` (steps, classes): spikes so far of each population of the readout, or, where its potentials
-    predict, ``potential[name]``: the largest so far. ``scores`` (steps, classes).
-    """
-
-    spikes: dict[str, IntArray]
-    potential: dict[str, IntArray]
-    scores: FloatArray
-    tie_class: int | None = None
-    """The class that is predicted where all scores tie; None: the program names none."""
-
-    @property
-    def prediction(self) -> IntArray:
-        """Class with the highest score after each step, the first of equals, (steps,).
-
-        Where all scores tie, it is the readout's class for ties or, as nothing is predicted, class 0.
-        """
-        return np.asarray(winning(self.scores, self.tie_class), dtype=np.int64)
-
-    @property
-    def lead(self) -> FloatArray:
-        """By how much the best score after each step is above the second, (steps,)."""
-        return leads(self.scores)
-
-
-def leads(scores: FloatArray) -> FloatArray:
-    """Return by how much the best of scores (..., classes) is above the second; an only one is above 0."""
-    if scores.shape[-1] == 1:
-        return scores[..., 0]
-    best = np.partition(scores, -2, axis=-1)
-    return np.asarray(best[..., -1] - best[..., -2])
+from hw_model.values import AnyArray, ArrayLike, ByteArray, FloatArray, IntArray
 
 
 class Session:
@@ -168,23 +134,6 @@ class Session:
             self.psi, np.arange(self.steps - rows + 1, self.steps + 1), self._length
         )
         return self._weight * np.where(self._is_location, location, 1.0 - location)
-
-
-def location_share(psi: float, step: IntArray, steps: int) -> FloatArray:
-    """Return w = 1 / (1 + exp(-psi (t / T - 1))) after step t of T, which rises to 1/2 (Kang et al. 2022)."""
-    with np.errstate(over="ignore"):  # a large psi counts as 0 what is early
-        return 1.0 / (1.0 + np.exp(-float(psi) * (np.minimum(step, steps) / steps - 1.0)))
-
-
-def check_psi(psi: float) -> None:
-    """Refuse a psi that is negative or not a number."""
-    if not 0 <= psi <= sys.float_info.max:
-        raise InputError(
-            "psi",
-            "it is not a valid rate",
-            measured=f"got {psi}",
-            fix="Give 0 or more, such as 10.",
-        )
 
 
 class _Branch:

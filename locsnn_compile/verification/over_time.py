@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 
 import hw_model as hw
-from hw_model.streaming.early_stop import pushed_each
-from hw_model.streaming.session import StepScores, check_psi, location_share
+from hw_model.engine.usable import why_not_compiled
+from hw_model.streaming.outcomes import StepScores
+from hw_model.streaming.psi import check_psi, location_share
 from hw_model.values import ByteArray, FloatArray, Frozen, IntArray, added
 from locsnn_compile.cluster.spread import Spread, here
 from locsnn_compile.errors import InputError
@@ -56,6 +57,9 @@ def over_time(
     """
     program = levels.program
     check_psi(psi)
+    reason = why_not_compiled()
+    if reason is not None:
+        return f"there are no compiled loops here, {reason}"
     work = _work(levels.network)
     if work > WORK:
         return "the network is too large to be followed step by step within seconds"
@@ -156,6 +160,8 @@ def _scores(program: hw.ChipProgram, recordings: ByteArray, psi: float) -> dict[
             added,
             ({axis_of[name]: weight * given[name].astype(np.float64)} for name, weight in voters),
         )
+
+    from hw_model.streaming.early_stop import pushed_each  # numba: only where it can be used
 
     each = pushed_each(program, {next(iter(program.streams)): recordings}, votes)
     by_axis = {axis: np.stack([scores[axis] for scores in each]) for axis in each[0]}

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 import hw_model as hw
 import locsnn_compile as lc
 from hw_model.io.given import classes_of
-from hw_model.streaming.session import location_share
+from hw_model.streaming.psi import location_share
 
 NETWORK = "Read it with lc.load(path), or lc.load(path, config=...)."
 PROGRAM = "Take .program of lc.compile(network), or read one with hw.load_program(folder)."

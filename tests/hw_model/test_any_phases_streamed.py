@@ -12,7 +12,7 @@ from test_any_phases import MANY, QUICK
 
 import hw_model as hw
 from hw_model.simulation import ENGINES
-from hw_model.streaming.session import StepScores
+from hw_model.streaming.outcomes import StepScores
 
 
 def pushed(session: hw.Session, recording: dict[str, np.ndarray], cuts: list[int]) -> StepScores:

@@ -15,7 +15,7 @@ from sessions import SEEDS, TOGETHER, check_every_step, live_program
 
 import hw_model as hw
 from hw_model.mapping.graph import Readout, decided
-from hw_model.streaming.session import StepScores
+from hw_model.streaming.outcomes import StepScores
 from tests.real_recordings import REAL, on_real_recordings
 
 ROOT = Path(__file__).parents[2]

@@ -1,0 +1,80 @@
+"""Whether loops can be compiled here: they use private parts of numba, which change from one release to the next.
+
+Where they cannot, the plain engine plays, which gives the same integers hundreds of times slower.
+"""
+
+import re
+from functools import cache
+from importlib import import_module
+
+from hw_model.errors import InputError
+
+LOWEST, ABOVE = (0, 62), (0, 69)
+"""Releases of numba that compiled the loops in a test, without the second: ``pyproject.toml`` asks for the same.
+
+Those below 0.62 have an LLVM that crashes on processors with AVX-512, where lanes are moved side by side.
+"""
+PRIVATE_PARTS = {
+    "numba.core.caching.Cache": ("_load_overload", "_save_overload"),
+    "numba.core.caching.IndexDataCacheFile": ("_load_data", "_save_data", "_dump", "flush"),
+    "numba.core.codegen.JITCodeLibrary": ("_ensure_finalized", "_get_module_for_linking"),
+    "numba.core.compiler.Compiler": ("define_pipelines",),
+    "numba.core.runtime.rtsys": ("initialize",),
+}
+"""What the loops use of numba's classes that its documentation does not promise."""
+
+
+@cache
+def why_not_compiled() -> str | None:
+    """Return why no loop can be compiled here; None where it can be."""
+    try:
+        numba = import_module("numba")
+    except ImportError as error:  # numba also raises it for a numpy that is too new for it
+        return f"numba cannot be imported: {error}".rstrip(".")
+    if numba.config.DISABLE_JIT:
+        return "NUMBA_DISABLE_JIT is set"
+    if not LOWEST <= _release(numba.__version__) < ABOVE:
+        return f"numba {numba.__version__} is not {supported()}"
+    for owner, names in PRIVATE_PARTS.items():
+        for name in names:
+            if not _has(owner, name):
+                return f"numba {numba.__version__} has no {owner}.{name}"
+    return None
+
+
+def check_compiled() -> None:
+    """Raise ``InputError`` where no loop can be compiled."""
+    reason = why_not_compiled()
+    if reason is not None:
+        raise InputError(
+            "compiled loops", "they are needed here", measured=reason, fix=fix_of(reason)
+        )
+
+
+def fix_of(reason: str) -> str:
+    """Return the way out of one of :func:`why_not_compiled`'s reasons."""
+    if "DISABLE_JIT" in reason:
+        return "Unset it."
+    return f"Install numba {supported()}."
+
+
+def supported() -> str:
+    """Return the supported releases of numba as pip takes them."""
+    return f">={_dotted(LOWEST)},<{_dotted(ABOVE)}"
+
+
+def _dotted(release: tuple[int, int]) -> str:
+    return ".".join(map(str, release))
+
+
+def _release(version: str) -> tuple[int, ...]:
+    """Return the first two numbers of a version, (0, 62) for ``0.62.1rc1``."""
+    return tuple(int(number) for number in re.findall(r"\d+", version)[:2])
+
+
+def _has(owner: str, name: str) -> bool:
+    module, _, attribute = owner.rpartition(".")
+    try:
+        return hasattr(getattr(import_module(module), attribute), name)
+    except (ImportError, AttributeError):
+        return False
