@@ -1,8 +1,8 @@
-# The project's commands. `make demo` and `make test` need nothing but Python 3.11 or later, and make.
+# The project's commands. `make demo` and `make test` need nothing but Python 3.11 to 3.13, and make.
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test test-slow soak peers bench results hardware mutants profile energy check check-rest docs examples format clean
+.PHONY: demo test test-slow soak floors peers bench results hardware mutants profile energy check check-rest docs examples format clean
 
 demo: .venv/installed  ## install, then compile the hybrid of the paper and the best network, check them and write their reports (a download of 120 MB)
 	$(BIN)/locsnn-compile examples/models/objects-hybrid.pt --events examples/recordings/touches.npz
@@ -17,6 +17,9 @@ test-slow: .venv/installed-dev  ## the tests that take minutes
 
 soak: .venv/installed-dev  ## the tests on new examples: in every other run, hypothesis makes the same ones
 	$(BIN)/pytest -n auto --dist worksteal --hypothesis-profile soak
+
+floors: .venv/installed-dev  ## the main job with the lowest and the newest versions of all that it needs (QUICK=1: the lowest alone)
+	$(BIN)/python tests/floors/play.py $(if $(QUICK),--lowest)
 
 peers: .venv/installed-dev  ## compare the engine with public simulators, each in an environment of its own
 	$(BIN)/python tests/peers/make_environments.py
