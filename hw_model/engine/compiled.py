@@ -4,10 +4,13 @@ That is the folder that NUMBA_CACHE_DIR names, else the ``__pycache__`` next to 
 in the cache folder of the user: the first that can be written. Where none can, every process compiles what it uses.
 """
 
+import hashlib
 import logging
 import os
+import pickle
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from functools import lru_cache, partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -21,6 +24,7 @@ import llvmlite.binding
 import numba
 import numpy as np
 from numba.core import cgutils, event, types
+from numba.core.caching import IndexDataCacheFile
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.runtime import rtsys
@@ -39,6 +43,7 @@ OPTIONS = {"_nrt": False, "nogil": True, "boundscheck": False, "no_cfunc_wrapper
 """Without its runtime (nrt) loops count no references to arrays, which would take a locked instruction each and most of
 the time of short loops; nor can they make any. Nothing asks for the other way in."""
 
+DIGEST_BYTES = hashlib.sha256().digest_size
 CHECK_KINDS = "LOCSNN_CHECK_KINDS"
 """Set in the environment, makes every call of an :func:`entry` look at its arguments."""
 
@@ -76,12 +81,44 @@ def compiled(function: Callable[..., Any], **options: Any) -> Any:
         RuntimeError
     ):  # neither the package's folder nor the user's cache can be written: compile every time
         return numba.njit(**options)(function)
-    cache, kept = dispatcher._cache, dispatcher._cache._cache_file
+    cache = dispatcher._cache
     # The cache looks at the age of the function's own file, but its code holds that of what it calls elsewhere too.
-    kept._source_stamp = (kept._source_stamp, _stamp_of_loops())
+    stamp = (cache._impl.locator.get_source_stamp(), _stamp_of_loops())
+    cache._cache_file = _CheckedFile(cache._cache_path, cache._impl.filename_base, stamp)
     cache.load_overload = partial(_load, cache, function.__module__.rpartition(".")[0])
     cache.save_overload = partial(_save, cache)
     return dispatcher
+
+
+class _CheckedFile(IndexDataCacheFile):  # type: ignore[misc]
+    """The compiled code of a function on disk, with checksums: to run code with a wrong byte would end in a crash.
+
+    Files are damaged by a power cut, or in an image that was copied in part. What is damaged is dropped, and the
+    function is compiled anew.
+    """
+
+    def load(self, key: Any) -> Any:
+        """Return the code of an entry; None where there is none, or where it is damaged."""
+        try:
+            return super().load(key)
+        except Exception as error:  # unpickling what is damaged raises whatever it likes
+            name = self._index_name.removesuffix(".nbi")
+            _log.info("compiled code of %s is damaged, and is dropped: %s", name, error)
+            with suppress(OSError):
+                os.unlink(self._index_path)
+            return None
+
+    def _load_data(self, name: str) -> Any:
+        content = Path(self._data_path(name)).read_bytes()
+        code, digest = content[:-DIGEST_BYTES], content[-DIGEST_BYTES:]
+        if hashlib.sha256(code).digest() != digest:
+            raise ValueError("its checksum differs")
+        return pickle.loads(code)
+
+    def _save_data(self, name: str, data: Any) -> None:
+        code = self._dump(data)
+        with self._open_for_write(self._data_path(name)) as file:
+            file.write(code + hashlib.sha256(code).digest())
 
 
 compiled_with_arrays = partial(compiled, _nrt=True)

@@ -16,7 +16,13 @@ Those below 0.62 have an LLVM that crashes on processors with AVX-512, where lan
 """
 PRIVATE_PARTS = {
     "numba.core.caching.Cache": ("_load_overload", "_save_overload"),
-    "numba.core.caching.IndexDataCacheFile": ("_load_data", "_save_data", "_dump", "flush"),
+    "numba.core.caching.IndexDataCacheFile": (
+        "_load_data",
+        "_save_data",
+        "_data_path",
+        "_dump",
+        "_open_for_write",
+    ),
     "numba.core.codegen.JITCodeLibrary": ("_ensure_finalized", "_get_module_for_linking"),
     "numba.core.compiler.Compiler": ("define_pipelines",),
     "numba.core.runtime.rtsys": ("initialize",),

@@ -110,6 +110,86 @@ def test_where_there_is_no_room_for_code_it_is_used_and_not_kept(tmp_path):
     assert not any(path.stat().st_size for path in (tmp_path / "cache").rglob("*.nb?"))
 
 
+def cut(path):
+    """Leave half of a file."""
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+
+
+def blank(path):
+    """Fill the second half of a file with zeros, as after a power cut: its size stays."""
+    content = path.read_bytes()
+    half = len(content) // 2
+    path.write_bytes(content[:half] + bytes(len(content) - half))
+
+
+def one_bit(path):
+    """Change a bit of the last code."""
+    content = bytearray(path.read_bytes())
+    content[-40] ^= 1
+    path.write_bytes(content)
+
+
+DAMAGES = [
+    ("nbc", cut, "pickle data was truncated|its checksum differs"),
+    ("nbc", blank, "its checksum differs"),
+    ("nbc", one_bit, "its checksum differs"),
+    ("nbi", cut, ".+"),
+    ("nbi", blank, ".+"),
+]
+LOGGED = (
+    USER
+    + """
+if __name__ == "__main__":
+    import logging, sys, numpy
+    logging.basicConfig(format="%(message)s", stream=sys.stderr)
+    logging.getLogger("locsnn").setLevel(logging.INFO)
+    print(wrapped(numpy.int32(2**24 + 5)))
+"""
+)
+
+
+def played(folder):
+    """Run the loop of a copy of the package in a process; return what it gives, and what it logs without times."""
+    environment = os.environ | {"PYTHONPATH": str(folder), "NUMBA_CACHE_DIR": str(folder / "cache")}
+    done = subprocess.run(
+        [sys.executable, "logged.py"],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=100,
+    )
+    return done.stdout, re.sub(r"in [0-9.]+ s", "in some s", done.stderr)
+
+
+@pytest.fixture(scope="module")
+def with_code(tmp_path_factory):
+    """A copy of the package, a loop, and its compiled code."""
+    folder = tmp_path_factory.mktemp("with_code")
+    shutil.copytree(PACKAGE, folder / "hw_model", ignore=shutil.ignore_patterns("__pycache__"))
+    (folder / "logged.py").write_text(LOGGED)
+    assert played(folder) == (
+        "5\n",
+        "compiling __main__ for this machine, once\ncompiled in some s\n",
+    )
+    assert played(folder) == ("5\n", "")
+    return folder
+
+
+@pytest.mark.parametrize(("kind", "damage", "why"), DAMAGES)
+def test_damaged_code_is_dropped_and_compiled_anew(kind, damage, why, with_code):
+    (path,) = (with_code / "cache").rglob(f"*.{kind}")
+    damage(path)
+    output, log = played(with_code)
+    assert output == "5\n"
+    assert re.fullmatch(
+        rf"compiled code of \S*wrapped\S* is damaged, and is dropped: ({why})\n"
+        r"compiling __main__ for this machine, once\ncompiled in some s\n",
+        log,
+    )
+    assert played(with_code) == ("5\n", "")
+
+
 AHEAD = """\
 import sys
 from other.loops import twice
