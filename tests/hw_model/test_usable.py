@@ -47,7 +47,7 @@ def plays(folder, numba=None, sitecustomize="", **environment):
         env=os.environ | {"PYTHONPATH": f"{folder}{os.pathsep}{ROOT}"} | environment,
         capture_output=True,
         text=True,
-        timeout=100,
+        timeout=600,
     )
     assert done.returncode == 0, done.stderr
     return done.stdout, done.stderr
@@ -95,6 +95,7 @@ def test_without_a_numba_that_fits_the_plain_engine_plays_and_says_so_once(
     assert plays(tmp_path, **given) == (PLAYED * 2 + refused, f"{line} ({reason}). {fix}\n")
 
 
+@pytest.mark.slow
 def test_a_numba_that_fits_is_used(tmp_path):
     assert plays(tmp_path) == (PLAYED * 2, "")
 
