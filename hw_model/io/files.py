@@ -12,7 +12,8 @@ import numpy as np
 
 from hw_model.errors import InputError, LocsnnError, check_most
 from hw_model.io.given import check_path, is_plain
-from hw_model.io.partial import locked, partial_path, remove, remove_leftovers, sync
+from hw_model.io.memory import lacks_memory, near_limit
+from hw_model.io.partial import locked, note_written, partial_path, remove, remove_leftovers, sync
 from hw_model.values import AnyArray
 
 MAX_FILE_BYTES = 1_000_000_000
@@ -36,6 +37,7 @@ def replace_file(path: Path, content: bytes, where: str) -> None:
             partial.write_bytes(content)
             sync(partial)
             os.replace(partial, path)
+        note_written(path)
     except OSError as error:
         fix = "Give a file in a folder that exists and can be written."
         raise InputError(
@@ -86,7 +88,8 @@ def near(path: Path, otherwise: str) -> str:
 
 @contextmanager
 def parsing(where: str, what: str, *, fix: str) -> Iterator[None]:
-    """Turn whatever a parser raises on damaged bytes into one ``InputError``; our own errors pass.
+    """Turn whatever a parser raises on damaged bytes into one ``InputError``; our own errors pass, and so does
+    a lack of memory, which is no damage.
 
     Parsers raise many more kinds of exception than they document, and each means the same to the user.
     """
@@ -95,6 +98,8 @@ def parsing(where: str, what: str, *, fix: str) -> Iterator[None]:
     except LocsnnError:
         raise
     except Exception as error:
+        if lacks_memory(error) and near_limit():
+            raise MemoryError(str(error)) from error
         raise InputError(where, what, fix=fix) from error
 
 

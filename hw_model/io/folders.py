@@ -17,7 +17,7 @@ import sys
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
-from hw_model.io.partial import locked, partial_path, remove, remove_leftovers, sync
+from hw_model.io.partial import locked, note_written, partial_path, remove, remove_leftovers, sync
 
 JOURNAL = ".locsnn-journal"
 """Folder of entries that belong into the folder around it: once it has this name, they are the output."""
@@ -38,6 +38,7 @@ def replace_entries(folder: Path, files: Mapping[str, bytes], ours: str = ".*") 
         remove_leftovers(target)
     if (folder.exists() and _must_stay(folder)) or not _write_and(folder, files, _put_in_place):
         _write_and(folder / JOURNAL, files, _finish_journal)
+    note_written(folder)
 
 
 def check_entries(folder: Path, names: Iterable[str], ours: str = ".*") -> None:

@@ -17,6 +17,19 @@ MAX_NAME_BYTES = 100
 """Largest number of bytes of a target's name in its partial name, because the length of names is limited."""
 
 
+_written: set[Path] = set()
+
+
+def note_written(path: Path) -> None:
+    """Remember that this process has put a file or folder in place."""
+    _written.add(path)
+
+
+def written() -> list[Path]:
+    """Return the files and folders that this process has put in place, and that are still there."""
+    return sorted(path for path in _written if path.exists())
+
+
 def partial_path(target: Path) -> Path:
     """Return a new partial name for a target, next to it."""
     return target.with_name(f"{_prefix(target)}{secrets.token_hex(6)}")

@@ -8,12 +8,27 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 EXIT_INTERRUPTED = 130
 GRACE_SECONDS = 1.0
 """How long a command may take to tidy up and exit by itself."""
 _SHOW_CURSOR = "\r\x1b[K\x1b[?25h"
 """What to print after a progress bar that was interrupted."""
+
+
+_interrupted = threading.Event()
+
+
+def was_interrupted() -> bool:
+    """Tell whether Ctrl-C came since a command began."""
+    return _interrupted.is_set()
+
+
+def _interrupt(*told: Any) -> None:
+    """Do what Python does on Ctrl-C, and remember it: a library that is being imported may raise an error instead."""
+    _interrupted.set()
+    raise KeyboardInterrupt
 
 
 @contextmanager
@@ -28,6 +43,10 @@ def leaving_at_once() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
+    _interrupted.clear()
+    usual = signal.getsignal(signal.SIGINT)
+    if usual is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _interrupt)
     ours, pythons = socket.socketpair()
     pythons.setblocking(False)
     before = signal.set_wakeup_fd(pythons.fileno(), warn_on_full_buffer=False)
@@ -37,6 +56,7 @@ def leaving_at_once() -> Iterator[None]:
         yield
     finally:
         left.set()
+        signal.signal(signal.SIGINT, usual)
         signal.set_wakeup_fd(before)
         pythons.close()  # ends the watch, unless a signal came first
 

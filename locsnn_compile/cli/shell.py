@@ -14,12 +14,14 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from hw_model.io.memory import lacks_memory, too_little
+from hw_model.io.partial import written
 from locsnn_compile import __version__
 from locsnn_compile.cli.completion import answer_shell
-from locsnn_compile.cli.interrupt import EXIT_INTERRUPTED, leaving_at_once
+from locsnn_compile.cli.interrupt import EXIT_INTERRUPTED, leaving_at_once, was_interrupted
 from locsnn_compile.cli.options import add_options
 from locsnn_compile.cli.options_file import read_options
-from locsnn_compile.errors import InputError, LocsnnError, did_you_mean
+from locsnn_compile.errors import InputError, LocsnnError, counted, did_you_mean, listed
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -31,6 +33,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 gc.set_threshold(100_000)
 
 EXIT_TARGET, EXIT_INPUT, EXIT_GATE = 1, 2, 3
+SHOWN_FILES = 3
+"""Files that a line names; of more it gives the number."""
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EIO)
 
 
@@ -144,21 +148,41 @@ def guarded(
             code = run(args)
             sys.stdout.flush()
             return code
-    except LocsnnError as error:
-        print(_as_typed(error, sys.argv[1:] if typed is None else typed), file=sys.stderr)
+    except (Exception, KeyboardInterrupt) as error:
+        if isinstance(error, KeyboardInterrupt) or was_interrupted():
+            print(interrupted_line(), file=sys.stderr)
+            return EXIT_INTERRUPTED
+        return _code_of(error, sys.argv[1:] if typed is None else typed)
+
+
+def interrupted_line() -> str:
+    """Return what is said after Ctrl-C: whether anything was written before."""
+    files = written()
+    if not files:
+        return "Interrupted; nothing was written."
+    if len(files) > SHOWN_FILES:
+        return f"Interrupted; {counted(len(files), 'file')} had been written."
+    return f"Interrupted; {listed([path.name for path in files])} had been written."
+
+
+def _code_of(error: Exception, typed: Sequence[str]) -> int:
+    """Print the line of an error that ended a command, and return the exit code; raise what is a defect of ours."""
+    if isinstance(error, LocsnnError):
+        print(_as_typed(error, typed), file=sys.stderr)
         return EXIT_INPUT if isinstance(error, InputError) else EXIT_TARGET
-    except KeyboardInterrupt:
-        print("Interrupted; nothing was written.", file=sys.stderr)
-        return EXIT_INTERRUPTED
-    except BrokenPipeError:
+    if isinstance(error, BrokenPipeError):
         # The reader of our output has gone: exit silently.
         _drop_output()
         return 0
-    except OSError as error:
+    if lacks_memory(error):
+        print(too_little(error), file=sys.stderr)
+        return EXIT_INPUT
+    if isinstance(error, OSError):
         print(_system_error(error), file=sys.stderr)
         if error.filename is None and error.errno in _NO_ROOM:
             _drop_output()
         return EXIT_INPUT
+    raise error
 
 
 def terminal() -> "Console":

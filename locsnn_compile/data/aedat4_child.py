@@ -5,19 +5,30 @@ the stream of events that comes first in the file, how many events other streams
 array. It imports nothing of this project, so that it starts at once.
 """
 
-import contextlib
 import sys
 
-import aedat
-import numpy as np
+MOST_ADDRESSES, CPU_SECONDS = 2 << 30, 10
+OUT_OF_MEMORY = 3
+"""The exit code where an inherited limit leaves too little memory: that is no fault of the file."""
 
-if __name__ == "__main__":
-    with contextlib.suppress(ImportError):  # Windows has no limits of this kind
-        import resource
+try:
+    import aedat
+    import numpy as np
+except (ImportError, MemoryError, OSError):  # the parent could import both
+    sys.exit(OUT_OF_MEMORY)
 
-        resource.setrlimit(resource.RLIMIT_AS, (2 << 30, 2 << 30))
-        resource.setrlimit(resource.RLIMIT_CPU, (10, 10))
-    decoder, most = aedat.Decoder(sys.argv[1]), int(sys.argv[2])
+
+def lower(kind: int, limit: int) -> bool:
+    """Lower a limit of this process; tell whether it is the one asked for: an inherited lower one stays."""
+    inherited = resource.getrlimit(kind)
+    most = min([limit, *(bound for bound in inherited if bound != resource.RLIM_INFINITY)])
+    resource.setrlimit(kind, (most, most))
+    return most == limit
+
+
+def read(path: str, most: int) -> None:
+    """Write what the file holds to standard output, with ``most`` events and those of their packet at most."""
+    decoder = aedat.Decoder(path)
     # The library lists the streams in another order each time.
     cameras = {n: s for n, s in sorted(decoder.id_to_stream().items()) if s["type"] == "events"}
     number, stream = next(iter(cameras.items()))
@@ -34,3 +45,16 @@ if __name__ == "__main__":
         events[name] = found[theirs]
     sys.stdout.buffer.write(f"{stream['width']} {stream['height']} {elsewhere}\n".encode())
     np.save(sys.stdout.buffer, events, allow_pickle=False)
+
+
+if __name__ == "__main__":
+    is_our_limit = True
+    if sys.platform != "win32":
+        import resource
+
+        is_our_limit = lower(resource.RLIMIT_AS, MOST_ADDRESSES)
+        lower(resource.RLIMIT_CPU, CPU_SECONDS)
+    try:
+        read(sys.argv[1], int(sys.argv[2]))
+    except MemoryError:
+        sys.exit(1 if is_our_limit else OUT_OF_MEMORY)

@@ -52,6 +52,8 @@ SLAYER_RULE: StepRule = "nearest"
 COLUMNS = 39
 _AEDAT4_CHILD = Path(__file__).with_name("aedat4_child.py")
 _AEDAT4_SECONDS = 60
+AEDAT4_OUT_OF_MEMORY = 3
+"""The exit code of that process where this one has too little memory to share."""
 
 
 def holds_events(array: AnyArray) -> bool:
@@ -169,7 +171,9 @@ def parse_aedat4(data: bytes, where: str) -> EventStream:
             done = subprocess.run(
                 command, env=environment, capture_output=True, timeout=_AEDAT4_SECONDS, check=True
             )
-        except subprocess.SubprocessError:
+        except subprocess.SubprocessError as error:
+            if getattr(error, "returncode", None) == AEDAT4_OUT_OF_MEMORY:
+                raise MemoryError from None
             fix = "Give a whole AEDAT4 file with events."
             raise InputError(where, "it is damaged, truncated or has no events", fix=fix) from None
     size, array = done.stdout.split(b"\n", maxsplit=1)

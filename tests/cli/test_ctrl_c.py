@@ -13,6 +13,9 @@ import numpy as np
 import pytest
 
 import hw_model as hw
+from hw_model.io import partial
+from hw_model.io.files import replace_file
+from locsnn_compile.cli import shell
 
 MODEL = Path(__file__).parents[2] / "examples/models/objects-hybrid.pt"
 BIN = Path(sys.executable).parent
@@ -86,3 +89,42 @@ def test_ctrl_c_leaves_no_build(tmp_path):
     assert error in ("Interrupted.\n", "Interrupted; nothing was written.\n")
     assert seconds < 5
     assert sorted(path.name for path in tmp_path.iterdir()) == before
+
+
+def told_by(run, capsys):
+    """Run something as a command; return its exit code and its errors."""
+    code = shell.guarded(shell.Parser("locsnn"), [], run)
+    return code, capsys.readouterr().err
+
+
+@pytest.mark.parametrize("raised", [ImportError("numpy failed"), SystemError("no exception set")])
+def test_ctrl_c_that_a_library_turns_into_another_error_is_an_interrupt(raised, capsys):
+    """As numba's and numpy's modules do while they are imported."""
+
+    def run(args):
+        try:
+            signal.raise_signal(signal.SIGINT)
+        except KeyboardInterrupt:
+            raise raised from None
+
+    assert told_by(run, capsys) == (130, "Interrupted; nothing was written.\n")
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+@pytest.mark.parametrize(
+    ("names", "line"),
+    [
+        (["a.pt"], "Interrupted; a.pt had been written.\n"),
+        (["a.pt", "a.csv"], "Interrupted; a.csv and a.pt had been written.\n"),
+        (["1", "2", "3", "4"], "Interrupted; 4 files had been written.\n"),
+    ],
+)
+def test_ctrl_c_tells_what_was_written_before(names, line, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(partial, "_written", set())
+
+    def run(args):
+        for name in names:
+            replace_file(tmp_path / name, b"", "file")
+        raise KeyboardInterrupt
+
+    assert told_by(run, capsys) == (130, line)

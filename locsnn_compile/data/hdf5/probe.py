@@ -18,6 +18,7 @@ import h5py
 CPU_SECONDS, WALL_SECONDS = 5, 60
 MAX_MEMORY_BYTES = 3 << 29
 """More than all datasets that are read need: some damage makes the library ask for gigabytes."""
+MOST_ADDRESSES = 8 << 30
 KIB = 1 if sys.platform == "darwin" else 1024
 """Unit of the system's figure for memory, in bytes."""
 MAX_BYTES = 500_000_000
@@ -36,9 +37,9 @@ def survives(data: bytes) -> bool:
     """Read a file in a separate process; tell whether that process ended by itself."""
     pid = os.fork()
     if pid == 0:
-        resource.setrlimit(resource.RLIMIT_CPU, (CPU_SECONDS, CPU_SECONDS))
-        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-        resource.setrlimit(resource.RLIMIT_AS, (8 << 30, 8 << 30))
+        lower(resource.RLIMIT_CPU, CPU_SECONDS)
+        lower(resource.RLIMIT_CORE, 0)
+        lower(resource.RLIMIT_AS, MOST_ADDRESSES)
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         # Exceptions do not matter here: whoever reads the file after this reports them.
         with contextlib.suppress(BaseException), h5py.File(io.BytesIO(data), "r") as file:
@@ -50,6 +51,13 @@ def survives(data: bytes) -> bool:
     _, status = os.waitpid(pid, 0)
     signal.alarm(0)
     return os.WIFEXITED(status) and os.WEXITSTATUS(status) == 0
+
+
+def lower(kind: int, limit: int) -> None:
+    """Lower a limit of this process; what it inherited may be lower already, and then stays: none can be raised."""
+    inherited = resource.getrlimit(kind)
+    most = min([limit, *(bound for bound in inherited if bound != resource.RLIM_INFINITY)])
+    resource.setrlimit(kind, (most, most))
 
 
 def _read(group: h5py.Group, left: int, seen: set[object]) -> int:
