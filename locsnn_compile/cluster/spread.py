@@ -10,6 +10,7 @@ import pickle
 import signal
 import socket
 import sys
+import threading
 import time
 import zlib
 from collections import deque
@@ -50,10 +51,10 @@ def code_version() -> str:
     return f"{number}+{digest.hexdigest()[:12]}"
 
 
-def check_code(where: str, code: str) -> None:
-    """Refuse results of other code than this."""
+def check_code(where: str, code: str, wanted: str | None = None) -> None:
+    """Refuse results of other code than is wanted, by default this."""
     what, fix = "another version of locsnn-compile runs there", "Install the same one everywhere."
-    check_same(code, code_version(), where, what, fix=fix)
+    check_same(code, wanted or code_version(), where, what, fix=fix)
 
 
 Part = TypeVar("Part")
@@ -91,8 +92,16 @@ def work_packed(work: bytes, part: bytes) -> Any:
     return unpacked(work)(unpacked.__wrapped__(part))
 
 
+def work_of_version(code: str, where: str, work: bytes, part: bytes) -> Any:
+    """Run a part on a worker, which may have joined long after the start, if it runs this code."""
+    check_code(where, code_version(), code)
+    return work_packed(work, part)
+
+
 ANSWER_SECONDS, PATIENCE_SECONDS = 10, 30
-"""How long to wait for the scheduler, and then for its first worker."""
+"""How long to wait for the scheduler, and for a worker: the first one, and again whenever none is left."""
+GLANCE_SECONDS = 1.0
+"""How often it is looked for workers while a result is waited for."""
 AHEAD = 2
 """Parts in progress per thread of the cluster, so the next one is there when one is done."""
 
@@ -105,22 +114,58 @@ def _on_workers(
     If a worker dies, Dask runs its part again, but only a few times.
     """
     # The work is sent with every part; if it were sent to workers beforehand, it would be lost with them.
-    job, most = packed(work), AHEAD * max(1, sum(client.nthreads().values()))
+    job = packed(work)
+    most = AHEAD * max(1, sum(client.nthreads().values()))
+    send = partial(client.submit, work_of_version, code_version(), where, job, pure=False)
     waiting = deque[Any]()
     distributed = sys.modules["distributed"]
     try:
         for part in parts:
-            waiting.append(client.submit(work_packed, job, packed(part), pure=False))
+            waiting.append(send(packed(part)))
             if len(waiting) == most:
-                yield waiting.popleft().result()
+                yield _result(client, where, waiting.popleft())
         while waiting:
-            yield waiting.popleft().result()
+            yield _result(client, where, waiting.popleft())
     except distributed.KilledWorker:
         raise InputError(
             where, "its workers keep dying", fix="Give them more memory, or fewer recordings."
         ) from None
     except distributed.CancelledError:
         raise InputError(where, "it was lost", fix="Start it and the command again.") from None
+    except (AttributeError, ModuleNotFoundError) as error:  # what is sent is not known there
+        what, fix = (
+            "another version of locsnn-compile runs there",
+            "Install the same one everywhere.",
+        )
+        raise InputError(where, what, measured=str(error), fix=fix) from None
+
+
+def _result(client: Any, where: str, future: Any) -> Any:
+    """Wait for a result as long as there are workers; without any for :data:`PATIENCE_SECONDS`, give up."""
+    seen = time.monotonic()
+    while True:
+        with suppress(TimeoutError):
+            return future.result(timeout=GLANCE_SECONDS)
+        if _within(ANSWER_SECONDS, client.nthreads):
+            seen = time.monotonic()
+        elif time.monotonic() - seen > PATIENCE_SECONDS:
+            measured = f"for {PATIENCE_SECONDS} s"
+            fix = "Start some, and the command again."
+            raise InputError(where, "it has no workers left", measured=measured, fix=fix)
+
+
+def _within(seconds: float, ask: Callable[[], Result]) -> Result | None:
+    """Return what a call gives, or None if it fails or takes too long: nothing waits for it then."""
+    answers: list[Result] = []
+
+    def run() -> None:
+        with suppress(Exception):
+            answers.append(ask())
+
+    thread = threading.Thread(target=run, daemon=True)
+    thread.start()
+    thread.join(seconds)
+    return answers[0] if answers else None
 
 
 @contextmanager
@@ -133,13 +178,17 @@ def spread_over(address: str | None, processes: int | None = None) -> Iterator[S
         yield partial(_on_workers, client, f"--scheduler {address}")
 
 
-def _listens(place: tuple[str, int]) -> bool:
-    """Tell whether something listens at a host and port within :data:`ANSWER_SECONDS`."""
+def _answers(place: tuple[str, int], *, speaks_first: bool = True) -> bool:
+    """Tell whether something at a host and port answers within :data:`ANSWER_SECONDS`.
+
+    A scheduler speaks first, unless by TLS. With a service that accepts and is silent, a client waits for minutes.
+    """
     deadline = time.monotonic() + ANSWER_SECONDS
     while time.monotonic() < deadline:
-        with suppress(OSError):
-            socket.create_connection(place, 1).close()
-            return True
+        with suppress(OSError), socket.create_connection(place, 1) as connection:
+            connection.settimeout(max(0.1, deadline - time.monotonic()))
+            if not speaks_first or connection.recv(1):
+                return True
         time.sleep(0.1)
     return False
 
@@ -155,8 +204,10 @@ def connected(address: str) -> Iterator[Any]:
     try:
         # A client that finds nobody ends with a traceback, after three times as long.
         within = address.startswith("inproc://")  # a scheduler in this process has no port
-        if not within and not _listens(distributed.comm.addressing.get_address_host_port(address)):
-            raise TimeoutError
+        if not within:
+            place = distributed.comm.addressing.get_address_host_port(address)
+            if not _answers(place, speaks_first=not address.startswith("tls://")):
+                raise TimeoutError
         client = distributed.Client(address, timeout=ANSWER_SECONDS, set_as_default=False)
     except ValueError as error:
         fix = "Give one such as tcp://127.0.0.1:8786."

@@ -7,6 +7,7 @@ import signal
 import socket
 import sys
 import threading
+import time
 from dataclasses import replace
 from functools import partial
 
@@ -166,8 +167,76 @@ def test_no_client_is_made_for_what_is_not_an_address(
 def test_a_scheduler_that_starts_late_is_waited_for():
     with socket.socket() as late:
         late.bind(("127.0.0.1", 0))
-        threading.Timer(0.5, late.listen).start()
-        assert spread._listens(late.getsockname())
+
+        def speak():
+            late.listen()
+            caller, _ = late.accept()
+            with caller:
+                caller.sendall(b"\0")
+
+        threading.Timer(0.5, speak).start()
+        assert spread._answers(late.getsockname())
+
+
+def test_a_service_that_accepts_and_is_silent_is_no_scheduler(model, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(spread, "ANSWER_SECONDS", 0.5)
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
+        start = time.monotonic()
+        assert explore(model, "--scheduler", address, "-o", tmp_path / "out") == 2
+        assert time.monotonic() - start < 30
+    line = "no scheduler answers (within 0.5 s). Start one with: dask scheduler"
+    assert capsys.readouterr() == ("", f"--scheduler {address}: {line}\n")
+
+
+class Futures:
+    """A client whose workers come and go: how many there are each time it is asked, the last for ever."""
+
+    def __init__(self, workers, *, code=None):
+        self.workers, self.code = list(workers), code
+
+    def nthreads(self):
+        many = self.workers.pop(0) if self.workers[1:] else self.workers[0]
+        return dict.fromkeys(range(many), 1)
+
+    def submit(self, work, code, *given, pure):
+        return Future(self, partial(work, self.code or code, *given))
+
+
+class Future:
+    """A part that runs as soon as there is a worker."""
+
+    def __init__(self, client, run):
+        self.client, self.run = client, run
+
+    def result(self, timeout):
+        if self.client.workers[0]:
+            return self.run()
+        raise TimeoutError
+
+
+def spread_on(client):
+    return list(spread._on_workers(client, "--scheduler x", abs, [-1, -2]))
+
+
+def test_workers_that_come_back_go_on(monkeypatch):
+    monkeypatch.setattr(spread, "PATIENCE_SECONDS", 60)
+    assert spread_on(Futures([1, 0, 0, 1])) == [1, 2]
+
+
+def test_without_any_worker_left_it_ends(monkeypatch):
+    monkeypatch.setattr(spread, "PATIENCE_SECONDS", 0.2)
+    with pytest.raises(InputError) as caught:
+        spread_on(Futures([1, 0]))
+    line = "it has no workers left (for 0.2 s). Start some, and the command again."
+    assert str(caught.value) == f"--scheduler x: {line}"
+
+
+def test_a_worker_of_other_code_that_joins_later_is_refused():
+    with pytest.raises(InputError) as caught:
+        spread_on(Futures([1], code="9+other"))
+    line = "another version of locsnn-compile runs there ({} against 9+other). Install the same one everywhere."
+    assert str(caught.value) == f"--scheduler x: {line.format(spread.code_version())}"
 
 
 def test_another_service_is_no_scheduler(model, tmp_path, monkeypatch, capsys):
