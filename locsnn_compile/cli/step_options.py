@@ -172,11 +172,19 @@ def with_steps(network: "Network", args: argparse.Namespace) -> "Network":
         network, step_seconds=found["step_seconds"], event_threshold=found["threshold"]
     )
     if args.step_seconds is not None:
-        network = replace(network, usual_step_seconds=None)
+        network = _with_made_up_steps(network, args.step_seconds)
     if args.steps is None or not network.any_length:
         return network
     carried = network.recordings and network.recordings.with_steps(args.steps)
     return replace(network, steps=args.steps, any_length=False, recordings=carried)
+
+
+def _with_made_up_steps(network: "Network", step_seconds: float) -> "Network":
+    """Return the network of a step that the user gives, which made-up recordings then have as well."""
+    carried = network.recordings
+    if carried is not None and network.usual_step_seconds is not None:
+        carried = replace(carried, step_seconds=step_seconds)
+    return replace(network, usual_step_seconds=None, recordings=carried)
 
 
 def on_sensor(network: "Network", args: argparse.Namespace) -> "Network":

@@ -1,10 +1,13 @@
 """The step that a file of another tool states holds where neither recordings nor the user say how long one lasts."""
 
+import json
+
 import numpy as np
 import pytest
 from slayer_files import LOIHI, write
 
 import locsnn_compile as lc
+from locsnn_compile.cli.compile import main as compile_main
 from locsnn_compile.data.read import read_recordings
 from locsnn_compile.data.recordings import Recordings
 
@@ -47,3 +50,25 @@ def test_events_are_binned_in_the_steps_that_a_file_states(network, tmp_path):
     assert (found.spikes.shape, found.step_seconds) == ((1, 6, 6), 0.001)
     found = read_recordings(tmp_path / "a.npy", model=expected, polarities=1, step_seconds=0.002)
     assert (found.spikes.shape, found.step_seconds) == ((1, 3, 6), 0.002)
+
+
+@pytest.mark.parametrize(
+    ("options", "seconds"),
+    [
+        pytest.param([], 0.325, id="as stated"),
+        pytest.param(["--step-seconds", "0.02"], 6.5, id="given"),
+    ],
+)
+def test_the_authors_hybrid_lasts_as_long_as_asked_without_events(options, seconds, tmp_path):
+    """325 steps of the paper's sensor are 6.5 s, although its YAML has Ts: 1."""
+    layers = {
+        "fc1": RNG.normal(0.1, 2, (6, 156)),
+        "fc2": RNG.normal(1, 2, (3, 6)),
+        "locationFc1": RNG.normal(0.1, 2, (6, 325)),
+        "locationFc2": RNG.normal(1, 2, (3, 6)),
+    }
+    model, config = write(tmp_path, layers, steps=325)
+    command = [str(model), "--config", str(config), "--strategy", "dendrite", *options]
+    assert compile_main([*command, "-o", str(tmp_path / "out"), "--quiet"]) == 0
+    report = json.loads((tmp_path / "out/report.json").read_text())
+    assert report["latency"]["recording_ns"] == pytest.approx(seconds * 1e9)
