@@ -21,8 +21,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from result_pictures import INK, STYLE, _save
+from result_rows import DATASETS, Dataset
 from tables import Table, kept, write_table
 
+from locsnn_compile.baselines.operations import ann_counts
 from locsnn_compile.data.orders import location_order
 from locsnn_compile.data.read import read_recordings
 from locsnn_compile.data.sensor import TAXEL_COORDINATES_MM, neutouch
@@ -30,6 +32,8 @@ from locsnn_compile.data.sensor import TAXEL_COORDINATES_MM, neutouch
 ROOT = Path(__file__).parents[2]
 BLUE, ORANGE, GREEN, VIOLET = "#2f81c7", "#d98324", "#3f9c5a", "#8a4fbf"
 ORDERS = ("loop", "arch", "whorl")
+STEPS = {"objects": 250, "containers": 325, "slip": 150}
+"""Time steps of one fingertip's recordings."""
 CONTAINERS, LEVELS = 4, 5
 """Classes of Containers are level + LEVELS * container."""
 
@@ -50,38 +54,73 @@ def orders() -> Figure:
     return figure
 
 
+HYBRID = "Hybrid, lambda 1, loop"
+PARTS = (("SNN_TSRM", ORANGE), ("SNN_LSRM", GREEN), ("events transposed", VIOLET))
+"""The parts of a hybrid's operations, all of them additions, as ``operations.csv`` names them."""
+
+
 def operations(tables: Path) -> Figure | None:
-    """Operations per recording of one fingertip, artificial networks and ours, on a logarithmic axis."""
-    ours, ratios = kept(tables / "operations.csv"), kept(tables / "ratios.csv")
-    if ours is None or ratios is None:
+    """Operations per recording of one fingertip, on linear axes, and what the hybrid's come from.
+
+    Above, multiplications and additions of the artificial networks next to the hybrid; below, the hybrid's additions.
+    """
+    counted = kept(tables / "operations.csv")
+    if counted is None:
         return None
-    figure, panels = plt.subplots(1, 2, figsize=(7.6, 2.8), layout="constrained", sharex=True)
-    for axes, name in zip(panels, ("Objects", "Containers"), strict=True):
-        bars = {
-            row[0].rsplit("against ", 1)[1]: _number(row[1])
-            for row in ratios[1]
-            if f", {name}, against" in row[0]
-        }
-        for label in ("Hybrid, lambda 1, loop", "Window-SNN"):
-            own = {
-                row[0]: _number(row[1])
-                for row in ours[1]
-                if row[0].startswith(f"{label}, {name}: ")
-            }
-            bars[label.partition(",")[0]] = own.get(
-                f"{label}, {name}: together", max(own.values(), default=0.0)
-            )
-        axes.barh(list(bars), list(bars.values()), color=[INK, INK, BLUE, BLUE][: len(bars)])
-        for place, value in enumerate(bars.values()):
-            axes.text(value * 1.1, place, f"{value / 1e6:.2f}", va="center")
-        axes.set(
-            title=name,
-            xlabel="operations per recording, 10^6 at the bars",
-            xscale="log",
-            xlim=(2e4, 3e7),
-        )
-        axes.invert_yaxis()
+    means = {row[0]: _number(row[1]) for row in counted[1]}
+    figure, panels = plt.subplots(
+        2, len(DATASETS), figsize=(8.4, 3.9), layout="constrained", height_ratios=(3, 2)
+    )
+    for (above, below), dataset in zip(panels.T, DATASETS.values(), strict=True):
+        parts = {part: means.get(f"{HYBRID}, {dataset.title}: {part}") for part, _ in PARTS}
+        if None in parts.values():
+            plt.close(figure)
+            return None
+        additions = {part: number for part, number in parts.items() if number is not None}
+        _draw_networks(above, dataset, sum(additions.values()))
+        _draw_shares(below, additions)
+    figure.legend(
+        *panels[0][0].get_legend_handles_labels(), loc="outside upper right", ncols=2, fontsize=8
+    )
+    figure.legend(
+        *panels[1][0].get_legend_handles_labels(), loc="outside lower center", ncols=len(PARTS)
+    )
     return figure
+
+
+def _draw_networks(axes: Axes, dataset: Dataset, hybrid_additions: float) -> None:
+    """Draw multiplications and additions of the artificial networks and of the hybrid, in millions."""
+    networks = {
+        label: ann_counts(
+            name,
+            sensor=neutouch(1),
+            steps=STEPS[dataset.name],
+            classes=dataset.published_classes,
+        )
+        for name, label in (("gru-mlp", "GRU-MLP"), ("cnn-3d", "CNN-3D"))
+    }
+    labels = [*networks, "Hybrid"]
+    multiplications = np.array([counts.multiplications for counts in networks.values()] + [0]) / 1e6
+    additions = np.array([c.additions for c in networks.values()] + [hybrid_additions]) / 1e6
+    axes.barh(labels, multiplications, color=INK, label="multiplications")
+    axes.barh(labels, additions, left=multiplications, color=BLUE, label="additions")
+    together = multiplications + additions
+    for place, million in enumerate(together):
+        axes.text(million + 0.02 * together.max(), place, f"{million:.2f}", va="center")
+    axes.set(title=dataset.title, xlabel="operations, 10^6", xlim=(0, 1.25 * together.max()))
+    axes.invert_yaxis()
+
+
+def _draw_shares(axes: Axes, additions: Mapping[str, float]) -> None:
+    """Draw the share of each part of the hybrid in its additions."""
+    together, left = sum(additions.values()), 0.0
+    for part, colour in PARTS:
+        share = 100 * additions[part] / together
+        axes.barh(["Hybrid"], [share], left=left, color=colour, label=part)
+        if share > 5:
+            axes.text(left + share / 2, 0, f"{share:.0f} %", ha="center", va="center", color="w")
+        left += share
+    axes.set(xlabel="share of its additions, %", xlim=(0, 100))
 
 
 def _number(text: str) -> float:
