@@ -166,6 +166,33 @@ def levels(work: Path) -> Figure | None:
     return figure
 
 
+def containers(work: Path) -> Figure | None:
+    """All 20 classes of Containers on the chip: Tactile-SNN next to the hybrid, of the seeds that both have."""
+    seeds = {row: _seeds_of(work, row) for row in ("tactile-snn", "hybrid")}
+    shared = sorted(set.intersection(*seeds.values()))
+    if not shared:
+        return None
+    figure, panels = plt.subplots(1, len(seeds), figsize=(7.6, 4.2), layout="constrained")
+    for axes, row, label in zip(panels, seeds, ("Tactile-SNN", "Hybrid"), strict=True):
+        counts = counts_of([work / f"containers-{row}-{seed}.json" for seed in shared])
+        assert counts is not None
+        axes.imshow(counts / counts.sum(axis=1, keepdims=True), cmap="Blues", vmin=0, vmax=1)
+        right = np.trace(counts) / counts.sum()
+        axes.set(
+            title=f"{label}\n{right:.2f} of {int(counts.sum())} predictions right",
+            xlabel="class predicted",
+            ylabel="class",
+            xticks=range(0, len(counts), LEVELS),
+            yticks=range(0, len(counts), LEVELS),
+        )
+    return figure
+
+
+def _seeds_of(work: Path, row: str) -> set[int]:
+    """Return the seeds of Containers that have figures."""
+    return {int(path.stem[-1]) for path in work.glob(f"containers-{row}-[0-9].json")}
+
+
 def objects(work: Path) -> Figure | None:
     """Confusions of Objects on the chip: the paper's hybrid before, the best after."""
     named = {
@@ -334,7 +361,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     with mpl.rc_context(STYLE):
         drawn = {
             "orders": orders(), "operations": operations(tables), "levels": levels(args.work), "objects": objects(args.work),
-            "profiles": profiles(args.work), "learning-curve": curves(tables), "front": front(tables),
+            "containers": containers(args.work), "profiles": profiles(args.work), "learning-curve": curves(tables), "front": front(tables),
         }  # fmt: skip
         for name, figure in drawn.items():
             if figure is not None:

@@ -124,8 +124,30 @@ def test_pictures_are_drawn_of_the_tables_that_ship(tmp_path: Path) -> None:
             paper_pictures.levels(tmp_path)
             is paper_pictures.profiles(tmp_path)
             is paper_pictures.curves(tmp_path)
+            is paper_pictures.containers(tmp_path)
             is None
         )
+
+
+def test_confusions_of_two_networks_are_of_the_seeds_that_both_have(tmp_path: Path) -> None:
+    import paper_pictures
+    from result_pictures import STYLE
+
+    figures = {
+        "classes": 20,
+        "labels": list(range(20)),
+        "predictions": [0] * 10 + list(range(10, 20)),
+    }
+    for name in ("tactile-snn-0", "tactile-snn-1", "hybrid-1", "hybrid-2"):
+        (tmp_path / f"containers-{name}.json").write_text(json.dumps(figures))
+    mpl.use("svg")
+    with mpl.rc_context(STYLE):
+        drawn = paper_pictures.containers(tmp_path)
+    assert drawn is not None
+    assert [axes.get_title() for axes in drawn.axes] == [
+        "Tactile-SNN\n0.55 of 20 predictions right",
+        "Hybrid\n0.55 of 20 predictions right",
+    ]
 
 
 def test_a_share_has_as_many_of_every_class_and_is_part_of_larger_ones() -> None:
