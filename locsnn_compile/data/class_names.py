@@ -1,6 +1,6 @@
 """The order of class names: a known one, one that is given, or that of a model; labels follow the names."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -21,12 +21,41 @@ _PLACE_OF_WORD = {
 }
 
 
-def number_word_order(names: Collection[str]) -> list[str] | None:
-    """Return names in the order of the numbers that they spell; None if any is another word."""
+SPARSE = 2
+"""Numbers counted from 0 are labels if more than one in so many of them occurs as a name."""
+
+
+def number_order(names: Collection[str]) -> list[str] | None:
+    """Return names that are digits or number words in the order of the numbers; None for other names.
+
+    A set may lack a number: where there is a ``0``, what is called ``9`` is class 9 even if nothing is
+    called ``8``, whose name is then put in. Without a ``0``, and of numbers far apart, names are only
+    sorted.
+    """
+    if all(_is_digits(name) for name in names):
+        return _without_gaps({int(name): name for name in names}, str)
     places = {name: _PLACE_OF_WORD.get(name.lower()) for name in names}
-    if None in places.values():
+    known = [place for place in places.values() if place is not None]
+    if len(known) < len(names):
         return None
+    languages = {language for language, _ in known}
+    if len(languages) == 1 and len(set(known)) == len(names):
+        words = _NUMBER_WORDS[languages.pop()].split()
+        numbered = {number: name for (_, number), name in zip(known, places, strict=True)}
+        return _without_gaps(numbered, words.__getitem__)
     return sorted(places, key=lambda name: (places[name], name))
+
+
+def _is_digits(name: str) -> bool:
+    return name.isascii() and name.isdecimal() and name == str(int(name))
+
+
+def _without_gaps(numbered: dict[int, str], name_of: Callable[[int], str]) -> list[str]:
+    """Return names in the order of their numbers, with a name for each number that is missing from 0 on."""
+    largest = max(numbered)
+    if 0 not in numbered or largest >= SPARSE * len(numbered):
+        return [numbered[number] for number in sorted(numbered)]
+    return [numbered.get(number) or name_of(number) for number in range(largest + 1)]
 
 
 def parse_classes(text: str) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from pathlib import Path, PurePosixPath
 from hw_model.io.files import parsing, read_bytes
 from hw_model.io.zip_directory import BoundedZip
 from hw_model.values import Frozen
-from locsnn_compile.data.class_names import number_word_order
+from locsnn_compile.data.class_names import number_order
 from locsnn_compile.data.tact import SLIP_CLASSES
 from locsnn_compile.errors import InputError, check_most, did_you_mean
 
@@ -102,7 +102,7 @@ def _ordered(classes: set[str]) -> tuple[str, ...]:
     """Return the names of classes in their known order: a published one, that of numbers, or that of number words."""
     if classes == set(SLIP_CLASSES):
         return SLIP_CLASSES
-    return tuple(number_word_order(classes) or sorted(classes, key=in_turn))
+    return tuple(number_order(classes) or sorted(classes, key=in_turn))
 
 
 def _folder(name: str) -> str:

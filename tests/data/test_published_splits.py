@@ -157,6 +157,12 @@ ENGLISH = ["zero", "one", "two", "three", "four", "five", "six", "seven", "eight
             ["eins", "one", "null", "zero"], ["zero", "one", "null", "eins"], id="two languages"
         ),
         pytest.param(["one", "cup", "two"], ["cup", "one", "two"], id="other words among them"),
+        pytest.param(["3", "0", "1"], ["0", "1", "2", "3"], id="a digit is missing"),
+        pytest.param(
+            ["three", "zero", "ONE"], ["zero", "ONE", "two", "three"], id="a number word is missing"
+        ),
+        pytest.param(["10", "0", "20"], ["0", "10", "20"], id="numbers far apart"),
+        pytest.param(["01", "00", "03"], ["00", "01", "03"], id="numbers with leading zeros"),
     ],
 )
 def test_numbers_and_number_words_keep_their_order(
@@ -164,6 +170,13 @@ def test_numbers_and_number_words_keep_their_order(
 ) -> None:
     found = read_recordings(folder_of_classes(tmp_path / "set", written))
     assert found.class_names == tuple(order)
+
+
+def test_a_digit_is_the_label_even_if_another_digit_is_missing(tmp_path: Path) -> None:
+    """As in a part of N-MNIST without an 8: what lies in the folder 9 is a nine."""
+    digits = ["0", "1", "2", "3", "4", "5", "6", "7", "9"]
+    found = read_recordings(folder_of_classes(tmp_path / "set", digits))
+    assert sorted(found.labels.tolist()) == [0, 1, 2, 3, 4, 5, 6, 7, 9]
 
 
 def true_names(found: Any) -> list[str]:
