@@ -270,6 +270,8 @@ def _projection(
 def _delay(built: _Built, layer: NetLayer, mantissa: Matrix) -> int | IntArray:
     """Return the delays as netx spreads them: one for all, one per neuron, or one per input.
 
+    Layers of images may have one per channel.
+
     Like netx, cut them to whole steps and to the longest delay of a synapse, and keep what that changed.
     """
     if "delay" not in layer.values:
@@ -285,8 +287,8 @@ def _delay(built: _Built, layer: NetLayer, mantissa: Matrix) -> int | IntArray:
     rows, columns = mantissa.shape
     if (delay == delay[:1]).all() and delay.size in (1, rows, columns):
         return int(delay[0])
-    channels = layer.one("outChannels", 0)
-    if layer.kind == "conv" and delay.size == channels and rows % channels == 0:
+    channels = _shape(layer)[0]
+    if layer.kind in ("conv", "pool") and delay.size == channels:
         delay = np.repeat(delay, rows // channels)
     if delay.size not in (rows, columns):
         raise layer.fault(
