@@ -15,10 +15,11 @@ from locsnn_compile.cli.options import given, recording_of
 from locsnn_compile.cli.places import check_places
 from locsnn_compile.cli.shell import EXIT_GATE, progress_bar, terminal
 from locsnn_compile.cli.step_options import (
-    SENSOR_OPTIONS,
+    FILE_OPTIONS,
     asked_reading,
+    file_reading,
     on_sensor,
-    sensor_reading,
+    undivided_reading,
     with_steps,
 )
 from locsnn_compile.data.read import read_recordings
@@ -129,7 +130,7 @@ def _network(args: Namespace) -> Network:
         raise InputError(
             "--weights", "there is one model, with nothing to weigh it against", fix="Leave it out."
         )
-    reading = sensor_reading(args)
+    reading = undivided_reading(args)
     network = networks[0]
     if len(networks) > 1:
         network = join(networks, args.weights, args.calibration, reading)
@@ -146,7 +147,7 @@ def _recordings(args: Namespace, network: Network) -> tuple[Recordings, Recordin
     divided = given(args, ("--split", "--fold"))
     if args.events is None:
         used = args.calibration is not None or args.channel_order is not None
-        for option in (*divided, *(() if used else given(args, SENSOR_OPTIONS))):
+        for option in (*divided, *(() if used else given(args, FILE_OPTIONS))):
             raise InputError(option, "there are no events to read", fix="Give them with --events.")
         return recordings_for(network, None), _calibration(args, network)
     reading = {"model": network.expected, **asked_reading(args)}
@@ -160,7 +161,7 @@ def _calibration(args: Namespace, network: Network) -> Recordings | None:
     """Return the recordings of --calibration, of the sensor that the options describe."""
     if args.calibration is None:
         return None
-    return calibration_recordings(network, args.calibration, sensor_reading(args))
+    return calibration_recordings(network, args.calibration, file_reading(args))
 
 
 def _check_options(args: Namespace) -> None:

@@ -29,10 +29,11 @@ from locsnn_compile.cli.options import given
 from locsnn_compile.cli.places import check_places
 from locsnn_compile.cli.shell import EXIT_GATE, progress_bar
 from locsnn_compile.cli.step_options import (
-    SENSOR_OPTIONS,
+    FILE_OPTIONS,
+    file_reading,
     on_sensor,
-    sensor_arguments,
-    sensor_reading,
+    reading_arguments,
+    with_steps,
 )
 from locsnn_compile.cluster.spread import Spread, spread_over
 from locsnn_compile.errors import InputError
@@ -94,11 +95,11 @@ def _explore(
         args.branches,
         args.channel_order,
     )
-    network, chip = on_sensor(model.load(), args), hw.chip(args.target)
-    reading = sensor_reading(args)
+    network, chip = on_sensor(with_steps(model.load(), args), args), hw.chip(args.target)
+    reading = file_reading(args)
     files = (args.events, args.calibration, args.report_on, args.channel_order)
     if not any(files):
-        for option in given(args, SENSOR_OPTIONS):
+        for option in given(args, FILE_OPTIONS):
             raise InputError(option, "there are no events to read", fix="Give them with --events.")
     check_matters(network, {"calibration": "--calibration"} if args.calibration else {})
     events = choose_events(network, args.events, args.part, args.recordings, reading)
@@ -129,7 +130,7 @@ def _explore(
         budget,
         not asked.given,
         points,
-        sensor_arguments=sensor_arguments(args),
+        reading_arguments=reading_arguments(args),
     )
     if reported_on is None:
         return found

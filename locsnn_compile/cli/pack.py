@@ -14,7 +14,7 @@ from pathlib import Path
 from hw_model.io.extras import needed
 from locsnn_compile.api import join
 from locsnn_compile.cli.places import check_places
-from locsnn_compile.cli.step_options import sensor_reading
+from locsnn_compile.cli.step_options import undivided_reading
 from locsnn_compile.errors import InputError
 from locsnn_compile.frontends.checkpoint import network_of
 from locsnn_compile.models.checkpoint import Pack
@@ -37,7 +37,7 @@ def run(args: argparse.Namespace) -> int:
         [network_of(checkpoint) for checkpoint in checkpoints],
         args.weights,
         args.calibration,
-        sensor_reading(args),
+        undivided_reading(args),
     )
     Pack(checkpoints, tuple(member.weight for member in joined.members)).save(args.output)
     for member in joined.members:

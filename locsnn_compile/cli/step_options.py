@@ -23,16 +23,11 @@ CHUNK = 16
 """Recordings held in memory at a time, if the file can be read in pieces."""
 
 
-_OF_EVENTS = ("start", "time_unit", "max_steps", "classes")
-
-
-def asked_reading(args: argparse.Namespace) -> dict[str, Any]:
-    """Return these options as arguments of ``read_recordings``."""
-    reading = picked(args, "step_seconds", "steps", "threshold", "fold", *_OF_EVENTS)
-    return reading | {"test_share": args.split} | sensor_reading(args)
-
-
-SENSOR_OPTIONS = (
+FILE_OPTIONS = (
+    "--start",
+    "--time-unit",
+    "--max-steps",
+    "--classes",
     "--axes",
     "--grid",
     "--layout",
@@ -41,22 +36,34 @@ SENSOR_OPTIONS = (
     "--columns",
     "--merge-polarities",
 )
-"""The options that say what the channels of recordings are."""
+"""The options that say how files are read, and that neither a model nor a program keeps."""
+_STEP_OPTIONS = ("--step-seconds", "--steps", "--threshold")
 
 
-def sensor_arguments(args: argparse.Namespace) -> tuple[str, ...]:
-    """Return the options that say what the channels of recordings are, as they are typed."""
+def asked_reading(args: argparse.Namespace) -> dict[str, Any]:
+    """Return these options as arguments of ``read_recordings``."""
+    return undivided_reading(args) | picked(args, "fold") | {"test_share": args.split}
+
+
+def undivided_reading(args: argparse.Namespace) -> dict[str, Any]:
+    """Return the options of commands that do not divide recordings as arguments of ``read_recordings``."""
+    return picked(args, "step_seconds", "steps", "threshold") | file_reading(args)
+
+
+def reading_arguments(args: argparse.Namespace) -> tuple[str, ...]:
+    """Return the options that say how recordings are read, as they are typed."""
     arguments: list[str] = []
-    for option, value in given(args, SENSOR_OPTIONS).items():
+    for option, value in given(args, (*_STEP_OPTIONS, *FILE_OPTIONS)).items():
         arguments.append(option)
         if value is not True:
             arguments.append(str(value))
     return tuple(arguments)
 
 
-def sensor_reading(args: argparse.Namespace) -> dict[str, Any]:
-    """Return what the options say of the sensor, as arguments of ``read_recordings``."""
-    reading = picked(args, "axes", "merge_polarities")
+def file_reading(args: argparse.Namespace) -> dict[str, Any]:
+    """Return what the options say of files and the sensor, as arguments of ``read_recordings``."""
+    of_events = picked(args, "start", "time_unit", "max_steps", "classes")
+    reading = of_events | picked(args, "axes", "merge_polarities")
     sensor = asked_sensor(args)
     if sensor is not None:
         return reading | {"sensor": sensor}

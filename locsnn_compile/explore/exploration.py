@@ -91,8 +91,8 @@ class Exploration(Frozen, eq=False):
 
     ``model``, ``target`` and ``calibration`` are as given; ``calibration`` is None if it is the file of ``events``.
     ``by_default``: no bound was given, so the ``budget`` is that of ``auto``. ``reported``: the points on the front,
-    measured on the recordings ``reported_on``, on which nothing was chosen. ``sensor_arguments`` are the options that
-    say what the channels of the recordings are.
+    measured on the recordings ``reported_on``, on which nothing was chosen. ``reading_arguments`` are the options that
+    say how recordings are read.
     """
 
     study: Study
@@ -105,7 +105,7 @@ class Exploration(Frozen, eq=False):
     points: tuple[Point, ...]
     reported: tuple[Point, ...] = ()
     reported_on: Chosen | None = None
-    sensor_arguments: tuple[str, ...] = ()
+    reading_arguments: tuple[str, ...] = ()
 
     @cached_property
     def on_front(self) -> tuple[bool, ...]:
@@ -162,6 +162,6 @@ class Exploration(Frozen, eq=False):
                 *rounded_for,
                 "--events",
                 events.file,
-                *self.sensor_arguments,
+                *self.reading_arguments,
             ]
         )
