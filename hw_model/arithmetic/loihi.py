@@ -88,6 +88,18 @@ class Parameters(NamedTuple):
     vmax: Value
 
 
+class Nothing:
+    """A bias, or what children pass, where there is none: adding it to an array takes no time."""
+
+    __array_ufunc__ = None  # numpy then leaves the sum to __radd__
+
+    def __radd__(self, value: Value) -> Value:
+        return value
+
+
+NOTHING = Nothing()
+
+
 class State(NamedTuple):
     """Registers between two steps."""
 

@@ -10,15 +10,12 @@ import numpy as np
 
 from hw_model.arithmetic import loihi
 from hw_model.arithmetic.fixed_point import decay
-from hw_model.arithmetic.loihi import Parameters, State
+from hw_model.arithmetic.loihi import NOTHING, Parameters, State
 from hw_model.arithmetic.on_integers import OnIntegers
 from hw_model.description.chip import Registers
 from hw_model.values import BoolArray, IntArray
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm
 from locsnn_compile.network.projections import ChipProjection, Matrix, values_of, with_values
-
-NONE_JOINED = 0
-"""What children pass to compartments that have none."""
 
 
 def effective_weights(projection: ChipProjection) -> Matrix:
@@ -38,7 +35,7 @@ def _unlimited(decay_u: IntArray, decay_v: IntArray, registers: Registers) -> Pa
     return Parameters(
         keep_u=loihi.keep_of(decay_u),
         keep_v=loihi.keep_of(decay_v),
-        bias=0,
+        bias=NOTHING,
         threshold=last,
         refractory=1,
         vmin=-last,
@@ -60,7 +57,7 @@ class Filter:
     def step(self, charge: IntArray) -> IntArray:
         """Take the charge that arrives, (batch, n); return v."""
         response = loihi.respond(
-            self._arithmetic, self._parameters, self._u, self.v, charge, NONE_JOINED
+            self._arithmetic, self._parameters, self._u, self.v, charge, NOTHING
         )
         self._u = response.u
         self.v = response.v
@@ -161,7 +158,7 @@ class ChipCubaSteps:
     def step(self, arriving: IntArray) -> tuple[BoolArray, IntArray]:
         """Take the charge that arrives, (batch, n); return spikes and the potential before the reset."""
         state = State(self.u, self.v, self.blocked)
-        step = loihi.step(self._arithmetic, self._parameters, state, arriving, NONE_JOINED)
+        step = loihi.step(self._arithmetic, self._parameters, state, arriving, NOTHING)
         self.u, self.v, self.blocked = step.state
         fired: BoolArray = step.fired
         potential: IntArray = step.potential
