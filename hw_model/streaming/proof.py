@@ -11,14 +11,16 @@ Once a recording is over, all that a phase will be given is known. Where that is
 spike is to come, and every potential is 0.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from hw_model.accounting.activity import StepActivity
-from hw_model.arithmetic.fixed_point import clip, decay
+from hw_model.arithmetic import loihi
+from hw_model.arithmetic.loihi import NOTHING, Parameters
+from hw_model.arithmetic.on_integers import WithoutWraps
 from hw_model.mapping.graph import Phase, Readout, winning
-from hw_model.program.chip_program import ChipProgram, Core
+from hw_model.program.chip_program import ChipProgram
 from hw_model.range_proof import charges, prove_range
 from hw_model.simulation import SimulationResult
 from hw_model.values import BoolArray, IntArray
@@ -124,11 +126,15 @@ class _Voter:
         proved = {found.core: found.cannot_wrap.astype(np.int64) for found in prove_range(program)}
         cannot_wrap = program.by_column(phase.name, lambda core: proved[core.number])
         self._safe = all(cannot_wrap[columns[member]].all() for member in self._members)
-        settings = {key: program.by_column(phase.name, value) for key, value in _SETTINGS.items()}
-        self._settings = {
-            its: {key: each[columns[its]] for key, each in settings.items()}
-            for its in self._members
+        parameters = _parameters_of(program, phase)
+        charge = program.by_column(phase.name, lambda core: charges(core).high.astype(np.int64))
+        self._parameters = {
+            member: Parameters(*(array[columns[member]] for array in parameters))
+            for member in self._members
         }
+        self._charge = {member: charge[columns[member]] for member in self._members}
+        registers = program.chip.registers
+        self._arithmetic = WithoutWraps(registers.charge_bits, registers.current_bits)
 
     def given(self, step: IntArray) -> IntArray:
         """Return what counts after the first steps, (batch, n)."""
@@ -141,16 +147,23 @@ class _Voter:
         u = {name: np.where(started, self._u[name][each, last], 0) for name in self._members}
         v = {name: np.where(started, self._v[name][each, last], 0) for name in self._members}
         for _ in range(int((self._steps - step).max(initial=0))):
-            joined: dict[str | None, IntArray | int] = {}
+            joined: dict[str | None, IntArray] = {}
             for name in self._members:
-                own, parent = self._settings[name], self._parent.get(name)
-                u[name] = decay(u[name], own["decay_u"]) + own["charge"]
-                drive = u[name] + own["bias"] + joined.get(name, 0)
-                voltage = clip(decay(v[name], own["decay_v"]) + drive, own["vmin"], own["vmax"])
+                parent = self._parent.get(name)
+                response = loihi.respond(
+                    self._arithmetic,
+                    self._parameters[name],
+                    u[name],
+                    v[name],
+                    self._charge[name],
+                    joined.get(name, NOTHING),
+                )
+                u[name] = response.u
+                voltage = response.v
                 # A spike, or a refractory step, brings the v of a spiking compartment to 0, which may be higher. So
                 # may be the v of any that has not started.
                 v[name] = voltage if parent and not self._starts_late else np.maximum(voltage, 0)
-                joined[parent] = joined.get(parent, 0) + v[name]
+                joined[parent] = joined[parent] + v[name] if parent in joined else v[name]
             yield voltage
 
 
@@ -161,9 +174,8 @@ class _BySpikes(_Voter):
         self, program: ChipProgram, phase: Phase, name: str, weight: float, result: SimulationResult
     ) -> None:
         super().__init__(program, phase, name, weight, result)
-        self._threshold, self._refractory = (
-            self._settings[name][key] for key in ("threshold", "refractory")
-        )
+        self._threshold = self._parameters[name].threshold
+        self._refractory = self._parameters[name].refractory
         spikes = result.spikes[name]
         before = np.zeros((len(spikes), 1, spikes.shape[2]), dtype=np.int64)
         self._so_far = np.concatenate((before, spikes.cumsum(axis=1, dtype=np.int64)), axis=1)
@@ -202,10 +214,9 @@ class _ByPotentials(_Voter):
 
     def ends(self, step: IntArray, nothing_comes: BoolArray) -> tuple[IntArray, IntArray]:
         """Return the same of potentials."""
-        read, (vmin, vmax) = (
-            step[:, None],
-            (self._settings[self._members[-1]][key] for key in ("vmin", "vmax")),
-        )
+        read = step[:, None]
+        vmin = self._parameters[self._members[-1]].vmin
+        vmax = self._parameters[self._members[-1]].vmax
         given = self.given(step)
         most = np.broadcast_to(vmin, given.shape)
         for ahead, voltage in enumerate(self._voltages(step)):
@@ -219,17 +230,15 @@ class _ByPotentials(_Voter):
         return low, high
 
 
-_SETTINGS: dict[str, Callable[[Core], IntArray | int]] = {
-    "decay_u": lambda core: core.setting("decay_u"),
-    "decay_v": lambda core: core.setting("decay_v"),
-    "charge": lambda core: charges(core).high.astype(np.int64),
-    "bias": lambda core: core.bias,
-    "vmin": lambda core: core.vmin,
-    "vmax": lambda core: core.vmax,
-    "threshold": lambda core: core.threshold_voltage,
-    "refractory": lambda core: core.setting("refractory"),
-}
-"""What the bound of a compartment is made of."""
+def _parameters_of(program: ChipProgram, phase: Phase) -> Parameters:
+    """Return the parameters of every compartment of a phase, each (columns,)."""
+    fields = range(len(Parameters._fields))
+    of_core = {core.number: core.step_parameters for core in program.cores_of(phase.name)}
+
+    def column(field: int) -> IntArray:
+        return program.by_column(phase.name, lambda core: of_core[core.number][field])
+
+    return Parameters(*map(column, fields))
 
 
 def members_of(program: ChipProgram, name: str) -> list[str]:
