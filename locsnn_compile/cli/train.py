@@ -11,7 +11,9 @@ did in training. --from fine-tunes a trained network, by default for 60 epochs a
 part, which that network may have seen already.
 
 The epoch is chosen on a validation share of the train part. The test part, if the data have one, is measured once, at
-the end. Next to OUT.pt it writes a log OUT.csv and its picture OUT.svg and, while it runs, OUT.pt.state for --resume.
+the end, and next to it ridge regression on numbers of events. A run that learns nothing says so after a few epochs, and
+exits with 3. Next to OUT.pt it writes a log OUT.csv and its picture OUT.svg and, while it runs, OUT.pt.state for
+--resume.
 Options without a flag here are keys of the --config file: taxel_dropout, time_shift, weight_average, ...
 """
 
@@ -29,7 +31,7 @@ from hw_model.values import IntArray
 from locsnn_compile.cli.interrupt import EXIT_INTERRUPTED
 from locsnn_compile.cli.options import given
 from locsnn_compile.cli.places import check_places
-from locsnn_compile.cli.shell import Moved, progress_bar
+from locsnn_compile.cli.shell import EXIT_GATE, Moved, progress_bar
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.architectures import ARCHITECTURES
@@ -48,6 +50,7 @@ from locsnn_compile.training.describe import FINE_TUNING, check_fits_start, fine
 from locsnn_compile.training.profile import tensorboard_log
 
 if TYPE_CHECKING:
+    from locsnn_compile.training.export import Measured
     from locsnn_compile.training.train import TrainingResult
 
 SHOWN_CLASSES, SHOWN_NAMES = 20, 60
@@ -66,14 +69,23 @@ def run(args: argparse.Namespace) -> int:
         raise InputError(where, what, fix="Correct -o.")
     _check_places(args, output)
     start = None if args.from_model is None else read_checkpoint(args.from_model)
-    config = _config(args, start)
+    config, values = _config(args, start)
     needed("torch", "train", "locsnn train")
 
+    from locsnn_compile.training.chosen import choose
     from locsnn_compile.training.export import export_checkpoint
     from locsnn_compile.training.from_python import all_classes, read_parts
     from locsnn_compile.training.train import train
 
     recordings, test = read_parts(args.data, config, start)
+    classes = all_classes(recordings, test)
+    chosen = None
+    if start is None:
+        with progress_bar("choosing windows", show=not args.quiet) as moved:
+            chosen = choose(values, recordings, classes, moved)
+        config = chosen.config
+        if not args.quiet:
+            print("".join(f"{line}\n" for line in chosen.lines), end="", flush=True)
 
     state_path = _state_path(output)
     if not args.resume:
@@ -84,14 +96,22 @@ def run(args: argparse.Namespace) -> int:
                 recordings,
                 config,
                 name=output.stem,
-                classes=all_classes(recordings, test),
+                classes=classes,
                 start=start,
                 state_path=state_path,
                 log_path=output.with_suffix(".csv"),
                 progress=_after_epochs(args, moved),
+                notice=None if args.quiet else _say_at_once,
             )
-            found = export_checkpoint(
-                output, result, config, recordings, test, carried=args.recordings, start=start
+            measured = export_checkpoint(
+                output,
+                result,
+                config,
+                recordings,
+                test,
+                carried=args.recordings,
+                start=start,
+                chosen=chosen,
             )
         except KeyboardInterrupt:
             kept = state_path.exists()
@@ -110,8 +130,12 @@ def run(args: argparse.Namespace) -> int:
             raise InputError(error.where, error.what, measured=error.measured, fix=fix) from None
     state_path.unlink(missing_ok=True)
     if not args.quiet:
-        print(_summary(output, result, found, recordings, test))
-    return 0
+        print(_summary(output, result, measured, recordings, test))
+    return 0 if result.learned else EXIT_GATE
+
+
+def _say_at_once(remark: str) -> None:
+    print(f"! {remark}", file=sys.stderr, flush=True)
 
 
 def _state_path(output: Path) -> Path:
@@ -144,7 +168,10 @@ def _check_places(args: argparse.Namespace, output: Path) -> None:
         )
 
 
-def _config(args: argparse.Namespace, start: Checkpoint | None) -> TrainingConfig:
+def _config(
+    args: argparse.Namespace, start: Checkpoint | None
+) -> tuple[TrainingConfig, dict[str, Any]]:
+    """Return the configuration that the options give, and those of its values that were given."""
     values: dict[str, Any] = read_config(args.config) if args.config is not None else {}
     of_file = {name: f"config {Path(args.config).name!r}, {name}" for name in values}
     options = field_kinds(TrainingConfig)
@@ -160,21 +187,22 @@ def _config(args: argparse.Namespace, start: Checkpoint | None) -> TrainingConfi
     shared = [config_from_mapping(usual | {"model": model} | values) for model in models]
     check_used(of_file, config, *shared)
     if start is None:
-        return config
+        return config, values | asked
     check_fits_start(values | asked, start.description)
-    return fine_tuning_config(config, start.description)
+    return fine_tuning_config(config, start.description), values | asked
 
 
 def _summary(
     output: Path,
     result: TrainingResult,
-    found: IntArray | None,
+    measured: Measured,
     recordings: Recordings,
     test: Recordings | None,
 ) -> str:
     from locsnn_compile.training.export import accuracy_of
     from locsnn_compile.training.measure import chance_remarks, tie_remarks
 
+    found = measured.confusion
     lines, remarks = [f"epoch {result.chosen_epoch} chosen"], list(result.remarks)
     if result.validation_accuracy is not None:
         lines[0] += f" by validation accuracy {result.validation_accuracy:.3f}"
@@ -188,6 +216,11 @@ def _summary(
         lines += _confusion(found, test.class_names)
         remarks += tie_remarks(found)
         remarks += chance_remarks(accuracy, test.labels, "of the test part")
+    if measured.comparison is not None:
+        lines.append(measured.comparison.words)
+        several = len(set(recordings.needed_labels("train on").tolist())) > 1
+        if result.learned and several and measured.comparison.lost:
+            remarks.append(measured.comparison.lost)
     return "\n".join([*lines, *(f"! {remark}" for remark in remarks), f"wrote {output}"])
 
 

@@ -125,6 +125,8 @@ class TrainingConfig(Shown, Checked, eq=True):
       figure of a single epoch is noisy; see :func:`locsnn_compile.training.schedule.choose_epoch`.
     - ``refit``: once the epoch is chosen, train again from the start on the whole train part, for that many epochs and
       on a schedule of that length.
+    - ``defaults``: whether options that are not given are chosen from the ``data`` (see
+      :mod:`locsnn_compile.training.chosen`) or have the ``fixed`` defaults of this class and of :data:`USUAL`.
     - ``device``: where matrix products run; the steps of spiking layers run on the processor.
     - ``step_seconds``: width of a time bin, if the data do not contain it (None: 0.02 s for single events, unknown for
       bins). ``event_threshold``: a bin with more single events is 1 (None: 0). ``steps``: shorter recordings are padded
@@ -200,6 +202,7 @@ class TrainingConfig(Shown, Checked, eq=True):
     smoothing_epochs: Annotated[int, between(1, 1_000)] = 10
     refit: bool = True
     seed: Annotated[int, between(0, 2**32 - 1)] = 0
+    defaults: Annotated[str, ("data", "fixed")] = "data"
     device: Annotated[str, ("cpu", "cuda")] = "cpu"
     step_seconds: Annotated[float | None, between(1e-6, 1e3)] = None
     steps: Annotated[int | None, between(1, MOST_STEPS)] = None

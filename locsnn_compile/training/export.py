@@ -5,12 +5,77 @@ from pathlib import Path
 
 import numpy as np
 
-from hw_model.values import AnyArray, IntArray
+from hw_model.values import AnyArray, Frozen, IntArray
+from locsnn_compile.data.read import stratified_split
 from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.errors import counted
 from locsnn_compile.models.checkpoint import Checkpoint, Plain
+from locsnn_compile.training.chosen import Chosen
 from locsnn_compile.training.config import TrainingConfig
+from locsnn_compile.training.event_counts import BINS, Baselines, measure_baselines
 from locsnn_compile.training.measure import confusion
 from locsnn_compile.training.train import TrainingResult
+
+
+class Comparison(Frozen):
+    """The accuracy of a network next to those of counting events, on recordings that none of them learned from.
+
+    ``part`` is that of the ``recordings`` (a number): ``test``, or ``validation`` where the data have no test part.
+    """
+
+    part: str
+    recordings: int
+    accuracy: float
+    baselines: Baselines
+
+    @property
+    def words(self) -> str:
+        """The line that gives the baselines."""
+        one, bins = self.baselines.counts, self.baselines.counts_in_bins
+        figures = [
+            "too large to solve" if accuracy is None else f"{accuracy:.3f}"
+            for accuracy in (one, bins)
+        ]
+        on = f"on {counted(self.recordings, 'recording')} of the {self.part} part"
+        return f"baselines {on}: counts {figures[0]}, counts in {BINS} bins of time {figures[1]}"
+
+    @property
+    def lost(self) -> str:
+        """A sentence if counting does better; empty otherwise."""
+        if self.accuracy >= self.baselines.better:
+            return ""
+        against = f"{self.accuracy:.3f} against {self.baselines.better:.3f} on the {self.part} part"
+        fix = "Give more --epochs, or --model window-snn, whose neurons count."
+        return f"Counting events does better than this network ({against}). {fix}"
+
+
+def compare_with_counting(
+    result: TrainingResult,
+    config: TrainingConfig,
+    recordings: Recordings,
+    test: Recordings | None,
+    confused: IntArray | None,
+) -> Comparison | None:
+    """Return the comparison on the test part, else on the validation part; None if nothing was held out."""
+    labels = recordings.needed_labels("train on")
+    if test is not None and confused is not None:
+        truth = test.needed_labels("measure with")
+        counting = measure_baselines(recordings.spikes, labels, test.spikes, truth)
+        return Comparison("test", len(test), accuracy_of(confused, test), counting)
+    if result.validation_accuracy is None:
+        return None
+    training, held = stratified_split(labels, config.validation_fraction, config.seed)
+    counting = measure_baselines(
+        recordings.spikes[training], labels[training], recordings.spikes[held], labels[held]
+    )
+    return Comparison("validation", len(held), result.validation_accuracy, counting)
+
+
+class Measured(Frozen, eq=False):
+    """What an export measured: the confusion of the test part, None without one, and the comparison with counting."""
+
+    confusion: IntArray | None
+    comparison: Comparison | None
 
 
 def training_entry(
@@ -19,8 +84,10 @@ def training_entry(
     recordings: Recordings,
     test: Recordings | None = None,
     found: IntArray | None = None,
+    comparison: Comparison | None = None,
 ) -> dict[str, Plain]:
     """Return the checkpoint's ``training`` entry: data, figures and confusion of the test, the whole configuration."""
+    counting = None if comparison is None else comparison.baselines
     figures: dict[str, Plain] = {
         "dataset": recordings.source,
         "train_recordings": len(recordings),
@@ -29,6 +96,8 @@ def training_entry(
         "test_recordings": None if test is None else len(test),
         "test_accuracy": None if test is None or found is None else accuracy_of(found, test),
         "test_confusion": None if found is None else _confusion_text(found),
+        "accuracy_of_counts": None if counting is None else counting.counts,
+        "accuracy_of_counts_in_bins": None if counting is None else counting.counts_in_bins,
     }
     return figures | asdict(config) | {"tie": result.network.tie_class}
 
@@ -79,10 +148,12 @@ def export_checkpoint(
     *,
     carried: int = 8,
     start: Checkpoint | None = None,
-) -> IntArray | None:
-    """Measure ``test`` once, write the checkpoint to ``path``, and return the confusion; None without a test part.
+    chosen: Chosen | None = None,
+) -> Measured:
+    """Measure ``test`` once, write the checkpoint to ``path``, and return what was measured.
 
-    ``start`` is the checkpoint that the run began with. The file gets ``carried`` recordings for checks, spread over
+    ``start`` is the checkpoint that the run began with; ``chosen``: what was chosen from the data. The file gets
+    ``carried`` recordings for checks, spread over
     the classes, from the test part or, without one, from the train part.
     """
     network = result.network
@@ -91,10 +162,13 @@ def export_checkpoint(
     }
     # In float64, like the compiler's reference; the network stays in float64.
     found = None if test is None else confusion(network.double(), test)
+    comparison = compare_with_counting(result, config, recordings, test, found)
     pool = recordings if test is None else test
     kept = pool.subset(carried_rows(pool.labels, len(pool), carried)) if carried > 0 else None
-    training = training_entry(result, config, recordings, test, found)
+    training = training_entry(result, config, recordings, test, found, comparison)
+    if chosen is not None and chosen.reasons:
+        training |= {"chosen": chosen.text}
     if start is not None:
         training |= {"start": start.description.name, "start_sha256": start.sha256}
     Checkpoint(network.description, weights, kept, training, chip=network.chip).save(path)
-    return found
+    return Measured(found, comparison)

@@ -20,6 +20,7 @@ from locsnn_compile.data.recordings import OPEN, Expected, Recordings, same
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
+from locsnn_compile.training.chosen import choose
 from locsnn_compile.training.config import (
     Progress,
     TrainingConfig,
@@ -110,7 +111,8 @@ def train(
     - ``recordings``: a file, archive or folder; or :class:`Recordings`; or an array (samples, steps, channels) of 0 and
       1 with ``labels`` (samples,). What is in memory is in the order of these axes, and not divided
     - ``test``: a test part, which is measured once at the end; by default that of the file, if it has one
-    - ``config``: training options by name, or a YAML file of them
+    - ``config``: training options by name, or a YAML file of them; options that are left out are chosen from the data,
+      unless a whole ``TrainingConfig`` is given
     - ``carried``: the number of recordings that go into the checkpoint, for checks
     - ``progress``: called after every epoch with (epochs done, total number as far as known, the epoch's figures)
 
@@ -121,10 +123,10 @@ def train(
     from locsnn_compile.training.export import export_checkpoint
     from locsnn_compile.training.train import train as run
 
+    values: Mapping[str, Any] | None = None
     if not isinstance(config, TrainingConfig):
-        config = config_from_mapping(
-            read_config(config) if isinstance(config, str | Path) else config or {}
-        )
+        values = read_config(config) if isinstance(config, str | Path) else config or {}
+        config = config_from_mapping(values)
     if isinstance(recordings, str | Path):
         part, of_file = read_parts(recordings, config, None)
         test = test or of_file
@@ -136,10 +138,16 @@ def train(
             Recordings(np.asarray(recordings), known, config.step_seconds, "array"), config
         )
     test = test.with_steps(config.steps) if test and config.steps else test
-    result = run(part, config, name=name, classes=all_classes(part, test), progress=progress)
+    classes, chosen = all_classes(part, test), None
+    if values is not None:
+        chosen = choose(values, part, classes)
+        config = chosen.config
+        for line in chosen.lines:
+            _log.info(line)
+    result = run(part, config, name=name, classes=classes, progress=progress, notice=_log.warning)
     with TemporaryDirectory() as folder:
         path = Path(folder) / "model.pt"
-        export_checkpoint(path, result, config, part, test, carried=carried)
+        export_checkpoint(path, result, config, part, test, carried=carried, chosen=chosen)
         for remark in result.remarks:
             _log.warning(remark)
         return read_checkpoint(path)

@@ -288,22 +288,29 @@ def tie_remarks(confused: IntArray) -> list[str]:
     ]
 
 
-def result_remarks(network: TouchModel, recordings: Recordings) -> list[str]:
-    """Return a sentence if outputs are silent on the training recordings, or if their accuracy is at chance."""
+def result_remarks(
+    network: TouchModel,
+    recordings: Recordings,
+    advice: str = "Give more --epochs, or a larger --learning-rate.",
+) -> list[str]:
+    """Return a sentence if outputs are silent on the training recordings, or if their accuracy is at chance.
+
+    ``advice`` is what to do about outputs that are silent.
+    """
     labels, scores = recordings.needed_labels("train on"), class_scores(network, recordings.spikes)
     predicted = decided(scores, network.tie_class)
     if (decided(scores) < 0).all() and scores.shape[1] > 1:
-        spiking = (
-            network.description.structure.spiking
-            and network.description.structure.neurons != "windows"
-        )
-        what = "No output neuron spikes" if spiking else "All class scores are equal"
-        trained = f"in any of the {counted(len(labels), 'recording')} it was trained on"
-        return [
-            f"{what} {trained}: every prediction is a tie. Give more --epochs, or a larger --learning-rate."
-        ]
+        return [f"{silent_outputs(network, len(labels))}: every prediction is a tie. {advice}"]
     accuracy = float((predicted == labels).mean())
     return chance_remarks(accuracy, labels, "it was trained on")
+
+
+def silent_outputs(network: TouchModel, recordings: int) -> str:
+    """Return the start of a sentence: outputs said nothing in any of so many recordings."""
+    structure = network.description.structure
+    spiking = structure.spiking and structure.neurons != "windows"
+    what = "No output neuron spikes" if spiking else "All class scores are equal"
+    return f"{what} in any of the {counted(recordings, 'recording')} it was trained on"
 
 
 def chance_remarks(accuracy: float, labels: IntArray, which: str) -> list[str]:

@@ -6,20 +6,95 @@ class, so that variations within classes count little:
     score of class k  =  m_k S h - m_k S m_k / 2          S = (ridge I + A^T A)^-1
 
 h (hidden,) are the spikes of a recording, m_k is the mean of class k, and the rows of A (recordings, hidden) are the
-training recordings minus the mean of their class. Only a matrix of recordings by recordings is inverted.
+training recordings minus the mean of their class. S is never formed. The system that is solved has a row per hidden
+neuron or per recording, whichever are fewer: (A^T A + ridge I) S m_k = m_k, or ridge S m_k = m_k - A^T (A A^T +
+ridge I)^-1 A m_k; a scale of all scores changes no answer.
 """
 
 from collections.abc import Iterable
 
 import torch
+from torch import Tensor
 
-from hw_model.values import Float32Array, IntArray
-from locsnn_compile.errors import InputError
+from hw_model.values import Float32Array, Frozen, IntArray
+from locsnn_compile.errors import InputError, check_most
 from locsnn_compile.models.networks import WindowNetwork
 from locsnn_compile.models.touch_model import TouchModel
+from locsnn_compile.training.config import TrainingConfig
 
 PROTOTYPES = "prototypes"
 """The name of this ``optimizer`` in a configuration."""
+MOST_GIBIBYTES = 16.0
+"""Largest memory that is taken."""
+STATED_FROM = 1.0
+"""Gibibytes from which a run states what it takes, before it takes it."""
+
+
+class Size(Frozen):
+    """The size of a solution from so many ``copies`` of recordings (rows) and ``hidden`` neurons (columns)."""
+
+    copies: int
+    hidden: int
+
+    @property
+    def unknowns(self) -> int:
+        """The rows of the system that is solved."""
+        return min(self.copies, self.hidden)
+
+    @property
+    def gibibytes(self) -> float:
+        """The memory that it takes: spikes twice in float32, and the system twice in float64."""
+        return (2 * 4 * self.copies * self.hidden + 2 * 8 * self.unknowns**2) / 2**30
+
+    @property
+    def words(self) -> str:
+        """The sentence that states it."""
+        by = "hidden neurons" if self.hidden <= self.copies else "recordings"
+        of_all = f"{self.copies:,} copies of recordings and {self.hidden:,} hidden neurons"
+        return (
+            f"Prototypes of {of_all} are solved by {by}, and take about {self.gibibytes:.1f} GiB."
+        )
+
+
+def repeats(config: TrainingConfig) -> int:
+    """Return of how many epochs copies are used: of one if nothing is drawn, because all copies are the same."""
+    drawn = (
+        config.event_dropout,
+        config.channel_dropout,
+        config.taxel_dropout,
+        config.event_noise,
+        config.mixing,
+        config.cut_end,
+        config.time_stretch,
+        config.time_shift,
+        config.taxel_shift,
+    )
+    return config.epochs if any(drawn) else 1
+
+
+def size_of(network: TouchModel, recordings: int, config: TrainingConfig) -> Size:
+    """Return the size of a run over so many recordings; ``InputError`` for other networks, and if it is too large."""
+    size = Size(recordings * repeats(config), _windows_of(network).output.shape[1])
+    fix = "Give fewer --epochs, longer windows (window_steps, window_stride), or optimizer sgd."
+    what = "prototypes take too much memory"
+    check_most(
+        round(size.gibibytes, 1),
+        MOST_GIBIBYTES,
+        "training option 'optimizer'",
+        what,
+        unit="GiB",
+        fix=fix,
+    )
+    return size
+
+
+def _windows_of(network: TouchModel) -> WindowNetwork:
+    if not isinstance(network, WindowNetwork):
+        fix = "Use another optimizer, or model window-snn."
+        raise InputError(
+            "training option 'optimizer'", "only window networks have prototypes", fix=fix
+        )
+    return network
 
 
 @torch.no_grad()
@@ -32,15 +107,23 @@ def set_prototypes(
     that their standard deviation over classes is 1 on average. Raises ``InputError`` for other networks, for a
     class without recordings, and for a single class.
     """
-    if not isinstance(network, WindowNetwork):
-        fix = "Use another optimizer, or model window-snn."
-        raise InputError(
-            "training option 'optimizer'", "only window networks have prototypes", fix=fix
-        )
-    pairs = [(network.hidden(torch.from_numpy(x)), torch.from_numpy(y)) for x, y in drawn]
+    windows = _windows_of(network)
+    pairs = [(windows.hidden(torch.from_numpy(x)), torch.from_numpy(y)) for x, y in drawn]
     hidden, labels = (torch.cat(parts) for parts in zip(*pairs, strict=True))
-    member = torch.nn.functional.one_hot(labels, len(network.bias)).to(hidden)
+    member = torch.nn.functional.one_hot(labels, len(windows.bias)).to(hidden)
     of_class = member.sum(dim=0)
+    _check_classes(of_class)
+    means = member.T @ hidden / of_class[:, None]
+    output = _solved(hidden - means[labels], means, smoothing)
+    bias = -0.5 * (output * means).sum(dim=1) + output @ windows.usual
+    scores = (hidden - windows.usual) @ output.T + bias
+    scale = 1.0 / scores.std(dim=1).mean().clamp(min=torch.finfo(torch.float32).tiny)
+    windows.output.copy_(scale * output)
+    windows.bias.copy_(scale * bias)
+
+
+def _check_classes(of_class: Tensor) -> None:
+    """Refuse a class without recordings, and a single class; ``of_class``: the number of recordings of each."""
     if not of_class.all():
         where, what = (
             f"label {int(of_class.argmin())}",
@@ -56,16 +139,19 @@ def set_prototypes(
             "prototypes tell classes apart, and there is one",
             fix=fix,
         )
-    means = member.T @ hidden / of_class[:, None]
-    apart = hidden - means[labels]
+
+
+def _solved(apart: Tensor, means: Tensor, smoothing: float) -> Tensor:
+    """Return a multiple of S m_k, (classes, hidden), for the rows ``apart`` of A and the means (classes, hidden)."""
+    copies, hidden = apart.shape
+    if hidden < copies:
+        products = (apart.T @ apart).double()
+        ridge = smoothing * products.trace() / copies + torch.finfo(torch.float32).tiny
+        products.diagonal().add_(ridge)
+        whitened: Tensor = torch.linalg.solve(products, means.T.double())
+        return ridge.to(apart) * whitened.T.to(apart)
     products = (apart @ apart.T).double()
-    ridge = smoothing * products.trace() / len(hidden) + torch.finfo(torch.float32).tiny
-    solved = torch.linalg.solve(
-        products + ridge * torch.eye(len(hidden)), (apart @ means.T).double()
-    )
-    output = means - solved.T.to(hidden) @ apart
-    bias = -0.5 * (output * means).sum(dim=1) + output @ network.usual
-    scores = (hidden - network.usual) @ output.T + bias
-    scale = 1.0 / scores.std(dim=1).mean().clamp(min=torch.finfo(torch.float32).tiny)
-    network.output.copy_(scale * output)
-    network.bias.copy_(scale * bias)
+    ridge = smoothing * products.trace() / copies + torch.finfo(torch.float32).tiny
+    products.diagonal().add_(ridge)
+    solved: Tensor = torch.linalg.solve(products, (apart @ means.T).double())
+    return means - solved.T.to(apart) @ apart

@@ -28,6 +28,13 @@ from locsnn_compile.report.figures.flat import csv_bytes
 from locsnn_compile.training.batches import batches, epoch_generator
 from locsnn_compile.training.config import EpochRecord, Progress, TrainingConfig
 from locsnn_compile.training.describe import check_recordings, class_for_ties, describe
+from locsnn_compile.training.learning_signs import (
+    Notice,
+    advice,
+    early_remark,
+    epoch_to_look_at,
+    reach_of,
+)
 from locsnn_compile.training.measure import (
     Loss,
     check_events,
@@ -37,7 +44,13 @@ from locsnn_compile.training.measure import (
     result_remarks,
 )
 from locsnn_compile.training.profile import profile
-from locsnn_compile.training.prototypes import PROTOTYPES, set_prototypes
+from locsnn_compile.training.prototypes import (
+    PROTOTYPES,
+    STATED_FROM,
+    repeats,
+    set_prototypes,
+    size_of,
+)
 from locsnn_compile.training.schedule import choose_epoch, follow_weights, learning_rate
 from locsnn_compile.training.state import TrainingState, load_state, run_key, save_state
 from locsnn_compile.training.target import chip_numbers
@@ -51,7 +64,7 @@ class TrainingResult(Frozen, eq=False):
     """A trained network.
 
     ``validation_accuracy`` is that of the chosen epoch, None if nothing was held out. ``remarks`` are sentences about
-    what was not learned.
+    what was not learned. ``learned``: whether the outputs tell the recordings of the train part apart at all.
     """
 
     network: TouchModel
@@ -59,6 +72,7 @@ class TrainingResult(Frozen, eq=False):
     validation_accuracy: float | None
     history: tuple[EpochRecord, ...]
     remarks: tuple[str, ...] = ()
+    learned: bool = True
 
 
 def train(
@@ -72,6 +86,7 @@ def train(
     log_path: Path | None = None,
     save_every: int = 10,
     progress: Progress | None = None,
+    notice: Notice | None = None,
 ) -> TrainingResult:
     """Train on the train part ``recordings`` and return the network, in float32.
 
@@ -80,6 +95,7 @@ def train(
       ``config`` must fit.
     - ``state_path``: the state is written there every ``save_every`` epochs, and an existing state is continued. The
       caller has to remove it.
+    - ``notice`` is called with a sentence after a few epochs, if nothing was learned in them
     - ``log_path`` gets one CSV line per epoch; a picture is written next to it, as ``.svg``.
 
     Raises ``InputError`` for data without labels, or without any event.
@@ -128,11 +144,12 @@ def train(
         save_every,
         progress,
         tie_class,
+        notice,
     )
     with _torch_for_small_layers():
         training, held = stratified_split(labels, config.validation_fraction, config.seed)
         if state.phase == "select":
-            _run_phase(run, state, training, held, config.epochs)
+            _run_phase(run, state, training, held, epochs_of(config))
             if config.refit and len(held):
                 state.phase, state.epoch, state.weights, state.averages, state.optimizer = (
                     "refit",
@@ -151,12 +168,19 @@ def train(
         network.load_state_dict(weights)
         network.tie_class = tie_class
         network.snap()
-        remarks = (*data_remarks(recordings, classes, config), *result_remarks(network, recordings))
+        reach = reach_of(config, len(training), config.epochs)
+        unlearned = result_remarks(network, recordings, advice(config, reach))
+        remarks = (*data_remarks(recordings, classes, config), *unlearned)
     chosen = [
         row for row in state.history if row.phase == "select" and row.epoch == state.chosen_epoch
     ]
     return TrainingResult(
-        network, state.chosen_epoch, chosen[0].validation_accuracy, tuple(state.history), remarks
+        network,
+        state.chosen_epoch,
+        chosen[0].validation_accuracy,
+        tuple(state.history),
+        remarks,
+        learned=not unlearned,
     )
 
 
@@ -178,6 +202,7 @@ class _Run(Frozen, eq=False):
     progress: Progress | None
     tie_class: int | None
     """What is predicted where all classes tie; None: no class."""
+    notice: Notice | None
 
 
 class _Phase:
@@ -219,9 +244,7 @@ class _Phase:
         """Learn for an epoch at a learning rate, and return the mean loss."""
         run, network = self.run, self.network
         if run.config.optimizer == PROTOTYPES:
-            drawn = chain.from_iterable(map(self.drawn, range(1, epoch + 1)))
-            set_prototypes(network, drawn, run.config.weight_decay)
-            return evaluate(network, run.loss, self.spikes, self.labels)[0]
+            return self.compute(epoch)
         for group in self.optimizer.param_groups:
             group["lr"] = rate
         total = 0.0
@@ -236,6 +259,16 @@ class _Phase:
                 follow_weights(self.kept, network, run.config.weight_average)
             total += float(loss.detach()) * len(y)
         return total / len(self.labels)
+
+    def compute(self, epoch: int) -> float:
+        """Compute prototypes of the copies of all epochs so far, and return the mean loss."""
+        run = self.run
+        size = size_of(self.network, len(self.labels), run.config)
+        if run.notice is not None and epoch == 1 and size.gibibytes >= STATED_FROM:
+            run.notice(size.words)
+        drawn = chain.from_iterable(map(self.drawn, range(1, epoch + 1)))
+        set_prototypes(self.network, drawn, run.config.weight_decay)
+        return evaluate(self.network, run.loss, self.spikes, self.labels)[0]
 
 
 def _run_phase(
@@ -263,7 +296,7 @@ def _run_phase(
         ):
             state.chosen_epoch, state.chosen_weights = epoch, found
         if run.progress is not None:
-            others = config.epochs if state.phase == "refit" else 0
+            others = epochs_of(config) if state.phase == "refit" else 0
             expected = (
                 others
                 + epochs
@@ -272,6 +305,19 @@ def _run_phase(
             run.progress(others + epoch, expected, record)
         if epoch % run.save_every == 0:
             run.saved()
+        if (
+            run.notice is not None
+            and state.phase == "select"
+            and epoch == epoch_to_look_at(epochs) < epochs
+        ):
+            remark = early_remark(config, phase.kept, phase.spikes, phase.labels, epoch)
+            if remark is not None:
+                run.notice(remark)
+
+
+def epochs_of(config: TrainingConfig) -> int:
+    """Return the epochs of the first phase: prototypes are computed once per copy, and equal copies once in all."""
+    return repeats(config) if config.optimizer == PROTOTYPES else config.epochs
 
 
 def _weights(network: TouchModel) -> dict[str, Tensor]:

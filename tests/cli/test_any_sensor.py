@@ -46,9 +46,10 @@ def write(
 
 
 def train(data: str, *options: str, output: str = "a.pt") -> int:
-    return locsnn_main(
-        ["train", "--data", data, "--epochs", "1", "--quiet", "-o", output, *options]
-    )
+    """Return the exit code, 0 where the run was too short to learn: that is not what is tested here."""
+    usual = ("--epochs", "1", "--defaults", "fixed", "--quiet")
+    code = locsnn_main(["train", "--data", data, *usual, "-o", output, *options])
+    return 0 if code == 3 else code
 
 
 def compiled(*options: str, model: str = "a.pt") -> dict:
@@ -340,9 +341,9 @@ def test_folders_are_classes_and_recordings_have_lengths_of_their_own(capsys: Ca
     assert found.labels.tolist() == [0, 1, 2, 0, 1, 2]  # type: ignore[union-attr]
     assert found.spikes.shape == (6, 24, 40)
     assert not found.spikes[0, 19:].any()
-    assert (
-        locsnn_main(["train", "--data", "set", "--grid", "4x5", "--epochs", "1", "-o", "a.pt"]) == 0
-    )
+    assert locsnn_main(
+        ["train", "--data", "set", "--grid", "4x5", "--epochs", "1", "-o", "a.pt"]
+    ) in (0, 3)
     assert "test accuracy" in capsys.readouterr().out
     assert compiled("--events", "set")["classes"] == list(NAMES)
 
@@ -351,10 +352,9 @@ def test_labels_with_gaps_and_silence_are_told(capsys: Capture) -> None:
     spikes = synthetic_touches(6, steps=20, classes=2, sensor=GRID).spikes.copy()
     spikes[4] = 0
     np.savez("a.npz", spikes=spikes.transpose(0, 2, 1), labels=[0, 3, 0, 3, 0, 3])
-    assert (
-        locsnn_main(["train", "--data", "a.npz", "--grid", "4x5", "--epochs", "1", "-o", "a.pt"])
-        == 0
-    )
+    assert locsnn_main(
+        ["train", "--data", "a.npz", "--grid", "4x5", "--epochs", "1", "-o", "a.pt"]
+    ) in (0, 3)
     out = capsys.readouterr().out
     assert "! 1 of 6 recordings to train on has no event.\n" in out
     assert "! No recording to train on has label 1, 2: labels count from 0 to 3 here.\n" in out

@@ -57,13 +57,20 @@ def slip(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "-o",
         str(folder / "slip.pt"),
     ]
-    assert main(["train", "--data", str(folder / "data"), "--step-seconds", "0.001", *train]) == 0
+    assert (
+        main(["train", "--data", str(folder / "data"), "--step-seconds", "0.001", *train])
+        in TRAINED
+    )
     options = ["-o", str(folder / "out"), "--quiet", "--strategy", "dendrite"]
     assert (
         main(["compile", str(folder / "slip.pt"), "--events", str(folder / "x.tact"), *options])
         == 0
     )
     return folder
+
+
+TRAINED = (0, 3)
+"""Exit codes of training: a run of so few epochs may learn nothing, which exits with 3."""
 
 
 def main(arguments: list[str]) -> int:
@@ -158,10 +165,13 @@ def test_a_configuration_file_sets_the_steps(slip: Path, tmp_path: Path) -> None
         "model: tactile-snn\nhidden: 4\nepochs: 1\nstep_seconds: 0.002\nsteps: 20\nevent_threshold: 1\n"
     )
     data = ["--data", str(slip / "data"), "--config", str(tmp_path / "c.yaml")]
-    assert main(["train", *data, "--quiet", "-o", str(tmp_path / "c.pt")]) == 0
+    assert main(["train", *data, "--quiet", "-o", str(tmp_path / "c.pt")]) in TRAINED
     layout = read_checkpoint(tmp_path / "c.pt").description.input
     assert (layout.steps, layout.step_seconds, layout.event_threshold) == (20, 0.002, 1)
-    assert main(["train", *data, "--threshold", "0", "--quiet", "-o", str(tmp_path / "d.pt")]) == 0
+    assert (
+        main(["train", *data, "--threshold", "0", "--quiet", "-o", str(tmp_path / "d.pt")])
+        in TRAINED
+    )
     assert read_checkpoint(tmp_path / "d.pt").description.input.event_threshold == 0
 
 
@@ -291,7 +301,7 @@ def test_fine_tuning_bins_as_its_start_did(slip: Path, tmp_path: Path) -> None:
         "1",
         "--quiet",
     ]
-    assert main(["train", *start, "-o", str(tmp_path / "next.pt")]) == 0
+    assert main(["train", *start, "-o", str(tmp_path / "next.pt")]) in TRAINED
     wanted = read_checkpoint(slip / "slip.pt").description.input
     assert read_checkpoint(tmp_path / "next.pt").description.input == wanted
 

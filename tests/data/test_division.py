@@ -239,7 +239,7 @@ def test_the_commands_agree_on_the_parts(
     )
     options = ["--split", "0.2", "--fold", "2"]
     quick = ["--epochs", "1", "--hidden", "4", "--recordings", "9"]
-    assert main(["train", "--data", "motions.npz", *options, *quick, "-o", "net.pt"]) == 0
+    assert main(["train", "--data", "motions.npz", *options, *quick, "-o", "net.pt"]) in (0, 3)
     printed = capsys.readouterr().out
     assert "motions.npz, train part (split 0.2, round 2): 16 recordings\n" in printed
     assert "motions.npz, test part (split 0.2, round 2): 4 recordings\ntest accuracy " in printed
@@ -267,14 +267,14 @@ def test_no_part_is_both_checked_and_calibrated_on(
     monkeypatch.chdir(tmp_path)
     write_preprocessed(tmp_path / "preprocessed")
     quick = ["--epochs", "1", "--hidden", "4", "--quiet", "--recordings", "0", "-o", "net.pt"]
-    assert main(["train", "--data", "preprocessed", "--fold", "3", *quick]) == 0
+    assert main(["train", "--data", "preprocessed", "--fold", "3", *quick]) in (0, 3)
     both = ["--events", "preprocessed", "--calibration", "preprocessed", "--fold", "3"]
     assert compile_main(["net.pt", *both, "--json", "-o", "out"]) == 0
     report = json.loads(capsys.readouterr().out)
     assert report["match"]["events_source"] == "tact.pt, test part (round 3 of 5)"
     assert report["strategy_choice"]["calibration_source"] == "tact.pt, train part (round 3 of 5)"
     write_single(tmp_path)
-    assert main(["train", "--data", "set.npz", "--split", "0.2", *quick]) == 0
+    assert main(["train", "--data", "set.npz", "--split", "0.2", *quick]) in (0, 3)
     assert compile_main(["net.pt", "--quiet", "--strategy", "dendrite", "-o", "out"]) == 0
     played = [
         "run",

@@ -13,7 +13,7 @@ from locsnn_compile.cli.main import main
 from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.data.write import write_recordings
 
-QUICK = {"epochs": 1, "hidden": 4}
+QUICK = {"epochs": 1, "hidden": 4, "defaults": "fixed"}
 DATA = synthetic_touches(9, steps=40, classes=3, seed=1)
 
 
@@ -24,8 +24,18 @@ def checkpoint() -> lc.Checkpoint:
 
 def test_it_is_what_the_command_writes(checkpoint: lc.Checkpoint, tmp_path: Path) -> None:
     write_recordings(tmp_path / "touches.npz", DATA)
-    asked = ["--epochs", "1", "--hidden", "4", "--quiet", "-o", str(tmp_path / "small.pt")]
-    assert main(["train", "--data", str(tmp_path / "touches.npz"), *asked]) == 0
+    asked = [
+        "--epochs",
+        "1",
+        "--hidden",
+        "4",
+        "--defaults",
+        "fixed",
+        "--quiet",
+        "-o",
+        str(tmp_path / "small.pt"),
+    ]
+    assert main(["train", "--data", str(tmp_path / "touches.npz"), *asked]) == 3
     again = lc.train(tmp_path / "touches.npz", QUICK, name="small")
     again.save(tmp_path / "again.pt")
     assert (tmp_path / "again.pt").read_bytes() == (tmp_path / "small.pt").read_bytes()
@@ -76,7 +86,7 @@ def test_recordings_in_memory_get_the_steps_asked_for() -> None:
 def test_a_run_that_learned_nothing_says_so(caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.WARNING, logger="locsnn"):
         lc.train(DATA, QUICK)
-    said = "No output neuron spikes in any of the 9 recordings it was trained on: every prediction is a tie. Give more --epochs, or a larger --learning-rate."
+    said = "No output neuron spikes in any of the 9 recordings it was trained on: every prediction is a tie. Give --learning-rate 0.1."
     assert caplog.messages == [said]
 
 
