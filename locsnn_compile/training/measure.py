@@ -261,6 +261,7 @@ def data_remarks(recordings: Recordings, classes: int, config: TrainingConfig) -
         found.append(
             f"Labels are uneven: {uneven}. With balanced class weights, all count equally."
         )
+    found += _walk_remarks(recordings.spikes.shape[2], config)
     if counts[most] == 1 and config.validation_fraction > 0:
         found.append(
             "Every label has one recording to train on: none was held back, and the last epoch was taken."
@@ -275,6 +276,21 @@ def _silent_remark(recordings: Recordings, label: int, config: TrainingConfig) -
     if config.tie is not None or not structure.spiking or structure.neurons == "windows":
         return f"{silent}."
     return f"{silent}: all classes tie, so it is never right. With --tie {label}, ties predict it."
+
+
+_LOCATIONS_OF_LATENCY = 2
+"""A spike acts from the next location on, so after two layers an output spikes two locations after an event."""
+
+
+def _walk_remarks(channels: int, config: TrainingConfig) -> list[str]:
+    """Return a sentence if a location branch ends before its outputs can spike."""
+    structure = ARCHITECTURES[config.model]
+    walks = "location" in structure.branches and structure.neurons == "srm"
+    if not walks or channels > _LOCATIONS_OF_LATENCY:
+        return []
+    what = f"The location branch walks over {counted(channels, 'channel')}"
+    why = f"its outputs spike {_LOCATIONS_OF_LATENCY} channels after an event at the earliest"
+    return [f"{what} and says nothing: {why}. Give --model tactile-snn, or window-snn."]
 
 
 def tie_remarks(confused: IntArray) -> list[str]:

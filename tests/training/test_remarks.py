@@ -6,10 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from locsnn_compile.cli.main import main
 from locsnn_compile.data.recordings import Recordings
-from locsnn_compile.data.sensor import neutouch
+from locsnn_compile.data.sensor import SensorLayout, neutouch
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.models.description import InputLayout, NetworkDescription
 from locsnn_compile.models.networks import build_network
@@ -204,6 +205,25 @@ def test_networks_without_weights_are_silent(name: str, words: str) -> None:
 def test_chance_is_what_guesses_reach(right: int, said: bool) -> None:
     # Of ten recordings of two classes, guesses have 5 right, and 7.6 or more in one case of twenty.
     assert bool(chance_remarks(right / 10, np.arange(10) % 2, "of these")) == said
+
+
+@pytest.mark.parametrize(("channels", "spikes"), [(2, False), (3, True)])
+def test_a_walk_too_short_for_the_location_branch_is_told(channels: int, spikes: bool) -> None:
+    walk = {"location_order": "loop", "location_taxels": tuple(range(1, channels + 1))}
+    layout = InputLayout(SensorLayout("few", channels), steps=24, step_seconds=None)
+    described = NetworkDescription("location-tactile-snn", layout, classes=2, hidden=4, **walk)  # type: ignore[arg-type]
+    network = build_network(described, seed=0)
+    for weight in network.parameters():
+        weight.data.fill_(1000.0)
+    events = np.ones((1, 24, channels), dtype=np.float32)
+    assert bool(network.counts(torch.from_numpy(events)).any()) == spikes
+    recordings = Recordings(np.ones((4, 24, channels)), np.arange(4) % 2, None, "a")
+    said = data_remarks(recordings, 2, TrainingConfig(channels=channels))
+    wanted = (
+        "The location branch walks over 2 channels and says nothing: its outputs spike 2 channels "
+        "after an event at the earliest. Give --model tactile-snn, or window-snn."
+    )
+    assert said == ([] if spikes else [wanted])
 
 
 def test_many_missing_labels_are_counted() -> None:
