@@ -111,6 +111,27 @@ def test_a_network_trained_further_keeps_its_class_of_ties(
     assert read_checkpoint(further).tie_class == 2
 
 
+def test_the_command_says_which_recordings_tie_and_takes_a_class_for_them(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    spikes = recordings().spikes.transpose(0, 2, 1)
+    names = np.array(NAMES)
+    for part in ("train", "test"):
+        np.savez(tmp_path / f"{part}.npz", spikes=spikes, labels=LABELS, class_names=names)
+    output = tmp_path / "model.pt"
+    common = ["train", "--data", str(tmp_path), "--model", "tactile-snn", "--channels", "6"]
+    common += ["--hidden", "4", "--epochs", "1", "-o", str(output)]
+    main(common)
+    printed = capsys.readouterr().out
+    assert "label \\ predicted" in printed
+    assert "tie\n" in printed
+    assert "they predict no class (column 'tie') and count as wrong." in printed
+    main([*common, "--tie", "nothing"])
+    printed = capsys.readouterr().out
+    assert "tie\n" not in printed
+    assert read_checkpoint(output).tie_class == 2
+
+
 @pytest.mark.parametrize(
     ("tie", "message"),
     [
