@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from hw_model.arithmetic.fixed_point import SIGN_MODES, WEIGHT_EXPONENTS
+from hw_model.arithmetic.fixed_point import DECAY_ONE, SIGN_MODES, WEIGHT_EXPONENTS
 from hw_model.description.chip import Chip, Registers
 from hw_model.errors import InputError
 from hw_model.mapping.check_graph import can_start
@@ -17,7 +17,6 @@ from hw_model.values import IntArray
 
 MAX_STEPS, MAX_LINES = 10_000_000, 10_000_000
 """Largest number of steps of a phase, and of lines of an input: far more than a chip is used for."""
-MAX_DECAY = 4096
 MAX_WEIGHT = 1e100
 """Largest magnitude of a readout's weight: scores and their bounds stay in float64."""
 _OF_COMPARTMENTS = ("profile", "threshold", "bias_mantissa", "bias_exponent", "parent")
@@ -85,7 +84,7 @@ def _table_rules(
         ("biases", _within(core.bias_mantissa, -bias_max - 1, bias_max)),
         ("bias exponents", _within(core.bias_exponent, 0, registers.bias_exponent_max)),
         ("weights", _within(axons.mantissa, -256, 255)),
-        ("decays", all(_whole([p.decay_u, p.decay_v], 0, MAX_DECAY) for p in core.profiles)),
+        ("decays", all(_whole([p.decay_u, p.decay_v], 0, DECAY_ONE) for p in core.profiles)),
         ("refractory periods", all(_whole([p.refractory], 0, registers.refractory_max) for p in core.profiles)),
         ("joints", all(_whole([p.joined], 0, 1) for p in core.profiles)),
         ("formats", all(
