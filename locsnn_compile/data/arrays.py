@@ -14,6 +14,7 @@ from hw_model.io.zip_directory import BoundedZip
 from hw_model.values import AnyArray
 from locsnn_compile.data.axes import Order, parse_axes, pixels_of, to_step_major
 from locsnn_compile.data.channels import Channels
+from locsnn_compile.data.class_names import labels_of_names
 from locsnn_compile.data.event_formats import MAX_PLACE, holds_events, parse_events
 from locsnn_compile.data.event_stream import (
     TIME_UNITS,
@@ -27,7 +28,7 @@ from locsnn_compile.data.members import label_in_name
 from locsnn_compile.data.recordings import MAX_ELEMENTS, Binned, Recordings, same
 from locsnn_compile.data.tensors import Tensor
 from locsnn_compile.data.torch_file import load_plain
-from locsnn_compile.errors import InputError, counted
+from locsnn_compile.errors import InputError, check_same, counted
 
 #: Entries of ``.npz`` and ``.pt`` files that are not the recordings.
 _BESIDE = ("labels", "step_seconds", "class_names", "axes", "sensor_size")
@@ -92,10 +93,10 @@ def read_arrays(
         spikes = to_step_major(array, where, expected, order)
         channels = _sensor_of(entries, channels, spikes.shape[2], where)
     labels = entries["labels"] if "labels" in entries else labels_beside(path, len(spikes))
-    seconds, names = (
-        binning.step_seconds if own is None else own,
-        _texts(entries, "class_names", where),
-    )
+    seconds = binning.step_seconds if own is None else own
+    names = _texts(entries, "class_names", where)
+    if labels is not None and labels.dtype.kind in "US":
+        labels, names = labels_of_names(_texts(entries, "labels", where) or (), names, where)
     return Recordings(
         spikes,
         labels,
@@ -123,8 +124,23 @@ def _entries(
         entries = _npz_entries(data, where)
     else:
         entries = _torch_entries(data, where)
+    if "spikes" not in entries and {"t", "x", "p"} <= {*entries}:
+        return entries, [parse_events(_fields(entries, where), where, time_unit)]
     found = _find_spikes(entries, where)
     return entries, [parse_events(found, where, time_unit)] if holds_events(found) else []
+
+
+def _fields(entries: Mapping[str, AnyArray], where: str) -> AnyArray:
+    """Return arrays called t, x, y (optional) and p as the fields of one; ``InputError`` if they are not columns."""
+    columns = {name: entries[name] for name in ("t", "x", "y", "p") if name in entries}
+    events = len(columns["t"]) if columns["t"].ndim else 0
+    for name, column in columns.items():
+        fix = "Give as many of t, x, y and p."
+        check_same(column.shape, (events,), f"{where}, {name!r}", "its size is another", fix=fix)
+    array = np.empty(events, dtype=[(name, column.dtype) for name, column in columns.items()])
+    for name, column in columns.items():
+        array[name] = column
+    return array
 
 
 def _check_names(names: Collection[str], where: str) -> None:
@@ -213,6 +229,8 @@ def _npz_entries(data: bytes, where: str) -> dict[str, AnyArray]:
             content, place = archive.content(file), f"{where}, {file!r}"
             if name in _TEXTS:
                 entries[name] = load_npy(content, place, "US")
+            elif name == "labels":
+                entries[name] = load_npy(content, place, "biufUS")
             elif name in _OWN or holds_numbers(content, place):
                 entries[name] = load_npy(content, place)
         return entries

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from hw_model.values import IntArray
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
 
@@ -56,6 +57,22 @@ def _without_gaps(numbered: dict[int, str], name_of: Callable[[int], str]) -> li
     if 0 not in numbered or largest >= SPARSE * len(numbered):
         return [numbered[number] for number in sorted(numbered)]
     return [numbered.get(number) or name_of(number) for number in range(largest + 1)]
+
+
+def labels_of_names(
+    labels: Sequence[str], class_names: tuple[str, ...] | None, where: str
+) -> tuple[IntArray, tuple[str, ...]]:
+    """Return the class numbers of labels that are names, and the names; ``InputError`` for one that is not a class."""
+    names = class_names
+    if names is None:
+        occurring = sorted({*labels})
+        names = tuple(number_order(occurring) or occurring)
+    for label in labels:
+        if label not in names:
+            measured = f"{label[:40]!r} against {', '.join(names)[:80]}"
+            what = "a label is not among its class names"
+            raise InputError(where, what, measured=measured, fix="Name all classes.")
+    return np.array([names.index(label) for label in labels], dtype=np.int64), names
 
 
 def parse_classes(text: str) -> tuple[str, ...]:

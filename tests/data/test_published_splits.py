@@ -212,6 +212,43 @@ def test_class_names_are_given_to_labels_that_have_none(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("written", "more", "labels", "names"),
+    [
+        pytest.param(["cup", "ball", "cup"], {}, [1, 0, 1], ("ball", "cup"), id="by name"),
+        pytest.param(["two", "zero", "one"], {}, [2, 0, 1], ("zero", "one", "two"), id="words"),
+        pytest.param(["10", "9", "10"], {}, [1, 0, 1], ("9", "10"), id="numbers"),
+        pytest.param(
+            ["cup", "ball", "cup"],
+            {"class_names": ["egg", "cup", "ball"]},
+            [1, 2, 1],
+            ("egg", "cup", "ball"),
+            id="in the order of the file",
+        ),
+    ],
+)
+def test_labels_may_be_the_names_of_classes(
+    tmp_path: Path,
+    written: list[str],
+    more: dict[str, Any],
+    labels: list[int],
+    names: tuple[str, ...],
+) -> None:
+    write_set(tmp_path / "a.npz", SETS["test"], labels=written, **more)
+    found = read_recordings(tmp_path / "a.npz")
+    assert found.labels is not None
+    assert (found.labels.tolist(), found.class_names) == (labels, names)
+
+
+def test_a_label_that_is_no_class_is_refused(tmp_path: Path) -> None:
+    write_set(tmp_path / "a.npz", SETS["test"], labels=["a", "b", "c"], class_names=["a", "b"])
+    with pytest.raises(InputError) as caught:
+        read_recordings(tmp_path / "a.npz")
+    assert str(caught.value) == (
+        "file 'a.npz': a label is not among its class names ('c' against a, b). Name all classes."
+    )
+
+
+@pytest.mark.parametrize(
     ("classes", "message"),
     [
         (

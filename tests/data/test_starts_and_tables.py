@@ -165,6 +165,29 @@ def test_a_table_of_events_is_recognised(
     assert said in found.assumed
 
 
+@pytest.mark.parametrize("suffix", [".npz", ".h5"])
+def test_events_may_be_arrays_called_t_x_y_and_p(tmp_path: Path, suffix: str) -> None:
+    columns = {name: np.array(values) for name, values in GRID.items()}
+    path = tmp_path / f"a{suffix}"
+    if suffix == ".npz":
+        np.savez(path, **columns, speaker="Ada")
+    else:
+        with h5py.File(path, "w") as file:
+            for name, column in columns.items():
+                file[name] = column
+    found = read_recordings(path)
+    assert places(found) == [(0, 2 * (8 * 3 + 5) + 1), (1, 2 * 8 * 3), (2, 2 * 7 + 1)]
+
+
+def test_arrays_of_events_that_differ_in_size_are_refused(tmp_path: Path) -> None:
+    np.savez(tmp_path / "a.npz", t=[1, 2], x=[1, 2, 3], p=[0, 0])
+    with pytest.raises(InputError) as caught:
+        read_recordings(tmp_path / "a.npz")
+    assert str(caught.value) == (
+        "file 'a.npz', 'x': its size is another ((3,) against (2,)). Give as many of t, x, y and p."
+    )
+
+
 def test_tables_may_be_the_recordings_of_a_folder(tmp_path: Path) -> None:
     for index in range(2):
         table = np.stack([GRID[name] for name in "txyp"], axis=1)[: 3 - index]
