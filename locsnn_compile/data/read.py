@@ -242,7 +242,9 @@ def read_recordings(
     check_known("split", f"{split!r} is not known", split, PARTS)
     said = {"step_seconds": asked.step_seconds, "threshold": asked.threshold}
     agreed = model.agreed(**said, steps=steps) | {"steps": steps}
-    if not merge:
+    if sensor is not None:
+        _check_sensor(sensor, model, merge=merge)
+    elif not merge:
         model.agreed(channels=channels)
     divided = division.divides(path)
     binning = replace(
@@ -277,6 +279,15 @@ def read_recordings(
     model.check(found)
     found = join_channels(found, model)
     return found if steps is None else found.with_steps(steps)
+
+
+def _check_sensor(sensor: SensorLayout, model: Expected, *, merge: bool) -> None:
+    """Refuse a sensor with another number of channels than the model; ``merge``: both polarities become one."""
+    channels = sensor.channels // (sensor.polarities if merge else 1)
+    if model.channels is not None and channels != model.channels:
+        what, measured = f"{model.whose} has other channels", f"{channels} against {model.channels}"
+        fix = "Describe the sensor that it was made for."
+        raise InputError(f"sensor {sensor.name!r}", what, measured=measured, fix=fix)
 
 
 def _channels_of_events(asked: Binning, model: Expected, *, merge: bool) -> int | None:
