@@ -1,0 +1,32 @@
+"""The page of the arithmetic on intervals: they enclose every run, and the closed-form proof encloses them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from intervals import CoreIntervals
+from test_engines import SMALL, random_program
+
+import hw_model as hw
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_no_run_leaves_its_intervals_and_no_interval_the_proof(seed):
+    program, _, _, spikes = random_program(seed, SMALL)
+    result = hw.simulate(program, spikes, engine="reference", probe=("u", "v"))
+    registers = program.chip.registers
+    for core, proven in zip(program.cores, hw.prove_range(program), strict=True):
+        state = CoreIntervals(core, registers)
+        safe = proven.cannot_wrap
+        for step in range(len(spikes)):
+            state.step()
+            u, v = (
+                np.concatenate([kind[p.group][step, p.start : p.stop] for p in core.slices])
+                for kind in (result.u, result.v)
+            )
+            assert state.u.holds(u), (core.number, step)
+            assert state.v.holds(v), (core.number, step)
+            assert (state.u.low[safe] >= proven.u.low[safe]).all()
+            assert (state.u.high[safe] <= proven.u.high[safe]).all()
+            assert (state.v.high <= np.maximum(proven.v.high, 0)).all()
+            assert (state.v.low >= np.minimum(proven.v.low, 0)).all()
