@@ -71,6 +71,7 @@ def check_path(path: str | Path, where: str) -> None:
     """Refuse a path that the system cannot look up, because a name is too long or holds a NUL character."""
     try:
         os.lstat(path)
+        _check_links(path, where)
     except ValueError:
         raise InputError(
             where, "it contains a NUL character", fix="Give the path of a file."
@@ -83,6 +84,17 @@ def check_path(path: str | Path, where: str) -> None:
             )
             raise InputError(
                 where, f"the {which} is too long", measured=f"{many} bytes", fix="Shorten it."
+            ) from None
+
+
+def _check_links(path: str | Path, where: str) -> None:
+    """Refuse a link that leads back to itself."""
+    try:
+        os.stat(path)
+    except OSError as error:
+        if error.errno == errno.ELOOP:
+            raise InputError(
+                where, "its links lead in a circle", fix="Give another path, or remove them."
             ) from None
 
 

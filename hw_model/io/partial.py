@@ -13,6 +13,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from hw_model.errors import InputError
+
 MAX_NAME_BYTES = 100
 """Largest number of bytes of a target's name in its partial name, because the length of names is limited."""
 
@@ -33,6 +35,38 @@ def written() -> list[Path]:
 def partial_path(target: Path) -> Path:
     """Return a new partial name for a target, next to it."""
     return target.with_name(f"{_prefix(target)}{secrets.token_hex(6)}")
+
+
+@contextmanager
+def claimed(target: Path, where: str) -> Iterator[None]:
+    """Be the only process that writes a target; ``InputError`` where another one does, named by ``where``.
+
+    What says so is a locked file next to the target, which is removed in the end.
+    """
+    if sys.platform == "win32":
+        yield
+        return
+    claim = target.with_name(f"{_prefix(target)}claim")
+    try:
+        handle = os.open(claim, os.O_RDONLY | os.O_CREAT | os.O_NOFOLLOW, 0o644)
+    except OSError:  # what is wrong with the folder is said when the target is written
+        yield
+        return
+    try:
+        # Who ended meanwhile has removed the file that was opened here.
+        if (
+            not _lock(handle)
+            or not claim.exists()
+            or not os.path.samestat(os.fstat(handle), claim.stat())
+        ):
+            fix = "Wait for it, or write somewhere else."
+            raise InputError(where, "another process is writing it", fix=fix)
+        try:
+            yield
+        finally:
+            remove(claim)
+    finally:
+        os.close(handle)
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 zipfile builds an object for every entry that a directory claims, and unpacks as much as the data gives.
 """
 
+import sys
 import zipfile
 from collections import Counter
 from typing import IO
@@ -33,8 +34,8 @@ class BoundedZip(zipfile.ZipFile):
         """What all entries claim to hold."""
         return sum(entry.file_size for entry in self.infolist())
 
-    def content(self, name: str) -> bytes:
-        """Return the bytes of an entry, and unpack no more than it claims.
+    def content(self, name: str, most: int = sys.maxsize) -> bytes:
+        """Return the bytes of an entry, at most so many of the first, and unpack no more than it claims.
 
         ``read()`` would unpack 2 GiB for an entry that claims one byte. Raises what zipfile raises, and ``ValueError``
         for compression methods that it cannot stop.
@@ -43,7 +44,7 @@ class BoundedZip(zipfile.ZipFile):
         if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
             raise ValueError(f"packed by method {entry.compress_type}")
         with self.open(entry) as packed:
-            return packed.read(entry.file_size)
+            return packed.read(min(entry.file_size, most))
 
 
 def check_directory(stream: IO[bytes]) -> None:

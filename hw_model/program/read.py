@@ -70,8 +70,11 @@ def load_program(folder: str | Path) -> ChipProgram:
         what = "the checksum differs: it is damaged, or of another program"
         raise InputError("program.npz", what, fix="Compile again.")
     with parsing("program.yaml", "its entries do not make a program", fix="Compile again."):
-        program = _program(document, _unpack(npz_bytes))
+        arrays = _unpack(npz_bytes)
+        stored = set(arrays)
+        program = _program(document, arrays)
         check_program(program)
+    _check_names(stored, program)
     above, seal, said = yaml_bytes.replace(b"\r\n", b"\n").rpartition(SEAL.encode())
     if seal and hashlib.sha256(above).hexdigest().encode() != said.strip():
         fix = "Compile again or, to play it as edited, remove its last line."
@@ -93,6 +96,27 @@ def _unpack(content: bytes) -> dict[str, IntArray]:
                 raise ValueError(name)
             arrays[name.removesuffix(".npy")] = sealed(array)
     return arrays
+
+
+def _check_names(stored: set[str], program: ChipProgram) -> None:
+    """Refuse arrays that belong to nothing in a program: nobody would see what they hold."""
+    known = {
+        f"core{core.number}/{name}"
+        for core in program.cores
+        for name in (*CORE_ARRAYS, *AXON_ARRAYS)
+    }
+    for index in range(len(program.inputs)):
+        for name in (*ROUTE_ARRAYS, "positions", "first_lines"):
+            known.add(f"input{index}/{name}")
+    unknown = sorted(stored - known)
+    if unknown:
+        measured = unknown[0] if len(unknown) == 1 else f"{unknown[0]} and {len(unknown) - 1} more"
+        raise InputError(
+            "program.npz",
+            "it holds arrays without a meaning",
+            measured=measured,
+            fix="Compile again.",
+        )
 
 
 def _program(document: dict[str, Any], arrays: dict[str, IntArray]) -> ChipProgram:

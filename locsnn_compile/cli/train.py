@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Any
 
 from hw_model.io.extras import needed
 from hw_model.io.given import check_path
+from hw_model.io.partial import claimed
 from hw_model.io.records import field_kinds
 from hw_model.values import IntArray
 from locsnn_compile.cli.interrupt import EXIT_INTERRUPTED
@@ -68,6 +69,11 @@ def run(args: argparse.Namespace) -> int:
         )
         raise InputError(where, what, fix="Correct -o.")
     _check_places(args, output)
+    with claimed(output, f"-o {args.output!r}"):
+        return _train(args, output)
+
+
+def _train(args: argparse.Namespace, output: Path) -> int:
     start = None if args.from_model is None else read_checkpoint(args.from_model)
     config, values = _config(args, start)
     needed("torch", "train", "locsnn train")

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from hw_model.io.files import parsing, read_bytes
-from hw_model.io.npy import holds_numbers, load_npy
+from hw_model.io.npy import HEADER_BYTES, NUMBERS, check_header, holds_numbers, load_npy
 from hw_model.io.zip_directory import BoundedZip
 from hw_model.values import AnyArray
 from locsnn_compile.data.axes import Order, parse_axes, pixels_of, to_step_major
@@ -226,13 +226,15 @@ def _npz_entries(data: bytes, where: str) -> dict[str, AnyArray]:
         for file, name in names.items():
             if not _is_read(name, names.values()):
                 continue
-            content, place = archive.content(file), f"{where}, {file!r}"
-            if name in _TEXTS:
-                entries[name] = load_npy(content, place, "US")
-            elif name == "labels":
-                entries[name] = load_npy(content, place, "biufUS")
-            elif name in _OWN or holds_numbers(content, place):
-                entries[name] = load_npy(content, place)
+            place = f"{where}, {file!r}"
+            kinds = "US" if name in _TEXTS else NUMBERS
+            if name == "labels":
+                kinds = NUMBERS + "US"
+            # What its header claims is checked before any more of it is unpacked.
+            start = archive.content(file, HEADER_BYTES)
+            if name in (*_TEXTS, *_OWN, "labels") or holds_numbers(start, place):
+                check_header(io.BytesIO(start), place, kinds)
+                entries[name] = load_npy(archive.content(file), place, kinds)
         return entries
 
 

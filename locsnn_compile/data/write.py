@@ -6,6 +6,7 @@ import numpy as np
 
 from hw_model.io.build_folder import check_folder, write_build
 from hw_model.io.files import npy_bytes, pack_arrays, pack_files, replace_file
+from hw_model.io.partial import claimed
 from hw_model.values import AnyArray, BoolArray, ByteArray, Frozen, IntArray
 from locsnn_compile.data.axes import is_clear
 from locsnn_compile.data.event_formats import (
@@ -71,13 +72,10 @@ def write_recordings(
             replace_file(path, pack_files(files.items(), compressed=False), where)
         else:
             check_folder(path)
-            if path.is_dir() and any(path.iterdir()):
-                what, fix = (
-                    "it is not empty, and recordings would mix",
-                    "Name a new folder, or a .zip.",
-                )
-                raise InputError(f"folder {path.name!r}", what, fix=fix)
-            write_build(path, files)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with claimed(path, f"folder {path.name!r}"):
+                _check_empty(path)
+                write_build(path, files)
         return _not_held(recordings, members, sensor, start=True)
     kind = "events" if structured and suffix in (".npy", ".npz") else suffix[1:]
     replace_file(path, _content(path, recordings, kind, where, sensor), where)
@@ -86,6 +84,12 @@ def write_recordings(
         if kind in ("npz", "pt")
         else _not_held(recordings, kind, sensor, timed=suffix == ".npz")
     )
+
+
+def _check_empty(path: Path) -> None:
+    if path.is_dir() and any(path.iterdir()):
+        what, fix = "it is not empty, and recordings would mix", "Name a new folder, or a .zip."
+        raise InputError(f"folder {path.name!r}", what, fix=fix)
 
 
 def _content(path: Path, recordings: Recordings, kind: str, where: str, sensor: Sensor) -> bytes:
