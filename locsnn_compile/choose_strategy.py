@@ -5,6 +5,7 @@ it keeps the budget; if none does, the strategy of last resort is tried in the s
 are bounded, the cheapest setting that keeps the budget is tried with fewer bits.
 """
 
+import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -197,7 +198,7 @@ def _measured(
         explain=False,
     )
     chip = levels.program.chip
-    energy_pj = sum(hw.energy_pj(total(match.counts), chip.costs).values()) / match.samples
+    energy_pj = math.fsum(hw.energy_pj(total(match.counts), chip.costs).values()) / match.samples
     agreements = match.prediction_agreement, match.spikes.agreement
     cost = energy_pj if chip.profiles else None, match.mean_ns
     return Candidate(*agreements, match.scores.relative_error, *cost, setting)

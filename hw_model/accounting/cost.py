@@ -10,6 +10,7 @@ passes one packet in the time of a hop, so the packet also waits, on the busiest
 of that step.
 """
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -148,7 +149,7 @@ def recording_latency(program: ChipProgram, paths: Mapping[str, CriticalPath]) -
             after += by_phase[phase]
         numbers = np.array([core.number for core in program.cores_of(phase)])
         np.add.at(critical, numbers[path.last], step_ns)
-    return Latency(sum(by_phase.values()), by_phase, int(critical.argmax()), after, slowest)
+    return Latency(math.fsum(by_phase.values()), by_phase, int(critical.argmax()), after, slowest)
 
 
 def step_times(

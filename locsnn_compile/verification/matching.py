@@ -1,5 +1,6 @@
 """Float reference against chip, spike by spike, over a set of recordings."""
 
+import math
 from collections.abc import Callable, Mapping
 from functools import partial
 
@@ -264,7 +265,7 @@ def _compare_part(
         latencies=tuple(latencies),
         usage=usage,
         ends_ns={
-            end: sum(one.total_ns for one in latencies)
+            end: math.fsum(one.total_ns for one in latencies)
             if its.time_ns == profile.time_ns
             else total_ns(program, found.activity, its)
             for end in ("least", "most")

@@ -1,5 +1,6 @@
 """How predictions settle while recordings play, as a report follows them, and what stopping early saves."""
 
+import math
 from collections.abc import Callable, Mapping
 from functools import reduce
 from typing import Any
@@ -101,8 +102,8 @@ def savings(program: hw.ChipProgram, stops: hw.Stops) -> dict[str, Any]:
         "all_steps": float(stops.all_steps),
         "synaptic_ops": stops.counts.synaptic_ops / batch,
         "all_synaptic_ops": stops.all_counts.synaptic_ops / batch,
-        "energy_pj": sum(hw.energy_pj(stops.counts, profile).values()) / batch,
-        "all_energy_pj": sum(hw.energy_pj(stops.all_counts, profile).values()) / batch,
+        "energy_pj": math.fsum(hw.energy_pj(stops.counts, profile).values()) / batch,
+        "all_energy_pj": math.fsum(hw.energy_pj(stops.all_counts, profile).values()) / batch,
         "latency_ns": stops.latency_ns / batch,
         "all_latency_ns": stops.all_latency_ns / batch,
         "profile": chip.default_profile,

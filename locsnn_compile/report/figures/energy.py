@@ -4,6 +4,7 @@ Energy is broken down by recordings, classes, steps, cores and populations. Ever
 is counted without a step and a core is only in ``elsewhere_pj``.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import asdict
 
@@ -34,7 +35,7 @@ def energy_entry(
     name, profile = program.chip.default_profile, program.chip.costs
     counts, samples = total(match.counts), match.samples
     breakdown = _breakdown(counts, profile, samples)
-    each = np.array([sum(hw.energy_pj(one, profile).values()) for one in match.counts])
+    each = np.array([math.fsum(hw.energy_pj(one, profile).values()) for one in match.counts])
     pieces = _pieces_pj(program, match, profile)
     recording_ns = None if step_seconds is None else network.steps * step_seconds * 1e9
     static = _static(program, match, recording_ns, profile)
@@ -46,17 +47,17 @@ def energy_entry(
     entry = {
         "profile": name,
         **picked(profile, "source", "basis", "voltage_v"),
-        "per_sample_pj": sum(breakdown.values()),
+        "per_sample_pj": math.fsum(breakdown.values()),
         "range_pj": _range_pj(counts, profile, samples),
         "breakdown_pj": breakdown,
-        "by_branch_pj": {phase: sum(its.values()) for phase, its in by_branch.items()},
+        "by_branch_pj": {phase: math.fsum(its.values()) for phase, its in by_branch.items()},
         "by_branch_breakdown_pj": by_branch,
         "by_population_pj": _by_population(program, network, pieces),
         "by_core_pj": by_core(
             program, {phase: _cores_pj(program, phase, pj) for phase, pj in pieces.items()}
         ),
         "by_step_pj": {phase: course(found.sum(axis=1)) for phase, found in pieces.items()},
-        "elsewhere_pj": sum(pj for count, pj in breakdown.items() if count not in _PLACED),
+        "elsewhere_pj": math.fsum(pj for count, pj in breakdown.items() if count not in _PLACED),
         **spread(each, match, "pj"),
         "other_profiles_pj": {
             other: _energy_pj(counts, found, samples) for other, found in others.items()
@@ -80,7 +81,7 @@ def _breakdown(counts: Counts, profile: hw.Profile, samples: int) -> dict[str, f
 
 
 def _energy_pj(counts: Counts, profile: hw.Profile, samples: int) -> float:
-    return sum(_breakdown(counts, profile, samples).values())
+    return math.fsum(_breakdown(counts, profile, samples).values())
 
 
 def _range_pj(counts: Counts, profile: hw.Profile, samples: int) -> list[float | None]:
@@ -93,7 +94,7 @@ def _range_pj(counts: Counts, profile: hw.Profile, samples: int) -> list[float |
         }
         if any(cost is None and counts[name] for name, cost in costs.items()):
             return None
-        return sum(counts[name] * (cost or 0.0) for name, cost in costs.items()) / samples
+        return math.fsum(counts[name] * (cost or 0.0) for name, cost in costs.items()) / samples
 
     return [end(0), end(1)]
 
@@ -169,7 +170,7 @@ def _left_out(
     for item in profile.not_included:
         bound = (
             item.bound_recording_pj
-            + sum(counts[name] * pj for name, pj in item.bound_pj.items()) / samples
+            + math.fsum(counts[name] * pj for name, pj in item.bound_pj.items()) / samples
         )
         known = bool(item.bound_pj) or bound > 0
         rows.append({

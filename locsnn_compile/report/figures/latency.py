@@ -1,5 +1,6 @@
 """Entry of report.json on latency: total, spread, breakdowns, critical paths, links, and the pace of a sensor."""
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -52,7 +53,9 @@ def latency_entry(
             phase: float(np.mean([one.by_phase_ns.get(phase, 0.0) for one in match.latencies]))
             for phase in match.counts_by_phase
         },
-        "by_part_ns": {part: sum(found[part] for found in by_part.values()) for part in PARTS},
+        "by_part_ns": {
+            part: math.fsum(found[part] for found in by_part.values()) for part in PARTS
+        },
         "by_branch_part_ns": by_part,
         "by_step_ns": {
             phase: course(used.step_ns / samples) for phase, used in match.usage.items()
@@ -87,7 +90,7 @@ def _basis(chip: hw.Chip) -> str:
 def _cores_ns(used: PhaseUsage, samples: int) -> Iterator[Document]:
     """Yield how long each core works, whether or not anything waits for it, and how long it was the last."""
     for i in range(len(next(iter(used.busy_ns.values())))):
-        last = sum(ns for (_, to), ns in used.paths_ns.items() if to == i)
+        last = math.fsum(ns for (_, to), ns in used.paths_ns.items() if to == i)
         busy = {part: float(ns[i]) / samples for part, ns in used.busy_ns.items()}
         yield {"busy_ns": busy, "last_ns": last / samples}
 
