@@ -80,11 +80,11 @@ def add_relays(parts: Parts) -> tuple[str, ...]:
         for projection, held in of_source.items():
             relayed += _through_relays(projection, held, lines)
         if lines:
-            neurons = counted(sum(len(numbers) for numbers in lines), "neuron")
+            relays = counted(sum(len(numbers) for numbers in lines), "relay neuron")
             longest = max(int(held.delay.max(initial=0)) for held in of_source.values())
             sentences.append(
-                f"Delays of up to {longest} steps behind {source!r} pass {neurons} that repeat spikes "
-                f"(--relay-delays): a synapse delays by at most {DELAY_MAX}."
+                f"Delays of up to {longest} steps behind {source!r} use {relays} (--relay-delays): a "
+                f"synapse delays by at most {DELAY_MAX}."
             )
     parts.projections = relayed
     return tuple(sentences)
