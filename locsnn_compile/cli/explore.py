@@ -94,6 +94,7 @@ def _explore(
         args.kernels,
         args.branches,
         args.channel_order,
+        args.relay_delays,
     )
     network, chip = on_sensor(with_steps(model.load(), args), args), hw.chip(args.target)
     reading = file_reading(args)

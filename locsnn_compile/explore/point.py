@@ -9,7 +9,6 @@ import time
 from collections.abc import Mapping
 from dataclasses import asdict, astuple
 from functools import cached_property
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +38,7 @@ class ModelFile(Frozen):
     kernels: str | None = None
     branches: str | None = None
     channel_order: str | None = None
+    relay_delays: bool | None = None
 
     def load(self) -> Network:
         """Read the model; ``InputError`` for what cannot be read or used."""
@@ -46,9 +46,13 @@ class ModelFile(Frozen):
 
     def arguments(self) -> list[str]:
         """Return the arguments of ``locsnn-compile``."""
-        named = {name.replace("_", "-"): value for name, value in vars(self).items()}
-        given = {f"--{name}": str(value) for name, value in named.items() if value is not None}
-        return [given.pop("--model"), *chain.from_iterable(given.items())]
+        options = {f"--{name.replace('_', '-')}": value for name, value in vars(self).items()}
+        model = options.pop("--model")
+        arguments = [model]
+        for option, value in options.items():
+            if value is not None:
+                arguments += [option] if value is True else [option, str(value)]
+        return arguments
 
     def digest(self) -> str:
         """Return a hash of everything that determines the network: the bytes of its files, and the options."""

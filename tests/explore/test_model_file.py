@@ -44,11 +44,10 @@ def test_options_are_passed_on_and_said_again(model):
 def test_it_has_every_argument_of_load_and_the_command_every_option():
     arguments = [field.name for field in fields(ModelFile)]
     assert arguments == list(inspect.signature(lc.load).parameters)
-    typed = [word for name in arguments[1:] for word in (f"--{name}", "1")]
-    read = vars(parser().parse_args(["explore", "m.pt", *typed]))
-    assert {name: read[name] for name in arguments[1:]} == dict.fromkeys(arguments[1:], "1") | {
-        "dt": 1.0
-    }
+    values = dict.fromkeys(arguments[1:], "1") | {"channel_order": "pyx", "relay_delays": True}
+    typed = ModelFile("m.pt", **values).arguments()
+    read = vars(parser().parse_args(["explore", *typed]))
+    assert {name: read[name] for name in arguments[1:]} == values | {"dt": 1.0}
 
 
 def test_the_command_passes_kernels_on(model, tmp_path, capsys):
