@@ -10,9 +10,11 @@ from hw_model.values import FloatArray
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.errors import InputError
-from locsnn_compile.models.networks import WindowNetwork
+from locsnn_compile.models.networks import WindowNetwork, build_network
 from locsnn_compile.training.config import EpochRecord, TrainingConfig, config_from_mapping
+from locsnn_compile.training.describe import describe
 from locsnn_compile.training.measure import class_scores
+from locsnn_compile.training.prototypes import Size, size_of
 from locsnn_compile.training.train import train
 
 SMOOTHING = 0.2
@@ -47,10 +49,19 @@ def analysis(h: FloatArray, labels: FloatArray, seen: FloatArray) -> FloatArray:
     return seen @ s @ means.T - 0.5 * np.einsum("kh,hg,kg->k", means, s, means)
 
 
-def test_scores_are_those_of_discriminant_analysis() -> None:
-    made, others = touches(), touches(seed=4)
+@pytest.mark.parametrize(
+    ("samples", "window_steps"),
+    [
+        pytest.param(18, 18, id="solved by recordings"),
+        pytest.param(90, 36, id="solved by hidden neurons"),
+    ],
+)
+def test_scores_are_those_of_discriminant_analysis(samples: int, window_steps: int) -> None:
+    made, others = touches(samples), touches(seed=4)
     assert made.labels is not None
-    network = train(made, config(window_steps=18, window_stride=9, window_levels="1")).network
+    windows = {"window_steps": window_steps, "window_stride": 9, "window_levels": "1"}
+    network = train(made, config(**windows)).network
+    assert (network.weights()["location_output"].shape[1] < samples) == (samples == 90)
     assert isinstance(network, WindowNetwork)
     played = [
         torch.from_numpy(recordings.spikes.astype(np.float32)) for recordings in (made, others)
@@ -65,6 +76,47 @@ def test_recordings_that_were_not_learned_from_are_told_apart() -> None:
     others = touches(seed=5)
     network = train(touches(60), config(epochs=2, time_shift=1)).network
     assert (class_scores(network, others.spikes).argmax(axis=1) == others.labels).mean() >= 0.9
+
+
+def test_equal_copies_count_once() -> None:
+    result = train(touches(), config(epochs=5))
+    assert [row.epoch for row in result.history] == [1]
+
+
+@pytest.mark.parametrize(
+    ("size", "words"),
+    [
+        # 2 * 4 bytes * 2,700 * 5,000 and 2 * 8 bytes * 2,700^2 are 0.10 + 0.11 GiB.
+        pytest.param(
+            Size(2_700, 5_000),
+            "Prototypes of 2,700 copies of recordings and 5,000 hidden neurons are solved by recordings, and "
+            "take about 0.2 GiB.",
+            id="by recordings",
+        ),
+        # Forty copies: 2 * 4 * 108,000 * 5,000 and 2 * 8 * 5,000^2 are 4.02 + 0.37 GiB.
+        pytest.param(
+            Size(108_000, 5_000),
+            "Prototypes of 108,000 copies of recordings and 5,000 hidden neurons are solved by hidden neurons, "
+            "and take about 4.4 GiB.",
+            id="by hidden neurons",
+        ),
+    ],
+)
+def test_memory_is_stated(size: Size, words: str) -> None:
+    assert size.words == words
+
+
+def test_prototypes_that_take_too_much_memory_are_refused() -> None:
+    network = build_network(describe(touches(), config(), 3))
+    hidden = network.weights()["location_output"].shape[1]
+    most = round(2**34 / (8 * hidden))
+    with pytest.raises(InputError) as refused:
+        size_of(network, 2 * most, config())
+    gibibytes = Size(2 * most, hidden).gibibytes
+    assert str(refused.value) == (
+        f"training option 'optimizer': prototypes take too much memory ({gibibytes:.1f} GiB against 16.0). Give "
+        "fewer --epochs, longer windows (window_steps, window_stride), or optimizer sgd."
+    )
 
 
 def test_every_epoch_adds_recordings() -> None:
