@@ -216,7 +216,8 @@ def test_a_stopped_run_resumes(
     monkeypatch.setattr(training, "EpochRecord", stopping)
     capsys.readouterr()
     assert run(*options, "-o", str(tmp_path / "small.pt")) == 130
-    *epochs, last = capsys.readouterr().err.splitlines()
+    *said, last = capsys.readouterr().err.splitlines()
+    epochs = [line for line in said if not line.startswith("! After 3 of 12 epochs")]
     assert (len(epochs), last) == (10, "Stopped. Continue with the same command and --resume.")
     monkeypatch.setattr(training, "EpochRecord", record)
     assert (tmp_path / "small.pt.state").exists()
@@ -252,7 +253,8 @@ def test_a_disk_that_is_full_at_the_end_loses_no_epoch(
         "small.pt.state",
         "small.svg",
     ]
-    assert main(["train", *options, "--resume", "-o", output]) == 0
+    # A single epoch may teach nothing, which exits with 3.
+    assert main(["train", *options, "--resume", "-o", output]) in (0, 3)
     assert not (tmp_path / "small.pt.state").exists()
 
 
@@ -260,13 +262,13 @@ def test_a_state_of_another_shape_is_refused_in_a_line(
     tmp_path: Path, data: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     recordings, path = read_recordings(data), tmp_path / "small.pt.state"
-    config = config_from_mapping({"epochs": 2, "hidden": 5})
+    config = config_from_mapping({"epochs": 2, "hidden": 5, "defaults": "fixed"})
     train(recordings, config, name="small", state_path=path)
     state = torch.load(path, weights_only=True)
     state["weights"]["time_hidden.weight"] = torch.zeros(6, 78)
     torch.save(state, path)
     before = path.read_bytes()
-    options = ("--data", data, "--epochs", "2", "--hidden", "5")
+    options = ("--data", data, "--epochs", "2", "--hidden", "5", "--defaults", "fixed")
     assert main(["train", *options, "--resume", "-o", str(tmp_path / "small.pt")]) == 2
     assert capsys.readouterr().err == (
         "training state 'small.pt.state': weights 'time_hidden.weight' have another shape ((6, 78) against (5, 78)). "
