@@ -27,6 +27,11 @@ def note_written(path: Path) -> None:
     _written.add(path)
 
 
+def forget_written() -> None:
+    """Begin anew: a command tells what it has written itself, not one before it in this process."""
+    _written.clear()
+
+
 def written() -> list[Path]:
     """Return the files and folders that this process has put in place, and that are still there."""
     return sorted(path for path in _written if path.exists())

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from hw_model.io.memory import lacks_memory, too_little
-from hw_model.io.partial import written
+from hw_model.io.partial import forget_written, written
 from locsnn_compile import __version__
 from locsnn_compile.cli.completion import answer_shell
 from locsnn_compile.cli.interrupt import EXIT_INTERRUPTED, leaving_at_once, was_interrupted
@@ -140,6 +140,7 @@ def guarded(
     ``typed``: the words of the command line, by default those of this process.
     """
     _ready_streams()
+    forget_written()
     answer_shell(parser)
     try:
         args = parser.parse_args(typed)
