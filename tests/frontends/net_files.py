@@ -72,7 +72,7 @@ def play(layers, spikes, longest_delay=62):
     return outputs
 
 
-def play_layer(layer, rows, shape, longest_delay):
+def play_layer(layer, rows, shape, longest_delay=62):
     n, steps = int(np.prod(layer["shape"])), len(rows)
     p = layer["neuron"]
 
