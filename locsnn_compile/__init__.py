@@ -7,9 +7,18 @@
 1.0
 """
 
+from pathlib import Path
+
 import lazy_loader
 
 __version__ = "0.1.0"
+
+if not Path(__file__).parent.is_dir():
+    # With the name of the package, `python -m locsnn_compile` says this in one line.
+    message = (
+        "it reads files of its own, and an archive has none. Unpack it, or install it with pip."
+    )
+    raise ImportError(f"{__name__}: {message}", name=__name__)
 
 # The names are those in the stub next to this file; each is imported on first use.
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -24,7 +24,7 @@ from locsnn_compile.data.members import (
     label_in_name,
     open_members,
 )
-from locsnn_compile.data.recordings import MAX_ELEMENTS, Recordings, clean_spikes
+from locsnn_compile.data.recordings import Recordings, check_size, clean_spikes
 from locsnn_compile.data.tact import parse_tact
 from locsnn_compile.errors import InputError, check_most, check_same
 
@@ -195,8 +195,4 @@ def _check_fits(arrays: list[ByteArray], samples: int, where: str, place: str) -
         "Give recordings of one sensor.",
     )
     check_same(arrays[-1].shape[1], channels, place, what, fix=fix)
-    what, fix = (
-        f"its recordings of {samples} x {steps} x {channels} are too large",
-        "Give fewer recordings.",
-    )
-    check_most(samples * steps * channels, MAX_ELEMENTS, where, what, unit="values", fix=fix)
+    check_size(samples, steps, channels, where)

@@ -9,9 +9,9 @@ import numpy as np
 
 from hw_model.values import AnyArray
 from locsnn_compile.data.channels import Channels
-from locsnn_compile.data.recordings import MAX_ELEMENTS
+from locsnn_compile.data.recordings import MAX_ELEMENTS, fewer_recordings
 from locsnn_compile.data.sensor import POLARITIES, TAXELS
-from locsnn_compile.errors import InputError, check_most, counted
+from locsnn_compile.errors import InputError, counted
 
 Order = tuple[str, ...]
 AXES = ("samples", "steps", "channels", "rows", "columns", "taxels", "polarities")
@@ -70,14 +70,11 @@ def pixels_of(
 def order_of(array: AnyArray, where: str, channels: int | None, order: Order | None) -> Order:
     """Return the order of an array's axes; see :func:`to_step_major`."""
     # A tensor may claim any size with few stored values. Reshaping would allocate all of it.
-    check_most(
-        array.size,
-        MAX_ELEMENTS,
-        where,
-        "it is too large",
-        unit="values",
-        fix="Give fewer recordings.",
-    )
+    if array.size > MAX_ELEMENTS:
+        measured = f"{array.size} values against {MAX_ELEMENTS}"
+        values_of_one = array.size // len(array) if array.ndim > 2 else array.size
+        fix = fewer_recordings(values_of_one)
+        raise InputError(where, "it is too large", measured=measured, fix=fix)
     if order is None:
         check_axes(array, where, channels)
         order = _READ.get(array.ndim, ((),))[-1 if is_one(array.shape, channels) else 0]

@@ -14,7 +14,7 @@ import numpy as np
 from hw_model.io.records import between, check_fields
 from hw_model.values import AnyArray, ByteArray, FloatArray, Frozen, IntArray
 from locsnn_compile.data.channels import Channels
-from locsnn_compile.data.recordings import MAX_ELEMENTS, MAX_STEPS, MOST_STEPS, Binned
+from locsnn_compile.data.recordings import MAX_ELEMENTS, MAX_STEPS, MOST_STEPS, Binned, check_size
 from locsnn_compile.errors import InputError, check_known, check_most, counted, listed
 
 STEP_SECONDS = 0.02
@@ -364,9 +364,7 @@ def _check_sizes(where: str, samples: int, steps: int, channels: int, needed: in
         )
     if steps == 0 or channels == 0:
         raise InputError(where, "no events inside", fix="Give a recording with events.")
-    what = f"its recordings of {samples} x {steps} x {channels} are too large"
-    fix = "Give fewer recordings, or wider bins."
-    check_most(samples * steps * channels, MAX_ELEMENTS, where, what, unit="values", fix=fix)
+    check_size(samples, steps, channels, where)
 
 
 def recording_events(

@@ -10,9 +10,9 @@ import numpy as np
 
 from hw_model.values import ByteArray, IntArray
 from locsnn_compile.data.channels import Channels
-from locsnn_compile.data.recordings import MAX_ELEMENTS, Expected, Recordings
+from locsnn_compile.data.recordings import Expected, Recordings, check_size
 from locsnn_compile.data.sensor import SensorLayout
-from locsnn_compile.errors import InputError, check_most, counted
+from locsnn_compile.errors import InputError, counted
 
 _MERGE = "Give --merge-polarities to merge them, or recordings of one polarity."
 _GRID = "Give --grid WxH of the sensor."
@@ -177,8 +177,7 @@ def _placed(spikes: ByteArray, places: IntArray, count: int, where: str) -> Byte
     samples, steps, channels = spikes.shape
     if channels == count and np.array_equal(places[:channels], np.arange(count)):
         return spikes
-    what, fix = "they are too large on the grid of the model", "Give fewer recordings."
-    check_most(samples * steps * count, MAX_ELEMENTS, where, what, unit="values", fix=fix)
+    check_size(samples, steps, count, where)
     placed = np.zeros((samples, steps, count), dtype=np.uint8)
     # Recordings may end before the last pixel: the channels after it are silent.
     placed[:, :, places[:channels]] = spikes

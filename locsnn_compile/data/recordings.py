@@ -13,7 +13,7 @@ import numpy as np
 from hw_model.io.records import Must
 from hw_model.values import AnyArray, ByteArray, Frozen, IntArray, Shown, picked, sealed
 from locsnn_compile.data.channels import Channels, Numbering
-from locsnn_compile.errors import InputError, check_most, check_same, counted
+from locsnn_compile.errors import InputError, check_same, counted
 
 #: Largest set of recordings accepted, in array elements: four times the largest published tactile set.
 MAX_ELEMENTS = 200_000_000
@@ -162,6 +162,24 @@ class Recordings(Shown):
         return replace(self, spikes=self.spikes[rows], labels=labels)
 
 
+def check_size(samples: int, steps: int, channels: int, where: str) -> None:
+    """Refuse recordings of more than :data:`MAX_ELEMENTS` values; the ``InputError`` says how many fit."""
+    values = samples * steps * channels
+    if values <= MAX_ELEMENTS:
+        return
+    what = f"its recordings of {samples} x {steps} x {channels} are too large"
+    measured = f"{values} values against {MAX_ELEMENTS}"
+    raise InputError(where, what, measured=measured, fix=fewer_recordings(steps * channels))
+
+
+def fewer_recordings(values_of_one: int) -> str:
+    """Return the way out for too many recordings of so many values each: how many fit, and what then."""
+    fit = MAX_ELEMENTS // values_of_one
+    if fit == 0:
+        return "Give wider bins, or shorter recordings."
+    return f"Give at most {fit} at a time and average the figures of the parts, or give wider bins."
+
+
 def clean_spikes(where: str, spikes: AnyArray, first: int = 0) -> ByteArray:
     """Return spikes (samples, steps, channels) as read-only uint8; ``InputError`` for anything else.
 
@@ -177,9 +195,8 @@ def clean_spikes(where: str, spikes: AnyArray, first: int = 0) -> ByteArray:
     )
     if 0 in spikes.shape:
         raise InputError(where, "no recordings inside", measured=f"shape {spikes.shape}", fix=fix)
-    check_most(
-        spikes.size, MAX_ELEMENTS, where, "they are too large", unit="values", fix="Give fewer."
-    )
+    samples, steps, channels = spikes.shape
+    check_size(samples, steps, channels, where)
     if spikes.dtype.kind not in "biuf":
         raise InputError(
             where, "its values are not numbers", measured=f"dtype {spikes.dtype}", fix=fix

@@ -12,8 +12,8 @@ from locsnn_compile.data.arrays import read_arrays
 from locsnn_compile.data.class_names import with_classes
 from locsnn_compile.data.event_stream import Binning
 from locsnn_compile.data.members import Members, open_members
-from locsnn_compile.data.recordings import MAX_ELEMENTS, Binned, Recordings
-from locsnn_compile.errors import InputError, check_most
+from locsnn_compile.data.recordings import Binned, Recordings, check_size
+from locsnn_compile.errors import InputError
 
 
 def holds_sets(path: Path) -> bool:
@@ -65,9 +65,7 @@ def _joined(parts: Sequence[Recordings], names: Sequence[str], where: str) -> Re
     samples = sum(map(len, parts))
     steps = max(part.spikes.shape[1] for part in parts)
     channels = first.spikes.shape[2]
-    what = f"its recordings of {samples} x {steps} x {channels} are too large"
-    size = samples * steps * channels
-    check_most(size, MAX_ELEMENTS, where, what, unit="values", fix="Give fewer recordings.")
+    check_size(samples, steps, channels, where)
     class_names = _all_class_names(parts)
     if class_names is not None:
         parts = [with_classes(part, class_names) for part in parts]

@@ -262,7 +262,7 @@ BAD: list[tuple[str, Callable[[Path], Path], dict[str, Any], str]] = [
     ("outside the grid", put("a.bs2", bs2((7, 0, 0, 0))), {"columns": 7}, "file 'a.bs2': an event lies outside the grid (x 7 against 7 columns). Give more columns."),
     ("a grid of unknown width", put("a.bs2", bs2((2, 0, 0, 0), (0, 1, 0, 0))), {"channels": 8}, "file 'a.bs2': the width of its grid is not known (up to 3 x 2 in 8 channels). Give --grid WxH of the sensor."),
     ("too many bins", put("a.bs1", bs1((0, 0, 8_000_000))), {"step_seconds": 1e-5}, "file 'a.bs1': it lasts too long for its bins (8 s in bins of 1e-05 s against 20000 bins). Start it at its first event with --start first."),
-    ("too large", put("a.bs1", bs1((65_535, 0, 8_000_000))), {"step_seconds": 0.001}, "file 'a.bs1': its recordings of 1 x 8001 x 65536 are too large (524353536 values against 200000000). Give fewer recordings, or wider bins."),
+    ("too large", put("a.bs1", bs1((65_535, 0, 8_000_000))), {"step_seconds": 0.001}, "file 'a.bs1': its recordings of 1 x 8001 x 65536 are too large (524353536 values against 200000000). Give wider bins, or shorter recordings."),
     ("three polarities", put("a.bs1", b""), {"polarities": 3}, "recordings, polarities: it must be a whole number from 1 to 2 (got 3). Correct it."),
     ("a field missing", put_npy(structured([(0, 1)], [("t", "i8"), ("x", "i8")])), {}, f"file 'a.npy': its values are not events (fields t, x). {FIELDS}"),
     ("another field", put_npy(structured([(0, 1, 1, 1)], [("t", "i8"), ("x", "i8"), ("p", "i1"), ("z", "i8")])), {}, f"file 'a.npy': its values are not events (fields t, x, p, z). {FIELDS}"),

@@ -323,7 +323,8 @@ BAD: list[tuple[str, str, Callable[[Path], object], str]] = [
         "tensor that claims to be huge",
         "a.pt",
         lambda path: torch.save(torch.zeros(1, 1, 1, 1).expand(10**9, 39, 2, 10), path),
-        "file 'a.pt': it is too large (780000000000 values against 200000000). Give fewer recordings.",
+        "file 'a.pt': it is too large (780000000000 values against 200000000). Give at most 256410 at a time "
+        "and average the figures of the parts, or give wider bins.",
     ),
     (
         "labels of text in pt",

@@ -240,7 +240,7 @@ BAD_INSIDE: list[tuple[str, Callable[[Path], object], str]] = [
     (
         "sizes of no sensor",
         put("input", "taxels", value=0),
-        "sensor 'channels': its taxels are out of range (got 0 against 1..4096). Correct the layout of the sensor.",
+        "sensor 'channels': its taxels are out of range (got 0 against 1..32768). Correct the layout of the sensor.",
     ),
     (
         "a sensor that contradicts itself",
@@ -306,7 +306,8 @@ BAD_INSIDE: list[tuple[str, Callable[[Path], object], str]] = [
             "spikes",
             value=torch.zeros(1, 1, 1, dtype=torch.uint8).expand(10**9, 9, 78),
         ),
-        "recordings: they are too large (702000000000 values against 200000000). Give fewer.",
+        "recordings: its recordings of 1000000000 x 9 x 78 are too large (702000000000 values against 200000000). "
+        "Give at most 284900 at a time and average the figures of the parts, or give wider bins.",
     ),
     (
         "recordings of another shape",
