@@ -202,8 +202,8 @@ def test_descriptions_that_do_not_hold(values: dict[str, object], message: str) 
         ),
         pytest.param(
             neutouch,
-            {"fingertips": 100},
-            "sensor 'neutouch': its channels are out of range (got 7800 against 1..4096). "
+            {"fingertips": 500},
+            "sensor 'neutouch': its channels are out of range (got 39000 against 1..32768). "
             "Correct the layout of the sensor.",
             id="too many channels",
         ),
