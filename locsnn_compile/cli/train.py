@@ -182,8 +182,14 @@ def _config(
     of_file = {name: f"config {Path(args.config).name!r}, {name}" for name in values}
     options = field_kinds(TrainingConfig)
     typed = vars(args) | {"event_threshold": args.threshold, "threshold": None}
+    # In the record of a run, ``start`` is the network that it starts from.
+    typed |= {"start_at": args.start, "start": None}
     asked = {name: value for name, value in typed.items() if name in options and value is not None}
-    flags = {"location_weight": "--lambda", "event_threshold": "--threshold"}
+    flags = {
+        "location_weight": "--lambda",
+        "event_threshold": "--threshold",
+        "start_at": "--start",
+    }
     usual = {} if start is None else {"model": start.description.architecture} | FINE_TUNING
     config = config_from_mapping(usual | values | asked)
     check_used({name: flags.get(name, f"--{name.replace('_', '-')}") for name in asked}, config)

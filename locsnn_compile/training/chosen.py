@@ -19,7 +19,7 @@ from locsnn_compile.data.sensor import POLARITIES
 from locsnn_compile.errors import counted
 from locsnn_compile.models.architectures import ARCHITECTURES
 from locsnn_compile.training.config import Need, TrainingConfig, config_from_mapping
-from locsnn_compile.training.schedule import rate_for_updates
+from locsnn_compile.training.rates import rate_for_updates
 from locsnn_compile.training.window_choice import choose_windows, levels_text
 
 COUNTING, COUNTING_AND_SPIKING = "window-snn", "hybrid-window"

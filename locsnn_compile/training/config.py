@@ -139,7 +139,7 @@ class TrainingConfig(Shown, Checked, eq=True):
     - ``align_events``: recordings start at the first step with at least this many events (None: at their first step).
       ``split``: the share of every class to test on, if recordings have no parts; ``fold``: its round, or the round of
       files of rows (None: 1). ``classes``: the names of classes from class 0 on, separated by commas.
-    - Of single events, ``start``: the seconds at which step 0 begins, or ``first`` (None: as the format has it);
+    - Of single events, ``start_at``: the seconds at which step 0 begins, or ``first`` (None: as the format has it);
       ``time_unit`` of times: ns, us, ms or s. ``max_steps``: longer recordings are refused (None: 20,000).
     - Time constants are in steps. ``theta`` to ``scale_rho`` belong to spike response neurons; ``decay``, ``threshold``
       and ``window`` to integrate-and-fire neurons. ``location_theta`` to ``location_threshold`` are for the location
@@ -219,7 +219,7 @@ class TrainingConfig(Shown, Checked, eq=True):
     split: Annotated[float | None, between(0.001, 0.9)] = None
     fold: Annotated[int | None, between(1, 1_000)] = None
     classes: str | None = None
-    start: float | str | None = None
+    start_at: float | str | None = None
     time_unit: Annotated[str | None, tuple(TIME_UNITS)] = None
     max_steps: Annotated[int | None, between(1, MOST_STEPS)] = None
     theta: Annotated[float, between(1e-6, 1e6), SRM] = 10.0

@@ -28,7 +28,7 @@ from locsnn_compile.training.config import (
     read_config,
 )
 
-_OF_FILES = ("classes", "start", "time_unit", "max_steps")
+_OF_FILES = ("classes", "time_unit", "max_steps")
 """Options that say how files are read."""
 
 
@@ -52,6 +52,7 @@ def read_parts(
     ]
     asked = picked(config, "step_seconds", "steps", "axes", "merge_polarities", "fold", *_OF_FILES)
     asked["sensor"] = config.recorded
+    asked["start"] = config.start_at
     asked |= {"threshold": config.event_threshold, "test_share": config.split, "model": model}
     read = [
         read_recordings(data, split=part, **asked)

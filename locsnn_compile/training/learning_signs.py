@@ -17,7 +17,8 @@ from locsnn_compile.errors import counted
 from locsnn_compile.models.touch_model import TouchModel
 from locsnn_compile.training.config import TrainingConfig
 from locsnn_compile.training.measure import chance_remarks, silent_outputs
-from locsnn_compile.training.schedule import learning_rate, rate_for_updates
+from locsnn_compile.training.rates import rate_for_updates
+from locsnn_compile.training.schedule import learning_rate
 
 Notice = Callable[[str], None]
 """Called with a sentence about a run while it goes on."""

@@ -19,15 +19,6 @@ def learning_rate(config: TrainingConfig, epoch: int, epochs: int) -> float:
     return config.learning_rate * 0.5 * (1.0 + math.cos(math.pi * (epoch - 1) / epochs))
 
 
-USUAL_UPDATES, USUAL_RATE, LARGEST_RATE = 8_000, 0.003, 0.1
-"""A run of so many updates learns well at the usual rate, on Ev-Objects; no rate above the largest was of use."""
-
-
-def rate_for_updates(updates: int) -> float:
-    """Return the rate at which a run of so few updates still moves its weights as far: lr * updates stays the same."""
-    return min(max(USUAL_RATE * USUAL_UPDATES / max(updates, 1), USUAL_RATE), LARGEST_RATE)
-
-
 def choose_epoch(history: list[EpochRecord], smoothing_epochs: int, held: int) -> int:
     """Return the epoch that validation on ``held`` recordings chooses; the last one without validation.
 

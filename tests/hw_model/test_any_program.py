@@ -162,12 +162,12 @@ def test_a_sum_that_the_bound_forgets_is_found(monkeypatch, values):
     )
     with pytest.raises(AssertionError):
         draw_and_check(
-            check_program, any_program.programs(widths=False), 200, phases=(Phase.generate,)
+            check_program, any_program.programs(widths=False), 400, phases=(Phase.generate,)
         )
 
 
 def test_any_hybrid():
-    met = draw_and_check(check_streams, any_program.hybrid_programs(), 15)
+    met = draw_and_check(check_streams, any_program.hybrid_programs(), 25)
     for what in ("joined compartments", "programs of other widths", "proven early", "steps replayed", "wide lists",
                  "lists"):  # fmt: skip
         assert met[what] > 0, what

@@ -48,6 +48,7 @@ def test_equal(arguments, capsys):
         "cycles",
         "predicted_cycles",
         "cycle_mismatches",
+        "assumptions",
     ]
     assert list(found) == keys
     assert (found["recordings"], found["mismatches"], found["cycle_mismatches"]) == (1, 0, 0)

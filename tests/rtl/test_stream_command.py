@@ -24,6 +24,12 @@ icarus = pytest.mark.skipif(
     shutil.which("iverilog") is None, reason="Icarus Verilog is not installed"
 )
 
+ASSUMED = (
+    "assumed: Neither the recordings nor the program say what a channel is: channel i was taken for "
+    "input i (--grid with --channel-order)."
+)
+"""What is said of arrays that are played to a program written by hand."""
+
 
 @pytest.fixture
 def desk(tmp_path, monkeypatch):
@@ -65,9 +71,8 @@ def test_a_program_without_a_readout_gives_counts_and_spikes(tmp_path, monkeypat
     np.save("spikes.npy", (np.random.default_rng(0).random((1, 3, 8)) < 0.4).astype(np.uint8))
     axes = "samples,channels,steps"
     assert run("--axes", axes, "--spikes", port="sim:icarus") == 0
-    assert (
-        capsys.readouterr().out
-        == "recording 0: no readout\nrecordings 1, different from the simulator 0\n"
+    assert capsys.readouterr().out == (
+        f"recording 0: no readout\n{ASSUMED}\nrecordings 1, different from the simulator 0\n"
     )
 
 
@@ -76,7 +81,8 @@ def test_equal(desk, on_desk, capsys):
     assert run("--spikes", "--baud", "9600") == 0
     (winner,) = hw.simulate(desk.program, desk.spikes).prediction
     assert capsys.readouterr().out == (
-        f"recording 0: class {winner}\nrecording 1: class {winner}\nrecordings 2, different from the simulator 0\n"
+        f"recording 0: class {winner}\nrecording 1: class {winner}\n{ASSUMED}\n"
+        "recordings 2, different from the simulator 0\n"
     )
     assert on_desk == [("/dev/ttyUSB7", 9600, SIMULATED)]
 
@@ -95,6 +101,7 @@ def test_as_json(desk, on_desk, capsys):
         "lost_spikes": [0],
         "different": [[]],
         "mismatches": 0,
+        "assumptions": [ASSUMED.removeprefix("assumed: ")],
     }
 
 
@@ -103,7 +110,8 @@ def test_a_fault(on_desk, capsys, monkeypatch):
     texts = benches.with_fault(ports.sources())
     monkeypatch.setattr(ports, "sources", lambda: texts)
     assert run("--recordings", "1", "--spikes") == 3
-    first, last = capsys.readouterr().out.splitlines()
+    first, assumed, last = capsys.readouterr().out.splitlines()
+    assert assumed == ASSUMED
     assert first.startswith("recording 0: class ")
     assert "; different: " in first
     assert first.endswith(", spikes, times of spikes")

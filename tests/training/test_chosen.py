@@ -15,7 +15,7 @@ from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.training.chosen import choose
 from locsnn_compile.training.config import config_from_mapping, read_config
 from locsnn_compile.training.learning_signs import epoch_to_look_at, reach_of
-from locsnn_compile.training.schedule import rate_for_updates
+from locsnn_compile.training.rates import rate_for_updates
 from locsnn_compile.training.window_choice import (
     SMOOTHINGS,
     balanced_rows,

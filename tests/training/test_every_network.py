@@ -10,6 +10,7 @@ import torch
 
 from locsnn_compile.cli.compile import main as compile_main
 from locsnn_compile.cli.main import main
+from locsnn_compile.cli.shell import EXIT_GATE
 from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.models.architectures import ARCHITECTURES
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
@@ -18,7 +19,8 @@ from locsnn_compile.training.config import TrainingConfig, config_from_mapping, 
 
 CONFIGS = Path(__file__).parents[2] / "examples" / "configs"
 SMALL = (
-    "hidden: 4\nfeatures: 3\nstep_features: 2\nepochs: 2\nvalidation_fraction: 0.0\nbatch_size: 6\n"
+    "defaults: fixed\nhidden: 4\nfeatures: 3\nstep_features: 2\nepochs: 2\nvalidation_fraction: 0.0\n"
+    "batch_size: 6\n"
 )
 
 
@@ -43,27 +45,12 @@ def test_the_command_trains_it(
     monkeypatch.chdir(tmp_path)
     write_touches(tmp_path, fingertips)
     (tmp_path / "small.yaml").write_text(SMALL)
-    assert (
-        main(
-            [
-                "train",
-                "--data",
-                "touches.npz",
-                "--model",
-                name,
-                "--config",
-                "small.yaml",
-                "-o",
-                "net.pt",
-            ]
-        )
-        == 0
-    )
+    files = ["--data", "touches.npz", "--config", "small.yaml", "-o", "net.pt"]
+    # Two epochs teach some networks nothing, which is exit code 3; the checkpoint is written.
+    assert main(["train", "--model", name, *files]) in (0, EXIT_GATE)
     first, *remarks, last = capsys.readouterr().out.splitlines()
     assert (first, last) == ("epoch 2 chosen", "wrote net.pt")
-    assert all(
-        line.startswith(("! No output neuron spikes in any", "! Accuracy ")) for line in remarks
-    )
+    assert all(line.startswith("! ") for line in remarks if "baseline" not in line)
     found = read_checkpoint("net.pt")
     assert (found.description.architecture, found.training["epochs"]) == (name, 2)
     again = build_network(found.description)
@@ -91,7 +78,7 @@ def test_it_is_compiled_from_its_file(tmp_path: Path, monkeypatch: pytest.Monkey
         "--config",
         "small.yaml",
     ]
-    assert main([*train, "--quiet", "-o", "net.pt"]) == 0
+    assert main([*train, "--quiet", "-o", "net.pt"]) in (0, EXIT_GATE)
     graph = read_checkpoint("net.pt").description.graph
     assert graph is not None
     assert (graph.name, len(graph.taxel_edges), graph.hops, graph.features) == ("tree", 70, 3, 3)

@@ -63,7 +63,7 @@ def test_shipped_networks_were_trained_by_the_shipped_configuration(name: str) -
     training = read_checkpoint(ROOT / f"examples/models/{name}-hybrid.pt").training
     config = config_from_mapping(read_config(ROOT / f"examples/configs/{name}-hybrid.yaml"))
     # Options that came later have no entry in older files: they are as they were, at their defaults.
-    defaults = vars(TrainingConfig())
+    defaults = vars(TrainingConfig(defaults="fixed"))
     given = {key: value for key, value in vars(config).items() if key != "seed"}
     assert {key: training.get(key, defaults[key]) for key in given} == given
 
@@ -131,7 +131,7 @@ def test_a_network_of_two_fingertips_ships_with_its_recordings() -> None:
         config_from_mapping(read_config(ROOT / "examples/configs/two-fingertips-hybrid.yaml"))
     )
     # Options that came later have no entry in the file: they are as they were, at their defaults.
-    defaults = vars(TrainingConfig())
+    defaults = vars(TrainingConfig(defaults="fixed"))
     assert {key: found.training.get(key, defaults[key]) for key in given} == given
     card = model("two-fingertips").with_suffix(".md").read_text(encoding="utf-8")
     assert "**Everything here is synthetic.**" in card

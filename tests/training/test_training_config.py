@@ -23,7 +23,7 @@ def test_shipped_configurations_load(path: Path) -> None:
 
 def test_objects_configuration_is_the_default() -> None:
     assert config_from_mapping(read_config(CONFIGS / "objects-hybrid.yaml")) == TrainingConfig(
-        step_seconds=0.02
+        step_seconds=0.02, defaults="fixed"
     )
 
 
