@@ -14,8 +14,10 @@ OUT_OF_MEMORY = 3
 try:
     import aedat
     import numpy as np
-except (ImportError, MemoryError, OSError):  # the parent could import both
-    sys.exit(OUT_OF_MEMORY)
+except (ImportError, MemoryError, OSError):
+    if __name__ != "__main__":
+        raise
+    sys.exit(OUT_OF_MEMORY)  # the parent could import both
 
 
 def lower(kind: int, limit: int) -> bool:
