@@ -128,7 +128,8 @@ def test_the_quick_start_runs(installed):
     blocks = [
         fence
         for fence in fences(ROOT / "docs/start/quick-start.md")
-        if fence.language in ("python", "sh")
+        # Training needs torch, which the wheel does not install.
+        if fence.language in ("python", "sh") and "locsnn train" not in fence.code
     ]
     for block in blocks:
         command = (
