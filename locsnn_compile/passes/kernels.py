@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE
+from hw_model.arithmetic.loihi import nearest_decay, share_kept
 from hw_model.description.chip import Registers
 from hw_model.values import FloatArray, IntArray
 from locsnn_compile.errors import TargetError
@@ -50,7 +51,7 @@ def one_decay(tau: float, where: str) -> Decays:
     decay = round(DECAY_ONE * (1.0 - a))
     if decay == 0:
         raise _never_fades(where, f"{tau:g} steps against at most {2 * DECAY_ONE - 1}")
-    b = (DECAY_ONE - decay) / DECAY_ONE
+    b = share_kept(decay)
     if c < FADED:
         return Decays(decay, decay, 0.0, 0.0)
     own, cross, kernel = _energy(b * b), c * _energy(a * b), c * c * _energy(a * a)
@@ -84,11 +85,9 @@ def two_decays(tau: float, where: str) -> Decays:
     u, v = (total[here] - apart[here]) // 2, (total[here] + apart[here]) // 2
     held = (u >= 1) & (v <= DECAY_ONE)
     u, v = u[held], v[held]
-    keep_u, keep_v, keep = (
-        (DECAY_ONE - u) / DECAY_ONE,
-        (DECAY_ONE - v) / DECAY_ONE,
-        np.full(len(u), a),
-    )
+    keep_u = share_kept(u)
+    keep_v = share_kept(v)
+    keep = np.full(len(u), a)
     own, cross = _overlap(keep_u, keep_v, keep_u, keep_v), c * _overlap(keep, keep, keep_u, keep_v)
     errors = np.sqrt(
         np.maximum(0.0, 1.0 - cross**2 / (own * c * c * _overlap(keep, keep, keep, keep)))
@@ -99,7 +98,7 @@ def two_decays(tau: float, where: str) -> Decays:
 
 def nearest_decays(fractions: FloatArray, where: str) -> IntArray:
     """Return the effective decays (n,) nearest to the fractions lost per step; only a fraction of 0 may become 0."""
-    decays = np.rint(fractions * DECAY_ONE).astype(np.int64)
+    decays = nearest_decay(fractions)
     lost = fractions[(decays == 0) & (fractions > 0)]
     if len(lost):
         raise _never_fades(
@@ -112,11 +111,10 @@ def rounded_decays(neuron: Leaky, where: str) -> tuple[IntArray, IntArray, Float
     """Return the nearest ``decay_u`` and ``decay_v``, and their best gain; each (n,)."""
     decay_u = nearest_decays(neuron.decay_u, f"{where}: decay_u")
     decay_v = nearest_decays(neuron.decay_v, f"{where}: decay_v")
-    return (
-        decay_u,
-        decay_v,
-        best_gain(1 - neuron.decay_u, 1 - neuron.decay_v, keeps(decay_u), keeps(decay_v)),
+    gain = best_gain(
+        1 - neuron.decay_u, 1 - neuron.decay_v, share_kept(decay_u), share_kept(decay_v)
     )
+    return decay_u, decay_v, gain
 
 
 def best_gain(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> FloatArray:
@@ -131,11 +129,6 @@ def best_gain(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> Flo
         gain = _overlap(a, b, c, d) / _overlap(c, d, c, d)
         end = (1 - np.minimum(c, d)) / (1 - np.minimum(a, b))
     return np.where(fades, gain, np.where(np.minimum(a, b) < 1, end, 1.0))
-
-
-def keeps(decay: IntArray) -> FloatArray:
-    """Return the fractions that remain after effective decays."""
-    return (DECAY_ONE - decay) / DECAY_ONE
 
 
 def own_charges(response: FloatArray, keep: FloatArray | float) -> FloatArray:

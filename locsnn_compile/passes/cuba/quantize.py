@@ -11,12 +11,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_EXPONENTS, WeightGrid
+from hw_model.arithmetic.loihi import share_kept
 from hw_model.description.chip import Chip
 from hw_model.values import FloatArray, IntArray
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm, Refractory, integers
 from locsnn_compile.network.neurons import Cuba, SoftCuba
 from locsnn_compile.network.projections import Projection, row_sums
-from locsnn_compile.passes.kernels import keeps, rounded_decays
+from locsnn_compile.passes.kernels import rounded_decays
 from locsnn_compile.passes.rounding.task import (
     Scaled,
     Task,
@@ -40,7 +41,7 @@ def quantize_cuba(neuron: Cuba, task: Task) -> Scaled:
     size = len(neuron.threshold)
     decay_u, decay_v, gain = rounded_decays(neuron, where)
     # What holds a steady input at the threshold: no charge of a step is larger if potentials stay below it.
-    holding = (1 - keeps(decay_u)) * (1 - keeps(decay_v)) / gain
+    holding = (1 - share_kept(decay_u)) * (1 - share_kept(decay_v)) / gain
     bounded = _stays_below(neuron, task.incoming, holding)
     room = (
         (1 << chip.registers.charge_bits) / 64 / holding.max()
@@ -48,8 +49,9 @@ def quantize_cuba(neuron: Cuba, task: Task) -> Scaled:
         else _room(neuron, task.incoming, chip)
     )
     # A bias acts on the voltage only; the value at which it settles is preserved.
+    share_lost = 1 - share_kept(decay_v)
     bias = neuron.bias * np.divide(
-        decay_v / 4096, neuron.decay_v, out=np.ones(size), where=neuron.decay_v > 0
+        share_lost, neuron.decay_v, out=np.ones(size), where=neuron.decay_v > 0
     )
     over = 1 if neuron.rule == ">=" else 0
     heaviest = float((task.largest * gain / neuron.threshold).max())
@@ -134,7 +136,7 @@ def quantize_soft(neuron: SoftCuba, task: Task) -> Scaled:
 
 def _taps(drop: IntArray, decay_u: IntArray, grid: WeightGrid) -> Refractory:
     """Return the self-synapses, coarse and fine, at once and one step later, without those that no neuron needs."""
-    back = np.rint(drop * keeps(decay_u)).astype(np.int64)
+    back = np.rint(drop * share_kept(decay_u)).astype(np.int64)
     rows = [
         (delay, sign * part, exponent)
         for delay, sign, charge in ((0, -1, drop), (1, 1, back))

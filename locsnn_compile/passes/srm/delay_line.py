@@ -15,7 +15,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from hw_model.arithmetic.fixed_point import DECAY_ONE, WeightGrid
+from hw_model.arithmetic.fixed_point import WeightGrid
+from hw_model.arithmetic.loihi import share_kept
 from hw_model.description.chip import Chip
 from hw_model.values import FloatArray, Frozen, IntArray
 from locsnn_compile.errors import TargetError, counted
@@ -51,7 +52,7 @@ class _Rounded(Frozen, eq=False):
 
 def heaviest_charge(neuron: SrmAlpha, decay: int, task: Task) -> float:
     """Return the largest own charge, in thresholds."""
-    keep = (DECAY_ONE - decay) / DECAY_ONE
+    keep = share_kept(decay)
     return float(np.abs(own_charges(_response(neuron, 1.0, _taps(task.chip)), keep)).max())
 
 
@@ -89,7 +90,7 @@ def _round_taps(
     neuron: SrmAlpha, decay: int, theta: FloatArray, taps: int, grid: WeightGrid
 ) -> _Rounded:
     """Round the charges lag by lag, for thetas (candidates,) in units of the registers."""
-    keep = (DECAY_ONE - decay) / DECAY_ONE
+    keep = share_kept(decay)
     tau = max(neuron.tau_ref, -1.0 / math.log(keep) if keep else 0.0)
     steps = min(taps + math.ceil(HORIZON * tau), STEPS_MAX)
     wanted = _response(neuron, theta, steps)

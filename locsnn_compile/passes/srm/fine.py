@@ -13,12 +13,12 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from scipy import sparse
 
+from hw_model.arithmetic.loihi import share_kept
 from hw_model.values import BoolArray, ByteArray, FloatArray, Frozen, IntArray
 from locsnn_compile.network.chip_neurons import ChipSrm, Refractory
 from locsnn_compile.network.neurons import SrmAlpha, alpha_recursion
 from locsnn_compile.network.projections import Projection
 from locsnn_compile.network.projections import charge as charge_of
-from locsnn_compile.passes.kernels import keeps
 from locsnn_compile.passes.rounding.grades import (
     Grades,
     coarsest,
@@ -111,7 +111,7 @@ def _drive_of(
     if n > INPUTS_MAX:
         return None
     a, c = alpha_recursion(neuron.tau_sr)
-    keep_u, keep_v = (float(keep) for keep in keeps(np.array(decays)))
+    keep_u, keep_v = (float(keep) for keep in share_kept(np.array(decays)))
     gram, wanted, rate, peak, steps = (
         np.zeros((n, n)),
         np.zeros((m, n)),

@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hw_model.arithmetic.fixed_point import DECAY_ONE, WeightGrid
+from hw_model.arithmetic.fixed_point import WeightGrid
+from hw_model.arithmetic.loihi import gain_at_rest
 from hw_model.values import FloatArray, IntArray
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm, integers
 from locsnn_compile.network.neurons import SrmAlpha
@@ -158,7 +159,8 @@ def refractory_count(neuron: SrmAlpha, decay: int) -> int:
     """
     kept, lost = math.exp(-1.0 / neuron.tau_ref), -math.expm1(-1.0 / neuron.tau_ref)
     taken = neuron.scale_ref * math.e / neuron.tau_ref * kept / lost**2
-    return 1 + max(0, math.ceil(taken - DECAY_ONE / decay))
+    of_reset: float = gain_at_rest(decay)
+    return 1 + max(0, math.ceil(taken - of_reset))
 
 
 _DENDRITES = Layout(lambda neuron, _, task: dendrite_charge(neuron, task.where), _with_dendrites)
