@@ -14,9 +14,8 @@ from locsnn_compile.data.recordings import Expected, Recordings
 from locsnn_compile.data.sensor import SensorLayout, asked_layout
 from locsnn_compile.errors import InputError, check_most, counted
 
-if (
-    TYPE_CHECKING
-):  # for types alone: networks take locsnn run, which plays programs, a third of its time
+if TYPE_CHECKING:
+    # For types alone: importing networks would take a third of the time of locsnn run, which plays programs.
     from locsnn_compile.network.network import Network
 
 CHUNK = 16
@@ -174,9 +173,9 @@ def _inputs_of(program: hw.ChipProgram) -> Channels | None:
 
 def with_steps(network: "Network", args: argparse.Namespace) -> "Network":
     """Return the network with the steps asked for; ``InputError`` if its file says otherwise."""
-    found = network.expected.agreed(**picked(args, "step_seconds", "steps", "threshold"))
+    agreed = network.expected.agreed(**picked(args, "step_seconds", "steps", "threshold"))
     network = replace(
-        network, step_seconds=found["step_seconds"], event_threshold=found["threshold"]
+        network, step_seconds=agreed["step_seconds"], event_threshold=agreed["threshold"]
     )
     if args.step_seconds is not None:
         network = _with_made_up_steps(network, args.step_seconds)

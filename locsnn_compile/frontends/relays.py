@@ -4,14 +4,14 @@ A relay neuron spikes one step after a spike reaches it. Behind ``k`` relays, ea
 of ``DELAY_MAX``, a spike is ``k * (DELAY_MAX + 1)`` steps later than its source.
 """
 
+from collections.abc import Collection
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from scipy import sparse
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE
-from hw_model.values import AnyArray, Frozen, IntArray, sealed
+from hw_model.values import AnyArray, BoolArray, Frozen, IntArray, sealed
 from locsnn_compile.errors import counted
 from locsnn_compile.frontends.parts import Parts
 from locsnn_compile.network.chip_neurons import ChipCuba
@@ -19,12 +19,15 @@ from locsnn_compile.network.network import Population
 from locsnn_compile.network.neurons import Cuba
 from locsnn_compile.network.projections import (
     ChipProjection,
+    Matrix,
     Projection,
     connections,
     matrix,
     values_of,
 )
 
+AnyProjection = Projection | ChipProjection
+"""One of floats or one of the integers of the chip; those behind a source are of one kind."""
 DELAY_MAX = 62
 """Longest delay of a synapse of Loihi, in steps: 64 accumulator slots less two."""
 STEPS_OF_A_RELAY = DELAY_MAX + 1
@@ -42,116 +45,140 @@ class _Synapses(Frozen, eq=False):
     delay: IntArray
 
     @classmethod
-    def of(cls, projection: Projection | ChipProjection) -> "_Synapses":
+    def of(cls, projection: AnyProjection) -> "_Synapses":
         """List the connections of a projection."""
-        values = values_of(projection.held)
-        delays = np.broadcast_to(np.asarray(projection.delay, dtype=np.int64), values.shape)
-        target, source, index = connections(projection.held)
+        weights = values_of(projection.held)
+        delays = np.broadcast_to(np.asarray(projection.delay, dtype=np.int64), weights.shape)
+        target, source, place = connections(projection.held)
         row_by_row = np.lexsort((source, target))
-        at = index[row_by_row]
-        return cls(target[row_by_row], source[row_by_row], values.ravel()[at], delays.ravel()[at])
+        place = place[row_by_row]
+        return cls(
+            target[row_by_row],
+            source[row_by_row],
+            weights.ravel()[place],
+            delays.ravel()[place],
+        )
 
     @property
-    def relays(self) -> IntArray:
+    def relays_passed(self) -> IntArray:
         """How many relays the spikes of each connection pass, (connections,)."""
-        return np.maximum(-(-(self.delay - DELAY_MAX) // STEPS_OF_A_RELAY), 0)
+        steps_beyond = self.delay - DELAY_MAX
+        return np.maximum(-(-steps_beyond // STEPS_OF_A_RELAY), 0)
 
-    def chosen(self, which: AnyArray) -> "_Synapses":
+    def chosen(self, which: BoolArray) -> "_Synapses":
         """Return some of the connections."""
         return _Synapses(
             self.target[which], self.source[which], self.weight[which], self.delay[which]
         )
 
 
+class _Relay(Frozen, eq=False):
+    """A population of relays: ``lines`` are the numbers of its source's lines that it repeats, in order."""
+
+    name: str
+    lines: IntArray
+
+    @property
+    def size(self) -> int:
+        """Number of neurons."""
+        return len(self.lines)
+
+
 def add_relays(parts: Parts) -> tuple[str, ...]:
     """Let relays carry the spikes of all connections whose delays are above :data:`DELAY_MAX`.
 
     Adds populations ``SOURCE/relay1``, ``SOURCE/relay2``, ... to the parts and replaces the projections
-    that need them. Returns a sentence on what was added, if anything was.
+    that need them. Returns a sentence for each source on what was added behind it.
     """
     synapses = {projection: _Synapses.of(projection) for projection in parts.projections}
-    sources = dict.fromkeys(projection.source for projection in parts.projections)
-    relayed: list[Projection | ChipProjection] = []
-    sentences = []
-    for source in sources:
+    projections: list[AnyProjection] = []
+    sentences: list[str] = []
+    for source in dict.fromkeys(projection.source for projection in parts.projections):
         of_source = {p: held for p, held in synapses.items() if p.source == source}
-        lines = _lines_by_relay(of_source)
-        relayed += _relay_chain(parts, source, next(iter(of_source)), lines)
+        relays = _relays_behind(source, of_source.values())
+        if relays:
+            sentences.append(_sentence(source, relays, of_source.values()))
+        on_grid = next(iter(of_source)).on_grid
+        lines = next(iter(of_source)).held.shape[1]
+        before = _Relay(source, np.arange(lines))
+        for relay in relays:
+            parts.populations.append(_neurons(relay, on_grid=on_grid))
+            projections.append(_repeated(before, relay, on_grid=on_grid))
+            before = relay
         for projection, held in of_source.items():
-            relayed += _through_relays(projection, held, lines)
-        if lines:
-            relays = counted(sum(len(numbers) for numbers in lines), "relay neuron")
-            longest = max(int(held.delay.max(initial=0)) for held in of_source.values())
-            sentences.append(
-                f"Delays of up to {longest} steps behind {source!r} use {relays} (--relay-delays): a "
-                f"synapse delays by at most {DELAY_MAX}."
-            )
-    parts.projections = relayed
+            projections += _through_relays(projection, held, relays)
+    parts.projections = projections
     return tuple(sentences)
 
 
-def _lines_by_relay(synapses: dict[Any, _Synapses]) -> list[IntArray]:
-    """Return for the first, second, ... relay of a source the numbers of the lines that it repeats."""
-    most = max(int(held.relays.max(initial=0)) for held in synapses.values())
-    return [
-        np.unique(np.concatenate([held.source[held.relays > k] for held in synapses.values()]))
-        for k in range(most)
-    ]
+def _relays_behind(source: str, synapses: Collection[_Synapses]) -> list[_Relay]:
+    """Return the relays of a source, the nearest first; each repeats what it or a later one sends on."""
+    most = max(int(held.relays_passed.max(initial=0)) for held in synapses)
+    relays = []
+    for number in range(1, most + 1):
+        lines = [held.source[held.relays_passed >= number] for held in synapses]
+        relays.append(_Relay(f"{source}/relay{number}", np.unique(np.concatenate(lines))))
+    return relays
 
 
-def _relay_chain(
-    parts: Parts, source: str, like: Projection | ChipProjection, lines: list[IntArray]
-) -> list[Projection | ChipProjection]:
-    """Add the relays of a source to the populations; return the projections from each to the next."""
-    chain: list[Projection | ChipProjection] = []
-    before = source
-    numbers_before = np.arange(like.held.shape[1])
-    for k, numbers in enumerate(lines):
-        name = relay_name(source, k)
-        size = len(numbers)
-        columns = np.searchsorted(numbers_before, numbers)
-        entries = np.arange(size), columns
-        shape = (size, len(numbers_before))
-        if isinstance(like, ChipProjection):
-            neuron: Any = ChipCuba.of(size, decay_u=DECAY_ONE, decay_v=DECAY_ONE, threshold=1)
-            mantissas = np.full(size, RELAY_MANTISSA, dtype=np.int64)
-            held = matrix(sparse.csr_array((mantissas, entries), shape=shape), np.int64)
-            chain.append(ChipProjection(before, name, held, 0, 8, "mixed", DELAY_MAX))
-        else:
-            neuron = Cuba.of(size, decay_u=1.0, decay_v=1.0, threshold=0.5)
-            weights = sparse.csr_array((np.ones(size), entries), shape=shape)
-            chain.append(Projection(before, name, matrix(weights, np.float64), DELAY_MAX))
-        parts.populations.append(Population(name, "time", size, neuron, helper=True))
-        before, numbers_before = name, numbers
-    return chain
+def _sentence(source: str, relays: list[_Relay], synapses: Collection[_Synapses]) -> str:
+    """Return what is assumed of the delays behind a source."""
+    neurons = counted(sum(relay.size for relay in relays), "relay neuron")
+    longest = max(int(held.delay.max(initial=0)) for held in synapses)
+    return (
+        f"Delays of up to {longest} steps behind {source!r} use {neurons} (--relay-delays): a "
+        f"synapse delays by at most {DELAY_MAX}."
+    )
+
+
+def _neurons(relay: _Relay, *, on_grid: bool) -> Population:
+    """Return neurons without memory that every spike lifts above their threshold."""
+    if on_grid:
+        chip_neuron = ChipCuba.of(relay.size, decay_u=DECAY_ONE, decay_v=DECAY_ONE, threshold=1)
+        return Population(relay.name, "time", relay.size, chip_neuron, helper=True)
+    neuron = Cuba.of(relay.size, decay_u=1.0, decay_v=1.0, threshold=0.5)
+    return Population(relay.name, "time", relay.size, neuron, helper=True)
+
+
+def _repeated(before: _Relay, relay: _Relay, *, on_grid: bool) -> AnyProjection:
+    """Return the projection that brings each relay neuron the spikes of its line, as late as it can."""
+    columns = np.searchsorted(before.lines, relay.lines)
+    entries = (np.arange(relay.size), columns)
+    shape = (relay.size, before.size)
+    if on_grid:
+        mantissas = np.full(relay.size, RELAY_MANTISSA, dtype=np.int64)
+        on_lines = matrix(sparse.csr_array((mantissas, entries), shape=shape), np.int64)
+        return ChipProjection(before.name, relay.name, on_lines, 0, 8, "mixed", DELAY_MAX)
+    weights = matrix(sparse.csr_array((np.ones(relay.size), entries), shape=shape), np.float64)
+    return Projection(before.name, relay.name, weights, DELAY_MAX)
 
 
 def _through_relays(
-    projection: Projection | ChipProjection, synapses: _Synapses, lines: list[IntArray]
-) -> list[Projection | ChipProjection]:
+    projection: AnyProjection, synapses: _Synapses, relays: list[_Relay]
+) -> list[AnyProjection]:
     """Return a projection as one for each number of relays that its spikes pass."""
-    relays = synapses.relays
-    if not relays.any():
+    passed = synapses.relays_passed
+    if not passed.any():
         return [projection]
-    projections: list[Projection | ChipProjection] = []
-    for passed in np.unique(relays).tolist():
-        part = synapses.chosen(relays == passed)
-        source, numbers = projection.source, np.arange(projection.held.shape[1])
-        if passed:
-            source, numbers = relay_name(projection.source, passed - 1), lines[passed - 1]
-        columns = np.searchsorted(numbers, part.source)
-        shape = (projection.held.shape[0], len(numbers))
-        held = sparse.csr_array((part.weight, (part.target, columns)), shape=shape)
-        delay = sealed(part.delay - passed * STEPS_OF_A_RELAY)
-        if isinstance(projection, ChipProjection):
-            mantissa = matrix(held, np.int64)
-            projections.append(replace(projection, source=source, mantissa=mantissa, delay=delay))
-        else:
-            weights = matrix(held, np.float64)
-            projections.append(replace(projection, source=source, weights=weights, delay=delay))
+    senders = [_Relay(projection.source, np.arange(projection.held.shape[1])), *relays]
+    projections: list[AnyProjection] = []
+    for number in np.unique(passed).tolist():
+        part = synapses.chosen(passed == number)
+        sender = senders[number]
+        columns = np.searchsorted(sender.lines, part.source)
+        shape = (projection.held.shape[0], sender.size)
+        weights = sparse.csr_array((part.weight, (part.target, columns)), shape=shape)
+        delay = sealed(part.delay - number * STEPS_OF_A_RELAY)
+        projections.append(_with_sender(projection, sender.name, weights, delay))
     return projections
 
 
-def relay_name(source: str, k: int) -> str:
-    """Return the name of the relay ``k``, counted from 0, behind a source."""
-    return f"{source}/relay{k + 1}"
+def _with_sender(
+    projection: AnyProjection, source: str, weights: Matrix, delay: IntArray
+) -> AnyProjection:
+    """Return a projection from another source, with the weights and delays onto its targets."""
+    if isinstance(projection, ChipProjection):
+        mantissa = matrix(weights, np.int64)
+        return replace(projection, source=source, mantissa=mantissa, delay=delay)
+    held = matrix(weights, np.float64)
+    return replace(projection, source=source, weights=held, delay=delay)
