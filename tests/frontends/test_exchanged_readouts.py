@@ -165,6 +165,17 @@ def test_several_populations_that_a_format_cannot_read_out(kind, readout, line):
     assert str(caught.value) == f"--emit {line}"
 
 
+@pytest.mark.parametrize("kind", ["nir", "net"])
+def test_a_class_for_ties_is_refused(kind):
+    made = network(integers(4))
+    made = replace(made, readout=replace(made.readout, tie_class=1))
+    with pytest.raises(lc.InputError) as caught:
+        exchange_file(kind, quantize(made, CHIP))
+    assert str(caught.value) == (
+        f"--emit {kind}, readout: the format cannot name a class for ties (class 1). {HELD}"
+    )
+
+
 def test_weights_below_a_mantissa_are_written_as_the_chip_adds_them(tmp_path):
     """An exponent below 0 loses low bits; the file had these bits."""
     made = network(integers(4))

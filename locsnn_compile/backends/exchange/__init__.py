@@ -24,4 +24,8 @@ def exchange_file(kind: str, quantized: QuantizedNetwork) -> bytes:
         measured = ", ".join(f"{weight:g}" for weight in network.readout.weights)[:80]
         what = "the format cannot weigh what is read out"
         raise InputError(f"--emit {kind}, readout", what, measured=f"weights {measured}", fix=HELD)
+    if network.readout.tie_class is not None:
+        what = "the format cannot name a class for ties"
+        measured = f"class {network.readout.tie_class}"
+        raise InputError(f"--emit {kind}, readout", what, measured=measured, fix=HELD)
     return content
