@@ -220,4 +220,4 @@ def _facts(recordings: Recordings, classes: int) -> str:
     sizes = (
         f"{counted(samples, 'recording')}, {channels} channels, {steps} steps, {classes} classes"
     )
-    return f"{sizes}, {recordings.spikes.mean():.2g} events a channel and step"
+    return f"{sizes}, {recordings.spikes.mean():.2g} events per channel and step"

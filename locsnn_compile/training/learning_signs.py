@@ -102,11 +102,8 @@ def early_remark(
         what = at_chance[0].removesuffix(".")
     if config.optimizer in STEPS_WITH_THE_GRADIENT:
         what = f"{what}; {hidden_words(activity)}{reach.words}"
-        what = (
-            f"{what} (the threshold of a neuron is {config.theta:g})"
-            if _has_theta(network)
-            else what
-        )
+        if _has_theta(network):
+            what = f"{what} (the threshold of a neuron is {config.theta:g})"
     of_all = f"After {epoch} of {counted(config.epochs, 'epoch')}"
     return f"{of_all}: {what[0].lower()}{what[1:]}. {advice(config, reach)}"
 

@@ -161,7 +161,7 @@ def test_the_command_says_what_it_chose_and_keeps_it(
     output = tmp_path / "o.pt"
     assert main(["train", "--data", data, "--channels", "40", "-o", str(output)]) == 0
     lines = capsys.readouterr().out.splitlines()
-    facts = "36 recordings, 40 channels, 60 steps, 3 classes, 0.032 events a channel and step"
+    facts = "36 recordings, 40 channels, 60 steps, 3 classes, 0.032 events per channel and step"
     assert lines[0] == f"chosen from the train part ({facts}):"
     assert lines[1] == "  model window-snn: its neurons count events in windows of time"
     entry = read_checkpoint(output).training
