@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 import numpy as np
 
 from hw_model.io.records import between, check_fields
-from hw_model.values import AnyArray, ByteArray, FloatArray, Frozen, IntArray
+from hw_model.values import AnyArray, ByteArray, FloatArray, Frozen, IntArray, Sums
 from locsnn_compile.data.channels import Channels
 from locsnn_compile.data.recordings import MAX_ELEMENTS, MAX_STEPS, MOST_STEPS, Binned, check_size
 from locsnn_compile.errors import InputError, check_known, check_most, counted, listed
@@ -147,39 +147,76 @@ def bin_streams(streams: Sequence[EventStream], where: str, binning: Binning) ->
         streams = [_starting(stream, binning.start) for stream in streams]
     stated_width = _stated_width(streams, binning)
     width = STEP_SECONDS if stated_width is None else stated_width
-    events = sum(len(one.times) for one in streams)
+    events = sum(len(stream.times) for stream in streams)
     check_most(events, MAX_EVENTS, where, "it has too many events", fix="Give fewer recordings.")
     sensor = _sensor(streams, where, binning)
-    bins = [_bins(one, width) for one in streams]
-    rows = zip(streams, bins, strict=True)
-    lengths = [binning.steps or _length(one, own, width, binning) for one, own in rows]
-    channel = [_channels(one, sensor) for one in streams]
-    needed = max((int(own.max()) + 1 for own in channel if len(own)), default=0)
-    whole_cells = -(-needed // sensor.polarities) * sensor.polarities
-    channels = binning.channels or max((one.channels or whole_cells for one in streams), default=0)
+    placed = [_Placed(_bins(stream, width), _channels(stream, sensor)) for stream in streams]
+    lengths = [
+        _length(stream, events_of_recording, width, binning)
+        for stream, events_of_recording in zip(streams, placed, strict=True)
+    ]
     steps = max(lengths, default=0)
-    _check_sizes(where, len(streams), steps, channels, needed)
+    channels = _channel_count(streams, placed, sensor, binning)
+    _check_sizes(where, len(streams), steps, channels, _highest_channel(placed))
     spikes = np.zeros((len(streams), steps * channels), dtype=np.uint8)
-    threshold, outside, below = binning.threshold or 0, 0, 0
-    for row, own, lines in zip(spikes, bins, channel, strict=True):
-        inside = (own >= 0) & (own < steps)
-        places_hit, counts = np.unique(
-            own[inside].astype(np.int64) * channels + lines[inside], return_counts=True
-        )
-        row[places_hit[counts > threshold]] = 1
-        outside += len(own) - int(inside.sum())
-        below += int(counts[counts <= threshold].sum())
-    elsewhere = sum(one.elsewhere for one in streams)
+    lost = _Lost()
+    for row, events_of_recording in zip(spikes, placed, strict=True):
+        lost += _fill(row, events_of_recording, steps, channels, binning.threshold or 0)
+    elsewhere = sum(stream.elsewhere for stream in streams)
     binned = Binned(
-        threshold,
-        sum(map(len, bins)) + elsewhere,
-        outside,
-        below,
+        binning.threshold or 0,
+        events + elsewhere,
+        lost.outside,
+        lost.below,
         elsewhere,
         step_is_default=stated_width is None,
     )
-    known = None if all(one.polarity is None for one in streams) else sensor
+    known = None if all(stream.polarity is None for stream in streams) else sensor
     return Bins(spikes.reshape(len(streams), steps, channels), width, binned, known, assumed)
+
+
+class _Placed(Frozen, eq=False):
+    """The events of a recording: the ``step`` of each, a whole number or infinite, and its ``channel``, (events,)."""
+
+    step: FloatArray
+    channel: IntArray
+
+
+class _Lost(Sums):
+    """Events that are in no bin: ``outside`` the steps, or ``below`` the threshold."""
+
+    outside: int = 0
+    below: int = 0
+
+
+def _highest_channel(placed: Sequence[_Placed]) -> int:
+    """Return the highest channel on which there is an event; -1 without any."""
+    return max((int(of.channel.max(initial=-1)) for of in placed), default=-1)
+
+
+def _channel_count(
+    streams: Sequence[EventStream],
+    placed: Sequence[_Placed],
+    sensor: Channels,
+    binning: Binning,
+) -> int:
+    """Return the number of channels: that asked for, that of the format, or what the events reach, in whole pixels."""
+    if binning.channels is not None:
+        return binning.channels
+    reached = _highest_channel(placed) + 1
+    whole_pixels = -(-reached // sensor.polarities) * sensor.polarities
+    return max((stream.channels or whole_pixels for stream in streams), default=0)
+
+
+def _fill(row: ByteArray, placed: _Placed, steps: int, channels: int, threshold: int) -> _Lost:
+    """Set the bins of a recording, (steps * channels,), that hold more events than the threshold."""
+    inside = (placed.step >= 0) & (placed.step < steps)
+    of_event = placed.step[inside].astype(np.int64) * channels + placed.channel[inside]
+    bins, counts = np.unique(of_event, return_counts=True)
+    row[bins[counts > threshold]] = 1
+    outside = len(inside) - int(inside.sum())
+    below = int(counts[counts <= threshold].sum())
+    return _Lost(outside, below)
 
 
 def _starting(stream: EventStream, start: float | str) -> EventStream:
@@ -307,8 +344,11 @@ def _bins(stream: EventStream, width_seconds: float) -> FloatArray:
         return np.floor(since_start / width)
 
 
-def _length(one: EventStream, bins: FloatArray, width_seconds: float, binning: Binning) -> int:
+def _length(one: EventStream, placed: _Placed, width_seconds: float, binning: Binning) -> int:
     """Return the number of steps of a recording; 0 if it has no events and no span."""
+    if binning.steps is not None:
+        return binning.steps
+    bins = placed.step
     most = binning.most_steps
     if one.span_seconds is not None:
         # Whole bins only; the small addend makes up for a quotient that rounds below a whole number.
@@ -352,9 +392,10 @@ def _cells(one: EventStream, columns: int) -> IntArray:
     return one.x if one.y is None else columns * one.y + one.x
 
 
-def _check_sizes(where: str, samples: int, steps: int, channels: int, needed: int) -> None:
-    if needed > channels:
-        measured = f"channel {needed - 1} against 0..{channels - 1}"
+def _check_sizes(where: str, samples: int, steps: int, channels: int, highest: int) -> None:
+    """Refuse events beyond the ``channels``, and recordings of no size or too large a one."""
+    if highest >= channels:
+        measured = f"channel {highest} against 0..{channels - 1}"
         fix = "Give events of this sensor, or more channels."
         raise InputError(
             where,
