@@ -9,8 +9,9 @@ from importlib import import_module
 
 from hw_model.errors import InputError
 
-LOWEST, ABOVE = (0, 62), (0, 69)
-"""Releases of numba that compiled the loops in a test, without the second: ``pyproject.toml`` asks for the same.
+LOWEST = (0, 62)
+ABOVE = (0, 69)
+"""Releases of numba from ``LOWEST`` to below ``ABOVE`` compile the loops: ``pyproject.toml`` asks for the same.
 
 Those below 0.62 have an LLVM that crashes on processors with AVX-512, where lanes are moved side by side.
 """

@@ -56,7 +56,9 @@ def leaving_at_once() -> Iterator[None]:
         yield
     finally:
         left.set()
-        signal.signal(signal.SIGINT, usual)
+        # A handler that is not Python's own was left alone.
+        if usual is signal.default_int_handler:
+            signal.signal(signal.SIGINT, usual)
         signal.set_wakeup_fd(before)
         pythons.close()  # ends the watch, unless a signal came first
 
