@@ -31,13 +31,10 @@ class Comparison(Frozen):
     @property
     def words(self) -> str:
         """The line that gives the baselines."""
-        one, bins = self.baselines.counts, self.baselines.counts_in_bins
-        figures = [
-            "too large to solve" if accuracy is None else f"{accuracy:.3f}"
-            for accuracy in (one, bins)
-        ]
+        counts = _figure(self.baselines.counts)
+        in_bins = _figure(self.baselines.counts_in_bins)
         on = f"on {counted(self.recordings, 'recording')} of the {self.part} part"
-        return f"baselines {on}: counts {figures[0]}, counts in {BINS} bins of time {figures[1]}"
+        return f"baselines {on}: counts {counts}, counts in {BINS} bins of time {in_bins}"
 
     @property
     def lost(self) -> str:
@@ -47,6 +44,10 @@ class Comparison(Frozen):
         against = f"{self.accuracy:.3f} against {self.baselines.better:.3f} on the {self.part} part"
         fix = "Give more --epochs, or --model window-snn, whose neurons count."
         return f"Counting events does better than this network ({against}). {fix}"
+
+
+def _figure(accuracy: float | None) -> str:
+    return "too large to solve" if accuracy is None else f"{accuracy:.3f}"
 
 
 def compare_with_counting(
@@ -83,7 +84,7 @@ def training_entry(
     config: TrainingConfig,
     recordings: Recordings,
     test: Recordings | None = None,
-    found: IntArray | None = None,
+    confused: IntArray | None = None,
     comparison: Comparison | None = None,
 ) -> dict[str, Plain]:
     """Return the checkpoint's ``training`` entry: data, figures and confusion of the test, the whole configuration."""
@@ -94,8 +95,8 @@ def training_entry(
         "chosen_epoch": result.chosen_epoch,
         "validation_accuracy": result.validation_accuracy,
         "test_recordings": None if test is None else len(test),
-        "test_accuracy": None if test is None or found is None else accuracy_of(found, test),
-        "test_confusion": None if found is None else _confusion_text(found),
+        "test_accuracy": None if test is None or confused is None else accuracy_of(confused, test),
+        "test_confusion": None if confused is None else _confusion_text(confused),
         "accuracy_of_counts": None if counting is None else counting.counts,
         "accuracy_of_counts_in_bins": None if counting is None else counting.counts_in_bins,
     }
@@ -108,9 +109,9 @@ def _confusion_text(confused: IntArray) -> str:
     return "; ".join(" ".join(map(str, row)) for row in shown.tolist())
 
 
-def accuracy_of(found: IntArray, test: Recordings) -> float:
+def accuracy_of(confused: IntArray, test: Recordings) -> float:
     """Return the share of recordings that a confusion matrix has as predicted correctly."""
-    return int(np.trace(found)) / len(test)
+    return int(np.trace(confused)) / len(test)
 
 
 def carried_rows(labels: IntArray | None, available: int, wanted: int) -> IntArray:
@@ -153,22 +154,21 @@ def export_checkpoint(
     """Measure ``test`` once, write the checkpoint to ``path``, and return what was measured.
 
     ``start`` is the checkpoint that the run began with; ``chosen``: what was chosen from the data. The file gets
-    ``carried`` recordings for checks, spread over
-    the classes, from the test part or, without one, from the train part.
+    ``carried`` recordings for checks, spread over the classes, from the test part or, without one, from the train part.
     """
     network = result.network
     weights: dict[str, AnyArray] = {
         **(network.weights() if network.chip is None else network.mantissas())
     }
     # In float64, like the compiler's reference; the network stays in float64.
-    found = None if test is None else confusion(network.double(), test)
-    comparison = compare_with_counting(result, config, recordings, test, found)
+    confused = None if test is None else confusion(network.double(), test)
+    comparison = compare_with_counting(result, config, recordings, test, confused)
     pool = recordings if test is None else test
     kept = pool.subset(carried_rows(pool.labels, len(pool), carried)) if carried > 0 else None
-    training = training_entry(result, config, recordings, test, found, comparison)
+    training = training_entry(result, config, recordings, test, confused, comparison)
     if chosen is not None and chosen.reasons:
         training |= {"chosen": chosen.text}
     if start is not None:
         training |= {"start": start.description.name, "start_sha256": start.sha256}
     Checkpoint(network.description, weights, kept, training, chip=network.chip).save(path)
-    return Measured(found, comparison)
+    return Measured(confused, comparison)
