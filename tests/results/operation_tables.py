@@ -10,7 +10,8 @@ import numpy as np
 from result_rows import DATASETS, ROWS, Dataset, Row
 from tables import Found, Table, of_seeds, spread
 
-from locsnn_compile.baselines.operations import ann_operations
+from locsnn_compile.baselines.operations import ann_counts, ann_operations
+from locsnn_compile.data.sensor import neutouch
 
 BRANCH_NAMES = {"time": "SNN_TSRM", "location": "SNN_LSRM"}
 PUBLISHED_OPERATIONS = {
@@ -20,6 +21,12 @@ PUBLISHED_OPERATIONS = {
 }
 PUBLISHED_CASES = {"objects": (325, 36), "containers": (325, 20), "slip": (150, 2)}
 PRINTED_RATIOS = ("9.80-14.30", "13.90-19.78", "77.78-121.78")
+
+STEPS = {"objects": 250, "containers": 325, "slip": 150}
+"""Time steps of one fingertip's recordings."""
+HYBRID = "Hybrid, lambda 1, loop"
+HYBRID_PARTS = ("SNN_TSRM", "SNN_LSRM", "events transposed")
+"""The parts of a hybrid's operations, all of them additions, as ``operations.csv`` names them."""
 
 
 def ann_table() -> Table:
@@ -44,6 +51,36 @@ def ann_table() -> Table:
     for name in PUBLISHED_CASES:
         head += [f"{name.title()}, 10^6, published", "ours, exactly"]
     return head, rows
+
+
+def costs(operations: Table) -> Table:
+    """Multiplications and additions apart, and the shares of the hybrid's parts, for the input of one fingertip.
+
+    ``operations`` has the additions of the hybrid, part by part. A data set without them is left out.
+    """
+    means = {row[0]: row[1] for row in operations[1]}
+    rows = []
+    for dataset in DATASETS.values():
+        title = f"{HYBRID}, {dataset.title}"
+        together = means.get(f"{title}: together")
+        if together is None:
+            continue
+        for name, label in (("gru-mlp", "GRU-MLP"), ("cnn-3d", "CNN-3D")):
+            counts = ann_counts(
+                name,
+                sensor=neutouch(1),
+                steps=STEPS[dataset.name],
+                classes=dataset.published_classes,
+            )
+            numbers = [f"{counts.multiplications:,}", f"{counts.additions:,}"]
+            rows.append([f"{label}, {dataset.title}", *numbers, "", "", ""])
+        shares = [_number(means[f"{title}: {part}"]) / _number(together) for part in HYBRID_PARTS]
+        rows.append([title, "0", together, *(f"{100 * share:.0f} %" for share in shares)])
+    return ["network, one fingertip", "multiplications", "additions", *HYBRID_PARTS], rows
+
+
+def _number(cell: str) -> float:
+    return float(cell.replace(",", ""))
 
 
 def corrected_ratios() -> list[str]:

@@ -20,6 +20,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from operation_tables import HYBRID, HYBRID_PARTS, STEPS
 from result_pictures import INK, STYLE, _save
 from result_rows import DATASETS, Dataset
 from tables import Table, kept, write_table
@@ -32,8 +33,6 @@ from locsnn_compile.data.sensor import TAXEL_COORDINATES_MM, neutouch
 ROOT = Path(__file__).parents[2]
 BLUE, ORANGE, GREEN, VIOLET = "#2f81c7", "#d98324", "#3f9c5a", "#8a4fbf"
 ORDERS = ("loop", "arch", "whorl")
-STEPS = {"objects": 250, "containers": 325, "slip": 150}
-"""Time steps of one fingertip's recordings."""
 CONTAINERS, LEVELS = 4, 5
 """Classes of Containers are level + LEVELS * container."""
 
@@ -54,9 +53,7 @@ def orders() -> Figure:
     return figure
 
 
-HYBRID = "Hybrid, lambda 1, loop"
-PARTS = (("SNN_TSRM", ORANGE), ("SNN_LSRM", GREEN), ("events transposed", VIOLET))
-"""The parts of a hybrid's operations, all of them additions, as ``operations.csv`` names them."""
+PARTS = tuple(zip(HYBRID_PARTS, (ORANGE, GREEN, VIOLET), strict=True))
 
 
 def operations(tables: Path) -> Figure | None:

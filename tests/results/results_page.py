@@ -8,7 +8,15 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from operation_tables import ann_table, chip_counts, chip_ratios, named, operations, ratios
+from operation_tables import (
+    ann_table,
+    chip_counts,
+    chip_ratios,
+    costs,
+    named,
+    operations,
+    ratios,
+)
 from result_rows import DATASETS, ROWS, SEEDS, command
 from tables import (
     NOT_RUN,
@@ -210,6 +218,7 @@ def pages(tables: Mapping[str, Table]) -> dict[str, str]:
     short = {"hybrid": "Hybrid, lambda 1, loop", "window": "Window-SNN"}
     values = {
         "accuracy": markdown(_on_page(tables["accuracy"])),
+        "costs": markdown(costs(tables["operations"])),
         "ratios": markdown(named(tables["ratios"])),
         "chip_ratios": markdown(named(tables["chip-ratios"])),
         "ann_table": markdown(ann_table()),

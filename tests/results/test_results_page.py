@@ -88,6 +88,16 @@ def test_operations_by_branch_with_the_transposition(work: Path) -> None:
     ]  # fmt: skip
 
 
+def test_multiplications_and_additions_stand_apart(work: Path) -> None:
+    """CNN-3D has no operation but multiplications followed by additions, half of 4,070,400 each."""
+    from operation_tables import costs, operations
+    from results_page import read
+
+    _, cnn_3d, hybrid = costs(operations(read(work)))[1]
+    assert cnn_3d == ["CNN-3D, Containers", "2,035,200", "2,035,200", "", "", ""]
+    assert hybrid == ["Hybrid, lambda 1, loop, Containers", "0", "320", "62 %", "31 %", "6 %"]
+
+
 def test_ratios_of_what_the_chip_does(work: Path) -> None:
     from operation_tables import chip_ratios
     from results_page import read
