@@ -24,13 +24,12 @@ from locsnn_compile.data.read import read_recordings, recording_parts
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.emitters import Build, ShownRecording, emitted_files
-from locsnn_compile.errors import InputError, check_known, check_range, counted, listed
+from locsnn_compile.errors import InputError, counted, listed
 from locsnn_compile.frontends import load
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.network.check import check_network
 from locsnn_compile.network.committee import committee
 from locsnn_compile.network.network import Network
-from locsnn_compile.passes.quantize import weight_bits_of
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.reference.evaluate import calibrate, score_spread
 from locsnn_compile.report.compose import compose
@@ -41,15 +40,22 @@ from locsnn_compile.report.grounds import grounds_of
 from locsnn_compile.report.renderers.html import render_html, render_summary
 from locsnn_compile.report.renderers.markdown import render_markdown
 from locsnn_compile.report.sections.verdict import matches
-from locsnn_compile.settings import AUTO, NATIVE, STRATEGIES, Setting
+from locsnn_compile.request import (
+    NO_BOUNDS,
+    CheckRequest,
+    CompileRequest,
+    Events,
+    PricingRequest,
+    SettingRequest,
+    setting_for,
+)
+from locsnn_compile.settings import AUTO, NATIVE, STRATEGIES
 from locsnn_compile.verification.diagnosis import Diagnosis
 from locsnn_compile.verification.diagnosis import diagnose as find_diagnosis
 from locsnn_compile.verification.error_bounds import ErrorBudget
 from locsnn_compile.verification.excerpt import Excerpt, take_excerpt
 from locsnn_compile.verification.matching import Match, Progress, compare
 from locsnn_compile.verification.over_time import PSI, over_time
-
-Events = str | Path | Recordings | ArrayLike
 
 SYNTHETIC_SAMPLES, SYNTHETIC_VALUES = 16, 10_000_000
 """How many synthetic recordings are made, and the most values in them: large recordings are fewer."""
@@ -172,59 +178,88 @@ def compile(
 
     Raises ``InputError`` for something that cannot be used, and ``TargetError`` for a model that the chip cannot hold.
     """
-    check_known(
-        f"strategy {strategy!r}", "unknown lowering strategy", strategy, (AUTO, *STRATEGIES)
-    )
     chip = target if isinstance(target, hw.Chip) else hw.chip(target)
-    chip = chip if profile is None else hw.priced_by(chip, profile)
-    weight_bits = weight_bits_of(chip, weight_bits)
-    check_range(split_weights or 0.0, 0, 1, "split_weights")
+    setting = setting_for(chip, strategy, weight_bits, split_weights)
+    split_is_given = split_weights is not None
+    asked = SettingRequest(setting, split_is_given, budget or NO_BOUNDS, calibration)
+    check = CheckRequest(events, labels, psi, diagnosis, scheduler, progress)
+    whole = _one_network(network, weights, calibration)
+    return fulfil(CompileRequest(whole, chip, asked, check, PricingRequest(profile)))
+
+
+def _one_network(
+    network: Network | Checkpoint | Sequence[Network | Checkpoint],
+    weights: Sequence[float] | None,
+    calibration: Events | None,
+) -> Network:
+    """Return what is given as one network: several are joined, with their class scores added."""
     if isinstance(network, Sequence):
-        network = join(
-            [load(one) if isinstance(one, Checkpoint) else one for one in network],
-            weights,
-            calibration,
-        )
-    elif weights is not None:
+        members = [load(one) if isinstance(one, Checkpoint) else one for one in network]
+        return join(members, weights, calibration)
+    if weights is not None:
         raise InputError("weights", "they apply only to several networks", fix="Leave them out.")
-    network = load(network) if isinstance(network, Checkpoint) else network
-    check_network(network)
-    if psi is not None:
-        check_psi(psi)
-        network = replace(network, psi=psi if network.has_both_axes else None)
-    recordings = recordings_for(network, events, labels)
+    return load(network) if isinstance(network, Checkpoint) else network
+
+
+def fulfil(request: CompileRequest) -> CompiledModel:
+    """Compile a network as requested, and check it against the float reference.
+
+    Raises ``InputError`` for something that cannot be used, and ``TargetError`` for a model that
+    the chip cannot hold.
+    """
+    chip = request.pricing.priced(request.chip)
+    check = request.check
+    network = _with_psi(request.network, check.psi)
+    recordings = recordings_for(network, check.events, check.labels)
     network = network.with_step_of(recordings)
     if network.any_length:
         network = replace(network, steps=recordings.spikes.shape[1])
     # Recordings that do not fit are refused before all the work.
     network.fit(recordings.spikes[:1], recordings.source)
-    calibrated = _calibration(network, recordings, calibration)
-    if diagnosis:
+    calibration = _calibration(network, recordings, request.setting.calibration)
+    if check.diagnosis:
         compile_ahead(AHEAD_OF_SESSIONS)
-    asked = Setting(strategy, weight_bits, split_weights or 0.0)
-    with spread_over(scheduler) as spread:
-        settled = split_weights is not None
-        levels, choice = _lower(
-            network, chip, asked, calibrated, budget or ErrorBudget(), spread, settled=settled
-        )
-        match = _compare(levels, recordings, progress, spread)
-    usual, measure = next(iter(STRATEGIES)), choice.candidates[0].strategy if choice else None
-    if choice and strategy == AUTO and measure != usual and not (budget and budget.given):
-        said = f"{chip.name} cannot hold strategy {usual}, which sets the bounds of auto. Here {measure} sets them."
-        network = replace(network, assumptions=(*network.assumptions, said))
-    found, followed, excerpt = None, None, None
-    if diagnosis:
+    with spread_over(check.scheduler) as spread:
+        levels, choice = _lower(network, chip, request.setting, calibration, spread)
+        match = _compare(levels, recordings, check.progress, spread)
+    network = _with_bounds_of(choice, network, request.setting)
+    diagnosis, followed, excerpt = None, None, None
+    if check.diagnosis:
         played = network.fit(recordings.spikes, recordings.source)
-        found = find_diagnosis(levels, played, match.first_divergence)
-        followed = over_time(
-            levels, played, recordings.labels, PSI if network.psi is None else network.psi
-        )
+        diagnosis = find_diagnosis(levels, played, match.first_divergence)
+        psi = PSI if network.psi is None else network.psi
+        followed = over_time(levels, played, recordings.labels, psi)
         excerpt = take_excerpt(levels, played, match.first_divergence)
-    grounds = grounds_of(network, recordings, calibrated, chip.registers, chosen=choice is not None)
-    report = report_document(levels, match, grounds, found, followed) | {
-        "strategy_choice": choice_document(choice)
-    }
+    chosen = choice is not None
+    grounds = grounds_of(network, recordings, calibration, chip.registers, chosen=chosen)
+    report = report_document(levels, match, grounds, diagnosis, followed)
+    report |= {"strategy_choice": choice_document(choice)}
     return CompiledModel(levels, match, report, choice, excerpt)
+
+
+def _with_bounds_of(choice: Choice | None, network: Network, asked: SettingRequest) -> Network:
+    """Return the network; where an unusual strategy sets the bounds of ``auto``, it says so."""
+    if choice is None or asked.setting.strategy != AUTO or asked.budget.given:
+        return network
+    usual = next(iter(STRATEGIES))
+    first = choice.candidates[0].strategy
+    if first == usual:
+        return network
+    chip = choice.levels.program.chip
+    said = (
+        f"{chip.name} cannot hold strategy {usual}, which sets the bounds of auto. "
+        f"Here {first} sets them."
+    )
+    return replace(network, assumptions=(*network.assumptions, said))
+
+
+def _with_psi(network: Network, psi: float | None) -> Network:
+    """Return the network, checked, with the psi asked for; a network of one branch has none."""
+    check_network(network)
+    if psi is None:
+        return network
+    check_psi(psi)
+    return replace(network, psi=psi if network.has_both_axes else None)
 
 
 def join(
@@ -348,41 +383,40 @@ def calibration_recordings(
 def _lower(
     network: Network,
     chip: hw.Chip,
-    asked: Setting,
+    asked: SettingRequest,
     calibration: Recordings,
-    budget: ErrorBudget,
     spread: Spread,
-    *,
-    settled: bool,
 ) -> tuple[Levels, Choice | None]:
-    """Lower as asked, or by the setting that ``auto`` or a budget chooses; refuse a strategy that no neuron uses.
-
-    ``settled``: the share of split weights is given, and not to be chosen.
-    """
+    """Lower as asked, or by a setting that is chosen; refuse a strategy that no neuron uses."""
     choice = None
-    if asked.strategy == AUTO or budget.given:
-        choice = choose_strategy(network, chip, asked, calibration, budget, spread, settled=settled)
+    if asked.chooses:
+        choice = choose_strategy(network, chip, asked, calibration, spread)
     if choice:
         levels = choice.levels
     else:
-        fixed = replace(asked, strategy=next(iter(STRATEGIES))) if asked.strategy == AUTO else asked
-        levels = lower_or_advise(
-            network, chip, fixed, calibrate(network, calibration, chip.registers)
-        )
-    found = {population.strategy for population in levels.quantized.populations}
-    # Neurons with a reset of their own are already what ``reset`` turns others into.
-    if asked.strategy not in {AUTO, *found} and not (
-        asked.strategy == "reset" and found == {NATIVE}
-    ):
-        measured = f"its neurons are {levels.quantized.strategy}"
-        fix = "Leave the strategy out."
-        raise InputError(
-            f"strategy {asked.strategy!r}",
-            "no neuron of this model uses it",
-            measured=measured,
-            fix=fix,
-        )
+        setting = asked.setting
+        if setting.strategy == AUTO:
+            setting = replace(setting, strategy=next(iter(STRATEGIES)))
+        calibrated = calibrate(network, calibration, chip.registers)
+        levels = lower_or_advise(network, chip, setting, calibrated)
+    _check_used(asked.setting.strategy, levels)
     return levels, choice
+
+
+def _check_used(strategy: str, levels: Levels) -> None:
+    """Refuse a strategy that no neuron of the model uses."""
+    used = {population.strategy for population in levels.quantized.populations}
+    if strategy == AUTO or strategy in used:
+        return
+    # Neurons with a reset of their own are already what ``reset`` turns others into.
+    if strategy == "reset" and used == {NATIVE}:
+        return
+    raise InputError(
+        f"strategy {strategy!r}",
+        "no neuron of this model uses it",
+        measured=f"its neurons are {levels.quantized.strategy}",
+        fix="Leave the strategy out.",
+    )
 
 
 def _calibration(

@@ -20,6 +20,7 @@ from locsnn_compile.network.network import Network
 from locsnn_compile.passes.rounding.task import FINE
 from locsnn_compile.pipeline import Levels, lower
 from locsnn_compile.reference.evaluate import Calibration, calibrate
+from locsnn_compile.request import SettingRequest
 from locsnn_compile.settings import AUTO, NATIVE, STRATEGIES, USUAL, Setting
 from locsnn_compile.verification.error_bounds import ErrorBudget, Losses, default_budget
 from locsnn_compile.verification.matching import compare
@@ -58,53 +59,52 @@ class Choice(Shown):
 def choose_strategy(
     network: Network,
     chip: hw.Chip,
-    asked: Setting,
+    asked: SettingRequest,
     recordings: Recordings,
-    budget: ErrorBudget,
     spread: Spread = here,
-    *,
-    settled: bool = False,
 ) -> Choice | None:
     """Take the cheapest setting tried that keeps the budget or, if none does, the most accurate.
 
-    ``asked`` has one strategy or ``auto``, the most weight bits to try, and a share of split weights, which is used if
-    ``settled``; otherwise the least that keeps the budget is found. Settings that this chip cannot hold are skipped; if
-    it holds none, the first ``TargetError`` is raised. Returns None if there is nothing to choose: no weight is
-    rounded, or no neuron is lowered by a strategy and no budget is given.
+    The setting that is ``asked`` for has one strategy or ``auto``, the most weight bits to try, and
+    a share of split weights; unless the share is given, the least that keeps the budget is taken.
+    Settings that this chip cannot hold are skipped; if it holds none, the first ``TargetError`` is
+    raised. Returns None if there is nothing to choose: no weight is rounded, or no neuron is
+    lowered by a strategy and no budget is given.
     """
+    budget = asked.budget
     if not (network.by_strategy or (budget.given and network.has_float_weights)):
         return None
-    trial = _Trial(
-        network, chip, recordings, calibrate(network, recordings, chip.registers), spread
-    )
-    names = (
-        [name for name in STRATEGIES if asked.strategy in (AUTO, name)]
-        if network.by_strategy
-        else [NATIVE]
-    )
-    firsts = [replace(asked, strategy=name) for name in names]
+    calibration = calibrate(network, recordings, chip.registers)
+    trial = _Trial(network, chip, recordings, calibration, spread)
+    firsts = _one_of_each_strategy(network, asked.setting)
     usual = [setting for setting in firsts if setting.strategy in USUAL] or firsts
     for setting in usual:
         trial.measure(setting)
     if not trial.candidates:
         raise trial.errors[0]
     if budget.given:
-        shares = (asked.split_weights,) if settled else SHARES
+        shares = (asked.setting.split_weights,) if asked.split_is_given else SHARES
         _split_more(trial, usual, budget, shares)
         if not any(candidate.keeps(budget) for candidate in trial.candidates.values()):
-            _split_more(
-                trial, [setting for setting in firsts if setting not in usual], budget, shares
-            )
+            last_resort = [setting for setting in firsts if setting not in usual]
+            _split_more(trial, last_resort, budget, shares)
         _take_bits_away(trial, budget)
     candidates = tuple(trial.candidates.values())
     limits = budget if budget.given else default_budget(candidates[0])
     # If nothing was compared, there is no reason to take a cheaper one.
-    taken = (_cheapest(candidates, limits) if limits.given else None) or min(
-        candidates, key=lambda c: c.losses
-    )
-    return Choice(
-        taken, trial.levels[taken.setting], candidates, limits, len(recordings), recordings.source
-    )
+    taken = _cheapest(candidates, limits) if limits.given else None
+    if taken is None:
+        taken = min(candidates, key=lambda c: c.losses)
+    levels = trial.levels[taken.setting]
+    return Choice(taken, levels, candidates, limits, len(recordings), recordings.source)
+
+
+def _one_of_each_strategy(network: Network, asked: Setting) -> list[Setting]:
+    """Return the setting asked for with each strategy that it stands for."""
+    if not network.by_strategy:
+        return [replace(asked, strategy=NATIVE)]
+    names = [name for name in STRATEGIES if asked.strategy in (AUTO, name)]
+    return [replace(asked, strategy=name) for name in names]
 
 
 def _split_more(

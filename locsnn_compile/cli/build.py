@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from hw_model.description.chip import chip
+from hw_model.description.chip import Chip, chip
 from hw_model.io.build_folder import check_folder, default_folder, write_build
 from hw_model.io.files import replace_file
 from hw_model.values import picked
-from locsnn_compile.api import calibration_recordings, compile, join, recordings_for
+from locsnn_compile.api import calibration_recordings, fulfil, join, recordings_for
 from locsnn_compile.cli.options import given, recording_of
 from locsnn_compile.cli.places import check_places
 from locsnn_compile.cli.shell import EXIT_GATE, progress_bar, terminal
@@ -38,6 +38,13 @@ from locsnn_compile.network.network import Network
 from locsnn_compile.report.gates import GATES, check_gates, gates_entry, junit_file
 from locsnn_compile.report.sections.build import unmet_budget
 from locsnn_compile.report.words import sentence
+from locsnn_compile.request import (
+    CheckRequest,
+    CompileRequest,
+    PricingRequest,
+    SettingRequest,
+    setting_for,
+)
 from locsnn_compile.settings import check_matters
 from locsnn_compile.verification.error_bounds import ErrorBudget
 
@@ -58,17 +65,10 @@ def build(args: Namespace) -> int:
     recordings, calibration = _recordings(args, network)
     number = recording_of(args.recording, recordings)
     with progress_bar("checking against the trained network", show=not args.quiet) as progress:
-        compiled = compile(
-            network,
-            target,
-            events=recordings,
-            calibration=calibration,
-            progress=progress,
-            budget=ErrorBudget(args.min_agreement, args.max_spike_error, args.max_score_error),
-            **picked(
-                args, "strategy", "weight_bits", "split_weights", "psi", "profile", "scheduler"
-            ),
-        )
+        check = CheckRequest(recordings, psi=args.psi, scheduler=args.scheduler, progress=progress)
+        asked = _setting_request(args, target, calibration)
+        pricing = PricingRequest(args.profile)
+        compiled = fulfil(CompileRequest(network, target, asked, check, pricing))
     gates = check_gates(compiled.report, given(args, GATES))
     compiled = replace(compiled, report=compiled.report | {"gates": gates_entry(gates)})
     title = f"recording {number} of {recordings.source}"
@@ -101,6 +101,16 @@ def build(args: Namespace) -> int:
     if compiled.choice and unmet:
         print(unmet_budget(compiled.choice), file=sys.stderr)
     return EXIT_GATE if failed or unmet else 0
+
+
+def _setting_request(
+    args: Namespace, target: Chip, calibration: Recordings | None
+) -> SettingRequest:
+    """Return what the options ask of the setting."""
+    values = picked(args, "strategy", "weight_bits", "split_weights")
+    setting = setting_for(target, **values)
+    budget = ErrorBudget(args.min_agreement, args.max_spike_error, args.max_score_error)
+    return SettingRequest(setting, args.split_weights is not None, budget, calibration)
 
 
 def _of_an_earlier_build(folder: Path, files: Mapping[str, bytes]) -> list[str]:

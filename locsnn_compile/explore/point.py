@@ -17,12 +17,13 @@ import numpy as np
 import hw_model as hw
 from hw_model.simulation import Engine
 from hw_model.values import ByteArray, Frozen
-from locsnn_compile.api import compile
+from locsnn_compile.api import fulfil
 from locsnn_compile.cluster.spread import code_version
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import TargetError
 from locsnn_compile.frontends import load
 from locsnn_compile.network.network import Network
+from locsnn_compile.request import CheckRequest, CompileRequest, SettingRequest, check_setting
 from locsnn_compile.settings import Setting
 from locsnn_compile.verification.error_bounds import Losses
 
@@ -74,6 +75,16 @@ class Study(Frozen, eq=False):
     recordings: Recordings
     calibration: Recordings
     engines: tuple[Engine, ...] = ()
+
+    def request(self, setting: Setting) -> CompileRequest:
+        """Return what is asked of the compiler for a point; its report needs no diagnosis.
+
+        Raises ``TargetError`` for weights that are too wide for the chip.
+        """
+        check_setting(self.chip, setting)
+        asked = SettingRequest(setting, split_is_given=True, calibration=self.calibration)
+        check = CheckRequest(self.recordings, diagnosis=False)
+        return CompileRequest(self.network, self.chip, asked, check)
 
     def key(self, setting: Setting) -> str:
         """Return the name of a point: a hash of model, recordings, chip, engines, setting and code."""
@@ -177,14 +188,7 @@ def measure(study: Study, setting: Setting) -> Point:
     A setting that the chip cannot hold is also a point; an ``InputError`` is common to all settings, and is raised.
     """
     try:
-        compiled = compile(
-            study.network,
-            study.chip,
-            events=study.recordings,
-            calibration=study.calibration,
-            diagnosis=False,
-            **asdict(setting),
-        )
+        compiled = fulfil(study.request(setting))
     except TargetError as error:
         return Point(setting, None, vars(error), {}, code_version())
     played = compiled.network.fit(study.recordings.spikes, study.recordings.source)

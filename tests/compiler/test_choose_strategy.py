@@ -15,6 +15,7 @@ from locsnn_compile.errors import InputError, TargetError
 from locsnn_compile.network.neurons import Cuba
 from locsnn_compile.passes.quantize import quantize
 from locsnn_compile.report.sections.build import unmet_budget
+from locsnn_compile.request import SettingRequest
 from locsnn_compile.settings import Setting
 from locsnn_compile.verification.error_bounds import SCORE_TOLERANCE, SPIKE_TOLERANCE, ErrorBudget
 
@@ -34,7 +35,7 @@ def played(network, seed=0):
 @pytest.fixture(scope="module")
 def choose(network):
     return lambda budget, chip=CHIP: choose_strategy(
-        network, chip, Setting("auto", 8), played(network), budget
+        network, chip, SettingRequest(Setting("auto", 8), budget=budget), played(network)
     )
 
 
@@ -117,7 +118,8 @@ def test_fewer_bits_are_tried_down_to_the_fewest(network, monkeypatch):
         "keeps",
         lambda self, bounds: self.setting.weight_bits != 6 and found(self, bounds),
     )
-    choice = choose_strategy(network, CHIP, Setting("reset", 8), played(network), budget)
+    asked = SettingRequest(Setting("reset", 8), budget=budget)
+    choice = choose_strategy(network, CHIP, asked, played(network))
     assert [candidate.setting.weight_bits for candidate in choice.candidates] == [
         8,
         6,
@@ -132,9 +134,9 @@ def test_fewer_bits_are_tried_down_to_the_fewest(network, monkeypatch):
 
 def test_dendrites_are_paired_where_no_other_strategy_keeps_the_budget(network):
     def choose(bound):
-        return choose_strategy(
-            network, CHIP, Setting("auto", 2), played(network), ErrorBudget(max_spike_error=bound)
-        )
+        budget = ErrorBudget(max_spike_error=bound)
+        asked = SettingRequest(Setting("auto", 2), budget=budget)
+        return choose_strategy(network, CHIP, asked, played(network))
 
     usual = min(c.spike_error for c in choose(0.0).candidates if c.strategy != PAIRED)
     choice = choose(usual - 1e-6)
@@ -157,7 +159,8 @@ def test_a_strategy_that_the_chip_cannot_hold_is_passed_over(network):
     patient = replace(
         network, populations=tuple(replace(p, neuron=slow) for p in network.populations)
     )
-    choice = choose_strategy(patient, CHIP, Setting("auto", 8), played(patient), ErrorBudget())
+    asked = SettingRequest(Setting("auto", 8))
+    choice = choose_strategy(patient, CHIP, asked, played(patient))
     assert [candidate.strategy for candidate in choice.candidates] == ["dendrite", "reset"]
 
 

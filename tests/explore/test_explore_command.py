@@ -208,7 +208,7 @@ def test_pictures_are_whole_and_have_a_mark_for_each_point_and_panel(small, name
 
 def test_finished_points_are_not_measured_again(model, events, small, monkeypatch):
     before = lasting(small)
-    monkeypatch.setattr(point_module, "compile", None)
+    monkeypatch.setattr(point_module, "fulfil", None)
     grid = narrow("dendrite", "reset", bits=(4, 8))
     assert explore(model, "--events", events, *grid, "-o", small, "--quiet") == 0
     assert lasting(small) == before

@@ -1,0 +1,107 @@
+"""What is asked of the compiler, as one frozen value: Python, the command line and explore all make one.
+
+CompileRequest = a network, a chip, SettingRequest, CheckRequest, PricingRequest
+"""
+
+from pathlib import Path
+
+import hw_model as hw
+from hw_model.values import ArrayLike, Frozen
+from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.errors import check_known, check_range
+from locsnn_compile.network.network import Network
+from locsnn_compile.passes.quantize import weight_bits_of
+from locsnn_compile.settings import AUTO, STRATEGIES, Setting
+from locsnn_compile.verification.error_bounds import ErrorBudget
+from locsnn_compile.verification.matching import Progress
+
+Events = str | Path | Recordings | ArrayLike
+"""Recordings: a file, an archive, a folder, or an array (samples, steps, channels)."""
+NO_BOUNDS = ErrorBudget()
+
+
+class SettingRequest(Frozen, eq=False):
+    """Which setting to compile with, or which ones to choose from.
+
+    - ``setting``: as asked for; with the strategy ``auto`` or a ``budget``, it is the first of
+      several that are compared
+    - ``split_is_given``: its share of split weights is the user's, and not to be chosen
+    - ``budget``: the bounds that the chosen setting keeps
+    - ``calibration``: recordings for which weights are rounded and settings chosen; None stands for
+      those in the model, or else synthetic ones, or else those of the check
+    """
+
+    setting: Setting
+    split_is_given: bool = False
+    budget: ErrorBudget = NO_BOUNDS
+    calibration: Events | None = None
+
+    @property
+    def chooses(self) -> bool:
+        """Whether a setting is chosen, or else used as it is."""
+        return self.setting.strategy == AUTO or self.budget.given
+
+
+class CheckRequest(Frozen, eq=False):
+    """How the program is checked against the trained network.
+
+    - ``events``: what both sides play; None stands for the recordings in the model, or else
+      synthetic ones
+    - ``labels``: (samples,), of events that are an array
+    - ``psi``: of the time-weighted prediction; None for the model's own
+    - ``diagnosis``: also break the error down, follow predictions over time, and keep an excerpt
+    - ``scheduler``: the address of a Dask cluster that plays the recordings; None to play them here
+    - ``progress``: is called with how many recordings are done, and of how many
+    """
+
+    events: Events | None = None
+    labels: ArrayLike | None = None
+    psi: float | None = None
+    diagnosis: bool = True
+    scheduler: str | None = None
+    progress: Progress | None = None
+
+
+class PricingRequest(Frozen):
+    """What operations cost: a profile of the chip or a YAML file; None for the chip's first."""
+
+    profile: str | Path | None = None
+
+    def priced(self, chip: hw.Chip) -> hw.Chip:
+        """Return a chip with these costs; ``InputError`` for a profile that does not exist."""
+        return chip if self.profile is None else hw.priced_by(chip, self.profile)
+
+
+class CompileRequest(Frozen, eq=False):
+    """All that is asked of the compiler: what to compile, for which chip, and how."""
+
+    network: Network
+    chip: hw.Chip
+    setting: SettingRequest
+    check: CheckRequest
+    pricing: PricingRequest = PricingRequest()
+
+
+def setting_for(
+    chip: hw.Chip,
+    strategy: str = AUTO,
+    weight_bits: int | None = None,
+    split_weights: float | None = None,
+) -> Setting:
+    """Return a setting, checked; what is None is left to the chip's widest weights, none of them split."""
+    bits = weight_bits_of(chip, weight_bits)
+    setting = Setting(strategy, bits, split_weights or 0.0)
+    check_setting(chip, setting)
+    return setting
+
+
+def check_setting(chip: hw.Chip, setting: Setting) -> None:
+    """Refuse values that no chip has, and weights that are too wide for this one.
+
+    The first are an ``InputError``, the second a ``TargetError``.
+    """
+    strategy = setting.strategy
+    known = (AUTO, *STRATEGIES)
+    check_known(f"strategy {strategy!r}", "unknown lowering strategy", strategy, known)
+    weight_bits_of(chip, setting.weight_bits)
+    check_range(setting.split_weights, 0, 1, "split_weights")

@@ -1,0 +1,124 @@
+"""Python, the command line and explore ask the compiler for the same thing in the same form."""
+
+from dataclasses import replace
+
+import pytest
+from networks import hybrid, recordings
+
+import hw_model as hw
+import locsnn_compile as lc
+from locsnn_compile import api
+from locsnn_compile.cli import build
+from locsnn_compile.cli.compile import main
+from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.errors import InputError, TargetError
+from locsnn_compile.explore import point
+from locsnn_compile.explore.point import Study
+from locsnn_compile.request import CompileRequest, setting_for
+from locsnn_compile.settings import Setting
+
+CHIP = hw.chip("loihi-sim")
+ASKED = {"strategy": "delay-line", "weight_bits": 4, "split_weights": 0.5}
+OPTIONS = ["--strategy", "delay-line", "--weight-bits", "4", "--split-weights", "0.5"]
+
+
+class StoppedError(Exception):
+    """Raised in place of compiling, with the request."""
+
+    def __init__(self, request: CompileRequest) -> None:
+        self.request = request
+
+
+def stop(request):
+    raise StoppedError(request)
+
+
+def requested(call):
+    with pytest.raises(StoppedError) as caught:
+        call()
+    return caught.value.request
+
+
+@pytest.fixture(scope="module")
+def network():
+    return hybrid(1, steps=20, hidden=4)
+
+
+@pytest.fixture(scope="module")
+def played(network):
+    return Recordings(recordings(network, samples=2), None, None, "few")
+
+
+@pytest.fixture
+def by_python(network, played, monkeypatch):
+    monkeypatch.setattr(api, "fulfil", stop)
+    return requested(lambda: lc.compile(network, "loihi-sim", events=played, **ASKED))
+
+
+def test_python_asks_for_the_setting_that_is_given(by_python, network, played):
+    assert by_python.network is network
+    assert by_python.chip == CHIP
+    assert by_python.setting.setting == Setting("delay-line", 4, 0.5)
+    assert by_python.setting.split_is_given
+    assert not by_python.setting.chooses
+    assert by_python.check.events is played
+    assert by_python.check.diagnosis
+
+
+def test_the_command_line_asks_for_the_same_as_python(by_python, played, tmp_path, monkeypatch):
+    monkeypatch.setattr(build, "fulfil", stop)
+    monkeypatch.setattr(build, "_network", lambda args: by_python.network)
+    monkeypatch.setattr(build, "_recordings", lambda args, network: (played, None))
+    request = requested(lambda: main(["m.pt", "-o", str(tmp_path / "b"), "--quiet", *OPTIONS]))
+    for name in ("network", "chip", "pricing"):
+        assert getattr(request, name) == getattr(by_python, name)
+    assert vars(request.setting) == vars(by_python.setting)
+    assert vars(request.check) == vars(by_python.check)
+
+
+def test_explore_asks_for_the_same_as_python_without_a_diagnosis(by_python, network, played):
+    request = Study(network, "digest", CHIP, played, played).request(Setting(**ASKED))
+    assert vars(request.setting) == {**vars(by_python.setting), "calibration": played}
+    assert vars(request.check) == {**vars(by_python.check), "diagnosis": False}
+
+
+def test_what_is_left_out_is_the_widest_weights_of_the_chip_and_none_of_them_split():
+    assert setting_for(CHIP) == Setting("auto", 8, 0.0)
+    narrow = hw.chip("tiny-sim")
+    assert setting_for(narrow).weight_bits == narrow.registers.weight_bits[-1]
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        (
+            {"strategy": "dendrit"},
+            "strategy 'dendrit': unknown lowering strategy. Did you mean 'dendrite'?",
+        ),
+        (
+            {"split_weights": 2.0},
+            "split_weights: it is out of range (got 2.0 against 0..1). Correct the number.",
+        ),
+        (
+            {"weight_bits": 7},
+            "--weight-bits: no synapse format has 7 bits. Choose one of 1, 2, 3, 4, 5, 6, 8.",
+        ),
+    ],
+    ids=["strategy", "share", "bits"],
+)
+def test_values_that_no_chip_has_are_refused(asked, message):
+    with pytest.raises(InputError) as caught:
+        setting_for(CHIP, **asked)
+    assert str(caught.value) == message
+
+
+def test_weights_wider_than_the_chip_make_a_refused_point(network, played):
+    chip = replace(CHIP, registers=replace(CHIP.registers, weight_bits_max=4))
+    study = Study(network, "digest", chip, played, played)
+    refused = point.measure(study, Setting("reset", 8)).refused
+    assert isinstance(refused, TargetError)
+    assert str(refused) == (
+        "--weight-bits: weights of 8 bits are too wide (loihi-sim has weight_bits_max 4). "
+        "Ask for 4, or leave it out."
+    )
+    assert point.measure(study, Setting("reset", 4)).refused is None
