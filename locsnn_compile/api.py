@@ -230,8 +230,14 @@ def fulfil(request: CompileRequest) -> CompiledModel:
         psi = PSI if network.psi is None else network.psi
         followed = over_time(levels, played, recordings.labels, psi)
         excerpt = take_excerpt(levels, played, match.first_divergence)
-    chosen = choice is not None
-    grounds = grounds_of(network, recordings, calibration, chip.registers, chosen=chosen)
+    grounds = grounds_of(
+        network,
+        recordings,
+        calibration,
+        chip.registers,
+        chosen=choice is not None,
+        rounded=levels.quantized.populations,
+    )
     report = report_document(levels, match, grounds, diagnosis, followed)
     report |= {"strategy_choice": choice_document(choice)}
     return CompiledModel(levels, match, report, choice, excerpt)

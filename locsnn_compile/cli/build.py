@@ -129,9 +129,9 @@ def _of_an_earlier_build(folder: Path, files: Mapping[str, bytes]) -> list[str]:
 def _network(args: Namespace) -> Network:
     """Read the model, or join several, in the steps asked for; refuse options that change nothing for it."""
     options = picked(
-        args, "config", "dt", "reset", "discretisation", "kernels", "branches", "relay_delays"
+        args, "config", "dt", "reset", "discretisation", "floor", "kernels", "branches"
     )
-    options |= picked(args, "channel_order")
+    options |= picked(args, "relay_delays", "channel_order")
     networks = [load(model, **options) for model in args.model]
     if args.weights and len(networks) < 2:
         if networks[0].members:

@@ -91,6 +91,7 @@ def _explore(
         args.dt,
         args.reset,
         args.discretisation,
+        args.floor,
         args.kernels,
         args.branches,
         args.channel_order,

@@ -36,6 +36,7 @@ class ModelFile(Frozen):
     dt: float | None = None
     reset: str | None = None
     discretisation: str | None = None
+    floor: float | None = None
     kernels: str | None = None
     branches: str | None = None
     channel_order: str | None = None

@@ -19,7 +19,7 @@ _NIR, _LAVA_DL = "a NIR graph", "a lava-dl network"
 _OPTIONS = {
     _SLAYER: ("config", "kernels", "branches"),
     _CHECKPOINT: (),
-    _NIR: ("dt", "reset", "discretisation", "relay_delays"),
+    _NIR: ("dt", "reset", "discretisation", "floor", "relay_delays"),
     _LAVA_DL: ("relay_delays",),
 }
 """The options of each kind; files of the other kinds hold these values themselves."""
@@ -33,6 +33,7 @@ def load(
     *,
     reset: str | None = None,
     discretisation: str | None = None,
+    floor: float | None = None,
     kernels: str | None = None,
     branches: str | Mapping[str, Sequence[str]] | None = None,
     channel_order: str | None = None,
@@ -46,7 +47,8 @@ def load(
     - HDF5 files are told apart by their content.
     - NIR graph: ``dt`` is the length of a step in seconds (by convention 1e-4), ``reset`` what a spike does to the
       potential (``zero``, ``subtract``, ``late-zero``, ``late-subtract`` or ``none``), and ``discretisation`` is
-      ``euler``, ``hold`` or ``exact``.
+      ``euler``, ``hold`` or ``exact``. ``floor`` is the lowest potential of neurons that spike, in the unit of their
+      thresholds, like ``min_v_mem`` of sinabs.
     - slayerPytorch checkpoint of SRMALPHA neurons: ``kernels`` of the float reference are ``full``, or ``cut`` as in
       training. The chip always keeps the tails. ``branches`` names the layers that run along ``time`` and
       ``location``, as ``{"location": ["locationFc1", "locationFc2"]}``, or ``time=fc1,fc2,location=...`` in a text.
@@ -69,17 +71,17 @@ def load(
         "dt": dt,
         "reset": reset,
         "discretisation": discretisation,
+        "floor": floor,
         "kernels": kernels,
         "branches": branches,
         "relay_delays": relay_delays or None,
     }
     for name, value in given.items():
         if value is not None and name not in _OPTIONS[kind]:
-            raise InputError(
-                where,
-                f"{name} was given, but {kind} contains this itself",
-                fix=f"Leave {name} out.",
-            )
+            why = f"{kind} contains this itself"
+            if name == "floor":
+                why = f"the neurons of {kind} have none"
+            raise InputError(where, f"{name} was given, but {why}", fix=f"Leave {name} out.")
     if kind == _SLAYER:
         from locsnn_compile.frontends.slayer.branches import checked_branches, parse_branches
         from locsnn_compile.frontends.slayer.to_network import load_slayer
@@ -106,7 +108,7 @@ def load(
     elif kind == _NIR:
         from locsnn_compile.frontends.nir.to_network import load_nir
 
-        network = load_nir(path, dt, reset, discretisation, relay_delays=bool(relay_delays))
+        network = load_nir(path, dt, reset, discretisation, floor, relay_delays=bool(relay_delays))
     else:
         from locsnn_compile.frontends.lava_dl.to_network import load_lava_dl
 

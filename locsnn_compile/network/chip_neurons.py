@@ -47,6 +47,17 @@ class ChipNeuron(Neuron, Frozen, eq=False):
         return {}
 
     @property
+    def has_floor(self) -> bool:
+        """Whether it sets the lower limit of the voltage register."""
+        return self.limits != {}
+
+    @property
+    def limits(self) -> dict[str, IntArray]:
+        """The limits of v that all its compartments have, by the names of ``Compartments``."""
+        vmin: IntArray | None = getattr(self, "vmin", None)
+        return {} if vmin is None else {"vmin": vmin}
+
+    @property
     def parts(self) -> dict[str, tuple[IntArray, IntArray]]:
         """Both decays of each kind of dendrite next to a memoryless soma; inputs reach the first kind."""
         return {}
@@ -64,11 +75,13 @@ class ChipCuba(Shown, ChipNeuron):
         v(t) = rz(v(t - 1), decay_v) + u(t) + bias_mantissa * 2^bias_exponent
 
     It spikes where ``v(t) > 64 * threshold``; then v = 0, and stays so without a spike for ``refractory - 1`` steps.
+    With a ``vmin`` (n,), ``1 - 2^k``, v is clipped to it from below, and else to the end of its register.
     """
 
     bias_mantissa: IntArray
     bias_exponent: IntArray
     refractory: IntArray
+    vmin: IntArray | None = None
 
     usual: ClassVar[Mapping[str, float]] = {"bias_mantissa": 0, "bias_exponent": 0, "refractory": 1}
 
@@ -147,10 +160,12 @@ class ChipSrm(Shown, ChipNeuron):
     It spikes where ``potential(t) > 64 * threshold``; nothing is reset. Without a refractory dendrite, own spikes are
     part of ``q``. A neuron may have ``dendrites`` of both kinds, with the same decays, each with inputs of its own and
     own spikes of the refractory weight: the potential is the sum of all, and may be as many times as large.
+    A ``vmin`` is that of :class:`ChipCuba`, in every compartment.
     """
 
     refractory: Refractory
     dendrites: int = 1
+    vmin: IntArray | None = None
 
     @classmethod
     def with_taps(

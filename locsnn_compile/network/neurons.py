@@ -39,7 +39,12 @@ SMALLEST = 0.01
 """slayerPytorch ends a kernel at the first lag beyond tau whose magnitude is below this."""
 MAX_TAPS = 100_000
 MAX_NEURONS = 10_000_000
-_ARRAYS: dict[Any, Any] = {FloatArray: np.float64, IntArray: np.int64}
+_ARRAYS: dict[Any, Any] = {
+    FloatArray: np.float64,
+    FloatArray | None: np.float64,
+    IntArray: np.int64,
+    IntArray | None: np.int64,
+}
 """Annotation of a parameter that is an array -> the type of its numbers."""
 
 
@@ -47,6 +52,7 @@ Musts = Mapping[str, Must]
 FRACTION = Must(lambda v: (v >= 0) & (v <= 1), "a fraction from 0 to 1")
 TAPS = between(1, MAX_TAPS)
 FINITE = Must(np.isfinite, "a finite number")
+NOT_ABOVE_RESET = Must(lambda v: v <= 0, "0, to which a spike resets, or below")
 
 
 class Parameter(NamedTuple):
@@ -85,23 +91,22 @@ class Neuron(ABC):
         check_range(size, 1, MAX_NEURONS, "size")
         hints = get_type_hints(cls)
         kinds = {item.name: _ARRAYS.get(hints[item.name]) for item in fields(cls)}  # type: ignore[arg-type]
-        values = {**cls.usual, **given}
-        where, missing = (
-            f"{cls.__name__}.of",
-            [name for name in kinds if kinds[name] and name not in values],
-        )
+        unless_given = {item.name: None for item in fields(cls) if item.default is None}  # type: ignore[arg-type]
+        values = {**unless_given, **cls.usual, **given}
+        where = f"{cls.__name__}.of"
+        missing = [name for name in kinds if kinds[name] and name not in values]
         for name in values:
             check_known(where, f"there is no parameter {name!r}", name, kinds)
         if missing:
             raise InputError(
                 where, f"parameter {missing[0]!r} is missing", fix="Give it by its name."
             )
-        return cls(
-            **{
-                k: v if (kind := kinds[k]) is None else spread(v, size, kind)
-                for k, v in values.items()
-            }
-        )
+        parameters: dict[str, Any] = {}
+        for name, value in values.items():
+            kind = kinds[name]
+            plain = kind is None or (value is None and name in unless_given)
+            parameters[name] = value if plain else spread(value, size, kind)  # type: ignore[arg-type]
+        return cls(**parameters)
 
     def whole(self) -> "Neuron":
         """Return it with full kernels, if it has kernels."""
@@ -121,12 +126,17 @@ class Neuron(ABC):
         """Which neurons have a bias: one value for all, or (n,)."""
         return np.array(False)
 
+    @property
+    def has_floor(self) -> bool:
+        """Whether its potential stops falling at some value."""
+        return False
+
     def parameters(self, size: int) -> list[Parameter]:
         """Return its arrays, and the numbers that have rules."""
         return [
             Parameter(name, np.asarray(values), (size,), self.musts.get(name))
             for name, values in vars(self).items()
-            if name in self.musts or isinstance(values, np.ndarray)
+            if isinstance(values, np.ndarray) or (name in self.musts and values is not None)
         ]
 
 
@@ -187,6 +197,11 @@ class Leaky(Neuron, Frozen, eq=False):
         """``threshold``."""
         return self.threshold
 
+    @property
+    def has_floor(self) -> bool:
+        """Whether there is a ``floor``, which not all models can have."""
+        return getattr(self, "floor", None) is not None
+
 
 class Cuba(Shown, Leaky):
     """Leaky integrate-and-fire neurons with a current. Every parameter is an array (n,); decays are fractions lost.
@@ -197,13 +212,21 @@ class Cuba(Shown, Leaky):
     It spikes where ``v(t) > threshold``, or ``>=``, as ``rule`` says. Then v = 0, and it stays 0 without a spike for
     ``refractory - 1`` steps, while the current continues. With ``decay_u`` 1, nothing of the current is kept: plain
     leaky integrate-and-fire (TLIF, LLIF). With ``decay_v`` 0 as well, it is integrate-and-fire.
+
+    With a ``floor`` (n,), 0 or below, ``v(t)`` is the floor where it would be lower.
     """
 
     bias: FloatArray
     refractory: IntArray
     rule: Rule = ">"
+    floor: FloatArray | None = None
 
-    musts: ClassVar[Musts] = {**Leaky.musts, "bias": FINITE, "refractory": AT_LEAST_ONE}
+    musts: ClassVar[Musts] = {
+        **Leaky.musts,
+        "bias": FINITE,
+        "refractory": AT_LEAST_ONE,
+        "floor": NOT_ABOVE_RESET,
+    }
     usual: ClassVar[Mapping[str, float]] = {"decay_u": 1.0, "bias": 0.0, "refractory": 1}
 
     @property
@@ -219,12 +242,13 @@ class SoftCuba(Shown, Leaky):
         v(t) = (1 - decay_v) * v(t - 1) + i(t) - drop * (1 where it spiked at t - 1)
 
     It spikes where ``v(t) > threshold``. A reset by subtraction of the threshold, at once, is a drop of
-    ``(1 - decay_v) * threshold``. Every parameter is an array (n,).
+    ``(1 - decay_v) * threshold``. Every parameter is an array (n,). A ``floor`` is that of :class:`Cuba`.
     """
 
     drop: FloatArray
+    floor: FloatArray | None = None
 
-    musts: ClassVar[Musts] = {**Leaky.musts, "drop": NOT_NEGATIVE}
+    musts: ClassVar[Musts] = {**Leaky.musts, "drop": NOT_NEGATIVE, "floor": NOT_ABOVE_RESET}
 
 
 def alpha_recursion(tau: float, factor: float = 1.0) -> tuple[float, float]:

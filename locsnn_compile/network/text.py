@@ -58,7 +58,12 @@ def neuron_text(n: Neuron, axis: Axis) -> str:
 
 def _own_text(n: Neuron, axis: Axis) -> str:
     """Return the text of a model of this package, the piece of its name; of what is as usual, nothing is said."""
-    unusual = {"cut": n != n.whole(), "bias": n.biased.any(), "dendrites": n.dendrites != 1}
+    unusual = {
+        "cut": n != n.whole(),
+        "bias": n.biased.any(),
+        "dendrites": n.dendrites != 1,
+        "floor": n.has_floor,
+    }
     said: dict[str, Any] = {name: n if told else None for name, told in unusual.items()}
     return _LEVELS.piece(type(n).__name__, n, axis=axis, **said)
 

@@ -83,6 +83,7 @@ def _compartments(q: QuantizedPopulation, chip: Chip) -> list[Compartments]:
         "refractory": 1,
         "vmin": -last,
         "vmax": last,
+        **neuron.limits,
     }
 
     def group(name: str, decays: tuple[IntArray, IntArray], **own: Any) -> Compartments:

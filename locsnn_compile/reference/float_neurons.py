@@ -83,7 +83,10 @@ class CubaSteps:
         n = self._neuron
         self._current = (1.0 - n.decay_u) * self._current + arriving
         held = self._blocked > 0
-        potential = np.where(held, 0.0, (1.0 - n.decay_v) * self._voltage + self._current + n.bias)
+        potential = (1.0 - n.decay_v) * self._voltage + self._current + n.bias
+        if n.floor is not None:
+            potential = np.maximum(potential, n.floor)
+        potential = np.where(held, 0.0, potential)
         above = potential > n.threshold if n.rule == ">" else potential >= n.threshold
         fired: BoolArray = above & ~held
         self._voltage = np.where(fired, 0.0, potential)
@@ -106,5 +109,7 @@ class SoftCubaSteps:
         n = self._neuron
         self._current = (1.0 - n.decay_u) * self._current + arriving
         self._voltage = (1.0 - n.decay_v) * self._voltage + self._current - n.drop * self._fired
+        if n.floor is not None:
+            self._voltage = np.maximum(self._voltage, n.floor)
         self._fired = self._voltage > n.threshold
         return self._fired, self._voltage

@@ -4,6 +4,7 @@ Letters are those of ``network.chip_neurons``.
 """
 
 from collections import deque
+from dataclasses import replace
 from functools import singledispatch
 
 import numpy as np
@@ -29,8 +30,13 @@ def _on_integers(registers: Registers) -> OnIntegers:
     return OnIntegers(registers.charge_bits, registers.current_bits)
 
 
-def _unlimited(decay_u: IntArray, decay_v: IntArray, registers: Registers) -> Parameters:
-    """Return parameters without bias that never spike, and whose voltage is limited by its register alone."""
+def _unspiking(
+    decay_u: IntArray, decay_v: IntArray, registers: Registers, vmin: IntArray | None
+) -> Parameters:
+    """Return parameters without bias that never spike.
+
+    Their voltage is limited by its register, and from below by ``vmin`` if there is one.
+    """
     last = registers.voltage_max
     return Parameters(
         keep_u=loihi.keep_of(decay_u),
@@ -38,7 +44,7 @@ def _unlimited(decay_u: IntArray, decay_v: IntArray, registers: Registers) -> Pa
         bias=NOTHING,
         threshold=last,
         refractory=1,
-        vmin=-last,
+        vmin=-last if vmin is None else vmin,
         vmax=last,
     )
 
@@ -47,10 +53,15 @@ class Filter:
     """Current and voltage of compartments (batch, n) that never spike and are never reset."""
 
     def __init__(
-        self, decay_u: IntArray, decay_v: IntArray, registers: Registers, batch: int
+        self,
+        decay_u: IntArray,
+        decay_v: IntArray,
+        registers: Registers,
+        batch: int,
+        vmin: IntArray | None = None,
     ) -> None:
         self._arithmetic = _on_integers(registers)
-        self._parameters = _unlimited(decay_u, decay_v, registers)
+        self._parameters = _unspiking(decay_u, decay_v, registers, vmin)
         self._u = np.zeros((batch, len(decay_u)), dtype=np.int64)
         self.v = np.zeros((batch, len(decay_u)), dtype=np.int64)
 
@@ -86,11 +97,15 @@ class ChipSrmSteps:
         self._threshold = loihi.threshold_of(neuron.threshold)
         self._arithmetic = _on_integers(registers)
         self._last = registers.voltage_max
+        self._vmin = -self._last if neuron.vmin is None else neuron.vmin
         self._dendrites = neuron.dendrites
         decay_u = np.tile(neuron.decay_u, neuron.dendrites)
         decay_v = np.tile(neuron.decay_v, neuron.dendrites)
-        self._alpha = Filter(decay_u, decay_v, registers, batch)
-        self._pull = None if own.decay is None else Filter(own.decay, own.decay, registers, batch)
+        vmin = None if neuron.vmin is None else np.tile(neuron.vmin, neuron.dendrites)
+        self._alpha = Filter(decay_u, decay_v, registers, batch, vmin)
+        self._pull = None
+        if own.decay is not None:
+            self._pull = Filter(own.decay, own.decay, registers, batch, neuron.vmin)
         weights = loihi.charge_of(own.mantissa, own.exponent[:, None])
         self._taps = list(zip(own.delay, weights, strict=True))
         self.fired = np.zeros((batch, size), dtype=np.bool_)
@@ -112,7 +127,7 @@ class ChipSrmSteps:
         joined = alpha.reshape(len(alpha), self._dendrites, -1).sum(axis=1)
         if self._pull is not None:
             joined += self._dendrites * self._pull.step(own)
-        potential = self._arithmetic.clip(joined, -self._last, self._last)
+        potential = self._arithmetic.clip(joined, self._vmin, self._last)
         self.fired = potential > self._threshold
         return self.fired, potential
 
@@ -125,8 +140,8 @@ def own_spike_response(neuron: ChipNeuron, registers: Registers, steps: int) -> 
 
 @own_spike_response.register
 def _at_rest(neuron: ChipSrm, registers: Registers, steps: int) -> IntArray:
-    """Return what it adds to neurons at rest."""
-    state = ChipSrmSteps(neuron, 1, len(neuron.threshold), registers)
+    """Return what it adds to neurons at rest, as if they had no floor."""
+    state = ChipSrmSteps(replace(neuron, vmin=None), 1, len(neuron.threshold), registers)
     state.fired[:] = True
     silence = np.zeros((1, neuron.dendrites * len(neuron.threshold)), dtype=np.int64)
     return np.concatenate([state.step(silence)[1] for _ in range(steps)])
@@ -148,7 +163,8 @@ class ChipCubaSteps:
 
     def __init__(self, neuron: ChipCuba, batch: int, size: int, registers: Registers) -> None:
         self._arithmetic = _on_integers(registers)
-        self._parameters = _unlimited(neuron.decay_u, neuron.decay_v, registers)._replace(
+        unspiking = _unspiking(neuron.decay_u, neuron.decay_v, registers, neuron.vmin)
+        self._parameters = unspiking._replace(
             bias=loihi.bias_of(neuron.bias_mantissa, neuron.bias_exponent),
             threshold=loihi.threshold_of(neuron.threshold),
             refractory=neuron.refractory,

@@ -1,12 +1,13 @@
 """What a report rests on besides the model file: the length of a step, and everything that was assumed."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from hw_model.description.chip import Registers
-from hw_model.values import Frozen
+from hw_model.values import FloatArray, Frozen
 from locsnn_compile.data.recordings import Binned, Origin, Recordings, same
 from locsnn_compile.errors import counted, listed
 from locsnn_compile.network.network import Network
+from locsnn_compile.network.quantized import QuantizedPopulation
 from locsnn_compile.report.words import sentence
 
 
@@ -31,16 +32,18 @@ def grounds_of(
     registers: Registers,
     *,
     chosen: bool = False,
+    rounded: Iterable[QuantizedPopulation] = (),
 ) -> Grounds:
     """Return the grounds of a check of ``network`` on ``recordings``, its weights rounded on ``calibration``.
 
-    ``chosen``: settings were chosen on ``calibration`` as well.
+    ``chosen``: settings were chosen on ``calibration`` as well. ``rounded``: the populations in integers.
     """
     # The bins of made-up recordings say nothing about a sensor.
     of_bins = None if recordings.origin == "made up" else recordings.step_seconds
     known = network.stated_step_seconds if of_bins is None else of_bins
     rest = (
         *_of_registers(network, registers),
+        *_of_floors(rounded),
         *_of_recordings(network, recordings),
         *_of_step(network, recordings, known),
     )
@@ -63,6 +66,26 @@ def _of_registers(network: Network, registers: Registers) -> Iterator[str]:
                 bits=listed([*map(str, bits)]),
                 here=listed([*map(str, here)]),
             )
+
+
+def _of_floors(rounded: Iterable[QuantizedPopulation]) -> Iterator[str]:
+    """Say where floors of potentials are, and where the chip's registers have them."""
+    names: dict[tuple[str, str], list[str]] = {}
+    for q in rounded:
+        wanted: FloatArray | None = getattr(q.population.neuron, "floor", None)
+        held = q.neuron.limits.get("vmin")
+        if wanted is not None and held is not None:
+            pair = _numbers(wanted), _numbers(held / q.scale)
+            names.setdefault(pair, []).append(repr(q.population.name))
+    for (wanted_text, held_text), of_pair in names.items():
+        yield sentence("floor", names=listed(of_pair), wanted=wanted_text, held=held_text)
+
+
+def _numbers(values: FloatArray) -> str:
+    """Return the one number of equal ones, or the least and the largest."""
+    low = f"{values.min() + 0.0:.7g}"
+    high = f"{values.max() + 0.0:.7g}"
+    return low if low == high else f"{low} to {high}"
 
 
 def _of_recordings(network: Network, recordings: Recordings) -> Iterator[str]:

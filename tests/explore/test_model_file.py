@@ -47,7 +47,7 @@ def test_it_has_every_argument_of_load_and_the_command_every_option():
     values = dict.fromkeys(arguments[1:], "1") | {"channel_order": "pyx", "relay_delays": True}
     typed = ModelFile("m.pt", **values).arguments()
     read = vars(parser().parse_args(["explore", *typed]))
-    assert {name: read[name] for name in arguments[1:]} == values | {"dt": 1.0}
+    assert {name: read[name] for name in arguments[1:]} == values | {"dt": 1.0, "floor": 1.0}
 
 
 def test_the_command_passes_kernels_on(model, tmp_path, capsys):

@@ -156,6 +156,7 @@ NIR_CELLS = [
     works("NIR", "--reset none", neurons(cuba(RNG, 12)), dt=DT, reset="none"),
     works("NIR", "--discretisation hold", neurons(lif(RNG, 12)), dt=DT, discretisation="hold"),
     works("NIR", "--discretisation exact", neurons(cuba(RNG, 12)), dt=DT, discretisation="exact"),
+    works("NIR", "--floor -0.5", neurons(lif(np.random.default_rng(6), 12)), dt=DT, floor=-0.5),
     loses("NIR", "time", neurons(lif(RNG, 12)), "it becomes steps: a spike is on the grid of `--dt`", lambda n: n.origin.metadata["dt"] == DT, dt=DT),
     refused("NIR", "I", neurons(nir.I(r=np.ones(12))), ", node 'n': an integrator without leak or threshold overflows every register. Use an LI with a long tau, or an IF.", dt=DT),
     refused("NIR", "LI before other nodes", neurons(LI, linear(RNG, 5, 12), lif(RNG, 5)), ", node 'after0': it takes the potential of 'n', and the chip sends spikes only. End the graph at that node, or make it a LIF.", dt=DT),

@@ -10,6 +10,11 @@ def exchange_file(kind: str, quantized: QuantizedNetwork) -> bytes:
     Raises ``InputError`` for a model that the format cannot hold.
     """
     network = quantized.network
+    for population in network.populations:
+        if population.neuron.has_floor:
+            where = f"--emit {kind}, population {population.name!r}"
+            what = "the format cannot hold a floor of the potential"
+            raise InputError(where, what, fix="Emit another kind.")
     if network.members or any(view.align_events for view in network.views):
         what = "a committee" if network.members else "a start at the first touch"
         raise InputError(f"--emit {kind}", f"the format cannot hold {what}", fix="Emit without it.")

@@ -27,9 +27,13 @@ decay (``late-subtract``). A membrane without synaptic current then becomes the 
 and a synapse from each neuron to itself takes the threshold; a membrane with a current becomes a :class:`SoftCuba`.
 ``late-zero`` holds the potential at the reset value for the step after a spike. Without a reset (``none``)
 neurons are made like those with a reset by subtraction, of which nothing is taken.
+
+With a floor, the potential of neurons that have a memory and spike is the floor at the end of every step in which it
+would be lower, as with ``min_v_mem`` of sinabs. A current has no floor, so a membrane from which a spike subtracts is
+then a :class:`SoftCuba` even without a synaptic current.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Literal
 
 import numpy as np
@@ -51,6 +55,8 @@ DT_SECONDS = 1e-4
 """The conventional step: NIR files do not contain one."""
 _IN_SECONDS = ("IF", "LIF", "CubaLIF", "LI", "CubaLI", "Delay")
 _WITH_TAU, _WITH_RESET = ("LIF", "CubaLIF", "LI", "CubaLI"), ("IF", "LIF", "CubaLIF")
+WITH_FLOOR = _WITH_RESET
+"""The nodes whose neurons get a floor: those of the others do not spike, or have no memory."""
 _ASSUMED = (
     (
         _IN_SECONDS,
@@ -71,6 +77,18 @@ class Stepping(Frozen, eq=False):
     constant: FloatArray
 
 
+class Reading(Frozen):
+    """How a graph is read: the seconds of a step, and what its file does not say.
+
+    ``floor`` is the lowest potential, in the unit of ``v_threshold``; None: there is no floor.
+    """
+
+    dt: float
+    discretisation: Discretisation
+    reset: Reset
+    floor: float | None = None
+
+
 class Stated(Frozen, eq=False):
     """Neurons, and the signal that drives them, in units of their potential.
 
@@ -85,31 +103,27 @@ class Stated(Frozen, eq=False):
     driven: FloatArray | float = 0.0
 
 
-def neurons_of(
-    node: NirNode,
-    signal: Signal,
-    size: int,
-    dt: float,
-    how: Discretisation,
-    reset: Reset,
-    where: str,
-) -> Stated:
+def neurons_of(node: NirNode, signal: Signal, size: int, reading: Reading, where: str) -> Stated:
     """Return the neurons of a node."""
     values = {name: node.each(name, size, "neuron", where) for name in node.parameters}
-    stepping = _STEPPING[node.kind](values, dt, how, where)
-    floor = values.get("v_reset", np.zeros(size))
-    leak = values.get("v_leak", floor)
+    stepping = _STEPPING[node.kind](values, reading.dt, reading.discretisation, where)
+    reset_to = values.get("v_reset", np.zeros(size))
+    leak = values.get("v_leak", reset_to)
     # A current that receives decay_u of this in every step settles at the value of the constant.
     scaled = signal.scaled(stepping.spike, stepping.constant * stepping.decay_u)
     if node.kind in READOUTS:
         return _read_out(scaled, stepping, leak, where)
-    reset, limit = (
-        ("zero", values["threshold"])
-        if node.kind == "Threshold"
-        else (reset, values["v_threshold"])
-    )
+    reset = reading.reset
+    lowest = None
+    if node.kind == "Threshold":
+        reset = "zero"
+        limit = values["threshold"]
+    else:
+        limit = values["v_threshold"]
+        lowest = _floor_above(reading.floor, {"v_reset": reset_to, "v_leak": leak}, where)
     soft = reset in ("subtract", "late-subtract", "none")
-    zero = leak if soft else floor
+    zero = leak if soft else reset_to
+    floor = None if lowest is None else lowest - zero
     _check_threshold(limit, zero, "v_leak, where it starts" if soft else "the reset", where)
     rest, nothing = leak - zero, np.zeros(size)
     driven = np.where(leak < limit, 0.0, rest)
@@ -117,15 +131,30 @@ def neurons_of(
     if not soft:
         scaled = scaled.plus(stepping.decay_u * stepping.decay_v * driven)
         blocked, decays = 2 if reset == "late-zero" else 1, picked(stepping, "decay_u", "decay_v")
-        made = Cuba.of(size, **decays, threshold=limit - zero, bias=bias, refractory=blocked)
+        made = Cuba.of(
+            size, **decays, threshold=limit - zero, bias=bias, refractory=blocked, floor=floor
+        )
         return Stated(made, scaled, nothing, rest - driven, driven)
-    drop = _drop(reset, limit - floor, stepping.decay_v)
-    if (stepping.decay_u == 1).all():
+    drop = _drop(reset, limit - reset_to, stepping.decay_v)
+    if floor is None and (stepping.decay_u == 1).all():
         held = Cuba.of(size, decay_u=stepping.decay_v, decay_v=1.0, threshold=limit - zero)
         return Stated(held, scaled, drop, nothing)
-    return Stated(
-        SoftCuba(stepping.decay_u, stepping.decay_v, limit - zero, drop), scaled, nothing, nothing
-    )
+    soft_neurons = SoftCuba(stepping.decay_u, stepping.decay_v, limit - zero, drop, floor)
+    return Stated(soft_neurons, scaled, nothing, nothing)
+
+
+def _floor_above(
+    floor: float | None, starts: Mapping[str, FloatArray], where: str
+) -> FloatArray | None:
+    """Return the floor of every neuron (n,); refuse one above a value from which potentials start."""
+    if floor is None:
+        return None
+    for name, values in starts.items():
+        if floor > values.min():
+            measured = f"{floor:g} against {values.min():g}"
+            fix = f"Give a --floor of {values.min():g} or below."
+            raise InputError(where, f"the floor is above {name}", measured=measured, fix=fix)
+    return np.full(len(starts["v_reset"]), floor)
 
 
 def _drop(reset: Reset, height: FloatArray, decay_v: FloatArray) -> FloatArray:

@@ -4,6 +4,7 @@ As on the chip, a spike takes one step from one population to the next. In frame
 step t behind k populations comes at step t + k here, where k is the longest path (:mod:`.paths`).
 """
 
+import math
 from collections import deque
 from pathlib import Path
 from typing import Any, get_args
@@ -26,7 +27,9 @@ from locsnn_compile.frontends.nir.flat import (
 from locsnn_compile.frontends.nir.graph import NirGraph, NirNode, read_nir
 from locsnn_compile.frontends.nir.neurons import (
     DT_SECONDS,
+    WITH_FLOOR,
     Discretisation,
+    Reading,
     Reset,
     Stated,
     integration_assumptions,
@@ -54,6 +57,7 @@ def load_nir(
     dt: float | None = None,
     reset: str | None = None,
     discretisation: str | None = None,
+    floor: float | None = None,
     *,
     relay_delays: bool = False,
 ) -> Network:
@@ -64,7 +68,11 @@ def load_nir(
     after: Reset = _one_of(reset or "zero", Reset, "reset")
     known_dt = _dt_seconds(dt, graph)
     seconds = known_dt or DT_SECONDS
+    reading = Reading(seconds, how, after, _checked_floor(floor))
     flat = flatten_graph(graph, where)
+    if floor is not None and not flat.named(*WITH_FLOOR):
+        what = "no neuron of this graph has a potential that a floor would hold"
+        raise InputError(f"{where}, --floor", what, fix="Leave it out.")
     view = _input(flat, where)
     signals = _signals(flat, view, seconds, where)
     parts, order = Parts([view]), _in_order(flat)
@@ -77,7 +85,7 @@ def load_nir(
         given = arriving[found].aligned(
             {t.source: paths.late(t.source, found) for t in arriving[found].terms}
         )
-        stated = neurons_of(flat.nodes[found], given, size, seconds, how, after, place)
+        stated = neurons_of(flat.nodes[found], given, size, reading, place)
         parts.populations.append(Population(found, "time", size, stated.neuron))
         parts.projections += _onto(found, stated, paths.depths[found]).projections(found)
     sources = {projection.source for projection in parts.projections}
@@ -171,6 +179,13 @@ def _one_of(name: str, kind: Any, what: str) -> Any:
 def _dt_seconds(dt: float | None, graph: NirGraph) -> float | None:
     """Return the step of the constants that is given, or the one in a file that we wrote; None without either."""
     return _number(graph, "dt") if dt is None else _checked_seconds(dt, "dt")
+
+
+def _checked_floor(floor: float | None) -> float | None:
+    if floor is not None and not math.isfinite(floor):
+        what = "the floor must be a finite number"
+        raise InputError("floor", what, measured=f"{floor}", fix="Give the lowest potential.")
+    return floor
 
 
 def _number(graph: NirGraph, name: str) -> float | None:

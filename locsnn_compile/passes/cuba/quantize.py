@@ -18,7 +18,9 @@ from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm, Refractory, i
 from locsnn_compile.network.neurons import Cuba, SoftCuba
 from locsnn_compile.network.projections import Projection, row_sums
 from locsnn_compile.passes.kernels import rounded_decays
+from locsnn_compile.passes.rounding.floor import floor_scale
 from locsnn_compile.passes.rounding.task import (
+    WHOLE,
     Scaled,
     Task,
     checked_scale,
@@ -35,7 +37,7 @@ def quantize_cuba(neuron: Cuba, task: Task) -> Scaled:
     ``>=``. The comparison is then exact for every neuron, and a core needs one threshold profile for all. T is limited
     so that no register wraps, unless weights would lose bits by that. If potentials are bounded by the threshold, as
     those of readouts, the voltage register only has to hold one threshold, and the limit holds whatever it costs in
-    bits.
+    bits. A floor lowers T to a value with which it lies at ``1 - 2^k``, or nearly so.
     """
     chip, grid, where = task.chip, task.grid, task.where
     size = len(neuron.threshold)
@@ -65,12 +67,27 @@ def quantize_cuba(neuron: Cuba, task: Task) -> Scaled:
             "largest bias", measured, "Train with smaller biases, or a higher threshold."
         )
     cap = int(min(bias_max / strongest / 64 - 1, mantissa_max)) if strongest else mantissa_max
-    exponent, threshold = checked_scale(task, heaviest, cap, over, bounded=bounded)
+    exponent, mantissa = checked_scale(task, heaviest, cap, over, bounded=bounded)
+    threshold = integers(mantissa, size)
+    vmin = None
+    if neuron.floor is not None:
+        floors = floor_scale(task, -neuron.floor / neuron.threshold, mantissa, over)
+        threshold = floors.threshold
+        vmin = floors.vmin
+        exponent = _exponent(task, gain, threshold, neuron.threshold, over)
     scale = (64 * threshold + over) / neuron.threshold
     made = ChipCuba(
-        decay_u, decay_v, integers(threshold, size), *_bias(bias * scale, chip), neuron.refractory
+        decay_u, decay_v, threshold, *_bias(bias * scale, chip), neuron.refractory, vmin
     )
     return Scaled(made, scale, gain, exponent)
+
+
+def _exponent(
+    task: Task, gain: FloatArray, mantissas: IntArray, thresholds: FloatArray, over: int
+) -> int:
+    """Return the weight exponent for threshold mantissas (n,) that differ from the largest that fits."""
+    heaviest = float((task.largest * gain * (mantissas + over / 64) / thresholds).max())
+    return exponent_holding(heaviest / WHOLE, task.grid)
 
 
 def _stays_below(neuron: Cuba, incoming: Sequence[Projection], holding: FloatArray) -> bool:
@@ -113,7 +130,7 @@ def _bias(values: FloatArray, chip: Chip) -> tuple[IntArray, IntArray]:
 
 
 def quantize_soft(neuron: SoftCuba, task: Task) -> Scaled:
-    """Return the neurons in integers, one threshold mantissa for all."""
+    """Return the neurons in integers, one threshold mantissa for all unless floors differ in thresholds."""
     chip = task.chip
     decay_u, decay_v, gain = rounded_decays(neuron, task.where)
     heaviest = float((task.largest * gain / neuron.threshold).max())
@@ -128,9 +145,16 @@ def quantize_soft(neuron: SoftCuba, task: Task) -> Scaled:
             "drop of a spike", measured, "Train with a smaller drop, or a higher threshold."
         )
     cap = int(most / max(deepest, 1.0))
-    exponent, threshold = checked_scale(task, heaviest, cap, 0)
+    exponent, mantissa = checked_scale(task, heaviest, cap, 0)
+    threshold = integers(mantissa, len(neuron.drop))
+    vmin = None
+    if neuron.floor is not None:
+        floors = floor_scale(task, -neuron.floor / neuron.threshold, mantissa, 0)
+        threshold = floors.threshold
+        vmin = floors.vmin
+        exponent = _exponent(task, gain, threshold, neuron.threshold, 0)
     drop = np.rint(threshold * neuron.drop / neuron.threshold).astype(np.int64)
-    made = ChipSrm(decay_u, decay_v, np.full(len(drop), threshold), _taps(drop, decay_u, own))
+    made = ChipSrm(decay_u, decay_v, threshold, _taps(drop, decay_u, own), vmin=vmin)
     return Scaled(made, 64 * threshold / neuron.threshold, gain, exponent)
 
 

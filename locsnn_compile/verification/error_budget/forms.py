@@ -188,9 +188,10 @@ def _(neuron: Cuba, levels: Levels, q: QuantizedPopulation) -> tuple[Numbers, Nu
     chip = numbers.chip_group(levels.compartments.group(name))
     threshold = neuron.threshold * q.scale * (1 + (SLACK if neuron.rule == ">" else -SLACK))
     keeps = 1.0 - neuron.decay_u, 1.0 - neuron.decay_v
-    group = GroupNumbers(
-        replace(_exactly(chip, *keeps, threshold), bias=neuron.bias * q.scale), chip
+    exact = replace(
+        _exactly(chip, *keeps, threshold), bias=neuron.bias * q.scale, floor=_floor(neuron, q)
     )
+    group = GroupNumbers(exact, chip)
     synapses = numbers.exact_synapses(levels.network, name, name, q.scale)
     same = Numbers((group,), numbers.beside_chip(levels.compartments, synapses, group, name))
     return same, same
@@ -203,7 +204,8 @@ def _(neuron: SoftCuba, levels: Levels, q: QuantizedPopulation) -> tuple[Numbers
     dendrite, soma = (numbers.chip_group(graph.group(part)) for part in (f"{name}/dendrite", name))
     threshold = neuron.threshold * q.scale * (1 + SLACK)
     keep_u, keep_v = 1.0 - neuron.decay_u, 1.0 - neuron.decay_v
-    membrane = GroupNumbers(_exactly(dendrite, keep_u, keep_v, threshold), dendrite)
+    exact = replace(_exactly(dendrite, keep_u, keep_v, threshold), floor=_floor(neuron, q))
+    membrane = GroupNumbers(exact, dendrite)
     top = GroupNumbers(_exactly(soma, soma.keep_u, soma.keep_v, threshold), soma)
     drop = neuron.drop * q.scale
     synapses = numbers.exact_synapses(levels.network, name, dendrite.name, q.scale)
@@ -216,6 +218,11 @@ def _(neuron: SoftCuba, levels: Levels, q: QuantizedPopulation) -> tuple[Numbers
         ]
     same = Numbers((membrane, top), numbers.beside_chip(graph, synapses, membrane, dendrite.name))
     return same, same
+
+
+def _floor(neuron: Cuba | SoftCuba, q: QuantizedPopulation) -> FloatArray | None:
+    """Return the floors (n,) in units of the registers."""
+    return None if neuron.floor is None else neuron.floor * q.scale
 
 
 def _exactly(

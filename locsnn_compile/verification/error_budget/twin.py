@@ -26,8 +26,8 @@ class TwinGroup(Frozen, eq=False):
 
     They take the step of :mod:`hw_model.arithmetic.loihi`, but spike where v >= threshold, and ``keep_u`` and
     ``keep_v`` are shares. What a decay leaves is truncated toward zero only if ``truncates``. Only if ``limited``, q
-    and u wrap and v is clipped. With ``joined_to``, compartment i adds its v to compartment i of that group, and
-    neither spikes nor is reset.
+    and u wrap and v is clipped to ``vmin..vmax``; if not, v has no limit but a ``floor`` (size,). With ``joined_to``,
+    compartment i adds its v to compartment i of that group, and neither spikes nor is reset.
     """
 
     name: str
@@ -42,6 +42,7 @@ class TwinGroup(Frozen, eq=False):
     truncates: bool
     limited: bool
     joined_to: str | None = None
+    floor: FloatArray | None = None
 
 
 class TwinSynapses(Frozen, eq=False):
@@ -294,6 +295,13 @@ class _Block:
         limited = by_column([np.full(group.size, group.limited) for group in groups])
         truncates = by_column([np.full(group.size, group.truncates) for group in groups])
         bias = by_column([group.bias for group in groups])
+        endless = [np.full(group.size, -np.inf) for group in groups]
+        floor = by_column(
+            [
+                none if group.floor is None else group.floor
+                for group, none in zip(groups, endless, strict=True)
+            ]
+        )
         self._arithmetic = _OnFloats(truncates, limited, registers)
         self._parameters = Parameters(
             keep_u=by_column([group.keep_u for group in groups]),
@@ -302,7 +310,7 @@ class _Block:
             # A spike where v > this is one where v >= the threshold of the group.
             threshold=np.nextafter(by_column([group.threshold for group in groups]), -np.inf),
             refractory=by_column([group.refractory for group in groups]),
-            vmin=np.where(limited, by_column([group.vmin for group in groups]), -np.inf),
+            vmin=np.where(limited, by_column([group.vmin for group in groups]), floor),
             vmax=np.where(limited, by_column([group.vmax for group in groups]), np.inf),
         )
         self.charge = np.zeros((steps, batch, self.size))

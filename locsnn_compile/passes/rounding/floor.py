@@ -1,0 +1,51 @@
+"""Where the floor of a potential comes to lie on the chip, whose registers end below at ``1 - 2^k``."""
+
+import math
+
+import numpy as np
+
+from hw_model.arithmetic.fixed_point import WEIGHT_SHIFT
+from hw_model.values import FloatArray, Frozen, IntArray
+from locsnn_compile.passes.rounding.task import Task
+
+TOLERANCE = 0.01
+"""The floor may move by this share of the threshold, or of itself if it is deeper, to reach ``1 - 2^k``."""
+
+
+class FloorScale(Frozen, eq=False):
+    """Threshold mantissas that put the floors of neurons onto a lower limit of the register; both (n,)."""
+
+    threshold: IntArray
+    vmin: IntArray
+
+
+def floor_scale(task: Task, depth: FloatArray, most: int, over: int) -> FloorScale:
+    """Return the largest thresholds, at most ``most``, with which floors are nearest to one ``1 - 2^k``.
+
+    ``depth`` (n,): how far floors are below 0, in thresholds. A threshold is ``64 * mantissa + over``
+    in the register. All neurons with a floor below 0 get the same limit, since a core has one.
+    Refuses floors that would move by more than :data:`TOLERANCE`.
+    """
+    below = depth > 0
+    threshold = np.full(len(depth), most, dtype=np.int64)
+    vmin = np.zeros(len(depth), dtype=np.int64)
+    if not below.any():
+        return FloorScale(threshold, vmin)
+    unit = 1 << WEIGHT_SHIFT
+    deepest_room = (unit * most + over) * float(depth[below].min())
+    power = min(int(math.log2(1 + deepest_room)), task.chip.registers.voltage_bits)
+    lowest = (1 << power) - 1
+    if power > 0:
+        wanted = (lowest / depth[below] - over) / unit
+        threshold[below] = np.clip(np.rint(wanted), 1, most).astype(np.int64)
+    vmin[below] = -lowest
+    moved = np.abs(lowest / (unit * threshold[below] + over) - depth[below])
+    allowed = TOLERANCE * np.maximum(depth[below], 1)
+    if (moved > allowed).any():
+        worst = int(np.argmax(moved / allowed))
+        measured = (
+            f"a floor of {-depth[below][worst]:.4g} thresholds would move by {moved[worst]:.3g}"
+        )
+        fix = "Use a floor nearer to the threshold, or thresholds that differ less."
+        raise task.no_scale("floor of the potential", measured, fix)
+    return FloorScale(threshold, vmin)
