@@ -186,11 +186,15 @@ def with_steps(network: "Network", args: argparse.Namespace) -> "Network":
 
 
 def _with_made_up_steps(network: "Network", step_seconds: float) -> "Network":
-    """Return the network of a step that the user gives, which made-up recordings then have as well."""
+    """Return the network of a step that the user gives, which made-up recordings then have as well.
+
+    What was assumed in its place is assumed no more: such a sentence names the option.
+    """
     carried = network.recordings
     if carried is not None and network.usual_step_seconds is not None:
         carried = replace(carried, step_seconds=step_seconds)
-    return replace(network, usual_step_seconds=None, recordings=carried)
+    assumptions = tuple(said for said in network.assumptions if "(--step-seconds)" not in said)
+    return replace(network, usual_step_seconds=None, recordings=carried, assumptions=assumptions)
 
 
 def on_sensor(network: "Network", args: argparse.Namespace) -> "Network":

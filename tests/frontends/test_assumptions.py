@@ -1,5 +1,7 @@
 """What a file leaves open is said by the network that was read from it, and only that."""
 
+import json
+
 import nir
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from slayer_files import LOIHI, write
 import locsnn_compile as lc
 from hw_model import chip
 from locsnn_compile.backends.exchange import exchange_file
+from locsnn_compile.cli.compile import main as compile_main
 from locsnn_compile.passes.quantize import quantize
 
 GRAPHS = graphs()
@@ -142,3 +145,23 @@ TAILS = "The reference has the tails of its kernels, which slayerPytorch cuts in
 def test_what_a_slayer_checkpoint_leaves_open(named, options, more, wanted, tmp_path):
     assumptions = lc.load(*write(tmp_path, named, **more), **options).assumptions
     assert assumptions == (*wanted, TS_UNIT)
+
+
+@pytest.mark.parametrize(
+    ("options", "recorded_seconds", "unit_is_assumed"),
+    [
+        pytest.param([], 0.06, True, id="Ts 1 read as milliseconds"),
+        pytest.param(["--step-seconds", "0.02"], 1.2, False, id="bins of 20 ms"),
+    ],
+)
+def test_step_seconds_says_how_long_a_step_of_a_slayer_description_lasts(
+    options, recorded_seconds, unit_is_assumed, tmp_path
+):
+    """A recording of 60 steps."""
+    layers = {"fc1": RNG.normal(0, 0.5, (4, 78)), "fc2": RNG.normal(0, 2, (3, 4))}
+    model, config = write(tmp_path, layers, steps=60)
+    arguments = [str(model), "--config", str(config), *options, "-o", str(tmp_path / "out")]
+    assert compile_main([*arguments, "--quiet"]) == 0
+    report = json.loads((tmp_path / "out/report.json").read_text())
+    assert report["latency"]["recording_ns"] == pytest.approx(1e9 * recorded_seconds)
+    assert (TS_UNIT in report["assumptions"]) == unit_is_assumed
