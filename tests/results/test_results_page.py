@@ -143,6 +143,28 @@ def test_confusions_name_the_pairs(work: Path) -> None:
     ]
 
 
+def test_five_splits_stand_next_to_five_seeds(work: Path) -> None:
+    from results_page import accuracy, read, splits_beside_seeds
+
+    # 0.5, 0.6 and 0.7 twice: 0.62 in the mean, squared errors of 0.0280 together, a quarter of which is 0.0837 squared.
+    split_by_split = ["0.5000", "0.6000", "0.7000", "0.7000", "0.6000"]
+    splits = (
+        ["network", *(f"split {number}" for number in range(1, 6))],
+        [
+            ["Hybrid, lambda 1, loop, Containers", *split_by_split],
+            ["Hybrid, published training, Containers", *split_by_split[:4], "not run"],
+        ],
+    )
+    assert splits_beside_seeds(splits, accuracy(read(work)))[1] == [
+        [
+            "Hybrid, lambda 1, loop, Containers",
+            "0.86",
+            "0.620 ± 0.084",
+            "0.500 ± 0.354 (2 of 5 seeds)",
+        ]
+    ]
+
+
 def test_missing_rows_are_named_where_they_belong(work: Path) -> None:
     from results_page import accuracy, missing, read
 
@@ -171,16 +193,20 @@ def test_every_part_of_the_page_is_filled(work: Path) -> None:
 
     for found in (read(work), {}):
         assert not [
-            text for text in pages(write_tables(found, work / "results")).values() if "{{" in text
+            text
+            for text in pages(write_tables(found, work / "results"), None).values()
+            if "{{" in text
         ]
 
 
 def test_the_pages_are_those_of_their_tables_and_templates(tmp_path: Path) -> None:
     from results_page import pages, write_tables
+    from tables import kept
 
     docs = HERE.parents[1] / "docs/research"
     shutil.copytree(docs / "results", tmp_path / "results")
-    found = pages(write_tables({}, tmp_path / "results"))
+    splits = kept(docs / "results/splits.csv")
+    found = pages(write_tables({}, tmp_path / "results"), splits)
     assert found["results"] == (docs / "results.md").read_text(encoding="utf-8")
     assert found["operations"] == (docs / "results/operations.md").read_text(encoding="utf-8")
     assert len(found["results"].splitlines()) <= 150
@@ -203,6 +229,7 @@ def test_long_tables_are_files_next_to_the_page(work: Path) -> None:
         "data",
         "first-try",
         "learning-curve",
+        "splits",
     }
 
 
