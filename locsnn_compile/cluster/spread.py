@@ -15,7 +15,7 @@ import time
 import zlib
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from functools import cache, lru_cache, partial
@@ -115,7 +115,8 @@ def _on_workers(
     """
     # The work is sent with every part; if it were sent to workers beforehand, it would be lost with them.
     job = packed(work)
-    most = AHEAD * max(1, sum(client.nthreads().values()))
+    threads = _ask(where, client.nthreads)
+    most = AHEAD * max(1, sum(threads.values()))
     send = partial(client.submit, work_of_version, code_version(), where, job, pure=False)
     waiting = deque[Any]()
     distributed = sys.modules["distributed"]
@@ -146,26 +147,42 @@ def _result(client: Any, where: str, future: Any) -> Any:
     while True:
         with suppress(TimeoutError):
             return future.result(timeout=GLANCE_SECONDS)
-        if _within(ANSWER_SECONDS, client.nthreads):
-            seen = time.monotonic()
-        elif time.monotonic() - seen > PATIENCE_SECONDS:
+        what, fix = "it has no workers left", "Start some, and the command again."
+        try:
+            if _within(ANSWER_SECONDS, client.nthreads):
+                seen = time.monotonic()
+        except Exception:  # of many kinds: the scheduler is silent, or the connection is broken
+            what, fix = "it does not answer any more", "Start it and the command again."
+        if time.monotonic() - seen > PATIENCE_SECONDS:
             measured = f"for {PATIENCE_SECONDS} s"
-            fix = "Start some, and the command again."
-            raise InputError(where, "it has no workers left", measured=measured, fix=fix)
+            raise InputError(where, what, measured=measured, fix=fix)
 
 
-def _within(seconds: float, ask: Callable[[], Result]) -> Result | None:
-    """Return what a call gives, or None if it fails or takes too long: nothing waits for it then."""
-    answers: list[Result] = []
+def _within(seconds: float, ask: Callable[[], Result]) -> Result:
+    """Return what a call gives, or raise what it raises.
+
+    ``TimeoutError`` if it takes too long: it then goes on in a thread for which nothing waits.
+    """
+    answer = Future[Result]()
 
     def run() -> None:
-        with suppress(Exception):
-            answers.append(ask())
+        try:
+            answer.set_result(ask())
+        except BaseException as error:
+            answer.set_exception(error)
 
-    thread = threading.Thread(target=run, daemon=True)
-    thread.start()
-    thread.join(seconds)
-    return answers[0] if answers else None
+    threading.Thread(target=run, daemon=True).start()
+    return answer.result(seconds)
+
+
+def _ask(where: str, ask: Callable[[], Result]) -> Result:
+    """Return what a scheduler that has answered before says within :data:`ANSWER_SECONDS`; ``InputError`` without."""
+    try:
+        return _within(ANSWER_SECONDS, ask)
+    except OSError:  # its connections end with these, and so does waiting
+        measured, fix = f"for {ANSWER_SECONDS} s", "Start it and the command again."
+        what = "it does not answer any more"
+        raise InputError(where, what, measured=measured, fix=fix) from None
 
 
 @contextmanager
@@ -193,6 +210,17 @@ def _answers(place: tuple[str, int], *, speaks_first: bool = True) -> bool:
     return False
 
 
+def _client(distributed: Any, address: str) -> Any:
+    """Return a ``distributed.Client`` of a scheduler; ``TimeoutError`` where none speaks."""
+    # A client that finds nobody ends with a traceback, after three times as long.
+    within = address.startswith("inproc://")  # a scheduler in this process has no port
+    if not within:
+        place = distributed.comm.addressing.get_address_host_port(address)
+        if not _answers(place, speaks_first=not address.startswith("tls://")):
+            raise TimeoutError
+    return distributed.Client(address, timeout=ANSWER_SECONDS, set_as_default=False)
+
+
 @contextmanager
 def connected(address: str) -> Iterator[Any]:
     """Connect a ``distributed.Client`` to a scheduler with a worker or more, all running this code."""
@@ -200,15 +228,10 @@ def connected(address: str) -> Iterator[Any]:
     # What it would log when a scheduler is lost, in dozens of lines, is one of the errors below.
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
-    where, waited = f"--scheduler {address}", f"within {PATIENCE_SECONDS} s"
+    where = f"--scheduler {address}"
     try:
-        # A client that finds nobody ends with a traceback, after three times as long.
-        within = address.startswith("inproc://")  # a scheduler in this process has no port
-        if not within:
-            place = distributed.comm.addressing.get_address_host_port(address)
-            if not _answers(place, speaks_first=not address.startswith("tls://")):
-                raise TimeoutError
-        client = distributed.Client(address, timeout=ANSWER_SECONDS, set_as_default=False)
+        # Its own limit does not cover a service that speaks a few bytes and stops.
+        client = _within(ANSWER_SECONDS, partial(_client, distributed, address))
     except ValueError as error:
         fix = "Give one such as tcp://127.0.0.1:8786."
         raise InputError(where, f"it is not an address: {error}", fix=fix) from None
@@ -220,22 +243,41 @@ def connected(address: str) -> Iterator[Any]:
         raise InputError(
             where, "no scheduler answers", measured=f"within {ANSWER_SECONDS} s", fix=fix
         ) from None
-    with client:
-        try:
-            client.wait_for_workers(1, timeout=PATIENCE_SECONDS)
-        except TimeoutError:
-            fix = f"Start some with: dask worker {address}"
-            raise InputError(where, "it has no workers", measured=waited, fix=fix) from None
-        try:
-            codes = client.run(code_version)
-        except ImportError as error:
-            fix = "Install it there."
-            raise InputError(
-                where, "a worker has no locsnn-compile", measured=str(error), fix=fix
-            ) from None
-        for code in codes.values():
-            check_code(where, code)
+    try:
+        _wait_for_workers(client, where, address)
+        _check_workers(client, where)
         yield client
+    finally:
+        with suppress(Exception):  # nobody is there any more
+            _within(ANSWER_SECONDS, client.close)
+
+
+def _wait_for_workers(client: Any, where: str, address: str) -> None:
+    """Wait until a scheduler has a worker; ``InputError`` after :data:`PATIENCE_SECONDS` without."""
+    deadline = time.monotonic() + PATIENCE_SECONDS
+    while not _ask(where, client.nthreads):
+        if time.monotonic() > deadline:
+            measured = f"within {PATIENCE_SECONDS} s"
+            fix = f"Start some with: dask worker {address}"
+            raise InputError(where, "it has no workers", measured=measured, fix=fix)
+        time.sleep(0.1)
+
+
+def _check_workers(client: Any, where: str) -> None:
+    """Refuse workers that run other code, and those that do not say which."""
+    try:
+        codes = _within(PATIENCE_SECONDS, partial(client.run, code_version))
+    except ImportError as error:
+        fix = "Install it there."
+        raise InputError(
+            where, "a worker has no locsnn-compile", measured=str(error), fix=fix
+        ) from None
+    except OSError:
+        what, measured = "a worker does not answer", f"within {PATIENCE_SECONDS} s"
+        fix = "End it, or start it again."
+        raise InputError(where, what, measured=measured, fix=fix) from None
+    for code in codes.values():
+        check_code(where, code)
 
 
 INTERRUPTS = signal.SIGINT, signal.SIG_IGN

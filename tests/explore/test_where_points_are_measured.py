@@ -8,6 +8,7 @@ import socket
 import sys
 import threading
 import time
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 
@@ -189,6 +190,32 @@ def test_a_service_that_accepts_and_is_silent_is_no_scheduler(model, tmp_path, m
     assert capsys.readouterr() == ("", f"--scheduler {address}: {line}\n")
 
 
+@pytest.mark.parametrize("spoken", [b"\0", (1000).to_bytes(8, "little")], ids=["a byte", "a size"])
+def test_a_service_that_speaks_and_stops_is_no_scheduler(
+    spoken, model, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setattr(spread, "ANSWER_SECONDS", 1)
+    callers = []
+    with socket.create_server(("127.0.0.1", 0)) as other:
+
+        def speak():
+            with suppress(OSError):  # the test is over
+                while True:
+                    caller, _ = other.accept()
+                    callers.append(caller)
+                    caller.sendall(spoken)
+
+        threading.Thread(target=speak, daemon=True).start()
+        address = f"tcp://127.0.0.1:{other.getsockname()[1]}"
+        start = time.monotonic()
+        assert explore(model, "--scheduler", address, "-o", tmp_path / "out") == 2
+        assert time.monotonic() - start < 30
+    for caller in callers:
+        caller.close()
+    line = "no scheduler answers (within 1 s). Start one with: dask scheduler"
+    assert capsys.readouterr() == ("", f"--scheduler {address}: {line}\n")
+
+
 class Futures:
     """A client whose workers come and go: how many there are each time it is asked, the last for ever."""
 
@@ -230,6 +257,52 @@ def test_without_any_worker_left_it_ends(monkeypatch):
         spread_on(Futures([1, 0]))
     line = "it has no workers left (for 0.2 s). Start some, and the command again."
     assert str(caught.value) == f"--scheduler x: {line}"
+
+
+def never():
+    """Wait like a call to a process that was stopped."""
+    threading.Event().wait(60)
+
+
+def test_a_scheduler_that_stops_in_the_middle_ends_the_job(monkeypatch):
+    monkeypatch.setattr(spread, "ANSWER_SECONDS", 0.1)
+    monkeypatch.setattr(spread, "PATIENCE_SECONDS", 0.2)
+    stopped = Futures([1, 0])
+    asked = iter([stopped.nthreads])
+    monkeypatch.setattr(stopped, "nthreads", lambda: next(asked, never)())
+    stopped.workers[0] = 0
+    with pytest.raises(InputError) as caught:
+        spread_on(stopped)
+    line = "it does not answer any more (for 0.2 s). Start it and the command again."
+    assert str(caught.value) == f"--scheduler x: {line}"
+
+
+@pytest.mark.parametrize("ended", [never, OSError], ids=["silent", "gone"])
+def test_a_scheduler_that_stops_before_the_work_is_one_line(ended, monkeypatch):
+    def nthreads():
+        raise ended() or AssertionError
+
+    stopped = Futures([1])
+    monkeypatch.setattr(stopped, "nthreads", nthreads)
+    monkeypatch.setattr(spread, "ANSWER_SECONDS", 0.1)
+    line = "it does not answer any more (for 0.1 s). Start it and the command again."
+    for job in (spread_on, lambda client: spread._wait_for_workers(client, "--scheduler x", "x")):
+        with pytest.raises(InputError) as caught:
+            job(stopped)
+        assert str(caught.value) == f"--scheduler x: {line}"
+
+
+def test_a_worker_that_is_stopped_before_the_work_is_one_line(cluster, monkeypatch):
+    monkeypatch.setattr(spread, "PATIENCE_SECONDS", 0.5)
+    worker = workers_of(cluster)[0]
+    os.kill(worker, signal.SIGSTOP)
+    try:
+        with pytest.raises(InputError) as caught, spread_over(cluster.scheduler_address):
+            pass
+    finally:
+        os.kill(worker, signal.SIGCONT)
+    line = "a worker does not answer (within 0.5 s). End it, or start it again."
+    assert str(caught.value) == f"--scheduler {cluster.scheduler_address}: {line}"
 
 
 def test_a_worker_of_other_code_that_joins_later_is_refused():
