@@ -34,5 +34,6 @@ from .verification.excerpt import Excerpt as Excerpt
 from .verification.matching import Divergence as Divergence
 from .verification.matching import Match as Match
 from .verification.matching import PopulationMatch as PopulationMatch
+from .verification.observation import Observed as Observed
 
 __version__: str

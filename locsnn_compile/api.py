@@ -17,7 +17,7 @@ from hw_model.program.write import program_files
 from hw_model.streaming.psi import check_psi
 from hw_model.values import ArrayLike, Frozen
 from locsnn_compile.choose_strategy import Choice, choose_strategy, lower_or_advise
-from locsnn_compile.cluster.spread import Spread, here, spread_over
+from locsnn_compile.cluster.spread import Spread, spread_over
 from locsnn_compile.data.channels import frames_as_channels
 from locsnn_compile.data.joining import join_channels
 from locsnn_compile.data.read import read_recordings, recording_parts
@@ -55,6 +55,7 @@ from locsnn_compile.verification.diagnosis import diagnose as find_diagnosis
 from locsnn_compile.verification.error_bounds import ErrorBudget
 from locsnn_compile.verification.excerpt import Excerpt, take_excerpt
 from locsnn_compile.verification.matching import Match, Progress, compare
+from locsnn_compile.verification.observation import Observed
 from locsnn_compile.verification.over_time import PSI, over_time
 
 SYNTHETIC_SAMPLES, SYNTHETIC_VALUES = 16, 10_000_000
@@ -67,7 +68,8 @@ AHEAD_OF_SESSIONS = "hw_model.streaming.ahead"
 class CompiledModel(Frozen, eq=False):
     """A program, the network it came from, and the report of their comparison."""
 
-    levels: Levels
+    observed: Observed
+    """The recordings of the check, and what both sides do on them."""
     match: Match
     report: dict[str, Any]
     """The content of report.json."""
@@ -89,6 +91,11 @@ class CompiledModel(Frozen, eq=False):
         return compose(self.report, self.excerpt)
 
     @property
+    def levels(self) -> Levels:
+        """The network at every level, from float to program."""
+        return self.observed.levels
+
+    @property
     def program(self) -> hw.ChipProgram:
         """The program for the chip."""
         return self.levels.program
@@ -106,12 +113,10 @@ class CompiledModel(Frozen, eq=False):
         self,
         emit: Sequence[str] = (),
         shown: ShownRecording | None = None,
-        recordings: Recordings | None = None,
     ) -> dict[str, bytes]:
         """Return the program and its reports as bytes, by name, as ``locsnn-compile`` writes them.
 
-        ``emit`` are kinds of ``--emit``; those about one recording need the one that is ``shown``,
-        and the viewer needs ``recordings``.
+        ``emit`` are kinds of ``--emit``; those about one recording need the one that is ``shown``.
         Equal input, equal bytes.
         """
         document = json.dumps(self.report, indent=2, allow_nan=False, ensure_ascii=False)
@@ -124,7 +129,7 @@ class CompiledModel(Frozen, eq=False):
         for name, text in reports.items():
             # A name may hold characters that UTF-8 cannot; JSON can read their escapes.
             files[name] = text.encode(errors="backslashreplace")
-        return files | emitted_files(Build(self.program, self, shown, recordings), emit)
+        return files | emitted_files(Build(self.program, self, shown), emit)
 
     @checked
     def save(self, folder: str | Path) -> None:
@@ -215,21 +220,21 @@ def fulfil(request: CompileRequest) -> CompiledModel:
     if network.any_length:
         network = replace(network, steps=recordings.spikes.shape[1])
     # Recordings that do not fit are refused before all the work.
-    network.fit(recordings.spikes[:1], recordings.source)
+    fitted = network.fitted(recordings)
     calibration = _calibration(network, recordings, request.setting.calibration)
+    fitted_calibration = fitted if calibration is recordings else network.fitted(calibration)
     if check.diagnosis:
         compile_ahead(AHEAD_OF_SESSIONS)
     with spread_over(check.scheduler) as spread:
-        levels, choice = _lower(network, chip, request.setting, calibration, spread)
-        match = _compare(levels, recordings, check.progress, spread)
+        levels, choice = _lower(network, chip, request.setting, fitted_calibration, spread)
+        observed = _observed(levels, fitted)
+        match = compare(observed, progress=check.progress, spread=spread)
     network = _with_bounds_of(choice, network, request.setting)
     diagnosis, followed, excerpt = None, None, None
     if check.diagnosis:
-        played = network.fit(recordings.spikes, recordings.source)
-        diagnosis = find_diagnosis(levels, played, match.first_divergence)
-        psi = PSI if network.psi is None else network.psi
-        followed = over_time(levels, played, recordings.labels, psi)
-        excerpt = take_excerpt(levels, played, match.first_divergence)
+        diagnosis = find_diagnosis(observed, match.first_divergence)
+        followed = over_time(observed, PSI if network.psi is None else network.psi)
+        excerpt = take_excerpt(observed, match.first_divergence)
     grounds = grounds_of(
         network,
         recordings,
@@ -240,7 +245,7 @@ def fulfil(request: CompileRequest) -> CompiledModel:
     )
     report = report_document(levels, match, grounds, diagnosis, followed)
     report |= {"strategy_choice": choice_document(choice)}
-    return CompiledModel(levels, match, report, choice, excerpt)
+    return CompiledModel(observed, match, report, choice, excerpt)
 
 
 def _with_bounds_of(choice: Choice | None, network: Network, asked: SettingRequest) -> Network:
@@ -290,7 +295,7 @@ def join(
     if recordings is None:
         said = "Class scores of the networks are added as they are (--weights)."
         return replace(joined, assumptions=(*joined.assumptions, said))
-    spreads = [score_spread(network, recordings) for network in networks]
+    spreads = [score_spread(network, network.fitted(recordings)) for network in networks]
     if 0.0 in spreads:
         silent = listed(
             [network.name for network, spread in zip(networks, spreads, strict=True) if not spread]
@@ -317,9 +322,8 @@ def verify(
     ``scheduler`` is the address of a Dask cluster that plays them, with the same result.
     """
     with spread_over(scheduler) as spread:
-        return _compare(
-            compiled.levels, recordings_for(compiled.network, events, labels), progress, spread
-        )
+        observed = _observed_events(compiled, events, labels)
+        return compare(observed, progress=progress, spread=spread)
 
 
 @checked
@@ -331,10 +335,9 @@ def diagnose(
     progress: Progress | None = None,
 ) -> Diagnosis:
     """Break down the error of a compiled model on other recordings: on all of them or at most ``samples``."""
-    recordings = recordings_for(compiled.network, events, labels)
-    played = compiled.network.fit(recordings.spikes, recordings.source)
-    first = _compare(compiled.levels, recordings, None).first_divergence
-    return find_diagnosis(compiled.levels, played, first, samples=samples, progress=progress)
+    observed = _observed_events(compiled, events, labels)
+    first = compare(observed).first_divergence
+    return find_diagnosis(observed, first, samples=samples, progress=progress)
 
 
 def recordings_for(
@@ -434,15 +437,10 @@ def _calibration(
     return calibration_recordings(network, calibration)
 
 
-def _compare(
-    levels: Levels, recordings: Recordings, progress: Progress | None, spread: Spread = here
-) -> Match:
-    return compare(
-        levels.quantized,
-        levels.program,
-        recordings.spikes,
-        labels=recordings.labels,
-        source=recordings.source,
-        progress=progress,
-        spread=spread,
-    )
+def _observed_events(compiled: CompiledModel, events: Events, labels: ArrayLike | None) -> Observed:
+    recordings = recordings_for(compiled.network, events, labels)
+    return _observed(compiled.levels, compiled.network.fitted(recordings))
+
+
+def _observed(levels: Levels, fitted: Recordings) -> Observed:
+    return Observed(levels, fitted.spikes, fitted.labels, fitted.source)

@@ -9,6 +9,7 @@ import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import hw_model as hw
 from hw_model.description.counts import total
@@ -19,11 +20,12 @@ from locsnn_compile.errors import TargetError
 from locsnn_compile.network.network import Network
 from locsnn_compile.passes.rounding.task import FINE
 from locsnn_compile.pipeline import Levels, lower
-from locsnn_compile.reference.evaluate import Calibration, calibrate
+from locsnn_compile.reference.evaluate import Calibration, FloatRuns, calibrate
 from locsnn_compile.request import SettingRequest
 from locsnn_compile.settings import AUTO, NATIVE, STRATEGIES, USUAL, Setting
 from locsnn_compile.verification.error_bounds import ErrorBudget, Losses, default_budget
 from locsnn_compile.verification.matching import compare
+from locsnn_compile.verification.observation import Observed
 
 SHARES = (0.0, 0.25, 1.0)
 """Shares of weights to split, tried in turn until a budget is kept."""
@@ -74,8 +76,7 @@ def choose_strategy(
     budget = asked.budget
     if not (network.by_strategy or (budget.given and network.has_float_weights)):
         return None
-    calibration = calibrate(network, recordings, chip.registers)
-    trial = _Trial(network, chip, recordings, calibration, spread)
+    trial = _Trial(network, chip, recordings, spread)
     firsts = _one_of_each_strategy(network, asked.setting)
     usual = [setting for setting in firsts if setting.strategy in USUAL] or firsts
     for setting in usual:
@@ -138,16 +139,26 @@ def _cheapest(candidates: Sequence[Candidate], budget: ErrorBudget) -> Candidate
 
 @dataclass(eq=False)
 class _Trial:
-    """Compiles and plays settings, each once."""
+    """Compiles and plays settings, each once; recordings have the network's own steps and channels."""
 
     network: Network
     chip: hw.Chip
     recordings: Recordings
-    calibration: Calibration
     spread: Spread
     candidates: dict[Setting, Candidate] = field(default_factory=dict)
     levels: dict[Setting, Levels] = field(default_factory=dict)
     errors: list[TargetError] = field(default_factory=list)
+
+    @cached_property
+    def calibration(self) -> Calibration:
+        return calibrate(self.network, self.recordings, self.chip.registers)
+
+    @cached_property
+    def float_runs(self) -> FloatRuns | None:
+        """The float side of all candidates. Other processes and machines play it themselves."""
+        if self.spread is not here:
+            return None
+        return FloatRuns(self.network, self.recordings.spikes, self.chip.registers)
 
     def measure(self, setting: Setting) -> Candidate | None:
         """Return what a setting loses; None if the chip cannot hold it."""
@@ -158,8 +169,22 @@ class _Trial:
                 self.errors.append(error)
                 return None
             self.levels[setting] = levels
-            self.candidates[setting] = _measured(setting, levels, self.recordings, self.spread)
+            self.candidates[setting] = self._measured(setting, levels)
         return self.candidates[setting]
+
+    def _measured(self, setting: Setting, levels: Levels) -> Candidate:
+        observed = Observed(levels, self.recordings.spikes, source=self.recordings.source)
+        match = compare(observed, spread=self.spread, explain=False, float_runs=self.float_runs)
+        chip = levels.program.chip
+        total_pj = math.fsum(hw.energy_pj(total(match.counts), chip.costs).values())
+        return Candidate(
+            prediction_agreement=match.prediction_agreement,
+            spike_agreement=match.spikes.agreement,
+            score_error=match.scores.relative_error,
+            energy_pj=total_pj / match.samples if chip.profiles else None,
+            chip_time_ns=match.mean_ns,
+            setting=setting,
+        )
 
 
 def lower_as(
@@ -184,21 +209,3 @@ def lower_or_advise(
                 said = said | {"fix": f"Use strategy {name}."}
                 break
         raise TargetError(**said) from None
-
-
-def _measured(
-    setting: Setting, levels: Levels, recordings: Recordings, spread: Spread
-) -> Candidate:
-    match = compare(
-        levels.quantized,
-        levels.program,
-        recordings.spikes,
-        source=recordings.source,
-        spread=spread,
-        explain=False,
-    )
-    chip = levels.program.chip
-    energy_pj = math.fsum(hw.energy_pj(total(match.counts), chip.costs).values()) / match.samples
-    agreements = match.prediction_agreement, match.spikes.agreement
-    cost = energy_pj if chip.profiles else None, match.mean_ns
-    return Candidate(*agreements, match.scores.relative_error, *cost, setting)

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from hw_model.engine.playing import Spikes
     from locsnn_compile.api import CompiledModel
     from locsnn_compile.backends.played import Played
-    from locsnn_compile.data.recordings import Recordings
 
 LEVEL_KINDS = ("network", "quantized", "compartments", "placed", "routed", "program")
 """Levels of the compiler, from the trained network to the program."""
@@ -43,14 +42,13 @@ class ShownRecording:
 class Build:
     """All that an emitter may write about.
 
-    ``compiled`` is None for a program that was written by hand. ``shown`` and ``recordings`` are
-    None where there are none.
+    ``compiled`` is None for a program that was written by hand, and ``shown`` where no kind shows
+    a recording.
     """
 
     program: "hw.ChipProgram"
     compiled: "CompiledModel | None" = None
     shown: ShownRecording | None = None
-    recordings: "Recordings | None" = None
 
     @property
     def model(self) -> "CompiledModel":
@@ -178,14 +176,8 @@ def _viewer(build: Build) -> Files:
     from locsnn_compile.report.viewer.page import render_viewer
 
     compiled = build.model
-    recordings = build.recordings
-    if recordings is None:
-        raise InputError("emit", "it shows recordings, and none are given", fix="Give some.")
-    played = compiled.network.fit(recordings.spikes, recordings.source)
     first_divergence = compiled.match.first_divergence
-    page = render_viewer(
-        compiled.levels, compiled.report, played, recordings.labels, first_divergence
-    )
+    page = render_viewer(compiled.observed, compiled.report, first_divergence)
     return {"viewer.html": page}
 
 

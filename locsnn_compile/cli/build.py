@@ -73,7 +73,7 @@ def build(args: Namespace) -> int:
     compiled = replace(compiled, report=compiled.report | {"gates": gates_entry(gates)})
     title = f"recording {number} of {recordings.source}"
     shown = ShownRecording(recordings.spikes[number], title, args.probe)
-    files = compiled.files(args.emit, shown, recordings)
+    files = compiled.files(args.emit, shown)
     earlier = _of_an_earlier_build(folder, files)
     write_build(folder, files)
     if args.junit:

@@ -26,14 +26,13 @@ import numpy as np
 import hw_model as hw
 from locsnn_compile.cli.shell import progress_bar, say
 from locsnn_compile.cli.step_options import (
-    CHUNK,
     assumption_lines,
     chunks_for_program,
     read_for_program,
 )
 from locsnn_compile.cluster.spread import Spread, spread_over
 from locsnn_compile.data.read import recording_parts
-from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.data.recordings import Recordings, batches
 from locsnn_compile.errors import InputError, check_most
 from locsnn_compile.report.format import plural
 
@@ -137,11 +136,11 @@ def _play(
     """Yield the rows and the counts of a few recordings at a time."""
     parts = (
         (
-            found.spikes[start : start + CHUNK],
-            None if found.labels is None else found.labels[start : start + CHUNK],
+            found.spikes[rows],
+            None if found.labels is None else found.labels[rows],
         )
         for found in chunks
-        for start in range(0, len(found), CHUNK)
+        for rows in batches(len(found))
     )
     number = count()
     for rows, counts in spread(partial(_play_part, program, engine), parts):

@@ -10,17 +10,13 @@ from hw_model.values import picked
 from locsnn_compile.cli.options import given
 from locsnn_compile.data.channels import Channels, flat_channels, parse_numbering
 from locsnn_compile.data.read import read_in_chunks, read_recordings
-from locsnn_compile.data.recordings import Expected, Recordings
+from locsnn_compile.data.recordings import BATCH, Expected, Recordings
 from locsnn_compile.data.sensor import SensorLayout, asked_layout
 from locsnn_compile.errors import InputError, check_most, counted
 
 if TYPE_CHECKING:
     # For types alone: importing networks would take a third of the time of locsnn run, which plays programs.
     from locsnn_compile.network.network import Network
-
-CHUNK = 16
-"""Recordings held in memory at a time, if the file can be read in pieces."""
-
 
 FILE_OPTIONS = (
     "--start",
@@ -93,7 +89,7 @@ def read_for_program(
 def chunks_for_program(args: argparse.Namespace, program: hw.ChipProgram) -> Iterator[Recordings]:
     """Yield the recordings of ``--events`` in the same way, a few at a time if the file allows it."""
     model = _expected(args, program)
-    found = read_in_chunks(args.events, CHUNK, model=model, **asked_reading(args))
+    found = read_in_chunks(args.events, BATCH, model=model, **asked_reading(args))
     return (_fitting(program, part) for part in found)
 
 

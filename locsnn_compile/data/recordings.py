@@ -4,7 +4,7 @@ Also what a model or program expects of recordings, and the check of options and
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import field, replace
 from typing import Any, Literal
 
@@ -310,6 +310,16 @@ class Expected(Frozen):
 
 OPEN = Expected("no model")
 """Expects nothing."""
+
+
+BATCH = 16
+"""Recordings that are played together, and held at a time, so that memory does not grow with them."""
+
+
+def batches(samples: int) -> Iterator[slice]:
+    """Yield the numbers of all recordings, a batch at a time."""
+    for start in range(0, samples, BATCH):
+        yield slice(start, min(start + BATCH, samples))
 
 
 def same(a: float, b: float) -> bool:

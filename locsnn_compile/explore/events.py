@@ -18,7 +18,7 @@ from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.write import write_recordings
 from locsnn_compile.errors import InputError
 from locsnn_compile.network.network import Network
-from locsnn_compile.verification.matching import check_labels
+from locsnn_compile.verification.observation import check_labels
 
 CHOOSING = "train"
 """The part of divided recordings that settings are compared on."""

@@ -192,8 +192,7 @@ def measure(study: Study, setting: Setting) -> Point:
         compiled = fulfil(study.request(setting))
     except TargetError as error:
         return Point(setting, None, vars(error), {}, code_version())
-    played = compiled.network.fit(study.recordings.spikes, study.recordings.source)
-    timings = _timings(compiled.program, played, study.engines)
+    timings = _timings(compiled.program, compiled.observed.recordings, study.engines)
     return Point(setting, Figures.of(compiled.report), None, timings, code_version())
 
 

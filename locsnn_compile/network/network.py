@@ -278,6 +278,11 @@ class Network(Shown):
         """Classes of the readout."""
         return next(p.size for p in self.populations if p.name == self.readout.populations[0])
 
+    def fitted(self, recordings: Recordings) -> Recordings:
+        """Return recordings of its own steps, as :meth:`fit` does."""
+        spikes = self.fit(recordings.spikes, recordings.source)
+        return recordings if spikes is recordings.spikes else replace(recordings, spikes=spikes)
+
     def fit(self, recordings: ByteArray, source: str) -> ByteArray:
         """Check channels and steps: shorter recordings are padded with silence, longer ones are refused.
 

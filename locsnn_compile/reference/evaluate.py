@@ -16,7 +16,7 @@ from hw_model.description.chip import Registers
 from hw_model.mapping.circles import sources_first
 from hw_model.mapping.graph import winning
 from hw_model.values import AnyArray, BoolArray, ByteArray, FloatArray, Frozen, IntArray
-from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.data.recordings import Recordings, batches
 from locsnn_compile.errors import InputError
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm
 from locsnn_compile.network.network import Network, Population
@@ -154,17 +154,58 @@ def _evaluate_together(
 
 
 def score_spread(network: Network, recordings: Recordings) -> float:
-    """Return the mean standard deviation of class scores on recordings."""
-    return float(
-        evaluate(network, network.fit(recordings.spikes, recordings.source))
-        .scores.std(axis=1)
-        .mean()
-    )
+    """Return the mean standard deviation of class scores on recordings of its own steps and channels."""
+    scores = evaluate(network, recordings.spikes).scores
+    return float(scores.std(axis=1).mean())
 
 
 SAMPLES = 256
 """Largest number of recordings that are used, evenly spaced: with more, agreement on others hardly improves."""
-CHUNK = 16
+
+
+class FloatRuns:
+    """What a float network does on recordings: it plays each batch once, and its spikes are kept as bits.
+
+    Recordings (samples, steps, channels) have the network's own steps and channels. Where they have
+    more than :data:`REMEMBERED_BITS` spikes and silences, nothing is kept, and they are played anew.
+    """
+
+    def __init__(self, network: Network, recordings: ByteArray, registers: Registers) -> None:
+        self._network = network
+        self._recordings = recordings
+        self._registers = registers
+        self._spikes: dict[int, dict[str, ByteArray]] = {}
+        self._scores: dict[int, FloatArray] = {}
+        lines = sum(view.lines * network.steps_of(view.phase) for view in network.views)
+        neurons = sum(p.size * network.steps_of(p.phase) for p in network.populations)
+        self._remembers = len(recordings) * (lines + neurons) <= REMEMBERED_BITS
+
+    def batch(self, rows: slice) -> ReferenceResult:
+        """Return what the network does on the recordings of a batch."""
+        first = rows.start
+        if first in self._spikes:
+            return self._remembered(first)
+        result = evaluate(self._network, self._recordings[rows], registers=self._registers)
+        if self._remembers:
+            self._spikes[first] = {
+                name: np.packbits(spikes, axis=2) for name, spikes in result.spikes.items()
+            }
+            self._scores[first] = result.scores
+        return result
+
+    def _remembered(self, first: int) -> ReferenceResult:
+        network = self._network
+        width = {view.name: view.lines for view in network.views}
+        width |= {population.name: population.size for population in network.populations}
+        spikes = {
+            name: np.unpackbits(bits, axis=2, count=width[name])
+            for name, bits in self._spikes[first].items()
+        }
+        return ReferenceResult(spikes, {}, self._scores[first], network.readout.tie_class)
+
+
+REMEMBERED_BITS = 1 << 31
+"""Most spikes and silences that are kept: 256 MB."""
 
 
 class Calibration(Frozen, eq=False):
@@ -177,17 +218,20 @@ class Calibration(Frozen, eq=False):
 
 
 def calibrate(network: Network, recordings: Recordings, registers: Registers) -> Calibration:
-    """Evaluate the float network on at most :data:`SAMPLES` recordings."""
+    """Evaluate the float network on at most :data:`SAMPLES` recordings of its own steps and channels."""
     count = len(recordings.spikes)
     chosen = np.unique(np.linspace(0, count - 1, min(count, SAMPLES)).astype(np.int64))
-    played = network.fit(recordings.spikes[chosen], recordings.source)
-    parts = (played[start : start + CHUNK] for start in range(0, len(played), CHUNK))
-    chunks = [evaluate(network, part, potentials=True, registers=registers) for part in parts]
+    played = recordings.spikes[chosen]
+    results = [
+        evaluate(network, played[rows], potentials=True, registers=registers)
+        for rows in batches(len(played))
+    ]
     spikes = {
-        name: np.concatenate([chunk.spikes[name] for chunk in chunks]) for name in chunks[0].spikes
+        name: np.concatenate([result.spikes[name] for result in results])
+        for name in results[0].spikes
     }
     potential = {
-        name: np.concatenate([chunk.potential[name] for chunk in chunks])
-        for name in chunks[0].potential
+        name: np.concatenate([result.potential[name] for result in results])
+        for name in results[0].potential
     }
     return Calibration(len(played), recordings.source, spikes, potential)

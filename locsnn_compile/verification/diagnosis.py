@@ -10,14 +10,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-import hw_model as hw
 from hw_model.arithmetic.fixed_point import WEIGHT_SHIFT
 from hw_model.description.chip import Registers
 from hw_model.mapping.graph import Compartments
 from hw_model.values import (
     AnyArray,
     BoolArray,
-    ByteArray,
     FloatArray,
     Frozen,
     IntArray,
@@ -26,7 +24,6 @@ from hw_model.values import (
 )
 from locsnn_compile.network.network import Network, Population
 from locsnn_compile.pipeline import Levels
-from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.verification.error_budget import budget as stages
 from locsnn_compile.verification.error_budget.budget import (
     Cause,
@@ -35,7 +32,8 @@ from locsnn_compile.verification.error_budget.budget import (
     find_cause,
 )
 from locsnn_compile.verification.error_budget.twin import run_twin
-from locsnn_compile.verification.matching import CHUNK, Divergence, Progress
+from locsnn_compile.verification.matching import Divergence, Progress
+from locsnn_compile.verification.observation import Observation, Observed, neuron_steps
 
 NEAREST = (0.0001, 0.001, 0.01, 0.1, 0.5)
 """Shares of the neuron steps, those nearest to the threshold first, for which the distance is given."""
@@ -96,36 +94,24 @@ class Margins(Frozen, eq=False):
     registers: Mapping[str, RegisterUse]
 
 
-def margins(levels: Levels, recordings: ByteArray) -> Margins:
-    """Measure margins over recordings (samples, steps, channels) with the network's steps and channels."""
-    network, registers = levels.network, levels.program.chip.registers
+def margins(observed: Observed, numbers: tuple[int, ...]) -> Margins:
+    """Measure margins over the recordings with these numbers."""
+    levels = observed.levels
+    network = levels.network
+    registers = levels.program.chip.registers
     watched: dict[str, list[tuple[AnyArray, ...]]] = {p.name: [] for p in network.populations}
     peaks: dict[str, IntArray] = {
         group.name: np.zeros(2, dtype=np.int64) for group in levels.compartments.groups
     }
     events: dict[str, dict[str, int]] = {}
-    for start in range(0, len(recordings), CHUNK):
-        chunk = recordings[start : start + CHUNK]
-        wanted = evaluate(network, chunk, potentials=True, registers=registers)
-        for phase in stages.phases_of(levels):
-            names = tuple(p.name for p in network.populations if p.phase == phase.name)
-            lines = stages.lines_of(network, phase, chunk)
-            chip = run_twin(
-                stages.twin_with(phase, stages.STAGES),
-                lines,
-                forced=wanted.spikes,
-                potentials=names,
-            )
-            for name in names:
-                potential = chip.potential[name] / levels.quantized.population(name).scale
-                otherwise = wanted.spikes[name] != chip.spikes[name]
-                watched[name].append((wanted.potential[name], potential, otherwise))
-        found = hw.simulate(levels.program, chunk, probe=("u", "potential"))
-        events = added(events, {name: dict(counts) for name, counts in found.events.items()})
+    for seen in observed.closely(numbers):
+        for name, decisions in _decisions(levels, seen).items():
+            watched[name].append(decisions)
+        chip = seen.chip
+        events = added(events, {name: dict(counts) for name, counts in chip.events.items()})
         for name, so_far in peaks.items():
-            peaks[name] = np.maximum(
-                so_far, [np.abs(values[name]).max() for values in (found.u, found.potential)]
-            )
+            highest = [np.abs(values[name]).max() for values in (chip.u, chip.potential)]
+            peaks[name] = np.maximum(so_far, highest)
     return Margins(
         populations={
             p.name: _measured(
@@ -140,6 +126,26 @@ def margins(levels: Levels, recordings: ByteArray) -> Margins:
             for group in levels.compartments.groups
         },
     )
+
+
+def _decisions(levels: Levels, seen: Observation) -> dict[str, tuple[AnyArray, ...]]:
+    """Return, by population, both potentials and where the decision differs, (batch, steps, n).
+
+    The chip's neurons get the spikes of the float network.
+    """
+    network = levels.network
+    reference = seen.reference
+    decisions: dict[str, tuple[AnyArray, ...]] = {}
+    for phase in stages.phases_of(levels):
+        names = tuple(p.name for p in network.populations if p.phase == phase.name)
+        lines = stages.lines_of(network, phase, seen.recordings)
+        twin = stages.twin_with(phase, stages.STAGES)
+        chip = run_twin(twin, lines, forced=reference.spikes, potentials=names)
+        for name in names:
+            potential = chip.potential[name] / levels.quantized.population(name).scale
+            otherwise = reference.spikes[name] != chip.spikes[name]
+            decisions[name] = (reference.potential[name], potential, otherwise)
+    return decisions
 
 
 def _register_use(
@@ -207,8 +213,7 @@ class Diagnosis(Shown):
 
 
 def diagnose(
-    levels: Levels,
-    recordings: ByteArray,
+    observed: Observed,
     first: Divergence | None,
     *,
     samples: int | None = SAMPLE,
@@ -216,21 +221,16 @@ def diagnose(
 ) -> Diagnosis:
     """Diagnose a program on at most ``samples`` of the recordings (None: all), evenly spread.
 
-    ``recordings`` are (samples, steps, channels) with the network's steps and channels; ``first`` is where the sides
-    first diverge on them.
+    ``first`` is where the sides first diverge on them.
     """
-    network = levels.network
-    chosen = spread_sample(network, len(recordings), samples)
-    played = recordings[list(chosen)]
-    float_network = network.has_float_weights
+    numbers = spread_sample(observed.network, len(observed), samples)
+    rounds = observed.network.has_float_weights
     return Diagnosis(
-        recordings=chosen,
-        available=len(recordings),
-        budget=error_budget(levels, played, progress) if float_network else None,
-        cause=find_cause(levels, recordings[first.recording], first)
-        if first and float_network
-        else None,
-        margins=margins(levels, played),
+        recordings=numbers,
+        available=len(observed),
+        budget=error_budget(observed, numbers, progress) if rounds else None,
+        cause=find_cause(observed, first) if first and rounds else None,
+        margins=margins(observed, numbers),
     )
 
 
@@ -238,5 +238,5 @@ def spread_sample(network: Network, available: int, samples: int | None) -> tupl
     """Return the numbers of the recordings to take, evenly spread from the first to the last."""
     if samples is None:
         return tuple(range(available))
-    many = max(1, min(available, samples, NEURON_STEPS // stages.neuron_steps(network)))
+    many = max(1, min(available, samples, NEURON_STEPS // neuron_steps(network)))
     return tuple(int(i) for i in np.linspace(0, available - 1, many).round())

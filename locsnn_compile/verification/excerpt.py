@@ -5,13 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 
-import hw_model as hw
 from hw_model.mapping.graph import Axis
 from hw_model.values import BoolArray, ByteArray, FloatArray, Frozen, IntArray, Shown
 from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.pipeline import Levels
-from locsnn_compile.reference.evaluate import ReferenceResult, evaluate
 from locsnn_compile.verification.matching import Divergence
+from locsnn_compile.verification.observation import Observation, Observed
 
 STEPS = 400
 """Most steps of a phase that are kept."""
@@ -85,17 +84,13 @@ class Excerpt(Shown):
     potential: NeuronPotential
 
 
-def take_excerpt(levels: Levels, recordings: ByteArray, first: Divergence | None) -> Excerpt:
-    """Play one recording again and keep what its pictures need.
-
-    ``recordings`` are (samples, steps, channels) with the network's steps and channels; ``first`` is where the sides
-    first diverge on them.
-    """
-    network, program = levels.network, levels.program
+def take_excerpt(observed: Observed, first: Divergence | None) -> Excerpt:
+    """Keep what the pictures of one recording need; ``first`` is where the sides first diverge."""
+    network = observed.network
     recording = 0 if first is None else first.recording
-    one = recordings[recording : recording + 1]
-    wanted = evaluate(network, one, potentials=True, registers=program.chip.registers)
-    found = hw.simulate(program, one, probe=("spikes",)).spikes
+    seen = observed.recording(recording)
+    wanted = seen.reference
+    found = seen.chip.spikes
     shown = _populations(network, first)
     all_steps = {phase.name: network.steps_of(phase.name) for phase in network.phases}
     inputs = [
@@ -107,7 +102,7 @@ def take_excerpt(levels: Levels, recordings: ByteArray, first: Divergence | None
     central = (
         {}
         if first is None
-        else {levels.quantized.population(first.population).population.phase: first.step}
+        else {observed.levels.quantized.population(first.population).population.phase: first.step}
     )
     steps = {
         phase: _window(
@@ -123,7 +118,7 @@ def take_excerpt(levels: Levels, recordings: ByteArray, first: Divergence | None
         inputs=tuple(item.during(steps[item.phase]) for item in inputs),
         populations=tuple(item.during(steps[item.phase]) for item in rows),
         populations_left_out=len(network.own_populations) - len(shown),
-        potential=_potential(levels, one, wanted, found, first),
+        potential=_potential(observed.levels, seen, first),
     )
 
 
@@ -174,34 +169,27 @@ def _window(drawn: list[SpikeRows], centre: int) -> range:
         length //= 2
 
 
-def _potential(
-    levels: Levels,
-    one: ByteArray,
-    wanted: ReferenceResult,
-    found: Mapping[str, ByteArray],
-    first: Divergence | None,
-) -> NeuronPotential:
+def _potential(levels: Levels, seen: Observation, first: Divergence | None) -> NeuronPotential:
     """Keep the potential that differs first or, if none does, that of the readout neuron that spikes most."""
+    reference = seen.reference
     if first is None:
         name = levels.network.readout.populations[0]
-        neuron = int(wanted.spikes[name][0].sum(axis=0, dtype=np.int64).argmax())
-        centre = int(wanted.spikes[name][0, :, neuron].argmax())
+        neuron = int(reference.spikes[name][0].sum(axis=0, dtype=np.int64).argmax())
+        centre = int(reference.spikes[name][0, :, neuron].argmax())
     else:
         name, neuron, centre = first.population, first.neuron, first.step
     quantized = levels.quantized.population(name)
     last = levels.network.steps_of(quantized.population.phase)
     steps = range(max(0, centre - AROUND), min(centre + AROUND + 1, last))
-    here = slice(steps.start, steps.stop)
-    probe = hw.Probe("potential", (name,), steps)
-    chip = hw.simulate(levels.program, one, probe=(probe,)).potential[name][0, :, neuron]
+    window = (0, slice(steps.start, steps.stop), neuron)
     return NeuronPotential(
         population=name,
         axis=quantized.population.axis,
         neuron=neuron,
         first_step=steps.start,
-        reference=wanted.potential[name][0, here, neuron].astype(np.float64),
-        chip=chip / quantized.scale[neuron],
+        reference=reference.potential[name][window].astype(np.float64),
+        chip=seen.chip.potential[name][window] / quantized.scale[neuron],
         threshold=float(quantized.population.thresholds[neuron]),
-        reference_spikes=wanted.spikes[name][0, here, neuron].astype(bool),
-        chip_spikes=found[name][0, here, neuron].astype(bool),
+        reference_spikes=reference.spikes[name][window].astype(bool),
+        chip_spikes=seen.chip.spikes[name][window].astype(bool),
     )

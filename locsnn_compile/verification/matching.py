@@ -1,7 +1,7 @@
 """Float reference against chip, spike by spike, over a set of recordings."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -10,20 +10,20 @@ import hw_model as hw
 from hw_model.accounting.cost import Latency
 from hw_model.accounting.usage import PhaseUsage, measure, total_ns
 from hw_model.description.counts import Counts, total
-from hw_model.description.profile import Range
+from hw_model.description.profile import End, Range
 from hw_model.rtl.device import latencies as core_latencies
 from hw_model.values import ByteArray, FloatArray, Frozen, IntArray, Shown, Sums, picked
 from locsnn_compile.baselines.operations import network_additions
 from locsnn_compile.cluster.spread import Spread, here
-from locsnn_compile.errors import InputError, check_same
+from locsnn_compile.data.recordings import batches
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.quantized import QuantizedNetwork
-from locsnn_compile.reference.evaluate import evaluate
+from locsnn_compile.reference.evaluate import FloatRuns, ReferenceResult
 from locsnn_compile.verification.chance import Chance, chance_of
+from locsnn_compile.verification.observation import Observation, Observed
 
-CHUNK = 16
-"""Recordings held at a time, so memory does not grow with their number."""
-
+ENDS: tuple[End, ...] = ("least", "most")
+"""Both ends of the ranges of a profile."""
 Progress = Callable[[int, int], None]
 """Called with what is done and what there is to do: recordings, settings or rows."""
 Place = tuple[int, str, int, int]
@@ -177,52 +177,49 @@ class Match(Shown, _Figures):
 
 
 def compare(
-    quantized: QuantizedNetwork,
-    program: hw.ChipProgram,
-    recordings: ByteArray,
+    observed: Observed,
     *,
-    labels: IntArray | None = None,
-    source: str = "array",
     progress: Progress | None = None,
     spread: Spread = here,
     explain: bool = True,
+    float_runs: FloatRuns | None = None,
 ) -> Match:
-    """Play recordings (samples, steps, channels) to both sides, some at a time, and compare every spike and score.
+    """Play all recordings to both sides, a batch at a time, and compare every spike and score.
 
-    ``explain``: play the recording with the first difference again, and keep both potentials there.
+    - ``explain``: play the recording with the first difference again, and keep both potentials there
+    - ``float_runs``: the float network's side of these recordings, if others need it as well
     """
-    network = quantized.network
-    recordings = network.fit(recordings, source)
-    check_labels(network, labels, len(recordings), source)
-    helpers = {p.name for p in network.populations if p.helper}
-    both: _Part | None = None
-    chunks = (
-        (start, recordings[start : start + CHUNK]) for start in range(0, len(recordings), CHUNK)
-    )
-    for part in spread(partial(_compare_part, network, program, quantized.score_scale), chunks):
-        both = both + part if both else part
+    levels = observed.levels
+    compare_batch = partial(_compare_batch, levels.quantized, levels.program)
+    helpers = {p.name for p in observed.network.populations if p.helper}
+    all_batches: _Part | None = None
+    for part in spread(compare_batch, _numbered(observed, float_runs)):
+        all_batches = all_batches + part if all_batches else part
         if progress:
-            progress(len(both.counts), len(recordings))
-    assert both is not None  # there is at least one recording
-    assert total(both.counts) == total(both.counts_by_phase.values())
-    first = explain and both.differences
-    least, most = (
-        both.ends_ns[end] / len(recordings) if end in both.ends_ns else None
-        for end in ("least", "most")
-    )
-    reference, chip = (np.concatenate(side) for side in zip(*both.predictions, strict=True))
+            progress(len(all_batches.counts), len(observed))
+    assert all_batches is not None  # there is at least one recording
+    assert total(all_batches.counts) == total(all_batches.counts_by_phase.values())
+    references, chips = zip(*all_batches.predictions, strict=True)
+    differences = all_batches.differences
+    matches = all_batches.matches
     return Match(
-        samples=len(recordings),
-        events_source=source,
-        reference_prediction=reference,
-        chip_prediction=chip,
-        labels=labels,
-        by_population={name: found for name, found in both.matches.items() if name not in helpers},
-        helpers={name: found for name, found in both.matches.items() if name in helpers},
-        first_divergence=_explain(quantized, program, recordings, first[0]) if first else None,
-        latency_range_ns=(least, most),
-        **picked(both, *_Figures.__dataclass_fields__),
+        samples=len(observed),
+        events_source=observed.source,
+        reference_prediction=np.concatenate(references),
+        chip_prediction=np.concatenate(chips),
+        labels=observed.labels,
+        by_population={name: each for name, each in matches.items() if name not in helpers},
+        helpers={name: each for name, each in matches.items() if name in helpers},
+        first_divergence=_explain(observed, differences[0]) if explain and differences else None,
+        latency_range_ns=_mean_range(all_batches.ends_ns, len(observed)),
+        **picked(all_batches, *_Figures.__dataclass_fields__),
     )
+
+
+def _mean_range(ends_ns: Mapping[str, float], samples: int) -> Range:
+    """Return the least and the most mean time; None for ends that the profile does not have."""
+    least, most = (ends_ns[end] / samples if end in ends_ns else None for end in ENDS)
+    return least, most
 
 
 class _Part(Sums, _Figures, eq=False):
@@ -237,60 +234,70 @@ class _Part(Sums, _Figures, eq=False):
     ends_ns: dict[str, float]
 
 
-def _compare_part(
-    network: Network, program: hw.ChipProgram, score_scale: float, numbered: tuple[int, ByteArray]
-) -> _Part:
-    """Play recordings to both sides; they come with the number of the first one."""
-    start, recordings = numbered
-    wanted = evaluate(network, recordings, registers=program.chip.registers)
-    found = hw.simulate(program, recordings, probe=("spikes", "activity"))
-    assert found.scores is not None  # a network has a readout
+class _Numbered(Frozen, eq=False):
+    """A batch of recordings, the number of its first one, and what the float network does if that is known."""
+
+    first: int
+    recordings: ByteArray
+    known_reference: ReferenceResult | None
+
+
+def _numbered(observed: Observed, float_runs: FloatRuns | None) -> Iterator[_Numbered]:
+    for rows in batches(len(observed)):
+        known = None if float_runs is None else float_runs.batch(rows)
+        yield _Numbered(rows.start, observed.recordings[rows], known)
+
+
+def _compare_batch(quantized: QuantizedNetwork, program: hw.ChipProgram, batch: _Numbered) -> _Part:
+    """Play a batch to both sides."""
+    network = quantized.network
+    known = batch.known_reference
+    seen = Observation(quantized, program, batch.recordings, known_reference=known)
+    reference, chip = seen.reference, seen.chip
+    assert chip.scores is not None  # a network has a readout
     profile = program.chip.costs
-    latencies, usage = measure(program, found.activity, profile)
+    latencies, usage = measure(program, chip.activity, profile)
     if program.chip.open_core:
-        latencies = core_latencies(program, recordings, found.spikes)
+        latencies = core_latencies(program, batch.recordings, chip.spikes)
     return _Part(
         matches={
-            p.name: PopulationMatch.of(wanted.spikes[p.name], found.spikes[p.name])
+            p.name: PopulationMatch.of(reference.spikes[p.name], chip.spikes[p.name])
             for p in network.populations
         },
-        differences=_first_difference(network, wanted.spikes, found.spikes, start),
+        differences=_first_difference(network, reference.spikes, chip.spikes, batch.first),
         predictions=(
-            (network.readout.decided(wanted.scores), network.readout.decided(found.scores)),
+            (network.readout.decided(reference.scores), network.readout.decided(chip.scores)),
         ),
-        scores=ScoreMatch.of(wanted.scores, found.scores / score_scale),
-        counts=found.per_recording,
-        counts_by_phase=found.counts_by_phase,
-        wraps_and_clips={name: dict(events) for name, events in found.events.items()},
+        scores=ScoreMatch.of(reference.scores, chip.scores / quantized.score_scale),
+        counts=chip.per_recording,
+        counts_by_phase=chip.counts_by_phase,
+        wraps_and_clips={name: dict(events) for name, events in chip.events.items()},
         latencies=tuple(latencies),
         usage=usage,
-        ends_ns={
-            end: math.fsum(one.total_ns for one in latencies)
-            if its.time_ns == profile.time_ns
-            else total_ns(program, found.activity, its)
-            for end in ("least", "most")
-            if (its := profile.with_times(end))
-        },
-        additions=network_additions(network, wanted.spikes),
+        ends_ns=_times_at_ends(program, chip, latencies),
+        additions=network_additions(network, reference.spikes),
         member_ns={
-            its.name: total_ns(program, found.activity, profile, f"{its.name}/")
-            for its in network.members
+            member.name: total_ns(program, chip.activity, profile, f"{member.name}/")
+            for member in network.members
         },
     )
 
 
-def check_labels(network: Network, labels: IntArray | None, samples: int, source: str) -> None:
-    """Refuse labels (samples,) that are not classes of the network, or too few or many."""
-    if labels is None:
-        return
-    where, fix = f"labels of {source!r}", "Give one class number for every recording."
-    check_same(labels.shape, (samples,), where, "there is not one label per recording", fix=fix)
-    if labels.min() < 0 or labels.max() >= network.classes:
-        measured = f"{labels.min()}..{labels.max()} against 0..{network.classes - 1}"
-        fix = "Check that the events belong to this model."
-        raise InputError(
-            where, "a label is not one of the model's classes", measured=measured, fix=fix
-        )
+def _times_at_ends(
+    program: hw.ChipProgram, chip: hw.SimulationResult, latencies: Sequence[Latency]
+) -> dict[str, float]:
+    """Return the time of all recordings at either end of the profile's ranges, as far as it has them."""
+    profile = program.chip.costs
+    times: dict[str, float] = {}
+    for end in ENDS:
+        at_end = profile.with_times(end)
+        if at_end is None:
+            continue
+        if at_end.time_ns == profile.time_ns:
+            times[end] = math.fsum(latency.total_ns for latency in latencies)
+        else:
+            times[end] = total_ns(program, chip.activity, at_end)
+    return times
 
 
 def _first_difference(
@@ -309,17 +316,11 @@ def _first_difference(
     return ((start + recording, network.own_populations[rank].name, neuron, step),)
 
 
-def _explain(
-    quantized: QuantizedNetwork, program: hw.ChipProgram, recordings: ByteArray, place: Place
-) -> Divergence:
+def _explain(observed: Observed, place: Place) -> Divergence:
     recording, name, neuron, step = place
-    one = recordings[recording : recording + 1]
-    reference = evaluate(quantized.network, one, potentials=True, registers=program.chip.registers)
-    wanted = reference.potential[name][0, step, neuron]
-    found = hw.simulate(program, one, probe=("potential",)).potential[name][0, step, neuron]
-    population = quantized.population(name)
-    potential, threshold = (
-        found / population.scale[neuron],
-        population.population.thresholds[neuron],
-    )
-    return Divergence(*place, float(wanted), float(potential), float(threshold))
+    seen = observed.recording(recording)
+    population = observed.levels.quantized.population(name)
+    reference_potential = seen.reference.potential[name][0, step, neuron]
+    chip_potential = seen.chip.potential[name][0, step, neuron] / population.scale[neuron]
+    threshold = population.population.thresholds[neuron]
+    return Divergence(*place, float(reference_potential), float(chip_potential), float(threshold))

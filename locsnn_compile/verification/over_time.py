@@ -11,13 +11,13 @@ import hw_model as hw
 from hw_model.engine.usable import why_not_compiled
 from hw_model.streaming.outcomes import StepScores
 from hw_model.streaming.psi import check_psi, location_share
-from hw_model.values import ByteArray, FloatArray, Frozen, IntArray, added
+from hw_model.values import ByteArray, FloatArray, Frozen, added
 from locsnn_compile.cluster.spread import Spread, here
 from locsnn_compile.errors import InputError
 from locsnn_compile.network.network import Network
-from locsnn_compile.pipeline import Levels
 from locsnn_compile.verification.diagnosis import spread_sample
 from locsnn_compile.verification.matching import Progress
+from locsnn_compile.verification.observation import Observed
 
 PSI = 10.0
 """For the time-weighted prediction, unless another is given. Published: 15 for Objects, 10 Containers, 2 Slip."""
@@ -48,14 +48,14 @@ class OverTime(Frozen, eq=False):
     proven: hw.Stops
 
 
-def over_time(
-    levels: Levels, recordings: ByteArray, labels: IntArray | None, psi: float = PSI
-) -> OverTime | str:
+def over_time(observed: Observed, psi: float = PSI) -> OverTime | str:
     """Follow the predictions of a program over some of the recordings, evenly spread, or say why not.
 
-    ``recordings`` are (samples, steps, channels) with the network's steps and channels; ``labels`` are (samples,). A
-    psi below 0 is an ``InputError``.
+    A psi below 0 is an ``InputError``.
     """
+    levels = observed.levels
+    recordings = observed.recordings
+    labels = observed.labels
     program = levels.program
     check_psi(psi)
     reason = why_not_compiled()

@@ -29,6 +29,7 @@ from locsnn_compile.settings import STRATEGIES, Setting
 from locsnn_compile.verification.diagnosis import diagnose
 from locsnn_compile.verification.error_budget.budget import Deviation
 from locsnn_compile.verification.matching import Match, compare
+from locsnn_compile.verification.observation import Observed
 
 ROOT = Path(__file__).parents[2]
 WEIGHT_BITS = 8
@@ -43,11 +44,10 @@ def section(data: Path, dataset: str) -> str:
     found = {}
     for strategy in STRATEGIES:
         levels = lower_as(network, chip, Setting(strategy, WEIGHT_BITS), calibration)
-        match = compare(
-            levels.quantized, levels.program, recordings.spikes, labels=recordings.labels
-        )
+        observed = Observed(levels, recordings.spikes, recordings.labels)
+        match = compare(observed)
         start = time.perf_counter()
-        diagnosis = diagnose(levels, recordings.spikes, match.first_divergence, samples=None)
+        diagnosis = diagnose(observed, match.first_divergence, samples=None)
         print(f"{dataset} {strategy}: {time.perf_counter() - start:.1f} s")
         assert diagnosis.budget is not None
         assert diagnosis.budget.unexplained == 0

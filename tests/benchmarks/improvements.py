@@ -33,9 +33,11 @@ from locsnn_compile.passes.kernels import one_decay
 from locsnn_compile.passes.lower_neurons import lower_neurons
 from locsnn_compile.passes.quantize import quantize
 from locsnn_compile.passes.rounding.task import FINE, Rounding
+from locsnn_compile.pipeline import Levels
 from locsnn_compile.reference.evaluate import Calibration, calibrate, evaluate
 from locsnn_compile.report.format import energy, share
 from locsnn_compile.verification.matching import PopulationMatch, compare
+from locsnn_compile.verification.observation import Observed
 
 ROOT = Path(__file__).parents[2]
 CHIP = hw.chip("loihi-sim")
@@ -158,10 +160,12 @@ def on_the_grid(network: Network) -> Network:
 
 def measured(words: str, quantized: QuantizedNetwork, test: Recordings) -> list[str]:
     """Return a row: agreement, accuracy and energy on the test recordings."""
-    program = assemble(
-        route_axons(arrange_cores(place_cores(lower_neurons(quantized, CHIP), CHIP)))
-    )
-    match = compare(quantized, program, test.spikes, labels=test.labels)
+    compartments = lower_neurons(quantized, CHIP)
+    placed = arrange_cores(place_cores(compartments, CHIP))
+    routed = route_axons(placed)
+    program = assemble(routed)
+    levels = Levels(quantized.network, quantized, compartments, placed, routed, program)
+    match = compare(Observed(levels, test.spikes, test.labels))
     assert match.accuracy is not None
     spent = (
         sum(hw.energy_pj(total(match.counts), CHIP.profile(CHIP.default_profile)).values())

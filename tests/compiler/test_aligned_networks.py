@@ -24,6 +24,7 @@ from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.renderers.markdown import render_markdown
 from locsnn_compile.verification.matching import compare
+from locsnn_compile.verification.observation import Observed
 
 CHIP = hw.chip("loihi-sim")
 EVENTS = st.sampled_from([None, 1, 1, 2, 3])
@@ -96,9 +97,8 @@ def test_torch_and_numpy_cut_recordings_as_by_hand(seed, events, moved):
 def test_the_program_does_what_the_integers_do(seed, time, location):
     network = aligned(without_biases(on_grid(seed, channels=5, steps=20)), time, location)
     played = late(recordings(network, samples=4, seed=seed), seed)
-    match = compare(
-        lower(network, CHIP, 8).quantized, (levels := lower(network, CHIP, 8)).program, played
-    )
+    levels = lower(network, CHIP, 8)
+    match = compare(Observed(levels, played))
     assert match.spikes.mismatches == 0
     assert np.array_equal(match.reference_prediction, match.chip_prediction)
     reference = hw.simulate(levels.program, played, engine="reference")

@@ -27,6 +27,7 @@ from locsnn_compile.report.compose import compose
 from locsnn_compile.report.renderers.markdown import render_markdown
 from locsnn_compile.report.words import sentence
 from locsnn_compile.verification.matching import compare
+from locsnn_compile.verification.observation import Observed
 
 CHIP = hw.chip("loihi-sim")
 EVENTS = st.sampled_from([None, None, 1, 2])
@@ -65,7 +66,7 @@ def test_scores_are_the_weighted_sum_on_every_side(seed, events, first, weights)
             assert np.array_equal(found.spikes[f"{network.name}/{p.name}"], its.spikes[p.name])
     levels = lower(joined, CHIP, 8)
     assert all(weight.is_integer() for weight in levels.program.readout.weights)
-    match = compare(levels.quantized, levels.program, played)
+    match = compare(Observed(levels, played))
     assert match.spikes.mismatches == 0
     slow = hw.simulate(levels.program, played, engine="reference")
     assert np.array_equal(slow.scores, evaluate(levels.quantized.on_grid(), played).scores)

@@ -33,6 +33,7 @@ from locsnn_compile.verification.error_budget.budget import (
 )
 from locsnn_compile.verification.error_budget.twin import run_twin
 from locsnn_compile.verification.matching import compare
+from locsnn_compile.verification.observation import Observed
 from tests.real_recordings import REAL, on_real_recordings
 
 CHIP = hw.chip("loihi-sim")
@@ -178,13 +179,18 @@ def played(network):
     return recordings(network, samples=6)
 
 
+def budget_of_all(levels, played):
+    observed = Observed(levels, played)
+    return error_budget(observed, observed.numbers)
+
+
 @pytest.fixture(scope="module")
 def budget(levels, played):
-    return error_budget(levels, played)
+    return budget_of_all(levels, played)
 
 
 def test_together_is_what_matching_counts(budget, levels, played):
-    match = compare(levels.quantized, levels.program, played)
+    match = compare(Observed(levels, played))
     assert budget.unexplained == 0
     assert budget.together.by_population == match.by_population
     assert (
@@ -202,8 +208,8 @@ def test_a_network_that_is_read_by_potentials_has_a_budget_of_scores():
     network = replace(single(cells, r.uniform(-1, 1, (3, 6))), readout=Readout(("n",), (1.0,), 0))
     levels = lower(network, CHIP, 2)
     played = recordings(network, samples=4)
-    match = compare(levels.quantized, levels.program, played)
-    budget = diagnose(levels, played, None).budget
+    match = compare(Observed(levels, played))
+    budget = diagnose(Observed(levels, played), None).budget
     assert budget.together.spikes.mismatches == budget.alone["weights"].spikes.mismatches == 0
     assert match.scores.relative_error > 0.1
     assert budget.together.scores == match.scores
@@ -242,7 +248,7 @@ def test_what_is_exact_changes_nothing(played):
         )
         for p, q in zip(network.projections, once.projections, strict=True)
     )
-    found = error_budget(lower(replace(network, projections=on_grid_weights), CHIP, 8), played)
+    found = budget_of_all(lower(replace(network, projections=on_grid_weights), CHIP, 8), played)
     assert [found.alone[stage].spikes.mismatches for stage in ("weights", "thresholds")] == [0, 0]
     assert found.unexplained == 0
 
@@ -298,12 +304,12 @@ def test_cut_kernels_are_the_sums_over_their_taps(neuron):
 
 def test_a_network_without_kernels_has_no_tail():
     network = leaky(0)
-    assert error_budget(lower(network, CHIP, 8), recordings(network)).kernel_tail is None
+    assert budget_of_all(lower(network, CHIP, 8), recordings(network)).kernel_tail is None
 
 
 def test_the_cause_adds_up_to_the_difference(levels, network, played):
-    first = compare(levels.quantized, levels.program, played).first_divergence
-    cause = find_cause(levels, played[first.recording], first)
+    first = compare(Observed(levels, played)).first_divergence
+    cause = find_cause(Observed(levels, played), first)
     assert cause.together == pytest.approx(
         first.chip_potential - first.reference_potential, abs=1e-9
     )
@@ -322,8 +328,8 @@ def test_the_cause_adds_up_to_the_difference(levels, network, played):
 def test_the_cause_holds_where_neurons_reset_and_recur(seed):
     network = leaky(seed, scale=1.0)
     levels, played = lower(network, CHIP, 2), recordings(network, samples=4, seed=seed)
-    first = compare(levels.quantized, levels.program, played).first_divergence
-    cause = find_cause(levels, played[first.recording], first)
+    first = compare(Observed(levels, played)).first_divergence
+    cause = find_cause(Observed(levels, played), first)
     assert cause.together == pytest.approx(
         first.chip_potential - first.reference_potential, abs=1e-9
     )
@@ -358,9 +364,7 @@ def test_a_large_network_takes_fewer_recordings(network):
 def test_an_integer_network_has_no_budget():
     network = on_grid()
     levels, played = lower(network, CHIP, 8), recordings(network)
-    found = diagnose(
-        levels, played, compare(levels.quantized, levels.program, played).first_divergence
-    )
+    found = diagnose(Observed(levels, played), compare(Observed(levels, played)).first_divergence)
     assert (found.budget, found.cause) == (None, None)
     assert found.margins.populations["only"].error == {0.5: 0.0, 0.95: 0.0, 1.0: 0.0}
 
@@ -410,8 +414,8 @@ def test_the_shipped_networks_leave_nothing_unexplained(name, strategy):
     levels = lower(network, CHIP, 8, strategy)
     spikes = lc.read_recordings(REAL / f"Ev-{name.title()}.zip").spikes
     played = spikes[list(spread_sample(network, len(spikes), 3))]
-    match = compare(levels.quantized, levels.program, played)
-    found = diagnose(levels, played, match.first_divergence)
+    match = compare(Observed(levels, played))
+    found = diagnose(Observed(levels, played), match.first_divergence)
     assert found.budget.unexplained == 0
     assert found.budget.together.by_population == match.by_population
     assert found.cause.largest == ("kernel" if strategy == "reset" else "weights")

@@ -10,6 +10,7 @@ from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.verification import excerpt as module
 from locsnn_compile.verification.excerpt import take_excerpt
 from locsnn_compile.verification.matching import compare
+from locsnn_compile.verification.observation import Observed
 
 CHIP = hw.chip("loihi-sim")
 
@@ -30,8 +31,8 @@ def played(network):
 
 
 def test_all_of_a_small_network_is_kept(network, levels, played):
-    first = compare(levels.quantized, levels.program, played).first_divergence
-    found = take_excerpt(levels, played, first)
+    first = compare(Observed(levels, played)).first_divergence
+    found = take_excerpt(Observed(levels, played), first)
     one = played[first.recording : first.recording + 1]
     wanted, chip = evaluate(network, one), hw.simulate(levels.program, one)
     assert found.steps == {"time": range(40), "location": range(network.channels)}
@@ -47,8 +48,8 @@ def test_all_of_a_small_network_is_kept(network, levels, played):
 
 
 def test_the_potential_is_the_one_that_differs_first(levels, played):
-    first = compare(levels.quantized, levels.program, played).first_divergence
-    shown = take_excerpt(levels, played, first).potential
+    first = compare(Observed(levels, played)).first_divergence
+    shown = take_excerpt(Observed(levels, played), first).potential
     at = first.step - shown.first_step
     assert (shown.population, shown.neuron, shown.threshold) == (
         first.population,
@@ -64,15 +65,15 @@ def test_the_potential_is_the_one_that_differs_first(levels, played):
 
 
 def test_without_a_difference_the_readout_is_shown(network, levels, played):
-    found = take_excerpt(levels, played, None)
+    found = take_excerpt(Observed(levels, played), None)
     spikes = evaluate(network, played[:1]).spikes[network.readout.populations[0]][0]
     assert (found.recording, found.potential.population) == (0, network.readout.populations[0])
     assert found.potential.neuron == spikes.sum(axis=0).argmax()
 
 
 def test_much_is_thinned_around_the_first_difference(levels, played, monkeypatch):
-    first = compare(levels.quantized, levels.program, played).first_divergence
-    whole = take_excerpt(levels, played, first)
+    first = compare(Observed(levels, played)).first_divergence
+    whole = take_excerpt(Observed(levels, played), first)
     for name, value in {
         "STEPS": 8,
         "MARKS": 20,
@@ -81,7 +82,7 @@ def test_much_is_thinned_around_the_first_difference(levels, played, monkeypatch
         "POPULATIONS": 2,
     }.items():
         monkeypatch.setattr(module, name, value)
-    found = take_excerpt(levels, played, first)
+    found = take_excerpt(Observed(levels, played), first)
     assert (len(found.populations), found.populations_left_out) == (2, len(whole.populations) - 2)
     shown = next(item for item in found.populations if item.name == first.population)
     assert first.step in found.steps[shown.axis]
@@ -101,9 +102,11 @@ def test_much_is_thinned_around_the_first_difference(levels, played, monkeypatch
 
 def test_the_neuron_that_differs_first_is_always_shown(levels, played, monkeypatch):
     monkeypatch.setattr(module, "NEURONS", 1)
-    first = compare(levels.quantized, levels.program, played).first_divergence
+    first = compare(Observed(levels, played)).first_divergence
     shown = next(
-        i for i in take_excerpt(levels, played, first).populations if i.name == first.population
+        i
+        for i in take_excerpt(Observed(levels, played), first).populations
+        if i.name == first.population
     )
     assert shown.numbers.tolist() == [first.neuron]
 

@@ -28,6 +28,7 @@ from locsnn_compile.passes.srm.fine import RIDGE, drive_of
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import SAMPLES, calibrate
 from locsnn_compile.verification.matching import compare
+from locsnn_compile.verification.observation import Observed
 
 CHIP = hw.chip("loihi-sim")
 
@@ -272,7 +273,7 @@ def test_neurons_of_large_potentials_get_small_scales():
 
 def agreement(network, bits, rounding, calibration, played):
     levels = lower(network, CHIP, bits, "dendrite", rounding, calibration)
-    return compare(levels.quantized, levels.program, played).spikes.agreement
+    return compare(Observed(levels, played)).spikes.agreement
 
 
 def test_neurons_get_scales_of_their_own_within_the_profiles_of_a_core():
@@ -329,6 +330,6 @@ def test_no_own_charge_and_strong_ones():
         network = hybrid(1, channels=12, steps=60, hidden=6, neuron=neuron)
         levels = lower(network, CHIP, 8, "dendrite", FINE, calibrated(network))
         played = recordings(network, samples=4, seed=8)
-        match = compare(levels.quantized, levels.program, played)
+        match = compare(Observed(levels, played))
         assert match.spikes.agreement > 0.9
         assert not any(found["charge_wraps"] for found in match.wraps_and_clips.values())

@@ -19,6 +19,7 @@ from locsnn_compile.passes.quantize import quantize
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate, evaluation_order
 from locsnn_compile.verification.matching import compare
+from locsnn_compile.verification.observation import Observed
 
 CHIP = hw.chip("loihi-sim")
 
@@ -89,7 +90,7 @@ def test_a_potential_exactly_at_threshold(rule, spikes):
     played = np.zeros((1, 20, 1), dtype=np.uint8)
     played[0, 3] = 1
     levels = lower(network, CHIP, 8)
-    match = compare(levels.quantized, levels.program, played)
+    match = compare(Observed(levels, played))
     assert (match.spikes.reference_spikes, match.spikes.chip_spikes) == (spikes, spikes)
 
 
@@ -115,7 +116,7 @@ def test_a_network_whose_numbers_the_chip_holds_spikes_as_in_float(seed):
     weights = r.integers(-255, 256, (6, 8)) / 512
     network = single(neuron, weights, steps=80)
     levels = lower(network, CHIP, 8)
-    match = compare(levels.quantized, levels.program, recordings(network, samples=4, seed=seed))
+    match = compare(Observed(levels, recordings(network, samples=4, seed=seed)))
     assert match.spikes.reference_spikes > 100
     assert match.spikes.agreement > 0.995
 
@@ -213,7 +214,7 @@ def test_what_no_scale_fits(neuron, message):
 def test_a_population_without_inputs_runs_on_its_bias():
     network = single(Cuba.of(1, decay_v=0.1, threshold=1.0, bias=0.3), np.zeros((1, 1)), steps=30)
     levels = lower(network, CHIP, 8)
-    match = compare(levels.quantized, levels.program, np.zeros((1, 30, 1), dtype=np.uint8))
+    match = compare(Observed(levels, np.zeros((1, 30, 1), dtype=np.uint8)))
     assert match.spikes.reference_spikes == match.spikes.common_spikes == 7
 
 

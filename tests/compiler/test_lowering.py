@@ -10,6 +10,7 @@ import hw_model as hw
 from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.pipeline import lower
 from locsnn_compile.verification.matching import compare
+from locsnn_compile.verification.observation import Observed
 
 CHIP = hw.chip("loihi-sim")
 
@@ -102,6 +103,6 @@ def test_fine_weights_and_decays_on_the_grid_leave_the_reference_nothing_to_disa
 
     exact = replace(network, projections=on_grid)
     levels = lower(exact, CHIP, 8)
-    match = compare(levels.quantized, levels.program, recordings(exact, samples=4, seed=seed))
+    match = compare(Observed(levels, recordings(exact, samples=4, seed=seed)))
     assert match.spikes.reference_spikes > 100
     assert match.spikes.agreement > 0.97

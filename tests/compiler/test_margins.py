@@ -10,6 +10,7 @@ import hw_model as hw
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.verification.diagnosis import EDGES, RegisterUse, margins
+from locsnn_compile.verification.observation import Observed
 
 CHIP = hw.chip("loihi-sim")
 
@@ -29,9 +30,14 @@ def played(network):
     return recordings(network, samples=18)
 
 
+def margins_of_all(levels, played):
+    observed = Observed(levels, played)
+    return margins(observed, observed.numbers)
+
+
 @pytest.fixture(scope="module")
 def found(levels, played):
-    return margins(levels, played)
+    return margins_of_all(levels, played)
 
 
 def test_distances_are_those_of_the_float_potentials(found, network, played):
@@ -56,7 +62,7 @@ def test_without_a_spike_the_error_is_the_simulators(network, played):
     levels = lower(quiet, CHIP, 4)
     wanted = evaluate(quiet, played, potentials=True)
     chip = hw.simulate(levels.program, played, probe=("potential",))
-    for name, one in margins(levels, played).populations.items():
+    for name, one in margins_of_all(levels, played).populations.items():
         scale = levels.quantized.population(name).scale
         error = np.abs(chip.potential[name] / scale - wanted.potential[name]) / 1e4
         assert not wanted.spikes[name].any()
@@ -96,7 +102,7 @@ def test_headroom_is_that_of_the_fuller_register(peak_u, peak_v, bits):
 
 def test_a_silent_recording_is_at_the_distance_of_rest(levels, network):
     silent = np.zeros((1, network.steps, network.channels), dtype=np.uint8)
-    for one in margins(levels, silent).populations.values():
+    for one in margins_of_all(levels, silent).populations.values():
         assert set(one.nearest.values()) == {1.0}
         assert set(one.error.values()) == {0.0}
         assert one.error_histogram.sum() == 0

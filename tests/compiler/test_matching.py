@@ -8,10 +8,12 @@ from networks import NEURON, hybrid, recordings, single
 
 import hw_model as hw
 from locsnn_compile.baselines.operations import network_additions
+from locsnn_compile.data.recordings import BATCH
 from locsnn_compile.errors import InputError
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
-from locsnn_compile.verification.matching import CHUNK, PopulationMatch, ScoreMatch, compare
+from locsnn_compile.verification.matching import PopulationMatch, ScoreMatch, compare
+from locsnn_compile.verification.observation import Observed
 
 CHIP = hw.chip("loihi-sim")
 
@@ -66,8 +68,8 @@ def predicted(scores):
 
 
 def test_a_match_is_what_counting_by_hand_gives(network, levels):
-    played = recordings(network, samples=CHUNK + 3)
-    match = compare(levels.quantized, levels.program, played)
+    played = recordings(network, samples=BATCH + 3)
+    match = compare(Observed(levels, played))
     wanted, found = evaluate(network, played), hw.simulate(levels.program, played)
     for name, counted in match.by_population.items():
         both = (wanted.spikes[name] == 1) & (found.spikes[name] == 1)
@@ -89,7 +91,7 @@ def test_a_match_is_what_counting_by_hand_gives(network, levels):
 
 def test_the_first_divergence_is_the_first(network, levels):
     played = recordings(network, samples=5)
-    first = compare(levels.quantized, levels.program, played).first_divergence
+    first = compare(Observed(levels, played)).first_divergence
     wanted, found = (
         evaluate(network, played, potentials=True),
         hw.simulate(levels.program, played, probe=("spikes", "potential")),
@@ -123,16 +125,14 @@ def test_what_chunks_of_recordings_add_up_to():
     """Two chunks and a part of one, with registers that clip in all of them."""
     network = hybrid(1, steps=40, hidden=6, scale=4000.0)
     levels = lower(network, CHIP, 3)
-    played = recordings(network, samples=2 * CHUNK + 3)
-    match = compare(levels.quantized, levels.program, played)
+    played = recordings(network, samples=2 * BATCH + 3)
+    match = compare(Observed(levels, played))
     found = hw.simulate(levels.program, played, probe=("spikes", "activity"))
     assert match.wraps_and_clips == found.events
     assert all(counts.voltage_clips for counts in found.per_recording)
     assert match.counts_by_phase == found.counts_by_phase
     assert match.additions == network_additions(network, evaluate(network, played).spikes)
-    alone = [
-        compare(levels.quantized, levels.program, one[None]).latency_range_ns for one in played
-    ]
+    alone = [compare(Observed(levels, one[None])).latency_range_ns for one in played]
     least, most = zip(*alone, strict=True)
     assert match.latency_range_ns == (
         None if None in least else pytest.approx(np.mean(least)),
@@ -142,9 +142,9 @@ def test_what_chunks_of_recordings_add_up_to():
 
 def test_a_first_divergence_behind_the_first_chunk(network, levels):
     played = np.concatenate(
-        (np.zeros((CHUNK + 2, 40, 4), dtype=np.uint8), recordings(network, samples=1))
+        (np.zeros((BATCH + 2, 40, 4), dtype=np.uint8), recordings(network, samples=1))
     )
-    assert compare(levels.quantized, levels.program, played).first_divergence.recording == CHUNK + 2
+    assert compare(Observed(levels, played)).first_divergence.recording == BATCH + 2
 
 
 def test_the_time_axis_comes_first(network, levels):
@@ -168,14 +168,14 @@ def test_the_time_axis_comes_first(network, levels):
     tried = [i for i in range(len(played)) if first["location"][i] < first["time"][i] < 99]
     assert tried
     for i in tried:
-        divergence = compare(levels.quantized, levels.program, played[i : i + 1]).first_divergence
+        divergence = compare(Observed(levels, played[i : i + 1])).first_divergence
         assert divergence.population.startswith("time")
         assert divergence.step == first["time"][i]
 
 
 def test_equal_spikes_have_no_divergence(network, levels):
     silent = np.zeros((2, network.steps, network.channels), dtype=np.uint8)
-    match = compare(levels.quantized, levels.program, silent)
+    match = compare(Observed(levels, silent))
     assert match.first_divergence is None
     assert (match.spikes.agreement, match.prediction_agreement, match.tied_predictions) == (
         None,
@@ -202,7 +202,7 @@ def test_equal_spikes_have_no_divergence(network, levels):
     ],
 )
 def test_ties(network, levels, reference, chip, agreement, tied):
-    match = compare(levels.quantized, levels.program, recordings(network, samples=1))
+    match = compare(Observed(levels, recordings(network, samples=1)))
     sides = {"reference_prediction": np.array(reference), "chip_prediction": np.array(chip)}
     match = replace(match, samples=len(chip), labels=np.zeros(len(chip), dtype=np.int64), **sides)
     assert (match.prediction_agreement, match.tied_predictions) == (
@@ -215,13 +215,16 @@ def test_ties(network, levels, reference, chip, agreement, tied):
     }
 
 
+def with_network(levels, network):
+    return replace(levels, network=network, quantized=replace(levels.quantized, network=network))
+
+
 def test_helper_neurons_are_counted_apart(network, levels):
     played = recordings(network, samples=4)
     first = network.populations[0]
     helped = replace(network, populations=(replace(first, helper=True), *network.populations[1:]))
     plain, found = (
-        compare(replace(levels.quantized, network=net), levels.program, played)
-        for net in (network, helped)
+        compare(Observed(with_network(levels, net), played)) for net in (network, helped)
     )
     assert found.helpers == {first.name: plain.by_population[first.name]}
     assert found.helpers | found.by_population == plain.by_population
@@ -235,7 +238,9 @@ def test_helper_neurons_are_counted_apart(network, levels):
 def test_a_short_recording_is_followed_by_silence(network, levels):
     played = recordings(network, samples=2)
     played[:, 25:] = 0
-    whole, short = (compare(levels.quantized, levels.program, p) for p in (played, played[:, :25]))
+    whole, short = (
+        compare(Observed(levels, network.fit(p, "array"))) for p in (played, played[:, :25])
+    )
     assert whole.by_population == short.by_population
 
 
@@ -249,7 +254,7 @@ def test_a_short_recording_is_followed_by_silence(network, levels):
 )  # fmt: skip
 def test_recordings_that_do_not_fit(levels, shape, message):
     with pytest.raises(InputError) as caught:
-        compare(levels.quantized, levels.program, np.zeros(shape, dtype=np.uint8))
+        levels.network.fit(np.zeros(shape, dtype=np.uint8), "array")
     assert str(caught.value) == message
 
 
@@ -269,7 +274,7 @@ def test_a_network_of_any_length_walks_the_sensor_to_the_end_of_its_silence():
     levels, played = lower(endless, CHIP, 3), recordings(endless)[:, :25]
     walked = [phase.steps for phase in levels.program.phases]
     assert walked == [None, endless.steps_of("location")] == [None, given.steps_of("location") + 3]
-    assert compare(levels.quantized, levels.program, played).samples == len(played)
+    assert compare(Observed(levels, played)).samples == len(played)
 
 
 @pytest.mark.parametrize(
@@ -283,18 +288,13 @@ def test_a_network_of_any_length_walks_the_sensor_to_the_end_of_its_silence():
 )  # fmt: skip
 def test_labels_that_do_not_fit(network, levels, labels, message):
     with pytest.raises(InputError) as caught:
-        compare(
-            levels.quantized,
-            levels.program,
-            recordings(network, samples=2),
-            labels=np.array(labels),
-        )
+        Observed(levels, recordings(network, samples=2), np.array(labels))
     assert str(caught.value) == message
 
 
 def test_accuracy_counts_both_sides(network, levels):
     played = recordings(network, samples=6)
-    match = compare(levels.quantized, levels.program, played, labels=np.array([0, 1, 0, 1, 0, 1]))
+    match = compare(Observed(levels, played, np.array([0, 1, 0, 1, 0, 1])))
     assert match.tied_predictions < 6
     again = replace(match, labels=match.chip_prediction)
     assert again.accuracy["chip"] == 1.0

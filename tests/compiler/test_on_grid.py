@@ -16,6 +16,7 @@ from locsnn_compile.network.projections import ChipProjection, matrix
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.verification.matching import compare
+from locsnn_compile.verification.observation import Observed
 
 CHIP = hw.chip("loihi-sim")
 
@@ -67,7 +68,7 @@ def test_quantize_keeps_integers_whatever_is_asked_for_float_neurons(strategy, b
 def test_verify_finds_no_difference():
     network = on_grid(1)
     levels = lower(network, CHIP, 8)
-    match = compare(levels.quantized, levels.program, recordings(network, samples=8))
+    match = compare(Observed(levels, recordings(network, samples=8)))
     assert match.spikes.reference_spikes > 500
     assert match.spikes.mismatches == 0
     assert match.first_divergence is None

@@ -13,6 +13,7 @@ from locsnn_compile.pipeline import lower
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.renderers.markdown import render_markdown
 from locsnn_compile.verification import over_time as module
+from locsnn_compile.verification.observation import Observed
 from locsnn_compile.verification.over_time import over_time, savings, stop_all
 
 CHIP = hw.chip("loihi-sim")
@@ -46,7 +47,7 @@ def predicted(scores):
 @pytest.mark.parametrize("psi", [10.0, 2.0])
 def test_shares_of_right_predictions(levels, played, labelled, psi):
     labels = np.array([0, 1, 2] * 3) if labelled else None
-    found = over_time(levels, played, labels, psi)
+    found = over_time(Observed(levels, played, labels), psi)
     final = np.array([predicted(scores) for scores in hw.simulate(levels.program, played).scores])
     assert set(final) > {-1}
     wanted = labels if labelled else final
@@ -79,13 +80,13 @@ def test_shares_of_right_predictions(levels, played, labelled, psi):
 
 def test_one_branch_has_one_prediction():
     network = single(NEURON, weights=((8.0,), (4.0,)), steps=30)
-    found = over_time(lower(network, CHIP, 8), recordings(network, samples=4), None)
+    found = over_time(Observed(lower(network, CHIP, 8), recordings(network, samples=4)))
     assert list(found.right) == ["together"]
 
 
 def test_a_sample_is_spread_over_all(levels):
     many = recordings(levels.network, samples=200)
-    found = over_time(levels, many, None)
+    found = over_time(Observed(levels, many))
     assert (len(found.recordings), found.recordings[0], found.recordings[-1]) == (64, 0, 199)
     assert len(found.proven.steps) == 64
 
@@ -94,9 +95,9 @@ def test_a_network_too_large_is_left_out(levels, played, monkeypatch):
     """Work grows with what the location branch would take if it ran whole after every step."""
     work = 20 * (8 + 3) + 20 * 6 * (8 + 3)
     monkeypatch.setattr(module, "WORK", 3 * work + 1)
-    assert over_time(levels, played, None).recordings == (0, 4, 8)
+    assert over_time(Observed(levels, played)).recordings == (0, 4, 8)
     monkeypatch.setattr(module, "WORK", work - 1)
-    assert over_time(levels, played, None) == (
+    assert over_time(Observed(levels, played)) == (
         "the network is too large to be followed step by step within seconds"
     )
 
@@ -105,18 +106,18 @@ def test_fewer_recordings_of_a_large_network_are_followed(levels, monkeypatch):
     """As many as are quick, but no fewer than say something."""
     many, work = recordings(levels.network, samples=60), 20 * (8 + 3) + 20 * 6 * (8 + 3)
     monkeypatch.setattr(module, "QUICK", 40 * work)
-    assert len(over_time(levels, many, None).recordings) == 40
+    assert len(over_time(Observed(levels, many)).recordings) == 40
     monkeypatch.setattr(module, "QUICK", 3 * work)
-    assert len(over_time(levels, many, None).recordings) == module.AT_LEAST
+    assert len(over_time(Observed(levels, many)).recordings) == module.AT_LEAST
 
 
 def test_recordings_that_nothing_is_predicted_of_are_left_out(levels, played):
     silent = np.zeros_like(played)
     assert (
-        over_time(levels, silent, None)
+        over_time(Observed(levels, silent))
         == "all class scores tie after the last step of every recording"
     )
-    labelled = over_time(levels, silent, np.zeros(9, dtype=np.int64))
+    labelled = over_time(Observed(levels, silent, np.zeros(9, dtype=np.int64)))
     assert {name: shares.tolist() for name, shares in labelled.right.items()} == {
         name: [0.0] * 20 for name in ("time", "location", "together", "time_weighted")
     }
@@ -130,7 +131,7 @@ def test_a_program_that_cannot_stream_is_left_out(levels, played):
     mixed = replace(
         program, inputs=(*program.inputs, beside), input_routes=(*program.input_routes, route)
     )
-    assert over_time(replace(levels, program=mixed), played, None) == (
+    assert over_time(Observed(replace(levels, program=mixed), played)) == (
         "phase 'location' mixes transposed inputs with inputs that are played as they come, so it cannot run as they arrive"
     )
 
@@ -199,7 +200,7 @@ def test_long_recordings_keep_some_steps(levels):
 
 def test_a_psi_below_zero_is_refused(levels, played):
     with pytest.raises(lc.InputError) as caught:
-        over_time(levels, played, None, -1.0)
+        over_time(Observed(levels, played), -1.0)
     assert (
         str(caught.value) == "psi: it is not a valid rate (got -1.0). Give 0 or more, such as 10."
     )

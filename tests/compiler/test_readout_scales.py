@@ -21,6 +21,7 @@ from locsnn_compile.report.gates import check_gates
 from locsnn_compile.report.grounds import Grounds
 from locsnn_compile.report.sections.verdict import matches
 from locsnn_compile.verification.matching import compare
+from locsnn_compile.verification.observation import Observed
 
 RNG = np.random.default_rng(5)
 
@@ -70,7 +71,8 @@ def test_weights_that_are_a_little_wrong_show_in_scores_where_no_class_and_no_sp
         for one in (network, replace(network, projections=wrong))
     )
     right, fault = (
-        compare(levels.quantized, program, x) for program in (levels.program, other.program)
+        compare(Observed(replace(levels, program=program), x))
+        for program in (levels.program, other.program)
     )
     for match in (right, fault):
         assert (match.prediction_agreement, match.first_divergence) == (1.0, None)

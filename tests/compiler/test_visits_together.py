@@ -18,6 +18,7 @@ from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.verification.excerpt import take_excerpt
 from locsnn_compile.verification.matching import compare
+from locsnn_compile.verification.observation import Observed
 from locsnn_compile.verification.over_time import OverTime, over_time
 
 CHIP = hw.chip("loihi-sim")
@@ -101,12 +102,12 @@ def test_an_exact_network_stays_exact_until_its_pictures(seed, together, silence
     network = on_grid(seed, channels=5, steps=9, together=together, silence=silence)
     levels = lower(network, CHIP, 8)
     played = recordings(network, samples=3, seed=seed)
-    assert compare(levels.quantized, levels.program, played).first_divergence is None
+    assert compare(Observed(levels, played)).first_divergence is None
     wanted = evaluate(network, played[:1])
     lines = play_recording(levels.program, played[0]).lines
     for view in network.views:
         assert np.array_equal(lines[view.axis], wanted.spikes[view.name][0])
-    shown = take_excerpt(levels, played, None)
+    shown = take_excerpt(Observed(levels, played), None)
     assert shown.all_steps["location"] == network.steps_of("location")
     for item in shown.inputs:
         whole = wanted.spikes[item.name][0][
@@ -121,7 +122,7 @@ def test_predictions_over_time_end_in_those_of_whole_recordings():
     )
     levels = lower(network, CHIP, 8)
     played = recordings(network, samples=6)
-    found = over_time(levels, played, None)
+    found = over_time(Observed(levels, played))
     assert isinstance(found, OverTime)
     assert found.right["together"][-1] == 1.0
     assert found.proven.all_steps == 20 + 5

@@ -25,6 +25,7 @@ from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.training.config import config_from_mapping
 from locsnn_compile.training.measure import weighted_counts
 from locsnn_compile.training.train import train
+from locsnn_compile.verification.observation import Observed
 from locsnn_compile.verification.over_time import OverTime, over_time
 
 ORDER = tuple(range(39, 0, -1))
@@ -97,7 +98,7 @@ def test_a_session_follows_it_and_stops_it_early() -> None:
         assert np.array_equal(hw.Session(compiled.program).push(one).scores[-1], scores)
     stops = hw.stop_when_proven(compiled.program, x)
     assert np.array_equal(stops.prediction, np.asarray(whole.prediction))
-    followed = over_time(compiled.levels, x, np.asarray(whole.prediction))
+    followed = over_time(Observed(compiled.levels, x, np.asarray(whole.prediction)))
     assert isinstance(followed, OverTime)
     assert followed.right["together"][-1] == 1.0
 

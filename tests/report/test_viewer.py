@@ -19,6 +19,7 @@ from locsnn_compile.emitters import EMIT_KINDS
 from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.report.viewer import page as viewer
 from locsnn_compile.report.viewer.page import render_viewer
+from locsnn_compile.verification.observation import Observed
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "compiler"))
 from networks import hybrid, recordings
@@ -36,9 +37,8 @@ def compiled():
 
 
 def page_of(compiled, spikes=PLAYED, labels=LABELS):
-    return render_viewer(
-        compiled.levels, compiled.report, spikes, labels, compiled.match.first_divergence
-    )
+    observed = Observed(compiled.levels, spikes, labels)
+    return render_viewer(observed, compiled.report, compiled.match.first_divergence)
 
 
 @pytest.fixture(scope="module")
@@ -124,7 +124,7 @@ def test_it_is_small_and_loads_nothing(page):
 
 def test_names_are_text(compiled):
     report = compiled.report | {"model": {"name": "</script><script>@@data@@<b>", "sha256": ""}}
-    page = render_viewer(compiled.levels, report, PLAYED, None, None).decode()
+    page = render_viewer(Observed(compiled.levels, PLAYED), report, None).decode()
     assert "</script><script>@@" not in page
     assert page.count("<script") == page_of(compiled).decode().count("<script")
     assert values_of(page)["recordings"][0]["label"] is None

@@ -23,6 +23,7 @@ from locsnn_compile.network.neurons import SrmAlpha
 from locsnn_compile.training.config import TrainingConfig, config_from_mapping, read_config
 from locsnn_compile.training.export import export_checkpoint
 from locsnn_compile.training.train import train
+from locsnn_compile.verification.observation import Observed
 from locsnn_compile.verification.over_time import OverTime, over_time
 
 CONFIGS = Path(__file__).parents[2] / "examples/configs"
@@ -139,7 +140,7 @@ def _on_chip(path: Path, row: Row, dataset: Dataset, test: Recordings) -> dict[s
     )
     played = hw.simulate(compiled.program, test.spikes)
     heard = {view.name: view.play(test.spikes) for view in network.views} | dict(played.spikes)
-    followed = over_time(compiled.levels, test.spikes, test.labels, dataset.psi)
+    followed = over_time(Observed(compiled.levels, test.spikes, test.labels), dataset.psi)
     events = test.spikes.sum(axis=(1, 2), dtype=np.int64)
     report = compiled.report
     return {

@@ -19,6 +19,7 @@ from locsnn_compile.pipeline import lower
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.renderers.markdown import render_markdown
 from locsnn_compile.verification.error_budget.budget import error_budget
+from locsnn_compile.verification.observation import Observed
 
 CHIP = hw.chip("loihi-sim")
 SRM = SrmAlpha(theta=10.0, tau_sr=10.0, tau_ref=1.0, scale_ref=2.0)
@@ -164,7 +165,8 @@ def test_one_tap_alone_is_the_kernel_in_the_error_budget():
     levels = lower(network, CHIP, 8, "delay-line")
     assert set(levels.quantized.population("n").neuron.refractory.delay.tolist()) == {0}
     played = np.ones((1, network.steps, 1), dtype=np.uint8)
-    spikes = error_budget(levels, played).alone["kernel"].spikes
+    observed = Observed(levels, played)
+    spikes = error_budget(observed, observed.numbers).alone["kernel"].spikes
     assert spikes.reference_spikes > 0
     assert spikes.mismatches == 0
 

@@ -15,6 +15,7 @@ from scipy import sparse
 
 from hw_model.arithmetic.loihi import share_kept
 from hw_model.values import BoolArray, ByteArray, FloatArray, Frozen, IntArray
+from locsnn_compile.data.recordings import batches
 from locsnn_compile.network.chip_neurons import ChipSrm, Refractory
 from locsnn_compile.network.neurons import SrmAlpha, alpha_recursion
 from locsnn_compile.network.projections import Projection
@@ -30,7 +31,7 @@ from locsnn_compile.passes.rounding.grades import (
 from locsnn_compile.passes.rounding.task import Rounded, Scaled, Task, heaviest_weight, own_grid
 from locsnn_compile.passes.rounding.together import Metric, round_together
 from locsnn_compile.passes.srm.quantize import dendrite_charge, of_a_dendrite, whole_mantissas
-from locsnn_compile.reference.evaluate import CHUNK, Calibration
+from locsnn_compile.reference.evaluate import Calibration
 from locsnn_compile.reference.integer_neurons import ChipSrmSteps
 
 INPUTS_MAX = 2048
@@ -119,10 +120,9 @@ def _drive_of(
         np.zeros(m),
         0,
     )
-    for start in range(0, calibration.samples, CHUNK):
-        here = slice(start, start + CHUNK)
+    for rows in batches(calibration.samples):
         spikes = np.concatenate(
-            [_arriving(calibration.spikes[p.source][here], p) for p in incoming], axis=2
+            [_arriving(calibration.spikes[p.source][rows], p) for p in incoming], axis=2
         )
         x = _filtered(spikes, keep_u, keep_v).reshape(-1, n)
         exact = _filtered(spikes, a, a).reshape(-1, n) * c
@@ -265,17 +265,16 @@ def _errors(task: _Task, candidates: ChipSrm, count: int) -> FloatArray:
     weights = np.concatenate(shares(64 * quanta, candidates.dendrites, 64))
     columns = np.split(weights, _ends(task), axis=1)
     error = np.zeros(len(scale))
-    for start in range(0, calibration.samples, CHUNK):
-        here = slice(start, start + CHUNK)
+    for rows in batches(calibration.samples):
         own = np.tile(
-            calibration.spikes[task.population.name][here].astype(np.bool_), (1, 1, count)
+            calibration.spikes[task.population.name][rows].astype(np.bool_), (1, 1, count)
         )
-        wanted = np.tile(calibration.potential[task.population.name][here], (1, 1, count))
+        wanted = np.tile(calibration.potential[task.population.name][rows], (1, 1, count))
         weight = np.exp(-np.abs(wanted / theta - 1) / NEAR)
         charge = np.zeros((*own.shape[:2], len(weights)), dtype=np.int64)
         for p, part in zip(task.incoming, columns, strict=True):
             late = 1 + int(p.delay)
-            charge[:, late:] += charge_of(calibration.spikes[p.source][here], part)[:, :-late]
+            charge[:, late:] += charge_of(calibration.spikes[p.source][rows], part)[:, :-late]
         state = ChipSrmSteps(candidates, len(own), own.shape[2], task.chip.registers)
         for step in range(own.shape[1]):
             _, potential = state.step(charge[:, step])

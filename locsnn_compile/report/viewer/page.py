@@ -9,33 +9,24 @@ from typing import Any
 
 import numpy as np
 
-import hw_model as hw
 from hw_model.texts.templates import filled
-from hw_model.values import AnyArray, ByteArray, IntArray
+from hw_model.values import AnyArray
 from locsnn_compile.network.network import Population
 from locsnn_compile.pipeline import Levels
-from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.content import Document
 from locsnn_compile.report.renderers.html import text
 from locsnn_compile.verification.matching import Divergence
+from locsnn_compile.verification.observation import Observation, Observed
 
 
-def render_viewer(
-    levels: Levels,
-    document: Document,
-    recordings: ByteArray,
-    labels: IntArray | None,
-    first: Divergence | None,
-) -> bytes:
-    """Return a page on recordings (samples, steps, channels) with the network's steps and channels.
+def render_viewer(observed: Observed, document: Document, first: Divergence | None) -> bytes:
+    """Return a page on recordings, as UTF-8.
 
     ``document`` is report.json; ``first`` is where the sides first differ.
     """
     report = compose(document)
-    values = viewer_values(levels, recordings, labels, first) | {
-        "cores": document["resources"]["by_core"]
-    }
+    values = viewer_values(observed, first) | {"cores": document["resources"]["by_core"]}
     data = json.dumps(values, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
     page = filled(
         __package__,
@@ -55,21 +46,20 @@ QUANTITIES = ("synaptic_ops", "spikes", "packets_received")
 """What the mesh shows of each core."""
 
 
-def viewer_values(
-    levels: Levels, recordings: ByteArray, labels: IntArray | None, first: Divergence | None
-) -> dict[str, Any]:
-    """Play some of ``recordings`` (samples, steps, channels) to both sides, and return the data of the page.
+def viewer_values(observed: Observed, first: Divergence | None) -> dict[str, Any]:
+    """Return the data of the page on some of the recordings.
 
     They are the recording in which the sides ``first`` differ and, while there is room, the first ones. Arrays are
     little-endian and in base64: spikes are numbers ``step * size + neuron``, of the network and of the chip; activity
     is (steps, cores of the phase) for each of :data:`QUANTITIES`.
     """
-    network, program = levels.network, levels.program
-    numbers = list(dict.fromkeys([first.recording if first else 0, *range(len(recordings))]))[
-        :RECORDINGS
-    ]
-    reference = evaluate(network, recordings[numbers], registers=program.chip.registers)
-    chip = hw.simulate(program, recordings[numbers], probe=("spikes", "activity"))
+    levels = observed.levels
+    network = levels.network
+    labels = observed.labels
+    most_telling = first.recording if first else 0
+    numbers = list(dict.fromkeys([most_telling, *range(len(observed))]))[:RECORDINGS]
+    seen = Observation(levels.quantized, levels.program, observed.recordings[numbers])
+    reference, chip = seen.reference, seen.chip
     sides = {
         p.name: (reference.spikes[p.name], chip.spikes[p.name]) for p in network.own_populations
     }
@@ -102,7 +92,7 @@ def viewer_values(
         differing[first.population][first.neuron] = 1 << 40
     kept = _kept(levels, differing, (MOST_TEXT - len(json.dumps(rows))) // len(rows))
     for row in rows:
-        row["potentials"] = _potentials(levels, recordings[[row["number"]]], kept)
+        row["potentials"] = _potentials(levels, observed.recording(row["number"]), kept)
     populations = [_population(levels, p, kept[p.name]) for p in network.own_populations]
     inputs = [
         {"name": v.name, "axis": v.phase, "size": v.lines, "steps": network.steps_of(v.phase)}
@@ -110,7 +100,7 @@ def viewer_values(
     ]
     shown = {
         "recordings": rows,
-        "samples": len(recordings),
+        "samples": len(observed),
         "populations": populations,
         "inputs": inputs,
     }
@@ -155,13 +145,11 @@ def _kept(levels: Levels, differing: dict[str, AnyArray], room: int) -> dict[str
 
 
 def _potentials(
-    levels: Levels, one: ByteArray, kept: dict[str, list[int]]
+    levels: Levels, seen: Observation, kept: dict[str, list[int]]
 ) -> dict[str, dict[str, Any]]:
     """Return potentials (2 sides, kept neurons, steps) in 65,536 grades from ``low`` on, in the network's units."""
-    reference = evaluate(
-        levels.network, one, potentials=True, registers=levels.program.chip.registers
-    ).potential
-    chip = hw.simulate(levels.program, one, probe=(hw.Probe("potential", tuple(kept)),)).potential
+    reference = seen.reference.potential
+    chip = seen.chip.potential
     found = {}
     for name, neurons in kept.items():
         scale = levels.quantized.population(name).scale[neurons]

@@ -11,7 +11,6 @@ from functools import lru_cache
 from operator import methodcaller
 from typing import Literal, get_args
 
-import hw_model as hw
 from hw_model.description.chip import Registers
 from hw_model.values import ByteArray, FloatArray, Frozen, Sums, picked
 from locsnn_compile.network.network import Network
@@ -24,6 +23,7 @@ from locsnn_compile.verification.error_budget.forms import forms_of
 from locsnn_compile.verification.error_budget.numbers import GroupNumbers, Numbers
 from locsnn_compile.verification.error_budget.twin import Twin, run_twins
 from locsnn_compile.verification.matching import Divergence, PopulationMatch, Progress, ScoreMatch
+from locsnn_compile.verification.observation import Observation, Observed, neuron_steps
 
 Stage = Literal["kernel", "weights", "decays", "states", "thresholds", "delays", "wraps_clips"]
 """What a twin has as on the chip instead of exact:
@@ -81,13 +81,6 @@ def phases_of(levels: Levels) -> tuple[Phase, ...]:
 def lines_of(network: Network, phase: Phase, recordings: ByteArray) -> dict[str, ByteArray]:
     """Return the spikes (batch, steps, lines) of the inputs of a phase."""
     return {view.name: view.play(recordings) for view in network.views if view.phase == phase.name}
-
-
-def neuron_steps(network: Network) -> int:
-    """Return neurons times steps of one recording, the cost of evaluating it."""
-    return sum(
-        population.size * network.steps_of(population.phase) for population in network.populations
-    )
 
 
 def twin_with(phase: Phase, stages: Collection[Stage]) -> Twin:
@@ -173,45 +166,79 @@ class StageErrors(Frozen, eq=False):
 
 
 def error_budget(
-    levels: Levels, recordings: ByteArray, progress: Progress | None = None
+    observed: Observed, numbers: tuple[int, ...], progress: Progress | None = None
 ) -> StageErrors:
-    """Break the difference down on recordings (samples, steps, channels) with the network's steps and channels."""
-    whole, phases = _each(levels.network, methodcaller("whole")), phases_of(levels)
-    registers, cuts = levels.program.chip.registers, levels.network.cuts_kernels
-    cut = levels.network if cuts else _each(whole, methodcaller("cut"))
+    """Break the difference down on the recordings with these numbers."""
+    levels = observed.levels
+    network = levels.network
+    whole = _each(network, methodcaller("whole"))
+    cuts = network.cuts_kernels
+    cut = network if cuts else _each(whole, methodcaller("cut"))
+    phases = phases_of(levels)
     stages = working(phases)
     variants: list[Collection[Stage]] = [(), stages, *([stage] for stage in stages)]
     variants += [[other for other in stages if other != stage] for stage in stages]
     twins = [(phase, _twins(phase, variants)) for phase in phases]
-    unexplained, tallies = 0, [Deviation()] * (len(variants) + whole.by_strategy)
+    unexplained = 0
+    tallies = [Deviation()] * (len(variants) + whole.by_strategy)
     at_once = max(1, NEURON_STEPS_AT_ONCE // (len(variants) * neuron_steps(whole)))
-    for start in range(0, len(recordings), at_once):
-        chunk = recordings[start : start + at_once]
-        wanted = mine = evaluate(whole, chunk, registers=registers)
-        played = _play(whole, levels.quantized, twins, chunk)
-        unexplained += _different(played[0][0], wanted.spikes)
-        unexplained += _different(
-            played[1][0], hw.simulate(levels.program, chunk, probe=("spikes",)).spikes
-        )
-        if whole.by_strategy:
-            cut_short = evaluate(cut, chunk, registers=registers)
-            played.append(played[1] if cuts else (cut_short.spikes, cut_short.scores))
-            mine = cut_short if cuts else wanted
-        # With whole kernels, the network is what other stages alone change, and what is left without the tails.
-        references = [mine, mine, *[wanted] * len(stages), *[mine] * len(stages), wanted]
-        both = zip(tallies, references, played, strict=False)
-        tallies = [so_far + _deviation(whole, reference, *its) for so_far, reference, its in both]
-        if progress:
-            progress(start + len(chunk), len(recordings))
-    exact, together, *found = tallies
-    last = found.pop() if whole.by_strategy else None
-    alone = dict[AnyStage, Deviation](zip(stages, found, strict=False))
-    without = dict[AnyStage, Deviation](zip(stages, found[len(stages) :], strict=True))
+    done = 0
+    for seen in observed.closely(numbers):
+        for start in range(0, len(seen), at_once):
+            chunk = _Chunk(levels, seen, slice(start, start + at_once))
+            own = chunk.reference()
+            wanted = chunk.evaluated(whole) if cuts else own
+            played = _play(whole, levels.quantized, twins, chunk.recordings)
+            unexplained += _different(played[0][0], wanted.spikes)
+            unexplained += _different(played[1][0], chunk.chip_spikes())
+            if whole.by_strategy:
+                cut_short = own if cuts else chunk.evaluated(cut)
+                played.append(played[1] if cuts else (cut_short.spikes, cut_short.scores))
+            # With whole kernels, the network is what other stages alone change, and what is left
+            # without the tails.
+            each_stage = len(stages)
+            references = [own, own, *[wanted] * each_stage, *[own] * each_stage, wanted]
+            tallies = [
+                so_far + _deviation(whole, reference, *variant)
+                for so_far, reference, variant in zip(tallies, references, played, strict=False)
+            ]
+            done += len(chunk.recordings)
+            if progress:
+                progress(done, len(numbers))
+    exact, together, *of_variants = tallies
+    last = of_variants.pop() if whole.by_strategy else None
+    alone = dict[AnyStage, Deviation](zip(stages, of_variants, strict=False))
+    without = dict[AnyStage, Deviation](zip(stages, of_variants[len(stages) :], strict=True))
     if cuts and last is not None:
         alone[TAILS], without[TAILS] = exact, last
-    return StageErrors(
-        len(recordings), alone, without, together, unexplained, None if cuts else last
-    )
+    return StageErrors(len(numbers), alone, without, together, unexplained, None if cuts else last)
+
+
+class _Chunk(Frozen, eq=False):
+    """Some recordings of an observation, few enough for the twins of all variants."""
+
+    levels: Levels
+    seen: Observation
+    rows: slice
+
+    @property
+    def recordings(self) -> ByteArray:
+        return self.seen.recordings[self.rows]
+
+    def reference(self) -> ReferenceResult:
+        """Return what the network itself does."""
+        whole = self.seen.reference
+        spikes = {name: array[self.rows] for name, array in whole.spikes.items()}
+        potential = {name: array[self.rows] for name, array in whole.potential.items()}
+        return ReferenceResult(spikes, potential, whole.scores[self.rows], whole.tie_class)
+
+    def evaluated(self, network: Network) -> ReferenceResult:
+        """Return what another float network does."""
+        registers = self.levels.program.chip.registers
+        return evaluate(network, self.recordings, registers=registers)
+
+    def chip_spikes(self) -> dict[str, ByteArray]:
+        return {name: array[self.rows] for name, array in self.seen.chip.spikes.items()}
 
 
 def _each(network: Network, changed: Callable[[Neuron], Neuron]) -> Network:
@@ -291,17 +318,19 @@ class Cause(Frozen, eq=False):
         )
 
 
-def find_cause(levels: Levels, recording: ByteArray, first: Divergence) -> Cause:
-    """Explain the first divergence in ``recording`` (steps, channels), with the network's steps and channels."""
-    network, phases = levels.network, phases_of(levels)
+def find_cause(observed: Observed, first: Divergence) -> Cause:
+    """Explain the first divergence."""
+    levels = observed.levels
+    network = levels.network
+    phases = phases_of(levels)
     population = levels.quantized.population(first.population)
     phase = next(phase for phase in phases if phase.name == population.population.phase)
     until = slice(0, first.step + 1)
+    seen = observed.recording(first.recording)
     lines = {
-        name: played[:, until] for name, played in lines_of(network, phase, recording[None]).items()
+        name: played[:, until] for name, played in lines_of(network, phase, seen.recordings).items()
     }
-    reference = evaluate(network, recording[None], registers=phase.registers).spikes
-    equal = {name: spikes[:, until] for name, spikes in reference.items()}
+    equal = {name: spikes[:, until] for name, spikes in seen.reference.spikes.items()}
     scale = float(population.scale[first.neuron])
 
     stages = working(phases)

@@ -1,0 +1,104 @@
+"""What is seen of recordings on both sides is played once, and remembered while it is small."""
+
+import numpy as np
+import pytest
+from networks import hybrid, recordings
+
+import hw_model as hw
+import locsnn_compile as lc
+import locsnn_compile.reference.evaluate as reference_module
+import locsnn_compile.verification.observation as module
+from locsnn_compile.data.recordings import BATCH
+from locsnn_compile.pipeline import lower
+from locsnn_compile.reference.evaluate import FloatRuns, evaluate
+from locsnn_compile.verification.observation import Observed
+
+CHIP = hw.chip("loihi-sim")
+
+
+@pytest.fixture(scope="module")
+def network():
+    return hybrid(3, scale=20.0)
+
+
+@pytest.fixture(scope="module")
+def levels(network):
+    return lower(network, CHIP, 4)
+
+
+@pytest.fixture
+def evaluated(monkeypatch):
+    """The number of recordings that the float network plays, a call an entry."""
+    calls = []
+
+    def counted(network, spikes, **options):
+        calls.append(len(spikes))
+        return evaluate(network, spikes, **options)
+
+    monkeypatch.setattr(module, "evaluate", counted)
+    monkeypatch.setattr(reference_module, "evaluate", counted)
+    return calls
+
+
+def test_registers_of_a_sample_are_played_once_however_many_ask(levels, network, evaluated):
+    observed = Observed(levels, recordings(network, samples=BATCH + 2))
+    for _ in range(3):
+        for seen in observed.closely(observed.numbers):
+            assert seen.reference.potential
+    assert evaluated == [BATCH, 2]
+
+
+def test_registers_of_large_samples_are_played_again_and_not_kept(
+    levels, network, evaluated, monkeypatch
+):
+    monkeypatch.setattr(module, "REMEMBERED_NEURON_STEPS", 1)
+    observed = Observed(levels, recordings(network, samples=BATCH + 2))
+    for _ in range(2):
+        assert [len(seen.reference.scores) for seen in observed.closely(observed.numbers)] == [
+            BATCH,
+            2,
+        ]
+    assert evaluated == [BATCH, 2] * 2
+
+
+def test_one_recording_is_seen_as_both_sides_play_it(levels, network):
+    played = recordings(network, samples=4)
+    seen = Observed(levels, played).recording(2)
+    reference = evaluate(network, played[2:3], potentials=True)
+    chip = hw.simulate(levels.program, played[2:3], probe=("spikes", "u", "potential"))
+    for name in [population.name for population in network.populations]:
+        assert np.array_equal(seen.reference.spikes[name], reference.spikes[name])
+        assert np.array_equal(seen.reference.potential[name], reference.potential[name])
+        assert np.array_equal(seen.chip.spikes[name], chip.spikes[name])
+        assert np.array_equal(seen.chip.potential[name], chip.potential[name])
+
+
+@pytest.mark.parametrize("bits", [1 << 31, 0], ids=["remembered", "played anew"])
+def test_a_float_network_plays_a_batch_the_same_each_time(network, bits, evaluated, monkeypatch):
+    monkeypatch.setattr(reference_module, "REMEMBERED_BITS", bits)
+    played = recordings(network, samples=5)
+    runs = FloatRuns(network, played, CHIP.registers)
+    rows = slice(1, 4)
+    wanted = evaluate(network, played[rows])
+    for _ in range(2):
+        result = runs.batch(rows)
+        assert set(result.spikes) == set(wanted.spikes)
+        for name, spikes in wanted.spikes.items():
+            assert np.array_equal(result.spikes[name], spikes)
+        assert np.array_equal(result.scores, wanted.scores)
+    assert evaluated == [3] if bits else [3, 3]
+
+
+def test_auto_plays_the_float_network_once_for_all_candidates(network, evaluated):
+    played = recordings(network, samples=6)
+    compiled = lc.compile(network, events=played, calibration=played, diagnosis=False)
+    assert len(compiled.choice.candidates) > 1
+    # For rounding with potentials, for all candidates, and for the check.
+    assert evaluated == [6, 6, 6]
+
+
+def test_recordings_are_fitted_where_they_enter(network):
+    short = recordings(network, samples=3)[:, :25]
+    compiled = lc.compile(network, events=short, diagnosis=False)
+    assert compiled.observed.recordings.shape == (3, network.steps, network.channels)
+    assert not compiled.observed.recordings[:, 25:].any()
