@@ -13,6 +13,7 @@ from functools import cached_property
 
 import hw_model as hw
 from hw_model.description.counts import total
+from hw_model.targets import target_of
 from hw_model.values import Shown
 from locsnn_compile.cluster.spread import Spread, here
 from locsnn_compile.data.recordings import Recordings
@@ -198,12 +199,14 @@ def lower_as(
 def lower_or_advise(
     network: Network, chip: hw.Chip, setting: Setting, calibration: Calibration | None
 ) -> Levels:
-    """Lower by a setting; a ``TargetError`` of an open core then names the first strategy that fits, if any does."""
+    """Lower by a setting; a ``TargetError`` of some targets names the first strategy that fits."""
     try:
         return lower_as(network, chip, setting, calibration)
     except TargetError as error:
+        if not target_of(chip).advises_strategies:
+            raise
         said = vars(error)
-        for name in STRATEGIES if chip.open_core else ():
+        for name in STRATEGIES:
             with suppress(TargetError):
                 lower_as(network, chip, replace(setting, strategy=name), calibration)
                 said = said | {"fix": f"Use strategy {name}."}

@@ -205,10 +205,16 @@ def emitters_of(kinds: Sequence[str]) -> list[Emitter]:
 
 
 def check_kinds(chip: "hw.Chip", kinds: Sequence[str]) -> None:
-    """Refuse kinds that describe a mesh of cores where the chip is an open core."""
-    for emitter in emitters_of(kinds):
-        if emitter.of_mesh and chip.open_core:
-            what = f"it describes a mesh of cores, and {chip.name} is an open core"
+    """Refuse kinds that describe a mesh of cores where the target is none."""
+    emitters = [emitter for emitter in emitters_of(kinds) if emitter.of_mesh]
+    if not emitters:
+        return
+    from hw_model.targets import target_of
+
+    target = target_of(chip)
+    for emitter in emitters:
+        if not target.has_mesh:
+            what = f"it describes a mesh of cores, and {chip.name} is {target.called}"
             raise InputError(f"--emit {emitter.kind}", what, fix="Use --emit rtl.")
 
 

@@ -11,7 +11,7 @@ from hw_model.mapping.placement import PlacedGraph, place_cores
 from hw_model.mapping.routing import RoutedGraph, route_axons
 from hw_model.program.assemble import assemble
 from hw_model.program.text import compartments_text, placed_text, program_text, routed_text
-from hw_model.rtl.device import on_core
+from hw_model.targets import target_of
 from hw_model.values import Shown, picked
 from locsnn_compile.network.check import check_network
 from locsnn_compile.network.network import Network
@@ -52,8 +52,7 @@ def lower(
     routed = route_axons(placed)
     kept = picked(network, "step_seconds", "event_threshold", "psi", "class_names")
     program = replace(assemble(routed), **kept, **network.numbering_entries)
-    if chip.open_core:
-        on_core(program, network.steps, chip)
+    target_of(chip).check_fits(program, network.steps)
     _log.debug(
         "%s: %s, %d cores of %s", network.name, quantized.strategy, len(program.cores), chip.name
     )

@@ -164,11 +164,6 @@ class Chip(Shown, eq=True):
         """The default profile, or one that prices nothing."""
         return next(iter(self.profiles.values()), UNPRICED)
 
-    @property
-    def timed(self) -> bool:
-        """Whether times are known: the exact cycles of an open core, or times of operations in the default profile."""
-        return bool(self.open_core or self.costs.time_ns)
-
     def profile(self, name: str) -> Profile:
         """Return the profile of this name; ``InputError`` lists those that exist."""
         what, more = (
@@ -250,7 +245,7 @@ def priced_by(chip: Chip, name_or_path: str | Path) -> Chip:
     The file has the same keys as a profile in a chip file. The profile gets the file's name, without its ending.
     """
     text = str(name_or_path)
-    if chip.open_core and not chip.profiles:
+    if not chip.profiles:
         raise InputError(
             f"profile {text!r}",
             f"{chip.name} has cycles and no profiles",

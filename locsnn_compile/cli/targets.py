@@ -9,6 +9,7 @@ example:
 import argparse
 
 import hw_model as hw
+from hw_model.targets import target_of
 from locsnn_compile.report.words import sentence
 
 
@@ -24,6 +25,6 @@ def run(args: argparse.Namespace) -> int:
             if chip.profiles
             else "energy is not known"
         )
-        kind = "an open core" if chip.open_core else "a mesh of cores"
-        print(f"{name}: {chip.description}\n  {sentence(kind, chip=chip, priced=priced)}")
+        room = sentence(target_of(chip).called, chip=chip, priced=priced)
+        print(f"{name}: {chip.description}\n  {room}")
     return 0

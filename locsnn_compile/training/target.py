@@ -11,6 +11,7 @@ import numpy as np
 
 import hw_model as hw
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_EXPONENTS, WEIGHT_SHIFT, weight_grid
+from hw_model.targets import target_of
 from hw_model.values import Float32Array
 from locsnn_compile.errors import TargetError
 from locsnn_compile.frontends.checkpoint import network_of
@@ -169,7 +170,7 @@ def _registers(chip: hw.Chip) -> RegisterWidths:
 def _check_limits(chip: hw.Chip, config: TrainingConfig, description: NetworkDescription) -> None:
     """Refuse settings of the network that its chip does not hold."""
     joined = description.structure.neurons == "srm" and config.strategy != "reset"
-    if joined and chip.open_core is not None and not chip.open_core.join:
+    if joined and not target_of(chip).joins:
         what, fix = (
             f"it joins no compartments, as strategy {config.strategy} does",
             "Add strategy reset.",

@@ -8,10 +8,10 @@ import numpy as np
 
 import hw_model as hw
 from hw_model.accounting.cost import Latency
-from hw_model.accounting.usage import PhaseUsage, measure, total_ns
+from hw_model.accounting.usage import PhaseUsage, total_ns
 from hw_model.description.counts import Counts, total
 from hw_model.description.profile import End, Range
-from hw_model.rtl.device import latencies as core_latencies
+from hw_model.targets import target_of
 from hw_model.values import ByteArray, FloatArray, Frozen, IntArray, Shown, Sums, picked
 from locsnn_compile.baselines.operations import network_additions
 from locsnn_compile.cluster.spread import Spread, here
@@ -256,9 +256,8 @@ def _compare_batch(quantized: QuantizedNetwork, program: hw.ChipProgram, batch: 
     reference, chip = seen.reference, seen.chip
     assert chip.scores is not None  # a network has a readout
     profile = program.chip.costs
-    latencies, usage = measure(program, chip.activity, profile)
-    if program.chip.open_core:
-        latencies = core_latencies(program, batch.recordings, chip.spikes)
+    target = target_of(program.chip)
+    latencies, usage = target.measure(program, batch.recordings, chip.activity, chip.spikes)
     return _Part(
         matches={
             p.name: PopulationMatch.of(reference.spikes[p.name], chip.spikes[p.name])

@@ -11,6 +11,7 @@ import hw_model as hw
 from hw_model.engine.usable import why_not_compiled
 from hw_model.streaming.outcomes import StepScores
 from hw_model.streaming.psi import check_psi, location_share
+from hw_model.targets import target_of
 from hw_model.values import ByteArray, FloatArray, Frozen, added
 from locsnn_compile.cluster.spread import Spread, here
 from locsnn_compile.errors import InputError
@@ -93,7 +94,7 @@ def over_time(observed: Observed, psi: float = PSI) -> OverTime | str:
 def savings(program: hw.ChipProgram, stops: hw.Stops) -> dict[str, Any]:
     """Return means per recording until it stops and for all of it; energy and latency by the default profile.
 
-    Latency is None for an open core or a profile without times, energy for an open core without a profile.
+    Latency is None where the target has no times of single steps, energy where it has no profile.
     """
     chip, profile = program.chip, program.chip.costs
     batch = len(stops.steps)
@@ -108,7 +109,9 @@ def savings(program: hw.ChipProgram, stops: hw.Stops) -> dict[str, Any]:
         "all_latency_ns": stops.all_latency_ns / batch,
         "profile": chip.default_profile,
     }
-    unknown = {"_ns": chip.open_core or not chip.timed, "_pj": not chip.profiles}
+    target = target_of(chip)
+    times_steps = target.timed and target.times_cores
+    unknown = {"_ns": not times_steps, "_pj": not chip.profiles}
     return found | dict.fromkeys(name for name in found if unknown.get(name[-3:]))
 
 

@@ -18,6 +18,7 @@ import numpy as np
 from hw_model.arithmetic.fixed_point import WeightGrid
 from hw_model.arithmetic.loihi import share_kept
 from hw_model.description.chip import Chip
+from hw_model.targets import target_of
 from hw_model.values import FloatArray, Frozen, IntArray
 from locsnn_compile.errors import TargetError, counted
 from locsnn_compile.network.chip_neurons import ChipSrm
@@ -68,8 +69,8 @@ def lay_out(neuron: SrmAlpha, decay: int, thresholds: Iterable[int], task: Task)
         what = f"{counted(_taps(chip), 'delayed synapse')} cannot hold a kernel of tau_ref {neuron.tau_ref:g}"
         measured = f"an error of {error:.2g} against {ERROR_MAX:g}"
         measured += f"; {chip.name} has delay_max {chip.registers.delay_max}"
-        other = "reset" if chip.open_core and not chip.open_core.join else "dendrite"
-        raise TargetError(task.where, what, measured=measured, fix=f"Use strategy {other}.")
+        strategy = "dendrite" if target_of(chip).joins else "reset"
+        raise TargetError(task.where, what, measured=measured, fix=f"Use strategy {strategy}.")
     mantissa, exponent = (
         found.mantissa[: last + 1, :, chosen],
         found.exponent[: last + 1, :, chosen],

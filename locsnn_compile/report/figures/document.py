@@ -6,8 +6,7 @@ from typing import Any
 import hw_model as hw
 from hw_model.description.counts import Counts, total
 from hw_model.program.chip_program import ChipProgram, Core
-from hw_model.rtl.device import activity, on_core, uses
-from hw_model.rtl.images import CoreProgram
+from hw_model.targets import target_of
 from hw_model.values import AnyArray, IntArray, picked
 from locsnn_compile.baselines import operations as paper
 from locsnn_compile.network.network import Network
@@ -47,7 +46,8 @@ def report_document(
     network, program, samples = levels.network, levels.program, match.samples
     counts, binned = total(match.counts), grounds.binned
     energy = energy_entry(program, match, network, grounds.step_seconds)
-    core = on_core(program, network.steps, program.chip) if program.chip.open_core else None
+    target = target_of(program.chip)
+    accesses = target.memory_accesses(program, network.steps, counts, samples)
     return {
         "schema": SCHEMA,
         "model": {
@@ -75,9 +75,9 @@ def report_document(
             "published_method": _published(network, match),
         },
         "energy": energy,
-        **({"activity": activity(core, counts, samples)} if core else {}),
+        **({"activity": accesses} if accesses else {}),
         "latency": latency_entry(program, match, network.steps, grounds.step_seconds),
-        "resources": _resources(program, core),
+        "resources": _resources(program, network.steps),
         "ann_comparison": _ann_comparison(
             network, match, energy["per_sample_pj"], counts["synaptic_ops"] / samples
         ),
@@ -118,9 +118,11 @@ def _chance(match: Match) -> Document:
 def _members(levels: Levels, match: Match, energy: Document) -> list[Document]:
     """Return, for each network of a committee, its cores, the energy of its compartments, and its time by itself.
 
-    Energy and time are None if not known: an open core hosts all members, one after the other.
+    Energy and time are None if not known, as where one core hosts all members, one after the other.
     """
-    rows, chip = [], levels.program.chip
+    rows = []
+    target = target_of(levels.program.chip)
+    times_members = target.timed and target.times_cores
     for member in levels.network.members:
         cores = [c for c in levels.program.cores if c.slices[0].group.startswith(f"{member.name}/")]
         by_population = energy["by_population_pj"]
@@ -130,8 +132,7 @@ def _members(levels: Levels, match: Match, energy: Document) -> list[Document]:
             if name.startswith(f"{member.name}/")
         ]
         per_sample_pj = None if by_population is None else sum(its)
-        alone = chip.timed and not chip.open_core
-        per_sample_ns = match.member_ns[member.name] / match.samples if alone else None
+        per_sample_ns = match.member_ns[member.name] / match.samples if times_members else None
         costs = {"per_sample_pj": per_sample_pj, "per_sample_ns": per_sample_ns}
         rows.append({**asdict(member), "cores": len(cores), **costs})
     return rows
@@ -203,42 +204,21 @@ def _published(network: Network, match: Match) -> Document:
     }
 
 
-def _resources(program: ChipProgram, core: CoreProgram | None) -> Document:
+def _resources(program: ChipProgram, steps: int) -> Document:
+    """Return what a program takes, for recordings of ``steps`` steps."""
+    target = target_of(program.chip)
     limits = program.chip.limits
     rows = [_core_use(program, core) for core in program.cores]
-    of_core = {
-        "compartments": limits.compartments_per_core,
-        "axons_in": limits.input_axons_per_core,
-        "axons_out": limits.output_axons_per_core,
-        "synapse_words": limits.synapse_words_per_core,
-        "synapse_formats": limits.synapse_formats_per_core,
-        "compartment_profiles": limits.compartment_profiles_per_core,
-        "threshold_profiles": limits.threshold_profiles_per_core,
-    }
-    held = {
-        "cores": {"used": len(program.cores), "limit": program.chip.cores},
-        **{
-            key: {"used": max(row[key] for row in rows), "limit": limit}
-            for key, limit in of_core.items()
-        },
-    }
-    if core and program.chip.open_core:
-        use = uses(core.needs, program.chip.open_core)
-        chosen = ("word", "one_port")  # by the chip
-        held = {
-            name: {"used": used, "limit": limit}
-            for name, (used, limit) in use.items()
-            if name not in chosen
-        }
+    uses = target.limits_used(program, steps)
     return {
-        "cores": 1 if program.chip.open_core else len(program.cores),
+        "cores": target.cores_used(program),
         "compartments": sum(row["compartments"] for row in rows),
         "synapses": sum(row["synapses"] for row in rows),
         "synapse_bits": sum(row["synapse_words"] for row in rows)
         * program.chip.synapse_memory.word_bits,
         "axons_in": sum(row["axons_in"] for row in rows),
         "axons_out": sum(row["axons_out"] for row in rows),
-        "limits": held,
+        "limits": {name: use._asdict() for name, use in uses.items()},
         "mesh": picked(program.chip, "chips")
         | picked(limits, "cores_per_chip")
         | asdict(program.chip.mesh),

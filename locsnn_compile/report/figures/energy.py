@@ -15,6 +15,7 @@ from hw_model.accounting.activity import counted
 from hw_model.description.counts import BY_CORE, Counts, total
 from hw_model.program.chip_program import ChipProgram
 from hw_model.program.pieces import pieces_of
+from hw_model.targets import target_of
 from hw_model.values import FloatArray, picked
 from locsnn_compile.network.network import Network
 from locsnn_compile.report.content import Document
@@ -152,12 +153,13 @@ def _static(
     power = profile.static_power
     if power is None:
         return None
+    is_timed = target_of(program.chip).timed
     chips = len({core.slot // program.chip.limits.cores_per_chip for core in program.cores})
     return {
         "chip_mw": power.chip_mw,
         "source": power.source,
         "chips": chips,
-        "at_latency_pj": power.pj(chips, match.mean_ns) if program.chip.timed else None,
+        "at_latency_pj": power.pj(chips, match.mean_ns) if is_timed else None,
         "at_real_time_pj": None if recording_ns is None else power.pj(chips, recording_ns),
     }
 

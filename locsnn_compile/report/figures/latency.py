@@ -5,23 +5,22 @@ from collections.abc import Iterator
 
 import numpy as np
 
-import hw_model as hw
 from hw_model.accounting.cost import PARTS
 from hw_model.accounting.mesh_routes import routes_of
 from hw_model.accounting.usage import PhaseUsage
-from hw_model.description.profile import UNPRICED
 from hw_model.program.chip_program import ChipProgram
+from hw_model.targets import target_of
 from locsnn_compile.report.content import Document
 from locsnn_compile.report.figures.spread import by_core, course, spread
 from locsnn_compile.verification.matching import Match
 
 _PATHS = 8
 """Critical paths that are listed: those that took most time."""
-_IN_THE_MESH = (
+_OF_CORES = (
     "by_branch_ns", "by_part_ns", "by_branch_part_ns", "by_step_ns", "by_core", "critical_paths", "links",
     "critical_core", "after_last_row_ns",
 )  # fmt: skip
-"""Figures of the latency that only cores on a mesh have."""
+"""Figures of the latency that need times of single cores and steps."""
 
 
 def latency_entry(
@@ -29,9 +28,10 @@ def latency_entry(
 ) -> Document:
     """Return ``latency`` by the default profile of the chip; figures are means per recording, except for the spread.
 
-    For an open core the cycles are known, but not what they consist of.
+    Where a target times whole recordings alone, it is not known what their times consist of.
     """
     chip, samples = program.chip, match.samples
+    target = target_of(chip)
     each = np.array([one.total_ns for one in match.latencies])
     last = [one.critical_core for one in match.latencies]
     mean_ns = match.mean_ns
@@ -43,8 +43,8 @@ def latency_entry(
     after = [one.after_last_row_ns for one in match.latencies]
     entry = {
         "profile": chip.default_profile,
-        "basis": _basis(chip),
-        "timed": chip.timed,
+        "basis": target.basis_of_times,
+        "timed": target.timed,
         "per_sample_ns": mean_ns,
         "per_sample_cycles": round(mean_ns * chip.clock_ghz),
         "clock_ghz": chip.clock_ghz,
@@ -73,18 +73,7 @@ def latency_entry(
         if step_ns is None
         else _real_time(match, steps, step_ns, mean_ns, float(each.max())),
     }
-    return entry | dict.fromkeys(_IN_THE_MESH) if chip.open_core else entry
-
-
-def _basis(chip: hw.Chip) -> str:
-    """Say what times rest on: an open core has exact cycles of a clock as placed or, in cells, as analysed."""
-    if not chip.open_core:
-        return chip.costs.basis
-    return (
-        "cycle-exact model of the RTL core at the analysed clock"
-        if chip.profiles
-        else UNPRICED.basis
-    )
+    return entry if target.times_cores else entry | dict.fromkeys(_OF_CORES)
 
 
 def _cores_ns(used: PhaseUsage, samples: int) -> Iterator[Document]:

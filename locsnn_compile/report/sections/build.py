@@ -6,7 +6,7 @@ from typing import Any
 from locsnn_compile.choose_strategy import Choice
 from locsnn_compile.report.content import Bullets, Document, Section, Table
 from locsnn_compile.report.format import NONE, any_value, count, share
-from locsnn_compile.report.sections.verdict import fullness, on_open_core, outside, starts
+from locsnn_compile.report.sections.verdict import counts_cores, fullness, outside, starts
 from locsnn_compile.report.words import facts, limit_words, listed, section, sentence, table, words
 from locsnn_compile.settings import AXES, LAYOUTS, Setting
 
@@ -86,10 +86,10 @@ def provenance(document: Document) -> Section:
 
 
 def _kept_in_mind(document: Document, strategies: list[str]) -> Iterator[str]:
-    """Give the names of the notes on the chip: an open core is defined by its sources, so nothing of it is assumed."""
+    """Give the names of the notes on the chip: nothing is assumed of a single core that its sources define."""
     if document["energy"]["profile"]:
         yield "modelled"
-    if on_open_core(document):
+    if not counts_cores(document):
         return
     if not _WITHOUT_JOINED.issuperset(strategies):
         yield "joined"

@@ -169,7 +169,7 @@ def fits(document: Document) -> Verdict:
         key=lambda name: (name in over, _is_filled(name, limits[name]), fullness(limits[name])),
     )
     of_cores = "the open core"
-    if not on_open_core(document):
+    if counts_cores(document):
         cores = limits["cores"]
         of_cores = f"{count(cores['used'])} of {plural(cores['limit'], 'core')}"
     entry = limits[worst]
@@ -183,9 +183,9 @@ def _is_filled(name: str, entry: Document) -> bool:
     return entry["limit"] > 1 and name not in _WIDTHS
 
 
-def on_open_core(document: Document) -> bool:
-    """Return whether the program is for the open core, which has no limit on cores."""
-    return "cores" not in document["resources"]["limits"]
+def counts_cores(document: Document) -> bool:
+    """Return whether the target has cores that a program fills one after the other."""
+    return "cores" in document["resources"]["limits"]
 
 
 def notices(document: Document) -> tuple[Notice, ...]:

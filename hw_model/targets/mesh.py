@@ -1,0 +1,96 @@
+"""Chips of many cores at the places of a mesh, as Loihi is."""
+
+from collections.abc import Mapping, Sequence
+
+from hw_model.accounting.activity import StepActivity
+from hw_model.accounting.cost import Latency
+from hw_model.accounting.usage import PhaseUsage, measure
+from hw_model.description.chip import Chip
+from hw_model.program.chip_program import ChipProgram
+from hw_model.targets.target import LimitUse, Target
+from hw_model.values import ByteArray
+
+
+class MeshTarget(Target):
+    """A mesh of cores: mapping has checked every limit, and a profile has the times."""
+
+    called = "a mesh of cores"
+    has_mesh = True
+    times_cores = True
+    advises_strategies = False
+
+    @classmethod
+    def describes(cls, chip: Chip) -> bool:
+        """Tell whether a chip is a mesh, which all are that are not something else."""
+        return True
+
+    @property
+    def joins(self) -> bool:
+        """Compartments of a core can be joined."""
+        return True
+
+    @property
+    def timed(self) -> bool:
+        """Whether the chip's first profile has times."""
+        return bool(self.chip.costs.time_ns)
+
+    @property
+    def basis_of_times(self) -> str:
+        """What the profile says."""
+        return self.chip.costs.basis
+
+    def check_fits(self, program: ChipProgram, rows: int) -> None:
+        """Refuse nothing: mapping has checked the limits of every core."""
+
+    def cores_used(self, program: ChipProgram) -> int:
+        """Return the cores of the program."""
+        return len(program.cores)
+
+    def limits_used(self, program: ChipProgram, rows: int) -> dict[str, LimitUse]:
+        """Return the cores in use, and for each limit of a core the most that any core uses."""
+        cores = program.cores
+        limits = self.chip.limits
+        used_and_limit = {
+            "compartments": (
+                [core.compartments for core in cores],
+                limits.compartments_per_core,
+            ),
+            "axons_in": (
+                [core.axons.input_axons for core in cores],
+                limits.input_axons_per_core,
+            ),
+            "axons_out": (
+                [core.axons.output_axons for core in cores],
+                limits.output_axons_per_core,
+            ),
+            "synapse_words": (
+                [core.axons.synapse_words for core in cores],
+                limits.synapse_words_per_core,
+            ),
+            "synapse_formats": (
+                [len(core.axons.formats) for core in cores],
+                limits.synapse_formats_per_core,
+            ),
+            "compartment_profiles": (
+                [len(core.profiles) for core in cores],
+                limits.compartment_profiles_per_core,
+            ),
+            "threshold_profiles": (
+                [len(core.thresholds) for core in cores],
+                limits.threshold_profiles_per_core,
+            ),
+        }
+        uses = {"cores": LimitUse(len(cores), self.chip.cores)}
+        for name, (by_core, limit) in used_and_limit.items():
+            uses[name] = LimitUse(max(by_core), limit)
+        return uses
+
+    def measure(
+        self,
+        program: ChipProgram,
+        recordings: ByteArray,
+        activity: Mapping[str, Sequence[StepActivity]],
+        spikes: Mapping[str, ByteArray],
+    ) -> tuple[list[Latency], dict[str, PhaseUsage]]:
+        """Return times by the chip's first profile, and the use of cores and links."""
+        return measure(program, activity, self.chip.costs)

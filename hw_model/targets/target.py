@@ -1,0 +1,90 @@
+"""What the compiler asks of a target, whatever its kind."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from typing import ClassVar, NamedTuple
+
+from hw_model.accounting.activity import StepActivity
+from hw_model.accounting.cost import Latency
+from hw_model.accounting.usage import PhaseUsage
+from hw_model.description.chip import Chip
+from hw_model.description.counts import Counts
+from hw_model.program.chip_program import ChipProgram
+from hw_model.values import ByteArray, Frozen
+
+
+class LimitUse(NamedTuple):
+    """How much of a limit is used; of limits of a core, by the core that uses most."""
+
+    used: int
+    limit: int
+
+
+class Target(Frozen, ABC):
+    """A chip as something to compile for.
+
+    - ``called``: what messages call the kind
+    - ``has_mesh``: it has cores at places of a mesh, with memories and times of their own
+    - ``times_cores``: its times are known step by step and core by core, not for whole recordings
+      alone
+    - ``advises_strategies``: where a program does not fit, other strategies are tried for the
+      advice
+    """
+
+    chip: Chip
+    called: ClassVar[str]
+    has_mesh: ClassVar[bool]
+    times_cores: ClassVar[bool]
+    advises_strategies: ClassVar[bool]
+
+    @classmethod
+    @abstractmethod
+    def describes(cls, chip: Chip) -> bool:
+        """Tell whether a chip is of this kind."""
+
+    @property
+    @abstractmethod
+    def joins(self) -> bool:
+        """Whether a compartment can add the voltages of others to its own."""
+
+    @property
+    @abstractmethod
+    def timed(self) -> bool:
+        """Whether any times are known."""
+
+    @property
+    @abstractmethod
+    def basis_of_times(self) -> str:
+        """What times rest on, in words."""
+
+    @abstractmethod
+    def check_fits(self, program: ChipProgram, rows: int) -> None:
+        """Refuse what mapping did not check, for recordings of ``rows`` rows: ``TargetError``."""
+
+    @abstractmethod
+    def cores_used(self, program: ChipProgram) -> int:
+        """Return how many cores of the hardware a program takes."""
+
+    @abstractmethod
+    def limits_used(self, program: ChipProgram, rows: int) -> dict[str, LimitUse]:
+        """Return what a program uses of each limit, by the limit's name."""
+
+    @abstractmethod
+    def measure(
+        self,
+        program: ChipProgram,
+        recordings: ByteArray,
+        activity: Mapping[str, Sequence[StepActivity]],
+        spikes: Mapping[str, ByteArray],
+    ) -> tuple[list[Latency], dict[str, PhaseUsage]]:
+        """Return the time of each recording of a batch, and the use of cores and links by phase.
+
+        ``recordings`` are (batch, steps, channels); ``activity`` and ``spikes`` are those of their
+        simulation.
+        """
+
+    def memory_accesses(
+        self, program: ChipProgram, rows: int, counts: Counts, recordings: int
+    ) -> dict[str, dict[str, float]] | None:
+        """Return memory accesses and multiplications per recording; None if they are not known."""
+        return None

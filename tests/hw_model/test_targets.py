@@ -1,0 +1,110 @@
+"""What the compiler asks of a target, whatever its kind, and that nobody asks a chip for its kind."""
+
+import ast
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import hw_model as hw
+from hw_model.targets import TARGETS, target_of
+from hw_model.targets.mesh import MeshTarget
+from hw_model.targets.open_core import OpenCoreTarget
+
+ROOT = Path(__file__).parents[2]
+ROOMS_OF_THE_CORE = ("hw_model/description/", "hw_model/rtl/", "hw_model/targets/")
+MESH = ("loihi-sim", "tiny-sim")
+
+
+def program_on(chip):
+    """Two cores of the mesh: three compartments that hear one channel, and one that hears them."""
+    limits = replace(chip.limits, compartments_per_core=3)
+    b = hw.ProgramBuilder(replace(chip, limits=limits))
+    x = b.add_input("x", 1)
+    h = b.add_compartments("h", 3, decay_u=4096, decay_v=0, threshold=10)
+    y = b.add_compartments("y", 1, decay_u=4096, decay_v=0, threshold=10)
+    b.connect(x, h, [[20]] * 3)
+    b.connect(h, y, [[2, 4, 6]])
+    b.read_out(y)
+    return b.build()
+
+
+@pytest.mark.parametrize("name", hw.chip_names())
+def test_every_chip_that_ships_is_of_one_kind(name):
+    chip = hw.chip(name)
+    kind = MeshTarget if name in MESH else OpenCoreTarget
+    assert type(target_of(chip)) is kind
+    assert target_of(chip).chip is chip
+    assert kind in TARGETS
+
+
+@pytest.mark.parametrize(
+    ("name", "joins", "timed", "has_mesh", "times_cores"),
+    [
+        ("loihi-sim", True, True, True, True),
+        ("tiny-sim", True, True, True, True),
+        ("ecp5-25f", True, True, False, False),
+        ("ecp5-85f", True, True, False, False),
+        ("ice40up5k", False, True, False, False),
+        ("locsnn-130nm", True, True, False, False),
+    ],
+)
+def test_what_targets_can_do(name, joins, timed, has_mesh, times_cores):
+    target = target_of(hw.chip(name))
+    answers = (target.joins, target.timed, target.has_mesh, target.times_cores)
+    assert answers == (joins, timed, has_mesh, times_cores)
+
+
+def test_a_mesh_without_times_of_operations_is_not_timed():
+    chip = hw.chip("loihi-sim")
+    priced = replace(chip.costs, time_ns={})
+    assert not target_of(replace(chip, profiles={"free": priced})).timed
+
+
+def test_a_program_takes_its_cores_of_a_mesh():
+    program = program_on(hw.chip("loihi-sim"))
+    target = target_of(program.chip)
+    assert target.cores_used(program) == len(program.cores) == 2
+    uses = target.limits_used(program, rows=4)
+    assert uses["cores"] == (2, 128)
+    assert uses["compartments"] == (3, 3)
+    assert uses["axons_in"] == (3, 4096)
+
+
+def test_a_program_takes_the_one_open_core_whatever_it_calls_cores():
+    program = program_on(hw.chip("ecp5-25f"))
+    target = target_of(program.chip)
+    assert len(program.cores) == 2
+    assert target.cores_used(program) == 1
+    uses = target.limits_used(program, rows=4)
+    assert "cores" not in uses
+    assert uses["compartments"] == (4, program.chip.open_core.compartments)
+
+
+def test_a_program_too_large_for_an_open_core_is_refused_and_a_larger_one_named():
+    b = hw.ProgramBuilder(hw.chip("ecp5-85f"))
+    h = b.add_compartments("h", 400, decay_u=4096, decay_v=0, threshold=10)
+    b.connect(b.add_input("x", 1), h, [[20]] * 400)
+    b.read_out(h)
+    program = b.build()
+    target_of(program.chip).check_fits(program, rows=4)
+    with pytest.raises(hw.TargetError) as caught:
+        target_of(hw.chip("ice40up5k")).check_fits(program, rows=4)
+    assert str(caught.value) == (
+        "program 'program': the open core of ice40up5k is too small in 'compartments' "
+        "(400 against 256). Use the device ecp5-85f."
+    )
+
+
+def test_only_the_rooms_of_the_core_ask_whether_a_chip_is_one():
+    asking = []
+    for package in ("hw_model", "locsnn_compile"):
+        for path in (ROOT / package).rglob("*.py"):
+            name = path.relative_to(ROOT).as_posix()
+            nodes = ast.walk(ast.parse(path.read_text()))
+            asks = any(
+                isinstance(node, ast.Attribute) and node.attr == "open_core" for node in nodes
+            )
+            if asks and not name.startswith(ROOMS_OF_THE_CORE):
+                asking.append(name)
+    assert asking == []
