@@ -34,6 +34,7 @@ from locsnn_compile.emitters import (
 )
 from locsnn_compile.errors import InputError, listed
 from locsnn_compile.frontends import load
+from locsnn_compile.frontends.formats import LoadOptions
 from locsnn_compile.network.network import Network
 from locsnn_compile.report.gates import GATES, check_gates, gates_entry, junit_file
 from locsnn_compile.report.sections.build import unmet_budget
@@ -128,11 +129,8 @@ def _of_an_earlier_build(folder: Path, files: Mapping[str, bytes]) -> list[str]:
 
 def _network(args: Namespace) -> Network:
     """Read the model, or join several, in the steps asked for; refuse options that change nothing for it."""
-    options = picked(
-        args, "config", "dt", "reset", "discretisation", "floor", "kernels", "branches"
-    )
-    options |= picked(args, "relay_delays", "channel_order")
-    networks = [load(model, **options) for model in args.model]
+    options = LoadOptions.of(args)
+    networks = [load(model, **vars(options)) for model in args.model]
     if args.weights and len(networks) < 2:
         if networks[0].members:
             fix = "Leave it out, or pack the models again: locsnn pack --weights."

@@ -42,6 +42,7 @@ from locsnn_compile.explore.exploration import Exploration
 from locsnn_compile.explore.point import ModelFile, Study
 from locsnn_compile.explore.result import exploration_files, lines
 from locsnn_compile.explore.sweep import Store, auto_bounds, sweep
+from locsnn_compile.frontends.formats import LoadOptions
 from locsnn_compile.passes.quantize import weight_bits_of
 from locsnn_compile.settings import AXES, Value, check_matters, settings
 from locsnn_compile.verification.error_bounds import ErrorBudget
@@ -85,18 +86,7 @@ def _explore(
     args: argparse.Namespace, wanted: Mapping[str, Sequence[Value]], folder: Path, spread: Spread
 ) -> Exploration:
     """Measure the grid, and then the front on the recordings of --report-on."""
-    model = ModelFile(
-        args.model,
-        args.config,
-        args.dt,
-        args.reset,
-        args.discretisation,
-        args.floor,
-        args.kernels,
-        args.branches,
-        args.channel_order,
-        args.relay_delays,
-    )
+    model = ModelFile(args.model, LoadOptions.of(args))
     network, chip = on_sensor(with_steps(model.load(), args), args), hw.chip(args.target)
     reading = file_reading(args)
     files = (args.events, args.calibration, args.report_on, args.channel_order)

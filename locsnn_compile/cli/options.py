@@ -12,6 +12,7 @@ from hw_model.texts.templates import sections
 from locsnn_compile.cli.completion import chips
 from locsnn_compile.emitters import EMIT_KINDS
 from locsnn_compile.errors import InputError, did_you_mean, listed
+from locsnn_compile.frontends.formats import FORMAT_OPTIONS, models_in_words
 from locsnn_compile.models.architectures import ARCHITECTURES
 from locsnn_compile.settings import AXES, STRATEGIES, TRAINABLE, Axis
 
@@ -66,6 +67,11 @@ def declared(axes: Iterable[Axis]) -> str:
     )
 
 
+OF_MODELS = {
+    "models": models_in_words(),
+    "reading": "\n".join(option.declaration for option in FORMAT_OPTIONS),
+}
+"""What fills the placeholders of commands that read models."""
 WORDS: dict[str, Mapping[str, str]] = {
     "compile": {
         "strategies": ", ".join(STRATEGIES),
@@ -86,7 +92,7 @@ WORDS: dict[str, Mapping[str, str]] = {
 
 def add_options(parser: argparse.ArgumentParser, command: str) -> None:
     """Add the options of a command."""
-    found = sections(__package__, "options.txt")
+    found = sections(__package__, "options.txt") | OF_MODELS
     lines = found[command].format_map({**found, **WORDS.get(command, {})})
     for line, said in re.findall(r"^(\S.*)((?:\n    .*)+)", lines, re.MULTILINE):
         named, *kinds = line.split(", ")

@@ -7,7 +7,7 @@ import hashlib
 import json
 import time
 from collections.abc import Mapping
-from dataclasses import asdict, astuple
+from dataclasses import asdict, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,7 @@ from locsnn_compile.cluster.spread import code_version
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import TargetError
 from locsnn_compile.frontends import load
+from locsnn_compile.frontends.formats import LoadOptions
 from locsnn_compile.network.network import Network
 from locsnn_compile.request import CheckRequest, CompileRequest, SettingRequest, check_setting
 from locsnn_compile.settings import Setting
@@ -29,39 +30,31 @@ from locsnn_compile.verification.error_bounds import Losses
 
 
 class ModelFile(Frozen):
-    """The arguments of :func:`locsnn_compile.load`: a path, and options, None if not given."""
+    """The arguments of :func:`locsnn_compile.load`: a path, and options."""
 
     model: str
-    config: str | None = None
-    dt: float | None = None
-    reset: str | None = None
-    discretisation: str | None = None
-    floor: float | None = None
-    kernels: str | None = None
-    branches: str | None = None
-    channel_order: str | None = None
-    relay_delays: bool | None = None
+    options: LoadOptions = LoadOptions()
 
     def load(self) -> Network:
         """Read the model; ``InputError`` for what cannot be read or used."""
-        return load(**vars(self))
+        return load(self.model, **vars(self.options))
 
     def arguments(self) -> list[str]:
         """Return the arguments of ``locsnn-compile``."""
-        options = {f"--{name.replace('_', '-')}": value for name, value in vars(self).items()}
-        model = options.pop("--model")
-        arguments = [model]
-        for option, value in options.items():
-            if value is not None:
-                arguments += [option] if value is True else [option, str(value)]
+        arguments = [self.model]
+        for name, value in self.options.given.items():
+            option = f"--{name.replace('_', '-')}"
+            arguments += [option] if value is True else [option, str(value)]
         return arguments
 
     def digest(self) -> str:
         """Return a hash of everything that determines the network: the bytes of its files, and the options."""
-        contents = [
-            Path(path).read_bytes() for path in (self.model, self.config) if path is not None
-        ]
-        return digest_of([astuple(self)[2:], [len(content) for content in contents]], *contents)
+        config = self.options.config
+        paths = [self.model] if config is None else [self.model, config]
+        contents = [Path(path).read_bytes() for path in paths]
+        # Of the description, the bytes count and not the path.
+        options = vars(replace(self.options, config=None))
+        return digest_of([options, [len(content) for content in contents]], *contents)
 
 
 class Study(Frozen, eq=False):

@@ -13,10 +13,11 @@ from hw_model.mapping.graph import Axis
 from hw_model.values import picked
 from locsnn_compile.errors import TargetError
 from locsnn_compile.frontends.parts import VIEW_NAMES, Parts
-from locsnn_compile.models.checkpoint import Checkpoint
+from locsnn_compile.models.checkpoint import Checkpoint, Pack
 from locsnn_compile.models.description import LifParameters
 from locsnn_compile.models.graph_and_windows import spread_weights
 from locsnn_compile.network.chip_neurons import ChipCuba
+from locsnn_compile.network.committee import committee
 from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.network.neurons import Cuba, Neuron, SrmAlpha
 from locsnn_compile.network.projections import ChipProjection, Matrix, Projection, matrix, row_sums
@@ -82,6 +83,14 @@ def _add_windows(parts: Parts, checkpoint: Checkpoint) -> None:
             replace(hidden, name=name, size=description.classes, neuron=neuron)
         )
         parts.outputs[name] = LAYERS
+
+
+def network_of_models(held: Checkpoint | Pack, name: str) -> Network:
+    """Return the network of a checkpoint, or of all members of a pack, joined under this name."""
+    if isinstance(held, Checkpoint):
+        return network_of(held)
+    members = [network_of(member) for member in held.members]
+    return replace(committee(members, held.weights, name), sha256=held.sha256)
 
 
 def network_of(checkpoint: Checkpoint) -> Network:

@@ -9,6 +9,7 @@ import locsnn_compile as lc
 from locsnn_compile.cli.main import main, parser
 from locsnn_compile.errors import InputError
 from locsnn_compile.explore.point import ModelFile
+from locsnn_compile.frontends.formats import LoadOptions
 
 
 def test_a_checkpoint_needs_nothing_else(model):
@@ -18,9 +19,10 @@ def test_a_checkpoint_needs_nothing_else(model):
 
 
 def test_options_are_passed_on_and_said_again(model):
-    file = ModelFile(
-        str(model), config="a.yaml", dt=0.001, reset="zero", discretisation="exact", kernels="cut"
+    options = LoadOptions(
+        config="a.yaml", dt=0.001, reset="zero", discretisation="exact", kernels="cut"
     )
+    file = ModelFile(str(model), options)
     wanted = [
         "--config",
         "a.yaml",
@@ -35,19 +37,19 @@ def test_options_are_passed_on_and_said_again(model):
     ]
     assert file.arguments() == [str(model), *wanted]
     with pytest.raises(InputError) as caught:
-        replace(file, config=None).load()
+        replace(file, options=replace(options, config=None)).load()
     assert str(caught.value) == (
         f"model '{model.name}': dt was given, but a checkpoint contains this itself. Leave dt out."
     )
 
 
 def test_it_has_every_argument_of_load_and_the_command_every_option():
-    arguments = [field.name for field in fields(ModelFile)]
-    assert arguments == list(inspect.signature(lc.load).parameters)
-    values = dict.fromkeys(arguments[1:], "1") | {"channel_order": "pyx", "relay_delays": True}
-    typed = ModelFile("m.pt", **values).arguments()
-    read = vars(parser().parse_args(["explore", *typed]))
-    assert {name: read[name] for name in arguments[1:]} == values | {"dt": 1.0, "floor": 1.0}
+    names = [field.name for field in fields(LoadOptions)]
+    assert {"model", *names} == set(inspect.signature(lc.load).parameters)
+    values = dict.fromkeys(names, "1") | {"channel_order": "pyx", "relay_delays": True}
+    typed = ModelFile("m.pt", LoadOptions(**values)).arguments()
+    read = parser().parse_args(["explore", *typed])
+    assert vars(LoadOptions.of(read)) == values | {"dt": 1.0, "floor": 1.0}
 
 
 def test_the_command_passes_kernels_on(model, tmp_path, capsys):
@@ -67,9 +69,8 @@ def test_the_digest_follows_files_and_options(tmp_path):
         (tmp_path / name).write_text(text)
 
     def digest(name, config=None, **options):
-        return ModelFile(
-            str(tmp_path / name), config and str(tmp_path / config), **options
-        ).digest()
+        described = config and str(tmp_path / config)
+        return ModelFile(str(tmp_path / name), LoadOptions(described, **options)).digest()
 
     assert digest("a.pt") == digest("same.pt")
     different = [

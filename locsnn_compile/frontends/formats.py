@@ -1,0 +1,317 @@
+"""Which model files are read: one row for each format. To add one, write its reader and its row.
+
+A row imports its reader only when a file is read, so that help does not wait for it; for the same
+reason, rows are plain dataclasses.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+from locsnn_compile.errors import InputError, listed
+
+if TYPE_CHECKING:
+    from locsnn_compile.models.checkpoint import Checkpoint
+    from locsnn_compile.network.network import Network
+
+
+@dataclass(frozen=True)
+class LoadOptions:
+    """The keywords of :func:`locsnn_compile.load`; what is None is not given."""
+
+    config: str | Path | None = None
+    dt: float | None = None
+    reset: str | None = None
+    discretisation: str | None = None
+    floor: float | None = None
+    kernels: str | None = None
+    branches: str | Mapping[str, Sequence[str]] | None = None
+    channel_order: str | None = None
+    relay_delays: bool | None = None
+
+    @classmethod
+    def of(cls, values: object) -> "LoadOptions":
+        """Return the options that an object has as attributes, such as the arguments of a command."""
+        return cls(**{field.name: getattr(values, field.name) for field in fields(cls)})
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """The options that are given, by name; relays that are not asked for are not."""
+        return {
+            name: value
+            for name, value in vars(self).items()
+            if value is not None and value is not False
+        }
+
+
+@dataclass(frozen=True)
+class FormatOption:
+    """An option that only some formats take, as the command line declares it.
+
+    ``name`` is its keyword in :class:`LoadOptions`, ``value`` what help calls its value, ``kind``
+    the kind of its values, in the words of ``cli/options.txt``, and ``elsewhere`` why other formats
+    do not take it.
+    """
+
+    name: str
+    help: str
+    value: str = ""
+    kind: str = ""
+    elsewhere: str = "{called} contains this itself"
+
+    @property
+    def declaration(self) -> str:
+        """The option as ``cli/options.txt`` declares options."""
+        named = f"--{self.name.replace('_', '-')} {self.value}".rstrip()
+        kinds = f", {self.kind}" if self.kind else ""
+        return f"{named}{kinds}\n    {self.help}"
+
+
+@dataclass(frozen=True)
+class ModelSource:
+    """A model to read: a file, or a checkpoint that is in memory."""
+
+    path: Path
+    options: LoadOptions
+    checkpoint: "Checkpoint | None" = None
+
+    @property
+    def where(self) -> str:
+        """How errors name it."""
+        if self.checkpoint is not None:
+            return f"model {self.checkpoint.description.name!r}"
+        return f"model {self.path.name!r}"
+
+    @cached_property
+    def hdf5_entries(self) -> tuple[str, ...]:
+        """The names at the root of an HDF5 file; ``InputError`` for a file that is none."""
+        from locsnn_compile.data.hdf5.read import open_hdf5
+
+        with open_hdf5(self.path, self.where) as (root, _):
+            return tuple(root.names())
+
+
+class Recogniser(Protocol):
+    """Tells the files of a format from others with the same ending."""
+
+    def __call__(self, source: ModelSource, /) -> bool:
+        """Return whether a file is of the format; ``InputError`` for one that cannot be read."""
+
+
+class Reader(Protocol):
+    """Reads the files of a format."""
+
+    def __call__(self, source: ModelSource, /) -> "Network":
+        """Return the network; ``InputError`` for a file that cannot be read or used."""
+
+
+@dataclass(frozen=True)
+class ModelFormat:
+    """A format of model files.
+
+    - ``called``: what errors call a file of it
+    - ``helped``: how ``--help`` lists it
+    - ``offered``: how errors offer it; empty for one that needs more than a file
+    - ``suffixes``: endings of its files
+    - ``recognises``: tells its files from those of other formats with the same ending
+    - ``read``: makes the network
+    - ``options``: the names of the options that it takes, of those that only some formats take
+    """
+
+    called: str
+    helped: str
+    offered: str
+    suffixes: tuple[str, ...]
+    recognises: Recogniser
+    read: Reader
+    options: tuple[str, ...] = ()
+
+
+def _is_described(source: ModelSource) -> bool:
+    return source.options.config is not None
+
+
+def _is_undescribed(source: ModelSource) -> bool:
+    return source.options.config is None
+
+
+def _has_nodes(source: ModelSource) -> bool:
+    return "node" in source.hdf5_entries
+
+
+def _has_layers(source: ModelSource) -> bool:
+    return "layer" in source.hdf5_entries
+
+
+def _read_checkpoint(source: ModelSource) -> "Network":
+    from locsnn_compile.frontends.checkpoint import network_of_models
+    from locsnn_compile.models.checkpoint_reader import read_models
+
+    if source.checkpoint is not None:
+        return network_of_models(source.checkpoint, source.path.stem)
+    way_out = (
+        "If it is slayerPytorch's, give its YAML (--config FILE.yaml); "
+        "else export the network as NIR (.nir)."
+    )
+    return network_of_models(read_models(source.path, state_dict=way_out), source.path.stem)
+
+
+def _read_slayer(source: ModelSource) -> "Network":
+    from locsnn_compile.frontends.slayer.branches import checked_branches, parse_branches
+    from locsnn_compile.frontends.slayer.to_network import load_slayer
+
+    options = source.options
+    assert options.config is not None  # that makes it a checkpoint of slayerPytorch
+    branches = None
+    if isinstance(options.branches, str):
+        branches = parse_branches(options.branches)
+    elif options.branches is not None:
+        branches = checked_branches(options.branches, "branches")
+    return load_slayer(source.path, Path(options.config), options.kernels, branches)
+
+
+def _read_nir(source: ModelSource) -> "Network":
+    from locsnn_compile.frontends.nir.to_network import load_nir
+
+    options = source.options
+    return load_nir(
+        source.path,
+        options.dt,
+        options.reset,
+        options.discretisation,
+        options.floor,
+        relay_delays=bool(options.relay_delays),
+    )
+
+
+def _read_lava_dl(source: ModelSource) -> "Network":
+    from locsnn_compile.frontends.lava_dl.to_network import load_lava_dl
+
+    return load_lava_dl(source.path, relay_delays=bool(source.options.relay_delays))
+
+
+FORMAT_OPTIONS = (
+    FormatOption(
+        "config", "YAML file that describes the network of a slayerPytorch checkpoint", "FILE"
+    ),
+    FormatOption(
+        "dt",
+        "NIR: the step of the graph's constants in seconds, never the width of a bin "
+        "(default 1e-4, the convention)",
+        "SECONDS",
+        "float, a finite number",
+    ),
+    FormatOption(
+        "reset",
+        "NIR: zero (default), subtract, late-zero, late-subtract or none at a spike",
+        "NAME",
+    ),
+    FormatOption(
+        "discretisation", "NIR: how equations become steps: euler (default), hold or exact", "NAME"
+    ),
+    FormatOption(
+        "floor",
+        "NIR: potentials of neurons that spike never fall below VALUE, such as -1 "
+        "(default: no floor)",
+        "VALUE",
+        "float, a finite number",
+        elsewhere="the neurons of {called} have none",
+    ),
+    FormatOption(
+        "relay_delays",
+        "NIR, lava-dl: neurons that repeat spikes carry delays above 62 steps",
+        kind="switch",
+    ),
+    FormatOption(
+        "kernels",
+        "slayerPytorch: full (default), or cut: the float reference cuts kernels off, "
+        "as training did",
+        "NAME",
+    ),
+    FormatOption(
+        "branches",
+        "slayerPytorch: the layers that run, such as "
+        "time=fc1,fc2,location=locationFc1,locationFc2 (default: all)",
+        "BRANCH=LAYER,...",
+    ),
+)
+"""In the order of the help."""
+HDF5 = (".h5", ".hdf5")
+CHECKPOINT = ModelFormat(
+    called="a checkpoint",
+    helped="checkpoint (.pt) of `locsnn train`",
+    offered="a checkpoint (.pt) that `locsnn train` wrote",
+    suffixes=(".pt", ".pth"),
+    recognises=_is_undescribed,
+    read=_read_checkpoint,
+)
+MODEL_FORMATS = (
+    CHECKPOINT,
+    ModelFormat(
+        called="a NIR graph",
+        helped="NIR graph (.nir)",
+        offered="a NIR graph (.nir)",
+        suffixes=(".nir", ".net", *HDF5),
+        recognises=_has_nodes,
+        read=_read_nir,
+        options=("dt", "reset", "discretisation", "floor", "relay_delays"),
+    ),
+    ModelFormat(
+        called="a lava-dl network",
+        helped="lava-dl network (.net)",
+        offered="a lava-dl network (.net)",
+        suffixes=(".net", ".nir", *HDF5),
+        recognises=_has_layers,
+        read=_read_lava_dl,
+        options=("relay_delays",),
+    ),
+    ModelFormat(
+        called="a slayerPytorch checkpoint",
+        helped="with --config, slayerPytorch checkpoint",
+        offered="",
+        suffixes=(".pt", ".pth"),
+        recognises=_is_described,
+        read=_read_slayer,
+        options=("config", "kernels", "branches"),
+    ),
+)
+"""In the order of the help."""
+
+
+def models_in_words() -> str:
+    """Return what ``--help`` calls the files that are read."""
+    *formats, last = (row.helped for row in MODEL_FORMATS)
+    return f"{', '.join(formats)} or, {last}"
+
+
+def format_of(source: ModelSource) -> ModelFormat:
+    """Return the format of a model; ``InputError`` for files of another kind."""
+    suffix = source.path.suffix
+    if source.checkpoint is not None:
+        return CHECKPOINT
+    candidates = [row for row in MODEL_FORMATS if suffix in row.suffixes]
+    if not candidates:
+        ending = f"ending in {suffix!r}" if suffix else "without an ending"
+        raise InputError(source.where, f"files {ending} are not read", fix=_ways_out())
+    for row in candidates:
+        if row.recognises(source):
+            return row
+    neither = listed([row.called for row in candidates], "nor")
+    raise InputError(source.where, f"it contains neither {neither}", fix=_ways_out())
+
+
+def check_options(row: ModelFormat, source: ModelSource) -> None:
+    """Refuse an option that a format does not take."""
+    given = source.options.given
+    for option in FORMAT_OPTIONS:
+        if option.name in given and option.name not in row.options:
+            why = option.elsewhere.format(called=row.called)
+            what = f"{option.name} was given, but {why}"
+            raise InputError(source.where, what, fix=f"Leave {option.name} out.")
+
+
+def _ways_out() -> str:
+    *formats, last = (row.offered for row in MODEL_FORMATS if row.offered)
+    return f"Give {', '.join(formats)}, or {last}."
