@@ -2,7 +2,6 @@ from .api import CompiledModel as CompiledModel
 from .api import compile as compile
 from .api import diagnose as diagnose
 from .api import verify as verify
-from .choose_strategy import Choice as Choice
 from .data.read import read_recordings as read_recordings
 from .data.recordings import Expected as Expected
 from .data.recordings import Recordings as Recordings
@@ -25,6 +24,7 @@ from .network.neurons import SrmAlpha as SrmAlpha
 from .network.projections import ChipProjection as ChipProjection
 from .network.projections import Projection as Projection
 from .pipeline import Levels as Levels
+from .request.choose_strategy import Choice as Choice
 from .training.config import EpochRecord as EpochRecord
 from .training.config import TrainingConfig as TrainingConfig
 from .training.from_python import train as train

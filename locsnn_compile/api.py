@@ -16,7 +16,6 @@ from hw_model.io.given import checked
 from hw_model.program.write import program_files
 from hw_model.streaming.psi import check_psi
 from hw_model.values import ArrayLike, Frozen
-from locsnn_compile.choose_strategy import Choice, choose_strategy, lower_or_advise
 from locsnn_compile.cluster.spread import Spread, spread_over
 from locsnn_compile.data.channels import frames_as_channels
 from locsnn_compile.data.joining import join_channels
@@ -40,7 +39,8 @@ from locsnn_compile.report.grounds import grounds_of
 from locsnn_compile.report.renderers.html import render_html, render_summary
 from locsnn_compile.report.renderers.markdown import render_markdown
 from locsnn_compile.report.sections.verdict import matches
-from locsnn_compile.request import (
+from locsnn_compile.request.choose_strategy import Choice, choose_strategy, lower_or_advise
+from locsnn_compile.request.compile_request import (
     NO_BOUNDS,
     CheckRequest,
     CompileRequest,

@@ -39,7 +39,7 @@ from locsnn_compile.network.network import Network
 from locsnn_compile.report.gates import GATES, check_gates, gates_entry, junit_file
 from locsnn_compile.report.sections.build import unmet_budget
 from locsnn_compile.report.words import sentence
-from locsnn_compile.request import (
+from locsnn_compile.request.compile_request import (
     CheckRequest,
     CompileRequest,
     PricingRequest,

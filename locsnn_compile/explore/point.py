@@ -24,7 +24,12 @@ from locsnn_compile.errors import TargetError
 from locsnn_compile.frontends import load
 from locsnn_compile.frontends.formats import LoadOptions
 from locsnn_compile.network.network import Network
-from locsnn_compile.request import CheckRequest, CompileRequest, SettingRequest, check_setting
+from locsnn_compile.request.compile_request import (
+    CheckRequest,
+    CompileRequest,
+    SettingRequest,
+    check_setting,
+)
 from locsnn_compile.settings import Setting
 from locsnn_compile.verification.error_bounds import Losses
 

@@ -49,7 +49,15 @@ def load(
     used. Nothing in the file is executed.
     """
     options = LoadOptions(
-        config, dt, reset, discretisation, floor, kernels, branches, channel_order, relay_delays
+        config=config,
+        dt=dt,
+        reset=reset,
+        discretisation=discretisation,
+        floor=floor,
+        kernels=kernels,
+        branches=branches,
+        channel_order=channel_order,
+        relay_delays=relay_delays,
     )
     if isinstance(model, Checkpoint):
         source = ModelSource(Path(), options, model)

@@ -16,7 +16,6 @@ from page_section import write_by_network
 
 import hw_model as hw
 import locsnn_compile as lc
-from locsnn_compile.choose_strategy import lower_as
 from locsnn_compile.data.read import read_recordings
 from locsnn_compile.reference.evaluate import calibrate
 from locsnn_compile.report.figures.checks import cause_entry
@@ -25,6 +24,7 @@ from locsnn_compile.report.format import count, share, short
 from locsnn_compile.report.grounds import Grounds
 from locsnn_compile.report.sections.accuracy import cause
 from locsnn_compile.report.words import STAGES, stage_words
+from locsnn_compile.request.choose_strategy import lower_as
 from locsnn_compile.settings import STRATEGIES, Setting
 from locsnn_compile.verification.diagnosis import diagnose
 from locsnn_compile.verification.error_budget.budget import Deviation

@@ -8,14 +8,14 @@ from networks import NEURON, hybrid, on_grid, recordings, single
 
 import hw_model as hw
 import locsnn_compile as lc
-from locsnn_compile.choose_strategy import Candidate, Choice, choose_strategy
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.errors import InputError, TargetError
 from locsnn_compile.network.neurons import Cuba
 from locsnn_compile.passes.quantize import quantize
 from locsnn_compile.report.sections.build import unmet_budget
-from locsnn_compile.request import SettingRequest
+from locsnn_compile.request.choose_strategy import Candidate, Choice, choose_strategy
+from locsnn_compile.request.compile_request import SettingRequest
 from locsnn_compile.settings import Setting
 from locsnn_compile.verification.error_bounds import SCORE_TOLERANCE, SPIKE_TOLERANCE, ErrorBudget
 

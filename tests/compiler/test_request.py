@@ -14,7 +14,7 @@ from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError, TargetError
 from locsnn_compile.explore import point
 from locsnn_compile.explore.point import Study
-from locsnn_compile.request import CompileRequest, setting_for
+from locsnn_compile.request.compile_request import CompileRequest, setting_for
 from locsnn_compile.settings import Setting
 
 CHIP = hw.chip("loihi-sim")

@@ -196,7 +196,8 @@ def test_recordings_that_do_not_fit_are_refused_before_all_the_work(network, mon
         "locsnn_compile.api.calibrate", lambda *_: pytest.fail("weights were rounded for them")
     )
     monkeypatch.setattr(
-        "locsnn_compile.choose_strategy.calibrate", lambda *_: pytest.fail("settings were compared")
+        "locsnn_compile.request.choose_strategy.calibrate",
+        lambda *_: pytest.fail("settings were compared"),
     )
     what = "the channel count differs from the model's (5 channels against 78)"
     with pytest.raises(lc.InputError) as caught:

@@ -7,8 +7,8 @@ import numpy as np
 
 from hw_model.program.chip_program import ChipProgram
 from hw_model.values import picked
-from locsnn_compile.choose_strategy import Choice
 from locsnn_compile.report.content import Document
+from locsnn_compile.request.choose_strategy import Choice
 from locsnn_compile.verification.diagnosis import EDGES, Diagnosis, PopulationMargins
 from locsnn_compile.verification.error_budget.budget import Cause, Deviation
 from locsnn_compile.verification.matching import PopulationMatch

@@ -3,11 +3,11 @@
 from collections.abc import Iterator
 from typing import Any
 
-from locsnn_compile.choose_strategy import Choice
 from locsnn_compile.report.content import Bullets, Document, Section, Table
 from locsnn_compile.report.format import NONE, any_value, count, share
 from locsnn_compile.report.sections.verdict import counts_cores, fullness, outside, starts
 from locsnn_compile.report.words import facts, limit_words, listed, section, sentence, table, words
+from locsnn_compile.request.choose_strategy import Choice
 from locsnn_compile.settings import AXES, LAYOUTS, Setting
 
 _WITHOUT_JOINED = {"reset", "native"}

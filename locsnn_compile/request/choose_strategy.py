@@ -22,7 +22,7 @@ from locsnn_compile.network.network import Network
 from locsnn_compile.passes.rounding.task import FINE
 from locsnn_compile.pipeline import Levels, lower
 from locsnn_compile.reference.evaluate import Calibration, FloatRuns, calibrate
-from locsnn_compile.request import SettingRequest
+from locsnn_compile.request.compile_request import SettingRequest
 from locsnn_compile.settings import AUTO, NATIVE, STRATEGIES, USUAL, Setting
 from locsnn_compile.verification.error_bounds import ErrorBudget, Losses, default_budget
 from locsnn_compile.verification.matching import compare
