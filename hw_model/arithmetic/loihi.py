@@ -88,15 +88,31 @@ class Parameters(NamedTuple):
     vmax: Value
 
 
-class Nothing:
-    """A bias, or what children pass, where there is none: adding it to an array takes no time."""
+class Always:
+    """What holds of every compartment: to combine it with what holds of some takes no time."""
 
-    __array_ufunc__ = None  # numpy then leaves the sum to __radd__
+    __array_ufunc__ = None  # numpy then leaves it to this class
+
+    def __and__(self, truth: Truth) -> Truth:
+        return truth
+
+    __rand__ = __and__
+
+
+class Nothing:
+    """A bias, what children pass, or steps that are blocked, where there are none: to add or look takes no time."""
+
+    __array_ufunc__ = None
+    __hash__ = object.__hash__
 
     def __radd__(self, value: Value) -> Value:
         return value
 
+    def __eq__(self, value: object) -> Truth:
+        return ALWAYS if isinstance(value, int) and value == 0 else value is self
 
+
+ALWAYS = Always()
 NOTHING = Nothing()
 
 

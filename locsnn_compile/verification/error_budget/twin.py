@@ -12,7 +12,7 @@ import numpy as np
 from scipy import sparse
 
 from hw_model.arithmetic import loihi
-from hw_model.arithmetic.loihi import NOTHING, Parameters
+from hw_model.arithmetic.loihi import ALWAYS, NOTHING, Always, Parameters
 from hw_model.description.chip import Registers
 from hw_model.values import AnyArray, BoolArray, ByteArray, FloatArray, Frozen, IntArray
 from locsnn_compile.network.projections import Matrix, sparse_spikes
@@ -237,14 +237,18 @@ class _OnFloats:
         self._limited = limited
         self._charge_bits = registers.charge_bits
         self._current_bits = registers.current_bits
+        self._current: FloatArray | None = None
+        """What was last within the register of u."""
 
     def wrap_charge(self, q: FloatArray) -> FloatArray:
         """Return q within its register."""
         return self._wrapped(q, self._charge_bits)
 
     def wrap_current(self, u: FloatArray) -> FloatArray:
-        """Return u, or u + bias, within the register of u."""
-        return self._wrapped(u, self._current_bits)
+        """Return u, or u + bias, within the register of u; without a bias u comes a second time, and is within."""
+        if u is not self._current:
+            self._current = self._wrapped(u, self._current_bits)
+        return self._current
 
     def charged(self, q: FloatArray) -> FloatArray:
         """Return q itself."""
@@ -261,11 +265,16 @@ class _OnFloats:
         raised = np.maximum(v, low)
         return np.minimum(raised, high, out=raised)
 
-    def select(self, condition: BoolArray | bool, chosen: Any, otherwise: Any) -> Any:
-        """Return one where the condition holds, and the other where not; ``True`` holds everywhere."""
-        if condition is True:
+    def select(self, condition: BoolArray | Always, chosen: Any, otherwise: Any) -> Any:
+        """Return one where the condition holds, and the other where not."""
+        if condition is ALWAYS:
             return chosen
-        return np.where(condition, chosen, otherwise)
+        if isinstance(otherwise, np.ndarray):
+            selected = otherwise.copy()
+        else:
+            selected = np.full_like(chosen, otherwise)
+        np.copyto(selected, chosen, where=condition)  # in a third of the time of np.where
+        return selected
 
     def _wrapped(self, x: FloatArray, bits: int) -> FloatArray:
         """Return ``x``, wrapped where limited to ``bits`` bits plus sign in two's complement; fractions are kept."""
@@ -314,12 +323,12 @@ class _Block:
             vmax=np.where(limited, by_column([group.vmax for group in groups]), np.inf),
         )
         self.charge = np.zeros((steps, batch, self.size))
-        self.joined = np.zeros((batch, self.size))
+        self.joined = np.zeros((batch, self.size)) if self._spiking else NOTHING
         self.spikes = np.zeros((batch, steps, self.size if self._spiking else 0), dtype=np.uint8)
         self.v = np.zeros((batch, self.size))
         self._u = np.zeros((batch, self.size))
         self._blocks = bool((self._parameters.refractory > 1).any())
-        self._blocked = np.zeros((batch, self.size), dtype=np.int64) if self._blocks else 0
+        self._blocked = np.zeros((batch, self.size), dtype=np.int64) if self._blocks else NOTHING
         self._fired = np.zeros((batch, self.size), dtype=np.bool_)
 
     def update(self, step: int) -> None:
