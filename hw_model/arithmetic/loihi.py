@@ -40,12 +40,23 @@ Nothing below says what a number is: :class:`Operations` does. Integers of 64 bi
 a chunk of compartments the fast one, and floats of which some are truncated the twin that takes errors apart.
 """
 
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
-from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT, effective_weight
-from hw_model.values import FloatArray, IntArray
+from hw_model.arithmetic.fixed_point import (
+    DECAY_ONE,
+    WEIGHT_EXPONENTS,
+    WEIGHT_SHIFT,
+    effective_weight,
+)
+from hw_model.values import BoolArray, FloatArray, IntArray
+
+if TYPE_CHECKING:
+    from hw_model.description.chip import Registers
+
+UNIT = 1 << WEIGHT_SHIFT
+"""The least charge that a weight can be."""
 
 Value = Any
 """A number of one or many compartments: it adds, subtracts and compares by Python's operators."""
@@ -206,7 +217,56 @@ def events(response: Response, live: Truth) -> tuple[tuple[str, Truth], ...]:
     )
 
 
-# What a program holds, as the step reads it.
+# What can be held. Registers are those of a chip file.
+
+
+class Domain(NamedTuple):
+    """Whole numbers that a parameter may have: both ends are among them."""
+
+    low: int
+    high: int
+
+    def holds(self, values: IntArray | int) -> BoolArray:
+        """Mark the values that lie within."""
+        array = np.asarray(values)
+        return np.asarray((array >= self.low) & (array <= self.high))
+
+
+DECAYS = Domain(0, DECAY_ONE)
+KEEPS_ALL = DECAYS.low
+FORGETS = DECAYS.high
+"""The decay that keeps nothing."""
+MANTISSAS = Domain(-256, 255)
+"""Those of weights, in formats of any width."""
+EXPONENTS = Domain(WEIGHT_EXPONENTS[0], WEIGHT_EXPONENTS[-1])
+
+
+def domains(registers: "Registers") -> dict[str, Domain]:
+    """Return the domain of every parameter of compartments, and of delays, by name."""
+    bias = 1 << registers.bias_mantissa_bits
+    return {
+        "decay_u": DECAYS,
+        "decay_v": DECAYS,
+        "threshold": Domain(0, registers.threshold_mantissa_max),
+        "bias_mantissa": Domain(-bias, bias - 1),
+        "bias_exponent": Domain(0, registers.bias_exponent_max),
+        "refractory": Domain(1, registers.refractory_max),
+        "delay": Domain(0, registers.delay_max),
+    }
+
+
+def voltage_minima(registers: "Registers") -> list[int]:
+    """Return what vmin of a core can be: ``1 - 2^k``, and the register's own end."""
+    return [1 - (1 << k) for k in range(registers.voltage_bits + 1)]
+
+
+def voltage_maxima(registers: "Registers") -> list[int]:
+    """Return what vmax of a core can be: ``2^(9 + 2k) - 1``, and the register's own end."""
+    forms = [(1 << bits) - 1 for bits in range(9, registers.voltage_bits, 2)]
+    return [*forms, registers.voltage_max]
+
+
+# What a program holds, as the step reads it. A unit is the least charge that a weight can be, and 1 of a threshold.
 
 
 def acts_at(row: Value, delay: Value) -> Value:
@@ -219,33 +279,83 @@ def keep_of(decay: Value) -> Value:
     return DECAY_ONE - decay
 
 
+def decay_of(keep: Value) -> Value:
+    """Return the decay that keeps so many of 4096 parts."""
+    return DECAY_ONE - keep
+
+
 def bias_of(mantissa: IntArray, exponent: IntArray) -> IntArray:
     """Return what a step adds to u on its way to v."""
     return mantissa << exponent
 
 
-def threshold_of(mantissa: IntArray) -> IntArray:
-    """Return what v must exceed."""
-    return mantissa << WEIGHT_SHIFT
+def in_registers(units: Value) -> Value:
+    """Return so many units, fractions too, as registers hold them: times 64."""
+    return units * UNIT
+
+
+def in_units(value: Value) -> Value:
+    """Return a register's value in units, with fractions."""
+    return value / UNIT
+
+
+def whole_units(charge: Value) -> Value:
+    """Return whole units of a register's value, rounded down; charges are."""
+    return charge >> WEIGHT_SHIFT
+
+
+def threshold_of(mantissa: Value) -> Value:
+    """Return what v must exceed; the mantissa may be a fraction while one is looked for."""
+    return in_registers(mantissa)
+
+
+def least_to_spike(mantissa: Value) -> Value:
+    """Return the least v that exceeds a threshold."""
+    return threshold_of(mantissa) + 1
 
 
 charge_of = effective_weight
 
 
+def has_fraction(x: IntArray, decay: Value) -> BoolArray:
+    """Tell where truncation takes something of what a decay leaves of x."""
+    return np.asarray(np.abs(x) * keep_of(decay) % DECAY_ONE != 0)
+
+
 # The inverse, for the quantiser.
+
+
+def decay_of_share(lost: Value) -> Value:
+    """Return which decay, if fractions could be held, loses a share in each step."""
+    return lost * DECAY_ONE
 
 
 def nearest_decay(lost: FloatArray) -> IntArray:
     """Return the decays nearest to the shares that a step loses, ties to even."""
-    decays: IntArray = np.rint(lost * DECAY_ONE).astype(np.int64)
+    decays: IntArray = np.rint(decay_of_share(lost)).astype(np.int64)
     return decays
+
+
+def share_lost(decay: Value) -> Value:
+    """Return the share that a decay takes in a step, if nothing is truncated."""
+    return decay / DECAY_ONE
 
 
 def share_kept(decay: Value) -> Value:
     """Return the share that a decay keeps in a step, if nothing is truncated."""
-    return (DECAY_ONE - decay) / DECAY_ONE
+    return keep_of(decay) / DECAY_ONE
 
 
 def gain_at_rest(decay: Value) -> Value:
     """Return what a steady input of 1 settles at, if nothing is truncated: each step loses what it gains."""
     return DECAY_ONE / decay
+
+
+def charge_span(charge_bits: int) -> int:
+    """Return a span of units: q, of so many bits, lies within -span..span - 1."""
+    return 1 << (charge_bits - WEIGHT_SHIFT)
+
+
+def largest_charge(charge_bits: int) -> int:
+    """Return the largest charge of a step, in units."""
+    return charge_span(charge_bits) - 1

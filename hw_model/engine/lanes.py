@@ -39,8 +39,17 @@ def _comparison(sign: str) -> Callable[["Lanes", "Lanes | int"], "Lanes"]:
     )
 
 
+def _of_a_lane(kind: ir.Type) -> ir.Type:
+    return kind.element if isinstance(kind, ir.VectorType) else kind
+
+
+def _everywhere(kind: ir.Type, number: int) -> ir.Value:
+    """Return a constant of a type, the same in every lane."""
+    return ir.Constant(kind, [number] * kind.count if isinstance(kind, ir.VectorType) else number)
+
+
 class Lanes:
-    """A number, or a truth, of every lane of a chunk."""
+    """A number, or a truth, of every lane of a chunk, or of a compartment alone."""
 
     def __init__(self, builder: ir.IRBuilder, value: ir.Value) -> None:
         self.builder, self.value = builder, value
@@ -52,11 +61,11 @@ class Lanes:
     def like(self, other: "Lanes | int") -> ir.Value:
         """Return what is combined with these lanes, in their type: an integer in every lane, a truth as 0 or 1."""
         if not isinstance(other, Lanes):
-            return ir.Constant(self.value.type, [other] * self.value.type.count)
+            return _everywhere(self.value.type, other)
         wide, narrow = self.value.type, other.value.type
         if narrow == wide:
             return other.value
-        return (self.builder.zext if narrow.element == BIT else self.builder.sext)(
+        return (self.builder.zext if _of_a_lane(narrow) == BIT else self.builder.sext)(
             other.value, wide
         )
 
@@ -85,8 +94,12 @@ def select(mask: Lanes, one: Lanes | int, other: Lanes | int) -> Lanes:
 
 
 def short(lanes: Lanes) -> Lanes:
-    """Return lanes that are within the bits of a factor; LLVM, which is told that, multiplies two of them faster."""
-    if lanes.value.type.element.width > 32:
+    """Return lanes that are within the bits of a factor; LLVM, which is told that, multiplies two of them faster.
+
+    A compartment alone may have wider registers, and is left as it is.
+    """
+    kind = lanes.value.type
+    if kind == COUNT or kind.element.width > COUNT.width:
         return lanes
     factor = ir.VectorType(ir.IntType(FACTOR_BITS), LANES)
     return lanes.with_value(
@@ -97,7 +110,7 @@ def short(lanes: Lanes) -> Lanes:
 def before(lanes: Lanes, many: int) -> Lanes:
     """Return the first ``many`` bits of each lane as a number."""
     kind = lanes.value.type
-    by = ir.Constant(kind, [kind.element.width - many] * LANES)
+    by = _everywhere(kind, _of_a_lane(kind).width - many)
     return lanes.with_value(lanes.builder.lshr(lanes.value, by))
 
 
@@ -349,9 +362,7 @@ def kernel(given: str, returns: int) -> Callable[[Callable[..., Any]], Any]:
     A place is given as an array and the index of its first element; all else goes to the function as it is. It returns
     ``returns`` 32-bit numbers.
     """
-    names = [
-        Parameter(name.strip(), Parameter.POSITIONAL_ONLY) for name in f"typing, {given}".split(",")
-    ]
+    names = _names(given)
 
     def made(function: Callable[..., Any]) -> Any:
         def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
@@ -382,3 +393,34 @@ def kernel(given: str, returns: int) -> Callable[[Callable[..., Any]], Any]:
         return intrinsic(typed)
 
     return made
+
+
+def of_numbers(given: str, returns: int) -> Callable[[Callable[..., Any]], Any]:
+    """Make a function over compartments alone one that compiled loops call with what is ``given``, names with commas.
+
+    What is given and returned are numbers of 32 bits; a truth is returned as 0 or 1.
+    """
+    names = _names(given)
+
+    def made(function: Callable[..., Any]) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            found = function(*[Lanes(builder, value) for value in values])
+            nothing = Lanes(builder, COUNT(0))
+            numbers = [nothing.like(number) for number in found]
+            return context.make_tuple(builder, signature.return_type, numbers)
+
+        def typed(typing: Any, *kinds: Any) -> Any:
+            found = types.UniTuple(types.int32, returns)  # type: ignore[attr-defined]
+            return found(*[types.int32] * len(kinds)), generate
+
+        typed.__name__, typed.__signature__ = function.__name__, Signature(names)  # type: ignore[attr-defined]
+        return intrinsic(typed)
+
+    return made
+
+
+def _names(given: str) -> list[Parameter]:
+    """Return the parameters of an intrinsic: numba wants them by name, after the context of types."""
+    return [
+        Parameter(name.strip(), Parameter.POSITIONAL_ONLY) for name in f"typing, {given}".split(",")
+    ]

@@ -73,7 +73,9 @@ class Core(Frozen, eq=False):
     @property
     def threshold_voltage(self) -> IntArray:
         """Voltage that v must exceed, ``64 * mantissa``, shape (compartments,)."""
-        return loihi.threshold_of(np.array(self.thresholds, dtype=np.int64)[self.threshold])
+        mantissas: IntArray = np.array(self.thresholds, dtype=np.int64)[self.threshold]
+        voltage: IntArray = loihi.threshold_of(mantissas)
+        return voltage
 
     @property
     def effective_weights(self) -> IntArray:

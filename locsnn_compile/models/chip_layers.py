@@ -5,11 +5,11 @@ chip's steps, of whatever strategy. Backward: rounding passes the gradient strai
 the steps count as linear filters of the chip's decays, behind SLAYER's surrogate (Shrestha and Orchard 2018) at the
 integer potential.
 
-The scans take charges (batch, steps, n), int32 in units of 64, that the spikes of each step send on: what step t sends
-arrives at step t + 1. A step is that of ``hw_model``: q and u wrap, v is clipped, a spike where v > threshold; ``keep``
-is 4096 less a decay, and ``ends`` are :func:`register_ends`. They fill ``potential`` (int32), v at the threshold before
-any reset, ``spikes`` (uint8) and ``live`` (uint8, 0 in a refractory step), all (batch, steps, n), and add to ``events``
-(3,): charge wraps, current wraps and voltage clips of all compartments of the population.
+The scans take charges (batch, steps, n), int32 in units of :mod:`hw_model.arithmetic.loihi`, whose step
+:mod:`hw_model.engine.alone` takes; what the spikes of step t send on acts at step t + 1. ``keep`` is what a decay
+keeps, and ``ends`` are :func:`register_ends`. They fill ``potential`` (int32), v at the threshold before any reset,
+``spikes`` (uint8) and ``live`` (uint8, 0 in a refractory step), all (batch, steps, n), and add to ``events`` (3,) how
+often all compartments of the population met each.
 """
 
 from typing import Any
@@ -18,10 +18,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from hw_model.arithmetic import fixed_point
-from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT, effective_weight
-from hw_model.engine.compiled import absorbed, compiled_with_arrays
-from hw_model.engine.lane_arithmetic import rz, wrap
+from hw_model.arithmetic import loihi
+from hw_model.arithmetic.loihi import EVENTS, NOTHING, Parameters
+from hw_model.arithmetic.on_integers import OnIntegers
+from hw_model.engine.alone import compartment, dendrite, sum_of_joined
+from hw_model.engine.compiled import compiled_with_arrays
 from hw_model.values import AnyArray, ByteArray, Int32Array, IntArray
 from locsnn_compile.models.chip_entry import ChipNumbers, ChipPopulation, RegisterWidths
 from locsnn_compile.models.description import NeuronParameters
@@ -33,30 +34,12 @@ Ends = tuple[np.int32, np.int32, np.int32]
 
 
 def register_ends(registers: RegisterWidths) -> Ends:
-    """Return 2^bits of q, in units of 64, and of u, and the largest v."""
+    """Return the largest v, and 2^bits of q, in units, and of u."""
     return (
-        np.int32(1 << (registers.charge_bits - WEIGHT_SHIFT)),
-        np.int32(1 << registers.current_bits),
         np.int32((1 << registers.voltage_bits) - 1),
+        np.int32(loihi.charge_span(registers.charge_bits)),
+        np.int32(1 << registers.current_bits),
     )
-
-
-@absorbed
-def _clip(x, last):  # type: ignore[no-untyped-def]
-    """Return x within the voltage register's limits."""
-    return np.int32(min(max(x, np.int32(-last)), last))
-
-
-@absorbed
-def _arrive(u, v, charge, keep_u, keep_v, ends):  # type: ignore[no-untyped-def]
-    """Take a compartment's step: return u and v, and 1 or 0 for a charge wrap, a current wrap and a voltage clip."""
-    half_charge, half_current, last = ends
-    q = wrap(charge, half_charge)
-    current = np.int32(rz(u, keep_u) + np.int32(q << np.int32(6)))
-    u = wrap(current, half_current)
-    voltage = np.int32(rz(v, keep_v) + u)
-    v = _clip(voltage, last)
-    return u, v, np.int32(q != charge), np.int32(u != current), np.int32(v != voltage)
 
 
 @compiled_with_arrays
@@ -67,7 +50,7 @@ def scan(  # type: ignore[no-untyped-def]
 
     ``keep`` is that of u and v. ``pull``: keep of a refractory dendrite, and the charge that an own spike sends it; a
     memoryless soma adds both. ``refractory``: the count of the chip's own reset. ``taps`` (2, k), int32: delays, and
-    charges in units of 64, with which own spikes come back.
+    charges in units, with which own spikes come back.
     """
     batch, steps, n = charge.shape
     longest = taps[0].max() if taps.shape[1] > 0 else 0
@@ -84,31 +67,28 @@ def scan(  # type: ignore[no-untyped-def]
         due[steps + 1 :] = 0
         for t in range(steps):
             for i in range(many):
-                u[i], voltage, wrap_q, wrap_u, clip = _arrive(
-                    u[i], v[i], due[t, i], keep, keep, ends
-                )
-                seen = voltage
-                if pull is not None:
-                    own = np.int32(pull[1] * fired[i])
-                    pull_u[i], pull_v[i], own_q, own_u, own_clip = _arrive(
-                        pull_u[i], pull_v[i], own, pull[0], pull[0], ends
-                    )
-                    soma = np.int32(voltage + pull_v[i])
-                    seen = _clip(soma, ends[2])
-                    wrap_q, wrap_u = np.int32(wrap_q + own_q), np.int32(wrap_u + own_u)
-                    clip = np.int32(clip + own_clip + np.int32(seen != soma))
                 if refractory is not None:
-                    open_now = np.int32(blocked[i] == 0)
-                    seen, clip = np.int32(seen * open_now), np.int32(clip * open_now)
+                    u[i], v[i], blocked[i], seen, fires, open_now, wrap_q, wrap_u, clip = (
+                        compartment(
+                            u[i], v[i], blocked[i], due[t, i], keep, threshold, refractory, *ends
+                        )
+                    )
                     live[b, t, i] = np.uint8(open_now)
-                    fires = np.int32(open_now & np.int32(seen > threshold))
-                    voltage = np.int32(seen * (np.int32(1) - fires))
-                    held = np.int32(0) if open_now else np.int32(blocked[i] - np.int32(1))
-                    blocked[i] = np.int32(refractory - np.int32(1)) if fires else held
                 else:
-                    fires = np.int32(seen > threshold)
+                    u[i], v[i], wrap_q, wrap_u, clip = dendrite(u[i], v[i], due[t, i], keep, *ends)
+                    joined = v[i]
+                    if pull is not None:
+                        own = np.int32(pull[1] * fired[i])
+                        pull_u[i], pull_v[i], own_q, own_u, own_clip = dendrite(
+                            pull_u[i], pull_v[i], own, pull[0], *ends
+                        )
+                        joined = np.int32(joined + pull_v[i])
+                        wrap_q = np.int32(wrap_q + own_q)
+                        wrap_u = np.int32(wrap_u + own_u)
+                        clip = np.int32(clip + own_clip)
+                    seen, fires, _, _, clips_of_sum = sum_of_joined(joined, threshold, *ends)
+                    clip = np.int32(clip + clips_of_sum)
 
-                v[i] = voltage
                 wraps_q[i] += wrap_q
                 wraps_u[i] += wrap_u
                 clips[i] += clip
@@ -144,13 +124,21 @@ def potential_of_sum(
 ) -> IntArray:
     """Return the potentials (batch, n) of memoryless neurons for sums of mantissas that arrive at once, (batch, n)."""
     last = (1 << registers.voltage_bits) - 1
-    charge = fixed_point.wrap(
-        effective_weight(drive.astype(np.int64), exponent), registers.charge_bits
+    parameters = Parameters(
+        keep_u=loihi.keep_of(neuron.decay_u),
+        keep_v=loihi.keep_of(neuron.decay_v),
+        bias=loihi.bias_of(neuron.bias_mantissa, neuron.bias_exponent),
+        threshold=loihi.threshold_of(neuron.threshold),
+        refractory=neuron.refractory,
+        vmin=-last,
+        vmax=last,
     )
-    current = fixed_point.wrap(charge, registers.current_bits) + (
-        neuron.bias_mantissa << neuron.bias_exponent
-    )
-    return fixed_point.clip(fixed_point.wrap(current, registers.current_bits), -last, last)
+    charge = loihi.charge_of(drive.astype(np.int64), exponent)
+    at_rest = np.zeros_like(charge)
+    operations = OnIntegers(registers.charge_bits, registers.current_bits)
+    response = loihi.respond(operations, parameters, at_rest, at_rest, charge, NOTHING)
+    potential: IntArray = response.v
+    return potential
 
 
 class _Steps(torch.autograd.Function):
@@ -175,8 +163,8 @@ class _Steps(torch.autograd.Function):
         if layer.chip.strategy == "reset":
             slope *= ctx.live
             carry = ctx.live & (1 - ctx.spikes)
-        keep = (DECAY_ONE - numbers.decay) / DECAY_ONE
-        gain = (1 << (WEIGHT_SHIFT + numbers.exponent)) / numbers.scale
+        keep = loihi.share_kept(numbers.decay)
+        gain = loihi.in_registers(2.0**numbers.exponent) / numbers.scale
         respond_back(slope, to_host(grads[0]), carry, constants(slope.dtype, keep, gain, 0))
         return to_device(slope, grads[0]), None
 
@@ -198,7 +186,7 @@ class ChipLayer(DenseLayer[NeuronParameters]):
     ) -> None:
         super().__init__(inputs, outputs, neuron)
         self.numbers, self.chip, self._ends = numbers, chip, register_ends(chip.registers)
-        self.events = np.zeros(3, dtype=np.int64)
+        self.events = np.zeros(len(EVENTS), dtype=np.int64)
 
     def mantissas(self) -> IntArray:
         """Return the mantissas [out, in] of the latent weights."""
@@ -225,15 +213,16 @@ class ChipLayer(DenseLayer[NeuronParameters]):
         spikes, live = np.empty(charge.shape, np.uint8), np.empty(charge.shape, np.uint8)
         potential = np.empty(charge.shape, np.int32)
         mantissa, exponent, delay = np.array(n.own, dtype=np.int64).reshape(-1, 3).T
-        charges = effective_weight(mantissa, exponent) >> WEIGHT_SHIFT
+        charges = loihi.whole_units(loihi.charge_of(mantissa, exponent))
         pull, taps = None, np.stack([delay, charges]).astype(np.int32)
         if self.chip.strategy == "dendrite":
             pull, taps = (
-                (np.int32(DECAY_ONE - n.refractory_decay), taps[1].sum(dtype=np.int32)),
+                (np.int32(loihi.keep_of(n.refractory_decay)), taps[1].sum(dtype=np.int32)),
                 taps[:, :0],
             )
         refractory = np.int32(n.refractory) if self.chip.strategy == "reset" else None
-        keep, threshold = np.int32(DECAY_ONE - n.decay), np.int32(n.threshold << WEIGHT_SHIFT)
+        keep = np.int32(loihi.keep_of(n.decay))
+        threshold = np.int32(loihi.threshold_of(n.threshold))
         scan(
             charge,
             keep,

@@ -19,11 +19,11 @@ ROOT = Path(__file__).parents[2]
 PACKAGE = Path(hw_model.__file__).parent
 USER = """\
 from hw_model.engine.compiled import compiled
-from hw_model.engine.lane_arithmetic import wrap
+from hw_model.engine.alone import dendrite
 
 @compiled
 def wrapped(x):
-    return wrap(x, 1 << 23)
+    return dendrite(0, 0, x, 0, 1 << 29, 1 << 23, 1 << 29)[0] // 64
 """
 
 
@@ -69,10 +69,8 @@ def kept_in(folder):
 def test_a_change_in_another_file_is_seen(tmp_path):
     cache = str(tmp_path / "cache")
     assert run(tmp_path, NUMBA_CACHE_DIR=cache) == 5
-    source = tmp_path / "hw_model/engine/lane_arithmetic.py"
-    source.write_text(
-        source.read_text().replace("fit(((x & (2 * half - 1)) ^ half) - half, x)", "x")
-    )
+    source = tmp_path / "hw_model/engine/chunks.py"
+    source.write_text(source.read_text().replace("((x & (half * 2 - 1)) ^ half) - half", "x"))
     assert run(tmp_path, NUMBA_CACHE_DIR=cache) == 2**24 + 5
 
 

@@ -20,10 +20,8 @@ for name in ("compiled", "shared", "inner", "absorbed"):
 compiled.entry = compiled.address = lambda function, *arguments: function
 compiled.call_at = lambda function, arguments: function(*arguments)
 
-from hw_model.engine import lane_arithmetic, lanes  # noqa: E402
+from hw_model.engine import lanes  # noqa: E402
 from hw_model.engine.layout import LANES  # noqa: E402
-
-lane_arithmetic.fit = lambda value, like: like.dtype.type(np.int64(value))
 
 
 class Place:
@@ -90,7 +88,14 @@ def put(place, mask, numbers):
     return np.int32(len(found))
 
 
-lanes.kernel, lanes.put = kernel, put
+def of_numbers(given, returns):
+    def made(function):
+        return lambda *numbers: tuple(map(np.int32, function(*map(np.int32, numbers))))
+
+    return made
+
+
+lanes.kernel, lanes.of_numbers, lanes.put = kernel, of_numbers, put
 lanes.put_numbers = lambda place, mask, first: put(place, mask, first + np.arange(len(mask)))
 lanes.first_lanes = lambda mask, many: mask & (np.arange(len(mask)) < many)
 lanes.mask_of = lambda place, number: (int(number) >> np.arange(LANES)) & 1 != 0

@@ -323,7 +323,7 @@ class _Block:
             vmax=np.where(limited, by_column([group.vmax for group in groups]), np.inf),
         )
         self.charge = np.zeros((steps, batch, self.size))
-        self.joined = np.zeros((batch, self.size)) if self._spiking else NOTHING
+        self.joined: Any = np.zeros((batch, self.size)) if self._spiking else NOTHING
         self.spikes = np.zeros((batch, steps, self.size if self._spiking else 0), dtype=np.uint8)
         self.v = np.zeros((batch, self.size))
         self._u = np.zeros((batch, self.size))
