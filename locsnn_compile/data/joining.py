@@ -4,6 +4,7 @@ Events and arrays of frames know their pixels and polarities. A network over ima
 not know, the numbers are taken as they are, and a sentence among the assumptions says so.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -44,6 +45,38 @@ def join_channels(recordings: Recordings, model: Expected) -> Recordings:
         )
         return joined.assuming(said)
     return joined
+
+
+def on_one_sensor(parts: Sequence[Recordings]) -> list[Recordings]:
+    """Return recordings of one sensor, each read by itself, in the channels that all of them reach.
+
+    Where only events show the size of a sensor, files differ in it. Parts that do not say what their
+    channels are keep their number. Raises ``InputError`` for sensors that differ.
+    """
+    known = [part.channels for part in parts if part.channels is not None]
+    sizes = {part.spikes.shape[2] for part in parts}
+    if not known or (len({*known}) == len(sizes) == 1 and len(known) == len(parts)):
+        return list(parts)
+    wanted = _common(known)
+    model = Expected(f"recordings {parts[0].source!r}", channels=wanted.count, inputs=wanted)
+    return [join_channels(part, model) for part in parts]
+
+
+def _common(known: Sequence[Channels]) -> Channels:
+    """Return the pixels of a sensor: as stated, or else as far as any events reach."""
+    stated = [channels for channels in known if not channels.reached]
+    grids = [channels for channels in known if channels.is_grid]
+    size = next(iter([*stated, *grids, *known]))
+    if not stated:
+        columns = max(channels.columns for channels in known)
+        rows = max(channels.rows for channels in known)
+        size = replace(size, columns=columns, rows=rows)
+    polarities = max(channels.polarities for channels in known)
+    single = {channels.polarity for channels in known}
+    if single == {0, 1}:
+        polarities = 2
+    polarity = next(iter(single)) if polarities == 1 and len(single) == 1 else None
+    return replace(size, polarities=polarities, polarity=polarity)
 
 
 def by_pixel(recordings: Recordings) -> Recordings:

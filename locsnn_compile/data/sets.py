@@ -11,6 +11,7 @@ from hw_model.values import IntArray
 from locsnn_compile.data.arrays import read_arrays
 from locsnn_compile.data.class_names import with_classes
 from locsnn_compile.data.event_stream import Binning
+from locsnn_compile.data.joining import on_one_sensor
 from locsnn_compile.data.members import Members, open_members
 from locsnn_compile.data.recordings import Binned, Recordings, check_size
 from locsnn_compile.errors import InputError
@@ -59,6 +60,7 @@ def _read(
 
 def _joined(parts: Sequence[Recordings], names: Sequence[str], where: str) -> Recordings:
     """Return the recordings of several files, one after the other."""
+    parts = on_one_sensor(parts)
     first = parts[0]
     for part, name in zip(parts[1:], names[1:], strict=True):
         _check_alike(first, part, (names[0], name), where)

@@ -4,7 +4,7 @@ A run takes a train part, and a test part that is measured once.
 """
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -15,9 +15,10 @@ from hw_model.io.extras import needed
 from hw_model.io.given import checked
 from hw_model.values import ArrayLike, picked
 from locsnn_compile.data.class_names import in_order_of
+from locsnn_compile.data.joining import on_one_sensor
 from locsnn_compile.data.read import read_recordings, recording_parts
 from locsnn_compile.data.recordings import OPEN, Expected, Recordings, same
-from locsnn_compile.errors import InputError
+from locsnn_compile.errors import InputError, check_same
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
 from locsnn_compile.training.chosen import choose
@@ -58,10 +59,22 @@ def read_parts(
         read_recordings(data, split=part, **asked)
         for part in (parts if "train" in parts else [None])
     ]
+    read = _alike(read)
     steps = max(part.spikes.shape[1] for part in read)
     recordings, *test = (part.with_steps(steps) for part in read)
     test = [in_order_of(part, recordings.class_names) for part in test]
     return recordings, test[0] if test else None
+
+
+def _alike(parts: Sequence[Recordings]) -> list[Recordings]:
+    """Return the train and the test part in the same channels; ``InputError`` if they have others."""
+    train_part, *others = on_one_sensor(parts)
+    channels = train_part.spikes.shape[2]
+    for part in others:
+        what = f"their channels are not those of recordings {train_part.source!r}"
+        fix = "Give recordings of one sensor."
+        check_same(part.spikes.shape[2], channels, f"recordings {part.source!r}", what, fix=fix)
+    return [train_part, *others]
 
 
 def all_classes(recordings: Recordings, test: Recordings | None) -> int | None:
@@ -138,6 +151,8 @@ def train(
         part = _as_asked(
             Recordings(np.asarray(recordings), known, config.step_seconds, "array"), config
         )
+    if test is not None:
+        part, test = _alike([part, test])
     test = test.with_steps(config.steps) if test and config.steps else test
     classes, chosen = all_classes(part, test), None
     if values is not None:
