@@ -13,6 +13,7 @@ from hw_model.program.assemble import assemble
 from hw_model.program.text import compartments_text, placed_text, program_text, routed_text
 from hw_model.targets import target_of
 from hw_model.values import Shown, picked
+from locsnn_compile.data.recordings import EventTimes
 from locsnn_compile.network.check import check_network
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.quantized import QuantizedNetwork
@@ -51,6 +52,7 @@ def lower(
     placed = arrange_cores(place_cores(compartments, chip))
     routed = route_axons(placed)
     kept = picked(network, "step_seconds", "event_threshold", "psi", "class_names")
+    kept |= vars(network.event_times or EventTimes())
     program = replace(assemble(routed), **kept, **network.numbering_entries)
     target_of(chip).check_fits(program, network.steps)
     _log.debug(

@@ -131,6 +131,10 @@ class ChipProgram(Shown):
     """Of the classes of the readout, if they have names."""
     channel_order: str | None = None
     """How channels are numbered: ``yxp``, by pixel and then polarity, or ``pyx``; None if unknown."""
+    start: float | str | None = None
+    """The seconds of events at which step 0 begins, or ``first``: at the first event; None if unknown."""
+    time_unit: str | None = None
+    """The unit of times of events whose format has none: ns, us, ms or s; None if unknown."""
 
     def cores_of(self, phase: str) -> tuple[Core, ...]:
         """Return the cores that run in a phase."""

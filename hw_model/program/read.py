@@ -29,10 +29,12 @@ from hw_model.program.write import (
     AXON_ARRAYS,
     CHANNEL_ORDERS,
     CORE_ARRAYS,
+    FIRST,
     FORMAT,
     INPUT_ENTRIES,
     RECORDINGS,
     ROUTE_ARRAYS,
+    TIME_UNITS,
     VERSION,
 )
 from hw_model.values import IntArray, sealed
@@ -150,6 +152,8 @@ def _program(document: dict[str, Any], arrays: dict[str, IntArray]) -> ChipProgr
         **{name: _known(document, name, kind) for name, kind in RECORDINGS.items()},
         class_names=_names(document.get("class_names")),
         channel_order=_channel_order(document.get("channel_order")),
+        start=_start(document.get("start")),
+        time_unit=_time_unit(document.get("time_unit")),
     )
 
 
@@ -172,6 +176,24 @@ def _channel_order(order: Any) -> str | None:
     if order not in (None, *CHANNEL_ORDERS):
         raise ValueError("channel_order")
     return None if order is None else str(order)
+
+
+def _start(start: Any) -> float | str | None:
+    """Return where recordings of events start, which may be missing: seconds, or ``first``."""
+    if start is None:
+        return None
+    if start == FIRST:
+        return FIRST
+    if type(start) not in (int, float) or not math.isfinite(start):
+        raise ValueError("start")
+    return float(start)
+
+
+def _time_unit(unit: Any) -> str | None:
+    """Return the unit of times of events, which may be missing."""
+    if unit not in (None, *TIME_UNITS):
+        raise ValueError("time_unit")
+    return None if unit is None else str(unit)
 
 
 def _names(names: Any) -> tuple[str, ...] | None:

@@ -32,6 +32,10 @@ RECORDINGS = _NUMBERS | {"polarities": int, "columns": int}
 """What is known about how recordings become steps and predictions; unknown values are left out."""
 CHANNEL_ORDERS = ("yxp", "pyx")
 """How channels may be numbered, by their axes from the slowest to the fastest: rows, columns and polarities."""
+TIME_UNITS = ("ns", "us", "ms", "s")
+"""Units of the times of events."""
+FIRST = "first"
+"""The start of recordings at their first events."""
 CORE_ARRAYS = ("profile", "threshold", "bias_mantissa", "bias_exponent", "parent")
 AXON_ARRAYS = (
     "list_start",
@@ -103,6 +107,8 @@ def program_document(program: ChipProgram) -> dict[str, Any]:
             name: value for name, value in picked(program, *RECORDINGS).items() if value is not None
         },
         **({"channel_order": program.channel_order} if program.channel_order else {}),
+        **({} if program.start is None else {"start": program.start}),
+        **({"time_unit": program.time_unit} if program.time_unit else {}),
         **({"class_names": list(program.class_names)} if program.class_names else {}),
         "phases": [_given(asdict(phase)) for phase in program.phases],
         "inputs": [

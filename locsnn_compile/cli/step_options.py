@@ -10,7 +10,7 @@ from hw_model.values import picked
 from locsnn_compile.cli.options import given
 from locsnn_compile.data.channels import Channels, flat_channels, parse_numbering
 from locsnn_compile.data.read import read_in_chunks, read_recordings
-from locsnn_compile.data.recordings import BATCH, Expected, Recordings
+from locsnn_compile.data.recordings import BATCH, EventTimes, Expected, Recordings
 from locsnn_compile.data.sensor import SensorLayout, asked_layout
 from locsnn_compile.errors import InputError, check_most, counted
 
@@ -31,7 +31,7 @@ FILE_OPTIONS = (
     "--columns",
     "--merge-polarities",
 )
-"""The options that say how files are read, and that neither a model nor a program keeps."""
+"""The options that say how files are read."""
 _STEP_OPTIONS = ("--step-seconds", "--steps", "--threshold")
 
 
@@ -156,6 +156,7 @@ def expected_by(program: hw.ChipProgram) -> Expected:
         program.class_names,
         _inputs_of(program),
         parse_numbering(program.channel_order),
+        event_times=EventTimes(program.start, program.time_unit),
     )
 
 

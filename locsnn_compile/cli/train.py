@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -201,6 +202,11 @@ def _config(
     if start is None:
         return config, values | asked
     check_fits_start(values | asked, start.description)
+    times = start.event_times
+    if times is not None and config.start_at is None:
+        config = replace(config, start_at=times.start)
+    if times is not None and config.time_unit is None:
+        config = replace(config, time_unit=times.time_unit)
     return fine_tuning_config(config, start.description), values | asked
 
 

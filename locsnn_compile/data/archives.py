@@ -128,7 +128,7 @@ def _read(members: Members, names: list[str], binning: Binning) -> Bins:
             continue
         array = load_npy(members.read(name), place)
         if holds_events(array):
-            streams.append(parse_events(array, place, binning.time_unit))
+            streams.append(parse_events(array, place, binning.unit))
         else:
             channels = pixels_of(array, place, expected, binning.axes)
             array = to_step_major(array, place, expected, binning.axes)

@@ -66,7 +66,7 @@ def read_arrays(
     """
     where = where or f"file {path.name!r}"
     content = read_bytes(path, where) if data is None else data
-    entries, streams = _entries(path.suffix, content, where, binning.time_unit)
+    entries, streams = _entries(path.suffix, content, where, binning.unit)
     own: float | None = (
         _number(entries["step_seconds"], where) if "step_seconds" in entries else None
     )
@@ -354,5 +354,6 @@ def _streams(group: Group, where: str, time_unit: TimeUnit) -> list[EventStream]
             fix = "Give times and units from 0 up."
             raise InputError(place, what, measured=measured, fix=fix)
         times_us, channel = microseconds.astype(np.int64), unit.astype(np.int64)
-        streams.append(EventStream(times_us, channel, None, None, place=place))
+        stream = EventStream(times_us, channel, None, None, place=place, unit_is_open=True)
+        streams.append(stream)
     return streams

@@ -90,7 +90,7 @@ def _events_of(
     x = _whole(columns["x"], "x", 0, MAX_PLACE, where)
     y = _whole(columns["y"], "y", 0, MAX_PLACE, where) if "y" in columns else None
     polarity = (_whole(columns["p"], "p", -1, 1, where) > 0).astype(np.int64)
-    return EventStream(times, x, y, polarity, start=None, place=where)
+    return EventStream(times, x, y, polarity, start=None, place=where, unit_is_open=True)
 
 
 def _microseconds(values: AnyArray, unit: TimeUnit | None, where: str) -> IntArray:

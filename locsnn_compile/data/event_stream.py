@@ -14,7 +14,14 @@ import numpy as np
 from hw_model.io.records import between, check_fields
 from hw_model.values import AnyArray, ByteArray, FloatArray, Frozen, IntArray, Sums
 from locsnn_compile.data.channels import Channels
-from locsnn_compile.data.recordings import MAX_ELEMENTS, MAX_STEPS, MOST_STEPS, Binned, check_size
+from locsnn_compile.data.recordings import (
+    MAX_ELEMENTS,
+    MAX_STEPS,
+    MOST_STEPS,
+    Binned,
+    EventTimes,
+    check_size,
+)
 from locsnn_compile.errors import InputError, check_known, check_most, counted, listed
 
 STEP_SECONDS = 0.02
@@ -49,6 +56,7 @@ class Binning(Frozen):
     - ``start``: the seconds at which step 0 begins, or ``first``: at the first event of each recording
     - ``time_unit`` of times whose format has none: by default microseconds, and seconds in HDF5
     - ``max_steps``: recordings of more steps are refused, unless ``steps`` is given
+    - ``usual_times``: start and unit where neither of both is given, nor fixed by the format
     """
 
     step_seconds: Annotated[float | None, between(1e-6, 1e3)] = None
@@ -66,8 +74,16 @@ class Binning(Frozen):
     start: float | str | None = None
     time_unit: TimeUnit | None = None
     max_steps: Annotated[int, between(1, MOST_STEPS)] = MAX_STEPS
+    usual_times: EventTimes = EventTimes()
 
     where = "recordings"
+
+    @property
+    def unit(self) -> TimeUnit | None:
+        """The unit of times whose format has none: as asked for, or as usual; None: that of the format."""
+        if self.time_unit is not None:
+            return self.time_unit
+        return self.usual_times.time_unit  # type: ignore[return-value]  # one of TIME_UNITS
 
     def check(self) -> None:
         """Refuse numbers that are out of range, and unknown names."""
@@ -90,7 +106,8 @@ class EventStream(Frozen, eq=False):
     ``step_seconds`` is the width of a bin that its format has, if any, ``step_rule`` says which bin an event is in, and
     ``place`` names the recording in errors. ``elsewhere`` counts events of its file that belong to other streams, which
     are not read. ``if_too_long`` is the way out if it has too many bins. ``column_order``: what the columns of its
-    table were taken as, in words; empty for events that are not in a table.
+    table were taken as, in words; empty for events that are not in a table. ``start_is_fixed``: its format says when a
+    recording begins, whatever is asked for; ``unit_is_open``: its format has no unit of times.
     """
 
     times: AnyArray
@@ -108,6 +125,8 @@ class EventStream(Frozen, eq=False):
     if_too_long: str = "Give wider bins, or allow more with --max-steps."
     step_rule: StepRule = "floor"
     column_order: str = ""
+    start_is_fixed: bool = False
+    unit_is_open: bool = False
 
     @property
     def first_event(self) -> float:
@@ -143,8 +162,7 @@ def bin_streams(streams: Sequence[EventStream], where: str, binning: Binning) ->
     """
     binning.check()
     assumed = tuple(_assumed(streams, where, binning))
-    if binning.start is not None:
-        streams = [_starting(stream, binning.start) for stream in streams]
+    streams = [_starting(stream, binning) for stream in streams]
     stated_width = _stated_width(streams, binning)
     width = STEP_SECONDS if stated_width is None else stated_width
     events = sum(len(stream.times) for stream in streams)
@@ -219,8 +237,13 @@ def _fill(row: ByteArray, placed: _Placed, steps: int, channels: int, threshold:
     return _Lost(outside, below)
 
 
-def _starting(stream: EventStream, start: float | str) -> EventStream:
-    """Return the stream with the start that is asked for: seconds, or ``first``."""
+def _starting(stream: EventStream, binning: Binning) -> EventStream:
+    """Return the stream with the start that is asked for, or else the usual one: seconds, or ``first``."""
+    start = binning.start
+    if start is None and not stream.start_is_fixed:
+        start = binning.usual_times.start
+    if start is None:
+        return stream
     if isinstance(start, str):
         return replace(stream, start=None)
     return replace(stream, start=start * MICROSECONDS)
@@ -230,8 +253,18 @@ def _assumed(streams: Sequence[EventStream], where: str, binning: Binning) -> It
     """Yield what is taken of times and columns, because neither the format nor an option says it."""
     orders = sorted({stream.column_order for stream in streams if stream.column_order})
     if orders:
-        unit = "" if binning.time_unit else ", with t in microseconds (--time-unit)"
+        unit = "" if binning.unit else ", with t in microseconds (--time-unit)"
         yield f"The columns of {where} were taken as {listed(orders, 'or')}{unit}."
+    usual = binning.usual_times
+    if binning.time_unit is None and usual.time_unit and any(s.unit_is_open for s in streams):
+        yield f"Times were read in {usual.time_unit}, as in the training (--time-unit)."
+    starts_open = not all(stream.start_is_fixed for stream in streams)
+    if binning.start is None and usual.start is not None and starts_open:
+        begin = "at their first event"
+        if not isinstance(usual.start, str):
+            begin = f"at {usual.start:g} s of their files"
+        yield f"Recordings start {begin}, as in the training (--start)."
+        return
     latest = max((stream.began for stream in streams if stream.start is None), default=0.0)
     if binning.start is None and latest > 0:
         seconds = f"{latest / MICROSECONDS:g} s"

@@ -201,8 +201,9 @@ def read_recordings(
     - ``steps``: shorter recordings are padded with silence, longer ones are cut. Without it, all recordings of an
       archive or folder get the length of the longest.
     - ``start``: the seconds at which step 0 of events begins, or ``first``: at the first event of each recording. None:
-      as the format has it, or else at the first event. ``time_unit`` of fields ``t``, of tables and in HDF5: ns, us, ms
-      or s. ``max_steps``: longer recordings of events are refused, unless ``steps`` is given.
+      as in the training of ``model``, or as the format has it, or else at the first event. ``time_unit`` of fields
+      ``t``, of tables and in HDF5: ns, us, ms or s, by default that of the training. ``max_steps``: longer recordings
+      of events are refused, unless ``steps`` is given.
     - ``classes``: the names of classes from class 0 on, separated by commas. Without it, class names have the order of
       ``model``, or of the file, or else a known one: numbers, number words, or by name.
     - The sensor: ``sensor``, or ``grid`` (columns x rows, such as ``34x34``), or ``channels`` with ``columns`` if they
@@ -256,6 +257,7 @@ def read_recordings(
         model_inputs=model.inputs,
         merge_polarities=merge,
         usual_step_seconds=model.usual_step_seconds,
+        usual_times=model.event_times,
     )
     found = _read(path, None if divided else split, binning, step_seconds)
     if class_names is not None:

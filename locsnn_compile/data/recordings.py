@@ -241,6 +241,16 @@ def _clean_labels(where: str, labels: AnyArray, samples: int) -> IntArray:
     return sealed(labels.astype(np.int64))
 
 
+class EventTimes(Frozen):
+    """How the events of a training were timed, where an option said it; None: as their format has it.
+
+    ``start``: the seconds at which step 0 begins, or ``first``; ``time_unit``: ns, us, ms or s.
+    """
+
+    start: float | str | None = None
+    time_unit: str | None = None
+
+
 class Expected(Frozen):
     """What recordings a model expects; None means that it does not say. ``whose`` names the model: ``model 'slip'``.
 
@@ -248,6 +258,7 @@ class Expected(Frozen):
     - ``threshold``: a bin with more events is 1
     - ``steps``: length of a recording, None if any length will do; ``channels``
     - ``inputs``: the pixels that its channels are, and their ``numbering``, if only that is known; ``class_names``
+    - ``event_times``: how events are timed where neither an option nor their format says it
     """
 
     whose: str
@@ -259,6 +270,7 @@ class Expected(Frozen):
     inputs: Channels | None = None
     numbering: Numbering | None = None
     usual_step_seconds: float | None = None
+    event_times: EventTimes = EventTimes()
 
     @property
     def kind(self) -> str:

@@ -53,7 +53,8 @@ def parse_tact(data: bytes, where: str, startend: bytes | None, startend_where: 
     found = EventStream(
         times, *places, 0.0, span_seconds, CHANNELS, 2, step_seconds=width, place=where
     )
-    return replace(found, if_too_long="Give a .startend file next to it, or wider bins.")
+    way_out = "Give a .startend file next to it, or wider bins."
+    return replace(found, if_too_long=way_out, start_is_fixed=True)
 
 
 def tact_text(spikes: ByteArray, step_seconds: float, polarities: int = 2) -> bytes:

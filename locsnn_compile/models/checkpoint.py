@@ -34,6 +34,7 @@ Only the first member that carries recordings keeps them. Written here, read by
 :mod:`locsnn_compile.models.checkpoint_reader`, which never runs code of the file.
 """
 
+import math
 from dataclasses import asdict, field, fields, replace
 from pathlib import Path
 from typing import Any, ClassVar
@@ -42,7 +43,8 @@ import numpy as np
 
 from hw_model.io.files import replace_file
 from hw_model.values import AnyArray, Float32Array, Shown
-from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.data.event_stream import FIRST, TIME_UNITS
+from locsnn_compile.data.recordings import EventTimes, Recordings
 from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.data.torch_file import torch_bytes
 from locsnn_compile.errors import InputError
@@ -93,6 +95,18 @@ class Checkpoint(Shown):
         if not isinstance(number, int) or isinstance(number, bool):
             return None
         return number if 0 <= number < self.description.classes else None
+
+    @property
+    def event_times(self) -> EventTimes | None:
+        """How the events that it was trained on were timed; None if the training did not say it."""
+        start = self.training.get("start_at")
+        unit = self.training.get("time_unit")
+        is_time = isinstance(start, int | float) and math.isfinite(start)
+        known_start = start if is_time or start == FIRST else None
+        known_unit = str(unit) if unit in TIME_UNITS else None
+        if known_start is None and known_unit is None:
+            return None
+        return EventTimes(known_start, known_unit)
 
     @property
     def float_weights(self) -> dict[str, Float32Array]:

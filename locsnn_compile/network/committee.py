@@ -24,6 +24,7 @@ _SHARED = (
     "class_names",
     "inputs",
     "channel_order",
+    "event_times",
 )
 """What members must agree on, unless it is None."""
 MOST_APART = 1_000_000

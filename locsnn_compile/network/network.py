@@ -16,7 +16,7 @@ from hw_model.mapping.graph import AXES, Axis, Phase
 from hw_model.mapping.graph import Readout as Readout
 from hw_model.values import ByteArray, FloatArray, Frozen, IntArray, Shown
 from locsnn_compile.data.channels import Channels, Numbering
-from locsnn_compile.data.recordings import STEP_SECONDS, Expected, Recordings
+from locsnn_compile.data.recordings import STEP_SECONDS, EventTimes, Expected, Recordings
 from locsnn_compile.data.sensor import SensorLayout
 from locsnn_compile.errors import InputError, check_most, counted
 from locsnn_compile.network.first_touch import from_first_touch
@@ -183,6 +183,8 @@ class Network(Shown):
     """The pixels that its channels are, if its file says so otherwise than by a sensor."""
     channel_order: Numbering | None = None
     """How its channels are numbered, if its user says so of a file that does not."""
+    event_times: EventTimes | None = None
+    """How the events that it was trained on were timed, if its file says so."""
 
     @property
     def own_populations(self) -> tuple[Population, ...]:
@@ -227,7 +229,8 @@ class Network(Shown):
         own = self.step_seconds, self.event_threshold, steps, self.channels, self.class_names
         usual = self.usual_step_seconds
         inputs = self.known_inputs, self.numbering
-        return Expected(f"model {self.name!r}", *own, *inputs, usual_step_seconds=usual)
+        expected = Expected(f"model {self.name!r}", *own, *inputs, usual_step_seconds=usual)
+        return replace(expected, event_times=self.event_times or EventTimes())
 
     @property
     def stated_step_seconds(self) -> float | None:

@@ -17,7 +17,7 @@ from hw_model.values import ArrayLike, picked
 from locsnn_compile.data.class_names import in_order_of
 from locsnn_compile.data.joining import on_one_sensor
 from locsnn_compile.data.read import read_recordings, recording_parts
-from locsnn_compile.data.recordings import OPEN, Expected, Recordings, same
+from locsnn_compile.data.recordings import OPEN, EventTimes, Expected, Recordings, same
 from locsnn_compile.errors import InputError, check_same
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
@@ -47,6 +47,7 @@ def read_parts(
             start.description.class_names,
             own.sensor.inputs,
             "yxp",
+            event_times=start.event_times or EventTimes(),
         )
     parts = [
         part for part in ("train", "test") if part in recording_parts(data, test_share=config.split)
