@@ -19,6 +19,7 @@ more spikes that differ, and class scores off by at most 5 % more of their sprea
 import argparse
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import hw_model as hw
@@ -30,6 +31,7 @@ from locsnn_compile.cli.places import check_places
 from locsnn_compile.cli.shell import EXIT_GATE, progress_bar
 from locsnn_compile.cli.step_options import (
     FILE_OPTIONS,
+    STEP_OPTIONS,
     file_reading,
     on_sensor,
     reading_arguments,
@@ -37,7 +39,7 @@ from locsnn_compile.cli.step_options import (
 )
 from locsnn_compile.cluster.spread import Spread, spread_over
 from locsnn_compile.errors import InputError
-from locsnn_compile.explore.events import choose_events, report_events, written
+from locsnn_compile.explore.events import as_read, choose_events, report_events, written
 from locsnn_compile.explore.exploration import Exploration
 from locsnn_compile.explore.point import ModelFile, Study
 from locsnn_compile.explore.result import exploration_files, lines
@@ -49,6 +51,8 @@ from locsnn_compile.verification.error_bounds import ErrorBudget
 
 ENGINES = ("fast", "reference")
 READ = ("--config", "--events", "--report-on", "--calibration", "--target")
+COPIES = ("events.npz", "calibration.npz", "reported.npz")
+"""Recordings that commands need and that no other file holds as they were read."""
 WRITTEN = ("explore.csv", "explore.json", "explore.svg", "timings.csv", "timings.svg")
 
 
@@ -95,9 +99,11 @@ def _explore(
             raise InputError(option, "there are no events to read", fix="Give them with --events.")
     check_matters(network, {"calibration": "--calibration"} if args.calibration else {})
     events = choose_events(network, args.events, args.part, args.recordings, reading)
-    if events.file is None:
-        _check_places(args, folder, ["events.npz"])
     reported_on = report_events(network, args.report_on, reading) if args.report_on else None
+    again = reading_arguments(args)
+    rewritten = events.file is None and again != reading_arguments(args, STEP_OPTIONS)
+    if events.file is None:
+        _check_places(args, folder, COPIES if rewritten else COPIES[:1])
     # By default never the recordings in the model: they may belong to its test part.
     calibration = (
         calibration_recordings(network, args.calibration, reading)
@@ -112,17 +118,26 @@ def _explore(
         points = sweep(study, tried, store, spread, progress)
         asked = ErrorBudget(args.min_agreement, args.max_spike_error, args.max_score_error)
         budget = asked if asked.given else auto_bounds(study, points, store, spread)
-    events = written(events, folder / "events.npz")
+    events_copy, calibration_copy, reported_copy = (folder / name for name in COPIES)
+    events = written(events, events_copy)
+    calibration_file = args.calibration
+    if rewritten:
+        # One command reads all its files with the same options, and these were read already.
+        again = reading_arguments(args, STEP_OPTIONS)
+        if calibration_file is not None:
+            calibration_file = written(as_read(calibration), calibration_copy).file
+        if reported_on is not None:
+            reported_on = written(replace(reported_on, file=None), reported_copy)
     found = Exploration(
         study,
         model,
         args.target,
-        args.calibration,
+        calibration_file,
         events,
         budget,
         not asked.given,
         points,
-        reading_arguments=reading_arguments(args),
+        reading_arguments=again,
     )
     if reported_on is None:
         return found

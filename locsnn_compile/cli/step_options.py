@@ -1,7 +1,7 @@
 """Options for turning recordings into steps and channels, where neither the recordings nor the model say how."""
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -32,7 +32,9 @@ FILE_OPTIONS = (
     "--merge-polarities",
 )
 """The options that say how files are read."""
-_STEP_OPTIONS = ("--step-seconds", "--steps", "--threshold")
+STEP_OPTIONS = ("--step-seconds", "--steps")
+"""The options that mean the same of recordings that were read, and written again in bins."""
+_READING_OPTIONS = (*STEP_OPTIONS, "--threshold", *FILE_OPTIONS)
 
 
 def asked_reading(args: argparse.Namespace) -> dict[str, Any]:
@@ -45,10 +47,12 @@ def undivided_reading(args: argparse.Namespace) -> dict[str, Any]:
     return picked(args, "step_seconds", "steps", "threshold") | file_reading(args)
 
 
-def reading_arguments(args: argparse.Namespace) -> tuple[str, ...]:
-    """Return the options that say how recordings are read, as they are typed."""
+def reading_arguments(
+    args: argparse.Namespace, options: Iterable[str] = _READING_OPTIONS
+) -> tuple[str, ...]:
+    """Return those of the options that say how recordings are read, as they are typed."""
     arguments: list[str] = []
-    for option, value in given(args, (*_STEP_OPTIONS, *FILE_OPTIONS)).items():
+    for option, value in given(args, options).items():
         arguments.append(option)
         if value is not True:
             arguments.append(str(value))

@@ -98,6 +98,11 @@ def report_events(
     return replace(chosen, file=events)
 
 
+def as_read(recordings: Recordings) -> Chosen:
+    """Return all of some recordings, of which no file holds what they became on reading."""
+    return Chosen(recordings, len(recordings), None, None)
+
+
 def written(chosen: Chosen, path: Path) -> Chosen:
     """Return the same recordings with a file; write one if no file holds exactly these."""
     if chosen.file is not None:
