@@ -41,15 +41,13 @@ from locsnn_compile.report.renderers.markdown import render_markdown
 from locsnn_compile.report.sections.verdict import matches
 from locsnn_compile.request.choose_strategy import Choice, choose_strategy, lower_or_advise
 from locsnn_compile.request.compile_request import (
-    NO_BOUNDS,
     CheckRequest,
     CompileRequest,
     Events,
     PricingRequest,
     SettingRequest,
-    setting_for,
 )
-from locsnn_compile.settings import AUTO, NATIVE, STRATEGIES
+from locsnn_compile.settings import AUTO, NATIVE, STRATEGIES, Value, check_dials
 from locsnn_compile.verification.diagnosis import Diagnosis
 from locsnn_compile.verification.diagnosis import diagnose as find_diagnosis
 from locsnn_compile.verification.error_bounds import ErrorBudget
@@ -157,6 +155,7 @@ def compile(
     profile: str | Path | None = None,
     scheduler: str | None = None,
     weights: Sequence[float] | None = None,
+    **dials: Value | None,
 ) -> CompiledModel:
     """Compile a network, or what ``train`` returned, for a chip, and check it against the float reference.
 
@@ -179,14 +178,15 @@ def compile(
     - ``psi``: of the time-weighted prediction, by default the model's own or 10; the program keeps it
     - ``weights``: those of the class scores of several networks; by default as :func:`join` finds them
     - ``scheduler``: the address of a Dask cluster that plays the recordings, with the same results
+    - ``dials``: further rows of :data:`locsnn_compile.settings.DIALS`, by name
     - ``progress``: a function that is called with how much is done, and of how much
 
     Raises ``InputError`` for something that cannot be used, and ``TargetError`` for a model that the chip cannot hold.
     """
+    check_dials(dials, "compile")
     chip = target if isinstance(target, hw.Chip) else hw.chip(target)
-    setting = setting_for(chip, strategy, weight_bits, split_weights)
-    split_is_given = split_weights is not None
-    asked = SettingRequest(setting, split_is_given, budget or NO_BOUNDS, calibration)
+    dials |= {"strategy": strategy, "weight_bits": weight_bits, "split_weights": split_weights}
+    asked = SettingRequest.of(chip, dials, budget, calibration)
     check = CheckRequest(events, labels, psi, diagnosis, scheduler, progress)
     whole = _one_network(network, weights, calibration)
     return fulfil(CompileRequest(whole, chip, asked, check, PricingRequest(profile)))

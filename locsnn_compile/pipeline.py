@@ -19,9 +19,10 @@ from locsnn_compile.network.network import Network
 from locsnn_compile.network.quantized import QuantizedNetwork
 from locsnn_compile.network.text import network_text, quantized_text
 from locsnn_compile.passes.lower_neurons import lower_neurons
-from locsnn_compile.passes.quantize import quantize
+from locsnn_compile.passes.quantize import quantize_by
 from locsnn_compile.passes.rounding.task import NEAREST, Rounding
 from locsnn_compile.reference.evaluate import Calibration
+from locsnn_compile.settings import Setting, weight_bits_of
 
 _log = logging.getLogger("locsnn")
 
@@ -45,9 +46,21 @@ def lower(
     rounding: Rounding = NEAREST,
     calibration: Calibration | None = None,
 ) -> Levels:
-    """Lower a network to a program, SRM neurons by a strategy; every level is checked."""
+    """Lower by these values of the first dials, all others usual; see :func:`lower_by`."""
+    setting = Setting(strategy, weight_bits_of(chip, weight_bits), rounding.split)
+    return lower_by(network, chip, setting, rounding, calibration)
+
+
+def lower_by(
+    network: Network,
+    chip: hw.Chip,
+    setting: Setting,
+    rounding: Rounding = NEAREST,
+    calibration: Calibration | None = None,
+) -> Levels:
+    """Lower a network to a program by a setting; every level is checked."""
     check_network(network)
-    quantized = quantize(network, chip, weight_bits, strategy, rounding, calibration)
+    quantized = quantize_by(network, chip, setting, rounding, calibration)
     compartments = lower_neurons(quantized, chip)
     placed = arrange_cores(place_cores(compartments, chip))
     routed = route_axons(placed)

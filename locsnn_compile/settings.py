@@ -1,7 +1,8 @@
-"""How a network can be compiled: strategies, settings, their axes, and the grid of settings to explore.
+"""How a network can be compiled: strategies, dials and their settings, and the grid to explore.
 
-A strategy lays out spike response neurons on a chip; strategies are tried in the order given here. This module imports
-nothing heavy, because help and completion show the names.
+A strategy lays out spike response neurons on a chip; strategies are tried in the order given here.
+To add a dial, write its row in :data:`DIALS` and its field in :class:`Setting`, and read it in the
+pass that it turns. This module imports nothing heavy, because help and completion show the names.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import astuple, dataclass
 from typing import TYPE_CHECKING, Any
 
-from locsnn_compile.errors import InputError
+from locsnn_compile.errors import InputError, TargetError, check_known, check_range
 
 NATIVE = "native"
 """The strategy of neurons that the chip has as they are: they need none."""
@@ -57,29 +58,43 @@ USUAL = tuple(name for name, strategy in STRATEGIES.items() if not strategy.last
 
 
 if TYPE_CHECKING:
+    from hw_model.description.chip import Chip
     from locsnn_compile.network.network import Network
 
 Value = str | int | float
 
 
 @dataclass(frozen=True)
-class Axis:
-    """One option of the compiler; ``name`` is its keyword in ``compile``.
+class Dial:
+    """A setting of the compiler that ``auto`` and explore can vary: one row of :data:`DIALS`.
 
-    ``values`` are tried for a network that has what the option ``needs``, a property of ``Network``, and otherwise only
-    the ``neutral`` one. With ``bounds``, other values between them can be asked for.
+    ``name`` is its keyword in ``compile`` and its field in :class:`Setting`.
+
+    For explore: ``values`` are tried for a network that has what the dial ``needs``, a property of
+    ``Network``, and otherwise only the ``neutral`` one. With ``bounds``, other values between them
+    can be asked for. ``tried`` says in its help what is tried, ``words`` how the name of a setting
+    shows a value, and ``unsaid`` is the value that the name leaves out.
+
+    For ``locsnn-compile``: ``help``, ``value`` and ``kind`` declare the option, in the words of
+    ``cli/options.txt``. ``usual`` is the value for a chip where none is given, by default the
+    neutral one, and ``check`` refuses what the chip does not have. ``idle`` says why the dial would
+    change nothing where a network lacks what it needs; if empty, the compiler itself finds out.
     """
 
     name: str
     values: tuple[Value, ...]
     neutral: Value
     needs: str
+    tried: str
     help: str
+    value: str
+    kind: str
     words: Callable[[Any], str] = str
-    """How the name of a setting shows a value."""
     unsaid: Value | None = None
-    """The value that the name of a setting leaves out."""
     bounds: tuple[float, float] | None = None
+    usual: Callable[[Chip], Value] | None = None
+    check: Callable[[Chip, Any], None] = lambda chip, value: None
+    idle: str = ""
 
     @property
     def option(self) -> str:
@@ -87,44 +102,121 @@ class Axis:
         return f"--{self.name.replace('_', '-')}"
 
     @property
-    def kind(self) -> str:
-        """What its values are, in the words of ``cli/options.txt``."""
+    def taken_key(self) -> str:
+        """The key in ``strategy_choice`` of a report for the value that was taken."""
+        return "taken" if self.name == "strategy" else f"taken_{self.name}"
+
+    @property
+    def declaration(self) -> str:
+        """The option of ``locsnn-compile``, as ``cli/options.txt`` declares options."""
+        return f"{self.option} {self.value}, {self.kind}\n    {self.help}"
+
+    @property
+    def explored(self) -> str:
+        """The option of ``locsnn explore``, which takes several values."""
+        values = ", ".join(map(str, self.values))
         limits = "one of " + "|".join(map(str, self.values))
         if self.bounds is not None:
             limits = "a number from {:g} to {:g}".format(*self.bounds)
-        return f"{type(self.values[0]).__name__}, {limits}"
+        kind = f"{type(self.values[0]).__name__}, {limits}, several"
+        return f"{self.option} X, {kind}\n    {self.tried} to try (default: {values})"
 
     def matters(self, network: Network) -> bool:
-        """Tell whether the option changes anything for a network."""
+        """Tell whether the dial changes anything for a network."""
         return bool(getattr(network, self.needs))
 
+    def usual_of(self, chip: Chip) -> Value:
+        """Return the value for a chip where none is given."""
+        return self.neutral if self.usual is None else self.usual(chip)
 
-AXES = (
-    Axis("strategy", tuple(STRATEGIES), AUTO, "by_strategy", "lowerings of SRM neurons"),
-    Axis(
-        "weight_bits",
-        (1, 2, 3, 4, 5, 6, 8),
-        8,
-        "has_float_weights",
-        "bits of a weight",
-        "{}-bit".format,
+
+def _widest(chip: Chip) -> Value:
+    return chip.registers.weight_bits[-1]
+
+
+def _check_strategy(chip: Chip, strategy: str) -> None:
+    known = (AUTO, *STRATEGIES)
+    check_known(f"strategy {strategy!r}", "unknown lowering strategy", strategy, known)
+
+
+def weight_bits_of(chip: Chip, asked: int | None) -> int:
+    """Return the weight bits asked for, or the chip's most; refuse a width that the chip's synapse formats lack."""
+    from hw_model.arithmetic.fixed_point import weight_grid
+
+    widths = chip.registers.weight_bits
+    if asked is None:
+        return widths[-1]
+    try:
+        weight_grid(asked, "excitatory")
+    except InputError as error:
+        raise InputError("--weight-bits", error.what, fix=error.fix) from None
+    if asked not in widths:
+        measured = f"{chip.name} has weight_bits_max {chip.registers.weight_bits_max}"
+        fix = f"Ask for {widths[-1]}, or leave it out."
+        raise TargetError(
+            "--weight-bits", f"weights of {asked} bits are too wide", measured=measured, fix=fix
+        )
+    return asked
+
+
+def _check_weight_bits(chip: Chip, bits: int) -> None:
+    weight_bits_of(chip, bits)
+
+
+def _check_share(chip: Chip, share: float) -> None:
+    check_range(share, 0, 1, "split_weights")
+
+
+_INTEGERS = "the weights of this model are integers of the chip already"
+DIALS = (
+    Dial(
+        "strategy",
+        values=tuple(STRATEGIES),
+        neutral=AUTO,
+        needs="by_strategy",
+        tried="lowerings of SRM neurons",
+        help=f"lowering of SRM neurons: {', '.join(STRATEGIES)}, or auto (default): "
+        "the cheapest that keeps the bounds",
+        value="NAME",
+        kind=f"one of {'|'.join((AUTO, *STRATEGIES))}, default {AUTO}",
+        check=_check_strategy,
     ),
-    Axis(
+    Dial(
+        "weight_bits",
+        values=(1, 2, 3, 4, 5, 6, 8),
+        neutral=8,
+        needs="has_float_weights",
+        tried="bits of a weight",
+        help="1 to 6, or 8 (default: the chip's widest); with error bounds, the widest to try",
+        value="BITS",
+        kind="int",
+        words="{}-bit".format,
+        usual=_widest,
+        check=_check_weight_bits,
+        idle=_INTEGERS,
+    ),
+    Dial(
         "split_weights",
-        (0.0, 0.5, 1.0),
-        0.0,
-        "has_float_weights",
-        "shares of the weights that get a second synapse",
-        lambda share: f"{100 * share:.6g}% split",
+        values=(0.0, 0.5, 1.0),
+        neutral=0.0,
+        needs="has_float_weights",
+        tried="shares of the weights that get a second synapse",
+        help="weights that get a second synapse: none, all, or a share 0..1 "
+        "(default: none, or what the bounds need)",
+        value="SHARE",
+        kind="part, a number from 0 to 1",
+        words=lambda share: f"{100 * share:.6g}% split",
         unsaid=0.0,
         bounds=(0.0, 1.0),
+        check=_check_share,
+        idle=_INTEGERS,
     ),
 )
 
 
 @dataclass(frozen=True)
 class Setting:
-    """How a network is compiled: keyword arguments of ``compile``, one per axis, in the order of :data:`AXES`."""
+    """How a network is compiled: a field for each dial, in the order of :data:`DIALS`."""
 
     strategy: str
     weight_bits: int
@@ -132,49 +224,77 @@ class Setting:
 
     @property
     def values(self) -> tuple[Any, ...]:
-        """The values in the order of the axes."""
+        """The values in the order of the dials."""
         return astuple(self)
+
+    @property
+    def by_dial(self) -> list[tuple[Dial, Any]]:
+        """Each dial with its value."""
+        return list(zip(DIALS, self.values, strict=True))
+
+    def check(self, chip: Chip) -> None:
+        """Refuse values that no chip has (``InputError``), or not this one (``TargetError``)."""
+        for dial, value in self.by_dial:
+            dial.check(chip, value)
 
     def arguments(self, network: Network) -> list[str]:
         """Return the options of ``locsnn-compile`` that matter to a network."""
-        rows = [
-            (axis, value)
-            for axis, value in zip(AXES, self.values, strict=True)
-            if axis.matters(network)
-        ]
-        return [text for axis, value in rows for text in (axis.option, str(value))]
+        arguments = []
+        for dial, value in self.by_dial:
+            if dial.matters(network):
+                arguments += [dial.option, str(value)]
+        return arguments
 
     def __str__(self) -> str:
         return self.name()
 
-    def name(self, axes: Collection[int] | None = None) -> str:
-        """Return the values of a setting in words, on the axes with these numbers or on all."""
-        rows = [
-            (i, axis, value) for i, (axis, value) in enumerate(zip(AXES, self.values, strict=True))
-        ]
-        return ", ".join(
-            axis.words(value)
-            for i, axis, value in rows
-            if (axes is None or i in axes) and value != axis.unsaid
-        )
+    def name(self, dials: Collection[int] | None = None) -> str:
+        """Return the values of a setting in words, of the dials with these numbers or of all."""
+        words = []
+        for number, (dial, value) in enumerate(self.by_dial):
+            is_named = dials is None or number in dials
+            if is_named and value != dial.unsaid:
+                words.append(dial.words(value))
+        return ", ".join(words)
+
+
+def check_dials(names: Collection[str], function: str) -> None:
+    """Refuse a keyword that is the name of no dial as Python does: by a ``TypeError``."""
+    known = {dial.name for dial in DIALS}
+    for name in names:
+        if name not in known:
+            raise TypeError(f"{function}() got an unexpected keyword argument {name!r}")
+
+
+def setting_for(chip: Chip, values: Mapping[str, Value | None]) -> Setting:
+    """Return a setting of values by dial, checked; None, or no value, leaves a dial at the usual one.
+
+    Raises ``InputError`` for values that no chip has, and ``TargetError`` for those that this one
+    has not.
+    """
+    chosen: dict[str, Any] = {}
+    for dial in DIALS:
+        value = values.get(dial.name)
+        chosen[dial.name] = dial.usual_of(chip) if value is None else value
+    setting = Setting(**chosen)
+    setting.check(chip)
+    return setting
 
 
 def settings(
     network: Network, wanted: Mapping[str, Sequence[Value]], most_bits: int
 ) -> tuple[Setting, ...]:
-    """Return the grid, the last axis fastest: on each axis the values wanted, by its name, or else all that matter.
+    """Return the grid, the last dial fastest: of each dial the values wanted, by its name, or else all that matter.
 
     The chip's widest weights have ``most_bits``; wider ones are tried only if asked for.
 
     Raises ``InputError`` for options of rounding if no weights are rounded.
     """
-    of_weights = [
-        axis for axis in AXES if axis.needs == "has_float_weights" and wanted.get(axis.name)
-    ]
-    check_matters(network, {axis.name: axis.option for axis in of_weights})
+    idle = [dial for dial in DIALS if dial.idle and wanted.get(dial.name)]
+    check_matters(network, {dial.name: dial.option for dial in idle})
     tried = [
-        tuple(dict.fromkeys(wanted.get(axis.name) or _default(axis, network, most_bits)))
-        for axis in AXES
+        tuple(dict.fromkeys(wanted.get(dial.name) or _default(dial, network, most_bits)))
+        for dial in DIALS
     ]
     return tuple(itertools.starmap(Setting, itertools.product(*tried)))
 
@@ -182,36 +302,31 @@ def settings(
 def usual_settings(network: Network, most_bits: int) -> tuple[Setting, ...]:
     """Return what ``auto`` tries if no bound is given: each strategy, with defaults for everything else."""
     return tuple(
-        Setting(str(strategy), most_bits) for strategy in _default(AXES[0], network, most_bits)
+        Setting(str(strategy), most_bits) for strategy in _default(DIALS[0], network, most_bits)
     )
+
+
+_OTHER_OPTIONS = (
+    ("calibration", "by_strategy", "no weights of this model are rounded for recordings"),
+    (
+        "psi",
+        "has_both_axes",
+        "this model has one branch, and predictions have nothing to turn to",
+    ),
+)
+"""Options that are no dials: their name, what a network needs for them, and why they would be idle."""
 
 
 def check_matters(network: Network, given: Mapping[str, str]) -> None:
     """Refuse options that would change nothing for this network; ``given`` has those given, as messages show them."""
-    for name, needs, why in (
-        (
-            "weight_bits",
-            "has_float_weights",
-            "the weights of this model are integers of the chip already",
-        ),
-        (
-            "split_weights",
-            "has_float_weights",
-            "the weights of this model are integers of the chip already",
-        ),
-        ("calibration", "by_strategy", "no weights of this model are rounded for recordings"),
-        (
-            "psi",
-            "has_both_axes",
-            "this model has one branch, and predictions have nothing to turn to",
-        ),
-    ):
+    rows = [(dial.name, dial.needs, dial.idle) for dial in DIALS if dial.idle]
+    for name, needs, why in (*rows, *_OTHER_OPTIONS):
         if name in given and not getattr(network, needs):
             raise InputError(given[name], f"it would change nothing: {why}", fix="Leave it out.")
 
 
-def _default(axis: Axis, network: Network, most_bits: int) -> tuple[Value, ...]:
-    if axis.name == "weight_bits":
-        held = tuple(value for value in axis.values if int(value) <= most_bits)
-        return held if axis.matters(network) else held[-1:]
-    return axis.values if axis.matters(network) else (axis.neutral,)
+def _default(dial: Dial, network: Network, most_bits: int) -> tuple[Value, ...]:
+    if dial.name == "weight_bits":
+        held = tuple(value for value in dial.values if int(value) <= most_bits)
+        return held if dial.matters(network) else held[-1:]
+    return dial.values if dial.matters(network) else (dial.neutral,)

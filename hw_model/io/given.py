@@ -46,6 +46,7 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
     if any(p not in by_place and p.default is p.empty for p in signature.parameters.values()):
         least = len(names) + 1
     passed: set[tuple[str, type]] = set()
+    rest = next((p.name for p in signature.parameters.values() if p.kind is p.VAR_KEYWORD), "")
     # Names in annotations may be unknown until all modules are imported.
     kinds = functools.cache(
         lambda: {name: kinds_of(hint) for name, hint in get_type_hints(function).items()}
@@ -59,7 +60,8 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
             zip(names, args, strict=False) if plain else _bound(signature, args, kwargs).items()
         ):
             if (name, type(value)) not in passed:
-                check_argument(called, name, value, kinds().get(name, (object,)))
+                hint = name if name in signature.parameters else rest
+                check_argument(called, name, value, kinds().get(hint, (object,)))
                 if not isinstance(value, _LOOKED_INTO):
                     passed.add((name, type(value)))
         return function(*args, **kwargs)
@@ -106,9 +108,13 @@ def is_plain(found: os.stat_result) -> bool:
 def _bound(signature: inspect.Signature, args: Any, kwargs: Any) -> Mapping[str, Any]:
     """Return arguments by name; nothing for a call that Python itself will refuse."""
     try:
-        return signature.bind(*args, **kwargs).arguments
+        arguments = signature.bind(*args, **kwargs).arguments
     except TypeError:
         return {}
+    for name, parameter in signature.parameters.items():
+        if parameter.kind is parameter.VAR_KEYWORD:
+            arguments |= arguments.pop(name, {})
+    return arguments
 
 
 def classes_of(hint: Any) -> tuple[Any, ...]:

@@ -44,9 +44,8 @@ from locsnn_compile.request.compile_request import (
     CompileRequest,
     PricingRequest,
     SettingRequest,
-    setting_for,
 )
-from locsnn_compile.settings import check_matters
+from locsnn_compile.settings import DIALS, check_matters
 from locsnn_compile.verification.error_bounds import ErrorBudget
 
 READ = ("--options", "--config", "--events", "--calibration", "--target", "--profile")
@@ -108,10 +107,9 @@ def _setting_request(
     args: Namespace, target: Chip, calibration: Recordings | None
 ) -> SettingRequest:
     """Return what the options ask of the setting."""
-    values = picked(args, "strategy", "weight_bits", "split_weights")
-    setting = setting_for(target, **values)
+    values = picked(args, *(dial.name for dial in DIALS))
     budget = ErrorBudget(args.min_agreement, args.max_spike_error, args.max_score_error)
-    return SettingRequest(setting, args.split_weights is not None, budget, calibration)
+    return SettingRequest.of(target, values, budget, calibration)
 
 
 def _of_an_earlier_build(folder: Path, files: Mapping[str, bytes]) -> list[str]:
@@ -143,7 +141,8 @@ def _network(args: Namespace) -> Network:
     if len(networks) > 1:
         network = join(networks, args.weights, args.calibration, reading)
     network = on_sensor(network, args)
-    asked = given(args, ("--weight-bits", "--split-weights", "--calibration", "--psi"))
+    dials = [dial.option for dial in DIALS if dial.idle]
+    asked = given(args, (*dials, "--calibration", "--psi"))
     if network.has_float_weights and given(args, BOUNDS):  # settings are chosen on --calibration
         asked.pop("--calibration", None)
     check_matters(network, {option.strip("-").replace("-", "_"): option for option in asked})

@@ -45,8 +45,7 @@ from locsnn_compile.explore.point import ModelFile, Study
 from locsnn_compile.explore.result import exploration_files, lines
 from locsnn_compile.explore.sweep import Store, auto_bounds, sweep
 from locsnn_compile.frontends.formats import LoadOptions
-from locsnn_compile.passes.quantize import weight_bits_of
-from locsnn_compile.settings import AXES, Value, check_matters, settings
+from locsnn_compile.settings import DIALS, Value, check_matters, settings, weight_bits_of
 from locsnn_compile.verification.error_bounds import ErrorBudget
 
 ENGINES = ("fast", "reference")
@@ -58,7 +57,7 @@ WRITTEN = ("explore.csv", "explore.json", "explore.svg", "timings.csv", "timings
 
 def run(args: argparse.Namespace) -> int:
     """Explore as ``args`` ask; return the exit code. Raises ``InputError`` and ``TargetError``."""
-    wanted: dict[str, list[Value]] = {axis.name: getattr(args, axis.name) or [] for axis in AXES}
+    wanted: dict[str, list[Value]] = {dial.name: getattr(args, dial.name) or [] for dial in DIALS}
     if args.workers and args.scheduler:
         raise InputError(
             "--workers",

@@ -14,7 +14,7 @@ from locsnn_compile.emitters import EMIT_KINDS
 from locsnn_compile.errors import InputError, did_you_mean, listed
 from locsnn_compile.frontends.formats import FORMAT_OPTIONS, models_in_words
 from locsnn_compile.models.architectures import ARCHITECTURES
-from locsnn_compile.settings import AXES, STRATEGIES, TRAINABLE, Axis
+from locsnn_compile.settings import DIALS, TRAINABLE
 
 if TYPE_CHECKING:
     from locsnn_compile.data.recordings import Recordings
@@ -58,15 +58,7 @@ RANGE = re.compile(r"a finite number|a number (from|above) (\S+)(?: up| to (\S+)
 """``a number from 0 to 1``, ``from 0 up`` or ``above 0``; it is always finite."""
 
 
-def declared(axes: Iterable[Axis]) -> str:
-    """Return the options of axes, as ``options.txt`` declares options."""
-    helped = ((axis, ", ".join(map(str, axis.values))) for axis in axes)
-    return "\n".join(
-        f"{axis.option} X, {axis.kind}, several\n    {axis.help} to try (default: {values})"
-        for axis, values in helped
-    )
-
-
+_FIRST_DIAL, *_OTHER_DIALS = DIALS
 OF_MODELS = {
     "models": models_in_words(),
     "reading": "\n".join(option.declaration for option in FORMAT_OPTIONS),
@@ -74,8 +66,10 @@ OF_MODELS = {
 """What fills the placeholders of commands that read models."""
 WORDS: dict[str, Mapping[str, str]] = {
     "compile": {
-        "strategies": ", ".join(STRATEGIES),
-        "names": "|".join(STRATEGIES),
+        "first_dial": _FIRST_DIAL.declaration,
+        "other_dials": "\n".join(
+            dial.declaration for dial in sorted(_OTHER_DIALS, key=lambda dial: dial.name)
+        ),
         "kinds": ", ".join(EMIT_KINDS),
         "emitted": "|".join(EMIT_KINDS),
     },
@@ -84,7 +78,7 @@ WORDS: dict[str, Mapping[str, str]] = {
         "strategies": listed([f"{TRAINABLE[0]} (default)", *TRAINABLE[1:]], "or"),
         "trainable": "|".join(TRAINABLE),
     },
-    "explore": {"axes": declared(AXES)},
+    "explore": {"dials": "\n".join(dial.explored for dial in DIALS)},
     "fit": {"boards": ", ".join(BOARDS), "names": "|".join(BOARDS)},
 }
 """By command, what fills the placeholders in its section that do not name another section."""

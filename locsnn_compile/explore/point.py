@@ -24,12 +24,7 @@ from locsnn_compile.errors import TargetError
 from locsnn_compile.frontends import load
 from locsnn_compile.frontends.formats import LoadOptions
 from locsnn_compile.network.network import Network
-from locsnn_compile.request.compile_request import (
-    CheckRequest,
-    CompileRequest,
-    SettingRequest,
-    check_setting,
-)
+from locsnn_compile.request.compile_request import CheckRequest, CompileRequest, SettingRequest
 from locsnn_compile.settings import Setting
 from locsnn_compile.verification.error_bounds import Losses
 
@@ -78,10 +73,11 @@ class Study(Frozen, eq=False):
     def request(self, setting: Setting) -> CompileRequest:
         """Return what is asked of the compiler for a point; its report needs no diagnosis.
 
-        Raises ``TargetError`` for weights that are too wide for the chip.
+        Raises ``TargetError`` for a setting that the chip does not have.
         """
-        check_setting(self.chip, setting)
-        asked = SettingRequest(setting, split_is_given=True, calibration=self.calibration)
+        setting.check(self.chip)
+        given = frozenset(asdict(setting))
+        asked = SettingRequest(setting, given, calibration=self.calibration)
         check = CheckRequest(self.recordings, diagnosis=False)
         return CompileRequest(self.network, self.chip, asked, check)
 

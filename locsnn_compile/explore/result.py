@@ -20,7 +20,7 @@ from locsnn_compile.report.figures.flat import csv_bytes
 from locsnn_compile.report.format import NONE, energy, plain, plural, time
 from locsnn_compile.report.pictures.scatter import Mark, Panel, draw
 from locsnn_compile.report.words import fill, sentence, texts
-from locsnn_compile.settings import AXES, Setting, Value
+from locsnn_compile.settings import DIALS, Setting, Value
 
 SCHEMA = "locsnn-explore/1"
 COLUMNS: dict[str, str] = texts("tables", "explored")["columns"]
@@ -113,7 +113,7 @@ def _flat(row: Mapping[str, Any]) -> Document:
     names = list(dict.fromkeys((*OBJECTIVES, *Figures.__dataclass_fields__)))
     figures, reported = row["figures"] or {}, row["reported"] or {}
     return {
-        **{axis.name: row["setting"][axis.name] for axis in AXES},
+        **{dial.name: row["setting"][dial.name] for dial in DIALS},
         **{key: row[key] for key in ("on_front", "recommended")},
         **{name: figures.get(name) for name in names},
         **{f"reported_{name}": reported.get(name) for name in names},
@@ -178,14 +178,14 @@ def _panel(
 
 
 def _kinds(found: Exploration) -> list[Value]:
-    """Return the values of the first axis; each has a shape of its own."""
+    """Return the values of the first dial; each has a shape of its own."""
     return list(dict.fromkeys(point.setting.values[0] for point in found.points))
 
 
 def _label(found: Exploration, setting: Setting) -> str:
-    """Return the values on the other axes on which points differ."""
+    """Return the values on the other dials on which points differ."""
     columns = list(zip(*(point.setting.values for point in found.points), strict=True))
-    differing = [i for i in range(1, len(AXES)) if len(set(columns[i])) > 1]
+    differing = [i for i in range(1, len(DIALS)) if len(set(columns[i])) > 1]
     return setting.name(differing)
 
 
@@ -212,7 +212,7 @@ def lines(found: Exploration) -> list[str]:
 def _table(found: Exploration) -> list[str]:
     """Return a row for each point; refused ones come last, each with its reason."""
     engines = found.study.engines
-    rows = [["", *(axis.name.replace("_", " ") for axis in AXES), *COLUMNS, *engines]]
+    rows = [["", *(dial.name.replace("_", " ") for dial in DIALS), *COLUMNS, *engines]]
     refused = []
     for point, mark in zip(found.points, found.on_front, strict=True):
         if point.figures:
@@ -229,7 +229,7 @@ def _table(found: Exploration) -> list[str]:
         else []
     )
     return [
-        *_aligned(rows, 1 + len(AXES)),
+        *_aligned(rows, 1 + len(DIALS)),
         *refused,
         f"* on the front, > recommended. {FRONT_RULE}",
         *timed,

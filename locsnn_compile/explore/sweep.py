@@ -20,8 +20,7 @@ from hw_model.values import Frozen
 from locsnn_compile.cluster.spread import Spread, check_code, code_version
 from locsnn_compile.errors import InputError, TargetError
 from locsnn_compile.explore.point import Figures, Point, Study, digest_of, measure
-from locsnn_compile.passes.quantize import weight_bits_of
-from locsnn_compile.settings import Setting, usual_settings
+from locsnn_compile.settings import Setting, usual_settings, weight_bits_of
 from locsnn_compile.verification.error_bounds import ErrorBudget, default_budget
 from locsnn_compile.verification.matching import Progress
 

@@ -17,7 +17,7 @@ import numpy as np
 from hw_model.arithmetic.fixed_point import WeightGrid, weight_grid
 from hw_model.description.chip import Chip
 from hw_model.values import FloatArray
-from locsnn_compile.errors import InputError, TargetError
+from locsnn_compile.errors import TargetError
 from locsnn_compile.network.chip_neurons import ChipNeuron
 from locsnn_compile.network.network import Network, Population
 from locsnn_compile.network.neurons import Cuba, Leaky, Neuron, SoftCuba, SrmAlpha
@@ -36,6 +36,7 @@ from locsnn_compile.passes.rounding.task import NEAREST, Rounded, Rounding, Scal
 from locsnn_compile.passes.srm.fine import fine_srm
 from locsnn_compile.passes.srm.quantize import quantize_srm
 from locsnn_compile.reference.evaluate import Calibration
+from locsnn_compile.settings import Setting, weight_bits_of
 
 
 def quantize(
@@ -46,11 +47,23 @@ def quantize(
     rounding: Rounding = NEAREST,
     calibration: Calibration | None = None,
 ) -> QuantizedNetwork:
+    """Quantise by these values of the first dials, all others usual; see :func:`quantize_by`."""
+    setting = Setting(strategy, weight_bits_of(chip, weight_bits), rounding.split)
+    return quantize_by(network, chip, setting, rounding, calibration)
+
+
+def quantize_by(
+    network: Network,
+    chip: Chip,
+    setting: Setting,
+    rounding: Rounding = NEAREST,
+    calibration: Calibration | None = None,
+) -> QuantizedNetwork:
     """Quantise every population by itself; ``TargetError`` for a network that no scale fits.
 
     Steps of ``rounding`` that need ``calibration`` recordings are left out without them.
     """
-    grid = weight_grid(weight_bits_of(chip, weight_bits), "excitatory")
+    grid = weight_grid(weight_bits_of(chip, setting.weight_bits), "excitatory")
     populations: list[QuantizedPopulation] = []
     projections: list[ChipProjection] = []
     pruned = 0
@@ -66,7 +79,7 @@ def quantize(
         else:
             floats = tuple(p for p in incoming if isinstance(p, Projection))
             here = rounding if _holds_grades(floats, chip) else replace(rounding, graded=False)
-            task = Task(population, floats, chip, grid, strategy, here, calibration)
+            task = Task(population, floats, chip, grid, setting, here, calibration)
             scaled, rounded = round_onto(neuron, task, integers_of(neuron, task))
             fit = partial(kernel_fit, neuron, scaled, chip.registers)
             populations.append(QuantizedPopulation(population, scaled.neuron, scaled.scale, fit))
@@ -122,24 +135,6 @@ def _check_voltage(population: Population, neuron: ChipNeuron, chip: Chip) -> No
         what = "its threshold is beyond every voltage, so it could never spike"
         measured = f"{threshold} against {registers.voltage_max}; {chip.name} has voltage_bits {registers.voltage_bits}"
         raise TargetError(population.where, what, measured=measured, fix="Train it for this chip.")
-
-
-def weight_bits_of(chip: Chip, asked: int | None) -> int:
-    """Return the weight bits asked for, or the chip's most; refuse a width that the chip's synapse formats lack."""
-    widths = chip.registers.weight_bits
-    if asked is None:
-        return widths[-1]
-    try:
-        weight_grid(asked, "excitatory")
-    except InputError as error:
-        raise InputError("--weight-bits", error.what, fix=error.fix) from None
-    if asked not in widths:
-        measured = f"{chip.name} has weight_bits_max {chip.registers.weight_bits_max}"
-        fix = f"Ask for {widths[-1]}, or leave it out."
-        raise TargetError(
-            "--weight-bits", f"weights of {asked} bits are too wide", measured=measured, fix=fix
-        )
-    return asked
 
 
 def _nearest(p: Projection, scaled: Scaled, grid: WeightGrid) -> ChipProjection:

@@ -20,7 +20,7 @@ from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import TargetError
 from locsnn_compile.network.network import Network
 from locsnn_compile.passes.rounding.task import FINE
-from locsnn_compile.pipeline import Levels, lower
+from locsnn_compile.pipeline import Levels, lower_by
 from locsnn_compile.reference.evaluate import Calibration, FloatRuns, calibrate
 from locsnn_compile.request.compile_request import SettingRequest
 from locsnn_compile.settings import AUTO, NATIVE, STRATEGIES, USUAL, Setting
@@ -85,7 +85,7 @@ def choose_strategy(
     if not trial.candidates:
         raise trial.errors[0]
     if budget.given:
-        shares = (asked.setting.split_weights,) if asked.split_is_given else SHARES
+        shares = (asked.setting.split_weights,) if "split_weights" in asked.given else SHARES
         _split_more(trial, usual, budget, shares)
         if not any(candidate.keeps(budget) for candidate in trial.candidates.values()):
             last_resort = [setting for setting in firsts if setting not in usual]
@@ -193,7 +193,7 @@ def lower_as(
 ) -> Levels:
     """Lower by a setting, with the finest rounding."""
     rounding = replace(FINE, split=setting.split_weights)
-    return lower(network, chip, setting.weight_bits, setting.strategy, rounding, calibration)
+    return lower_by(network, chip, setting, rounding, calibration)
 
 
 def lower_or_advise(

@@ -3,15 +3,14 @@
 CompileRequest = a network, a chip, SettingRequest, CheckRequest, PricingRequest
 """
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import hw_model as hw
 from hw_model.values import ArrayLike, Frozen
 from locsnn_compile.data.recordings import Recordings
-from locsnn_compile.errors import check_known, check_range
 from locsnn_compile.network.network import Network
-from locsnn_compile.passes.quantize import weight_bits_of
-from locsnn_compile.settings import AUTO, STRATEGIES, Setting
+from locsnn_compile.settings import AUTO, Setting, Value, setting_for
 from locsnn_compile.verification.error_bounds import ErrorBudget
 from locsnn_compile.verification.matching import Progress
 
@@ -25,16 +24,29 @@ class SettingRequest(Frozen, eq=False):
 
     - ``setting``: as asked for; with the strategy ``auto`` or a ``budget``, it is the first of
       several that are compared
-    - ``split_is_given``: its share of split weights is the user's, and not to be chosen
+    - ``given``: the names of the dials whose values are the user's, and not usual ones
     - ``budget``: the bounds that the chosen setting keeps
     - ``calibration``: recordings for which weights are rounded and settings chosen; None stands for
       those in the model, or else synthetic ones, or else those of the check
     """
 
     setting: Setting
-    split_is_given: bool = False
+    given: frozenset[str] = frozenset()
     budget: ErrorBudget = NO_BOUNDS
     calibration: Events | None = None
+
+    @classmethod
+    def of(
+        cls,
+        chip: hw.Chip,
+        values: Mapping[str, Value | None],
+        budget: ErrorBudget | None = None,
+        calibration: Events | None = None,
+    ) -> "SettingRequest":
+        """Return a request for values by dial, None for usual ones; see :func:`setting_for`."""
+        given = frozenset(name for name, value in values.items() if value is not None)
+        setting = setting_for(chip, values)
+        return cls(setting, given, budget or NO_BOUNDS, calibration)
 
     @property
     def chooses(self) -> bool:
@@ -80,28 +92,3 @@ class CompileRequest(Frozen, eq=False):
     setting: SettingRequest
     check: CheckRequest
     pricing: PricingRequest = PricingRequest()
-
-
-def setting_for(
-    chip: hw.Chip,
-    strategy: str = AUTO,
-    weight_bits: int | None = None,
-    split_weights: float | None = None,
-) -> Setting:
-    """Return a setting, checked; what is None is left to the chip's widest weights, none of them split."""
-    bits = weight_bits_of(chip, weight_bits)
-    setting = Setting(strategy, bits, split_weights or 0.0)
-    check_setting(chip, setting)
-    return setting
-
-
-def check_setting(chip: hw.Chip, setting: Setting) -> None:
-    """Refuse values that no chip has, and weights that are too wide for this one.
-
-    The first are an ``InputError``, the second a ``TargetError``.
-    """
-    strategy = setting.strategy
-    known = (AUTO, *STRATEGIES)
-    check_known(f"strategy {strategy!r}", "unknown lowering strategy", strategy, known)
-    weight_bits_of(chip, setting.weight_bits)
-    check_range(setting.split_weights, 0, 1, "split_weights")

@@ -22,7 +22,7 @@ from page_section import put_section
 from locsnn_compile.cli.main import main as locsnn
 from locsnn_compile.cli.shell import EXIT_GATE
 from locsnn_compile.report.format import NONE, energy, share, time
-from locsnn_compile.settings import AXES
+from locsnn_compile.settings import DIALS
 
 ROOT = Path(__file__).parents[2]
 DATASETS = ("objects", "containers")
@@ -121,11 +121,11 @@ def timings(work: Path) -> dict[tuple[str, ...], dict[str, float]]:
 
 
 def key(setting: dict[str, Any]) -> tuple[str, ...]:
-    return tuple(str(setting[axis.name]) for axis in AXES)
+    return tuple(str(setting[dial.name]) for dial in DIALS)
 
 
 def options_of(setting: dict[str, Any]) -> str:
-    return " ".join(f"{axis.option} {setting[axis.name]}" for axis in AXES)
+    return " ".join(f"{dial.option} {setting[dial.name]}" for dial in DIALS)
 
 
 def bound(recommended: Document) -> str:

@@ -13,6 +13,7 @@ from locsnn_compile.network.neurons import Cuba, SoftCuba, SrmAlpha
 from locsnn_compile.network.projections import ChipProjection, Projection
 from locsnn_compile.passes.quantize import check_heard
 from locsnn_compile.passes.rounding.task import NEAREST, Task
+from locsnn_compile.settings import Setting
 
 STEPS = 4
 SRM = SrmAlpha(tau_sr=1.0, theta=4.0, tau_ref=1.0, scale_ref=1.0)
@@ -39,7 +40,7 @@ def check(neuron, weight, mantissa=0):
         (Projection("x", "n", weights),),
         hw.chip("loihi-sim"),
         grid,
-        "dendrite",
+        Setting("dendrite", 8),
         NEAREST,
         None,
     )

@@ -17,6 +17,7 @@ from locsnn_compile.data.read import read_recordings
 from locsnn_compile.errors import TargetError
 from locsnn_compile.network.neurons import SoftCuba, SrmAlpha
 from locsnn_compile.passes.srm.quantize import STRATEGIES
+from locsnn_compile.settings import Setting
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 OTHER = {
@@ -292,7 +293,7 @@ def test_a_drop_of_any_weight_bits(bits):
         Projection("touch", "n", np.full((5, 1), 0.5)),
     )
     made = quantize_soft(
-        neuron, Task(population, (weights,), chip, grid, "dendrite", NEAREST, None)
+        neuron, Task(population, (weights,), chip, grid, Setting("dendrite", 8), NEAREST, None)
     ).neuron
     taps = made.refractory
     assert not grid.off_grid(np.abs(taps.mantissa)).any()

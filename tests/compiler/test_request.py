@@ -1,6 +1,6 @@
 """Python, the command line and explore ask the compiler for the same thing in the same form."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import pytest
 from networks import hybrid, recordings
@@ -8,14 +8,15 @@ from networks import hybrid, recordings
 import hw_model as hw
 import locsnn_compile as lc
 from locsnn_compile import api
+from locsnn_compile import settings as rows
 from locsnn_compile.cli import build
 from locsnn_compile.cli.compile import main
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError, TargetError
 from locsnn_compile.explore import point
 from locsnn_compile.explore.point import Study
-from locsnn_compile.request.compile_request import CompileRequest, setting_for
-from locsnn_compile.settings import Setting
+from locsnn_compile.request.compile_request import CompileRequest
+from locsnn_compile.settings import DIALS, Dial, Setting, setting_for
 
 CHIP = hw.chip("loihi-sim")
 ASKED = {"strategy": "delay-line", "weight_bits": 4, "split_weights": 0.5}
@@ -59,7 +60,7 @@ def test_python_asks_for_the_setting_that_is_given(by_python, network, played):
     assert by_python.network is network
     assert by_python.chip == CHIP
     assert by_python.setting.setting == Setting("delay-line", 4, 0.5)
-    assert by_python.setting.split_is_given
+    assert by_python.setting.given == {"strategy", "weight_bits", "split_weights"}
     assert not by_python.setting.chooses
     assert by_python.check.events is played
     assert by_python.check.diagnosis
@@ -83,9 +84,9 @@ def test_explore_asks_for_the_same_as_python_without_a_diagnosis(by_python, netw
 
 
 def test_what_is_left_out_is_the_widest_weights_of_the_chip_and_none_of_them_split():
-    assert setting_for(CHIP) == Setting("auto", 8, 0.0)
+    assert setting_for(CHIP, {}) == Setting("auto", 8, 0.0)
     narrow = hw.chip("tiny-sim")
-    assert setting_for(narrow).weight_bits == narrow.registers.weight_bits[-1]
+    assert setting_for(narrow, {}).weight_bits == narrow.registers.weight_bits[-1]
 
 
 @pytest.mark.parametrize(
@@ -108,7 +109,7 @@ def test_what_is_left_out_is_the_widest_weights_of_the_chip_and_none_of_them_spl
 )
 def test_values_that_no_chip_has_are_refused(asked, message):
     with pytest.raises(InputError) as caught:
-        setting_for(CHIP, **asked)
+        setting_for(CHIP, asked)
     assert str(caught.value) == message
 
 
@@ -122,3 +123,47 @@ def test_weights_wider_than_the_chip_make_a_refused_point(network, played):
         "Ask for 4, or leave it out."
     )
     assert point.measure(study, Setting("reset", 4)).refused is None
+
+
+HEADROOM = Dial(
+    "headroom",
+    values=(8.0, 16.0),
+    neutral=16.0,
+    needs="has_float_weights",
+    tried="thresholds that the voltage register holds",
+    help="thresholds that the voltage register holds (default 16)",
+    value="X",
+    kind="float, a number from 1 to 64",
+    bounds=(1.0, 64.0),
+)
+
+
+@dataclass(frozen=True)
+class Roomy(Setting):
+    headroom: float = 16.0
+
+
+@pytest.mark.parametrize(("given", "headroom"), [({}, 16.0), ({"headroom": 8.0}, 8.0)])
+def test_a_row_and_its_field_are_a_keyword_of_compile(
+    network, played, given, headroom, monkeypatch
+):
+    monkeypatch.setattr(rows, "DIALS", (*DIALS, HEADROOM))
+    monkeypatch.setattr(rows, "Setting", Roomy)
+    monkeypatch.setattr(api, "fulfil", stop)
+    request = requested(lambda: lc.compile(network, events=played, **ASKED, **given))
+    assert request.setting.setting == Roomy("delay-line", 4, 0.5, headroom)
+    assert request.setting.given == {*ASKED, *given}
+
+
+def test_a_keyword_that_is_no_dial_is_refused_as_python_does(network):
+    with pytest.raises(TypeError) as caught:
+        lc.compile(network, headroom=8.0)
+    assert str(caught.value) == "compile() got an unexpected keyword argument 'headroom'"
+
+
+def test_a_dial_of_another_type_is_refused_by_name(network):
+    with pytest.raises(InputError) as caught:
+        lc.compile(network, headroom=[8.0])
+    assert str(caught.value) == (
+        "compile, headroom: it must be a str, int or float (got list [8.0]). Correct it."
+    )

@@ -68,7 +68,7 @@ WITHOUT = [
     ("a budget below any error", lambda: lc.ErrorBudget(None, None, -0.1), "budget 'max_score_error': it must be a number of at least 0 (got -0.1). Correct it."),
     ("a neuron of text", lambda: lc.Cuba.of(2, decay_v="x", threshold=1.0), "neurons: a parameter is not a number (<U1). Give numbers."),
     ("a neuron of a complex number", lambda: lc.Cuba.of(2, decay_v=1j, threshold=1.0), "neurons: a parameter is not a number (complex128). Give numbers."),
-    ("a neuron of rows that differ", lambda: lc.ChipCuba.of(2, decay_u=[[1, 2], [3]], decay_v=0, threshold=1), "neurons, a parameter: it is not an array: its rows differ in length. Make them equal."),
+    ("a neuron of rows that differ", lambda: lc.ChipCuba.of(2, decay_u=[[1, 2], [3]], decay_v=0, threshold=1), "Neuron.of, decay_u: it is not an array: its rows differ in length. Make them equal."),
     ("half a neuron", lambda: lc.Cuba.of(0.5, decay_v=0.1, threshold=1.0), "Neuron.of, size: it must be an int (got float 0.5). Correct it."),
     ("no neuron", lambda: lc.Cuba.of(0, decay_v=0.1, threshold=1.0), "size: it is out of range (got 0 against 1..10000000). Correct the number."),
     ("more neurons than memory", lambda: lc.Cuba.of(2**31, decay_v=0.1, threshold=1.0), "size: it is out of range (got 2147483648 against 1..10000000). Correct the number."),

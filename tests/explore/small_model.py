@@ -13,7 +13,7 @@ from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.explore.point import Figures, Point
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.description import InputLayout, NetworkDescription
-from locsnn_compile.settings import AXES, Setting
+from locsnn_compile.settings import DIALS, Setting
 
 STEPS = 40
 
@@ -88,14 +88,14 @@ def explore(*arguments):
 
 
 def narrow(*strategies, bits=(8,)):
-    """Options of a grid of some strategies and weight bits; every other axis has its neutral value."""
-    others = [text for axis in AXES[2:] for text in (axis.option, axis.neutral)]
+    """Options of a grid of some strategies and weight bits; every other dial has its neutral value."""
+    others = [text for dial in DIALS[2:] for text in (dial.option, dial.neutral)]
     return ["--strategy", *strategies, "--weight-bits", *bits, *others]
 
 
 def setting(strategy, bits):
     """A setting whose other values are neutral."""
-    return Setting(strategy, bits, *(axis.neutral for axis in AXES[2:]))
+    return Setting(strategy, bits, *(dial.neutral for dial in DIALS[2:]))
 
 
 def explored(folder):

@@ -20,7 +20,7 @@ from locsnn_compile.cli.main import parser
 from locsnn_compile.data.members import PARTS
 from locsnn_compile.explore import point as point_module
 from locsnn_compile.explore.point import Figures
-from locsnn_compile.settings import AXES
+from locsnn_compile.settings import DIALS
 
 FILES = {"explore.json", "explore.csv", "explore.svg", "timings.csv", "timings.svg"}
 
@@ -170,7 +170,7 @@ def test_the_table_of_the_csv_has_the_figures_of_the_json(small):
     with (small / "explore.csv").open() as file:
         rows = list(csv.DictReader(file))
     for row, wanted in zip(rows, explored(small)["points"], strict=True):
-        assert {axis.name: row[axis.name] for axis in AXES} == {
+        assert {dial.name: row[dial.name] for dial in DIALS} == {
             k: str(v) for k, v in wanted["setting"].items()
         }
         assert float(row["energy_pj"]) == wanted["figures"]["energy_pj"]

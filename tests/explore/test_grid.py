@@ -15,28 +15,28 @@ from locsnn_compile.cli import options
 from locsnn_compile.cli.compile import parser
 from locsnn_compile.errors import InputError
 from locsnn_compile.explore import result
-from locsnn_compile.settings import AXES, STRATEGIES, Axis, Setting, settings
+from locsnn_compile.settings import DIALS, STRATEGIES, Dial, Setting, settings
 
 
-@pytest.mark.parametrize("axis", AXES, ids=lambda axis: axis.name)
-def test_an_axis_is_an_option_of_the_compiler(axis):
-    assert axis.name in inspect.signature(lc.compile).parameters
-    assert axis.option in parser().format_help()
-    for value in (*axis.values, axis.neutral):
+@pytest.mark.parametrize("dial", DIALS, ids=lambda dial: dial.name)
+def test_a_dial_is_an_option_of_the_compiler(dial):
+    assert dial.name in inspect.signature(lc.compile).parameters
+    assert dial.option in parser().format_help()
+    for value in (*dial.values, dial.neutral):
         assert str(
-            getattr(parser().parse_args(["m.pt", axis.option, str(value)]), axis.name)
+            getattr(parser().parse_args(["m.pt", dial.option, str(value)]), dial.name)
         ) == str(value)
 
 
 def test_all_strategies_and_widths_are_there():
-    strategy, bits = AXES[:2]
+    strategy, bits = DIALS[:2]
     assert (*strategy.values, strategy.neutral) == (*STRATEGIES, "auto")
     assert bits.values == WEIGHT_BITS
 
 
 def test_a_setting_says_itself_three_ways(model):
-    setting = Setting(*(axis.values[0] for axis in AXES))
-    assert asdict(setting) == {axis.name: axis.values[0] for axis in AXES}
+    setting = Setting(*(dial.values[0] for dial in DIALS))
+    assert asdict(setting) == {dial.name: dial.values[0] for dial in DIALS}
     assert setting.arguments(lc.load(model))[:4] == ["--strategy", "dendrite", "--weight-bits", "1"]
     assert str(setting).startswith("dendrite, 1-bit")
 
@@ -51,7 +51,7 @@ def test_a_share_of_split_weights_is_said_in_full(share, said):
 
 def test_the_last_axis_is_the_fastest_and_nothing_is_twice(model):
     network = lc.load(model)
-    wanted = {axis.name: axis.values[:1] for axis in AXES} | {
+    wanted = {dial.name: dial.values[:1] for dial in DIALS} | {
         "weight_bits": [4, 8, 4],
         "strategy": ["reset", "dendrite"],
     }
@@ -64,17 +64,20 @@ def test_options_that_change_nothing_are_not_tried():
     network = lc.load("examples/models/objects-hybrid-loihi.pt")
     (setting,) = settings(network, {}, 8)
     assert [one.weight_bits for one in settings(network, {}, 4)] == [4]
-    assert setting.values == tuple(axis.neutral for axis in AXES)
+    assert setting.values == tuple(dial.neutral for dial in DIALS)
     assert setting.arguments(network) == []
 
 
-PSI = Axis(
+PSI = Dial(
     "psi",
     (5.0, 10.0),
     10.0,
     "populations",
-    "late predictions",
-    "psi {:g}".format,
+    tried="late predictions",
+    help="how late the prediction shifts",
+    value="X",
+    kind="float, a number from 0 to 99",
+    words="psi {:g}".format,
     bounds=(0.0, 99.0),
 )
 
@@ -84,11 +87,12 @@ class Late(Setting):
     psi: float = 10.0
 
 
-def test_a_row_and_its_field_add_an_axis(model, events, tmp_path, monkeypatch):
+def test_a_row_and_its_field_add_a_dial(model, events, tmp_path, monkeypatch):
     """Option, grid, compilation, files and commands follow the table; ``psi`` is an option that changes no figure."""
     for module in (grid, explore_cli, result):
-        monkeypatch.setattr(module, "AXES", (*AXES, PSI))
-    monkeypatch.setitem(options.WORDS, "explore", {"axes": options.declared((*AXES, PSI))})
+        monkeypatch.setattr(module, "DIALS", (*DIALS, PSI))
+    explored_dials = "\n".join(dial.explored for dial in (*DIALS, PSI))
+    monkeypatch.setitem(options.WORDS, "explore", {"dials": explored_dials})
     monkeypatch.setattr(grid, "Setting", Late)
     words = (*narrow("reset"), "--psi", 5, 10, "--engines", "--quiet")
     assert explore(model, "--events", events, *words, "-o", tmp_path / "out") == 0
@@ -97,7 +101,7 @@ def test_a_row_and_its_field_add_an_axis(model, events, tmp_path, monkeypatch):
     assert five["figures"] == ten["figures"]
     assert " --psi 5.0 --calibration " in five["command"]
     header = (tmp_path / "out/explore.csv").read_text().splitlines()[0].split(",")
-    assert header[: len(AXES) + 1] == [*(axis.name for axis in AXES), "psi"]
+    assert header[: len(DIALS) + 1] == [*(dial.name for dial in DIALS), "psi"]
     assert ">psi 5</text>" in (tmp_path / "out/explore.svg").read_text()
 
 
@@ -112,7 +116,7 @@ def test_a_row_and_its_field_add_an_axis(model, events, tmp_path, monkeypatch):
 )
 def test_bounds_let_other_values_in(value, line, monkeypatch):
     parser = argparse.ArgumentParser()
-    monkeypatch.setitem(options.WORDS, "explore", {"axes": options.declared((PSI,))})
+    monkeypatch.setitem(options.WORDS, "explore", {"dials": PSI.explored})
     options.add_options(parser, "explore")
     if line is None:
         assert parser.parse_args(["net.nir", "--psi", value]).psi == [float(value)]
@@ -123,7 +127,7 @@ def test_bounds_let_other_values_in(value, line, monkeypatch):
 
 
 def test_neutral_settings_compile(model, events, tmp_path):
-    arguments = [text for axis in AXES for text in (axis.option, axis.values[0])]
+    arguments = [text for dial in DIALS for text in (dial.option, dial.values[0])]
     assert (
         explore(
             model, "--events", events, *arguments, "--engines", "-o", tmp_path / "out", "--quiet"

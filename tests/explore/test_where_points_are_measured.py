@@ -25,7 +25,7 @@ from locsnn_compile.errors import InputError
 from locsnn_compile.explore.events import choose_events
 from locsnn_compile.explore.point import Study, measure
 from locsnn_compile.explore.sweep import Store, sweep
-from locsnn_compile.settings import AXES, settings
+from locsnn_compile.settings import DIALS, settings
 
 GRID = narrow("dendrite", "reset", bits=(2, 4, 6, 8))
 
@@ -47,7 +47,7 @@ def study(model, events):
 
 @pytest.fixture(scope="module")
 def grid(study):
-    neutral = {axis.name: [axis.neutral] for axis in AXES}
+    neutral = {dial.name: [dial.neutral] for dial in DIALS}
     wanted = {"strategy": ["dendrite", "reset"], "weight_bits": [1, 2, 3, 4, 5, 6, 8]}
     return settings(study.network, neutral | wanted, 8)
 

@@ -12,6 +12,7 @@ from locsnn_compile.network.chip_neurons import ChipNeuron
 from locsnn_compile.network.network import Population
 from locsnn_compile.network.projections import ChipProjection, Projection, row_maxima
 from locsnn_compile.reference.evaluate import Calibration
+from locsnn_compile.settings import Setting
 
 
 class Rounding(Frozen):
@@ -44,9 +45,14 @@ class Task(Frozen, eq=False):
     incoming: tuple[Projection, ...]
     chip: Chip
     grid: WeightGrid
-    strategy: str
+    setting: Setting
     rounding: Rounding
     calibration: Calibration | None
+
+    @property
+    def strategy(self) -> str:
+        """How SRM neurons are laid out."""
+        return self.setting.strategy
 
     @property
     def where(self) -> str:

@@ -119,9 +119,7 @@ def choice_document(choice: Choice | None) -> dict[str, Any] | None:
         "calibration_samples": choice.samples,
         **asdict(choice.budget),
         "kept": choice.keeps_budget,
-        "taken": choice.taken.strategy,
-        "taken_weight_bits": choice.taken.setting.weight_bits,
-        "taken_split_weights": choice.taken.setting.split_weights,
+        **{dial.taken_key: value for dial, value in choice.taken.setting.by_dial},
         "candidates": [
             {
                 **asdict(candidate.setting),

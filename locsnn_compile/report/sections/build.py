@@ -8,7 +8,7 @@ from locsnn_compile.report.format import NONE, any_value, count, share
 from locsnn_compile.report.sections.verdict import counts_cores, fullness, outside, starts
 from locsnn_compile.report.words import facts, limit_words, listed, section, sentence, table, words
 from locsnn_compile.request.choose_strategy import Choice
-from locsnn_compile.settings import AXES, LAYOUTS, Setting
+from locsnn_compile.settings import DIALS, LAYOUTS, Setting
 
 _WITHOUT_JOINED = {"reset", "native"}
 
@@ -125,11 +125,11 @@ def settings_compared(choice: Document) -> Table:
     """Return a table of the settings that were compared."""
     priced = choice["candidates"][0]["energy_pj"] is not None
     rows = (
-        row | {"setting": Setting(*(row[axis.name] for axis in AXES))}
+        row | {"setting": Setting(*(row[dial.name] for dial in DIALS))}
         for row in choice["candidates"]
     )
     cost = {"energy": "{energy_pj:energy}"} if priced else {"time": "{chip_time_ns:time}"}
-    taken = Setting(choice["taken"], choice["taken_weight_bits"], choice["taken_split_weights"])
+    taken = Setting(*(choice[dial.taken_key] for dial in DIALS))
     return table("settings", rows, columns=cost, setting=taken, why=_reason(choice), **choice)
 
 
