@@ -69,9 +69,7 @@ def choose_events(
                 "there are no events to take it from",
                 fix="Give them with --events.",
             )
-        # Not the recordings in the model: `locsnn train` takes them from the test part.
-        touches = recordings_for(replace(network, recordings=None), None)
-        return _bounded(Chosen(touches, len(touches), None, None), bound)
+        return _bounded(as_read(_made_up(network)), bound)
     parts = recording_parts(events)
     if part is None and parts == (REPORTING,):
         what = "it has only a test part, and no setting may be chosen on that"
@@ -96,6 +94,17 @@ def report_events(
     check_labels(network, its.labels, len(its), its.source)
     # `locsnn-compile` plays the test part of divided recordings.
     return replace(chosen, file=events)
+
+
+def _made_up(network: Network) -> Recordings:
+    """Return made-up recordings: those of the network's file if it has such, else synthetic touches.
+
+    Others that the network carries are not taken: ``locsnn train`` takes them from the test part.
+    """
+    carried = network.recordings
+    if carried is not None and carried.origin == "made up":
+        return carried
+    return recordings_for(replace(network, recordings=None), None)
 
 
 def as_read(recordings: Recordings) -> Chosen:

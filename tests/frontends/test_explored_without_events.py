@@ -1,0 +1,56 @@
+"""``locsnn explore`` takes the recordings that ``compile`` makes up for files that carry none."""
+
+import json
+import shlex
+from pathlib import Path
+
+import nir
+import numpy as np
+import pytest
+from net_files import dense, write_net
+from nir_graphs import chain, linear
+from slayer_files import write
+
+from locsnn_compile.cli.main import main as locsnn
+
+RNG = np.random.default_rng(4)
+ONE = ["--recordings", "1"]
+
+
+def slayer(folder: Path, channels: int) -> list[str]:
+    weights = {"fc1": RNG.normal(1, 2, (6, channels)), "fc2": RNG.normal(1, 2, (3, 6))}
+    checkpoint, config = write(folder, weights)
+    return [str(checkpoint), "--config", str(config)]
+
+
+def lava_dl(folder: Path) -> list[str]:
+    layers = [{"type": "input", "shape": [5]}, dense(RNG, 4, 5), dense(RNG, 3, 4)]
+    write_net(folder / "model.net", layers)
+    return [str(folder / "model.net")]
+
+
+def graph(folder: Path) -> list[str]:
+    neuron = nir.IF(r=np.ones(3), v_threshold=np.ones(3), v_reset=np.zeros(3))
+    nir.write(folder / "model.nir", chain((5,), ("fc", linear(RNG, 3, 5)), ("if", neuron)))
+    return [str(folder / "model.nir")]
+
+
+@pytest.mark.parametrize(
+    "written",
+    [
+        pytest.param(lambda folder: slayer(folder, 20), id="slayerPytorch"),
+        pytest.param(lambda folder: slayer(folder, 78), id="slayerPytorch of a fingertip"),
+        pytest.param(lava_dl, id="lava-dl"),
+        pytest.param(graph, id="NIR"),
+    ],
+)
+def test_what_compile_makes_up_is_explored(written, tmp_path, capsys):
+    model = written(tmp_path)
+    assert locsnn(["compile", *model, "-o", str(tmp_path / "built"), "--json"]) == 0
+    compiled = json.loads(capsys.readouterr().out)
+    assert locsnn(["explore", *model, *ONE, "-o", str(tmp_path / "found"), "--json"]) in (0, 3)
+    found = json.loads(capsys.readouterr().out)
+    assert found["chosen_on"]["source"] == compiled["match"]["events_source"]
+    assert found["chosen_on"]["available"] == compiled["match"]["samples"]
+    again = shlex.split(found["points"][0]["command"])[1:]
+    assert locsnn(["compile", *again, "--quiet", "-o", str(tmp_path / "again")]) == 0
