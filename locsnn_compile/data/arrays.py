@@ -23,6 +23,7 @@ from locsnn_compile.data.event_stream import (
     TimeUnit,
     bin_streams,
 )
+from locsnn_compile.data.hdf5.events import camera_events
 from locsnn_compile.data.hdf5.read import Group, open_hdf5_bytes
 from locsnn_compile.data.members import label_in_name
 from locsnn_compile.data.recordings import MAX_ELEMENTS, Binned, Recordings, same
@@ -305,11 +306,12 @@ def labels_beside(path: Path, samples: int) -> AnyArray | None:
 def read_hdf5(
     data: bytes, where: str, time_unit: TimeUnit | None = None
 ) -> tuple[dict[str, AnyArray], list[EventStream]]:
-    """Return the arrays at the root of a file by name, and the recordings in its group ``spikes``, if it has one.
+    """Return the arrays at the root of a file by name, and its recordings, if it holds events.
 
-    The group has the layout of Heidelberg's data sets (SHD, SSC): ``spikes/times`` and ``spikes/units`` hold one row
-    per recording, of seconds (or another ``time_unit``) and of channel numbers from 0. ``extra/keys`` are the names of
-    the classes. Raises ``InputError`` for other rows.
+    Events of cameras are one recording: see :mod:`locsnn_compile.data.hdf5.events`. A group
+    ``spikes`` has the layout of Heidelberg's data sets (SHD, SSC): ``spikes/times`` and
+    ``spikes/units`` hold one row per recording, of seconds (or another ``time_unit``) and of channel
+    numbers from 0. ``extra/keys`` are the names of the classes. Raises ``InputError`` for other rows.
     """
     with open_hdf5_bytes(data, where) as root:
         values = [name for name in root.names() if not root.is_group(name)]
@@ -324,12 +326,12 @@ def read_hdf5(
                 entries[name] = root.array(name)
         if "extra" in root and root.is_group("extra") and "keys" in (extra := root.group("extra")):
             entries.setdefault("class_names", np.array(extra.texts("keys")))
-        streams = (
-            _streams(root.group("spikes"), where, time_unit or "s")
-            if "spikes" in root and "spikes" not in values
-            else []
-        )
-    return entries, streams
+        if "spikes" in root:
+            has_rows = "spikes" not in values
+            streams = _streams(root.group("spikes"), where, time_unit or "s") if has_rows else []
+            return entries, streams
+        events = camera_events(root)
+    return entries, [] if events is None else [parse_events(events, where, time_unit)]
 
 
 def _streams(group: Group, where: str, time_unit: TimeUnit) -> list[EventStream]:

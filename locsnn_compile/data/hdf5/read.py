@@ -10,7 +10,7 @@ import os
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
@@ -118,6 +118,16 @@ class Group:
             values = values.astype(np.int64)
         return sealed(values)
 
+    def records(self, name: str, fields: Sequence[str]) -> AnyArray:
+        """Return a dataset of records, (rows,), of these fields of numbers."""
+        found = self._dataset(name)
+        names = found.dtype.names or ()
+        if found.ndim != 1 or not {*fields} <= {*names}:
+            what = f"{name!r} does not hold records of {', '.join(fields)}"
+            raise InputError(self.where, what, measured=f"{found.dtype}"[:80], fix=_WHOLE)
+        records = np.asarray(self._read(found, name))
+        return sealed(records[list(fields)].copy())
+
     def holds_numbers(self, name: str) -> bool:
         """Tell whether a dataset is made of numbers, without reading it."""
         found = self._held(name)
@@ -202,7 +212,21 @@ class Group:
             raise InputError(
                 self.where, f"{name!r} keeps its data in another file", fix="Store the data itself."
             )
+        self._check_filters(found, name)
         return found
+
+    def _check_filters(self, found: Any, name: str) -> None:
+        """Refuse a dataset that is compressed in a way that this library lacks the code for."""
+        import h5py
+
+        created = found.id.get_create_plist()
+        for index in range(created.get_nfilters()):
+            code, _, _, called = created.get_filter(index)
+            if not h5py.h5z.filter_avail(code):
+                what = f"{name!r} is compressed by a filter that HDF5 does not have here"
+                measured = f"number {code}, {called.decode('utf-8', 'replace')[:40]!r}"
+                fix = "Store it with gzip, or uncompressed."
+                raise InputError(self.where, what, measured=measured, fix=fix)
 
     def _read(self, found: Any, name: str) -> Any:
         self._budget.take(int(found.size) * max(8, found.dtype.itemsize), f"{self.where}: {name!r}")
