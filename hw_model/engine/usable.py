@@ -8,6 +8,7 @@ from functools import cache
 from importlib import import_module
 
 from hw_model.errors import InputError
+from hw_model.io.memory import LOOPS_BYTES, check_room
 
 LOWEST = (0, 62)
 ABOVE = (0, 69)
@@ -33,7 +34,11 @@ PRIVATE_PARTS = {
 
 @cache
 def why_not_compiled() -> str | None:
-    """Return why no loop can be compiled here; None where it can be."""
+    """Return why no loop can be compiled here; None where it can be.
+
+    Raises ``InputError`` where an inherited limit leaves too little memory to find out.
+    """
+    check_room(LOOPS_BYTES)
     try:
         numba = import_module("numba")
     except ImportError as error:  # numba also raises it for a numpy that is too new for it

@@ -13,7 +13,7 @@ import sys
 from argparse import Namespace
 from collections.abc import Sequence
 
-from locsnn_compile.cli.shell import Parser, declared, guarded, texts_of
+from locsnn_compile.cli.shell import Parser, check_limits, declared, guarded, texts_of
 
 
 def parser() -> Parser:
@@ -28,6 +28,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def run(args: Namespace) -> int:
     """Compile as ``args`` ask. Raises ``InputError`` and ``TargetError``."""
+    check_limits("compile")
     from locsnn_compile.cli.build import build  # the help does not wait for it
 
     return build(args)

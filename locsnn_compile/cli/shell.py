@@ -14,11 +14,19 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from hw_model.io.memory import lacks_memory, too_little
+from hw_model.io.memory import (
+    PLAYING_BYTES,
+    READING_BYTES,
+    check_memory,
+    keep_reserve,
+    lacks_memory,
+    spend_reserve,
+    too_little,
+)
 from hw_model.io.partial import forget_written, written
 from locsnn_compile import __version__
 from locsnn_compile.cli.completion import answer_shell
-from locsnn_compile.cli.interrupt import EXIT_INTERRUPTED, leaving_at_once, was_interrupted
+from locsnn_compile.cli.interrupt import INTERRUPTED, Ending, ending, leaving_at_once
 from locsnn_compile.cli.options import add_options
 from locsnn_compile.cli.options_file import read_options
 from locsnn_compile.errors import InputError, LocsnnError, counted, did_you_mean, listed
@@ -33,6 +41,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 gc.set_threshold(100_000)
 
 EXIT_TARGET, EXIT_INPUT, EXIT_GATE = 1, 2, 3
+PLAYING = frozenset({"compile", "explore", "rtl/sim", "run", "stress", "train"})
+"""The commands that play recordings, and load the compiled loops for it."""
 SHOWN_FILES = 3
 """Files that a line names; of more it gives the number."""
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EIO)
@@ -112,8 +122,15 @@ def add_command(commands: "argparse._SubParsersAction[Any]", command: str) -> No
 
 
 def _run(command: str, args: argparse.Namespace) -> int:
+    check_limits(command)
     code: int = import_module(f"{__package__}.{command.replace('/', '.')}").run(args)
     return code
+
+
+def check_limits(command: str) -> None:
+    """Refuse to begin a command that an inherited limit on memory would end in a library, without a word."""
+    check_memory(PLAYING_BYTES if command in PLAYING else READING_BYTES)
+    keep_reserve()
 
 
 def declared(parser: Parser, command: str) -> Parser:
@@ -148,12 +165,20 @@ def guarded(
         with leaving_at_once():
             code = run(args)
             sys.stdout.flush()
-            return code
     except (Exception, KeyboardInterrupt) as error:
-        if isinstance(error, KeyboardInterrupt) or was_interrupted():
-            print(interrupted_line(), file=sys.stderr)
-            return EXIT_INTERRUPTED
+        if isinstance(error, KeyboardInterrupt) or ending() is not None:
+            return _code_of_ending(ending() or INTERRUPTED)
         return _code_of(error, sys.argv[1:] if typed is None else typed)
+    ended = ending()
+    if ended is None or ended is INTERRUPTED:
+        return code
+    return _code_of_ending(ended)  # the command has tidied up, and said how to go on
+
+
+def _code_of_ending(ended: Ending) -> int:
+    """Print why a command was ended by a signal, and return the exit code."""
+    print(interrupted_line() if ended is INTERRUPTED else ended.line, file=sys.stderr)
+    return ended.code
 
 
 def interrupted_line() -> str:
@@ -176,6 +201,7 @@ def _code_of(error: Exception, typed: Sequence[str]) -> int:
         _drop_output()
         return 0
     if lacks_memory(error):
+        spend_reserve()
         print(too_little(error), file=sys.stderr)
         return EXIT_INPUT
     if isinstance(error, OSError):

@@ -24,6 +24,7 @@ import numpy as np
 
 from hw_model.io.extras import needed
 from hw_model.io.npy import load_npy
+from hw_model.io.processor_time import processor_seconds, too_little_time
 from hw_model.values import AnyArray, IntArray
 from locsnn_compile.data.event_stream import (
     MAX_EVENTS,
@@ -54,6 +55,10 @@ _AEDAT4_CHILD = Path(__file__).with_name("aedat4_child.py")
 _AEDAT4_SECONDS = 60
 AEDAT4_OUT_OF_MEMORY = 3
 """The exit code of that process where this one has too little memory to share."""
+AEDAT4_CPU_SECONDS = 10
+"""The processor time that it allows itself, where this one has as much."""
+OUT_OF_TIME_CODES = (-9, -24)
+"""SIGKILL and SIGXCPU, by which the system ends a process whose processor time is used up."""
 
 
 def holds_events(array: AnyArray) -> bool:
@@ -172,8 +177,7 @@ def parse_aedat4(data: bytes, where: str) -> EventStream:
                 command, env=environment, capture_output=True, timeout=_AEDAT4_SECONDS, check=True
             )
         except subprocess.SubprocessError as error:
-            if getattr(error, "returncode", None) == AEDAT4_OUT_OF_MEMORY:
-                raise MemoryError from None
+            _check_child_was_free(getattr(error, "returncode", None))
             fix = "Give a whole AEDAT4 file with events."
             raise InputError(where, "it is damaged, truncated or has no events", fix=fix) from None
     size, array = done.stdout.split(b"\n", maxsplit=1)
@@ -186,6 +190,15 @@ def parse_aedat4(data: bytes, where: str) -> EventStream:
         columns=width,
         elsewhere=elsewhere,
     )
+
+
+def _check_child_was_free(exit_code: int | None) -> None:
+    """Raise an error where a limit that this process inherited, and no fault of the file, has ended its child."""
+    if exit_code == AEDAT4_OUT_OF_MEMORY:
+        raise MemoryError
+    seconds = processor_seconds()
+    if seconds is not None and seconds < AEDAT4_CPU_SECONDS and exit_code in OUT_OF_TIME_CODES:
+        raise too_little_time(seconds)
 
 
 def pack_slayer_events(

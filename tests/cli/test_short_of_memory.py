@@ -4,21 +4,28 @@ from __future__ import annotations
 
 import errno
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from hw_model.engine import usable
 from hw_model.errors import InputError
 from hw_model.io import memory
 from hw_model.io.files import parsing
 from locsnn_compile.cli import shell
+from locsnn_compile.data import event_formats
 
+resource = pytest.importorskip("resource", reason="Windows has no such limits")
 ROOT = Path(__file__).parents[2]
+MODEL = ROOT / "examples/models/objects-hybrid.pt"
 CAMERA = ROOT / "tests/data/camera.aedat4"
 LIMITED = "memory: there is too little (1 MiB for this process). Raise the limit, as with ulimit -v, or give fewer recordings.\n"
+OUT_OF_TIME = "processor time: there is too little (2 s for this process). Raise the limit, as with ulimit -t, or give fewer recordings.\n"
 UNLIMITED = "memory: there is too little (no room for 9 TB). Give fewer recordings, or free some.\n"
 
 FAULTS = {
@@ -63,6 +70,17 @@ def test_a_good_file_is_not_damaged_where_memory_runs_out(limit, raised, monkeyp
         raise MemoryError
 
 
+@pytest.mark.parametrize(
+    "said", ["a.so: failed to map segment from shared object", "b.so: cannot allocate memory"]
+)
+def test_a_library_that_finds_no_room_is_too_little_memory_with_much_left(said, monkeypatch):
+    """The largest, torch's, wants more than all others together."""
+    assert not memory.lacks_memory(ImportError(said))
+    monkeypatch.setattr(memory, "memory_limit", lambda: 1 << 50)
+    assert memory.lacks_memory(ImportError(said))
+    assert not memory.lacks_memory(ImportError("no module"))
+
+
 limits = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such limits")
 
 
@@ -86,3 +104,115 @@ def test_files_are_read_within_inherited_limits(limit, tmp_path):
         assert (done.returncode, done.stderr) == (0, "")
         assert done.stdout.startswith(f"{path.name}")
         assert f"{recordings} recording" in done.stdout
+
+
+def within(limit, *command):
+    """Run a command within a limit of the shell; return its exit code, output and errors."""
+    done = subprocess.run(
+        ["bash", "-c", f'{limit}; exec "$0" -m locsnn_compile "$@"', sys.executable, *command],
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    return done.returncode, done.stdout, done.stderr
+
+
+@limits
+@pytest.mark.parametrize(
+    ("limit", "command", "line"),
+    [
+        ("-v 102400", ("events", CAMERA), "memory: there is too little (100 MiB for this process against 192 MiB). Raise the limit, as with ulimit -v."),
+        ("-v 460800", ("compile", MODEL), "memory: there is too little (450 MiB for this process against 768 MiB). Raise the limit, as with ulimit -v."),
+        ("-t 1", ("events", CAMERA), "processor time: there is too little (1 s for this process against 2 s). Raise the limit, as with ulimit -t."),
+    ],
+    ids=["reading", "playing", "time"],
+)  # fmt: skip
+def test_a_limit_that_would_end_a_library_is_refused_before_it_is_loaded(limit, command, line):
+    """numpy's OpenBLAS ends the process, scipy's tries again without end, and the system kills without a word."""
+    assert within(f"ulimit {limit}", *command) == (2, "", f"{line}\n")
+
+
+def test_loops_are_not_loaded_where_a_limit_leaves_no_room_for_them(monkeypatch):
+    monkeypatch.setattr(memory, "memory_limit", lambda: 700 << 20)
+    monkeypatch.setattr(memory, "_addresses", lambda: 310 << 20)
+    usable.why_not_compiled.cache_clear()
+    with pytest.raises(InputError) as caught:
+        usable.why_not_compiled()
+    line = "memory: there is too little (700 MiB for this process against 710 MiB). Raise the limit, as with ulimit -v."
+    assert str(caught.value) == line
+
+
+BUSY = {
+    "Python": "while True: pass",
+    "code in C, which hears of no signal": "import hashlib; hashlib.pbkdf2_hmac('md5', b'', b'', 1 << 30)",
+}
+
+
+@limits
+@pytest.mark.parametrize("busy", BUSY.values(), ids=BUSY)
+def test_a_command_whose_processor_time_ends_says_so(busy):
+    script = (
+        "import sys; from locsnn_compile.cli import shell\n"
+        f"def run(args):\n    {busy}\n"
+        "sys.exit(shell.guarded(shell.Parser('locsnn'), [], run))"
+    )
+    done = subprocess.run(
+        ["bash", "-c", 'ulimit -t 2; exec "$0" -c "$1"', sys.executable, script],
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (2, "", OUT_OF_TIME)
+
+
+@limits
+def test_the_processor_time_of_a_process_is_as_before_after_a_command(monkeypatch):
+    before = (1 << 20, 1 << 20)
+    monkeypatch.setattr(resource, "getrlimit", lambda kind: before)
+    asked = []
+    monkeypatch.setattr(resource, "setrlimit", lambda kind, limits: asked.append(limits))
+    assert guarded(lambda args: 0) == 0
+    assert asked == [((1 << 20) - 1, 1 << 20), before]
+    assert signal.getsignal(signal.SIGXCPU) is signal.SIG_DFL
+
+
+@limits
+@pytest.mark.parametrize(
+    ("own", "inherited", "answer"), [(5, [1], b"\2"), (1, [], b"\0")], ids=["inherited", "its own"]
+)
+def test_a_file_is_not_damaged_where_the_inherited_time_ends(own, inherited, answer, monkeypatch):
+    h5py = pytest.importorskip("h5py")
+    from locsnn_compile.data.hdf5 import probe, read
+
+    def busy(*given):
+        while True:
+            pass
+
+    monkeypatch.setattr(probe, "CPU_SECONDS", own)
+    monkeypatch.setattr(probe, "_bounds", lambda kind: inherited * (kind == resource.RLIMIT_CPU))
+    monkeypatch.setattr(h5py, "File", busy)
+    assert bytes([probe.outcome(b"")]) == answer
+
+    prober = SimpleNamespace(send_bytes=lambda data: None, recv_bytes=lambda: answer)
+    monkeypatch.setattr(read, "_prober", lambda owner: prober)
+    monkeypatch.setattr(read, "_answers", {})
+    monkeypatch.setattr(read, "processor_seconds", lambda: 2)
+    if inherited:
+        with pytest.raises(InputError) as caught:
+            read.library_survives(b"")
+        assert f"{caught.value}\n" == OUT_OF_TIME
+    else:
+        assert not read.library_survives(b"")
+
+
+@pytest.mark.parametrize("code", [-9, -24])
+def test_a_camera_file_is_not_damaged_where_the_inherited_time_ends(code, monkeypatch):
+    monkeypatch.setattr(event_formats, "processor_seconds", lambda: 2)
+    with pytest.raises(InputError) as caught:
+        event_formats._check_child_was_free(code)
+    assert f"{caught.value}\n" == OUT_OF_TIME
+    for seconds in (None, 10):
+        monkeypatch.setattr(event_formats, "processor_seconds", lambda many=seconds: many)
+        event_formats._check_child_was_free(code)

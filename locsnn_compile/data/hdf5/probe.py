@@ -1,8 +1,9 @@
 """Try HDF5 files in processes that may die: the C library does not survive all damage.
 
-Run as a script with the number of an open connection. A request is the bytes of a file, and the answer is one byte: 1
-if a separate process read all of it, whatever it found, or 0 if that process crashed, took too much memory or did not
-end. It imports nothing of this project, so that it starts at once.
+Run as a script with the number of an open connection. A request is the bytes of a file, and the answer is one byte:
+``SURVIVED`` if a separate process read all of it, whatever it found, ``DIED`` if that process crashed, took too much
+memory or did not end, or ``OUT_OF_TIME`` if it used up the processor time that this process inherited, which is no
+fault of the file. It imports nothing of this project, so that it starts at once.
 """
 
 import contextlib
@@ -15,6 +16,7 @@ from multiprocessing.connection import Connection
 
 import h5py
 
+DIED, SURVIVED, OUT_OF_TIME = 0, 1, 2
 CPU_SECONDS, WALL_SECONDS = 5, 60
 MAX_MEMORY_BYTES = 3 << 29
 """More than all datasets that are read need: some damage makes the library ask for gigabytes."""
@@ -30,11 +32,12 @@ def main() -> None:
     asked = Connection(int(sys.argv[1]))
     with contextlib.suppress(EOFError):
         while True:
-            asked.send_bytes(bytes([survives(asked.recv_bytes())]))
+            asked.send_bytes(bytes([outcome(asked.recv_bytes())]))
 
 
-def survives(data: bytes) -> bool:
-    """Read a file in a separate process; tell whether that process ended by itself."""
+def outcome(data: bytes) -> int:
+    """Read a file in a separate process; return how that process ended."""
+    is_our_limit = CPU_SECONDS <= min(_bounds(resource.RLIMIT_CPU), default=CPU_SECONDS)
     pid = os.fork()
     if pid == 0:
         lower(resource.RLIMIT_CPU, CPU_SECONDS)
@@ -49,15 +52,23 @@ def survives(data: bytes) -> bool:
     signal.signal(signal.SIGALRM, lambda *_: os.kill(pid, signal.SIGKILL))
     signal.alarm(WALL_SECONDS)
     _, status = os.waitpid(pid, 0)
-    signal.alarm(0)
-    return os.WIFEXITED(status) and os.WEXITSTATUS(status) == 0
+    late = signal.alarm(0) == 0
+    if os.WIFEXITED(status):
+        return SURVIVED if os.WEXITSTATUS(status) == 0 else DIED
+    if not is_our_limit and not late and os.WTERMSIG(status) in (signal.SIGKILL, signal.SIGXCPU):
+        return OUT_OF_TIME
+    return DIED
 
 
 def lower(kind: int, limit: int) -> None:
     """Lower a limit of this process; what it inherited may be lower already, and then stays: none can be raised."""
-    inherited = resource.getrlimit(kind)
-    most = min([limit, *(bound for bound in inherited if bound != resource.RLIM_INFINITY)])
+    most = min([limit, *_bounds(kind)])
     resource.setrlimit(kind, (most, most))
+
+
+def _bounds(kind: int) -> list[int]:
+    """Return the limits of a kind that this process has inherited."""
+    return [bound for bound in resource.getrlimit(kind) if bound != resource.RLIM_INFINITY]
 
 
 def _read(group: h5py.Group, left: int, seen: set[object]) -> int:

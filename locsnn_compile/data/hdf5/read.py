@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hw_model.io.files import parsing, read_bytes
+from hw_model.io.processor_time import processor_seconds, too_little_time
 from hw_model.values import AnyArray, FloatArray, sealed
 from locsnn_compile.errors import InputError, check_most, check_same
 
@@ -35,7 +36,10 @@ MAX_TEXT = 1000
 _WHOLE = "Give a whole file, or write it again."
 _PROBE = Path(__file__).with_name("probe.py")
 
-_survived: dict[bytes, bool] = {}
+_SURVIVED, _OUT_OF_TIME = b"\1", b"\2"
+"""Two of its answers."""
+
+_answers: dict[bytes, bytes] = {}
 """The answers of the process so far, by the hashes of the files: loading looks at a file more than once."""
 _lock = threading.Lock()
 
@@ -59,20 +63,25 @@ def library_survives(data: bytes) -> bool:
     """Tell whether the library can read these bytes as HDF5 without crashing; also True if no process can be started.
 
     The library crashes, or runs for ever, on some damaged files. Neither can be caught in the reading process.
+    ``InputError`` where the processor time that this process inherited is too little to find out.
     """
     if sys.platform == "win32":
         return True
     digest = hashlib.sha256(data).digest()
     try:
         with _lock:
-            if digest not in _survived:
+            if digest not in _answers:
                 prober = _prober(os.getpid())
                 prober.send_bytes(data)
-                _survived[digest] = prober.recv_bytes() == b"\1"
-            return _survived[digest]
+                _answers[digest] = prober.recv_bytes()
+            answer = _answers[digest]
     except (OSError, EOFError):
         _prober.cache_clear()
         return True
+    seconds = processor_seconds()
+    if answer == _OUT_OF_TIME and seconds is not None:
+        raise too_little_time(seconds)
+    return answer == _SURVIVED
 
 
 class Group:
