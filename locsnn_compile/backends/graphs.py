@@ -1,38 +1,90 @@
 """``--emit graphml`` and ``--emit dot``: the placed program as a graph, for graph tools and for Graphviz."""
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from typing import ClassVar
 
 import numpy as np
 
 import hw_model as hw
 from hw_model.io.xml_text import escaped, xml_file
 from hw_model.program.chip_program import Core
-from hw_model.texts.pieces import Pieces
-
-Values = Mapping[str, str | int | bool]
-Edge = tuple[str, str, Values]
+from hw_model.values import Frozen
 
 
-def placed_graph(program: hw.ChipProgram) -> tuple[dict[str, Values], list[Edge]]:
-    """Return the nodes of a program by their names, and its edges (source, target, values), in the program's order.
+class InputNode(Frozen):
+    """An input of a program."""
 
-    A node is an ``input`` or a slice of ``compartments``, ``start`` to ``stop`` of a group on a core. An edge counts
-    ``synapses``, their axons and the hops of a spike, or ``joined`` compartments, which add their voltage one to one to
-    those of the target.
-    """
-    nodes: dict[str, Values] = {
-        f"i{k}": {"kind": "input", "name": item.name, "phase": item.phase, "size": item.size}
+    kind: ClassVar[str] = "input"
+    name: str
+    phase: str
+    size: int
+
+
+class SliceNode(Frozen):
+    """Compartments ``start`` to ``stop`` of the group ``name``, which share a core."""
+
+    kind: ClassVar[str] = "compartments"
+    name: str
+    phase: str
+    size: int
+    start: int
+    stop: int
+    core: int
+    slot: int
+    tile_x: int
+    tile_y: int
+    spiking: bool
+
+
+class SynapseCount(Frozen):
+    """What an edge carries: ``synapses``, their axons at the target, and the hops of a spike."""
+
+    kind: ClassVar[str] = "synapses"
+    synapses: int
+    axons: int
+    hops: int
+
+
+class JoinCount(Frozen):
+    """Compartments that add their voltage one to one to those of the target."""
+
+    kind: ClassVar[str] = "joined"
+    compartments: int
+
+
+class Edge(Frozen):
+    """An edge between two nodes, by their names."""
+
+    source: str
+    target: str
+    carries: SynapseCount | JoinCount
+
+
+Node = InputNode | SliceNode
+
+
+def placed_graph(program: hw.ChipProgram) -> tuple[dict[str, Node], list[Edge]]:
+    """Return the nodes of a program by their names, and its edges, in the program's order."""
+    nodes: dict[str, Node] = {
+        f"i{k}": InputNode(item.name, item.phase, item.size)
         for k, item in enumerate(program.inputs)
     }
     for core in program.cores:
-        x, y = program.chip.tile_of(core.slot)
+        tile_x, tile_y = program.chip.tile_of(core.slot)
         for k, piece in enumerate(core.slices):
-            nodes[_slice(core, k)] = {
-                "kind": "compartments", "name": piece.group, "phase": core.phase, "size": piece.size,
-                "start": piece.start, "stop": piece.stop, "core": core.number, "slot": core.slot,
-                "tile_x": x, "tile_y": y, "spiking": piece.group in program.spiking,
-            }  # fmt: skip
+            nodes[_slice(core, k)] = SliceNode(
+                name=piece.group,
+                phase=core.phase,
+                size=piece.size,
+                start=piece.start,
+                stop=piece.stop,
+                core=core.number,
+                slot=core.slot,
+                tile_x=tile_x,
+                tile_y=tile_y,
+                spiking=piece.group in program.spiking,
+            )
     synapses = [edge for core in program.cores for edge in _into(core, program)]
     joins = [edge for core in program.cores for edge in _joins(core)]
     return nodes, synapses + joins
@@ -65,102 +117,135 @@ def _into(core: Core, program: hw.ChipProgram) -> Iterator[Edge]:
     used_axons = np.searchsorted(used, pairs, side="right") - np.searchsorted(used, pairs)
     for number, count, used_count in np.stack((pairs, synapses, used_axons), axis=1).tolist():
         source, hops = sources[number // pieces]
-        values = {"kind": "synapses", "synapses": count, "axons": used_count, "hops": hops}
-        yield source, _slice(core, number % pieces), values
+        carried = SynapseCount(synapses=count, axons=used_count, hops=hops)
+        yield Edge(source, _slice(core, number % pieces), carried)
 
 
 def _joins(core: Core) -> Iterator[Edge]:
-    piece_of, children = core.slice_of_compartment, np.flatnonzero(core.parent >= 0)
-    found = Counter(
+    piece_of = core.slice_of_compartment
+    children = np.flatnonzero(core.parent >= 0)
+    joined = Counter(
         zip(piece_of[children].tolist(), piece_of[core.parent[children]].tolist(), strict=True)
     )
-    for (child, parent), count in sorted(found.items()):
-        yield _slice(core, child), _slice(core, parent), {"kind": "joined", "compartments": count}
+    for (child, parent), count in sorted(joined.items()):
+        yield Edge(_slice(core, child), _slice(core, parent), JoinCount(count))
 
 
-GRAPHML_FILE, DOT_FILE = "program.graphml", "program.dot"
+GRAPHML_FILE = "program.graphml"
+DOT_FILE = "program.dot"
 _NAMESPACE = "http://graphml.graphdrawing.org/xmlns"
 
+Values = Mapping[str, str | int | bool]
+"""What GraphML says of a graph, a node or an edge, by name."""
 _TYPES = {str: "string", int: "long", bool: "boolean"}
+"""The types of values in GraphML."""
 
 
 def graphml_file(program: hw.ChipProgram) -> dict[str, bytes]:
     """Return the file by name: a node for each input and slice, edges for synapses and joined compartments."""
     nodes, edges = placed_graph(program)
     about: Values = {"name": program.name, "target": program.chip.name}
-    held = {"graph": [about], "node": nodes.values(), "edge": [values for _, _, values in edges]}
-    kinds = {
-        (domain, name): type(value)
-        for domain, each in held.items()
-        for its in each
-        for name, value in its.items()
-    }
-    given = {
-        "keys": [
-            {"domain": domain, "name": name, "type": _TYPES[kind]}
-            for (domain, name), kind in kinds.items()
-        ],
-        "about": _data("graph", about),
-        "nodes": [
-            {"id": identity, "data": _data("node", values)} for identity, values in nodes.items()
-        ],
-        "edges": [
-            {"source": a, "target": b, "data": _data("edge", values)} for a, b, values in edges
-        ],
-    }
-    made = Pieces(__package__, GRAPHML_FILE, escaped).piece("graph", given)
-    return {GRAPHML_FILE: xml_file(made, xmlns=_NAMESPACE)}
+    keys = (
+        _graphml_keys("graph", [about])
+        + _graphml_keys("node", [_values(node) for node in nodes.values()])
+        + _graphml_keys("edge", [_values(edge.carries) for edge in edges])
+    )
+    markup = f"""\
+<graphml>{keys}<graph id="program" edgedefault="directed">
+{_graphml_data("graph", about)}
+{"".join(_graphml_node(identity, node) for identity, node in nodes.items())}
+{"".join(_graphml_edge(edge) for edge in edges)}
+</graph></graphml>"""
+    return {GRAPHML_FILE: xml_file(markup, xmlns=_NAMESPACE)}
+
+
+def _values(part: Node | SynapseCount | JoinCount) -> Values:
+    """Return the fields of a node or of what an edge carries by name, its kind first."""
+    return {"kind": part.kind, **vars(part)}
+
+
+def _graphml_keys(domain: str, parts: Iterable[Values]) -> str:
+    """Declare every name that parts of a domain (graph, node or edge) use, with the type of its values."""
+    types = {name: _TYPES[type(value)] for values in parts for name, value in values.items()}
+    return "".join(
+        f'<key id="{domain}_{name}" for="{domain}" attr.name="{name}" attr.type="{type_name}"/>'
+        for name, type_name in types.items()
+    )
+
+
+def _graphml_node(identity: str, node: Node) -> str:
+    return f'<node id="{identity}">{_graphml_data("node", _values(node))}</node>'
+
+
+def _graphml_edge(edge: Edge) -> str:
+    data = _graphml_data("edge", _values(edge.carries))
+    return f'<edge source="{edge.source}" target="{edge.target}">{data}</edge>'
+
+
+def _graphml_data(domain: str, values: Values) -> str:
+    return "".join(
+        f'<data key="{domain}_{name}">{_graphml_value(value)}</data>'
+        for name, value in values.items()
+    )
+
+
+def _graphml_value(value: str | int | bool) -> str:
+    return str(value).lower() if isinstance(value, bool) else escaped(str(value))
 
 
 def dot_file(program: hw.ChipProgram) -> dict[str, bytes]:
     """Return the file by name: a box for each core, and dashed edges for joined compartments."""
-    nodes, found = placed_graph(program)
-    inputs = [{"id": name, **item} for name, item in nodes.items() if item["kind"] == "input"]
-    cores = []
-    for core in program.cores:
-        slices = [
-            {
-                "id": name,
-                **item,
-                "last": int(item["stop"]) - 1,
-                "style": "" if item["spiking"] else ", style=rounded",
-            }
-            for name, item in nodes.items()
-            if item.get("core") == core.number
-        ]
-        tile = program.chip.tile_of(core.slot)
-        cores.append(
-            {
-                "number": core.number,
-                "phase": core.phase,
-                "slot": core.slot,
-                "tile": tile,
-                "slices": slices,
-            }
-        )
-    edges = [{"source": source, "target": target, **values} for source, target, values in found]
-    synapses, joins = (
-        [edge for edge in edges if edge["kind"] == kind] for kind in ("synapses", "joined")
+    nodes, edges = placed_graph(program)
+    parts = [
+        *(_dot_input(name, node) for name, node in nodes.items() if isinstance(node, InputNode)),
+        *(_dot_core(core, program.chip, nodes) for core in program.cores),
+        *(_dot_edge(edge) for edge in edges),
+    ]
+    text = f"""\
+digraph "{_quoted(program.name)}" {{
+  rankdir=LR;
+  node [shape=box];
+{"".join(parts)}}}
+"""
+    return {DOT_FILE: text.encode()}
+
+
+def _dot_input(identity: str, node: InputNode) -> str:
+    label = rf"{_quoted(node.name)}\n{node.size} lines, phase {_quoted(node.phase)}"
+    return f'  {identity} [label="{label}", shape=cds];\n'
+
+
+def _dot_core(core: Core, chip: hw.Chip, nodes: Mapping[str, Node]) -> str:
+    tile_x, tile_y = chip.tile_of(core.slot)
+    label = (
+        rf"core {core.number}, phase {_quoted(core.phase)}\n"
+        f"slot {core.slot}, tile {tile_x},{tile_y}"
     )
-    given = {
-        "name": program.name,
-        "inputs": inputs,
-        "cores": cores,
-        "synapses": synapses,
-        "joins": joins,
-    }
-    return {DOT_FILE: Pieces(__package__, DOT_FILE, _escaped).piece("graph", given).encode()}
+    slices = [
+        _dot_slice(name, node)
+        for name, node in nodes.items()
+        if isinstance(node, SliceNode) and node.core == core.number
+    ]
+    return f"""\
+  subgraph cluster_core{core.number} {{
+    label="{label}";
+{"".join(slices)}  }}
+"""
 
 
-def _data(domain: str, values: Values) -> list[dict[str, str]]:
-    texts = {
-        name: str(value).lower() if isinstance(value, bool) else str(value)
-        for name, value in values.items()
-    }
-    return [{"domain": domain, "name": name, "text": text} for name, text in texts.items()]
+def _dot_slice(identity: str, node: SliceNode) -> str:
+    label = rf"{_quoted(node.name)}\n{node.start} to {node.stop - 1}"
+    style = "" if node.spiking else ", style=rounded"
+    return f'    {identity} [label="{label}"{style}];\n'
 
 
-def _escaped(text: str) -> str:
+def _dot_edge(edge: Edge) -> str:
+    if isinstance(edge.carries, JoinCount):
+        return f"  {edge.source} -> {edge.target} [style=dashed];\n"
+    return f'  {edge.source} -> {edge.target} [label="{edge.carries.synapses} synapses"];\n'
+
+
+def _quoted(text: str) -> str:
     """Return a text for a quoted string, with backslashes and quotes escaped and control characters replaced."""
     printable = "".join(c if c.isprintable() else "\ufffd" for c in text)
     return printable.replace("\\", "\\\\").replace('"', '\\"')
