@@ -1,9 +1,9 @@
 """Charts as SVG files, also of curves: panels side by side, for light, dark and paper, readable without colour."""
 
 from collections.abc import Sequence
+from typing import Literal
 
 from hw_model.io.xml_text import escaped, xml_file
-from hw_model.texts.pieces import Pieces
 from hw_model.texts.templates import filled
 from hw_model.values import Frozen
 from locsnn_compile.report.content import Curve
@@ -18,51 +18,74 @@ BOTTOM = _TOP + HEIGHT
 _LEGEND, _LINE = 56, 16
 """Pixels from the lower edge of the panels to the legend, and per line of it."""
 Point = tuple[float, float]
-PIECES = Pieces(__package__, "files.svg", escaped)
+Anchor = Literal["start", "middle", "end"]
+"""Which end of a text stands at its place."""
 
 
 def sheet(width: int, height: int, title: str, style: str, inside: str) -> bytes:
     """Return a picture as a file, with its title, shown and as metadata; ``style`` is a file of further rules."""
     rules = filled(__package__, "sheet.css") + filled(__package__, style)
-    made = PIECES.piece(
-        "sheet", None, width=width, height=height, title=title, style=rules, inside=inside
-    )
-    return xml_file(made, xmlns="http://www.w3.org/2000/svg")
+    name = escaped(title)
+    markup = f"""\
+<svg viewBox="0 0 {width} {height}" role="img"><title>{name}</title>
+<style>
+{rules}</style>
+<rect class="paper" width="{width}" height="{height}"/>
+<text class="title" x="16.0" y="22.0" text-anchor="start">{name}</text>
+{inside}</svg>"""
+    return xml_file(markup, xmlns="http://www.w3.org/2000/svg")
 
 
 def chart(
     title: str, subtitle: str, style: str, panels: Sequence[str], below: int, legend: str = ""
 ) -> bytes:
     """Return a chart of drawn panels, with ``below`` pixels under them."""
-    placed = [
-        {"left": i * (WIDTH + _GAP) + _GAP, "top": _TOP, "drawn": drawn}
-        for i, drawn in enumerate(panels)
-    ]
-    inside = PIECES.piece("chart", None, subtitle=subtitle, panels=placed, legend=legend)
+    placed = "".join(
+        f'<g transform="translate({i * (WIDTH + _GAP) + _GAP} {_TOP})">{panel}</g>'
+        for i, panel in enumerate(panels)
+    )
+    inside = f"{soft_text(16, 39, 'start', subtitle)}{placed}{legend}"
     return sheet(len(panels) * (WIDTH + _GAP) + RIGHT, BOTTOM + below, title, style, inside)
 
 
 def axes(title: str, x_label: str, x: Axis, y: Axis) -> str:
     """Draw the axes of a panel."""
-    rows = ((HEIGHT * (1 - at), label) for at, label in y.places)
-    return PIECES.piece(
-        "axes",
-        None,
-        title=title,
-        x_label=x_label,
-        rows=[{"at": at, "below": at + 4, "label": label} for at, label in rows],
-        columns=[{"at": WIDTH * at, "label": label} for at, label in x.places],
+    rows = "".join(_axis_row(HEIGHT * (1 - place), label) for place, label in y.places)
+    columns = "".join(_axis_column(WIDTH * place, label) for place, label in x.places)
+    return f"""\
+{soft_text(0, -10, "start", title)}
+{rows}{columns}{polyline("frame", [(0, HEIGHT), (WIDTH, HEIGHT)])}
+{soft_text(WIDTH / 2, HEIGHT + 34, "middle", x_label)}
+"""
+
+
+def _axis_row(y: float, label: str) -> str:
+    """Draw a line across a panel, with its label to the left."""
+    return polyline("grid", [(0, y), (WIDTH, y)]) + soft_text(-7, y + 4, "end", label)
+
+
+def _axis_column(x: float, label: str) -> str:
+    """Draw a tick at the lower edge of a panel, with its label below."""
+    tick = polyline("frame", [(x, HEIGHT), (x, HEIGHT + 4)])
+    return tick + soft_text(x, HEIGHT + 17, "middle", label)
+
+
+def soft_text(x: float, y: float, anchor: Anchor, text: str) -> str:
+    """Write a text in the colour of what explains a picture."""
+    return (
+        f'<text class="soft" x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{escaped(text)}</text>'
     )
+
+
+def polyline(kind: str, corners: Sequence[Point]) -> str:
+    """Draw a line through corners in the style of its class."""
+    points = " ".join(f"{x:.1f},{y:.1f}" for x, y in corners)
+    return f'<polyline class="{kind}" points="{points}"/>'
 
 
 def places(x: Axis, y: Axis, points: Sequence[Point]) -> list[Point]:
     """Return points in pixels of their panel."""
     return [(WIDTH * x.place(at_x), HEIGHT * (1 - y.place(at_y))) for at_x, at_y in points]
-
-
-def path(corners: Sequence[Point]) -> str:
-    """Return corners as SVG has them."""
-    return " ".join(f"{x:.1f},{y:.1f}" for x, y in corners)
 
 
 class Panel(Frozen):
@@ -82,33 +105,37 @@ def draw(title: str, panels: Sequence[Panel]) -> bytes:
 
 
 def _panel(panel: Panel) -> str:
-    shown = [
-        [
-            (x, y)
-            for x, y in curve.points
-            if (x > 0 or not panel.x_log) and (y > 0 or not panel.y_log)
-        ]
-        for curve in panel.curves
+    shown = [_points_on_axes(curve, panel) for curve in panel.curves]
+    x_axis = _axis_of([x for points in shown for x, _ in points], log=panel.x_log)
+    y_axis = _axis_of([y for points in shown for _, y in points], log=panel.y_log)
+    curves = "".join(
+        _curve(number, curve.label, places(x_axis, y_axis, points))
+        for number, (curve, points) in enumerate(zip(panel.curves, shown, strict=True))
+    )
+    return axes(panel.title, panel.x_label, x_axis, y_axis) + curves
+
+
+def _points_on_axes(curve: Curve, panel: Panel) -> list[Point]:
+    """Return the points of a curve that the axes of its panel can show."""
+    return [
+        (x, y) for x, y in curve.points if (x > 0 or not panel.x_log) and (y > 0 or not panel.y_log)
     ]
-    x_axis = (log_axis if panel.x_log else linear_axis)(
-        [x for held in shown for x, _ in held], _figure
+
+
+def _axis_of(values: Sequence[float], *, log: bool) -> Axis:
+    return log_axis(values, _figure) if log else linear_axis(values, _figure)
+
+
+def _curve(number: int, label: str, points: Sequence[Point]) -> str:
+    """Draw a curve and its dots, and below its panel a sample of it with its label."""
+    legend_y = HEIGHT + _LEGEND + number * _LINE
+    kind = f"curve c{number}"
+    line = polyline(kind, points) if len(points) > 1 else ""
+    sample = polyline(kind, [(0, legend_y - 4), (26, legend_y - 4)])
+    dots = "".join(
+        f'<circle class="dot d{number}" cx="{x:.1f}" cy="{y:.1f}" r="2.2"/>' for x, y in points
     )
-    y_axis = (log_axis if panel.y_log else linear_axis)(
-        [y for held in shown for _, y in held], _figure
-    )
-    curves = []
-    for i, (curve, held) in enumerate(zip(panel.curves, shown, strict=True)):
-        mine, bottom = places(x_axis, y_axis, held), HEIGHT + _LEGEND + i * _LINE
-        lines = [line for line in (mine, [(0, bottom - 4), (26, bottom - 4)]) if len(line) > 1]
-        curves.append(
-            {
-                "lines": [{"number": i, "path": path(line)} for line in lines],
-                "dots": [{"number": i, "x": x, "y": y} for x, y in mine],
-                "bottom": bottom,
-                "label": curve.label,
-            }
-        )
-    return axes(panel.title, panel.x_label, x_axis, y_axis) + PIECES.each(curves, "curve")
+    return f"{line}{sample}{dots}{soft_text(34, legend_y, 'start', label)}"
 
 
 def _figure(value: float) -> str:

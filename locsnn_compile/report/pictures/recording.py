@@ -3,7 +3,7 @@
 import numpy as np
 
 from hw_model.values import ByteArray, FloatArray
-from locsnn_compile.report.pictures.chart import PIECES, sheet
+from locsnn_compile.report.pictures.chart import sheet, soft_text
 
 SHADES = " ░▒▓█"
 #: Largest text in characters, and largest picture in marks; larger recordings are drawn more coarsely.
@@ -31,15 +31,25 @@ def raster_svg(spikes: ByteArray, title: str, step_seconds: float | None) -> byt
     steps, channels = spikes.shape
     marks = _coarse(spikes, PICTURE_COLUMNS, PICTURE_ROWS) > 0
     rows, columns = marks.shape
-    dx, dy = _PLOT_WIDTH / columns, _PLOT_HEIGHT / rows
+    dx = _PLOT_WIDTH / columns
+    dy = _PLOT_HEIGHT / rows
     path = "".join(
         f"M{_LEFT + column * dx:.2f} {_TOP + row * dy:.2f}h{dx:.2f}v{dy:.2f}h{-dx:.2f}z"
         for row, column in np.argwhere(marks).tolist()
     )
     end = f"step {steps}" if step_seconds is None else f"{steps * step_seconds:g} s"
-    content = PIECES.piece("events", None, path=path, end=end, last=channels - 1)
-    width, height = _LEFT + _PLOT_WIDTH + _RIGHT, _TOP + _PLOT_HEIGHT + _BOTTOM
-    return sheet(width, height, title, "raster.css", content)
+    right = _LEFT + _PLOT_WIDTH
+    bottom = _TOP + _PLOT_HEIGHT
+    inside = f"""\
+<path class="events" d="{path}"/>
+<rect class="outline" x="{_LEFT}" y="{_TOP}" width="{_PLOT_WIDTH}" height="{_PLOT_HEIGHT}"/>
+{soft_text(_LEFT, bottom + 20, "start", "0")}
+{soft_text(right, bottom + 20, "end", end)}
+{soft_text(_LEFT - 8, _TOP + 12, "end", "0")}
+{soft_text(_LEFT - 8, bottom, "end", str(channels - 1))}
+{soft_text((_LEFT + right) / 2, bottom + 20, "middle", "time; channels downwards")}
+"""
+    return sheet(right + _RIGHT, bottom + _BOTTOM, title, "raster.css", inside)
 
 
 def _coarse(spikes: ByteArray, columns: int, rows: int) -> FloatArray:

@@ -8,12 +8,19 @@ import math
 from collections.abc import Callable, Sequence
 from functools import partial
 
+from hw_model.io.xml_text import escaped
 from hw_model.values import Frozen
 from locsnn_compile.report.pictures import chart
 from locsnn_compile.report.pictures.axis import linear_axis
 
-_SHAPES = 4
-"""Shapes of marks in ``files.svg``."""
+_SHAPES = """\
+<defs><circle id="shape0" r="4.5"/>
+<polygon id="shape1" points="-4.5,-4.5 4.5,-4.5 4.5,4.5 -4.5,4.5"/>
+<polygon id="shape2" points="0,-5.5 5.5,4.5 -5.5,4.5"/>
+<polygon id="shape3" points="0,-5.5 5.5,0 0,5.5 -5.5,0"/></defs>
+"""
+"""The shapes of marks: a circle, a square, a triangle and a diamond."""
+_SHAPE_COUNT = 4
 _LEGEND, _BELOW = 68, 88
 """Pixels from the lower edge of the panels to the middle of the legend, and to the end of the picture."""
 _RADIUS, _RING = 4.5, 9
@@ -67,12 +74,8 @@ def _panel(panel: Panel) -> str:
 
 def _marks(marks: Sequence[Mark], places: Sequence[chart.Point]) -> str:
     """Draw the marks, those on the front last, and label those where there is room."""
-    order, drawn = sorted(range(len(marks)), key=lambda i: (marks[i].taken, marks[i].front)), ""
-    for i in order:
-        drawn += _shape(
-            marks[i].kind, *places[i], "mark front" if marks[i].front else "mark", marks[i].words
-        )
-        drawn += _ring(*places[i], _RING) if marks[i].taken else ""
+    order = sorted(range(len(marks)), key=lambda i: (marks[i].taken, marks[i].front))
+    drawn = "".join(_mark(marks[i], *places[i]) for i in order)
     sizes = [_RING if mark.taken else _RADIUS for mark in marks]
     taken = [
         (x - size, y - size, x + size, y + size) for (x, y), size in zip(places, sizes, strict=True)
@@ -82,18 +85,34 @@ def _marks(marks: Sequence[Mark], places: Sequence[chart.Point]) -> str:
             continue
         for anchor, box in _label_places(*places[i], marks[i].label):
             if not any(_overlap(box, other) for other in taken):
-                left = box[2] if anchor == "end" else box[0]
-                drawn += chart.PIECES.piece("label", marks[i], x=left, y=box[3] - 3, anchor=anchor)
+                drawn += _label(marks[i].label, anchor, box)
                 taken.append(box)
                 break
     return drawn
 
 
-def _label_places(x: float, y: float, label: str) -> list[tuple[str, Box]]:
+def _mark(mark: Mark, x: float, y: float) -> str:
+    """Draw a mark, whose words show when pointing at it, with a ring if it is the recommended one."""
+    style = "mark front" if mark.front else "mark"
+    title = f"<title>{escaped(mark.words)}</title>"
+    shape = _shape(mark.kind, x, y, style, title)
+    return shape + _ring(x, y, _RING) if mark.taken else shape
+
+
+def _label(label: str, anchor: chart.Anchor, box: Box) -> str:
+    left, _, right, bottom = box
+    x = right if anchor == "end" else left
+    return (
+        f'<text class="label" x="{x:.1f}" y="{bottom - 3:.1f}" text-anchor="{anchor}">'
+        f"{escaped(label)}</text>"
+    )
+
+
+def _label_places(x: float, y: float, label: str) -> list[tuple[chart.Anchor, Box]]:
     """Return possible places of a label within the panel, the best first: right, left, above and below."""
     width, away = _LETTER * len(label), _RING + 2
     middle, above, below = y - _LINE / 2, y - away - _LINE, y + away
-    tried = [
+    tried: list[tuple[chart.Anchor, chart.Point]] = [
         ("start", (x + away, middle)),
         ("end", (x - away - width, middle)),
         ("start", (x + 2, above)),
@@ -117,34 +136,35 @@ def _stair(places: Sequence[chart.Point]) -> str:
         if y > lowest:
             corners += [(x, lowest), (x, y)] if corners else [(x, y)]
             lowest = y
-    return chart.PIECES.piece("stair", chart.path(corners)) if len(corners) > 1 else ""
+    return chart.polyline("stair", corners) if len(corners) > 1 else ""
 
 
 def _legend(kinds: Sequence[str], y: float) -> str:
-    shapes: list[tuple[str, Callable[[float, float], str]]] = [
+    """Define the shapes of marks, and draw a sample of each kind and of what else a picture has, with its name."""
+    samples: list[tuple[str, Callable[[float, float], str]]] = [
         *((name, partial(_shape, kind, style="mark")) for kind, name in enumerate(kinds)),
         ("on the front", partial(_shape, 0, style="mark front")),
         ("recommended", partial(_ring, radius=6)),
         (
             "best of the two figures",
-            lambda x, y: chart.PIECES.piece("stair", chart.path([(x - 8, y), (x + 8, y)])),
+            lambda x, y: chart.polyline("stair", [(x - 8, y), (x + 8, y)]),
         ),
     ]
-    entries, x = [], 20.0
-    for text, shape in shapes:
-        entries.append({"shape": shape(x, y), "x": x + 12, "y": y + 4, "text": text})
-        x += 40 + _LETTER * len(text)
-    return chart.PIECES.piece("legend", entries)
+    drawn = _SHAPES
+    x = 20.0
+    for name, sample in samples:
+        drawn += sample(x, y) + chart.soft_text(x + 12, y + 4, "start", name)
+        x += 40 + _LETTER * len(name)
+    return drawn
 
 
 def _ring(x: float, y: float, radius: int) -> str:
-    return chart.PIECES.piece("ring", None, x=x, y=y, radius=radius)
+    return f'<circle class="ring" cx="{x:.1f}" cy="{y:.1f}" r="{radius}"/>'
 
 
-def _shape(kind: int, x: float, y: float, style: str, words: str | None = None) -> str:
-    return chart.PIECES.piece(
-        "shape", None, number=kind % _SHAPES, x=x, y=y, style=style, words=words
-    )
+def _shape(kind: int, x: float, y: float, style: str, inside: str = "") -> str:
+    number = kind % _SHAPE_COUNT
+    return f'<use href="#shape{number}" class="{style}" x="{x:.1f}" y="{y:.1f}">{inside}</use>'
 
 
 def _overlap(one: Box, other: Box) -> bool:
