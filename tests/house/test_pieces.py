@@ -10,7 +10,6 @@ from hw_model.texts.templates import sections
 
 ROOT = Path(__file__).parents[2]
 FILES = {
-    "locsnn_compile.report.pictures": ["drawings.svg"],
     "locsnn_compile.report.renderers": ["pieces.html", "pieces.md"],
 }
 CASES = [(package, file) for package, files in FILES.items() for file in files]

@@ -101,7 +101,7 @@ def _breakable(name: str) -> str:
     return text(shortened(name, _LONGEST_NAME)).replace("_", "_<wbr>").replace("/", "/<wbr>")
 
 
-_DRAWINGS = ("stack", "span", "mark", "plot", "curve_mark", "raster", "stroke_mark", "mesh")
+_DRAWINGS = ("stack", "span", "span_mark", "plot", "curve_mark", "raster", "stroke_mark", "mesh")
 _SHOWN = {name: getattr(drawings, name) for name in _DRAWINGS}
 _SHOWN |= {"sign": SIGNS.__getitem__, "prose": prose, "table": _table}
 _PIECES = Pieces(
