@@ -1,9 +1,9 @@
 """report.html: one page with the verdict first, and without scripts, fonts or requests."""
 
 import re
+from collections.abc import Iterable, Sequence
 from html import escape
 
-from hw_model.texts.pieces import Pieces
 from hw_model.texts.templates import filled
 from locsnn_compile.report import content
 from locsnn_compile.report.format import BEFORE_UNIT, plain, shortened
@@ -24,17 +24,36 @@ MAX_ROWS = 200
 
 def render_html(report: content.Report) -> str:
     """Return the page of a report; equal content gives equal bytes."""
-    texts = {name: text(getattr(report, name)) for name in ("title", "subtitle", "kind", "footer")}
-    parts = {
-        name: _PIECES.piece(name, report)
-        for name in ("verdicts", "notices", "contents", "sections")
-    }
-    return filled(__package__, "page.html", patterns=drawings.patterns(), **texts, **parts)
+    return filled(
+        __package__,
+        "page.html",
+        title=text(report.title),
+        subtitle=text(report.subtitle),
+        kind=text(report.kind),
+        footer=text(report.footer),
+        patterns=drawings.patterns(),
+        verdicts=_verdicts(report),
+        notices="".join(_notice(notice) for notice in report.notices),
+        contents=_contents(report),
+        sections="".join(_section(section) for section in report.sections),
+    )
 
 
 def render_summary(report: content.Report) -> str:
     """Return the three verdicts as a table for a notebook, without a style of its own."""
-    return _PIECES.piece("summary", report)
+    rows = "".join(_verdict_row(verdict) for verdict in report.verdicts)
+    return (
+        f"<p><strong>{text(report.title)}</strong><br>{text(report.subtitle)}</p>"
+        f"<table>{rows}</table>"
+    )
+
+
+def _verdict_row(verdict: content.Verdict) -> str:
+    sign = SIGNS[verdict.status]
+    return (
+        f"<tr><th>{sign} {text(verdict.question)} {text(verdict.answer)}</th>"
+        f"<td>{text(verdict.sentence)}</td></tr>"
+    )
 
 
 def text(value: str) -> str:
@@ -47,31 +66,169 @@ def prose(value: str) -> str:
     return _OPTION.sub(r"<code>\g<0></code>", BEFORE_UNIT.sub("&nbsp;", text(value)))
 
 
+def _verdicts(report: content.Report) -> str:
+    """Return what stands first: the verdicts in a sentence each, the assumptions, and the verdicts with facts."""
+    sentences = "".join(f"<p>{prose(verdict.sentence)}</p>" for verdict in report.verdicts)
+    verdicts = "".join(_verdict(verdict) for verdict in report.verdicts)
+    return (
+        '<section aria-labelledby="verdict"><h2 class="hidden" id="verdict">Verdict</h2>'
+        f'<div class="summary">{sentences}</div>{_assumptions(report.assumptions)}'
+        f'<div class="verdicts">{verdicts}</div></section>'
+    )
+
+
+def _assumptions(sentences: Sequence[str]) -> str:
+    if not sentences:
+        return ""
+    return (
+        f'<div class="notice" role="note"><strong>{ASSUMED}</strong>'
+        f"<ul>{_items(sentences)}</ul></div>"
+    )
+
+
+def _verdict(verdict: content.Verdict) -> str:
+    return (
+        f'<div class="verdict"><h3>{text(verdict.question)}</h3>'
+        f'<p class="status {verdict.status}"><i aria-hidden="true">{SIGNS[verdict.status]}</i>'
+        f"<span>{text(verdict.answer)}</span></p>"
+        f'<p class="figure">{text(verdict.figure)}</p>'
+        f'<p class="figure-label">{text(verdict.figure_label)}</p>'
+        f"<dl>{_facts(verdict.facts)}</dl></div>"
+    )
+
+
+def _notice(notice: content.Notice) -> str:
+    return (
+        f'<div class="notice" role="note"><strong>{text(notice.title)}</strong>'
+        f" {prose(notice.text)}</div>"
+    )
+
+
+def _contents(report: content.Report) -> str:
+    links = "".join(
+        f'<li><a href="#{text(section.key)}">{text(section.title)}</a></li>'
+        for section in report.sections
+    )
+    return f'<nav aria-label="Sections"><ul>{links}</ul></nav>'
+
+
+def _section(section: content.Section) -> str:
+    key = text(section.key)
+    blocks = "".join(_block(block) for block in section.blocks)
+    return (
+        f'<section class="section" aria-labelledby="{key}">'
+        f'<div><h2 id="{key}">{text(section.title)}</h2><p class="lead">{text(section.lead)}</p></div>'
+        f'<div class="blocks">{blocks}</div></section>'
+    )
+
+
+def _block(block: content.Block) -> str:
+    match block:
+        case str():
+            return f"<p>{prose(block)}</p>"
+        case content.Facts():
+            return f'<div class="facts"><dl>{_facts(block.facts)}</dl></div>'
+        case content.Bullets():
+            return (
+                f'<div class="bullets"><h3>{text(block.title)}</h3>'
+                f"<ul>{_items(block.items)}</ul></div>"
+            )
+        case content.Table():
+            return _table(block)
+        case content.Stack():
+            return _figure(block.label, drawings.stack(block))
+        case content.Span():
+            return _figure(block.title, drawings.span(block) + _span_legend(block))
+        case content.Plot():
+            return _figure(block.title, drawings.plot(block) + _plot_legend(block))
+        case content.Raster():
+            return _figure(block.title, drawings.raster(block) + _raster_legend(block))
+        case content.Mesh():
+            said = f'<p class="said">{text(block.description)}</p>'
+            return _figure(block.title, drawings.mesh(block) + said)
+
+
+def _facts(facts: Sequence[content.Fact]) -> str:
+    return "".join(
+        f"<div><dt>{text(fact.label)}</dt><dd>{prose(fact.value)}</dd></div>" for fact in facts
+    )
+
+
+def _items(sentences: Sequence[str]) -> str:
+    return "".join(f"<li>{prose(sentence)}</li>" for sentence in sentences)
+
+
+def _figure(title: str, inside: str) -> str:
+    return f"<figure><figcaption>{text(title)}</figcaption>{inside}</figure>"
+
+
+def _span_legend(span: content.Span) -> str:
+    ends = "".join(
+        f"<div><dt>{drawings.span_mark(fact.label)}{text(fact.label)}</dt>"
+        f"<dd>{text(fact.value)}</dd></div>"
+        for fact in span.facts
+    )
+    return f'<dl class="stats">{ends}</dl>'
+
+
+def _plot_legend(plot: content.Plot) -> str:
+    return _legend(
+        (drawings.curve_mark(index), curve.label) for index, curve in enumerate(plot.curves)
+    )
+
+
+def _raster_legend(raster: content.Raster) -> str:
+    return _legend(
+        (drawings.stroke_mark(strokes.kind), strokes.label) for strokes in raster.strokes
+    )
+
+
+def _legend(entries: Iterable[tuple[str, str]]) -> str:
+    """Return a legend of entries (drawn mark, label)."""
+    rows = "".join(f"<div><dt>{mark}</dt><dd>{text(label)}</dd></div>" for mark, label in entries)
+    return f'<dl class="curves">{rows}</dl>'
+
+
 def _table(table: content.Table) -> str:
+    """Return a table; one of many rows is folded, and cut to :data:`MAX_ROWS` and the last row."""
+    row_count = len(table.rows)
+    shown: Sequence[int] = range(row_count)
+    cut = ""
+    if row_count > MAX_ROWS + 1:
+        shown = [*range(MAX_ROWS), row_count - 1]
+        cut = f", {len(shown)} of them shown here, all in report.json"
+    drawn = _table_of_rows(table, shown)
+    if row_count <= content.MANY_ROWS and not table.folded:
+        return drawn
+    return (
+        f"<details><summary>{text(table.caption)} ({row_count} rows{cut})</summary>"
+        f"{drawn}</details>"
+    )
+
+
+def _table_of_rows(table: content.Table, shown: Sequence[int]) -> str:
     """Return a table that scrolls within its box if it is wider, by keyboard as well if it may be that wide."""
-    last = len(table.rows) - 1
-    shown = [*range(min(MAX_ROWS, last)), last] if table.rows else []
     kinds = _column_kinds(table)
     named = zip(table.columns, kinds, strict=True)
-    heads = "".join(
-        f'<th scope="col"{kind}>{text(name).replace(" %", "&nbsp;%") or _DRAWN}</th>'
-        for name, kind in named
-    )
-    body = "".join(_table_row(kinds, table.rows[i], table.total and i == last) for i in shown)
+    heads = "".join(_column_head(name, kind) for name, kind in named)
+    last = len(table.rows) - 1
+    rows = "".join(_table_row(kinds, table.rows[i], table.total and i == last) for i in shown)
     look = "plain" if all(table.columns) else "barred"
-    look += " wide" if len(table.columns) > _MANY_COLUMNS else ""
-    reach = f' tabindex="0" role="region" aria-label="{text(table.caption)}"'
-    reached = reach if len(table.columns) > _FEW_COLUMNS else ""
-    made = _PIECES.piece("table", table, reached=reached, look=look, heads=heads, body=body)
-    many = str(len(table.rows))
-    if len(table.rows) <= content.MANY_ROWS and not table.folded:
-        return made
-    cut = (
-        ""
-        if len(shown) == len(table.rows)
-        else f", {len(shown)} of them shown here, all in report.json"
+    if len(table.columns) > _MANY_COLUMNS:
+        look += " wide"
+    reached = ""
+    if len(table.columns) > _FEW_COLUMNS:
+        reached = f' tabindex="0" role="region" aria-label="{text(table.caption)}"'
+    return (
+        f'<div class="scroll"{reached}><table class="{look}">'
+        f"<caption><span>{text(table.caption)}</span></caption>"
+        f"<thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table></div>"
     )
-    return _PIECES.piece("details", table, all=many, cut=cut, made=made)
+
+
+def _column_head(name: str, kind: str) -> str:
+    head = text(name).replace(" %", "&nbsp;%") or _DRAWN
+    return f'<th scope="col"{kind}>{head}</th>'
 
 
 def _column_kinds(table: content.Table) -> list[str]:
@@ -80,30 +237,28 @@ def _column_kinds(table: content.Table) -> list[str]:
     for i, name in enumerate(table.columns):
         cells = (row[i] for row in table.rows[:MAX_ROWS])
         texts = any(isinstance(cell, str) and len(cell) > _LONGEST_NUMBER for cell in cells)
-        kinds.append(' class="words"' if texts and i else "" if name else ' class="drawn"')
+        if texts and i:
+            kinds.append(' class="words"')
+        elif name:
+            kinds.append("")
+        else:
+            kinds.append(' class="drawn"')
     return kinds
 
 
-def _table_row(kinds: list[str], row: tuple[str | content.Bar, ...], total: bool) -> str:
+def _table_row(kinds: list[str], row: tuple[content.Cell, ...], total: bool) -> str:
     name, *cells = row
     head = name.label if isinstance(name, content.Bar) else name
-    made = "".join(_cell(kind, cell) for kind, cell in zip(kinds[1:], cells, strict=True))
+    drawn = "".join(_cell(kind, cell) for kind, cell in zip(kinds[1:], cells, strict=True))
     line = ' class="total"' if total else ""
-    return f'<tr{line}><th scope="row">{_breakable(head)}</th>{made}</tr>'
+    return f'<tr{line}><th scope="row">{_breakable(head)}</th>{drawn}</tr>'
 
 
-def _cell(kind: str, cell: str | content.Bar) -> str:
-    return f"<td{kind}>{drawings.bar(cell) if isinstance(cell, content.Bar) else text(cell)}</td>"
+def _cell(kind: str, cell: content.Cell) -> str:
+    drawn = drawings.bar(cell) if isinstance(cell, content.Bar) else text(cell)
+    return f"<td{kind}>{drawn}</td>"
 
 
 def _breakable(name: str) -> str:
     """Return a name that may break after underscores and slashes in a narrow column."""
     return text(shortened(name, _LONGEST_NAME)).replace("_", "_<wbr>").replace("/", "/<wbr>")
-
-
-_DRAWINGS = ("stack", "span", "span_mark", "plot", "curve_mark", "raster", "stroke_mark", "mesh")
-_SHOWN = {name: getattr(drawings, name) for name in _DRAWINGS}
-_SHOWN |= {"sign": SIGNS.__getitem__, "prose": prose, "table": _table}
-_PIECES = Pieces(
-    __package__, "pieces.html", text, folded=True, given={"assumed": ASSUMED}, **_SHOWN
-)

@@ -3,7 +3,6 @@
 import re
 from collections.abc import Sequence
 
-from hw_model.texts.pieces import Pieces
 from locsnn_compile.report import content
 from locsnn_compile.report.format import plain
 from locsnn_compile.report.words import ASSUMED
@@ -14,7 +13,16 @@ _SPECIAL = re.compile(r"[\\`*\[\]|~#$]|(?<![^\W_])_|_(?![^\W_])")
 
 def render_markdown(report: content.Report) -> str:
     """Return the report as Markdown; equal content gives equal bytes."""
-    return _PIECES.piece("report", report).rstrip("\n") + "\n"
+    verdicts = "".join(_verdict(verdict) for verdict in report.verdicts)
+    notices = "".join(_notice(notice) for notice in report.notices)
+    sections = "".join(_section(section) for section in report.sections)
+    whole = f"""\
+# {text(report.title)}
+
+{text(report.subtitle)}
+
+{verdicts}{_assumptions(report.assumptions)}{notices}{sections}"""
+    return whole.rstrip("\n") + "\n"
 
 
 def text(value: str) -> str:
@@ -23,25 +31,80 @@ def text(value: str) -> str:
     return escaped.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
 
 
+def _verdict(verdict: content.Verdict) -> str:
+    return f"""\
+**{text(verdict.question)} {text(verdict.answer)}.** {text(verdict.sentence)}
+
+{_facts(verdict.facts)}
+"""
+
+
+def _assumptions(sentences: Sequence[str]) -> str:
+    if not sentences:
+        return ""
+    return f"""\
+**{ASSUMED}**
+
+{_items(sentences)}
+"""
+
+
+def _notice(notice: content.Notice) -> str:
+    return f"> **{text(notice.title)}** {text(notice.text)}\n\n"
+
+
+def _section(section: content.Section) -> str:
+    blocks = "".join(_block(block) for block in section.blocks)
+    return f"""\
+## {text(section.title)}
+
+{text(section.lead)}
+
+{blocks}"""
+
+
+def _block(block: content.Block) -> str:
+    """Return a block as text; of a drawing what is said of it, or nothing where a table has the same figures."""
+    match block:
+        case str():
+            return f"{text(block)}\n\n"
+        case content.Facts():
+            return f"{_facts(block.facts)}\n"
+        case content.Bullets():
+            return f"{text(block.title)}:\n\n{_items(block.items)}\n"
+        case content.Table():
+            return f"{_table(block)}\n\n"
+        case content.Span():
+            return f"{text(block.title)}:\n\n{_facts(block.facts)}\n"
+        case content.Mesh():
+            return f"{text(block.title)}: {text(block.description)}.\n\n"
+        case content.Stack() | content.Plot() | content.Raster():
+            return ""
+
+
+def _facts(facts: Sequence[content.Fact]) -> str:
+    return "".join(f"- {text(fact.label)}: {text(fact.value)}\n" for fact in facts)
+
+
+def _items(sentences: Sequence[str]) -> str:
+    return "".join(f"- {text(sentence)}\n" for sentence in sentences)
+
+
 def _table(table: content.Table) -> str:
     """Return the table without its drawn columns, below its caption."""
-    kept = [i for i, name in enumerate(table.columns) if name]
-    rows = [[_cell(row[i]) for i in kept] for row in table.rows]
+    named = [i for i, name in enumerate(table.columns) if name]
     lines = [
-        line([text(table.columns[i]) for i in kept]),
-        line(["---", *("---:" for _ in kept[1:])]),
+        line([text(table.columns[i]) for i in named]),
+        line(["---", *("---:" for _ in named[1:])]),
     ]
-    lines += [line(row) for row in rows]
+    lines += [line([_cell(row[i]) for i in named]) for row in table.rows]
     return f"**{text(table.caption)}**\n\n" + "\n".join(lines)
 
 
-def _cell(cell: str | content.Bar) -> str:
+def _cell(cell: content.Cell) -> str:
     return text(cell.label if isinstance(cell, content.Bar) else cell)
 
 
 def line(cells: Sequence[str]) -> str:
     """Return a row of a table."""
     return f"| {' | '.join(cells)} |"
-
-
-_PIECES = Pieces(__package__, "pieces.md", text, given={"assumed": ASSUMED}, table=_table)
