@@ -1,15 +1,12 @@
 """The words of the report: each is said somewhere, and the stages are those of the compiler, in its order."""
 
 from pathlib import Path
-from typing import get_args
 
 import pytest
 import yaml
 
 import locsnn_compile
-from hw_model.texts.pieces import Pieces
-from hw_model.texts.templates import sections
-from locsnn_compile.report.content import Block, Fact, Facts, Table
+from locsnn_compile.report.content import Fact, Facts, Table
 from locsnn_compile.report.words import (
     STAGES,
     facts,
@@ -29,7 +26,8 @@ TEXTS = yaml.safe_load((REPORT / "words.yaml").read_text("utf-8"))
 
 
 def test_nothing_is_left_over():
-    rooms = (REPORT, REPORT.parent / "cli", REPORT.parent / "explore")
+    targets = REPORT.parents[1] / "hw_model/targets"
+    rooms = (REPORT, REPORT.parent / "cli", REPORT.parent / "explore", targets)
     code = "\n".join(path.read_text("utf-8") for room in rooms for path in room.rglob("*.py"))
     names = [
         name
@@ -74,31 +72,6 @@ def test_places_are_filled():
 )
 def test_a_place_says_how_its_value_is_shown(text, value, filled):
     assert fill(text, {"x": value}) == filled
-
-
-@pytest.mark.parametrize("file", ["pieces.html", "pieces.md"])
-def test_every_block_has_a_piece_in_every_form(file):
-    assert {kind.__name__ for kind in get_args(Block)} <= set(
-        sections("locsnn_compile.report.renderers", file, assumed="")
-    )
-
-
-def test_pieces_hold_what_is_there():
-    pieces = Pieces(
-        "locsnn_compile.report.renderers",
-        "pieces.html",
-        str.upper,
-        given={"assumed": "assumed"},
-        prose=str.upper,
-    )
-    assert pieces.each([Fact("a", "b")], "fact") == "<div><dt>A</dt><dd>B</dd></div>"
-    assert pieces.fill("{x:piece fact}{y:piece fact}", {"x": None, "y": Fact("a", "b")}) == (
-        "<div><dt>A</dt><dd>B</dd></div>"
-    )
-    assert (pieces.some((), "assumed"), pieces.each(["c", Facts(())])) == (
-        "",
-        '<p>C</p><div class="facts"><dl></dl></div>',
-    )
 
 
 def test_a_row_without_a_mapping_is_a_value_and_facts_of_nothing_are_left_out():
