@@ -1,6 +1,7 @@
 """Every level of the chip side as stable text, for people to read and for golden tests to compare.
 
-Small arrays are written out. Large ones are shown by their range and a digest, so any change of a value shows.
+Small arrays are written out. Large ones are shown by their range and a digest, so any change of a
+value shows.
 """
 
 import hashlib
@@ -104,7 +105,7 @@ def _input(item: Input) -> str:
 
 
 def _group(group: Compartments) -> str:
-    """Return the line of a group. What is joined has no threshold; a usual bias or refractory count is not said."""
+    """Return the line of a group; of a bias of 0 and a refractory count of 1, nothing is said."""
     text = (
         f"  group {group.name}: {group.size}, phase {group.phase}, "
         f"decay_u {array_text(group.decay_u)}, decay_v {array_text(group.decay_v)}"

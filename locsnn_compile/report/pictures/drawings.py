@@ -72,7 +72,8 @@ def stack(drawn: Stack) -> str:
 
 def _track(kind: str, height: int, label: str, parts: str) -> str:
     return (
-        f'<svg class="{kind}" width="100%" height="{height}" role="img" aria-label="{_text(label)}">'
+        f'<svg class="{kind}" width="100%" height="{height}" role="img"'
+        f' aria-label="{_text(label)}">'
         f'<rect class="track" width="100%" height="{height}"/>{parts}</svg>'
     )
 
@@ -205,7 +206,7 @@ def _strokes(strokes: Strokes) -> str:
 
 
 def _flag(drawn: Raster, row_height: float, bottom: int) -> str:
-    """Return a dashed line and a ring at the flag of a raster, with its label; nothing without a flag."""
+    """Return a dashed line, a ring and a label at the flag of a raster; nothing without a flag."""
     if drawn.flag is None:
         return ""
     column, row = drawn.flag
@@ -231,7 +232,7 @@ def _axis(bottom: int, drawn: Plot | Raster) -> str:
 
 
 def _axis_tick(place: float, label: str, bottom: int) -> str:
-    """Return a tick at a place of 0..1 with its text, which stays within the picture at both ends."""
+    """Return a tick at a place of 0..1; at both ends its text stays within the picture."""
     x = _percent(100 * place)
     anchor = "middle"
     if place < 0.03:

@@ -92,7 +92,7 @@ def _marks(marks: Sequence[Mark], places: Sequence[chart.Point]) -> str:
 
 
 def _mark(mark: Mark, x: float, y: float) -> str:
-    """Draw a mark, whose words show when pointing at it, with a ring if it is the recommended one."""
+    """Draw a mark, with a ring if it is recommended; pointing at it shows its words."""
     style = "mark front" if mark.front else "mark"
     title = f"<title>{escaped(mark.words)}</title>"
     shape = _shape(mark.kind, x, y, style, title)
@@ -140,7 +140,7 @@ def _stair(places: Sequence[chart.Point]) -> str:
 
 
 def _legend(kinds: Sequence[str], y: float) -> str:
-    """Define the shapes of marks, and draw a sample of each kind and of what else a picture has, with its name."""
+    """Define the shapes of marks, and draw a sample of all that panels show, with its name."""
     samples: list[tuple[str, Callable[[float, float], str]]] = [
         *((name, partial(_shape, kind, style="mark")) for kind, name in enumerate(kinds)),
         ("on the front", partial(_shape, 0, style="mark front")),

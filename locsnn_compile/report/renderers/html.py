@@ -67,7 +67,7 @@ def prose(value: str) -> str:
 
 
 def _verdicts(report: content.Report) -> str:
-    """Return what stands first: the verdicts in a sentence each, the assumptions, and the verdicts with facts."""
+    """Return what stands first: a sentence a verdict, the assumptions, and the verdicts with facts."""
     sentences = "".join(f"<p>{prose(verdict.sentence)}</p>" for verdict in report.verdicts)
     verdicts = "".join(_verdict(verdict) for verdict in report.verdicts)
     return (
@@ -117,7 +117,8 @@ def _section(section: content.Section) -> str:
     blocks = "".join(_block(block) for block in section.blocks)
     return (
         f'<section class="section" aria-labelledby="{key}">'
-        f'<div><h2 id="{key}">{text(section.title)}</h2><p class="lead">{text(section.lead)}</p></div>'
+        f'<div><h2 id="{key}">{text(section.title)}</h2>'
+        f'<p class="lead">{text(section.lead)}</p></div>'
         f'<div class="blocks">{blocks}</div></section>'
     )
 
