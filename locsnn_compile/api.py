@@ -1,11 +1,10 @@
 """The Python interface: compile a network, and verify the result."""
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from hw_model.io.given import checked
 from hw_model.program.write import program_files
 from hw_model.streaming.psi import check_psi
 from hw_model.values import ArrayLike, Frozen
+from hw_model.xylo.chips import XyloChip, XyloName
 from locsnn_compile.cluster.spread import Spread, spread_over
 from locsnn_compile.data.channels import frames_as_channels
 from locsnn_compile.data.joining import join_channels
@@ -37,17 +37,19 @@ from locsnn_compile.report.figures.checks import choice_document
 from locsnn_compile.report.figures.document import report_document
 from locsnn_compile.report.grounds import grounds_of
 from locsnn_compile.report.renderers.html import render_html, render_summary
-from locsnn_compile.report.renderers.markdown import render_markdown
 from locsnn_compile.report.sections.verdict import matches
+from locsnn_compile.report.written import report_files
 from locsnn_compile.request.choose_strategy import Choice, choose_strategy, lower_or_advise
 from locsnn_compile.request.compile_request import (
+    AnyChip,
     CheckRequest,
     CompileRequest,
     Events,
     PricingRequest,
     SettingRequest,
+    chip_named,
 )
-from locsnn_compile.settings import AUTO, NATIVE, STRATEGIES, Value, check_dials
+from locsnn_compile.settings import AUTO, NATIVE, STRATEGIES, Value, check_dials, check_matters
 from locsnn_compile.verification.diagnosis import Diagnosis
 from locsnn_compile.verification.diagnosis import diagnose as find_diagnosis
 from locsnn_compile.verification.error_bounds import ErrorBudget
@@ -55,6 +57,8 @@ from locsnn_compile.verification.excerpt import Excerpt, take_excerpt
 from locsnn_compile.verification.matching import Match, Progress, compare
 from locsnn_compile.verification.observation import Observed
 from locsnn_compile.verification.over_time import PSI, over_time
+from locsnn_compile.xylo.compile import XyloRequest, compile_for_xylo
+from locsnn_compile.xylo.compiled import CompiledXylo
 
 SYNTHETIC_SAMPLES, SYNTHETIC_VALUES = 16, 10_000_000
 """How many synthetic recordings are made, and the most values in them: large recordings are fewer."""
@@ -117,16 +121,7 @@ class CompiledModel(Frozen, eq=False):
         ``emit`` are kinds of ``--emit``; those about one recording need the one that is ``shown``.
         Equal input, equal bytes.
         """
-        document = json.dumps(self.report, indent=2, allow_nan=False, ensure_ascii=False)
-        reports = {
-            "report.json": document + "\n",
-            "report.md": render_markdown(self.composed),
-            "report.html": self.to_html(),
-        }
-        files = program_files(self.program)
-        for name, text in reports.items():
-            # A name may hold characters that UTF-8 cannot; JSON can read their escapes.
-            files[name] = text.encode(errors="backslashreplace")
+        files = program_files(self.program) | report_files(self.report, self.composed)
         return files | emitted_files(Build(self.program, self, shown), emit)
 
     @checked
@@ -138,7 +133,16 @@ class CompiledModel(Frozen, eq=False):
         write_build(Path(folder), self.files())
 
 
-@checked
+@overload
+def compile(  # type: ignore[overload-overlap]  # the names of these chips are texts, too
+    network: Network | Checkpoint,
+    target: XyloChip | XyloName,
+    *,
+    events: Events | None = None,
+    labels: ArrayLike | None = None,
+    progress: Progress | None = None,
+) -> CompiledXylo: ...
+@overload
 def compile(
     network: Network | Checkpoint | Sequence[Network | Checkpoint],
     target: str | Path | hw.Chip = "loihi-sim",
@@ -156,12 +160,34 @@ def compile(
     scheduler: str | None = None,
     weights: Sequence[float] | None = None,
     **dials: Value | None,
-) -> CompiledModel:
+) -> CompiledModel: ...
+
+
+@checked
+def compile(
+    network: Network | Checkpoint | Sequence[Network | Checkpoint],
+    target: str | Path | AnyChip = "loihi-sim",
+    strategy: str = AUTO,
+    weight_bits: int | None = None,
+    events: Events | None = None,
+    labels: ArrayLike | None = None,
+    progress: Progress | None = None,
+    diagnosis: bool = True,
+    calibration: Events | None = None,
+    budget: ErrorBudget | None = None,
+    psi: float | None = None,
+    split_weights: float | None = None,
+    profile: str | Path | None = None,
+    scheduler: str | None = None,
+    weights: Sequence[float] | None = None,
+    **dials: Value | None,
+) -> CompiledModel | CompiledXylo:
     """Compile a network, or what ``train`` returned, for a chip, and check it against the float reference.
 
     Several networks become one program that adds their class scores.
 
-    - ``target``: a chip, its name, or the path of a chip YAML
+    - ``target``: a chip, its name, or the path of a chip YAML. For a Xylo, the result is a ``CompiledXylo``, and
+      everything below that does not apply to it is refused
     - ``strategy``: how SRM neurons are lowered; ``auto`` takes the cheapest that keeps the bounds
     - ``weight_bits``: 1 to 6, or 8; by default the chip's widest. With a ``budget``, the widest to try
     - ``events``: recordings to check on, as a file, an archive, a folder or an array (samples, steps, channels) of 0
@@ -184,7 +210,7 @@ def compile(
     Raises ``InputError`` for something that cannot be used, and ``TargetError`` for a model that the chip cannot hold.
     """
     check_dials(dials, "compile")
-    chip = target if isinstance(target, hw.Chip) else hw.chip(target)
+    chip = chip_named(target)
     dials |= {"strategy": strategy, "weight_bits": weight_bits, "split_weights": split_weights}
     asked = SettingRequest.of(chip, dials, budget, calibration)
     check = CheckRequest(events, labels, psi, diagnosis, scheduler, progress)
@@ -206,13 +232,24 @@ def _one_network(
     return load(network) if isinstance(network, Checkpoint) else network
 
 
-def fulfil(request: CompileRequest) -> CompiledModel:
+@overload
+def fulfil(request: CompileRequest[hw.Chip]) -> CompiledModel: ...
+@overload
+def fulfil(request: CompileRequest[XyloChip]) -> CompiledXylo: ...
+@overload
+def fulfil(request: CompileRequest[AnyChip]) -> CompiledModel | CompiledXylo: ...
+
+
+def fulfil(request: CompileRequest[AnyChip]) -> CompiledModel | CompiledXylo:
     """Compile a network as requested, and check it against the float reference.
 
     Raises ``InputError`` for something that cannot be used, and ``TargetError`` for a model that
     the chip cannot hold.
     """
-    chip = request.pricing.priced(request.chip)
+    chip = request.chip
+    if isinstance(chip, XyloChip):
+        return _fulfil_for_xylo(request, chip)
+    chip = request.pricing.priced(chip)
     check = request.check
     network = _with_psi(request.network, check.psi)
     recordings = recordings_for(network, check.events, check.labels)
@@ -246,6 +283,22 @@ def fulfil(request: CompileRequest) -> CompiledModel:
     report = report_document(levels, match, grounds, diagnosis, followed)
     report |= {"strategy_choice": choice_document(choice)}
     return CompiledModel(observed, match, report, choice, excerpt)
+
+
+def _fulfil_for_xylo(request: CompileRequest[AnyChip], chip: XyloChip) -> CompiledXylo:
+    """Compile for a Xylo; refuse what a request may ask of other chips only."""
+    check = request.check
+    if request.pricing.profile is not None:
+        what = f"no energies of {chip.name} are published"
+        raise InputError(f"profile {str(request.pricing.profile)!r}", what, fix="Leave it out.")
+    if check.scheduler is not None:
+        what = f"recordings are played to {chip.name} in this process"
+        raise InputError("scheduler", what, fix="Leave it out.")
+    if request.setting.calibration is not None:
+        check_matters(request.network, {"calibration": "calibration"})
+    network = _with_psi(request.network, check.psi)
+    recordings = recordings_for(network, check.events, check.labels)
+    return compile_for_xylo(XyloRequest(network, chip, recordings, check.progress))
 
 
 def _with_bounds_of(choice: Choice | None, network: Network, asked: SettingRequest) -> Network:

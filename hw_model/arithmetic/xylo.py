@@ -42,6 +42,7 @@ from hw_model.values import FloatArray, IntArray
 
 STATE_MIN = -(1 << 15)
 STATE_MAX = (1 << 15) - 1
+WEIGHT_BITS = 8
 WEIGHT_MIN = -128
 WEIGHT_MAX = 127
 DASH_MAX = 15
@@ -91,8 +92,8 @@ def collect(i: IntArray, spikes: IntArray, charges: IntArray) -> tuple[IntArray,
 
 def respond(p: Parameters, state: State) -> Counted:
     """Let currents and potentials decay, and add the currents and the bias to the potentials."""
-    i = state.i - taken(state.i, p.dash_syn)
-    exact = wrap(-taken(state.v, p.dash_mem)) + i.sum(axis=1)
+    i = decayed(state.i, p.dash_syn)
+    exact = change_of(state.v, p.dash_mem, i.sum(axis=1))
     change = saturate(exact)
     changes_saturated = np.count_nonzero(change != exact)
     if p.bias is not None:
@@ -106,6 +107,16 @@ def respond(p: Parameters, state: State) -> Counted:
         "potential_saturations": int(np.count_nonzero(v != v_sum)),
     }
     return Counted(State(i, v), saturations)
+
+
+def decayed(i: IntArray, dash_syn: IntArray) -> IntArray:
+    """Return what a step leaves of currents."""
+    return i - taken(i, dash_syn)
+
+
+def change_of(v: IntArray, dash_mem: IntArray, currents: IntArray) -> IntArray:
+    """Return what a step adds to potentials, before it saturates; ``currents`` are sums over k."""
+    return wrap(-taken(v, dash_mem)) + currents
 
 
 def fire(v: IntArray, threshold: IntArray, room: IntArray | int) -> tuple[IntArray, IntArray]:
@@ -146,7 +157,8 @@ def wrap(x: IntArray) -> IntArray:
 def taken(x: IntArray, dash: IntArray) -> IntArray:
     """Return what a decay takes away: x >> dash, or, where that is 0, one unit with the sign of x."""
     shifted = x >> dash
-    return np.where(shifted == 0, np.sign(x), shifted)
+    lost: IntArray = shifted + np.sign(x) * (shifted == 0)
+    return lost
 
 
 def charge_of(weight: IntArray, shift: int) -> IntArray:
@@ -186,9 +198,9 @@ def peak_response(dash_syn: int, dash_mem: int, steps: int = 4096) -> float:
     return float(v.max())
 
 
-def largest_current(charge: float, dash_syn: int) -> float:
+def largest_current(charge: IntArray | int, dash_syn: IntArray | int) -> FloatArray:
     """Return what a current stays at or below while at most ``charge`` of its sign arrives in a step.
 
     A current at (charge + 1) 2^dash - 1 loses in a step what arrives in it.
     """
-    return (charge + 1) * 2.0**dash_syn - 1
+    return (np.asarray(charge) + 1) * 2.0 ** np.asarray(dash_syn) - 1

@@ -3,100 +3,62 @@
 Nothing in the files is executed. A damaged, swapped or newer file is refused by name.
 """
 
-import hashlib
-import io
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from hw_model.description.chip import parse_chip
-from hw_model.errors import InputError, check_same
-from hw_model.io.files import parsing, read_bytes
-from hw_model.io.folders import finish_writing
+from hw_model.errors import InputError
+from hw_model.io.files import parsing
 from hw_model.io.given import checked
-from hw_model.io.npy import load_npy
-from hw_model.io.yaml_text import FAST_LOADER, SEAL, load_yaml
-from hw_model.io.zip_directory import BoundedZip
 from hw_model.mapping.fan_in import SynapseFormat
 from hw_model.mapping.graph import Input, Phase, Readout, held
 from hw_model.mapping.placement import Slice
 from hw_model.mapping.routing import AxonTables, InputRoute
 from hw_model.program.check import OF_SYNAPSES, check_program
 from hw_model.program.chip_program import ChipProgram, CompartmentProfile, Core
+from hw_model.program.sealed import CHIP_PROGRAM, PROGRAM_YAML, SealedPair, read_pair
 from hw_model.program.write import (
     AXON_ARRAYS,
     CHANNEL_ORDERS,
     CORE_ARRAYS,
     FIRST,
-    FORMAT,
     INPUT_ENTRIES,
     RECORDINGS,
     ROUTE_ARRAYS,
     TIME_UNITS,
     VERSION,
 )
-from hw_model.values import IntArray, sealed
-
-MAX_FILE_BYTES = 2 << 30
-MAX_ARRAY_BYTES, MAX_PACKING = 3 << 29, 64
-"""Largest size of all arrays together, unpacked: in bytes, or, if that is more, as a multiple of the file's size."""
-MAX_YAML_NODES = 2_000_000
-"""Largest number of values, keys and containers in ``program.yaml``, which has about a hundred per core."""
+from hw_model.values import IntArray
 
 
 @checked
 def load_program(folder: str | Path) -> ChipProgram:
     """Read a program; anything missing, damaged, swapped or newer is an ``InputError``."""
-    path, fix = Path(folder), "Give the folder that the compiler wrote."
-    finish_writing(path)
-    yaml_bytes, npz_bytes = (
-        read_bytes(
-            path / name, f"program {str(path)!r}, {name}", MAX_FILE_BYTES, "Compile again.", fix
-        )
-        for name in ("program.yaml", "program.npz")
-    )
-    asked = "program.yaml", "the file is not YAML: it is damaged", "Compile again."
-    document = load_yaml(yaml_bytes, *asked, loader=FAST_LOADER, most_nodes=MAX_YAML_NODES)
-    if not isinstance(document, dict) or document.get("format") != FORMAT:
-        raise InputError("program.yaml", "this is not a program", fix=fix)
-    version, fix = (
-        repr(document.get("version")),
-        "Compile it again, or use the release that wrote it.",
-    )
-    check_same(
-        version, repr(VERSION), "program.yaml", "the program has another format version", fix=fix
-    )
-    if hashlib.sha256(npz_bytes).hexdigest() != document.get("arrays_sha256"):
-        what = "the checksum differs: it is damaged, or of another program"
-        raise InputError("program.npz", what, fix="Compile again.")
-    with parsing("program.yaml", "its entries do not make a program", fix="Compile again."):
-        arrays = _unpack(npz_bytes)
+    return chip_program_of(read_pair(Path(folder)))
+
+
+def chip_program_of(pair: SealedPair) -> ChipProgram:
+    """Return the program in both files as read."""
+    pair.check_format(CHIP_PROGRAM, VERSION)
+    pair.check_arrays()
+    with parsing(PROGRAM_YAML, "its entries do not make a program", fix="Compile again."):
+        arrays = _vectors(pair)
         stored = set(arrays)
-        program = _program(document, arrays)
+        program = _program(pair.document, arrays)
         check_program(program)
     _check_names(stored, program)
-    above, seal, said = yaml_bytes.replace(b"\r\n", b"\n").rpartition(SEAL.encode())
-    if seal and hashlib.sha256(above).hexdigest().encode() != said.strip():
-        fix = "Compile again or, to play it as edited, remove its last line."
-        raise InputError(
-            "program.yaml", "its checksum differs: it was edited, or is damaged", fix=fix
-        )
+    pair.check_seal()
     return program
 
 
-def _unpack(content: bytes) -> dict[str, IntArray]:
-    """Return the int64 vectors of the archive by name, read-only; any exception where there is something else."""
-    arrays: dict[str, IntArray] = {}
-    with BoundedZip(io.BytesIO(content), "program.npz", "Compile again.") as archive:
-        if archive.unpacked_bytes > max(MAX_ARRAY_BYTES, MAX_PACKING * len(content)):
-            raise InputError("program.npz", "its arrays are absurdly large", fix="Compile again.")
-        for name in archive.namelist():
-            array = load_npy(archive.content(name), f"program.npz, {name!r}")
-            if array.dtype != np.int64 or array.ndim != 1:
-                raise ValueError(name)
-            arrays[name.removesuffix(".npy")] = sealed(array)
+def _vectors(pair: SealedPair) -> dict[str, IntArray]:
+    """Return the arrays by name; any exception where one is not a vector."""
+    arrays = pair.unpack()
+    for name, array in arrays.items():
+        if array.ndim != 1:
+            raise ValueError(name)
     return arrays
 
 
@@ -121,7 +83,7 @@ def _check_names(stored: set[str], program: ChipProgram) -> None:
         )
 
 
-def _program(document: dict[str, Any], arrays: dict[str, IntArray]) -> ChipProgram:
+def _program(document: Mapping[str, Any], arrays: dict[str, IntArray]) -> ChipProgram:
     inputs, routes = [], []
     for index, item in enumerate(document["inputs"]):
         positions = arrays[f"input{index}/positions"] if item["transposed"] else None
@@ -157,7 +119,7 @@ def _program(document: dict[str, Any], arrays: dict[str, IntArray]) -> ChipProgr
     )
 
 
-def _known(document: dict[str, Any], name: str, kind: type[int] | type[float]) -> Any:
+def _known(document: Mapping[str, Any], name: str, kind: type[int] | type[float]) -> Any:
     """Return an entry that may be missing: a number of this kind from 0 up; seconds must be above 0."""
     value = document.get(name)
     if value is None:

@@ -2,26 +2,18 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-import yaml
-
-from hw_model.errors import InputError
-from hw_model.io.files import npy_bytes, pack_files
-from hw_model.io.folders import replace_entries
-from hw_model.io.yaml_text import SEAL
 from hw_model.mapping.routing import AxonTables
+from hw_model.program.sealed import CHIP_PROGRAM, save_files, sealed_files
 from hw_model.values import IntArray, picked
 
 if TYPE_CHECKING:
     from hw_model.mapping.graph import Readout
     from hw_model.program.chip_program import ChipProgram, Core
 
-FORMAT = "locsnn-program"
 VERSION = 1
 _NUMBERS: dict[str, type[int] | type[float]] = {
     "step_seconds": float,
@@ -53,46 +45,12 @@ INPUT_ENTRIES = ("name", "size", "phase", "stream")
 
 def program_files(program: ChipProgram) -> dict[str, bytes]:
     """Return the two files as bytes, by name; the same program gives the same bytes."""
-    columns = (
-        (f"{name}.npy", npy_bytes(array.astype(np.int64)))
-        for name, array in program_arrays(program).items()
-    )
-    arrays = pack_files(columns, compressed=True)
-    document = {
-        "format": FORMAT,
-        "version": VERSION,
-        "arrays_sha256": hashlib.sha256(arrays).hexdigest(),
-    }
-    document.update(program_document(program))
-    text = yaml.dump(document, sort_keys=False, allow_unicode=True, width=120, Dumper=_Dumper)
-    text += f"{SEAL}{hashlib.sha256(text.encode()).hexdigest()}\n"
-    return {"program.npz": arrays, "program.yaml": text.encode()}
+    return sealed_files(CHIP_PROGRAM, VERSION, program_document(program), program_arrays(program))
 
 
 def save_program(program: ChipProgram, folder: str | Path) -> None:
     """Write both files, or neither; everything else in the folder stays."""
-    target = Path(folder)
-    try:
-        replace_entries(target, program_files(program))
-    except OSError as error:
-        fix = "Choose a folder that you may write to."
-        raise InputError(
-            f"folder {target.name!r}", f"cannot be written: {error.strerror}", fix=fix
-        ) from error
-
-
-class _Dumper(yaml.SafeDumper):
-    """Writes the chip's own YAML text as a block."""
-
-
-def _text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
-    # A reader takes what is left bare of these for the end of a line; no file can hold half of a surrogate pair.
-    text = text.encode(errors="backslashreplace").decode()
-    style = '"' if {*"\x85\u2028\u2029"} & {*text} else "|" if "\n" in text else None
-    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=style)
-
-
-_Dumper.add_representer(str, _text)
+    save_files(Path(folder), program_files(program))
 
 
 def program_document(program: ChipProgram) -> dict[str, Any]:

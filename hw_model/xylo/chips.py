@@ -2,12 +2,15 @@
 
 from functools import cache
 from importlib.resources import files
-from typing import Annotated
+from typing import Annotated, Literal
 
 from hw_model.description.read import parse
-from hw_model.errors import check_known
+from hw_model.errors import check_known, counted
 from hw_model.io.records import between
 from hw_model.values import Frozen
+
+XyloName = Literal["xylo-audio2", "xylo-audio3", "xylo-imu"]
+"""The chips that ship, for type checkers."""
 
 
 class XyloChip(Frozen):
@@ -20,6 +23,14 @@ class XyloChip(Frozen):
     states: Annotated[int, between(1, 2)]
     source: str
     notes: str = ""
+
+    @property
+    def description(self) -> str:
+        """What it has room for, in a line."""
+        return (
+            f"{self.inputs} inputs, {counted(self.hidden, 'hidden neuron')} of "
+            f"{counted(self.states, 'current')}, {self.outputs} outputs"
+        )
 
 
 def xylo_chip_names() -> tuple[str, ...]:

@@ -30,15 +30,10 @@ class XyloResult(Shown):
 
 def play_xylo(network: XyloNetwork, events: AnyArray) -> XyloResult:
     """Play rows of input events, counts (T, inputs), to a network at rest."""
-    counts = np.asarray(events)
-    inputs = len(network.weights_in)
-    if counts.ndim != 2 or counts.shape[1] != inputs or counts.min(initial=0) < 0:
-        measured = f"{counts.shape} against (rows, {inputs})"
-        fix = "Give a row of counts, 0 or more, for each step."
-        raise InputError("input events", "they do not fit the inputs", measured=measured, fix=fix)
+    rows = checked_rows(network, events)
     run = _Run(network)
-    result = _empty(network, len(counts), run.events)
-    for t, row in enumerate(counts.astype(np.int64)):
+    result = empty_result(network, len(rows), run.events)
+    for t, row in enumerate(rows):
         result.spikes[t], result.output_spikes[t] = run.step(row)
         result.i[t], result.v[t] = run.hidden
         result.output_i[t] = run.outputs.i[:, 0]
@@ -46,7 +41,18 @@ def play_xylo(network: XyloNetwork, events: AnyArray) -> XyloResult:
     return result
 
 
-def _empty(network: XyloNetwork, rows: int, events: dict[str, int]) -> XyloResult:
+def checked_rows(network: XyloNetwork, events: AnyArray) -> IntArray:
+    """Return rows of input events as integers; ``InputError`` for others than counts (T, inputs)."""
+    counts = np.asarray(events)
+    inputs = len(network.weights_in)
+    if counts.ndim != 2 or counts.shape[1] != inputs or counts.min(initial=0) < 0:
+        measured = f"{counts.shape} against (rows, {inputs})"
+        fix = "Give a row of counts, 0 or more, for each step."
+        raise InputError("input events", "they do not fit the inputs", measured=measured, fix=fix)
+    return counts.astype(np.int64)
+
+
+def empty_result(network: XyloNetwork, rows: int, events: dict[str, int]) -> XyloResult:
     """Return room for so many rows."""
     hidden, outputs = network.hidden, network.outputs
 

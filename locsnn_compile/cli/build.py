@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from hw_model.description.chip import Chip, chip
 from hw_model.io.build_folder import check_folder, default_folder, write_build
 from hw_model.io.files import replace_file
 from hw_model.values import picked
+from hw_model.xylo.chips import XyloChip
 from locsnn_compile.api import calibration_recordings, fulfil, join, recordings_for
 from locsnn_compile.cli.options import given, recording_of
 from locsnn_compile.cli.places import check_places
@@ -40,13 +40,16 @@ from locsnn_compile.report.gates import GATES, check_gates, gates_entry, junit_f
 from locsnn_compile.report.sections.build import unmet_budget
 from locsnn_compile.report.words import sentence
 from locsnn_compile.request.compile_request import (
+    AnyChip,
     CheckRequest,
     CompileRequest,
     PricingRequest,
     SettingRequest,
+    chip_named,
 )
 from locsnn_compile.settings import DIALS, check_matters
 from locsnn_compile.verification.error_bounds import ErrorBudget
+from locsnn_compile.xylo.compiled import check_emitted
 
 READ = ("--options", "--config", "--events", "--calibration", "--target", "--profile")
 BOUNDS = ("--min-agreement", "--max-spike-error", "--max-score-error")
@@ -60,8 +63,8 @@ def build(args: Namespace) -> int:
     folder = Path(args.output) if args.output else default_folder(f"{name}.pt")
     _check_places(args, folder)
     network = _network(args)
-    target = chip(args.target)
-    check_kinds(target, args.emit)
+    target = chip_named(args.target)
+    _check_kinds(target, args.emit)
     recordings, calibration = _recordings(args, network)
     number = recording_of(args.recording, recordings)
     with progress_bar("checking against the trained network", show=not args.quiet) as progress:
@@ -103,8 +106,16 @@ def build(args: Namespace) -> int:
     return EXIT_GATE if failed or unmet else 0
 
 
+def _check_kinds(target: AnyChip, kinds: Sequence[str]) -> None:
+    """Refuse kinds of --emit that show what a target does not have."""
+    if isinstance(target, XyloChip):
+        check_emitted(target.name, kinds)
+    else:
+        check_kinds(target, kinds)
+
+
 def _setting_request(
-    args: Namespace, target: Chip, calibration: Recordings | None
+    args: Namespace, target: AnyChip, calibration: Recordings | None
 ) -> SettingRequest:
     """Return what the options ask of the setting."""
     values = picked(args, *(dial.name for dial in DIALS))

@@ -24,6 +24,9 @@ from typing import Any
 import numpy as np
 
 import hw_model as hw
+from hw_model.xylo.files import load_any_program
+from hw_model.xylo.program import XyloProgram
+from locsnn_compile.cli.outcomes import accuracy_lines, check_classes, recording_line
 from locsnn_compile.cli.shell import progress_bar, say
 from locsnn_compile.cli.step_options import (
     assumption_lines,
@@ -33,7 +36,7 @@ from locsnn_compile.cli.step_options import (
 from locsnn_compile.cluster.spread import Spread, spread_over
 from locsnn_compile.data.read import recording_parts
 from locsnn_compile.data.recordings import Recordings, batches
-from locsnn_compile.errors import InputError, check_most
+from locsnn_compile.errors import InputError
 from locsnn_compile.report.format import plural
 
 Row = dict[str, Any]
@@ -45,7 +48,11 @@ MIN_AGREEMENT = 0.99
 def run(args: argparse.Namespace) -> int:
     """Play every recording; print a line for each, or JSON."""
     _check_options(args)
-    program = hw.load_program(args.program)
+    program = load_any_program(args.program)
+    if isinstance(program, XyloProgram):
+        from locsnn_compile.cli.run_xylo import run_xylo  # programs of other chips do not need it
+
+        return run_xylo(args, program)
     if args.profile:
         program = replace(program, chip=hw.priced_by(program.chip, args.profile))
     if program.readout is None:
@@ -103,21 +110,11 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def recording_line(row: Row) -> str:
-    """Return the outcome of a recording as one line."""
-    label = "" if row["label"] is None else f"  label {row['label']}"
-    predicted = "all classes tie" if row["tied"] else f"class {row['prediction']}"
-    return f"recording {row['recording']}: {predicted}{label}  {plural(row['spikes'], 'spike')}"
-
-
 def _summary(
     program: hw.ChipProgram, tally: Counter[str], counts: hw.Counts, totals: dict[str, float]
 ) -> list[str]:
-    lines, played = [], tally["all"]
-    if tally["known"]:
-        lines.append(
-            f"accuracy {tally['right'] / tally['known']:.3f} on {plural(tally['known'], 'recording')}"
-        )
+    played = tally["all"]
+    lines = accuracy_lines(tally["right"], tally["known"])
     spent = (
         f"{sum(totals.values()) / played / 1e6:.2f} µJ (profile {program.chip.default_profile}), "
         if totals
@@ -159,10 +156,7 @@ def _play_part(
     found = hw.simulate(program, spikes, engine=engine, probe=())
     assert found.scores is not None  # a program without a readout has been refused
     if labels is not None:
-        most, fix = found.scores.shape[1] - 1, "Check that the recordings belong to this program."
-        check_most(
-            int(labels.max()), most, "labels of --events", "no class has this number", fix=fix
-        )
+        check_classes(labels, found.scores.shape[1])
     assert program.readout is not None
     tied = program.readout.decided(found.scores) < 0
     labels = [None] * len(spikes) if labels is None else labels.tolist()

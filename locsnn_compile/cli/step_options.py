@@ -97,6 +97,15 @@ def chunks_for_program(args: argparse.Namespace, program: hw.ChipProgram) -> Ite
     return (_fitting(program, part) for part in found)
 
 
+def chunks_expected(args: argparse.Namespace, expected: Expected) -> Iterator[Recordings]:
+    """Yield the recordings of ``--events``, a few at a time, for a program that expects these."""
+    model = _numbered(args, expected)
+    for part in read_in_chunks(args.events, BATCH, model=model, **asked_reading(args)):
+        _check_channels(part, expected.channels)
+        _check_steps(part, expected.steps)
+        yield part
+
+
 def assumption_lines(recordings: Recordings) -> list[str]:
     """Return what was taken where neither the recordings nor the program said it, a line for each sentence."""
     return [f"assumed: {said}" for said in recordings.assumed]
@@ -107,31 +116,44 @@ def _fitting(program: hw.ChipProgram, recordings: Recordings) -> Recordings:
 
     A program that begins with the first touch ends by itself, however long a recording is.
     """
-    where, (wanted, *others) = f"events {recordings.source!r}", program.streams.values()
-    channels = recordings.spikes.shape[2]
+    wanted, *others = program.streams.values()
     if others:
-        what, fix = (
-            "the program has several inputs, and a file holds one",
-            "Play it in Python, by hw.simulate.",
-        )
+        where = f"events {recordings.source!r}"
+        what = "the program has several inputs, and a file holds one"
+        fix = "Play it in Python, by hw.simulate."
         raise InputError(where, what, measured=", ".join(program.streams)[:80], fix=fix)
-    if channels != wanted:
-        what = "the channel count differs from the program's"
-        measured, fix = (
-            f"{counted(channels, 'channel')} against {wanted}",
-            f"Give recordings of {wanted} channels.",
-        )
-        raise InputError(where, what, measured=measured, fix=fix)
-    steps, most = recordings.spikes.shape[1], expected_by(program).steps
-    if most is not None and all(phase.align_events is None for phase in program.phases):
-        what = "the recordings are longer than the program"
-        check_most(steps, most, where, what, unit="steps", fix=f"Cut them with --steps {most}.")
+    _check_channels(recordings, wanted)
+    if all(phase.align_events is None for phase in program.phases):
+        _check_steps(recordings, expected_by(program).steps)
     return recordings
 
 
+def _check_channels(recordings: Recordings, wanted: int | None) -> None:
+    channels = recordings.spikes.shape[2]
+    if channels != wanted:
+        where = f"events {recordings.source!r}"
+        what = "the channel count differs from the program's"
+        measured = f"{counted(channels, 'channel')} against {wanted}"
+        fix = f"Give recordings of {wanted} channels."
+        raise InputError(where, what, measured=measured, fix=fix)
+
+
+def _check_steps(recordings: Recordings, most: int | None) -> None:
+    """Refuse recordings that are longer than a program that has a length."""
+    if most is not None:
+        where = f"events {recordings.source!r}"
+        what = "the recordings are longer than the program"
+        fix = f"Cut them with --steps {most}."
+        check_most(recordings.spikes.shape[1], most, where, what, unit="steps", fix=fix)
+
+
 def _expected(args: argparse.Namespace, program: hw.ChipProgram) -> Expected:
-    """Return the recordings that a program expects, its channels numbered as the options say if it does not."""
-    expected = expected_by(program)
+    """Return the recordings that a program expects, numbered as the options say if it does not."""
+    return _numbered(args, expected_by(program))
+
+
+def _numbered(args: argparse.Namespace, expected: Expected) -> Expected:
+    """Return what is expected, its channels numbered as the options say if it does not say so."""
     if args.channel_order is None:
         return expected
     own = expected.inputs.numbering if expected.inputs else expected.numbering

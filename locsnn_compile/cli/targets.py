@@ -10,7 +10,10 @@ import argparse
 
 import hw_model as hw
 from hw_model.targets import target_of
+from hw_model.xylo.chips import xylo_chip, xylo_chip_names
 from locsnn_compile.report.words import sentence
+
+XYLO_SAYS = "leaky neurons with decays by shifts, weights of 8 bits; energy is not known"
 
 
 def run(args: argparse.Namespace) -> int:
@@ -27,4 +30,7 @@ def run(args: argparse.Namespace) -> int:
         )
         room = sentence(target_of(chip).called, chip=chip, priced=priced)
         print(f"{name}: {chip.description}\n  {room}")
+    for name in xylo_chip_names():
+        xylo = xylo_chip(name)
+        print(f"{name}: {xylo.description}\n  a Xylo: {XYLO_SAYS}")
     return 0

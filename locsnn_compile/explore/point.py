@@ -70,7 +70,7 @@ class Study(Frozen, eq=False):
     calibration: Recordings
     engines: tuple[Engine, ...] = ()
 
-    def request(self, setting: Setting) -> CompileRequest:
+    def request(self, setting: Setting) -> CompileRequest[hw.Chip]:
         """Return what is asked of the compiler for a point; its report needs no diagnosis.
 
         Raises ``TargetError`` for a setting that the chip does not have.

@@ -29,20 +29,21 @@ def grounds_of(
     network: Network,
     recordings: Recordings,
     calibration: Recordings,
-    registers: Registers,
+    registers: Registers | None,
     *,
     chosen: bool = False,
     rounded: Iterable[QuantizedPopulation] = (),
 ) -> Grounds:
     """Return the grounds of a check of ``network`` on ``recordings``, its weights rounded on ``calibration``.
 
+    ``registers`` are those of the chip, None where the reference does not compute in registers.
     ``chosen``: settings were chosen on ``calibration`` as well. ``rounded``: the populations in integers.
     """
     # The bins of made-up recordings say nothing about a sensor.
     of_bins = None if recordings.origin == "made up" else recordings.step_seconds
     known = network.stated_step_seconds if of_bins is None else of_bins
     rest = (
-        *_of_registers(network, registers),
+        *(() if registers is None else _of_registers(network, registers)),
         *_of_floors(rounded),
         *_of_recordings(network, recordings),
         *_of_step(network, recordings, known),

@@ -5,17 +5,23 @@ CompileRequest = a network, a chip, SettingRequest, CheckRequest, PricingRequest
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Generic, TypeVar
 
 import hw_model as hw
 from hw_model.values import ArrayLike, Frozen
+from hw_model.xylo.chips import XyloChip, xylo_chip
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.network.network import Network
+from locsnn_compile.request.xylo_setting import xylo_setting
 from locsnn_compile.settings import AUTO, Setting, Value, setting_for
 from locsnn_compile.verification.error_bounds import ErrorBudget
 from locsnn_compile.verification.matching import Progress
 
 Events = str | Path | Recordings | ArrayLike
 """Recordings: a file, an archive, a folder, or an array (samples, steps, channels)."""
+AnyChip = hw.Chip | XyloChip
+"""A chip of either arithmetic."""
+TargetT = TypeVar("TargetT", bound=AnyChip, covariant=True)
 NO_BOUNDS = ErrorBudget()
 
 
@@ -38,14 +44,17 @@ class SettingRequest(Frozen, eq=False):
     @classmethod
     def of(
         cls,
-        chip: hw.Chip,
+        chip: AnyChip,
         values: Mapping[str, Value | None],
         budget: ErrorBudget | None = None,
         calibration: Events | None = None,
     ) -> "SettingRequest":
         """Return a request for values by dial, None for usual ones; see :func:`setting_for`."""
         given = frozenset(name for name, value in values.items() if value is not None)
-        setting = setting_for(chip, values)
+        if isinstance(chip, XyloChip):
+            setting = xylo_setting(chip, values)
+        else:
+            setting = setting_for(chip, values)
         return cls(setting, given, budget or NO_BOUNDS, calibration)
 
     @property
@@ -84,11 +93,21 @@ class PricingRequest(Frozen):
         return chip if self.profile is None else hw.priced_by(chip, self.profile)
 
 
-class CompileRequest(Frozen, eq=False):
+class CompileRequest(Generic[TargetT], Frozen, eq=False):
     """All that is asked of the compiler: what to compile, for which chip, and how."""
 
     network: Network
-    chip: hw.Chip
+    chip: TargetT
     setting: SettingRequest
     check: CheckRequest
     pricing: PricingRequest = PricingRequest()
+
+
+def chip_named(target: str | Path | AnyChip) -> AnyChip:
+    """Return a chip by its name or the path of its file; a chip is returned as it is."""
+    if isinstance(target, AnyChip):
+        return target
+    name = str(target)
+    if name.startswith("xylo-") and not name.endswith((".yaml", ".yml")):
+        return xylo_chip(name)
+    return hw.chip(target)

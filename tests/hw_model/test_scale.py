@@ -10,7 +10,7 @@ from scipy import sparse
 import hw_model as hw
 from hw_model.mapping.graph import held
 from hw_model.mapping.placement import place_cores
-from hw_model.program import read
+from hw_model.program import sealed
 
 CHIP = hw.chip("loihi-sim")
 SIZE = 20_000
@@ -97,9 +97,9 @@ def test_what_is_held_for_a_synapse():
 
 def test_a_file_may_unpack_to_more_the_larger_it_is(tmp_path, monkeypatch):
     relays(CHIP).build().save(tmp_path)
-    monkeypatch.setattr(read, "MAX_ARRAY_BYTES", 1000)
+    monkeypatch.setattr(sealed, "MAX_ARRAY_BYTES", 1000)
     assert len(hw.load_program(tmp_path).cores) == 20
-    monkeypatch.setattr(read, "MAX_PACKING", 1)
+    monkeypatch.setattr(sealed, "MAX_PACKING", 1)
     with pytest.raises(hw.InputError) as caught:
         hw.load_program(tmp_path)
     assert str(caught.value) == "program.npz: its arrays are absurdly large. Compile again."

@@ -10,9 +10,10 @@ from make_environments import python_of, why_missing
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "xylo"))
 from random_xylo import random_xylo
-from record import ask_witness
+from record import ask_witness, compiled_cases
 from witness_files import REGISTERS
 
+from hw_model.xylo.fast import play_fast
 from hw_model.xylo.reference import play_xylo
 
 pytestmark = pytest.mark.peers
@@ -26,10 +27,9 @@ def test_two_hundred_networks_play_as_in_xylosim(tmp_path):
         pytest.skip(f"xylosim: {reason}")
     spikes = 0
     saturated = 0
-    for seed, witness in zip(
-        SEEDS, ask_witness(python_of("xylosim"), SEEDS, tmp_path), strict=True
-    ):
-        network, events = random_xylo(seed)
+    cases = [random_xylo(seed) for seed in SEEDS]
+    witnesses = ask_witness(python_of("xylosim"), cases, tmp_path)
+    for seed, (network, events), witness in zip(SEEDS, cases, witnesses, strict=True):
         result = play_xylo(network, events)
         for name in REGISTERS:
             assert (getattr(result, name) == witness[name]).all(), (seed, name)
@@ -37,3 +37,15 @@ def test_two_hundred_networks_play_as_in_xylosim(tmp_path):
         saturated += result.events["current_saturations"]
     assert spikes > 100_000
     assert saturated > 100_000
+
+
+def test_compiled_networks_play_as_in_xylosim(tmp_path):
+    reason = why_missing("xylosim")
+    if reason:
+        pytest.skip(f"xylosim: {reason}")
+    cases = compiled_cases()
+    witnesses = ask_witness(python_of("xylosim"), cases, tmp_path)
+    for (network, events), witness in zip(cases, witnesses, strict=True):
+        result = play_fast(network, events)
+        for name in REGISTERS:
+            assert (getattr(result, name) == witness[name]).all(), name

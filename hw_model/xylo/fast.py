@@ -1,0 +1,218 @@
+"""The compiled engine of Xylo: the page of its arithmetic on single numbers, row after row.
+
+The formulas are those of :mod:`hw_model.arithmetic.xylo`, compiled. Here is only the order of turns, as in
+:mod:`hw_model.xylo.reference`, which this engine equals in every register and every count.
+"""
+
+from types import FunctionType
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hw_model.arithmetic import xylo
+from hw_model.engine.compiled import compiled
+from hw_model.values import AnyArray, IntArray
+from hw_model.xylo.network import XyloNetwork, XyloPopulation
+from hw_model.xylo.reference import XyloResult, checked_rows, empty_result
+
+CURRENT, CHANGE, POTENTIAL, LOST = range(len(xylo.EVENTS))
+"""Where a count lies among those of :data:`xylo.EVENTS`."""
+
+
+class Neurons(NamedTuple):
+    """n neurons with k currents: ``dash_syn`` (n, k), all others (n,). A bias that is off is 0.
+
+    The aliases of neuron n are ``alias[first_alias[n] : first_alias[n + 1]]``.
+    """
+
+    dash_syn: IntArray
+    dash_mem: IntArray
+    threshold: IntArray
+    bias: IntArray
+    first_alias: IntArray
+    alias: IntArray
+
+
+class Charges(NamedTuple):
+    """What a spike adds to currents, (sources, n, k)."""
+
+    from_inputs: IntArray
+    among_hidden: IntArray
+    onto_outputs: IntArray
+
+
+class Registers(NamedTuple):
+    """Currents (n, k), potentials (n,), and the spikes (n,) of the last row."""
+
+    i: IntArray
+    v: IntArray
+    spikes: IntArray
+
+
+class Recorded(NamedTuple):
+    """Where spikes (rows, n), currents (rows, n, k) and potentials (rows, n) are kept."""
+
+    spikes: IntArray
+    i: IntArray
+    v: IntArray
+
+
+def _formula(name: str) -> Any:
+    """Compile a formula of the page; those that it calls must have been compiled before.
+
+    A compiled function finds the functions that it calls among the globals of its module, and those of the page are
+    plain: so the same code is given globals in which they are compiled.
+    """
+    plain: FunctionType = getattr(xylo, name)
+    scope = vars(xylo) | _COMPILED
+    function = FunctionType(plain.__code__, scope, name)
+    function.__module__ = __name__
+    return compiled(function)
+
+
+_COMPILED: dict[str, Any] = {}
+for _name in ("saturate", "wrap", "taken", "decayed", "change_of", "fire"):
+    _COMPILED[_name] = _formula(_name)
+_saturate = _COMPILED["saturate"]
+_decayed = _COMPILED["decayed"]
+_change_of = _COMPILED["change_of"]
+_fire = _COMPILED["fire"]
+_INPUT_EVENTS_MAX = xylo.INPUT_EVENTS_MAX
+_HIDDEN_SPIKES_MAX = xylo.HIDDEN_SPIKES_MAX
+_OUTPUT_SPIKES_MAX = xylo.OUTPUT_SPIKES_MAX
+
+
+def play_fast(network: XyloNetwork, events: AnyArray) -> XyloResult:
+    """Play rows of input events, counts (T, inputs), to a network at rest."""
+    rows = checked_rows(network, events)
+    counted = np.zeros(len(xylo.EVENTS), dtype=np.int64)
+    result = empty_result(network, len(rows), {})
+    hidden = _neurons(network.hidden, network.aliases)
+    outputs = _neurons(network.outputs, None)
+    charges = Charges(
+        from_inputs=_charges(network.weights_in, network.shift_in),
+        among_hidden=_charges(network.weights_hidden, network.shift_hidden),
+        onto_outputs=_charges(network.weights_out[:, :, None], network.shift_out),
+    )
+    at_rest = (_at_rest(network.hidden), _at_rest(network.outputs))
+    recorded = (
+        Recorded(result.spikes, result.i, result.v),
+        Recorded(result.output_spikes, result.output_i[:, :, None], result.output_v),
+    )
+    _play(rows, hidden, outputs, charges, at_rest, recorded, counted)
+    result.events.update(zip(xylo.EVENTS, counted.tolist(), strict=True))
+    return result
+
+
+def _neurons(population: XyloPopulation, aliases: tuple[tuple[int, ...], ...] | None) -> Neurons:
+    bias = np.zeros(population.size) if population.bias is None else population.bias
+    each = aliases or ((),) * population.size
+    counts = [len(of_neuron) for of_neuron in each]
+    return Neurons(
+        dash_syn=_plain(population.dash_syn),
+        dash_mem=_plain(population.dash_mem),
+        threshold=_plain(population.threshold),
+        bias=_plain(bias),
+        first_alias=_plain(np.cumsum([0, *counts])),
+        alias=_plain(np.array([alias for of_neuron in each for alias in of_neuron])),
+    )
+
+
+def _charges(weights: IntArray, shift: int) -> IntArray:
+    return _plain(xylo.charge_of(weights, shift))
+
+
+def _plain(values: AnyArray) -> IntArray:
+    """Return a copy of one kind of memory, for which the loops are compiled once."""
+    return np.array(values, dtype=np.int64, order="C")
+
+
+def _at_rest(population: XyloPopulation) -> Registers:
+    size = population.size
+    return Registers(
+        i=np.zeros((size, population.states), dtype=np.int64),
+        v=np.zeros(size, dtype=np.int64),
+        spikes=np.zeros(size, dtype=np.int64),
+    )
+
+
+@compiled
+def _collect(i, charges, spikes, counted):  # type: ignore[no-untyped-def]
+    """Add the charges (n, k) of a source to currents (n, k), spike by spike."""
+    saturated = 0
+    for _ in range(spikes):
+        for n in range(i.shape[0]):
+            for k in range(i.shape[1]):
+                exact = i[n, k] + charges[n, k]
+                i[n, k] = _saturate(exact)
+                saturated += exact != i[n, k]
+    counted[CURRENT] += saturated
+
+
+@compiled
+def _respond(neurons, registers, counted):  # type: ignore[no-untyped-def]
+    """Let currents and potentials decay, and add currents and biases to the potentials."""
+    i = registers.i
+    v = registers.v
+    for n in range(len(v)):
+        currents = 0
+        for k in range(i.shape[1]):
+            i[n, k] = _decayed(i[n, k], neurons.dash_syn[n, k])
+            currents += i[n, k]
+        exact = _change_of(v[n], neurons.dash_mem[n], currents)
+        change = _saturate(exact)
+        counted[CHANGE] += change != exact
+        exact = change + neurons.bias[n]
+        change = _saturate(exact)
+        counted[CHANGE] += change != exact
+        exact = v[n] + change
+        v[n] = _saturate(exact)
+        counted[POTENTIAL] += v[n] != exact
+
+
+@compiled
+def _fire_all(neurons, registers, room):  # type: ignore[no-untyped-def]
+    """Let neurons fire in the order of their numbers, up to ``room`` times, and their aliases with them."""
+    spikes = registers.spikes
+    v = registers.v
+    for n in range(len(v)):
+        spikes[n] = 0
+    for n in range(len(v)):
+        own, v[n] = _fire(v[n], neurons.threshold[n], room - spikes[n])
+        spikes[n] += own
+        for place in range(neurons.first_alias[n], neurons.first_alias[n + 1]):
+            alias = neurons.alias[place]
+            spikes[alias] = min(room, spikes[alias] + spikes[n])
+
+
+@compiled
+def _keep(registers, recorded, t):  # type: ignore[no-untyped-def]
+    # A copy of slices would ask for memory, which compiled loops do not have.
+    for n in range(len(registers.v)):
+        recorded.spikes[t, n] = registers.spikes[n]
+        recorded.v[t, n] = registers.v[n]
+        for k in range(registers.i.shape[1]):
+            recorded.i[t, n, k] = registers.i[n, k]
+
+
+@compiled
+def _play(rows, hidden, outputs, charges, at_rest, recorded, counted):  # type: ignore[no-untyped-def]
+    """Play all rows; ``at_rest`` are the registers of hidden neurons and of outputs."""
+    of_hidden, of_outputs = at_rest
+    for t in range(len(rows)):
+        for source in range(rows.shape[1]):
+            heard = min(rows[t, source], _INPUT_EVENTS_MAX)
+            counted[LOST] += rows[t, source] - heard
+            _collect(of_hidden.i, charges.from_inputs[source], heard, counted)
+        for source in range(len(of_hidden.spikes)):
+            spikes = of_hidden.spikes[source]
+            _collect(of_hidden.i, charges.among_hidden[source], spikes, counted)
+            _collect(of_outputs.i, charges.onto_outputs[source], spikes, counted)
+
+        _respond(hidden, of_hidden, counted)
+        _fire_all(hidden, of_hidden, _HIDDEN_SPIKES_MAX)
+        _respond(outputs, of_outputs, counted)
+        _fire_all(outputs, of_outputs, _OUTPUT_SPIKES_MAX)
+
+        _keep(of_hidden, recorded[0], t)
+        _keep(of_outputs, recorded[1], t)

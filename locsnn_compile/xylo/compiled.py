@@ -1,0 +1,95 @@
+"""What compiling for a Xylo gives: a program, its network, and the report of their comparison."""
+
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from hw_model.errors import InputError, listed
+from hw_model.io.build_folder import write_build
+from hw_model.io.given import checked
+from hw_model.values import Frozen
+from hw_model.xylo.files import xylo_files
+from hw_model.xylo.program import XyloProgram
+from locsnn_compile.emitters import ShownRecording
+from locsnn_compile.network.network import Network
+from locsnn_compile.network.text import network_text
+from locsnn_compile.report.content import Report
+from locsnn_compile.report.renderers.html import render_html, render_summary
+from locsnn_compile.report.sections.verdict import matches
+from locsnn_compile.report.written import report_files
+from locsnn_compile.xylo.comparison import XyloMatch
+from locsnn_compile.xylo.page import compose_xylo
+from locsnn_compile.xylo.quantized import QuantizedXylo
+from locsnn_compile.xylo.text import program_text
+
+
+class CompiledXylo(Frozen, eq=False):
+    """A program for a Xylo and its check; ``report`` is the content of report.json."""
+
+    quantized: QuantizedXylo
+    program: XyloProgram
+    match: XyloMatch
+    report: dict[str, Any]
+
+    def __repr__(self) -> str:
+        sentence = matches(self.report).sentence.rstrip(".")
+        return f"<CompiledXylo {self.network.name[:60]!r} on {self.program.chip.name}: {sentence}>"
+
+    def _repr_html_(self) -> str:
+        return render_summary(self.composed)
+
+    @cached_property
+    def composed(self) -> Report:
+        """The content of report.html, report.md and the summary on the terminal."""
+        return compose_xylo(self.report)
+
+    @property
+    def network(self) -> Network:
+        """The trained network."""
+        return self.quantized.parts.network
+
+    def to_html(self) -> str:
+        """Return report.html, a page in one file."""
+        return render_html(self.composed)
+
+    @property
+    def choice(self) -> None:
+        """There is nothing to choose: neurons leak as the chip's do, and weights have 8 bits."""
+        return None
+
+    def files(
+        self, emit: Sequence[str] = (), shown: ShownRecording | None = None
+    ) -> dict[str, bytes]:
+        """Return the program and its reports as bytes, by name; equal input gives equal bytes.
+
+        ``emit`` are kinds of ``--emit``, of which none shows a recording yet.
+        """
+        check_emitted(self.program.chip.name, emit)
+        files = xylo_files(self.program) | report_files(self.report, self.composed)
+        for kind in EMITTED:
+            if kind in emit:
+                text = EMITTED[kind](self)
+                files[f"{kind}.txt"] = text.encode(errors="backslashreplace")
+        return files
+
+    @checked
+    def save(self, folder: str | Path) -> None:
+        """Write the program and its reports into a folder, or none of them; other files stay."""
+        write_build(Path(folder), self.files())
+
+
+EMITTED: dict[str, Callable[[CompiledXylo], str]] = {
+    "network": lambda compiled: network_text(compiled.network),
+    "program": lambda compiled: program_text(compiled.program),
+}
+"""The kinds of ``--emit`` that show what a program for a Xylo has."""
+
+
+def check_emitted(chip: str, kinds: Sequence[str]) -> None:
+    """Refuse kinds of ``--emit`` that show what a Xylo does not have."""
+    for kind in kinds:
+        if kind not in EMITTED:
+            what = f"it shows compartments, cores or a board, and {chip} has none of them"
+            known = listed([f"--emit {name}" for name in EMITTED], "or")
+            raise InputError(f"--emit {kind}", what, fix=f"Use {known}.")

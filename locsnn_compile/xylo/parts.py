@@ -1,0 +1,263 @@
+"""Take a network apart into what a Xylo has: inputs, hidden neurons and outputs.
+
+Before: a checked ``Network``.
+After:  ``XyloParts``; everything that a Xylo lacks has been refused, each by its name.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from hw_model.errors import TargetError, counted, listed
+from hw_model.values import BoolArray, FloatArray, Shown
+from hw_model.xylo.chips import XyloChip
+from locsnn_compile.network.network import InputView, Network, Population
+from locsnn_compile.network.neurons import Cuba, Leaky, SoftCuba, SrmAlpha
+from locsnn_compile.network.projections import values_of
+
+MOST_LOST = 2.0**-0.5
+"""The largest decay of a current whose nearest dash is 1: with dash 0, no input would ever act."""
+_EXACT = 1e-6
+"""How much a drop may differ from a subtraction of the threshold, as a share of the threshold."""
+
+
+class XyloParts(Shown):
+    """A network whose every feature a Xylo has.
+
+    ``hidden`` are the populations of the hidden neurons in network order, ``outputs`` is the one
+    that is read out.
+    """
+
+    network: Network
+    view: InputView
+    hidden: tuple[Population, ...]
+    outputs: Population
+
+
+def parts_of(network: Network, chip: XyloChip) -> XyloParts:
+    """Return the parts of a network; a ``TargetError`` names the first thing that is lacking."""
+    for check in _CHECKS_OF_NETWORK:
+        check(network)
+    (output_name,) = network.readout.populations
+    parts = XyloParts(
+        network=network,
+        view=network.views[0],
+        hidden=tuple(p for p in network.populations if p.name != output_name),
+        outputs=next(p for p in network.populations if p.name == output_name),
+    )
+    _check_outputs(parts)
+    _check_sizes(parts, chip)
+    return parts
+
+
+def _check_axes(network: Network) -> None:
+    for population in network.populations:
+        if population.axis != "time":
+            what = "it steps over locations, and a Xylo steps over time alone"
+            fix = "Give a network with a time branch only."
+            raise TargetError(population.where, what, fix=fix)
+    phases = [phase.name for phase in network.phases]
+    if len(phases) > 1:
+        what = "a Xylo plays a recording once, in one phase"
+        raise TargetError(
+            f"model {network.name!r}",
+            what,
+            measured=f"{listed(phases)} against 1 phase",
+            fix="Compile one branch at a time.",
+        )
+
+
+def _check_views(network: Network) -> None:
+    if len(network.views) > 1:
+        measured = f"{counted(len(network.views), 'input')} against 1"
+        what = "a Xylo hears a recording in one way"
+        raise TargetError(
+            f"model {network.name!r}", what, measured=measured, fix="Join the inputs into one."
+        )
+    view = network.views[0]
+    if view.align_events is not None:
+        what = "it starts at the first touch, and a Xylo starts with the recording"
+        raise TargetError(view.where, what, fix="Train without aligning recordings.")
+
+
+def _check_neurons(network: Network) -> None:
+    for population in network.populations:
+        neuron = population.neuron
+        if isinstance(neuron, SrmAlpha):
+            what = "its neurons have spike response kernels, and those of a Xylo leak"
+            fix = "Give a network of leaky neurons with a current."
+            raise TargetError(population.where, what, fix=fix)
+        if neuron.on_grid:
+            what = "its parameters are integers of a chip with another arithmetic"
+            fix = (
+                "Give the network in float, as it was before it was rounded or trained in integers."
+            )
+            raise TargetError(population.where, what, fix=fix)
+        if not isinstance(neuron, Cuba | SoftCuba):
+            what = f"a Xylo has no neurons like {type(neuron).__name__}"
+            fix = "Give Cuba or SoftCuba neurons."
+            raise TargetError(population.where, what, fix=fix)
+        _check_decays(population, neuron, heard=bool(network.into(population.name)))
+        _check_reset(population, neuron)
+
+
+def _check_reset(population: Population, neuron: Cuba | SoftCuba) -> None:
+    """Refuse resets, floors and refractory steps that a Xylo has not."""
+    if neuron.has_floor:
+        what = "its potential has a floor, and on a Xylo only the end of a register stops it"
+        raise TargetError(population.where, what, fix="Train without a floor.")
+    if isinstance(neuron, SoftCuba):
+        _check_drop(population, neuron)
+        return
+    longest = int(np.max(neuron.refractory))
+    if longest > 1:
+        what = "its neurons rest after a spike, and those of a Xylo have no refractory steps"
+        measured = f"{counted(longest - 1, 'step')} against 0"
+        fix = "Train without a refractory period."
+        raise TargetError(population.where, what, measured=measured, fix=fix)
+    if np.any(neuron.decay_v < 1):
+        what = "a spike resets its potential to 0, and on a Xylo it subtracts the threshold"
+        fix = "Read a NIR graph with --reset subtract, or give SoftCuba neurons."
+        raise TargetError(population.where, what, fix=fix)
+
+
+def _check_decays(population: Population, neuron: Leaky, *, heard: bool) -> None:
+    """Refuse decays that no dash is near to; the current of neurons that hear nothing stays 0."""
+    for name, decay in (("current", neuron.decay_u), ("potential", neuron.decay_v)):
+        if np.any(decay == 0):
+            what = f"its {name} never decays, and on a Xylo every {name} does"
+            fix = "Train with a finite time constant."
+            raise TargetError(population.where, what, fix=fix)
+    largest = float(np.max(neuron.decay_u))
+    if largest >= MOST_LOST and heard:
+        what = "its current decays faster than one of a Xylo, which keeps half of it or more"
+        measured = f"a step loses {largest:.4g} against less than {MOST_LOST:.4g}"
+        fix = "Train neurons with a synaptic current, or give a smaller step (--dt)."
+        raise TargetError(population.where, what, measured=measured, fix=fix)
+
+
+def _check_drop(population: Population, neuron: SoftCuba) -> None:
+    at_once = (1 - neuron.decay_v) * neuron.threshold
+    off = np.abs(neuron.drop - at_once) > _EXACT * neuron.threshold
+    if not off.any():
+        return
+    first = int(np.flatnonzero(off)[0])
+    measured = f"{neuron.drop[first]:.4g} against {at_once[first]:.4g} in neuron {first}"
+    what = "what a spike takes from the next potential is not the decayed threshold"
+    fix = "Read a NIR graph with --reset subtract, or give drop = (1 - decay_v) * threshold."
+    raise TargetError(population.where, what, measured=measured, fix=fix)
+
+
+def _check_delays(network: Network) -> None:
+    for projection in network.projections:
+        longest = int(np.max(projection.delay, initial=0))
+        if longest and values_of(projection.held).any():
+            what = "its spikes arrive late, and a Xylo has no delays"
+            measured = f"{counted(longest, 'step')} against 0"
+            raise TargetError(
+                projection.where, what, measured=measured, fix="Train without delays."
+            )
+
+
+def _check_readout(network: Network) -> None:
+    readout = network.readout
+    if len(readout.populations) > 1:
+        names = listed([repr(name) for name in readout.populations])
+        what = "several populations give spikes to the scores, and a Xylo has one of outputs"
+        fix = "Give a network with one output population."
+        raise TargetError("readout", what, measured=names, fix=fix)
+    if readout.from_step:
+        what = "it reads potentials, and a Xylo sends spikes"
+        fix = "End the network in neurons that spike, such as CubaLIF instead of LI or CubaLI."
+        raise TargetError("readout", what, fix=fix)
+
+
+_CHECKS_OF_NETWORK: tuple[Callable[[Network], Any], ...] = (
+    _check_axes,
+    _check_views,
+    _check_neurons,
+    _check_delays,
+    _check_readout,
+)
+
+
+def _check_outputs(parts: XyloParts) -> None:
+    """Refuse synapses onto outputs from anything but hidden neurons, and synapses from outputs."""
+    hidden = {population.name for population in parts.hidden}
+    for projection in parts.network.projections:
+        if projection.target == parts.outputs.name and projection.source not in hidden:
+            what = "outputs of a Xylo hear hidden neurons only"
+            fix = "Put a hidden layer in between."
+            if projection.source == parts.outputs.name:
+                fix = (
+                    "End the network in neurons without synapses among themselves, such as CubaLIF."
+                )
+            raise TargetError(projection.where, what, fix=fix)
+        if projection.source == parts.outputs.name:
+            what = "outputs of a Xylo send spikes to nothing on the chip"
+            fix = "Read out a population behind it."
+            raise TargetError(projection.where, what, fix=fix)
+
+
+def _check_sizes(parts: XyloParts, chip: XyloChip) -> None:
+    inputs = parts.view.lines
+    if inputs > chip.inputs:
+        fix = (
+            "Train on fewer channels: merge polarities (--merge-polarities), "
+            "or add up neighbouring channels."
+        )
+        raise TargetError(
+            chip.name,
+            "too many inputs",
+            measured=f"{inputs} against {chip.inputs}",
+            fix=fix,
+        )
+    neurons = sum(population.size for population in parts.hidden)
+    if neurons > chip.hidden:
+        largest = max(parts.hidden, key=lambda population: population.size)
+        measured = f"{neurons} against {chip.hidden}, of which {largest.name!r} has {largest.size}"
+        fix = "Train smaller layers, or convolutions with a larger stride or fewer channels."
+        raise TargetError(chip.name, "too many hidden neurons", measured=measured, fix=fix)
+    outputs = parts.outputs.size
+    if outputs > chip.outputs:
+        measured = f"{outputs} against {chip.outputs}"
+        fix = "Train with fewer classes, or for a Xylo with more outputs."
+        raise TargetError(chip.name, "too many outputs", measured=measured, fix=fix)
+
+
+class XyloNeurons(Shown):
+    """Leaky neurons of some populations one after the other, in float, each (n,).
+
+    A neuron spikes where v > threshold if ``strict``, else where v >= threshold.
+    """
+
+    decay_u: FloatArray
+    decay_v: FloatArray
+    threshold: FloatArray
+    bias: FloatArray
+    strict: BoolArray
+
+
+def neurons_of(populations: tuple[Population, ...]) -> XyloNeurons:
+    """Return the neurons of populations that :func:`parts_of` let through."""
+    rows = [_neurons(population) for population in populations]
+    return XyloNeurons(
+        **{
+            name: np.concatenate([getattr(row, name) for row in rows])
+            for name in XyloNeurons.__dataclass_fields__
+        }
+    )
+
+
+def _neurons(population: Population) -> XyloNeurons:
+    neuron = population.neuron
+    assert isinstance(neuron, Cuba | SoftCuba)
+    at_threshold = isinstance(neuron, Cuba) and neuron.rule == ">="
+    return XyloNeurons(
+        decay_u=neuron.decay_u,
+        decay_v=neuron.decay_v,
+        threshold=neuron.threshold,
+        bias=neuron.bias if isinstance(neuron, Cuba) else np.zeros(population.size),
+        strict=np.full(population.size, not at_threshold),
+    )

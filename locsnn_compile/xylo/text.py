@@ -1,0 +1,37 @@
+"""A program for a Xylo as stable text, for people to read and for golden tests to compare."""
+
+from hw_model.program.text import array_text
+from hw_model.xylo.network import XyloPopulation
+from hw_model.xylo.program import XyloProgram
+
+
+def program_text(program: XyloProgram) -> str:
+    """Return the text of a program: its neurons by name, then its synapses."""
+    network = program.network
+    lines = [f"program {program.name} for {program.chip.name}"]
+    lines += [f"  {key}: {value}" for key, value in program.provenance.items()]
+    lines.append(f"  inputs: {program.inputs}")
+    for name, place in program.places.items():
+        lines.append(f"  hidden {name}: neurons {place.start}..{place.stop - 1}")
+    lines.append(f"    {_population_text(network.hidden)}")
+    lines.append(f"  outputs {program.outputs}: {network.outputs.size}")
+    lines.append(f"    {_population_text(network.outputs)}")
+    groups = (
+        ("inputs to hidden", network.weights_in, network.shift_in),
+        ("among hidden", network.weights_hidden, network.shift_hidden),
+        ("hidden to outputs", network.weights_out, network.shift_out),
+    )
+    for called, weights, shift in groups:
+        lines.append(f"  synapses {called}: shift {shift}, weights {array_text(weights)}")
+    return "\n".join(lines) + "\n"
+
+
+def _population_text(population: XyloPopulation) -> str:
+    parts = {
+        "dash_syn": population.dash_syn,
+        "dash_mem": population.dash_mem,
+        "threshold": population.threshold,
+    }
+    if population.bias is not None:
+        parts["bias"] = population.bias
+    return ", ".join(f"{name} {array_text(values)}" for name, values in parts.items())

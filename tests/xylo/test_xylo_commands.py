@@ -1,0 +1,227 @@
+"""The command line with a Xylo: compile, run, list targets, and what it says of what a Xylo has not."""
+
+from __future__ import annotations
+
+import itertools
+import json
+
+import nir
+import numpy as np
+import pytest
+import yaml
+
+from locsnn_compile.cli.compile import main as compile_main
+from locsnn_compile.cli.main import main
+
+DT = 1e-3
+SHAPE = ("--axes", "samples,steps,channels")
+
+
+def cuba_lif(size: int, tau_syn: float, tau_mem: float) -> nir.CubaLIF:
+    """Neurons with a current, whose weights are those of their potential."""
+
+    def each(value: float) -> np.ndarray:
+        return np.full(size, value)
+
+    return nir.CubaLIF(
+        tau_syn=each(tau_syn),
+        tau_mem=each(tau_mem),
+        r=each(tau_mem / DT),
+        w_in=each(tau_syn / DT),
+        v_leak=each(0.0),
+        v_threshold=each(1.0),
+        v_reset=each(0.0),
+    )
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A small network of leaky neurons, and recordings with labels."""
+    place = tmp_path_factory.mktemp("small")
+    r = np.random.default_rng(4)
+    nodes = {
+        "input": nir.Input(np.array([16])),
+        "into": nir.Linear(r.normal(0.03, 0.12, (24, 16))),
+        "hidden": cuba_lif(24, 4e-3, 8e-3),
+        "out of": nir.Linear(r.normal(0.03, 0.15, (4, 24))),
+        "classes": cuba_lif(4, 2e-3, 16e-3),
+        "output": nir.Output(np.array([4])),
+    }
+    names = list(nodes)
+    edges = list(itertools.pairwise(names))
+    nir.write(place / "small-lif.nir", nir.NIRGraph(nodes, edges, type_check=False))
+    spikes = (r.random((8, 50, 16)) < 0.15).astype(np.uint8)
+    np.savez(place / "touches.npz", spikes=spikes, labels=np.arange(8) % 4)
+    return place
+
+
+def compile_small(folder, *options: object, target: str = "xylo-audio3") -> int:
+    model = folder / "small-lif.nir"
+    arguments = [model, "--dt", DT, "--target", target, "--events", folder / "touches.npz"]
+    return compile_main([str(each) for each in (*arguments, *SHAPE, *options)])
+
+
+@pytest.fixture(scope="module")
+def built(folder):
+    out = folder / "build"
+    assert compile_small(folder, "--reset", "subtract", "-o", out, "--quiet") == 0
+    return out
+
+
+def test_a_nir_graph_becomes_a_build_whose_program_runs(folder, built, capsys):
+    assert {path.name for path in built.iterdir()} == {
+        "program.yaml",
+        "program.npz",
+        "report.json",
+        "report.md",
+        "report.html",
+    }
+    report = json.loads((built / "report.json").read_text())
+    assert main(["run", str(built), "--events", str(folder / "touches.npz"), *SHAPE]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.partition(":")[0] for line in lines[:8]] == [f"recording {k}" for k in range(8)]
+    assert lines[8] == f"accuracy {report['accuracy']['chip']:.3f} on 8 recordings"
+    operations = report["operations"]["per_sample"]["synaptic_ops"]
+    assert lines[9] == (
+        f"mean per recording: {operations:,.0f} synaptic operations; 0 saturations in all; "
+        "energy is not known"
+    )
+
+
+def test_both_engines_say_the_same(folder, built, capsys):
+    said = []
+    for engine in ("fast", "reference"):
+        command = ["run", str(built), "--events", str(folder / "touches.npz"), *SHAPE, "--json"]
+        assert main([*command, "--engine", engine]) == 0
+        said.append(json.loads(capsys.readouterr().out))
+    assert said[0] == said[1]
+    assert said[0]["energy_pj"] is None
+    assert said[0]["counts"]["spikes"] == sum(row["spikes"] for row in said[0]["recordings"])
+
+
+def test_the_report_names_the_witness_and_what_is_not_known(built):
+    page = (built / "report.md").read_text()
+    assert "small-lif on xylo-audio3" in page
+    assert "no table of the energies or times of this chip is published" in page
+    assert "That the chip computes as xylosim does is the vendor's word: no chip was used." in page
+
+
+def test_network_and_program_are_emitted_as_text(folder, tmp_path):
+    out = tmp_path / "out"
+    emit = ("--emit", "network", "program")
+    assert compile_small(folder, "--reset", "subtract", "-o", out, "--quiet", *emit) == 0
+    assert (out / "network.txt").read_text().startswith("network small-lif: ")
+    assert (out / "program.txt").read_text().splitlines()[0] == "program small-lif for xylo-audio3"
+
+
+def test_gates_hold_and_fail_by_the_report(folder, tmp_path, capsys):
+    out = tmp_path / "out"
+    common = ("--reset", "subtract", "-o", out, "--quiet")
+    assert compile_small(folder, *common, "--min-agreement", "0.1") == 0
+    assert compile_small(folder, *common, "--max-energy-nj", "10") == 3
+    assert capsys.readouterr().err.splitlines()[-1] == (
+        "gate failed: --max-energy-nj: the energy of this target is not known."
+    )
+    gates = json.loads((out / "report.json").read_text())["gates"]
+    assert gates == [{"name": "--max-energy-nj", "bound": 10.0, "measured": None, "passed": False}]
+
+
+def test_targets_lists_the_three_chips_with_their_kind(capsys):
+    assert main(["targets"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    first = lines.index("xylo-audio2: 16 inputs, 1000 hidden neurons of 2 currents, 8 outputs")
+    says = "  a Xylo: leaky neurons with decays by shifts, weights of 8 bits; energy is not known"
+    assert lines[first + 1 :] == [
+        says,
+        "xylo-audio3: 16 inputs, 992 hidden neurons of 2 currents, 32 outputs",
+        says,
+        "xylo-imu: 16 inputs, 496 hidden neurons of 1 current, 16 outputs",
+        says,
+    ]
+
+
+REFUSED_TO_COMPILE = {
+    "the usual reset": (
+        [],
+        1,
+        "population 'hidden': a spike resets its potential to 0, and on a Xylo it subtracts the "
+        "threshold. Read a NIR graph with --reset subtract, or give SoftCuba neurons.",
+    ),
+    "an emitter of cores": (
+        ["--reset", "subtract", "--emit", "vectors"],
+        2,
+        "--emit vectors: it shows compartments, cores or a board, and xylo-audio3 has none of "
+        "them. Use --emit network or --emit program.",
+    ),
+    "weight bits": (
+        ["--reset", "subtract", "--weight-bits", "4"],
+        2,
+        "weight_bits: weights of xylo-audio3 have one width (got 4). Leave it out.",
+    ),
+    "a profile": (
+        ["--reset", "subtract", "--profile", "loihi-paper"],
+        2,
+        "profile 'loihi-paper': no energies of xylo-audio3 are published. Leave it out.",
+    ),
+}
+
+
+@pytest.mark.parametrize("wrong", REFUSED_TO_COMPILE)
+def test_what_a_xylo_has_not_is_one_line_and_an_exit_code(wrong, folder, tmp_path, capsys):
+    options, code, message = REFUSED_TO_COMPILE[wrong]
+    assert compile_small(folder, "-o", tmp_path / "out", *options) == code
+    assert capsys.readouterr().err.splitlines()[-1] == message
+    assert not (tmp_path / "out").exists()
+
+
+REFUSED_TO_RUN = {
+    "--stream": (["--stream"], "it plays whole recordings"),
+    "--stop": (["--stop", "proven"], "it plays whole recordings"),
+    "--profile": (["--profile", "loihi-paper"], "its energies are not published"),
+    "--scheduler": (["--scheduler", "tcp://127.0.0.1:1"], "it is played in this process"),
+}
+
+
+@pytest.mark.parametrize("option", REFUSED_TO_RUN)
+def test_run_refuses_what_a_program_for_a_xylo_has_no_use_for(option, folder, built, capsys):
+    options, why = REFUSED_TO_RUN[option]
+    command = ["run", str(built), "--events", str(folder / "touches.npz"), *SHAPE]
+    assert main([*command, *options]) == 2
+    assert capsys.readouterr().err.splitlines()[-1] == (
+        f"{option}: the program is for xylo-audio3: {why}. Leave it out."
+    )
+
+
+@pytest.mark.parametrize("command", ["diff", "rtl sim", "rtl fit"])
+def test_commands_for_cores_name_the_one_that_plays_it(command, folder, built, capsys):
+    places = {
+        "diff": [str(built), str(built)],
+        "rtl sim": [str(built), "--events", str(folder / "touches.npz")],
+        "rtl fit": [str(built), "--board", "ulx3s-85f"],
+    }
+    assert main([*command.split(), *places[command]]) == 2
+    assert capsys.readouterr().err.splitlines()[-1] == (
+        "program.yaml: this is a program of another kind (locsnn-xylo-program against "
+        "locsnn-program). Play it with `locsnn run`."
+    )
+
+
+def test_run_refuses_recordings_of_another_sensor(built, tmp_path, capsys):
+    np.save(tmp_path / "wide.npy", np.zeros((2, 20, 17), np.uint8))
+    assert main(["run", str(built), "--events", str(tmp_path / "wide.npy"), *SHAPE]) == 2
+    assert (
+        capsys.readouterr()
+        .err.splitlines()[-1]
+        .endswith(
+            "the channel count differs from the program's (17 channels against 16). Give recordings "
+            "of 16 channels."
+        )
+    )
+
+
+def test_the_same_input_gives_the_same_bytes(folder, built, tmp_path):
+    assert compile_small(folder, "--reset", "subtract", "-o", tmp_path / "again", "--quiet") == 0
+    for path in built.iterdir():
+        assert (tmp_path / "again" / path.name).read_bytes() == path.read_bytes(), path.name
+    entries = yaml.safe_load((built / "program.yaml").read_text())
+    assert entries["format"] == "locsnn-xylo-program"

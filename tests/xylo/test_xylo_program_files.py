@@ -1,0 +1,246 @@
+"""Programs for a Xylo on disk: what is written is read back, and what is damaged is refused by name."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from random_xylo import random_xylo
+from small_networks import memoryless_network, touches
+
+import hw_model as hw
+import locsnn_compile as lc
+from hw_model.io.files import pack_arrays
+from hw_model.mapping.graph import Readout
+from hw_model.xylo.chips import xylo_chip
+from hw_model.xylo.files import load_any_program, load_xylo, save_xylo, xylo_files
+from hw_model.xylo.playing import play_program
+from hw_model.xylo.program import NamedPart, XyloProgram
+
+
+def random_program(seed: int) -> tuple[XyloProgram, np.ndarray]:
+    """A random network as a program, with all that a program may say, and rows for it."""
+    network, events = random_xylo(seed)
+    outputs = network.outputs.size
+    program = XyloProgram(
+        name=f"random {seed}",
+        chip=xylo_chip("xylo-audio3"),
+        network=network,
+        hidden=(NamedPart("hidden", network.hidden.size),),
+        readout=Readout(("classes",), (2.0,), tie_class=outputs - 1),
+        steps=len(events),
+        step_seconds=0.01,
+        event_threshold=1,
+        polarities=1,
+        columns=4,
+        channel_order="pyx",
+        class_names=tuple(f"class {number}" for number in range(outputs)),
+        provenance={"model": "random"},
+    )
+    return program, events
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_loaded_program_is_the_saved_one(seed, tmp_path):
+    program, events = random_program(seed)
+    save_xylo(program, tmp_path)
+    loaded = load_xylo(tmp_path)
+    assert xylo_files(loaded) == xylo_files(program)
+    before, after = (play_program(each, events[None]) for each in (program, loaded))
+    assert np.array_equal(before.spikes["hidden"], after.spikes["hidden"])
+    assert before.counts == after.counts
+    assert loaded.class_names == program.class_names
+    assert loaded.readout == program.readout
+    assert load_any_program(tmp_path).name == program.name
+
+
+@pytest.fixture
+def saved(tmp_path) -> Path:
+    program, _ = random_program(2)
+    save_xylo(program, tmp_path)
+    return tmp_path
+
+
+def replace_in(folder: Path, old: str, new: str) -> None:
+    """Edit the entries, and remove the checksum that says so."""
+    path = folder / "program.yaml"
+    text = path.read_text().rpartition("# SHA-256")[0]
+    assert old in text
+    path.write_text(text.replace(old, new))
+
+
+def replace_array(folder: Path, name: str, array: np.ndarray | None) -> None:
+    """Put another array into the file, or leave one out, and make its checksum agree."""
+    with np.load(folder / "program.npz") as stored:
+        arrays = dict(stored.items())
+    before = hashlib.sha256((folder / "program.npz").read_bytes()).hexdigest()
+    if array is None:
+        del arrays[name]
+    else:
+        arrays[name] = array
+    packed = pack_arrays(arrays, compressed=True)
+    (folder / "program.npz").write_bytes(packed)
+    replace_in(folder, before, hashlib.sha256(packed).hexdigest())
+
+
+def swapped(folder: Path) -> None:
+    program, _ = random_program(3)
+    (folder / "program.npz").write_bytes(xylo_files(program)["program.npz"])
+
+
+def truncated(folder: Path) -> None:
+    path = folder / "program.yaml"
+    path.write_text(path.read_text()[:100])
+
+
+DAMAGE = {
+    "no arrays": (
+        lambda folder: (folder / "program.npz").unlink(),
+        "program '{folder}', program.npz: it cannot be read (No such file or directory). Give the "
+        "folder that the compiler wrote.",
+    ),
+    "arrays of another program": (
+        swapped,
+        "program.npz: the checksum differs: it is damaged, or of another program. Compile again.",
+    ),
+    "edited": (
+        lambda folder: (folder / "program.yaml").write_text(
+            (folder / "program.yaml").read_text().replace("random 2", "random 3")
+        ),
+        "program.yaml: its checksum differs: it was edited, or is damaged. Compile again or, to "
+        "play it as edited, remove its last line.",
+    ),
+    "another version": (
+        lambda folder: replace_in(folder, "version: 1", "version: 2"),
+        "program.yaml: the program has another format version (2 against 1). Compile it again, or "
+        "use the release that wrote it.",
+    ),
+    "another chip": (
+        lambda folder: replace_in(folder, "xylo-audio3", "xylo-audio9"),
+        "target 'xylo-audio9': no Xylo of this name ships. Did you mean 'xylo-audio3'?",
+    ),
+    "an unknown entry": (
+        lambda folder: replace_in(folder, "outputs:", "output: x\noutputs:"),
+        "program.yaml: unknown key 'output'. Did you mean 'outputs'?",
+    ),
+    "a missing entry": (
+        lambda folder: replace_in(folder, "outputs: classes\n", ""),
+        "program.yaml: the key 'outputs' is missing. Compile again.",
+    ),
+    "a shift beyond the chip's": (
+        lambda folder: replace_in(folder, "shift_in: ", "shift_in: 9"),
+        "program.yaml: shift_in: it must be a whole number from 0 to 15 (got 93). Compile again.",
+    ),
+    "a name for other neurons": (
+        lambda folder: replace_in(folder, "  size: ", "  size: 1"),
+        "program 'random 2': the names of its hidden neurons do not fit (17 against 7). Name "
+        "each of them once.",
+    ),
+    "an array too few": (
+        lambda folder: replace_array(folder, "hidden/threshold", None),
+        "program.yaml: its entries do not make a program. Compile again.",
+    ),
+    "an array without a meaning": (
+        lambda folder: replace_array(folder, "hidden/tau", np.zeros(1, np.int64)),
+        "program.npz: it holds arrays without a meaning (hidden/tau). Compile again.",
+    ),
+    "an array of floats": (
+        lambda folder: replace_array(folder, "hidden/threshold", np.ones(7)),
+        "program.yaml: its entries do not make a program. Compile again.",
+    ),
+    "weights of 9 bits": (
+        lambda folder: replace_array(folder, "weights_out", np.full((7, 1), 128)),
+        "weights_out: the chip cannot hold it (128 against -128..127). Scale it down.",
+    ),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGE)
+def test_damage_is_refused_by_name(damage, saved):
+    harm, message = DAMAGE[damage]
+    harm(saved)
+    with pytest.raises(hw.InputError) as error:
+        load_xylo(saved)
+    assert str(error.value) == message.format(folder=saved)
+
+
+def test_a_truncated_file_is_refused(saved):
+    truncated(saved)
+    with pytest.raises(hw.InputError):
+        load_xylo(saved)
+
+
+def test_programs_of_the_other_arithmetic_are_named(saved, tmp_path_factory):
+    with pytest.raises(hw.InputError) as error:
+        hw.load_program(saved)
+    assert str(error.value) == (
+        "program.yaml: this is a program of another kind (locsnn-xylo-program against "
+        "locsnn-program). Play it with `locsnn run`."
+    )
+    other = tmp_path_factory.mktemp("mesh")
+    builder = hw.ProgramBuilder(hw.chip("tiny-sim"), name="mesh")
+    neurons = builder.add_compartments("neurons", 1, threshold=1)
+    builder.connect(builder.add_input("touch", 1), neurons, [[2]])
+    builder.build().save(other)
+    with pytest.raises(hw.InputError) as error:
+        load_xylo(other)
+    assert str(error.value) == (
+        "program.yaml: this is a program of another kind (locsnn-program against "
+        "locsnn-xylo-program). Play it with `locsnn run`."
+    )
+    assert isinstance(load_any_program(other), hw.ChipProgram)
+
+
+def test_a_compiled_model_saves_its_program_and_its_reports(tmp_path):
+    compiled = lc.compile(memoryless_network(), target="xylo-imu", events=touches())
+    compiled.save(tmp_path / "build")
+    names = {path.name for path in (tmp_path / "build").iterdir()}
+    assert names == {"program.yaml", "program.npz", "report.json", "report.md", "report.html"}
+    loaded = load_xylo(tmp_path / "build")
+    assert xylo_files(loaded) == xylo_files(compiled.program)
+    entries = yaml.safe_load((tmp_path / "build/program.yaml").read_text())
+    assert entries["provenance"] == {"model": "small", "model_sha256": "", "strategy": "native"}
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        pytest.param(
+            {"hidden": (NamedPart("classes", 7),)},
+            "program 'random 2': names of neurons repeat, or its readout is not of the outputs. "
+            "Give each population a name of its own.",
+            id="names",
+        ),
+        pytest.param(
+            {"readout": Readout(("classes",), (1.0,), tie_class=7)},
+            "program 'random 2': the class of its ties is not one of its outputs (7 against 0..0). "
+            "Give one of them.",
+            id="tie class",
+        ),
+        pytest.param(
+            {"class_names": ("one", "two")},
+            "program 'random 2': its class names do not fit its outputs (2 against 1). Give one "
+            "for each output.",
+            id="class names",
+        ),
+    ],
+)
+def test_a_program_that_contradicts_itself_is_refused(changes, message):
+    program, _ = random_program(2)
+    with pytest.raises(hw.InputError) as error:
+        replace(program, **changes)
+    assert str(error.value) == message
+
+
+def test_recordings_must_fit_the_inputs():
+    program, _ = random_program(2)
+    with pytest.raises(hw.InputError) as error:
+        play_program(program, np.zeros((1, 5, 99)))
+    assert str(error.value) == (
+        f"program 'random 2': they do not fit ((1, 5, 99) against (batch, steps, "
+        f"{program.inputs})). Give recordings of its inputs."
+    )
