@@ -182,6 +182,11 @@ def chip(name_or_path: str | Path) -> Chip:
         if text in BOARDS:
             what = f"it is a board of {BOARDS[text]}"
             raise InputError(f"target {text!r}", what, fix=f"Give the target {BOARDS[text]}.")
+        if text.startswith("xylo-"):
+            what = "a Xylo computes in another way than the chips that can be used here"
+            raise InputError(
+                f"target {text!r}", what, fix="Compile for it: locsnn-compile --target."
+            )
         more = " A chip file of your own ends in .yaml."
         check_known(f"target {text!r}", "no chip of this name ships", text, chip_names(), more)
         return _shipped(text)

@@ -1,1 +1,1 @@
-"""Xylo: its chips, networks as it stores them, and the plain engine that plays them."""
+"""Xylo: its chips, programs and their files, and the two engines that play them."""

@@ -42,6 +42,10 @@ def xylo_chip_names() -> tuple[str, ...]:
 @cache
 def xylo_chip(name: str) -> XyloChip:
     """Return a chip by its name; another name is an ``InputError``."""
+    return parse(XyloChip, xylo_chip_document(name), name)
+
+
+def xylo_chip_document(name: str) -> str:
+    """Return the YAML text that describes a chip; ``InputError`` for a name that none has."""
     check_known(f"target {name!r}", "no Xylo of this name ships", name, xylo_chip_names())
-    text = (files("hw_model") / "xylo" / f"{name}.yaml").read_text("utf-8")
-    return parse(XyloChip, text, name)
+    return (files("hw_model") / "xylo" / f"{name}.yaml").read_text("utf-8")

@@ -10,7 +10,7 @@ import argparse
 
 import hw_model as hw
 from hw_model.targets import target_of
-from hw_model.xylo.chips import xylo_chip, xylo_chip_names
+from hw_model.xylo.chips import xylo_chip, xylo_chip_document, xylo_chip_names
 from locsnn_compile.report.words import sentence
 
 XYLO_SAYS = "leaky neurons with decays by shifts, weights of 8 bits; energy is not known"
@@ -19,7 +19,9 @@ XYLO_SAYS = "leaky neurons with decays by shifts, weights of 8 bits; energy is n
 def run(args: argparse.Namespace) -> int:
     """List the chips, or print one."""
     if args.show:
-        print(hw.chip(args.show).document, end="")
+        shown = str(args.show)
+        is_xylo = shown in xylo_chip_names()
+        print(xylo_chip_document(shown) if is_xylo else hw.chip(shown).document, end="")
         return 0
     for name in hw.chip_names():
         chip = hw.chip(name)

@@ -140,7 +140,37 @@ def test_targets_lists_the_three_chips_with_their_kind(capsys):
     ]
 
 
+def test_targets_shows_the_file_of_a_chip(capsys):
+    assert main(["targets", "--show", "xylo-imu"]) == 0
+    shown = yaml.safe_load(capsys.readouterr().out)
+    assert (shown["hidden"], shown["states"]) == (496, 1)
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["explore", "{model}", "--dt", "1e-3"],
+        ["stress"],
+        ["train", "--data", "{events}", "--channels", "16", *SHAPE],
+    ],
+    ids=lambda command: command[0],
+)
+def test_commands_that_know_other_chips_only_say_so(command, folder, capsys):
+    places = {"model": folder / "small-lif.nir", "events": folder / "touches.npz"}
+    arguments = [part.format(**places) for part in command]
+    assert main([*arguments, "--target", "xylo-imu"]) == 2
+    assert capsys.readouterr().err.splitlines()[-1] == (
+        "target 'xylo-imu': a Xylo computes in another way than the chips that can be used here. "
+        "Compile for it: locsnn-compile --target."
+    )
+
+
 REFUSED_TO_COMPILE = {
+    "a name that no chip has": (
+        ["--reset", "subtract", "--target", "xylo-audio4"],
+        2,
+        "target 'xylo-audio4': no Xylo of this name ships. Did you mean 'xylo-audio3'?",
+    ),
     "the usual reset": (
         [],
         1,
