@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from hw_model.description.boards import BOARDS
 from hw_model.texts.templates import sections
 from locsnn_compile.cli.completion import chips
+from locsnn_compile.data.formats import EVENT_FORMATS
 from locsnn_compile.emitters import EMIT_KINDS
 from locsnn_compile.errors import InputError, did_you_mean, listed
 from locsnn_compile.frontends.formats import FORMAT_OPTIONS, models_in_words
@@ -77,6 +78,9 @@ WORDS: dict[str, Mapping[str, str]] = {
         "architectures": ", ".join(ARCHITECTURES),
         "strategies": listed([f"{TRAINABLE[0]} (default)", *TRAINABLE[1:]], "or"),
         "trainable": "|".join(TRAINABLE),
+    },
+    "events": {
+        "event_files": ", ".join(row.suffix for row in EVENT_FORMATS if row.write),
     },
     "explore": {"dials": "\n".join(dial.explored for dial in DIALS)},
     "fit": {"boards": ", ".join(BOARDS), "names": "|".join(BOARDS)},

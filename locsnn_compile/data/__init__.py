@@ -1,16 +1,6 @@
 """Touch recordings: their type, their files, the sensor's layout and synthetic ones."""
 
-from locsnn_compile.data.event_formats import from_tonic
-from locsnn_compile.data.read import read_recordings, recording_parts
-from locsnn_compile.data.recordings import Recordings
-from locsnn_compile.data.synthetic import synthetic_touches
-from locsnn_compile.data.write import write_recordings
+import lazy_loader
 
-__all__ = [
-    "Recordings",
-    "from_tonic",
-    "read_recordings",
-    "recording_parts",
-    "synthetic_touches",
-    "write_recordings",
-]
+# The table of formats is shown by help, which must not wait for the readers.
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -8,16 +8,11 @@ from hw_model.io.npy import load_npy
 from hw_model.values import ByteArray, IntArray
 from locsnn_compile.data.axes import pixels_of, to_step_major
 from locsnn_compile.data.channels import Channels
-from locsnn_compile.data.event_formats import (
-    EVENT_BYTES,
-    holds_events,
-    parse_aedat4,
-    parse_events,
-    parse_slayer_events,
-)
-from locsnn_compile.data.event_stream import MAX_EVENTS, Binning, Bins, EventStream, bin_streams
+from locsnn_compile.data.event_formats import holds_events, parse_events
+from locsnn_compile.data.event_stream import Binning, Bins, EventStream, bin_streams
+from locsnn_compile.data.format_rows import EventFile, EventFormat
+from locsnn_compile.data.formats import event_format
 from locsnn_compile.data.members import (
-    EVENT_SUFFIXES,
     TIMES,
     Members,
     classes_of,
@@ -25,11 +20,7 @@ from locsnn_compile.data.members import (
     open_members,
 )
 from locsnn_compile.data.recordings import Recordings, check_size, clean_spikes
-from locsnn_compile.data.tact import parse_tact
 from locsnn_compile.errors import InputError, check_most, check_same
-
-#: Largest text of one recording: about 600,000 events.
-MAX_TEXT_BYTES = 10_000_000
 
 
 def archive_parts(path: Path) -> tuple[str, ...]:
@@ -121,10 +112,11 @@ def _read(members: Members, names: list[str], binning: Binning) -> Bins:
     channels: Channels | None = None
     expected = binning.channels or binning.model_channels
     for name in names:
-        place, suffix = members.place(name), PurePosixPath(name).suffix
-        if suffix in EVENT_SUFFIXES:
-            _check_times(binning, PurePosixPath(name))
-            streams.append(_events(members, name, place))
+        place = members.place(name)
+        file_format = event_format(PurePosixPath(name).suffix)
+        if file_format is not None:
+            _check_times(binning, PurePosixPath(name), file_format)
+            streams.append(_events(members, name, file_format))
             continue
         array = load_npy(members.read(name), place)
         if holds_events(array):
@@ -154,37 +146,29 @@ def _read(members: Members, names: list[str], binning: Binning) -> Bins:
     return Bins(spikes, binning.step_seconds, None, channels)
 
 
-def _check_times(binning: Binning, file: PurePosixPath) -> None:
+def _check_times(binning: Binning, file: PurePosixPath, row: EventFormat) -> None:
     """Refuse options on times that the format of a file does not leave open."""
     if binning.time_unit is not None:
-        unit = "seconds" if file.suffix == ".tact" else "microseconds"
-        what = f"times in {file.name!r} are in {unit}, as its format has them"
+        what = f"times in {file.name!r} are in {row.time_unit}, as its format has them"
         raise InputError("time_unit", what, fix="Leave it out.")
-    if binning.start is not None and file.suffix == ".tact":
-        what = f"{file.name!r} starts where its .startend file or its first event is"
+    if binning.start is not None and row.times_suffix:
+        what = f"{file.name!r} starts where its {row.times_suffix} file or its first event is"
         raise InputError("start", what, fix="Leave it out.")
 
 
-def _events(members: Members, name: str, place: str) -> EventStream:
-    """Return the events of a file; a ``.tact`` file may have a file of its start and end next to it."""
-    file = PurePosixPath(name)
-    times = file.with_suffix(".startend")
-    beside = (
-        [str(times), str(file.parent.parent / TIMES / times.name)] if file.suffix == ".tact" else []
-    )
+def _events(members: Members, name: str, row: EventFormat) -> EventStream:
+    """Return the events of a file; some have a file of their start and end next to them."""
+    file, place = PurePosixPath(name), members.place(name)
+    times = file.with_suffix(row.times_suffix) if row.times_suffix else file
+    beside = [str(times), str(file.parent.parent / TIMES / times.name)] if row.times_suffix else []
     held = [one for one in beside if one in members.sizes][:1]
     members.check_sizes(held)
-    data, startend = members.read(name), members.read(held[0]) if held else None
-    limit = MAX_TEXT_BYTES if file.suffix == ".tact" else MAX_EVENTS * EVENT_BYTES
+    data = members.read(name)
+    startend = members.read(held[0]) if held else None
     length = max(len(data), len(startend or b""))
-    check_most(length, limit, place, "it is too large", unit="bytes", fix="Give one recording.")
-    if file.suffix == ".tact":
-        return parse_tact(data, place, startend, members.place(times.name))
-    return (
-        parse_aedat4(data, place)
-        if file.suffix == ".aedat4"
-        else parse_slayer_events(data, file.suffix, place)
-    )
+    fix = "Give one recording."
+    check_most(length, row.most_bytes, place, "it is too large", unit="bytes", fix=fix)
+    return row.read(EventFile(data, place, startend, members.place(times.name)))
 
 
 def _check_fits(arrays: list[ByteArray], samples: int, where: str, place: str) -> None:

@@ -34,14 +34,18 @@ from locsnn_compile.data.event_stream import (
     StepRule,
     TimeUnit,
     bin_streams,
+    recording_events,
 )
 from locsnn_compile.data.event_tables import columns_of, is_table, order_words
+from locsnn_compile.data.format_rows import EventsToWrite
 from locsnn_compile.data.recordings import MAX_STEPS, Recordings
 from locsnn_compile.errors import InputError, check_most, counted
 
 _FIX = "Give the fields t (microseconds), x, y if there is one, and p (0 or 1)."
 #: Largest x and y.
 MAX_PLACE = 1 << 20
+#: Narrowest bin that times in whole microseconds tell apart.
+MIN_EVENT_STEP_SECONDS = 2e-6
 #: The fields that are written; readers accept any order and any size.
 DTYPE = np.dtype([("t", "<i8"), ("x", "<i8"), ("p", "<i8")])
 EVENT_BYTES = 5
@@ -199,6 +203,26 @@ def _check_child_was_free(exit_code: int | None) -> None:
     seconds = processor_seconds()
     if seconds is not None and seconds < AEDAT4_CPU_SECONDS and exit_code in OUT_OF_TIME_CODES:
         raise too_little_time(seconds)
+
+
+def timed_events(
+    events: EventsToWrite, step_rule: StepRule = "floor"
+) -> tuple[IntArray, IntArray, IntArray]:
+    """Return times in microseconds, cells and polarities of a recording; refuse bins too narrow for these."""
+    width = events.step_seconds
+    if width < MIN_EVENT_STEP_SECONDS:
+        what = "its bins are too narrow for times in microseconds"
+        measured = f"{width:g} s against {MIN_EVENT_STEP_SECONDS:g}"
+        raise InputError(events.where, what, measured=measured, fix="Write .npz.")
+    return recording_events(events.spikes, events.polarities, width, step_rule)
+
+
+def slayer_file(events: EventsToWrite, suffix: str) -> dict[str, bytes]:
+    """Return the ``.bs1`` or ``.bs2`` file of one recording."""
+    times, cell, polarity = timed_events(events, SLAYER_RULE)
+    y, x = (None, cell) if suffix == ".bs1" else np.divmod(cell, events.columns)
+    content = pack_slayer_events(times, x, y, polarity, events.where)
+    return {f"{events.stem}{suffix}": content}
 
 
 def pack_slayer_events(

@@ -15,14 +15,12 @@ from hw_model.io.files import parsing, read_bytes
 from hw_model.io.zip_directory import BoundedZip
 from hw_model.values import Frozen
 from locsnn_compile.data.class_names import number_order
+from locsnn_compile.data.formats import event_suffixes, set_suffixes, times_suffixes
 from locsnn_compile.data.tact import SLIP_CLASSES
 from locsnn_compile.errors import InputError, check_most, did_you_mean
 
 PARTS = ("train", "test")
-SET_SUFFIXES = (".npz", ".pt", ".h5", ".hdf5")
-"""Files that hold several recordings; a ``.npy`` does if its name has the name of a part."""
-EVENT_SUFFIXES = (".tact", ".bs1", ".bs2", ".bin", ".aedat4")
-#: The folder of ``.startend`` files next to that of recordings, as VT_SNN has it.
+#: The folder of files of times next to that of recordings, as VT_SNN has it.
 TIMES = "traj_start_ends"
 #: Largest number of recordings, bytes of one of them unpacked, and of all of them.
 MAX_MEMBERS, MAX_MEMBER_BYTES, MAX_TOTAL_BYTES = 100_000, 100_000_000, 1_600_000_000
@@ -37,7 +35,7 @@ _WORD = re.compile(r"[^\W\d_]+")
 def is_recording(name: str) -> bool:
     """Tell whether a file is read as a recording."""
     file = PurePosixPath(name)
-    return file.suffix in EVENT_SUFFIXES or _ARRAY.fullmatch(file.name) is not None
+    return file.suffix in event_suffixes() or _ARRAY.fullmatch(file.name) is not None
 
 
 def _is_set(name: str) -> bool:
@@ -46,16 +44,13 @@ def _is_set(name: str) -> bool:
     if file.name.startswith(".") or file.name.startswith("__"):
         return False
     of_part = file.suffix == ".npy" and not file.stem.endswith("_labels") and part_in_name(name)
-    return file.suffix in SET_SUFFIXES or bool(of_part)
+    return file.suffix in set_suffixes() or bool(of_part)
 
 
 def recording_files(folder: Path) -> list[Path]:
     """Return the files of a folder that are read as its recordings."""
-    return [
-        f
-        for f in folder.rglob("*")
-        if (is_recording(f.name) or f.suffix == ".startend") and f.is_file()
-    ]
+    files = [file for file in folder.rglob("*") if file.is_file()]
+    return [file for file in files if is_recording(file.name) or file.suffix in times_suffixes()]
 
 
 def label_in_name(name: str) -> int | None:
@@ -204,7 +199,7 @@ class Members(Frozen, eq=False):
 
 @contextmanager
 def open_members(path: Path) -> Iterator[Members]:
-    """Open an archive, a folder, or a single file of events, which counts as a folder of it and its ``.startend``.
+    """Open an archive, a folder, or a single file of events, which counts as a folder of it and its file of times.
 
     Raises ``InputError`` for an archive that is damaged, holds a name twice, or holds a link.
     """
@@ -238,11 +233,10 @@ def open_members(path: Path) -> Iterator[Members]:
 
 
 def _plain_files(path: Path) -> Members:
-    """Return the files of a folder, or one file and its ``.startend``, and those of the folder of times next to it."""
+    """Return the files of a folder, or one file and its file of times, and those of the folder of times next to it."""
     folder = path.absolute() if path.is_dir() else path.absolute().parent
-    times = {
-        f"{TIMES}/{file.name}": file for file in sorted((folder.parent / TIMES).glob("*.startend"))
-    }
+    near = sorted((folder.parent / TIMES).glob("*"))
+    times = {f"{TIMES}/{file.name}": file for file in near if file.suffix in times_suffixes()}
     if path.is_dir():
         where, inside = f"folder {path.name!r}", f"folder {path.name!r}, "
         files = {
@@ -252,7 +246,8 @@ def _plain_files(path: Path) -> Members:
         }
     else:
         where, inside = f"file {path.name!r}", "file "
-        files = {file.name: file for file in (path, path.with_suffix(".startend")) if file.exists()}
+        beside = [path.with_suffix(suffix) for suffix in times_suffixes()]
+        files = {file.name: file for file in (path, *beside) if file.exists()}
     files = times | files
     sizes = {name: file.stat().st_size for name, file in files.items()}
     return Members(

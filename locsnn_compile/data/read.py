@@ -18,12 +18,13 @@ from hw_model.io.files import near, read_bytes
 from hw_model.io.given import checked
 from hw_model.values import Frozen, IntArray
 from locsnn_compile.data.archives import archive_parts, is_archive, read_archive
-from locsnn_compile.data.arrays import HDF5_SUFFIXES, labels_beside, read_arrays
+from locsnn_compile.data.arrays import labels_beside, read_arrays
 from locsnn_compile.data.axes import check_axes, is_one, parse_axes
 from locsnn_compile.data.class_names import in_order_of, parse_classes, with_classes
 from locsnn_compile.data.event_stream import Binning
+from locsnn_compile.data.formats import event_format, read_suffixes
 from locsnn_compile.data.joining import described, join_channels, merged
-from locsnn_compile.data.members import EVENT_SUFFIXES, PARTS
+from locsnn_compile.data.members import PARTS
 from locsnn_compile.data.recordings import MAX_ELEMENTS, MAX_STEPS, OPEN, Expected, Recordings
 from locsnn_compile.data.sensor import SensorLayout, asked_layout
 from locsnn_compile.data.sets import holds_sets, read_sets
@@ -159,9 +160,6 @@ def _rows_of_files(path: Path, fold: int, samples: int) -> list[IntArray]:
             taken.add(number)
         parts.append(np.array(rows))
     return parts
-
-
-_SUFFIXES = (".zip", ".npy", ".npz", ".pt", *HDF5_SUFFIXES, *EVENT_SUFFIXES)
 
 
 @checked
@@ -316,7 +314,7 @@ def _read(path: Path, split: str | None, binning: Binning, asked: float | None) 
         )
     if is_archive(path) and holds_sets(path):
         return read_sets(path, split=split, binning=binning, asked_seconds=asked)
-    if is_archive(path) or path.suffix in EVENT_SUFFIXES:
+    if is_archive(path) or event_format(path.suffix):
         return read_archive(path, split=split, binning=binning)
     return read_arrays(path, binning, asked)
 
@@ -343,8 +341,8 @@ def _check_file(path: Path) -> None:
         raise InputError(
             f"file {path.name!r}", "it does not exist", fix=near(path, "Check the path.")
         )
-    if path.suffix not in _SUFFIXES:
-        fix = f"Give one of: {', '.join(_SUFFIXES)}, or a folder."
+    if path.suffix not in read_suffixes():
+        fix = f"Give one of: {', '.join(read_suffixes())}, or a folder."
         raise InputError(
             f"file {path.name!r}",
             "its kind is not known",

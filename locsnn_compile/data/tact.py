@@ -14,6 +14,7 @@ import numpy as np
 
 from hw_model.values import ByteArray, IntArray
 from locsnn_compile.data.event_stream import EventStream
+from locsnn_compile.data.format_rows import EventsToWrite
 from locsnn_compile.errors import InputError, counted
 
 CELLS = 80
@@ -72,6 +73,26 @@ def tact_text(spikes: ByteArray, step_seconds: float, polarities: int = 2) -> by
             f"{1 - channel % polarities} {_CELL_OF_TAXEL[channel // polarities]} {seconds:.9f}\n"
         )
     return "".join(lines).encode()
+
+
+def tact_files(events: EventsToWrite) -> dict[str, bytes]:
+    """Return the ``.tact`` file of one recording, and the ``.startend`` file that says when it begins.
+
+    Raises ``InputError`` for other than one or two fingertips, and for silence.
+    """
+    fingertip = len(_TAXEL_OF_CELL) // 2
+    taxels = events.spikes.shape[1] // events.polarities
+    if taxels not in (fingertip, 2 * fingertip):
+        what = "raw text holds one or two fingertips"
+        measured = f"{counted(taxels, 'taxel')} against {fingertip} or {2 * fingertip}"
+        raise InputError(events.where, what, measured=measured, fix="Write .npz.")
+    if not events.spikes.any():
+        what = f"recording {events.number} is silent, which raw text cannot express"
+        raise InputError(events.where, what, fix="Write .npz.")
+    return {
+        f"{events.stem}.tact": tact_text(events.spikes, events.step_seconds, events.polarities),
+        f"{events.stem}.startend": b"grasping 0\n",
+    }
 
 
 def _exact(text: str) -> Decimal:

@@ -7,28 +7,19 @@ import numpy as np
 from hw_model.io.build_folder import check_folder, write_build
 from hw_model.io.files import npy_bytes, pack_arrays, pack_files, replace_file
 from hw_model.io.partial import claimed
-from hw_model.values import AnyArray, BoolArray, ByteArray, Frozen, IntArray
+from hw_model.values import AnyArray, BoolArray, ByteArray, Frozen
 from locsnn_compile.data.axes import is_clear
-from locsnn_compile.data.event_formats import (
-    COLUMNS,
-    SLAYER_RULE,
-    pack_slayer_events,
-    structured_events,
-)
-from locsnn_compile.data.event_stream import STEP_SECONDS, StepRule, recording_events
+from locsnn_compile.data.event_formats import COLUMNS, structured_events, timed_events
+from locsnn_compile.data.event_stream import STEP_SECONDS
+from locsnn_compile.data.format_rows import EventsToWrite
+from locsnn_compile.data.formats import event_format, member_kinds, written_suffixes
 from locsnn_compile.data.joining import by_pixel
 from locsnn_compile.data.members import label_in_name
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.sensor import POLARITIES, TAXELS, SensorLayout
-from locsnn_compile.data.tact import CHANNELS, GRASP_SECONDS, tact_text
+from locsnn_compile.data.tact import CHANNELS, GRASP_SECONDS
 from locsnn_compile.data.torch_file import torch_bytes
-from locsnn_compile.errors import InputError, check_known, counted
-
-MEMBER_KINDS = ("npy", "events", "bs1", "bs2", "tact")
-"""What the files of a folder or archive may be; ``events`` are structured arrays in ``.npy`` files."""
-SUFFIXES = (".npz", ".npy", ".pt", ".tact", ".bs1", ".bs2", ".zip")
-#: Narrowest bin that times in whole microseconds tell apart.
-MIN_EVENT_STEP_SECONDS = 2e-6
+from locsnn_compile.errors import InputError, check_known
 
 
 class NotHeld(Frozen):
@@ -62,10 +53,12 @@ def write_recordings(
     path = Path(path)
     recordings = by_pixel(recordings)
     where, suffix = f"file {path.name!r}", path.suffix
-    check_known(where, f"files ending in {suffix!r} are not written", suffix or None, SUFFIXES)
+    check_known(
+        where, f"files ending in {suffix!r} are not written", suffix or None, written_suffixes()
+    )
     if sensor is not None:
         sensor.check_channels(recordings.spikes.shape[2], f"recordings {recordings.source!r}")
-    check_known("members", f"{members!r} is not known", str(members), MEMBER_KINDS)
+    check_known("members", f"{members!r} is not known", str(members), member_kinds())
     if suffix in ("", ".zip"):
         files = _member_files(recordings, members, where, sensor)
         if suffix == ".zip":
@@ -140,10 +133,9 @@ def _entries(recordings: Recordings, kind: str, where: str, sensor: Sensor) -> d
     entries: dict[str, AnyArray] = {}
     width = None if recordings.step_seconds is None else float(recordings.step_seconds)
     if kind == "events":
-        entries["events"], width = (
-            structured_events(*_timed(recordings, 0, where, sensor)),
-            _width(recordings),
-        )
+        events = _to_write(recordings, 0, "", where, sensor)
+        entries["events"] = structured_events(*timed_events(events))
+        width = events.step_seconds
     else:
         entries["spikes"] = _channel_major(recordings.spikes)
     more = {
@@ -183,21 +175,12 @@ def _width(recordings: Recordings) -> float:
     return STEP_SECONDS if recordings.step_seconds is None else recordings.step_seconds
 
 
-def _timed(
-    recordings: Recordings,
-    index: int,
-    where: str,
-    sensor: Sensor,
-    step_rule: StepRule = "floor",
-) -> tuple[IntArray, IntArray, IntArray]:
-    width = _width(recordings)
-    if width < MIN_EVENT_STEP_SECONDS:
-        measured, fix = f"{width:g} s against {MIN_EVENT_STEP_SECONDS:g}", "Write .npz."
-        raise InputError(
-            where, "its bins are too narrow for times in microseconds", measured=measured, fix=fix
-        )
-    polarities, _ = _cells(recordings, sensor)
-    return recording_events(recordings.spikes[index], polarities, width, step_rule)
+def _to_write(
+    recordings: Recordings, index: int, stem: str, where: str, sensor: Sensor
+) -> EventsToWrite:
+    polarities, columns = _cells(recordings, sensor)
+    spikes, width = recordings.spikes[index], _width(recordings)
+    return EventsToWrite(spikes, width, polarities, columns, stem, where, index)
 
 
 def _one_file(
@@ -206,35 +189,11 @@ def _one_file(
     """Return the files of one recording by name."""
     if kind == "npy":
         return {f"{stem}.npy": npy_bytes(_channel_major(recordings.spikes[index]))}
-    if kind == "events":
-        return {
-            f"{stem}.npy": npy_bytes(structured_events(*_timed(recordings, index, where, sensor)))
-        }
-    if kind == "tact":
-        return _tact_files(recordings, index, stem, where, _cells(recordings, sensor)[0])
-    times, cell, polarity = _timed(recordings, index, where, sensor, SLAYER_RULE)
-    y, x = (None, cell) if kind == "bs1" else np.divmod(cell, _cells(recordings, sensor)[1])
-    return {f"{stem}.{kind}": pack_slayer_events(times, x, y, polarity, where)}
-
-
-def _tact_files(
-    recordings: Recordings, index: int, stem: str, where: str, polarities: int
-) -> dict[str, bytes]:
-    spikes = recordings.spikes[index]
-    taxels = spikes.shape[1] // polarities
-    if taxels not in (TAXELS, 2 * TAXELS):
-        measured = f"{counted(taxels, 'taxel')} against {TAXELS} or {2 * TAXELS}"
-        raise InputError(
-            where, "raw text holds one or two fingertips", measured=measured, fix="Write .npz."
-        )
-    if not spikes.any():
-        raise InputError(
-            where, f"recording {index} is silent, which raw text cannot express", fix="Write .npz."
-        )
-    return {
-        f"{stem}.tact": tact_text(spikes, _width(recordings), polarities),
-        f"{stem}.startend": b"grasping 0\n",
-    }
+    events = _to_write(recordings, index, stem, where, sensor)
+    row = event_format(f".{kind}")
+    if row is None or row.write is None:
+        return {f"{stem}.npy": npy_bytes(structured_events(*timed_events(events)))}
+    return row.write(events)
 
 
 def _member_files(

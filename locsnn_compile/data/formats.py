@@ -1,0 +1,160 @@
+"""Which files of recordings are read and written: one row for each format.
+
+To add a format, write its reader in a module of its own and its row here. A row imports its reader
+only when a file is read, so that help does not wait for it.
+"""
+
+from typing import TYPE_CHECKING
+
+from locsnn_compile.data.format_rows import (
+    ArrayContent,
+    ArrayFile,
+    ArrayFormat,
+    EventFile,
+    EventFormat,
+    EventsToWrite,
+)
+
+if TYPE_CHECKING:
+    from locsnn_compile.data.event_stream import EventStream
+
+
+def _read_tact(file: EventFile) -> "EventStream":
+    from locsnn_compile.data.tact import parse_tact
+
+    return parse_tact(file.data, file.where, file.times, file.times_where)
+
+
+def _write_tact(events: EventsToWrite) -> dict[str, bytes]:
+    from locsnn_compile.data.tact import tact_files
+
+    return tact_files(events)
+
+
+def _read_bs1(file: EventFile) -> "EventStream":
+    from locsnn_compile.data.event_formats import parse_slayer_events
+
+    return parse_slayer_events(file.data, ".bs1", file.where)
+
+
+def _write_bs1(events: EventsToWrite) -> dict[str, bytes]:
+    from locsnn_compile.data.event_formats import slayer_file
+
+    return slayer_file(events, ".bs1")
+
+
+def _read_bs2(file: EventFile) -> "EventStream":
+    from locsnn_compile.data.event_formats import parse_slayer_events
+
+    return parse_slayer_events(file.data, ".bs2", file.where)
+
+
+def _write_bs2(events: EventsToWrite) -> dict[str, bytes]:
+    from locsnn_compile.data.event_formats import slayer_file
+
+    return slayer_file(events, ".bs2")
+
+
+def _read_bin(file: EventFile) -> "EventStream":
+    from locsnn_compile.data.event_formats import parse_slayer_events
+
+    return parse_slayer_events(file.data, ".bin", file.where)
+
+
+def _read_aedat4(file: EventFile) -> "EventStream":
+    from locsnn_compile.data.event_formats import parse_aedat4
+
+    return parse_aedat4(file.data, file.where)
+
+
+def _read_npy(file: ArrayFile) -> ArrayContent:
+    from locsnn_compile.data.array_files import npy_content
+
+    return npy_content(file)
+
+
+def _read_npz(file: ArrayFile) -> ArrayContent:
+    from locsnn_compile.data.array_files import npz_content
+
+    return npz_content(file)
+
+
+def _read_torch(file: ArrayFile) -> ArrayContent:
+    from locsnn_compile.data.array_files import torch_content
+
+    return torch_content(file)
+
+
+def _read_hdf5(file: ArrayFile) -> ArrayContent:
+    from locsnn_compile.data.array_files import hdf5_content
+
+    return hdf5_content(file)
+
+
+MOST_TEXT_BYTES = 10_000_000
+"""The largest text of one recording: about 600,000 events."""
+EVENT_FORMATS = (
+    EventFormat(
+        ".tact",
+        _read_tact,
+        _write_tact,
+        time_unit="seconds",
+        times_suffix=".startend",
+        most_bytes=MOST_TEXT_BYTES,
+    ),
+    EventFormat(".bs1", _read_bs1, _write_bs1),
+    EventFormat(".bs2", _read_bs2, _write_bs2),
+    EventFormat(".bin", _read_bin),
+    EventFormat(".aedat4", _read_aedat4),
+)
+"""In the order of help and errors."""
+ARRAY_FORMATS = (
+    ArrayFormat(".npy", _read_npy, is_written=True, holds_sets=False),
+    ArrayFormat(".npz", _read_npz, is_written=True),
+    ArrayFormat(".pt", _read_torch, is_written=True),
+    ArrayFormat(".h5", _read_hdf5),
+    ArrayFormat(".hdf5", _read_hdf5),
+)
+"""In the order of help and errors."""
+
+
+def event_suffixes() -> tuple[str, ...]:
+    """Return the endings of files of events."""
+    return tuple(row.suffix for row in EVENT_FORMATS)
+
+
+def times_suffixes() -> tuple[str, ...]:
+    """Return the endings of files of times next to files of events."""
+    return tuple(row.times_suffix for row in EVENT_FORMATS if row.times_suffix)
+
+
+def set_suffixes() -> tuple[str, ...]:
+    """Return the endings of files that hold several recordings."""
+    return tuple(row.suffix for row in ARRAY_FORMATS if row.holds_sets)
+
+
+def read_suffixes() -> tuple[str, ...]:
+    """Return the endings of all files that are read."""
+    return (".zip", *(row.suffix for row in ARRAY_FORMATS), *event_suffixes())
+
+
+def written_suffixes() -> tuple[str, ...]:
+    """Return the endings of all files that are written."""
+    arrays = (row.suffix for row in ARRAY_FORMATS if row.is_written)
+    events = (row.suffix for row in EVENT_FORMATS if row.write)
+    return (*arrays, *events, ".zip")
+
+
+def member_kinds() -> tuple[str, ...]:
+    """Return what the files of a folder or archive may be; ``events`` are fields in ``.npy`` files."""
+    return ("npy", "events", *(row.suffix[1:] for row in EVENT_FORMATS if row.write))
+
+
+def event_format(suffix: str) -> EventFormat | None:
+    """Return the format of files of events with this ending; None if there is none."""
+    return next((row for row in EVENT_FORMATS if row.suffix == suffix), None)
+
+
+def array_format(suffix: str) -> ArrayFormat:
+    """Return the format of files of arrays with this ending, which there is."""
+    return next(row for row in ARRAY_FORMATS if row.suffix == suffix)
