@@ -2,14 +2,14 @@
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 import hw_model as hw
 from hw_model.io.xml_text import escaped, xml_file
 from hw_model.program.chip_program import Core
-from hw_model.values import Frozen
+from hw_model.values import Frozen, IntArray
 
 
 class InputNode(Frozen):
@@ -91,34 +91,51 @@ def placed_graph(program: hw.ChipProgram) -> tuple[dict[str, Node], list[Edge]]:
 
 
 def _slice(core: Core, number: int) -> str:
+    """Return the name of a node."""
     return f"c{core.number}s{number}"
+
+
+class _Source(NamedTuple):
+    """A node that may send spikes to a core, so many hops away."""
+
+    node: str
+    hops: int
+
+
+def _sources(core: Core, program: hw.ChipProgram) -> tuple[list[_Source], IntArray]:
+    """Return what may send to a core, and by input axon of the core its number in that list, (axons,)."""
+    sources: list[_Source] = []
+    source_of_axon = np.full(core.axons.input_axons, -1, dtype=np.int64)
+    for k, item in enumerate(program.inputs):
+        route = program.route_of(item.name)
+        source_of_axon[route.axon[route.core == core.number]] = k
+        sources.append(_Source(f"i{k}", 0))
+    for sender in program.cores_of(core.phase):
+        sent_here = sender.axons.out_core == core.number
+        slice_number = sender.slice_of_compartment[sender.axons.out_compartment[sent_here]]
+        source_of_axon[sender.axons.out_axon[sent_here]] = len(sources) + slice_number
+        hops = sum(program.chip.hops(sender.slot, core.slot))
+        sources += [_Source(_slice(sender, k), hops) for k in range(len(sender.slices))]
+    return sources, source_of_axon
 
 
 def _into(core: Core, program: hw.ChipProgram) -> Iterator[Edge]:
     """Yield the edges onto a core: its synapses, counted by the nodes of their source and target."""
-    axons = core.axons
-    sources: list[tuple[str, int]] = []
-    source_of_axon = np.full(axons.input_axons, -1, dtype=np.int64)
-    for k, item in enumerate(program.inputs):
-        route = program.route_of(item.name)
-        source_of_axon[route.axon[route.core == core.number]] = k
-        sources.append((f"i{k}", 0))
-    for sender in program.cores_of(core.phase):
-        here = sender.axons.out_core == core.number
-        piece = sender.slice_of_compartment[sender.axons.out_compartment[here]]
-        source_of_axon[sender.axons.out_axon[here]] = len(sources) + piece
-        hops = sum(program.chip.hops(sender.slot, core.slot))
-        sources += [(_slice(sender, k), hops) for k in range(len(sender.slices))]
-
-    axon, pieces = axons.axon_of_synapse, len(core.slices)
-    pair = source_of_axon[axon] * pieces + core.slice_of_compartment[axons.target]
-    pairs, synapses = np.unique(pair, return_counts=True)
-    used = np.unique(np.stack((pair, axon)), axis=1)[0]
-    used_axons = np.searchsorted(used, pairs, side="right") - np.searchsorted(used, pairs)
-    for number, count, used_count in np.stack((pairs, synapses, used_axons), axis=1).tolist():
-        source, hops = sources[number // pieces]
-        carried = SynapseCount(synapses=count, axons=used_count, hops=hops)
-        yield Edge(source, _slice(core, number % pieces), carried)
+    sources, source_of_axon = _sources(core, program)
+    axon = core.axons.axon_of_synapse
+    slice_count = len(core.slices)
+    # The source and the slice of a synapse, as one number.
+    ends = source_of_axon[axon] * slice_count + core.slice_of_compartment[core.axons.target]
+    edges, synapse_counts = np.unique(ends, return_counts=True)
+    ends_of_used_axon = np.unique(np.stack((ends, axon)), axis=1)[0]
+    axon_counts = np.unique(ends_of_used_axon, return_counts=True)[1]
+    for edge, synapses, axons in zip(
+        edges.tolist(), synapse_counts.tolist(), axon_counts.tolist(), strict=True
+    ):
+        source_number, slice_number = divmod(edge, slice_count)
+        source = sources[source_number]
+        carried = SynapseCount(synapses=synapses, axons=axons, hops=source.hops)
+        yield Edge(source.node, _slice(core, slice_number), carried)
 
 
 def _joins(core: Core) -> Iterator[Edge]:

@@ -7,6 +7,8 @@ from hw_model.values import Frozen
 
 _TICKS = 6
 """Most ticks of a linear axis, besides the one at 0."""
+_LOG_TICKS = 8
+"""Most ticks of a logarithmic axis of several decades."""
 
 
 class Axis(Frozen):
@@ -23,7 +25,8 @@ class Axis(Frozen):
 
     def place(self, value: float) -> float:
         """Return the place of a value, 0..1."""
-        return ((math.log10(value) if self.log else value) - self.low) / (self.high - self.low)
+        scaled = math.log10(value) if self.log else value
+        return (scaled - self.low) / (self.high - self.low)
 
     @property
     def places(self) -> list[tuple[float, str]]:
@@ -34,26 +37,34 @@ class Axis(Frozen):
 def linear_axis(values: Sequence[float], text: Callable[[float], str]) -> Axis:
     """Return an axis from 0 to half a tick beyond the largest value."""
     largest = max(values, default=0.0)
-    step = nice_step(largest / _TICKS) if largest > 0 else 1.0
-    high = largest + 0.5 * step if largest > 0 else step
-    return Axis(0.0, high, tuple(i * step for i in range(math.floor(high / step + 1e-9) + 1)), text)
+    step = 1.0
+    high = step
+    if largest > 0:
+        step = nice_step(largest / _TICKS)
+        high = largest + 0.5 * step
+    tick_count = math.floor(high / step + 1e-9) + 1
+    return Axis(0.0, high, tuple(i * step for i in range(tick_count)), text)
 
 
 def log_axis(values: Sequence[float], text: Callable[[float], str]) -> Axis:
     """Return an axis for values above 0, with a tick per decade or, for few decades, at 1, 2 and 5."""
     scaled = [math.log10(value) for value in values] or [0.0, 1.0]
-    low, high = min(scaled), max(scaled)
-    beyond = 0.04 * (high - low) or 0.5
-    first, last = math.ceil(low - 1e-9), math.floor(high + 1e-9)
+    low = min(scaled)
+    high = max(scaled)
+    room = 0.04 * (high - low) or 0.5
+    first = math.ceil(low - 1e-9)
+    last = math.floor(high + 1e-9)
     if last - first < 2:
-        tried = (m * 10.0**decade for decade in range(first - 1, last + 1) for m in (1, 2, 5))
-        ticks = tuple(value for value in tried if low - 1e-9 <= math.log10(value) <= high + 1e-9)
-    else:
-        ticks = tuple(
-            10.0**decade
-            for decade in range(first, last + 1, max(1, math.ceil((last - first + 1) / 8)))
+        round_values = (
+            m * 10.0**decade for decade in range(first - 1, last + 1) for m in (1, 2, 5)
         )
-    return Axis(low - beyond, high + beyond, ticks, text, log=True)
+        ticks = tuple(
+            value for value in round_values if low - 1e-9 <= math.log10(value) <= high + 1e-9
+        )
+    else:
+        decades_apart = max(1, math.ceil((last - first + 1) / _LOG_TICKS))
+        ticks = tuple(10.0**decade for decade in range(first, last + 1, decades_apart))
+    return Axis(low - room, high + room, ticks, text, log=True)
 
 
 def nice_step(least: float) -> float:
@@ -67,22 +78,25 @@ def round_numbers(low: float, high: float, about: int) -> list[float]:
     if not high > low:
         return []
     step = nice_step((high - low) / about)
-    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+    first = math.ceil(low / step - 1e-9)
+    last = math.floor(high / step + 1e-9)
     return [i * step for i in range(first, last + 1)]
 
 
 def step_axis(steps: range, *, centred: bool) -> Axis:
     """Return an axis of steps with round numbers on it; ``centred`` if a step is as wide as its column."""
     half = 0.5 if centred or len(steps) == 1 else 0.0
-    found = [
-        number for number in round_numbers(steps[0], steps[-1], 6) if number == int(number)
-    ] or [float(steps[0])]
-    return Axis(steps[0] - half, steps[-1] + half, tuple(found), "{:,.0f}".format)
+    first = steps[0]
+    last = steps[-1]
+    ticks = [number for number in round_numbers(first, last, 6) if number == int(number)]
+    return Axis(first - half, last + half, tuple(ticks or [float(first)]), "{:,.0f}".format)
 
 
 def value_axis(values: Sequence[float], unit: str = "") -> Axis:
     """Return an axis that holds the values with some room, and round numbers on it."""
-    low, high = min(values), max(values)
-    room = 0.06 * (high - low) or abs(high) or 1.0
-    low, high = low - room, high + room
+    least = min(values)
+    largest = max(values)
+    room = 0.06 * (largest - least) or abs(largest) or 1.0
+    low = least - room
+    high = largest + room
     return Axis(low, high, tuple(round_numbers(low, high, 4)), lambda value: f"{value:.6g}{unit}")

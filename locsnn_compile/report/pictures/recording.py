@@ -55,9 +55,12 @@ def raster_svg(spikes: ByteArray, title: str, step_seconds: float | None) -> byt
 def _coarse(spikes: ByteArray, columns: int, rows: int) -> FloatArray:
     """Return the share of bins with an event for at most (rows, columns) blocks of (steps, channels)."""
     steps, channels = spikes.shape
-    across, down = -(-steps // columns), -(-channels // rows)
-    size = (-(-steps // across), -(-channels // down))
-    padded = np.zeros((size[0] * across, size[1] * down))
+    steps_a_block = -(-steps // columns)
+    channels_a_block = -(-channels // rows)
+    block_columns = -(-steps // steps_a_block)
+    block_rows = -(-channels // channels_a_block)
+    padded = np.zeros((block_columns * steps_a_block, block_rows * channels_a_block))
     padded[:steps, :channels] = spikes
-    shares: FloatArray = padded.reshape(size[0], across, size[1], down).mean(axis=(1, 3)).T
+    blocks = padded.reshape(block_columns, steps_a_block, block_rows, channels_a_block)
+    shares: FloatArray = blocks.mean(axis=(1, 3)).T
     return shares

@@ -84,7 +84,7 @@ def _marks(marks: Sequence[Mark], places: Sequence[chart.Point]) -> str:
         if not (marks[i].front or marks[i].taken):
             continue
         for anchor, box in _label_places(*places[i], marks[i].label):
-            if not any(_overlap(box, other) for other in taken):
+            if not any(_overlap(box, occupied) for occupied in taken):
                 drawn += _label(marks[i].label, anchor, box)
                 taken.append(box)
                 break
@@ -110,9 +110,12 @@ def _label(label: str, anchor: chart.Anchor, box: Box) -> str:
 
 def _label_places(x: float, y: float, label: str) -> list[tuple[chart.Anchor, Box]]:
     """Return possible places of a label within the panel, the best first: right, left, above and below."""
-    width, away = _LETTER * len(label), _RING + 2
-    middle, above, below = y - _LINE / 2, y - away - _LINE, y + away
-    tried: list[tuple[chart.Anchor, chart.Point]] = [
+    width = _LETTER * len(label)
+    away = _RING + 2
+    middle = y - _LINE / 2
+    above = y - away - _LINE
+    below = y + away
+    corners: list[tuple[chart.Anchor, chart.Point]] = [
         ("start", (x + away, middle)),
         ("end", (x - away - width, middle)),
         ("start", (x + 2, above)),
@@ -120,12 +123,13 @@ def _label_places(x: float, y: float, label: str) -> list[tuple[chart.Anchor, Bo
         ("start", (x + 2, below)),
         ("end", (x - 2 - width, below)),
     ]
-    boxes = [(anchor, (left, top, left + width, top + _LINE)) for anchor, (left, top) in tried]
-    return [
-        (anchor, box)
-        for anchor, box in boxes
-        if box[0] >= 0 and box[2] <= chart.WIDTH + chart.RIGHT and box[3] <= chart.HEIGHT
-    ]
+    boxes = [(anchor, (left, top, left + width, top + _LINE)) for anchor, (left, top) in corners]
+    return [(anchor, box) for anchor, box in boxes if _within_panel(box)]
+
+
+def _within_panel(box: Box) -> bool:
+    left, _, right, bottom = box
+    return left >= 0 and right <= chart.WIDTH + chart.RIGHT and bottom <= chart.HEIGHT
 
 
 def _stair(places: Sequence[chart.Point]) -> str:
@@ -167,5 +171,7 @@ def _shape(kind: int, x: float, y: float, style: str, inside: str = "") -> str:
     return f'<use href="#shape{number}" class="{style}" x="{x:.1f}" y="{y:.1f}">{inside}</use>'
 
 
-def _overlap(one: Box, other: Box) -> bool:
-    return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
+def _overlap(a: Box, b: Box) -> bool:
+    a_left, a_top, a_right, a_bottom = a
+    b_left, b_top, b_right, b_bottom = b
+    return a_left < b_right and b_left < a_right and a_top < b_bottom and b_top < a_bottom
