@@ -33,8 +33,8 @@ from locsnn_compile.pipeline import Levels
 from locsnn_compile.reference.evaluate import calibrate, score_spread
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.content import Report
-from locsnn_compile.report.figures.checks import choice_document
-from locsnn_compile.report.figures.document import report_document
+from locsnn_compile.report.figures.document import Findings, ReportFigures, report_figures
+from locsnn_compile.report.figures.entries import plain
 from locsnn_compile.report.grounds import grounds_of
 from locsnn_compile.report.renderers.html import render_html, render_summary
 from locsnn_compile.report.sections.verdict import matches
@@ -73,8 +73,8 @@ class CompiledModel(Frozen, eq=False):
     observed: Observed
     """The recordings of the check, and what both sides do on them."""
     match: Match
-    report: dict[str, Any]
-    """The content of report.json."""
+    figures: ReportFigures
+    """The content of report.json, with types."""
     choice: Choice | None = None
     """What ``auto`` compared; None if the strategy was given, or there was nothing to choose."""
     excerpt: Excerpt | None = None
@@ -86,6 +86,11 @@ class CompiledModel(Frozen, eq=False):
 
     def _repr_html_(self) -> str:
         return render_summary(self.composed)
+
+    @cached_property
+    def report(self) -> dict[str, Any]:
+        """The content of report.json, as plain values."""
+        return dict(plain(self.figures))
 
     @cached_property
     def composed(self) -> Report:
@@ -280,9 +285,9 @@ def fulfil(request: CompileRequest[AnyChip]) -> CompiledModel | CompiledXylo:
         chosen=choice is not None,
         rounded=levels.quantized.populations,
     )
-    report = report_document(levels, match, grounds, diagnosis, followed)
-    report |= {"strategy_choice": choice_document(choice)}
-    return CompiledModel(observed, match, report, choice, excerpt)
+    findings = Findings(diagnosis, followed, choice)
+    figures = report_figures(levels, match, grounds, findings)
+    return CompiledModel(observed, match, figures, choice, excerpt)
 
 
 def _fulfil_for_xylo(request: CompileRequest[AnyChip], chip: XyloChip) -> CompiledXylo:

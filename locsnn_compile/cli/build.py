@@ -36,6 +36,7 @@ from locsnn_compile.errors import InputError, listed
 from locsnn_compile.frontends import load
 from locsnn_compile.frontends.formats import LoadOptions
 from locsnn_compile.network.network import Network
+from locsnn_compile.report.figures.entries import plain
 from locsnn_compile.report.gates import GATES, check_gates, gates_entry, junit_file
 from locsnn_compile.report.sections.build import unmet_budget
 from locsnn_compile.report.words import sentence
@@ -49,7 +50,7 @@ from locsnn_compile.request.compile_request import (
 )
 from locsnn_compile.settings import DIALS, check_matters
 from locsnn_compile.verification.error_bounds import ErrorBudget
-from locsnn_compile.xylo.compiled import check_emitted
+from locsnn_compile.xylo.compiled import CompiledXylo, check_emitted
 
 READ = ("--options", "--config", "--events", "--calibration", "--target", "--profile")
 BOUNDS = ("--min-agreement", "--max-spike-error", "--max-score-error")
@@ -73,7 +74,12 @@ def build(args: Namespace) -> int:
         pricing = PricingRequest(args.profile)
         compiled = fulfil(CompileRequest(network, target, asked, check, pricing))
     gates = check_gates(compiled.report, given(args, GATES))
-    compiled = replace(compiled, report=compiled.report | {"gates": gates_entry(gates)})
+    if isinstance(compiled, CompiledXylo):
+        report = compiled.report | {"gates": plain(gates_entry(gates))}
+        compiled = replace(compiled, report=report)
+    else:
+        figures = replace(compiled.figures, gates=gates_entry(gates))
+        compiled = replace(compiled, figures=figures)
     title = f"recording {number} of {recordings.source}"
     shown = ShownRecording(recordings.spikes[number], title, args.probe)
     files = compiled.files(args.emit, shown)

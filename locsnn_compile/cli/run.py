@@ -262,7 +262,7 @@ def _find_stops(
     return {
         "kind": args.stop,
         **how,
-        **savings(program, stops),
+        **vars(savings(program, stops)),
         "agreement": float(np.mean(stops.prediction == stops.final)),
         "accuracy": None if labels is None else float(np.mean(stops.prediction == labels)),
         "whole_accuracy": None if labels is None else float(np.mean(stops.final == labels)),

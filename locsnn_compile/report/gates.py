@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from hw_model.io.xml_text import escaped, xml_file
 from locsnn_compile.report.content import Document
+from locsnn_compile.report.figures.document import GateFigures
 from locsnn_compile.report.words import fill, texts
 from locsnn_compile.verification.error_bounds import within
 
@@ -51,12 +52,9 @@ def _gate(option: str, report: Document, bound: float) -> Gate:
     )
 
 
-def gates_entry(gates: Sequence[Gate]) -> list[Document]:
+def gates_entry(gates: Sequence[Gate]) -> tuple[GateFigures, ...]:
     """Return ``gates`` of report.json."""
-    return [
-        {"name": gate.option, "bound": gate.bound, "measured": gate.measured, "passed": gate.holds}
-        for gate in gates
-    ]
+    return tuple(GateFigures(gate.option, gate.bound, gate.measured, gate.holds) for gate in gates)
 
 
 def junit_file(gates: Sequence[Gate], build: str) -> bytes:

@@ -18,8 +18,8 @@ import hw_model as hw
 import locsnn_compile as lc
 from locsnn_compile.data.read import read_recordings
 from locsnn_compile.reference.evaluate import calibrate
-from locsnn_compile.report.figures.checks import cause_entry
-from locsnn_compile.report.figures.document import report_document
+from locsnn_compile.report.figures.document import Findings, report_figures
+from locsnn_compile.report.figures.entries import plain
 from locsnn_compile.report.format import count, share, short
 from locsnn_compile.report.grounds import Grounds
 from locsnn_compile.report.sections.accuracy import cause
@@ -134,10 +134,10 @@ def by_margin(margins) -> str:
 
 def why(levels, match: Match, diagnosis) -> str:
     """Return the place and the cause of the first divergence, as the report words them."""
-    document = report_document(levels, match, Grounds(None, "given", ()), diagnosis)
+    findings = Findings(diagnosis)
+    document = plain(report_figures(levels, match, Grounds(None, "given", ()), findings))
     first = match.first_divergence
     assert first is not None
-    assert document["match"]["first_divergence"]["cause"] == cause_entry(diagnosis.cause)
     said = cause(document)
     assert said is not None
     place = f"{first.population}, neuron {first.neuron}, step {first.step} of recording {first.recording}"

@@ -141,11 +141,11 @@ def test_savings_are_means(levels, played):
     found = savings(levels.program, stops)
     whole = hw.simulate(levels.program, played).counts
     profile = levels.program.chip.profile("davies2018")
-    assert found["profile"] == "davies2018"
-    assert found["steps"] == stops.steps.mean() < found["all_steps"] == 26
-    assert found["all_synaptic_ops"] == whole.synaptic_ops / 9 > found["synaptic_ops"]
-    assert found["all_energy_pj"] == pytest.approx(sum(hw.energy_pj(whole, profile).values()) / 9)
-    assert found["energy_pj"] < found["all_energy_pj"]
+    assert found.profile == "davies2018"
+    assert found.steps == stops.steps.mean() < found.all_steps == 26
+    assert found.all_synaptic_ops == whole.synaptic_ops / 9 > found.synaptic_ops
+    assert found.all_energy_pj == pytest.approx(sum(hw.energy_pj(whole, profile).values()) / 9)
+    assert found.energy_pj < found.all_energy_pj
 
 
 @pytest.mark.parametrize("chunk", [1, 4, 9, 100])

@@ -15,6 +15,8 @@ import hw_model as hw
 import locsnn_compile as lc
 from hw_model.values import Shown
 from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.report.figures.document import ReportFigures
+from locsnn_compile.report.figures.entries import typed
 
 PUBLIC = {name: getattr(package, name) for package in (hw, lc) for name in package.__all__}
 NEURON = {"decay_v": 0.1, "threshold": 1.0}
@@ -182,7 +184,8 @@ def test_a_notebook_shows_the_summary(compiled):
 
 def test_a_notebook_shows_names_as_text(compiled):
     report = compiled.report | {"model": {"name": "<script>", "sha256": ""}}
-    assert "<script" not in replace(compiled, report=report)._repr_html_()
+    figures = typed(ReportFigures, report)
+    assert "<script" not in replace(compiled, figures=figures)._repr_html_()
 
 
 def test_a_network_by_hand():

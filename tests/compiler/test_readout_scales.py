@@ -16,7 +16,8 @@ from locsnn_compile.network.neurons import Cuba
 from locsnn_compile.network.projections import Projection
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
-from locsnn_compile.report.figures.document import report_document
+from locsnn_compile.report.figures.document import report_figures
+from locsnn_compile.report.figures.entries import plain
 from locsnn_compile.report.gates import check_gates
 from locsnn_compile.report.grounds import Grounds
 from locsnn_compile.report.sections.verdict import matches
@@ -79,7 +80,7 @@ def test_weights_that_are_a_little_wrong_show_in_scores_where_no_class_and_no_sp
     assert right.scores.relative_error < 0.01
     assert fault.scores.relative_error == pytest.approx(0.111, abs=0.001)
 
-    report = report_document(levels, fault, Grounds(0.02, "given", ()))
+    report = plain(report_figures(levels, fault, Grounds(0.02, "given", ())))
     assert report["match"]["score_error"] == fault.scores.relative_error
     assert report["match"]["class_scores"] == {
         "mean_spread": fault.scores.mean_spread,

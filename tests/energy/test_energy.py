@@ -166,7 +166,7 @@ def test_a_report_bounds_what_cleaning_takes_and_nothing_else_that_is_left_out()
     rows = _left_out(hw.Counts(), profile, 3, None)
     cleaning = profile.not_included[0].bound_recording_pj
     assert 10_000 < cleaning < 1e6
-    assert [(row["what"], row["at_most_pj"], row["bound_source"]) for row in rows] == [
+    assert [(row.what, row.at_most_pj, row.bound_source) for row in rows] == [
         ("cleaning of the memories", cleaning, "writes of macros at gate level"),
         ("transitions of gates before they settle (glitches)", None, None),
         ("pads, input and output, supply and clock generation", None, None),

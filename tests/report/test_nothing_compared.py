@@ -22,11 +22,15 @@ from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.description import InputLayout, NetworkDescription
+from locsnn_compile.pipeline import Levels
 from locsnn_compile.report.compose import compose
-from locsnn_compile.report.figures.document import report_document
+from locsnn_compile.report.content import Verdict
+from locsnn_compile.report.figures.document import report_figures
+from locsnn_compile.report.figures.entries import plain
 from locsnn_compile.report.grounds import Grounds
 from locsnn_compile.report.renderers.markdown import render_markdown
 from locsnn_compile.report.sections.verdict import matches
+from locsnn_compile.verification.matching import Match
 
 STEPS = 40
 GROUNDS = Grounds(0.02, "given", ())
@@ -288,6 +292,11 @@ FAULTS = [
 ]
 
 
+def verdict_of(levels: Levels, match: Match) -> Verdict:
+    """Return whether a report of this match says that the chip does what the network does."""
+    return matches(plain(report_figures(levels, match, GROUNDS)))
+
+
 @pytest.mark.parametrize(("trained", "on_chip", "status", "answer"), FAULTS)
 def test_a_planted_fault(
     tmp_path: Path, trained: dict[str, float], on_chip: dict[str, float], status: str, answer: str
@@ -300,7 +309,7 @@ def test_a_planted_fault(
     levels = replace(model.levels, program=other.levels.program)
     wrong = replace(model, observed=replace(model.observed, levels=levels))
     match = lc.verify(wrong, events())
-    verdict = matches(report_document(wrong.levels, match, GROUNDS))
+    verdict = verdict_of(wrong.levels, match)
     assert (verdict.status, verdict.answer) == (status, answer)
 
 
@@ -332,12 +341,10 @@ def test_potentials_never_spike_and_are_silent_only_where_all_are_equal(
     assert found["by_population"]["out"]["spike_agreement"] is None
     assert (found["spike_agreement"] is None) == (threshold == 100.0)
     agreeing = replace(match, chip_prediction=match.reference_prediction)
-    assert matches(report_document(model.levels, agreeing, GROUNDS)).answer == answer
+    assert verdict_of(model.levels, agreeing).answer == answer
     assert "| out | read by potential | 0 | 0 | 0 |" in render_markdown(compose(model.report))
     turned = replace(match, chip_prediction=(match.chip_prediction + 1) % network.classes)
-    assert matches(report_document(model.levels, turned, GROUNDS)).answer == "No"
+    assert verdict_of(model.levels, turned).answer == "No"
     tied = np.full(match.samples, -1)
-    silent = report_document(
-        model.levels, replace(match, chip_prediction=tied, reference_prediction=tied), GROUNDS
-    )
-    assert matches(silent).answer == "Not known"
+    silent = replace(match, chip_prediction=tied, reference_prediction=tied)
+    assert verdict_of(model.levels, silent).answer == "Not known"

@@ -1,138 +1,269 @@
 """Entries of report.json on the checks beyond the match: error budget, margins, predictions over time, settings."""
 
-from dataclasses import asdict
-from typing import Any
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
 from hw_model.program.chip_program import ChipProgram
 from hw_model.values import picked
-from locsnn_compile.report.content import Document
-from locsnn_compile.request.choose_strategy import Choice
+from locsnn_compile.report.figures.entries import INLINED, Entry, Inlined, plain
+from locsnn_compile.request.choose_strategy import Candidate, Choice
+from locsnn_compile.settings import DIALS, Setting
 from locsnn_compile.verification.diagnosis import EDGES, Diagnosis, PopulationMargins
+from locsnn_compile.verification.error_bounds import ErrorBudget
 from locsnn_compile.verification.error_budget.budget import Cause, Deviation
 from locsnn_compile.verification.matching import PopulationMatch
-from locsnn_compile.verification.over_time import OverTime, savings
+from locsnn_compile.verification.over_time import OverTime, Savings, savings
 
 _REGISTERS = ("peak_u", "share_u", "peak_v", "share_v", "headroom_bits", "wraps", "clips")
 _POINTS = 50
 """Steps of a recording for which figures are kept, evenly spread up to the last one."""
 _ORDER = ("together", "time", "location", "time_weighted")
+_TAKEN = Inlined(tuple((dial.name, dial.taken_key) for dial in DIALS))
 
 
-def budget_entry(diagnosis: Diagnosis) -> Document | None:
+class CauseFigures(Entry):
+    """What each stage adds to the potential that decided the first spike that differs."""
+
+    moved_by: Mapping[str, float]
+    moved_by_interaction: float
+    moved_together: float
+    largest: str
+    enough_alone: tuple[str, ...]
+
+
+class Sample(Entry):
+    """The recordings of a diagnosis, out of those of the check."""
+
+    recordings: tuple[int, ...]
+    recordings_available: int
+
+
+class SpikeErrors(Entry):
+    """How equal the spikes of two sides are; the agreement is None if neither side spikes."""
+
+    spike_agreement: float | None
+    spike_mismatches: int
+
+
+class DeviationFigures(Entry):
+    """How a variant differs from the float network."""
+
+    spikes: Annotated[SpikeErrors, INLINED]
+    predictions_changed: int
+    score_error: float | None
+    by_population: Mapping[str, SpikeErrors]
+
+
+class BudgetFigures(Entry):
+    """``error_budget``: what each stage changes by itself, and what all others change without it."""
+
+    sample: Annotated[Sample, INLINED]
+    alone: Mapping[str, DeviationFigures]
+    all_but: Mapping[str, DeviationFigures]
+    together: DeviationFigures
+    unexplained_spikes: int
+    kernel_tail: DeviationFigures | None
+
+
+class MarginsOfPopulation(Entry):
+    """Distances and errors in thresholds, by the share of neurons and steps that have none larger."""
+
+    neuron_steps: int
+    nearest: Mapping[str, float]
+    error: Mapping[str, float]
+    within_error: float
+    decided_otherwise: float
+    distance_histogram: tuple[int, ...]
+    error_histogram: tuple[int, ...]
+
+
+class RegisterFigures(Entry):
+    """How full the registers of a group of compartments get."""
+
+    peak_u: int
+    share_u: float
+    peak_v: int
+    share_v: float
+    headroom_bits: float | None
+    wraps: int
+    clips: int
+
+
+class MarginFigures(Entry):
+    """``margins``; distances and errors are in thresholds."""
+
+    sample: Annotated[Sample, INLINED]
+    histogram_edges: tuple[float, ...]
+    by_population: Mapping[str, MarginsOfPopulation]
+    registers: Mapping[str, RegisterFigures]
+
+
+class NotFollowed(Entry):
+    """Why predictions were not followed over time."""
+
+    left_out: str
+
+
+class OverTimeFigures(Entry):
+    """``over_time``: the share of right predictions after some of the steps, and where each could stop."""
+
+    sample: Annotated[Sample, INLINED]
+    right_is: Literal["the label", "the prediction after the last step"]
+    psi: float
+    step_seconds: float | None
+    steps: tuple[int, ...]
+    right: Mapping[str, tuple[float, ...]]
+    proven_stop: Savings
+
+
+class CandidateFigures(Entry):
+    """A setting that was compared, and what it loses."""
+
+    setting: Annotated[Setting, INLINED]
+    prediction_agreement: float | None
+    spike_error: float | None
+    score_error: float | None
+    energy_pj: float | None
+    chip_time_ns: float
+    within_budget: bool
+
+
+class ChoiceFigures(Entry):
+    """``strategy_choice``: the settings compared, and the one that was taken."""
+
+    calibration_source: str
+    calibration_samples: int
+    budget: Annotated[ErrorBudget, INLINED]
+    kept: bool
+    taken: Annotated[Setting, _TAKEN]
+    candidates: tuple[CandidateFigures, ...]
+
+
+def budget_figures(diagnosis: Diagnosis) -> BudgetFigures | None:
     """Return ``error_budget``; None if nothing was rounded."""
     budget = diagnosis.budget
     if budget is None:
         return None
-    return {
-        **_recordings(diagnosis),
-        "alone": {stage: _deviation(found) for stage, found in budget.alone.items()},
-        "all_but": {stage: _deviation(found) for stage, found in budget.without.items()},
-        "together": _deviation(budget.together),
-        "unexplained_spikes": budget.unexplained,
-        "kernel_tail": None if budget.kernel_tail is None else _deviation(budget.kernel_tail),
-    }
+    tail = budget.kernel_tail
+    return BudgetFigures(
+        sample=_sample(diagnosis),
+        alone={stage: _deviation(deviation) for stage, deviation in budget.alone.items()},
+        all_but={stage: _deviation(deviation) for stage, deviation in budget.without.items()},
+        together=_deviation(budget.together),
+        unexplained_spikes=budget.unexplained,
+        kernel_tail=None if tail is None else _deviation(tail),
+    )
 
 
-def cause_entry(cause: Cause | None) -> Document | None:
-    """Return ``match.first_divergence.cause``: what each stage adds to the potential that decided."""
+def cause_figures(cause: Cause | None) -> CauseFigures | None:
+    """Return ``match.first_divergence.cause``; None without a cause."""
     if cause is None:
         return None
-    return {
-        "moved_by": dict(cause.moved),
-        "moved_by_interaction": cause.rest,
-        "moved_together": cause.together,
-        "largest": cause.largest,
-        "enough_alone": list(cause.enough),
-    }
+    return CauseFigures(
+        moved_by={str(stage): moved for stage, moved in cause.moved.items()},
+        moved_by_interaction=cause.rest,
+        moved_together=cause.together,
+        largest=cause.largest,
+        enough_alone=cause.enough,
+    )
 
 
-def margins_entry(diagnosis: Diagnosis) -> Document:
-    """Return ``margins``; distances and errors are in thresholds."""
-    found = diagnosis.margins
-    return {
-        **_recordings(diagnosis),
-        "histogram_edges": [float(f"{edge:.6g}") for edge in EDGES],
-        "by_population": {name: _population(one) for name, one in found.populations.items()},
-        "registers": {name: picked(one, *_REGISTERS) for name, one in found.registers.items()},
-    }
-
-
-def _recordings(diagnosis: Diagnosis) -> Document:
-    return {"recordings": list(diagnosis.recordings), "recordings_available": diagnosis.available}
-
-
-def _deviation(found: Deviation) -> Document:
-    return {
-        **spikes_entry(found.spikes),
-        "predictions_changed": found.predictions_changed,
-        "score_error": found.scores.relative_error,
-        "by_population": {name: spikes_entry(one) for name, one in found.by_population.items()},
-    }
-
-
-def spikes_entry(found: PopulationMatch) -> Document:
-    """Return how equal the spikes of both sides are."""
-    return {"spike_agreement": found.agreement, "spike_mismatches": found.mismatches}
-
-
-def _population(found: PopulationMargins) -> Document:
-    return {
-        "neuron_steps": found.neuron_steps,
-        "nearest": {f"{share:g}": distance for share, distance in found.nearest.items()},
-        "error": {f"{share:g}": error for share, error in found.error.items()},
-        **picked(found, "within_error", "decided_otherwise"),
-        "distance_histogram": found.distance_histogram.tolist(),
-        "error_histogram": found.error_histogram.tolist(),
-    }
-
-
-def over_time_entry(
-    found: OverTime | str, program: ChipProgram, step_seconds: float | None
-) -> dict[str, Any]:
-    """Return ``over_time``; if predictions were not followed, only the reason."""
-    if isinstance(found, str):
-        return {"left_out": found}
-    steps = len(next(iter(found.right.values())))
-    kept = np.unique(np.ceil(np.arange(1, _POINTS + 1) * steps / _POINTS).astype(np.int64))
-    return {
-        "recordings": list(found.recordings),
-        "recordings_available": found.available,
-        "right_is": "the label" if found.labelled else "the prediction after the last step",
-        "psi": found.psi,
-        "step_seconds": step_seconds,
-        "steps": kept.tolist(),
-        "right": {
-            name: found.right[name][kept - 1].tolist() for name in _ORDER if name in found.right
+def margin_figures(diagnosis: Diagnosis) -> MarginFigures:
+    """Return ``margins``."""
+    margins = diagnosis.margins
+    return MarginFigures(
+        sample=_sample(diagnosis),
+        histogram_edges=tuple(float(f"{edge:.6g}") for edge in EDGES),
+        by_population={name: _margins(found) for name, found in margins.populations.items()},
+        registers={
+            name: RegisterFigures(**picked(use, *_REGISTERS))
+            for name, use in margins.registers.items()
         },
-        "proven_stop": savings(program, found.proven),
-    }
+    )
 
 
-def choice_document(choice: Choice | None) -> dict[str, Any] | None:
+def _sample(diagnosis: Diagnosis) -> Sample:
+    return Sample(tuple(diagnosis.recordings), diagnosis.available)
+
+
+def _deviation(deviation: Deviation) -> DeviationFigures:
+    return DeviationFigures(
+        spikes=_spike_errors(deviation.spikes),
+        predictions_changed=deviation.predictions_changed,
+        score_error=deviation.scores.relative_error,
+        by_population={
+            name: _spike_errors(spikes) for name, spikes in deviation.by_population.items()
+        },
+    )
+
+
+def _spike_errors(spikes: PopulationMatch) -> SpikeErrors:
+    return SpikeErrors(spikes.agreement, spikes.mismatches)
+
+
+def _margins(margins: PopulationMargins) -> MarginsOfPopulation:
+    return MarginsOfPopulation(
+        neuron_steps=margins.neuron_steps,
+        nearest={f"{share:g}": distance for share, distance in margins.nearest.items()},
+        error={f"{share:g}": error for share, error in margins.error.items()},
+        within_error=margins.within_error,
+        decided_otherwise=margins.decided_otherwise,
+        distance_histogram=tuple(margins.distance_histogram.tolist()),
+        error_histogram=tuple(margins.error_histogram.tolist()),
+    )
+
+
+def over_time_figures(
+    followed: OverTime | str, program: ChipProgram, step_seconds: float | None
+) -> OverTimeFigures | NotFollowed:
+    """Return ``over_time``; if predictions were not followed, only the reason."""
+    if isinstance(followed, str):
+        return NotFollowed(followed)
+    length = len(next(iter(followed.right.values())))
+    steps = np.unique(np.ceil(np.arange(1, _POINTS + 1) * length / _POINTS).astype(np.int64))
+    return OverTimeFigures(
+        sample=Sample(followed.recordings, followed.available),
+        right_is="the label" if followed.labelled else "the prediction after the last step",
+        psi=followed.psi,
+        step_seconds=step_seconds,
+        steps=tuple(steps.tolist()),
+        right={
+            name: tuple(followed.right[name][steps - 1].tolist())
+            for name in _ORDER
+            if name in followed.right
+        },
+        proven_stop=savings(program, followed.proven),
+    )
+
+
+def choice_figures(choice: Choice | None) -> ChoiceFigures | None:
     """Return ``strategy_choice``; None if nothing was chosen."""
     if choice is None:
         return None
-    return {
-        "calibration_source": choice.source,
-        "calibration_samples": choice.samples,
-        **asdict(choice.budget),
-        "kept": choice.keeps_budget,
-        **{dial.taken_key: value for dial, value in choice.taken.setting.by_dial},
-        "candidates": [
-            {
-                **asdict(candidate.setting),
-                **picked(
-                    candidate,
-                    "prediction_agreement",
-                    "spike_error",
-                    "score_error",
-                    "energy_pj",
-                    "chip_time_ns",
-                ),
-                "within_budget": candidate.keeps(choice.budget),
-            }
-            for candidate in choice.candidates
-        ],
-    }
+    return ChoiceFigures(
+        calibration_source=choice.source,
+        calibration_samples=choice.samples,
+        budget=choice.budget,
+        kept=choice.keeps_budget,
+        taken=choice.taken.setting,
+        candidates=tuple(_candidate(choice, candidate) for candidate in choice.candidates),
+    )
+
+
+def _candidate(choice: Choice, candidate: Candidate) -> CandidateFigures:
+    return CandidateFigures(
+        setting=candidate.setting,
+        prediction_agreement=candidate.prediction_agreement,
+        spike_error=candidate.spike_error,
+        score_error=candidate.score_error,
+        energy_pj=candidate.energy_pj,
+        chip_time_ns=candidate.chip_time_ns,
+        within_budget=candidate.keeps(choice.budget),
+    )
+
+
+def spikes_entry(spikes: PopulationMatch) -> dict[str, Any]:
+    """Return how equal the spikes of both sides are, as the document has it."""
+    return dict(plain(_spike_errors(spikes)))

@@ -1,7 +1,7 @@
 """Entries of report.json as types, with one writer and one reader for all of them.
 
 The fields of an entry are keys of the document, in its order. Annotations say where a key differs
-from its field: :data:`INLINED`, :class:`LeftOut`, :data:`NULLS` and :class:`EarlierVersions`.
+from its field: :class:`Inlined`, :class:`LeftOut`, :data:`NULLS` and :class:`EarlierVersions`.
 """
 
 from collections.abc import Iterator, Mapping
@@ -47,8 +47,17 @@ class EarlierVersions(NamedTuple):
     meant: Any
 
 
-INLINED: Final = "inlined"
-"""The keys of the field's own entry stand in its place."""
+class Inlined(NamedTuple):
+    """The keys of the field's own entry stand in its place; ``renamed`` are pairs of its and theirs."""
+
+    renamed: tuple[tuple[str, str], ...] = ()
+
+    def name(self, key: str) -> str:
+        """Return the key in the document for a key of the entry."""
+        return dict(self.renamed).get(key, key)
+
+
+INLINED: Final = Inlined()
 NULLS: Final = "nulls"
 """Where the field is None, the document has all keys of the entry, and each is null."""
 IfKnown = Annotated[T | None, LeftOut()]
@@ -82,9 +91,16 @@ class _Field(Frozen):
         return next((word for word in self.said if isinstance(word, EarlierVersions)), None)
 
     @property
+    def inlined(self) -> Inlined | None:
+        """Whether the keys of its entry stand in its place."""
+        return next((word for word in self.said if isinstance(word, Inlined)), None)
+
+    @property
     def keys(self) -> list[str]:
         """The keys that the field has in the document."""
-        return keys_of(self.kinds[0]) if INLINED in self.said else [self.key]
+        if self.inlined is None:
+            return [self.key]
+        return [self.inlined.name(key) for key in keys_of(self.kinds[0])]
 
 
 def _fields(kind: Any) -> tuple[_Field, ...]:
@@ -132,10 +148,11 @@ def _items(entry: Any) -> Iterator[tuple[str, Any]]:
             continue
         if value is None and NULLS in field.said:
             value = dict.fromkeys(keys_of(field.kinds[0]))
-        if INLINED in field.said:
-            yield from plain(value).items()
-        else:
+        if field.inlined is None:
             yield field.key, plain(value)
+            continue
+        for key, item in plain(value).items():
+            yield field.inlined.name(key), item
 
 
 def _is_absent(field: _Field, entry: Any) -> bool:
@@ -160,8 +177,9 @@ class _EntryReader(RecordReader):
         return kind(**given, **{field.name: self._value_of(field, found, key) for field in own})
 
     def _value_of(self, field: _Field, found: Mapping[str, Any], key: str) -> Any:
-        if INLINED in field.said:
-            own = {name: found[name] for name in field.keys if name in found}
+        if field.inlined is not None:
+            names = {key: field.inlined.name(key) for key in keys_of(field.kinds[0])}
+            own = {key: found[name] for key, name in names.items() if name in found}
             if NULLS in field.said and _only_nulls(own):
                 return None
             return self.record(field.kinds[0], own, key)
@@ -198,7 +216,7 @@ class _EntryReader(RecordReader):
 
 
 def _is_required(field: _Field) -> bool:
-    return field.left_out is None and field.earlier is None and INLINED not in field.said
+    return field.left_out is None and field.earlier is None and field.inlined is None
 
 
 def _only_nulls(value: Any) -> bool:

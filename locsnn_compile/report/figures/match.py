@@ -1,0 +1,194 @@
+"""Entries of report.json on the match: spikes, predictions and class scores of both sides, and the input."""
+
+from collections.abc import Mapping
+from typing import Annotated, Literal
+
+from hw_model.description.counts import total
+from locsnn_compile.data.recordings import Binned, Origin
+from locsnn_compile.network.network import Network
+from locsnn_compile.report.figures.checks import CauseFigures
+from locsnn_compile.report.figures.entries import INLINED, Entry, IfKnown
+from locsnn_compile.report.grounds import Grounds
+from locsnn_compile.verification.chance import Chance
+from locsnn_compile.verification.matching import Divergence, Match, PopulationMatch
+
+
+class SpikesCompared(Entry):
+    """How equal the spikes of both sides are; the agreement is None if neither side spikes."""
+
+    spike_agreement: float | None
+    spike_mismatches: int
+    reference_spikes: int
+    chip_spikes: int
+
+
+class ClassScores(Entry):
+    """Class scores in the network's units: their spread in the reference, and the error of the chip's."""
+
+    mean_spread: float
+    mean_error: float
+
+
+class FirstDivergence(Entry):
+    """The first spike that differs; its cause is None without a diagnosis."""
+
+    place: Annotated[Divergence, INLINED]
+    cause: CauseFigures | None
+
+
+class ReadoutFigures(Entry):
+    """What predicts: spikes or potentials of these populations; silent if neither side has any."""
+
+    populations: tuple[str, ...]
+    by: Literal["spikes", "potentials", "spikes and potentials"]
+    potentials_of: IfKnown[tuple[str, ...]]
+    silent: bool
+
+    @property
+    def reads_potentials(self) -> bool:
+        """Whether any population is read by its potentials."""
+        return "potentials" in self.by
+
+    def is_by_potential(self, population: str) -> bool:
+        """Return whether a population is read by its potentials."""
+        if self.potentials_of is not None:
+            return population in self.potentials_of
+        return self.by == "potentials" and population in self.populations
+
+
+class MatchFigures(Entry):
+    """``match``: what both sides do, over all recordings of the check."""
+
+    reference: Literal["float64", "integers"]
+    events_origin: Origin
+    samples: int
+    events_source: str
+    prediction_agreement: float | None
+    spikes: Annotated[SpikesCompared, INLINED]
+    tied_predictions: int
+    score_error: float | None
+    class_scores: ClassScores
+    by_population: Mapping[str, SpikesCompared]
+    helper_neurons: Mapping[str, SpikesCompared]
+    first_divergence: FirstDivergence | None
+    wraps: int
+    clips: int
+    wraps_and_clips_by_population: Mapping[str, Mapping[str, int]]
+    readout: ReadoutFigures
+
+
+class Accuracy(Entry):
+    """The share of correct predictions of both sides."""
+
+    reference: float
+    chip: float
+
+
+class ChanceFigures(Entry):
+    """Whether the accuracy can be told from guessing the commonest label."""
+
+    test: Annotated[Chance, INLINED]
+    told_apart: bool
+
+
+class BinningFigures(Entry):
+    """What reading left out of the events in files."""
+
+    threshold: int | None
+    events: int
+    outside: int
+    below: int
+    elsewhere: int
+    dropped: int
+    words: str
+
+
+class InputFigures(Entry):
+    """Mean steps before the start of recordings: of the phase that starts last, and of each that aligns."""
+
+    aligned_steps: float
+    aligned_steps_by_branch: Mapping[str, float]
+
+
+def match_figures(
+    network: Network, match: Match, grounds: Grounds, cause: CauseFigures | None
+) -> MatchFigures:
+    """Return how the program compares with the network."""
+    counts = total(match.counts)
+    first = match.first_divergence
+    return MatchFigures(
+        reference="float64" if network.has_float_weights else "integers",
+        events_origin=grounds.events_origin,
+        samples=match.samples,
+        events_source=match.events_source,
+        prediction_agreement=match.prediction_agreement,
+        spikes=_compared(match.spikes),
+        tied_predictions=match.tied_predictions,
+        score_error=match.scores.relative_error,
+        class_scores=ClassScores(match.scores.mean_spread, match.scores.mean_error),
+        by_population={name: _compared(spikes) for name, spikes in match.by_population.items()},
+        helper_neurons={name: _compared(spikes) for name, spikes in match.helpers.items()},
+        first_divergence=None if first is None else FirstDivergence(first, cause),
+        wraps=counts.wraps,
+        clips=counts.clips,
+        wraps_and_clips_by_population=match.wraps_and_clips,
+        readout=_readout(network, match),
+    )
+
+
+def _compared(spikes: PopulationMatch) -> SpikesCompared:
+    return SpikesCompared(
+        spike_agreement=spikes.agreement,
+        spike_mismatches=spikes.mismatches,
+        reference_spikes=spikes.reference_spikes,
+        chip_spikes=spikes.chip_spikes,
+    )
+
+
+def _readout(network: Network, match: Match) -> ReadoutFigures:
+    populations = tuple(network.readout.populations)
+    read = tuple(network.readout.from_step)
+    spiked = any(match.by_population[name].agreement is not None for name in populations)
+    silent = match.tied_predictions == match.samples if read else not spiked
+    if not read:
+        return ReadoutFigures(populations, "spikes", None, silent)
+    if read == populations:
+        return ReadoutFigures(populations, "potentials", None, silent)
+    return ReadoutFigures(populations, "spikes and potentials", read, silent)
+
+
+def accuracy_figures(match: Match) -> Accuracy | None:
+    """Return the accuracy; None without labels."""
+    return None if match.accuracy is None else Accuracy(**match.accuracy)
+
+
+def chance_figures(match: Match) -> ChanceFigures | None:
+    """Return the test of the accuracy against chance; None where there are too few labels."""
+    return None if match.chance is None else ChanceFigures(match.chance, match.chance.told_apart)
+
+
+def binning_figures(binned: Binned | None) -> BinningFigures | None:
+    """Return what reading left out; None if it took everything as it is."""
+    if binned is None:
+        return None
+    return BinningFigures(
+        threshold=binned.threshold,
+        events=binned.events,
+        outside=binned.outside,
+        below=binned.below,
+        elsewhere=binned.elsewhere,
+        dropped=binned.dropped,
+        words=binned.words,
+    )
+
+
+def input_figures(network: Network, match: Match) -> InputFigures:
+    """Return the mean steps before the start of recordings."""
+    aligned = any(view.align_events for view in network.views)
+    steps = {}
+    if aligned:
+        steps = {
+            name: counts.aligned_steps / match.samples
+            for name, counts in match.counts_by_phase.items()
+        }
+    return InputFigures(max(steps.values(), default=0.0), steps)

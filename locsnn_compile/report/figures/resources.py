@@ -1,0 +1,205 @@
+"""Entries of report.json on the program itself: use of the chip, what was left out, rounding, and proven ranges."""
+
+from collections.abc import Mapping
+from typing import Annotated
+
+import hw_model as hw
+from hw_model.description.chip import Mesh
+from hw_model.description.counts import total
+from hw_model.program.chip_program import ChipProgram, Core
+from hw_model.targets import target_of
+from hw_model.values import AnyArray, IntArray
+from locsnn_compile.network.quantized import KernelFit, QuantizedNetwork, QuantizedPopulation
+from locsnn_compile.pipeline import Levels
+from locsnn_compile.report.figures.entries import INLINED, EarlierVersions, Entry, IfKnown
+from locsnn_compile.report.figures.match import BinningFigures, binning_figures
+from locsnn_compile.report.figures.spread import Place, place
+from locsnn_compile.report.grounds import Grounds
+from locsnn_compile.verification.matching import Match
+
+
+class LimitUse(Entry):
+    """How much of a limit is in use; of a limit of a core, by its fullest core."""
+
+    used: int
+    limit: int
+
+
+class MeshSize(Entry):
+    """The chips of a target, their cores, and the tiles of a chip in columns and rows."""
+
+    chips: int
+    cores_per_chip: int
+    tiles: Annotated[Mesh, INLINED]
+
+
+class CoreContents(Entry):
+    """What a core holds."""
+
+    compartments: int
+    synapses: int
+    synapse_words: int
+    axons_in: int
+    axons_out: int
+    synapse_formats: int
+    compartment_profiles: int
+    threshold_profiles: int
+
+
+class CoreUse(Entry):
+    """A core and what it holds."""
+
+    place: Annotated[Place, INLINED]
+    contents: Annotated[CoreContents, INLINED]
+
+
+class ResourceFigures(Entry):
+    """``resources``: what the program takes of the chip."""
+
+    cores: int
+    compartments: int
+    synapses: int
+    synapse_bits: int
+    axons_in: int
+    axons_out: int
+    limits: Mapping[str, LimitUse]
+    mesh: MeshSize
+    by_core: tuple[CoreUse, ...]
+
+
+class SkippedFigures(Entry):
+    """``skipped``: steps skipped, events dropped, synapses and compartments pruned, biases lost."""
+
+    steps: int
+    events_dropped: int
+    binning: IfKnown[BinningFigures]
+    synapses_pruned: int
+    biases_lost: Annotated[int, EarlierVersions(0)]
+    compartments_pruned: int
+
+
+Shared = int | float | tuple[int | float, int | float]
+"""The value that all neurons share, or else the least and the largest."""
+
+
+class PopulationNumbers(Entry):
+    """A population in the chip's integers; the fit is None where there are no kernels."""
+
+    strategy: str
+    scale: Shared
+    threshold_mantissa: Shared
+    decay_u: Shared
+    decay_v: Shared
+    kernel_fit: KernelFit | None
+    weight_exponents: tuple[int, ...]
+
+
+class ProvenRange(Entry):
+    """What is proven of the registers of a group; the period is the longest that a compartment needs."""
+
+    compartments: int
+    cannot_wrap: int
+    cannot_clip: int
+    safe_period_steps: int | None
+
+
+def resource_figures(program: ChipProgram, steps: int) -> ResourceFigures:
+    """Return what a program takes, for recordings of ``steps`` steps."""
+    target = target_of(program.chip)
+    by_core = tuple(_core_use(program, each) for each in program.cores)
+    contents = [each.contents for each in by_core]
+    uses = target.limits_used(program, steps)
+    return ResourceFigures(
+        cores=target.cores_used(program),
+        compartments=sum(each.compartments for each in contents),
+        synapses=sum(each.synapses for each in contents),
+        synapse_bits=sum(each.synapse_words for each in contents)
+        * program.chip.synapse_memory.word_bits,
+        axons_in=sum(each.axons_in for each in contents),
+        axons_out=sum(each.axons_out for each in contents),
+        limits={name: LimitUse(use.used, use.limit) for name, use in uses.items()},
+        mesh=MeshSize(program.chip.chips, program.chip.limits.cores_per_chip, program.chip.mesh),
+        by_core=by_core,
+    )
+
+
+def _core_use(program: ChipProgram, core: Core) -> CoreUse:
+    contents = CoreContents(
+        compartments=core.compartments,
+        synapses=len(core.axons.target),
+        synapse_words=core.axons.synapse_words,
+        axons_in=core.axons.input_axons,
+        axons_out=core.axons.output_axons,
+        synapse_formats=len(core.axons.formats),
+        compartment_profiles=len(core.profiles),
+        threshold_profiles=len(core.thresholds),
+    )
+    return CoreUse(place(program, core), contents)
+
+
+def skipped_figures(levels: Levels, match: Match, grounds: Grounds) -> SkippedFigures:
+    """Return what was skipped, dropped, pruned or lost."""
+    counts, program = total(match.counts), levels.program
+    built = sum(group.size for group in levels.compartments.groups)
+    placed = sum(core.compartments for core in program.cores)
+    return SkippedFigures(
+        steps=counts.skipped_steps,
+        events_dropped=counts.events_dropped,
+        binning=binning_figures(grounds.binned),
+        synapses_pruned=program.synapses_pruned,
+        biases_lost=sum(population.biases_lost for population in levels.quantized.populations),
+        compartments_pruned=built - placed,
+    )
+
+
+def population_numbers(quantized: QuantizedNetwork) -> dict[str, PopulationNumbers]:
+    """Return ``quantization``, by population."""
+    return {
+        population.population.name: _numbers(quantized, population)
+        for population in quantized.populations
+    }
+
+
+def _numbers(quantized: QuantizedNetwork, population: QuantizedPopulation) -> PopulationNumbers:
+    name = population.population.name
+    exponents = [p.exponent for p in quantized.projections if p.target == name]
+    return PopulationNumbers(
+        strategy=population.strategy,
+        scale=_shared(population.scale),
+        threshold_mantissa=_shared(population.neuron.threshold),
+        decay_u=_shared(population.neuron.decay_u),
+        decay_v=_shared(population.neuron.decay_v),
+        kernel_fit=population.fit,
+        weight_exponents=tuple(exponents),
+    )
+
+
+def _shared(values: AnyArray) -> Shared:
+    low, high = values.min().item(), values.max().item()
+    return low if low == high else (low, high)
+
+
+def proven_ranges(program: ChipProgram) -> dict[str, ProvenRange]:
+    """Return ``range``, by group of compartments."""
+    proven = {
+        core.number: bounds
+        for core, bounds in zip(program.cores, hw.prove_range(program), strict=True)
+    }
+
+    def by_column(phase: str, key: str) -> IntArray:
+        return program.by_column(phase, lambda core: getattr(proven[core.number], key))
+
+    ranges = {}
+    for phase in program.phases:
+        wrap = by_column(phase.name, "cannot_wrap")
+        clip = by_column(phase.name, "cannot_clip")
+        period = by_column(phase.name, "safe_period")
+        for group, columns in program.columns_of(phase.name).items():
+            of_group = period[columns]
+            ranges[group] = ProvenRange(
+                compartments=program.populations[group],
+                cannot_wrap=int(wrap[columns].sum()),
+                cannot_clip=int(clip[columns].sum()),
+                safe_period_steps=int(of_group.max()) if of_group.all() else None,
+            )
+    return ranges
