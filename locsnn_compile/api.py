@@ -14,6 +14,7 @@ from hw_model.io.build_folder import write_build
 from hw_model.io.given import checked
 from hw_model.program.write import program_files
 from hw_model.streaming.psi import check_psi
+from hw_model.targets.families import AnyChip, chip_named
 from hw_model.values import ArrayLike, Frozen
 from hw_model.xylo.chips import XyloChip, XyloName
 from locsnn_compile.cluster.spread import Spread, spread_over
@@ -41,13 +42,11 @@ from locsnn_compile.report.sections.verdict import matches
 from locsnn_compile.report.written import report_files
 from locsnn_compile.request.choose_strategy import Choice, choose_strategy, lower_or_advise
 from locsnn_compile.request.compile_request import (
-    AnyChip,
     CheckRequest,
     CompileRequest,
     Events,
     PricingRequest,
     SettingRequest,
-    chip_named,
 )
 from locsnn_compile.settings import AUTO, NATIVE, STRATEGIES, Value, check_dials, check_matters
 from locsnn_compile.verification.diagnosis import Diagnosis

@@ -6,6 +6,7 @@ from hw_model.accounting.activity import StepActivity
 from hw_model.accounting.cost import Latency
 from hw_model.accounting.usage import PhaseUsage, measure
 from hw_model.description.chip import Chip
+from hw_model.errors import counted
 from hw_model.program.chip_program import ChipProgram
 from hw_model.targets.target import LimitUse, Target
 from hw_model.values import ByteArray
@@ -38,6 +39,18 @@ class MeshTarget(Target):
     def basis_of_times(self) -> str:
         """What the profile says."""
         return self.chip.costs.basis
+
+    @property
+    def room(self) -> str:
+        """Chips, cores, and what a core holds."""
+        limits = self.chip.limits
+        chips = counted(self.chip.chips, "chip")
+        cores = counted(limits.cores_per_chip, "core")
+        return (
+            f"{chips} of {cores}; a core holds {limits.compartments_per_core} compartments, "
+            f"{limits.input_axons_per_core} input axons, "
+            f"{limits.synapse_words_per_core} synapse words\n  "
+        )
 
     def check_fits(self, program: ChipProgram, rows: int) -> None:
         """Refuse nothing: mapping has checked the limits of every core."""

@@ -56,6 +56,15 @@ class OpenCoreTarget(Target):
             return "cycle-exact model of the RTL core at the analysed clock"
         return UNPRICED.basis
 
+    @property
+    def room(self) -> str:
+        """The sizes of its memories."""
+        sizes = self.sizes
+        return (
+            f"a program may have {sizes.compartments} compartments, {sizes.axons} sources of "
+            f"spikes, {sizes.synapses} synapses, {sizes.slots} slots; cycles are exact, "
+        )
+
     def check_fits(self, program: ChipProgram, rows: int) -> None:
         """Refuse what the core does not have, or has too few of."""
         from hw_model.rtl.device import on_core

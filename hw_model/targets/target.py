@@ -57,6 +57,19 @@ class Target(Frozen, ABC):
     def basis_of_times(self) -> str:
         """What times rest on, in words."""
 
+    @property
+    @abstractmethod
+    def room(self) -> str:
+        """What a program may have, in words."""
+
+    @property
+    def in_words(self) -> str:
+        """What a program may have, and what is known of its costs."""
+        priced = "energy is not known"
+        if self.chip.profiles:
+            priced = f"energy profiles: {', '.join(self.chip.profiles)}"
+        return f"{self.room}{priced}"
+
     @abstractmethod
     def check_fits(self, program: ChipProgram, rows: int) -> None:
         """Refuse what mapping did not check, for recordings of ``rows`` rows: ``TargetError``."""

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from hw_model.io.build_folder import check_folder, default_folder, write_build
 from hw_model.io.files import replace_file
+from hw_model.targets.families import AnyChip, chip_named
 from hw_model.values import picked
 from hw_model.xylo.chips import XyloChip
 from locsnn_compile.api import calibration_recordings, fulfil, join, recordings_for
@@ -41,12 +42,10 @@ from locsnn_compile.report.gates import GATES, check_gates, gates_entry, junit_f
 from locsnn_compile.report.sections.build import unmet_budget
 from locsnn_compile.report.words import sentence
 from locsnn_compile.request.compile_request import (
-    AnyChip,
     CheckRequest,
     CompileRequest,
     PricingRequest,
     SettingRequest,
-    chip_named,
 )
 from locsnn_compile.settings import DIALS, check_matters
 from locsnn_compile.verification.error_bounds import ErrorBudget

@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Generic, TypeVar
 
 import hw_model as hw
+from hw_model.targets.families import AnyChip
 from hw_model.values import ArrayLike, Frozen
-from hw_model.xylo.chips import XyloChip, xylo_chip
+from hw_model.xylo.chips import XyloChip
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.network.network import Network
 from locsnn_compile.request.xylo_setting import xylo_setting
@@ -19,8 +20,6 @@ from locsnn_compile.verification.matching import Progress
 
 Events = str | Path | Recordings | ArrayLike
 """Recordings: a file, an archive, a folder, or an array (samples, steps, channels)."""
-AnyChip = hw.Chip | XyloChip
-"""A chip of either arithmetic."""
 TargetT = TypeVar("TargetT", bound=AnyChip, covariant=True)
 NO_BOUNDS = ErrorBudget()
 
@@ -101,13 +100,3 @@ class CompileRequest(Generic[TargetT], Frozen, eq=False):
     setting: SettingRequest
     check: CheckRequest
     pricing: PricingRequest = PricingRequest()
-
-
-def chip_named(target: str | Path | AnyChip) -> AnyChip:
-    """Return a chip by its name or the path of its file; a chip is returned as it is."""
-    if isinstance(target, AnyChip):
-        return target
-    name = str(target)
-    if name.startswith("xylo-") and not name.endswith((".yaml", ".yml")):
-        return xylo_chip(name)
-    return hw.chip(target)

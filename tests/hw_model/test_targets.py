@@ -8,6 +8,7 @@ import pytest
 
 import hw_model as hw
 from hw_model.targets import TARGETS, target_of
+from hw_model.targets.families import FAMILIES, MESHES, XYLOS, chip_named, family_of
 from hw_model.targets.mesh import MeshTarget
 from hw_model.targets.open_core import OpenCoreTarget
 
@@ -108,3 +109,44 @@ def test_only_the_rooms_of_the_core_ask_whether_a_chip_is_one():
             if asks and not name.startswith(ROOMS_OF_THE_CORE):
                 asking.append(name)
     assert asking == []
+
+
+@pytest.mark.parametrize(
+    ("name", "family"),
+    [
+        ("loihi-sim", MESHES),
+        ("ice40up5k", MESHES),
+        ("xylo-imu", XYLOS),
+        ("xylo-own.yaml", MESHES),
+        ("unknown", MESHES),
+    ],
+)
+def test_the_name_of_a_chip_says_its_family(name, family):
+    assert family_of(name) is family
+
+
+def test_every_chip_that_ships_is_found_by_its_name():
+    for family in FAMILIES:
+        for name in family.names():
+            assert chip_named(name).name == name
+            assert family.document(name).startswith("#") or "name:" in family.document(name)
+            assert family.lines(name).startswith(f"{name}: ")
+
+
+@pytest.mark.parametrize(
+    ("name", "lines"),
+    [
+        (
+            "tiny-sim",
+            "1 chip of 16 cores; a core holds 64 compartments, 512 input axons, "
+            "1024 synapse words\n  energy profiles: ",
+        ),
+        (
+            "ice40up5k",
+            "a program may have 256 compartments, 512 sources of spikes, 16384 synapses, 2 slots; "
+            "cycles are exact, energy is not known",
+        ),
+    ],
+)
+def test_what_a_program_may_have_is_said_in_words(name, lines):
+    assert target_of(hw.chip(name)).in_words.startswith(lines)

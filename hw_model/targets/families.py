@@ -1,0 +1,74 @@
+"""Families of chips: where their descriptions lie, and what kind of description it is.
+
+To add a family, write how its chips are described in a room of its own, and add its row here.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Generic, TypeVar
+
+from hw_model.description.chip import Chip, chip, chip_names
+from hw_model.targets import target_of
+from hw_model.xylo.chips import XyloChip, xylo_chip, xylo_chip_document, xylo_chip_names
+
+AnyChip = Chip | XyloChip
+"""A chip of any family."""
+ChipT = TypeVar("ChipT", bound=AnyChip)
+
+
+@dataclass(frozen=True)
+class ChipFamily(Generic[ChipT]):
+    """Chips that are described alike.
+
+    - ``prefix``: what the names of its chips begin with, such as ``xylo-``; empty for the family of
+      all other names, and of the files of users
+    - ``names``: of those that ship
+    - ``chip``, ``document``: a chip by its name, and the text that describes it
+    - ``in_words``: what ``locsnn targets`` says of a chip
+    """
+
+    prefix: str
+    names: Callable[[], tuple[str, ...]]
+    chip: Callable[[str], ChipT]
+    document: Callable[[str], str]
+    in_words: Callable[[ChipT], str]
+
+    def lines(self, name: str) -> str:
+        """Return what there is to say of a chip that ships."""
+        found = self.chip(name)
+        return f"{name}: {found.description}\n  {self.in_words(found)}"
+
+
+def _document(name: str) -> str:
+    return chip(name).document
+
+
+def _room(found: Chip) -> str:
+    return target_of(found).in_words
+
+
+def _xylo_room(found: XyloChip) -> str:
+    return "a Xylo: leaky neurons with decays by shifts, weights of 8 bits; energy is not known"
+
+
+MESHES = ChipFamily("", chip_names, chip, _document, _room)
+XYLOS = ChipFamily("xylo-", xylo_chip_names, xylo_chip, xylo_chip_document, _xylo_room)
+FAMILIES: "tuple[ChipFamily[Chip] | ChipFamily[XyloChip], ...]" = (MESHES, XYLOS)
+"""In the order of ``locsnn targets``."""
+
+
+def family_of(name: str) -> "ChipFamily[Chip] | ChipFamily[XyloChip]":
+    """Return the family of a chip by its name, or of the path of a chip file."""
+    is_file = name.endswith((".yaml", ".yml"))
+    for family in FAMILIES:
+        if family.prefix and name.startswith(family.prefix) and not is_file:
+            return family
+    return MESHES
+
+
+def chip_named(target: str | Path | AnyChip) -> AnyChip:
+    """Return a chip by its name or the path of its file; a chip is returned as it is."""
+    if isinstance(target, AnyChip):
+        return target
+    return family_of(str(target)).chip(str(target))
