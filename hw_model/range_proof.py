@@ -4,7 +4,7 @@ Every source spikes at most once a step, so the charge q of one step lies betwee
 weights and that of its positive ones. From there, upwards (downwards alike, with signs turned):
 
     q  <=  Q       = sum of positive weights
-    u  <=  U       = the smallest integer with ceil(U * decay_u / 4096) >= Q, which no step u = rz(u) + q can pass
+    u  <=  U       = where u settles, the smallest integer that loses Q in a step, which no step can pass
     v  <=  V       = likewise, with decay_v, from U + bias + what joined children can pass
 
 A reset or a refractory period only brings v back to 0. A decay of 0 under any drive has no bound. A feed-forward
@@ -20,7 +20,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from hw_model.arithmetic.fixed_point import DECAY_ONE
+from hw_model.arithmetic import loihi
 from hw_model.description.chip import Registers
 from hw_model.io.given import checked
 from hw_model.program.chip_program import ChipProgram, Core
@@ -105,24 +105,7 @@ def charges(core: Core) -> Bounds:
 
 def _settled(drive: Bounds, decays: IntArray) -> Bounds:
     """Bound ``x = rz(x, decay) + d`` from x = 0, for d within the drive's bounds in every step."""
-    return Bounds(-_settled_high(-drive.low, decays), _settled_high(drive.high, decays))
-
-
-def _settled_high(drive: FloatArray, decays: IntArray) -> FloatArray:
-    """Return the smallest x with ceil(x * decay / 4096) >= drive: floor((drive - 1) * 4096 / decay) + 1."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        settled = np.floor((drive - 1) * DECAY_ONE / decays) + 1
-    return np.where(drive <= 0, 0.0, np.where(decays == 0, np.inf, settled))
-
-
-def _kept(drive: FloatArray, decays: IntArray) -> FloatArray:
-    """Return the answer of the filter in real numbers to a drive in every step: drive * 4096 / decay.
-
-    Truncation may take less from a sum than from its parts, so answers that are added up must leave it out.
-    """
-    with np.errstate(divide="ignore", invalid="ignore"):
-        kept: FloatArray = np.where(drive == 0, 0.0, drive * (DECAY_ONE / decays))
-    return kept
+    return Bounds(-loihi.settles_at(-drive.low, decays), loihi.settles_at(drive.high, decays))
 
 
 def _voltage(core: Core, drive: Bounds, *, filtered: bool) -> Bounds:
@@ -136,7 +119,10 @@ def _voltage(core: Core, drive: Bounds, *, filtered: bool) -> Bounds:
     for here in core.turns:
         own, passed = Bounds(low[here], high[here]), Bounds(passed_low[here], passed_high[here])
         if filtered:
-            found = own + Bounds(_kept(passed.low, decays[here]), _kept(passed.high, decays[here]))
+            found = own + Bounds(
+                loihi.settles_untruncated(passed.low, decays[here]),
+                loihi.settles_untruncated(passed.high, decays[here]),
+            )
         else:
             found = _settled(own + passed, decays[here])
         low[here], high[here] = found.low, found.high
@@ -152,10 +138,11 @@ def _safe_at(core: Core, charge: Bounds, wrap_q: BoolArray, period: int, half: i
     u_gain, v_gain = (np.empty(core.compartments) for _ in range(2))
     for index, profile in enumerate(core.profiles):
         mine = core.profile == index
-        u_gain[mine], v_gain[mine] = _gains(profile.decay_u, profile.decay_v, period)
+        answers = loihi.largest_answers(profile.decay_u, profile.decay_v, period)
+        u_gain[mine], v_gain[mine] = (answer * (1 + GUARD) for answer in answers)
     with np.errstate(invalid="ignore"):
         u = Bounds(charge.low * u_gain, charge.high * u_gain)
-        steady = _kept(bias, core.setting("decay_v"))
+        steady = loihi.settles_untruncated(bias, core.setting("decay_v"))
         own = Bounds(
             np.where(charge.low < 0, charge.low * v_gain, 0.0) + np.minimum(steady, 0.0),
             np.where(charge.high > 0, charge.high * v_gain, 0.0) + np.maximum(steady, 0.0),
@@ -168,24 +155,3 @@ def _safe_at(core: Core, charge: Bounds, wrap_q: BoolArray, period: int, half: i
         if core.parent[i] >= 0 and not safe[i]:
             safe[core.parent[i]] = False
     return safe
-
-
-@lru_cache(maxsize=4096)
-def _gains(decay_u: int, decay_v: int, period: int) -> tuple[float, float]:
-    """Return the largest answers of u and of v to a unit charge every ``period`` steps.
-
-    m steps after a charge, u holds a^m of it and v holds h(m) = sum over i = 0..m of a^i b^(m-i). What is left of all
-    charges before is a geometric series.
-    """
-    if decay_u == 0:
-        return np.inf, np.inf
-    a, b = (DECAY_ONE - decay_u) / DECAY_ONE, (DECAY_ONE - decay_v) / DECAY_ONE
-    u_gain = 1.0 / (1.0 - a**period)
-    if decay_v == 0:
-        return u_gain, np.inf
-    m = np.arange(period, dtype=np.float64)
-    if a == b:
-        answer = a**m * ((m + 1) * u_gain + period * a**period * u_gain**2)
-    else:
-        answer = (a ** (m + 1) * u_gain - b ** (m + 1) / (1.0 - b**period)) / (a - b)
-    return u_gain * (1 + GUARD), float(answer.max()) * (1 + GUARD)

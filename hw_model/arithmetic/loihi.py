@@ -40,6 +40,7 @@ Nothing below says what a number is: :class:`Operations` does. Integers of 64 bi
 a chunk of compartments the fast one, and floats of which some are truncated the twin that takes errors apart.
 """
 
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
@@ -359,3 +360,47 @@ def charge_span(charge_bits: int) -> int:
 def largest_charge(charge_bits: int) -> int:
     """Return the largest charge of a step, in units."""
     return charge_span(charge_bits) - 1
+
+
+# Closed forms: how far registers go, upwards; downwards alike, with signs turned.
+
+
+def settles_at(drive: FloatArray, decays: IntArray) -> FloatArray:
+    """Return the highest x = kept(x, decay) + d from x = 0, where d <= drive in every step.
+
+    That is the smallest x that loses the drive in a step, ceil(x * decay / 4096) >= drive.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        settled = np.floor((drive - 1) * DECAY_ONE / decays) + 1
+    return np.where(drive <= 0, 0.0, np.where(decays == 0, np.inf, settled))
+
+
+def settles_untruncated(drive: FloatArray, decays: IntArray) -> FloatArray:
+    """Return the answer of the filter in real numbers to a drive in every step: drive * 4096 / decay.
+
+    Truncation may take less from a sum than from its parts, so answers that are added up must leave it out.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        settled: FloatArray = np.where(drive == 0, 0.0, drive * gain_at_rest(decays))
+    return settled
+
+
+@lru_cache(maxsize=4096)
+def largest_answers(decay_u: int, decay_v: int, period: int) -> tuple[float, float]:
+    """Return the largest answers of u and of v, in real numbers, to a charge of 1 every ``period`` steps.
+
+    m steps after a charge, u holds a^m of it and v holds h(m) = sum over i = 0..m of a^i b^(m-i). What is left of all
+    charges before is a geometric series.
+    """
+    if decay_u == 0:
+        return np.inf, np.inf
+    a, b = share_kept(decay_u), share_kept(decay_v)
+    of_u = 1.0 / (1.0 - a**period)
+    if decay_v == 0:
+        return of_u, np.inf
+    m = np.arange(period, dtype=np.float64)
+    if a == b:
+        of_v = a**m * ((m + 1) * of_u + period * a**period * of_u**2)
+    else:
+        of_v = (a ** (m + 1) * of_u - b ** (m + 1) / (1.0 - b**period)) / (a - b)
+    return of_u, float(of_v.max())
