@@ -4,7 +4,8 @@ All values are int64 arrays holding integers that fit the chip's registers; no f
 Letters: ``x`` a register value, ``d`` an effective decay in 0..4096, ``m`` a weight mantissa, ``e`` an exponent.
 """
 
-from typing import Literal, get_args
+from collections.abc import Callable
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -31,6 +32,26 @@ def kept(x: IntArray, keep: IntArray | int) -> IntArray:
     product += below_zero
     product >>= DECAY_BITS
     return product
+
+
+def kept_by_parts(
+    x: Any, keep: Any, before: Callable[[Any, int], Any], short: Callable[[Any], Any]
+) -> Any:
+    """Return the same of vectors: with x = 4096 a + b no product is wider than x, or than 24 bits.
+
+    Shifts round down; 4095 more, all bits that stand before a negative a, makes that towards 0. ``before(a, n)`` gives
+    the first n bits of a, and ``short(a)`` may tell a compiler that a is a short factor: see :func:`high_part_fits`.
+    """
+    high = x >> DECAY_BITS
+    low = x & (DECAY_ONE - 1)
+    factor = keep & (2 * DECAY_ONE - 1)
+    below_zero = before(high, DECAY_BITS)
+    return short(high) * factor + ((low * factor + below_zero) >> DECAY_BITS)
+
+
+def high_part_fits(largest: int, bits: int) -> bool:
+    """Tell whether the a of every x within -largest..largest is a factor of so many bits, its sign among them."""
+    return largest < DECAY_ONE << bits - 1
 
 
 def wrap(x: IntArray, bits: int) -> IntArray:

@@ -46,6 +46,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import (
+    DECAY_BITS,
     DECAY_ONE,
     WEIGHT_EXPONENTS,
     WEIGHT_SHIFT,
@@ -128,6 +129,10 @@ ALWAYS = Always()
 NOTHING = Nothing()
 
 
+AT_REST = 0
+"""Every register before the first step, and v after a spike and while blocked."""
+
+
 class State(NamedTuple):
     """Registers between two steps."""
 
@@ -187,14 +192,14 @@ def threshold(
 ) -> tuple[Truth, Value, Truth]:
     """Return which are not blocked, v as the threshold sees it, and which spike."""
     live = blocked == 0
-    potential = ops.select(live, v, 0)
+    potential = ops.select(live, v, AT_REST)
     fired = live & (potential > p.threshold)
     return live, potential, fired
 
 
 def reset(ops: Operations, potential: Value, fired: Truth) -> Value:
     """Return v after the spikes of a step."""
-    return ops.select(fired, 0, potential)
+    return ops.select(fired, AT_REST, potential)
 
 
 def count_down(ops: Operations, p: Parameters, blocked: Value, fired: Truth) -> Value:
@@ -316,6 +321,18 @@ def least_to_spike(mantissa: Value) -> Value:
 
 
 charge_of = effective_weight
+BITS_OF_UNITS = {"decay_bits": DECAY_BITS, "weight_shift": WEIGHT_SHIFT}
+"""By the names of files for other tools: 2^bits parts that a decay counts, and 2^shift of a register in a unit."""
+
+
+def bits_of_unit(exponent: int) -> int:
+    """Return as which power of two a register holds 2^exponent units."""
+    return WEIGHT_SHIFT + exponent
+
+
+def exponent_of_bits(bits: int) -> int:
+    """Return the exponent of units that a register holds as 2^bits."""
+    return bits - WEIGHT_SHIFT
 
 
 def has_fraction(x: IntArray, decay: Value) -> BoolArray:
@@ -352,6 +369,11 @@ def gain_at_rest(decay: Value) -> Value:
     return DECAY_ONE / decay
 
 
+def largest_bias(registers: "Registers") -> int:
+    """Return the largest bias, in the unit of registers, of which no negative one is larger."""
+    return ((1 << registers.bias_mantissa_bits) - 1) << registers.bias_exponent_max
+
+
 def charge_span(charge_bits: int) -> int:
     """Return a span of units: q, of so many bits, lies within -span..span - 1."""
     return 1 << (charge_bits - WEIGHT_SHIFT)
@@ -363,6 +385,11 @@ def largest_charge(charge_bits: int) -> int:
 
 
 # Closed forms: how far registers go, upwards; downwards alike, with signs turned.
+
+
+def current_stays_below(limit: int, charge: FloatArray, decay: Value) -> BoolArray:
+    """Tell whether u stays within -limit..limit while every charge of a step lies within -charge..charge."""
+    return np.asarray(charge * DECAY_ONE < decay * float(limit))
 
 
 def settles_at(drive: FloatArray, decays: IntArray) -> FloatArray:
@@ -392,11 +419,11 @@ def largest_answers(decay_u: int, decay_v: int, period: int) -> tuple[float, flo
     m steps after a charge, u holds a^m of it and v holds h(m) = sum over i = 0..m of a^i b^(m-i). What is left of all
     charges before is a geometric series.
     """
-    if decay_u == 0:
+    if decay_u == KEEPS_ALL:
         return np.inf, np.inf
     a, b = share_kept(decay_u), share_kept(decay_v)
     of_u = 1.0 / (1.0 - a**period)
-    if decay_v == 0:
+    if decay_v == KEEPS_ALL:
         return of_u, np.inf
     m = np.arange(period, dtype=np.float64)
     if a == b:

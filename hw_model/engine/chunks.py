@@ -1,7 +1,7 @@
 """The kernels over the lanes of a chunk in one step: :mod:`hw_model.arithmetic.loihi` over vectors.
 
 Registers ``c`` and charges are of one type, 32 or 64 bits: :func:`hw_model.engine.lay_out.fast_layout` knows which one
-holds every sum. Charges are in units of 64, the least that a weight can be; ``widths`` are
+holds every sum. Charges are in units of the page; ``widths`` are
 :class:`hw_model.engine.layout.Widths`. Kernels return spikes as bits, how many lanes were busy, and as bits which
 of them do not rest.
 """
@@ -10,7 +10,7 @@ from functools import reduce
 from operator import or_
 
 from hw_model.arithmetic import loihi
-from hw_model.arithmetic.fixed_point import DECAY_BITS, DECAY_ONE, WEIGHT_SHIFT
+from hw_model.arithmetic.fixed_point import kept_by_parts
 from hw_model.arithmetic.loihi import EVENTS, Parameters, Response, State, Step
 from hw_model.engine.lanes import (
     Ends,
@@ -65,7 +65,7 @@ class OnLanes:
         self._half_charge, self._half_current = ends
 
     def wrap_charge(self, q: Lanes) -> Lanes:
-        """Return q within its register, in units of 64."""
+        """Return q within its register, in units."""
         return _wrap(q, self._half_charge)
 
     def wrap_current(self, u: Lanes) -> Lanes:
@@ -74,18 +74,13 @@ class OnLanes:
 
     def charged(self, q: Lanes) -> Lanes:
         """Return q in the unit of u."""
-        return q << WEIGHT_SHIFT
+        charge: Lanes = loihi.in_registers(q)
+        return charge
 
     def kept(self, x: Lanes, keep: Lanes) -> Lanes:
-        """Return x keep / 4096: with x = 4096 a + b no product is wider than x, or than 24 bits.
-
-        Shifts round down; 4095 more, all bits that stand before a negative a, makes that towards 0.
-        """
-        high = x >> DECAY_BITS
-        low = x & (DECAY_ONE - 1)
-        factor = keep & (2 * DECAY_ONE - 1)
-        below_zero = before(high, DECAY_BITS)
-        return short(high) * factor + ((low * factor + below_zero) >> DECAY_BITS)
+        """Return what is left of x; no product is wider than x, or than 24 bits."""
+        left: Lanes = kept_by_parts(x, keep, before, short)
+        return left
 
     def clip(self, v: Lanes, low: Lanes, high: Lanes) -> Lanes:
         """Return v within low..high."""

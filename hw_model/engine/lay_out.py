@@ -6,7 +6,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT
+from hw_model.arithmetic import loihi
+from hw_model.arithmetic.fixed_point import high_part_fits
 from hw_model.engine import layout
 from hw_model.engine.layout import LANES, Chunks, FastLayout, Lanes, Links, Nodes, Widths, aligned
 from hw_model.engine.links import Blocks, Echoes, Ends, links_of, synapses_by_ends, take_echoes
@@ -63,18 +64,18 @@ def _chunks(
 ) -> Chunks:
     slot, count = cut.slot, len(cut.node)
     limits = program.chip.registers
-    widths = Widths(1 << (limits.charge_bits - WEIGHT_SHIFT), 1 << limits.current_bits)
+    widths = Widths(loihi.charge_span(limits.charge_bits), 1 << limits.current_bits)
     arrived, reached = np.zeros(count * LANES), np.zeros(count, dtype=np.bool_)
     for core in program.cores_of(phase):
         here, charge = slot[program.columns_of_core(core)], charges(core)
-        arrived[here] = np.maximum(-charge.low, charge.high) / (1 << WEIGHT_SHIFT)
+        arrived[here] = loihi.in_units(np.maximum(-charge.low, charge.high))
         reached[here[core.axons.target] // LANES] = True
     fits = (
         widths == layout.USUAL_WIDTHS
         and _largest_sum(program, phase, arrived) <= np.iinfo(np.int32).max
     )
     fits &= all(
-        max(-core.vmin, core.vmax) < DECAY_ONE << layout.FACTOR_BITS - 1
+        high_part_fits(max(-core.vmin, core.vmax), layout.FACTOR_BITS)
         for core in program.cores_of(phase)
     )
     never = np.iinfo(np.int32 if fits else np.int64).max  # the threshold of what cannot spike
@@ -88,7 +89,7 @@ def _chunks(
         axis=1
     )
     plain &= _cannot_wrap(
-        arrived.reshape(-1, LANES), DECAY_ONE - registers[:, layout.KEEP_U], widths
+        arrived.reshape(-1, LANES), loihi.decay_of(registers[:, layout.KEEP_U]), widths
     )
     # A child lies next to its parent on the same core, so both are cut into chunks at the same places.
     joined = nodes.parent[cut.node] >= 0
@@ -134,16 +135,10 @@ def _chunks(
 
 
 def _cannot_wrap(arrived: AnyArray, decay_u: Lanes, widths: Widths) -> BoolArray:
-    """Tell which chunks neither q nor u can wrap in, whatever arrives of the charges ``arrived`` (chunks, LANES).
-
-    Where charges lie within -a..a in every step, u stays within 64 a 4096 / decay_u.
-    """
-    grows_to = arrived * (DECAY_ONE << WEIGHT_SHIFT)
-    return np.asarray(
-        ((arrived < widths.half_charge) & (grows_to < decay_u * float(widths.half_current))).all(
-            axis=1
-        )
-    )
+    """Tell which chunks neither q nor u can wrap in, whatever arrives of the charges ``arrived`` (chunks, LANES)."""
+    charge = loihi.in_registers(arrived)
+    u_stays = loihi.current_stays_below(widths.half_current, charge, decay_u)
+    return np.asarray(((arrived < widths.half_charge) & u_stays).all(axis=1))
 
 
 def _largest_sum(program: ChipProgram, phase: str, arrived: AnyArray) -> int:
@@ -163,8 +158,8 @@ def _largest_sum(program: ChipProgram, phase: str, arrived: AnyArray) -> int:
 def _parameters(program: ChipProgram, phase: str, never: int) -> dict[int, IntArray]:
     """Return the parameters of every column by field; ``never`` is the threshold of what cannot spike."""
     values: dict[int, Callable[[Core], IntArray | int]] = {
-        layout.KEEP_U: lambda core: DECAY_ONE - core.setting("decay_u"),
-        layout.KEEP_V: lambda core: DECAY_ONE - core.setting("decay_v"),
+        layout.KEEP_U: lambda core: loihi.keep_of(core.setting("decay_u")),
+        layout.KEEP_V: lambda core: loihi.keep_of(core.setting("decay_v")),
         layout.THRESHOLD: lambda core: np.where(
             core.setting("joined") == 0, core.threshold_voltage, never
         ),

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from hw_model.arithmetic.fixed_point import WEIGHT_SHIFT
+from hw_model.arithmetic import loihi
 from hw_model.values import AnyArray, BoolArray, ByteArray, Frozen, Int32Array, IntArray
 
 Lanes = Int32Array | IntArray
@@ -46,13 +46,13 @@ def aligned(shape: tuple[int, ...], dtype: npt.DTypeLike) -> AnyArray:
 
 
 class Widths(NamedTuple):
-    """Where registers wrap: q, in units of 64, and u lie within ``-half..half - 1``."""
+    """Where registers wrap: q, in units, and u lie within ``-half..half - 1``."""
 
     half_charge: int
     half_current: int
 
 
-USUAL_WIDTHS = Widths(1 << (21 - WEIGHT_SHIFT), 1 << 23)
+USUAL_WIDTHS = Widths(loihi.charge_span(21), 1 << 23)
 """Those of the chips that ship: loops in 32 bits know no others."""
 
 
@@ -92,7 +92,7 @@ class Chunks(NamedTuple):
 
 
 class Links(NamedTuple):
-    """Synapses between nodes. Weights are in units of 64.
+    """Synapses between nodes. Weights are in units.
 
     Link l of source s adds, if ``kind[l]`` is a matrix, ``matrix[offset[l] + s * width[l] + j]`` to slot ``target[l] +
     j``, ``delay[l]`` steps late; else what ``word[k]``, or ``wide_word[k]``, says, for k from ``list_start[offset[l] +

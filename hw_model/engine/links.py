@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from hw_model.arithmetic.fixed_point import WEIGHT_SHIFT
+from hw_model.arithmetic import loihi
 from hw_model.engine.layout import LANES, LIST, MATRIX, WIDE_LIST, Lanes, Links, aligned
 from hw_model.engine.places import Cut, Numbering
 from hw_model.program.chip_program import ChipProgram
@@ -20,7 +20,7 @@ LONG_LIST = 16
 WORD_BITS = 32
 """Bits in which the slot, delay and weight of every synapse of a link have to fit, or its lists are wide ones."""
 _Synapses = tuple[Int32Array, ...]
-"""Some synapses from one node to another: number of the source there, column, weight in units of 64, and delay."""
+"""Some synapses from one node to another: number of the source there, column, weight in units, and delay."""
 Ends = tuple[int, int]
 """Nodes that synapses lead from and to."""
 Blocks = list[list[int]]
@@ -37,7 +37,7 @@ def synapses_by_ends(
         node, source = nodes.of_source(program.senders[core.number])
         axon = axons.axon_of_synapse
         ends = node[axon] * len(nodes.names) + nodes.of_column(columns)[axons.target]
-        weight = core.effective_weights >> WEIGHT_SHIFT
+        weight = loihi.whole_units(core.effective_weights)
         for pair in np.unique(ends).tolist():
             here = np.flatnonzero(ends == pair)
             table = (

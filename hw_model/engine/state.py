@@ -1,6 +1,6 @@
 """What the fast engine carries from step to step, and where it works: a state, the room for a tile, what to keep.
 
-Charges are in units of 64, the least that a weight can be.
+Charges are in units of :mod:`hw_model.arithmetic.loihi`.
 """
 
 from typing import NamedTuple

@@ -5,7 +5,9 @@ from dataclasses import fields
 
 import numpy as np
 
-from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_EXPONENTS, weight_grid
+from hw_model.arithmetic import loihi
+from hw_model.arithmetic.fixed_point import weight_grid
+from hw_model.arithmetic.loihi import Domain
 from hw_model.description.chip import Chip
 from hw_model.errors import InputError, TargetError, counted
 from hw_model.mapping.graph import CompartmentGraph, Compartments, Input, Phase, Synapses
@@ -13,6 +15,17 @@ from hw_model.values import IntArray
 
 MOST_CHARGES = 1 << 27
 """Charges that are due in later steps, of a phase: half a gigabyte, or a whole one in 64 bits."""
+
+_EFFECTIVE = f"Give an effective decay, what is subtracted from {loihi.FORGETS}."
+WAYS_OUT = {
+    "decay_u": _EFFECTIVE,
+    "decay_v": _EFFECTIVE,
+    "threshold": "Give a 64th of the threshold, or scale the weights down.",
+    "bias_mantissa": "Raise the bias exponent or scale the bias down.",
+    "bias_exponent": "Use a smaller exponent and a larger mantissa.",
+    "refractory": "Shorten the refractory period; 1 blocks no step.",
+}
+"""What to do about a parameter outside its domain, in the order in which parameters are checked."""
 
 
 def check_graph(graph: CompartmentGraph, chip: Chip) -> None:
@@ -122,28 +135,10 @@ def _check_visits(item: Input, phase: Phase) -> None:
         )
 
 
-def _parameter_rules(chip: Chip) -> tuple[tuple[str, int, int, str], ...]:
-    """Rows: parameter, lowest, highest, way out."""
-    r = chip.registers
-    bias = 1 << r.bias_mantissa_bits
-    return (
-        ("decay_u", 0, DECAY_ONE, "Give an effective decay, what is subtracted from 4096."),
-        ("decay_v", 0, DECAY_ONE, "Give an effective decay, what is subtracted from 4096."),
-        (
-            "threshold",
-            0,
-            r.threshold_mantissa_max,
-            "Give a 64th of the threshold, or scale the weights down.",
-        ),
-        ("bias_mantissa", -bias, bias - 1, "Raise the bias exponent or scale the bias down."),
-        ("bias_exponent", 0, r.bias_exponent_max, "Use a smaller exponent and a larger mantissa."),
-        ("refractory", 1, r.refractory_max, "Shorten the refractory period; 1 blocks no step."),
-    )
-
-
 def _check_group(graph: CompartmentGraph, group: Compartments, chip: Chip) -> None:
-    for rule in _parameter_rules(chip):
-        _check_range(group, *rule)
+    domains = loihi.domains(chip.registers)
+    for name, fix in WAYS_OUT.items():
+        _check_range(group, name, domains[name], fix)
     _check_voltage_limits(group, chip)
     if group.joined_to is None:
         return
@@ -165,36 +160,25 @@ def _check_group(graph: CompartmentGraph, group: Compartments, chip: Chip) -> No
         )
 
 
-def _check_range(group: Compartments, name: str, low: int, high: int, fix: str) -> None:
+def _check_range(group: Compartments, name: str, domain: Domain, fix: str) -> None:
     values: IntArray = getattr(group, name)
     where = f"compartments {group.name!r}"
     if values.shape != (group.size,):
         raise InputError(
             where, f"{name} has shape {values.shape}, not ({group.size},)", fix="Give one each."
         )
-    bad = np.flatnonzero((values < low) | (values > high))
+    bad = np.flatnonzero(~domain.holds(values))
     if len(bad):
-        measured = f"{values[bad[0]]} against {low}..{high}"
+        measured = f"{values[bad[0]]} against {domain.low}..{domain.high}"
         raise TargetError(
             where, f"{name} of compartment {bad[0]} is out of range", measured=measured, fix=fix
         )
 
 
-def voltage_minima(chip: Chip) -> list[int]:
-    """Return the lower voltage limits a core can be set to: ``1 - 2^k``, and the register's own end."""
-    return [1 - (1 << k) for k in range(chip.registers.voltage_bits + 1)]
-
-
-def voltage_maxima(chip: Chip) -> list[int]:
-    """Return the upper voltage limits a core can be set to: ``2^(9 + 2k) - 1``, and the register's own end."""
-    forms = [(1 << b) - 1 for b in range(9, chip.registers.voltage_bits, 2)]
-    return [*forms, chip.registers.voltage_max]
-
-
 def _check_voltage_limits(group: Compartments, chip: Chip) -> None:
     rules = (
-        ("vmin", voltage_minima(chip), "1 - 2^k"),
-        ("vmax", voltage_maxima(chip), "2^(9 + 2k) - 1"),
+        ("vmin", loihi.voltage_minima(chip.registers), "1 - 2^k"),
+        ("vmax", loihi.voltage_maxima(chip.registers), "2^(9 + 2k) - 1"),
     )
     for name, settings, formula in rules:
         for value in np.unique(getattr(group, name)).tolist():
@@ -248,16 +232,19 @@ def _check_synapses(graph: CompartmentGraph, synapses: Synapses, chip: Chip) -> 
         of = counted(len(synapses.mantissa), "weight")
         measured = f"multiples of {grid.step} in {grid.low}..{grid.high}; {len(bad)} of {of} off"
         raise TargetError(where, what, measured=measured, fix=fix)
-    if synapses.exponent not in WEIGHT_EXPONENTS:
-        measured = f"{synapses.exponent} against -8..7"
+    exponents = loihi.EXPONENTS
+    if not exponents.holds(synapses.exponent):
+        measured = f"{synapses.exponent} against {exponents.low}..{exponents.high}"
         raise TargetError(
             where,
             "the weight exponent is out of range",
             measured=measured,
             fix="Rescale the weights.",
         )
-    delays, most = synapses.delay, chip.registers.delay_max
-    off = delays[(delays < 0) | (delays > most)]
+    delays = synapses.delay
+    domain = loihi.domains(chip.registers)["delay"]
+    most = domain.high
+    off = delays[~domain.holds(delays)]
     if len(off):
         worst = int(off[np.abs(off).argmax()])
         measured = f"{worst} against 0..{most} steps; {len(off)} of {counted(len(delays), 'delay')} outside"

@@ -107,7 +107,7 @@ class Compartments(Frozen, eq=False):
     """A group of ``size`` compartments; every parameter is an array (size,) of integers, or given as one for all.
 
     ``u = rz(u, decay_u) + q``; ``v = rz(v, decay_v) + u + bias``, plus the v of joined children; spike where
-    ``v > 64 * threshold``. With ``joined_to``, compartment i adds its v to compartment i of that group, and neither
+    v exceeds the threshold. With ``joined_to``, compartment i adds its v to compartment i of that group, and neither
     spikes nor is reset.
     """
 

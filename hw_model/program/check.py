@@ -7,7 +7,8 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from hw_model.arithmetic.fixed_point import DECAY_ONE, SIGN_MODES, WEIGHT_EXPONENTS
+from hw_model.arithmetic import loihi
+from hw_model.arithmetic.fixed_point import SIGN_MODES
 from hw_model.description.chip import Chip, Registers
 from hw_model.errors import InputError
 from hw_model.mapping.check_graph import can_start
@@ -70,7 +71,7 @@ def _table_rules(
     index: int, core: Core, phases: Sequence[str], registers: Registers
 ) -> list[tuple[str, bool]]:
     axons, count = core.axons, core.compartments
-    bias_max = (1 << registers.bias_mantissa_bits) - 1
+    domains = loihi.domains(registers)
     ends = np.cumsum([0, *(piece.stop - piece.start for piece in core.slices)]).tolist()
     return [
         ("phases", core.phase in phases),
@@ -79,17 +80,17 @@ def _table_rules(
         ("output tables", len({len(getattr(axons, name)) for name in _OF_OUTPUTS}) == 1),
         ("slices", [piece.offset for piece in core.slices] + [count] == ends and count > 0),
         ("slices' places", all(p.core == index and 0 <= p.start < p.stop for p in core.slices)),
-        ("thresholds", _whole(core.thresholds, 0, registers.threshold_mantissa_max)),
+        ("thresholds", _whole(core.thresholds, *domains["threshold"])),
         ("voltage limits", _whole([-core.vmin, core.vmax], 0, registers.voltage_max)),
-        ("biases", _within(core.bias_mantissa, -bias_max - 1, bias_max)),
-        ("bias exponents", _within(core.bias_exponent, 0, registers.bias_exponent_max)),
-        ("weights", _within(axons.mantissa, -256, 255)),
-        ("decays", all(_whole([p.decay_u, p.decay_v], 0, DECAY_ONE) for p in core.profiles)),
-        ("refractory periods", all(_whole([p.refractory], 0, registers.refractory_max) for p in core.profiles)),
+        ("biases", _within(core.bias_mantissa, *domains["bias_mantissa"])),
+        ("bias exponents", _within(core.bias_exponent, *domains["bias_exponent"])),
+        ("weights", _within(axons.mantissa, *loihi.MANTISSAS)),
+        ("decays", all(_whole([p.decay_u, p.decay_v], *loihi.DECAYS) for p in core.profiles)),
+        ("refractory periods", all(_whole([p.refractory], *domains["refractory"]) for p in core.profiles)),
         ("joints", all(_whole([p.joined], 0, 1) for p in core.profiles)),
         ("formats", all(
             form.weight_bits in registers.weight_bits and form.sign_mode in SIGN_MODES
-            and form.exponent in WEIGHT_EXPONENTS and _whole([form.delay_bits, form.index_bits], 0, 64)
+            and loihi.EXPONENTS.holds(form.exponent) and _whole([form.delay_bits, form.index_bits], 0, 64)
             for form in axons.formats
         )),
     ]  # fmt: skip
@@ -116,7 +117,7 @@ def _limit_rules(core: Core, chip: Chip) -> list[tuple[str, bool]]:
         ("list begins", len(starts) > 0 and starts[0] == 0),
         ("targets", _within(axons.target, 0, count - 1)),
         ("format indices", _within(axons.format_index, 0, len(axons.formats) - 1)),
-        ("delays", _within(axons.delay, 0, chip.registers.delay_max)),
+        ("delays", _within(axons.delay, *loihi.domains(chip.registers)["delay"])),
         ("senders", _within(axons.out_compartment, 0, count - 1)),
     ]
 

@@ -72,14 +72,14 @@ class Core(Frozen, eq=False):
 
     @property
     def threshold_voltage(self) -> IntArray:
-        """Voltage that v must exceed, ``64 * mantissa``, shape (compartments,)."""
+        """Voltage that v must exceed, shape (compartments,)."""
         mantissas: IntArray = np.array(self.thresholds, dtype=np.int64)[self.threshold]
         voltage: IntArray = loihi.threshold_of(mantissas)
         return voltage
 
     @property
     def effective_weights(self) -> IntArray:
-        """Weights as they are added to q, ``64 * floor(mantissa * 2^exponent)``, shape (synapses,)."""
+        """Weights as they are added to q, shape (synapses,)."""
         exponents = np.array([form.exponent for form in self.axons.formats], dtype=np.int64)
         return loihi.charge_of(self.axons.mantissa, exponents[self.axons.format_index])
 

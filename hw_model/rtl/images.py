@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 
-from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT
+from hw_model.arithmetic import loihi
 from hw_model.description.open_core import MemoryWords
 from hw_model.description.open_core import Sizes as Sizes
 from hw_model.program.chip_program import ChipProgram
@@ -359,11 +359,11 @@ class CoreProgram:
         first[in_order] = np.diff(parent[in_order], prepend=-1) != 0
         columns = {
             "valid": given(lambda core: 1),
-            "keep_u": DECAY_ONE - given(lambda core: core.setting("decay_u")),
-            "keep_v": DECAY_ONE - given(lambda core: core.setting("decay_v")),
+            "keep_u": loihi.keep_of(given(lambda core: core.setting("decay_u"))),
+            "keep_v": loihi.keep_of(given(lambda core: core.setting("decay_v"))),
             "bias": given(lambda core: core.bias),
             "has_children": np.isin(number, parent),
-            "threshold": given(lambda core: core.threshold_voltage >> WEIGHT_SHIFT),
+            "threshold": given(lambda core: loihi.whole_units(core.threshold_voltage)),
             "blocks": np.maximum(given(lambda core: core.setting("refractory")) - 1, 0),
             "spiking": given(
                 lambda core: (core.vmax > core.threshold_voltage) & (core.setting("joined") == 0)

@@ -17,7 +17,7 @@ import numpy as np
 
 from hw_model.accounting.activity import StepActivity
 from hw_model.arithmetic import loihi
-from hw_model.arithmetic.loihi import NOTHING, Parameters
+from hw_model.arithmetic.loihi import AT_REST, NOTHING, Parameters
 from hw_model.arithmetic.on_integers import WithoutWraps
 from hw_model.mapping.graph import Phase, Readout, winning
 from hw_model.program.chip_program import ChipProgram
@@ -144,8 +144,8 @@ class _Voter:
         """Yield the highest voltages of every step from ``step`` on, (batch, n)."""
         each, last = np.arange(len(step)), np.maximum(step - 1, 0)
         started = (step > 0)[:, None]
-        u = {name: np.where(started, self._u[name][each, last], 0) for name in self._members}
-        v = {name: np.where(started, self._v[name][each, last], 0) for name in self._members}
+        u = {name: np.where(started, self._u[name][each, last], AT_REST) for name in self._members}
+        v = {name: np.where(started, self._v[name][each, last], AT_REST) for name in self._members}
         for _ in range(int((self._steps - step).max(initial=0))):
             joined: dict[str | None, IntArray] = {}
             for name in self._members:
@@ -160,9 +160,11 @@ class _Voter:
                 )
                 u[name] = response.u
                 voltage = response.v
-                # A spike, or a refractory step, brings the v of a spiking compartment to 0, which may be higher. So
+                # A spike, or a refractory step, brings the v of a spiking compartment to rest, which may be higher. So
                 # may be the v of any that has not started.
-                v[name] = voltage if parent and not self._starts_late else np.maximum(voltage, 0)
+                v[name] = (
+                    voltage if parent and not self._starts_late else np.maximum(voltage, AT_REST)
+                )
                 joined[parent] = joined[parent] + v[name] if parent in joined else v[name]
             yield voltage
 
@@ -221,10 +223,10 @@ class _ByPotentials(_Voter):
         most = np.broadcast_to(vmin, given.shape)
         for ahead, voltage in enumerate(self._voltages(step)):
             counts = (read + ahead >= self._first) & (read + ahead < self._steps)
-            highest = np.maximum(voltage, 0) if self._safe else vmax
+            highest = np.maximum(voltage, AT_REST) if self._safe else vmax
             most = np.where(counts, np.maximum(most, highest), most)
         at_least = np.where(read > self._first, given, vmin)
-        ends = (np.maximum(at_least, np.where(nothing_comes, 0, end)) for end in (vmin, most))
+        ends = (np.maximum(at_least, np.where(nothing_comes, AT_REST, end)) for end in (vmin, most))
         decided = np.maximum(read, self._first) >= self._steps
         low, high = (np.where(decided, given, end) for end in ends)
         return low, high

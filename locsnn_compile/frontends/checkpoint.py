@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from scipy import sparse
 
-from hw_model.arithmetic.fixed_point import DECAY_ONE
+from hw_model.arithmetic import loihi
 from hw_model.mapping.graph import Axis
 from hw_model.values import picked
 from locsnn_compile.errors import TargetError
@@ -52,9 +52,9 @@ def _add_windows(parts: Parts, checkpoint: Checkpoint) -> None:
         counting = Cuba.of(len(levels), decay_v=1.0, threshold=levels - 0.5)
         onto = Projection(view.name, first, matrix(synapses, np.float64))
     else:
-        # An event weighs twice 64, which any format holds: the comparison is exact, whatever the level.
+        # An event weighs two units, which any format holds: the comparison is exact, whatever the level.
         counting = ChipCuba.of(
-            len(levels), decay_u=DECAY_ONE, decay_v=DECAY_ONE, threshold=2 * levels - 1
+            len(levels), decay_u=loihi.FORGETS, decay_v=loihi.FORGETS, threshold=2 * levels - 1
         )
         onto = ChipProjection(
             view.name, first, matrix(128 * synapses, np.int64), exponent=-6, weight_bits=1

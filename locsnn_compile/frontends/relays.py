@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 from scipy import sparse
 
-from hw_model.arithmetic.fixed_point import DECAY_ONE
+from hw_model.arithmetic import loihi
 from hw_model.values import AnyArray, BoolArray, Frozen, IntArray, sealed
 from locsnn_compile.errors import counted
 from locsnn_compile.frontends.parts import Parts
@@ -134,7 +134,9 @@ def _sentence(source: str, relays: list[_Relay], synapses: Collection[_Synapses]
 def _neurons(relay: _Relay, *, on_grid: bool) -> Population:
     """Return neurons without memory that every spike lifts above their threshold."""
     if on_grid:
-        chip_neuron = ChipCuba.of(relay.size, decay_u=DECAY_ONE, decay_v=DECAY_ONE, threshold=1)
+        chip_neuron = ChipCuba.of(
+            relay.size, decay_u=loihi.FORGETS, decay_v=loihi.FORGETS, threshold=1
+        )
         return Population(relay.name, "time", relay.size, chip_neuron, helper=True)
     neuron = Cuba.of(relay.size, decay_u=1.0, decay_v=1.0, threshold=0.5)
     return Population(relay.name, "time", relay.size, neuron, helper=True)

@@ -10,13 +10,8 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from hw_model.arithmetic.fixed_point import (
-    DECAY_ONE,
-    WEIGHT_BITS,
-    WEIGHT_EXPONENTS,
-    WeightGrid,
-    weight_grid,
-)
+from hw_model.arithmetic.fixed_point import WEIGHT_BITS, WeightGrid, weight_grid
+from hw_model.arithmetic.loihi import DECAYS, EXPONENTS
 from hw_model.io.records import POSITIVE, Must, RecordReader, between
 from hw_model.values import AnyArray, Frozen, IntArray
 from locsnn_compile.errors import InputError, counted
@@ -41,7 +36,7 @@ class RegisterWidths(Frozen):
     voltage_bits: Annotated[int, between(*TRAINED_BITS)] = 23
 
 
-Exponent = Annotated[int, between(WEIGHT_EXPONENTS[0], WEIGHT_EXPONENTS[-1])]
+Exponent = Annotated[int, between(*EXPONENTS)]
 OwnSynapse = tuple[Annotated[int, between(-255, 255)], Exponent, Annotated[int, between(0, 65_534)]]
 """Mantissa, exponent and delay of a synapse of a neuron to itself."""
 _OWN_MOST = {"dendrite": 1, "delay-line": 512, "reset": 0}
@@ -61,8 +56,8 @@ class ChipPopulation(Frozen):
     """
 
     threshold: Annotated[int, between(0, (1 << 24) - 1)]
-    decay: Annotated[int, between(1, DECAY_ONE)]
-    refractory_decay: Annotated[int, between(0, DECAY_ONE)]
+    decay: Annotated[int, between(1, DECAYS.high)]
+    refractory_decay: Annotated[int, between(*DECAYS)]
     refractory: Annotated[int, between(1, 65_535)]
     own: tuple[OwnSynapse, ...]
     exponent: Exponent

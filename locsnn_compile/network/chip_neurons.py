@@ -1,7 +1,7 @@
 """Neurons whose every number is an integer that the chip holds.
 
 ``quantize`` makes them from float neurons. A network trained on the chip's own arithmetic has them from the start, and
-keeps them as they are. In the equations, ``rz(x, d)`` is what a decay of d / 4096 leaves of x, truncated toward zero;
+keeps them as they are. In the equations, ``rz(x, d)`` is what a decay of d leaves of x, truncated toward zero;
 ``q(t)`` is the sum of the effective weights of all spikes that arrive at step t, wrapped to the width of the charge; u
 wraps, and v is clipped. A spike of step t arrives at step ``t + 1 + delay``. Every parameter of a neuron is an int64
 array (n,).
@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from hw_model.arithmetic.fixed_point import WEIGHT_SHIFT
+from hw_model.arithmetic import loihi
 from hw_model.values import ArrayLike, BoolArray, Frozen, IntArray, Shown
 from locsnn_compile.network.neurons import Neuron, Parameter, spread
 from locsnn_compile.network.projections import matrix
@@ -34,7 +34,8 @@ class ChipNeuron(Neuron, Frozen, eq=False):
     @property
     def spikes_at(self) -> IntArray:
         """The register's threshold."""
-        return 64 * self.threshold
+        voltage: IntArray = loihi.threshold_of(self.threshold)
+        return voltage
 
     @property
     def strategy(self) -> str:
@@ -74,7 +75,7 @@ class ChipCuba(Shown, ChipNeuron):
         u(t) = rz(u(t - 1), decay_u) + q(t)
         v(t) = rz(v(t - 1), decay_v) + u(t) + bias_mantissa * 2^bias_exponent
 
-    It spikes where ``v(t) > 64 * threshold``; then v = 0, and stays so without a spike for ``refractory - 1`` steps.
+    Spikes, resets and refractory steps are those of :func:`hw_model.arithmetic.loihi.step`.
     With a ``vmin`` (n,), ``1 - 2^k``, v is clipped to it from below, and else to the end of its register.
     """
 
@@ -86,8 +87,8 @@ class ChipCuba(Shown, ChipNeuron):
     usual: ClassVar[Mapping[str, float]] = {"bias_mantissa": 0, "bias_exponent": 0, "refractory": 1}
 
     def with_biases(self, held: IntArray, exponent: int) -> "ChipCuba":
-        """Return these neurons with biases of ``64 * held * 2^exponent``, ``held`` (n,) of 8 bits, as weights are."""
-        places = WEIGHT_SHIFT + exponent
+        """Return these neurons with biases of ``held * 2^exponent`` units, ``held`` (n,) of 8 bits, as weights are."""
+        places = loihi.bits_of_unit(exponent)
         fine = min(places, BIAS_PLACES)
         mantissa = np.left_shift(held, fine) if fine >= 0 else np.right_shift(held, -fine)
         return replace(
@@ -157,10 +158,10 @@ class ChipSrm(Shown, ChipNeuron):
         v(t) = rz(v(t - 1), decay_v) + u(t)
         potential(t) = v(t) + r(t)                           r of a refractory dendrite; without one, 0
 
-    It spikes where ``potential(t) > 64 * threshold``; nothing is reset. Without a refractory dendrite, own spikes are
-    part of ``q``. A neuron may have ``dendrites`` of both kinds, with the same decays, each with inputs of its own and
-    own spikes of the refractory weight: the potential is the sum of all, and may be as many times as large.
-    A ``vmin`` is that of :class:`ChipCuba`, in every compartment.
+    It spikes where its potential exceeds the threshold, as on the page of ``loihi``; nothing is reset. Without a
+    refractory dendrite, own spikes are part of ``q``. A neuron may have ``dendrites`` of both kinds, with the
+    same decays, each with inputs of its own and own spikes of the refractory weight: the potential is the sum
+    of all, and may be as many times as large. A ``vmin`` is that of :class:`ChipCuba`, in every compartment.
     """
 
     refractory: Refractory

@@ -13,8 +13,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hw_model.arithmetic.fixed_point import DECAY_ONE
-from hw_model.arithmetic.loihi import nearest_decay, share_kept
+from hw_model.arithmetic.loihi import (
+    DECAYS,
+    decay_of_share,
+    nearest_decay,
+    share_kept,
+    share_lost,
+)
 from hw_model.description.chip import Registers
 from hw_model.values import FloatArray, IntArray
 from locsnn_compile.errors import TargetError
@@ -43,14 +48,14 @@ class Decays(NamedTuple):
 def one_decay(tau: float, where: str) -> Decays:
     """Return the decay nearest to exp(-1 / tau) for both registers.
 
-    The chip responds to a spike with ``gain * k * b^(k-1)``, where ``b = (4096 - decay) / 4096``. The kernel is
+    The chip responds to a spike with ``gain * k * b^(k-1)``, where b is the share that it keeps. The kernel is
     ``c * k * a^(k-1)``, where ``a = exp(-1 / tau)`` and ``c = e * a / tau``. A kernel that is over before the first
     step has gain 0 and no error.
     """
     a, c = alpha_recursion(tau)
-    decay = round(DECAY_ONE * (1.0 - a))
+    decay = round(decay_of_share(1.0 - a))
     if decay == 0:
-        raise _never_fades(where, f"{tau:g} steps against at most {2 * DECAY_ONE - 1}")
+        raise _never_fades(where, f"{tau:g} steps against at most {2 * DECAYS.high - 1}")
     b = share_kept(decay)
     if c < FADED:
         return Decays(decay, decay, 0.0, 0.0)
@@ -68,7 +73,7 @@ def two_decays(tau: float, where: str) -> Decays:
     """Return the two decays whose response fits an alpha kernel best.
 
     The candidates are all effective decays ``decay_u <= decay_v`` at most :data:`SPREAD` from their mean, which is
-    within 2 of ``4096 * (1 - exp(-1 / tau))``. The best pair is the one whose least-squares gain leaves the least
+    within 2 of the decay that would be exact. The best pair is the one whose least-squares gain leaves the least
     error. A larger distance between the two makes the kernel last longer, so pairs are a finer grid than single decays.
     Ties go to the pair with the smaller distance, then to the smaller decays.
     """
@@ -76,14 +81,14 @@ def two_decays(tau: float, where: str) -> Decays:
     if nearest.gain == 0.0:
         return nearest
     a, c = alpha_recursion(tau)
-    exact = DECAY_ONE * (1.0 - a)
+    exact = decay_of_share(1.0 - a)
     grid = np.meshgrid(
         np.arange(2 * SPREAD + 1), math.floor(2 * exact) + np.arange(-4, 6), indexing="ij"
     )
     apart, total = (axis.ravel() for axis in grid)
     here = (apart + total) % 2 == 0
     u, v = (total[here] - apart[here]) // 2, (total[here] + apart[here]) // 2
-    held = (u >= 1) & (v <= DECAY_ONE)
+    held = (u >= 1) & (v <= DECAYS.high)
     u, v = u[held], v[held]
     keep_u = share_kept(u)
     keep_v = share_kept(v)
@@ -102,7 +107,7 @@ def nearest_decays(fractions: FloatArray, where: str) -> IntArray:
     lost = fractions[(decays == 0) & (fractions > 0)]
     if len(lost):
         raise _never_fades(
-            where, f"{lost[0]:g} lost in a step against at least {0.5 / DECAY_ONE:.3g}"
+            where, f"{lost[0]:g} lost in a step against at least {share_lost(0.5):.3g}"
         )
     return decays
 

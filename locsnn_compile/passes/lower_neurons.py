@@ -15,7 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_BITS, SignMode, weight_grid
+from hw_model.arithmetic import loihi
+from hw_model.arithmetic.fixed_point import WEIGHT_BITS, SignMode, weight_grid
 from hw_model.description.chip import Chip
 from hw_model.mapping.check_graph import check_graph
 from hw_model.mapping.graph import CompartmentGraph, Compartments, Input, Synapses
@@ -75,7 +76,7 @@ def dendrite_name(population: str, kind: str, number: int) -> str:
 
 
 def _compartments(q: QuantizedPopulation, chip: Chip) -> list[Compartments]:
-    """Return a population's groups. A soma with dendrites keeps nothing (decays 4096), so its reset is harmless."""
+    """Return a population's groups. A soma with dendrites keeps nothing, so its reset is harmless."""
     population, neuron, last = q.population, q.neuron, chip.registers.voltage_max
     usual: dict[str, Any] = {
         "bias_mantissa": 0,
@@ -91,7 +92,7 @@ def _compartments(q: QuantizedPopulation, chip: Chip) -> list[Compartments]:
             name, population.phase, population.size, *decays, neuron.threshold, **usual | own
         )
 
-    all_lost = np.full(population.size, DECAY_ONE)
+    all_lost = np.full(population.size, loihi.FORGETS)
     soma = (all_lost, all_lost) if neuron.parts else (neuron.decay_u, neuron.decay_v)
     found = [group(population.name, soma, **neuron.registers)]
     for number in range(neuron.dendrites):

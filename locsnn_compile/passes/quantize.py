@@ -14,6 +14,7 @@ from functools import partial, singledispatch
 
 import numpy as np
 
+from hw_model.arithmetic import loihi
 from hw_model.arithmetic.fixed_point import WeightGrid, weight_grid
 from hw_model.description.chip import Chip
 from hw_model.values import FloatArray
@@ -130,8 +131,10 @@ def _holds_grades(incoming: Sequence[Projection], chip: Chip) -> bool:
 
 def _check_voltage(population: Population, neuron: ChipNeuron, chip: Chip) -> None:
     """Refuse integers that came with a network if no voltage of this chip can pass their threshold."""
-    threshold, registers = 64 * int(neuron.threshold.max()), chip.registers
-    if registers.voltage_max <= threshold <= 64 * registers.threshold_mantissa_max:
+    registers = chip.registers
+    threshold = loihi.threshold_of(int(neuron.threshold.max()))
+    largest = loihi.threshold_of(registers.threshold_mantissa_max)
+    if registers.voltage_max <= threshold <= largest:
         what = "its threshold is beyond every voltage, so it could never spike"
         measured = f"{threshold} against {registers.voltage_max}; {chip.name} has voltage_bits {registers.voltage_bits}"
         raise TargetError(population.where, what, measured=measured, fix="Train it for this chip.")
@@ -140,7 +143,7 @@ def _check_voltage(population: Population, neuron: ChipNeuron, chip: Chip) -> No
 def _nearest(p: Projection, scaled: Scaled, grid: WeightGrid) -> ChipProjection:
     """Round a projection onto the grid of its format, magnitudes and signs separately."""
     values = values_of(p.weights)
-    factor = of_target(p.weights, scaled.gain * scaled.scale / (64 * 2**scaled.exponent))
+    factor = of_target(p.weights, loihi.in_units(scaled.gain * scaled.scale) / 2**scaled.exponent)
     mantissa = with_values(
         p.weights, np.sign(values).astype(np.int64) * grid.round(np.abs(values) * factor)
     )

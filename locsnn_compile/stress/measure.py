@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 import hw_model as hw
-from hw_model.arithmetic.fixed_point import DECAY_ONE
+from hw_model.arithmetic import loihi
 from hw_model.values import ByteArray, FloatArray, Frozen
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.network.check import check_network
@@ -99,7 +99,7 @@ class Sides:
 def thresholds(q: QuantizedPopulation) -> FloatArray:
     """Return the thresholds in units of the registers, (n,); a mantissa of 0 counts as 1."""
     found: FloatArray = q.population.thresholds * q.scale
-    return np.maximum(found, 64.0) if q.population.on_grid else found
+    return np.maximum(found, loihi.in_registers(1.0)) if q.population.on_grid else found
 
 
 def _with_real_numbers(phase: Phase) -> Phase:
@@ -141,7 +141,9 @@ def measure(case: Case, chip: hw.Chip) -> Measured:
     bound = model_error + sum(parts.values())
     slack = FLOAT_ROUNDING * (np.maximum.accumulate(np.abs(wanted.potential), axis=1) + unit)
     outside = ~(np.abs(unlimited - wanted.potential) <= bound + slack)
-    decided = chip_side > 64.0 * levels.quantized.population(POPULATION).neuron.threshold
+    decided = chip_side > loihi.threshold_of(
+        levels.quantized.population(POPULATION).neuron.threshold
+    )
     otherwise = decided != wanted.spikes.astype(np.bool_)
     tied = np.abs(wanted.potential - unit) <= FLOAT_ROUNDING * unit
     return Measured(
@@ -184,11 +186,14 @@ def _lost_biases(levels: Levels) -> Lost:
 
 
 def _coarse_decays(sides: Sides) -> tuple[str, ...]:
-    """Name the decays that the grid of 1/4096 changes by more than ``COARSE``; of two that stand for one, the mean."""
+    """Name the decays that their grid changes by more than ``COARSE``; of two that stand for one, the mean."""
     found = []
     for pair in sides.phase.program_neurons.groups:
         (u, v), (held_u, held_v) = (
-            [float(DECAY_ONE * (1.0 - keep.flat[0])) for keep in (group.keep_u, group.keep_v)]
+            [
+                float(loihi.decay_of_share(1.0 - keep.flat[0]))
+                for keep in (group.keep_u, group.keep_v)
+            ]
             for group in (pair.exact, pair.chip)
         )
         both = [(u, (held_u + held_v) / 2)] if u == v else [(u, held_u), (v, held_v)]

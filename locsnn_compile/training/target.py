@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 import hw_model as hw
-from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_EXPONENTS, WEIGHT_SHIFT, weight_grid
+from hw_model.arithmetic import loihi
+from hw_model.arithmetic.fixed_point import weight_grid
 from hw_model.targets import target_of
 from hw_model.values import Float32Array
 from locsnn_compile.errors import TargetError
@@ -83,7 +84,7 @@ def _of_spikes(
         found = quantized.population(projection.target)
         scale = float(found.scale[0])
         gain = one_decay(description.srm(projection.target).tau_sr, "neuron: tau_sr").gain
-        unit = 64 * 2**projection.exponent / (gain * scale)
+        unit = loihi.in_registers(2.0**projection.exponent) / (gain * scale)
         form = {
             "exponent": projection.exponent,
             "weight_bits": weight_bits,
@@ -132,22 +133,29 @@ def _of_windows(
         chip.registers,
     )
     exponent = exponent_holding(0.0, grid)
-    one = 64 * 2.0**exponent
+    one = loihi.in_registers(2.0**exponent)
     scale = max(
-        1, int(one / (room * max(largest / grid.high, together * one / 64 / largest_charge(chip))))
+        1,
+        int(
+            one / (room * max(largest / grid.high, together * 2.0**exponent / largest_charge(chip)))
+        ),
     )
-    threshold = min((registers.voltage_max - 1) // 64, registers.threshold_mantissa_max)
-    alone: tuple[int, int, int, int, tuple[OwnSynapse, ...]] = threshold, DECAY_ONE, 0, 1, ()
-    coarsest = min(registers.bias_exponent_max + BIAS_PLACES - WEIGHT_SHIFT, WEIGHT_EXPONENTS[-1])
-    finest = (
-        exponent_holding(max(room, 1.0) * bias * scale / len(outputs), weight_grid(8, "excitatory"))
-        - WEIGHT_SHIFT
+    threshold = min(loihi.whole_units(registers.voltage_max - 1), registers.threshold_mantissa_max)
+    alone: tuple[int, int, int, int, tuple[OwnSynapse, ...]] = threshold, loihi.FORGETS, 0, 1, ()
+    coarsest = min(
+        loihi.exponent_of_bits(registers.bias_exponent_max + BIAS_PLACES), loihi.EXPONENTS.high
     )
+    share = max(room, 1.0) * bias * scale / len(outputs)
+    finest = loihi.exponent_of_bits(exponent_holding(share, weight_grid(8, "excitatory")))
     of_bias = min(finest, coarsest)
     return {
         weight: ChipPopulation(*alone, exponent, grid.weight_bits, float(scale), one / scale),
         offset: ChipPopulation(
-            *alone, of_bias, 8, float(scale), len(outputs) * 64 * 2.0**of_bias / scale
+            *alone,
+            of_bias,
+            8,
+            float(scale),
+            len(outputs) * loihi.in_registers(2.0**of_bias) / scale,
         ),
     }
 

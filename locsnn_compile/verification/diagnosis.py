@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from hw_model.arithmetic.fixed_point import WEIGHT_SHIFT
+from hw_model.arithmetic import loihi
 from hw_model.description.chip import Registers
 from hw_model.mapping.graph import Compartments
 from hw_model.values import (
@@ -163,7 +163,7 @@ def _register_use(
 def _thresholds(population: Population) -> FloatArray:
     """Return the thresholds (n,) in the units of the potential; a threshold of 0 counts as a weight of 1."""
     thresholds = population.thresholds
-    return np.where(thresholds == 0, float(1 << WEIGHT_SHIFT), thresholds)
+    return np.where(thresholds == 0, loihi.in_registers(1.0), thresholds)
 
 
 def _measured(

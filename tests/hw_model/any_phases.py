@@ -16,8 +16,9 @@ import numpy as np
 import yaml
 
 import hw_model as hw
+from hw_model.arithmetic.loihi import voltage_maxima, voltage_minima
 from hw_model.description.chip import parse_chip
-from hw_model.mapping.check_graph import check_graph, voltage_maxima, voltage_minima
+from hw_model.mapping.check_graph import check_graph
 from hw_model.mapping.graph import AXES, CompartmentGraph, Phase, Readout
 
 WEIGHTS = [0.0, -0.0, 1.0, -1.0, 0.1, 0.2, 0.3, -0.7, 1e-300, 1e100, 3.5, 1 / 3, 1e16, -1e16]
@@ -108,8 +109,8 @@ def _branch(
         size, kept = classes if group in "yz" else int(r.integers(1, 4)), {}
         if narrow:
             kept = {
-                "vmin": int(r.choice(voltage_minima(chip))),
-                "vmax": int(r.choice(voltage_maxima(chip))),
+                "vmin": int(r.choice(voltage_minima(chip.registers))),
+                "vmax": int(r.choice(voltage_maxima(chip.registers))),
             }
         soma = builder.add_compartments(
             f"{name}/{group}", size, **_parameters(r, size, chip, quiet), **kept

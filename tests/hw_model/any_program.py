@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 
 import hw_model as hw
 from hw_model.arithmetic.fixed_point import SIGN_MODES, weight_grid
+from hw_model.arithmetic.loihi import voltage_maxima, voltage_minima
 from hw_model.description.chip import check_chip
-from hw_model.mapping.check_graph import voltage_maxima, voltage_minima
 from hw_model.mapping.graph import CompartmentGraph, Readout
 from hw_model.program.builder import Node
 
@@ -154,8 +154,8 @@ def graphs(
     builder = hw.ProgramBuilder(chip)
     senders = [builder.add_input(f"{prefix}x", lines)]
     kept = {
-        "vmin": int(r.choice(voltage_minima(chip))),
-        "vmax": int(r.choice(voltage_maxima(chip))),
+        "vmin": int(r.choice(voltage_minima(chip.registers))),
+        "vmax": int(r.choice(voltage_maxima(chip.registers))),
     }
     if r.random() < 0.7:
         kept = {}

@@ -116,6 +116,7 @@ BROKEN = {
     "a decay of the current above 4096": (profile(decay_u=4097), "core 0", "decays"),
     "a decay of the voltage below 0": (profile(decay_v=-1), "core 0", "decays"),
     "a refractory period too long": (profile(refractory=64), "core 0", "refractory periods"),
+    "a refractory period without its spike's own step": (profile(refractory=0), "core 0", "refractory periods"),
     "a joint that is none": (profile(joined=2), "core 0", "joints"),
     "a width that no format has": (form(weight_bits=7), "core 1", "formats"),
     "a sign mode that is none": (form(sign_mode="both"), "core 1", "formats"),

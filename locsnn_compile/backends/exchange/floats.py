@@ -4,6 +4,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from hw_model.arithmetic import loihi
 from hw_model.values import AnyArray
 from locsnn_compile.frontends.lava_dl.to_network import THRESHOLD_MAX
 from locsnn_compile.network.chip_neurons import ChipCuba
@@ -25,7 +26,8 @@ def weights_of(projection: Projection | ChipProjection) -> tuple[Matrix, float]:
     """Return weights and the factor that they stand for."""
     if isinstance(projection, ChipProjection):
         held = values_of(projection.mantissa)
-        return with_values(projection.mantissa, np.floor(held * 2.0**projection.exponent)), 64.0
+        units = np.floor(held * 2.0**projection.exponent)
+        return with_values(projection.mantissa, units), loihi.in_registers(1.0)
     return projection.weights, 1.0
 
 
@@ -33,7 +35,12 @@ def neurons_of(neuron: Cuba | ChipCuba) -> tuple[AnyArray, AnyArray, AnyArray, A
     """Return both decays, the threshold above which it spikes, and the bias, each (n,)."""
     if isinstance(neuron, ChipCuba):
         bias = neuron.bias_mantissa * 2.0**neuron.bias_exponent
-        return neuron.decay_u / 4096, neuron.decay_v / 4096, 64.0 * neuron.threshold, bias
+        return (
+            loihi.share_lost(neuron.decay_u),
+            loihi.share_lost(neuron.decay_v),
+            loihi.threshold_of(neuron.threshold.astype(np.float64)),
+            bias,
+        )
     # Files spike only above the threshold; to spike at it as well, take the next number below.
     threshold = neuron.threshold if neuron.rule == ">" else np.nextafter(neuron.threshold, -np.inf)
     return neuron.decay_u, neuron.decay_v, threshold, neuron.bias

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from hw_model.arithmetic import loihi
 from locsnn_compile.backends.exchange.floats import HELD, may_spike
 from locsnn_compile.errors import InputError
 from locsnn_compile.frontends.lava_dl.layers import Array, NetFile, NetLayer
@@ -104,12 +105,14 @@ def _layer(number: int, q: QuantizedPopulation, onto: list[ChipProjection], read
         raise InputError(
             where, "neurons that lava-dl reads by potential never spike, and these may", fix=HELD
         )
-    bias = neuron.bias_mantissa * 2**neuron.bias_exponent
-    if (bias % 64).any():
+    bias = loihi.bias_of(neuron.bias_mantissa, neuron.bias_exponent)
+    units = loihi.whole_units(bias)
+    between_units = bias != loihi.in_registers(units)
+    if between_units.any():
         raise InputError(
             where,
             "a bias is not a multiple of 64",
-            measured=f"{bias[bias % 64 != 0][0]}",
+            measured=f"{bias[between_units][0]}",
             fix=_OTHER,
         )
     values: dict[str, Array | str] = {
@@ -123,7 +126,7 @@ def _layer(number: int, q: QuantizedPopulation, onto: list[ChipProjection], read
         "neuron/gradedSpike": np.array(0),
     }
     if bias.any():
-        values["bias"] = bias // 64
+        values["bias"] = units
     for projection in onto:
         weights = _weights(projection, where)
         values["weight_rec" if projection.source == name else "weight"] = weights.astype(np.float32)

@@ -1,7 +1,7 @@
 """One phase of a program as a network file of SANA-FE: neuron groups, edges, and where each neuron is mapped.
 
 A group of compartments is a group of neurons, under a name that SANA-FE allows; ``<input>_tile<n>`` are the input lines
-that reach tile n, in ascending order. Weights and thresholds are mantissas, so a potential is v / 64.
+that reach tile n, in ascending order. Weights and thresholds are mantissas, so a potential is v in units.
 """
 
 from collections.abc import Callable, Iterator
@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT
+from hw_model.arithmetic import loihi
 from hw_model.mapping.graph import Input
 from hw_model.program.chip_program import Core
 from hw_model.values import ByteArray, IntArray
@@ -23,9 +23,6 @@ from locsnn_compile.backends.sanafe.architecture import (
     tile_number,
 )
 from locsnn_compile.backends.sanafe.rules import AFTER_SPIKE
-
-UNIT = 1 << WEIGHT_SHIFT
-"""A potential of 1 in units of the registers."""
 
 
 class PhaseNetwork:
@@ -115,7 +112,7 @@ class PhaseNetwork:
         kept: tuple[Callable[[Core], IntArray | int], ...] = (
             lambda core: core.setting("decay_u"),
             lambda core: core.setting("decay_v"),
-            lambda core: core.threshold_voltage >> WEIGHT_SHIFT,
+            lambda core: loihi.whole_units(core.threshold_voltage),
             lambda core: core.bias,
             lambda core: core.vmin,
         )
@@ -124,9 +121,9 @@ class PhaseNetwork:
             strict=True,
         )
         return [
-            f"{{soma: {{input_decay: {1 - decay_u / DECAY_ONE!r}, leak_decay: {1 - decay_v / DECAY_ONE!r}, "
-            f"threshold: {threshold}, bias: {bias / UNIT!r}, reset: {AFTER_SPIKE!r}, "
-            f"reverse_threshold: {vmin / UNIT!r}, reverse_reset_mode: saturate}}}}"
+            f"{{soma: {{input_decay: {loihi.share_kept(decay_u)!r}, leak_decay: {loihi.share_kept(decay_v)!r}, "
+            f"threshold: {threshold}, bias: {loihi.in_units(bias)!r}, reset: {AFTER_SPIKE!r}, "
+            f"reverse_threshold: {loihi.in_units(vmin)!r}, reverse_reset_mode: saturate}}}}"
             for decay_u, decay_v, threshold, bias, vmin in rows
         ]
 
@@ -134,7 +131,7 @@ class PhaseNetwork:
         for core in self._cores:
             sources, axons = self._sources(core), core.axons
             targets = self._neurons(core)
-            weights = core.effective_weights >> WEIGHT_SHIFT
+            weights = loihi.whole_units(core.effective_weights)
             axon = axons.axon_of_synapse.tolist()
             rows = zip(
                 axon, axons.target.tolist(), weights.tolist(), axons.delay.tolist(), strict=True

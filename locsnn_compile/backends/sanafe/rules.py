@@ -1,8 +1,9 @@
 """What SANA-FE's own models can express of a program, and what it counts by its own rules.
 
-Its soma computes, in units of 64: ``u = input_decay * u + charge``, ``v = trunc(leak_decay * v) + bias + u``, and a
-spike if ``v > threshold``. It truncates v to a 64th as the chip does, but never u. So it finds the same spikes if no
-fraction of a current is ever cut off, and if the program uses nothing that its neurons lack.
+Its soma computes, in units of :mod:`hw_model.arithmetic.loihi`: ``u = input_decay * u + charge``,
+``v = trunc(leak_decay * v) + bias + u``, and a spike if ``v > threshold``. It truncates v as the chip does, but never
+u. So it finds the same spikes if no fraction of a current is ever cut off, and if the program uses nothing that
+its neurons lack.
 """
 
 from collections.abc import Callable
@@ -10,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy import sparse
 
-from hw_model.arithmetic.fixed_point import DECAY_ONE
+from hw_model.arithmetic import loihi
 from hw_model.program.chip_program import Core
 from hw_model.values import BoolArray
 from locsnn_compile.backends.played import Played
@@ -19,8 +20,8 @@ DELAY_MAX = 5
 """Most steps of a delay: its dendrites with delays hold six slots (``AccumulatorWithDelayModel``)."""
 UNIT_SIZE = 1024
 """Compartments in one of its soma or dendrite units."""
-AFTER_SPIKE = 2.0**-7
-"""Voltage after a spike, in units of 64: half of what truncation keeps, so it becomes 0 before it is used.
+AFTER_SPIKE = loihi.in_units(0.5)
+"""Voltage after a spike, in units: half of what truncation keeps, so it becomes 0 before it is used.
 
 With a voltage of exactly 0, SANA-FE would consider the compartment idle in the next step, although it has a current.
 """
@@ -66,7 +67,7 @@ def updates(core: Core, played: Played) -> int:
 def _loses_fraction(core: Core, played: Played) -> BoolArray:
     """Mark the decays of u that leave a fraction; u after the last step does not decay."""
     u = played.register(core, "u")[:-1]
-    return np.asarray(np.abs(u) * (DECAY_ONE - core.setting("decay_u")) % DECAY_ONE != 0)
+    return loihi.has_fraction(u, core.setting("decay_u"))
 
 
 def _arrives(core: Core, played: Played) -> BoolArray:

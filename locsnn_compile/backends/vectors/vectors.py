@@ -8,7 +8,8 @@ from collections.abc import Iterator
 import numpy as np
 import yaml
 
-from hw_model.arithmetic.fixed_point import DECAY_BITS, DECAY_ONE, SIGN_MODES, WEIGHT_SHIFT
+from hw_model.arithmetic import loihi
+from hw_model.arithmetic.fixed_point import SIGN_MODES
 from hw_model.description.chip import Chip
 from hw_model.program.chip_program import Core
 from hw_model.rtl.memory_words import BitArray, Layout, bits_for, bits_of, hex_words
@@ -122,7 +123,7 @@ def _images(core: Core, played: Played) -> Iterator[_Image]:
 def _layouts(chip: Chip) -> dict[str, Layout]:
     """Return the layouts of all words with fields."""
     limits, registers = chip.limits, chip.registers
-    compartment, decay = bits_for(limits.compartments_per_core - 1), bits_for(DECAY_ONE)
+    compartment, decay = bits_for(limits.compartments_per_core - 1), bits_for(loihi.DECAYS.high)
     return {
         **synapse_layouts(chip),
         "profile": Layout.of(
@@ -174,8 +175,7 @@ def _arithmetic(chip: Chip) -> dict[str, object]:
     registers, memory = chip.registers, chip.synapse_memory
     return {
         **picked(registers, "charge_bits", "current_bits"),
-        "decay_bits": DECAY_BITS,
-        "weight_shift": WEIGHT_SHIFT,
+        **loihi.BITS_OF_UNITS,
         "delay_max": registers.delay_max,
         "sign_modes": list(SIGN_MODES),
         "synapse": ["weight", "delay", "index"],

@@ -1,8 +1,8 @@
 """From a lava-dl network (``.net``) to a Network on the grid, which keeps the integers of weights and parameters.
 
 As read in lava-dl 0.6 (``netx.hdf5``, ``slayer.block``): ``iDecay`` is the effective decay of the current (the register
-holds one less), and ``vDecay`` that of the voltage. A spike arrives as 64 times its weight, a bias as 64 times its
-number. A neuron spikes where v > 64 vThMant, and each layer takes one step. Delays are floored and cut to 62 steps,
+holds one less), and ``vDecay`` that of the voltage. Weights, biases and ``vThMant`` count units of
+:mod:`hw_model.arithmetic.loihi`, and each layer takes one step. Delays are floored and cut to 62 steps,
 unless relays are to carry longer ones. A last layer without neurons is read out: its potential is what arrives in a
 step. A ``flatten`` reads the image (channels, height, width) of the layer before it, in this order.
 """
@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
-from hw_model.arithmetic.fixed_point import DECAY_ONE
+from hw_model.arithmetic import loihi
 from hw_model.values import IntArray, sealed
 from locsnn_compile.data.channels import image_channels
 from locsnn_compile.errors import InputError, check_same, counted
@@ -323,7 +323,7 @@ def _sums_of_arriving_weights(layer: NetLayer, size: int) -> ChipCuba:
     if "bias" in layer.values:
         what = "a layer without neurons has a bias"
         raise InputError(layer.where, what, fix="Give it neurons that do not spike.")
-    return ChipCuba.of(size, decay_u=DECAY_ONE, decay_v=DECAY_ONE, threshold=THRESHOLD_MAX)
+    return ChipCuba.of(size, decay_u=loihi.FORGETS, decay_v=loihi.FORGETS, threshold=THRESHOLD_MAX)
 
 
 def _neurons(layer: NetLayer, shape: Shape) -> ChipCuba:
@@ -352,8 +352,9 @@ def _neurons(layer: NetLayer, shape: Shape) -> ChipCuba:
 
     decays = {key: each(f"neuron/{key}") for key in ("iDecay", "vDecay")}
     for key, values in decays.items():
-        if not 0 <= values.min() <= values.max() <= DECAY_ONE:
-            measured = f"{values.min()}..{values.max()} against 0..{DECAY_ONE}"
+        low, high = loihi.DECAYS
+        if not loihi.DECAYS.holds(values).all():
+            measured = f"{values.min()}..{values.max()} against {low}..{high}"
             raise InputError(
                 layer.where, f"{key} is not a decay", measured=measured, fix="Correct it."
             )

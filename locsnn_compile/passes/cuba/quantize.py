@@ -10,7 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_EXPONENTS, WeightGrid
+from hw_model.arithmetic import loihi
+from hw_model.arithmetic.fixed_point import WEIGHT_EXPONENTS, WeightGrid
 from hw_model.arithmetic.loihi import share_kept
 from hw_model.description.chip import Chip
 from hw_model.values import FloatArray, IntArray
@@ -33,11 +34,11 @@ from locsnn_compile.passes.rounding.task import (
 def quantize_cuba(neuron: Cuba, task: Task) -> Scaled:
     """Return the neurons in integers.
 
-    All get the threshold mantissa T and the scale ``64 T / threshold``, or ``(64 T + 1) / threshold`` for the rule
-    ``>=``. The comparison is then exact for every neuron, and a core needs one threshold profile for all. T is limited
-    so that no register wraps, unless weights would lose bits by that. If potentials are bounded by the threshold, as
-    those of readouts, the voltage register only has to hold one threshold, and the limit holds whatever it costs in
-    bits. A floor lowers T to a value with which it lies at ``1 - 2^k``, or nearly so.
+    All get the threshold mantissa T and the scale ``threshold_of(T) / threshold``, or 1 more for the rule ``>=``.
+    The comparison is then exact for every neuron, and a core needs one threshold profile for all. T is limited
+    so that no register wraps, unless weights would lose bits by that. If potentials are bounded by the
+    threshold, as those of readouts, the voltage register only has to hold one threshold, and the limit holds
+    whatever it costs in bits. A floor lowers T to a value with which it lies at ``1 - 2^k``, or nearly so.
     """
     chip, grid, where = task.chip, task.grid, task.where
     size = len(neuron.threshold)
@@ -46,7 +47,7 @@ def quantize_cuba(neuron: Cuba, task: Task) -> Scaled:
     holding = (1 - share_kept(decay_u)) * (1 - share_kept(decay_v)) / gain
     bounded = _stays_below(neuron, task.incoming, holding)
     room = (
-        (1 << chip.registers.charge_bits) / 64 / holding.max()
+        loihi.charge_span(chip.registers.charge_bits) / holding.max()
         if bounded
         else _room(neuron, task.incoming, chip)
     )
@@ -58,15 +59,20 @@ def quantize_cuba(neuron: Cuba, task: Task) -> Scaled:
     over = 1 if neuron.rule == ">=" else 0
     heaviest = float((task.largest * gain / neuron.threshold).max())
     strongest = float((np.abs(bias) / neuron.threshold).max())
-    bias_max = ((1 << chip.registers.bias_mantissa_bits) - 1) << chip.registers.bias_exponent_max
+    bias_max = loihi.largest_bias(chip.registers)
     lossless = 0.0 if bounded else grid.high / max(heaviest, 1e-9)
     mantissa_max = int(min(chip.registers.threshold_mantissa_max, max(room, lossless, 1.0)))
-    if strongest > bias_max / 128:
-        measured = f"one bias reaches {strongest:.6g} thresholds against {bias_max / 128:.0f}"
+    most_thresholds = loihi.in_units(bias_max) / 2
+    if strongest > most_thresholds:
+        measured = f"one bias reaches {strongest:.6g} thresholds against {most_thresholds:.0f}"
         raise task.no_scale(
             "largest bias", measured, "Train with smaller biases, or a higher threshold."
         )
-    cap = int(min(bias_max / strongest / 64 - 1, mantissa_max)) if strongest else mantissa_max
+    cap = (
+        int(min(loihi.in_units(bias_max / strongest) - 1, mantissa_max))
+        if strongest
+        else mantissa_max
+    )
     exponent, mantissa = checked_scale(task, heaviest, cap, over, bounded=bounded)
     threshold = integers(mantissa, size)
     vmin = None
@@ -75,7 +81,7 @@ def quantize_cuba(neuron: Cuba, task: Task) -> Scaled:
         threshold = floors.threshold
         vmin = floors.vmin
         exponent = _exponent(task, gain, threshold, neuron.threshold, over)
-    scale = (64 * threshold + over) / neuron.threshold
+    scale = (loihi.threshold_of(threshold) + over) / neuron.threshold
     made = ChipCuba(
         decay_u, decay_v, threshold, *_bias(bias * scale, chip), neuron.refractory, vmin
     )
@@ -86,7 +92,7 @@ def _exponent(
     task: Task, gain: FloatArray, mantissas: IntArray, thresholds: FloatArray, over: int
 ) -> int:
     """Return the weight exponent for threshold mantissas (n,) that differ from the largest that fits."""
-    heaviest = float((task.largest * gain * (mantissas + over / 64) / thresholds).max())
+    heaviest = float((task.largest * gain * (mantissas + loihi.in_units(over)) / thresholds).max())
     return exponent_holding(heaviest / WHOLE, task.grid)
 
 
@@ -111,10 +117,10 @@ def _room(neuron: Cuba, incoming: Sequence[Projection], chip: Chip) -> float:
     charge = np.sum([none, *(row_sums(p.weights) for p in incoming)], axis=0) / neuron.threshold
     held = (neuron.decay_v == 1) & (neuron.decay_u < 1)
     total = np.sum([none, *(abs(p.weights).sum(axis=1) for p in incoming)], axis=0)
-    lost = np.maximum(neuron.decay_u, 1.0 / DECAY_ONE)
+    lost = np.maximum(neuron.decay_u, loihi.share_lost(1))
     current = np.where(held, total / lost / neuron.threshold, 0.0)
     return min(
-        (1 << bits) / (64 * max(float(most.max()), 1.0))
+        float(loihi.in_units(1 << bits)) / max(float(most.max()), 1.0)
         for bits, most in ((registers.charge_bits, charge), (registers.current_bits, current))
     )
 
@@ -155,7 +161,7 @@ def quantize_soft(neuron: SoftCuba, task: Task) -> Scaled:
         exponent = _exponent(task, gain, threshold, neuron.threshold, 0)
     drop = np.rint(threshold * neuron.drop / neuron.threshold).astype(np.int64)
     made = ChipSrm(decay_u, decay_v, threshold, _taps(drop, decay_u, own), vmin=vmin)
-    return Scaled(made, 64 * threshold / neuron.threshold, gain, exponent)
+    return Scaled(made, loihi.threshold_of(threshold) / neuron.threshold, gain, exponent)
 
 
 def _taps(drop: IntArray, decay_u: IntArray, grid: WeightGrid) -> Refractory:

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from hw_model.arithmetic.fixed_point import WEIGHT_SHIFT
+from hw_model.arithmetic import loihi
 from hw_model.values import FloatArray, Frozen, IntArray
 from locsnn_compile.passes.rounding.task import Task
 
@@ -22,8 +22,8 @@ class FloorScale(Frozen, eq=False):
 def floor_scale(task: Task, depth: FloatArray, most: int, over: int) -> FloorScale:
     """Return the largest thresholds, at most ``most``, with which floors are nearest to one ``1 - 2^k``.
 
-    ``depth`` (n,): how far floors are below 0, in thresholds. A threshold is ``64 * mantissa + over``
-    in the register. All neurons with a floor below 0 get the same limit, since a core has one.
+    ``depth`` (n,): how far floors are below 0, in thresholds. A threshold is ``over`` more than
+    its mantissa says in the register. All neurons with a floor below 0 get the same limit, since a core has one.
     Refuses floors that would move by more than :data:`TOLERANCE`.
     """
     below = depth > 0
@@ -31,15 +31,14 @@ def floor_scale(task: Task, depth: FloatArray, most: int, over: int) -> FloorSca
     vmin = np.zeros(len(depth), dtype=np.int64)
     if not below.any():
         return FloorScale(threshold, vmin)
-    unit = 1 << WEIGHT_SHIFT
-    deepest_room = (unit * most + over) * float(depth[below].min())
+    deepest_room = (loihi.threshold_of(most) + over) * float(depth[below].min())
     power = min(int(math.log2(1 + deepest_room)), task.chip.registers.voltage_bits)
     lowest = (1 << power) - 1
     if power > 0:
-        wanted = (lowest / depth[below] - over) / unit
+        wanted = loihi.in_units(lowest / depth[below] - over)
         threshold[below] = np.clip(np.rint(wanted), 1, most).astype(np.int64)
     vmin[below] = -lowest
-    moved = np.abs(lowest / (unit * threshold[below] + over) - depth[below])
+    moved = np.abs(lowest / (loihi.threshold_of(threshold[below]) + over) - depth[below])
     allowed = TOLERANCE * np.maximum(depth[below], 1)
     if (moved > allowed).any():
         worst = int(np.argmax(moved / allowed))

@@ -1,6 +1,6 @@
 """Formats with several exponents for the weights of one population: each weight is in the finest one that holds it.
 
-Weights are whole numbers of *quanta*. A quantum is an effective weight of 64, the smallest that the chip has. Grade k
+Weights are whole numbers of *quanta*. A quantum is the smallest effective weight that the chip has, a unit. Grade k
 of b bits holds multiples of ``2^k`` up to ``(2^b - 1) * 2^k`` quanta: the mantissas have b high bits, and the exponent
 is ``k + b - 8``. A *split* weight has two synapses, the second in the finest grade that holds what the first leaves.
 """
@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from hw_model.arithmetic import loihi
 from hw_model.arithmetic.fixed_point import WEIGHT_EXPONENTS
 from hw_model.values import BoolArray, FloatArray, Frozen, IntArray
 from locsnn_compile.network.chip_neurons import ChipNeuron
@@ -150,7 +151,7 @@ def round_apart(task: Task, scaled: Scaled) -> list[list[ChipProjection]]:
     """
     incoming, dendrites = task.incoming, scaled.neuron.dendrites
     ideal = [
-        values_of(p.weights) * of_target(p.weights, scaled.gain * scaled.scale / 64)
+        values_of(p.weights) * of_target(p.weights, loihi.in_units(scaled.gain * scaled.scale))
         for p in incoming
     ]
     largest = max((float(np.abs(part).max(initial=0.0)) for part in ideal), default=0.0)

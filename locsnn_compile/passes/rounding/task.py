@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from hw_model.arithmetic import loihi
 from hw_model.arithmetic.fixed_point import WEIGHT_EXPONENTS, WeightGrid, weight_grid
 from hw_model.description.chip import Chip
 from hw_model.values import FloatArray, Frozen
@@ -107,7 +108,7 @@ def own_grid(chip: Chip) -> WeightGrid:
 
 def largest_charge(chip: Chip) -> int:
     """Return the largest charge of one step, in units of the threshold mantissa."""
-    return (1 << chip.registers.charge_bits) // 64 - 1
+    return loihi.largest_charge(chip.registers.charge_bits)
 
 
 def heaviest_weight(chip: Chip) -> float:
@@ -127,9 +128,9 @@ def exponent_and_threshold(
     """Return weight exponent and largest threshold mantissa: first use all weight bits, then most of the register.
 
     ``heaviest`` is the largest weight in thresholds, ``cap`` a further limit of the mantissa. A threshold is
-    ``64 * mantissa + over`` in the voltage register. Voltage and current registers hold ``headroom`` thresholds; that
-    of the charge holds :data:`CHARGE_ROOM` thresholds when the others hold :data:`HEADROOM`. Narrow registers hold
-    fewer, but at least one.
+    ``over`` more than its mantissa says in the voltage register. Voltage and current registers hold ``headroom``
+    thresholds; that of the charge holds :data:`CHARGE_ROOM` thresholds when the others hold :data:`HEADROOM`. Narrow
+    registers hold fewer, but at least one.
     """
     registers = chip.registers
     room = (
@@ -137,10 +138,10 @@ def exponent_and_threshold(
         (1 << registers.current_bits) / headroom,
         (1 << registers.charge_bits) * HEADROOM / CHARGE_ROOM / headroom,
     )
-    cap = min(cap, max(1, int(min(room) / 64)))
+    cap = min(cap, max(1, int(loihi.in_units(min(room)))))
     most = heaviest_weight(chip)
     fits = [
-        min(grid.high * 2**e, most) / heaviest - over / 64 if heaviest else math.inf
+        min(grid.high * 2**e, most) / heaviest - loihi.in_units(over) if heaviest else math.inf
         for e in range(8)
     ]
     exponent = max((e for e, threshold in enumerate(fits) if threshold <= cap), default=None)
@@ -148,7 +149,7 @@ def exponent_and_threshold(
         # Some weights are more thresholds than a mantissa holds: they need a larger exponent for a threshold of 1.
         exponent = next((e for e in range(exponent, len(fits)) if fits[e] * WHOLE >= 1), exponent)
         return exponent, min(int(fits[exponent] * WHOLE), cap)
-    return min(0, exponent_holding(heaviest * (cap + over / 64), grid)), cap
+    return min(0, exponent_holding(heaviest * (cap + loihi.in_units(over)), grid)), cap
 
 
 def checked_scale(
@@ -161,7 +162,9 @@ def checked_scale(
     chip, grid, headroom = task.chip, task.grid, 1 if bounded else HEADROOM
     exponent, threshold = exponent_and_threshold(heaviest, grid, chip, cap, over, headroom)
     if threshold < 1:
-        most = min(grid.high * 2.0 ** WEIGHT_EXPONENTS[-1], heaviest_weight(chip)) / (1 + over / 64)
+        most = min(grid.high * 2.0 ** WEIGHT_EXPONENTS[-1], heaviest_weight(chip)) / (
+            1 + loihi.in_units(over)
+        )
         measured = f"one weight reaches {heaviest:.3g} thresholds against {most:.0f}"
         raise task.no_scale(
             "largest weight", measured, "Train with smaller weights, or a higher threshold."

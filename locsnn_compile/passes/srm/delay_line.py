@@ -16,7 +16,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import WeightGrid
-from hw_model.arithmetic.loihi import share_kept
+from hw_model.arithmetic.loihi import in_registers, in_units, least_to_spike, share_kept
 from hw_model.description.chip import Chip
 from hw_model.targets import target_of
 from hw_model.values import FloatArray, Frozen, IntArray
@@ -60,8 +60,8 @@ def heaviest_charge(neuron: SrmAlpha, decay: int, task: Task) -> float:
 def lay_out(neuron: SrmAlpha, decay: int, thresholds: Iterable[int], task: Task) -> ChipSrm:
     """Return the neurons at the threshold mantissa whose taps round best."""
     chip, candidates = task.chip, np.array(list(thresholds))
-    # v > 64 * threshold is v >= 64 * threshold + 1 for integers: this value stands for theta.
-    found = _round_taps(neuron, decay, 64.0 * candidates + 1, _taps(chip), own_grid(chip))
+    theta = least_to_spike(candidates.astype(np.float64))
+    found = _round_taps(neuron, decay, theta, _taps(chip), own_grid(chip))
     best = found.error.min(axis=1)
     last = int(np.flatnonzero(best <= max(ENOUGH * best.min(), EXACT))[0])
     chosen = int(found.error[last].argmin())
@@ -96,14 +96,14 @@ def _round_taps(
     steps = min(taps + math.ceil(HORIZON * tau), STEPS_MAX)
     wanted = _response(neuron, theta, steps)
     energy = np.maximum((wanted**2).sum(axis=0), (FAINT * theta) ** 2)
-    exponents = _exponents(float(np.abs(own_charges(wanted, keep)).max()) / 64, grid)
-    fine = FINE * np.abs(wanted).max(axis=0) / 64
+    exponents = _exponents(in_units(float(np.abs(own_charges(wanted, keep)).max())), grid)
+    fine = in_units(FINE * np.abs(wanted).max(axis=0))
     current, voltage, passed = np.zeros((3, len(theta)))
     rows = []
     for lag in range(taps):
-        charge = (wanted[lag] - keep * voltage - keep * current) / 64
+        charge = in_units(wanted[lag] - keep * voltage - keep * current)
         mantissa, exponent = _round(charge, exponents, fine, grid)
-        current = keep * current + 64 * (mantissa * 2.0**exponent).sum(axis=0)
+        current = keep * current + in_registers((mantissa * 2.0**exponent).sum(axis=0))
         voltage = keep * voltage + current
         passed = passed + (voltage - wanted[lag]) ** 2
         # If this is the last tap, the dendrite decays freely from here.
@@ -116,7 +116,7 @@ def _round_taps(
 def _round(
     charge: FloatArray, exponents: IntArray, fine: FloatArray, grid: WeightGrid
 ) -> tuple[IntArray, IntArray]:
-    """Return mantissas and exponents (2, candidates) of charges in units of 64; the second row holds large rests."""
+    """Return mantissas and exponents (2, candidates) of charges in units; the second row holds large rests."""
     first = _round_once(charge, exponents, grid)
     rest = charge - first[0] * 2.0 ** first[1]
     second = _round_once(np.where(np.abs(rest) > fine, rest, 0.0), exponents, grid)
@@ -126,7 +126,7 @@ def _round(
 def _round_once(
     charge: FloatArray, exponents: IntArray, grid: WeightGrid
 ) -> tuple[IntArray, IntArray]:
-    """Return mantissas and the smallest exponents that hold charges (candidates,), in units of 64."""
+    """Return mantissas and the smallest exponents that hold charges (candidates,), in units."""
     largest = (grid.high + grid.step / 2) * 2.0**exponents
     exponent = exponents[np.minimum(np.searchsorted(largest, np.abs(charge)), len(exponents) - 1)]
     mantissa: IntArray = np.sign(charge).astype(np.int64) * grid.round(

@@ -13,6 +13,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from scipy import sparse
 
+from hw_model.arithmetic import loihi
 from hw_model.arithmetic.loihi import share_kept
 from hw_model.values import BoolArray, ByteArray, FloatArray, Frozen, IntArray
 from locsnn_compile.data.recordings import batches
@@ -194,8 +195,9 @@ def fine_srm(neuron: SrmAlpha, known: Task, plain: Scaled) -> Rounded | None:
 
 
 def _scale(task: _Task, made: ChipSrm) -> FloatArray:
-    """Return the value of a potential of 1 in the registers of each neuron: v > 64 T means v >= 64 T + 1."""
-    return (64 * made.threshold + 1) / task.neuron.theta
+    """Return the value of a potential of 1 in the registers of each neuron: theta is the least v that spikes."""
+    scale: FloatArray = loihi.least_to_spike(made.threshold) / task.neuron.theta
+    return scale
 
 
 def _scaled_apart(task: _Task, made: ChipSrm) -> ChipSrm:
@@ -228,7 +230,7 @@ def _largest_threshold(task: _Task, share: SrmAlpha, dendrites: int) -> float:
     own = dendrite_charge(share, task.where)
     caps = [
         registers.threshold_mantissa_max,
-        dendrites * registers.voltage_max / (64 * HEADROOM_MIN),
+        float(loihi.in_units(dendrites * registers.voltage_max / HEADROOM_MIN)),
     ]
     return min(*caps, heaviest_weight(task.chip) / own - 1) if own else min(caps)
 
@@ -246,8 +248,9 @@ def _threshold_limits(task: _Task) -> FloatArray:
         heaviest = (
             float((1 << task.grid.weight_bits) - 1 << coarsest(task.grid.weight_bits)) / largest
         )
-        charge = (1 << registers.charge_bits) / 64 / one_sign
-        current = (1 << registers.current_bits) / 64 / CURRENT_ROOM / task.drive.peak_current
+        charge = loihi.charge_span(registers.charge_bits) / one_sign
+        largest_current = loihi.in_units(1 << registers.current_bits)
+        current = largest_current / CURRENT_ROOM / task.drive.peak_current
         limits: FloatArray = np.minimum(np.minimum(heaviest, charge), current) * theta - 1
     return limits
 
@@ -262,7 +265,9 @@ def _errors(task: _Task, candidates: ChipSrm, count: int) -> FloatArray:
     scale = _scale(task, candidates)
     quanta, *_ = _rounded(task, candidates, BEAM_TO_COMPARE)
     # The weights of all neurons, dendrite by dendrite.
-    weights = np.concatenate(shares(64 * quanta, candidates.dendrites, 64))
+    weights = np.concatenate(
+        shares(loihi.in_registers(quanta), candidates.dendrites, loihi.in_registers(1))
+    )
     columns = np.split(weights, _ends(task), axis=1)
     error = np.zeros(len(scale))
     for rows in batches(calibration.samples):
@@ -290,7 +295,7 @@ def _rounded(task: _Task, made: ChipSrm, beam: int) -> tuple[IntArray, IntArray,
     """
     scale = _scale(task, made)
     times = len(scale) // task.population.size
-    ideal = np.tile(task.drive.ideal, (times, 1)) * scale[:, None] / 64
+    ideal = np.tile(task.drive.ideal, (times, 1)) * loihi.in_units(scale[:, None])
     magnitude = np.abs(ideal) / made.dendrites
     grades = grades_for(float(magnitude.max()), task, made)
     grade = grades.grade(magnitude)

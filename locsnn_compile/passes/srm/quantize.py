@@ -1,6 +1,6 @@
 """Choose integers for SRM neurons, strategy by strategy.
 
-The threshold is exact, including its rule: ``u >= theta`` exactly if ``v > 64 * threshold``. The gain of the alpha
+The threshold is exact, including its rule: ``u >= theta`` exactly if v exceeds the chip's. The gain of the alpha
 kernel compensates for its rounded decay. Strategy ``delay-line`` has its own file.
 """
 
@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import WeightGrid
-from hw_model.arithmetic.loihi import gain_at_rest
+from hw_model.arithmetic.loihi import gain_at_rest, in_units, least_to_spike
 from hw_model.values import FloatArray, IntArray
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm, integers
 from locsnn_compile.network.neurons import SrmAlpha
@@ -70,7 +70,7 @@ def quantize_srm(neuron: SrmAlpha, task: Task) -> Scaled:
     if task.rounding.fitted_decays and strategy != "delay-line":
         decays = two_decays(neuron.tau_sr, f"{where}: tau_sr")
         made = replace(made, decay_u=integers(decays.u, size), decay_v=integers(decays.v, size))
-    scale = (64 * made.threshold + 1) / neuron.theta
+    scale = least_to_spike(made.threshold) / neuron.theta
     return Scaled(made, scale, np.full(size, decays.gain), exponent)
 
 
@@ -97,8 +97,7 @@ def _with_dendrites(neuron: SrmAlpha, decay: int, thresholds: Iterable[int], tas
     )
 
     def rounded(threshold: int) -> tuple[float, int, int]:
-        # v > 64 * threshold is v >= 64 * threshold + 1 for integers: this value stands for theta.
-        wanted = charge * (64 * threshold + 1) / 64
+        wanted = in_units(charge * least_to_spike(threshold))
         exponent = exponent_holding(wanted, grid)
         mantissa = int(grid.round(np.array([wanted / 2.0**exponent]))[0])
         error = abs(mantissa * 2.0**exponent - wanted) / wanted if wanted > 0 else 0.0
@@ -119,7 +118,7 @@ def whole_mantissas(
     mantissa is the largest of the grid at which the threshold is not above the wanted one, and the threshold follows
     from it. If that mantissa would be 0, the threshold is the wanted one, and the refractory weight is rounded.
     """
-    heaviest = charge * (float(thresholds.max()) + 1 / 64)
+    heaviest = charge * in_units(least_to_spike(float(thresholds.max())))
     if heaviest < 0.5:
         return (
             np.maximum(np.floor(thresholds), 1).astype(np.int64),
@@ -128,9 +127,9 @@ def whole_mantissas(
         )
     exponent = exponent_holding(heaviest, grid)
     step = grid.step * 2.0**exponent
-    wanted = charge * (thresholds + 1 / 64) / step
+    wanted = charge * in_units(least_to_spike(thresholds)) / step
     steps = np.where(wanted < 1, np.rint(wanted), np.floor(wanted))
-    found = np.where(wanted < 1, np.floor(thresholds), np.rint(steps * step / charge - 1 / 64))
+    found = np.where(wanted < 1, np.floor(thresholds), np.rint(steps * step / charge - in_units(1)))
     return np.maximum(found, 1).astype(np.int64), -(steps * grid.step).astype(np.int64), exponent
 
 
@@ -152,7 +151,7 @@ def _with_resets(neuron: SrmAlpha, decay: int, thresholds: Iterable[int], task: 
 def refractory_count(neuron: SrmAlpha, decay: int) -> int:
     """Return the smallest count with which a spike takes as much from the potential, summed over steps, as nu does.
 
-    A reset takes one threshold, which would otherwise fade by ``decay``: ``4096 / decay`` thresholds over all steps.
+    A reset takes one threshold, which would otherwise fade by ``decay``: its gain at rest over all steps.
     Each blocked step takes one more. At the published time constants, the reset by itself takes twice what nu takes,
     and more blocked steps only make it worse: on training recordings of both example networks, a count of 1 kept most
     predictions.

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from hw_model.arithmetic import loihi
 from hw_model.mapping.graph import Readout
 from hw_model.texts.templates import yaml_table
 from hw_model.values import ArrayLike, ByteArray, FloatArray, Frozen, IntArray
@@ -190,10 +191,16 @@ def long_runs() -> Iterator[LongRun]:
         yield _run("tau_sr 10", strategy, srm(), _mostly_quiet(weights()), block, 2)
     given = _mostly_quiet(weights(response="leak"))
     yield _run("leak of 10 steps", NATIVE, lif(10.0), given, block, 2)
-    given = _mostly_quiet(weights(4096.0, response="leak"))
+    slowest = loihi.share_lost(1)
+    given = _mostly_quiet(weights(1 / slowest, response="leak"))
     # The chip has this decay exactly, so only truncation and weights differ.
     yield _run(
-        "leak of 1 in 4096", NATIVE, lif(decay_v=1 / 4096), given, block, SETTLED * 4096 // BLOCK
+        "leak of 1 in 4096",
+        NATIVE,
+        lif(decay_v=slowest),
+        given,
+        block,
+        int(SETTLED / slowest) // BLOCK,
     )
     yield _run("no leak, balanced input", NATIVE, lif(decay_v=0.0), *_balanced(), 2, fades=False)
     ticking = lif(decay_v=0.0, bias=THETA * np.array([0.3, 0.03, 0.003, 0.0003]))

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from hw_model.arithmetic.loihi import DECAYS
 from hw_model.texts.templates import yaml_table
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm
 from locsnn_compile.network.neurons import Rule
@@ -20,7 +21,8 @@ from locsnn_compile.stress.cases.case import Case, case_of, lif, lif_case, srm, 
 STEPS_OF_TAU = (0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 8000, 10_000)
 SHORT, LONG, FROM = 200, 2000, 200
 """Steps of a recording, short and long; long for time constants from this many steps."""
-ENDS = (0, 1, 4095, 4096)
+KEEPS_ALL, FORGETS = DECAYS
+ENDS = (KEEPS_ALL, KEEPS_ALL + 1, FORGETS - 1, FORGETS)
 THRESHOLD = 400
 PARTS = (1, 2, 3, 4, 7)
 """Spikes that add up to a threshold."""
@@ -54,12 +56,13 @@ def refractory_time_constants() -> Iterator[Case]:
 
 
 def decays() -> Iterator[Case]:
-    """Networks that are already integers, so all of the error is truncation. A decay of 0 or 4096 cuts nothing."""
+    """Networks that are already integers, so all of the error is truncation. A decay that keeps all
+    or nothing cuts nothing."""
     mantissa = np.random.default_rng(usual.SEED).integers(-90, 120, (usual.NEURONS, usual.CHANNELS))
     for decay_u, decay_v in product(ENDS, ENDS):
         neuron = ChipCuba.of(usual.NEURONS, decay_u=decay_u, decay_v=decay_v, threshold=THRESHOLD)
         yield case_of(f"decay_u {decay_u}, decay_v {decay_v}", NATIVE, neuron, mantissa)
-    for decay, own in ((0, 4096), (1, 4095), (4095, 1), (4096, 0)):
+    for decay, own in zip(ENDS, reversed(ENDS), strict=True):
         dendrite = ChipSrm.with_taps(
             usual.NEURONS,
             decay=decay,
@@ -107,10 +110,12 @@ def exact_thresholds() -> Iterator[Case]:
             f"peak of a kernel of {tau:g}", strategy, srm(tau_sr=tau), [[usual.THETA]], apart
         )
     for over, word in ((0, "at"), (1, "a unit above")):
-        memoryless = ChipCuba.of(1, decay_u=4096, decay_v=4096, threshold=100, bias_mantissa=over)
+        memoryless = ChipCuba.of(
+            1, decay_u=FORGETS, decay_v=FORGETS, threshold=100, bias_mantissa=over
+        )
         yield case_of(f"integers, {word} it", NATIVE, memoryless, [[100]], one)
     memoryless_srm = ChipSrm.with_taps(
-        1, decay=4096, threshold=100, refractory_decay=4096, mantissa=-1, exponent=0
+        1, decay=FORGETS, threshold=100, refractory_decay=FORGETS, mantissa=-1, exponent=0
     )
     yield case_of("integers, at it", "dendrite", memoryless_srm, [[100]], one)
 
@@ -133,7 +138,7 @@ def biases() -> Iterator[Case]:
     for mantissa, exponent in ((-4096, 7), (4095, 7), (4095, 0), (4096, 0), (-4097, 0), (1, 8)):
         neuron = ChipCuba.of(
             usual.NEURONS,
-            decay_u=4096,
+            decay_u=FORGETS,
             decay_v=410,
             threshold=8000,
             bias_mantissa=mantissa,

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import WEIGHT_BITS, WEIGHT_EXPONENTS
+from hw_model.arithmetic.loihi import FORGETS
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm
 from locsnn_compile.network.projections import Signs
 from locsnn_compile.passes.rounding.task import FINE, NEAREST, Rounding
@@ -104,7 +105,10 @@ def weight_exponents() -> Iterator[Case]:
         )
         for exponent in WEIGHT_EXPONENTS[:: 1 if signs == "mixed" else 5]:
             neuron = ChipCuba.of(
-                usual.NEURONS, decay_u=4096, decay_v=410, threshold=max(1, int(255 * 2.0**exponent))
+                usual.NEURONS,
+                decay_u=FORGETS,
+                decay_v=410,
+                threshold=max(1, int(255 * 2.0**exponent)),
             )
             name = f"exponent {exponent}, signs {signs}"
             yield case_of(name, NATIVE, neuron, mantissa, exponent=exponent, signs=signs)

@@ -7,9 +7,9 @@ Exact numbers are also in units of the registers, but real: a float weight times
 import numpy as np
 from scipy import sparse
 
-from hw_model.arithmetic.fixed_point import DECAY_ONE, effective_weight
+from hw_model.arithmetic import loihi
 from hw_model.mapping.graph import CompartmentGraph, Compartments
-from hw_model.values import FloatArray, Frozen, IntArray, Sums, added, picked
+from hw_model.values import FloatArray, Frozen, Sums, added, picked
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.projections import (
     Matrix,
@@ -108,7 +108,7 @@ def chip_weights(graph: CompartmentGraph, target: str) -> dict[tuple[str, int], 
     found: dict[tuple[str, int], Matrix] = {}
     for s in graph.synapses:
         if s.target == target:
-            weights = effective_weight(s.mantissa, s.exponent).astype(np.float64)
+            weights = loihi.charge_of(s.mantissa, s.exponent).astype(np.float64)
             for delay in np.unique(s.delay):
                 here = s.delay == delay
                 ends = (s.target_index[here], s.source_index[here])
@@ -128,17 +128,13 @@ def chip_group(group: Compartments) -> TwinGroup:
     """Return a group in the chip's numbers and arithmetic."""
     return TwinGroup(
         **picked(group, "name", "size", "refractory", "joined_to"),
-        keep_u=_kept(group.decay_u),
-        keep_v=_kept(group.decay_v),
-        # v >= this is v > 64 * threshold for any real v.
-        threshold=np.nextafter(64.0 * group.threshold, np.inf),
-        bias=(group.bias_mantissa << group.bias_exponent).astype(np.float64),
+        keep_u=loihi.share_kept(group.decay_u),
+        keep_v=loihi.share_kept(group.decay_v),
+        # v >= this is v > the threshold for any real v.
+        threshold=np.nextafter(loihi.threshold_of(group.threshold.astype(np.float64)), np.inf),
+        bias=loihi.bias_of(group.bias_mantissa, group.bias_exponent).astype(np.float64),
         vmin=group.vmin.astype(np.float64),
         vmax=group.vmax.astype(np.float64),
         truncates=True,
         limited=True,
     )
-
-
-def _kept(decay: IntArray) -> FloatArray:
-    return (DECAY_ONE - decay) / DECAY_ONE
