@@ -35,7 +35,7 @@ from locsnn_compile.emitters import (
 )
 from locsnn_compile.errors import InputError, listed
 from locsnn_compile.frontends import load
-from locsnn_compile.frontends.formats import LoadOptions
+from locsnn_compile.frontends.format_rows import LoadOptions
 from locsnn_compile.network.network import Network
 from locsnn_compile.report.figures.entries import plain
 from locsnn_compile.report.gates import GATES, check_gates, gates_entry, junit_file

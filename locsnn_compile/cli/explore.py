@@ -44,7 +44,7 @@ from locsnn_compile.explore.exploration import Exploration
 from locsnn_compile.explore.point import ModelFile, Study
 from locsnn_compile.explore.result import exploration_files, lines
 from locsnn_compile.explore.sweep import Store, auto_bounds, sweep
-from locsnn_compile.frontends.formats import LoadOptions
+from locsnn_compile.frontends.format_rows import LoadOptions
 from locsnn_compile.settings import DIALS, Value, check_matters, settings, weight_bits_of
 from locsnn_compile.verification.error_bounds import ErrorBudget
 

@@ -22,7 +22,7 @@ from locsnn_compile.cluster.spread import code_version
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import TargetError
 from locsnn_compile.frontends import load
-from locsnn_compile.frontends.formats import LoadOptions
+from locsnn_compile.frontends.format_rows import LoadOptions
 from locsnn_compile.network.network import Network
 from locsnn_compile.request.compile_request import CheckRequest, CompileRequest, SettingRequest
 from locsnn_compile.settings import Setting

@@ -1,132 +1,16 @@
 """Which model files are read: one row for each format. To add one, write its reader and its row.
 
-A row imports its reader only when a file is read, so that help does not wait for it; for the same
-reason, rows are plain dataclasses.
+A row imports its reader only when a file is read, so that help does not wait for it.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
-from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING
 
 from locsnn_compile.errors import InputError, listed
+from locsnn_compile.frontends.format_rows import FormatOption, ModelFormat, ModelSource
 
 if TYPE_CHECKING:
-    from locsnn_compile.models.checkpoint import Checkpoint
     from locsnn_compile.network.network import Network
-
-
-@dataclass(frozen=True)
-class LoadOptions:
-    """The keywords of :func:`locsnn_compile.load`; what is None is not given."""
-
-    config: str | Path | None = None
-    dt: float | None = None
-    reset: str | None = None
-    discretisation: str | None = None
-    floor: float | None = None
-    kernels: str | None = None
-    branches: str | Mapping[str, Sequence[str]] | None = None
-    channel_order: str | None = None
-    relay_delays: bool | None = None
-
-    @classmethod
-    def of(cls, values: object) -> "LoadOptions":
-        """Return the options that an object has as attributes, such as the arguments of a command."""
-        return cls(**{field.name: getattr(values, field.name) for field in fields(cls)})
-
-    @property
-    def given(self) -> dict[str, Any]:
-        """The options that are given, by name; relays that are not asked for are not."""
-        return {
-            name: value
-            for name, value in vars(self).items()
-            if value is not None and value is not False
-        }
-
-
-@dataclass(frozen=True)
-class FormatOption:
-    """An option that only some formats take, as the command line declares it.
-
-    ``name`` is its keyword in :class:`LoadOptions`, ``value`` what help calls its value, ``kind``
-    the kind of its values, in the words of ``cli/options.txt``, and ``elsewhere`` why other formats
-    do not take it.
-    """
-
-    name: str
-    help: str
-    value: str = ""
-    kind: str = ""
-    elsewhere: str = "{called} contains this itself"
-
-    @property
-    def declaration(self) -> str:
-        """The option as ``cli/options.txt`` declares options."""
-        named = f"--{self.name.replace('_', '-')} {self.value}".rstrip()
-        kinds = f", {self.kind}" if self.kind else ""
-        return f"{named}{kinds}\n    {self.help}"
-
-
-@dataclass(frozen=True)
-class ModelSource:
-    """A model to read: a file, or a checkpoint that is in memory."""
-
-    path: Path
-    options: LoadOptions
-    checkpoint: "Checkpoint | None" = None
-
-    @property
-    def where(self) -> str:
-        """How errors name it."""
-        if self.checkpoint is not None:
-            return f"model {self.checkpoint.description.name!r}"
-        return f"model {self.path.name!r}"
-
-    @cached_property
-    def hdf5_entries(self) -> tuple[str, ...]:
-        """The names at the root of an HDF5 file; ``InputError`` for a file that is none."""
-        from locsnn_compile.data.hdf5.read import open_hdf5
-
-        with open_hdf5(self.path, self.where) as (root, _):
-            return tuple(root.names())
-
-
-class Recogniser(Protocol):
-    """Tells the files of a format from others with the same ending."""
-
-    def __call__(self, source: ModelSource, /) -> bool:
-        """Return whether a file is of the format; ``InputError`` for one that cannot be read."""
-
-
-class Reader(Protocol):
-    """Reads the files of a format."""
-
-    def __call__(self, source: ModelSource, /) -> "Network":
-        """Return the network; ``InputError`` for a file that cannot be read or used."""
-
-
-@dataclass(frozen=True)
-class ModelFormat:
-    """A format of model files.
-
-    - ``called``: what errors call a file of it
-    - ``helped``: how ``--help`` lists it
-    - ``offered``: how errors offer it; empty for one that needs more than a file
-    - ``suffixes``: endings of its files
-    - ``recognises``: tells its files from those of other formats with the same ending
-    - ``read``: makes the network
-    - ``options``: the names of the options that it takes, of those that only some formats take
-    """
-
-    called: str
-    helped: str
-    offered: str
-    suffixes: tuple[str, ...]
-    recognises: Recogniser
-    read: Reader
-    options: tuple[str, ...] = ()
 
 
 def _is_described(source: ModelSource) -> bool:

@@ -7,7 +7,8 @@ from pathlib import Path
 from hw_model.io.given import checked
 from locsnn_compile.data.channels import parse_numbering
 from locsnn_compile.errors import InputError
-from locsnn_compile.frontends.formats import LoadOptions, ModelSource, check_options, format_of
+from locsnn_compile.frontends.format_rows import LoadOptions, ModelSource
+from locsnn_compile.frontends.formats import check_options, format_of
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.network.check import check_network
 from locsnn_compile.network.network import Network

@@ -9,7 +9,7 @@ import locsnn_compile as lc
 from locsnn_compile.cli.main import main, parser
 from locsnn_compile.errors import InputError
 from locsnn_compile.explore.point import ModelFile
-from locsnn_compile.frontends.formats import LoadOptions
+from locsnn_compile.frontends.format_rows import LoadOptions
 
 
 def test_a_checkpoint_needs_nothing_else(model):

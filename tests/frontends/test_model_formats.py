@@ -10,12 +10,10 @@ from locsnn_compile.cli.options import add_options
 from locsnn_compile.cli.shell import Parser
 from locsnn_compile.errors import InputError
 from locsnn_compile.frontends import formats
+from locsnn_compile.frontends.format_rows import LoadOptions, ModelFormat, ModelSource
 from locsnn_compile.frontends.formats import (
     FORMAT_OPTIONS,
     MODEL_FORMATS,
-    LoadOptions,
-    ModelFormat,
-    ModelSource,
     format_of,
     models_in_words,
 )
