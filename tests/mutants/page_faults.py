@@ -1,0 +1,177 @@
+"""Plant every fault of the Loihi page, and ask the oracle and the open core's SystemVerilog whether they tell it.
+
+    python tests/mutants/page_faults.py [CSV]
+
+Both play programs that are drawn, before any fault is planted; the plain engine then plays them with each fault. Neither
+reads the page: the oracle is written by another hand, and the core is loaded with what the sound page says. Writes what
+first tells every fault (:data:`TOLD_BY`), by Icarus Verilog, in a few minutes.
+"""
+
+from __future__ import annotations
+
+import csv
+import sys
+from collections.abc import Mapping
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).parents[2]
+for folder in ("tests/hw_model", "tests/rtl", "tests/mutants", ""):
+    sys.path.insert(0, str(ROOT / folder))
+
+import any_phases  # noqa: E402
+import benches  # noqa: E402
+import oracle  # noqa: E402
+from mutants import Mutant, mutants  # noqa: E402
+from test_any_phases_on_core import FEW  # noqa: E402
+
+import hw_model as hw  # noqa: E402
+from hw_model.rtl.cosimulation import play_on_core  # noqa: E402
+from hw_model.rtl.simulators import sources  # noqa: E402
+
+MODULES = tuple(f"hw_model.arithmetic.{name}" for name in ("fixed_point", "loihi", "on_integers"))
+"""In the order of their imports."""
+OF_THE_STEP = {
+    "hw_model.arithmetic.fixed_point": {"kept", "wrap", "clip", "effective_weight"},
+    "hw_model.arithmetic.loihi": {
+        "respond", "threshold", "reset", "count_down", "events",
+        "acts_at", "keep_of", "bias_of", "threshold_of",
+    },
+}  # fmt: skip
+"""Functions that a step is made of, by module; others are the quantiser's and the proofs'."""
+TOLD_BY = (*oracle.KINDS, "events")
+"""What is compared, in this order."""
+
+WRAPS = "a program whose registers wrap"
+
+
+def case_of(seed: int | str) -> any_phases.Case:
+    """Return a drawn program, or the one of which every register wraps or is clipped, in refractory steps too."""
+    if seed != WRAPS:
+        return any_phases.case(int(seed), plain=True)
+    builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
+    lines = builder.add_input("x", 4)
+    soma = builder.add_compartments(
+        "y", 3, decay_u=[0, 390, 40], decay_v=[390, 0, 2000], threshold=[9, 10_000, 131_071],
+        refractory=[4, 2, 1], bias=[524_160, 4095, -524_288],
+    )  # fmt: skip
+    child = builder.add_compartments(
+        "y/child", 3, decay_u=40, decay_v=40, threshold=0, joined_to=soma
+    )
+    for target in (soma, child):
+        builder.connect(lines, target, np.full((3, 4), 255), exponent=7, sign_mode="excitatory")
+    builder.connect(lines, soma, np.full((3, 4), -200), exponent=6, sign_mode="inhibitory", delay=3)
+    spikes = np.random.default_rng(0).random((2, 60, 4)) < 0.4
+    program = builder.build()
+    return any_phases.Case(program, builder.graph(), {"x": spikes.astype(np.uint8)}, None)
+
+
+PLAYED = (*FEW, WRAPS)
+Values = Mapping[str, np.ndarray]
+"""What a program did in all recordings, by kind and group."""
+
+
+def faults() -> list[Mutant]:
+    """Return the faults of the step, without those that change nothing."""
+    return [m for m in mutants() if m.scope in OF_THE_STEP.get(m.module, ()) and not m.equivalent]
+
+
+def plant(fault: Mutant | None) -> None:
+    """Put a fault into the loaded modules, or take it out."""
+    for name in MODULES:
+        module = import_module(name)
+        path = Path(str(module.__file__))
+        sound = path.read_text()
+        text = fault.applied() if fault is not None and fault.module == name else sound
+        exec(compile(text, str(path), "exec"), vars(module))
+
+
+def by_engine(seed: int | str) -> Values:
+    """Return what the plain engine says of a drawn program, with whatever is planted."""
+    case = case_of(seed)
+    kinds = oracle.KINDS
+    played = hw.simulate(case.program, case.spikes, case.steps, engine="reference", probe=kinds)
+    return _values(played)
+
+
+def by_core(seed: int | str) -> Values:
+    """Return what the core's SystemVerilog says."""
+    case = case_of(seed)
+    found, _ = play_on_core(
+        case.program, case.spikes, case.steps, oracle.KINDS, "icarus", sources(), benches.SIZES
+    )
+    return _values(found)
+
+
+def by_oracle(seed: int | str) -> Values:
+    """Return what the oracle says."""
+    case = case_of(seed)
+    batch = len(next(iter(case.spikes.values())))
+    recordings = [{name: array[b] for name, array in case.spikes.items()} for b in range(batch)]
+    played = [oracle.play(case.graph, case.program.chip, one, case.steps) for one in recordings]
+    values = {
+        f"{kind} {group}": np.stack([one.arrays[kind][group] for one in played])
+        for kind in oracle.KINDS
+        for group in played[0].arrays[kind]
+    }
+    for group in played[0].events:
+        met = [[one.events[group][event] for event in oracle.EVENTS] for one in played]
+        values[f"events {group}"] = np.sum(met, axis=0)
+    return values
+
+
+def _values(result: hw.SimulationResult) -> Values:
+    values = {
+        f"{kind} {group}": array
+        for kind in oracle.KINDS
+        for group, array in getattr(result, kind).items()
+    }
+    for group, met in result.events.items():
+        values[f"events {group}"] = np.array([met[event] for event in oracle.EVENTS])
+    return values
+
+
+def told_by(sound: Values, faulty: Values) -> str:
+    """Return the first kind of values that tells a fault; nothing if none does."""
+    for kind in TOLD_BY:
+        keys = [key for key in sound if key.startswith(f"{kind} ") and key in faulty]
+        if any(not np.array_equal(sound[key], faulty[key]) for key in keys):
+            return kind
+    return ""
+
+
+def table() -> list[dict[str, str]]:
+    """Return a row for each fault: where it is, what it is, and what of each witness tells it."""
+    witnesses = {"oracle": by_oracle, "rtl": by_core}
+    sound = {name: [play(seed) for seed in PLAYED] for name, play in witnesses.items()}
+    rows = []
+    for fault in faults():
+        plant(fault)
+        try:
+            faulty = [by_engine(seed) for seed in PLAYED]
+        finally:
+            plant(None)
+        row = {
+            "module": fault.module,
+            "function": fault.scope,
+            "is": fault.old,
+            "becomes": fault.new,
+        }
+        for name, of_seeds in sound.items():
+            told = [told_by(*pair) for pair in zip(of_seeds, faulty, strict=True)]
+            row[name] = min(filter(None, told), key=TOLD_BY.index, default="")
+        rows.append(row)
+    return rows
+
+
+if __name__ == "__main__":
+    path = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).with_suffix(".csv")
+    rows = table()
+    with path.open("w", newline="") as file:
+        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+    for name in ("oracle", "rtl"):
+        print(f"{name}: {sum(bool(row[name]) for row in rows)} of {len(rows)} faults")
