@@ -1,11 +1,14 @@
 """The compiled loops that deliver spikes: those of a node in some rows of a tile, over a link."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from hw_model.engine.chunks import add_weights, fill
 from hw_model.engine.compiled import absorbed, inner
 from hw_model.engine.layout import LANES, LIST, MATRIX
 from hw_model.engine.state import MOST_LISTED
+from hw_model.values import AnyArray
 
 LONG = 128
 """Slots from which on several matrix rows are added at once; for fewer, setting out takes longer than it saves."""
@@ -17,20 +20,27 @@ _PARTS = np.uint64(4)
 """Parts of a list of spikes that are delivered in turn: neighbours in one would wait for each other's charges."""
 
 
-@absorbed
-def deliver(  # type: ignore[no-untyped-def]
-    link, rows_from, rows_to, event, base, begin, m, charge, touched, row_of, nodes, links
-):
-    """Add the synapses of a link's spikes to the rows in which they are due: the next one, and later.
+class Listed(NamedTuple):
+    """The spikes of one node: those of row r are ``event[base + e]``, e in ``begin[r, node]..begin[r + 1, node]``."""
 
-    The spikes of row r are ``event[base + e]`` for e in ``begin[r, m]..begin[r + 1, m]``.
-    """
+    event: AnyArray
+    base: int | np.int64
+    begin: AnyArray
+    node: int
+
+
+@absorbed
+def deliver(link, rows_from, rows_to, listed, tables, memory):  # type: ignore[no-untyped-def]
+    """Add the synapses of a link's spikes to the rows in which they are due: the next one, and later."""
+    event, base, begin, m = listed
+    nodes, _, links = tables
+    charge, touched = memory.state.charge, memory.state.touched
     offset, width, ahead = links.offset[link], links.width[link], np.uint64(1 + links.delay[link])
     if links.kind[link] == MATRIX:
         node = links.target_node[link]
         many, low = np.uint64(width), np.uint64(links.target[link])
         if width < LONG and begin[rows_to, m] - begin[rows_from, m] <= MOST_LISTED:
-            _add_listed(link, rows_from, rows_to, event, base, begin, m, charge, row_of, links)
+            _add_listed(link, rows_from, rows_to, listed, tables, memory)
             for r in range(np.uint64(rows_from), np.uint64(rows_to)):
                 at, anything = r + ahead, begin[r + _NEXT, m] > begin[r, m]
                 for chunk in range(nodes.chunk[node], nodes.chunk[node + 1]):
@@ -41,9 +51,7 @@ def deliver(  # type: ignore[no-untyped-def]
                 at = r + ahead
                 rest = begin[r, m]
                 if width >= LONG:
-                    rest = _add_eights(
-                        link, base, rest, begin[r + _NEXT, m], event, charge, at, links
-                    )
+                    rest = _add_eights(link, listed, rest, begin[r + _NEXT, m], charge, at, links)
                 for e in range(rest, begin[r + _NEXT, m]):
                     start = np.uint64(offset + event[base + e] * width)
                     for j in range(many):
@@ -59,20 +67,23 @@ def deliver(  # type: ignore[no-untyped-def]
                     np.uint64(links.list_start[source + np.uint64(1)]),
                 )
                 if links.kind[link] == LIST:
-                    _follow(link, due, first, last, charge, touched, links, links.word)
+                    _follow(link, due, first, last, memory, links, links.word)
                 else:
-                    _follow(link, due, first, last, charge, touched, links, links.wide_word)
+                    _follow(link, due, first, last, memory, links, links.wide_word)
             if begin[r + _NEXT, m] > begin[r, m]:
                 for late in range(np.uint64(width)):
                     _touch_all(links.target_node[link], due + late, nodes, touched)
 
 
 @inner
-def _add_listed(link, rows_from, rows_to, event, base, begin, m, charge, row_of, links):  # type: ignore[no-untyped-def]
+def _add_listed(link, rows_from, rows_to, listed, tables, memory):  # type: ignore[no-untyped-def]
     """Add a short matrix row for each spike; ``row_of`` is first told the row of each.
 
     One loop over all spikes: how many a row has would be guessed wrong in most rows.
     """
+    event, base, begin, m = listed
+    links = tables.links
+    charge, row_of = memory.state.charge, memory.work.row_of
     first, last = begin[rows_from, m], begin[rows_to, m]
     for r in range(rows_from, rows_to):
         at = begin[r, m] - first
@@ -105,8 +116,9 @@ def _touch_all(node, at, nodes, touched):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _follow(link, at, first, last, charge, touched, links, words):  # type: ignore[no-untyped-def]
+def _follow(link, at, first, last, memory, links, words):  # type: ignore[no-untyped-def]
     """Add the synapses ``first..last``, packed in words, to the row of charges ``at``, and later ones."""
+    charge, touched = memory.state.charge, memory.state.touched
     low, slot_bits, shift = links.target[link], links.slot_bits[link], links.weight_shift[link]
     slots, lates = (1 << slot_bits) - 1, (1 << links.late_bits[link]) - 1
     above = slot_bits + links.late_bits[link]
@@ -128,8 +140,9 @@ def _follow(link, at, first, last, charge, touched, links, words):  # type: igno
 
 
 @inner
-def _add_eights(link, base, first, last, event, charge, at, links):  # type: ignore[no-untyped-def]
+def _add_eights(link, listed, first, last, charge, at, links):  # type: ignore[no-untyped-def]
     """Add matrix rows eight at once, so that the row of charges is passed less often; return the first one left."""
+    event, base = listed.event, listed.base
     matrix, many = links.matrix, np.uint64(links.width[link])
     offset, width, low = links.offset[link], links.width[link], np.uint64(links.target[link])
     while first + 8 <= last:

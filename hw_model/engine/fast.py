@@ -2,19 +2,21 @@
 
 from collections.abc import Callable, Sequence
 from functools import lru_cache, partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from hw_model.engine.compiled import address, call_at, compiled, entry, inner
 from hw_model.engine.lay_out import fast_layout
-from hw_model.engine.layout import CHARGE_WRAPS, FIELDS, LANES, FastLayout
+from hw_model.engine.layout import CHARGE_WRAPS, FIELDS, LANES, FastLayout, Tables
 from hw_model.engine.state import (
     NOTHING_KEPT,
+    Arriving,
     Kept,
     KeptRegister,
-    State,
-    Workspace,
+    Memory,
+    Tile,
+    Written,
     first_state,
     reset,
     workspace,
@@ -32,11 +34,11 @@ from hw_model.engine.trace import (
     Window,
 )
 from hw_model.program.chip_program import ChipProgram
-from hw_model.values import Int32Array, IntArray
+from hw_model.values import AnyArray, Int32Array, IntArray
 
 _NO_STEP = np.int64(0)
 SMALL = 1 << 12
-"""Compartments up to which a phase keeps its room, some MiB, for the next recording; making it takes time."""
+"""Compartments up to which a phase keeps its memory, some MiB, for the next recording; making it takes time."""
 
 
 def run_phase(
@@ -52,59 +54,71 @@ def run_phase(
     kept = NOTHING_KEPT
     if windows:
         kept = Kept(True, *(_kept(kind, layout, trace, windows) for kind in REGISTERS))
-    given = (
-        *join_lists(played.events),
-        played.start,
-        played.stop,
-        layout.nodes,
-        layout.chunks,
-        layout.links,
-    )
-    written = trace.spikes, trace.sent, trace.active, trace.events, trace.totals, kept
+    first, line = join_lists(played.events)
+    given = _Given(first, line, played.start, played.stop)
+    written = _Trace(trace.spikes, trace.sent, trace.active, trace.events, trace.totals, kept)
     in_parts(partial(_run_part, layout, given, skip, written), len(trace.sent))
     return trace
 
 
+class _Given(NamedTuple):
+    """Recordings: the lists of their input events, and the steps from which and to which each runs.
+
+    Those of recording b, row r and input m are ``line[first[b, r, m]:first[b, r + 1, m]]``.
+    """
+
+    first: IntArray
+    line: Int32Array
+    start: IntArray
+    stop: IntArray
+
+
+class _Trace(NamedTuple):
+    """Arrays of :class:`hw_model.engine.trace.PhaseTrace`, and what to keep of registers."""
+
+    spikes: AnyArray
+    sent: AnyArray
+    active: AnyArray
+    events: AnyArray
+    totals: AnyArray
+    kept: Kept
+
+
 def _run_part(
-    layout: FastLayout,
-    given: tuple[Any, ...],
-    skip: bool,
-    written: tuple[Any, ...],
-    low: int,
-    high: int,
+    layout: FastLayout, given: _Given, skip: bool, written: _Trace, low: int, high: int
 ) -> None:
-    """Run recordings ``low..high`` of those given, in a room of their own."""
-    rooms, code = _made(layout)
+    """Run recordings ``low..high`` of those given, in a memory of their own."""
+    memories, code = _made(layout)
     try:
-        room = rooms.pop()  # of two threads that ask for the last one, one finds none
+        memory = memories.pop()  # of two threads that ask for the last one, one finds none
     except IndexError:
-        room = first_state(layout), workspace(layout)
+        memory = Memory(first_state(layout), workspace(layout))
     if not code:
-        code.append(_machine_code(given, room, skip, written))
+        code.append(_machine_code(given, layout.tables, memory, skip, written))
     tile_at, loop = code[0]
-    loop(low, high, tile_at, given, room, skip, written)
+    loop(low, high, tile_at, given, layout.tables, memory, skip, written)
     if layout.columns <= SMALL:
-        rooms.append(room)
+        memories.append(memory)
 
 
 def _machine_code(
-    given: tuple[Any, ...], room: tuple[State, Workspace], skip: bool, written: tuple[Any, ...]
+    given: _Given, tables: Tables, memory: Memory, skip: bool, written: _Trace
 ) -> tuple[np.int64, Callable[..., Any]]:
     """Return where a tile lies, and the loop over recordings, for arguments of the kinds that a layout always has."""
-    first, line, _, _, *tables = given
-    spikes, sent, active, _, _, kept = written
     tile_at = address(
-        run_tile, _NO_STEP, _NO_STEP, first[0], line, *tables, *room, skip,
-        spikes[0], sent[0], active[0], _NO_STEP, kept,
-    )  # fmt: skip
-    return tile_at, entry(_run, 0, 0, tile_at, given, room, skip, written)
+        run_tile,
+        Tile(_NO_STEP, _NO_STEP, skip),
+        Arriving(given.first[0], given.line),
+        tables,
+        memory,
+        Written(written.spikes[0], written.sent[0], written.active[0], _NO_STEP, written.kept),
+    )
+    return tile_at, entry(_run, 0, 0, tile_at, given, tables, memory, skip, written)
 
 
 @lru_cache(maxsize=8)
-def _made(
-    layout: FastLayout,
-) -> tuple[list[tuple[State, Workspace]], list[tuple[np.int64, Callable[..., Any]]]]:
-    """Return the rooms of a layout that no thread is using, whoever takes one resets it, and its machine code."""
+def _made(layout: FastLayout) -> tuple[list[Memory], list[tuple[np.int64, Callable[..., Any]]]]:
+    """Return the memories of a layout that no thread is using, whoever takes one resets it, and its machine code."""
     return [], []
 
 
@@ -133,20 +147,20 @@ def join_lists(events: Sequence[EventLists]) -> tuple[IntArray, Int32Array]:
 
 
 @compiled
-def _run(low, high, tile_at, given, room, skip, written):  # type: ignore[no-untyped-def]
+def _run(low, high, tile_at, given, tables, memory, skip, written):  # type: ignore[no-untyped-def]
     """Run recordings ``low..high`` one after the other, each tile by tile."""
-    first, line, start, stop, nodes, chunks, links = given
-    state, work = room
+    first, line, start, stop = given
+    state = memory.state
+    nodes, chunks, links = tables
     spikes, sent, active, events, totals, kept = written
-    tile = len(work.masks)
+    most_rows = len(memory.work.masks)
     for b in range(low, high):
         reset(state)
-        for step in range(start[b], stop[b], tile):
-            rows = min(tile, stop[b] - step)
-            totals[b, SKIPPED] += call_at(tile_at, (
-                step, rows, first[b, step:], line, nodes, chunks, links, state, work, skip,
-                spikes[b, step:], sent[b], active[b, step:], b, kept,
-            ))  # fmt: skip
+        for step in range(start[b], stop[b], most_rows):
+            tile = Tile(step, min(most_rows, stop[b] - step), skip)
+            arriving = Arriving(first[b, step:], line)
+            of_tile = Written(spikes[b, step:], sent[b], active[b, step:], b, kept)
+            totals[b, SKIPPED] += call_at(tile_at, (tile, arriving, tables, memory, of_tile))
         for k in range(len(chunks.first_column)):
             for i in range(chunks.width[k]):
                 at = k * FIELDS * LANES + i

@@ -9,7 +9,17 @@ import numpy as np
 from hw_model.arithmetic import loihi
 from hw_model.arithmetic.fixed_point import high_part_fits
 from hw_model.engine import layout
-from hw_model.engine.layout import LANES, Chunks, FastLayout, Lanes, Links, Nodes, Widths, aligned
+from hw_model.engine.layout import (
+    LANES,
+    Chunks,
+    FastLayout,
+    Lanes,
+    Links,
+    Nodes,
+    Tables,
+    Widths,
+    aligned,
+)
 from hw_model.engine.links import Blocks, Echoes, Ends, links_of, synapses_by_ends, take_echoes
 from hw_model.engine.places import Cut, Numbering, cut_pieces
 from hw_model.engine.trace import due_late
@@ -32,9 +42,11 @@ def fast_layout(program: ChipProgram, phase: str) -> FastLayout:
     return FastLayout(
         inputs=nodes.inputs,
         pieces=len(pieces_of(program, phase).group),
-        nodes=Nodes(nodes.first, nodes.size, cut.of_node),
-        chunks=_chunks(program, phase, nodes, blocks, cut, links, echoes),
-        links=links,
+        tables=Tables(
+            nodes=Nodes(nodes.first, nodes.size, cut.of_node),
+            chunks=_chunks(program, phase, nodes, blocks, cut, links, echoes),
+            links=links,
+        ),
         slot=cut.slot,
     )
 

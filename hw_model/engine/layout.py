@@ -1,11 +1,20 @@
-"""How the fast engine sees a phase: chunks of compartments, bundles, blocks, nodes and links.
+"""How the fast engine sees a phase. Its parts have five names:
 
-A *chunk* is :data:`LANES` compartments that are updated together, in vectors; a group fills the chunks of its *node*,
-and starts anew on every core. A chunk's *slots* are its places in the accumulators. Chunks that add their voltages into
-one another, children first, make a *bundle*. A *block* is a strongly connected part of the groups: blocks can be run
-one after the other over many steps, and only within a block that feeds itself must steps be taken one by one. A *link*
-holds the synapses from one node - an input, or a group - to one group, as a dense matrix of weights where that is
-quicker, else as lists.
+node
+    An input, or a group of compartments. A group fills the chunks of its node, and starts a new
+    chunk on every core.
+chunk
+    :data:`LANES` compartments that are updated together, in vectors: each is a *lane*. Their places
+    among the charges of a step are the chunk's *slots*.
+bundle
+    Chunks that add their voltages into one another, children first.
+block
+    Groups that reach each other in a circle, or one group alone. Blocks are run one after the
+    other, each over all steps of a *tile*; only a block that feeds itself is run step by step.
+link
+    The synapses from one node to one group: a matrix of weights where that is quicker, else lists.
+
+The named tuples below are records that the compiled loops take.
 """
 
 from typing import NamedTuple
@@ -133,17 +142,23 @@ class Nodes(NamedTuple):
     chunk: IntArray
 
 
+class Tables(NamedTuple):
+    """A phase as the compiled loops read it; they write into none of it."""
+
+    nodes: Nodes
+    chunks: Chunks
+    links: Links
+
+
 class FastLayout(Frozen, eq=False):
-    """A phase, of which the first ``inputs`` nodes are inputs; the named tuples are what the compiled loops take.
+    """A phase, of which the first ``inputs`` nodes are inputs.
 
     ``slot`` (columns,) tells the slot of every column.
     """
 
     inputs: int
     pieces: int
-    nodes: Nodes
-    chunks: Chunks
-    links: Links
+    tables: Tables
     slot: IntArray
 
     @property

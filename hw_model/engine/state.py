@@ -1,4 +1,4 @@
-"""What the fast engine carries from step to step, and where it works: a state, the room for a tile, what to keep.
+"""What the fast engine carries from step to step, where it works, and what it is given and writes of a tile.
 
 Charges are in units of :mod:`hw_model.arithmetic.loihi`.
 """
@@ -48,6 +48,28 @@ class Workspace(NamedTuple):
     row_of: AnyArray
 
 
+class Memory(NamedTuple):
+    """All that the loops write on their way."""
+
+    state: State
+    work: Workspace
+
+
+class Tile(NamedTuple):
+    """``rows`` steps from ``step`` on; ``skip``: leave out what cannot change anything."""
+
+    step: int | np.int64
+    rows: int | np.int64
+    skip: bool | np.bool_
+
+
+class Arriving(NamedTuple):
+    """Input events of a tile: those of row r and input m are ``line[first[r, m]:first[r + 1, m]]``."""
+
+    first: AnyArray
+    line: AnyArray
+
+
 class KeptRegister(NamedTuple):
     """Rows (batch, rows, columns) of a register from step ``start`` on; column c goes to ``place[c]`` if not -1."""
 
@@ -65,15 +87,29 @@ class Kept(NamedTuple):
     potential: KeptRegister
 
 
+class Written(NamedTuple):
+    """What is written of a tile.
+
+    ``spikes`` (rows, n) are 0 and 1; ``sent`` (lines + n,) counts what each sends, and ``active``
+    (rows, pieces) the compartments that were busy. Registers are kept for number ``recording``.
+    """
+
+    spikes: AnyArray
+    sent: AnyArray
+    active: AnyArray
+    recording: int | np.int64
+    kept: Kept
+
+
 NO_REGISTER = KeptRegister(np.empty(0, dtype=np.int64), 0, np.empty((1, 0, 0), dtype=np.int64))
 NOTHING_KEPT = Kept(False, NO_REGISTER, NO_REGISTER, NO_REGISTER)
 
 
 def first_state(layout: FastLayout, tile: int = TILE) -> State:
     """Return the state before the first step."""
-    registers = layout.chunks.registers.reshape(-1)
-    at_rest = (layout.chunks.registers[:, BIAS] == 0).min(axis=1)
-    chunks, due = len(at_rest), len(layout.links.due_late)
+    registers = layout.tables.chunks.registers.reshape(-1)
+    at_rest = (layout.tables.chunks.registers[:, BIAS] == 0).min(axis=1)
+    chunks, due = len(at_rest), len(layout.tables.links.due_late)
     charge = aligned((tile + due, chunks * LANES), registers.dtype)
     touched = np.zeros((tile + due, chunks), dtype=np.uint8)
     current = aligned(registers.shape, registers.dtype)
@@ -83,14 +119,14 @@ def first_state(layout: FastLayout, tile: int = TILE) -> State:
 
 def workspace(layout: FastLayout, tile: int = TILE) -> Workspace:
     """Return room for the spikes of a tile."""
-    masks = np.zeros((tile, len(layout.chunks.node)), dtype=np.int32)
-    begin = np.zeros((tile + 1, len(layout.nodes.first)), dtype=np.int64)
-    many = len(layout.nodes.first)
+    masks = np.zeros((tile, len(layout.tables.chunks.node)), dtype=np.int32)
+    begin = np.zeros((tile + 1, len(layout.tables.nodes.first)), dtype=np.int64)
+    many = len(layout.tables.nodes.first)
     event, updated = (
         np.empty(tile * layout.columns + LANES * many, dtype=np.int32),
         np.zeros(tile, dtype=np.uint8),
     )
-    list_start = tile * layout.nodes.first + LANES * np.arange(many)
+    list_start = tile * layout.tables.nodes.first + LANES * np.arange(many)
     return Workspace(
         masks, event, list_start, begin, updated, np.empty(MOST_LISTED + LANES, dtype=np.int32)
     )

@@ -17,7 +17,7 @@ from hw_model.engine.chunks import (
     update_plain,
 )
 from hw_model.engine.compiled import absorbed, inner, shared
-from hw_model.engine.delivery import deliver
+from hw_model.engine.delivery import Listed, deliver
 from hw_model.engine.layout import FIELDS, LANES, POTENTIAL, U, V
 from hw_model.engine.state import is_silent, move_on
 
@@ -31,39 +31,22 @@ _U, _V, _POTENTIAL = np.uint64(U * LANES), np.uint64(V * LANES), np.uint64(POTEN
 
 
 @shared
-def run_tile(  # type: ignore[no-untyped-def]
-    step,
-    rows,
-    first,
-    line,
-    nodes,
-    chunks,
-    links,
-    state,
-    work,
-    skip,
-    spikes,
-    sent,
-    active,
-    recording,
-    kept,
-):
-    """Run ``rows`` steps from ``step`` on; return how many of them nothing had to be updated in.
+def run_tile(tile, arriving, tables, memory, written):  # type: ignore[no-untyped-def]
+    """Run the steps of a tile; return in how many of them nothing had to be updated.
 
-    ``first`` (rows + 1 or more, inputs) and ``line``: the lists of the tile's input events. ``spikes`` (rows, n) and
-    ``active`` (rows, pieces) are written, ``sent`` (lines + n,) is added to, and registers are kept for ``recording``.
+    ``spikes`` and ``active`` of what is :class:`hw_model.engine.state.Written` are written, ``sent``
+    is added to, and registers are kept.
     """
-    if skip and is_silent(rows, first, state):
+    first, rows = arriving.first, tile.rows
+    state, work = memory.state, memory.work
+    if tile.skip and is_silent(rows, first, state):
         return rows
     for m in range(first.shape[1]):
-        _count(line, first[0, m], first[rows, m], nodes.first[m], sent)
+        _count(arriving.line, first[0, m], first[rows, m], tables.nodes.first[m], written.sent)
     for r in range(rows):
         work.updated[r] = 0
-    for block in range(len(chunks.feeds_itself)):
-        _run_block(
-            block, step, rows, first, line, nodes, chunks, links, state, work, skip,
-            spikes, sent, active, recording, kept,
-        )  # fmt: skip
+    for block in range(len(tables.chunks.feeds_itself)):
+        _run_block(block, tile, arriving, tables, memory, written)
     move_on(state, rows)
     quiet = rows
     for r in range(rows):
@@ -72,86 +55,65 @@ def run_tile(  # type: ignore[no-untyped-def]
 
 
 @inner
-def _run_block(  # type: ignore[no-untyped-def]
-    block,
-    step,
-    rows,
-    first,
-    line,
-    nodes,
-    chunks,
-    links,
-    state,
-    work,
-    skip,
-    spikes,
-    sent,
-    active,
-    recording,
-    kept,
-):
+def _run_block(block, tile, arriving, tables, memory, written):  # type: ignore[no-untyped-def]
     """Run one block over the rows of a tile: at once, or, if it feeds itself, row by row."""
-    charge, touched = state.charge, state.touched
-    event, begin = work.event, work.begin
-    for link in range(links.into_block[block], links.into_block[block + 1]):
-        m = links.source[link]
-        given, base, starts = (
-            (line, _ZERO, first) if m < first.shape[1] else (event, work.list_start[m], begin)
-        )
-        deliver(
-            link, _ZERO, rows, given, base, starts, m, charge, touched, work.row_of, nodes, links
-        )
-
+    _deliver_into(block, tile.rows, arriving, tables, memory)
+    chunks = tables.chunks
     # A block that feeds itself is updated row by row; any other, a few bundles at a time, with registers in the cache.
     by_row = chunks.feeds_itself[block]
-    stride = 1 if by_row else rows
-    for low in range(0, rows, stride):
+    stride = 1 if by_row else tile.rows
+    for low in range(0, tile.rows, stride):
         fired = _ZERO
         next_bundle = chunks.of_block[block]
         while next_bundle < chunks.of_block[block + 1]:
-            bundle, next_bundle = (
-                next_bundle,
-                min(next_bundle + _TOGETHER, chunks.of_block[block + 1]),
-            )
+            bundle = next_bundle
+            next_bundle = min(bundle + _TOGETHER, chunks.of_block[block + 1])
             start, stop = chunks.bundle[bundle], chunks.bundle[next_bundle]
-            if stop - start == next_bundle - bundle and not by_row and not kept.watched:
-                fired |= _update_alone(start, stop, rows, chunks, state, work, skip, active)
+            alone = stop - start == next_bundle - bundle
+            if alone and not by_row and not written.kept.watched:
+                fired |= _update_alone(start, stop, tile, chunks, memory, written)
                 continue
             for r in range(low, low + stride):
-                fired |= _update_members(
-                    start, stop, r, step, chunks, state, work, skip, active, recording, kept
-                )
-        for index in range(chunks.of_node[block], chunks.of_node[block + 1]):
-            m = chunks.spiking_node[index]
-            _list_spikes(m, low, low + stride, fired, nodes, chunks, work, spikes, sent)
-            if fired:
-                for link in range(links.from_node[m], links.from_node[m + 1]):
-                    base = work.list_start[m]
-                    deliver(
-                        link,
-                        low,
-                        low + stride,
-                        event,
-                        base,
-                        begin,
-                        m,
-                        charge,
-                        touched,
-                        work.row_of,
-                        nodes,
-                        links,
-                    )
+                fired |= _update_members(start, stop, r, tile, chunks, memory, written)
+        _deliver_within(block, low, low + stride, fired, tables, memory, written)
 
 
 @absorbed
-def _update_alone(start, stop, rows, chunks, state, work, skip, active):  # type: ignore[no-untyped-def]
+def _deliver_into(block, rows, arriving, tables, memory):  # type: ignore[no-untyped-def]
+    """Deliver what inputs and earlier blocks sent in a tile to a block."""
+    links, work = tables.links, memory.work
+    for link in range(links.into_block[block], links.into_block[block + 1]):
+        m = links.source[link]
+        if m < arriving.first.shape[1]:
+            listed = Listed(arriving.line, _ZERO, arriving.first, m)
+        else:
+            listed = Listed(work.event, work.list_start[m], work.begin, m)
+        deliver(link, _ZERO, rows, listed, tables, memory)
+
+
+@absorbed
+def _deliver_within(block, low, high, fired, tables, memory, written):  # type: ignore[no-untyped-def]
+    """List the spikes of a block in rows ``low..high``, and deliver those that stay within it."""
+    chunks, links, work = tables.chunks, tables.links, memory.work
+    for index in range(chunks.of_node[block], chunks.of_node[block + 1]):
+        m = chunks.spiking_node[index]
+        _list_spikes(m, low, high, fired, tables, work, written)
+        if fired:
+            listed = Listed(work.event, work.list_start[m], work.begin, m)
+            for link in range(links.from_node[m], links.from_node[m + 1]):
+                deliver(link, low, high, listed, tables, memory)
+
+
+@absorbed
+def _update_alone(start, stop, tile, chunks, memory, written):  # type: ignore[no-untyped-def]
     """Do what :func:`_update_members` does for chunks to which nothing is joined, in all rows: the shortest loop."""
+    state, work, active = memory.state, memory.work, written.active
     at_rest, touched, registers = state.at_rest, state.touched, state.registers
     fired = np.int32(0)
-    for r in range(np.uint64(rows)):
+    for r in range(np.uint64(tile.rows)):
         for index in range(start, stop):
             k = np.uint64(chunks.member[index])
-            if skip and at_rest[k] and not touched[r, k]:
+            if tile.skip and at_rest[k] and not touched[r, k]:
                 continue
             if chunks.plain[k]:
                 mask, busy, restless = update_plain(
@@ -170,9 +132,9 @@ def _update_alone(start, stop, rows, chunks, state, work, skip, active):  # type
 
 
 @absorbed
-def _update_members(start, stop, r, step, chunks, state, work, skip, active, recording, kept):  # type: ignore[no-untyped-def]
+def _update_members(start, stop, r, tile, chunks, memory, written):  # type: ignore[no-untyped-def]
     """Update whole bundles, members ``start..stop``, in row r; return the spikes of all of them as bits."""
-    step += r
+    state, work, kept = memory.state, memory.work, written.kept
     registers, at_rest = state.registers, state.at_rest
     fired = np.int32(0)
     stirred = False
@@ -185,12 +147,12 @@ def _update_members(start, stop, r, step, chunks, state, work, skip, active, rec
             and chunks.plain[chunks.member[index + 1]]
             and not kept.watched
         ):
-            fired |= _update_pair(index, np.uint64(r), chunks, state, work, skip, active)
+            fired |= _update_pair(index, np.uint64(r), tile, chunks, memory, written)
             index += 3
             continue
         stirred &= not chunks.begins[index]
         index += 1
-        if skip and at_rest[k] and not state.touched[r, k] and not stirred:
+        if tile.skip and at_rest[k] and not state.touched[r, k] and not stirred:
             continue
         at = np.uint64(k * np.uint64(FIELDS * LANES))
         if chunks.sums[k]:
@@ -207,27 +169,28 @@ def _update_members(start, stop, r, step, chunks, state, work, skip, active, rec
         work.masks[r, k] = mask
         fired |= mask
         _echo(k, np.uint64(r), mask, chunks, state)
-        active[r, chunks.piece[k]] += busy
+        written.active[r, chunks.piece[k]] += busy
         work.updated[r] = 1
         stirred = True
         if chunks.parent[k] >= 0:
             pass_on(registers, at, registers, np.uint64(chunks.parent[k] * FIELDS * LANES))
         if kept.watched:
-            first, width = chunks.first_column[k], chunks.width[k]
-            _keep(registers, at + _U, first, width, step, recording, kept.u)
-            _keep(registers, at + _V, first, width, step, recording, kept.v)
-            _keep(registers, at + _POTENTIAL, first, width, step, recording, kept.potential)
+            step, recording = tile.step + r, written.recording
+            _keep(registers, at + _U, k, chunks, step, recording, kept.u)
+            _keep(registers, at + _V, k, chunks, step, recording, kept.v)
+            _keep(registers, at + _POTENTIAL, k, chunks, step, recording, kept.potential)
     return fired
 
 
 @absorbed
-def _update_pair(index, r, chunks, state, work, skip, active):  # type: ignore[no-untyped-def]
+def _update_pair(index, r, tile, chunks, memory, written):  # type: ignore[no-untyped-def]
     """Do what :func:`_update_members` does for two dendrites and their sum, three members, at once."""
+    state, work, active = memory.state, memory.work, written.active
     a, b, c = chunks.member[index], chunks.member[index + 1], chunks.member[index + 2]
     a, b, c = np.uint64(a), np.uint64(b), np.uint64(c)
     at_rest, touched, registers = state.at_rest, state.touched, state.registers
     if (
-        skip
+        tile.skip
         and at_rest[a]
         and at_rest[b]
         and at_rest[c]
@@ -262,8 +225,10 @@ def _echo(k, r, mask, chunks, state):  # type: ignore[no-untyped-def]
 
 
 @absorbed
-def _list_spikes(m, low, high, fired, nodes, chunks, work, spikes, sent):  # type: ignore[no-untyped-def]
+def _list_spikes(m, low, high, fired, tables, work, written):  # type: ignore[no-untyped-def]
     """Turn the bits of node m in rows ``low..high`` into its lists, into 0 and 1, and into counts."""
+    nodes, chunks, _ = tables
+    spikes, sent = written.spikes, written.sent
     masks, event, begin = work.masks, work.event, work.begin
     base, first = work.list_start[m], nodes.first[m]
     columns = spikes.shape[1]
@@ -296,11 +261,12 @@ def _count(event, first, last, source, sent):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _keep(registers, at, first_column, width, step, recording, kept):  # type: ignore[no-untyped-def]
-    """Copy the lanes of a chunk that are to be kept, if this step is."""
+def _keep(registers, at, k, chunks, step, recording, kept):  # type: ignore[no-untyped-def]
+    """Copy the lanes of chunk k that are to be kept, if this step is."""
     row = step - kept.start
+    first_column = chunks.first_column[k]
     if 0 <= row < kept.rows.shape[1]:
-        for i in range(width):
+        for i in range(chunks.width[k]):
             if kept.place[first_column + i] >= 0:
                 kept.rows[recording, row, kept.place[first_column + i]] = registers[
                     at + np.uint64(i)

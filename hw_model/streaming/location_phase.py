@@ -98,14 +98,14 @@ class Replay:
     """
 
     def __init__(self, layout: FastLayout, steps: int, inputs: Sequence[Input], read: Read) -> None:
-        chunks, blocks = layout.chunks, len(layout.chunks.feeds_itself)
+        chunks, blocks = layout.tables.chunks, len(layout.tables.chunks.feeds_itself)
         slots = len(chunks.node) * LANES
-        block_of = np.full(len(layout.nodes.first), -1, dtype=np.int64)
+        block_of = np.full(len(layout.tables.nodes.first), -1, dtype=np.int64)
         for block in range(blocks):
             low, high = chunks.bundle[chunks.of_block[block : block + 2]]
             block_of[chunks.node[chunks.member[low:high]]] = block
         self._layout, self._steps = layout, steps
-        dtype, most = chunks.registers.dtype, steps * int(layout.nodes.size.max()) + LANES
+        dtype, most = chunks.registers.dtype, steps * int(layout.tables.nodes.size.max()) + LANES
         self._history = History(
             charge=aligned((steps, slots), dtype),
             before=aligned((steps + 1, slots * KEPT_FIELDS), dtype),
@@ -120,9 +120,8 @@ class Replay:
         )
         registers = aligned((chunks.registers.size,), dtype)
         registers[:] = chunks.registers[chunks.member].reshape(-1)
-        self._played = (
-            visits, read, layout.nodes, chunks, layout.links, _order(layout, read), registers, self._history,
-        )  # fmt: skip
+        order = _order(layout, read)
+        self._played = visits, read, layout.tables, order, registers, self._history
         self._silence = np.zeros((1, len(visits.step)), dtype=np.uint8)
         self._columns = np.zeros((1, layout.columns), dtype=np.int64)
         self._push = entry(_push, 0, self._silence, *self._played, self._columns, 0)
@@ -163,7 +162,7 @@ class Replay:
 
 
 def _order(layout: FastLayout, of: Read) -> Order:
-    chunks, slot = layout.chunks, layout.slot[of.columns]
+    chunks, slot = layout.tables.chunks, layout.slot[of.columns]
     place = np.full(len(chunks.member) + 1, -1, dtype=np.int64)  # the last is the place of no chunk
     place[chunks.member] = np.arange(len(chunks.member))
     read = np.isin(chunks.member, slot // LANES)
@@ -172,16 +171,16 @@ def _order(layout: FastLayout, of: Read) -> Order:
     is_pair[chunks.bundle[:-1]] &= ~np.maximum.reduceat(
         read, chunks.bundle[:-1]
     )  # it is run without a potential
-    link = np.argsort(layout.links.source, kind="stable")
-    link_of = np.searchsorted(layout.links.source[link], np.arange(len(layout.nodes.first) + 1))
+    link = np.argsort(layout.tables.links.source, kind="stable")
+    link_of = np.searchsorted(
+        layout.tables.links.source[link], np.arange(len(layout.tables.nodes.first) + 1)
+    )
     read_at = (place[slot // LANES] * KEPT_FIELDS + POTENTIAL - U) * LANES + slot % LANES
     return Order(place[chunks.parent[chunks.member]], is_pair, read_at, link, link_of)
 
 
 @compiled
-def _push(  # type: ignore[no-untyped-def]
-    before, rows, visits, read, nodes, chunks, links, order, registers, history, counts, low
-):
+def _push(before, rows, visits, read, tables, order, registers, history, counts, low):  # type: ignore[no-untyped-def]
     steps = len(history.masks)
     for row in range(len(rows)):
         time = before + row
@@ -193,12 +192,12 @@ def _push(  # type: ignore[no-untyped-def]
                     history.row_of[found] = visits.step[channel]
                     found += 1
             for index in range(order.link_of[node], order.link_of[node + 1]):
-                _change(np.uint64(order.link[index]), found, links, history)
+                _change(np.uint64(order.link[index]), found, tables.links, history)
         ran = False
         for block in range(len(history.changed)):
             start = history.changed[block]
             if start < steps:
-                _run_again(block, start, nodes, chunks, links, order, registers, history)
+                _run_again(block, start, tables, order, registers, history)
                 ran = True
         if ran:
             for j in range(len(read.columns)):
@@ -273,8 +272,9 @@ def _synapse(form, k, links):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _run_again(block, start, nodes, chunks, links, order, registers, history):  # type: ignore[no-untyped-def]
+def _run_again(block, start, tables, order, registers, history):  # type: ignore[no-untyped-def]
     """Run a block from step ``start`` on; spikes that come or go change what is due later, here and elsewhere."""
+    chunks = tables.chunks
     steps = len(history.masks)
     for member in range(
         chunks.bundle[chunks.of_block[block]], chunks.bundle[chunks.of_block[block + 1]]
@@ -304,7 +304,7 @@ def _run_again(block, start, nodes, chunks, links, order, registers, history):  
                 _note(np.uint64(chunks.member[high - _ONE_MORE]), row, mask, chunks, history)
         for node in chunks.spiking_node[chunks.of_node[block] : chunks.of_node[block + 1]]:
             if order.link_of[node] < order.link_of[node + 1]:
-                _pass_flips_on(node, first, first + stride, nodes, chunks, links, order, history)
+                _pass_flips_on(node, first, first + stride, tables, order, history)
     history.changed[block] = steps
     history.run[0] += steps - start
 
@@ -356,11 +356,12 @@ def _note(k, step, mask, chunks, history):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _pass_flips_on(node, low, high, nodes, chunks, links, order, history):  # type: ignore[no-untyped-def]
+def _pass_flips_on(node, low, high, tables, order, history):  # type: ignore[no-untyped-def]
     """List the spikes of a node that came or went in steps ``low..high``, and change what they make due.
 
     All of them first, without branches: which steps have any would be guessed wrong too often.
     """
+    nodes, chunks, links = tables
     found, base = np.int64(0), nodes.first[node]
     for row in range(np.uint64(low), np.uint64(high)):
         for k in range(nodes.chunk[node], nodes.chunk[node + 1]):

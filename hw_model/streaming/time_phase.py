@@ -9,6 +9,7 @@ from hw_model.engine import state
 from hw_model.engine.compiled import absorbed, address, call_at, compiled, entry
 from hw_model.engine.events import list_row
 from hw_model.engine.layout import CACHE_LINE, FastLayout
+from hw_model.engine.state import Arriving, Tile, Written
 from hw_model.engine.tiles import run_tile
 from hw_model.values import AnyArray, ByteArray, IntArray
 
@@ -56,7 +57,7 @@ class Live:
         self, layout: FastLayout, steps: int | None, read: Read, starts_late: bool = False
     ) -> None:
         self._end = self._steps = _NO_END if steps is None else steps
-        begin, columns = np.cumsum([0, *layout.nodes.size[: layout.inputs]]), layout.columns
+        begin, columns = np.cumsum([0, *layout.tables.nodes.size[: layout.inputs]]), layout.columns
         lines, many = int(begin[-1]), len(read.columns)
         potential, place = (
             np.zeros((1, TILE, many), dtype=np.int64),
@@ -72,8 +73,8 @@ class Live:
             np.zeros((TILE, layout.pieces), np.int64), potential, np.zeros(columns, np.int64), np.zeros(many, np.int64),
         )  # fmt: skip
         self._state, work = state.first_state(layout, TILE), state.workspace(layout, TILE)
-        tables = layout.nodes, layout.chunks, layout.links, self._state, work
-        self._played = self._room, read, *tables, kept, np.bool_(starts_late)
+        memory = state.Memory(self._state, work)
+        self._played = self._room, read, layout.tables, memory, kept, np.bool_(starts_late)
         self._run = entry(
             _run,
             0,
@@ -107,11 +108,15 @@ class Live:
     @cached_property
     def _tile_at(self) -> np.int64:
         """Return where the code of a tile lies: asked when one is run, since who compiles ahead runs none."""
-        room, _, *tables, kept, _ = self._played
+        room, _, tables, memory, kept, _ = self._played
         return address(
-            run_tile, _NO_STEP, _NO_STEP, room.first, room.line, *tables, _SKIP,
-            room.spikes, room.sent, room.active, _NO_STEP, kept,
-        )  # fmt: skip
+            run_tile,
+            Tile(_NO_STEP, _NO_STEP, _SKIP),
+            Arriving(room.first, room.line),
+            tables,
+            memory,
+            Written(room.spikes, room.sent, room.active, _NO_STEP, kept),
+        )
 
 
 @compiled
@@ -122,11 +127,8 @@ def _run(  # type: ignore[no-untyped-def]
     given,
     room,
     read,
-    nodes,
-    chunks,
-    links,
-    now,
-    work,
+    tables,
+    memory,
     kept,
     starts_late,
     counts,
@@ -142,10 +144,10 @@ def _run(  # type: ignore[no-untyped-def]
                 start = (low + row) * begin[-1] + begin[m]
                 many, _ = list_row(given, start, begin[m + 1] - begin[m], room.line, many)
                 room.first[row + 1, m] = many
-        call_at(tile_at, (
-            _NO_STEP, rows, room.first, room.line, nodes, chunks, links, now, work, _SKIP,
-            room.spikes, room.sent, room.active, _NO_STEP, kept,
-        ))  # fmt: skip
+        tile = Tile(_NO_STEP, rows, _SKIP)
+        arriving = Arriving(room.first, room.line)
+        written = Written(room.spikes, room.sent, room.active, _NO_STEP, kept)
+        call_at(tile_at, (tile, arriving, tables, memory, written))
         for row in range(rows):
             for column in range(len(room.so_far)):
                 room.so_far[column] += room.spikes[row, column]

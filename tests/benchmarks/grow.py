@@ -78,7 +78,7 @@ def measure(size: int) -> dict[str, float]:
 
 def synapse_bytes(program: hw.ChipProgram) -> int:
     """Return how large the engine's synapses are: matrices, and lists where these are smaller."""
-    links = fast_layout(program, program.phases[0].name).links
+    links = fast_layout(program, program.phases[0].name).tables.links
     return sum(array.nbytes for array in links)
 
 

@@ -122,7 +122,7 @@ def draw_and_check(check, strategy, examples: int, phases=tuple(Phase)) -> Count
             )  # 12 are too few for most: their lists are wide ones
             met.update(check(drawn))
             for phase in drawn.program.phases:
-                kinds = lay_out.fast_layout(drawn.program, phase.name).links.kind.tolist()
+                kinds = lay_out.fast_layout(drawn.program, phase.name).tables.links.kind.tolist()
                 met.update(
                     {"wide lists": kinds.count(layout.WIDE_LIST), "lists": kinds.count(layout.LIST)}
                 )

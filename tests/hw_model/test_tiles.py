@@ -358,15 +358,15 @@ def test_what_is_due_after_the_end_is_counted_by_input():
 )  # fmt: skip
 def test_spikes_that_come_back_to_their_own_dendrite_are_no_link(build, taken):
     program = build().build()
-    chunks = fast_layout(program, "time").chunks
+    chunks = fast_layout(program, "time").tables.chunks
     assert (chunks.echo_to >= 0).any() == taken
     if taken:
         assert chunks.echo.any()
 
 
 def test_wide_synapses_are_in_a_list_of_their_own():
-    assert fast_layout(wide_lists().build(), "time").links.kind.tolist() == [WIDE_LIST]
-    assert fast_layout(lists_by_delay().build(), "time").links.delay.tolist() == [0, 2, 0, 2]
+    assert fast_layout(wide_lists().build(), "time").tables.links.kind.tolist() == [WIDE_LIST]
+    assert fast_layout(lists_by_delay().build(), "time").tables.links.delay.tolist() == [0, 2, 0, 2]
 
 
 @pytest.mark.parametrize(
@@ -403,7 +403,9 @@ def many_children(count: int, **limits) -> hw.ChipProgram:
 )
 def test_the_width_of_a_sum_by_hand(children, bits):
     """256 voltages at the end of their range and a current at the end of its own are 2^31 + 2^23 - 256."""
-    assert fast_layout(many_children(children), "time").chunks.registers.dtype == f"int{bits}"
+    assert (
+        fast_layout(many_children(children), "time").tables.chunks.registers.dtype == f"int{bits}"
+    )
 
 
 def test_children_at_the_lower_end():
