@@ -89,6 +89,7 @@ class Emitter:
     - ``write``: makes the contents
     - ``shows_recording``: writes about one recording, the one of ``--recording``
     - ``of_mesh``: describes a mesh of cores, their memories and times, which an open core is not
+    - ``of_xylo``: describes a Xylo, whose builds write it themselves
     """
 
     kind: str
@@ -96,6 +97,7 @@ class Emitter:
     write: Writer
     shows_recording: bool = False
     of_mesh: bool = False
+    of_xylo: bool = False
 
 
 class LevelText:
@@ -166,6 +168,10 @@ def _net(build: Build) -> Files:
     return {"network.net": exchange_file("net", build.model.levels.quantized)}
 
 
+def _no_xylo(build: Build) -> Files:
+    raise AssertionError(f"{build.program.chip.name} is no Xylo, which check_kinds has said")
+
+
 def _csv(build: Build) -> Files:
     from locsnn_compile.report.renderers.csv_files import csv_files
 
@@ -192,6 +198,7 @@ EMITTERS = (
     Emitter("dot", "program.dot", _dot),
     Emitter("nir", "network.nir", _nir),
     Emitter("net", "network.net", _net),
+    Emitter("xylo", "xylo/", _no_xylo, shows_recording=True, of_xylo=True),
     Emitter("csv", "csv/", _csv),
     Emitter("viewer", "viewer.html", _viewer),
 )
@@ -205,7 +212,12 @@ def emitters_of(kinds: Sequence[str]) -> list[Emitter]:
 
 
 def check_kinds(chip: "hw.Chip", kinds: Sequence[str]) -> None:
-    """Refuse kinds that describe a mesh of cores where the target is none."""
+    """Refuse kinds that describe a mesh of cores where the target is none, and those of a Xylo."""
+    for emitter in emitters_of(kinds):
+        if emitter.of_xylo:
+            what = f"it describes a Xylo, and {chip.name} is none"
+            fix = "Compile for one, such as --target xylo-audio3."
+            raise InputError(f"--emit {emitter.kind}", what, fix=fix)
     emitters = [emitter for emitter in emitters_of(kinds) if emitter.of_mesh]
     if not emitters:
         return

@@ -15,6 +15,7 @@ LONGEST = 200
 OURS = (
     r"vectors/(README\.md|manifest\.yaml|core\d+/\w+\.hex)"
     r"|sanafe/(README\.md|(arch|expected|time|location)\.yaml)"
+    r"|xylo/(specification\.npz|expected\.npz|run\.py)"
     r"|csv/(figures|spikes|potential)\.csv"
     r"|rtl/([\w-]+\.(sv|v|ys|mk|vh|lpf|pcf|md)|Makefile|load|words|expected_\w+)"
     # What `make` leaves there.

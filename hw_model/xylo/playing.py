@@ -5,7 +5,7 @@ silent row comes first, and the last row of a recording, which would act after i
 played: then step t of every population is step t of a network's own.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Literal
 
 import numpy as np
@@ -74,8 +74,7 @@ def play_program(program: XyloProgram, recordings: AnyArray, engine: Engine = "f
         raise InputError(f"program {program.name!r}", "they do not fit", measured=measured, fix=fix)
     network = program.network
     rows = [rows_of(recording) for recording in batch]
-    play = _engine(engine)
-    results = [play(network, of_recording) for of_recording in rows]
+    results = [play_rows(network, of_recording, engine) for of_recording in rows]
     spikes = by_name(program, [r.spikes for r in results], [r.output_spikes for r in results])
     potential = by_name(
         program,
@@ -93,13 +92,13 @@ def play_program(program: XyloProgram, recordings: AnyArray, engine: Engine = "f
     )
 
 
-def _engine(engine: Engine) -> Callable[[XyloNetwork, AnyArray], XyloResult]:
-    """Return an engine; the plain one where nothing can be compiled."""
+def play_rows(network: XyloNetwork, rows: AnyArray, engine: Engine = "fast") -> XyloResult:
+    """Play rows (rows, inputs) as they are; the plain engine plays where nothing can be compiled."""
     if engine == "reference" or why_not_compiled() is not None:
-        return play_xylo
+        return play_xylo(network, rows)
     from hw_model.xylo.fast import play_fast  # numba: only where it is needed
 
-    return play_fast
+    return play_fast(network, rows)
 
 
 def by_name(

@@ -5,12 +5,15 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from hw_model.errors import InputError, listed
 from hw_model.io.build_folder import write_build
 from hw_model.io.given import checked
 from hw_model.values import Frozen
 from hw_model.xylo.files import xylo_files
 from hw_model.xylo.program import XyloProgram
+from locsnn_compile.backends.xylo.folder import xylo_folder
 from locsnn_compile.emitters import ShownRecording
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.text import network_text
@@ -63,14 +66,13 @@ class CompiledXylo(Frozen, eq=False):
     ) -> dict[str, bytes]:
         """Return the program and its reports as bytes, by name; equal input gives equal bytes.
 
-        ``emit`` are kinds of ``--emit``, of which none shows a recording yet.
+        ``emit`` are kinds of ``--emit``; ``xylo`` needs the recording that is ``shown``.
         """
         check_emitted(self.program.chip.name, emit)
         files = xylo_files(self.program) | report_files(self.report, self.composed)
         for kind in EMITTED:
             if kind in emit:
-                text = EMITTED[kind](self)
-                files[f"{kind}.txt"] = text.encode(errors="backslashreplace")
+                files |= EMITTED[kind](self, shown)
         return files
 
     @checked
@@ -79,11 +81,29 @@ class CompiledXylo(Frozen, eq=False):
         write_build(Path(folder), self.files())
 
 
-EMITTED: dict[str, Callable[[CompiledXylo], str]] = {
-    "network": lambda compiled: network_text(compiled.network),
-    "program": lambda compiled: program_text(compiled.program),
+def _network_text(compiled: CompiledXylo, shown: ShownRecording | None) -> dict[str, bytes]:
+    text = network_text(compiled.network)
+    return {"network.txt": text.encode(errors="backslashreplace")}
+
+
+def _program_text(compiled: CompiledXylo, shown: ShownRecording | None) -> dict[str, bytes]:
+    text = program_text(compiled.program)
+    return {"program.txt": text.encode(errors="backslashreplace")}
+
+
+def _rockpool(compiled: CompiledXylo, shown: ShownRecording | None) -> dict[str, bytes]:
+    if shown is None:
+        raise InputError("emit", "it shows a recording, and none is given", fix="Give one.")
+    (recording,) = compiled.network.fit(np.asarray(shown.spikes)[None], shown.title)
+    return xylo_folder(compiled.program, recording)
+
+
+EMITTED: dict[str, Callable[[CompiledXylo, ShownRecording | None], dict[str, bytes]]] = {
+    "network": _network_text,
+    "program": _program_text,
+    "xylo": _rockpool,
 }
-"""The kinds of ``--emit`` that show what a program for a Xylo has."""
+"""The kinds of ``--emit`` that show what a program for a Xylo has, and their files by name."""
 
 
 def check_emitted(chip: str, kinds: Sequence[str]) -> None:

@@ -181,7 +181,7 @@ REFUSED_TO_COMPILE = {
         ["--reset", "subtract", "--emit", "vectors"],
         2,
         "--emit vectors: it shows compartments, cores or a board, and xylo-audio3 has none of "
-        "them. Use --emit network or --emit program.",
+        "them. Use --emit network, --emit program or --emit xylo.",
     ),
     "weight bits": (
         ["--reset", "subtract", "--weight-bits", "4"],

@@ -1,0 +1,1 @@
+"""``--emit xylo``: a program as a specification for rockpool, which talks to the chips."""

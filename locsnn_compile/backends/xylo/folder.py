@@ -1,0 +1,67 @@
+"""Write a program for a Xylo as the arguments of rockpool's ``from_specification``, and a recording to compare by."""
+
+from importlib.resources import files
+
+import numpy as np
+
+from hw_model.io.files import pack_arrays
+from hw_model.values import AnyArray, ByteArray
+from hw_model.xylo.playing import play_rows, rows_of
+from hw_model.xylo.program import XyloProgram
+
+FOLDER = "xylo"
+MODULES = {
+    "xylo-audio2": "rockpool.devices.xylo.syns61201",
+    "xylo-audio3": "rockpool.devices.xylo.syns65302",
+    "xylo-imu": "rockpool.devices.xylo.syns63300",
+}
+"""Where rockpool 3.1 keeps the simulator of each chip."""
+
+
+def xylo_folder(program: XyloProgram, recording: ByteArray) -> dict[str, bytes]:
+    """Return the files by name, for a recording (steps, inputs); equal input gives equal bytes."""
+    script = (files(__package__) / "run.py.txt").read_text("utf-8")
+    chip = program.chip.name
+    return {
+        f"{FOLDER}/specification.npz": pack_arrays(specification(program), compressed=True),
+        f"{FOLDER}/expected.npz": pack_arrays(expected(program, recording), compressed=True),
+        f"{FOLDER}/run.py": script.format(chip=chip, module=MODULES[chip]).encode(),
+    }
+
+
+def specification(program: XyloProgram) -> dict[str, AnyArray]:
+    """Return the arguments of ``from_specification`` by name; numbers as arrays of no dimension."""
+    network = program.network
+    hidden = network.hidden
+    outputs = network.outputs
+    arguments: dict[str, AnyArray] = {
+        "weights_in": network.weights_in,
+        "weights_rec": network.weights_hidden,
+        "weights_out": network.weights_out,
+        "dash_mem": hidden.dash_mem,
+        "dash_mem_out": outputs.dash_mem,
+        "dash_syn": hidden.dash_syn[:, 0],
+        "dash_syn_out": outputs.dash_syn[:, 0],
+        "threshold": hidden.threshold,
+        "threshold_out": outputs.threshold,
+        "weight_shift_in": np.array(network.shift_in),
+        "weight_shift_rec": np.array(network.shift_hidden),
+        "weight_shift_out": np.array(network.shift_out),
+    }
+    if hidden.states == 2:
+        arguments["dash_syn_2"] = hidden.dash_syn[:, 1]
+    if hidden.bias is not None and outputs.bias is not None:
+        arguments["bias"] = hidden.bias
+        arguments["bias_out"] = outputs.bias
+    return arguments
+
+
+def expected(program: XyloProgram, recording: ByteArray) -> dict[str, AnyArray]:
+    """Return the rows that a chip hears of a recording, and the spikes of each row."""
+    rows = rows_of(recording)
+    result = play_rows(program.network, rows)
+    return {
+        "rows": rows,
+        "hidden_spikes": result.spikes,
+        "output_spikes": result.output_spikes,
+    }
