@@ -5,6 +5,9 @@ import numpy as np
 from hw_model.arithmetic.fixed_point import clip, kept, wrap
 from hw_model.values import BoolArray, Frozen, IntArray
 
+FEW = 512
+"""Numbers that are wrapped in less time than it takes to look whether any has to be."""
+
 
 class OnIntegers(Frozen):
     """Registers of q and of u have so many bits, and a sign."""
@@ -53,6 +56,6 @@ class WithoutWraps(OnIntegers):
 
 def _wrapped(x: IntArray, bits: int) -> IntArray:
     half = 1 << bits
-    if -half <= x.min(initial=0) and x.max(initial=0) < half:
-        return x  # nearly always, and in less time
+    if x.size > FEW and -half <= x.min() and x.max() < half:
+        return x  # nearly always
     return wrap(x, bits)

@@ -76,6 +76,7 @@ class _CoreState:
         self.turns = [(members, _rows(core.step_parameters, members)) for members in core.turns]
         self.has_bias = core.bias != 0
         self.charge = core.effective_weights
+        self.steps_until_it_acts = loihi.acts_at(0, core.axons.delay)
         # A slot for every delay in use, the step being read and the next.
         self.slots = np.zeros((int(core.axons.delay.max(initial=0)) + 2, size), dtype=np.int64)
         self.u = np.zeros(size, dtype=np.int64)
@@ -110,7 +111,8 @@ class _CoreState:
         self.potential[i] = step.potential
         self.fired[i] = step.fired
         for event, met in loihi.events(step.response, step.live):
-            self.events[EVENTS.index(event), i] += met
+            if met.any():
+                self.events[EVENTS.index(event), i] += met
 
     def active(self) -> list[int]:
         """Count the compartments of every piece that had anything to work on."""
@@ -120,7 +122,7 @@ class _CoreState:
         """Add the weights of an axon's synapses to the slots of the steps in which they act."""
         axons = self.core.axons
         row = slice(int(axons.list_start[axon]), int(axons.list_start[axon + 1]))
-        due = loihi.acts_at(step, axons.delay[row]) % len(self.slots)
+        due = (step + self.steps_until_it_acts[row]) % len(self.slots)
         np.add.at(self.slots, (due, axons.target[row]), self.charge[row])
 
 
