@@ -75,8 +75,8 @@ class Dial:
     can be asked for. ``tried`` says in its help what is tried, ``words`` how the name of a setting
     shows a value, and ``unsaid`` is the value that the name leaves out.
 
-    For ``locsnn-compile``: ``help``, ``value`` and ``kind`` declare the option, in the words of
-    ``cli/options.txt``. ``usual`` is the value for a chip where none is given, by default the
+    For ``locsnn-compile``: ``help``, ``value`` (what help calls its value), ``read``, ``choices``,
+    ``bounds`` and ``default`` declare the option. ``usual`` is the value for a chip where none is given, by default the
     neutral one, and ``check`` refuses what the chip does not have. ``idle`` says why the dial would
     change nothing where a network lacks what it needs; if empty, the compiler itself finds out.
     """
@@ -88,7 +88,9 @@ class Dial:
     tried: str
     help: str
     value: str
-    kind: str
+    read: Callable[[str], Value]
+    choices: tuple[str, ...] = ()
+    default: Value | None = None
     words: Callable[[Any], str] = str
     unsaid: Value | None = None
     bounds: tuple[float, float] | None = None
@@ -106,21 +108,6 @@ class Dial:
         """The key in ``strategy_choice`` of a report for the value that was taken."""
         return "taken" if self.name == "strategy" else f"taken_{self.name}"
 
-    @property
-    def declaration(self) -> str:
-        """The option of ``locsnn-compile``, as ``cli/options.txt`` declares options."""
-        return f"{self.option} {self.value}, {self.kind}\n    {self.help}"
-
-    @property
-    def explored(self) -> str:
-        """The option of ``locsnn explore``, which takes several values."""
-        values = ", ".join(map(str, self.values))
-        limits = "one of " + "|".join(map(str, self.values))
-        if self.bounds is not None:
-            limits = "a number from {:g} to {:g}".format(*self.bounds)
-        kind = f"{type(self.values[0]).__name__}, {limits}, several"
-        return f"{self.option} X, {kind}\n    {self.tried} to try (default: {values})"
-
     def matters(self, network: Network) -> bool:
         """Tell whether the dial changes anything for a network."""
         return bool(getattr(network, self.needs))
@@ -128,6 +115,12 @@ class Dial:
     def usual_of(self, chip: Chip) -> Value:
         """Return the value for a chip where none is given."""
         return self.neutral if self.usual is None else self.usual(chip)
+
+
+def part(text: str) -> float:
+    """Read a share of the weights: ``none``, ``all`` or a number."""
+    named = {"none": 0.0, "all": 1.0}
+    return named[text] if text in named else float(text)
 
 
 def _widest(chip: Chip) -> Value:
@@ -178,7 +171,9 @@ DIALS = (
         help=f"lowering of SRM neurons: {', '.join(STRATEGIES)}, or auto (default): "
         "the cheapest that keeps the bounds",
         value="NAME",
-        kind=f"one of {'|'.join((AUTO, *STRATEGIES))}, default {AUTO}",
+        read=str,
+        choices=(AUTO, *STRATEGIES),
+        default=AUTO,
         check=_check_strategy,
     ),
     Dial(
@@ -189,7 +184,7 @@ DIALS = (
         tried="bits of a weight",
         help="1 to 6, or 8 (default: the chip's widest); with error bounds, the widest to try",
         value="BITS",
-        kind="int",
+        read=int,
         words="{}-bit".format,
         usual=_widest,
         check=_check_weight_bits,
@@ -204,7 +199,7 @@ DIALS = (
         help="weights that get a second synapse: none, all, or a share 0..1 "
         "(default: none, or what the bounds need)",
         value="SHARE",
-        kind="part, a number from 0 to 1",
+        read=part,
         words=lambda share: f"{100 * share:.6g}% split",
         unsaid=0.0,
         bounds=(0.0, 1.0),

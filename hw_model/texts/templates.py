@@ -20,12 +20,6 @@ def filled(package: str, name: str, **given: str) -> str:
     return re.sub("@@(.+?)@@", part, folder.joinpath(name).read_text("utf-8"))
 
 
-def sections(package: str, name: str, **given: str) -> dict[str, str]:
-    """Return the parts of a text file of a package by the ``[names]`` on the lines above them."""
-    _, *found = re.split(r"\n?^\[(.+)\]\n", filled(package, name, **given), flags=re.MULTILINE)
-    return dict(zip(found[::2], found[1::2], strict=True))
-
-
 def yaml_table(package: str, name: str, **given: str) -> Any:
     """Return what a YAML file of a package holds."""
     import yaml  # commands whose help has no table do not wait for it

@@ -47,23 +47,15 @@ class LoadOptions:
 class FormatOption:
     """An option that only some formats take, as the command line declares it.
 
-    ``name`` is its keyword in :class:`LoadOptions`, ``value`` what help calls its value, ``kind``
-    the kind of its values, in the words of ``cli/options.txt``, and ``elsewhere`` why other formats
-    do not take it.
+    ``name`` is its keyword in :class:`LoadOptions`, ``value`` what help calls its value, empty for
+    a switch, and ``elsewhere`` why other formats do not take it.
     """
 
     name: str
     help: str
     value: str = ""
-    kind: str = ""
+    is_number: bool = False
     elsewhere: str = "{called} contains this itself"
-
-    @property
-    def declaration(self) -> str:
-        """The option as ``cli/options.txt`` declares options."""
-        named = f"--{self.name.replace('_', '-')} {self.value}".rstrip()
-        kinds = f", {self.kind}" if self.kind else ""
-        return f"{named}{kinds}\n    {self.help}"
 
 
 @dataclass(frozen=True)

@@ -85,7 +85,7 @@ FORMAT_OPTIONS = (
         "NIR: the step of the graph's constants in seconds, never the width of a bin "
         "(default 1e-4, the convention)",
         "SECONDS",
-        "float, a finite number",
+        is_number=True,
     ),
     FormatOption(
         "reset",
@@ -100,13 +100,12 @@ FORMAT_OPTIONS = (
         "NIR: potentials of neurons that spike never fall below VALUE, such as -1 "
         "(default: no floor)",
         "VALUE",
-        "float, a finite number",
+        is_number=True,
         elsewhere="the neurons of {called} have none",
     ),
     FormatOption(
         "relay_delays",
         "NIR, lava-dl: neurons that repeat spikes carry delays above 62 steps",
-        kind="switch",
     ),
     FormatOption(
         "kernels",

@@ -133,7 +133,7 @@ HEADROOM = Dial(
     tried="thresholds that the voltage register holds",
     help="thresholds that the voltage register holds (default 16)",
     value="X",
-    kind="float, a number from 1 to 64",
+    read=float,
     bounds=(1.0, 64.0),
 )
 

@@ -11,8 +11,9 @@ import locsnn_compile as lc
 from hw_model.arithmetic.fixed_point import WEIGHT_BITS
 from locsnn_compile import settings as grid
 from locsnn_compile.cli import explore as explore_cli
-from locsnn_compile.cli import options
 from locsnn_compile.cli.compile import parser
+from locsnn_compile.cli.declarations import explore as declared_options
+from locsnn_compile.cli.declarations.shared import add_explored
 from locsnn_compile.errors import InputError
 from locsnn_compile.explore import result
 from locsnn_compile.settings import DIALS, STRATEGIES, Dial, Setting, settings
@@ -76,7 +77,7 @@ PSI = Dial(
     tried="late predictions",
     help="how late the prediction shifts",
     value="X",
-    kind="float, a number from 0 to 99",
+    read=float,
     words="psi {:g}".format,
     bounds=(0.0, 99.0),
 )
@@ -91,8 +92,7 @@ def test_a_row_and_its_field_add_a_dial(model, events, tmp_path, monkeypatch):
     """Option, grid, compilation, files and commands follow the table; ``psi`` is an option that changes no figure."""
     for module in (grid, explore_cli, result):
         monkeypatch.setattr(module, "DIALS", (*DIALS, PSI))
-    explored_dials = "\n".join(dial.explored for dial in (*DIALS, PSI))
-    monkeypatch.setitem(options.WORDS, "explore", {"dials": explored_dials})
+    monkeypatch.setattr(declared_options, "DIALS", (*DIALS, PSI))
     monkeypatch.setattr(grid, "Setting", Late)
     words = (*narrow("reset"), "--psi", 5, 10, "--engines", "--quiet")
     assert explore(model, "--events", events, *words, "-o", tmp_path / "out") == 0
@@ -114,15 +114,14 @@ def test_a_row_and_its_field_add_a_dial(model, events, tmp_path, monkeypatch):
     ],
     ids=["least", "between", "too large"],
 )
-def test_bounds_let_other_values_in(value, line, monkeypatch):
+def test_bounds_let_other_values_in(value, line):
     parser = argparse.ArgumentParser()
-    monkeypatch.setitem(options.WORDS, "explore", {"dials": PSI.explored})
-    options.add_options(parser, "explore")
+    add_explored(parser, PSI)
     if line is None:
-        assert parser.parse_args(["net.nir", "--psi", value]).psi == [float(value)]
+        assert parser.parse_args(["--psi", value]).psi == [float(value)]
         return
     with pytest.raises(InputError) as caught:
-        parser.parse_args(["net.nir", "--psi", value])
+        parser.parse_args(["--psi", value])
     assert str(caught.value) == line
 
 

@@ -1,0 +1,15 @@
+"""Options of ``locsnn completion``, in the order of its help."""
+
+import argparse
+
+from locsnn_compile.cli.declarations.kinds import choice
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Add the options of ``locsnn completion``."""
+    parser.add_argument(
+        "shell",
+        metavar="SHELL",
+        **choice("shell", ("bash", "zsh", "fish")),
+        help="bash, zsh or fish",
+    )

@@ -1,0 +1,85 @@
+"""Options of ``locsnn run``, in the order of its help."""
+
+import argparse
+
+from locsnn_compile.cli.declarations.kinds import choice, number
+from locsnn_compile.cli.declarations.shared import (
+    add_division,
+    add_numbering,
+    add_played,
+    add_sensor,
+    add_times,
+)
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Add the options of ``locsnn run``."""
+    add_played(parser)
+    parser.add_argument(
+        "--profile",
+        metavar="NAME|FILE",
+        help="costs of operations: a profile of the chip, or your own YAML file",
+    )
+    parser.add_argument(
+        "--engine",
+        metavar="NAME",
+        **choice("--engine", ("fast", "reference")),
+        default="fast",
+        help="fast or reference (default fast); both give the same integers",
+    )
+    parser.add_argument(
+        "--stream",
+        action="store_true",
+        help="play step by step; show each change of the prediction, and the pace",
+    )
+    parser.add_argument(
+        "--psi",
+        metavar="X",
+        type=number("--psi", float, low=0),
+        help=("with --stream or --stop margin: psi of the time-weighted prediction, such as 10"),
+    )
+    parser.add_argument(
+        "--stop",
+        metavar="HOW",
+        **choice("--stop", ("proven", "margin", "silence")),
+        help="stop early: when the class is proven, leads by a margin, or in silence",
+    )
+    parser.add_argument(
+        "--calibrate",
+        metavar="FILE",
+        help="with --stop margin: validation recordings on which to find the margin",
+    )
+    parser.add_argument(
+        "--min-agreement",
+        metavar="X",
+        type=number("--min-agreement", float, low=0, high=1),
+        help=(
+            "with --calibrate: share of these recordings to predict as after the last "
+            "step (default 0.99)"
+        ),
+    )
+    parser.add_argument(
+        "--margin",
+        metavar="X",
+        type=number("--margin", float, above=0),
+        help=(
+            "with --stop margin: the margin, if you know it, as a difference of class "
+            "scores (docs/how-to/streaming.md)"
+        ),
+    )
+    parser.add_argument(
+        "--silence",
+        metavar="N",
+        type=number("--silence", int, low=1),
+        help="with --stop silence: steps without an event",
+    )
+    add_times(parser)
+    add_division(parser)
+    add_sensor(parser)
+    add_numbering(parser)
+    parser.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="play on the Dask cluster of this scheduler (needs dask)",
+    )
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")

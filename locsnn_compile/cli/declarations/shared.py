@@ -1,0 +1,205 @@
+"""Options that several commands share."""
+
+import argparse
+from typing import Any
+
+from locsnn_compile.cli.declarations.kinds import choice, number, numbers, start
+from locsnn_compile.frontends.formats import FORMAT_OPTIONS
+from locsnn_compile.settings import Dial
+
+
+def add_times(parser: argparse.ArgumentParser) -> None:
+    """Add the options on how recordings become steps."""
+    parser.add_argument(
+        "--step-seconds",
+        metavar="X",
+        type=number("--step-seconds", float, above=0),
+        help=(
+            "width of a bin in seconds, if the recordings do not give it (default: the "
+            "model's, else 0.02)"
+        ),
+    )
+    parser.add_argument(
+        "--steps",
+        metavar="N",
+        type=int,
+        help="steps of a recording: shorter ones end in silence, longer ones are cut",
+    )
+    parser.add_argument(
+        "--threshold",
+        metavar="N",
+        type=int,
+        help="events that a bin must exceed to be 1 (default 0)",
+    )
+    parser.add_argument(
+        "--start",
+        metavar="WHEN",
+        type=start,
+        help=(
+            "seconds at which step 0 of events begins, or first: at the first event "
+            "(default: the model's, else as the format has it)"
+        ),
+    )
+    parser.add_argument(
+        "--time-unit",
+        metavar="UNIT",
+        **choice("--time-unit", ("ns", "us", "ms", "s")),
+        help=(
+            "unit of t in fields and tables, and of spike times in HDF5 (default: the "
+            "model's, else us, in HDF5 s)"
+        ),
+    )
+    parser.add_argument(
+        "--max-steps",
+        metavar="N",
+        type=number("--max-steps", int, low=1),
+        help="longest recording of events to read, in steps (default 20000)",
+    )
+    parser.add_argument(
+        "--classes",
+        metavar="NAMES",
+        help=(
+            "names of the classes from class 0 on, separated by commas (default: the "
+            "model's, the file's or a known order)"
+        ),
+    )
+
+
+def add_division(parser: argparse.ArgumentParser) -> None:
+    """Add the options on how recordings are divided."""
+    parser.add_argument(
+        "--split",
+        metavar="X",
+        type=float,
+        help="share of each class to test on, such as 0.2, if there are no parts",
+    )
+    parser.add_argument(
+        "--fold",
+        metavar="K",
+        type=int,
+        help="round of --split, or number of VT_SNN's train_80_20_K.txt (default 1)",
+    )
+
+
+def add_sensor(parser: argparse.ArgumentParser) -> None:
+    """Add the options on what the sensor is."""
+    parser.add_argument(
+        "--axes",
+        metavar="ORDER",
+        help=("axes of arrays, such as samples,steps,channels (default samples,channels,steps)"),
+    )
+    parser.add_argument(
+        "--grid",
+        metavar="WxH",
+        help="the sensor is a grid of W columns and H rows, numbered row by row",
+    )
+    parser.add_argument(
+        "--layout",
+        metavar="FILE.yaml",
+        help=(
+            "the sensor is described in this file: name, polarities, positions and names of taxels"
+        ),
+    )
+    parser.add_argument(
+        "--channels",
+        metavar="N",
+        type=number("--channels", int, low=1),
+        help="the sensor has N channels, without positions or in --columns",
+    )
+    parser.add_argument(
+        "--polarities",
+        metavar="N",
+        type=int,
+        help=(
+            "polarities that the sensor has, 1 or 2 (default: 2 for a grid, 1 for "
+            "channels, else as in the events)"
+        ),
+    )
+    parser.add_argument(
+        "--columns",
+        metavar="N",
+        type=number("--columns", int, low=1),
+        help="columns of the grid of x and y (default: the highest x plus 1)",
+    )
+    parser.add_argument(
+        "--merge-polarities",
+        action="store_true",
+        default=None,
+        help="make one channel of both polarities of a pixel",
+    )
+
+
+def add_numbering(parser: argparse.ArgumentParser) -> None:
+    """Add the options on how a model numbers its inputs."""
+    parser.add_argument(
+        "--channel-order",
+        metavar="ORDER",
+        **choice("--channel-order", ("yxp", "pyx")),
+        help=(
+            "how the model numbers its inputs, if it does not say so: yxp (2 * pixel + "
+            "polarity), or pyx, as images (C, H, W)"
+        ),
+    )
+
+
+def add_weights(parser: argparse.ArgumentParser) -> None:
+    """Add the options on the weights of several models."""
+    parser.add_argument(
+        "--weights",
+        metavar="X,Y,...",
+        type=numbers,
+        help=(
+            "weights of the models' class scores (default: chosen so that all weighted "
+            "scores vary equally)"
+        ),
+    )
+
+
+def add_played(parser: argparse.ArgumentParser) -> None:
+    """Add the options on what is played: a program and recordings."""
+    parser.add_argument("program", metavar="DIR", help="folder that locsnn-compile wrote")
+    parser.add_argument(
+        "--events",
+        metavar="FILE",
+        required=True,
+        help="recordings: .zip, folder, .npy, .npz, .pt, .h5, or event files",
+    )
+
+
+def add_format_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options that only some formats of models take."""
+    for option in FORMAT_OPTIONS:
+        name = f"--{option.name.replace('_', '-')}"
+        if not option.value:
+            parser.add_argument(name, action="store_true", default=None, help=option.help)
+        elif option.is_number:
+            read = number(name, float)
+            parser.add_argument(name, metavar=option.value, type=read, help=option.help)
+        else:
+            parser.add_argument(name, metavar=option.value, help=option.help)
+
+
+def add_dial(parser: argparse.ArgumentParser, dial: Dial) -> None:
+    """Add the option of a dial of the compiler."""
+    kind: dict[str, Any] = {"type": dial.read}
+    if dial.choices:
+        kind = choice(dial.option, dial.choices)
+    elif dial.bounds is not None:
+        low, high = dial.bounds
+        kind = {"type": number(dial.option, dial.read, low=low, high=high)}
+    parser.add_argument(
+        dial.option, metavar=dial.value, default=dial.default, help=dial.help, **kind
+    )
+
+
+def add_explored(parser: argparse.ArgumentParser, dial: Dial) -> None:
+    """Add the option of ``locsnn explore`` for values of a dial."""
+    read = type(dial.values[0])
+    values = tuple(map(str, dial.values))
+    if dial.bounds is None:
+        kind = choice(dial.option, values, read)
+    else:
+        low, high = dial.bounds
+        kind = {"type": number(dial.option, read, low=low, high=high)}
+    said = f"{dial.tried} to try (default: {', '.join(values)})"
+    parser.add_argument(dial.option, metavar="X", nargs="+", help=said, **kind)

@@ -1,0 +1,30 @@
+"""Options of ``locsnn stress``, in the order of its help."""
+
+import argparse
+from pathlib import Path
+
+from locsnn_compile.cli.completion import chips
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Add the options of ``locsnn stress``."""
+    target = parser.add_argument(
+        "--target",
+        metavar="CHIP",
+        default="loihi-sim",
+        help="chip name or chip file (default loihi-sim)",
+    )
+    target.completer = chips  # type: ignore[attr-defined]
+    parser.add_argument(
+        "--quick",
+        action="store_true",
+        help=("play only some of the rows, and shorter long runs; takes seconds, not minutes"),
+    )
+    parser.add_argument("--json", action="store_true", help="print all rows as JSON")
+    parser.add_argument(
+        "-o",
+        "--output",
+        metavar="FILE",
+        type=Path,
+        help="write a page; a table of all rows (.csv) and pictures go next to it",
+    )
