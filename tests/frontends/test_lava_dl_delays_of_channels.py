@@ -42,3 +42,51 @@ def test_a_spike_comes_after_the_delay_of_its_channel(kind, tmp_path):
     network = lc.load(tmp_path / "model.net")
     program = lc.compile(network, events=given[None], diagnosis=False).program
     assert np.array_equal(hw.simulate(program, given).spikes["layer1"], wanted.reshape(12, -1))
+
+
+HELD_BACK = "The delays of layer 1 hold back its inputs and not its biases, as in netx; slayer delays what it sends."
+
+
+def test_a_bias_is_not_delayed_as_in_netx_and_said_to_be(tmp_path):
+    """Without memory, with a bias of 6 and a weight of 6: a spike needs both, above 10."""
+    layer = {
+        "type": "dense",
+        "shape": np.array([1]),
+        "weight": np.full((1, 1), 6.0),
+        "bias": np.array([6.0]),
+        "delay": np.array([3.0]),
+        "neuron": neuron(i_decay=4096, v_decay=2048, threshold=10),
+    }
+    write_net(tmp_path / "model.net", [{"type": "input", "shape": np.array([1])}, layer])
+    network = lc.load(tmp_path / "model.net")
+    given = np.zeros((12, 1), np.uint8)
+    given[0] = given[5] = 1
+    program = lc.compile(network, events=given[None], diagnosis=False).program
+    # v is 6, 9, 10.5, at which the bias alone makes it spike, in the third step: inputs wait for 3.
+    wanted = []
+    v = 0.0
+    for step in range(12):
+        arrives = step >= 4 and given[step - 4, 0]
+        v = v / 2 + 6 + 6 * arrives
+        wanted.append(int(v > 10))
+        if v > 10:
+            v = 0.0
+    found = hw.simulate(program, given).spikes["layer1"]
+    assert found[:, 0].tolist() == wanted
+    assert wanted[2] == 1
+    assert network.assumptions == (HELD_BACK,)
+
+
+@pytest.mark.parametrize("left_out", ["bias", "delay"])
+def test_delays_without_a_bias_need_no_word(left_out, tmp_path):
+    layer = {
+        "type": "dense",
+        "shape": np.array([1]),
+        "weight": np.full((1, 1), 6.0),
+        "bias": np.array([6.0]),
+        "delay": np.array([3.0]),
+        "neuron": neuron(),
+    }
+    del layer[left_out]
+    write_net(tmp_path / "model.net", [{"type": "input", "shape": np.array([1])}, layer])
+    assert lc.load(tmp_path / "model.net").assumptions == ()

@@ -1,10 +1,10 @@
 """A network as a NIR file, with its quantised integers in the metadata of the graph.
 
 A network from NIR is written as the graph that it was, node by node and number by number. Others become Input, Linear,
-Delay, neuron and Output nodes, with constants whose usual Euler step is that of the network: a share d lost per step
-is ``tau = dt / d``, ``r = 1 / d``, and a bias b is ``v_leak = b / d``. Neurons that are read by potential become LI or
-CubaLI. Spikes of NIR take no step, or one where they close a loop; a Delay holds what they take more here
-(:mod:`locsnn_compile.frontends.nir.paths`).
+Delay, neuron and Output nodes; behind an Input of an image, (C, H, W), comes a Flatten. Their constants are those whose
+usual Euler step is that of the network: a share d lost per step is ``tau = dt / d``, ``r = 1 / d``, and a bias b is
+``v_leak = b / d``. Neurons that are read by potential become LI or CubaLI. Spikes of NIR take no step, or one where
+they close a loop; a Delay holds what they take more here (:mod:`locsnn_compile.frontends.nir.paths`).
 
 Metadata has dotted keys: ``dt``, the step of the constants, and ``step_seconds``, the width of a bin of recordings,
 each if known; for each population ``quantized.<name>.threshold``, ``decay_u``,
@@ -102,10 +102,18 @@ def nir_graph(network: Network) -> NirGraph:
 
     # All inputs over time play the same recording, and a reader would put the lines of several nodes side by side.
     inputs = [view for view in network.views if view.axis == "time"]
+    image = _image_shape(network)
     for view in inputs:
-        called[view.name] = called.get(inputs[0].name) or add(
-            view.name, "Input", {"shape": np.array([view.lines])}
-        )
+        if inputs[0].name in called:
+            called[view.name] = called[inputs[0].name]
+            continue
+        shape = (view.lines,) if image is None else image
+        entered = add(view.name, "Input", {"shape": np.array(shape)})
+        if image is not None:
+            flat = add(f"{view.name}.flat", "Flatten", _flattening(image))
+            edges.append((entered, flat))
+            entered = flat
+        called[view.name] = entered
     read = network.readout.from_step
     for population in network.populations:
         called[population.name] = add(
@@ -144,6 +152,19 @@ def nir_graph(network: Network) -> NirGraph:
             (called[name], add(f"{name}.output", "Output", {"shape": np.array([network.classes])}))
         )
     return NirGraph(nodes, tuple(edges))
+
+
+def _image_shape(network: Network) -> tuple[int, int, int] | None:
+    """Return the shape (C, H, W) of inputs that are numbered as images are; None for others."""
+    pixels = network.known_inputs
+    if pixels is None or pixels.numbering != "pyx" or pixels.pixels == 1:
+        return None
+    return pixels.polarities, pixels.rows, pixels.columns
+
+
+def _flattening(image: tuple[int, int, int]) -> dict[str, Array | str]:
+    """Return the parameters of a node that flattens an image; NIR counts no axis of a batch."""
+    return {"input_type": np.array(image), "start_dim": np.array(0), "end_dim": np.array(-1)}
 
 
 def _check_readout(network: Network, deep: Mapping[str, int], depths: Mapping[str, int]) -> None:

@@ -63,15 +63,15 @@ _REFUSED = {
 class _Built(Parts):
     """The network's parts so far, the name and shape of the last layer, and the shape of the input.
 
-    ``relay_delays``: keep delays that a synapse cannot have. ``changed_delays`` are sentences on those
-    that the file holds and the network does not.
+    ``relay_delays``: keep delays that a synapse cannot have. ``assumed`` are sentences on delays: on
+    those that the file holds and the network does not, and on what they hold back.
     """
 
     source: str = INPUT
     shape: Shape | None = None
     input_shape: Shape = ()
     relay_delays: bool = False
-    changed_delays: list[str] = field(default_factory=list)
+    assumed: list[str] = field(default_factory=list)
 
 
 def load_lava_dl(path: Path, *, relay_delays: bool = False) -> Network:
@@ -94,7 +94,7 @@ def load_lava_dl(path: Path, *, relay_delays: bool = False) -> Network:
     relayed = add_relays(built) if relay_delays else ()
     said: dict[str, Any] = {"origin": file, "any_length": True}
     said["inputs"] = image_channels(built.input_shape)
-    said["assumptions"] = (*built.changed_delays, *relayed)
+    said["assumptions"] = (*built.assumed, *relayed)
     return built.network_of_file(path, data, lines, steps, seconds, **said)
 
 
@@ -178,6 +178,11 @@ def _append(
     neurons = _sums_of_arriving_weights(layer, size) if read_out else _neurons(layer, shape)
     built.populations.append(Population(name, "time", size, neurons))
     delay = 0 if layer.kind == "input" else _delay(built, layer, mantissa)
+    if np.any(delay) and neurons.biased.any():
+        built.assumed.append(
+            f"The delays of layer {layer.number} hold back its inputs and not its biases, as in netx; "
+            "slayer delays what it sends."
+        )
     built.projections.append(_projection(built.source, name, mantissa, delay, layer.where))
     built.source, built.shape = name, shape
 
@@ -282,7 +287,7 @@ def _delay(built: _Built, layer: NetLayer, mantissa: Matrix) -> int | IntArray:
             layer.where, "a delay is below 0", fix="Clamp the delays before the export."
         )
     longest = LONGEST_DELAY if built.relay_delays else DELAY_MAX
-    built.changed_delays += _changed_delays(layer, values, longest)
+    built.assumed += _changed_delays(layer, values, longest)
     delay = np.minimum(np.floor(values), longest).astype(np.int64).reshape(-1)
     rows, columns = mantissa.shape
     if (delay == delay[:1]).all() and delay.size in (1, rows, columns):

@@ -1,0 +1,80 @@
+"""``--emit nir`` of networks over images: the file says which input is which pixel."""
+
+from pathlib import Path
+
+import nir
+import numpy as np
+import pytest
+from net_files import dense, even, neuron, write_net
+
+import hw_model as hw
+import locsnn_compile as lc
+from locsnn_compile.backends.exchange import exchange_file
+from locsnn_compile.data.channels import Channels
+from locsnn_compile.pipeline import lower
+from locsnn_compile.reference.evaluate import evaluate
+
+IMAGE = (2, 3, 4)
+"""Polarities, rows and columns."""
+RNG = np.random.default_rng(8)
+
+
+def net_over_images(folder: Path, shape: tuple[int, ...] = IMAGE) -> Path:
+    convolution = {
+        "type": "conv",
+        "shape": np.array([3, 3, 4]),
+        "inChannels": 2,
+        "outChannels": 3,
+        "kernelSize": np.array([3, 3]),
+        "stride": np.array([1, 1]),
+        "padding": np.array([1, 1]),
+        "dilation": np.array([1, 1]),
+        "groups": 1,
+        "weight": even(RNG, 3, 2, 3, 3, low=-20, high=40),
+        "neuron": neuron(threshold=60),
+    }
+    behind = [{"type": "flatten", "shape": np.array([36])}, dense(RNG, 4, 36)]
+    first = [convolution, *behind] if shape == IMAGE else [dense(RNG, 4, 24)]
+    write_net(folder / "model.net", [{"type": "input", "shape": np.array(shape)}, *first])
+    return folder / "model.net"
+
+
+def sent_on(path: Path, folder: Path, **options) -> tuple[lc.Network, Path]:
+    """Return a network, and the NIR file of it."""
+    network = lc.load(path, **options)
+    written = folder / "sent.nir"
+    levels = lower(network, hw.chip("loihi-sim"), 8)
+    written.write_bytes(exchange_file("nir", levels.quantized))
+    return network, written
+
+
+def test_the_input_has_the_shape_of_the_image(tmp_path):
+    _, written = sent_on(net_over_images(tmp_path), tmp_path)
+    graph = nir.read(written)
+    assert graph.nodes["input"].input_type["input"].tolist() == [2, 3, 4]
+    ((_, flat),) = [edge for edge in graph.edges if edge[0] == "input"]
+    assert isinstance(graph.nodes[flat], nir.Flatten)
+    assert graph.nodes[flat].output_type["output"].tolist() == [24]
+
+
+def test_pixels_reach_the_same_neurons_of_the_file(tmp_path):
+    network, written = sent_on(net_over_images(tmp_path), tmp_path)
+    again = lc.load(written, dt=1e-4)
+    assert network.expected.inputs == Channels(4, 3, 2, "pyx")
+    assert again.expected.inputs == Channels(4, 3, 2, "pyx")
+    # Frames of one pixel each, by what they show: polarity, row and column.
+    reached = 0
+    for place in np.ndindex(*IMAGE):
+        frames = np.zeros((1, 6, *IMAGE), np.uint8)
+        frames[(0, slice(0, 4), *place)] = 1
+        played = frames.reshape(1, 6, -1)
+        wanted = evaluate(network, played).spikes["layer1"]
+        np.testing.assert_array_equal(evaluate(again, played).spikes["layer1"], wanted)
+        reached += int(wanted.sum())
+    assert reached > 20
+
+
+@pytest.mark.parametrize("options", [{}, {"channel_order": "yxp"}])
+def test_inputs_that_are_not_numbered_as_images_stay_flat(options, tmp_path):
+    _, written = sent_on(net_over_images(tmp_path, (24,)), tmp_path, **options)
+    assert nir.read(written).nodes["input"].input_type["input"].tolist() == [24]
