@@ -34,7 +34,12 @@ from locsnn_compile.pipeline import Levels
 from locsnn_compile.reference.evaluate import calibrate, score_spread
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.content import Report
-from locsnn_compile.report.figures.document import Findings, ReportFigures, report_figures
+from locsnn_compile.report.figures.document import (
+    Findings,
+    GateFigures,
+    ReportFigures,
+    report_figures,
+)
 from locsnn_compile.report.figures.entries import plain
 from locsnn_compile.report.grounds import grounds_of
 from locsnn_compile.report.renderers.html import render_html, render_summary
@@ -80,7 +85,7 @@ class CompiledModel(Frozen, eq=False):
     """The part of a recording that the report shows; None without a diagnosis."""
 
     def __repr__(self) -> str:
-        said = matches(self.report).sentence.rstrip(".")
+        said = matches(self.figures).sentence.rstrip(".")
         return f"<CompiledModel {self.network.name[:60]!r} on {self.program.chip.name}: {said}>"
 
     def _repr_html_(self) -> str:
@@ -94,7 +99,7 @@ class CompiledModel(Frozen, eq=False):
     @cached_property
     def composed(self) -> Report:
         """The content of report.html, report.md and the summary on the terminal."""
-        return compose(self.report, self.excerpt)
+        return compose(self.figures, self.excerpt)
 
     @property
     def levels(self) -> Levels:
@@ -110,6 +115,10 @@ class CompiledModel(Frozen, eq=False):
     def network(self) -> Network:
         """The trained network."""
         return self.levels.network
+
+    def with_gates(self, gates: tuple[GateFigures, ...]) -> "CompiledModel":
+        """Return the same with these gates in the report."""
+        return replace(self, figures=replace(self.figures, gates=gates))
 
     def to_html(self) -> str:
         """Return report.html, a page in one file."""

@@ -183,7 +183,7 @@ def _viewer(build: Build) -> Files:
 
     compiled = build.model
     first_divergence = compiled.match.first_divergence
-    page = render_viewer(compiled.observed, compiled.report, first_divergence)
+    page = render_viewer(compiled.observed, compiled.figures, first_divergence)
     return {"viewer.html": page}
 
 

@@ -3,7 +3,6 @@
 import sys
 from argparse import Namespace
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from hw_model.io.build_folder import check_folder, default_folder, write_build
@@ -37,7 +36,6 @@ from locsnn_compile.errors import InputError, listed
 from locsnn_compile.frontends import load
 from locsnn_compile.frontends.format_rows import LoadOptions
 from locsnn_compile.network.network import Network
-from locsnn_compile.report.figures.entries import plain
 from locsnn_compile.report.gates import GATES, check_gates, gates_entry, junit_file
 from locsnn_compile.report.sections.build import unmet_budget
 from locsnn_compile.report.words import sentence
@@ -49,7 +47,7 @@ from locsnn_compile.request.compile_request import (
 )
 from locsnn_compile.settings import DIALS, check_matters
 from locsnn_compile.verification.error_bounds import ErrorBudget
-from locsnn_compile.xylo.compiled import CompiledXylo, check_emitted
+from locsnn_compile.xylo.compiled import check_emitted
 
 READ = ("--options", "--config", "--events", "--calibration", "--target", "--profile")
 BOUNDS = ("--min-agreement", "--max-spike-error", "--max-score-error")
@@ -72,13 +70,8 @@ def build(args: Namespace) -> int:
         asked = _setting_request(args, target, calibration)
         pricing = PricingRequest(args.profile)
         compiled = fulfil(CompileRequest(network, target, asked, check, pricing))
-    gates = check_gates(compiled.report, given(args, GATES))
-    if isinstance(compiled, CompiledXylo):
-        report = compiled.report | {"gates": plain(gates_entry(gates))}
-        compiled = replace(compiled, report=report)
-    else:
-        figures = replace(compiled.figures, gates=gates_entry(gates))
-        compiled = replace(compiled, figures=figures)
+    gates = check_gates(compiled.figures, given(args, GATES))
+    compiled = compiled.with_gates(gates_entry(gates))
     title = f"recording {number} of {recordings.source}"
     shown = ShownRecording(recordings.spikes[number], title, args.probe)
     files = compiled.files(args.emit, shown)

@@ -10,7 +10,6 @@ from collections.abc import Mapping
 from dataclasses import asdict, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -24,6 +23,7 @@ from locsnn_compile.errors import TargetError
 from locsnn_compile.frontends import load
 from locsnn_compile.frontends.format_rows import LoadOptions
 from locsnn_compile.network.network import Network
+from locsnn_compile.report.figures.document import ReportFigures
 from locsnn_compile.request.compile_request import CheckRequest, CompileRequest, SettingRequest
 from locsnn_compile.settings import Setting
 from locsnn_compile.verification.error_bounds import Losses
@@ -115,9 +115,6 @@ The reference engine is too slow for more.
 """
 
 
-_OF_MATCH = ("prediction_agreement", "spike_agreement", "score_error", "wraps", "clips")
-
-
 class Figures(Losses):
     """The figures of a setting's report; energy and chip time are means per recording by the chip's default profile.
 
@@ -135,20 +132,24 @@ class Figures(Losses):
     clips: int
 
     @classmethod
-    def of(cls, report: Mapping[str, Any]) -> "Figures":
+    def of(cls, report: ReportFigures) -> "Figures":
         """Take the figures from a report."""
-        match, accuracy, resources = report["match"], report["accuracy"], report["resources"]
+        match, energy, resources = report.match, report.energy, report.resources
         return cls(
-            accuracy=accuracy and accuracy["chip"],
-            float_accuracy=accuracy and accuracy["reference"],
-            energy_profile=report["energy"]["profile"],
-            energy_pj=report["energy"]["per_sample_pj"],
-            chip_time_ns=report["latency"]["per_sample_ns"],
-            **{
-                name: resources[name]
-                for name in ("cores", "compartments", "synapses", "synapse_bits")
-            },
-            **{name: match[name] for name in _OF_MATCH},
+            prediction_agreement=match.prediction_agreement,
+            spike_agreement=match.spikes.spike_agreement,
+            score_error=match.score_error,
+            energy_pj=None if energy is None else energy.per_sample_pj,
+            chip_time_ns=report.latency.per_sample_ns,
+            accuracy=None if report.accuracy is None else report.accuracy.chip,
+            float_accuracy=None if report.accuracy is None else report.accuracy.reference,
+            energy_profile=None if energy is None else energy.profile,
+            cores=resources.cores,
+            compartments=resources.compartments,
+            synapses=resources.synapses,
+            synapse_bits=resources.synapse_bits,
+            wraps=match.wraps,
+            clips=match.clips,
         )
 
 
@@ -187,7 +188,7 @@ def measure(study: Study, setting: Setting) -> Point:
     except TargetError as error:
         return Point(setting, None, vars(error), {}, code_version())
     timings = _timings(compiled.program, compiled.observed.recordings, study.engines)
-    return Point(setting, Figures.of(compiled.report), None, timings, code_version())
+    return Point(setting, Figures.of(compiled.figures), None, timings, code_version())
 
 
 def _timings(

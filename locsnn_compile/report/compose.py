@@ -1,6 +1,9 @@
 """Put the report together: verdicts, notices and sections, in the order in which readers ask."""
 
-from locsnn_compile.report.content import Document, Report
+from collections.abc import Iterator
+
+from locsnn_compile.report.content import Report, Section
+from locsnn_compile.report.figures.document import ReportFigures
 from locsnn_compile.report.format import plural, shortened
 from locsnn_compile.report.sections import accuracy, behaviour, build, cost
 from locsnn_compile.report.sections.cores import cores
@@ -14,46 +17,58 @@ LONGEST_NAME = 60
 """Characters of a name in the title; provenance has the names in full."""
 
 
-def compose(document: Document, excerpt: Excerpt | None = None) -> Report:
+def compose(report: ReportFigures, excerpt: Excerpt | None = None) -> Report:
     """Return the whole report as content without form; ``excerpt`` is the part of a recording to show."""
-    priced = document["energy"]["profile"]
-    on_mesh = "activity" not in document
+    energy = report.energy
     sections = (
-        cost.energy_section(document) if priced else None,
-        *((cost.latency_section(document), cores(document)) if on_mesh else ()),
-        *(() if on_mesh else (cost.activity_section(document), cost.cycles_section(document))),
-        behaviour.agreement(document),
-        spikes(document, excerpt),
-        potential(document, excerpt),
-        accuracy.error_budget(document),
-        accuracy.margins(document),
-        over_time(document),
-        behaviour.operations(document),
-        behaviour.comparison(document),
-        build.resources(document),
-        build.left_out(document),
-        build.quantization(document),
-        build.ranges(document),
-        build.provenance(document),
+        *_costs(report),
+        behaviour.agreement(report.match),
+        spikes(report.match, excerpt),
+        potential(report.match, excerpt),
+        accuracy.error_budget(report),
+        accuracy.margins(report),
+        over_time(report),
+        behaviour.operations(report.operations),
+        behaviour.comparison(report),
+        build.resources(report),
+        build.left_out(report),
+        build.quantization(report),
+        build.ranges(report),
+        build.provenance(report),
     )
-    match = document["match"]
-    strategies = document["strategy"].split(", ")
-    called = "strategy" if len(strategies) == 1 else "strategies"
-    options = f"{document['weight_bits']}-bit weights, {called} {listed(strategies)}"
-    names = (
-        shortened(name, LONGEST_NAME) for name in (document["model"]["name"], document["target"])
-    )
+    names = (shortened(name, LONGEST_NAME) for name in (report.model.name, report.target))
     return Report(
         kind="locsnn-compile report",
         title=" on ".join(names),
-        subtitle=f"{options}, {plural(match['samples'], 'recording')} of {match['events_source']}",
+        subtitle=_subtitle(report),
         verdicts=(
-            matches(document),
-            costs(document) if priced else cost.cycles(document),
-            fits(document),
+            matches(report),
+            cost.cycles(report) if energy is None else costs(report, energy),
+            fits(report),
         ),
-        notices=notices(document),
+        notices=notices(report),
         sections=tuple(section for section in sections if section),
         footer="Per recording means the mean over the recordings of the check, unless a range is given.",
-        assumptions=tuple(document["assumptions"]),
+        assumptions=report.assumptions,
     )
+
+
+def _costs(report: ReportFigures) -> Iterator[Section]:
+    """Yield the sections on energy and time: those of cores on a mesh, or those of the open core."""
+    energy, mesh, activity = report.energy, report.latency.mesh, report.activity
+    if energy is not None:
+        yield cost.energy_section(report, energy)
+    if mesh is not None:
+        yield cost.latency_section(report, mesh)
+    if mesh is not None and energy is not None:
+        yield cores(report, energy)
+    if activity is not None:
+        yield cost.activity_section(report, activity)
+        yield cost.cycles_section(report)
+
+
+def _subtitle(report: ReportFigures) -> str:
+    strategies = report.strategy.split(", ")
+    called = "strategy" if len(strategies) == 1 else "strategies"
+    recordings = f"{plural(report.match.samples, 'recording')} of {report.match.events_source}"
+    return f"{report.weight_bits}-bit weights, {called} {listed(strategies)}, {recordings}"

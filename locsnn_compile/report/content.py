@@ -6,6 +6,7 @@ The words and numbers are chosen once, in ``verdict.py`` and the section files; 
 ``terminal.py`` only give them form. Strings are unescaped here; each form escapes all of them.
 """
 
+from collections.abc import Mapping
 from typing import Any, Literal
 
 from hw_model.values import Frozen
@@ -46,6 +47,11 @@ class Facts(Frozen):
     """A list of names and values."""
 
     facts: tuple[Fact, ...]
+
+    @classmethod
+    def of(cls, values: Mapping[str, str | None]) -> "Facts":
+        """Return values by their names; empty ones are left out."""
+        return cls(tuple(Fact(label, value) for label, value in values.items() if value))
 
 
 class Bullets(Frozen):
@@ -179,6 +185,11 @@ class Section(Frozen):
     title: str
     lead: str
     blocks: tuple[Block, ...]
+
+    @classmethod
+    def of(cls, key: str, title: str, lead: str, *blocks: Block | None) -> "Section":
+        """Return a section with the blocks that are there: None and empty paragraphs are left out."""
+        return cls(key, title, lead, tuple(block for block in blocks if block))
 
 
 class Report(Frozen):

@@ -7,7 +7,9 @@ never rounded up to 100 % or down to 0 %.
 import math
 import re
 from collections.abc import Callable, Sequence
+from typing import TypeVar
 
+T = TypeVar("T")
 NONE = "–"  # noqa: RUF001 - an en dash stands for a number that does not exist
 """Shown where there is no number."""
 SILENT = "silent"
@@ -65,8 +67,8 @@ def share(value: float) -> str:
     return f"{percent:.{decimals}f} %"
 
 
-def known(value: float | None, shown: Callable[[float], str], unknown: str = NONE) -> str:
-    """Return a number as ``shown`` writes it, or the word for an unknown one."""
+def known(value: T | None, shown: Callable[[T], str], unknown: str = NONE) -> str:
+    """Return a value as ``shown`` writes it, or the word for an unknown one."""
     return unknown if value is None else shown(value)
 
 

@@ -1,14 +1,12 @@
 """Gates: bounds that a build must keep, checked against its report, and written as JUnit XML for CI servers."""
 
-from collections.abc import Mapping, Sequence
-from functools import reduce
-from operator import getitem
-from typing import Any, NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
 
 from hw_model.io.xml_text import escaped, xml_file
-from locsnn_compile.report.content import Document
-from locsnn_compile.report.figures.document import GateFigures
-from locsnn_compile.report.words import fill, texts
+from hw_model.values import Frozen
+from locsnn_compile.report.figures.document import GateFigures, SharedFigures
+from locsnn_compile.report.format import plural
 from locsnn_compile.verification.error_bounds import within
 
 
@@ -22,34 +20,89 @@ class Gate(NamedTuple):
     found: str
 
 
-GATES: tuple[str, ...] = tuple(texts("gates"))
+class _Rule(Frozen):
+    """What an option bounds: the value of a report, how it is said, and what its absence means."""
+
+    option: str
+    measured: Callable[[SharedFigures], float | None]
+    said: Callable[[float], str]
+    unknown: str
+    at_least: bool = False
 
 
-def check_gates(report: Document, bounds: Mapping[str, float]) -> tuple[Gate, ...]:
+def _spike_error(report: SharedFigures) -> float | None:
+    agreement = report.match.spikes.spike_agreement
+    return None if agreement is None else 1 - agreement
+
+
+def _energy_nj(report: SharedFigures) -> float | None:
+    return None if report.energy_pj is None else report.energy_pj / 1000
+
+
+def _latency_us(report: SharedFigures) -> float | None:
+    return None if report.latency_ns is None else report.latency_ns / 1000
+
+
+_RULES = (
+    _Rule(
+        "--min-agreement",
+        lambda report: report.match.prediction_agreement,
+        "prediction agreement is {:.4f}".format,
+        "no prediction was compared, as all class scores tie in every recording",
+        at_least=True,
+    ),
+    _Rule(
+        "--max-spike-error",
+        _spike_error,
+        "{:.4f} of the spikes differ".format,
+        "no spike was compared, as no neuron spiked",
+    ),
+    _Rule(
+        "--max-score-error",
+        lambda report: report.match.score_error,
+        "class scores differ by {:.4f} of their spread".format,
+        "no class score was compared, as all scores of the network tie in every recording",
+    ),
+    _Rule(
+        "--max-energy-nj",
+        _energy_nj,
+        "a recording takes {:.1f} nJ".format,
+        "the energy of this target is not known",
+    ),
+    _Rule(
+        "--max-latency-us",
+        _latency_us,
+        "a recording takes {:.1f} µs".format,
+        "the latency is not known, as the profile has no times of operations",
+    ),
+    _Rule(
+        "--max-cores",
+        lambda report: report.resources.cores,
+        lambda cores: f"the program takes {plural(cores, 'core')}",
+        "the cores are not known",
+    ),
+)
+GATES: tuple[str, ...] = tuple(rule.option for rule in _RULES)
+
+
+def check_gates(report: SharedFigures, bounds: Mapping[str, float]) -> tuple[Gate, ...]:
     """Return a gate for each bound by option, in the order of :data:`GATES`; without a measured value it fails."""
-    return tuple(_gate(option, report, bounds[option]) for option in GATES if option in bounds)
+    return tuple(
+        _gate(rule, report, bounds[rule.option]) for rule in _RULES if rule.option in bounds
+    )
 
 
-def _gate(option: str, report: Document, bound: float) -> Gate:
-    rule = texts("gates", option)
-    found: list[Any] = [
-        reduce(getitem, rule[key].split("."), report) for key in ("figure", "needs") if key in rule
-    ]
-    if (value := found[0]) is None or False in found[1:]:
-        return Gate(option, bound, None, False, rule["unknown"])
-    value = (
-        rule["whole"] - value
-        if "whole" in rule
-        else value / rule["per"]
-        if "per" in rule
-        else value
-    )
-    at_least = "at_least" in rule
-    holds = value >= bound if at_least else within(value, bound)
-    side = ("not below" if holds else "below") if at_least else ("not above" if holds else "above")
-    return Gate(
-        option, bound, value, holds, f"{fill(rule['said'], {'value': value})}, {side} {bound:g}"
-    )
+def _gate(rule: _Rule, report: SharedFigures, bound: float) -> Gate:
+    measured = rule.measured(report)
+    if measured is None:
+        return Gate(rule.option, bound, None, False, rule.unknown)
+    if rule.at_least:
+        holds = measured >= bound
+        side = "not below" if holds else "below"
+    else:
+        holds = within(measured, bound)
+        side = "not above" if holds else "above"
+    return Gate(rule.option, bound, measured, holds, f"{rule.said(measured)}, {side} {bound:g}")
 
 
 def gates_entry(gates: Sequence[Gate]) -> tuple[GateFigures, ...]:

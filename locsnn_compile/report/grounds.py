@@ -8,7 +8,6 @@ from locsnn_compile.data.recordings import Binned, Origin, Recordings, same
 from locsnn_compile.errors import counted, listed
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.quantized import QuantizedPopulation
-from locsnn_compile.report.words import sentence
 
 
 class Grounds(Frozen):
@@ -61,11 +60,11 @@ def _of_registers(network: Network, registers: Registers) -> Iterator[str]:
     here = (registers.charge_bits, registers.current_bits, registers.voltage_bits)
     for chip, bits in network.trained_on.items():
         if bits != here:
-            yield sentence(
-                "other registers",
-                chip=chip,
-                bits=listed([*map(str, bits)]),
-                here=listed([*map(str, here)]),
+            yield (
+                f"The network was trained in the integers of {chip}, whose registers of charge, "
+                f"current and voltage have {listed([*map(str, bits)])} bits. Those of this chip have "
+                f"{listed([*map(str, here)])}: what is called as trained wraps and clips like them, "
+                "not as in the training."
             )
 
 
@@ -79,7 +78,11 @@ def _of_floors(rounded: Iterable[QuantizedPopulation]) -> Iterator[str]:
             pair = _numbers(wanted), _numbers(held / q.scale)
             names.setdefault(pair, []).append(repr(q.population.name))
     for (wanted_text, held_text), of_pair in names.items():
-        yield sentence("floor", names=listed(of_pair), wanted=wanted_text, held=held_text)
+        yield (
+            f"Potentials of {listed(of_pair)} stop falling at {wanted_text} from where they start "
+            f"(--floor), on the chip at {held_text}: a core's voltage ends below at 1 - 2^k. What "
+            "stops there is counted among the clips."
+        )
 
 
 def _numbers(values: FloatArray) -> str:
@@ -90,29 +93,58 @@ def _numbers(values: FloatArray) -> str:
 
 
 def _of_recordings(network: Network, recordings: Recordings) -> Iterator[str]:
-    if recordings.origin in ("made up", "trained on"):
-        yield sentence(recordings.origin, source=recordings.source)
+    if recordings.origin == "made up":
+        yield (
+            f"The check plays made-up recordings ({recordings.source}): accuracy is not known, and "
+            "agreement, energy and time will differ on real ones."
+        )
+    if recordings.origin == "trained on":
+        yield (
+            "The check plays recordings that the network was trained on, which the model carries: "
+            "its accuracy on others may be lower."
+        )
     yield from recordings.assumed
     if recordings.threshold is not None and network.event_threshold is None:
-        yield sentence("default threshold", events=counted(recordings.threshold, "event"))
+        events = counted(recordings.threshold, "event")
+        yield (
+            f"A bin of more than {events} is 1, the default, because the model does not say "
+            "(--threshold)."
+        )
     steps = recordings.spikes.shape[1]
     if not network.any_length and steps < network.steps:
-        yield sentence("silence follows", steps=counted(steps, "step"), all_steps=network.steps)
+        yield (
+            f"The recordings have {counted(steps, 'step')}; silence follows, up to the "
+            f"{network.steps} of the model."
+        )
 
 
 def _of_step(network: Network, recordings: Recordings, known: float | None) -> Iterator[str]:
     """Say where the length of a step comes from, unless both sides or the user state it."""
     stated = network.usual_step_seconds or network.step_seconds
     if known is None:
-        yield sentence("no step")
+        yield (
+            "How long a step lasts is not known, because neither the model nor the recordings say it "
+            "(--step-seconds): there is no comparison with the pace of a sensor."
+        )
     elif recordings.binned is not None and recordings.binned.step_is_default:
-        yield sentence("default step", seconds=known)
+        yield (
+            f"A step lasts {known:g} s, the default, because neither the model nor the recordings say "
+            "(--step-seconds)."
+        )
     elif stated is None:
-        yield sentence("step of the bins", seconds=known)
+        yield (
+            f"A step lasts {known:g} s, like the bins of the recordings, because the model does not "
+            "say."
+        )
     elif not same(known, stated):
-        yield sentence("another step", seconds=known, stated=stated)
+        yield (
+            f"A step lasts {known:g} s, like the bins of the recordings; the model states "
+            f"{stated:g} s."
+        )
     elif network.usual_step_seconds is not None:
-        yield sentence("usual step", seconds=known)
+        yield (
+            f"A step lasts {known:g} s, as the model states it, unless --step-seconds gives another."
+        )
 
 
 def _of_calibration(recordings: Recordings, calibration: Recordings) -> Iterator[str]:
@@ -122,4 +154,7 @@ def _of_calibration(recordings: Recordings, calibration: Recordings) -> Iterator
             on = "the recordings of the check itself"
         elif calibration.origin == "made up":
             on = f"{counted(len(calibration), 'made-up recording')} ({calibration.source})"
-        yield sentence("calibrated", on=on)
+        yield (
+            f"The program was calibrated on {on}: its weights and settings suit these. "
+            "Give others with --calibration."
+        )

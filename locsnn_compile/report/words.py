@@ -3,24 +3,17 @@
 Sections, facts, verdicts, notices and tables leave out what is empty.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from hw_model.errors import listed as listed
 from hw_model.texts.templates import Filler, yaml_table
 from locsnn_compile.report import format as numbers
 from locsnn_compile.report.content import (
-    Bar,
-    Block,
     Fact,
     Facts,
-    Notice,
-    Section,
-    Status,
-    Table,
-    Verdict,
 )
-from locsnn_compile.report.format import SILENT, time
+from locsnn_compile.report.format import time
 
 ASSUMED = "What was assumed:"
 """Stands above the assumptions wherever they are shown."""
@@ -48,15 +41,6 @@ def stage_words(stage: str) -> str:
     return STAGES.get(stage, stage)
 
 
-def no_spikes(match: Mapping[str, Any], population: str) -> str:
-    """Return the word for the equal spikes of a population without any spikes."""
-    readout = match["readout"]
-    by_potential = readout.get(
-        "potentials_of", readout["populations"] if readout["by"] == "potentials" else ()
-    )
-    return "read by potential" if population in by_potential else SILENT
-
-
 def percent(value: float, decimals: str) -> str:
     """Return a share as a percentage with ``decimals`` decimals."""
     return f"{100 * value:.{decimals}f} %"
@@ -75,11 +59,6 @@ def words(key: str) -> str:
 def limit_words(name: str) -> str:
     """Return a limit of the chip in words."""
     return words(name) if name == "cores" else f"{words(name)} of a core"
-
-
-def core_words(row: Mapping[str, Any]) -> str:
-    """Return the name of a core: its number and its branch."""
-    return f"core {row['core']}, {words(row['phase'])}"
 
 
 _OF_NUMBERS = (
@@ -103,64 +82,10 @@ fill = Filler(SHOWN).fill
 """Fills the placeholders of a text; a format is one of :data:`SHOWN`, or a format of Python."""
 
 
-def section(key: str, *blocks: Block | None, called: str | None = None, **given: Any) -> Section:
-    """Return a section with the blocks that are not None or empty, in the words for its key, or for ``called``."""
-    said = texts("sections", called or key)
-    return Section(
-        key, said["title"], fill(said["lead"], given), tuple(block for block in blocks if block)
-    )
-
-
 def facts(name: str, /, **given: Any) -> Facts:
     """Return facts in the words of ``words.yaml``, with placeholders filled; empty ones are left out."""
     found = ((label, fill(text, given)) for label, text in texts("facts", name).items())
     return Facts(tuple(Fact(label, value) for label, value in found if value))
-
-
-def verdict(name: str, status: Status, answer: str, facts: Facts, /, **given: Any) -> Verdict:
-    """Return a verdict in the words of ``words.yaml``, with placeholders filled."""
-    said = {key: fill(text, given) for key, text in texts("verdicts", name).items()}
-    return Verdict(status=status, answer=answer, facts=facts.facts, **said)
-
-
-def notice(name: str, /, **given: Any) -> Notice:
-    """Return a notice in the words of ``words.yaml``, with placeholders filled."""
-    said = texts("notices", name)
-    return Notice(said["title"], fill(said["text"], given))
-
-
-def table(
-    name: str,
-    rows: Mapping[str, Any] | Iterable[Mapping[str, Any]],
-    /,
-    *,
-    columns: Mapping[str, str] | None = None,
-    total: bool = False,
-    folded: bool = False,
-    **given: Any,
-) -> Table:
-    """Return a table of ``words.yaml``: each row fills the texts under the headings with the values of its keys.
-
-    A row given by name has that as ``name``; a row that is not a mapping is its ``value``. The column without a heading
-    draws a share, the row's ``drawn``. ``columns`` replace the heading ``*``.
-    """
-    said = texts("tables", name)
-    if isinstance(rows, Mapping):
-        rows = (
-            {"name": name, **(row if isinstance(row, Mapping) else {"value": row})}
-            for name, row in rows.items()
-        )
-    named: dict[str, str] = {}
-    for heading, text in said["columns"].items():
-        named |= columns or {} if heading == "*" else {fill(heading, given): text}
-    made = (
-        tuple(
-            fill(text, row) if head else Bar(row["drawn"], fill(text, row))
-            for head, text in named.items()
-        )
-        for row in rows
-    )
-    return Table(fill(said["caption"], given), tuple(named), tuple(made), total, folded)
 
 
 def share_of(value: float, whole: float) -> float:

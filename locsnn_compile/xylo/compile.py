@@ -13,7 +13,7 @@ from locsnn_compile.settings import NATIVE
 from locsnn_compile.verification.matching import Progress
 from locsnn_compile.xylo.comparison import compare_xylo
 from locsnn_compile.xylo.compiled import CompiledXylo
-from locsnn_compile.xylo.document import xylo_document
+from locsnn_compile.xylo.document import xylo_figures
 from locsnn_compile.xylo.parts import XyloParts, parts_of
 from locsnn_compile.xylo.quantize import quantize_xylo
 from locsnn_compile.xylo.quantized import QuantizedXylo
@@ -46,9 +46,7 @@ def compile_for_xylo(request: XyloRequest) -> CompiledXylo:
     program = program_of(parts, quantized, request.chip)
     match = compare_xylo(quantized, program, fitted, request.progress)
     grounds = grounds_of(network, recordings, recordings, registers=None)
-    return CompiledXylo(
-        quantized, program, match, xylo_document(quantized, program, match, grounds)
-    )
+    return CompiledXylo(quantized, program, match, xylo_figures(quantized, program, match, grounds))
 
 
 def program_of(parts: XyloParts, quantized: QuantizedXylo, chip: XyloChip) -> XyloProgram:

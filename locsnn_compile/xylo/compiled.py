@@ -1,6 +1,7 @@
 """What compiling for a Xylo gives: a program, its network, and the report of their comparison."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -18,39 +19,51 @@ from locsnn_compile.emitters import ShownRecording
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.text import network_text
 from locsnn_compile.report.content import Report
+from locsnn_compile.report.figures.document import GateFigures
+from locsnn_compile.report.figures.entries import plain
 from locsnn_compile.report.renderers.html import render_html, render_summary
 from locsnn_compile.report.sections.verdict import matches
 from locsnn_compile.report.written import report_files
 from locsnn_compile.xylo.comparison import XyloMatch
+from locsnn_compile.xylo.document import XyloFigures
 from locsnn_compile.xylo.page import compose_xylo
 from locsnn_compile.xylo.quantized import QuantizedXylo
 from locsnn_compile.xylo.text import program_text
 
 
 class CompiledXylo(Frozen, eq=False):
-    """A program for a Xylo and its check; ``report`` is the content of report.json."""
+    """A program for a Xylo and its check; ``figures`` are the content of report.json, with types."""
 
     quantized: QuantizedXylo
     program: XyloProgram
     match: XyloMatch
-    report: dict[str, Any]
+    figures: XyloFigures
 
     def __repr__(self) -> str:
-        sentence = matches(self.report).sentence.rstrip(".")
+        sentence = matches(self.figures).sentence.rstrip(".")
         return f"<CompiledXylo {self.network.name[:60]!r} on {self.program.chip.name}: {sentence}>"
 
     def _repr_html_(self) -> str:
         return render_summary(self.composed)
 
     @cached_property
+    def report(self) -> dict[str, Any]:
+        """The content of report.json, as plain values."""
+        return dict(plain(self.figures))
+
+    @cached_property
     def composed(self) -> Report:
         """The content of report.html, report.md and the summary on the terminal."""
-        return compose_xylo(self.report)
+        return compose_xylo(self.figures)
 
     @property
     def network(self) -> Network:
         """The trained network."""
         return self.quantized.parts.network
+
+    def with_gates(self, gates: tuple[GateFigures, ...]) -> "CompiledXylo":
+        """Return the same with these gates in the report."""
+        return replace(self, figures=replace(self.figures, gates=gates))
 
     def to_html(self) -> str:
         """Return report.html, a page in one file."""

@@ -19,7 +19,6 @@ import locsnn_compile as lc
 from locsnn_compile.data.read import read_recordings
 from locsnn_compile.reference.evaluate import calibrate
 from locsnn_compile.report.figures.document import Findings, report_figures
-from locsnn_compile.report.figures.entries import plain
 from locsnn_compile.report.format import count, share, short
 from locsnn_compile.report.grounds import Grounds
 from locsnn_compile.report.sections.accuracy import cause
@@ -134,11 +133,11 @@ def by_margin(margins) -> str:
 
 def why(levels, match: Match, diagnosis) -> str:
     """Return the place and the cause of the first divergence, as the report words them."""
-    findings = Findings(diagnosis)
-    document = plain(report_figures(levels, match, Grounds(None, "given", ()), findings))
+    grounds = Grounds(None, "given", ())
+    report = report_figures(levels, match, grounds, Findings(diagnosis))
     first = match.first_divergence
     assert first is not None
-    said = cause(document)
+    said = cause(report.match)
     assert said is not None
     place = f"{first.population}, neuron {first.neuron}, step {first.step} of recording {first.recording}"
     return f"{place}. {said}"

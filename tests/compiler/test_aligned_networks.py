@@ -139,7 +139,7 @@ def test_the_report_says_how_late_recordings_start():
         "aligned_steps_by_branch": {"time": 0.0, "location": 11.0},
     }
     assert compiled.report["error_budget"]["unexplained_spikes"] == 0
-    page = render_markdown(compose(compiled.report))
+    page = render_markdown(compose(compiled.figures))
     assert "start: at the first touch, 11.0 steps into a recording on average" in page
     assert (
         "steps before the touch: 0.0 (time branch) and 11.0 (location branch) per recording, which starts after"

@@ -25,7 +25,7 @@ from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.renderers.markdown import render_markdown
-from locsnn_compile.report.words import sentence
+from locsnn_compile.report.sections.verdict import member_words
 from locsnn_compile.verification.matching import compare
 from locsnn_compile.verification.observation import Observed
 
@@ -147,7 +147,7 @@ def test_members_cost_what_they_cost_alone():
         <= both.report["latency"]["per_sample_ns"]
         < sum(row["per_sample_ns"] for row in rows)
     )
-    page = render_markdown(compose(both.report))
+    page = render_markdown(compose(both.figures))
     assert "a: " in page
     assert "2 cores, class scores times 3" in page
     assert both.report["resources"]["cores"] == 4
@@ -162,12 +162,11 @@ def test_on_an_open_core_no_member_has_a_time_of_its_own():
     both = lc.compile(
         networks, "ecp5-25f", "dendrite", weights=(1, 3), events=played, diagnosis=False
     )
-    rows = both.report["model"]["members"]
-    assert [(row["per_sample_pj"], row["per_sample_ns"]) for row in rows] == [(None, None)] * 2
+    rows = both.figures.model.members
+    assert [(row.per_sample_pj, row.per_sample_ns) for row in rows] == [(None, None)] * 2
     assert both.report["latency"]["per_sample_ns"] > 0
     assert (
-        sentence("member", **rows[1])
-        == "energy not known, time not known, 2 cores, class scores times 3"
+        member_words(rows[1]) == "energy not known, time not known, 2 cores, class scores times 3"
     )
 
 

@@ -180,7 +180,7 @@ def test_the_report_has_it_unless_told_not_to(levels, played):
     assert entry["proven_stop"]["all_energy_pj"] == pytest.approx(
         compiled.report["energy"]["per_sample_pj"]
     )
-    assert "## Over time" in render_markdown(compose(compiled.report))
+    assert "## Over time" in render_markdown(compose(compiled.figures))
     json.dumps(compiled.report, allow_nan=False)
     bare = lc.compile(levels.network, events=played, strategy="dendrite", diagnosis=False).report
     assert "over_time" not in bare

@@ -17,7 +17,6 @@ from locsnn_compile.network.projections import Projection
 from locsnn_compile.pipeline import lower
 from locsnn_compile.reference.evaluate import evaluate
 from locsnn_compile.report.figures.document import report_figures
-from locsnn_compile.report.figures.entries import plain
 from locsnn_compile.report.gates import check_gates
 from locsnn_compile.report.grounds import Grounds
 from locsnn_compile.report.sections.verdict import matches
@@ -80,12 +79,11 @@ def test_weights_that_are_a_little_wrong_show_in_scores_where_no_class_and_no_sp
     assert right.scores.relative_error < 0.01
     assert fault.scores.relative_error == pytest.approx(0.111, abs=0.001)
 
-    report = plain(report_figures(levels, fault, Grounds(0.02, "given", ())))
-    assert report["match"]["score_error"] == fault.scores.relative_error
-    assert report["match"]["class_scores"] == {
-        "mean_spread": fault.scores.mean_spread,
-        "mean_error": pytest.approx(0.111 * fault.scores.mean_spread, rel=0.01),
-    }
+    report = report_figures(levels, fault, Grounds(0.02, "given", ()))
+    assert report.match.score_error == fault.scores.relative_error
+    spread = fault.scores.mean_spread
+    assert report.match.class_scores.mean_spread == spread
+    assert report.match.class_scores.mean_error == pytest.approx(0.111 * spread, rel=0.01)
     said = matches(report)
     assert (said.status, said.answer) == ("nearly", "Nearly, in every prediction")
     assert [

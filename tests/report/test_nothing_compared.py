@@ -26,7 +26,6 @@ from locsnn_compile.pipeline import Levels
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.content import Verdict
 from locsnn_compile.report.figures.document import report_figures
-from locsnn_compile.report.figures.entries import plain
 from locsnn_compile.report.grounds import Grounds
 from locsnn_compile.report.renderers.markdown import render_markdown
 from locsnn_compile.report.sections.verdict import matches
@@ -294,7 +293,7 @@ FAULTS = [
 
 def verdict_of(levels: Levels, match: Match) -> Verdict:
     """Return whether a report of this match says that the chip does what the network does."""
-    return matches(plain(report_figures(levels, match, GROUNDS)))
+    return matches(report_figures(levels, match, GROUNDS))
 
 
 @pytest.mark.parametrize(("trained", "on_chip", "status", "answer"), FAULTS)
@@ -342,7 +341,7 @@ def test_potentials_never_spike_and_are_silent_only_where_all_are_equal(
     assert (found["spike_agreement"] is None) == (threshold == 100.0)
     agreeing = replace(match, chip_prediction=match.reference_prediction)
     assert verdict_of(model.levels, agreeing).answer == answer
-    assert "| out | read by potential | 0 | 0 | 0 |" in render_markdown(compose(model.report))
+    assert "| out | read by potential | 0 | 0 | 0 |" in render_markdown(compose(model.figures))
     turned = replace(match, chip_prediction=(match.chip_prediction + 1) % network.classes)
     assert verdict_of(model.levels, turned).answer == "No"
     tied = np.full(match.samples, -1)

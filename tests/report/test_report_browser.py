@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 from chromium import Chromium, find_chromium, started
+from small_report import figures
 
 from locsnn_compile.cli.compile import main
 from locsnn_compile.report.compose import compose
@@ -56,7 +57,7 @@ def page(document: dict[str, Any], excerpt: Excerpt, tmp_path: Path) -> Path:
         {**row, "core": i, "slot": i, "tile": [i // 4, 0]} for i in range(20)
     ]
     path = tmp_path / "report.html"
-    path.write_text(render_html(compose(document, excerpt)), encoding="utf-8")
+    path.write_text(render_html(compose(figures(document), excerpt)), encoding="utf-8")
     return path
 
 
@@ -211,7 +212,7 @@ def test_hostile_names_stay_text(
         potential=replace(excerpt.potential, population=name),
     )
     page = tmp_path / "report.html"
-    page.write_text(render_html(compose(document, excerpt)), encoding="utf-8")
+    page.write_text(render_html(compose(figures(document), excerpt)), encoding="utf-8")
     browser.open(page, width=360)
     _quiet_and_alone(browser, page)
     assert browser.evaluate("window.hurt === undefined")

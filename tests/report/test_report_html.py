@@ -7,6 +7,7 @@ from html.parser import HTMLParser
 from typing import Any
 
 import pytest
+from small_report import figures
 
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.renderers.html import prose, render_html
@@ -48,7 +49,7 @@ class Page(HTMLParser):
 
 
 def test_key_figures_are_on_the_page(document: dict[str, Any]) -> None:
-    text = Page(render_html(compose(document))).text
+    text = Page(render_html(compose(figures(document)))).text
     for figure in (
         "two-branches on loihi-sim",
         "in 19 of 20 recordings",
@@ -75,7 +76,7 @@ def test_key_figures_are_on_the_page(document: dict[str, Any]) -> None:
 
 
 def test_the_verdict_comes_first(document: dict[str, Any]) -> None:
-    text = Page(render_html(compose(document))).text
+    text = Page(render_html(compose(figures(document)))).text
     order = [
         "Does it match?",
         "What does it cost?",
@@ -100,7 +101,7 @@ def test_lines_break_neither_before_a_unit_nor_within_an_option() -> None:
 
 
 def test_the_page_asks_for_nothing(document: dict[str, Any]) -> None:
-    html = render_html(compose(document))
+    html = render_html(compose(figures(document)))
     page = Page(html)
     assert {tag for tag, _ in page.tags} & {
         "script",
@@ -123,7 +124,7 @@ def test_the_page_asks_for_nothing(document: dict[str, Any]) -> None:
 def test_structure_for_readers_without_sight_or_mouse(
     document: dict[str, Any], excerpt: Excerpt
 ) -> None:
-    page = Page(render_html(compose(document, excerpt)))
+    page = Page(render_html(compose(figures(document), excerpt)))
     assert page.named("html") == [{"lang": "en"}]
     assert [len(page.named(tag)) for tag in ("h1", "main", "nav", "header", "footer")] == [1] * 5
     levels = [int(tag[1]) for tag, _ in page.tags if re.fullmatch("h[1-6]", tag)]
@@ -157,9 +158,17 @@ def _hostile(value: Any) -> Any:
 
 def test_every_string_is_escaped(document: dict[str, Any], excerpt: Excerpt) -> None:
     tags = sorted(
-        tag for tag, _ in Page(render_html(compose(document, excerpt))).tags if tag != "wbr"
+        tag
+        for tag, _ in Page(render_html(compose(figures(document), excerpt))).tags
+        if tag != "wbr"
     )
+    words = document["match"]["reference"], document["match"]["events_origin"]
+    read_by, right_is = document["match"]["readout"]["by"], document["over_time"]["right_is"]
     document = _hostile(document)
+    # What is one of a few words cannot be another text.
+    document["match"] |= {"reference": words[0], "events_origin": words[1]}
+    document["match"]["readout"]["by"] = read_by
+    document["over_time"]["right_is"] = right_is
     names = [f"{HOSTILE}{item.name}" for item in (*excerpt.inputs, *excerpt.populations)]
     excerpt = replace(
         excerpt,
@@ -174,7 +183,7 @@ def test_every_string_is_escaped(document: dict[str, Any], excerpt: Excerpt) -> 
         document["energy"]["breakdown_pj"],
     ):
         table[HOSTILE] = table.pop(next(iter(table)))
-    html = render_html(compose(document, excerpt))
+    html = render_html(compose(figures(document), excerpt))
     page = Page(html)
     assert "<script" not in html
     assert "\x1b" not in html
@@ -233,6 +242,12 @@ def test_every_string_is_escaped(document: dict[str, Any], excerpt: Excerpt) -> 
         ),
         pytest.param(("energy", "other_profiles_pj"), {}, "range 800 pJ", id="one-profile"),
         pytest.param(("energy", "not_included"), [], "Energy by operation", id="nothing-missing"),
+        pytest.param(
+            ("error_budget",),
+            None,
+            "Nothing was rounded: every number of the network is an integer of the chip.",
+            id="nothing-rounded",
+        ),
         pytest.param(("quantization",), {}, "Numbers of the chip", id="no-quantisation"),
         pytest.param(("model", "sha256"), None, "model sha256 –", id="no-checksum"),  # noqa: RUF001
     ],
@@ -245,16 +260,16 @@ def test_what_may_be_missing(
     for key in outer:
         target = target[key]
     target[last] = value
-    assert text in " ".join(Page(render_html(compose(document))).text.split())
+    assert text in " ".join(Page(render_html(compose(figures(document)))).text.split())
 
 
 def test_many_cores_are_folded(document: dict[str, Any]) -> None:
-    assert len(Page(render_html(compose(document))).named("details")) == len(
+    assert len(Page(render_html(compose(figures(document)))).named("details")) == len(
         document["energy"]["profiles"]
     )
     row = document["resources"]["by_core"][0]
     document["resources"]["by_core"] = [{**row, "core": i} for i in range(128)]
-    html = render_html(compose(document))
+    html = render_html(compose(figures(document)))
     assert "<summary>Core by core (128 rows)</summary>" in html
     assert len(html.encode()) < 200_000
     document["resources"]["mesh"]["chips"] = 40
@@ -262,7 +277,7 @@ def test_many_cores_are_folded(document: dict[str, Any]) -> None:
     document["resources"]["by_core"] = [
         {**row, "core": i, "slot": i, "tile": tile} for i, tile in enumerate(tiles)
     ]
-    html = render_html(compose(document))
+    html = render_html(compose(figures(document)))
     assert (
         "<summary>Core by core (5000 rows, 201 of them shown here, all in report.json)</summary>"
         in html
@@ -275,7 +290,7 @@ def test_margins_are_drawn_with_the_error_where_there_is_any(document: dict[str,
         "neurons and steps nearer to the threshold than that",
         "neurons and steps with a larger error than that",
     )
-    page = Page(render_html(compose(document)))
+    page = Page(render_html(compose(figures(document))))
     # Once in the description of the drawing, once below it.
     assert (page.text.count(nearer), page.text.count(larger), len(page.named("polyline"))) == (
         4,
@@ -287,21 +302,21 @@ def test_margins_are_drawn_with_the_error_where_there_is_any(document: dict[str,
     assert first == ["25,60", "50,33.98", "75,6.021", "100,0"]
     assert [point.split(",")[0] for point in second] == ["0", "25", "50", "75"]
     document["margins"]["by_population"]["time_output"]["error_histogram"] = [0, 0, 0, 0]
-    page = Page(render_html(compose(document)))
+    page = Page(render_html(compose(figures(document))))
     assert (page.text.count(nearer), page.text.count(larger)) == (4, 2)
 
 
 def test_many_populations_are_not_all_drawn(document: dict[str, Any]) -> None:
     one = document["margins"]["by_population"]["time_output"]
     document["margins"]["by_population"] = {f"layer{i}": one for i in range(40)}
-    page = Page(render_html(compose(document)))
+    page = Page(render_html(compose(figures(document))))
     assert (
         len([drawing for drawing in page.named("svg") if drawing.get("class") == "plot"]) == 8 + 3
     )
 
 
 def test_the_same_document_gives_the_same_bytes(document: dict[str, Any]) -> None:
-    assert render_html(compose(document)) == render_html(compose(document))
+    assert render_html(compose(figures(document))) == render_html(compose(figures(document)))
 
 
 @pytest.mark.parametrize(
@@ -312,5 +327,5 @@ def test_the_same_document_gives_the_same_bytes(document: dict[str, Any]) -> Non
 def test_the_header_names_every_strategy(
     document: dict[str, Any], strategy: str, said: str
 ) -> None:
-    report = compose(document | {"strategy": strategy})
+    report = compose(figures(document | {"strategy": strategy}))
     assert report.subtitle == f"8-bit weights, {said}, 20 recordings of touches.npz"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from small_report import figures
 
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.content import Bar, Plot, Section, Table
@@ -12,7 +13,9 @@ from locsnn_compile.report.renderers.html import render_html
 
 
 def _section(document: dict[str, Any]) -> Section:
-    return next(section for section in compose(document).sections if section.key == "over-time")
+    return next(
+        section for section in compose(figures(document)).sections if section.key == "over-time"
+    )
 
 
 def _plot(document: dict[str, Any]) -> Plot:
@@ -46,7 +49,7 @@ def test_curves_are_drawn_at_their_steps(document: dict[str, Any]) -> None:
 
 
 def test_every_curve_has_a_look_of_its_own(document: dict[str, Any]) -> None:
-    page = render_html(compose(document))
+    page = render_html(compose(figures(document)))
     for index in range(4):
         assert f".c{index}{{stroke:" in page
         assert f'class="curve c{index}"' in page
@@ -89,7 +92,10 @@ def test_one_branch_needs_no_weights(document: dict[str, Any]) -> None:
     document["over_time"]["right"] = {"together": right["together"]}
     assert len(_plot(document).curves) == 1
     assert (
-        "psi" not in render_html(compose(document)).split('id="over-time"')[1].split("<section")[0]
+        "psi"
+        not in render_html(compose(figures(document)))
+        .split('id="over-time"')[1]
+        .split("<section")[0]
     )
 
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy import sparse
+from small_report import figures
 
 import locsnn_compile as lc
 from locsnn_compile.network.neurons import Cuba
@@ -34,7 +35,9 @@ from networks import single
 
 
 def _section(key: str, document: dict[str, Any], excerpt: Excerpt | None = None) -> Section:
-    return next(section for section in compose(document, excerpt).sections if section.key == key)
+    return next(
+        section for section in compose(figures(document), excerpt).sections if section.key == key
+    )
 
 
 def _rasters(document: dict[str, Any], excerpt: Excerpt) -> list[Raster]:
@@ -126,7 +129,9 @@ def test_populations_read_by_potential_have_no_margins_drawn_and_no_row_in_the_e
     document: dict[str, Any],
 ) -> None:
     def told(key: str, kind: type) -> list[Any]:
-        section = next(section for section in compose(document).sections if section.key == key)
+        section = next(
+            section for section in compose(figures(document)).sections if section.key == key
+        )
         return [block for block in section.blocks if isinstance(block, kind)]
 
     document["match"]["readout"] |= {"by": "potentials", "populations": ["time_output"]}
@@ -140,7 +145,9 @@ def test_populations_read_by_potential_have_no_margins_drawn_and_no_row_in_the_e
 
 
 def test_nothing_is_shown_of_nothing(document: dict[str, Any]) -> None:
-    assert not {"spikes", "potential"} & {section.key for section in compose(document).sections}
+    assert not {"spikes", "potential"} & {
+        section.key for section in compose(figures(document)).sections
+    }
 
 
 def test_the_potential_is_drawn_until_it_counts(document: dict[str, Any], excerpt: Excerpt) -> None:
@@ -174,7 +181,7 @@ def test_without_a_difference_a_neuron_is_an_example(
     assert _section("potential", document, excerpt).title == "Potential of a neuron"
     assert [drawn.flag for drawn in _rasters(document, excerpt)] == [None, None]
     assert "the first one, as no spike of any recording differs." in render_html(
-        compose(document, excerpt)
+        compose(figures(document), excerpt)
     )
 
 
@@ -233,7 +240,7 @@ def test_the_largest_excerpt_is_a_small_page(document: dict[str, Any], excerpt: 
     excerpt = replace(
         excerpt, first=None, steps={"time": range(steps)}, populations=populations, inputs=inputs
     )
-    assert len(render_html(compose(document, excerpt)).encode()) < 1_000_000
+    assert len(render_html(compose(figures(document), excerpt)).encode()) < 1_000_000
     assert steps < STEPS
 
 
@@ -280,4 +287,4 @@ def test_large_networks_and_long_recordings_make_small_pages(neurons: int, steps
     network = single(Cuba.of(neurons, decay_v=0.5, threshold=3.0), weights, steps=steps)
     played = (r.random((1, steps, 100)) < 0.3).astype(np.uint8)
     compiled = lc.compile(network, events=played)
-    assert len(render_html(compose(compiled.report, compiled.excerpt)).encode()) < 500_000
+    assert len(render_html(compose(compiled.figures, compiled.excerpt)).encode()) < 500_000

@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 from rich.console import Console
+from small_report import figures
 
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.content import Fact
@@ -27,7 +28,7 @@ GOLDEN = Path(__file__).parent / "golden"
 def _terminal(document: dict[str, Any], width: int = 80, encoding: str = "utf-8") -> str:
     raw = io.BytesIO()
     stream = io.TextIOWrapper(raw, encoding=encoding, write_through=True)
-    render_terminal(compose(document), Console(file=stream, width=width))
+    render_terminal(compose(figures(document)), Console(file=stream, width=width))
     return raw.getvalue().decode(encoding)
 
 
@@ -75,7 +76,7 @@ def _bare(document: dict[str, Any]) -> dict[str, Any]:
     for found, unit in ((document["energy"], "pj"), (document["latency"], "ns")):
         found[f"range_{unit}"] = [found[f"per_sample_{unit}"]] * 2
         found["worst_recording"]["class"] = None
-    document["error_budget"] = None
+    del document["error_budget"]
     del document["margins"]
     document["over_time"] = {
         "left_out": "the network is too large to be followed step by step within seconds"
@@ -100,13 +101,13 @@ def _bare(document: dict[str, Any]) -> dict[str, Any]:
 
 
 def test_markdown_golden(document: dict[str, Any], excerpt: Excerpt) -> None:
-    _check_sections(_sections(render_markdown(compose(document, excerpt))), "report")
+    _check_sections(_sections(render_markdown(compose(figures(document), excerpt))), "report")
 
 
 def test_markdown_with_nothing_optional_golden(document: dict[str, Any]) -> None:
     """Only the sections that differ from those of a document that has everything."""
-    whole = _sections(render_markdown(compose(document)))
-    made = _sections(render_markdown(compose(_bare(document))))
+    whole = _sections(render_markdown(compose(figures(document))))
+    made = _sections(render_markdown(compose(figures(_bare(document)))))
     _check_sections(
         {name: section for name, section in made.items() if section != whole.get(name)}, "bare"
     )
@@ -139,7 +140,7 @@ def test_terminal_escapes_names(document: dict[str, Any]) -> None:
 
 
 def test_values_are_aligned_next_to_long_labels(document: dict[str, Any]) -> None:
-    report = compose(document)
+    report = compose(figures(document))
     facts = (Fact("spikes on one side only", "4,859"), Fact("x" * 40, "1"), Fact("latency", "1 ms"))
     made = io.StringIO()
     render_terminal(
@@ -222,7 +223,7 @@ def test_terminal_tells_populations_of_members_apart(document: dict[str, Any]) -
 def test_terminal_uses_colour_where_there_is_any(document: dict[str, Any]) -> None:
     stream = io.StringIO()
     render_terminal(
-        compose(document),
+        compose(figures(document)),
         Console(file=stream, width=80, force_terminal=True, color_system="standard"),
     )
     assert "\x1b[1;32m✓ Does it fit? Yes.\x1b[0m" in stream.getvalue()
@@ -232,7 +233,7 @@ def _coloured(document: dict[str, Any], width: int) -> list[str]:
     """Return the words in bold, line breaks aside."""
     stream = io.StringIO()
     render_terminal(
-        compose(document),
+        compose(figures(document)),
         Console(file=stream, width=width, force_terminal=True, color_system="standard"),
     )
     marked = re.findall(r"\x1b\[(?:1|1;3\d)m(.*?)\x1b\[0m", stream.getvalue(), re.DOTALL)
@@ -272,5 +273,5 @@ def test_markdown_tables_stay_whole_with_hostile_names(document: dict[str, Any])
     found = document["match"]["by_population"]
     document["match"]["by_population"] = {"a | b\n| c |": found["time_output"]}
     assert "\n| a \\| b\\\\n\\| c \\| | 90.0 % | 49 | 51 | 10 |\n" in render_markdown(
-        compose(document)
+        compose(figures(document))
     )

@@ -3,11 +3,12 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from small_report import costs_of, figures
 
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.content import Bullets, Table
 from locsnn_compile.report.sections.build import provenance
-from locsnn_compile.report.sections.verdict import against, costs, fits, matches, notices, pace
+from locsnn_compile.report.sections.verdict import against, fits, matches, notices, pace
 
 POPULATIONS = ["time_output", "location_output"]
 SILENT = {
@@ -87,7 +88,7 @@ EQUAL = {"prediction_agreement": 1.0, "spike_mismatches": 0}
 )
 def test_match(document: dict[str, Any], changes: dict[str, Any], status: str, answer: str) -> None:
     document["match"] |= changes
-    verdict = matches(document)
+    verdict = matches(figures(document))
     assert (verdict.status, verdict.answer) == (status, answer)
 
 
@@ -126,7 +127,7 @@ def test_what_was_not_compared_is_said(
     document: dict[str, Any], changes: dict[str, Any], sentence: str
 ) -> None:
     document["match"] |= changes
-    verdict = matches(document)
+    verdict = matches(figures(document))
     assert verdict.sentence == sentence
     assert "100 %" not in verdict.figure
 
@@ -140,7 +141,7 @@ def test_an_accuracy_at_chance_is_said_in_the_verdict(document: dict[str, Any]) 
         "p_value": 0.94,
         "told_apart": False,
     }
-    verdict = matches(document)
+    verdict = matches(figures(document))
     assert (verdict.status, verdict.answer) == (
         "nearly",
         "Yes, spike for spike, but it predicts no better than chance",
@@ -151,12 +152,15 @@ def test_an_accuracy_at_chance_is_said_in_the_verdict(document: dict[str, Any]) 
         "them: the recordings may be numbered, timed or labelled in another way than those of the training."
     )
     document["chance"] |= {"right": 90, "p_value": 0.0, "told_apart": True}
-    assert (matches(document).status, matches(document).answer) == ("yes", "Yes, spike for spike")
+    assert (matches(figures(document)).status, matches(figures(document)).answer) == (
+        "yes",
+        "Yes, spike for spike",
+    )
 
 
 def test_scores_that_are_apart_are_said(document: dict[str, Any]) -> None:
     document["match"] |= EQUAL | READ | {"score_error": 0.25}
-    assert matches(document).sentence == (
+    assert matches(figures(document)).sentence == (
         "The chip predicts the same class as the float network in 20 of 20 recordings, but class scores differ by "
         "25.0 % of their spread."
     )
@@ -177,13 +181,16 @@ def test_scores_that_only_floats_round_are_equal(
 ) -> None:
     document["match"] |= EQUAL | READ | {"score_error": error}
     assert (
-        next(fact.value for fact in matches(document).facts if fact.label == "class scores") == said
+        next(
+            fact.value for fact in matches(figures(document)).facts if fact.label == "class scores"
+        )
+        == said
     )
 
 
 def test_a_network_in_its_own_integers_is_as_trained(document: dict[str, Any]) -> None:
     document["match"]["reference"] = "integers"
-    accuracy = matches(document).facts[0].value
+    accuracy = matches(figures(document)).facts[0].value
     assert accuracy == "85.0 % on the chip, 90.0 % as trained (\N{MINUS SIGN}5.00 points)"
 
 
@@ -206,7 +213,7 @@ def test_a_network_in_its_own_integers_is_as_trained(document: dict[str, Any]) -
 )
 def test_fit(document: dict[str, Any], cores: tuple[int, int], status: str, fullest: str) -> None:
     document["resources"]["limits"]["cores"] = dict(zip(("used", "limit"), cores, strict=True))
-    verdict = fits(document)
+    verdict = fits(figures(document))
     assert verdict.status == status
     assert verdict.facts[0].value == fullest
 
@@ -223,12 +230,15 @@ def test_the_fullest_limit_of_an_open_core_is_something_that_a_program_fills(
     document: dict[str, Any],
 ) -> None:
     document["resources"]["limits"] = OF_OPEN_CORE
-    assert fits(document).facts[0].value == "synapses of a core, 12,942 of 16,384 (79.0 %)"
+    assert fits(figures(document)).facts[0].value == "synapses of a core, 12,942 of 16,384 (79.0 %)"
 
 
 def test_a_width_that_is_too_small_is_named(document: dict[str, Any]) -> None:
     document["resources"]["limits"] = OF_OPEN_CORE | {"join": {"used": 29, "limit": 28}}
-    assert fits(document).facts[0].value == "bits of joined voltages of a core, 29 of 28 (103.6 %)"
+    assert (
+        fits(figures(document)).facts[0].value
+        == "bits of joined voltages of a core, 29 of 28 (103.6 %)"
+    )
 
 
 MODELLED = "Energy and latency are models: counts times published costs. No board was used."
@@ -242,21 +252,24 @@ OF_LOIHI = (
 def test_joined_compartments_are_assumed_of_a_chip_but_not_of_an_open_core(
     document: dict[str, Any],
 ) -> None:
-    assert provenance(document).blocks[-1] == Bullets("Keep in mind", (MODELLED, *OF_LOIHI))
+    assert provenance(figures(document)).blocks[-1] == Bullets(
+        "Keep in mind", (MODELLED, *OF_LOIHI)
+    )
     document["resources"]["limits"] = OF_OPEN_CORE
-    assert provenance(document).blocks[-1] == Bullets("Keep in mind", (MODELLED,))
+    assert provenance(figures(document)).blocks[-1] == Bullets("Keep in mind", (MODELLED,))
 
 
 def test_notices_are_for_what_limits_the_figures(document: dict[str, Any]) -> None:
-    assert notices(document) == ()
+    assert notices(figures(document)) == ()
     document["match"]["wraps"] = 3
     document["skipped"]["events_dropped"] = 1
-    assert [notice.title for notice in notices(document)] == [
+    assert [notice.title for notice in notices(figures(document))] == [
         "Registers wrapped.",
         "Events were dropped.",
     ]
     assert (
-        notices(document)[1].text == "1 event lay after the last step and never reached the chip."
+        notices(figures(document))[1].text
+        == "1 event lay after the last step and never reached the chip."
     )
 
 
@@ -305,13 +318,13 @@ def test_operations_are_of_the_float_network_or_of_the_program(
 ) -> None:
     for entry in document["ann_comparison"].values():
         entry |= changes
-    facts = {fact.label: fact.value for fact in costs(document).facts}
+    facts = {fact.label: fact.value for fact in costs_of(document).facts}
     assert facts["paper operations"] == f"{paper} (the trained network, by the published method)"
     assert facts["chip operations"] == f"{chip} (synaptic operations of the program)"
 
 
 def test_the_energy_is_called_dynamic(document: dict[str, Any]) -> None:
-    verdict = costs(document)
+    verdict = costs_of(document)
     assert (
         verdict.sentence
         == "In the model, a recording takes 100 nJ of dynamic energy (profile davies2018) and 1.40 ms."
@@ -321,12 +334,12 @@ def test_the_energy_is_called_dynamic(document: dict[str, Any]) -> None:
 
 def test_no_time_is_claimed_where_no_operation_has_one(document: dict[str, Any]) -> None:
     document["latency"]["timed"] = False
-    verdict = costs(document)
+    verdict = costs_of(document)
     said = "In the model, a recording takes 100 nJ of dynamic energy (profile davies2018) and an unknown time."
     assert verdict.sentence == said
     latency = next(fact.value for fact in verdict.facts if fact.label == "latency")
     assert latency == "not known, as no operation has a time (profile davies2018)"
-    sections = {section.key: section for section in compose(document).sections}
+    sections = {section.key: section for section in compose(figures(document)).sections}
     its = sections["latency"]
     assert its.lead == (
         "Not known, as profile davies2018 has no times of operations: only barriers and the buffer are timed."
@@ -369,7 +382,7 @@ def test_first_divergence_says_which_side_fired(
         "chip_potential": chip,
     }
     first = next(
-        section for section in compose(document).sections if section.key == "agreement"
+        section for section in compose(figures(document)).sections if section.key == "agreement"
     ).blocks[0]
     assert isinstance(first, str)
     assert sentence in first
@@ -378,7 +391,7 @@ def test_first_divergence_says_which_side_fired(
 @pytest.mark.parametrize("strategy", ["dendrite", "delay-line", "reset", "another"])
 def test_the_assumption_is_named_where_it_is_made(document: dict[str, Any], strategy: str) -> None:
     document["strategy"] = strategy
-    assert ("are an assumption about the chip" in str(compose(document).sections[-1])) == (
+    assert ("are an assumption about the chip" in str(compose(figures(document)).sections[-1])) == (
         strategy != "reset"
     )
 
@@ -421,7 +434,7 @@ def test_nothing_at_all_still_makes_a_report(document: dict[str, Any]) -> None:
     del document["ann_comparison"]["gru-mlp"]
     document["resources"]["by_core"] = []
     document["quantization"] = {}
-    made = str(compose(document))
+    made = str(compose(figures(document)))
     assert (
         "nothing to compare: there were none (the trained network, by the published method)" in made
     )
@@ -432,7 +445,7 @@ def test_nothing_at_all_still_makes_a_report(document: dict[str, Any]) -> None:
 def test_every_row_has_every_column(document: dict[str, Any]) -> None:
     tables = [
         block
-        for section in compose(document).sections
+        for section in compose(figures(document)).sections
         for block in section.blocks
         if isinstance(block, Table)
     ]
@@ -442,7 +455,7 @@ def test_every_row_has_every_column(document: dict[str, Any]) -> None:
 
 def test_a_network_of_integers_is_called_one(document):
     document["match"]["reference"] = "integers"
-    sentence = matches(document).sentence
+    sentence = matches(figures(document)).sentence
     assert sentence.startswith(
         "The chip predicts the same class as the network in its own integers in "
     )

@@ -38,7 +38,7 @@ def compiled():
 
 def page_of(compiled, spikes=PLAYED, labels=LABELS):
     observed = Observed(compiled.levels, spikes, labels)
-    return render_viewer(observed, compiled.report, compiled.match.first_divergence)
+    return render_viewer(observed, compiled.figures, compiled.match.first_divergence)
 
 
 @pytest.fixture(scope="module")
@@ -123,8 +123,9 @@ def test_it_is_small_and_loads_nothing(page):
 
 
 def test_names_are_text(compiled):
-    report = compiled.report | {"model": {"name": "</script><script>@@data@@<b>", "sha256": ""}}
-    page = render_viewer(Observed(compiled.levels, PLAYED), report, None).decode()
+    model = replace(compiled.figures.model, name="</script><script>@@data@@<b>")
+    figures = replace(compiled.figures, model=model)
+    page = render_viewer(Observed(compiled.levels, PLAYED), figures, None).decode()
     assert "</script><script>@@" not in page
     assert page.count("<script") == page_of(compiled).decode().count("<script")
     assert values_of(page)["recordings"][0]["label"] is None

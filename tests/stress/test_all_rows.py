@@ -49,8 +49,8 @@ def test_reports_of_all_cases_hold_finite_numbers(group):
         except LocsnnError:
             continue
         json.dumps(made.report, allow_nan=False)
-        assert render_markdown(compose(made.report))
-        assert render_html(compose(made.report))
+        assert render_markdown(compose(made.figures))
+        assert render_html(compose(made.figures))
 
 
 def one_of_each_name(group):

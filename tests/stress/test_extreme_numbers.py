@@ -244,8 +244,8 @@ def test_lost_biases_are_counted_in_the_report():
         one(neuron), projections=(Projection("touch", "n", matrix(np.ones((3, 1)), np.float64)),),
         populations=(Population("n", "time", 3, neuron),),
     )  # fmt: skip
-    report = lc.compile(network, events=np.ones((1, 30, 1), dtype=np.uint8)).report
-    assert report["skipped"]["biases_lost"] == 1
+    report = lc.compile(network, events=np.ones((1, 30, 1), dtype=np.uint8)).figures
+    assert report.skipped.biases_lost == 1
     assert "- biases lost: 1, which round to 0\n" in render_markdown(compose(report))
 
 

@@ -1,13 +1,13 @@
 """Entries of report.json on the checks beyond the match: error budget, margins, predictions over time, settings."""
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
 from hw_model.program.chip_program import ChipProgram
 from hw_model.values import picked
-from locsnn_compile.report.figures.entries import INLINED, Entry, Inlined, plain
+from locsnn_compile.report.figures.entries import INLINED, Entry, Inlined
 from locsnn_compile.request.choose_strategy import Candidate, Choice
 from locsnn_compile.settings import DIALS, Setting
 from locsnn_compile.verification.diagnosis import EDGES, Diagnosis, PopulationMargins
@@ -262,8 +262,3 @@ def _candidate(choice: Choice, candidate: Candidate) -> CandidateFigures:
         chip_time_ns=candidate.chip_time_ns,
         within_budget=candidate.keeps(choice.budget),
     )
-
-
-def spikes_entry(spikes: PopulationMatch) -> dict[str, Any]:
-    """Return how equal the spikes of both sides are, as the document has it."""
-    return dict(plain(_spike_errors(spikes)))

@@ -1,7 +1,7 @@
 """report.json as a type: all figures, which the other forms of the report show."""
 
 from collections.abc import Mapping
-from typing import Annotated
+from typing import Annotated, Protocol
 
 from hw_model.description.counts import total
 from hw_model.targets import target_of
@@ -49,6 +49,7 @@ from locsnn_compile.report.figures.operations import (
 )
 from locsnn_compile.report.figures.resources import (
     PopulationNumbers,
+    ProgramUse,
     ProvenRange,
     ResourceFigures,
     SkippedFigures,
@@ -83,7 +84,7 @@ class ModelFigures(Entry):
     """The network that was compiled; ``members`` are those of a committee."""
 
     name: str
-    sha256: str
+    sha256: str | None
     members: Annotated[tuple[MemberFigures, ...], EarlierVersions(())]
 
 
@@ -125,6 +126,80 @@ class ReportFigures(Entry):
     over_time: IfKnown[OverTimeFigures | NotFollowed]
     strategy_choice: Annotated[ChoiceFigures | None, EarlierVersions(None)]
 
+    @property
+    def energy_pj(self) -> float | None:
+        """Mean energy per recording; None if it is not known."""
+        return None if self.energy is None else self.energy.per_sample_pj
+
+    @property
+    def latency_ns(self) -> float | None:
+        """Mean time per recording; None if it is not known."""
+        return self.latency.per_sample_ns if self.latency.timed else None
+
+
+class SharedFigures(Protocol):
+    """What the reports of all kinds of targets have."""
+
+    @property
+    def schema(self) -> str:
+        """The version of the document's keys."""
+
+    @property
+    def model(self) -> ModelFigures:
+        """The network that was compiled."""
+
+    @property
+    def target(self) -> str:
+        """The name of the chip."""
+
+    @property
+    def strategy(self) -> str:
+        """How neurons were lowered."""
+
+    @property
+    def weight_bits(self) -> int:
+        """The widest weights."""
+
+    @property
+    def match(self) -> MatchFigures:
+        """What both sides do."""
+
+    @property
+    def accuracy(self) -> Accuracy | None:
+        """The accuracy of both sides; None without labels."""
+
+    @property
+    def chance(self) -> ChanceFigures | None:
+        """The test against chance; None without enough labels."""
+
+    @property
+    def operations(self) -> OperationFigures:
+        """The operations of both sides."""
+
+    @property
+    def energy_pj(self) -> float | None:
+        """Mean energy per recording; None if it is not known."""
+
+    @property
+    def latency_ns(self) -> float | None:
+        """Mean time per recording; None if it is not known."""
+
+    @property
+    def resources(self) -> ProgramUse:
+        """What the program takes."""
+
+    @property
+    def skipped(self) -> SkippedFigures:
+        """What was skipped, dropped, pruned or lost."""
+
+    @property
+    def input(self) -> InputFigures:
+        """When recordings start."""
+
+    @property
+    def gates(self) -> tuple[GateFigures, ...]:
+        """Bounds that the build must keep."""
+
 
 class Findings(Frozen, eq=False):
     """What a check found beyond the match, each None if it was not looked for.
@@ -160,8 +235,8 @@ def report_figures(
         strategy=program.provenance["strategy"],
         weight_bits=max(projection.weight_bits for projection in levels.quantized.projections),
         match=match_figures(network, match, grounds, _cause(diagnosis)),
-        accuracy=accuracy_figures(match),
-        chance=chance_figures(match),
+        accuracy=accuracy_figures(match.accuracy),
+        chance=chance_figures(match.chance),
         classes=tuple(network.class_names or ()) or None,
         operations=operations,
         energy=energy,

@@ -122,12 +122,14 @@ def match_figures(
         samples=match.samples,
         events_source=match.events_source,
         prediction_agreement=match.prediction_agreement,
-        spikes=_compared(match.spikes),
+        spikes=spikes_compared(match.spikes),
         tied_predictions=match.tied_predictions,
         score_error=match.scores.relative_error,
         class_scores=ClassScores(match.scores.mean_spread, match.scores.mean_error),
-        by_population={name: _compared(spikes) for name, spikes in match.by_population.items()},
-        helper_neurons={name: _compared(spikes) for name, spikes in match.helpers.items()},
+        by_population={
+            name: spikes_compared(spikes) for name, spikes in match.by_population.items()
+        },
+        helper_neurons={name: spikes_compared(spikes) for name, spikes in match.helpers.items()},
         first_divergence=None if first is None else FirstDivergence(first, cause),
         wraps=counts.wraps,
         clips=counts.clips,
@@ -136,7 +138,8 @@ def match_figures(
     )
 
 
-def _compared(spikes: PopulationMatch) -> SpikesCompared:
+def spikes_compared(spikes: PopulationMatch) -> SpikesCompared:
+    """Return how equal the spikes of both sides are."""
     return SpikesCompared(
         spike_agreement=spikes.agreement,
         spike_mismatches=spikes.mismatches,
@@ -157,14 +160,14 @@ def _readout(network: Network, match: Match) -> ReadoutFigures:
     return ReadoutFigures(populations, "spikes and potentials", read, silent)
 
 
-def accuracy_figures(match: Match) -> Accuracy | None:
-    """Return the accuracy; None without labels."""
-    return None if match.accuracy is None else Accuracy(**match.accuracy)
+def accuracy_figures(accuracy: Mapping[str, float] | None) -> Accuracy | None:
+    """Return the accuracy of both sides; None without labels."""
+    return None if accuracy is None else Accuracy(**accuracy)
 
 
-def chance_figures(match: Match) -> ChanceFigures | None:
+def chance_figures(chance: Chance | None) -> ChanceFigures | None:
     """Return the test of the accuracy against chance; None where there are too few labels."""
-    return None if match.chance is None else ChanceFigures(match.chance, match.chance.told_apart)
+    return None if chance is None else ChanceFigures(chance, chance.told_apart)
 
 
 def binning_figures(binned: Binned | None) -> BinningFigures | None:

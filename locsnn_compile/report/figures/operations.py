@@ -6,7 +6,7 @@ import hw_model as hw
 from hw_model.description.counts import Counts, total
 from locsnn_compile.baselines import operations as paper
 from locsnn_compile.network.network import Network
-from locsnn_compile.report.figures.entries import Entry
+from locsnn_compile.report.figures.entries import Entry, IfKnown
 from locsnn_compile.verification.matching import Match
 
 
@@ -30,10 +30,14 @@ class PublishedOperations(Entry):
 
 
 class OperationFigures(Entry):
-    """``operations``: of the chip, in all and by branch, and of the published method."""
+    """``operations``: of the chip, in all and by branch, and of the published method.
+
+    ``extra_spikes`` are those beyond the first of a neuron in a step, where cores can send several.
+    """
 
     per_sample: OperationCounts
     by_branch: Mapping[str, OperationCounts]
+    extra_spikes: IfKnown[float]
     published_method: PublishedOperations
 
 
@@ -75,6 +79,7 @@ def operation_figures(match: Match) -> OperationFigures:
             name: _per_sample(counts, match.samples)
             for name, counts in match.counts_by_phase.items()
         },
+        extra_spikes=None,
         published_method=_published(match),
     )
 

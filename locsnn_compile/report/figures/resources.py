@@ -53,8 +53,8 @@ class CoreUse(Entry):
     contents: Annotated[CoreContents, INLINED]
 
 
-class ResourceFigures(Entry):
-    """``resources``: what the program takes of the chip."""
+class ProgramUse(Entry):
+    """What a program takes of a chip of any kind."""
 
     cores: int
     compartments: int
@@ -63,6 +63,11 @@ class ResourceFigures(Entry):
     axons_in: int
     axons_out: int
     limits: Mapping[str, LimitUse]
+
+
+class ResourceFigures(ProgramUse):
+    """``resources``: what the program takes of the chip, and of each core."""
+
     mesh: MeshSize
     by_core: tuple[CoreUse, ...]
 
@@ -165,16 +170,17 @@ def _numbers(quantized: QuantizedNetwork, population: QuantizedPopulation) -> Po
     exponents = [p.exponent for p in quantized.projections if p.target == name]
     return PopulationNumbers(
         strategy=population.strategy,
-        scale=_shared(population.scale),
-        threshold_mantissa=_shared(population.neuron.threshold),
-        decay_u=_shared(population.neuron.decay_u),
-        decay_v=_shared(population.neuron.decay_v),
+        scale=shared_value(population.scale),
+        threshold_mantissa=shared_value(population.neuron.threshold),
+        decay_u=shared_value(population.neuron.decay_u),
+        decay_v=shared_value(population.neuron.decay_v),
         kernel_fit=population.fit,
         weight_exponents=tuple(exponents),
     )
 
 
-def _shared(values: AnyArray) -> Shared:
+def shared_value(values: AnyArray) -> Shared:
+    """Return the value that all neurons share, or else the least and the largest."""
     low, high = values.min().item(), values.max().item()
     return low if low == high else (low, high)
 

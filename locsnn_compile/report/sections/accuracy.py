@@ -1,181 +1,273 @@
 """Sections on where the error comes from: the error budget, and the margins."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import accumulate
 
-from locsnn_compile.report.content import Curve, Document, Plot, Section, Table
-from locsnn_compile.report.format import NONE, SILENT, agreed, any_value, count, plural, ratio
-from locsnn_compile.report.pictures.axis import Axis
-from locsnn_compile.report.words import (
-    STAGES,
-    facts,
-    listed,
-    no_spikes,
-    section,
-    sentence,
-    stage_words,
-    table,
+from locsnn_compile.report.content import Bar, Curve, Facts, Plot, Section, Table
+from locsnn_compile.report.figures.checks import (
+    BudgetFigures,
+    DeviationFigures,
+    MarginFigures,
+    MarginsOfPopulation,
+    RegisterFigures,
+    Sample,
 )
+from locsnn_compile.report.figures.document import ReportFigures
+from locsnn_compile.report.figures.match import MatchFigures, ReadoutFigures
+from locsnn_compile.report.format import (
+    NONE,
+    SILENT,
+    agreed,
+    any_value,
+    count,
+    known,
+    plural,
+    ratio,
+    share,
+    short,
+)
+from locsnn_compile.report.pictures.axis import Axis
+from locsnn_compile.report.words import STAGES, listed, stage_words
 
 _DRAWN = 8
 """Populations whose margins are drawn; a table has those of all."""
 _LEAST_SHARE = 1e-5
 """The lower end of the vertical axis of the margins; what lies below it is not drawn."""
+_OF_INTEGERS = (
+    "Nothing was rounded: every number of the network is an integer of the chip. "
+    "There is no error to break down."
+)
+_BUDGET = (
+    "The effect of each stage by itself: the float network with only this stage as on the chip, and "
+    "the chip with only this stage exact. A spike that differs also changes later spikes."
+)
+_MARGINS = (
+    "How far each neuron's potential is from its threshold at every step, in thresholds, next to the "
+    "error of the chip's arithmetic when all earlier spikes are equal. A spike can differ only where "
+    "the error is larger."
+)
+_COMPLETE = (
+    "The breakdown is complete: without any stage, every spike is the float network's; with all of "
+    "them, every spike is the chip's."
+)
+_KERNELS_CUT = (
+    "The network cuts its kernels where they fall below 0.01, as slayerPytorch does; the program "
+    "keeps their tails. Other stages alone are compared with the network of whole kernels."
+)
 
 
-def error_budget(document: Document) -> Section | None:
+def error_budget(report: ReportFigures) -> Section | None:
     """What each stage changes by itself, and what is left if only that stage is exact; None without a diagnosis."""
-    if "error_budget" not in document:
+    if report.margins is None:
         return None
-    budget = document["error_budget"]
+    budget = report.error_budget
     if budget is None:
-        return section("error-budget", called="error-budget of integers")
-    variants = {stage_words(stage): found for stage, found in budget["alone"].items()}
-    variants["all together"] = budget["together"]
-    without = [agreed(found["spike_agreement"]) for found in budget["all_but"].values()]
-    return section(
+        return Section.of("error-budget", "Error budget", _OF_INTEGERS)
+    variants = {stage_words(stage): deviation for stage, deviation in budget.alone.items()}
+    variants["all together"] = budget.together
+    return Section.of(
         "error-budget",
+        "Error budget",
+        _BUDGET,
         _checked(budget),
-        table(
-            "stages",
-            _stages(variants, [*without, NONE]),
-            total=True,
-            recordings=len(budget["recordings"]),
-        ),
-        _by_population(
-            variants, that_spike(budget["together"]["by_population"], document["match"])
-        ),
-        _kernel_tail(budget["kernel_tail"]),
-        sentence("kernels cut") if "tails" in budget["alone"] else None,
-        facts("recordings", recordings=sample(budget)),
+        _stages(variants, budget),
+        _by_population(variants, that_spike(budget.together.by_population, report.match)),
+        _kernel_tail(budget.kernel_tail),
+        _KERNELS_CUT if "tails" in budget.alone else None,
+        Facts.of({"recordings": sample_words(budget.sample)}),
     )
 
 
-def margins(document: Document) -> Section | None:
+def margins(report: ReportFigures) -> Section | None:
     """How near potentials come to the threshold, the error, and how full registers get; None without a diagnosis."""
-    if "margins" not in document:
+    figures = report.margins
+    if figures is None:
         return None
-    found = document["margins"]
-    populations = found["by_population"]
-    drawn = that_spike(populations, document["match"])
-    registers = {
-        name: one | {"drawn": max(one["share_u"], one["share_v"])}
-        for name, one in found["registers"].items()
-    }
-    return section(
+    drawn = that_spike(figures.by_population, report.match)[:_DRAWN]
+    return Section.of(
         "margins",
-        table("distances", populations, columns=_nearest(populations)),
-        table(
-            "errors",
-            {name: one | {"errors": [*one["error"].values()]} for name, one in populations.items()},
-        ),
-        *(_plot(name, populations[name], found["histogram_edges"]) for name in drawn[:_DRAWN]),
-        table("registers", registers),
-        facts("recordings", recordings=sample(found)),
+        "Margins",
+        _MARGINS,
+        _distances(figures),
+        _errors(figures),
+        *(_plot(name, figures.by_population[name], figures.histogram_edges) for name in drawn),
+        _registers(figures.registers),
+        Facts.of({"recordings": sample_words(figures.sample)}),
     )
 
 
-def cause(document: Document) -> str | None:
+def cause(match: MatchFigures) -> str | None:
     """Return what moved the potential that decided the first differing spike, in a sentence or two."""
-    first = document["match"]["first_divergence"]
-    found = first and first["cause"]
-    if not found:
+    first = match.first_divergence
+    if first is None or first.cause is None:
         return None
+    figures = first.cause
     parts = [
         f"{stage_words(stage)} {_signed(moved)}"
-        for stage, moved in found["moved_by"].items()
+        for stage, moved in figures.moved_by.items()
         if moved
     ]
-    parts.append(f"their interaction {_signed(found['moved_by_interaction'])}")
-    distance = first["reference_potential"] - first["threshold"]
-    side = f"{abs(distance):.3g} {'below' if distance < 0 else 'above'}" if distance else "at"
-    enough = listed([stage_words(stage) for stage in found["enough_alone"]] or ["no stage"])
-    return sentence(
-        "cause",
-        side=side,
-        moved=_signed(found["moved_together"]),
-        parts=listed(parts),
-        enough=enough,
+    parts.append(f"their interaction {_signed(figures.moved_by_interaction)}")
+    side = _side(first.place.reference_potential - first.place.threshold)
+    enough = [stage_words(stage) for stage in figures.enough_alone] or ["no stage"]
+    return (
+        f"Cause: the float potential lies {side} the threshold, and the chip's arithmetic moves it "
+        f"by {_signed(figures.moved_together)}: {listed(parts)}. "
+        f"Sufficient by itself: {listed(enough)}."
     )
 
 
-def sample(entry: Document, *, named: bool = True) -> str:
+def _side(distance: float) -> str:
+    """Return on which side of the threshold a potential lies, and how far from it."""
+    if distance == 0:
+        return "at"
+    return f"{abs(distance):.3g} {'below' if distance < 0 else 'above'}"
+
+
+def sample_words(sample: Sample, *, named: bool = True) -> str:
     """Return on how many recordings a diagnosis was made and, if ``named``, on which."""
-    numbers, available = entry["recordings"], entry["recordings_available"]
+    numbers, available = sample.recordings, sample.recordings_available
     if len(numbers) == available:
         return f"all {count(available)}"
     which = f": {any_value(numbers)}" if named else ""
     return f"{count(len(numbers))} of {count(available)}, evenly spread{which}"
 
 
-def _checked(budget: Document) -> str:
-    exact = [stage_words(stage) for stage in STAGES if stage not in ("tails", *budget["alone"])]
+def _checked(budget: BudgetFigures) -> str:
+    exact = [stage_words(stage) for stage in STAGES if stage not in ("tails", *budget.alone)]
     idle = f" {listed(exact).capitalize()} change nothing here, by construction." if exact else ""
-    left = budget["unexplained_spikes"]
-    if left:
-        return f"All stages together leave {plural(left, 'spike')} unexplained.{idle}"
-    return f"{sentence('complete')}{idle}"
+    if budget.unexplained_spikes:
+        left = plural(budget.unexplained_spikes, "spike")
+        return f"All stages together leave {left} unexplained.{idle}"
+    return f"{_COMPLETE}{idle}"
 
 
-def _stages(variants: Document, without: Sequence[str]) -> Document:
-    return {
-        name: found | equal_spikes(found["spike_agreement"]) | {"left": left}
-        for (name, found), left in zip(variants.items(), without, strict=True)
-    }
+def _stages(variants: Mapping[str, DeviationFigures], budget: BudgetFigures) -> Table:
+    without = [agreed(deviation.spikes.spike_agreement) for deviation in budget.all_but.values()]
+    return Table(
+        f"Each stage alone, over {plural(len(budget.sample.recordings), 'recording')}",
+        (
+            "stage",
+            "",
+            "spikes equal",
+            "only on one side",
+            "predictions changed",
+            "error of class scores",
+            "equal without it",
+        ),
+        tuple(
+            (
+                name,
+                compared_bar(deviation.spikes.spike_agreement, SILENT),
+                agreed(deviation.spikes.spike_agreement),
+                count(deviation.spikes.spike_mismatches),
+                count(deviation.predictions_changed),
+                known(deviation.score_error, share, "all tie"),
+                left,
+            )
+            for (name, deviation), left in zip(variants.items(), [*without, NONE], strict=True)
+        ),
+        total=True,
+    )
 
 
-def equal_spikes(agreement: float | None, none: str = SILENT) -> Document:
-    """Return the figure of equal spikes, to be drawn as well; nothing is drawn if neither side spikes."""
+def compared_bar(agreement: float | None, none: str) -> Bar:
+    """Draw the share of equal spikes; nothing is drawn, and ``none`` said, if neither side spikes."""
     compared = ", no spikes to compare" if agreement is None else " of spikes equal"
-    return {"drawn": agreement, "equal": agreed(agreement, none), "compared": compared}
+    return Bar(agreement, f"{agreed(agreement, none)}{compared}")
 
 
-def that_spike(populations: Iterable[str], match: Document) -> list[str]:
+def no_spikes(readout: ReadoutFigures, population: str) -> str:
+    """Return the word for the equal spikes of a population without any spikes."""
+    return "read by potential" if readout.is_by_potential(population) else SILENT
+
+
+def that_spike(populations: Iterable[str], match: MatchFigures) -> list[str]:
     """Return the populations without those that are read by potential and do not spike."""
-    found = match["by_population"]
     return [
-        p
-        for p in populations
-        if no_spikes(match, p) == SILENT or found[p]["spike_agreement"] is not None
+        name
+        for name in populations
+        if no_spikes(match.readout, name) == SILENT
+        or match.by_population[name].spike_agreement is not None
     ]
 
 
-def _by_population(variants: Document, shown: Sequence[str]) -> Table:
-    rows = tuple(
-        (
-            name,
-            *(
-                agreed(found["by_population"][name]["spike_agreement"], SILENT)
-                for found in variants.values()
-            ),
-        )
-        for name in shown
+def _by_population(variants: Mapping[str, DeviationFigures], shown: Sequence[str]) -> Table:
+    rows = []
+    for name in shown:
+        of_variants = (deviation.by_population[name] for deviation in variants.values())
+        rows.append((name, *(agreed(spikes.spike_agreement) for spikes in of_variants)))
+    return Table(
+        "Spikes equal by population, each stage alone", ("population", *variants), tuple(rows)
     )
-    return Table("Spikes equal by population, each stage alone", ("population", *variants), rows)
 
 
-def _kernel_tail(tail: Document | None) -> str | None:
+def _kernel_tail(tail: DeviationFigures | None) -> str | None:
     if tail is None:
         return None
-    equal, changed = (
-        agreed(tail["spike_agreement"], "none"),
-        plural(tail["predictions_changed"], "prediction"),
+    equal = agreed(tail.spikes.spike_agreement, "none")
+    return (
+        "slayerPytorch cuts kernels where they fall below 0.01; this program keeps their tails. "
+        f"Cutting them in the float network, with nothing else changed, leaves {equal} of its spikes "
+        f"equal and changes {plural(tail.predictions_changed, 'prediction')}: a network trained with "
+        "cut kernels differs by that much before anything is rounded."
     )
-    return sentence("kernel tail", equal=equal, predictions=changed)
 
 
-def _nearest(populations: Document) -> dict[str, str]:
-    """Return a column for each share of the potentials that is given."""
-    shares = next(iter(populations.values()))["nearest"]
-    return {f"nearest {100 * float(key):g} %": f"{{nearest[{key}]:short}}" for key in shares}
+def _distances(figures: MarginFigures) -> Table:
+    populations = figures.by_population
+    shares = next(iter(populations.values())).nearest
+    nearest = (f"nearest {100 * float(part):g} %" for part in shares)
+    return Table(
+        "Distance of potentials to the threshold, in thresholds",
+        ("population", "neurons times steps", *nearest),
+        tuple(
+            (name, count(of.neuron_steps), *(short(of.nearest[part]) for part in shares))
+            for name, of in populations.items()
+        ),
+    )
 
 
-def _plot(name: str, one: Document, edges: Sequence[float]) -> Plot:
+def _errors(figures: MarginFigures) -> Table:
+    rows = []
+    for name, of in figures.by_population.items():
+        median, most, largest = of.error.values()
+        errors = short(median), short(most), short(largest)
+        rows.append((name, *errors, share(of.within_error), share(of.decided_otherwise)))
+    return Table(
+        "Error of the chip's arithmetic, in thresholds, and how many potentials lie within it",
+        (
+            "population",
+            "median error",
+            "95 % below",
+            "largest",
+            "closer than the error",
+            "decided differently",
+        ),
+        tuple(rows),
+    )
+
+
+def _registers(registers: Mapping[str, RegisterFigures]) -> Table:
+    rows = []
+    for name, of in registers.items():
+        fuller = max(of.share_u, of.share_v)
+        shares = Bar(fuller, f"{share(fuller)} used"), share(of.share_u), share(of.share_v)
+        headroom = known(of.headroom_bits, "{:.1f}".format)
+        rows.append((name, *shares, headroom, count(of.wraps), count(of.clips)))
+    return Table(
+        "Registers of the chip: largest magnitudes against their capacity",
+        ("compartments", "", "current u", "voltage v", "headroom in bits", "wraps", "clips"),
+        tuple(rows),
+    )
+
+
+def _plot(name: str, margins: MarginsOfPopulation, edges: Sequence[float]) -> Plot:
     """Draw both distributions on logarithmic axes, each added up from its own end."""
-    total = one["neuron_steps"]
-    nearer = _running(one["distance_histogram"], total)
-    larger = _running(one["error_histogram"][::-1], total)[::-1]
+    total = margins.neuron_steps
+    nearer = _running(margins.distance_histogram, total)
+    larger = _running(margins.error_histogram[::-1], total)[::-1]
     first, last = math.log10(edges[0]), math.log10(edges[-1])
     decades = tuple(10.0**power for power in range(round(first), round(last) + 1))
     return Plot(
@@ -189,19 +281,18 @@ def _plot(name: str, one: Document, edges: Sequence[float]) -> Plot:
             lambda part: f"{100 * part:g} %",
             log=True,
         ),
-        curves=tuple(
-            Curve(f"neurons and steps {label} than that", points)
-            for label, shares in (
-                ("nearer to the threshold", nearer),
-                ("with a larger error", larger),
-            )
-            if (
-                points := tuple(
-                    point for point in zip(edges, shares, strict=True) if point[1] >= _LEAST_SHARE
-                )
-            )
+        curves=(
+            *_curve("nearer to the threshold", edges, nearer),
+            *_curve("with a larger error", edges, larger),
         ),
     )
+
+
+def _curve(label: str, edges: Sequence[float], shares: Sequence[float]) -> tuple[Curve, ...]:
+    """Return the curve of the shares that are drawn; no curve if none is."""
+    pairs = zip(edges, shares, strict=True)
+    points = tuple((edge, part) for edge, part in pairs if part >= _LEAST_SHARE)
+    return (Curve(f"neurons and steps {label} than that", points),) if points else ()
 
 
 def _power(value: float) -> str:

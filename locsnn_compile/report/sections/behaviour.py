@@ -1,10 +1,20 @@
 """Sections on what the program does: agreement with the float network, operations, and other networks."""
 
 import math
+from collections.abc import Mapping
 
-from locsnn_compile.report.content import Block, Document, Section, Table
+from locsnn_compile.report.content import Bar, Block, Section, Table
+from locsnn_compile.report.figures.document import ReportFigures
+from locsnn_compile.report.figures.energy import EnergyFigures
+from locsnn_compile.report.figures.match import MatchFigures, SpikesCompared
+from locsnn_compile.report.figures.operations import (
+    ConventionalNetwork,
+    OperationFigures,
+    PublishedOperations,
+)
 from locsnn_compile.report.format import (
     NONE,
+    agreed,
     any_value,
     count,
     energy,
@@ -14,192 +24,251 @@ from locsnn_compile.report.format import (
     share,
     told_apart,
 )
-from locsnn_compile.report.sections.accuracy import cause, equal_spikes
-from locsnn_compile.report.words import listed, no_spikes, section, sentence, share_of, table, words
+from locsnn_compile.report.sections.accuracy import cause, compared_bar, no_spikes
+from locsnn_compile.report.sections.verdict import defined_anns
+from locsnn_compile.report.words import listed, share_of, words
 
 _SCORE = 1.959964
 """Two-sided 95 % point of the normal distribution."""
-_FIRES = {(True, False): "the float neuron fires", (False, True): "the chip fires"}
-"""The sentence for which side reaches the threshold: the float network, the chip."""
+_AGREEMENT = (
+    "A spike is equal where the same neuron fires at the same step in both: twice the common spikes "
+    "over the sum of both sides, with no tolerance. Where a neuron has no reset, one early difference "
+    "shifts later spikes."
+)
+_OPERATIONS = (
+    "The chip's counts include what it adds to the network: joined compartments, their self-synapses, "
+    "updates at rest. The published method counts on paper: spikes of the trained network times their "
+    "fan-out, and the events that are transposed for the location branch."
+)
+_COMPARISON = (
+    "A multiplication and an addition of a conventional network are one operation each, at this "
+    "network's input size. The trained network's operations are an estimate by the published method; "
+    "those of the program are the synaptic operations that the chip counts, its own self-synapses "
+    "included. Accuracy is not compared."
+)
 
 
-def agreement(document: Document) -> Section:
+def agreement(match: MatchFigures) -> Section:
     """Agreement by population, the first differing spike, wraps and clips."""
-    match = document["match"]
-    helpers = match["helper_neurons"]
-    return section(
+    helpers = match.helper_neurons
+    return Section.of(
         "agreement",
-        _first_divergence(document),
-        cause(document),
-        _interval(document),
+        "Agreement by population",
+        _AGREEMENT,
+        _first_divergence(match),
+        cause(match),
+        _interval(match),
         _scores(match),
-        _populations(document),
+        _populations(match),
         _helpers(helpers) if helpers else None,
-        _wraps_and_clips(match["wraps_and_clips_by_population"]),
+        _wraps_and_clips(match.wraps_and_clips_by_population),
     )
 
 
-def operations(document: Document) -> Section:
+def operations(figures: OperationFigures) -> Section:
     """Counts of the chip by branch, next to those of the published method."""
-    found = document["operations"]
-    branches, total = found["by_branch"], found["per_sample"]
-    paper = found["published_method"]
-    published = {f"additions, {words(name)}": n for name, n in paper["additions_by_branch"].items()}
-    published |= {words(key): paper[key] for key in ("transpose_events", "operations")}
-    columns = {words(name): counts for name, counts in branches.items()} | {"all": total}
-    return section(
+    by_branch = {words(name): vars(counts) for name, counts in figures.by_branch.items()}
+    columns = {**by_branch, "all": vars(figures.per_sample)}
+    rows = (
+        (words(key), *(count(counts[key]) for counts in columns.values()))
+        for key in vars(figures.per_sample)
+    )
+    return Section.of(
         "operations",
-        Table(
-            "Counted on the chip, mean per recording",
-            ("operation", *columns),
-            tuple(
-                (words(key), *(count(counts[key]) for counts in columns.values())) for key in total
+        "Operations",
+        _OPERATIONS,
+        Table("Counted on the chip, mean per recording", ("operation", *columns), tuple(rows)),
+        _published(figures.published_method),
+    )
+
+
+def _published(paper: PublishedOperations) -> Table:
+    rows = [
+        (f"additions, {words(branch)}", count(additions))
+        for branch, additions in paper.additions_by_branch.items()
+    ]
+    rows.append((words("transpose_events"), count(paper.transpose_events)))
+    rows.append((words("operations"), count(paper.operations)))
+    return Table(
+        "Counted as published, mean per recording", ("operation", "all"), tuple(rows), total=True
+    )
+
+
+def comparison(report: ReportFigures) -> Section:
+    """Operations of conventional networks on the same input."""
+    networks = defined_anns(report)
+    blocks: tuple[Block, ...] = (
+        "No comparison: the published networks are not defined for this network's input.",
+    )
+    if networks:
+        blocks = (_operations_compared(report, networks),)
+    if networks and report.energy is not None:
+        blocks += _ann_energy(networks, report.energy)
+    return Section.of("comparison", "Conventional networks", _COMPARISON, *blocks)
+
+
+def _operations_compared(
+    report: ReportFigures, networks: Mapping[str, ConventionalNetwork]
+) -> Table:
+    on_paper = report.operations.published_method.operations
+    on_chip = report.operations.per_sample.synaptic_ops
+    most = max(on_paper, on_chip, *(network.operations for network in networks.values()))
+
+    def row(
+        name: str, operations: float, to_paper: float | None, to_chip: float | None
+    ) -> tuple[str | Bar, ...]:
+        bar = Bar(share_of(operations, most), plural(operations, "operation"))
+        return name, bar, count(operations), known(to_paper, ratio), known(to_chip, ratio)
+
+    return Table(
+        "Operations per recording",
+        ("network", "", "operations", "times the trained network", "times the program"),
+        (
+            row("the trained network, on paper", on_paper, 1 if on_paper else None, None),
+            row("the program, synaptic operations", on_chip, None, 1 if on_chip else None),
+            *(
+                row(words(name), network.operations, network.ratio, network.chip_ratio)
+                for name, network in networks.items()
             ),
         ),
-        table("published operations", published, total=True),
     )
 
 
-def defined_anns(document: Document) -> Document:
-    """Return the entries of the conventional networks that are defined for this network's input."""
-    return {
-        name: entry
-        for name, entry in document["ann_comparison"].items()
-        if entry["operations"] is not None
-    }
-
-
-def comparison(document: Document) -> Section:
-    """Operations of conventional networks on the same input."""
-    entries = defined_anns(document)
-    own = document["operations"]["published_method"]["operations"]
-    if not entries:
-        return section(
-            "comparison",
-            "No comparison: the published networks are not defined for this network's input.",
-        )
-    chip = document["operations"]["per_sample"]["synaptic_ops"]
-    rows: Document = {
-        "the trained network, on paper": {
-            "operations": own,
-            "ratio": 1 if own else None,
-            "chip_ratio": None,
-        },
-        "the program, synaptic operations": {
-            "operations": chip,
-            "ratio": None,
-            "chip_ratio": 1 if chip else None,
-        },
-        **{words(name): entry for name, entry in entries.items()},
-    }
-    most = max(row["operations"] for row in rows.values())
-    drawn = {name: row | {"drawn": share_of(row["operations"], most)} for name, row in rows.items()}
-    priced = _ann_energy(document) if document["energy"]["profile"] else ()
-    return section("comparison", table("operations compared", drawn), *priced)
-
-
-def _ann_energy(document: Document) -> tuple[Block, ...]:
+def _ann_energy(
+    networks: Mapping[str, ConventionalNetwork], own: EnergyFigures
+) -> tuple[Block, ...]:
     """The energy of the conventional networks' arithmetic, next to the whole modelled energy of this network."""
-    entries, own = defined_anns(document), document["energy"]
-    first = next(iter(entries.values()))
-    arithmetics = list(first["energy_pj"])
-    rows = [
-        (
-            "this network, as modelled",
-            NONE,
-            NONE,
-            *(energy(own["per_sample_pj"]) for _ in arithmetics),
-        )
-    ]
-    for name, entry in entries.items():
-        times = {key: known(value, ratio) for key, value in entry["energy_ratio"].items()}
-        cells = [f"{energy(entry['energy_pj'][key])} ({times[key]})" for key in arithmetics]
-        rows.append(
-            (words(name), count(entry["multiplications"]), count(entry["additions"]), *cells)
-        )
+    first = next(iter(networks.values()))
+    arithmetics = list(first.energy_pj)
+    own_cells = (energy(own.per_sample_pj) for _ in arithmetics)
+    rows = [("this network, as modelled", NONE, NONE, *own_cells)]
+    for name, network in networks.items():
+        cells = (_energy_cell(network, key) for key in arithmetics)
+        counts = count(network.multiplications), count(network.additions)
+        rows.append((words(name), *counts, *cells))
     return (
         Table(
-            f"Energy of the arithmetic only; in brackets, as a multiple of this network's (profile {own['profile']})",
+            f"Energy of the arithmetic only; in brackets, as a multiple of this network's (profile {own.profile})",
             ("network", "multiplications", "additions", *(words(key) for key in arithmetics)),
             tuple(rows),
         ),
-        sentence(
-            "conventional energy",
-            source=first["energy_source"],
-            left_out=listed(first["energy_not_included"]),
-        ),
+        f"Source: {first.energy_source}. Not included for the conventional networks: "
+        f"{listed(first.energy_not_included)}. This network's energy is for another process and "
+        "includes its memories and its mesh: the ratio compares published figures, not two chips.",
     )
 
 
-def _scores(match: Document) -> str:
+def _energy_cell(network: ConventionalNetwork, arithmetic: str) -> str:
+    times = known(network.energy_ratio[arithmetic], ratio)
+    return f"{energy(network.energy_pj[arithmetic])} ({times})"
+
+
+def _scores(match: MatchFigures) -> str:
     """Return how far class scores are apart: classes and spikes may be equal where they are not."""
-    error = match["score_error"]
-    if error is None:
-        return sentence("scores tie")
-    return sentence("scores apart", share=share(error), **match["class_scores"])
+    scores = match.class_scores
+    if match.score_error is None:
+        return "Class scores: not compared, as all scores of the network tie in every recording."
+    return (
+        f"Class scores of the chip differ from the network's by {scores.mean_error:.4g} on average: "
+        f"{share(match.score_error)} of their spread, which is their mean distance from the mean of "
+        f"all classes ({scores.mean_spread:.4g})."
+    )
 
 
-def _populations(document: Document) -> Table:
-    match = document["match"]
-    rows = {
-        name: found | equal_spikes(found["spike_agreement"], no_spikes(match, name))
-        for name, found in (*match["by_population"].items(), ("all", match))
-    }
-    side = "network" if match["reference"] == "integers" else "float"
-    return table("spikes", rows, total=True, side=side, **match)
+def _populations(match: MatchFigures) -> Table:
+    rows = [
+        _spikes_row(name, spikes, no_spikes(match.readout, name))
+        for name, spikes in match.by_population.items()
+    ]
+    rows.append(_spikes_row("all", match.spikes, no_spikes(match.readout, "all")))
+    side = "network" if match.reference == "integers" else "float"
+    return Table(
+        f"Spikes over {plural(match.samples, 'recording')}",
+        ("population", "", "spikes equal", f"{side} spikes", "chip spikes", "only on one side"),
+        tuple(rows),
+        total=True,
+    )
 
 
-def _helpers(helpers: Document) -> str:
+def _spikes_row(name: str, spikes: SpikesCompared, none: str) -> tuple[str | Bar, ...]:
+    return (
+        name,
+        compared_bar(spikes.spike_agreement, none),
+        agreed(spikes.spike_agreement, none),
+        count(spikes.reference_spikes),
+        count(spikes.chip_spikes),
+        count(spikes.spike_mismatches),
+    )
+
+
+def _helpers(helpers: Mapping[str, SpikesCompared]) -> str:
     """Say which neurons were not compared."""
     spikes = [
-        f"{name} ({plural(of['reference_spikes'], 'spike')} in the network, {count(of['chip_spikes'])} on the chip)"
+        f"{name} ({plural(of.reference_spikes, 'spike')} in the network, {count(of.chip_spikes)} on the chip)"
         for name, of in helpers.items()
     ]
     return f"Not counted, because only the compiler needs these neurons and the model has none: {listed(spikes)}."
 
 
-def _wraps_and_clips(events: Document) -> Table | None:
+def _wraps_and_clips(events: Mapping[str, Mapping[str, int]]) -> Table | None:
     kinds = sorted({kind for counts in events.values() for kind in counts})
-    found = [(name, counts) for name, counts in events.items() if any(counts.values())]
-    rows = tuple((name, *(count(counts.get(kind, 0)) for kind in kinds)) for name, counts in found)
-    columns = ("compartments", *(words(kind) for kind in kinds))
-    return (
-        Table("Wraps and clips over all recordings, where there are any", columns, rows)
-        if rows
-        else None
+    rows = tuple(
+        (name, *(count(counts.get(kind, 0)) for kind in kinds))
+        for name, counts in events.items()
+        if any(counts.values())
     )
+    if not rows:
+        return None
+    columns = ("compartments", *(words(kind) for kind in kinds))
+    return Table("Wraps and clips over all recordings, where there are any", columns, rows)
 
 
-def _first_divergence(document: Document) -> str:
-    first = document["match"]["first_divergence"]
-    if first is None and document["match"]["spike_agreement"] is None:
+def _first_divergence(match: MatchFigures) -> str:
+    first = match.first_divergence
+    if first is None and match.spikes.spike_agreement is None:
         return "First difference: not known, because neither side spikes."
     if first is None:
         return "First difference: none, every spike is equal."
-    reference, chip, threshold = (
-        first["reference_potential"],
-        first["chip_potential"],
-        first["threshold"],
-    )
-    a, b, at = told_apart((reference, chip, threshold))
-    fires = _FIRES.get((reference >= threshold, chip >= threshold), "the sides differ")
-    place = {key: any_value(first[key]) for key in ("recording", "population", "neuron", "step")}
+    spike = first.place
+    potentials = spike.reference_potential, spike.chip_potential, spike.threshold
     return (
-        f"{sentence('first difference', **place)} {sentence(fires, float=a, chip=b, threshold=at)}"
+        f"First difference: recording {any_value(spike.recording)}, population "
+        f"{spike.population}, neuron {any_value(spike.neuron)}, step {any_value(spike.step)} "
+        f"(all counted from 0). {_which_side_fires(*potentials)}"
     )
 
 
-def _interval(document: Document) -> str:
+def _which_side_fires(reference: float, chip: float, threshold: float) -> str:
+    on_reference, on_chip, limit = told_apart((reference, chip, threshold))
+    if reference >= threshold > chip:
+        return (
+            f"The float potential {on_reference} reaches the threshold {limit} and fires; "
+            f"the chip's {on_chip} does not."
+        )
+    if chip >= threshold > reference:
+        return (
+            f"The chip's potential {on_chip} reaches the threshold {limit} and fires; "
+            f"the float potential {on_reference} does not."
+        )
+    return (
+        f"The potential is {on_reference} in the float network and {on_chip} on the chip; "
+        f"the threshold is {limit}."
+    )
+
+
+def _interval(match: MatchFigures) -> str:
     """Return the Wilson interval of the prediction agreement: few recordings prove little."""
-    match = document["match"]
-    n, p = match["samples"] - match["tied_predictions"], match["prediction_agreement"]
+    p = match.prediction_agreement
     if p is None:
-        return sentence("no prediction")
+        return "No prediction was compared: all class scores tie in every recording, on both sides."
+    n = match.samples - match.tied_predictions
     z2 = _SCORE * _SCORE
     centre = (p + z2 / (2 * n)) / (1 + z2 / n)
     half = _SCORE / (1 + z2 / n) * math.sqrt(p * (1 - p) / n + z2 / (4 * n * n))
-    low, high = max(0.0, centre - half), min(1.0, centre + half)
-    recordings = plural(n, "recording")
-    return sentence(
-        "confidence", share=share(p), recordings=recordings, low=100 * low, high=100 * high
+    low = 100 * max(0.0, centre - half)
+    high = 100 * min(1.0, centre + half)
+    return (
+        f"Predictions are the same in {share(p)} of {plural(n, 'recording')}. For recordings of this "
+        f"kind in general, this suggests an agreement between {low:.1f} and {high:.1f} % "
+        "(95 % confidence)."
     )

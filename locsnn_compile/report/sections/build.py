@@ -1,136 +1,283 @@
 """Sections on the program itself: resources, what was left out, rounding, provenance, and the settings compared."""
 
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
 
-from locsnn_compile.report.content import Bullets, Document, Section, Table
-from locsnn_compile.report.format import NONE, any_value, count, share
+from locsnn_compile.network.quantized import KernelFit
+from locsnn_compile.report.content import Bar, Bullets, Facts, Section, Table
+from locsnn_compile.report.figures.checks import CandidateFigures, ChoiceFigures
+from locsnn_compile.report.figures.document import GateFigures, ReportFigures, SharedFigures
+from locsnn_compile.report.figures.entries import keys_of
+from locsnn_compile.report.figures.resources import (
+    CoreUse,
+    LimitUse,
+    PopulationNumbers,
+    ProvenRange,
+)
+from locsnn_compile.report.format import (
+    any_value,
+    count,
+    energy,
+    known,
+    memory,
+    plural,
+    share,
+    time,
+)
 from locsnn_compile.report.sections.verdict import counts_cores, fullness, outside, starts
-from locsnn_compile.report.words import facts, limit_words, listed, section, sentence, table, words
+from locsnn_compile.report.words import limit_words, listed, words
 from locsnn_compile.request.choose_strategy import Choice
-from locsnn_compile.settings import DIALS, LAYOUTS, Setting
+from locsnn_compile.settings import LAYOUTS
 
+QUANTISATION = "Quantisation"
+NUMBERS = "Numbers of the chip by population"
 _WITHOUT_JOINED = {"reset", "native"}
+_ABOUT_NUMBERS = (
+    "A potential of 1 in the float network is the scale in the chip's registers. Decays are in "
+    "4096ths. Where two numbers are given, they are the smallest and the largest in the population. "
+    "The kernel fit compares the chip's responses to an input spike and to the neuron's own spike with "
+    "the kernels: the largest error (max) as a share of the kernel's peak, and the root mean square of "
+    "the error (rms) as a share of the kernel's."
+)
+_RANGE = (
+    "Bounds on every register, derived only from weights, decays and thresholds. Registers that are "
+    "not proven safe were monitored: the wraps and clips above are all that occurred."
+)
+PROVENANCE = "Everything needed to reproduce this report; the same input gives the same bytes."
+_MODELLED = "Energy and latency are models: counts times published costs. No board was used."
+_JOINED = (
+    "Joined compartments (dendrites) are an assumption about the chip: public sources name them, but "
+    "none gives their integer timing."
+)
+_SILENT_SOURCES = (
+    "Where public sources on the chip are silent or disagree, the target's description decides."
+)
 
 
-def resources(document: Document) -> Section:
+def resources(report: ReportFigures) -> Section:
     """Use of every limit, the fullest first, and then core by core."""
-    found = document["resources"]
-    given = (limit for limit in found["limits"].items() if any(limit[1].values()))
-    limits = sorted(given, key=lambda limit: -fullness(limit[1]))
-    return section(
-        "resources",
-        facts("resources", **found),
-        table(
-            "limits",
-            {limit_words(name): entry | {"drawn": fullness(entry)} for name, entry in limits},
-        ),
-        _by_core(found["by_core"]),
-        target=document["target"],
-    )
-
-
-def left_out(document: Document) -> Section:
-    """Steps skipped, events dropped, synapses and compartments pruned."""
-    found, late = document["skipped"], starts(document)
-    before, lost = None, found.get("biases_lost")
-    if late:
-        branches = [f"{steps:.1f} ({words(name)})" for name, steps in late.items()]
-        before = f"{listed(branches)} per recording, which starts after them"
-    given = {
-        "before": before,
-        "outside": outside(document),
-        "binned": found["binning"]["words"] if "binning" in found else None,
-        "lost": f"{count(lost)}, which round to 0" if lost else None,
+    figures = report.resources
+    bits = f"{memory(figures.synapse_bits)} of synapse memory"
+    facts = {
+        "compartments": count(figures.compartments),
+        "synapses": f"{count(figures.synapses)}, {bits}",
+        "axons": f"{count(figures.axons_in)} in, {count(figures.axons_out)} out",
     }
-    return section("left-out", facts("left-out", **found, **given))
+    return Section.of(
+        "resources",
+        "Resources",
+        f"How much of {report.target} the program uses.",
+        Facts.of(facts),
+        _limits(figures.limits),
+        _by_core(figures.by_core),
+    )
 
 
-def quantization(document: Document) -> Section:
+def _limits(limits: Mapping[str, LimitUse]) -> Table:
+    given = ((name, use) for name, use in limits.items() if use.used or use.limit)
+    rows = []
+    for name, use in sorted(given, key=lambda named: -fullness(named[1])):
+        full = share(fullness(use))
+        bar = Bar(fullness(use), f"{full} used")
+        rows.append((limit_words(name), bar, count(use.used), count(use.limit), full))
+    return Table(
+        "Limits, the fullest first; for limits of a core, its fullest core",
+        ("limit", "", "used", "of", "share"),
+        tuple(rows),
+    )
+
+
+def _by_core(cores: Sequence[CoreUse]) -> Table | str:
+    if not cores:
+        return "No core is in use."
+    return Table(
+        "Core by core",
+        ("core", *(words(name) for name in vars(cores[0].contents))),
+        tuple(
+            (
+                f"{core.place.core}, {words(core.place.phase)}",
+                *(any_value(number) for number in vars(core.contents).values()),
+            )
+            for core in cores
+        ),
+    )
+
+
+def left_out(report: SharedFigures) -> Section:
+    """Steps skipped, events dropped, synapses and compartments pruned."""
+    skipped = report.skipped
+    lost = skipped.biases_lost
+    facts = {
+        "steps skipped": f"{count(skipped.steps)} over all recordings, in which nothing could change",
+        "steps before the touch": _steps_before(starts(report)),
+        "events dropped": f"{count(skipped.events_dropped)} over all recordings, {outside(report)}",
+        "binning": None if skipped.binning is None else skipped.binning.words,
+        "synapses pruned": f"{count(skipped.synapses_pruned)}, whose weight rounds to 0",
+        "compartments pruned": count(skipped.compartments_pruned),
+        "biases lost": f"{count(lost)}, which round to 0" if lost else None,
+    }
+    lead = "What was skipped, dropped, pruned or lost."
+    return Section.of("left-out", "Left out", lead, Facts.of(facts))
+
+
+def _steps_before(steps: Mapping[str, float]) -> str | None:
+    if not steps:
+        return None
+    branches = [f"{number:.1f} ({words(name)})" for name, number in steps.items()]
+    return f"{listed(branches)} per recording, which starts after them"
+
+
+def quantization(report: ReportFigures) -> Section:
     """Scales, decays and rounding errors by population."""
-    populations = document["quantization"]
-    keys = list(dict.fromkeys(key for entry in populations.values() for key in entry))
-    rows = tuple(
-        (name, *(_number(key, entry.get(key)) for key in keys))
-        for name, entry in populations.items()
+    table = Table(
+        NUMBERS,
+        ("population", *(words(key) for key in keys_of(PopulationNumbers))),
+        tuple((name, *_numbers(numbers)) for name, numbers in report.quantization.items()),
     )
-    its = Table(
-        "Numbers of the chip by population", ("population", *(words(key) for key in keys)), rows
-    )
-    return section("quantization", its)
+    return Section.of("quantization", QUANTISATION, _ABOUT_NUMBERS, table)
 
 
-def ranges(document: Document) -> Section:
+def _numbers(numbers: PopulationNumbers) -> tuple[str, ...]:
+    return (
+        numbers.strategy,
+        any_value(numbers.scale),
+        any_value(numbers.threshold_mantissa),
+        any_value(numbers.decay_u),
+        any_value(numbers.decay_v),
+        known(numbers.kernel_fit, _fit),
+        any_value(numbers.weight_exponents),
+    )
+
+
+def _fit(fit: KernelFit) -> str:
+    errors = vars(fit).items()
+    return ", ".join(f"{words(name)} {share(error)}" for name, error in errors if error is not None)
+
+
+def ranges(report: ReportFigures) -> Section:
     """What is proven of the registers for any input, and up to which input rate."""
-    proven = document["range"].items()
-    return section(
-        "range", table("ranges", {name: row | {"period": _period(**row)} for name, row in proven})
+    table = Table(
+        "Compartments that are safe for any input",
+        (
+            "compartments",
+            "number",
+            "cannot wrap",
+            "cannot clip",
+            "all safe if no source spikes twice within",
+        ),
+        tuple(
+            (
+                name,
+                count(proven.compartments),
+                count(proven.cannot_wrap),
+                count(proven.cannot_clip),
+                _period(proven),
+            )
+            for name, proven in report.range.items()
+        ),
     )
+    return Section.of("range", "Proof of range", _RANGE, table)
 
 
-def provenance(document: Document) -> Section:
+def _period(proven: ProvenRange) -> str:
+    steps = proven.safe_period_steps
+    if steps is None:
+        return "no rate is proven safe"
+    return "any input is safe" if steps == 1 else f"{count(steps)} steps"
+
+
+def provenance(report: ReportFigures) -> Section:
     """What was compiled, for which target, with which options, checked on which recordings; what is assumed."""
-    strategies = document["strategy"].split(", ")
-    meaning = "; ".join(
-        f"{name}: {LAYOUTS[name]}" if name in LAYOUTS else name for name in strategies
-    )
-    notes = tuple(sentence(name) for name in _kept_in_mind(document, strategies))
-    gates, choice = document["gates"], document.get("strategy_choice")
-    return section(
+    strategies = report.strategy.split(", ")
+    notes = tuple(_kept_in_mind(report, strategies))
+    choice = report.strategy_choice
+    return Section.of(
         "provenance",
-        facts("provenance", meaning=meaning, **document),
-        table("gates", gates) if gates else None,
-        settings_compared(choice) if choice else None,
+        "Provenance",
+        PROVENANCE,
+        origin(report),
+        gates(report.gates),
+        None if choice is None else settings_compared(choice),
         Bullets("Keep in mind", notes) if notes else None,
     )
 
 
-def _kept_in_mind(document: Document, strategies: list[str]) -> Iterator[str]:
-    """Give the names of the notes on the chip: nothing is assumed of a single core that its sources define."""
-    if document["energy"]["profile"]:
-        yield "modelled"
-    if not counts_cores(document):
+def origin(report: SharedFigures) -> Facts:
+    """Return what was compiled, for which target, how, and on which recordings it was checked."""
+    strategies = report.strategy.split(", ")
+    layouts = (f"{name}: {LAYOUTS[name]}" if name in LAYOUTS else name for name in strategies)
+    return Facts.of(
+        {
+            "model": report.model.name,
+            "model sha256": any_value(report.model.sha256),
+            "target": report.target,
+            "strategy": "; ".join(layouts),
+            "weight bits": any_value(report.weight_bits),
+            "recordings": f"{count(report.match.samples)} of {report.match.events_source}",
+            "schema": report.schema,
+        }
+    )
+
+
+def _kept_in_mind(report: ReportFigures, strategies: Sequence[str]) -> Iterator[str]:
+    """Give the notes on the chip: nothing is assumed of a single core that its sources define."""
+    if report.energy is not None:
+        yield _MODELLED
+    if not counts_cores(report):
         return
     if not _WITHOUT_JOINED.issuperset(strategies):
-        yield "joined"
-    yield "silent sources"
+        yield _JOINED
+    yield _SILENT_SOURCES
 
 
-def _by_core(rows: list[Document]) -> Table | str:
-    if not rows:
-        return "No core is in use."
-    keys = [key for key in rows[0] if key not in ("core", "phase", "slot", "tile")]
-    return table(
-        "core by core", rows, columns={words(key): f"{{{key}:any_value or {NONE}}}" for key in keys}
+def gates(bounds: Sequence[GateFigures]) -> Table | None:
+    """Return the bounds that the build must keep; None without any."""
+    if not bounds:
+        return None
+    return Table(
+        "Gates",
+        ("gate", "bound", "measured", "passed"),
+        tuple(
+            (
+                any_value(gate.name),
+                any_value(gate.bound),
+                any_value(gate.measured),
+                any_value(gate.passed),
+            )
+            for gate in bounds
+        ),
     )
 
 
-def _period(safe_period_steps: int | None, **_: int) -> str:
-    if safe_period_steps is None:
-        return "no rate is proven safe"
-    return "any input is safe" if safe_period_steps == 1 else f"{count(safe_period_steps)} steps"
-
-
-def _number(key: str, value: object) -> str:
-    if isinstance(value, float) and key.endswith("_error"):
-        return share(value)
-    if isinstance(value, dict):
-        return ", ".join(
-            f"{words(name)} {share(part)}" for name, part in value.items() if part is not None
-        )
-    return any_value(value)
-
-
-def settings_compared(choice: Document) -> Table:
+def settings_compared(choice: ChoiceFigures) -> Table:
     """Return a table of the settings that were compared."""
-    priced = choice["candidates"][0]["energy_pj"] is not None
-    rows = (
-        row | {"setting": Setting(*(row[dial.name] for dial in DIALS))}
-        for row in choice["candidates"]
+    priced = choice.candidates[0].energy_pj is not None
+    recordings = f"{plural(choice.calibration_samples, 'recording')} of {choice.calibration_source}"
+    return Table(
+        f"Settings compared on {recordings}; taken: {choice.taken}, {_reason(choice)}",
+        (
+            "setting",
+            "same prediction",
+            "spikes that differ",
+            "error of class scores",
+            "energy" if priced else "time",
+            "within the error budget",
+        ),
+        tuple(_candidate(candidate, priced=priced) for candidate in choice.candidates),
     )
-    cost = {"energy": "{energy_pj:energy}"} if priced else {"time": "{chip_time_ns:time}"}
-    taken = Setting(*(choice[dial.taken_key] for dial in DIALS))
-    return table("settings", rows, columns=cost, setting=taken, why=_reason(choice), **choice)
+
+
+def _candidate(candidate: CandidateFigures, *, priced: bool) -> tuple[str, ...]:
+    cost = time(candidate.chip_time_ns)
+    if priced:
+        cost = known(candidate.energy_pj, energy, "")
+    return (
+        str(candidate.setting),
+        known(candidate.prediction_agreement, share, "all tie"),
+        known(candidate.spike_error, share, "silent"),
+        known(candidate.score_error, share, "all tie"),
+        cost,
+        any_value(candidate.within_budget),
+    )
 
 
 def unmet_budget(choice: Choice) -> str:
@@ -142,14 +289,19 @@ def unmet_budget(choice: Choice) -> str:
     fix = "Train for the chip with locsnn train --target, or allow more."
     if silent:
         fix = "Give --calibration recordings in which outputs spike."
-    return sentence(
-        "unmet budget", bounds=bounds.words(), choice=choice, many=len(choice.candidates), fix=fix
+    unknown = "an unknown share"
+    return (
+        f"no setting keeps {bounds.words()} on {plural(choice.samples, 'recording')} of "
+        f"{choice.source}: the best of {len(choice.candidates)} is {best.setting}, with "
+        f"{known(best.prediction_error, share, unknown)} of the predictions changed, "
+        f"{known(best.spike_error, share, unknown)} of the spikes different and class scores off by "
+        f"{known(best.score_error, share, unknown)} of their spread. {fix}"
     )
 
 
-def _reason(choice: dict[str, Any]) -> str:
-    if choice["min_agreement"] is choice["max_spike_error"] is choice["max_score_error"] is None:
+def _reason(choice: ChoiceFigures) -> str:
+    if not choice.budget.given:
         return "the most exact one, as nothing was compared"
-    if choice["kept"]:
+    if choice.kept:
         return "the cheapest within the error budget"
     return "the most accurate, as none is within the error budget"

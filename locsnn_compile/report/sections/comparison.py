@@ -24,12 +24,14 @@ from locsnn_compile.report.format import (
     agreed,
     any_value,
     count,
+    energy,
     plural,
     points,
     share,
     shortened,
+    time,
 )
-from locsnn_compile.report.words import SHOWN, facts, notice, section, table, texts, verdict, words
+from locsnn_compile.report.words import words
 
 MAX_ROWS = 150
 """Most changed figures in a section of the page; --json has all."""
@@ -77,18 +79,44 @@ class Build(Frozen):
         return value if isinstance(value, str) else NONE
 
 
+_MODELS_DIFFER = Notice(
+    "The models differ.", "What changed may come from the model, not from the compiler."
+)
+_MODELS_NOT_KNOWN = Notice(
+    "Whether the models are equal is not known.",
+    "A network that was made in Python has no file to tell by. What changed may come from the model.",
+)
+_PROFILES_DIFFER = Notice(
+    "Their energy profiles differ.", "Their energies and times cannot be compared."
+)
+_CHIPS_DIFFER = Notice(
+    "The chips differ.", "What changed may come from what their cores and registers hold."
+)
 KeyFigure = tuple[str, str, Callable[[float], str]]
 """A figure of the report: its name, its key and how it is shown."""
 
 
-def _named(group: str) -> tuple[KeyFigure, ...]:
-    """Return a group of figures of ``words.yaml``."""
-    return tuple(
-        (name, key, SHOWN[shown]) for name, (key, shown) in texts("figures", group).items()
-    )
-
-
-_KEY_FIGURES = _named("all")
+_LATENCY = "latency.per_sample_ns"
+_SYNAPTIC_OPS: KeyFigure = ("synaptic operations", "operations.per_sample.synaptic_ops", count)
+_UPDATES: KeyFigure = ("neuron updates", "operations.per_sample.neuron_updates", count)
+_COMPARTMENTS: KeyFigure = ("compartments", "resources.compartments", count)
+_SYNAPSES: KeyFigure = ("synapses", "resources.synapses", count)
+_KEY_FIGURES: tuple[KeyFigure, ...] = (
+    ("dynamic energy per recording", "energy.per_sample_pj", energy),
+    ("time per recording", _LATENCY, time),
+    _SYNAPTIC_OPS,
+    _UPDATES,
+    ("spikes on the chip", "operations.per_sample.spikes", count),
+    ("spikes on one side only", "match.spike_mismatches", count),
+    _COMPARTMENTS,
+    _SYNAPSES,
+)
+_COSTS: tuple[KeyFigure, ...] = (("latency", _LATENCY, time), _SYNAPTIC_OPS, _UPDATES)
+_ROOM: tuple[KeyFigure, ...] = (
+    _COMPARTMENTS,
+    _SYNAPSES,
+    ("synapse bits", "resources.synapse_bits", count),
+)
 _CONTENTS = "program.contents."
 _EVENTS = ("input_events", "transpose_events")
 _LARGEST = 1e200
@@ -152,26 +180,33 @@ def _figures(build: Build) -> Figures:
 
 
 def _matches(before: Build, after: Build) -> Verdict:
-    a, b = predictions = _shares(before, after, "prediction_agreement")
-    spikes, scores = (
-        _shares(before, after, "spike_agreement"),
-        (before.score_error, after.score_error),
-    )
+    predictions = _shares(before, after, "prediction_agreement")
+    spikes = _shares(before, after, "spike_agreement")
+    scores = before.score_error, after.score_error
     status, answer = _change_of_match(predictions, spikes, scores)
     off = [
         "not compared" if error is None else f"{share(error)} of their spread off"
         for error in scores
     ]
-    its = facts(
-        "matches compared",
-        accuracy=_accuracy(before, after),
-        equal=_now(*map(agreed, spikes)),
-        mismatches=_both(before, after, "match.spike_mismatches", count),
-        scores=_now(*off),
-        overflows=_both(before, after, "match.wraps", count, "match.clips"),
+    facts = {
+        "accuracy on the chip": _accuracy(before, after),
+        "equal spikes": _now(*map(agreed, spikes)),
+        "spikes on one side only": _both(before, after, "match.spike_mismatches", count),
+        "class scores": _now(*off),
+        "wraps and clips": _both(before, after, "match.wraps", count, "match.clips"),
+    }
+    same = agreed(predictions[1], "an unknown share")
+    same_before = agreed(predictions[0], "an unknown share")
+    return Verdict(
+        question="Does it match as well?",
+        status=status,
+        answer=answer,
+        figure=same,
+        figure_label=f"same prediction; {same_before} before",
+        sentence=f"The chip predicts the same class as the network in {same} of recordings, "
+        f"{same_before} before.",
+        facts=Facts.of(facts).facts,
     )
-    same, same_before = (agreed(one, "an unknown share") for one in (b, a))
-    return verdict("matches compared", status, answer, its, now=same, before=same_before)
 
 
 def _shares(before: Build, after: Build, key: str) -> _Known:
@@ -221,16 +256,32 @@ def _costs(before: Build, after: Build) -> Verdict:
     answer = (
         _answer(a, b, f"{by} less", f"{by} more") if comparable else ("unknown", "Not comparable")
     )
-    its = _changed(before, after, "costs")
-    return verdict(
-        "costs compared", *answer, its, now=shown(b), before=shown(a), what=what, profile=profile
+    now, then = shown(b), shown(a)
+    status, text = answer
+    return Verdict(
+        question="Does it cost less?",
+        status=status,
+        answer=text,
+        figure=now,
+        figure_label=f"{what} per recording{profile}; {then} before",
+        sentence=f"In the model, a recording takes {now} of {what}, {then} before.",
+        facts=_changed(before, after, _COSTS),
     )
 
 
 def _fits(before: Build, after: Build) -> Verdict:
     a, b = (build.number("resources.cores") for build in (before, after))
-    answer = _answer(a, b, "fewer cores", "more cores")
-    return verdict("room compared", *answer, _changed(before, after, "room"), now=b, before=a)
+    status, answer = _answer(a, b, "fewer cores", "more cores")
+    now, then = plural(b, "core"), count(a)
+    return Verdict(
+        question="Does it use fewer resources?",
+        status=status,
+        answer=answer,
+        figure=now,
+        figure_label=f"{then} before",
+        sentence=f"The program takes {now}, {then} before.",
+        facts=_changed(before, after, _ROOM),
+    )
 
 
 def _answer(before: float, after: float, less: str, more: str) -> tuple[Status, str]:
@@ -240,11 +291,9 @@ def _answer(before: float, after: float, less: str, more: str) -> tuple[Status, 
     return ("yes", f"Yes, {less.strip()}") if after < before else ("no", f"No, {more.strip()}")
 
 
-def _changed(before: Build, after: Build, group: str) -> Facts:
-    named = _timed(before, after, _named(group))
-    return Facts(
-        tuple(Fact(label, _both(before, after, key, shown)) for label, key, shown in named)
-    )
+def _changed(before: Build, after: Build, group: Sequence[KeyFigure]) -> tuple[Fact, ...]:
+    named = _timed(before, after, group)
+    return tuple(Fact(label, _both(before, after, key, shown)) for label, key, shown in named)
 
 
 def _recordings(build: Build) -> str:
@@ -291,19 +340,32 @@ def _notices(before: Build, after: Build) -> tuple[Notice, ...]:
         changes(before, after),
     )
     parts = contents_changed(changed, "program.")
-    said = {
-        "models differ": (len(models) > 1 and "" not in models)
-        or not _agree(before, after, "model.members.", ".weight"),
-        "models not known": "" in models and bool(changed),
-        "recordings differ": not _same_recordings(before, after),
-        "profiles differ": not _same_profile(before, after),
-        "chips differ": not _same_chip(before, after),
-        "programs differ": bool(parts),
-    }
     both = " and ".join(map(_recordings, (before, after)))
-    return tuple(
-        notice(name, both=both, parts=", ".join(parts)) for name, holds in said.items() if holds
+    notices = (
+        (
+            (len(models) > 1 and "" not in models)
+            or not _agree(before, after, "model.members.", ".weight"),
+            _MODELS_DIFFER,
+        ),
+        ("" in models and bool(changed), _MODELS_NOT_KNOWN),
+        (
+            not _same_recordings(before, after),
+            Notice(
+                "They were checked on different recordings.",
+                f"{both}: figures per recording cannot be compared.",
+            ),
+        ),
+        (not _same_profile(before, after), _PROFILES_DIFFER),
+        (not _same_chip(before, after), _CHIPS_DIFFER),
+        (
+            bool(parts),
+            Notice(
+                "The programs differ, but not in their sums and extremes.",
+                f"They differ in {', '.join(parts)}.",
+            ),
+        ),
     )
+    return tuple(notice for holds, notice in notices if holds)
 
 
 def _key_figures(before: Build, after: Build) -> Section:
@@ -315,7 +377,10 @@ def _key_figures(before: Build, after: Build) -> Section:
             for name, key, shown in _key(before, after)
         ),
     )
-    return section("key-figures", its, before=before.name, after=after.name)
+    lead = (
+        f"Before is {before.name}, after is {after.name}. Costs are modelled means per recording."
+    )
+    return Section.of("key-figures", "Key figures", lead, its)
 
 
 def _row(name: str, a: float, b: float, shown: Callable[[float], str]) -> tuple[str | Bar, ...]:
@@ -340,17 +405,17 @@ def _all(changed: dict[str, Change]) -> list[Section]:
     sections = []
     for i, (part, rows) in enumerate(by_part.items()):
         cut = f", the first {MAX_ROWS}; --json has all" if len(rows) > MAX_ROWS else ""
-        shown = (
-            {
-                "name": _short(name),
-                "a": _short(any_value(a)),
-                "b": _short(any_value(b)),
-                "by": percent(a, b) or NONE,
-            }
+        title = _short(words(part))
+        changed_rows = tuple(
+            (_short(name), _short(any_value(a)), _short(any_value(b)), percent(a, b) or NONE)
             for name, (a, b) in rows[:MAX_ROWS]
         )
-        changes = table("figures changed", shown, part=_short(words(part)), many=len(rows), cut=cut)
-        sections.append(Section(f"part-{i}", _short(words(part)).capitalize(), "", (changes,)))
+        changes = Table(
+            f"{title}: {plural(len(rows), 'figure')} changed{cut}",
+            ("figure", "before", "after", "change"),
+            changed_rows,
+        )
+        sections.append(Section(f"part-{i}", title.capitalize(), "", (changes,)))
     return sections
 
 

@@ -3,45 +3,92 @@
 For the open core cycles are exact, and activity stands in for energy that is not known.
 """
 
-from typing import Any
+from collections.abc import Mapping, Sequence
 
-from locsnn_compile.report.content import Document, Facts, Section, Table, Verdict
-from locsnn_compile.report.format import energy, time
+from locsnn_compile.report.content import Bar, Cell, Fact, Facts, Section, Stack, Table, Verdict
+from locsnn_compile.report.figures.document import ReportFigures
+from locsnn_compile.report.figures.energy import EnergyFigures, NotIncluded, StaticEnergy
+from locsnn_compile.report.figures.latency import (
+    CoreTime,
+    CriticalPath,
+    LatencyFigures,
+    LinkUse,
+    MeshTimes,
+)
+from locsnn_compile.report.format import (
+    any_value,
+    count,
+    energy,
+    known,
+    plural,
+    ratio,
+    share,
+    time,
+)
 from locsnn_compile.report.sections.cost_tables import (
-    ENERGY,
-    TIME,
     by_branch,
     constants,
+    core_words,
+    energy_cost,
     shares,
     stack,
+    time_cost,
 )
-from locsnn_compile.report.sections.verdict import against_anns, pace, timed
-from locsnn_compile.report.words import (
-    core_words,
-    facts,
-    section,
-    sentence,
-    share_of,
-    table,
-    verdict,
-    words,
+from locsnn_compile.report.sections.verdict import against_anns, against_real_time, pace
+from locsnn_compile.report.words import share_of, words
+
+_ENERGY = (
+    "The chip's counts times the cost of each operation in a profile. "
+    "This is a model; no board was used."
+)
+_LATENCY = (
+    "A step ends with a barrier, once the last core is done. A core updates its compartments and "
+    "sends packets; when its last packet has arrived, over links of the mesh that pass one at a time, "
+    "it receives them all and adds up their synapses. The branches run one after the other. Host "
+    "input is not included. This is a model; no board was used."
+)
+_ACTIVITY = (
+    "What the open core does per recording, on average: the simulator's counts, and the memory "
+    "accesses that follow from them."
+)
+_NO_JOULES = "There are no joules, because no power model of such devices is public."
+_CYCLES = (
+    "Cycles of the open core from the first word that it accepts to the class, with a host that is "
+    "always ready. They are predicted exactly: the command locsnn rtl sim compares them with the core "
+    "itself. Nothing ran on a board."
 )
 
 
-def energy_section(document: Document) -> Section:
+def energy_section(report: ReportFigures, figures: EnergyFigures) -> Section:
     """Energy per recording: spread, breakdowns, profiles, static energy, constants, and what is not included."""
-    found = document["energy"]
-    profile, breakdown = found["profile"], found["breakdown_pj"]
-    mean = f"mean per recording, profile {profile}"
-    columns = {profile: found["by_branch_pj"], **found["other_profiles_by_branch_pj"]}
-    elsewhere = [("outside the cores", found["elsewhere_pj"])] if found["elsewhere_pj"] else []
-    populations = [(name, one["pj"]) for name, one in found["by_population_pj"].items()]
-    cores = [(core_words(row), row["pj"]) for row in found["by_core_pj"]]
-    operations = [(words(name), pj) for name, pj in breakdown.items()]
-    return section(
+    cost = energy_cost(figures, report.classes)
+    static = figures.static
+    return Section.of(
         "energy",
-        ENERGY.span(document),
-        facts("spread of a cost", **ENERGY.facts(document)),
+        "Energy",
+        _ENERGY,
+        cost.span(),
+        Facts.of(cost.facts()),
+        *_breakdowns(figures),
+        cost.by_class(),
+        *(() if static is None else (_about_static(static), _static(static))),
+        _not_included(figures.not_included_bounds),
+        *(constants(name, profile) for name, profile in figures.profiles.items()),
+    )
+
+
+def _breakdowns(figures: EnergyFigures) -> tuple[Stack | Table, ...]:
+    """Return the energy by operation, branch, population and core."""
+    profile, breakdown = figures.profile, figures.breakdown_pj
+    mean = f"mean per recording, profile {profile}"
+    columns = {profile: figures.by_branch_pj, **figures.other_profiles_by_branch_pj}
+    elsewhere = []
+    if figures.elsewhere_pj:
+        elsewhere.append(("outside the cores", figures.elsewhere_pj))
+    operations = [(words(name), pj) for name, pj in breakdown.items()]
+    populations = [(name, of.pj) for name, of in figures.by_population_pj.items()]
+    cores = [(core_words(of.place), of.pj) for of in figures.by_core_pj]
+    return (
         stack(breakdown, f"Where the energy goes, profile {profile}"),
         shares("operation", f"Energy by operation, {mean}", operations, patterned=True),
         by_branch(columns, "Energy by branch and profile, mean per recording", energy),
@@ -51,122 +98,219 @@ def energy_section(document: Document) -> Section:
             populations + elsewhere,
         ),
         shares("core", f"Energy by core, {mean}", cores + elsewhere),
-        ENERGY.by_class(document),
-        *(_static(found["static"]) if found["static"] else ()),
-        table("not included", found["not_included_bounds"])
-        if found["not_included_bounds"]
-        else None,
-        *(constants(name, one) for name, one in found["profiles"].items()),
     )
 
 
-def latency_section(document: Document) -> Section:
-    """Time per recording: spread, breakdown, which core waits for which, and comparison with real time."""
-    found = document["latency"]
-    if not timed(document):
-        return section(
-            "latency", _links(found["links"]), called="latency not known", profile=found["profile"]
-        )
-    mean, real = found["per_sample_ns"], found["real_time"]
-    slowest = sentence("slowest step", **real) if real and real["slowest_step_factor"] else None
-    return section(
-        "latency",
-        TIME.span(document),
-        real_time(found),
-        facts("latency", **found, **TIME.facts(document), slowest=slowest),
-        by_branch(
-            _parts(found),
-            f"Time by branch and part, mean per recording, profile {found['profile']}",
-            time,
+def _about_static(static: StaticEnergy) -> str:
+    return (
+        "The figures above do not include static energy. Static power is "
+        f"{static.chip_mw:g} mW per chip ({static.source}) on {plural(static.chips, 'chip')}; the "
+        "table gives its energy while the chip works, and for as long as the sensor records."
+    )
+
+
+def _static(static: StaticEnergy) -> Table:
+    return Table(
+        "Static energy per recording",
+        ("how long", "energy"),
+        (
+            ("while the chip works", known(static.at_latency_pj, energy, "not known")),
+            ("while the sensor records", known(static.at_real_time_pj, energy, "not known")),
         ),
-        table("critical paths", (_path(mean=mean, **row) for row in found["critical_paths"])),
-        _cores(found["by_core"], mean) if found["by_core"] else None,
-        _links(found["links"]),
-        TIME.by_class(document),
     )
 
 
-def _static(static: Document) -> tuple[str, Table]:
-    lasting = {
-        "while the chip works": "at_latency_pj",
-        "while the sensor records": "at_real_time_pj",
-    }
-    return (
-        sentence("static energy", **static),
-        table("static energy", {name: static[key] for name, key in lasting.items()}),
+def _not_included(bounds: Sequence[NotIncluded]) -> Table | None:
+    if not bounds:
+        return None
+    return Table(
+        "Not included in the energy",
+        ("what", "upper bound", "basis"),
+        tuple(
+            (of.what, known(of.at_most_pj, energy, "not known"), any_value(of.bound_source))
+            for of in bounds
+        ),
     )
 
 
-def real_time(found: Document) -> str:
-    """Compare with the duration of the recordings."""
-    duration = found["recording_ns"]
-    if duration is None:
-        return sentence("no pace")
-    mean, slowest = (
-        pace(ns, duration) for ns in (found["per_sample_ns"], found["over_samples_ns"]["max"])
-    )
-    return sentence("pace", mean=mean, slowest=slowest)
-
-
-def _path(*, mean: float, **row: Any) -> Document:
-    awaited = "nothing" if row["sender"] == row["last"] else f"packets of core {row['sender']}"
-    return row | {"awaited": awaited, "share": share_of(row["ns"], mean)}
-
-
-def _parts(found: Document) -> dict[str, dict[str, float]]:
-    """Return the time of each branch by the parts that take any, and in all."""
-    by_branch = found["by_branch_part_ns"]
-    parts = [part for part, ns in found["by_part_ns"].items() if ns]
-    columns = {
-        words(part): {branch: its[part] for branch, its in by_branch.items()} for part in parts
-    }
-    return columns | {"all": found["by_branch_ns"]}
-
-
-def _cores(cores: list[Document], total: float) -> Table:
-    rows = (row | {"drawn": share_of(row["last_ns"], total)} for row in cores)
-    busy = {words(name): f"{{busy_ns[{name}]:time}}" for name in cores[0]["busy_ns"]}
-    return table("work of cores", rows, columns=busy)
-
-
-def _links(links: list[Document]) -> Table | None:
-    most = max((row["packets"] for row in links), default=0)
-    return (
-        table("links", (row | {"drawn": row["packets"] / most} for row in links)) if links else None
-    )
-
-
-def cycles(document: Document) -> Verdict:
-    """How many cycles does a recording take?"""
-    found = document["latency"]
-    duration = found["recording_ns"]
-    real = "" if duration is None else f", {pace(found['per_sample_ns'], duration)}"
-    its = Facts((*facts("verdict on cycles", real=real, **found).facts, *against_anns(document)))
-    given = found | {"target": document["target"], "mhz": 1000 * found["clock_ghz"]}
-    return verdict("cycles", "modelled", "Cycles exact, energy not known", its, **given)
-
-
-def activity_section(document: Document) -> Section:
-    """Memory accesses and multiplications, in place of energy."""
-    found = document["activity"].items()
-    its = table(
-        "activity",
-        ({"what": key, "of": of, "number": n} for key, its in found for of, n in its.items()),
-    )
-    if document["energy"]["profile"]:
-        return section("activity", its)
-    return section("energy", its, called="activity without energy")
-
-
-def cycles_section(document: Document) -> Section:
-    """Cycles per recording: their spread, and comparison with real time."""
-    found, done = document["latency"], document["operations"]["per_sample"]
-    used = (done["synaptic_ops"] + done["neuron_updates"]) / found["per_sample_cycles"]
-    return section(
+def latency_section(report: ReportFigures, mesh: MeshTimes) -> Section:
+    """Time per recording: spread, breakdown, which core waits for which, and comparison with real time."""
+    figures = report.latency
+    profile = figures.profile
+    if not figures.timed:
+        lead = (
+            f"Not known, as profile {profile} has no times of operations: "
+            "only barriers and the buffer are timed."
+        )
+        return Section.of("latency", "Latency", lead, _links(mesh.links))
+    cost = time_cost(figures, report.classes)
+    mean_ns = figures.per_sample_ns
+    return Section.of(
         "latency",
-        TIME.span(document),
-        real_time(found),
-        facts("cycles", **found, **TIME.facts(document), mhz=1000 * found["clock_ghz"], used=used),
-        TIME.by_class(document),
-        called="cycles",
+        "Latency",
+        _LATENCY,
+        cost.span(),
+        real_time(figures),
+        Facts.of(_facts_of_latency(figures, cost.facts())),
+        by_branch(
+            _parts(mesh), f"Time by branch and part, mean per recording, profile {profile}", time
+        ),
+        _critical_paths(mesh.critical_paths, mean_ns),
+        _cores(mesh.by_core, mean_ns) if mesh.by_core else None,
+        _links(mesh.links),
+        cost.by_class(),
+    )
+
+
+def _facts_of_latency(figures: LatencyFigures, spread: Mapping[str, str]) -> dict[str, str | None]:
+    after, real = figures.after_last_row_ns, figures.real_time
+    facts: dict[str, str | None] = {
+        "cycles": f"{count(figures.per_sample_cycles)} per recording, at {figures.clock_ghz:g} GHz",
+        **spread,
+    }
+    if figures.critical_core is not None:
+        core = f"core {count(figures.critical_core)}"
+        facts["critical core"] = f"{core}, which finished last for the largest share of the time"
+    if after is not None:
+        facts["after the last row"] = f"{time(after.mean)}, at most {time(after.max)}"
+    if real is not None and real.slowest_step_ns and real.slowest_step_factor:
+        facts["slowest step of a row"] = (
+            f"{time(real.slowest_step_ns)} of the {time(real.step_ns)} between two rows, "
+            f"{ratio(real.slowest_step_factor)} times faster"
+        )
+    return facts
+
+
+def real_time(figures: LatencyFigures) -> str:
+    """Compare with the duration of the recordings."""
+    duration = figures.recording_ns
+    if duration is None:
+        return "How long a step lasts is not known, so there is no comparison with real time."
+    mean = pace(figures.per_sample_ns, duration)
+    slowest = pace(figures.over_samples_ns.max, duration)
+    return (
+        f"On average {mean}; in the slowest recording {slowest}. The chip runs its steps as fast as "
+        "it can, without waiting for the next touch."
+    )
+
+
+def _critical_paths(paths: Sequence[CriticalPath], mean_ns: float) -> Table:
+    rows = []
+    for path in paths:
+        awaited = "nothing" if path.sender == path.last else f"packets of core {path.sender}"
+        part = share(share_of(path.ns, mean_ns))
+        rows.append((words(path.phase), f"core {path.last}", awaited, time(path.ns), part))
+    return Table(
+        "What steps waited for, sorted by time",
+        ("branch", "done last", "waited for", "time", "share"),
+        tuple(rows),
+    )
+
+
+def _parts(mesh: MeshTimes) -> dict[str, Mapping[str, float]]:
+    """Return the time of each branch by the parts that take any, and in all."""
+    columns: dict[str, Mapping[str, float]] = {}
+    for part, ns in mesh.by_part_ns.items():
+        if ns:
+            of_branches = mesh.by_branch_part_ns.items()
+            columns[words(part)] = {branch: parts[part] for branch, parts in of_branches}
+    columns["all"] = mesh.by_branch_ns
+    return columns
+
+
+def _cores(cores: Sequence[CoreTime], total_ns: float) -> Table:
+    parts = list(cores[0].busy_ns)
+    rows: list[tuple[Cell, ...]] = []
+    for core in cores:
+        last = time(core.last_ns)
+        bar = Bar(share_of(core.last_ns, total_ns), f"done last in {last}")
+        busy = (time(core.busy_ns[part]) for part in parts)
+        rows.append((core_words(core.place), bar, *busy, last))
+    return Table(
+        "What each core works on, mean per recording",
+        ("core", "", *(words(part) for part in parts), "done last in"),
+        tuple(rows),
+    )
+
+
+def _links(links: Sequence[LinkUse]) -> Table | None:
+    if not links:
+        return None
+    most = max(link.packets for link in links)
+    return Table(
+        "Packets on the links of the mesh, mean per recording",
+        ("link, from tile to tile", "", "branch", "packets", "most in a step"),
+        tuple(
+            (
+                f"{link.from_[0]},{link.from_[1]} to {link.to[0]},{link.to[1]}",
+                Bar(link.packets / most, plural(link.packets, "packet")),
+                words(link.phase),
+                count(link.packets),
+                count(link.most_in_a_step),
+            )
+            for link in links
+        ),
+    )
+
+
+def cycles(report: ReportFigures) -> Verdict:
+    """How many cycles does a recording take?"""
+    figures = report.latency
+    spread = figures.over_samples_ns
+    per_recording = f"{count(figures.per_sample_cycles)} cycles"
+    lasting = time(figures.per_sample_ns)
+    facts = (
+        Fact("range", f"{time(spread.min)} to {time(spread.max)}, median {time(spread.p50)}"),
+        Fact("latency", f"{lasting}{against_real_time(figures)}"),
+        Fact("energy", "not known, because no power model of such devices is public"),
+    )
+    return Verdict(
+        question="What does it cost?",
+        status="modelled",
+        answer="Cycles exact, energy not known",
+        figure=per_recording,
+        figure_label=f"per recording on the open core of {report.target}",
+        sentence=f"A recording takes {per_recording} on the open core, {lasting} at "
+        f"{1000 * figures.clock_ghz:g} MHz.",
+        facts=(*facts, *against_anns(report)),
+    )
+
+
+def activity_section(report: ReportFigures, activity: Mapping[str, Mapping[str, float]]) -> Section:
+    """Memory accesses and multiplications, in place of energy."""
+    table = Table(
+        "Activity, mean per recording",
+        ("what", "of", "number"),
+        tuple(
+            (words(what), words(of), count(number))
+            for what, numbers in activity.items()
+            for of, number in numbers.items()
+        ),
+    )
+    if report.energy is not None:
+        return Section.of("activity", "Activity", _ACTIVITY, table)
+    return Section.of("energy", "Activity", f"{_ACTIVITY} {_NO_JOULES}", table)
+
+
+def cycles_section(report: ReportFigures) -> Section:
+    """Cycles per recording: their spread, and comparison with real time."""
+    figures, counts = report.latency, report.operations.per_sample
+    cost = time_cost(figures, report.classes)
+    used = (counts.synaptic_ops + counts.neuron_updates) / figures.per_sample_cycles
+    spread = cost.facts()
+    facts = {
+        "cycles": f"{count(figures.per_sample_cycles)} per recording, "
+        f"at {1000 * figures.clock_ghz:g} MHz",
+        "synapses and updates per cycle": ratio(used),
+        "99 % of recordings": spread["99 % of recordings"],
+        "worst recording": spread["worst recording"],
+    }
+    return Section.of(
+        "latency",
+        "Latency",
+        _CYCLES,
+        cost.span(),
+        real_time(figures),
+        Facts.of(facts),
+        cost.by_class(),
     )

@@ -1,85 +1,128 @@
 """The section on predictions while a recording plays, and on where it could stop."""
 
-from locsnn_compile.report.content import Curve, Document, Plot, Section, Table
+from collections.abc import Callable
+
+from locsnn_compile.report.content import Bar, Cell, Curve, Facts, Plot, Section, Table
+from locsnn_compile.report.figures.checks import NotFollowed, OverTimeFigures
+from locsnn_compile.report.figures.document import ReportFigures
 from locsnn_compile.report.format import count, energy, share, short, time
 from locsnn_compile.report.pictures.axis import Axis
-from locsnn_compile.report.sections.accuracy import sample
-from locsnn_compile.report.sections.cost_tables import ENERGY, PARTS, TIME
-from locsnn_compile.report.sections.verdict import timed
-from locsnn_compile.report.words import facts, section, sentence, table, words
+from locsnn_compile.report.sections.accuracy import sample_words
+from locsnn_compile.report.sections.cost_tables import PARTS, energy_course, time_course
+from locsnn_compile.report.words import words
+from locsnn_compile.verification.over_time import Savings
+
+_TITLE = "Over time"
+_LEAD = (
+    "What the chip predicts after every step of a recording. The time branch has run so far; the "
+    "location branch runs on what was recorded so far, as if nothing followed."
+)
 
 
-def over_time(document: Document) -> Section:
+def over_time(report: ReportFigures) -> Section:
     """The share of right predictions during a recording, and what a proven stop saves."""
-    priced = document["energy"]["profile"]
-    by_step = timed(document) and "activity" not in document
-    costs = (
-        *(ENERGY.course(document) if priced else ()),
-        *(TIME.course(document) if by_step else ()),
-    )
-    if "over_time" not in document:
-        return section("over-time", *costs, called="over-time of costs")
-    entry = document["over_time"]
-    if "left_out" in entry:
-        return section("over-time", *costs, called="over-time left out", why=entry["left_out"])
-    return section(
+    figures = report.over_time
+    costs = _costs_of_steps(report)
+    if figures is None:
+        return Section.of("over-time", _TITLE, "What the steps of a recording cost.", *costs)
+    if isinstance(figures, NotFollowed):
+        lead = f"Predictions were not followed step by step: {figures.left_out}."
+        return Section.of("over-time", _TITLE, lead, *costs)
+    return Section.of(
         "over-time",
-        _plot(entry),
-        _table(entry),
-        sentence("time-weighted", psi=entry["psi"]) if "time_weighted" in entry["right"] else None,
-        _stop(entry["proven_stop"]),
-        sentence("proven stop", steps=count(entry["proven_stop"]["all_steps"])),
-        facts("recordings", recordings=sample(entry, named=False)),
+        _TITLE,
+        _LEAD,
+        _plot(figures),
+        _table(figures),
+        _time_weighted(figures.psi) if "time_weighted" in figures.right else None,
+        _stop(figures.proven_stop),
+        _proven_stop(figures.proven_stop),
+        Facts.of({"recordings": sample_words(figures.sample, named=False)}),
         *costs,
     )
 
 
-def _title(entry: Document) -> str:
-    if entry["right_is"] == "the label":
+def _costs_of_steps(report: ReportFigures) -> tuple[Plot | Table, ...]:
+    costs: tuple[Plot | Table, ...] = ()
+    if report.energy is not None:
+        costs += energy_course(report.energy)
+    latency = report.latency
+    if latency.timed and latency.mesh is not None:
+        costs += time_course(latency.mesh.by_step_ns, latency.profile)
+    return costs
+
+
+def _time_weighted(psi: float) -> str:
+    return (
+        "Time-weighted: spikes of the time branch count 1 - w and those of the location branch w, "
+        f"where w = 1 / (1 + exp(-psi (t / T - 1))) after step t of T, with psi {psi:g}. Published "
+        "values of psi are 15 for Objects, 10 for Containers and 2 for Slip."
+    )
+
+
+def _proven_stop(savings: Savings) -> str:
+    return (
+        "A recording stops as soon as no further input could change the class with the highest score, "
+        "so the predictions are those of the whole recording. Its "
+        f"{count(savings.all_steps)} steps are those of all branches, one after the other."
+    )
+
+
+def _title(figures: OverTimeFigures) -> str:
+    if figures.right_is == "the label":
         return "Accuracy after each step"
     return "Recordings with the same prediction as after the last step"
 
 
-def _plot(entry: Document) -> Plot:
-    last, seconds = entry["steps"][-1], entry["step_seconds"]
-    moment = (lambda step: short(step * seconds)) if seconds else "{:.0f}".format
+def _plot(figures: OverTimeFigures) -> Plot:
+    last, step_seconds = figures.steps[-1], figures.step_seconds
+    moment: Callable[[float], str] = "{:.0f}".format
+    if step_seconds:
+        moment = lambda step: short(step * step_seconds)  # noqa: E731
     return Plot(
-        title=_title(entry),
-        x_label="seconds" if seconds else "steps",
+        title=_title(figures),
+        x_label="seconds" if step_seconds else "steps",
         x=Axis(0.0, last, tuple(part * last for part in (0.0, *PARTS)), moment),
         y=Axis(0.0, 1.0, (0.25, 0.5, 0.75, 1.0), lambda share: f"{100 * share:.0f} %"),
         curves=tuple(
-            Curve(words(name), tuple(zip(entry["steps"], values, strict=True)))
-            for name, values in entry["right"].items()
+            Curve(words(name), tuple(zip(figures.steps, shares, strict=True)))
+            for name, shares in figures.right.items()
         ),
     )
 
 
-def _table(entry: Document) -> Table:
-    steps = entry["steps"]
+def _table(figures: OverTimeFigures) -> Table:
+    steps = figures.steps
     at = [min(range(len(steps)), key=lambda i: abs(steps[i] - part * steps[-1])) for part in PARTS]
     return Table(
-        _title(entry),
+        _title(figures),
         ("prediction by", *(f"step {count(steps[i])}" for i in at)),
         tuple(
-            (words(name), *(share(values[i]) for i in at))
-            for name, values in entry["right"].items()
+            (words(name), *(share(shares[i]) for i in at)) for name, shares in figures.right.items()
         ),
     )
 
 
-def _stop(found: Document) -> Table:
-    rows = {}
-    for name, shown in (
-        ("steps", count),
-        ("synaptic_ops", count),
-        ("energy_pj", energy),
-        ("latency_ns", time),
-    ):
-        until, whole = found[name], found[f"all_{name}"]
-        if whole is not None:
-            what, _, unit = name.rpartition("_")
-            label = f"{what}, profile {found['profile']}" if unit in ("pj", "ns") else words(name)
-            saved = 1.0 - until / whole if whole else 0.0
-            rows[label] = {"whole": shown(whole), "until": shown(until), "drawn": saved}
-    return table("stop", rows)
+def _stop(savings: Savings) -> Table:
+    of_profile = f", profile {savings.profile}"
+    rows = (
+        _saved("steps", savings.steps, savings.all_steps, count),
+        _saved("synaptic operations", savings.synaptic_ops, savings.all_synaptic_ops, count),
+        _saved(f"energy{of_profile}", savings.energy_pj, savings.all_energy_pj, energy),
+        _saved(f"latency{of_profile}", savings.latency_ns, savings.all_latency_ns, time),
+    )
+    return Table(
+        "Stopped as soon as the winner is proven, mean per recording",
+        ("cost", "", "whole recording", "until the stop", "saved"),
+        tuple(row for row in rows if row),
+    )
+
+
+def _saved(
+    name: str, until: float | None, whole: float | None, shown: Callable[[float], str]
+) -> tuple[Cell, ...]:
+    """Return the row of a cost; nothing if it is not known."""
+    if until is None or whole is None:
+        return ()
+    saved = 1.0 - until / whole if whole else 0.0
+    return name, Bar(saved, f"{share(saved)} saved"), shown(whole), shown(until), share(saved)

@@ -6,37 +6,52 @@ from typing import Literal
 import numpy as np
 
 from hw_model.values import ByteArray
-from locsnn_compile.report.content import Curve, Document, Plot, Raster, Section, Strokes, Table
+from locsnn_compile.report.content import Curve, Plot, Raster, Section, Strokes, Table
+from locsnn_compile.report.figures.match import MatchFigures, ReadoutFigures
 from locsnn_compile.report.format import NONE, SILENT, count, plural, told_apart
 from locsnn_compile.report.pictures.axis import Axis, step_axis, value_axis
-from locsnn_compile.report.words import no_spikes, section, table, words
+from locsnn_compile.report.sections.accuracy import no_spikes
+from locsnn_compile.report.words import words
 from locsnn_compile.verification.excerpt import Excerpt, NeuronPotential, SpikeRows
 
 _BESIDE = 3
 """Steps before and after the central one in the table."""
+_SPIKES = (
+    "One recording, one row per neuron, the first at the top. A ring marks the first spike that only "
+    "one side has; without a reset, later spikes may stay a step or two apart."
+)
+_AN_EXAMPLE = "No spike differs; this neuron of the readout is an example."
+_ITS_DIFFERENCE = "Its first spike that differs is marked."
 
 
-def spikes(document: Document, excerpt: Excerpt | None) -> Section | None:
+def spikes(match: MatchFigures, excerpt: Excerpt | None) -> Section | None:
     """Rasters of inputs and populations with every difference marked; None without an excerpt."""
     if excerpt is None:
         return None
-    excerpt = _that_spike(excerpt, document["match"])
-    side = "network" if document["match"]["reference"] == "integers" else "float"
+    excerpt = _that_spike(excerpt, match.readout)
+    side = _side(match)
     rasters: list[Raster] = []
     for phase in excerpt.steps:
         rasters += [_input(item, excerpt) for item in excerpt.inputs if item.phase == phase]
         rasters += [
             _population(item, excerpt, side) for item in excerpt.populations if item.phase == phase
         ]
-    return section("spikes", _shown(excerpt), *rasters, _spike_table(excerpt, side))
+    return Section.of(
+        "spikes", "Spikes", _SPIKES, _shown(excerpt), *rasters, _spike_table(excerpt, side)
+    )
 
 
-def _that_spike(excerpt: Excerpt, match: Document) -> Excerpt:
+def _side(match: MatchFigures) -> str:
+    """Return what the network's side is called."""
+    return "network" if match.reference == "integers" else "float"
+
+
+def _that_spike(excerpt: Excerpt, readout: ReadoutFigures) -> Excerpt:
     """Return the excerpt without populations that are read by potential and never spike in it."""
     kept = [
         item
         for item in excerpt.populations
-        if item.reference.any() or item.chip.any() or no_spikes(match, item.name) == SILENT
+        if item.reference.any() or item.chip.any() or no_spikes(readout, item.name) == SILENT
     ]
     left_out = excerpt.populations_left_out + len(excerpt.populations) - len(kept)
     return replace(excerpt, populations=tuple(kept), populations_left_out=left_out)
@@ -125,13 +140,19 @@ def _axes(item: SpikeRows, excerpt: Excerpt) -> tuple[int, int, str, Axis]:
 
 
 def _spike_table(excerpt: Excerpt, side: str) -> Table:
-    rows = {}
+    rows = []
     for item in excerpt.populations:
-        equal, reference, chip = (int(found.sum()) for found in _sides(item))
+        spikes = (count(int(on_side.sum())) for on_side in _sides(item))
         differs = np.flatnonzero((item.reference ^ item.chip).any(axis=1))
-        first = int(differs[0]) + excerpt.steps[item.phase].start if len(differs) else None
-        rows[item.name] = {"equal": equal, "reference": reference, "chip": chip, "first": first}
-    return table("spikes drawn", rows, side=side, recording=excerpt.recording)
+        first = NONE
+        if len(differs):
+            first = count(int(differs[0]) + excerpt.steps[item.phase].start)
+        rows.append((item.name, *spikes, first))
+    return Table(
+        f"Spikes drawn, recording {excerpt.recording}",
+        ("population", "on both sides", f"only {side}", "only chip", "first difference at step"),
+        tuple(rows),
+    )
 
 
 def _sides(item: SpikeRows) -> tuple[ByteArray, ByteArray, ByteArray]:
@@ -152,17 +173,24 @@ def _strokes(
     )
 
 
-def potential(document: Document, excerpt: Excerpt | None) -> Section | None:
+def potential(match: MatchFigures, excerpt: Excerpt | None) -> Section | None:
     """Potentials of both sides with the threshold, and their difference; None without an excerpt."""
     if excerpt is None:
         return None
-    side = "network" if document["match"]["reference"] == "integers" else "float"
+    side = _side(match)
     shown, first = excerpt.potential, excerpt.first
     where = f"{shown.population}, neuron {shown.neuron}, recording {excerpt.recording}"
     at = None if first is None else first.step - shown.first_step
-    blocks = (make(shown, side, at) for make in (_potentials, _difference, _around))
-    return section(
-        "potential", *blocks, called="potential that differs" if first else None, where=where
+    title = "Potential of a neuron" if first is None else "Potential around the first difference"
+    lead = f"{where}: the potential that the threshold sees, before any reset. "
+    lead += _AN_EXAMPLE if first is None else _ITS_DIFFERENCE
+    return Section.of(
+        "potential",
+        title,
+        lead,
+        _potentials(shown, side, at),
+        _difference(shown, side, at),
+        _around(shown, side, at),
     )
 
 
@@ -214,6 +242,10 @@ def _around(shown: NeuronPotential, side: str, at: int | None) -> Table:
             for name, at_step in ((side, shown.reference_spikes), ("chip", shown.chip_spikes))
             if at_step[i]
         ]
-        both = {"step": shown.first_step + i, "reference": texts[3 * n], "chip": texts[3 * n + 1]}
-        rows.append(both | {"fired": " and ".join(fired) or NONE})
-    return table("potentials", rows, side=side, **vars(shown))
+        both = texts[3 * n], texts[3 * n + 1]
+        rows.append((str(shown.first_step + i), *both, " and ".join(fired) or NONE))
+    return Table(
+        f"{shown.population}, neuron {shown.neuron}, threshold {shown.threshold:.6g}",
+        ("step", f"{side} potential", "chip potential", "spike of"),
+        tuple(rows),
+    )

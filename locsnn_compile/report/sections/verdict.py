@@ -1,35 +1,30 @@
 """The three questions that a report answers first, and what to know before believing its figures."""
 
-from locsnn_compile.report.content import Document, Fact, Facts, Notice, Status, Verdict
+from collections.abc import Iterable, Mapping
+
+from locsnn_compile.report.content import Fact, Facts, Notice, Status, Verdict
+from locsnn_compile.report.figures.document import MemberFigures, ReportFigures, SharedFigures
+from locsnn_compile.report.figures.energy import EnergyFigures
+from locsnn_compile.report.figures.latency import LatencyFigures
+from locsnn_compile.report.figures.match import MatchFigures
+from locsnn_compile.report.figures.operations import ConventionalNetwork
+from locsnn_compile.report.figures.resources import LimitUse
 from locsnn_compile.report.format import (
     NONE,
     SILENT,
     count,
     energy,
     known,
+    memory,
     plural,
     points,
     ratio,
     share,
     time,
 )
-from locsnn_compile.report.sections.behaviour import defined_anns
-from locsnn_compile.report.words import (
-    facts,
-    limit_words,
-    listed,
-    notice,
-    sentence,
-    stage_words,
-    verdict,
-    words,
-)
+from locsnn_compile.report.words import limit_words, listed, stage_words, words
+from locsnn_compile.verification.chance import Chance
 
-_SIDES = {
-    "paper operations": ("ratio", "the trained network, by the published method"),
-    "chip operations": ("chip_ratio", "synaptic operations of the program"),
-}
-"""What is compared with conventional networks: the key of the ratio, and whose operations they are."""
 NEARLY = 0.95
 """The least prediction agreement for the answer "nearly"."""
 MOST_SCORE_ERROR = 0.05
@@ -43,179 +38,240 @@ _WIDTHS = {"charge", "join", "step", "later"}
 """Limits of the open core that are bits of a number: a program needs them, but does not fill them."""
 SPIKE_FOR_SPIKE = "Yes, spike for spike"
 SAME_CLASSES = "Nearly, in every prediction"
+_WRAPPED = (
+    "A register overflowed {times} and its value wrapped around to the other sign. What the neuron "
+    "does after that says little about the float network."
+)
 
 
-def matches(document: Document) -> Verdict:
+def matches(report: SharedFigures) -> Verdict:
     """Does the chip do what the network does?"""
-    match = document["match"]
-    tied, agreement = match["tied_predictions"], match["prediction_agreement"]
-    predicted = match["samples"] - tied
-    network = (
-        "the network in its own integers"
-        if match["reference"] == "integers"
-        else "the float network"
-    )
-    same = (
-        f"in {count(round(agreement * predicted))} of {plural(predicted, 'recording')}"
-        if predicted
-        else ""
-    )
-    equal = (
-        f"The chip predicts the same class as {network} {same}"
-        if predicted
-        else "Every class score ties"
-    )
+    match = report.match
     status, answer = _answer(match)
-    said = f"{equal}, and every spike is equal" if answer == SPIKE_FOR_SPIKE else equal
-    if status == "unknown":
-        unproven = (
-            "nothing was compared"
-            if match["spike_agreement"] is None
-            else "no prediction was compared"
-        )
-        said = f"{_not_compared(match)}, in {network} or on the chip: {unproven}"
-    elif predicted and tied:
-        said += f"; {count(tied)} more are not predicted, as all class scores tie on both sides"
-    if answer == SAME_CLASSES:
-        said += f", but class scores {_scores(match)}"
-    chance = document.get("chance")
-    if chance and not chance["told_apart"]:
-        said += (
-            f". {sentence('at chance', **chance, accuracy=chance['right'] / chance['recordings'])}"
-        )
+    said = _comparison_of_both_sides(match, status, answer)
+    if report.chance is not None and not report.chance.told_apart:
+        said += f". {_at_chance(report.chance.test)}"
         if status == "yes":
             status, answer = "nearly", f"{answer}, but it predicts no better than chance"
-    silent = SILENT if match["readout"]["silent"] else NONE
-    its = facts(
-        "match",
-        accuracy=_accuracy(document),
-        spikes=known(
-            match["spike_agreement"],
-            lambda part: f"{share(part)} at the same neuron and step",
-            "none on either side",
-        ),
-        first=_first_difference(document),
-        scores=_scores(match) if "potentials" in match["readout"]["by"] else "",
-        registers=_registers(document),
-    )
-    label = f"same prediction, {same}" if predicted else "no prediction to compare"
-    return verdict(
-        "match", status, answer, its, figure=known(agreement, share, silent), label=label, said=said
+    same = _same_predictions(match)
+    return Verdict(
+        question="Does it match?",
+        status=status,
+        answer=answer,
+        figure=known(match.prediction_agreement, share, SILENT if match.readout.silent else NONE),
+        figure_label=f"same prediction, {same}" if same else "no prediction to compare",
+        sentence=f"{said}.",
+        facts=_facts_of_match(report).facts,
     )
 
 
-def _answer(match: Document) -> tuple[Status, str]:
+def _facts_of_match(report: SharedFigures) -> Facts:
+    match = report.match
+    return Facts.of(
+        {
+            "accuracy": _accuracy(report),
+            "spikes": known(
+                match.spikes.spike_agreement,
+                lambda part: f"{share(part)} at the same neuron and step",
+                "none on either side",
+            ),
+            "first difference": _first_difference(match),
+            "class scores": _scores(match) if match.readout.reads_potentials else "",
+            "registers": _registers(report),
+        }
+    )
+
+
+def _answer(match: MatchFigures) -> tuple[Status, str]:
     """Return what was proven; nothing if the readout is silent, or if spikes differ but no class is predicted."""
-    agreement, exact = match["prediction_agreement"], match["spike_mismatches"] == 0
-    if match["readout"]["silent"] or (agreement is None and not exact):
+    agreement = match.prediction_agreement
+    every_spike = match.spikes.spike_mismatches == 0 and match.spikes.spike_agreement is not None
+    if match.readout.silent:
         return "unknown", "Not known"
-    if (
-        agreement == 1
-        and "potentials" in match["readout"]["by"]
-        and (match["score_error"] or 0) > MOST_SCORE_ERROR
-    ):
-        return "nearly", SAME_CLASSES
-    if exact and match["spike_agreement"] is not None and agreement in (None, 1):
-        return "yes", SPIKE_FOR_SPIKE
+    if agreement is None:
+        return ("yes", SPIKE_FOR_SPIKE) if every_spike else ("unknown", "Not known")
     if agreement == 1:
-        return "yes", "Yes, in every prediction"
+        error = match.score_error or 0
+        if match.readout.reads_potentials and error > MOST_SCORE_ERROR:
+            return "nearly", SAME_CLASSES
+        return "yes", SPIKE_FOR_SPIKE if every_spike else "Yes, in every prediction"
     return ("nearly", "Nearly") if agreement >= NEARLY else ("no", "No")
 
 
-def _not_compared(match: Document) -> str:
-    if not match["readout"]["silent"] or match["readout"]["by"] != "spikes":
-        return "No class score is above another"
-    return "No neuron spiked" if match["spike_agreement"] is None else "No output neuron spiked"
+def _comparison_of_both_sides(match: MatchFigures, status: Status, answer: str) -> str:
+    """Return the sentence of the verdict, without its full stop."""
+    network = "the float network"
+    if match.reference == "integers":
+        network = "the network in its own integers"
+    same = _same_predictions(match)
+    said = "Every class score ties"
+    if status == "unknown":
+        unproven = "no prediction was compared"
+        if match.spikes.spike_agreement is None:
+            unproven = "nothing was compared"
+        said = f"{_not_compared(match)}, in {network} or on the chip: {unproven}"
+    elif same:
+        said = f"The chip predicts the same class as {network} {same}"
+    if answer == SPIKE_FOR_SPIKE:
+        said += ", and every spike is equal"
+    if status != "unknown" and same and match.tied_predictions:
+        tied = count(match.tied_predictions)
+        said += f"; {tied} more are not predicted, as all class scores tie on both sides"
+    if answer == SAME_CLASSES:
+        said += f", but class scores {_scores(match)}"
+    return said
 
 
-def costs(document: Document) -> Verdict:
-    """How much energy and time does a recording take in the model?"""
-    found, time_of = document["energy"], document["latency"]
-    latency = time_of["per_sample_ns"] if timed(document) else None
-    spread, duration = found["over_samples_pj"], time_of["recording_ns"]
-    real = "" if latency is None or duration is None else f", {pace(latency, duration)}"
-    its = [
-        Fact(
-            "range",
-            f"{energy(spread['min'])} to {energy(spread['max'])}, median {energy(spread['p50'])}",
-        ),
-        *(
-            Fact("other profile", f"{energy(pj)} with {name}")
-            for name, pj in found["other_profiles_pj"].items()
-        ),
-        Fact(
-            "latency", sentence("latency", latency=latency, real=real, profile=time_of["profile"])
-        ),
-        *(
-            Fact(member["name"], sentence("member", **member))
-            for member in document["model"].get("members", ())
-        ),
-    ]
-    if starts(document):
-        its.append(Fact("start", sentence("start", **document["input"])))
-    its += against_anns(document)
-    return verdict(
-        "cost", "modelled", "Modelled, not measured", Facts(tuple(its)), latency=latency, **found
+def _same_predictions(match: MatchFigures) -> str:
+    """Return in how many recordings both sides predict the same class; nothing if none was predicted."""
+    if match.prediction_agreement is None:
+        return ""
+    predicted = match.samples - match.tied_predictions
+    same = round(match.prediction_agreement * predicted)
+    return f"in {count(same)} of {plural(predicted, 'recording')}"
+
+
+def _at_chance(test: Chance) -> str:
+    return (
+        f"The accuracy of {share(test.right / test.recordings)} on "
+        f"{plural(test.recordings, 'recording')} cannot be told from guessing the commonest label, "
+        f"which has {share(test.commonest_share)} of them: the recordings may be numbered, timed or "
+        "labelled in another way than those of the training"
     )
 
 
-def fits(document: Document) -> Verdict:
+def _not_compared(match: MatchFigures) -> str:
+    if not match.readout.silent or match.readout.by != "spikes":
+        return "No class score is above another"
+    if match.spikes.spike_agreement is None:
+        return "No neuron spiked"
+    return "No output neuron spiked"
+
+
+def costs(report: ReportFigures, figures: EnergyFigures) -> Verdict:
+    """How much energy and time does a recording take in the model?"""
+    latency_ns = report.latency.per_sample_ns if report.latency.timed else None
+    per_recording = energy(figures.per_sample_pj)
+    lasting = known(latency_ns, time, "an unknown time")
+    return Verdict(
+        question="What does it cost?",
+        status="modelled",
+        answer="Modelled, not measured",
+        figure=per_recording,
+        figure_label=f"dynamic energy per recording, profile {figures.profile}",
+        sentence=f"In the model, a recording takes {per_recording} of dynamic energy "
+        f"(profile {figures.profile}) and {lasting}.",
+        facts=_facts_of_cost(report, figures),
+    )
+
+
+def _facts_of_cost(report: ReportFigures, figures: EnergyFigures) -> tuple[Fact, ...]:
+    spread = figures.over_samples_pj
+    ends = f"{energy(spread.min)} to {energy(spread.max)}, median {energy(spread.p50)}"
+    others = figures.other_profiles_pj.items()
+    facts = [
+        Fact("range", ends),
+        *(Fact("other profile", f"{energy(pj)} with {name}") for name, pj in others),
+        Fact("latency", _latency(report.latency)),
+        *(Fact(entry.member.name, member_words(entry)) for entry in report.model.members),
+    ]
+    if starts(report):
+        steps = f"{report.input.aligned_steps:.1f} steps into a recording on average"
+        facts.append(Fact("start", f"at the first touch, {steps}"))
+    return (*facts, *against_anns(report))
+
+
+def _latency(figures: LatencyFigures) -> str:
+    profile = f"(profile {figures.profile})"
+    if not figures.timed:
+        return f"not known, as no operation has a time {profile}"
+    return f"{time(figures.per_sample_ns)}{against_real_time(figures)} {profile}"
+
+
+def against_real_time(figures: LatencyFigures) -> str:
+    """Return how the mean time compares with the duration of the recordings, after a comma."""
+    if figures.recording_ns is None:
+        return ""
+    return f", {pace(figures.per_sample_ns, figures.recording_ns)}"
+
+
+def member_words(entry: MemberFigures) -> str:
+    """Return what a network of a committee takes, and the weight of its class scores."""
+    return ", ".join(
+        (
+            known(entry.per_sample_pj, energy, "energy not known"),
+            known(entry.per_sample_ns, time, "time not known"),
+            plural(entry.cores, "core"),
+            f"class scores times {entry.member.weight:.4g}",
+        )
+    )
+
+
+def fits(report: ReportFigures) -> Verdict:
     """Does the chip hold it, and how much room is left?"""
-    resources = document["resources"]
-    limits = resources["limits"]
-    over = {name for name, entry in limits.items() if entry["used"] > entry["limit"]}
+    resources = report.resources
+    limits = resources.limits
+    over = {name for name, use in limits.items() if use.used > use.limit}
     worst = max(
         limits,
         key=lambda name: (name in over, _is_filled(name, limits[name]), fullness(limits[name])),
     )
     of_cores = "the open core"
-    if counts_cores(document):
+    if counts_cores(report):
         cores = limits["cores"]
-        of_cores = f"{count(cores['used'])} of {plural(cores['limit'], 'core')}"
-    entry = limits[worst]
-    its = facts("fit", worst=limit_words(worst), full=fullness(entry), **entry, **resources)
-    status: tuple[Status, str] = ("no", "No") if over else ("yes", "Yes")
-    return verdict("fit", *status, its, of_cores=of_cores, target=document["target"])
+        of_cores = f"{count(cores.used)} of {plural(cores.limit, 'core')}"
+    use = limits[worst]
+    facts = {
+        "fullest limit": f"{limit_words(worst)}, {count(use.used)} of {count(use.limit)} "
+        f"({share(fullness(use))})",
+        "compartments": count(resources.compartments),
+        "synapses": f"{count(resources.synapses)} in {memory(resources.synapse_bits)}",
+    }
+    return Verdict(
+        question="Does it fit?",
+        status="no" if over else "yes",
+        answer="No" if over else "Yes",
+        figure=of_cores,
+        figure_label=f"of {report.target}",
+        sentence=f"The program runs on {of_cores} of {report.target}.",
+        facts=Facts.of(facts).facts,
+    )
 
 
-def _is_filled(name: str, entry: Document) -> bool:
+def _is_filled(name: str, use: LimitUse) -> bool:
     """Return whether a limit is a resource that a program fills, and not a width or what a core can do."""
-    return entry["limit"] > 1 and name not in _WIDTHS
+    return use.limit > 1 and name not in _WIDTHS
 
 
-def counts_cores(document: Document) -> bool:
+def counts_cores(report: ReportFigures) -> bool:
     """Return whether the target has cores that a program fills one after the other."""
-    return "cores" in document["resources"]["limits"]
+    return "cores" in report.resources.limits
 
 
-def notices(document: Document) -> tuple[Notice, ...]:
+def notices(report: SharedFigures) -> tuple[Notice, ...]:
     """Return what limits the figures of this report, which is mostly nothing."""
-    found = []
-    match, dropped = document["match"], document["skipped"]["events_dropped"]
-    if match["wraps"]:
-        found.append(notice("wraps", times=plural(match["wraps"], "time")))
+    limits = []
+    if report.match.wraps:
+        times = plural(report.match.wraps, "time")
+        limits.append(Notice("Registers wrapped.", _WRAPPED.format(times=times)))
+    dropped = report.skipped.events_dropped
     if dropped:
-        found.append(notice("dropped", events=dropped, outside=outside(document)))
-    binning = document["skipped"].get("binning")
-    if binning and binning["dropped"]:
-        found.append(notice("binning", **binning))
-    return tuple(found)
+        where = f"{plural(dropped, 'event')} lay {outside(report)}"
+        limits.append(Notice("Events were dropped.", f"{where} and never reached the chip."))
+    binning = report.skipped.binning
+    if binning is not None and binning.dropped:
+        limits.append(Notice("Binning left events out.", f"{binning.words}."))
+    return tuple(limits)
 
 
-def outside(document: Document) -> str:
+def outside(report: SharedFigures) -> str:
     """Return where the events lie that are not played."""
-    return "before the start or after the last step" if starts(document) else "after the last step"
+    return "before the start or after the last step" if starts(report) else "after the last step"
 
 
-def starts(document: Document) -> dict[str, float]:
+def starts(report: SharedFigures) -> Mapping[str, float]:
     """Return the steps before the start of each branch; nothing if all start with the recording."""
-    found: dict[str, float] = document.get("input", {}).get("aligned_steps_by_branch", {})
-    return found
-
-
-def timed(document: Document) -> bool:
-    """Return whether the latency is known: a profile may have no times. Earlier versions did not say."""
-    return bool(document["latency"].get("timed", True))
+    return report.input.aligned_steps_by_branch
 
 
 def pace(latency_ns: float, recording_ns: float) -> str:
@@ -237,65 +293,76 @@ def _times(factor: float, more: str, less: str) -> str:
     return f"{ratio(1 / factor) if factor else 'infinitely many'} times {less}"
 
 
-def against_anns(document: Document) -> list[Fact]:
+def defined_anns(report: ReportFigures) -> dict[str, ConventionalNetwork]:
+    """Return the conventional networks that are defined for this network's input."""
+    return {
+        name: network
+        for name, network in report.ann_comparison.items()
+        if isinstance(network, ConventionalNetwork)
+    }
+
+
+def against_anns(report: ReportFigures) -> tuple[Fact, ...]:
     """Return how the network's operations compare with those of conventional networks, counted in both ways."""
-    sides = _SIDES if defined_anns(document) else {}
-    return [Fact(label, _against_anns(document, *side)) for label, side in sides.items()]
+    networks = defined_anns(report)
+    if not networks:
+        return ()
+    paper = _against_anns((name, network.ratio) for name, network in networks.items())
+    chip = _against_anns((name, network.chip_ratio) for name, network in networks.items())
+    return (
+        Fact("paper operations", f"{paper} (the trained network, by the published method)"),
+        Fact("chip operations", f"{chip} (synaptic operations of the program)"),
+    )
 
 
-def _against_anns(document: Document, key: str, whose: str) -> str:
-    """Return how operations, with the ratio under ``key``, compare with those of each conventional network."""
-    ratios = {name: entry[key] for name, entry in defined_anns(document).items()}
-    if None in ratios.values():
-        return f"nothing to compare: there were none ({whose})"
-    return f"{listed([against(name, times) for name, times in ratios.items()])} ({whose})"
+def _against_anns(ratios: Iterable[tuple[str, float | None]]) -> str:
+    comparisons = []
+    for name, times in ratios:
+        if times is None:
+            return "nothing to compare: there were none"
+        comparisons.append(against(name, times))
+    return listed(comparisons)
 
 
-def _accuracy(document: Document) -> str:
-    accuracy = document["accuracy"]
-    if document["match"]["events_origin"] == "made up":
+def _accuracy(report: SharedFigures) -> str:
+    if report.match.events_origin == "made up":
         return "not known, because the recordings are made up"
-    if accuracy is None:
+    if report.accuracy is None:
         return "not known, because the recordings have no labels"
-    chip, reference = accuracy["chip"], accuracy["reference"]
-    network = "as trained" if document["match"]["reference"] == "integers" else "float"
+    chip, reference = report.accuracy.chip, report.accuracy.reference
+    network = "as trained" if report.match.reference == "integers" else "float"
     return f"{share(chip)} on the chip, {share(reference)} {network} ({points(chip - reference)})"
 
 
-def _scores(match: Document) -> str:
+def _scores(match: MatchFigures) -> str:
     return known(
-        match["score_error"],
+        match.score_error,
         lambda error: f"differ by {share(error)} of their spread" if error > _ROUNDING else "equal",
         "not compared",
     )
 
 
-def _first_difference(document: Document) -> str:
-    first = document["match"]["first_divergence"]
+def _first_difference(match: MatchFigures) -> str:
+    first = match.first_divergence
     if first is None:
-        return (
-            "none, every spike is equal"
-            if document["match"]["spike_agreement"] is not None
-            else NONE
-        )
-    place = f"{first['population']}, neuron {first['neuron']}, step {first['step']} of recording {first['recording']}"
-    return f"{place}, by {stage_words(first['cause']['largest'])}" if first["cause"] else place
+        return NONE if match.spikes.spike_agreement is None else "none, every spike is equal"
+    spike = first.place
+    place = f"{spike.population}, neuron {spike.neuron}, step {spike.step} of recording {spike.recording}"
+    return f"{place}, by {stage_words(first.cause.largest)}" if first.cause else place
 
 
-def _registers(document: Document) -> str:
+def _registers(report: SharedFigures) -> str:
     """Return wraps and clips, with clips also as a share of all compartment updates."""
-    match = document["match"]
-    text = f"{plural(match['wraps'], 'wrap')}, {plural(match['clips'], 'clip')}"
-    updates = document["operations"]["per_sample"]["neuron_updates"] * match["samples"]
-    return (
-        f"{text} ({share(match['clips'] / updates)} of updates)"
-        if match["clips"] and updates
-        else text
-    )
+    match = report.match
+    events = f"{plural(match.wraps, 'wrap')}, {plural(match.clips, 'clip')}"
+    updates = report.operations.per_sample.neuron_updates * match.samples
+    if not (match.clips and updates):
+        return events
+    return f"{events} ({share(match.clips / updates)} of updates)"
 
 
-def fullness(entry: dict[str, int]) -> float:
+def fullness(use: LimitUse) -> float:
     """Return the share of a limit in use; a limit of 0 is full as soon as anything is used."""
-    if entry["limit"]:
-        return entry["used"] / entry["limit"]
-    return float(entry["used"] > 0)
+    if use.limit:
+        return use.used / use.limit
+    return float(use.used > 0)

@@ -15,18 +15,17 @@ from locsnn_compile.network.network import Population
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.content import Document
+from locsnn_compile.report.figures.document import ReportFigures
+from locsnn_compile.report.figures.entries import plain
 from locsnn_compile.report.renderers.html import text
 from locsnn_compile.verification.matching import Divergence
 from locsnn_compile.verification.observation import Observation, Observed
 
 
-def render_viewer(observed: Observed, document: Document, first: Divergence | None) -> bytes:
-    """Return a page on recordings, as UTF-8.
-
-    ``document`` is report.json; ``first`` is where the sides first differ.
-    """
-    report = compose(document)
-    values = viewer_values(observed, first) | {"cores": document["resources"]["by_core"]}
+def render_viewer(observed: Observed, figures: ReportFigures, first: Divergence | None) -> bytes:
+    """Return a page on recordings, as UTF-8; ``first`` is where the sides first differ."""
+    report = compose(figures)
+    values = viewer_values(observed, first) | {"cores": plain(figures.resources.by_core)}
     data = json.dumps(values, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
     page = filled(
         __package__,

@@ -1,0 +1,21 @@
+"""The small report as the types that sections take."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from locsnn_compile.report.content import Verdict
+from locsnn_compile.report.figures.document import ReportFigures
+from locsnn_compile.report.figures.entries import typed
+from locsnn_compile.report.sections.verdict import costs
+
+
+def figures(document: dict[str, Any]) -> ReportFigures:
+    return typed(ReportFigures, document)
+
+
+def costs_of(document: dict[str, Any]) -> Verdict:
+    """Return the verdict on the cost of a report whose energy is known."""
+    report = figures(document)
+    assert report.energy is not None
+    return costs(report, report.energy)
