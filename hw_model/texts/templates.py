@@ -1,8 +1,6 @@
-"""Pages, texts and tables in files next to the code, with placeholders ``@@name@@`` or ``{name}``."""
+"""Pages, texts and tables in files next to the code, with placeholders ``@@name@@``."""
 
 import re
-import string
-from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -27,26 +25,3 @@ def yaml_table(package: str, name: str, **given: str) -> Any:
     from hw_model.io.yaml_text import FAST_LOADER
 
     return yaml.load(filled(package, name, **given), FAST_LOADER)
-
-
-class Filler(string.Formatter):
-    """Fills placeholders ``{key:shown}`` of texts with a value as the function ``shown`` writes it.
-
-    Further words are further arguments of the function: ``{cores:plural core}``. The words after ``or`` stand for None:
-    ``{share:share or silent}``; without them None leaves nothing. Other formats are those of Python.
-    """
-
-    def __init__(self, shown: Mapping[str, Callable[..., str]]) -> None:
-        self._shown = shown
-
-    def format_field(self, value: Any, format_spec: str) -> str:
-        """Return the text for a placeholder."""
-        asked, _, otherwise = format_spec.partition(" or ")
-        if value is None:
-            return otherwise
-        name, *more = asked.split(" ")
-        return self._shown[name](value, *more) if name in self._shown else format(value, asked)
-
-    def fill(self, text: str, given: Mapping[str, Any]) -> str:
-        """Return a text with its placeholders filled."""
-        return self.vformat(text, (), given)

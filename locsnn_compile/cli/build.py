@@ -38,7 +38,6 @@ from locsnn_compile.frontends.format_rows import LoadOptions
 from locsnn_compile.network.network import Network
 from locsnn_compile.report.gates import GATES, check_gates, gates_entry, junit_file
 from locsnn_compile.report.sections.build import unmet_budget
-from locsnn_compile.report.words import sentence
 from locsnn_compile.request.compile_request import (
     CheckRequest,
     CompileRequest,
@@ -92,7 +91,8 @@ def build(args: Namespace) -> int:
         )
     if earlier:
         print(
-            sentence("earlier build", folder=repr(str(folder)), names=listed(earlier)),
+            f"-o {str(folder)!r}: an earlier build left {listed(earlier)} there. "
+            "Emit them again, or remove them.",
             file=sys.stderr,
         )
     failed = [gate for gate in gates if not gate.holds]

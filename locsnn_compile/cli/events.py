@@ -27,9 +27,9 @@ from locsnn_compile.data.sensor import SensorLayout
 from locsnn_compile.data.statistics import event_statistics
 from locsnn_compile.data.write import write_recordings
 from locsnn_compile.errors import InputError
-from locsnn_compile.report.format import known, plural
+from locsnn_compile.report.content import Facts
+from locsnn_compile.report.format import percent, plural
 from locsnn_compile.report.pictures.recording import raster_svg, text_raster
-from locsnn_compile.report.words import facts, sentence
 
 _SHOWN_LABELS, _SHOWN_DEAD = 12, 24
 
@@ -63,28 +63,65 @@ def _laid_out(args: argparse.Namespace) -> SensorLayout | None:
 
 def statistics_lines(found: Mapping[str, Any], binning: str | None) -> list[str]:
     """Return the figures as lines; ``binning`` says what was left out on reading."""
-    width, steps, polarity, rate = (
-        found[key] for key in ("step_seconds", "steps", "polarity", "rate_hz_per_channel")
-    )
-    seconds = "" if width is None else f" of {width:g} s ({steps * width:g} s)"
-    rows = [(one["channel"], one["place"], one["events"]) for one in found["busiest_channels"]]
-    busiest = [f"{channel}{place and f' ({place})'} {count}" for channel, place, count in rows]
-    dead = [*map(str, found["dead_channels"][:_SHOWN_DEAD])] or ["none"]
-    more = len(found["dead_channels"]) - _SHOWN_DEAD
-    given = {
+    events, silence = found["events"], found["silence"]
+    facts = {
         "labels": _labels(found["labels"]),
+        "events": f"{events['per_recording']['mean']:.1f} per recording "
+        f"({_ends(events['per_recording'])}), {percent(events['share_of_bins'], 2)} of bins",
         "binning": binning,
-        "rate": known(
-            rate, lambda hz: f"{hz:.3g} Hz per channel, {hz * found['channels']:.4g} Hz in all", ""
-        ),
-        "polarity": polarity and sentence("polarity", **polarity),
-        "busiest": ", ".join(busiest) or "none",
-        "dead": ", ".join(dead) + (f", and {more} more" if more > 0 else ""),
+        "rate": _rate(found),
+        "silent at start": f"{silence['start_steps']['mean']:.1f} steps "
+        f"({_ends(silence['start_steps'])})",
+        "silent at end": f"{silence['end_steps']['mean']:.1f} steps "
+        f"({_ends(silence['end_steps'])})",
+        "silent steps": f"{percent(silence['share_of_steps'], 1)}, "
+        f"{plural(silence['empty_recordings'], 'recording')} without any event",
+        "polarity": _polarity(found["polarity"]),
+        "busiest channels": _busiest(found["busiest_channels"]),
+        "dead channels": _dead(found["dead_channels"]),
     }
-    lines = (
-        f"{fact.label:<17} {fact.value}" for fact in facts("events", **{**found, **given}).facts
-    )
-    return [sentence("recordings", of_seconds=seconds, **found), *lines]
+    lines = (f"{fact.label:<17} {fact.value}" for fact in Facts.of(facts).facts)
+    return [_size(found), *lines]
+
+
+def _size(found: Mapping[str, Any]) -> str:
+    """Return how many recordings there are, of how many steps and channels."""
+    width, steps = found["step_seconds"], found["steps"]
+    seconds = "" if width is None else f" of {width:g} s ({steps * width:g} s)"
+    recordings = plural(found["recordings"], "recording")
+    of_steps = f"{plural(steps, 'step')}{seconds}"
+    return f"{found['source']}: {recordings}, {of_steps}, {plural(found['channels'], 'channel')}"
+
+
+def _ends(spread: Mapping[str, float]) -> str:
+    return f"{spread['least']} to {spread['most']}"
+
+
+def _rate(found: Mapping[str, Any]) -> str | None:
+    hz = found["rate_hz_per_channel"]
+    if hz is None:
+        return None
+    return f"{hz:.3g} Hz per channel, {hz * found['channels']:.4g} Hz in all"
+
+
+def _polarity(polarity: Mapping[str, float] | None) -> str | None:
+    if polarity is None:
+        return None
+    return f"{percent(polarity['rising'], 1)} rising, {percent(polarity['falling'], 1)} falling"
+
+
+def _busiest(channels: Sequence[Mapping[str, Any]]) -> str:
+    busiest = []
+    for row in channels:
+        place = f" ({row['place']})" if row["place"] else ""
+        busiest.append(f"{row['channel']}{place} {row['events']}")
+    return ", ".join(busiest) or "none"
+
+
+def _dead(channels: Sequence[int]) -> str:
+    shown = ", ".join(map(str, channels[:_SHOWN_DEAD])) or "none"
+    more = len(channels) - _SHOWN_DEAD
+    return f"{shown}, and {more} more" if more > 0 else shown
 
 
 def _labels(labels: dict[int, int] | None) -> str:

@@ -13,11 +13,12 @@ event, once everything is at rest.
 """
 
 import argparse
+import itertools
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import partial
-from itertools import chain, count
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -37,10 +38,9 @@ from locsnn_compile.cluster.spread import Spread, spread_over
 from locsnn_compile.data.read import recording_parts
 from locsnn_compile.data.recordings import Recordings, batches
 from locsnn_compile.errors import InputError
-from locsnn_compile.report.format import plural
+from locsnn_compile.report.format import count, energy, plural, share, time
 
 Row = dict[str, Any]
-_SAVED = ("steps", "synaptic_ops", "energy_pj")
 MIN_AGREEMENT = 0.99
 """Of a margin that is calibrated, unless another is asked for."""
 
@@ -139,7 +139,7 @@ def _play(
         for found in chunks
         for rows in batches(len(found))
     )
-    number = count()
+    number = itertools.count()
     for rows, counts in spread(partial(_play_part, program, engine), parts):
         yield [{"recording": next(number), **row} for row in rows], counts
 
@@ -272,26 +272,51 @@ def _find_stops(
 
 def _stop_lines(found: Row) -> list[str]:
     """Return, a line each, where the margin comes from, what stopping saves, and how predictions compare."""
-    from locsnn_compile.report.words import sentence
+    margin = _margin_lines(found["margin"], found["calibrated_on"]) if "margin" in found else []
+    return [*margin, f"{_stopped(found)}{_stopped_costs(found)}", _predicted(found)]
 
-    lines = []
-    if calibrated := found.get("calibrated_on"):
-        of_part = f", {calibrated['part']} part" if calibrated["part"] else ""
-        lead = "no lead is" if found["margin"] is None else f"a lead of {found['margin']:.4g} is"
-        lines.append(sentence("margin", lead=lead, of_part=of_part, **calibrated))
-    saved = {
-        key: 1 - found[key] / found[f"all_{key}"] if found[f"all_{key}"] else 0.0 for key in _SAVED
-    }
-    times = (
-        "an unknown time"
-        if found["latency_ns"] is None
-        else sentence("stopped, with times", **found)
+
+def _margin_lines(margin: float | None, calibrated: Row | None) -> list[str]:
+    if calibrated is None:
+        return []
+    of_part = f", {calibrated['part']} part" if calibrated["part"] else ""
+    lead = "no lead is" if margin is None else f"a lead of {margin:.4g} is"
+    return [
+        f"margin: {lead} enough for {share(calibrated['min_agreement'])} agreement on "
+        f"{plural(calibrated['recordings'], 'recording')} of {calibrated['source']}{of_part}"
+    ]
+
+
+def _stopped(found: Row) -> str:
+    return (
+        f"stopped ({found['kind']}) after {count(found['steps'])} of "
+        f"{plural(found['all_steps'], 'step')} on average; saved {_saved(found, 'steps')} of the "
+        f"steps, {_saved(found, 'synaptic_ops')} of the synaptic operations"
     )
-    priced = (
-        sentence("stopped, with costs", saved=saved, times=times, **found)
-        if found["profile"]
-        else ""
+
+
+def _stopped_costs(found: Row) -> str:
+    """Return what stopping saves of the energy, after a comma; nothing without a profile."""
+    if not found["profile"]:
+        return ""
+    times = "an unknown time"
+    if found["latency_ns"] is not None:
+        times = f"{time(found['latency_ns'])} instead of {time(found['all_latency_ns'])}"
+    return (
+        f", {_saved(found, 'energy_pj')} of the energy; {energy(found['energy_pj'])} instead of "
+        f"{energy(found['all_energy_pj'])}, and {times} (profile {found['profile']})"
     )
-    right = "" if found["accuracy"] is None else sentence("predicted, with labels", **found)
-    stopped = sentence("stopped", saved=saved, **found) + priced
-    return [*lines, stopped, sentence("predicted", **found) + right]
+
+
+def _saved(found: Row, key: str) -> str:
+    whole = found[f"all_{key}"]
+    return share(1 - found[key] / whole if whole else 0.0)
+
+
+def _predicted(found: Row) -> str:
+    same = f"{share(found['agreement'])} of {plural(found['recordings'], 'recording')}"
+    accuracy = ""
+    if found["accuracy"] is not None:
+        whole = f"{found['whole_accuracy']:.3f}"
+        accuracy = f"; accuracy {found['accuracy']:.3f} instead of {whole}"
+    return f"same prediction as the whole recording in {same}{accuracy}"

@@ -20,7 +20,7 @@ from locsnn_compile.cli.diff import read_report
 from locsnn_compile.cli.shell import progress_bar
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
-from locsnn_compile.report.words import sentence
+from locsnn_compile.report.format import ratio, seconds
 
 _CLEAR = "\r\x1b[K"
 Row = dict[str, Any]
@@ -189,8 +189,22 @@ def stream_lines(found: Row) -> list[str]:
     what = (
         "accuracy over time" if found["right_is"] == "the label" else "already the last prediction"
     )
-    of_sensor = sentence("pace of no sensor" if length is None else "pace of a sensor", **found)
-    return [f"{what}: {', '.join(shown)}", f"{sentence('pace of steps', **found)}; {of_sensor}"]
+    latency = found["step_latency_seconds"]
+    pace = (
+        f"a step took {seconds(latency['mean'])} on average, 99 % of them at most "
+        f"{seconds(latency['p99'])}, the longest {seconds(latency['worst'])}"
+    )
+    return [f"{what}: {', '.join(shown)}", f"{pace}; {_pace_of_sensor(found)}"]
+
+
+def _pace_of_sensor(found: Row) -> str:
+    step_seconds = found["step_seconds"]
+    if step_seconds is None:
+        return "the length of a step at the sensor is not known: give --step-seconds"
+    return (
+        f"at the sensor it takes {seconds(step_seconds)}: {ratio(found['real_time_factor'])} times as "
+        f"fast as real time, {ratio(found['worst_real_time_factor'])} times in the longest step"
+    )
 
 
 def _rows(streams: dict[str, Any]) -> dict[str, Any]:

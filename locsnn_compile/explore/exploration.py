@@ -13,8 +13,7 @@ from locsnn_compile.cluster.spread import Spread
 from locsnn_compile.explore.events import Chosen
 from locsnn_compile.explore.point import Figures, ModelFile, Point, Study
 from locsnn_compile.explore.sweep import Store, sweep
-from locsnn_compile.report.format import energy
-from locsnn_compile.report.words import sentence
+from locsnn_compile.report.format import energy, known, plural, share, time
 from locsnn_compile.settings import Setting
 from locsnn_compile.verification.error_bounds import ErrorBudget
 from locsnn_compile.verification.matching import Progress
@@ -64,7 +63,8 @@ def recommend(
         if mark and point.figures
     ]
     if not budget.given:
-        return Recommendation(None, sentence("nothing compared"))
+        why = "nothing was compared: no neuron spikes on these recordings, and all class scores tie"
+        return Recommendation(None, why)
     kept = [pair for pair in front if pair[1].keeps(budget)]
     bounds = f"{'what auto keeps by default, ' if by_default else ''}{budget.words()}"
     if not kept:
@@ -73,17 +73,23 @@ def recommend(
         kept, key=lambda pair: (pair[1].cost, pair[1].chip_time_ns, *pair[1].losses)
     )
     least = "time," if figures.energy_pj is None else f"energy, {energy(figures.energy_pj)} and"
-    return Recommendation(
-        taken, sentence("least", least=least, figures=figures, settings=len(kept), bounds=bounds)
+    why = (
+        f"the least {least} {time(figures.chip_time_ns)} per recording, of "
+        f"{plural(len(kept), 'setting')} on the front within {bounds}"
     )
+    return Recommendation(taken, why)
 
 
 def _nearest(front: Sequence[tuple[Point, Figures]]) -> str:
     point, figures = min(front, key=lambda pair: (pair[1].spike_error or 0.0, *pair[1].losses))
     if figures.spike_error is figures.score_error is None:
         return "no neuron spikes on these recordings"
-    least = "nearest scores" if figures.spike_error is None else "nearest setting"
-    return sentence(least, setting=point.setting, figures=figures)
+    least = f"the least spike error is {known(figures.spike_error, share)}"
+    if figures.spike_error is None:
+        error = known(figures.score_error, share)
+        least = f"the least error of class scores is {error} of their spread"
+    changed = known(figures.prediction_error, share, "none")
+    return f"{least}, with {changed} of the predictions changed, by {point.setting}"
 
 
 class Exploration(Frozen, eq=False):

@@ -17,13 +17,20 @@ from locsnn_compile.explore.exploration import FRONT_RULE, OBJECTIVES, Explorati
 from locsnn_compile.explore.point import Figures, Point
 from locsnn_compile.report.content import Document
 from locsnn_compile.report.figures.flat import csv_bytes
-from locsnn_compile.report.format import NONE, energy, plain, plural, time
+from locsnn_compile.report.format import NONE, count, energy, known, plain, plural, share, time
 from locsnn_compile.report.pictures.scatter import Mark, Panel, draw
-from locsnn_compile.report.words import fill, sentence, texts
 from locsnn_compile.settings import DIALS, Setting, Value
 
 SCHEMA = "locsnn-explore/1"
-COLUMNS: dict[str, str] = texts("tables", "explored")["columns"]
+COLUMNS: dict[str, Callable[[Figures], str]] = {
+    "spike error": lambda figures: known(figures.spike_error, share, "silent"),
+    "class error": lambda figures: known(figures.prediction_error, share, "all tie"),
+    "score error": lambda figures: known(figures.score_error, share, "all tie"),
+    "accuracy": lambda figures: known(figures.accuracy, share),
+    "energy": lambda figures: known(figures.energy_pj, energy),
+    "chip time": lambda figures: time(figures.chip_time_ns),
+    "synapses": lambda figures: count(figures.synapses),
+}
 """The figures of a point on the terminal, by heading."""
 X_LABEL = "spikes that differ from the float network's"
 
@@ -166,7 +173,7 @@ def _panel(
             y=y(point, point.figures),
             kind=kinds.index(point.setting.values[0]),
             label=_label(found, point.setting),
-            words=sentence("marked setting", setting=point.setting, figures=point.figures),
+            words=_mark_words(point.setting, point.figures),
             front=mark,
             taken=point is found.recommendation.taken,
         )
@@ -175,6 +182,14 @@ def _panel(
         if point.figures and (error := point.figures.spike_error) is not None
     )
     return Panel(title, X_LABEL, lambda share: f"{100 * share:g} %", text, marks)
+
+
+def _mark_words(setting: Setting, figures: Figures) -> str:
+    return (
+        f"{setting}: {known(figures.spike_error, share, 'silent')} of spikes differ, "
+        f"{known(figures.prediction_error, share, 'none')} of predictions, "
+        f"{known(figures.energy_pj, energy, 'energy not known')}, {time(figures.chip_time_ns)}"
+    )
 
 
 def _kinds(found: Exploration) -> list[Value]:
@@ -247,10 +262,9 @@ def _reported(found: Exploration) -> list[str]:
 
 
 def _cells(point: Point) -> list[str]:
-    return [
-        fill(text, {"figures": point.figures}) if point.figures else NONE
-        for text in COLUMNS.values()
-    ]
+    if point.figures is None:
+        return [NONE] * len(COLUMNS)
+    return [shown(point.figures) for shown in COLUMNS.values()]
 
 
 def _aligned(rows: Sequence[Sequence[str]], names: int) -> list[str]:

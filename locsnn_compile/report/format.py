@@ -33,6 +33,11 @@ def time(ns: float) -> str:
     return _scaled(ns, _TIME_UNITS)
 
 
+def seconds(value: float) -> str:
+    """Return a time given in seconds, in the unit that suits it."""
+    return time(1e9 * value)
+
+
 def memory(bits: int) -> str:
     """Return a size given in bits, in bytes of the multiple that suits it (1 kB is 1000 bytes)."""
     return _scaled(bits / 8, _SIZE_UNITS)
@@ -65,6 +70,11 @@ def share(value: float) -> str:
             else f"< {end:.{_MOST_DECIMALS}f} %"
         )
     return f"{percent:.{decimals}f} %"
+
+
+def percent(value: float, decimals: int) -> str:
+    """Return a share as a percentage with ``decimals`` decimals."""
+    return f"{100 * value:.{decimals}f} %"
 
 
 def known(value: T | None, shown: Callable[[T], str], unknown: str = NONE) -> str:

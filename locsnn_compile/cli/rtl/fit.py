@@ -11,7 +11,9 @@ placements take some minutes. They are kept in ~/.cache/locsnn and used again fo
 """
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import hw_model as hw
 from hw_model.description.boards import BOARDS
@@ -19,8 +21,7 @@ from hw_model.io.files import replace_file
 from hw_model.rtl.bitstream import fit
 from locsnn_compile.cli.shell import say
 from locsnn_compile.errors import InputError, listed
-from locsnn_compile.report.format import plain
-from locsnn_compile.report.words import sentence
+from locsnn_compile.report.format import plain, plural
 
 
 def run(args: argparse.Namespace) -> int:
@@ -30,8 +31,18 @@ def run(args: argparse.Namespace) -> int:
     path = Path(args.program) / found["bitstream"]
     replace_file(path, bitstream, where="bitstream")
     found["bitstream"] = str(path)
-    say(args, found, [sentence("fit", program=plain(program.name), placements=args.seeds, **found)])
+    say(args, found, _lines(plain(program.name), found, args.seeds))
     return 0
+
+
+def _lines(program: str, found: Mapping[str, Any], placements: int) -> list[str]:
+    return [
+        f"{program} fits the open core of {found['device']}, which takes {found['luts']} LUTs, "
+        f"{found['flip_flops']} flip-flops, {found['block_rams']} block RAMs and "
+        f"{found['multipliers']} multipliers",
+        f"clock: {found['fmax_mhz']:.1f} MHz, the slowest of {plural(placements, 'placement')}",
+        f"wrote {found['bitstream']}",
+    ]
 
 
 def _board(args: argparse.Namespace, target: str) -> str:
