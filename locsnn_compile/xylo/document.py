@@ -188,8 +188,10 @@ def _match(network: Network, match: XyloMatch, grounds: Grounds) -> MatchFigures
         tied_predictions=match.tied_predictions,
         score_error=match.scores.relative_error,
         class_scores=ClassScores(match.scores.mean_spread, match.scores.mean_error),
-        by_population={name: spikes_compared(of) for name, of in match.by_population.items()},
-        helper_neurons={name: spikes_compared(of) for name, of in match.helpers.items()},
+        by_population={
+            name: spikes_compared(spikes) for name, spikes in match.by_population.items()
+        },
+        helper_neurons={name: spikes_compared(spikes) for name, spikes in match.helpers.items()},
         first_divergence=None if first is None else FirstDivergence(first, None),
         wraps=0,
         clips=counts.saturations,

@@ -176,7 +176,9 @@ def margin_figures(diagnosis: Diagnosis) -> MarginFigures:
     return MarginFigures(
         sample=_sample(diagnosis),
         histogram_edges=tuple(float(f"{edge:.6g}") for edge in EDGES),
-        by_population={name: _margins(found) for name, found in margins.populations.items()},
+        by_population={
+            name: _margins(population) for name, population in margins.populations.items()
+        },
         registers={
             name: RegisterFigures(**picked(use, *_REGISTERS))
             for name, use in margins.registers.items()

@@ -278,7 +278,7 @@ def _member(
     per_sample_pj, per_sample_ns = None, None
     if energy is not None:
         populations = energy.by_population_pj.items()
-        per_sample_pj = sum(of.pj for name, of in populations if name.startswith(prefix))
+        per_sample_pj = sum(used.pj for name, used in populations if name.startswith(prefix))
     if target.timed and target.times_cores:
         per_sample_ns = match.member_ns[member.name] / match.samples
     return MemberFigures(member, len(cores), per_sample_pj, per_sample_ns)

@@ -176,15 +176,15 @@ def energy_figures(
         worst_recording=worst_recording(costs, match.labels, CostliestEnergy),
         by_class=by_class(costs, match.labels, ClassEnergy),
         other_profiles_pj={
-            other: _energy_pj(counts, found, samples) for other, found in others.items()
+            other: _energy_pj(counts, priced, samples) for other, priced in others.items()
         },
         other_profiles_by_branch_pj={
-            other: _by_branch_pj(match, found) for other, found in others.items()
+            other: _by_branch_pj(match, priced) for other, priced in others.items()
         },
         static=static,
         not_included=tuple(item.what for item in left_out),
         not_included_bounds=left_out,
-        profiles={other: _profile(found) for other, found in program.chip.profiles.items()},
+        profiles={other: _profile(priced) for other, priced in program.chip.profiles.items()},
     )
 
 

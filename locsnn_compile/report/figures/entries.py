@@ -173,19 +173,19 @@ class _EntryReader(RecordReader):
         """Return the entry that a mapping describes."""
         own = _fields(kind)
         required = {name: _is_required(field) for field in own for name in field.keys}
-        found = self.entries(value, key, required)
-        return kind(**given, **{field.name: self._value_of(field, found, key) for field in own})
+        items = self.entries(value, key, required)
+        return kind(**given, **{field.name: self._value_of(field, items, key) for field in own})
 
-    def _value_of(self, field: _Field, found: Mapping[str, Any], key: str) -> Any:
+    def _value_of(self, field: _Field, items: Mapping[str, Any], key: str) -> Any:
         if field.inlined is not None:
             names = {key: field.inlined.name(key) for key in keys_of(field.kinds[0])}
-            own = {key: found[name] for key, name in names.items() if name in found}
+            own = {key: items[name] for key, name in names.items() if name in items}
             if NULLS in field.said and _only_nulls(own):
                 return None
             return self.record(field.kinds[0], own, key)
         place = f"{key}.{field.key}" if key else field.key
-        if field.key in found:
-            value = found[field.key]
+        if field.key in items:
+            value = items[field.key]
         elif field.earlier is not None:
             value = field.earlier.meant
         else:

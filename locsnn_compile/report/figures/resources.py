@@ -111,17 +111,17 @@ class ProvenRange(Entry):
 def resource_figures(program: ChipProgram, steps: int) -> ResourceFigures:
     """Return what a program takes, for recordings of ``steps`` steps."""
     target = target_of(program.chip)
-    by_core = tuple(_core_use(program, each) for each in program.cores)
-    contents = [each.contents for each in by_core]
+    by_core = tuple(_core_use(program, core) for core in program.cores)
+    contents = [core.contents for core in by_core]
     uses = target.limits_used(program, steps)
     return ResourceFigures(
         cores=target.cores_used(program),
-        compartments=sum(each.compartments for each in contents),
-        synapses=sum(each.synapses for each in contents),
-        synapse_bits=sum(each.synapse_words for each in contents)
+        compartments=sum(core.compartments for core in contents),
+        synapses=sum(core.synapses for core in contents),
+        synapse_bits=sum(core.synapse_words for core in contents)
         * program.chip.synapse_memory.word_bits,
-        axons_in=sum(each.axons_in for each in contents),
-        axons_out=sum(each.axons_out for each in contents),
+        axons_in=sum(core.axons_in for core in contents),
+        axons_out=sum(core.axons_out for core in contents),
         limits={name: LimitUse(use.used, use.limit) for name, use in uses.items()},
         mesh=MeshSize(program.chip.chips, program.chip.limits.cores_per_chip, program.chip.mesh),
         by_core=by_core,

@@ -102,4 +102,4 @@ def by_core(
     for phase, of_phase in figures.items():
         for core, of_core in zip(program.cores_of(phase), of_phase, strict=True):
             entries.append((core.number, entry(place(program, core), *of_core)))
-    return tuple(made for _, made in sorted(entries, key=lambda numbered: numbered[0]))
+    return tuple(figure for _, figure in sorted(entries, key=lambda numbered: numbered[0]))

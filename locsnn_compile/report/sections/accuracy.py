@@ -223,18 +223,24 @@ def _distances(figures: MarginFigures) -> Table:
         "Distance of potentials to the threshold, in thresholds",
         ("population", "neurons times steps", *nearest),
         tuple(
-            (name, count(of.neuron_steps), *(short(of.nearest[part]) for part in shares))
-            for name, of in populations.items()
+            (
+                name,
+                count(population.neuron_steps),
+                *(short(population.nearest[part]) for part in shares),
+            )
+            for name, population in populations.items()
         ),
     )
 
 
 def _errors(figures: MarginFigures) -> Table:
     rows = []
-    for name, of in figures.by_population.items():
-        median, most, largest = of.error.values()
+    for name, population in figures.by_population.items():
+        median, most, largest = population.error.values()
         errors = short(median), short(most), short(largest)
-        rows.append((name, *errors, share(of.within_error), share(of.decided_otherwise)))
+        rows.append(
+            (name, *errors, share(population.within_error), share(population.decided_otherwise))
+        )
     return Table(
         "Error of the chip's arithmetic, in thresholds, and how many potentials lie within it",
         (
@@ -251,11 +257,11 @@ def _errors(figures: MarginFigures) -> Table:
 
 def _registers(registers: Mapping[str, RegisterFigures]) -> Table:
     rows = []
-    for name, of in registers.items():
-        fuller = max(of.share_u, of.share_v)
-        shares = Bar(fuller, f"{share(fuller)} used"), share(of.share_u), share(of.share_v)
-        headroom = known(of.headroom_bits, "{:.1f}".format)
-        rows.append((name, *shares, headroom, count(of.wraps), count(of.clips)))
+    for name, use in registers.items():
+        fuller = max(use.share_u, use.share_v)
+        shares = Bar(fuller, f"{share(fuller)} used"), share(use.share_u), share(use.share_v)
+        headroom = known(use.headroom_bits, "{:.1f}".format)
+        rows.append((name, *shares, headroom, count(use.wraps), count(use.clips)))
     return Table(
         "Registers of the chip: largest magnitudes against their capacity",
         ("compartments", "", "current u", "voltage v", "headroom in bits", "wraps", "clips"),

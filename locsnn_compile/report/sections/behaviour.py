@@ -203,11 +203,14 @@ def _spikes_row(name: str, spikes: SpikesCompared, none: str) -> tuple[str | Bar
 
 def _helpers(helpers: Mapping[str, SpikesCompared]) -> str:
     """Say which neurons were not compared."""
-    spikes = [
-        f"{name} ({plural(of.reference_spikes, 'spike')} in the network, {count(of.chip_spikes)} on the chip)"
-        for name, of in helpers.items()
-    ]
-    return f"Not counted, because only the compiler needs these neurons and the model has none: {listed(spikes)}."
+    populations = []
+    for name, compared in helpers.items():
+        in_network = f"{plural(compared.reference_spikes, 'spike')} in the network"
+        populations.append(f"{name} ({in_network}, {count(compared.chip_spikes)} on the chip)")
+    return (
+        "Not counted, because only the compiler needs these neurons and the model has none: "
+        f"{listed(populations)}."
+    )
 
 
 def _wraps_and_clips(events: Mapping[str, Mapping[str, int]]) -> Table | None:

@@ -107,10 +107,10 @@ def _mesh(size: MeshSize, chip: int, cores: Sequence[_Filled], title: str) -> Me
 def _fullest(limits: Mapping[str, LimitUse], core: CoreUse) -> tuple[float, str]:
     """Return how full the fullest limit of a core is, and its name in words."""
     contents = vars(core.contents)
-    use = [
-        (fullness(LimitUse(contents[name], of.limit)), name)
-        for name, of in limits.items()
+    fullness_by_limit = [
+        (fullness(LimitUse(contents[name], use.limit)), name)
+        for name, use in limits.items()
         if name in contents
     ]
-    full, name = max(use, key=lambda pair: pair[0])
+    full, name = max(fullness_by_limit, key=lambda pair: pair[0])
     return full, words(name)

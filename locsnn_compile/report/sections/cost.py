@@ -86,8 +86,8 @@ def _breakdowns(figures: EnergyFigures) -> tuple[Stack | Table, ...]:
     if figures.elsewhere_pj:
         elsewhere.append(("outside the cores", figures.elsewhere_pj))
     operations = [(words(name), pj) for name, pj in breakdown.items()]
-    populations = [(name, of.pj) for name, of in figures.by_population_pj.items()]
-    cores = [(core_words(of.place), of.pj) for of in figures.by_core_pj]
+    populations = [(name, used.pj) for name, used in figures.by_population_pj.items()]
+    cores = [(core_words(core.place), core.pj) for core in figures.by_core_pj]
     return (
         stack(breakdown, f"Where the energy goes, profile {profile}"),
         shares("operation", f"Energy by operation, {mean}", operations, patterned=True),
@@ -127,8 +127,8 @@ def _not_included(bounds: Sequence[NotIncluded]) -> Table | None:
         "Not included in the energy",
         ("what", "upper bound", "basis"),
         tuple(
-            (of.what, known(of.at_most_pj, energy, "not known"), any_value(of.bound_source))
-            for of in bounds
+            (item.what, known(item.at_most_pj, energy, "not known"), any_value(item.bound_source))
+            for item in bounds
         ),
     )
 

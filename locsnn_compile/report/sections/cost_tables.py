@@ -117,8 +117,8 @@ def energy_cost(figures: EnergyFigures, class_names: tuple[str, ...] | None) -> 
         over_recordings=figures.over_samples_pj,
         worst=Costliest(worst.recording, worst.class_, worst.pj),
         classes=tuple(
-            ClassCost(of.class_, of.recordings, of.min_pj, of.mean_pj, of.max_pj)
-            for of in figures.by_class or ()
+            ClassCost(row.class_, row.recordings, row.min_pj, row.mean_pj, row.max_pj)
+            for row in figures.by_class or ()
         ),
         class_names=class_names,
     )
@@ -136,8 +136,8 @@ def time_cost(figures: LatencyFigures, class_names: tuple[str, ...] | None) -> C
         over_recordings=figures.over_samples_ns,
         worst=Costliest(worst.recording, worst.class_, worst.ns),
         classes=tuple(
-            ClassCost(of.class_, of.recordings, of.min_ns, of.mean_ns, of.max_ns)
-            for of in figures.by_class or ()
+            ClassCost(row.class_, row.recordings, row.min_ns, row.mean_ns, row.max_ns)
+            for row in figures.by_class or ()
         ),
         class_names=class_names,
     )
@@ -171,7 +171,7 @@ def _course(
     table = Table(
         f"{name} after a part of the steps, mean per recording, profile {profile}",
         ("branch", *(f"{100 * part:.0f} % of its steps" for part in PARTS)),
-        tuple((words(branch), *_so_far(of.bins, shown)) for branch, of in by_step.items()),
+        tuple((words(branch), *_so_far(course.bins, shown)) for branch, course in by_step.items()),
     )
     return plot, table
 

@@ -38,10 +38,6 @@ _WIDTHS = {"charge", "join", "step", "later"}
 """Limits of the open core that are bits of a number: a program needs them, but does not fill them."""
 SPIKE_FOR_SPIKE = "Yes, spike for spike"
 SAME_CLASSES = "Nearly, in every prediction"
-_WRAPPED = (
-    "A register overflowed {times} and its value wrapped around to the other sign. What the neuron "
-    "does after that says little about the float network."
-)
 
 
 def matches(report: SharedFigures) -> Verdict:
@@ -252,8 +248,7 @@ def notices(report: SharedFigures) -> tuple[Notice, ...]:
     """Return what limits the figures of this report, which is mostly nothing."""
     limits = []
     if report.match.wraps:
-        times = plural(report.match.wraps, "time")
-        limits.append(Notice("Registers wrapped.", _WRAPPED.format(times=times)))
+        limits.append(Notice("Registers wrapped.", _wrapped(report.match.wraps)))
     dropped = report.skipped.events_dropped
     if dropped:
         where = f"{plural(dropped, 'event')} lay {outside(report)}"
@@ -262,6 +257,13 @@ def notices(report: SharedFigures) -> tuple[Notice, ...]:
     if binning is not None and binning.dropped:
         limits.append(Notice("Binning left events out.", f"{binning.words}."))
     return tuple(limits)
+
+
+def _wrapped(wraps: int) -> str:
+    return (
+        f"A register overflowed {plural(wraps, 'time')} and its value wrapped around to the other "
+        "sign. What the neuron does after that says little about the float network."
+    )
 
 
 def outside(report: SharedFigures) -> str:
