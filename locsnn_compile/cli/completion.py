@@ -38,3 +38,11 @@ def chips(prefix: str, **_: object) -> list[str]:
     import hw_model as hw
 
     return [*hw.chip_names(), *FilesCompleter((".yaml", ".yml"))(prefix)]
+
+
+def chips_of_all_families(prefix: str, **known: object) -> list[str]:
+    """Return the chips that ship, of every family, and chip files."""
+    from hw_model.targets.families import FAMILIES, MESHES
+
+    others = [family.names() for family in FAMILIES if family is not MESHES]
+    return [*chips(prefix, **known), *(name for names in others for name in names)]

@@ -47,6 +47,8 @@ def complete(line, folder):
         ("locsnn t", {"train", "targets"}),
         ("locsnn targets --s", {"--show"}),
         ("locsnn-compile --target ", {"loihi-sim", "my-chip.yaml"}),
+        ("locsnn-compile --target xylo-i", {"xylo-imu"}),
+        ("locsnn targets --show xylo-a", {"xylo-audio2", "xylo-audio3"}),
         ("locsnn-compile --emit ", set(EMIT_KINDS)),
         ("locsnn-compile n", {"net.nir", "notes.txt"}),
         ("locsnn-compile net.nir --strategy d", {"dendrite", "delay-line"}),

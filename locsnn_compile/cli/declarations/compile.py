@@ -2,9 +2,10 @@
 
 import argparse
 
-from locsnn_compile.cli.completion import chips
+from locsnn_compile.cli.completion import chips_of_all_families
 from locsnn_compile.cli.declarations.kinds import choice, number
 from locsnn_compile.cli.declarations.shared import (
+    add_chip,
     add_dial,
     add_division,
     add_format_options,
@@ -27,13 +28,13 @@ def declare(parser: argparse.ArgumentParser) -> None:
         help=f"{models_in_words()}; several become one program, which adds their class scores",
     )
     add_weights(parser)
-    target = parser.add_argument(
+    add_chip(
+        parser,
         "--target",
-        metavar="CHIP",
+        "chip name or chip file (default loihi-sim)",
         default="loihi-sim",
-        help="chip name or chip file (default loihi-sim)",
+        completer=chips_of_all_families,
     )
-    target.completer = chips  # type: ignore[attr-defined]
     parser.add_argument(
         "--profile",
         metavar="NAME|FILE",

@@ -2,9 +2,9 @@
 
 import argparse
 
-from locsnn_compile.cli.completion import chips
 from locsnn_compile.cli.declarations.kinds import choice, number
 from locsnn_compile.cli.declarations.shared import (
+    add_chip,
     add_explored,
     add_format_options,
     add_numbering,
@@ -49,13 +49,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
     add_times(parser)
     add_sensor(parser)
     add_numbering(parser)
-    target = parser.add_argument(
-        "--target",
-        metavar="CHIP",
-        default="loihi-sim",
-        help="chip name or chip file (default loihi-sim)",
-    )
-    target.completer = chips  # type: ignore[attr-defined]
+    add_chip(parser, "--target", "chip name or chip file (default loihi-sim)", default="loihi-sim")
     for dial in DIALS:
         add_explored(parser, dial)
     parser.add_argument(

@@ -1,8 +1,10 @@
 """Options that several commands share."""
 
 import argparse
+from collections.abc import Callable
 from typing import Any
 
+from locsnn_compile.cli.completion import chips
 from locsnn_compile.cli.declarations.kinds import choice, number, numbers, start
 from locsnn_compile.frontends.formats import FORMAT_OPTIONS
 from locsnn_compile.settings import Dial
@@ -164,6 +166,18 @@ def add_played(parser: argparse.ArgumentParser) -> None:
         required=True,
         help="recordings: .zip, folder, .npy, .npz, .pt, .h5, or event files",
     )
+
+
+def add_chip(
+    parser: argparse.ArgumentParser,
+    option: str,
+    said: str,
+    default: str | None = None,
+    completer: Callable[..., list[str]] = chips,
+) -> None:
+    """Add an option that names a chip, which shells complete by those that ship."""
+    action = parser.add_argument(option, metavar="CHIP", default=default, help=said)
+    action.completer = completer  # type: ignore[attr-defined]
 
 
 def add_format_options(parser: argparse.ArgumentParser) -> None:

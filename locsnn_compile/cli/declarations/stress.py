@@ -3,18 +3,12 @@
 import argparse
 from pathlib import Path
 
-from locsnn_compile.cli.completion import chips
+from locsnn_compile.cli.declarations.shared import add_chip
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Add the options of ``locsnn stress``."""
-    target = parser.add_argument(
-        "--target",
-        metavar="CHIP",
-        default="loihi-sim",
-        help="chip name or chip file (default loihi-sim)",
-    )
-    target.completer = chips  # type: ignore[attr-defined]
+    add_chip(parser, "--target", "chip name or chip file (default loihi-sim)", default="loihi-sim")
     parser.add_argument(
         "--quick",
         action="store_true",

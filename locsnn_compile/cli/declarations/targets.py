@@ -2,12 +2,11 @@
 
 import argparse
 
-from locsnn_compile.cli.completion import chips
+from locsnn_compile.cli.completion import chips_of_all_families
+from locsnn_compile.cli.declarations.shared import add_chip
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Add the options of ``locsnn targets``."""
-    target = parser.add_argument(
-        "--show", metavar="CHIP", help="print the description of a chip, by name or chip file"
-    )
-    target.completer = chips  # type: ignore[attr-defined]
+    said = "print the description of a chip, by name or chip file"
+    add_chip(parser, "--show", said, completer=chips_of_all_families)

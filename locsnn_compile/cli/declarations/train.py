@@ -2,9 +2,8 @@
 
 import argparse
 
-from locsnn_compile.cli.completion import chips
 from locsnn_compile.cli.declarations.kinds import choice, number
-from locsnn_compile.cli.declarations.shared import add_division, add_sensor, add_times
+from locsnn_compile.cli.declarations.shared import add_chip, add_division, add_sensor, add_times
 from locsnn_compile.errors import listed
 from locsnn_compile.models.architectures import ARCHITECTURES
 from locsnn_compile.settings import TRAINABLE
@@ -163,10 +162,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
         default=8,
         help="recordings to keep in the checkpoint (default 8)",
     )
-    target = parser.add_argument(
-        "--target", metavar="CHIP", help="train on the integers of this chip (default: float)"
-    )
-    target.completer = chips  # type: ignore[attr-defined]
+    add_chip(parser, "--target", "train on the integers of this chip (default: float)")
     parser.add_argument(
         "--strategy",
         metavar="NAME",
