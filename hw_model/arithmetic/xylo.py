@@ -182,6 +182,18 @@ def share_lost(dash: IntArray) -> FloatArray:
     return lost
 
 
+def rounding_drift(dash_syn: IntArray, dash_mem: IntArray) -> FloatArray:
+    """Return what a potential gains in a step, on average, because decays are rounded down.
+
+    A register in motion has any remainder modulo 2^dash, so a decay takes away (1 - 2^-dash) / 2 too
+    little. In a current this adds up to 2^dash as much. Registers at rest, and near it, gain less.
+    """
+    too_little_i = (1.0 - share_lost(dash_syn)) / 2
+    too_little_v = (1.0 - share_lost(dash_mem)) / 2
+    drift: FloatArray = too_little_i / share_lost(dash_syn) + too_little_v
+    return drift
+
+
 def peak_response(dash_syn: int, dash_mem: int, steps: int = 4096) -> float:
     """Return the highest potential after a charge of 1 at rest, if nothing is rounded.
 

@@ -1,7 +1,7 @@
 """Round a network of leaky neurons to the integers of a Xylo.
 
-Before: ``XyloParts``, in float. After:  ``QuantizedXylo``: dashes, weights of 8 bits with a shift
-for each group, thresholds and biases.
+Before: ``XyloParts``, in float.
+After:  ``QuantizedXylo``: dashes, weights of 8 bits with a shift a group, thresholds and biases.
 
 For each neuron, with w its weights, T its threshold and b its bias in the network's units:
 
@@ -10,15 +10,18 @@ For each neuron, with w its weights, T its threshold and b its bias in the netwo
     g           peak of the float neuron's response to a spike over that of the chip's
     weight      round(s w / 2^shift), with the least shift for which all of its group fit 8 bits
     threshold   floor(s T / g) + 1 for v > T, and ceil(s T / g) for v >= T
-    bias        round(s b / g)
+    bias        round(s b / g - drift); decays are rounded down, which adds the drift in a step
 
-A higher ``level`` makes decays more exact, as a register loses whole units, and leaves less room in it. Hidden neurons
-and outputs each take the highest level at which no current, and no potential upwards, can saturate while every source
-sends once in a step, as in the float network. Where even level 0 gives no such proof, saturations are counted only.
+A higher ``level`` makes decays more exact, as a register loses whole units, and leaves less room in
+it. Hidden neurons and outputs each take the highest level at which no current, and no potential
+upwards, can saturate while every source sends once in a step, as in the float network. Where even
+level 0 gives no such proof, saturations are counted only.
+
+The drift is that of registers in motion. It also moves the potential at rest, from 0 down to
+-drift 2^dash; more than a sixteenth of the threshold is not given away for it.
 """
 
 import math
-from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -33,6 +36,8 @@ from locsnn_compile.xylo.quantized import QuantizedXylo, XyloScales, places
 
 MOST_LEVEL = 8
 """127 * 2^8 still fits a register of 16 bits."""
+_REST_SHARE = 1 / 16
+"""How far below 0 a potential may rest, as a share of the threshold."""
 _PEAK_STEPS = 4096
 _ROUNDING = 1e-9
 
@@ -88,7 +93,7 @@ class ScaledNeurons:
 
     @property
     def most_level(self) -> int:
-        """The highest level that costs no neuron a bit of its weights: thresholds must still fit."""
+        """The highest level that costs no neuron a bit of its weights: thresholds still fit."""
         octaves = math.log2(float(np.min(self.most / self.wanted)))
         return max(0, math.floor(octaves))
 
@@ -154,9 +159,6 @@ def _rounded(
 ) -> QuantizedXylo:
     hidden = _population(neurons_of(parts.hidden), of_hidden)
     outputs = _population(neurons_of((parts.outputs,)), of_outputs)
-    if not (np.any(hidden.bias) or np.any(outputs.bias)):
-        hidden = replace(hidden, bias=None)
-        outputs = replace(outputs, bias=None)
     into_hidden = _integers(weights.into_hidden * of_hidden.current)
     among_hidden = _integers(weights.among_hidden * of_hidden.current)
     into_outputs = _integers(weights.into_outputs * of_outputs.current)
@@ -176,11 +178,16 @@ def _rounded(
 def _population(neurons: XyloNeurons, scales: XyloScales) -> XyloPopulation:
     threshold = neurons.threshold * scales.potential
     passed = np.where(neurons.strict, np.floor(threshold) + 1, np.ceil(threshold))
+    dash_syn = xylo.nearest_dash(neurons.decay_u)
+    dash_mem = xylo.nearest_dash(neurons.decay_v)
+    given_away = _REST_SHARE * passed * xylo.share_lost(dash_mem)
+    drift = np.minimum(xylo.rounding_drift(dash_syn, dash_mem), given_away)
+    bias = neurons.bias * scales.potential - drift
     return XyloPopulation(
-        dash_syn=xylo.nearest_dash(neurons.decay_u)[:, None],
-        dash_mem=xylo.nearest_dash(neurons.decay_v),
+        dash_syn=dash_syn[:, None],
+        dash_mem=dash_mem,
         threshold=passed.astype(np.int64),
-        bias=np.rint(neurons.bias * scales.potential).astype(np.int64),
+        bias=np.rint(bias).astype(np.int64),
     )
 
 

@@ -52,10 +52,11 @@ def test_the_recorded_compiled_networks_spike_often_and_saturate():
     spikes = {name: int(witness["spikes"].sum()) for name, witness in WITNESS.items()}
     assert min(spikes.values()) > 20
     assert max(int(witness["spikes"].max()) for witness in WITNESS.values()) > 15
-    # A current that saturated, less the quarter that it loses in that step.
-    most = xylo.STATE_MAX - (xylo.STATE_MAX >> 2)
-    assert max(int(witness["i"].max()) for witness in WITNESS.values()) == most
-    assert any("bias" in witness for witness in WITNESS.values())
+    busiest = WITNESS["saturating"]
+    events = play_xylo(network_of(busiest), busiest["events"]).events
+    assert events["current_saturations"] > 100
+    assert events["potential_saturations"] > 10
+    assert all("bias" in witness for witness in WITNESS.values())
 
 
 def one_hidden_neuron(weight: float, neuron: lc.Cuba | lc.SoftCuba) -> lc.Network:
@@ -81,7 +82,8 @@ def test_the_integers_of_a_neuron_by_hand():
     5/4. The chip's current halves before it acts: its peak is half of that, and g = 2. Scale:
     127 2^level / 0.5 = 254 2^level units, and the threshold 2 * 254 / 2 = 254 2^level, plus 1.
     A current stays below (127 2^level + 1) * 2 - 1, and a potential below that plus the threshold:
-    at level 6 that is 16257 + 16257 = 32514, and at level 7 too much.
+    at level 6 that is 16257 + 16257 = 32514, and at level 7 too much. Rounded decays add 1/4 to the
+    current in a step, which adds up to 1/2, and 3/8 to the potential: the bias takes away 1.
     """
     program = lc.compile(
         one_hidden_neuron(0.5, soft(1, 0.5, 0.25, 2.0)),
@@ -94,7 +96,7 @@ def test_the_integers_of_a_neuron_by_hand():
     assert program.network.weights_in.tolist() == [[[127]]]
     assert program.network.shift_in == 6
     assert hidden.threshold.tolist() == [254 * 64 + 1]
-    assert hidden.bias is None
+    assert hidden.bias.tolist() == [-1]
 
 
 def test_a_threshold_that_need_only_be_reached_gets_no_extra_unit():
@@ -183,7 +185,7 @@ def test_step_t_of_the_program_is_step_t_of_the_network():
     recording[0, 2] = 1
     played = play_program(compiled.program, recording)
     assert played.spikes["hidden"][0, :, 0].tolist() == [0, 0, 0, 1, 0, 0]
-    assert np.flatnonzero(played.potential["classes"][0, :, 0]).tolist()[0] == 4
+    assert np.flatnonzero(played.potential["classes"][0, :, 0] > 0).tolist()[0] == 4
 
 
 def test_the_last_row_of_a_recording_would_act_after_it_and_is_not_played():
@@ -252,11 +254,46 @@ def _by_name(network: lc.Network) -> dict[str, lc.Population]:
     return {population.name: population for population in network.populations}
 
 
-def test_biases_of_all_neurons_are_on_where_one_has_a_bias():
-    program = compiled_for(memoryless_network()).program.network
-    assert program.hidden.bias is not None
-    assert program.outputs.bias.tolist() == [0, 0, 0]
-    assert np.sign(program.hidden.bias[[0, -1]]).tolist() == [-1, 1]
+def test_a_bias_is_that_of_the_network_less_the_drift_of_rounded_decays():
+    """Dashes 2 and 0: (4 - 1) / 2 units a step from the current, and nothing from the potential."""
+    compiled = compiled_for(memoryless_network())
+    scale = compiled.quantized.hidden_scales.potential
+    wanted = np.linspace(-0.2, 0.4, 10) * scale - 1.5
+    assert np.abs(compiled.program.network.hidden.bias - wanted).max() <= 0.5
+
+
+@pytest.mark.parametrize(("dash_syn", "dash_mem"), [(2, 3), (1, 4), (3, 0), (4, 5)], ids=str)
+def test_the_drift_is_what_rounded_decays_were_seen_to_add_to_potentials(dash_syn, dash_mem):
+    """Long runs on the integers, next to the same recursion in real numbers; no spikes."""
+    r = np.random.default_rng(8)
+    charges = r.integers(0, 200, 20_000)
+    i, v, exact_i, exact_v, difference = 0, 0, 0.0, 0.0, 0.0
+    for charge in charges.tolist():
+        i = i + charge - ((i + charge) >> dash_syn)
+        v = v - (v >> dash_mem) + i
+        exact_i = (exact_i + charge) * (1 - 2.0**-dash_syn)
+        exact_v = exact_v * (1 - 2.0**-dash_mem) + exact_i
+        difference += v - exact_v
+    # A potential keeps what is added for 2^dash steps.
+    added = difference / len(charges) * 2.0**-dash_mem
+    drift = float(xylo.rounding_drift(np.array(dash_syn), np.array(dash_mem)))
+    assert added == pytest.approx(drift, rel=0.03)
+
+
+def test_long_time_constants_do_not_move_the_potential_at_rest_far():
+    """A dash of 8 would drift by 127.5 units a step; a sixteenth of the threshold is the most."""
+    populations = (
+        lc.Population("hidden", TIME, 2, soft(2, 2.0**-8, 0.25, 400.0)),
+        lc.Population("classes", TIME, 2, soft(2, 0.5, 0.25, 1.0)),
+    )
+    projections = (
+        lc.Projection("touch", "hidden", np.full((2, 16), 0.4)),
+        lc.Projection("hidden", "classes", np.full((2, 2), 0.5)),
+    )
+    hidden = compiled_for(network(populations, projections)).program.network.hidden
+    rest = -hidden.bias * 4
+    assert (rest <= hidden.threshold / 16 + 4).all()
+    assert (hidden.bias < 0).all()
 
 
 def test_the_report_has_the_keys_of_every_report_and_names_what_is_not_known():
@@ -313,7 +350,7 @@ def test_a_chip_may_be_given_instead_of_its_name():
     assert compiled.program.chip.name == "xylo-imu"
     assert repr(compiled) == (
         "<CompiledXylo 'small' on xylo-imu: The chip predicts the same class as the float network "
-        "in 5 of 6 recordings>"
+        "in 6 of 6 recordings>"
     )
 
 

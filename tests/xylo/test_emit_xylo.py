@@ -111,10 +111,8 @@ def test_the_specification_has_the_arguments_of_rockpool_by_name(name, tmp_path)
         "weight_shift_rec": (),
         "weight_shift_out": (),
     }
-    for parameter in ("dash_mem", "dash_syn", "threshold"):
+    for parameter in ("dash_mem", "dash_syn", "threshold", "bias"):
         wanted |= {parameter: (hidden,), f"{parameter}_out": (outputs,)}
-    if name == "memoryless, biased":
-        wanted |= {"bias": (hidden,), "bias_out": (outputs,)}
     assert shapes == wanted
 
 
