@@ -205,7 +205,12 @@ def reset(ops: Operations, potential: Value, fired: Truth) -> Value:
 def count_down(ops: Operations, p: Parameters, blocked: Value, fired: Truth) -> Value:
     """Return how many steps are blocked after the spikes of a step."""
     fewer = ops.select(blocked == 0, 0, blocked - 1)
-    return ops.select(fired, p.refractory - 1, fewer)
+    return ops.select(fired, blocked_by_spike(p.refractory), fewer)
+
+
+def blocked_by_spike(refractory: Value) -> Value:
+    """Return how many steps a spike blocks, after its own."""
+    return refractory - 1
 
 
 EVENTS = ("charge_wraps", "current_wraps", "voltage_clips")

@@ -106,9 +106,8 @@ class Input(Frozen, eq=False):
 class Compartments(Frozen, eq=False):
     """A group of ``size`` compartments; every parameter is an array (size,) of integers, or given as one for all.
 
-    ``u = rz(u, decay_u) + q``; ``v = rz(v, decay_v) + u + bias``, plus the v of joined children; spike where
-    v exceeds the threshold. With ``joined_to``, compartment i adds its v to compartment i of that group, and neither
-    spikes nor is reset.
+    They take the step of :mod:`hw_model.arithmetic.loihi`, which says which values each parameter can have. With
+    ``joined_to``, compartment i adds its v to compartment i of that group, and neither spikes nor is reset.
     """
 
     name: str

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
+from hw_model.arithmetic import loihi
 from hw_model.arithmetic.fixed_point import SignMode
 from hw_model.arithmetic.whole import LARGEST
 from hw_model.description.chip import Chip
@@ -229,18 +230,20 @@ def _wrong_shape(
 
 def _bias(name: str, values: IntArray, chip: Chip) -> tuple[IntArray, IntArray]:
     """Split bias values into mantissa and the smallest exponent that holds them."""
-    most, span = chip.registers.bias_exponent_max, 1 << chip.registers.bias_mantissa_bits
+    domains = loihi.domains(chip.registers)
+    most = domains["bias_exponent"].high
     exponents = np.arange(most + 1)[:, None]
-    mantissas = np.clip(np.rint(values / 2.0**exponents), -span, span - 1).astype(np.int64)
-    exponent = np.abs((mantissas << exponents) - values).argmin(axis=0)
+    low, high = domains["bias_mantissa"]
+    mantissas = np.clip(np.rint(values / 2.0**exponents), low, high).astype(np.int64)
+    exponent = np.abs(loihi.bias_of(mantissas, exponents) - values).argmin(axis=0)
     mantissa = mantissas[exponent, np.arange(len(values))]
-    nearest = mantissa << exponent
+    nearest = loihi.bias_of(mantissa, exponent)
     bad = np.flatnonzero(nearest != values)
     if len(bad):
         what = (
             f"bias {values[bad[0]]} of compartment {bad[0]} is not a mantissa times a power of two"
         )
-        measured = f"mantissa {-span}..{span - 1}, exponent 0..{most}"
+        measured = f"mantissa {low}..{high}, exponent 0..{most}"
         raise TargetError(
             f"compartments {name!r}",
             what,

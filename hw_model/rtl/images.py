@@ -364,7 +364,9 @@ class CoreProgram:
             "bias": given(lambda core: core.bias),
             "has_children": np.isin(number, parent),
             "threshold": given(lambda core: loihi.whole_units(core.threshold_voltage)),
-            "blocks": np.maximum(given(lambda core: core.setting("refractory")) - 1, 0),
+            "blocks": np.maximum(
+                loihi.blocked_by_spike(given(lambda core: core.setting("refractory"))), 0
+            ),
             "spiking": given(
                 lambda core: (core.vmax > core.threshold_voltage) & (core.setting("joined") == 0)
             ),

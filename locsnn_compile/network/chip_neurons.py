@@ -1,10 +1,8 @@
 """Neurons whose every number is an integer that the chip holds.
 
 ``quantize`` makes them from float neurons. A network trained on the chip's own arithmetic has them from the start, and
-keeps them as they are. In the equations, ``rz(x, d)`` is what a decay of d leaves of x, truncated toward zero;
-``q(t)`` is the sum of the effective weights of all spikes that arrive at step t, wrapped to the width of the charge; u
-wraps, and v is clipped. A spike of step t arrives at step ``t + 1 + delay``. Every parameter of a neuron is an int64
-array (n,).
+keeps them as they are. Their compartments take the step of :mod:`hw_model.arithmetic.loihi`; in the equations below,
+``rz(x, d)`` is what a decay of d leaves of x. Every parameter of a neuron is an int64 array (n,).
 """
 
 from collections.abc import Mapping
@@ -70,12 +68,8 @@ class ChipNeuron(Neuron, Frozen, eq=False):
 
 
 class ChipCuba(Shown, ChipNeuron):
-    """One compartment per neuron, with the chip's own reset.
+    """One compartment per neuron, with the chip's own reset: :func:`hw_model.arithmetic.loihi.step` says what it does.
 
-        u(t) = rz(u(t - 1), decay_u) + q(t)
-        v(t) = rz(v(t - 1), decay_v) + u(t) + bias_mantissa * 2^bias_exponent
-
-    Spikes, resets and refractory steps are those of :func:`hw_model.arithmetic.loihi.step`.
     With a ``vmin`` (n,), ``1 - 2^k``, v is clipped to it from below, and else to the end of its register.
     """
 

@@ -78,7 +78,7 @@ class Projection(Shown, Connection):
 
 
 class ChipProjection(Shown, Connection):
-    """Mantissas (n_target, n_source), int64, dense or CSR; effective weights are ``64 * floor(mantissa * 2^exponent)``.
+    """Mantissas (n_target, n_source), int64, dense or CSR; charges are those of :mod:`hw_model.arithmetic.loihi`.
 
     ``delay`` is in steps: one for all, or an array like the values of the matrix. ``dendrite`` is the number of the
     target's alpha dendrite that the charge reaches. Several projections may join the same ends; their weights add up.

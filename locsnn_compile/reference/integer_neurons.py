@@ -153,7 +153,7 @@ def _by_reset(neuron: ChipCuba, registers: Registers, steps: int) -> IntArray:
     threshold = loihi.threshold_of(neuron.threshold)
     state = ChipCubaSteps(neuron, 1, len(neuron.threshold), registers)
     state.u[:] = threshold - decay(threshold, neuron.decay_v)
-    state.blocked[:] = neuron.refractory - 1
+    state.blocked[:] = loihi.blocked_by_spike(neuron.refractory)
     charge = state.u - decay(state.u, neuron.decay_u)
     return np.concatenate([state.step(charge)[1] - threshold for _ in range(steps)])
 

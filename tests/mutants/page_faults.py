@@ -36,7 +36,7 @@ MODULES = tuple(f"hw_model.arithmetic.{name}" for name in ("fixed_point", "loihi
 OF_THE_STEP = {
     "hw_model.arithmetic.fixed_point": {"kept", "wrap", "clip", "effective_weight"},
     "hw_model.arithmetic.loihi": {
-        "respond", "threshold", "reset", "count_down", "events",
+        "respond", "threshold", "reset", "count_down", "blocked_by_spike", "events",
         "acts_at", "keep_of", "bias_of", "threshold_of",
     },
 }  # fmt: skip

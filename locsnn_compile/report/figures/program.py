@@ -19,7 +19,7 @@ _ORIGIN = ("name", "target", "provenance", "synapses_pruned")
 def program_figures(program: hw.ChipProgram) -> Document:
     """Return the sizes and settings of every group of compartments, the sums of its weights, and the chip's registers.
 
-    Settings are given by the least and the largest. Weights are effective: ``64 * floor(mantissa * 2^exponent)``.
+    Settings are given by the least and the largest. Weights are those that are added to q.
     ``contents`` has a checksum of every kind of entry and array of the program's files, apart from its origin.
     """
     parts: dict[str, list[dict[str, AnyArray]]] = {}

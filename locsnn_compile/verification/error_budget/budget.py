@@ -30,9 +30,9 @@ Stage = Literal["kernel", "weights", "decays", "states", "thresholds", "delays",
 
 - ``kernel``: the neuron model, if the strategy's differs from the network's
 - ``weights``: weights and biases rounded onto the grid, also those of refractory kernels
-- ``decays``: multiples of 1/4096, with the gain of each kernel that fits them best
+- ``decays``: those of the chip's grid, with the gain of each kernel that fits them best
 - ``states``: what a decay leaves in a register is truncated to an integer
-- ``thresholds``: a spike if v > 64 * threshold, instead of v >= theta
+- ``thresholds``: a spike if v exceeds the chip's, instead of v >= theta
 - ``delays``: whole steps, which they already are in the network
 - ``wraps_clips``: charge and current wrap, the voltage clips
 """
