@@ -76,9 +76,10 @@ class Dial:
     shows a value, and ``unsaid`` is the value that the name leaves out.
 
     For ``locsnn-compile``: ``help``, ``value`` (what help calls its value), ``read``, ``choices``,
-    ``bounds`` and ``default`` declare the option. ``usual`` is the value for a chip where none is given, by default the
-    neutral one, and ``check`` refuses what the chip does not have. ``idle`` says why the dial would
-    change nothing where a network lacks what it needs; if empty, the compiler itself finds out.
+    ``bounds`` and ``default`` declare the option. ``usual`` is the value for a chip where none is
+    given, by default the neutral one, and ``refuse`` raises an error for what the chip does not
+    have. ``idle`` says why the dial would change nothing where a network lacks what it needs; if
+    empty, the compiler itself finds out.
     """
 
     name: str
@@ -95,7 +96,7 @@ class Dial:
     unsaid: Value | None = None
     bounds: tuple[float, float] | None = None
     usual: Callable[[Chip], Value] | None = None
-    check: Callable[[Chip, Any], None] = lambda chip, value: None
+    refuse: Callable[[Chip, Any], None] | None = None
     idle: str = ""
 
     @property
@@ -111,6 +112,13 @@ class Dial:
     def matters(self, network: Network) -> bool:
         """Tell whether the dial changes anything for a network."""
         return bool(getattr(network, self.needs))
+
+    def check(self, chip: Chip, value: Any) -> None:
+        """Refuse a value out of bounds, or one that the chip does not have."""
+        if self.bounds is not None:
+            check_range(value, *self.bounds, self.name)
+        if self.refuse is not None:
+            self.refuse(chip, value)
 
     def usual_of(self, chip: Chip) -> Value:
         """Return the value for a chip where none is given."""
@@ -156,10 +164,6 @@ def _check_weight_bits(chip: Chip, bits: int) -> None:
     weight_bits_of(chip, bits)
 
 
-def _check_share(chip: Chip, share: float) -> None:
-    check_range(share, 0, 1, "split_weights")
-
-
 _INTEGERS = "the weights of this model are integers of the chip already"
 DIALS = (
     Dial(
@@ -174,7 +178,7 @@ DIALS = (
         read=str,
         choices=(AUTO, *STRATEGIES),
         default=AUTO,
-        check=_check_strategy,
+        refuse=_check_strategy,
     ),
     Dial(
         "weight_bits",
@@ -187,7 +191,7 @@ DIALS = (
         read=int,
         words="{}-bit".format,
         usual=_widest,
-        check=_check_weight_bits,
+        refuse=_check_weight_bits,
         idle=_INTEGERS,
     ),
     Dial(
@@ -202,8 +206,7 @@ DIALS = (
         read=part,
         words=lambda share: f"{100 * share:.6g}% split",
         unsaid=0.0,
-        bounds=(0.0, 1.0),
-        check=_check_share,
+        bounds=(0, 1),
         idle=_INTEGERS,
     ),
 )

@@ -155,6 +155,16 @@ def test_a_row_and_its_field_are_a_keyword_of_compile(
     assert request.setting.given == {*ASKED, *given}
 
 
+def test_a_value_out_of_the_bounds_of_a_row_is_refused(network, played, monkeypatch):
+    monkeypatch.setattr(rows, "DIALS", (*DIALS, HEADROOM))
+    monkeypatch.setattr(rows, "Setting", Roomy)
+    with pytest.raises(InputError) as caught:
+        lc.compile(network, events=played, headroom=99.0)
+    assert str(caught.value) == (
+        "headroom: it is out of range (got 99.0 against 1.0..64.0). Correct the number."
+    )
+
+
 def test_a_keyword_that_is_no_dial_is_refused_as_python_does(network):
     with pytest.raises(TypeError) as caught:
         lc.compile(network, headroom=8.0)
