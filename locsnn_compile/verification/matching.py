@@ -118,33 +118,23 @@ class _Figures(Frozen, eq=False):
     member_ns: dict[str, float]
 
 
-class Match(Shown, _Figures):
-    """How a program compares with the network it came from, over ``samples`` recordings.
+class Agreement:
+    """How the predictions and the spikes of both sides agree.
 
-    ``reference_prediction`` and ``chip_prediction`` are classes (samples,), or -1 if all scores tie and nothing was
-    predicted; ``labels`` are (samples,) or None. ``helpers`` are populations that a frontend added, which count nowhere
-    else. ``latency_range_ns`` is the range of the mean latency if the profile has ranges.
+    A match of any target derives from it, and has these among its fields: predictions (samples,), -1
+    where nothing is predicted; labels (samples,) or None; spikes by population, without helpers.
     """
 
     samples: int
-    events_source: str
     reference_prediction: IntArray
     chip_prediction: IntArray
     labels: IntArray | None
     by_population: dict[str, PopulationMatch]
-    helpers: dict[str, PopulationMatch]
-    first_divergence: Divergence | None
-    latency_range_ns: Range
 
     @property
     def spikes(self) -> PopulationMatch:
         """All populations together."""
         return sum(self.by_population.values(), start=PopulationMatch())
-
-    @property
-    def mean_ns(self) -> float:
-        """Mean time per recording."""
-        return float(np.mean([one.total_ns for one in self.latencies]))
 
     @property
     def tied_predictions(self) -> int:
@@ -174,6 +164,30 @@ class Match(Shown, _Figures):
     def chance(self) -> Chance | None:
         """Whether the chip's accuracy can be told from chance; None without labels, or with too few."""
         return None if self.labels is None else chance_of(self.chip_prediction, self.labels)
+
+
+class Match(Shown, _Figures, Agreement):
+    """How a program compares with the network it came from, over ``samples`` recordings.
+
+    ``reference_prediction`` and ``chip_prediction`` are classes (samples,), or -1 if all scores tie and nothing was
+    predicted; ``labels`` are (samples,) or None. ``helpers`` are populations that a frontend added, which count nowhere
+    else. ``latency_range_ns`` is the range of the mean latency if the profile has ranges.
+    """
+
+    samples: int
+    events_source: str
+    reference_prediction: IntArray
+    chip_prediction: IntArray
+    labels: IntArray | None
+    by_population: dict[str, PopulationMatch]
+    helpers: dict[str, PopulationMatch]
+    first_divergence: Divergence | None
+    latency_range_ns: Range
+
+    @property
+    def mean_ns(self) -> float:
+        """Mean time per recording."""
+        return float(np.mean([one.total_ns for one in self.latencies]))
 
 
 def compare(

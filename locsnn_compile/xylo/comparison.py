@@ -11,8 +11,8 @@ from hw_model.xylo.program import XyloProgram
 from locsnn_compile.baselines.operations import network_additions
 from locsnn_compile.data.recordings import Recordings, batches
 from locsnn_compile.reference.evaluate import ReferenceResult, evaluate
-from locsnn_compile.verification.chance import Chance, chance_of
 from locsnn_compile.verification.matching import (
+    Agreement,
     Divergence,
     PopulationMatch,
     Progress,
@@ -22,7 +22,7 @@ from locsnn_compile.verification.observation import check_labels
 from locsnn_compile.xylo.quantized import QuantizedXylo
 
 
-class XyloMatch(Shown):
+class XyloMatch(Shown, Agreement):
     """How a program compares with the network it came from, over ``samples`` recordings.
 
     ``reference_prediction`` and ``chip_prediction`` are classes (samples,), or -1 where all scores
@@ -44,43 +44,9 @@ class XyloMatch(Shown):
     first_divergence: Divergence | None
 
     @property
-    def spikes(self) -> PopulationMatch:
-        """All populations together."""
-        return sum(self.by_population.values(), start=PopulationMatch())
-
-    @property
     def total_counts(self) -> XyloCounts:
         """The counts of all recordings."""
         return sum(self.counts, start=XyloCounts())
-
-    @property
-    def tied_predictions(self) -> int:
-        """Recordings for which neither side predicts a class."""
-        return int((np.maximum(self.reference_prediction, self.chip_prediction) < 0).sum())
-
-    @property
-    def prediction_agreement(self) -> float | None:
-        """Share of same classes among recordings for which a side predicts one; None without any."""
-        predicted = self.samples - self.tied_predictions
-        if not predicted:
-            return None
-        same = int((self.reference_prediction == self.chip_prediction).sum())
-        return (same - self.tied_predictions) / predicted
-
-    @property
-    def accuracy(self) -> dict[str, float] | None:
-        """Share of correct predictions of both sides; a tie is wrong. None without labels."""
-        if self.labels is None:
-            return None
-        return {
-            "reference": float((self.reference_prediction == self.labels).mean()),
-            "chip": float((self.chip_prediction == self.labels).mean()),
-        }
-
-    @property
-    def chance(self) -> Chance | None:
-        """Whether the chip's accuracy can be told from chance; None with too few labels."""
-        return None if self.labels is None else chance_of(self.chip_prediction, self.labels)
 
 
 def compare_xylo(
