@@ -4,6 +4,7 @@ A row of macros side by side holds one word or several; banks of rows follow eac
 and area is taken.
 """
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import combinations_with_replacement
 
@@ -47,13 +48,13 @@ class Made(Frozen):
     @property
     def area_um2(self) -> float:
         """Square micrometres of all copies."""
-        return self.array.copies * self.banks * sum(macro.area for macro in self.macros)
+        return self.array.copies * self.banks * math.fsum(macro.area for macro in self.macros)
 
     @property
     def energy_pj(self) -> float:
         """Picojoules per recording, of all copies together."""
         reads = self.array.rows.get(self.pack, self.array.rows[1])
-        return sum(
+        return math.fsum(
             reads * macro.read_pj + self.array.writes * macro.write_pj for macro in self.macros
         )
 

@@ -11,6 +11,7 @@ Once a recording is over, all that a phase will be given is known. Where that is
 spike is to come, and every potential is 0.
 """
 
+import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -54,7 +55,7 @@ class Proof:
         whole = all(float(weight).is_integer() for weight in readout.weights)
         most = program.chip.registers.voltage_max if readout.from_step else self.all_steps
         self._tie_class = readout.tie_class
-        self._slack = 0.0 if whole else 1e-9 * sum(map(abs, readout.weights)) * most
+        self._slack = 0.0 if whole else 1e-9 * math.fsum(map(abs, readout.weights)) * most
 
     def stops(self) -> IntArray:
         """Search for the first step by halves: what is proven after a step is proven after every later one."""

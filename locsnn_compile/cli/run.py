@@ -14,6 +14,7 @@ event, once everything is at rest.
 
 import argparse
 import itertools
+import math
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
@@ -116,7 +117,7 @@ def _summary(
     played = tally["all"]
     lines = accuracy_lines(tally["right"], tally["known"])
     spent = (
-        f"{sum(totals.values()) / played / 1e6:.2f} µJ (profile {program.chip.default_profile}), "
+        f"{math.fsum(totals.values()) / played / 1e6:.2f} µJ (profile {program.chip.default_profile}), "
         if totals
         else ""
     )

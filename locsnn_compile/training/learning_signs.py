@@ -50,7 +50,7 @@ def reach_of(config: TrainingConfig, recordings: int, epochs: int) -> Reach:
     """Return the reach of a phase of so many ``epochs`` over so many ``recordings``."""
     updates = math.ceil(recordings / config.batch_size)
     rates = [learning_rate(config, epoch, epochs) for epoch in range(1, epochs + 1)]
-    return Reach(updates * epochs, updates * sum(rates))
+    return Reach(updates * epochs, updates * math.fsum(rates))
 
 
 class Activity(Frozen):

@@ -8,7 +8,7 @@ from small_report import costs_of, figures
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.content import Bullets, Table
 from locsnn_compile.report.sections.build import provenance
-from locsnn_compile.report.sections.verdict import against, fits, matches, notices, pace
+from locsnn_compile.report.sections.verdict import against, costs, fits, matches, notices, pace
 
 POPULATIONS = ["time_output", "location_output"]
 SILENT = {
@@ -242,6 +242,10 @@ def test_a_width_that_is_too_small_is_named(document: dict[str, Any]) -> None:
 
 
 MODELLED = "Energy and latency are models: counts times published costs. No board was used."
+MODELLED_ENERGY = (
+    "Energy is a model: counts times the costs of the profile. Latency is an exact number of cycles, "
+    "at the clock that the target's description states. No such chip was made."
+)
 OF_LOIHI = (
     "Joined compartments (dendrites) are an assumption about the chip: public sources name them, "
     "but none gives their integer timing.",
@@ -256,7 +260,23 @@ def test_joined_compartments_are_assumed_of_a_chip_but_not_of_an_open_core(
         "Keep in mind", (MODELLED, *OF_LOIHI)
     )
     document["resources"]["limits"] = OF_OPEN_CORE
-    assert provenance(figures(document)).blocks[-1] == Bullets("Keep in mind", (MODELLED,))
+    assert provenance(figures(document)).blocks[-1] == Bullets("Keep in mind", (MODELLED_ENERGY,))
+
+
+def test_latency_of_an_open_core_is_no_model(document: dict[str, Any]) -> None:
+    document["resources"]["limits"] = OF_OPEN_CORE
+    document["latency"] |= {"per_sample_ns": 1.5e6, "per_sample_cycles": 150_000, "clock_ghz": 0.1}
+    document["latency"]["recording_ns"] = 3e9
+    document["energy"] |= {"per_sample_pj": 9.11e6, "profile": "ihp-sg13g2"}
+    report = figures(document)
+    cost = costs(report, report.energy)
+    assert cost.answer == "Cycles exact, energy modelled"
+    assert cost.sentence == (
+        "A recording takes 150,000 cycles on the open core, 1.50 ms at 100 MHz, and in the model "
+        "9.11 µJ of dynamic energy (profile ihp-sg13g2)."
+    )
+    latency = next(fact for fact in cost.facts if fact.label == "latency")
+    assert latency.value == "1.50 ms, 2,000 times faster than the 3.00 s recorded"
 
 
 def test_notices_are_for_what_limits_the_figures(document: dict[str, Any]) -> None:

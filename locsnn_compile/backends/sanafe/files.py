@@ -1,5 +1,6 @@
 """``--emit sanafe``: the chip and each phase of a program as files for SANA-FE 2.2, and the results to expect."""
 
+import math
 from collections.abc import Mapping
 
 import yaml
@@ -85,7 +86,7 @@ def _expected(
     counts, cores = played.result.counts_by_phase[phase], played.program.cores_of(phase)
     its_updates = counts.spikes if why_replayed else sum(updates(core, played) for core in cores)
     energy = {
-        part: sum(counts[name] * profile.energy_pj.get(name, 0.0) for name in names)
+        part: math.fsum(counts[name] * profile.energy_pj.get(name, 0.0) for name in names)
         for part, names in PARTS.items()
     }
     more = (its_updates - counts.neuron_updates_active) * profile.energy_pj.get(

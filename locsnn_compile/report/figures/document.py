@@ -1,5 +1,6 @@
 """report.json as a type: all figures, which the other forms of the report show."""
 
+import math
 from collections.abc import Mapping
 from typing import Annotated, Protocol
 
@@ -278,7 +279,7 @@ def _member(
     per_sample_pj, per_sample_ns = None, None
     if energy is not None:
         populations = energy.by_population_pj.items()
-        per_sample_pj = sum(used.pj for name, used in populations if name.startswith(prefix))
+        per_sample_pj = math.fsum(used.pj for name, used in populations if name.startswith(prefix))
     if target.timed and target.times_cores:
         per_sample_ns = match.member_ns[member.name] / match.samples
     return MemberFigures(member, len(cores), per_sample_pj, per_sample_ns)

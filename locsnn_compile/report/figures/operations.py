@@ -1,5 +1,6 @@
 """Entries of report.json on operations: those of the chip, those on paper, and those of conventional networks."""
 
+import math
 from collections.abc import Mapping
 
 import hw_model as hw
@@ -97,7 +98,7 @@ def _per_sample(counts: Counts, samples: int) -> OperationCounts:
 def _published(match: Match) -> PublishedOperations:
     by_branch = {axis: n / match.samples for axis, n in match.additions.items()}
     transposed = total(match.counts).transpose_events / match.samples
-    additions = sum(by_branch.values())
+    additions = math.fsum(by_branch.values())
     return PublishedOperations(additions, by_branch, transposed, additions + transposed)
 
 

@@ -44,6 +44,10 @@ _RANGE = (
 )
 PROVENANCE = "Everything needed to reproduce this report; the same input gives the same bytes."
 _MODELLED = "Energy and latency are models: counts times published costs. No board was used."
+_MODELLED_ENERGY = (
+    "Energy is a model: counts times the costs of the profile. Latency is an exact number of "
+    "cycles, at the clock that the target's description states. No such chip was made."
+)
 _JOINED = (
     "Joined compartments (dendrites) are an assumption about the chip: public sources name them, but "
     "none gives their integer timing."
@@ -220,10 +224,12 @@ def origin(report: SharedFigures) -> Facts:
 
 def _kept_in_mind(report: ReportFigures, strategies: Sequence[str]) -> Iterator[str]:
     """Give the notes on the chip: nothing is assumed of a single core that its sources define."""
+    if not counts_cores(report):
+        if report.energy is not None:
+            yield _MODELLED_ENERGY
+        return
     if report.energy is not None:
         yield _MODELLED
-    if not counts_cores(report):
-        return
     if not _WITHOUT_JOINED.issuperset(strategies):
         yield _JOINED
     yield _SILENT_SOURCES

@@ -71,7 +71,7 @@ def _energy(
     energies = {core.place.core: 0.0 for core in resources.by_core}
     energies |= {core.place.core: core.pj for core in figures.by_core_pj}
     most = max(energies.values(), default=0.0) or 1.0
-    total = sum(energies.values()) or 1.0
+    total = math.fsum(energies.values()) or 1.0
     filled = []
     for core in cores:
         pj = energies[core.place.core]

@@ -1,5 +1,6 @@
 """What energy and time have in common: spread, breakdowns, course over the steps, and constants with sources."""
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from hw_model.values import Frozen
@@ -182,7 +183,7 @@ def _curve(branch: str, values: Sequence[float], bins: int) -> Curve:
 
 
 def _so_far(bins: Sequence[float], shown: Shown) -> list[str]:
-    return [shown(sum(bins[: round(part * len(bins))])) for part in PARTS]
+    return [shown(math.fsum(bins[: round(part * len(bins))])) for part in PARTS]
 
 
 def _per_step(course: Course) -> list[float]:
@@ -193,7 +194,7 @@ def _per_step(course: Course) -> list[float]:
 
 def stack(breakdown: Mapping[str, float], label: str) -> Stack:
     """Return parts of an energy as one bar."""
-    total = sum(breakdown.values())
+    total = math.fsum(breakdown.values())
     bars = []
     for pattern, (name, pj) in enumerate(breakdown.items()):
         if pj:
@@ -207,7 +208,7 @@ def shares(
 ) -> Table:
     """Return a table of parts of an energy with their sum; ``what`` heads the column of their names."""
     named = list(parts)
-    total = sum(pj for _, pj in named)
+    total = math.fsum(pj for _, pj in named)
     rows: list[tuple[Cell, ...]] = []
     for i, (name, pj) in enumerate(named):
         part = share_of(pj, total)
@@ -224,7 +225,7 @@ def by_branch(columns: Mapping[str, Mapping[str, float]], caption: str, shown: S
         (words(branch), *(shown(column[branch]) for column in columns.values()))
         for branch in branches
     ]
-    rows.append(("sum", *(shown(sum(column.values())) for column in columns.values())))
+    rows.append(("sum", *(shown(math.fsum(column.values())) for column in columns.values())))
     return Table(caption, ("branch", *columns), tuple(rows), total=True)
 
 

@@ -146,19 +146,34 @@ def _not_compared(match: MatchFigures) -> str:
 
 def costs(report: ReportFigures, figures: EnergyFigures) -> Verdict:
     """How much energy and time does a recording take in the model?"""
-    latency_ns = report.latency.per_sample_ns if report.latency.timed else None
     per_recording = energy(figures.per_sample_pj)
-    lasting = known(latency_ns, time, "an unknown time")
+    spent = f"{per_recording} of dynamic energy (profile {figures.profile})"
+    answer, sentence = "Modelled, not measured", _modelled(report.latency, spent)
+    if not counts_cores(report):
+        answer, sentence = "Cycles exact, energy modelled", _of_open_core(report.latency, spent)
     return Verdict(
         question="What does it cost?",
         status="modelled",
-        answer="Modelled, not measured",
+        answer=answer,
         figure=per_recording,
         figure_label=f"dynamic energy per recording, profile {figures.profile}",
-        sentence=f"In the model, a recording takes {per_recording} of dynamic energy "
-        f"(profile {figures.profile}) and {lasting}.",
+        sentence=sentence,
         facts=_facts_of_cost(report, figures),
     )
+
+
+def _modelled(latency: LatencyFigures, spent: str) -> str:
+    latency_ns = latency.per_sample_ns if latency.timed else None
+    lasting = known(latency_ns, time, "an unknown time")
+    return f"In the model, a recording takes {spent} and {lasting}."
+
+
+def _of_open_core(latency: LatencyFigures, spent: str) -> str:
+    """Return the cost where the cycles are those of a core that we have, and are no model."""
+    cycles = f"{count(latency.per_sample_cycles)} cycles on the open core"
+    clock = f"{1000 * latency.clock_ghz:g} MHz"
+    lasting = time(latency.per_sample_ns)
+    return f"A recording takes {cycles}, {lasting} at {clock}, and in the model {spent}."
 
 
 def _facts_of_cost(report: ReportFigures, figures: EnergyFigures) -> tuple[Fact, ...]:
@@ -168,7 +183,7 @@ def _facts_of_cost(report: ReportFigures, figures: EnergyFigures) -> tuple[Fact,
     facts = [
         Fact("range", ends),
         *(Fact("other profile", f"{energy(pj)} with {name}") for name, pj in others),
-        Fact("latency", _latency(report.latency)),
+        Fact("latency", _latency(report)),
         *(Fact(entry.member.name, member_words(entry)) for entry in report.model.members),
     ]
     if starts(report):
@@ -177,11 +192,12 @@ def _facts_of_cost(report: ReportFigures, figures: EnergyFigures) -> tuple[Fact,
     return (*facts, *against_anns(report))
 
 
-def _latency(figures: LatencyFigures) -> str:
-    profile = f"(profile {figures.profile})"
+def _latency(report: ReportFigures) -> str:
+    figures = report.latency
+    profile = f" (profile {figures.profile})" if counts_cores(report) else ""
     if not figures.timed:
-        return f"not known, as no operation has a time {profile}"
-    return f"{time(figures.per_sample_ns)}{against_real_time(figures)} {profile}"
+        return f"not known, as no operation has a time{profile}"
+    return f"{time(figures.per_sample_ns)}{against_real_time(figures)}{profile}"
 
 
 def against_real_time(figures: LatencyFigures) -> str:
