@@ -22,13 +22,8 @@ from locsnn_compile.errors import InputError, check_same, listed
 from locsnn_compile.report.figures.program import program_figures
 from locsnn_compile.report.renderers.html import render_html
 from locsnn_compile.report.renderers.terminal import render_terminal
-from locsnn_compile.report.sections.comparison import (
-    Build,
-    changes,
-    comparison,
-    contents_changed,
-    percent,
-)
+from locsnn_compile.report.sections.builds import Build, changes, contents_changed, percent
+from locsnn_compile.report.sections.comparison import comparison
 
 MAX_REPORT_BYTES = 64 << 20
 

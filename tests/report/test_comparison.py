@@ -13,7 +13,8 @@ from locsnn_compile.report.content import Notice, Table
 from locsnn_compile.report.figures.flat import flatten
 from locsnn_compile.report.figures.program import program_figures
 from locsnn_compile.report.renderers.html import render_html
-from locsnn_compile.report.sections.comparison import MAX_ROWS, Build, changes, comparison, percent
+from locsnn_compile.report.sections.builds import Build, changes, percent
+from locsnn_compile.report.sections.comparison import MAX_ROWS, comparison
 
 
 @pytest.fixture

@@ -15,7 +15,8 @@ from small_report import figures
 from locsnn_compile.cli.compile import main
 from locsnn_compile.report.compose import compose
 from locsnn_compile.report.renderers.html import render_html
-from locsnn_compile.report.sections.comparison import Build, comparison
+from locsnn_compile.report.sections.builds import Build
+from locsnn_compile.report.sections.comparison import comparison
 from locsnn_compile.verification.excerpt import Excerpt
 
 ROOT = Path(__file__).parents[2]

@@ -1,14 +1,12 @@
 """Two builds side by side, as content without form: three questions, key figures, and everything that changed."""
 
-from collections.abc import Callable, Iterable, Sequence
-from functools import cached_property
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from hw_model.values import Frozen
-from locsnn_compile.errors import InputError, listed
+from locsnn_compile.errors import listed
 from locsnn_compile.report.content import (
     Bar,
-    Document,
+    Cell,
     Fact,
     Facts,
     Notice,
@@ -18,7 +16,6 @@ from locsnn_compile.report.content import (
     Table,
     Verdict,
 )
-from locsnn_compile.report.figures.flat import Figures, flatten
 from locsnn_compile.report.format import (
     NONE,
     agreed,
@@ -31,52 +28,24 @@ from locsnn_compile.report.format import (
     shortened,
     time,
 )
+from locsnn_compile.report.sections.builds import (
+    Build,
+    Change,
+    agree,
+    changes,
+    contents_changed,
+    percent,
+    recordings_words,
+    same_chip,
+    same_profile,
+    same_recordings,
+)
 from locsnn_compile.report.words import words
 
 MAX_ROWS = 150
 """Most changed figures in a section of the page; --json has all."""
 _LONGEST = 120
 """Characters of a text; the rest is cut, but only here."""
-
-
-class Build(Frozen):
-    """The name of a build, its report, and the figures of its program."""
-
-    name: str
-    report: Document
-    program: Document
-
-    @cached_property
-    def figures(self) -> Figures:
-        """Figures of the report by their dotted keys."""
-        return flatten(self.report)
-
-    @property
-    def timed(self) -> bool:
-        """Whether the report knows how long a recording takes; reports of earlier versions do not say."""
-        return self.figures.get("latency.timed") is not False
-
-    def number(self, key: str) -> float:
-        """Return a number of the report by its dotted key; ``InputError`` if there is none."""
-        value: Any = self.figures.get(key)
-        if not _is_number(value):
-            what, fix = f"report.json has no number {key!r}", "Compile it again with this version."
-            raise InputError(f"build {self.name!r}", what, fix=fix)
-        return float(value)
-
-    def share(self, key: str) -> float | None:
-        """Return a share of what was compared; None if the report says that nothing was."""
-        return None if self.figures.get(key, 0) is None else self.number(key)
-
-    @property
-    def score_error(self) -> float | None:
-        """How far class scores are off; None if nothing was compared, and in reports of versions without scores."""
-        return self.share("match.score_error") if "match.score_error" in self.figures else None
-
-    def text(self, key: str) -> str:
-        """Return a text of the report; a dash if it has no such text."""
-        value = self.figures.get(key)
-        return value if isinstance(value, str) else NONE
 
 
 _MODELS_DIFFER = Notice(
@@ -92,55 +61,39 @@ _PROFILES_DIFFER = Notice(
 _CHIPS_DIFFER = Notice(
     "The chips differ.", "What changed may come from what their cores and registers hold."
 )
-KeyFigure = tuple[str, str, Callable[[float], str]]
-"""A figure of the report: its name, its key and how it is shown."""
+
+
+class KeyFigure(Frozen):
+    """A figure of every report: its name, its key and how it is shown."""
+
+    name: str
+    key: str
+    shown: Callable[[float], str]
 
 
 _LATENCY = "latency.per_sample_ns"
-_SYNAPTIC_OPS: KeyFigure = ("synaptic operations", "operations.per_sample.synaptic_ops", count)
-_UPDATES: KeyFigure = ("neuron updates", "operations.per_sample.neuron_updates", count)
-_COMPARTMENTS: KeyFigure = ("compartments", "resources.compartments", count)
-_SYNAPSES: KeyFigure = ("synapses", "resources.synapses", count)
-_KEY_FIGURES: tuple[KeyFigure, ...] = (
-    ("dynamic energy per recording", "energy.per_sample_pj", energy),
-    ("time per recording", _LATENCY, time),
+_ENERGY = KeyFigure("dynamic energy per recording", "energy.per_sample_pj", energy)
+_SYNAPTIC_OPS = KeyFigure("synaptic operations", "operations.per_sample.synaptic_ops", count)
+_UPDATES = KeyFigure("neuron updates", "operations.per_sample.neuron_updates", count)
+_COMPARTMENTS = KeyFigure("compartments", "resources.compartments", count)
+_SYNAPSES = KeyFigure("synapses", "resources.synapses", count)
+_KEY_FIGURES = (
+    KeyFigure("time per recording", _LATENCY, time),
     _SYNAPTIC_OPS,
     _UPDATES,
-    ("spikes on the chip", "operations.per_sample.spikes", count),
-    ("spikes on one side only", "match.spike_mismatches", count),
+    KeyFigure("spikes on the chip", "operations.per_sample.spikes", count),
+    KeyFigure("spikes on one side only", "match.spike_mismatches", count),
     _COMPARTMENTS,
     _SYNAPSES,
 )
-_COSTS: tuple[KeyFigure, ...] = (("latency", _LATENCY, time), _SYNAPTIC_OPS, _UPDATES)
-_ROOM: tuple[KeyFigure, ...] = (
+_COSTS = (KeyFigure("latency", _LATENCY, time), _SYNAPTIC_OPS, _UPDATES)
+_ROOM = (
     _COMPARTMENTS,
     _SYNAPSES,
-    ("synapse bits", "resources.synapse_bits", count),
+    KeyFigure("synapse bits", "resources.synapse_bits", count),
 )
-_CONTENTS = "program.contents."
-_EVENTS = ("input_events", "transpose_events")
-_LARGEST = 1e200
-"""Numbers must be smaller, so that ratios of them can be computed."""
-Change = tuple[Any, Any]
 _Known = tuple[float | None, float | None]
 """A figure before and after; None if nothing was compared."""
-
-
-def changes(before: Build, after: Build) -> dict[str, Change]:
-    """Return both values of every figure of reports and programs that differs, apart from histograms."""
-    a, b = (_figures(build) for build in (before, after))
-    keys = [*a, *(key for key in b if key not in a)]
-    return {key: (a.get(key), b.get(key)) for key in keys if a.get(key) != b.get(key)}
-
-
-def contents_changed(changed: Iterable[str], within: str = "") -> list[str]:
-    """Return what differs in two programs, if all keys of figures that ``changed`` and begin with ``within`` say that.
-
-    Then figures, which are sums and extremes, are equal, and programs are not.
-    """
-    keys = [key for key in changed if key.startswith(within)]
-    parts = [key.removeprefix(_CONTENTS) for key in keys if key.startswith(_CONTENTS)]
-    return parts if len(parts) == len(keys) else []
 
 
 def comparison(before: Build, after: Build) -> Report:
@@ -152,31 +105,10 @@ def comparison(before: Build, after: Build) -> Report:
         subtitle=f"{before.text('model.name')} on {before.text('target')}, then {after.text('model.name')} on "
         f"{after.text('target')}: {plural(len(changed), 'figure')} changed",
         verdicts=(_matches(before, after), _costs(before, after), _fits(before, after)),
-        notices=_notices(before, after),
+        notices=tuple(_notices(before, after)),
         sections=(_key_figures(before, after), *_all(changed)),
         footer="Figures that are equal are left out.",
     )
-
-
-def percent(before: Any, after: Any) -> str:
-    """Return the change of a number in percent; an empty text if either is not a number, or the first is 0."""
-    if not (_is_number(before) and _is_number(after) and before):
-        return ""
-    return f"{100 * (after / before - 1):+.1f} %"
-
-
-def _is_number(value: Any) -> bool:
-    """Tell whether a value is a number to calculate with; reports may hold values of any kind and size."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < _LARGEST
-
-
-def _figures(build: Build) -> Figures:
-    found = build.figures | flatten(build.program, "program")
-    return {
-        key: value
-        for key, value in found.items()
-        if not any(p.endswith("_histogram") for p in key.split("."))
-    }
 
 
 def _matches(before: Build, after: Build) -> Verdict:
@@ -232,36 +164,32 @@ def _change_of_match(predictions: _Known, spikes: _Known, scores: _Known) -> tup
 
 def _key(before: Build, after: Build) -> tuple[KeyFigure, ...]:
     """Return the figures to compare; without energy, as for an open core, time comes first."""
+    figures = _timed(before, after, _KEY_FIGURES)
     priced = NONE not in (before.text("energy.profile"), after.text("energy.profile"))
-    return _timed(before, after, _KEY_FIGURES if priced else _KEY_FIGURES[1:])
+    return (_ENERGY, *figures) if priced else figures
 
 
 def _timed(before: Build, after: Build, figures: Sequence[KeyFigure]) -> tuple[KeyFigure, ...]:
     """Return figures without the time of a recording, if it is not known of both."""
     known = before.timed and after.timed
-    return tuple(figure for figure in figures if known or not figure[1].startswith("latency."))
+    return tuple(figure for figure in figures if known or figure.key != _LATENCY)
 
 
 def _costs(before: Build, after: Build) -> Verdict:
-    figures = _key(before, after)
-    _, key, shown = figures[0]
-    what, profile = (
-        ("dynamic energy", f", profile {after.text('energy.profile')}")
-        if key.startswith("energy.")
-        else ("time", "")
-    )
-    a, b = before.number(key), after.number(key)
-    comparable = _same_profile(before, after) and _same_recordings(before, after)
+    figure = _key(before, after)[0]
+    what, profile = "time", ""
+    if figure is _ENERGY:
+        what, profile = "dynamic energy", f", profile {after.text('energy.profile')}"
+    a, b = before.number(figure.key), after.number(figure.key)
     by = percent(a, b).lstrip("+-")
-    answer = (
-        _answer(a, b, f"{by} less", f"{by} more") if comparable else ("unknown", "Not comparable")
-    )
-    now, then = shown(b), shown(a)
-    status, text = answer
+    status, answer = _answer(a, b, f"{by} less", f"{by} more")
+    if not (same_profile(before, after) and same_recordings(before, after)):
+        status, answer = "unknown", "Not comparable"
+    now, then = figure.shown(b), figure.shown(a)
     return Verdict(
         question="Does it cost less?",
         status=status,
-        answer=text,
+        answer=answer,
         figure=now,
         figure_label=f"{what} per recording{profile}; {then} before",
         sentence=f"In the model, a recording takes {now} of {what}, {then} before.",
@@ -292,131 +220,90 @@ def _answer(before: float, after: float, less: str, more: str) -> tuple[Status, 
 
 
 def _changed(before: Build, after: Build, group: Sequence[KeyFigure]) -> tuple[Fact, ...]:
-    named = _timed(before, after, group)
-    return tuple(Fact(label, _both(before, after, key, shown)) for label, key, shown in named)
-
-
-def _recordings(build: Build) -> str:
-    """Return how many recordings a build was checked on, and which."""
-    return f"{plural(build.number('match.samples'), 'recording')} of {build.text('match.events_source')}"
-
-
-def _same_recordings(before: Build, after: Build) -> bool:
-    """Tell whether recordings have one source and number, and as many events in every phase that both builds have."""
-    return _recordings(before) == _recordings(after) and _agree(
-        before, after, "operations.by_branch.", _EVENTS
+    return tuple(
+        Fact(figure.name, _both(before, after, figure.key, figure.shown))
+        for figure in _timed(before, after, group)
     )
 
 
-def _same_profile(before: Build, after: Build) -> bool:
-    """Tell whether both are priced by a profile of one name and, since chip files may change it, of equal constants."""
-    a, b = (build.text("energy.profile") for build in (before, after))
-    return a == b and _agree(before, after, f"energy.profiles.{a}.")
-
-
-def _same_chip(before: Build, after: Build) -> bool:
-    """Tell whether both are for a target of one name, whose registers and cores hold the same."""
-    equal = _agree(before, after, ("program.registers.", "resources.mesh."))
-    equal &= _agree(
-        before, after, "resources.limits.", ".limit"
-    )  # how much of it is used is the program's
-    return before.text("target") == after.text("target") and equal
-
-
-def _agree(
-    before: Build, after: Build, begin: str | tuple[str, ...], end: str | tuple[str, ...] = ""
-) -> bool:
-    """Tell whether figures that both have are equal, by the beginning and the end of their keys."""
-    a, b = (_figures(build) for build in (before, after))
-    return all(
-        a[key] == b[key] for key in a if key in b and key.startswith(begin) and key.endswith(end)
-    )
-
-
-def _notices(before: Build, after: Build) -> tuple[Notice, ...]:
-    """Return what makes the two less comparable."""
-    models, changed = (
-        {build.text("model.sha256") for build in (before, after)},
-        changes(before, after),
-    )
+def _notices(before: Build, after: Build) -> Iterator[Notice]:
+    """Yield what makes the two less comparable."""
+    models = {build.text("model.sha256") for build in (before, after)}
+    changed = changes(before, after)
+    known = "" not in models
+    if (known and len(models) > 1) or not agree(before, after, "model.members.", ".weight"):
+        yield _MODELS_DIFFER
+    if changed and not known:
+        yield _MODELS_NOT_KNOWN
+    if not same_recordings(before, after):
+        both = f"{recordings_words(before)} and {recordings_words(after)}"
+        yield Notice(
+            "They were checked on different recordings.",
+            f"{both}: figures per recording cannot be compared.",
+        )
+    if not same_profile(before, after):
+        yield _PROFILES_DIFFER
+    if not same_chip(before, after):
+        yield _CHIPS_DIFFER
     parts = contents_changed(changed, "program.")
-    both = " and ".join(map(_recordings, (before, after)))
-    notices = (
-        (
-            (len(models) > 1 and "" not in models)
-            or not _agree(before, after, "model.members.", ".weight"),
-            _MODELS_DIFFER,
-        ),
-        ("" in models and bool(changed), _MODELS_NOT_KNOWN),
-        (
-            not _same_recordings(before, after),
-            Notice(
-                "They were checked on different recordings.",
-                f"{both}: figures per recording cannot be compared.",
-            ),
-        ),
-        (not _same_profile(before, after), _PROFILES_DIFFER),
-        (not _same_chip(before, after), _CHIPS_DIFFER),
-        (
-            bool(parts),
-            Notice(
-                "The programs differ, but not in their sums and extremes.",
-                f"They differ in {', '.join(parts)}.",
-            ),
-        ),
-    )
-    return tuple(notice for holds, notice in notices if holds)
+    if parts:
+        yield Notice(
+            "The programs differ, but not in their sums and extremes.",
+            f"They differ in {', '.join(parts)}.",
+        )
 
 
 def _key_figures(before: Build, after: Build) -> Section:
-    its = Table(
+    table = Table(
         "Before, a full bar, and after, a hatched one",
         ("figure", "", "before", "", "after", "change"),
-        tuple(
-            _row(name, before.number(key), after.number(key), shown)
-            for name, key, shown in _key(before, after)
-        ),
+        tuple(_row(figure, before, after) for figure in _key(before, after)),
     )
     lead = (
         f"Before is {before.name}, after is {after.name}. Costs are modelled means per recording."
     )
-    return Section.of("key-figures", "Key figures", lead, its)
+    return Section.of("key-figures", "Key figures", lead, table)
 
 
-def _row(name: str, a: float, b: float, shown: Callable[[float], str]) -> tuple[str | Bar, ...]:
+def _row(figure: KeyFigure, before: Build, after: Build) -> tuple[Cell, ...]:
+    a, b = before.number(figure.key), after.number(figure.key)
     most = max(a, b) or 1.0
-    bars = Bar(a / most, f"before, {shown(a)}"), Bar(b / most, f"after, {shown(b)}", 1)
+    then, now = figure.shown(a), figure.shown(b)
+    change = "no change" if a == b else percent(a, b) or NONE
     return (
-        name,
-        bars[0],
-        shown(a),
-        bars[1],
-        shown(b),
-        "no change" if a == b else percent(a, b) or NONE,
+        figure.name,
+        Bar(a / most, f"before, {then}"),
+        then,
+        Bar(b / most, f"after, {now}", 1),
+        now,
+        change,
     )
 
 
-def _all(changed: dict[str, Change]) -> list[Section]:
+def _all(changed: Mapping[str, Change]) -> list[Section]:
     """Return a section for every part of the report that changed."""
     by_part: dict[str, list[tuple[str, Change]]] = {}
     for key, change in changed.items():
         part, _, name = key.partition(".")
         by_part.setdefault(part, []).append((name or part, change))
-    sections = []
-    for i, (part, rows) in enumerate(by_part.items()):
-        cut = f", the first {MAX_ROWS}; --json has all" if len(rows) > MAX_ROWS else ""
-        title = _short(words(part))
-        changed_rows = tuple(
+    return [
+        _part(f"part-{number}", _short(words(part)), rows)
+        for number, (part, rows) in enumerate(by_part.items())
+    ]
+
+
+def _part(key: str, title: str, changed: Sequence[tuple[str, Change]]) -> Section:
+    """Return a section on the figures that changed in a part of the report."""
+    cut = f", the first {MAX_ROWS}; --json has all" if len(changed) > MAX_ROWS else ""
+    table = Table(
+        f"{title}: {plural(len(changed), 'figure')} changed{cut}",
+        ("figure", "before", "after", "change"),
+        tuple(
             (_short(name), _short(any_value(a)), _short(any_value(b)), percent(a, b) or NONE)
-            for name, (a, b) in rows[:MAX_ROWS]
-        )
-        changes = Table(
-            f"{title}: {plural(len(rows), 'figure')} changed{cut}",
-            ("figure", "before", "after", "change"),
-            changed_rows,
-        )
-        sections.append(Section(f"part-{i}", title.capitalize(), "", (changes,)))
-    return sections
+            for name, (a, b) in changed[:MAX_ROWS]
+        ),
+    )
+    return Section(key, title.capitalize(), "", (table,))
 
 
 def _both(
