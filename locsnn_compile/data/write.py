@@ -232,8 +232,9 @@ def _not_held(
     of_row = columns * polarities
     fills = -(-used // of_row) * of_row == channels or read_channels == channels
     last_column = active.any(axis=0).reshape(-1, polarities)[columns - 1 :: columns]
-    # With --channels, locsnn train takes one polarity unless another number is given.
-    told = active[:, 1::2].any() and read_channels == channels
+    # Events of one polarity alone are read as those of a sensor that has no other.
+    both_polarities = active[:, 0::2].any() and active[:, 1::2].any()
+    told = both_polarities and read_channels == channels
     rows = (
         (
             "step_seconds",

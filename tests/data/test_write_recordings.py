@@ -164,6 +164,7 @@ def test_any_recordings_come_back(
 )
 @example(seed=1, grid=(13, 6, 1), share=0.2, kind="bs2")  # 78 channels, as many as a fingertip has
 @example(seed=1, grid=(4, 5, 2), share=0.2, kind="bs1")
+@example(seed=1, grid=(1, 1, 2), share=0.125, kind="events")  # only the second polarity has events
 @settings(max_examples=60, deadline=None)
 def test_recordings_of_a_grid_come_back_with_and_without_it(
     seed: int, grid: tuple[int, int, int], share: float, kind: str
