@@ -12,6 +12,7 @@ from __future__ import annotations
 import csv
 import sys
 from collections.abc import Mapping
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 
@@ -47,8 +48,12 @@ TOLD_BY = (*oracle.KINDS, "events")
 WRAPS = "a program whose registers wrap"
 
 
+@cache
 def case_of(seed: int | str) -> any_phases.Case:
-    """Return a drawn program, or the one of which every register wraps or is clipped, in refractory steps too."""
+    """Return a drawn program, or the one of which every register wraps or is clipped, in refractory steps too.
+
+    It is built once, by the sound page: with a fault the builder might refuse it, or hold other numbers.
+    """
     if seed != WRAPS:
         return any_phases.case(int(seed), plain=True)
     builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
