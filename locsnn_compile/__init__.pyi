@@ -24,6 +24,7 @@ from .network.neurons import SrmAlpha as SrmAlpha
 from .network.projections import ChipProjection as ChipProjection
 from .network.projections import Projection as Projection
 from .pipeline import Levels as Levels
+from .report.figures.document import ReportFigures as ReportFigures
 from .request.choose_strategy import Choice as Choice
 from .training.config import EpochRecord as EpochRecord
 from .training.config import TrainingConfig as TrainingConfig
