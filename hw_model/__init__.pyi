@@ -28,3 +28,4 @@ from .streaming.early_stop import timestep_scores as timestep_scores
 from .streaming.outcomes import StepScores as StepScores
 from .streaming.outcomes import Stops as Stops
 from .streaming.session import Session as Session
+from .xylo.chips import XyloChip as XyloChip

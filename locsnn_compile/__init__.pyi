@@ -36,5 +36,6 @@ from .verification.matching import Divergence as Divergence
 from .verification.matching import Match as Match
 from .verification.matching import PopulationMatch as PopulationMatch
 from .verification.observation import Observed as Observed
+from .xylo.compiled import CompiledXylo as CompiledXylo
 
 __version__: str

@@ -7,13 +7,13 @@ from typing import Annotated, Literal
 from hw_model.description.read import parse
 from hw_model.errors import check_known, counted
 from hw_model.io.records import between
-from hw_model.values import Frozen
+from hw_model.values import Shown
 
 XyloName = Literal["xylo-audio2", "xylo-audio3", "xylo-imu"]
 """The chips that ship, for type checkers."""
 
 
-class XyloChip(Frozen):
+class XyloChip(Shown, eq=True):
     """Neurons and lines of a chip; ``states`` are the currents of a hidden neuron."""
 
     name: str

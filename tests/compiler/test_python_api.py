@@ -106,7 +106,15 @@ def test_every_large_public_type_has_such_a_line():
         if is_dataclass(kind) and kind.__repr__ is not Shown.__repr__
     }
     assert own == {
-        *("CompiledModel", "Counts", "Divergence", "EpochRecord", "ErrorBudget", "Expected"),
+        *(
+            "CompiledModel",
+            "CompiledXylo",
+            "Counts",
+            "Divergence",
+            "EpochRecord",
+            "ErrorBudget",
+            "Expected",
+        ),
         *("Member", "PopulationMatch", "Probe", "Readout", "SensorLayout", "SrmAlpha"),
     }
 
