@@ -124,6 +124,7 @@ def load_xylo(folder: str | Path) -> XyloProgram:
     return xylo_program_of(read_pair(Path(folder)))
 
 
+@checked
 def load_any_program(folder: str | Path) -> ChipProgram | XyloProgram:
     """Read a program of either arithmetic, as its files say."""
     pair = read_pair(Path(folder))

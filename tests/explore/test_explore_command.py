@@ -20,6 +20,8 @@ from locsnn_compile.cli.main import parser
 from locsnn_compile.data.members import PARTS
 from locsnn_compile.explore import point as point_module
 from locsnn_compile.explore.point import Figures
+from locsnn_compile.report.figures.document import ReportFigures
+from locsnn_compile.report.figures.entries import typed
 from locsnn_compile.settings import DIALS
 
 FILES = {"explore.json", "explore.csv", "explore.svg", "timings.csv", "timings.svg"}
@@ -53,13 +55,18 @@ def test_the_grid_is_complete_and_in_order(small):
     }
 
 
+def figures_of(build):
+    document = json.loads((build / "report.json").read_text())
+    return Figures.of(typed(ReportFigures, document))
+
+
 @pytest.mark.parametrize("number", [0, 3], ids=["dendrite, 4-bit", "reset, 8-bit"])
 def test_the_printed_command_gives_the_same_figures(small, tmp_path, number):
     row = explored(small)["points"][number]
     program, *arguments = shlex.split(row["command"])
     assert program == "locsnn-compile"
     assert compile_main([*arguments, "-o", str(tmp_path / "build"), "--quiet"]) == 0
-    figures = Figures.of(json.loads((tmp_path / "build/report.json").read_text()))
+    figures = figures_of(tmp_path / "build")
     assert {name: row["figures"][name] for name in vars(figures)} == vars(figures)
     assert row["figures"]["spike_error"] == figures.spike_error
 
@@ -282,7 +289,7 @@ def test_the_front_is_reported_on_other_recordings(model, divided, tmp_path, cap
     assert row["command"].endswith(f"--events {out / 'events.npz'}")
     for key, command in (("figures", row["command"]), ("reported", row["report_command"])):
         assert compile_main([*shlex.split(command)[1:], "-o", str(tmp_path / key), "--quiet"]) == 0
-        figures = Figures.of(json.loads((tmp_path / key / "report.json").read_text()))
+        figures = figures_of(tmp_path / key)
         assert {name: row[key][name] for name in vars(figures)} == vars(figures)
 
 
@@ -357,7 +364,7 @@ def test_calibration_recordings_can_be_given(model, events, divided, tmp_path):
         compile_main([*shlex.split(row["command"])[1:], "-o", str(tmp_path / "build"), "--quiet"])
         == 0
     )
-    figures = Figures.of(json.loads((tmp_path / "build/report.json").read_text()))
+    figures = figures_of(tmp_path / "build")
     assert {name: row["figures"][name] for name in vars(figures)} == vars(figures)
 
 

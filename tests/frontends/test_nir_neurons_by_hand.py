@@ -12,7 +12,7 @@ from test_nir import load
 
 from locsnn_compile.errors import InputError
 from locsnn_compile.frontends.nir.graph import NirNode
-from locsnn_compile.frontends.nir.neurons import neurons_of
+from locsnn_compile.frontends.nir.neurons import Reading, neurons_of
 from locsnn_compile.frontends.nir.signals import Signal
 from locsnn_compile.network.neurons import Cuba, SoftCuba
 
@@ -34,7 +34,7 @@ def stated(kind, parameters, how="euler", reset="zero", weights=((1.0,), (1.0,))
     node = NirNode(kind, {name: np.array(value) for name, value in parameters.items()})
     matrix = sparse.csr_array(np.array(weights))
     signal = Signal.of_source("x", matrix.shape[1]).through(matrix, constant, "n")
-    return neurons_of(node, signal, 2, 1.0, how, reset, "n")
+    return neurons_of(node, signal, 2, Reading(1.0, how, reset), "n")
 
 
 REFUSED = {

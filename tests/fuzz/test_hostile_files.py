@@ -354,8 +354,8 @@ def test_hdf5_that_the_library_does_not_come_to_the_end_of(tmp_path, monkeypatch
     whole = tmp_path / "a.nir"
     with h5py.File(whole, "w") as file:
         file["version"] = "1.0"
-    assert hdf5_probe.survives(whole.read_bytes())
-    assert hdf5_probe.survives(b"no HDF5 at all")
+    assert hdf5_probe.outcome(whole.read_bytes()) == hdf5_probe.SURVIVED
+    assert hdf5_probe.outcome(b"no HDF5 at all") == hdf5_probe.SURVIVED
 
 
 def test_a_pool_of_less_than_nothing(tmp_path):

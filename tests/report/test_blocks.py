@@ -25,6 +25,8 @@ from locsnn_compile.report.content import (
     Strokes,
     Table,
 )
+from locsnn_compile.report.figures.document import ReportFigures
+from locsnn_compile.report.figures.entries import typed
 from locsnn_compile.report.pictures.axis import Axis
 from locsnn_compile.report.renderers.html import render_html
 from locsnn_compile.report.renderers.markdown import render_markdown
@@ -212,7 +214,7 @@ def test_a_block_is_drawn(
     document: dict[str, Any], block: Block, markup: str, markdown: str
 ) -> None:
     section = Section("key", "Title", "Lead & more", (block,))
-    report = replace(compose(document), sections=(section,))
+    report = replace(compose(typed(ReportFigures, document)), sections=(section,))
     page = render_html(report)
     assert page[page.index("<main") : page.index("</main>")].endswith(
         '<section class="section" aria-labelledby="key"><div><h2 id="key">Title</h2>'
@@ -229,7 +231,11 @@ def test_every_kind_of_block_is_drawn() -> None:
 
 
 def test_what_was_assumed_stands_below_the_verdicts(document: dict[str, Any]) -> None:
-    report = replace(compose(document), assumptions=("A step lasts 1 ms.", "<b>"), sections=())
+    report = replace(
+        compose(typed(ReportFigures, document)),
+        assumptions=("A step lasts 1 ms.", "<b>"),
+        sections=(),
+    )
     assert (
         '</div><div class="notice" role="note"><strong>What was assumed:</strong>'
         '<ul><li>A step lasts 1&nbsp;ms.</li><li>&lt;b&gt;</li></ul></div><div class="verdicts">'

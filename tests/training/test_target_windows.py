@@ -12,6 +12,7 @@ import yaml
 
 import hw_model as hw
 import locsnn_compile as lc
+from hw_model.arithmetic.on_integers import WithoutWraps
 from locsnn_compile.cli.main import main
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.synthetic import synthetic_touches
@@ -123,7 +124,7 @@ def test_charges_that_wrap_wrap_in_training(
     chip = result.network.chip
     assert chip is not None
     assert [numbers.weight_bits for numbers in chip.populations.values()] == [4, 8]
-    monkeypatch.setattr("locsnn_compile.models.chip_layers.fixed_point.wrap", lambda x, bits: x)
+    monkeypatch.setattr("locsnn_compile.models.chip_layers.OnIntegers", WithoutWraps)
     assert compared(result.network, tmp_path / "tuned.pt", narrow) != (0, 0)
 
 
