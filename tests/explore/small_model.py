@@ -13,9 +13,17 @@ from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.explore.point import Figures, Point
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.description import InputLayout, NetworkDescription
+from locsnn_compile.report.figures.document import ReportFigures
+from locsnn_compile.report.figures.entries import typed
 from locsnn_compile.settings import DIALS, Setting
 
 STEPS = 40
+
+
+def figures_of(build):
+    """The figures of a build, as its report.json has them."""
+    document = json.loads((build / "report.json").read_text())
+    return Figures.of(typed(ReportFigures, document))
 
 
 @pytest.fixture(scope="session")

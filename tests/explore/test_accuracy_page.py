@@ -1,13 +1,12 @@
 """What docs/research/accuracy/speed-error-energy.md says of the front: its commands give its figures."""
 
-import json
 import re
 from pathlib import Path
 
 import pytest
+from small_model import figures_of
 
 from locsnn_compile.cli.compile import main
-from locsnn_compile.explore.point import Figures
 from locsnn_compile.report.format import energy, share, time
 from tests.real_recordings import REAL, on_real_recordings
 
@@ -46,6 +45,6 @@ def test_the_command_of_a_row_gives_its_figures(dataset, options, cells, tmp_pat
     ]
     arguments = given.replace(f"Ev-{dataset}.zip", archive).split() + options.split()
     assert main([str(model), *arguments, "-o", str(tmp_path / "build"), "--quiet"]) == 0
-    figures = Figures.of(json.loads((tmp_path / "build/report.json").read_text()))
+    figures = figures_of(tmp_path / "build")
     wanted = [share(figures.spike_error), share(figures.prediction_error), share(figures.accuracy)]
     assert cells[2:7] == [*wanted, energy(figures.energy_pj), time(figures.chip_time_ns)]

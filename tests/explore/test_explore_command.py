@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
-from small_model import explore, explored, lasting, narrow
+from small_model import explore, explored, figures_of, lasting, narrow
 
 import hw_model as hw
 import locsnn_compile as lc
@@ -19,9 +19,6 @@ from locsnn_compile.cli.compile import main as compile_main
 from locsnn_compile.cli.main import parser
 from locsnn_compile.data.members import PARTS
 from locsnn_compile.explore import point as point_module
-from locsnn_compile.explore.point import Figures
-from locsnn_compile.report.figures.document import ReportFigures
-from locsnn_compile.report.figures.entries import typed
 from locsnn_compile.settings import DIALS
 
 FILES = {"explore.json", "explore.csv", "explore.svg", "timings.csv", "timings.svg"}
@@ -53,11 +50,6 @@ def test_the_grid_is_complete_and_in_order(small):
         "recordings": 5,
         "available": 5,
     }
-
-
-def figures_of(build):
-    document = json.loads((build / "report.json").read_text())
-    return Figures.of(typed(ReportFigures, document))
 
 
 @pytest.mark.parametrize("number", [0, 3], ids=["dendrite, 4-bit", "reset, 8-bit"])
