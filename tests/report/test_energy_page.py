@@ -39,8 +39,9 @@ def test_the_bound_of_the_buffer_is_that_of_the_chip_file():
 @pytest.mark.slow
 @on_real_recordings
 @pytest.mark.parametrize("name", ["objects-hybrid-loihi", "containers-hybrid-loihi"])
-def test_the_tables_are_what_the_command_writes(name):
+def test_the_tables_are_what_the_command_writes(name, monkeypatch):
     """Of the networks whose integers are their own: no change of the rounding moves them."""
+    monkeypatch.syspath_prepend(ROOT / "tests/benchmarks")
     spec = importlib.util.spec_from_file_location(
         "energy_tables", ROOT / "tests/benchmarks/energy.py"
     )
