@@ -163,6 +163,10 @@ SAMPLES = 256
 """Largest number of recordings that are used, evenly spaced: with more, agreement on others hardly improves."""
 
 
+REMEMBERED_BITS = 1 << 31
+"""Most spikes and silences that are kept: 256 MB."""
+
+
 class FloatRuns:
     """What a float network does on recordings: it plays each batch once, and its spikes are kept as bits.
 
@@ -202,10 +206,6 @@ class FloatRuns:
             for name, bits in self._spikes[first].items()
         }
         return ReferenceResult(spikes, {}, self._scores[first], network.readout.tie_class)
-
-
-REMEMBERED_BITS = 1 << 31
-"""Most spikes and silences that are kept: 256 MB."""
 
 
 class Calibration(Frozen, eq=False):

@@ -19,9 +19,9 @@ from locsnn_compile.pipeline import Levels
 from locsnn_compile.reference.evaluate import ReferenceResult, evaluate
 
 REMEMBERED_NEURON_STEPS = 1 << 22
-"""Neurons times steps, over all recordings, whose registers are remembered together at most.
+"""Most neurons times steps of a sample whose registers are remembered; each takes some 24 bytes.
 
-Each takes some 24 bytes. What is larger is played again by whoever asks for it.
+A larger sample is played again by whoever asks for it.
 """
 
 
