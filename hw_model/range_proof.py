@@ -20,7 +20,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from hw_model.arithmetic import loihi
+from hw_model.arithmetic import loihi_bounds
 from hw_model.description.chip import Registers
 from hw_model.io.given import checked
 from hw_model.program.chip_program import ChipProgram, Core
@@ -105,7 +105,9 @@ def charges(core: Core) -> Bounds:
 
 def _settled(drive: Bounds, decays: IntArray) -> Bounds:
     """Bound ``x = rz(x, decay) + d`` from x = 0, for d within the drive's bounds in every step."""
-    return Bounds(-loihi.settles_at(-drive.low, decays), loihi.settles_at(drive.high, decays))
+    return Bounds(
+        -loihi_bounds.settles_at(-drive.low, decays), loihi_bounds.settles_at(drive.high, decays)
+    )
 
 
 def _voltage(core: Core, drive: Bounds, *, filtered: bool) -> Bounds:
@@ -120,8 +122,8 @@ def _voltage(core: Core, drive: Bounds, *, filtered: bool) -> Bounds:
         own, passed = Bounds(low[here], high[here]), Bounds(passed_low[here], passed_high[here])
         if filtered:
             found = own + Bounds(
-                loihi.settles_untruncated(passed.low, decays[here]),
-                loihi.settles_untruncated(passed.high, decays[here]),
+                loihi_bounds.settles_untruncated(passed.low, decays[here]),
+                loihi_bounds.settles_untruncated(passed.high, decays[here]),
             )
         else:
             found = _settled(own + passed, decays[here])
@@ -138,11 +140,11 @@ def _safe_at(core: Core, charge: Bounds, wrap_q: BoolArray, period: int, half: i
     u_gain, v_gain = (np.empty(core.compartments) for _ in range(2))
     for index, profile in enumerate(core.profiles):
         mine = core.profile == index
-        answers = loihi.largest_answers(profile.decay_u, profile.decay_v, period)
+        answers = loihi_bounds.largest_answers(profile.decay_u, profile.decay_v, period)
         u_gain[mine], v_gain[mine] = (answer * (1 + GUARD) for answer in answers)
     with np.errstate(invalid="ignore"):
         u = Bounds(charge.low * u_gain, charge.high * u_gain)
-        steady = loihi.settles_untruncated(bias, core.setting("decay_v"))
+        steady = loihi_bounds.settles_untruncated(bias, core.setting("decay_v"))
         own = Bounds(
             np.where(charge.low < 0, charge.low * v_gain, 0.0) + np.minimum(steady, 0.0),
             np.where(charge.high > 0, charge.high * v_gain, 0.0) + np.maximum(steady, 0.0),

@@ -38,9 +38,11 @@ blocked.
 
 Nothing below says what a number is: :class:`Operations` does. Integers of 64 bits make it the plain engine, vectors of
 a chunk of compartments the fast one, and floats of which some are truncated the twin that takes errors apart.
+
+Two pages follow from this one: :mod:`hw_model.arithmetic.loihi_inverse` finds the settings for a
+trained network, and :mod:`hw_model.arithmetic.loihi_bounds` says how far registers can go.
 """
 
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
@@ -52,7 +54,7 @@ from hw_model.arithmetic.fixed_point import (
     WEIGHT_SHIFT,
     effective_weight,
 )
-from hw_model.values import BoolArray, FloatArray, IntArray
+from hw_model.values import BoolArray, IntArray
 
 if TYPE_CHECKING:
     from hw_model.description.chip import Registers
@@ -99,34 +101,6 @@ class Parameters(NamedTuple):
     refractory: Value
     vmin: Value
     vmax: Value
-
-
-class Always:
-    """What holds of every compartment: to combine it with what holds of some takes no time."""
-
-    __array_ufunc__ = None  # numpy then leaves it to this class
-
-    def __and__(self, truth: Truth) -> Truth:
-        return truth
-
-    __rand__ = __and__
-
-
-class Nothing:
-    """A bias, what children pass, or steps that are blocked, where there are none: to add or look takes no time."""
-
-    __array_ufunc__ = None
-    __hash__ = object.__hash__
-
-    def __radd__(self, value: Value) -> Value:
-        return value
-
-    def __eq__(self, value: object) -> Truth:
-        return ALWAYS if isinstance(value, int) and value == 0 else value is self
-
-
-ALWAYS = Always()
-NOTHING = Nothing()
 
 
 AT_REST = 0
@@ -277,6 +251,16 @@ def voltage_maxima(registers: "Registers") -> list[int]:
     return [*forms, registers.voltage_max]
 
 
+def charge_span(charge_bits: int) -> int:
+    """Return a span of units: q, of so many bits, lies within -span..span - 1."""
+    return 1 << (charge_bits - WEIGHT_SHIFT)
+
+
+def largest_charge(charge_bits: int) -> int:
+    """Return the largest charge of a step, in units."""
+    return charge_span(charge_bits) - 1
+
+
 # What a program holds, as the step reads it. A unit is the least charge that a weight can be, and 1 of a threshold.
 
 
@@ -288,11 +272,6 @@ def acts_at(row: Value, delay: Value) -> Value:
 def keep_of(decay: Value) -> Value:
     """Return what a step keeps of 4096 parts."""
     return DECAY_ONE - decay
-
-
-def decay_of(keep: Value) -> Value:
-    """Return the decay that keeps so many of 4096 parts."""
-    return DECAY_ONE - keep
 
 
 def bias_of(mantissa: IntArray, exponent: IntArray) -> IntArray:
@@ -320,119 +299,6 @@ def threshold_of(mantissa: Value) -> Value:
     return in_registers(mantissa)
 
 
-def least_to_spike(mantissa: Value) -> Value:
-    """Return the least v that exceeds a threshold."""
-    return threshold_of(mantissa) + 1
-
-
 charge_of = effective_weight
 BITS_OF_UNITS = {"decay_bits": DECAY_BITS, "weight_shift": WEIGHT_SHIFT}
 """By the names of files for other tools: 2^bits parts that a decay counts, and 2^shift of a register in a unit."""
-
-
-def bits_of_unit(exponent: int) -> int:
-    """Return as which power of two a register holds 2^exponent units."""
-    return WEIGHT_SHIFT + exponent
-
-
-def exponent_of_bits(bits: int) -> int:
-    """Return the exponent of units that a register holds as 2^bits."""
-    return bits - WEIGHT_SHIFT
-
-
-def has_fraction(x: IntArray, decay: Value) -> BoolArray:
-    """Tell where truncation takes something of what a decay leaves of x."""
-    return np.asarray(np.abs(x) * keep_of(decay) % DECAY_ONE != 0)
-
-
-# The inverse, for the quantiser.
-
-
-def decay_of_share(lost: Value) -> Value:
-    """Return which decay, if fractions could be held, loses a share in each step."""
-    return lost * DECAY_ONE
-
-
-def nearest_decay(lost: FloatArray) -> IntArray:
-    """Return the decays nearest to the shares that a step loses, ties to even."""
-    decays: IntArray = np.rint(decay_of_share(lost)).astype(np.int64)
-    return decays
-
-
-def share_lost(decay: Value) -> Value:
-    """Return the share that a decay takes in a step, if nothing is truncated."""
-    return decay / DECAY_ONE
-
-
-def share_kept(decay: Value) -> Value:
-    """Return the share that a decay keeps in a step, if nothing is truncated."""
-    return keep_of(decay) / DECAY_ONE
-
-
-def gain_at_rest(decay: Value) -> Value:
-    """Return what a steady input of 1 settles at, if nothing is truncated: each step loses what it gains."""
-    return DECAY_ONE / decay
-
-
-def largest_bias(registers: "Registers") -> int:
-    """Return the largest bias, in the unit of registers, of which no negative one is larger."""
-    return ((1 << registers.bias_mantissa_bits) - 1) << registers.bias_exponent_max
-
-
-def charge_span(charge_bits: int) -> int:
-    """Return a span of units: q, of so many bits, lies within -span..span - 1."""
-    return 1 << (charge_bits - WEIGHT_SHIFT)
-
-
-def largest_charge(charge_bits: int) -> int:
-    """Return the largest charge of a step, in units."""
-    return charge_span(charge_bits) - 1
-
-
-# Closed forms: how far registers go, upwards; downwards alike, with signs turned.
-
-
-def current_stays_below(limit: int, charge: FloatArray, decay: Value) -> BoolArray:
-    """Tell whether u stays within -limit..limit while every charge of a step lies within -charge..charge."""
-    return np.asarray(charge * DECAY_ONE < decay * float(limit))
-
-
-def settles_at(drive: FloatArray, decays: IntArray) -> FloatArray:
-    """Return the highest x = kept(x, decay) + d from x = 0, where d <= drive in every step.
-
-    That is the smallest x that loses the drive in a step, ceil(x * decay / 4096) >= drive.
-    """
-    with np.errstate(divide="ignore", invalid="ignore"):
-        settled = np.floor((drive - 1) * DECAY_ONE / decays) + 1
-    return np.where(drive <= 0, 0.0, np.where(decays == 0, np.inf, settled))
-
-
-def settles_untruncated(drive: FloatArray, decays: IntArray) -> FloatArray:
-    """Return the answer of the filter in real numbers to a drive in every step: drive * 4096 / decay.
-
-    Truncation may take less from a sum than from its parts, so answers that are added up must leave it out.
-    """
-    with np.errstate(divide="ignore", invalid="ignore"):
-        settled: FloatArray = np.where(drive == 0, 0.0, drive * gain_at_rest(decays))
-    return settled
-
-
-@lru_cache(maxsize=4096)
-def largest_answers(decay_u: int, decay_v: int, period: int) -> tuple[float, float]:
-    """Return the largest answers of u and of v, in real numbers, to a charge of 1 every ``period`` steps.
-
-    m steps after a charge, u holds a^m of it and v holds h(m) = sum over i = 0..m of a^i b^(m-i). What is left of all
-    charges before is a geometric series.
-    """
-    if decay_u == KEEPS_ALL:
-        return np.inf, np.inf
-    a, b = share_kept(decay_u), share_kept(decay_v)
-    of_u = 1.0 / (1.0 - a**period)
-    if decay_v == KEEPS_ALL:
-        return of_u, np.inf
-    m = np.arange(period, dtype=np.float64)
-    if a == b:
-        of_v = a**m * ((m + 1) * of_u + period * a**period * of_u**2)
-    else:
-        of_v = (a ** (m + 1) * of_u - b ** (m + 1) / (1.0 - b**period)) / (a - b)
-    return of_u, float(of_v.max())

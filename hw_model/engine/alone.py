@@ -5,7 +5,8 @@ A loop over compartments that takes these in runs in vectors, as one over chunks
 """
 
 from hw_model.arithmetic import loihi
-from hw_model.arithmetic.loihi import ALWAYS, EVENTS, Parameters, Response, State, Truth
+from hw_model.arithmetic.loihi import EVENTS, Parameters, Response, State, Truth
+from hw_model.arithmetic.neutral import ALWAYS
 from hw_model.engine.chunks import OnLanes
 from hw_model.engine.lanes import Lanes, of_numbers
 

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from hw_model.arithmetic import loihi
+from hw_model.arithmetic import loihi, loihi_bounds, loihi_inverse
 from hw_model.arithmetic.fixed_point import high_part_fits
 from hw_model.engine import layout
 from hw_model.engine.layout import (
@@ -101,7 +101,7 @@ def _chunks(
         axis=1
     )
     plain &= _cannot_wrap(
-        arrived.reshape(-1, LANES), loihi.decay_of(registers[:, layout.KEEP_U]), widths
+        arrived.reshape(-1, LANES), loihi_inverse.decay_of(registers[:, layout.KEEP_U]), widths
     )
     # A child lies next to its parent on the same core, so both are cut into chunks at the same places.
     joined = nodes.parent[cut.node] >= 0
@@ -149,7 +149,7 @@ def _chunks(
 def _cannot_wrap(arrived: AnyArray, decay_u: Lanes, widths: Widths) -> BoolArray:
     """Tell which chunks neither q nor u can wrap in, whatever arrives of the charges ``arrived`` (chunks, LANES)."""
     charge = loihi.in_registers(arrived)
-    u_stays = loihi.current_stays_below(widths.half_current, charge, decay_u)
+    u_stays = loihi_bounds.current_stays_below(widths.half_current, charge, decay_u)
     return np.asarray(((arrived < widths.half_charge) & u_stays).all(axis=1))
 
 

@@ -18,7 +18,8 @@ import numpy as np
 
 from hw_model.accounting.activity import StepActivity
 from hw_model.arithmetic import loihi
-from hw_model.arithmetic.loihi import AT_REST, NOTHING, Parameters
+from hw_model.arithmetic.loihi import AT_REST, Parameters
+from hw_model.arithmetic.neutral import NOTHING
 from hw_model.arithmetic.on_integers import WithoutWraps
 from hw_model.mapping.graph import Phase, Readout, winning
 from hw_model.program.chip_program import ChipProgram

@@ -18,8 +18,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from hw_model.arithmetic import loihi
-from hw_model.arithmetic.loihi import EVENTS, NOTHING, Parameters
+from hw_model.arithmetic import loihi, loihi_inverse
+from hw_model.arithmetic.loihi import EVENTS, Parameters
+from hw_model.arithmetic.neutral import NOTHING
 from hw_model.arithmetic.on_integers import OnIntegers
 from hw_model.engine.alone import compartment, dendrite, sum_of_joined
 from hw_model.engine.compiled import compiled_with_arrays
@@ -163,7 +164,7 @@ class _Steps(torch.autograd.Function):
         if layer.chip.strategy == "reset":
             slope *= ctx.live
             carry = ctx.live & (1 - ctx.spikes)
-        keep = loihi.share_kept(numbers.decay)
+        keep = loihi_inverse.share_kept(numbers.decay)
         gain = loihi.in_registers(2.0**numbers.exponent) / numbers.scale
         respond_back(slope, to_host(grads[0]), carry, constants(slope.dtype, keep, gain, 0))
         return to_device(slope, grads[0]), None

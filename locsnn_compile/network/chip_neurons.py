@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from hw_model.arithmetic import loihi
+from hw_model.arithmetic import loihi, loihi_inverse
 from hw_model.values import ArrayLike, BoolArray, Frozen, IntArray, Shown
 from locsnn_compile.network.neurons import Neuron, Parameter, spread
 from locsnn_compile.network.projections import matrix
@@ -82,7 +82,7 @@ class ChipCuba(Shown, ChipNeuron):
 
     def with_biases(self, held: IntArray, exponent: int) -> "ChipCuba":
         """Return these neurons with biases of ``held * 2^exponent`` units, ``held`` (n,) of 8 bits, as weights are."""
-        places = loihi.bits_of_unit(exponent)
+        places = loihi_inverse.bits_of_unit(exponent)
         fine = min(places, BIAS_PLACES)
         mantissa = np.left_shift(held, fine) if fine >= 0 else np.right_shift(held, -fine)
         return replace(

@@ -13,13 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hw_model.arithmetic.loihi import (
-    DECAYS,
-    decay_of_share,
-    nearest_decay,
-    share_kept,
-    share_lost,
-)
+from hw_model.arithmetic.loihi import DECAYS
+from hw_model.arithmetic.loihi_inverse import decay_of_share, nearest_decay, share_kept, share_lost
 from hw_model.description.chip import Registers
 from hw_model.values import FloatArray, IntArray
 from locsnn_compile.errors import TargetError

@@ -11,7 +11,8 @@ import numpy as np
 
 from hw_model.arithmetic import loihi
 from hw_model.arithmetic.fixed_point import decay
-from hw_model.arithmetic.loihi import NOTHING, Parameters, State
+from hw_model.arithmetic.loihi import Parameters, State
+from hw_model.arithmetic.neutral import NOTHING
 from hw_model.arithmetic.on_integers import OnIntegers
 from hw_model.description.chip import Registers
 from hw_model.values import BoolArray, IntArray

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 import hw_model as hw
-from hw_model.arithmetic import loihi
+from hw_model.arithmetic import loihi, loihi_inverse
 from hw_model.values import ByteArray, FloatArray, Frozen
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.network.check import check_network
@@ -191,7 +191,7 @@ def _coarse_decays(sides: Sides) -> tuple[str, ...]:
     for pair in sides.phase.program_neurons.groups:
         (u, v), (held_u, held_v) = (
             [
-                float(loihi.decay_of_share(1.0 - keep.flat[0]))
+                float(loihi_inverse.decay_of_share(1.0 - keep.flat[0]))
                 for keep in (group.keep_u, group.keep_v)
             ]
             for group in (pair.exact, pair.chip)

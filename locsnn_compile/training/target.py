@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 import hw_model as hw
-from hw_model.arithmetic import loihi
+from hw_model.arithmetic import loihi, loihi_inverse
 from hw_model.arithmetic.fixed_point import weight_grid
 from hw_model.targets import target_of
 from hw_model.values import Float32Array
@@ -143,10 +143,11 @@ def _of_windows(
     threshold = min(loihi.whole_units(registers.voltage_max - 1), registers.threshold_mantissa_max)
     alone: tuple[int, int, int, int, tuple[OwnSynapse, ...]] = threshold, loihi.FORGETS, 0, 1, ()
     coarsest = min(
-        loihi.exponent_of_bits(registers.bias_exponent_max + BIAS_PLACES), loihi.EXPONENTS.high
+        loihi_inverse.exponent_of_bits(registers.bias_exponent_max + BIAS_PLACES),
+        loihi.EXPONENTS.high,
     )
     share = max(room, 1.0) * bias * scale / len(outputs)
-    finest = loihi.exponent_of_bits(exponent_holding(share, weight_grid(8, "excitatory")))
+    finest = loihi_inverse.exponent_of_bits(exponent_holding(share, weight_grid(8, "excitatory")))
     of_bias = min(finest, coarsest)
     return {
         weight: ChipPopulation(*alone, exponent, grid.weight_bits, float(scale), one / scale),

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from test_engines import random_program
 
 import hw_model as hw
-from hw_model.arithmetic.loihi import largest_answers
+from hw_model.arithmetic.loihi_bounds import largest_answers
 from hw_model.range_proof import PERIODS, prove_range
 
 CHIP = hw.chip("loihi-sim")

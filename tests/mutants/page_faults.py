@@ -41,7 +41,7 @@ OF_THE_STEP = {
         "acts_at", "keep_of", "bias_of", "threshold_of",
     },
 }  # fmt: skip
-"""Functions that a step is made of, by module; others are the quantiser's and the proofs'."""
+"""Functions that a step is made of, by module; others say what can be held."""
 TOLD_BY = (*oracle.KINDS, "events")
 """What is compared, in this order."""
 

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from hw_model.arithmetic import loihi
+from hw_model.arithmetic import loihi, loihi_inverse
 from hw_model.values import AnyArray
 from locsnn_compile.frontends.lava_dl.to_network import THRESHOLD_MAX
 from locsnn_compile.network.chip_neurons import ChipCuba
@@ -36,8 +36,8 @@ def neurons_of(neuron: Cuba | ChipCuba) -> tuple[AnyArray, AnyArray, AnyArray, A
     if isinstance(neuron, ChipCuba):
         bias = neuron.bias_mantissa * 2.0**neuron.bias_exponent
         return (
-            loihi.share_lost(neuron.decay_u),
-            loihi.share_lost(neuron.decay_v),
+            loihi_inverse.share_lost(neuron.decay_u),
+            loihi_inverse.share_lost(neuron.decay_v),
             loihi.threshold_of(neuron.threshold.astype(np.float64)),
             bias,
         )

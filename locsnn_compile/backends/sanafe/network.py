@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from hw_model.arithmetic import loihi
+from hw_model.arithmetic import loihi, loihi_inverse
 from hw_model.mapping.graph import Input
 from hw_model.program.chip_program import Core
 from hw_model.values import ByteArray, IntArray
@@ -121,7 +121,8 @@ class PhaseNetwork:
             strict=True,
         )
         return [
-            f"{{soma: {{input_decay: {loihi.share_kept(decay_u)!r}, leak_decay: {loihi.share_kept(decay_v)!r}, "
+            f"{{soma: {{input_decay: {loihi_inverse.share_kept(decay_u)!r}, "
+            f"leak_decay: {loihi_inverse.share_kept(decay_v)!r}, "
             f"threshold: {threshold}, bias: {loihi.in_units(bias)!r}, reset: {AFTER_SPIKE!r}, "
             f"reverse_threshold: {loihi.in_units(vmin)!r}, reverse_reset_mode: saturate}}}}"
             for decay_u, decay_v, threshold, bias, vmin in rows

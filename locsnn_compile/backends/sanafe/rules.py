@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy import sparse
 
-from hw_model.arithmetic import loihi
+from hw_model.arithmetic import loihi, loihi_bounds
 from hw_model.program.chip_program import Core
 from hw_model.values import BoolArray
 from locsnn_compile.backends.played import Played
@@ -67,7 +67,7 @@ def updates(core: Core, played: Played) -> int:
 def _loses_fraction(core: Core, played: Played) -> BoolArray:
     """Mark the decays of u that leave a fraction; u after the last step does not decay."""
     u = played.register(core, "u")[:-1]
-    return loihi.has_fraction(u, core.setting("decay_u"))
+    return loihi_bounds.has_fraction(u, core.setting("decay_u"))
 
 
 def _arrives(core: Core, played: Played) -> BoolArray:

@@ -10,9 +10,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hw_model.arithmetic import loihi
+from hw_model.arithmetic import loihi, loihi_inverse
 from hw_model.arithmetic.fixed_point import WEIGHT_EXPONENTS, WeightGrid
-from hw_model.arithmetic.loihi import share_kept
+from hw_model.arithmetic.loihi_inverse import share_kept
 from hw_model.description.chip import Chip
 from hw_model.values import FloatArray, IntArray
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm, Refractory, integers
@@ -59,7 +59,7 @@ def quantize_cuba(neuron: Cuba, task: Task) -> Scaled:
     over = 1 if neuron.rule == ">=" else 0
     heaviest = float((task.largest * gain / neuron.threshold).max())
     strongest = float((np.abs(bias) / neuron.threshold).max())
-    bias_max = loihi.largest_bias(chip.registers)
+    bias_max = loihi_inverse.largest_bias(chip.registers)
     lossless = 0.0 if bounded else grid.high / max(heaviest, 1e-9)
     mantissa_max = int(min(chip.registers.threshold_mantissa_max, max(room, lossless, 1.0)))
     most_thresholds = loihi.in_units(bias_max) / 2
@@ -117,7 +117,7 @@ def _room(neuron: Cuba, incoming: Sequence[Projection], chip: Chip) -> float:
     charge = np.sum([none, *(row_sums(p.weights) for p in incoming)], axis=0) / neuron.threshold
     held = (neuron.decay_v == 1) & (neuron.decay_u < 1)
     total = np.sum([none, *(abs(p.weights).sum(axis=1) for p in incoming)], axis=0)
-    lost = np.maximum(neuron.decay_u, loihi.share_lost(1))
+    lost = np.maximum(neuron.decay_u, loihi_inverse.share_lost(1))
     current = np.where(held, total / lost / neuron.threshold, 0.0)
     return min(
         float(loihi.in_units(1 << bits)) / max(float(most.max()), 1.0)

@@ -16,7 +16,8 @@ from collections.abc import Iterable
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import WeightGrid
-from hw_model.arithmetic.loihi import in_registers, in_units, least_to_spike, share_kept
+from hw_model.arithmetic.loihi import in_registers, in_units
+from hw_model.arithmetic.loihi_inverse import least_to_spike, share_kept
 from hw_model.description.chip import Chip
 from hw_model.targets import target_of
 from hw_model.values import FloatArray, Frozen, IntArray

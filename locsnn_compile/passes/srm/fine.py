@@ -13,8 +13,8 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from scipy import sparse
 
-from hw_model.arithmetic import loihi
-from hw_model.arithmetic.loihi import share_kept
+from hw_model.arithmetic import loihi, loihi_inverse
+from hw_model.arithmetic.loihi_inverse import share_kept
 from hw_model.values import BoolArray, ByteArray, FloatArray, Frozen, IntArray
 from locsnn_compile.data.recordings import batches
 from locsnn_compile.network.chip_neurons import ChipSrm, Refractory
@@ -196,7 +196,7 @@ def fine_srm(neuron: SrmAlpha, known: Task, plain: Scaled) -> Rounded | None:
 
 def _scale(task: _Task, made: ChipSrm) -> FloatArray:
     """Return the value of a potential of 1 in the registers of each neuron: theta is the least v that spikes."""
-    scale: FloatArray = loihi.least_to_spike(made.threshold) / task.neuron.theta
+    scale: FloatArray = loihi_inverse.least_to_spike(made.threshold) / task.neuron.theta
     return scale
 
 

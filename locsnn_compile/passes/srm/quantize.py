@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import WeightGrid
-from hw_model.arithmetic.loihi import gain_at_rest, in_units, least_to_spike
+from hw_model.arithmetic.loihi import in_units
+from hw_model.arithmetic.loihi_inverse import gain_at_rest, least_to_spike
 from hw_model.values import FloatArray, IntArray
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm, integers
 from locsnn_compile.network.neurons import SrmAlpha

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from hw_model.arithmetic import loihi
+from hw_model.arithmetic import loihi_inverse
 from hw_model.mapping.graph import Readout
 from hw_model.texts.templates import yaml_table
 from hw_model.values import ArrayLike, ByteArray, FloatArray, Frozen, IntArray
@@ -191,7 +191,7 @@ def long_runs() -> Iterator[LongRun]:
         yield _run("tau_sr 10", strategy, srm(), _mostly_quiet(weights()), block, 2)
     given = _mostly_quiet(weights(response="leak"))
     yield _run("leak of 10 steps", NATIVE, lif(10.0), given, block, 2)
-    slowest = loihi.share_lost(1)
+    slowest = loihi_inverse.share_lost(1)
     given = _mostly_quiet(weights(1 / slowest, response="leak"))
     # The chip has this decay exactly, so only truncation and weights differ.
     yield _run(

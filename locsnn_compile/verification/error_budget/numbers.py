@@ -7,7 +7,7 @@ Exact numbers are also in units of the registers, but real: a float weight times
 import numpy as np
 from scipy import sparse
 
-from hw_model.arithmetic import loihi
+from hw_model.arithmetic import loihi, loihi_inverse
 from hw_model.mapping.graph import CompartmentGraph, Compartments
 from hw_model.values import FloatArray, Frozen, Sums, added, picked
 from locsnn_compile.network.network import Network
@@ -128,8 +128,8 @@ def chip_group(group: Compartments) -> TwinGroup:
     """Return a group in the chip's numbers and arithmetic."""
     return TwinGroup(
         **picked(group, "name", "size", "refractory", "joined_to"),
-        keep_u=loihi.share_kept(group.decay_u),
-        keep_v=loihi.share_kept(group.decay_v),
+        keep_u=loihi_inverse.share_kept(group.decay_u),
+        keep_v=loihi_inverse.share_kept(group.decay_v),
         # v >= this is v > the threshold for any real v.
         threshold=np.nextafter(loihi.threshold_of(group.threshold.astype(np.float64)), np.inf),
         bias=loihi.bias_of(group.bias_mantissa, group.bias_exponent).astype(np.float64),

@@ -12,7 +12,8 @@ import numpy as np
 from scipy import sparse
 
 from hw_model.arithmetic import loihi
-from hw_model.arithmetic.loihi import ALWAYS, NOTHING, Always, Parameters
+from hw_model.arithmetic.loihi import Parameters
+from hw_model.arithmetic.neutral import ALWAYS, NOTHING, Always
 from hw_model.description.chip import Registers
 from hw_model.values import AnyArray, BoolArray, ByteArray, FloatArray, Frozen, IntArray
 from locsnn_compile.network.projections import Matrix, sparse_spikes
