@@ -69,8 +69,8 @@ def prove_range(program: ChipProgram) -> tuple[CoreRange, ...]:
 
 def _prove_core(core: Core, registers: Registers) -> CoreRange:
     charge = charges(core)
-    wrap_q = charge.within(-(1 << registers.charge_bits), (1 << registers.charge_bits) - 1)
-    half = 1 << registers.current_bits
+    wrap_q = charge.within(-registers.half_charge, registers.half_charge - 1)
+    half = registers.half_current
     u = _settled(charge, core.setting("decay_u"))
     bias = core.bias.astype(np.float64)
     driven = u + Bounds(bias, bias)

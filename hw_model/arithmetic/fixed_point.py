@@ -54,9 +54,14 @@ def high_part_fits(largest: int, bits: int) -> bool:
     return largest < DECAY_ONE << bits - 1
 
 
+def half_range(bits: int) -> int:
+    """Return ``2^bits``: a register of ``bits`` bits plus sign holds ``-2^bits..2^bits - 1``."""
+    return 1 << bits
+
+
 def wrap(x: IntArray, bits: int) -> IntArray:
     """Return ``x`` in two's complement of ``bits`` bits plus sign: ``((x + 2^bits) mod 2^(bits + 1)) - 2^bits``."""
-    half = 1 << bits
+    half = half_range(bits)
     return ((x + half) & (2 * half - 1)) - half
 
 

@@ -53,6 +53,7 @@ from hw_model.arithmetic.fixed_point import (
     WEIGHT_EXPONENTS,
     WEIGHT_SHIFT,
     effective_weight,
+    half_range,
 )
 from hw_model.values import BoolArray, IntArray
 
@@ -228,7 +229,7 @@ EXPONENTS = Domain(WEIGHT_EXPONENTS[0], WEIGHT_EXPONENTS[-1])
 
 def domains(registers: "Registers") -> dict[str, Domain]:
     """Return the domain of every parameter of compartments, and of delays, by name."""
-    bias = 1 << registers.bias_mantissa_bits
+    bias = half_range(registers.bias_mantissa_bits)
     return {
         "decay_u": DECAYS,
         "decay_v": DECAYS,
@@ -242,18 +243,25 @@ def domains(registers: "Registers") -> dict[str, Domain]:
 
 def voltage_minima(registers: "Registers") -> list[int]:
     """Return what vmin of a core can be: ``1 - 2^k``, and the register's own end."""
-    return [1 - (1 << k) for k in range(registers.voltage_bits + 1)]
+    return [1 - half_range(k) for k in range(registers.voltage_bits + 1)]
+
+
+def held_minimum(vmin: IntArray, registers: "Registers") -> IntArray:
+    """Return lower limits as cores hold them: of ``1 - 2^k``, k up to 31, the register's own end at most."""
+    forms = [1 - half_range(k) for k in range(32)]
+    within_register = np.maximum(vmin, -registers.voltage_max)
+    return np.where(np.isin(vmin, forms), within_register, vmin)
 
 
 def voltage_maxima(registers: "Registers") -> list[int]:
     """Return what vmax of a core can be: ``2^(9 + 2k) - 1``, and the register's own end."""
-    forms = [(1 << bits) - 1 for bits in range(9, registers.voltage_bits, 2)]
+    forms = [half_range(bits) - 1 for bits in range(9, registers.voltage_bits, 2)]
     return [*forms, registers.voltage_max]
 
 
 def charge_span(charge_bits: int) -> int:
     """Return a span of units: q, of so many bits, lies within -span..span - 1."""
-    return 1 << (charge_bits - WEIGHT_SHIFT)
+    return half_range(charge_bits - WEIGHT_SHIFT)
 
 
 def largest_charge(charge_bits: int) -> int:

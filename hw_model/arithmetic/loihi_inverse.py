@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hw_model.arithmetic.fixed_point import DECAY_ONE, WEIGHT_SHIFT
-from hw_model.arithmetic.loihi import Value, keep_of, threshold_of
+from hw_model.arithmetic.loihi import Value, keep_of, threshold_of, voltage_minima
 from hw_model.values import FloatArray, IntArray
 
 if TYPE_CHECKING:
@@ -49,7 +49,12 @@ def gain_at_rest(decay: Value) -> Value:
 
 def largest_bias(registers: "Registers") -> int:
     """Return the largest bias, in the unit of registers, of which no negative one is larger."""
-    return ((1 << registers.bias_mantissa_bits) - 1) << registers.bias_exponent_max
+    return registers.bias_mantissa_max << registers.bias_exponent_max
+
+
+def deepest_minimum(depth: float, registers: "Registers") -> int:
+    """Return the lowest vmin that a core can hold which is not below ``-depth``."""
+    return min(vmin for vmin in voltage_minima(registers) if vmin >= -depth)
 
 
 def least_to_spike(mantissa: Value) -> Value:

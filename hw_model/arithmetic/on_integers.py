@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hw_model.arithmetic.fixed_point import clip, kept, wrap
+from hw_model.arithmetic.fixed_point import clip, half_range, kept, wrap
 from hw_model.values import BoolArray, Frozen, IntArray
 
 FEW = 512
@@ -55,7 +55,7 @@ class WithoutWraps(OnIntegers):
 
 
 def _wrapped(x: IntArray, bits: int) -> IntArray:
-    half = 1 << bits
+    half = half_range(bits)
     if x.size > FEW and -half <= x.min() and x.max() < half:
         return x  # nearly always
     return wrap(x, bits)

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import numpy as np
 
-from hw_model.arithmetic.fixed_point import WEIGHT_BITS
+from hw_model.arithmetic.fixed_point import WEIGHT_BITS, half_range
 from hw_model.description.boards import BOARDS
 from hw_model.description.open_core import Macro, MemoryWords, Sizes, check_sizes
 from hw_model.description.profile import UNPRICED, Profile, Text
@@ -46,14 +46,29 @@ class Registers(Frozen):
         return tuple(bits for bits in WEIGHT_BITS if bits <= self.weight_bits_max)
 
     @property
+    def half_charge(self) -> int:
+        """``2^charge_bits``: q lies within ``-half_charge..half_charge - 1``."""
+        return half_range(self.charge_bits)
+
+    @property
+    def half_current(self) -> int:
+        """``2^current_bits``: u lies within ``-half_current..half_current - 1``."""
+        return half_range(self.current_bits)
+
+    @property
     def voltage_max(self) -> int:
         """Largest voltage, ``2^voltage_bits - 1``; the smallest is its negative."""
-        return (1 << self.voltage_bits) - 1
+        return half_range(self.voltage_bits) - 1
 
     @property
     def threshold_mantissa_max(self) -> int:
         """Largest threshold mantissa."""
-        return (1 << self.threshold_mantissa_bits) - 1
+        return half_range(self.threshold_mantissa_bits) - 1
+
+    @property
+    def bias_mantissa_max(self) -> int:
+        """Largest bias mantissa; the smallest is one below its negative."""
+        return half_range(self.bias_mantissa_bits) - 1
 
     @property
     def slots(self) -> int:

@@ -76,7 +76,7 @@ def _chunks(
 ) -> Chunks:
     slot, count = cut.slot, len(cut.node)
     limits = program.chip.registers
-    widths = Widths(loihi.charge_span(limits.charge_bits), 1 << limits.current_bits)
+    widths = Widths(loihi.charge_span(limits.charge_bits), limits.half_current)
     arrived, reached = np.zeros(count * LANES), np.zeros(count, dtype=np.bool_)
     for core in program.cores_of(phase):
         here, charge = slot[program.columns_of_core(core)], charges(core)
@@ -156,8 +156,8 @@ def _cannot_wrap(arrived: AnyArray, decay_u: Lanes, widths: Widths) -> BoolArray
 def _largest_sum(program: ChipProgram, phase: str, arrived: AnyArray) -> int:
     """Return a bound on every number that an update of this phase works with, whatever the input."""
     registers = program.chip.registers
-    charge, current = 1 << registers.charge_bits, 1 << registers.current_bits
-    found = [int(arrived.max(initial=0)), charge + current]
+    current = registers.half_current
+    found = [int(arrived.max(initial=0)), registers.half_charge + current]
     for core in program.cores_of(phase):
         # A child adds its v, within the core's limits, to what the parent keeps of its own and to its drive.
         most_children = int(np.bincount(core.parent[core.parent >= 0]).max(initial=0))

@@ -23,6 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hw_model.arithmetic import loihi
+from hw_model.arithmetic.fixed_point import half_range
 from hw_model.values import AnyArray, BoolArray, ByteArray, Frozen, Int32Array, IntArray
 
 Lanes = Int32Array | IntArray
@@ -61,7 +62,7 @@ class Widths(NamedTuple):
     half_current: int
 
 
-USUAL_WIDTHS = Widths(loihi.charge_span(21), 1 << 23)
+USUAL_WIDTHS = Widths(loihi.charge_span(21), half_range(23))
 """Those of the chips that ship: loops in 32 bits know no others."""
 
 

@@ -113,11 +113,7 @@ class ProgramBuilder:
         }
         given |= {"vmin": -last if vmin is None else vmin, "vmax": last if vmax is None else vmax}
         columns = {key: column(key, value) for key, value in given.items()}
-        # A lower limit beyond the register is the register's own end: 1 - 2^k is defined up to k = 31.
-        low = columns["vmin"]
-        columns["vmin"] = np.where(
-            np.isin(low, [1 - (1 << k) for k in range(32)]), np.maximum(low, -last), low
-        )
+        columns["vmin"] = loihi.held_minimum(columns["vmin"], self._chip.registers)
         columns["bias_mantissa"], columns["bias_exponent"] = _bias(
             name, column("bias", bias), self._chip
         )

@@ -8,6 +8,7 @@ from typing import TypeVar
 import numpy as np
 
 from hw_model.accounting.cost import step_times
+from hw_model.arithmetic import loihi
 from hw_model.description.counts import BY_CORE, Counts
 from hw_model.engine.playing import Spikes, read_streams
 from hw_model.engine.probes import Kind, Probe
@@ -113,7 +114,7 @@ def stop_in_silence(program: ChipProgram, spikes: Spikes, silence: int) -> Stops
             resting[b, : len(active)] &= active == 0
         # What was sent before has arrived.
         delays = [int(core.axons.delay.max(initial=0)) for core in program.cores_of(phase)]
-        under_way = max([under_way, *(delay + 1 for delay in delays)])
+        under_way = max([under_way, *(loihi.acts_at(0, delay) for delay in delays)])
     steps = _first((_lasting(silent) >= max(silence, under_way)) & (_lasting(resting) >= under_way))
     stopped, spent = _read_until(program, streams, steps)
     return _stops(

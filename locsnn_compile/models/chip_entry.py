@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from hw_model.arithmetic.fixed_point import WEIGHT_BITS, WeightGrid, weight_grid
+from hw_model.arithmetic.fixed_point import WEIGHT_BITS, WeightGrid, half_range, weight_grid
 from hw_model.arithmetic.loihi import DECAYS, EXPONENTS
 from hw_model.io.records import POSITIVE, Must, RecordReader, between
 from hw_model.values import AnyArray, Frozen, IntArray
@@ -34,6 +34,11 @@ class RegisterWidths(Frozen):
     charge_bits: Annotated[int, between(*TRAINED_BITS)] = 21
     current_bits: Annotated[int, between(*TRAINED_BITS)] = 23
     voltage_bits: Annotated[int, between(*TRAINED_BITS)] = 23
+
+    @property
+    def voltage_max(self) -> int:
+        """Largest voltage; the smallest is its negative."""
+        return half_range(self.voltage_bits) - 1
 
 
 Exponent = Annotated[int, between(*EXPONENTS)]

@@ -19,6 +19,7 @@ import torch
 from torch import Tensor
 
 from hw_model.arithmetic import loihi, loihi_inverse
+from hw_model.arithmetic.fixed_point import half_range
 from hw_model.arithmetic.loihi import EVENTS, Parameters
 from hw_model.arithmetic.neutral import NOTHING
 from hw_model.arithmetic.on_integers import OnIntegers
@@ -37,9 +38,9 @@ Ends = tuple[np.int32, np.int32, np.int32]
 def register_ends(registers: RegisterWidths) -> Ends:
     """Return the largest v, and 2^bits of q, in units, and of u."""
     return (
-        np.int32((1 << registers.voltage_bits) - 1),
+        np.int32(registers.voltage_max),
         np.int32(loihi.charge_span(registers.charge_bits)),
-        np.int32(1 << registers.current_bits),
+        np.int32(half_range(registers.current_bits)),
     )
 
 
@@ -124,7 +125,7 @@ def potential_of_sum(
     drive: AnyArray, neuron: ChipCuba, exponent: int, registers: RegisterWidths
 ) -> IntArray:
     """Return the potentials (batch, n) of memoryless neurons for sums of mantissas that arrive at once, (batch, n)."""
-    last = (1 << registers.voltage_bits) - 1
+    last = registers.voltage_max
     parameters = Parameters(
         keep_u=loihi.keep_of(neuron.decay_u),
         keep_v=loihi.keep_of(neuron.decay_v),

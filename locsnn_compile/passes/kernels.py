@@ -221,7 +221,7 @@ def _leaky_input(neuron: Leaky, scaled: Scaled, registers: Registers) -> tuple[f
         response[step] = (1 - neuron.decay_v) * response[step - 1] + current
         current = (1 - neuron.decay_u) * current
     theta = neuron.threshold * scaled.scale
-    most = ((1 << registers.charge_bits) - 1) / scaled.gain
+    most = (registers.half_charge - 1) / scaled.gain
     weight = np.minimum(theta / response.max(axis=0), most)
     found = input_response(scaled.neuron, _whole(scaled.gain * weight), registers, steps)
     return _errors(found, weight * response, theta)

@@ -56,7 +56,7 @@ def error_bound(
             (state.rounding[1], _apart(pair.exact_fitted, pair.exact.weights)),
         ):
             # Weights (n,) connect neurons of the same number.
-            into[:, 1 + delay :] += (
+            into[:, loihi.acts_at(0, delay) :] += (
                 due * matrix if matrix.ndim == 1 else [sent @ matrix.T for sent in due]
             )
     found = np.zeros((len(SOURCES), *spikes[population].shape))

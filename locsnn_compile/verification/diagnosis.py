@@ -153,10 +153,11 @@ def _register_use(
 ) -> RegisterUse:
     """Return the use of a group, by the peaks of u and of v as the threshold saw it, and counts of wraps and clips."""
     # A floor is a lower end that potentials are meant to reach: what is left is room above.
-    limits = 1 << registers.current_bits, int(group.vmax.min())
+    voltage_limit = int(group.vmax.min())
     wraps = events.get("charge_wraps", 0) + events.get("current_wraps", 0)
+    clips = events.get("voltage_clips", 0)
     return RegisterUse(
-        int(peaks[0]), limits[0], int(peaks[1]), limits[1], wraps, events.get("voltage_clips", 0)
+        int(peaks[0]), registers.half_current, int(peaks[1]), voltage_limit, wraps, clips
     )
 
 

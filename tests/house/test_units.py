@@ -1,4 +1,4 @@
-"""The units of decays and weights stand on the page of the arithmetic, and nowhere else."""
+"""What the page of the arithmetic says stands nowhere else: units, bounds of registers, delays."""
 
 from pathlib import Path
 
@@ -14,11 +14,16 @@ MODULES = [
 ]
 OTHER_NUMBERS = {
     "hw_model/description/open_core.py": ["compares v <= 64"],
+    "hw_model/rtl/steps.py": ["computes 1 << bits"],
+    "hw_model/streaming/location_phase.py": ["computes history.row_of[e] + 1 + delay"],
+    "locsnn_compile/frontends/nir/signals.py": ["computes delay + 1"],
+    "locsnn_compile/reference/evaluate.py": ["computes delay + 1", "computes delay + 1"],
 }
-"""What is a 64 of another kind: bits of a register of the open core."""
+"""What is of another kind, in this order: bits of a register of the open core, a field of its memory
+words, rows in a compiled loop, and delays of networks, which are defined in `Projection`."""
 
 
-def test_no_module_outside_the_page_computes_with_a_unit():
+def test_no_module_outside_the_page_computes_what_the_page_says():
     found = {}
     for path in MODULES:
         uses = [use.partition(": ")[2] for use in units_in(path.read_text())]
@@ -45,12 +50,37 @@ def test_no_module_outside_the_page_computes_with_a_unit():
             "line 1: imports DECAY_ONE",
         ),
         ("import loihi\nunit = 1 << loihi.WEIGHT_SHIFT", "line 2: uses loihi.WEIGHT_SHIFT"),
+        (
+            "half = 1 << chip.registers.charge_bits",
+            "line 1: computes 1 << chip.registers.charge_bits",
+        ),
+        ("last = 2**voltage_bits - 1", "line 1: computes 2 ** voltage_bits"),
+        ("rooms = [1 << bits for bits in widths]", "line 1: computes 1 << bits"),
+        ("floors = [1 - (1 << k) for k in range(8)]", "line 1: computes 1 - (1 << k)"),
+        ("vmin = 1 - 2**k", "line 1: computes 1 - 2 ** k"),
+        ("charge[:, 1 + synapse.delay :] += due", "line 1: computes 1 + synapse.delay"),
+        ("at = row + 1 + delay", "line 1: computes row + 1 + delay"),
+        (
+            "units = np.floor(mantissa * 2.0**projection.exponent)",
+            "line 1: computes np.floor(mantissa * 2.0 ** projection.exponent)",
+        ),
     ],
 )
 def test_a_planted_unit_is_found(planted, use):
     assert units_in(planted) == [use]
 
 
-@pytest.mark.parametrize("innocent", ["cache_line = 64", "most_bytes = 64 << 20", "x = y + 65"])
+@pytest.mark.parametrize(
+    "innocent",
+    [
+        "cache_line = 64",
+        "most_bytes = 64 << 20",
+        "x = y + 65",
+        "slots = 1 << slot_bits",
+        "rest = x - (1 << k)",
+        "late = delay + 2",
+        "share = np.floor(x * 2.0**level)",
+    ],
+)
 def test_other_numbers_are_not_taken_for_units(innocent):
     assert units_in(innocent) == []

@@ -1,4 +1,8 @@
-"""Find where a module computes with the chip's units of decays and weights, which only its page may know."""
+"""Find where a module computes what only the page of the chip's arithmetic may know.
+
+That is the units of decays and weights, the bounds of a register of so many bits, the lower limits
+``1 - 2^k``, the truncation of weights, and the step at which a spike acts.
+"""
 
 import ast
 from collections.abc import Iterator
@@ -9,6 +13,11 @@ UNITS = {64, 4095, 4096}
 SHIFTS = {6, 12}
 PARAMETERS = ("bias", "decay", "keep", "threshold", "weight")
 """Beginnings of names of what is counted in units."""
+WIDTHS = {
+    *("bits", "charge_bits", "current_bits", "voltage_bits"),
+    *("threshold_mantissa_bits", "bias_mantissa_bits"),
+}
+"""Names of widths of registers."""
 
 
 def units_in(source: str) -> list[str]:
@@ -24,6 +33,10 @@ def _uses(node: ast.AST) -> Iterator[str]:
                 yield f"imports {alias.name}"
     elif isinstance(node, ast.Attribute) and node.attr in NAMES:
         yield f"uses {ast.unparse(node)}"
+    elif isinstance(node, ast.BinOp) and _knows_the_page(node):
+        yield f"computes {ast.unparse(node)}"
+    elif isinstance(node, ast.Call) and _truncates_a_weight(node):
+        yield f"computes {ast.unparse(node)}"
     elif isinstance(node, ast.BinOp):
         if isinstance(node.left, ast.Constant) and isinstance(node.right, ast.Constant):
             return  # the size of a buffer, in which nothing is measured
@@ -42,6 +55,50 @@ def _uses(node: ast.AST) -> Iterator[str]:
     elif isinstance(node, ast.keyword) and (node.arg or "").startswith(PARAMETERS):
         if _is_one_of(node.value, UNITS):
             yield f"gives {ast.unparse(node)}"
+
+
+def _knows_the_page(node: ast.BinOp) -> bool:
+    """Tell whether it is the bound of a register, a lower limit, or the step at which a spike acts."""
+    if _is_power_of_two(node):
+        return _name(node.right) in WIDTHS
+    if isinstance(node.op, ast.Sub) and _is_one_of(node.left, {1}):
+        return isinstance(node.right, ast.BinOp) and _is_power_of_two(node.right)
+    if isinstance(node.op, ast.Add):
+        return _acts_one_step_later(node.left, node.right)
+    return False
+
+
+def _is_power_of_two(node: ast.BinOp) -> bool:
+    shifted_one = isinstance(node.op, ast.LShift) and _is_one_of(node.left, {1})
+    power_of_two = isinstance(node.op, ast.Pow) and _is_one_of(node.left, {2})
+    return shifted_one or power_of_two
+
+
+def _acts_one_step_later(left: ast.expr, right: ast.expr) -> bool:
+    """Tell whether a sum is ``1 + delay``, in any order, or ``row + 1 + delay``."""
+    if isinstance(left, ast.BinOp) and isinstance(left.op, ast.Add):
+        left = left.right
+    terms = (left, right)
+    return any(_is_one_of(term, {1}) for term in terms) and any(
+        _name(term) == "delay" for term in terms
+    )
+
+
+def _truncates_a_weight(node: ast.Call) -> bool:
+    """Tell whether it is ``floor(m 2^exponent)``."""
+    if _name(node.func) not in {"floor", "trunc", "fix"}:
+        return False
+    powers = (
+        part for part in ast.walk(node) if isinstance(part, ast.BinOp) and _is_power_of_two(part)
+    )
+    return any(_name(power.right).startswith("exponent") for power in powers)
+
+
+def _name(node: ast.expr) -> str:
+    """Return the last word of a name, or "" for what has none."""
+    if isinstance(node, ast.Attribute):
+        return node.attr
+    return node.id if isinstance(node, ast.Name) else ""
 
 
 def _is_one_of(node: ast.expr, numbers: set[int]) -> bool:

@@ -26,7 +26,7 @@ def weights_of(projection: Projection | ChipProjection) -> tuple[Matrix, float]:
     """Return weights and the factor that they stand for."""
     if isinstance(projection, ChipProjection):
         held = values_of(projection.mantissa)
-        units = np.floor(held * 2.0**projection.exponent)
+        units = loihi.whole_units(loihi.charge_of(held, projection.exponent)).astype(np.float64)
         return with_values(projection.mantissa, units), loihi.in_registers(1.0)
     return projection.weights, 1.0
 

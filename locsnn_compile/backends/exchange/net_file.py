@@ -144,7 +144,7 @@ def _weights(projection: ChipProjection, where: str) -> Any:
     """Return weights (out, in); ``InputError`` unless they are even and -256..254, as lava-dl stores them."""
     held: Matrix = projection.mantissa
     dense = held.toarray() if values_of(held).ndim == 1 else held
-    weights = np.floor(dense * 2.0**projection.exponent).astype(np.int64)
+    weights = loihi.whole_units(loihi.charge_of(dense, projection.exponent))
     if (weights % 2).any() or weights.min(initial=0) < -256 or weights.max(initial=0) > 254:
         measured = f"{weights.min()}..{weights.max()} against -256..254"
         raise InputError(

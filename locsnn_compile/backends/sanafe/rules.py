@@ -81,5 +81,6 @@ def _arrives(core: Core, played: Played) -> BoolArray:
             (np.ones_like(ends[0]), ends), shape=(axons.input_axons, core.compartments)
         )
         arriving = (sparse.csr_array(spikes, dtype=np.int64) @ synapses).toarray() > 0
-        found[1 + delay :] |= arriving[: max(len(spikes) - 1 - delay, 0)]
+        acting = loihi.acts_at(0, delay)
+        found[acting:] |= arriving[: max(len(spikes) - acting, 0)]
     return found

@@ -119,15 +119,14 @@ def _room(neuron: Cuba, incoming: Sequence[Projection], chip: Chip) -> float:
     total = np.sum([none, *(abs(p.weights).sum(axis=1) for p in incoming)], axis=0)
     lost = np.maximum(neuron.decay_u, loihi_inverse.share_lost(1))
     current = np.where(held, total / lost / neuron.threshold, 0.0)
-    return min(
-        float(loihi.in_units(1 << bits)) / max(float(most.max()), 1.0)
-        for bits, most in ((registers.charge_bits, charge), (registers.current_bits, current))
-    )
+    charge_room = loihi.in_units(registers.half_charge) / max(float(charge.max()), 1.0)
+    current_room = loihi.in_units(registers.half_current) / max(float(current.max()), 1.0)
+    return float(min(charge_room, current_room))
 
 
 def _bias(values: FloatArray, chip: Chip) -> tuple[IntArray, IntArray]:
     """Round to mantissas (n,) times the smallest powers of two that hold them."""
-    most = (1 << chip.registers.bias_mantissa_bits) - 1
+    most = chip.registers.bias_mantissa_max
     exponent = np.array(
         [math.ceil(math.log2(v / most)) if v > most else 0 for v in np.abs(values)], dtype=np.int64
     )

@@ -1,10 +1,8 @@
 """Where the floor of a potential comes to lie on the chip, whose registers end below at ``1 - 2^k``."""
 
-import math
-
 import numpy as np
 
-from hw_model.arithmetic import loihi
+from hw_model.arithmetic import loihi, loihi_inverse
 from hw_model.values import FloatArray, Frozen, IntArray
 from locsnn_compile.passes.rounding.task import Task
 
@@ -32,9 +30,8 @@ def floor_scale(task: Task, depth: FloatArray, most: int, over: int) -> FloorSca
     if not below.any():
         return FloorScale(threshold, vmin)
     deepest_room = (loihi.threshold_of(most) + over) * float(depth[below].min())
-    power = min(int(math.log2(1 + deepest_room)), task.chip.registers.voltage_bits)
-    lowest = (1 << power) - 1
-    if power > 0:
+    lowest = -loihi_inverse.deepest_minimum(deepest_room, task.chip.registers)
+    if lowest > 0:
         wanted = loihi.in_units(lowest / depth[below] - over)
         threshold[below] = np.clip(np.rint(wanted), 1, most).astype(np.int64)
     vmin[below] = -lowest

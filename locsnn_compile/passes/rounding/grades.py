@@ -64,7 +64,7 @@ class Grades(Frozen):
 
     def largest_of(self, grade: IntArray) -> IntArray:
         """Return the largest magnitude of every grade, in quanta."""
-        return ((1 << self.weight_bits) - 1) << grade
+        return largest_multiple(self.weight_bits) << grade
 
     def exponent(self, grade: int) -> int:
         """Return the weight exponent of a grade's format."""
@@ -107,6 +107,11 @@ def nearest(quanta: FloatArray, step: IntArray, most: IntArray) -> IntArray:
     """Round to the nearest multiples of ``step``, half to even, and clip to magnitudes; 0 where the step is 0."""
     rounded = np.rint(quanta / np.maximum(step, 1)) * step
     return np.clip(rounded, -most, most).astype(np.int64)
+
+
+def largest_multiple(weight_bits: int) -> int:
+    """Return the largest multiple of a grade's step that a weight can be."""
+    return (1 << weight_bits) - 1
 
 
 def coarsest(weight_bits: int) -> int:

@@ -135,8 +135,8 @@ def exponent_and_threshold(
     registers = chip.registers
     room = (
         registers.voltage_max / headroom,
-        (1 << registers.current_bits) / headroom,
-        (1 << registers.charge_bits) * HEADROOM / CHARGE_ROOM / headroom,
+        registers.half_current / headroom,
+        registers.half_charge * HEADROOM / CHARGE_ROOM / headroom,
     )
     cap = min(cap, max(1, int(loihi.in_units(min(room)))))
     most = heaviest_weight(chip)

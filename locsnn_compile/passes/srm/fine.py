@@ -26,6 +26,7 @@ from locsnn_compile.passes.rounding.grades import (
     coarsest,
     grades_for,
     in_grades,
+    largest_multiple,
     nearest,
     shares,
 )
@@ -245,11 +246,10 @@ def _threshold_limits(task: _Task) -> FloatArray:
     one_sign = np.maximum(np.maximum(ideal, 0).sum(axis=1), np.maximum(-ideal, 0).sum(axis=1))
     # A neuron without weights, or with negligible ones, has no limit.
     with np.errstate(divide="ignore", over="ignore"):
-        heaviest = (
-            float((1 << task.grid.weight_bits) - 1 << coarsest(task.grid.weight_bits)) / largest
-        )
+        weight_bits = task.grid.weight_bits
+        heaviest = float(largest_multiple(weight_bits) << coarsest(weight_bits)) / largest
         charge = loihi.charge_span(registers.charge_bits) / one_sign
-        largest_current = loihi.in_units(1 << registers.current_bits)
+        largest_current = loihi.in_units(registers.half_current)
         current = largest_current / CURRENT_ROOM / task.drive.peak_current
         limits: FloatArray = np.minimum(np.minimum(heaviest, charge), current) * theta - 1
     return limits

@@ -12,6 +12,7 @@ import numpy as np
 from scipy import sparse
 
 from hw_model.arithmetic import loihi
+from hw_model.arithmetic.fixed_point import half_range
 from hw_model.arithmetic.loihi import Parameters
 from hw_model.arithmetic.neutral import ALWAYS, NOTHING, Always
 from hw_model.description.chip import Registers
@@ -104,7 +105,10 @@ def run_twins(
     }
     sparse_lines = {name: sparse_spikes(spikes, np.float64) for name, spikes in early.items()}
     synapses = [
-        (i, s) for i, twin in enumerate(twins) for s in twin.synapses if s.delay + 1 < steps
+        (i, s)
+        for i, twin in enumerate(twins)
+        for s in twin.synapses
+        if loihi.acts_at(0, s.delay) < steps
     ]
     longest = 1 + max((s.delay for _, s in synapses if s.weights.ndim == 1), default=0)
     arrived: dict[tuple[str, int, int], FloatArray] = {}
@@ -118,13 +122,13 @@ def run_twins(
                 found = sparse_lines[s.source][: batch * (steps - 1 - s.delay)] @ s.weights.T
                 charge = found.toarray() if sparse.issparse(found) else found
                 arrived[same] = charge.reshape(-1, batch, s.weights.shape[0])
-            target.charge[1 + s.delay :, :, to_columns] += arrived[same]
+            target.charge[loihi.acts_at(0, s.delay) :, :, to_columns] += arrived[same]
         elif s.weights.ndim == 1:
             if target not in own:
                 own[target] = np.zeros((longest, 1, target.size))
             own[target][s.delay, 0, to_columns] += s.weights
         else:
-            reach = (1 + s.delay, home[i, s.source][1], target, to_columns, s.weights)
+            reach = (loihi.acts_at(0, s.delay), home[i, s.source][1], target, to_columns, s.weights)
             others[i].setdefault(s.source, []).append(reach)
     onto = _stacked(others)
     watched = {key: columns for key, (_, columns) in home.items() if key[1] in potentials}
@@ -279,7 +283,7 @@ class _OnFloats:
 
     def _wrapped(self, x: FloatArray, bits: int) -> FloatArray:
         """Return ``x``, wrapped where limited to ``bits`` bits plus sign in two's complement; fractions are kept."""
-        half = float(1 << bits)
+        half = float(half_range(bits))
         if x.max() < half and x.min() >= -half:
             return x  # nearly always, and np.mod is slow
         wraps = self._limited & ((x >= half) | (x < -half))
