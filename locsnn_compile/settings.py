@@ -1,15 +1,16 @@
 """How a network can be compiled: strategies, dials and their settings, and the grid to explore.
 
 A strategy lays out spike response neurons on a chip; strategies are tried in the order given here.
-To add a dial, write its row in :data:`DIALS` and its field in :class:`Setting`, and read it in the
-pass that it turns. This module imports nothing heavy, because help and completion show the names.
+To add a dial, write its row in :data:`DIALS`, which also says how ``auto`` and explore vary it, and
+its field in :class:`Setting`, and read it in the pass that it turns. This module imports nothing
+heavy, because help and completion show the names.
 """
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from locsnn_compile.errors import InputError, TargetError, check_known, check_range
@@ -65,14 +66,36 @@ Value = str | int | float
 
 
 @dataclass(frozen=True)
+class Search:
+    """How ``auto`` varies a dial, if at all.
+
+    - ``starts``: values that it begins with, given a network and the value asked for; without it,
+      the value asked for
+    - ``last_resorts``: values of these that are tried only if no other keeps the error bounds
+    - ``finer``: values that lose less and cost more, in turn, until one keeps the error bounds;
+      they are not tried if the user gave a value
+    - ``coarser``: given a chip and a value, the values that lose more and cost less, the nearest
+      first; they are tried with the cheapest setting that keeps the error bounds
+    """
+
+    starts: Callable[[Network, Any], Sequence[Value]] | None = None
+    last_resorts: Collection[Value] = ()
+    finer: tuple[Value, ...] = ()
+    coarser: Callable[[Chip, Any], Sequence[Value]] | None = None
+
+
+@dataclass(frozen=True)
 class Dial:
     """A setting of the compiler that ``auto`` and explore can vary: one row of :data:`DIALS`.
 
     ``name`` is its keyword in ``compile`` and its field in :class:`Setting`.
 
+    For ``auto``: ``search``.
+
     For explore: ``values`` are tried for a network that has what the dial ``needs``, a property of
     ``Network``, and otherwise only the ``neutral`` one. With ``bounds``, other values between them
-    can be asked for. ``tried`` says in its help what is tried, ``words`` how the name of a setting
+    can be asked for. Of a ``width``, only values that the chip's weights have are tried, and the
+    neutral one is the widest of these. ``tried`` says in its help what is tried, ``words`` how the name of a setting
     shows a value, and ``unsaid`` is the value that the name leaves out.
 
     For ``locsnn-compile``: ``help``, ``value`` (what help calls its value), ``read``, ``choices``,
@@ -98,6 +121,8 @@ class Dial:
     usual: Callable[[Chip], Value] | None = None
     refuse: Callable[[Chip, Any], None] | None = None
     idle: str = ""
+    width: bool = False
+    search: Search = Search()
 
     @property
     def option(self) -> str:
@@ -124,6 +149,13 @@ class Dial:
         """Return the value for a chip where none is given."""
         return self.neutral if self.usual is None else self.usual(chip)
 
+    def explored(self, network: Network, most_bits: int) -> tuple[Value, ...]:
+        """Return the values that explore tries if none are asked for."""
+        if not self.width:
+            return self.values if self.matters(network) else (self.neutral,)
+        held = tuple(value for value in self.values if int(value) <= most_bits)
+        return held if self.matters(network) else held[-1:]
+
 
 def part(text: str) -> float:
     """Read a share of the weights: ``none``, ``all`` or a number."""
@@ -133,6 +165,16 @@ def part(text: str) -> float:
 
 def _widest(chip: Chip) -> Value:
     return chip.registers.weight_bits[-1]
+
+
+def _strategies_of(network: Network, asked: str) -> Sequence[Value]:
+    if not network.by_strategy:
+        return [NATIVE]
+    return list(STRATEGIES) if asked == AUTO else [asked]
+
+
+def _narrower(chip: Chip, bits: int) -> Sequence[Value]:
+    return [width for width in reversed(chip.registers.weight_bits) if width < bits]
 
 
 def _check_strategy(chip: Chip, strategy: str) -> None:
@@ -179,6 +221,10 @@ DIALS = (
         choices=(AUTO, *STRATEGIES),
         default=AUTO,
         refuse=_check_strategy,
+        search=Search(
+            starts=_strategies_of,
+            last_resorts=[name for name, strategy in STRATEGIES.items() if strategy.last_resort],
+        ),
     ),
     Dial(
         "weight_bits",
@@ -193,6 +239,8 @@ DIALS = (
         usual=_widest,
         refuse=_check_weight_bits,
         idle=_INTEGERS,
+        width=True,
+        search=Search(coarser=_narrower),
     ),
     Dial(
         "split_weights",
@@ -208,6 +256,7 @@ DIALS = (
         unsaid=0.0,
         bounds=(0, 1),
         idle=_INTEGERS,
+        search=Search(finer=(0.0, 0.25, 1.0)),
     ),
 )
 
@@ -234,6 +283,16 @@ class Setting:
         """Refuse values that no chip has (``InputError``), or not this one (``TargetError``)."""
         for dial, value in self.by_dial:
             dial.check(chip, value)
+
+    @property
+    def is_last_resort(self) -> bool:
+        """Whether ``auto`` tries it only if no other setting keeps the error bounds."""
+        return any(value in dial.search.last_resorts for dial, value in self.by_dial)
+
+    def with_value(self, dial: Dial, value: Value) -> Setting:
+        """Return the setting with another value of a dial."""
+        changed: dict[str, Any] = {dial.name: value}
+        return replace(self, **changed)
 
     def arguments(self, network: Network) -> list[str]:
         """Return the options of ``locsnn-compile`` that matter to a network."""
@@ -291,7 +350,7 @@ def settings(
     idle = [dial for dial in DIALS if dial.idle and wanted.get(dial.name)]
     check_matters(network, {dial.name: dial.option for dial in idle})
     tried = [
-        tuple(dict.fromkeys(wanted.get(dial.name) or _default(dial, network, most_bits)))
+        tuple(dict.fromkeys(wanted.get(dial.name) or dial.explored(network, most_bits)))
         for dial in DIALS
     ]
     return tuple(itertools.starmap(Setting, itertools.product(*tried)))
@@ -299,9 +358,17 @@ def settings(
 
 def usual_settings(network: Network, most_bits: int) -> tuple[Setting, ...]:
     """Return what ``auto`` tries if no bound is given: each strategy, with defaults for everything else."""
-    return tuple(
-        Setting(str(strategy), most_bits) for strategy in _default(DIALS[0], network, most_bits)
-    )
+    strategies = DIALS[0].explored(network, most_bits)
+    return tuple(Setting(str(strategy), most_bits) for strategy in strategies)
+
+
+def first_settings(network: Network, asked: Setting) -> list[Setting]:
+    """Return the settings that ``auto`` begins with, by the :class:`Search` of each dial."""
+    tried = [
+        (value,) if dial.search.starts is None else dial.search.starts(network, value)
+        for dial, value in asked.by_dial
+    ]
+    return [type(asked)(*values) for values in itertools.product(*tried)]
 
 
 _OTHER_OPTIONS = (
@@ -321,10 +388,3 @@ def check_matters(network: Network, given: Mapping[str, str]) -> None:
     for name, needs, why in (*rows, *_OTHER_OPTIONS):
         if name in given and not getattr(network, needs):
             raise InputError(given[name], f"it would change nothing: {why}", fix="Leave it out.")
-
-
-def _default(dial: Dial, network: Network, most_bits: int) -> tuple[Value, ...]:
-    if dial.name == "weight_bits":
-        held = tuple(value for value in dial.values if int(value) <= most_bits)
-        return held if dial.matters(network) else held[-1:]
-    return dial.values if dial.matters(network) else (dial.neutral,)

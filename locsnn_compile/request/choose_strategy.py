@@ -1,12 +1,14 @@
-"""Choose a setting - strategy, weight bits, split weights - by its results on calibration recordings.
+"""Choose a setting by its results on calibration recordings.
 
-Without a budget, the strategies are compared as they are. With a budget, more weights of each strategy are split until
-it keeps the budget; if none does, the strategy of last resort is tried in the same way. Then, if spikes or class scores
-are bounded, the cheapest setting that keeps the budget is tried with fewer bits.
+How each dial is varied stands in its row: see :class:`locsnn_compile.settings.Search`. Without a
+budget, the first settings (one for each strategy) are compared as they are. With a budget, each is
+made finer (more weights are split) until it keeps the budget; if none does, those of last resort
+are tried in the same way. Then, if spikes or class scores are bounded, the cheapest setting that
+keeps the budget is made coarser (weights of fewer bits).
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -23,13 +25,10 @@ from locsnn_compile.passes.rounding.task import FINE
 from locsnn_compile.pipeline import Levels, lower_by
 from locsnn_compile.reference.evaluate import Calibration, FloatRuns, calibrate
 from locsnn_compile.request.compile_request import SettingRequest
-from locsnn_compile.settings import AUTO, NATIVE, STRATEGIES, USUAL, Setting
+from locsnn_compile.settings import STRATEGIES, Setting, first_settings
 from locsnn_compile.verification.error_bounds import ErrorBudget, Losses, default_budget
 from locsnn_compile.verification.matching import compare
 from locsnn_compile.verification.observation import Observed
-
-SHARES = (0.0, 0.25, 1.0)
-"""Shares of weights to split, tried in turn until a budget is kept."""
 
 
 class Candidate(Losses):
@@ -68,8 +67,7 @@ def choose_strategy(
 ) -> Choice | None:
     """Take the cheapest setting tried that keeps the budget or, if none does, the most accurate.
 
-    The setting that is ``asked`` for has one strategy or ``auto``, the most weight bits to try, and
-    a share of split weights; unless the share is given, the least that keeps the budget is taken.
+    The setting that is ``asked`` for has one strategy or ``auto``, and the most weight bits to try.
     Settings that this chip cannot hold are skipped; if it holds none, the first ``TargetError`` is
     raised. Returns None if there is nothing to choose: no weight is rounded, or no neuron is
     lowered by a strategy and no budget is given.
@@ -78,19 +76,20 @@ def choose_strategy(
     if not (network.by_strategy or (budget.given and network.has_float_weights)):
         return None
     trial = _Trial(network, chip, recordings, spread)
-    firsts = _one_of_each_strategy(network, asked.setting)
-    usual = [setting for setting in firsts if setting.strategy in USUAL] or firsts
+    firsts = first_settings(network, asked.setting)
+    usual = [setting for setting in firsts if not setting.is_last_resort] or firsts
     for setting in usual:
         trial.measure(setting)
     if not trial.candidates:
         raise trial.errors[0]
     if budget.given:
-        shares = (asked.setting.split_weights,) if "split_weights" in asked.given else SHARES
-        _split_more(trial, usual, budget, shares)
+        for setting in usual:
+            _make_finer(trial, setting, budget, asked.given)
         if not any(candidate.keeps(budget) for candidate in trial.candidates.values()):
-            last_resort = [setting for setting in firsts if setting not in usual]
-            _split_more(trial, last_resort, budget, shares)
-        _take_bits_away(trial, budget)
+            for setting in firsts:
+                if setting not in usual:
+                    _make_finer(trial, setting, budget, asked.given)
+        _make_coarser(trial, asked.setting, budget)
     candidates = tuple(trial.candidates.values())
     limits = budget if budget.given else default_budget(candidates[0])
     # If nothing was compared, there is no reason to take a cheaper one.
@@ -101,36 +100,37 @@ def choose_strategy(
     return Choice(taken, levels, candidates, limits, len(recordings), recordings.source)
 
 
-def _one_of_each_strategy(network: Network, asked: Setting) -> list[Setting]:
-    """Return the setting asked for with each strategy that it stands for."""
-    if not network.by_strategy:
-        return [replace(asked, strategy=NATIVE)]
-    names = [name for name in STRATEGIES if asked.strategy in (AUTO, name)]
-    return [replace(asked, strategy=name) for name in names]
-
-
-def _split_more(
-    trial: "_Trial", firsts: Sequence[Setting], budget: ErrorBudget, shares: Sequence[float]
+def _make_finer(
+    trial: "_Trial", setting: Setting, budget: ErrorBudget, given: Collection[str]
 ) -> None:
-    """Split more weights of each setting until it keeps the budget."""
-    for setting in firsts:
-        for share in shares:
-            found = trial.measure(replace(setting, split_weights=share))
-            if found is None or found.keeps(budget):
-                break
+    """Try a setting with finer values, one dial after the other, until it keeps the budget.
+
+    Dials that are ``given`` keep their values. A setting that the chip cannot hold ends the search,
+    because finer ones take more room.
+    """
+    candidate = trial.measure(setting)
+    for dial, _ in setting.by_dial:
+        if dial.name in given:
+            continue
+        for value in dial.search.finer:
+            if candidate is None or candidate.keeps(budget):
+                return
+            setting = setting.with_value(dial, value)
+            candidate = trial.measure(setting)
 
 
-def _take_bits_away(trial: "_Trial", budget: ErrorBudget) -> None:
-    """Try the cheapest setting that keeps the budget with fewer bits, down to the fewest: losses may rise and fall."""
-    cheapest = _cheapest(tuple(trial.candidates.values()), budget)
-    # A few recordings say much about spikes and scores but little about predictions: not enough to take bits away.
-    if cheapest is None or budget == ErrorBudget(budget.min_agreement):
+def _make_coarser(trial: "_Trial", asked: Setting, budget: ErrorBudget) -> None:
+    """Try the cheapest setting that keeps the budget with all coarser values: losses may rise and fall."""
+    # A few recordings say much about spikes and scores but little about predictions, which alone
+    # are not enough to make anything coarser.
+    if budget == ErrorBudget(budget.min_agreement):
         return
-    for bits in sorted(
-        (b for b in trial.chip.registers.weight_bits if b < cheapest.setting.weight_bits),
-        reverse=True,
-    ):
-        trial.measure(replace(cheapest.setting, weight_bits=bits))
+    for dial, _ in asked.by_dial:
+        cheapest = _cheapest(tuple(trial.candidates.values()), budget)
+        if dial.search.coarser is None or cheapest is None:
+            continue
+        for value in dial.search.coarser(trial.chip, getattr(cheapest.setting, dial.name)):
+            trial.measure(cheapest.setting.with_value(dial, value))
 
 
 def _cheapest(candidates: Sequence[Candidate], budget: ErrorBudget) -> Candidate | None:

@@ -1,6 +1,6 @@
 """Strategy ``auto``: what it takes within which budget, on which recordings."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -8,6 +8,7 @@ from networks import NEURON, hybrid, on_grid, recordings, single
 
 import hw_model as hw
 import locsnn_compile as lc
+import locsnn_compile.settings as rows
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.errors import InputError, TargetError
@@ -16,7 +17,7 @@ from locsnn_compile.passes.quantize import quantize
 from locsnn_compile.report.sections.build import unmet_budget
 from locsnn_compile.request.choose_strategy import Candidate, Choice, choose_strategy
 from locsnn_compile.request.compile_request import SettingRequest
-from locsnn_compile.settings import Setting
+from locsnn_compile.settings import DIALS, Dial, Search, Setting
 from locsnn_compile.verification.error_bounds import SCORE_TOLERANCE, SPIKE_TOLERANCE, ErrorBudget
 
 CHIP = hw.chip("loihi-sim")
@@ -130,6 +131,61 @@ def test_fewer_bits_are_tried_down_to_the_fewest(network, monkeypatch):
         1,
     ]
     assert choice.taken.setting.weight_bits < 6
+
+
+HEADROOM = Dial(
+    "headroom",
+    values=(8.0, 16.0),
+    neutral=16.0,
+    needs="has_float_weights",
+    tried="thresholds that the voltage register holds",
+    help="thresholds that the voltage register holds (default 16)",
+    value="X",
+    read=float,
+)
+
+
+@dataclass(frozen=True)
+class Roomy(Setting):
+    headroom: float = 16.0
+
+
+@pytest.mark.parametrize(
+    ("search", "given", "tried"),
+    [
+        pytest.param(Search(), set(), {16.0}, id="no search"),
+        pytest.param(Search(finer=(12.0, 8.0)), set(), {16.0, 12.0, 8.0}, id="finer"),
+        pytest.param(Search(finer=(12.0, 8.0)), {"headroom"}, {16.0}, id="finer, but given"),
+        pytest.param(
+            Search(starts=lambda network, value: [value, 4.0]), set(), {16.0, 4.0}, id="starts"
+        ),
+        pytest.param(
+            Search(starts=lambda network, value: [value, 4.0], last_resorts=[4.0]),
+            set(),
+            {16.0, 4.0},
+            id="last resort",
+        ),
+        pytest.param(
+            Search(coarser=lambda chip, value: [2 * value]), set(), {16.0}, id="coarser, none kept"
+        ),
+    ],
+)
+def test_a_row_says_how_auto_varies_its_dial(network, monkeypatch, search, given, tried):
+    """No setting keeps the bounds here, so whatever the row allows is tried."""
+    monkeypatch.setattr(rows, "DIALS", (*DIALS, replace(HEADROOM, search=search)))
+    asked = SettingRequest(
+        Roomy("reset", 8), frozenset({"split_weights", *given}), ErrorBudget(max_spike_error=0.0)
+    )
+    choice = choose_strategy(network, CHIP, asked, played(network))
+    assert {candidate.setting.headroom for candidate in choice.candidates} == tried
+
+
+def test_a_row_says_what_costs_less_once_bounds_are_kept(network, monkeypatch):
+    search = Search(coarser=lambda chip, value: [2 * value, 4 * value])
+    monkeypatch.setattr(rows, "DIALS", (*DIALS, replace(HEADROOM, search=search)))
+    asked = SettingRequest(Roomy("reset", 1), budget=ErrorBudget(max_spike_error=1.0))
+    choice = choose_strategy(network, CHIP, asked, played(network))
+    assert [candidate.setting.headroom for candidate in choice.candidates] == [16.0, 32.0, 64.0]
 
 
 def test_dendrites_are_paired_where_no_other_strategy_keeps_the_budget(network):
