@@ -31,7 +31,7 @@ bench: .venv/installed-dev  ## measure speed and memory next to public simulator
 hardware: .venv/installed-dev  ## place the open core on its boards, play recordings to it, and write the tables of docs/reference/hardware.md (ONLY=BOARD or ONLY=core, SEEDS=N)
 	PATH=$(CURDIR)/$(BIN):$$PATH $(BIN)/python tests/hardware/measure.py $(if $(ONLY),--only $(ONLY)) $(if $(SEEDS),--seeds $(SEEDS))
 
-mutants: .venv/installed-dev  ## put small faults into the code, one at a time: do the tests find them? writes tests/mutants/results.csv; then all of the core's; an hour on two cores
+mutants: .venv/installed-dev  ## plant small faults in the code, one at a time: do the tests tell them? writes tests/mutants/results.csv; then all of the core's; an hour on two cores
 	$(BIN)/python tests/mutants/run_mutants.py $(if $(ONLY),--only $(ONLY))
 	$(if $(ONLY),,$(BIN)/pytest -n auto --dist worksteal -m mutants)
 

@@ -8,7 +8,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hw_model.arithmetic.fixed_point import clip, decay, effective_weight, wrap
+from hw_model.arithmetic.fixed_point import (
+    WEIGHT_BITS,
+    WEIGHT_EXPONENTS,
+    clip,
+    decay,
+    effective_weight,
+    high_part_fits,
+    kept_by_parts,
+    wrap,
+)
 
 registers = st.integers(-(2**24), 2**24)
 
@@ -26,6 +35,36 @@ def test_decay_truncates_toward_zero(x, d):
 )  # fmt: skip
 def test_decay_table(x, d, left):
     assert decay(np.array([x]), np.array([d]))[0] == left
+
+
+def first_bits(values, many):
+    """Return so many bits of the sign: all set below zero, none from zero on."""
+    return np.where(values < 0, 2**many - 1, 0)
+
+
+@given(x=registers, d=st.integers(0, 4096))
+def test_parts_of_a_register_keep_what_the_whole_keeps(x, d):
+    exact = Fraction(x) * (4096 - d) / 4096
+    kept = kept_by_parts(np.array([x]), np.array([4096 - d]), first_bits, lambda high: high)
+    assert kept[0] == int(exact)
+
+
+@given(largest=registers.map(abs), bits=st.integers(2, 16))
+def test_a_high_part_fits_where_those_of_both_ends_do(largest, bits):
+    parts = (largest >> 12, -largest >> 12)
+    fits = all(-(2 ** (bits - 1)) <= part < 2 ** (bits - 1) for part in parts)
+    assert high_part_fits(largest, bits) == fits
+
+
+def test_a_high_part_that_is_just_too_wide():
+    assert high_part_fits(2**19 - 1, 8)
+    assert not high_part_fits(2**19, 8)
+
+
+def test_widths_and_exponents_are_those_of_the_chip():
+    """Of the table of formats in the chip's description."""
+    assert WEIGHT_BITS == (1, 2, 3, 4, 5, 6, 8)
+    assert [*WEIGHT_EXPONENTS] == [-8, -7, -6, -5, -4, -3, -2, -1, 0, 1, 2, 3, 4, 5, 6, 7]
 
 
 @given(x=st.integers(-(2**40), 2**40), bits=st.sampled_from([21, 23]))

@@ -25,8 +25,9 @@ for folder in ("tests/hw_model", "tests/rtl", "tests/mutants", ""):
 import any_phases  # noqa: E402
 import benches  # noqa: E402
 import oracle  # noqa: E402
-from mutants import Mutant, mutants  # noqa: E402
+from faults import Fault, faults_of  # noqa: E402
 from test_any_phases_on_core import FEW  # noqa: E402
+from tested import reasons  # noqa: E402
 
 import hw_model as hw  # noqa: E402
 from hw_model.rtl.cosimulation import play_on_core  # noqa: E402
@@ -46,16 +47,24 @@ TOLD_BY = (*oracle.KINDS, "events")
 """What is compared, in this order."""
 
 WRAPS = "a program whose registers wrap"
+FADES = "a program whose voltages go back to 0 one by one"
 
 
 @cache
 def case_of(seed: int | str) -> any_phases.Case:
-    """Return a drawn program, or the one of which every register wraps or is clipped, in refractory steps too.
+    """Return a drawn program, or one of the two that are made by hand.
 
     It is built once, by the sound page: with a fault the builder might refuse it, or hold other numbers.
     """
-    if seed != WRAPS:
-        return any_phases.case(int(seed), plain=True)
+    if seed == WRAPS:
+        return _wrapping()
+    if seed == FADES:
+        return _fading()
+    return any_phases.case(int(seed), plain=True)
+
+
+def _wrapping() -> any_phases.Case:
+    """Return a program of which every register wraps or is clipped, in refractory steps too."""
     builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
     lines = builder.add_input("x", 4)
     soma = builder.add_compartments(
@@ -69,21 +78,40 @@ def case_of(seed: int | str) -> any_phases.Case:
         builder.connect(lines, target, np.full((3, 4), 255), exponent=7, sign_mode="excitatory")
     builder.connect(lines, soma, np.full((3, 4), -200), exponent=6, sign_mode="inhibitory", delay=3)
     spikes = np.random.default_rng(0).random((2, 60, 4)) < 0.4
-    program = builder.build()
-    return any_phases.Case(program, builder.graph(), {"x": spikes.astype(np.uint8)}, None)
+    return _case(builder, spikes.astype(np.uint8))
 
 
-PLAYED = (*FEW, WRAPS)
+def _fading() -> any_phases.Case:
+    """Return a program of a single spike, after which every voltage below 0 is met on the way up."""
+    builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
+    lines = builder.add_input("x", 1)
+    soma = builder.add_compartments("y", 1, decay_u=4096, decay_v=1, threshold=1)
+    builder.connect(lines, soma, np.full((1, 1), -1), exponent=0, sign_mode="inhibitory")
+    spikes = np.zeros((1, 80, 1), np.uint8)
+    spikes[0, 0] = 1
+    return _case(builder, spikes)
+
+
+def _case(builder: hw.ProgramBuilder, spikes: np.ndarray) -> any_phases.Case:
+    return any_phases.Case(builder.build(), builder.graph(), {"x": spikes}, None)
+
+
+PLAYED = (*FEW, WRAPS, FADES)
 Values = Mapping[str, np.ndarray]
 """What a program did in all recordings, by kind and group."""
 
 
-def faults() -> list[Mutant]:
+def faults() -> list[Fault]:
     """Return the faults of the step, without those that change nothing."""
-    return [m for m in mutants() if m.scope in OF_THE_STEP.get(m.module, ()) and not m.equivalent]
+    return [
+        fault
+        for module, scopes in OF_THE_STEP.items()
+        for fault in faults_of(module)
+        if fault.scope in scopes and fault.name not in reasons()
+    ]
 
 
-def plant(fault: Mutant | None) -> None:
+def plant(fault: Fault | None) -> None:
     """Put a fault into the loaded modules, or take it out."""
     for name in MODULES:
         module = import_module(name)
@@ -158,12 +186,7 @@ def table() -> list[dict[str, str]]:
             faulty = [by_engine(seed) for seed in PLAYED]
         finally:
             plant(None)
-        row = {
-            "module": fault.module,
-            "function": fault.scope,
-            "is": fault.old,
-            "becomes": fault.new,
-        }
+        row = {"fault": fault.name}
         for name, of_seeds in sound.items():
             told = [told_by(*pair) for pair in zip(of_seeds, faulty, strict=True)]
             row[name] = min(filter(None, told), key=TOLD_BY.index, default="")

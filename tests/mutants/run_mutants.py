@@ -1,10 +1,12 @@
-"""Run the mutants: tell which of them the tests find, and write ``results.csv``. Resumable.
+"""Plant faults, one at a time: tell which of them the tests find, and write ``results.csv``. Resumable.
 
 Each is in the memory of a process of its own alone, which runs its tests until one fails, in a copy of the tree. What was
 found is kept in ``build/mutants/found.jsonl`` and holds as long as the function and the tests stay as they were. At the
 end, the tests that found a fault are run once without any: a test that fails nevertheless has found nothing.
 
-    python tests/mutants/run_mutants.py [--jobs 2] [--only TEXT ...] [--dry]
+    python tests/mutants/run_mutants.py [--share 0.15] [--jobs 2] [--only TEXT ...] [--dry]
+
+Fails if a fault that ``results.csv`` calls told is told no longer.
 """
 
 from __future__ import annotations
@@ -21,20 +23,31 @@ import sys
 import tempfile
 import time
 from collections import Counter, deque
-from dataclasses import replace
 from importlib import import_module
 from importlib.machinery import ModuleSpec, SourceFileLoader
 from importlib.util import spec_from_file_location
 from pathlib import Path
 from typing import Never
 
-from mutants import HERE, ROOT, Mutant, file_of, mutants
+from faults import ROOT, Fault
+from tested import HERE, Tested, file_of, modules, reasons
 
 BUILD = ROOT / "build/mutants"
 TREE = BUILD / "tree"
 FOUND = BUILD / "found.jsonl"
 TABLE = HERE / "results.csv"
-COLUMNS = ("module", "scope", "old", "new", "outcome", "by")
+COLUMNS = ("module", "scope", "is", "becomes", "number", "outcome", "by")
+SHARE = 0.15
+"""Of all faults, those that are planted unless more are asked for."""
+TOLD, NOT_TOLD, NOTHING, NOT_NOTHING = (
+    "told",
+    "not told",
+    "changes nothing",
+    "told, unlike its reason",
+)
+"""What comes of a fault."""
+Outcome = tuple[str, str]
+"""What comes of it, and the test that told it or the reason."""
 COPIED = (
     "hw_model",
     "locsnn_compile",
@@ -57,9 +70,9 @@ HELD = re.compile(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", re.MULTILINE)
 class Faulty(SourceFileLoader):
     """Loads a module with a fault in it."""
 
-    def __init__(self, mutant: Mutant) -> None:
-        super().__init__(mutant.module, str(mutant.path(TREE)))
-        self._text = mutant.applied(TREE).encode()
+    def __init__(self, fault: Fault) -> None:
+        super().__init__(fault.module, str(fault.path(TREE)))
+        self._text = fault.applied(TREE).encode()
 
     def find_spec(self, name: str, *_: object) -> ModuleSpec | None:
         """Be the finder of this module, too."""
@@ -86,10 +99,11 @@ def copy_tree() -> None:
 
 
 class Run:
-    """Tests of a mutant in a process of their own: with its fault, within :data:`SECONDS`, or without it."""
+    """Tests of a module in a process of their own: with a fault, within :data:`SECONDS`, or without one."""
 
-    def __init__(self, mutant: Mutant, *, faulty: bool = True) -> None:
-        self.mutant, self.faulty = mutant, faulty
+    def __init__(self, tested: Tested, fault: Fault | None) -> None:
+        self.tested = tested
+        self.fault = fault
         output, self._output = tempfile.mkstemp(dir=BUILD)
         self._compiled = tempfile.mkdtemp(dir=BUILD)
         self.process = os.fork()
@@ -99,22 +113,24 @@ class Run:
             os._exit(self._run())
         os.close(output)
 
-    def finished(self, code: int) -> tuple[str, str]:
-        """Return ``killed`` and the test that did it, or ``survived``; tests that cannot be run end the program."""
+    def finished(self, code: int) -> Outcome:
+        """Return whether it was told, and by which test; tests that cannot be run end the program."""
         text = Path(self._output).read_text(errors="replace")
         os.unlink(self._output)
         shutil.rmtree(self._compiled)
         held = HELD.search(text)
-        file, colons, test = (
-            held[1] if held else "crashed, or out of time" if code < 0 else ""
-        ).partition("::")
-        by = Path(file).name + colons + test
-        if code and (not self.faulty or not by):
-            fault = self.mutant.name if self.faulty else "without a fault"
+        by = ""
+        if held:
+            file, colons, test = held[1].partition("::")
+            by = Path(file).name + colons + test
+        elif code < 0:
+            by = "crashed, or out of time"
+        if code and (self.fault is None or not by):
+            fault = self.fault.name if self.fault else "without a fault"
             raise SystemExit(
-                f"{' '.join(self.mutant.tests)}: pytest fails, {fault}:\n{text[-3000:]}"
+                f"{' '.join(self.tested.tests)}: pytest fails, {fault}:\n{text[-3000:]}"
             )
-        return ("killed", by) if code else ("survived", "")
+        return (TOLD, by) if code else (NOT_TOLD, "")
 
     def _run(self) -> int:
         os.chdir(TREE)
@@ -129,56 +145,60 @@ class Run:
                 if p and (not p.startswith(str(ROOT)) or p.startswith(sys.prefix))
             ),
         ]
-        if self.faulty:
-            limit = SECONDS[self.mutant.loops]
+        if self.fault:
+            limit = SECONDS[self.tested.loops]
             resource.setrlimit(resource.RLIMIT_CPU, (limit, limit))
             resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-            sys.meta_path.insert(0, Faulty(self.mutant))  # type: ignore[arg-type]
-            if self.mutant.compiled:  # for this process alone: from the shared cache, every later run would load the fault
+            sys.meta_path.insert(0, Faulty(self.fault))  # type: ignore[arg-type]
+            if self.tested.compiled:
+                # For this process alone: from the shared cache, every later run would load it.
                 os.environ["NUMBA_CACHE_DIR"] = import_module("numba").config.CACHE_DIR = (
                     self._compiled
                 )
         names = [
             str(file_of(name, TREE)) + "".join(name.partition("::")[1:])
-            for name in self.mutant.tests
+            for name in self.tested.tests
         ]
         plugins = [
             "-p",
             "no:cacheprovider",
             "-p",
             "no_shrinking",
-            *(["-p", "interpreted"] if self.mutant.loops else []),
+            *(["-p", "interpreted"] if self.tested.loops else []),
         ]
         quiet = ["-x", "-q", "-n0", "--tb=line", "-W", "ignore:Module already imported"]
         return int(import_module("pytest").main([*quiet, *plugins, *names]))
 
 
-def digests(mutant: Mutant, root: Path = ROOT) -> dict[str, str]:
-    """Return a number of all that a result depends on: the faulty function, and the tests."""
+def digests(fault: Fault, root: Path = ROOT) -> dict[str, str]:
+    """Return a number of all that a result depends on: the function, and the tests."""
+    tests = modules()[fault.module].tests
     texts = {
-        "scope": mutant.faulty_scope(root),
-        "tests": "".join(file_of(t, root).read_text() for t in mutant.tests),
+        "scope": fault.scope_text(root),
+        "tests": "".join(file_of(test, root).read_text() for test in tests),
     }
     return {key: hashlib.sha256(text.encode()).hexdigest()[:16] for key, text in texts.items()}
 
 
-def known(every: list[Mutant]) -> dict[str, tuple[str, str]]:
-    """Return what earlier runs found, by name.
+def known(wanted: list[Fault]) -> dict[Fault, Outcome]:
+    """Return what earlier runs found.
 
-    A fault that was found stays so while its function is the same, and the test that found it is still there; one that
-    was not found, while the tests are the same.
+    A fault that was told stays so while its function is the same, and the test that told it is still there; one that
+    was not told, while the tests are the same.
     """
     rows = [json.loads(line) for line in FOUND.read_text().splitlines()] if FOUND.exists() else []
     by_name = {row["name"]: row for row in rows}
     found = {}
-    for mutant in every:
-        row, now = by_name.get(mutant.name), digests(mutant)
-        if row and row["scope"] == now["scope"]:
-            holds = (
-                _is_there(row["by"]) if row["outcome"] == "killed" else row["tests"] == now["tests"]
-            )
-            if holds:
-                found[mutant.name] = row["outcome"], row["by"]
+    for fault in wanted:
+        row = by_name.get(fault.name)
+        if row is None:
+            continue
+        now = digests(fault)
+        tests_hold = (
+            _is_there(row["by"]) if row["outcome"] == TOLD else row["tests"] == now["tests"]
+        )
+        if row["scope"] == now["scope"] and tests_hold:
+            found[fault] = row["outcome"], row["by"]
     return found
 
 
@@ -189,44 +209,49 @@ def _is_there(by: str) -> bool:
     return not test or any(text in path.read_text() for path in (ROOT / "tests").rglob(file))
 
 
-def try_all(wanted: list[Mutant], jobs: int) -> None:
-    """Run mutants, so many at once, and keep what is found."""
-    waiting, running = deque(wanted), dict[int, Run]()
-    begun, done = time.monotonic(), 0
+def try_all(wanted: list[Fault], jobs: int) -> None:
+    """Plant faults, so many at once, and keep what is found."""
+    waiting = deque(wanted)
+    running: dict[int, Run] = {}
+    begun = time.monotonic()
+    done = 0
     while waiting or running:
         while waiting and len(running) < jobs:
-            run = Run(waiting.popleft())
+            fault = waiting.popleft()
+            run = Run(modules()[fault.module], fault)
             running[run.process] = run
         process, status, usage = os.wait4(-1, 0)
         run = running.pop(process)
+        assert run.fault is not None
         outcome, by = run.finished(os.waitstatus_to_exitcode(status))
-        seconds, done = round(usage.ru_utime + usage.ru_stime, 1), done + 1
-        row = {"name": run.mutant.name, "outcome": outcome, "by": by, "seconds": seconds} | digests(
-            run.mutant, TREE
-        )
+        seconds = round(usage.ru_utime + usage.ru_stime, 1)
+        done += 1
+        row = {"name": run.fault.name, "outcome": outcome, "by": by, "seconds": seconds}
+        row |= digests(run.fault, TREE)
         with FOUND.open("a") as file:
             file.write(json.dumps(row) + "\n")
         passed = time.monotonic() - begun
         print(
-            f"{done}/{len(wanted)} {passed:.0f} s, {seconds} s: {outcome}: {run.mutant.name} {by}",
+            f"{done}/{len(wanted)} {passed:.0f} s, {seconds} s: {outcome}: {run.fault.name} {by}",
             flush=True,
         )
 
 
-def check_killers(rows: list[tuple[Mutant, str, str]]) -> None:
-    """Run the tests that found a fault without any; one that fails ends the program."""
+def check_tests(found: dict[Fault, Outcome]) -> None:
+    """Run the tests that told a fault without any; one that fails ends the program."""
     for loops in (False, True):
-        some = [(mutant, by) for mutant, _, by in rows if mutant.loops == loops and "::" in by]
-        if some:
-            run = Run(
-                replace(some[0][0], tests=tuple(sorted({by for _, by in some}))), faulty=False
-            )
-            _, status, usage = os.wait4(run.process, 0)
-            run.finished(os.waitstatus_to_exitcode(status))
-            print(
-                f"tests that found a fault, without any: {usage.ru_utime + usage.ru_stime:.1f} s",
-                flush=True,
-            )
+        told_by = {
+            by
+            for fault, (_, by) in found.items()
+            if "::" in by and modules()[fault.module].loops == loops
+        }
+        if not told_by:
+            continue
+        run = Run(Tested("", tuple(sorted(told_by)), loops=loops), None)
+        _, status, usage = os.wait4(run.process, 0)
+        run.finished(os.waitstatus_to_exitcode(status))
+        seconds = usage.ru_utime + usage.ru_stime
+        print(f"tests that told a fault, without any: {seconds:.1f} s", flush=True)
 
 
 def ready() -> None:
@@ -237,62 +262,84 @@ def ready() -> None:
         import_module(name)
 
 
-def outcome_of(mutant: Mutant, found: tuple[str, str]) -> tuple[str, str]:
-    """Return the outcome as the table has it, and what tells of it: a test, or the reason."""
-    if not mutant.equivalent:
+def outcome_of(fault: Fault, found: Outcome) -> Outcome:
+    """Return the outcome as the table has it."""
+    reason = reasons().get(fault.name)
+    if reason is None:
         return found
-    return (
-        ("equivalent", mutant.equivalent)
-        if found[0] == "survived"
-        else ("not equivalent", found[1])
-    )
+    outcome, by = found
+    return (NOTHING, reason) if outcome == NOT_TOLD else (NOT_NOTHING, by)
+
+
+def recorded() -> dict[tuple[str, ...], str]:
+    """Return the outcomes of the last whole run, by the columns that name a fault."""
+    if not TABLE.exists():
+        return {}
+    with TABLE.open(newline="") as file:
+        return {tuple(row[c] for c in COLUMNS[:5]): row["outcome"] for row in csv.DictReader(file)}
+
+
+def lost_since(outcomes: dict[Fault, Outcome]) -> list[str]:
+    """Return the faults that the last whole run told and this one does not, by name."""
+    before = recorded()
+    return [
+        fault.name
+        for fault, (outcome, _) in outcomes.items()
+        if outcome == NOT_TOLD and before.get(key_of(fault)) == TOLD
+    ]
+
+
+def key_of(fault: Fault) -> tuple[str, ...]:
+    """Return the columns that name a fault."""
+    return (fault.module, fault.scope, fault.old, fault.new, str(fault.number))
+
+
+def write_table(outcomes: dict[Fault, Outcome]) -> None:
+    """Write the table of a whole run."""
+    with TABLE.open("w", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        writer.writerows((*key_of(fault), *outcome) for fault, outcome in outcomes.items())
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    parser.add_argument("--share", type=float, default=SHARE, help="of all faults (default: 0.15)")
     parser.add_argument(
         "--only",
         nargs="+",
-        default=[""],
         metavar="TEXT",
-        help="those whose name holds one of these",
+        help="those whose name holds one of these, all of them; writes no table",
     )
     parser.add_argument("--dry", action="store_true", help="only list what is left to run")
     args = parser.parse_args()
-    every = mutants()
-    kept = known(every)
-    left = [m for only in args.only for m in every if only in m.name and m.name not in kept]
-    # Those that nothing finds take longest.
-    left = sorted(dict.fromkeys(left), key=lambda m: bool(m.equivalent))
-    print(f"{len(every)} mutants, {len(left)} of them to run", flush=True)
+    every = [fault for tested in modules().values() for fault in tested.faults]
+    if args.only:
+        wanted = [fault for fault in every if any(text in fault.name for text in args.only)]
+    else:
+        wanted = [fault for fault in every if fault.is_in(args.share)]
+    kept = known(wanted)
+    # Those that nothing tells take longest.
+    left = sorted((f for f in wanted if f not in kept), key=lambda fault: fault.name in reasons())
+    print(f"{len(every)} faults, {len(wanted)} wanted, {len(left)} of them to run", flush=True)
     if args.dry:
-        print("\n".join(m.name for m in left))
+        print("\n".join(fault.name for fault in left))
         return 0
     ready()
     try_all(left, args.jobs)
-    kept = known(every)
-    rows = [(m, *outcome_of(m, kept[m.name])) for m in every if m.name in kept]
-    if len(rows) == len(every):
-        check_killers(rows)
-        with TABLE.open("w", newline="") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(COLUMNS)
-            writer.writerows(
-                (m.module, m.scope, m.old, m.new, outcome, by) for m, outcome, by in rows
-            )
-    print(
-        ", ".join(
-            f"{n} {outcome}" for outcome, n in Counter(outcome for _, outcome, _ in rows).items()
-        )
-    )
-    wrong = [
-        f"{outcome}: {m.name} {by}"
-        for m, outcome, by in rows
-        if outcome not in ("killed", "equivalent")
-    ]
-    print("\n".join(wrong))
-    return 1 if wrong or any(m.name not in kept for m in left) else 0
+    found = known(wanted)
+    outcomes = {fault: outcome_of(fault, outcome) for fault, outcome in found.items()}
+    lost = lost_since(outcomes)
+    if not args.only:
+        check_tests(found)
+        write_table(outcomes)
+    counts = Counter(outcome for outcome, _ in outcomes.values())
+    print(", ".join(f"{number} {outcome}" for outcome, number in counts.items()))
+    for outcome in (NOT_TOLD, NOT_NOTHING):
+        print("\n".join(f"{outcome}: {f.name}" for f, (o, _) in outcomes.items() if o == outcome))
+    print("\n".join(f"told before, and no longer: {name}" for name in lost))
+    return 1 if lost or counts[NOT_NOTHING] else 0
 
 
 if __name__ == "__main__":

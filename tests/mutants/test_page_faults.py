@@ -14,12 +14,11 @@ RECORDED = list(csv.DictReader(TABLE.read_text().splitlines()))
 
 
 def test_the_table_holds_the_faults_of_the_step():
-    of_table = [(row["module"], row["function"], row["is"], row["becomes"]) for row in RECORDED]
-    assert of_table == [(f.module, f.scope, f.old, f.new) for f in page_faults.faults()]
+    assert [row["fault"] for row in RECORDED] == [fault.name for fault in page_faults.faults()]
 
 
 def test_every_fault_is_told_by_a_witness():
-    assert all(row["oracle"] or row["rtl"] for row in RECORDED)
+    assert [row["fault"] for row in RECORDED if not (row["oracle"] or row["rtl"])] == []
 
 
 def test_a_sound_page_is_told_by_none():
