@@ -16,7 +16,7 @@ import locsnn_compile as lc
 from hw_model.values import Shown
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.report.figures.document import ReportFigures
-from locsnn_compile.report.figures.entries import typed
+from tests.typed_documents import typed
 
 PUBLIC = {name: getattr(package, name) for package in (hw, lc) for name in package.__all__}
 NEURON = {"decay_v": 0.1, "threshold": 1.0}
@@ -191,7 +191,7 @@ def test_a_notebook_shows_the_summary(compiled):
 
 
 def test_a_notebook_shows_names_as_text(compiled):
-    report = compiled.report | {"model": {"name": "<script>", "sha256": ""}}
+    report = compiled.report | {"model": {"name": "<script>", "sha256": "", "members": []}}
     figures = typed(ReportFigures, report)
     assert "<script" not in replace(compiled, figures=figures)._repr_html_()
 

@@ -67,7 +67,7 @@ def document() -> dict[str, Any]:
     limits = {"cores": 128, "compartments": 1024, "synapse_words": 16384, "synapse_formats": 16}
     return {
         "schema": "locsnn-report/1",
-        "model": {"name": "two-branches", "sha256": "ab" * 32},
+        "model": {"name": "two-branches", "sha256": "ab" * 32, "members": []},
         "target": "loihi-sim",
         "strategy": "dendrite",
         "weight_bits": 8,
@@ -178,8 +178,11 @@ def document() -> dict[str, Any]:
             "steps": 7,
             "events_dropped": 0,
             "synapses_pruned": 5,
+            "biases_lost": 0,
             "compartments_pruned": 0,
         },
+        "input": {"aligned_steps": 0.0, "aligned_steps_by_branch": {}},
+        "strategy_choice": None,
         "quantization": {
             name: {
                 "strategy": "dendrite",

@@ -130,6 +130,7 @@ def latency() -> dict[str, Any]:
     return {
         "profile": "davies2018",
         "basis": "pre-silicon simulation at 0.75 V",
+        "timed": True,
         "per_sample_ns": 1400000.0,
         "per_sample_cycles": 1400000,
         "clock_ghz": 1.0,

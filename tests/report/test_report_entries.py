@@ -11,14 +11,13 @@ from locsnn_compile.errors import InputError
 from locsnn_compile.report.figures.entries import (
     INLINED,
     NULLS,
-    EarlierVersions,
     Entry,
     IfKnown,
     LeftOut,
     keys_of,
     plain,
-    typed,
 )
+from tests.typed_documents import typed
 
 
 class Size(Entry):
@@ -40,7 +39,7 @@ class Part(Entry):
     budget: Annotated[Size | None, LeftOut(without="note")]
     energy: Annotated[Size | None, NULLS]
     times: Annotated[Named | None, INLINED, NULLS]
-    timed: Annotated[bool, EarlierVersions(True)]
+    timed: bool
     parts: Mapping[str, tuple[Size, ...]]
     choice: Size | Named | None
 
@@ -98,11 +97,6 @@ def test_a_document_is_that_of_its_entry(key, value):
         document["budget"] = None
     assert plain(typed(Part, document)) == document
     assert typed(Part, DOCUMENT) == PART != typed(Part, document)
-
-
-def test_what_earlier_versions_did_not_write_is_what_they_meant():
-    earlier = {key: value for key, value in DOCUMENT.items() if key != "timed"}
-    assert typed(Part, earlier).timed is True
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,6 @@ from locsnn_compile.report.figures.energy import EnergyFigures, energy_figures
 from locsnn_compile.report.figures.entries import (
     INLINED,
     NULLS,
-    EarlierVersions,
     Entry,
     IfKnown,
     LeftOut,
@@ -66,7 +65,6 @@ from locsnn_compile.verification.matching import Match
 from locsnn_compile.verification.over_time import OverTime
 
 SCHEMA = "locsnn-report/1"
-_NOT_ALIGNED = {"aligned_steps": 0.0, "aligned_steps_by_branch": {}}
 
 
 class MemberFigures(Entry):
@@ -86,7 +84,7 @@ class ModelFigures(Entry):
 
     name: str
     sha256: str | None
-    members: Annotated[tuple[MemberFigures, ...], EarlierVersions(())]
+    members: tuple[MemberFigures, ...]
 
 
 class GateFigures(Entry):
@@ -117,7 +115,7 @@ class ReportFigures(Entry):
     resources: ResourceFigures
     ann_comparison: Conventional
     skipped: SkippedFigures
-    input: Annotated[InputFigures, EarlierVersions(_NOT_ALIGNED)]
+    input: InputFigures
     assumptions: tuple[str, ...]
     gates: tuple[GateFigures, ...]
     quantization: Mapping[str, PopulationNumbers]
@@ -125,7 +123,7 @@ class ReportFigures(Entry):
     error_budget: Annotated[BudgetFigures | None, LeftOut(without="margins")]
     margins: IfKnown[MarginFigures]
     over_time: IfKnown[OverTimeFigures | NotFollowed]
-    strategy_choice: Annotated[ChoiceFigures | None, EarlierVersions(None)]
+    strategy_choice: ChoiceFigures | None
 
     @property
     def energy_pj(self) -> float | None:

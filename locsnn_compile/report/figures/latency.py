@@ -11,7 +11,7 @@ from hw_model.accounting.mesh_routes import routes_of
 from hw_model.accounting.usage import PhaseUsage
 from hw_model.program.chip_program import ChipProgram
 from hw_model.targets import target_of
-from locsnn_compile.report.figures.entries import INLINED, NULLS, EarlierVersions, Entry
+from locsnn_compile.report.figures.entries import INLINED, NULLS, Entry
 from locsnn_compile.report.figures.spread import (
     Course,
     Ends,
@@ -112,7 +112,7 @@ class LatencyFigures(Entry):
 
     profile: str | None
     basis: str
-    timed: Annotated[bool, EarlierVersions(True)]
+    timed: bool
     per_sample_ns: float
     per_sample_cycles: int
     clock_ghz: float

@@ -11,7 +11,7 @@ from hw_model.targets import target_of
 from hw_model.values import AnyArray, IntArray
 from locsnn_compile.network.quantized import KernelFit, QuantizedNetwork, QuantizedPopulation
 from locsnn_compile.pipeline import Levels
-from locsnn_compile.report.figures.entries import INLINED, EarlierVersions, Entry, IfKnown
+from locsnn_compile.report.figures.entries import INLINED, Entry, IfKnown
 from locsnn_compile.report.figures.match import BinningFigures, binning_figures
 from locsnn_compile.report.figures.spread import Place, place
 from locsnn_compile.report.grounds import Grounds
@@ -79,7 +79,7 @@ class SkippedFigures(Entry):
     events_dropped: int
     binning: IfKnown[BinningFigures]
     synapses_pruned: int
-    biases_lost: Annotated[int, EarlierVersions(0)]
+    biases_lost: int
     compartments_pruned: int
 
 
