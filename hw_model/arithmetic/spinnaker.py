@@ -1,0 +1,315 @@
+"""The arithmetic of SpiNNaker 1 with sPyNNaker's ``IF_curr_exp``, on one page: read downwards.
+
+A core is an ARM without floating point, and this is what its machine code computes in steps of 1 ms.
+
+FORMATS
+
+    s16.15    32 bits with a sign, in units of 2^-15. Sums and differences keep their low 32 bits,
+              without a word: here they *wrap*
+    u0.32     32 bits without a sign, in units of 2^-32
+    x >> n    of a product, all of whose 64 bits there are: rounded down, never to nearest
+
+REGISTERS of a neuron, with two receptors r: 0 excites, 1 inhibits
+
+    V               membrane potential, s16.15 mV; v_init at first
+    I_r             current of a receptor, s16.15 nA; 0 at first
+    refr            steps for which V still stays as it is; 0 at first
+    ring[slot, r]   weights that arrive in later steps; 16 bits without a sign, saturates
+
+PARAMETERS of a neuron, s16.15
+
+    tau_m, c_m      above 0: ms, nF        tau_syn_r         above 0: ms
+    tau_refrac      0 or more: ms          i_offset          nA
+    v_rest, v_reset, v_thresh, v_init      mV
+
+A core computes CONSTANTS from them when it starts, where a / b is (a << 15) div b:
+
+    R       = tau_m / c_m                                s16.15, MOhm; wraps
+    e       = expk(-1 ms / tau_m)                        s16.15, what V keeps of its way to a goal
+    d_r     = expulr(-1 ms / tau_syn_r)                  u0.32, what I_r keeps; 0 for 32,768 ms and more
+    init_r  = tau_syn_r (2^32 - 1 - d_r) >> 15           u0.32, keeps its low 32 bits
+    T       = tau_refrac, rounded up to whole steps
+
+SYNAPSES hold weights of 16 bits without a sign; the receptor gives it. A population has a shift P_r
+for each receptor: a stored weight counts 2^(P_r - 15) nA. Delays are 1..slots steps, where a ring
+buffer has a power of two of slots.
+
+THE STEP t, in the order of the code below; what is in brackets wraps:
+
+    I_r   = [I_r + (init_r [ring[t mod slots, r] << P_r] >> 32)],  and the slot is emptied
+    if refr > 0:  refr = refr - 1
+    else:         drive = [I_0 - I_1 + i_offset]
+                  goal  = [(drive R >> 15) + v_rest]
+                  V     = [goal - ([goal - V] e >> 15)]
+    if V >= v_thresh, in refractory steps as well: a spike, V = v_reset, refr = T
+    I_r   = I_r d_r >> 32
+
+WHEN: a spike of step t and a synapse of delay D act in step t + D. A core that is behind processes
+it ``lateness`` steps later, 0..15. The synapse still acts in t + D if its delay is longer than that;
+otherwise it is dropped. A delay of all slots is stored as 0, and is never found late.
+
+EVENTS that are counted: wraps of shifted ring buffers, of currents, and of drives, goals, distances
+and potentials together; weights that saturated a ring buffer; synapses that came too late.
+"""
+
+from collections.abc import Callable
+from decimal import Decimal, localcontext
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from hw_model.values import AnyArray, BoolArray, IntArray
+
+ONE = 1 << 15
+"""1 in s16.15; as a time, the step of 1 ms."""
+HALF_SPAN = 1 << 31
+"""s16.15 holds integers from minus this to below it."""
+SPAN = 1 << 32
+"""1 in u0.32; integers that a word of 32 bits distinguishes."""
+RING_MAX = (1 << 16) - 1
+WEIGHT_MAX = (1 << 16) - 1
+RECEPTORS = 2
+EXCITATORY, INHIBITORY = range(RECEPTORS)
+SHIFT_MAX = 16
+"""The largest P_r that a witness has seen."""
+DELAY_MIN = 1
+LATENESS_MAX = 15
+"""The key of a spike carries the step that sent it, modulo 16."""
+EVENTS = (
+    "ring_wraps",
+    "current_wraps",
+    "potential_wraps",
+    "saturated_weights",
+    "late_synapses",
+)
+"""What is counted, by name."""
+
+
+class Parameters(NamedTuple):
+    """Of n neurons, in s16.15: tau_syn (n, receptors), all others (n,)."""
+
+    tau_m: IntArray
+    c_m: IntArray
+    tau_syn: IntArray
+    v_rest: IntArray
+    v_reset: IntArray
+    v_thresh: IntArray
+    v_init: IntArray
+    i_offset: IntArray
+    tau_refrac: IntArray
+
+
+class Constants(NamedTuple):
+    """What a core computes of n neurons: synapse_* (n, receptors) in u0.32, all others (n,)."""
+
+    resistance: IntArray
+    membrane_decay: IntArray
+    synapse_decay: IntArray
+    synapse_init: IntArray
+    refractory_steps: IntArray
+
+
+class State(NamedTuple):
+    """Registers between two steps: current (n, receptors), v and refractory (n,)."""
+
+    v: IntArray
+    current: IntArray
+    refractory: IntArray
+
+
+class Step(NamedTuple):
+    """The registers after a step, ``potential`` as the threshold saw it, spikes, and wraps by name."""
+
+    state: State
+    potential: IntArray
+    fired: BoolArray
+    wraps: dict[str, int]
+
+
+def wrap(x: IntArray) -> IntArray:
+    """Return the low 32 bits of x, of which the highest is the sign."""
+    return (x + HALF_SPAN) % SPAN - HALF_SPAN
+
+
+# Constants, as a core computes them when it starts.
+
+
+def constants(p: Parameters) -> Constants:
+    """Return what a core computes from the parameters of its neurons."""
+    decay = of_each(expulr, -quotient(ONE, p.tau_syn))
+    return Constants(
+        resistance=quotient(p.tau_m, p.c_m),
+        membrane_decay=of_each(expk, -quotient(ONE, p.tau_m)),
+        synapse_decay=decay,
+        synapse_init=initial_share(p.tau_syn, decay),
+        refractory_steps=-(-p.tau_refrac // ONE),
+    )
+
+
+def quotient(numerator: IntArray | int, denominator: IntArray) -> IntArray:
+    """Return a / b in s16.15 of s16.15 numbers, 0 or more and above 0."""
+    return wrap((numerator << 15) // denominator)
+
+
+def initial_share(tau_syn: IntArray, synapse_decay: IntArray) -> IntArray:
+    """Return what of a weight reaches a current at once, u0.32.
+
+    All that the current then is, step by step, adds up to tau_syn times the weight.
+    """
+    return (tau_syn * (SPAN - 1 - synapse_decay) >> 15) % SPAN
+
+
+EXPONENT_MIN = -340695
+EXPONENT_MAX = 363408
+"""Beyond these exponents the exponentials are fixed values."""
+
+
+def expk(x: int) -> int:
+    """Return e^x in s16.15, of x in s16.15."""
+    if x < EXPONENT_MIN:
+        return 0
+    if x > EXPONENT_MAX:
+        return HALF_SPAN - 1
+    return _exponential(x) >> 17
+
+
+def expulr(x: int) -> int:
+    """Return e^x in u0.32, of x in s16.15; e^0 is 0, as 1 does not fit."""
+    if x < EXPONENT_MIN:
+        return 0
+    if x > EXPONENT_MAX:
+        return HALF_SPAN - 1
+    return _exponential(x) % SPAN
+
+
+def _exponential(x: int) -> int:
+    """Return 2^32 e^x: a power of e above x, less whole sixteenths, less what is left."""
+    whole = x >> 15
+    below = -x % ONE
+    if below == 0:
+        return _power(whole)
+    exact = _power(whole + 1)
+    exact -= _share(exact, _lost_by_sixteenths(below >> 11))
+    exact -= _share(exact, _lost_by_less((below % 2048) << 17))
+    return exact
+
+
+@lru_cache
+def _power(exponent: int) -> int:
+    """Return 2^32 e^exponent, to nearest."""
+    with localcontext(prec=50):
+        return round(SPAN * Decimal(exponent).exp())
+
+
+@lru_cache
+def _lost_by_sixteenths(sixteenths: int) -> int:
+    """Return 2^32 (1 - e^(-sixteenths / 16)), to nearest."""
+    with localcontext(prec=50):
+        return round(SPAN * (1 - (-Decimal(sixteenths) / 16).exp()))
+
+
+def _lost_by_less(y: int) -> int:
+    """Return 1 - e^-y, all in u0.32, for y below 1/16: a polynomial of the second degree."""
+    slope = 4293434720 - (y * 2081624032 >> 32)
+    return 5294 + (y * slope >> 32)
+
+
+def _share(wide: int, factor: int) -> int:
+    """Return the share ``factor``, u0.32, of a number of 64 bits; its low word's is rounded to nearest."""
+    high, low = divmod(wide, SPAN)
+    return high * factor + (low * factor + HALF_SPAN >> 32)
+
+
+def of_each(function: Callable[[int], int], values: IntArray) -> IntArray:
+    """Return a function of every integer of an array; equal ones are computed once."""
+    different, place = np.unique(values, return_inverse=True)
+    results = [function(value) for value in different.tolist()]
+    return np.array(results, dtype=np.int64)[place].reshape(values.shape)
+
+
+# The step. Each formula is of arrays or of single numbers, and exact: its caller wraps it.
+
+
+def charged(current: IntArray, init: IntArray, shifted_ring: IntArray) -> IntArray:
+    """Return a current to which the weights of a slot have come."""
+    return current + (init * shifted_ring >> 32)
+
+
+def drive_of(excitation: IntArray, inhibition: IntArray, i_offset: IntArray) -> IntArray:
+    """Return all that drives a membrane, in nA."""
+    return excitation - inhibition + i_offset
+
+
+def goal_of(drive: IntArray, resistance: IntArray, v_rest: IntArray) -> IntArray:
+    """Return where V would come to rest."""
+    return (drive * resistance >> 15) + v_rest
+
+
+def approached(goal: IntArray, distance: IntArray, membrane_decay: IntArray) -> IntArray:
+    """Return V after a step towards its goal, which was ``distance`` above it."""
+    return goal - (distance * membrane_decay >> 15)
+
+
+def faded(current: IntArray, synapse_decay: IntArray) -> IntArray:
+    """Return what a step leaves of a current."""
+    return current * synapse_decay >> 32
+
+
+def step(p: Parameters, c: Constants, shifts: IntArray, state: State, ring: IntArray) -> Step:
+    """Take a step of n neurons.
+
+    ``ring`` (n, receptors) is what has arrived for it; ``shifts`` (receptors,) are P_r.
+    """
+    shifted = wrap(ring << shifts)
+    current_sum = charged(state.current, c.synapse_init, shifted)
+    current = wrap(current_sum)
+
+    drive_sum = drive_of(current[:, EXCITATORY], current[:, INHIBITORY], p.i_offset)
+    drive = wrap(drive_sum)
+    goal_sum = goal_of(drive, c.resistance, p.v_rest)
+    goal = wrap(goal_sum)
+    distance_sum = goal - state.v
+    distance = wrap(distance_sum)
+    v_sum = approached(goal, distance, c.membrane_decay)
+    moves = state.refractory == 0
+    potential = np.where(moves, wrap(v_sum), state.v)
+
+    fired = potential >= p.v_thresh
+    left = np.maximum(state.refractory - 1, 0)
+    after = State(
+        v=np.where(fired, p.v_reset, potential),
+        current=faded(current, c.synapse_decay),
+        refractory=np.where(fired, c.refractory_steps, left),
+    )
+    sums = np.stack([drive_sum, goal_sum, distance_sum, v_sum])
+    wraps = {
+        "ring_wraps": wraps_of(ring << shifts),
+        "current_wraps": wraps_of(current_sum),
+        "potential_wraps": wraps_of(sums[:, moves]),
+    }
+    return Step(after, potential, fired, wraps)
+
+
+def wraps_of(exact: IntArray) -> int:
+    """Return how many sums a word of 32 bits does not hold."""
+    return int(np.count_nonzero(wrap(exact) != exact))
+
+
+# How weights arrive.
+
+
+def slot_of(sent: int, delay: AnyArray, slots: AnyArray) -> AnyArray:
+    """Return the slot that a spike of step ``sent`` reaches."""
+    return (sent + delay) % slots
+
+
+def comes_too_late(lateness: int, delay: AnyArray, slots: AnyArray) -> AnyArray:
+    """Tell whether the step in which a synapse would act has begun before it is processed."""
+    return (delay < slots) & (lateness >= delay)
+
+
+def collected(entry: AnyArray, weight: AnyArray) -> AnyArray:
+    """Return an entry of a ring buffer with one more weight; synapses are added one by one."""
+    entries: AnyArray = np.minimum(entry + weight, RING_MAX)
+    return entries

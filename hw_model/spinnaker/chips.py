@@ -1,0 +1,53 @@
+"""What a SpiNNaker has room for, read from the YAML file next to this one."""
+
+from functools import cache
+from importlib.resources import files
+from typing import Annotated
+
+from hw_model.description.read import parse
+from hw_model.errors import check_known
+from hw_model.io.records import AT_LEAST_ONE, between
+from hw_model.values import Shown
+
+
+class SpinnakerChip(Shown, eq=True):
+    """A board of cores, and what a core holds.
+
+    The numbers of neurons, receptors and slots of a core's ring buffer are powers of two, whose
+    exponents add up to ``ring_bits`` at most.
+    """
+
+    name: str
+    cores: Annotated[int, AT_LEAST_ONE]
+    neurons_per_core: Annotated[int, between(1, 256)]
+    ring_bits: Annotated[int, between(2, 14)]
+    synapses_per_row: Annotated[int, between(1, 256)]
+    source: str
+    notes: str = ""
+
+    @property
+    def description(self) -> str:
+        """What it has room for, in a line."""
+        return (
+            f"{self.cores} cores of {self.neurons_per_core} neurons, "
+            f"{self.synapses_per_row} synapses of a source on a core"
+        )
+
+
+def spinnaker_chip_names() -> tuple[str, ...]:
+    """Return the names of the chips that ship."""
+    entries = (entry.name for entry in (files("hw_model") / "spinnaker").iterdir())
+    return tuple(sorted(name.removesuffix(".yaml") for name in entries if name.endswith(".yaml")))
+
+
+@cache
+def spinnaker_chip(name: str) -> SpinnakerChip:
+    """Return a chip by its name; another name is an ``InputError``."""
+    return parse(SpinnakerChip, spinnaker_chip_document(name), name)
+
+
+def spinnaker_chip_document(name: str) -> str:
+    """Return the YAML text that describes a chip; ``InputError`` for a name that none has."""
+    what = "no SpiNNaker of this name ships"
+    check_known(f"target {name!r}", what, name, spinnaker_chip_names())
+    return (files("hw_model") / "spinnaker" / f"{name}.yaml").read_text("utf-8")

@@ -1,0 +1,243 @@
+"""A network as SpiNNaker stores it, checked against what its cores hold."""
+
+from functools import cached_property
+from typing import Literal, get_args
+
+import numpy as np
+
+from hw_model.arithmetic import spinnaker
+from hw_model.errors import InputError, TargetError, check_known
+from hw_model.mapping.graph import Input, Phase
+from hw_model.spinnaker.chips import SpinnakerChip
+from hw_model.values import AnyArray, Frozen, IntArray, Shown
+
+Receptor = Literal["excitatory", "inhibitory"]
+RECEPTORS: tuple[Receptor, ...] = get_args(Receptor)
+"""In the order of the arrays of :mod:`hw_model.arithmetic.spinnaker`."""
+_NOT_NEGATIVE = 0, spinnaker.HALF_SPAN - 1
+_POSITIVE = 1, spinnaker.HALF_SPAN - 1
+_ANY = -spinnaker.HALF_SPAN, spinnaker.HALF_SPAN - 1
+RANGES: dict[str, tuple[int, int]] = {
+    "tau_m": _POSITIVE,
+    "c_m": _POSITIVE,
+    "tau_syn": _POSITIVE,
+    "v_rest": _ANY,
+    "v_reset": _ANY,
+    "v_thresh": _ANY,
+    "v_init": _ANY,
+    "i_offset": _ANY,
+    "tau_refrac": _NOT_NEGATIVE,
+}
+"""Parameter of a neuron -> the integers, s16.15, that it can be."""
+
+
+class SpinnakerPopulation(Frozen, eq=False):
+    """n neurons of a phase, on cores of ``neurons_per_core``, the last of which may have fewer.
+
+    ``shifts`` are P_r by receptor, and ``slots`` those of a core's ring buffer. Nothing that is
+    played depends on the last two: a weight of 1 in the network that was compiled is
+    ``weight_unit`` nA, and a potential of 1 is ``potential_unit`` mV.
+    """
+
+    name: str
+    phase: str
+    parameters: spinnaker.Parameters
+    shifts: tuple[int, int]
+    slots: int
+    neurons_per_core: int
+    weight_unit: float = 1.0
+    potential_unit: float = 1.0
+
+    def __post_init__(self) -> None:
+        where = f"population {self.name!r}"
+        for name, (low, high) in RANGES.items():
+            array = getattr(self.parameters, name)
+            shape = (self.size, spinnaker.RECEPTORS) if name == "tau_syn" else (self.size,)
+            _check_shape(f"{where}, {name}", array, shape)
+            _check_range(f"{where}, {name}", array, low, high)
+        _check_range(f"{where}, shifts", np.array(self.shifts), 0, spinnaker.SHIFT_MAX)
+        _check_range(f"{where}, neurons_per_core", np.array(self.neurons_per_core), 1, 256)
+        if self.slots < 2 or self.slots & (self.slots - 1):
+            what = "its ring buffer has another number of slots than a power of two"
+            fix = "Give 2 or a higher power of two."
+            raise InputError(where, what, measured=str(self.slots), fix=fix)
+
+    @property
+    def size(self) -> int:
+        """Neurons."""
+        return len(self.parameters.tau_m)
+
+    @property
+    def cores(self) -> int:
+        """Cores that it takes."""
+        return -(-self.size // self.neurons_per_core)
+
+    @property
+    def ring_bits(self) -> int:
+        """Bits that number the entries of a core's ring buffer."""
+        largest = min(self.size, self.neurons_per_core)
+        receptor_bits = 1
+        return (largest - 1).bit_length() + receptor_bits + (self.slots - 1).bit_length()
+
+    @cached_property
+    def constants(self) -> spinnaker.Constants:
+        """What its cores compute when they start."""
+        return spinnaker.constants(self.parameters)
+
+
+class SpinnakerProjection(Frozen, eq=False):
+    """Synapses of one receptor from a source, an input or a population, to a population.
+
+    Arrays are (synapses,): ``weight`` as stored, 0..65535, ``delay`` 1..slots of the target. They
+    are ordered by source, and those of one source act in their order.
+    """
+
+    source: str
+    target: str
+    receptor: Receptor
+    source_index: IntArray
+    target_index: IntArray
+    weight: IntArray
+    delay: IntArray
+
+    @property
+    def called(self) -> str:
+        """What messages call it."""
+        return f"projection {self.source!r} -> {self.target!r}, {self.receptor}"
+
+
+class SpinnakerNetwork(Shown):
+    """Phases, which run one after the other from rest, their inputs, and what they excite.
+
+    Lines of inputs spike as :class:`hw_model.mapping.graph.Input` says. A core processes the spikes
+    of a step in this order: inputs, then populations, and the synapses of one of their neurons
+    projection after projection.
+    """
+
+    phases: tuple[Phase, ...]
+    inputs: tuple[Input, ...]
+    populations: tuple[SpinnakerPopulation, ...]
+    projections: tuple[SpinnakerProjection, ...]
+
+    def __post_init__(self) -> None:
+        phases = [phase.name for phase in self.phases]
+        names = [node.name for node in self.nodes]
+        for what, of_one_kind in (("phase", phases), ("input or population", names)):
+            for name in of_one_kind:
+                if of_one_kind.count(name) > 1:
+                    fix = "Give each a name of its own."
+                    raise InputError("network", f"it has more than one {what} {name!r}", fix=fix)
+        for node in self.nodes:
+            check_known(f"{node.name!r}", "its phase does not exist", node.phase, phases)
+        for projection in self.projections:
+            self._check_projection(projection)
+
+    def _check_projection(self, projection: SpinnakerProjection) -> None:
+        where = projection.called
+        sizes = self.sizes
+        check_known(where, "its source does not exist", projection.source, sizes)
+        targets = [population.name for population in self.populations]
+        check_known(where, "its target is not a population", projection.target, targets)
+        check_known(where, "there is no such receptor", projection.receptor, RECEPTORS)
+        target = self.population(projection.target)
+        if self.phase_of(projection.source) != target.phase:
+            what = "its ends are in different phases"
+            raise InputError(where, what, fix="Connect what runs together.")
+        shape = projection.source_index.shape
+        last_source = sizes[projection.source] - 1
+        for name, low, high in (
+            ("source_index", 0, last_source),
+            ("target_index", 0, target.size - 1),
+            ("weight", 0, spinnaker.WEIGHT_MAX),
+            ("delay", spinnaker.DELAY_MIN, target.slots),
+        ):
+            array = getattr(projection, name)
+            _check_shape(f"{where}, {name}", array, shape[:1])
+            _check_range(f"{where}, {name}", array, low, high)
+        if np.any(np.diff(projection.source_index) < 0):
+            what = "its synapses are not ordered by source"
+            raise InputError(where, what, fix="Sort them by source_index.")
+
+    @property
+    def nodes(self) -> tuple[Input | SpinnakerPopulation, ...]:
+        """All that can send spikes: inputs, then populations."""
+        return (*self.inputs, *self.populations)
+
+    @cached_property
+    def sizes(self) -> dict[str, int]:
+        """Lines of inputs, then neurons of populations, by name."""
+        return {node.name: node.size for node in self.nodes}
+
+    def population(self, name: str) -> SpinnakerPopulation:
+        """Return a population by its name."""
+        return next(population for population in self.populations if population.name == name)
+
+    def phase_of(self, name: str) -> str:
+        """Return the phase of an input or a population."""
+        return next(node.phase for node in self.nodes if node.name == name)
+
+    def populations_of(self, phase: str) -> tuple[SpinnakerPopulation, ...]:
+        """Return the populations of a phase."""
+        return tuple(item for item in self.populations if item.phase == phase)
+
+    def inputs_of(self, phase: str) -> tuple[Input, ...]:
+        """Return the inputs of a phase."""
+        return tuple(item for item in self.inputs if item.phase == phase)
+
+    def projections_of(self, phase: str) -> tuple[SpinnakerProjection, ...]:
+        """Return the projections of a phase."""
+        return tuple(item for item in self.projections if self.phase_of(item.target) == phase)
+
+    def cores_of(self, phase: str) -> int:
+        """Return how many cores the populations of a phase take."""
+        return sum(population.cores for population in self.populations_of(phase))
+
+    def check_fits(self, chip: SpinnakerChip) -> None:
+        """Refuse what a chip has no room for, with a ``TargetError`` that names the limit."""
+        for population in self.populations:
+            where = f"population {population.name!r}"
+            for what, count, limit in (
+                ("too many neurons a core", population.neurons_per_core, chip.neurons_per_core),
+                ("its ring buffer is too large", population.ring_bits, chip.ring_bits),
+            ):
+                fix = "Lower its neurons a core, or its delays."
+                _check_room(where, what, count, limit, fix)
+        for phase in self.phases:
+            cores = self.cores_of(phase.name)
+            fix = "Train a network with fewer neurons."
+            _check_room(f"phase {phase.name!r}", "too many cores", cores, chip.cores, fix)
+        for (source, target), row in self.longest_rows().items():
+            what = "too many synapses of a source on a core"
+            fix = "Lower the neurons a core of the target, or prune synapses."
+            _check_room(f"synapses {source!r} -> {target!r}", what, row, chip.synapses_per_row, fix)
+
+    def longest_rows(self) -> dict[tuple[str, str], int]:
+        """Return the most synapses of one source on one core, by names of source and target."""
+        synapses: dict[tuple[str, str], list[IntArray]] = {}
+        for projection in self.projections:
+            core = projection.target_index // self.population(projection.target).neurons_per_core
+            ends = np.stack([projection.source_index, core])
+            synapses.setdefault((projection.source, projection.target), []).append(ends)
+        longest = {}
+        for names, parts in synapses.items():
+            _, counts = np.unique(np.concatenate(parts, axis=1), axis=1, return_counts=True)
+            longest[names] = int(counts.max(initial=0))
+        return longest
+
+
+def _check_shape(where: str, array: AnyArray, shape: tuple[int, ...]) -> None:
+    if array.shape != shape or array.dtype != np.int64:
+        measured = f"{array.dtype} {array.shape} against int64 {shape}"
+        raise InputError(where, "the shape does not fit", measured=measured, fix="Give this shape.")
+
+
+def _check_range(where: str, array: AnyArray, low: int, high: int) -> None:
+    beyond = array[(array < low) | (array > high)]
+    if beyond.size:
+        measured = f"{beyond.flat[0]} against {low}..{high}"
+        raise InputError(where, "a core cannot hold it", measured=measured, fix="Correct it.")
+
+
+def _check_room(where: str, what: str, count: int, limit: int, fix: str) -> None:
+    if count > limit:
+        raise TargetError(where, what, measured=f"{count} against {limit}", fix=fix)

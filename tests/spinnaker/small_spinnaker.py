@@ -1,0 +1,71 @@
+"""Small networks of SpiNNaker for tests, by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hw_model.arithmetic.spinnaker import ONE, Parameters
+from hw_model.mapping.graph import Input, Phase
+from hw_model.spinnaker.network import (
+    SpinnakerNetwork,
+    SpinnakerPopulation,
+    SpinnakerProjection,
+)
+
+
+def parameters(size: int = 1, **changes: float) -> Parameters:
+    """Return equal neurons, given in units of PyNN."""
+    usual = {
+        "tau_m": 10.0,
+        "c_m": 1.0,
+        "tau_syn": 5.0,
+        "v_rest": 0.0,
+        "v_reset": 0.0,
+        "v_thresh": 15.0,
+        "v_init": 0.0,
+        "i_offset": 0.0,
+        "tau_refrac": 0.0,
+    }
+    stored = {name: round(value * ONE) for name, value in {**usual, **changes}.items()}
+    arrays = {name: np.full(size, value, dtype=np.int64) for name, value in stored.items()}
+    arrays["tau_syn"] = np.full((size, 2), stored["tau_syn"], dtype=np.int64)
+    return Parameters(**arrays)
+
+
+def population(name: str = "cells", size: int = 1, **changes: object) -> SpinnakerPopulation:
+    """Return neurons on one core with eight slots."""
+    usual = {
+        "name": name,
+        "phase": "run",
+        "parameters": parameters(size),
+        "shifts": (0, 0),
+        "slots": 8,
+        "neurons_per_core": 128,
+    }
+    return SpinnakerPopulation(**{**usual, **changes})
+
+
+def projection(*synapses: tuple[int, int, int, int], **changes: object) -> SpinnakerProjection:
+    """Return synapses (source, target, weight, delay) that excite."""
+    source, target, weight, delay = np.array(synapses, dtype=np.int64).reshape(-1, 4).T
+    usual = {
+        "source": "lines",
+        "target": "cells",
+        "receptor": "excitatory",
+        "source_index": source,
+        "target_index": target,
+        "weight": weight,
+        "delay": delay,
+    }
+    return SpinnakerProjection(**{**usual, **changes})
+
+
+def network(**changes: object) -> SpinnakerNetwork:
+    """Return one neuron behind one line."""
+    usual = {
+        "phases": (Phase("run", "time", None),),
+        "inputs": (Input("lines", 1, "run", "touches"),),
+        "populations": (population(),),
+        "projections": (projection((0, 0, 1000, 1)),),
+    }
+    return SpinnakerNetwork(**{**usual, **changes})
