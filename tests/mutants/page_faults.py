@@ -36,7 +36,7 @@ from hw_model.rtl.simulators import sources  # noqa: E402
 MODULES = tuple(f"hw_model.arithmetic.{name}" for name in ("fixed_point", "loihi", "on_integers"))
 """In the order of their imports."""
 OF_THE_STEP = {
-    "hw_model.arithmetic.fixed_point": {"kept", "wrap", "clip", "effective_weight"},
+    "hw_model.arithmetic.fixed_point": {"kept", "half_range", "wrap", "clip", "effective_weight"},
     "hw_model.arithmetic.loihi": {
         "respond", "threshold", "reset", "count_down", "blocked_by_spike", "events",
         "acts_at", "keep_of", "bias_of", "threshold_of",

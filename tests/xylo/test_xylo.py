@@ -6,6 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import xylo_oracle
+from random_xylo import random_xylo
 from witness_files import RECORDED, REGISTERS, network_of, read
 
 from hw_model.arithmetic import xylo
@@ -27,6 +29,27 @@ def differing_values(witness: dict[str, np.ndarray]) -> int:
 @pytest.mark.parametrize("number", range(len(WITNESS)))
 def test_every_register_of_every_row_is_that_of_the_witness(number):
     assert differing_values(WITNESS[number]) == 0
+
+
+@pytest.mark.parametrize("number", range(len(WITNESS)))
+def test_the_oracle_agrees_with_the_witness_and_counts_the_events_of_the_engine(number):
+    network, events = network_of(WITNESS[number]), WITNESS[number]["events"]
+    arrays, counted = xylo_oracle.play(network, events)
+    assert [
+        name for name in REGISTERS if not np.array_equal(arrays[name], WITNESS[number][name])
+    ] == []
+    assert {name: counted[name] for name in xylo.EVENTS} == play_xylo(network, events).events
+
+
+@pytest.mark.parametrize("first_seed", range(3000, 3060, 20))
+def test_random_networks_play_as_by_the_oracle(first_seed):
+    for seed in range(first_seed, first_seed + 20):
+        network, events = random_xylo(seed)
+        arrays, counted = xylo_oracle.play(network, events)
+        result = play_xylo(network, events)
+        for name in REGISTERS:
+            assert np.array_equal(getattr(result, name), arrays[name]), (seed, name)
+        assert result.events == {name: counted[name] for name in xylo.EVENTS}, seed
 
 
 def test_the_recorded_networks_meet_all_that_the_arithmetic_distinguishes():

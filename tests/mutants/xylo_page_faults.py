@@ -1,0 +1,136 @@
+"""Plant every fault of the page of Xylo, and ask who tells it: what xylosim did, or the oracle.
+
+    python tests/mutants/xylo_page_faults.py [CSV]
+
+The plain engine plays the networks of ``tests/xylo/recorded-by-xylosim.npz`` with each fault, and for
+the oracle one more, made by hand. Neither witness reads the page: xylosim is another program, which
+counts no events, and the oracle is written by another hand. Writes what first tells every fault (:data:`TOLD_BY`), in a minute. Faults of the
+page's constants, and whole wrong ideas, are in ``tests/xylo/test_xylo.py``.
+"""
+
+from __future__ import annotations
+
+import csv
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).parents[2]
+for folder in ("tests/xylo", "tests/mutants", ""):
+    sys.path.insert(0, str(ROOT / folder))
+
+import xylo_oracle  # noqa: E402
+from faults import Fault, faults_of  # noqa: E402
+from tested import reasons  # noqa: E402
+from witness_files import RECORDED, REGISTERS, network_of, read  # noqa: E402
+
+from hw_model.arithmetic import xylo  # noqa: E402
+from hw_model.xylo.reference import play_xylo  # noqa: E402
+
+MODULE = "hw_model.arithmetic.xylo"
+OF_THE_STEP = {
+    "collect", "respond", "decayed", "change_of", "fire", "fire_with_aliases",
+    "saturate", "wrap", "taken", "charge_of",
+}  # fmt: skip
+"""Functions that a step is made of; others are the quantiser's."""
+TOLD_BY = (*REGISTERS, "events", "an error")
+"""What is compared, in this order; an error is that of numpy, in the faulty page."""
+Values = Mapping[str, np.ndarray]
+
+
+def faults() -> list[Fault]:
+    """Return the faults of the step, without those that change nothing."""
+    return [
+        fault
+        for fault in faults_of(MODULE)
+        if fault.scope in OF_THE_STEP and fault.name not in reasons()
+    ]
+
+
+def plant(fault: Fault | None) -> None:
+    """Put a fault into the loaded page, or take it out."""
+    path = Path(str(xylo.__file__))
+    text = path.read_text() if fault is None else fault.applied()
+    exec(compile(text, str(path), "exec"), vars(xylo))
+
+
+def by_xylosim(recorded: Values) -> Values:
+    """Return what xylosim was seen to do: registers and spikes."""
+    return {name: recorded[name] for name in REGISTERS}
+
+
+def by_oracle(recorded: Values) -> Values:
+    """Return what the oracle says, counts of events too."""
+    arrays, counted = xylo_oracle.play(network_of(recorded), recorded["events"])
+    return arrays | {"events": np.array([counted[name] for name in xylo.EVENTS])}
+
+
+def by_engine(recorded: Values) -> Values:
+    """Return what the plain engine says, with whatever is planted; nothing where it fails."""
+    try:
+        with np.errstate(all="raise"):
+            result = play_xylo(network_of(recorded), recorded["events"])
+    except (ArithmeticError, IndexError, ValueError, TypeError):
+        return {}
+    arrays = {name: getattr(result, name) for name in REGISTERS}
+    return arrays | {"events": np.array([result.events[name] for name in xylo.EVENTS])}
+
+
+def least_thresholds() -> Values:
+    """Return a network whose neurons spike once for each unit of their potentials, and rest in between."""
+    ones, half = np.array([[1]]), np.array([1])
+    return {
+        **dict.fromkeys(("dash_syn", "dash_syn_out"), ones),
+        **dict.fromkeys(("dash_mem", "dash_mem_out", "threshold", "threshold_out"), half),
+        "weights_in": np.array([[[8]]]),
+        "weights_hidden": np.array([[[-1]]]),
+        "weights_out": np.array([[4]]),
+        **dict.fromkeys(("shift_in", "shift_hidden", "shift_out"), np.array(0)),
+        "aliases": np.array("[]"),
+        "events": np.array([[0], [0], [1], [0], [0], [0], [0], [0]]),
+    }
+
+
+def told_by(sound: Values, faulty: Values) -> str:
+    """Return the first kind of values that tells a fault; nothing if none does."""
+    if not faulty:
+        return "an error"
+    for kind in TOLD_BY:
+        if kind in sound and not np.array_equal(sound[kind], faulty[kind]):
+            return kind
+    return ""
+
+
+def table() -> list[dict[str, str]]:
+    """Return a row for each fault: where it is, what it is, and what of each witness tells it."""
+    recordings = read(RECORDED)
+    sound = {
+        "xylosim": [by_xylosim(recorded) for recorded in recordings],
+        "oracle": [by_oracle(recorded) for recorded in (*recordings, least_thresholds())],
+    }
+    rows = []
+    for fault in faults():
+        plant(fault)
+        try:
+            faulty = [by_engine(recorded) for recorded in (*recordings, least_thresholds())]
+        finally:
+            plant(None)
+        row = {"fault": fault.name}
+        for witness, of_networks in sound.items():
+            told = [told_by(*pair) for pair in zip(of_networks, faulty, strict=False)]
+            row[witness] = min(filter(None, told), key=TOLD_BY.index, default="")
+        rows.append(row)
+    return rows
+
+
+if __name__ == "__main__":
+    path = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).with_suffix(".csv")
+    rows = table()
+    with path.open("w", newline="") as file:
+        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+    for name in ("xylosim", "oracle"):
+        print(f"{name}: {sum(bool(row[name]) for row in rows)} of {len(rows)} faults")
