@@ -19,6 +19,7 @@ from locsnn_compile.cli.places import check_places
 from locsnn_compile.cli.shell import terminal
 from locsnn_compile.emitters import BUILD_NAMES
 from locsnn_compile.errors import InputError, check_same, listed
+from locsnn_compile.report.figures.entries import plain
 from locsnn_compile.report.figures.program import program_figures
 from locsnn_compile.report.renderers.html import render_html
 from locsnn_compile.report.renderers.terminal import render_terminal
@@ -64,14 +65,12 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _build(folder: Path) -> Build:
-    build = Build(
-        folder.absolute().name, read_report(folder), program_figures(hw.load_program(folder))
-    )
-    held = sum(group["synapses"] for group in build.program["groups"].values())
-    where, what = f"build {build.name!r}", "report.json counts other synapses than the program has"
-    check_same(
-        build.figures.get("resources.synapses", held), held, where, what, fix="Compile again."
-    )
+    report = read_report(folder)
+    program = program_figures(hw.load_program(folder))
+    build = Build(folder.absolute().name, report, plain(program))
+    counted = build.figures.get("resources.synapses", program.synapses)
+    what = "report.json counts other synapses than the program has"
+    check_same(counted, program.synapses, f"build {build.name!r}", what, fix="Compile again.")
     return build
 
 

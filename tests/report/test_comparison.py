@@ -10,6 +10,7 @@ import pytest
 import hw_model as hw
 from locsnn_compile.errors import InputError
 from locsnn_compile.report.content import Notice, Table
+from locsnn_compile.report.figures.entries import plain
 from locsnn_compile.report.figures.flat import flatten
 from locsnn_compile.report.figures.program import program_figures
 from locsnn_compile.report.renderers.html import render_html
@@ -286,7 +287,7 @@ def test_figures_of_a_program() -> None:
         "cell", 2, decay_u=[4096, 2048], decay_v=128, threshold=15, bias=64, refractory=2
     )
     builder.connect(line, cell, [[20, -2], [0, 4]], delay=3)
-    found = program_figures(builder.build())
+    found = plain(program_figures(builder.build()))
     assert found.pop("registers")["voltage_bits"] == 23
     assert {"readout", "cores.mantissa", "inputs.line", "chip"} < found.pop("contents").keys()
     assert found == {
