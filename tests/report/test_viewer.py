@@ -17,7 +17,7 @@ import hw_model as hw
 import locsnn_compile as lc
 from locsnn_compile.emitters import EMIT_KINDS
 from locsnn_compile.reference.evaluate import evaluate
-from locsnn_compile.report.viewer import page as viewer
+from locsnn_compile.report.viewer import values as viewer
 from locsnn_compile.report.viewer.page import render_viewer
 from locsnn_compile.verification.observation import Observed
 
