@@ -31,7 +31,8 @@ from locsnn_compile.network.projections import (
 )
 from locsnn_compile.network.quantized import QuantizedNetwork, QuantizedPopulation
 from locsnn_compile.passes.cuba.quantize import quantize_cuba, quantize_soft
-from locsnn_compile.passes.kernels import kernel, kernel_fit
+from locsnn_compile.passes.kernel_fit import kernel_fit
+from locsnn_compile.passes.kernels import kernel
 from locsnn_compile.passes.rounding.grades import GRADES, round_apart
 from locsnn_compile.passes.rounding.task import NEAREST, Rounded, Rounding, Scaled, Task
 from locsnn_compile.passes.srm.fine import fine_srm
