@@ -22,27 +22,35 @@ class SrmSteps:
     ) -> None:
         self._theta = neuron.theta
         self._a, self._gain = alpha_recursion(neuron.tau_sr)
-        own = -neuron.scale_ref * neuron.theta
-        self._refractory_a, self._refractory_gain = alpha_recursion(neuron.tau_ref, own)
-        self._current, self._response, self._refractory_current, self._refractory = np.zeros(
-            (4, batch, size)
-        )
+        height_of_nu = -neuron.scale_ref * neuron.theta
+        self._refractory_a, self._refractory_gain = alpha_recursion(neuron.tau_ref, height_of_nu)
+        self._eps_cut = _cut_after(neuron.eps_taps, self._a)
+        self._nu_cut = _cut_after(neuron.nu_taps, self._refractory_a)
+        self._current = np.zeros((batch, size))
+        self._response = np.zeros((batch, size))
+        self._refractory_current = np.zeros((batch, size))
+        self._refractory = np.zeros((batch, size))
         self._fired = np.zeros((batch, size), dtype=np.bool_)
-        taps = (neuron.eps_taps, self._a), (neuron.nu_taps, self._refractory_a)
-        self._cuts = [None if math.isinf(count) else _Cut(int(count), a) for count, a in taps]
 
     def step(self, arriving: FloatArray) -> tuple[BoolArray, FloatArray]:
         """Take the weights that arrive, (batch, n); return the spikes, and the potential that decided them."""
-        eps, nu = self._cuts
-        arriving = eps.step(arriving) if eps else arriving
-        own = nu.step(self._fired) if nu else self._fired
+        own_spikes: FloatArray | BoolArray = self._fired
+        if self._eps_cut is not None:
+            arriving = self._eps_cut.step(arriving)
+        if self._nu_cut is not None:
+            own_spikes = self._nu_cut.step(own_spikes)
         self._current = self._a * self._current + arriving
         self._response = self._a * self._response + self._current
-        self._refractory_current = self._refractory_a * self._refractory_current + own
+        self._refractory_current = self._refractory_a * self._refractory_current + own_spikes
         self._refractory = self._refractory_a * self._refractory + self._refractory_current
         potential = self._gain * self._response + self._refractory_gain * self._refractory
         self._fired = potential >= self._theta
         return self._fired, potential
+
+
+def _cut_after(taps: float, a: float) -> "_Cut | None":
+    """Return what ends a kernel; None for one that goes on."""
+    return None if math.isinf(taps) else _Cut(int(taps), a)
 
 
 class _Cut:
@@ -53,19 +61,21 @@ class _Cut:
     """
 
     def __init__(self, taps: int, a: float) -> None:
-        self._taps, self._near, self._far = taps, taps * a ** (taps - 1), (taps - 1) * a**taps
+        self._taps = taps
+        self._of_last_lag = taps * a ** (taps - 1)
+        self._of_lag_beyond = (taps - 1) * a**taps
         self._past: deque[FloatArray] = deque(maxlen=taps + 1)
 
     def step(self, x: FloatArray | BoolArray) -> FloatArray:
         """Take what arrives; return what the filter of the full kernel must get instead."""
         past = self._past
         past.append(np.array(x, dtype=np.float64))
-        found = past[-1].copy()
+        cut = past[-1].copy()
         if len(past) >= self._taps:
-            found -= self._near * past[-self._taps]
+            cut -= self._of_last_lag * past[-self._taps]
         if len(past) > self._taps:
-            found += self._far * past[0]
-        return found
+            cut += self._of_lag_beyond * past[0]
+        return cut
 
 
 class CubaSteps:
@@ -75,22 +85,27 @@ class CubaSteps:
         self, neuron: Cuba, batch: int, size: int, registers: Registers | None = None
     ) -> None:
         self._neuron = neuron
-        self._current, self._voltage = np.zeros((2, batch, size))
-        self._blocked = np.zeros((batch, size), dtype=np.int64)
+        self._current = np.zeros((batch, size))
+        self._voltage = np.zeros((batch, size))
+        self._blocked_steps = np.zeros((batch, size), dtype=np.int64)
 
     def step(self, arriving: FloatArray) -> tuple[BoolArray, FloatArray]:
         """Take the weights that arrive, (batch, n); return spikes and the potential before the reset."""
         n = self._neuron
         self._current = (1.0 - n.decay_u) * self._current + arriving
-        held = self._blocked > 0
+        is_blocked = self._blocked_steps > 0
         potential = (1.0 - n.decay_v) * self._voltage + self._current + n.bias
         if n.floor is not None:
             potential = np.maximum(potential, n.floor)
-        potential = np.where(held, 0.0, potential)
-        above = potential > n.threshold if n.rule == ">" else potential >= n.threshold
-        fired: BoolArray = above & ~held
+        potential = np.where(is_blocked, 0.0, potential)
+        if n.rule == ">":
+            reaches = potential > n.threshold
+        else:
+            reaches = potential >= n.threshold
+        fired: BoolArray = reaches & ~is_blocked
         self._voltage = np.where(fired, 0.0, potential)
-        self._blocked = np.where(fired, n.refractory - 1, np.maximum(self._blocked - 1, 0))
+        one_less = np.maximum(self._blocked_steps - 1, 0)
+        self._blocked_steps = np.where(fired, n.refractory - 1, one_less)
         return fired, potential
 
 
@@ -101,7 +116,8 @@ class SoftCubaSteps:
         self, neuron: SoftCuba, batch: int, size: int, registers: Registers | None = None
     ) -> None:
         self._neuron = neuron
-        self._current, self._voltage = np.zeros((2, batch, size))
+        self._current = np.zeros((batch, size))
+        self._voltage = np.zeros((batch, size))
         self._fired = np.zeros((batch, size), dtype=np.bool_)
 
     def step(self, arriving: FloatArray) -> tuple[BoolArray, FloatArray]:

@@ -11,7 +11,7 @@ memory.
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -33,8 +33,10 @@ EXPONENTS_MAX = 3
 """Largest number of exponents of a population's taps, evenly spread: with both signs, six of a core's 16 formats."""
 FINE = 2.0**-11
 """A charge with a rounding error above this share of the kernel's largest value gets a second synapse."""
-ENOUGH, EXACT = 1.25, 2.0**-12
-"""The smallest number of taps is taken whose error is at most ``EXACT``, or ``ENOUGH`` times the least error."""
+EXACT = 2.0**-12
+"""The smallest number of taps is taken whose error is at most this,"""
+ENOUGH = 1.25
+"""or so many times the least error."""
 ERROR_MAX = 0.1
 """Largest relative root mean square error; above it, the kernel outlasts the delays, or is lost in rounding."""
 FAINT = 0.01
@@ -44,43 +46,69 @@ HORIZON = 12
 STEPS_MAX = 4096
 
 
-class _Rounded(Frozen, eq=False):
-    """Mantissas and exponents (lags, 2, candidates); ``error[k]`` (candidates,) if there are only the lags 0..k."""
+class _Weights(Frozen, eq=False):
+    """Mantissas and exponents, arrays of one shape whose last axis is the candidates."""
 
     mantissa: IntArray
     exponent: IntArray
+
+    @property
+    def units(self) -> FloatArray:
+        """The charges, in units."""
+        return self.mantissa * 2.0**self.exponent
+
+
+class _RoundedTaps(Frozen, eq=False):
+    """Weights (lags, 2, candidates); ``error[k]`` (candidates,) if there are only the lags 0..k.
+
+    A tap has two synapses, of which the second one may be 0.
+    """
+
+    weights: _Weights
     error: FloatArray
 
 
 def heaviest_charge(neuron: SrmAlpha, decay: int, task: Task) -> float:
     """Return the largest own charge, in thresholds."""
-    keep = share_kept(decay)
-    return float(np.abs(own_charges(_response(neuron, 1.0, _taps(task.chip)), keep)).max())
+    response = _response(neuron, 1.0, _taps(task.chip))
+    return float(np.abs(own_charges(response, share_kept(decay))).max())
 
 
 def lay_out(neuron: SrmAlpha, decay: int, thresholds: Iterable[int], task: Task) -> ChipSrm:
     """Return the neurons at the threshold mantissa whose taps round best."""
-    chip, candidates = task.chip, np.array(list(thresholds))
+    candidates = np.array(list(thresholds))
     theta = least_to_spike(candidates.astype(np.float64))
-    found = _round_taps(neuron, decay, theta, _taps(chip), own_grid(chip))
-    best = found.error.min(axis=1)
-    last = int(np.flatnonzero(best <= max(ENOUGH * best.min(), EXACT))[0])
-    chosen = int(found.error[last].argmin())
-    if (error := float(found.error[last, chosen])) > ERROR_MAX:
-        what = f"{counted(_taps(chip), 'delayed synapse')} cannot hold a kernel of tau_ref {neuron.tau_ref:g}"
-        measured = f"an error of {error:.2g} against {ERROR_MAX:g}"
-        measured += f"; {chip.name} has delay_max {chip.registers.delay_max}"
-        strategy = "dendrite" if target_of(chip).joins else "reset"
-        raise TargetError(task.where, what, measured=measured, fix=f"Use strategy {strategy}.")
-    mantissa, exponent = (
-        found.mantissa[: last + 1, :, chosen],
-        found.exponent[: last + 1, :, chosen],
-    )
-    delay, part = np.nonzero(mantissa)
-    taps = {"mantissa": mantissa[delay, part], "exponent": exponent[delay, part], "delay": delay}
+    rounded = _round_taps(neuron, decay, theta, task.chip)
+    least_errors = rounded.error.min(axis=1)
+    small_enough = max(ENOUGH * least_errors.min(), EXACT)
+    last_lag = int(np.flatnonzero(least_errors <= small_enough)[0])
+    chosen = int(rounded.error[last_lag].argmin())
+    error = float(rounded.error[last_lag, chosen])
+    if error > ERROR_MAX:
+        raise _cannot_hold(neuron, error, task)
+    mantissa = rounded.weights.mantissa[: last_lag + 1, :, chosen]
+    exponent = rounded.weights.exponent[: last_lag + 1, :, chosen]
+    delay, synapse = np.nonzero(mantissa)
     return ChipSrm.with_taps(
-        task.population.size, decay=decay, threshold=int(candidates[chosen]), **taps
+        task.population.size,
+        decay=decay,
+        threshold=int(candidates[chosen]),
+        mantissa=mantissa[delay, synapse],
+        exponent=exponent[delay, synapse],
+        delay=delay,
     )
+
+
+def _cannot_hold(neuron: SrmAlpha, error: float, task: Task) -> TargetError:
+    chip = task.chip
+    synapses = counted(_taps(chip), "delayed synapse")
+    what = f"{synapses} cannot hold a kernel of tau_ref {neuron.tau_ref:g}"
+    measured = (
+        f"an error of {error:.2g} against {ERROR_MAX:g}; "
+        f"{chip.name} has delay_max {chip.registers.delay_max}"
+    )
+    strategy = "dendrite" if target_of(chip).joins else "reset"
+    return TargetError(task.where, what, measured=measured, fix=f"Use strategy {strategy}.")
 
 
 def _taps(chip: Chip) -> int:
@@ -88,52 +116,66 @@ def _taps(chip: Chip) -> int:
     return min(chip.registers.delay_max + 1, TAPS_MAX)
 
 
-def _round_taps(
-    neuron: SrmAlpha, decay: int, theta: FloatArray, taps: int, grid: WeightGrid
-) -> _Rounded:
+def _round_taps(neuron: SrmAlpha, decay: int, theta: FloatArray, chip: Chip) -> _RoundedTaps:
     """Round the charges lag by lag, for thetas (candidates,) in units of the registers."""
     keep = share_kept(decay)
-    tau = max(neuron.tau_ref, -1.0 / math.log(keep) if keep else 0.0)
-    steps = min(taps + math.ceil(HORIZON * tau), STEPS_MAX)
+    grid = own_grid(chip)
+    taps = _taps(chip)
+    steps = _steps(neuron, keep, taps)
     wanted = _response(neuron, theta, steps)
     energy = np.maximum((wanted**2).sum(axis=0), (FAINT * theta) ** 2)
     exponents = _exponents(in_units(float(np.abs(own_charges(wanted, keep)).max())), grid)
     fine = in_units(FINE * np.abs(wanted).max(axis=0))
-    current, voltage, passed = np.zeros((3, len(theta)))
-    rows = []
+    current = np.zeros(len(theta))
+    voltage = np.zeros(len(theta))
+    square_error = np.zeros(len(theta))
+    weights = []
+    errors = []
     for lag in range(taps):
         charge = in_units(wanted[lag] - keep * voltage - keep * current)
-        mantissa, exponent = _round(charge, exponents, fine, grid)
-        current = keep * current + in_registers((mantissa * 2.0**exponent).sum(axis=0))
+        rounded = _round_twice(charge, exponents, fine, grid)
+        current = keep * current + in_registers(rounded.units.sum(axis=0))
         voltage = keep * voltage + current
-        passed = passed + (voltage - wanted[lag]) ** 2
+        square_error = square_error + (voltage - wanted[lag]) ** 2
         # If this is the last tap, the dendrite decays freely from here.
         m = np.arange(1, steps - lag)[:, None]
-        left = keep**m * (voltage + m * current) - wanted[lag + 1 :]
-        rows.append((mantissa, exponent, np.sqrt((passed + (left**2).sum(axis=0)) / energy)))
-    return _Rounded(*(np.stack(column) for column in zip(*rows, strict=True)))
+        tail_error = keep**m * (voltage + m * current) - wanted[lag + 1 :]
+        weights.append(rounded)
+        errors.append(np.sqrt((square_error + (tail_error**2).sum(axis=0)) / energy))
+    return _RoundedTaps(_stacked(weights), np.stack(errors))
 
 
-def _round(
+def _steps(neuron: SrmAlpha, keep: float, taps: int) -> int:
+    """Return the steps over which an error is summed: until kernel and dendrite have faded."""
+    tau_of_dendrite = -1.0 / math.log(keep) if keep else 0.0
+    tau = max(neuron.tau_ref, tau_of_dendrite)
+    return min(taps + math.ceil(HORIZON * tau), STEPS_MAX)
+
+
+def _round_twice(
     charge: FloatArray, exponents: IntArray, fine: FloatArray, grid: WeightGrid
-) -> tuple[IntArray, IntArray]:
-    """Return mantissas and exponents (2, candidates) of charges in units; the second row holds large rests."""
-    first = _round_once(charge, exponents, grid)
-    rest = charge - first[0] * 2.0 ** first[1]
-    second = _round_once(np.where(np.abs(rest) > fine, rest, 0.0), exponents, grid)
-    return np.stack((first[0], second[0])), np.stack((first[1], second[1]))
+) -> _Weights:
+    """Return two weights (2, candidates) for charges in units; the second ones are 0 if ``fine`` is not passed."""
+    first = _round(charge, exponents, grid)
+    error = charge - first.units
+    second = _round(np.where(np.abs(error) > fine, error, 0.0), exponents, grid)
+    return _stacked([first, second])
 
 
-def _round_once(
-    charge: FloatArray, exponents: IntArray, grid: WeightGrid
-) -> tuple[IntArray, IntArray]:
+def _round(charge: FloatArray, exponents: IntArray, grid: WeightGrid) -> _Weights:
     """Return mantissas and the smallest exponents that hold charges (candidates,), in units."""
-    largest = (grid.high + grid.step / 2) * 2.0**exponents
-    exponent = exponents[np.minimum(np.searchsorted(largest, np.abs(charge)), len(exponents) - 1)]
-    mantissa: IntArray = np.sign(charge).astype(np.int64) * grid.round(
-        np.abs(charge) / 2.0**exponent
-    )
-    return mantissa, exponent
+    magnitude = np.abs(charge)
+    largest_of_exponent = (grid.high + grid.step / 2) * 2.0**exponents
+    smallest = np.searchsorted(largest_of_exponent, magnitude)
+    exponent = exponents[np.minimum(smallest, len(exponents) - 1)]
+    mantissa: IntArray = np.sign(charge).astype(np.int64) * grid.round(magnitude / 2.0**exponent)
+    return _Weights(mantissa, exponent)
+
+
+def _stacked(weights: Sequence[_Weights]) -> _Weights:
+    mantissa = np.stack([item.mantissa for item in weights])
+    exponent = np.stack([item.exponent for item in weights])
+    return _Weights(mantissa, exponent)
 
 
 def _response(neuron: SrmAlpha, theta: FloatArray | float, steps: int) -> FloatArray:
@@ -144,6 +186,8 @@ def _response(neuron: SrmAlpha, theta: FloatArray | float, steps: int) -> FloatA
 
 def _exponents(largest: float, grid: WeightGrid) -> IntArray:
     """Return the exponents in use, ascending: from the finest to the one that holds the largest charge."""
-    finest, highest = exponent_holding(0.0, grid), exponent_holding(largest, grid)
+    finest = exponent_holding(0.0, grid)
+    highest = exponent_holding(largest, grid)
     step = max(1, math.ceil((highest - finest) / (EXPONENTS_MAX - 1)))
-    return np.unique(np.maximum(highest - step * np.arange(EXPONENTS_MAX), finest)).astype(np.int64)
+    evenly_spread = highest - step * np.arange(EXPONENTS_MAX)
+    return np.unique(np.maximum(evenly_spread, finest)).astype(np.int64)
