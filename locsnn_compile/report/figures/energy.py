@@ -21,10 +21,12 @@ from hw_model.values import FloatArray
 from locsnn_compile.network.network import Network
 from locsnn_compile.report.figures.entries import INLINED, Entry
 from locsnn_compile.report.figures.spread import (
+    ClassCost,
     Course,
     Ends,
     Place,
     Quantiles,
+    RecordingCost,
     by_class,
     by_core,
     course,
@@ -51,22 +53,28 @@ class CoreEnergy(Entry):
     pj: float
 
 
-class CostliestEnergy(Entry):
-    """The recording that takes most energy; its class is None without labels."""
+class CostliestEnergy(RecordingCost):
+    """The recording that takes most energy."""
 
-    recording: int
-    class_: int | None
     pj: float
 
+    @property
+    def cost(self) -> float:
+        """The energy in picojoules."""
+        return self.pj
 
-class ClassEnergy(Entry):
+
+class ClassEnergy(ClassCost):
     """The energy of the recordings of a class."""
 
-    class_: int
-    recordings: int
     min_pj: float
     mean_pj: float
     max_pj: float
+
+    @property
+    def ends(self) -> tuple[float, float, float]:
+        """The least, the mean and the largest energy."""
+        return self.min_pj, self.mean_pj, self.max_pj
 
 
 class StaticEnergy(Entry):

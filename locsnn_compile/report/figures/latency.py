@@ -13,10 +13,12 @@ from hw_model.program.chip_program import ChipProgram
 from hw_model.targets import target_of
 from locsnn_compile.report.figures.entries import INLINED, NULLS, Entry
 from locsnn_compile.report.figures.spread import (
+    ClassCost,
     Course,
     Ends,
     Place,
     Quantiles,
+    RecordingCost,
     by_class,
     by_core,
     course,
@@ -56,22 +58,28 @@ class LinkUse(Entry):
     most_in_a_step: int
 
 
-class SlowestTime(Entry):
-    """The recording that takes longest; its class is None without labels."""
+class SlowestTime(RecordingCost):
+    """The recording that takes longest."""
 
-    recording: int
-    class_: int | None
     ns: float
 
+    @property
+    def cost(self) -> float:
+        """The time in nanoseconds."""
+        return self.ns
 
-class ClassTime(Entry):
+
+class ClassTime(ClassCost):
     """The time of the recordings of a class."""
 
-    class_: int
-    recordings: int
     min_ns: float
     mean_ns: float
     max_ns: float
+
+    @property
+    def ends(self) -> tuple[float, float, float]:
+        """The least, the mean and the longest time."""
+        return self.min_ns, self.mean_ns, self.max_ns
 
 
 class MeanAndMost(Entry):

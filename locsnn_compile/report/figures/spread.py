@@ -25,6 +25,30 @@ class Quantiles(Entry):
     max: float
 
 
+class RecordingCost(Entry):
+    """The costliest recording; its class is None without labels. Subclasses add the cost, with its unit."""
+
+    recording: int
+    class_: int | None
+
+    @property
+    def cost(self) -> float:
+        """The cost, whatever its unit."""
+        raise NotImplementedError
+
+
+class ClassCost(Entry):
+    """The recordings of a class. Subclasses add what they cost, with its unit."""
+
+    class_: int
+    recordings: int
+
+    @property
+    def ends(self) -> tuple[float, float, float]:
+        """The least, the mean and the largest cost, whatever their unit."""
+        raise NotImplementedError
+
+
 class Course(Entry):
     """A cost over the steps of a phase, added up in bins of ``bin_steps`` steps; the last may have fewer."""
 

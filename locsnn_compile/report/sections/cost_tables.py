@@ -7,7 +7,14 @@ from hw_model.values import Frozen
 from locsnn_compile.report.content import Bar, Cell, Curve, Fact, Plot, Span, Stack, Table
 from locsnn_compile.report.figures.energy import ConstantFigures, EnergyFigures, ProfileFigures
 from locsnn_compile.report.figures.latency import LatencyFigures
-from locsnn_compile.report.figures.spread import Course, Ends, Place, Quantiles
+from locsnn_compile.report.figures.spread import (
+    ClassCost,
+    Course,
+    Ends,
+    Place,
+    Quantiles,
+    RecordingCost,
+)
 from locsnn_compile.report.format import NONE, count, energy, share, time
 from locsnn_compile.report.pictures.axis import Axis, round_numbers
 from locsnn_compile.report.words import share_of, words
@@ -22,24 +29,6 @@ def core_words(place: Place) -> str:
     return f"core {place.core}, {words(place.phase)}"
 
 
-class ClassCost(Frozen):
-    """What the recordings of a class cost."""
-
-    number: int
-    recordings: int
-    least: float
-    mean: float
-    most: float
-
-
-class Costliest(Frozen):
-    """The costliest recording; its class is None without labels."""
-
-    recording: int
-    of_class: int | None
-    cost: float
-
-
 class Cost(Frozen):
     """The energy or the time of a recording: its name, how it is shown, and how it spreads."""
 
@@ -49,8 +38,8 @@ class Cost(Frozen):
     mean: float
     range_of_mean: Ends
     over_recordings: Quantiles
-    worst: Costliest
-    classes: tuple[ClassCost, ...]
+    worst: RecordingCost
+    classes: Sequence[ClassCost]
     class_names: tuple[str, ...] | None
 
     def span(self) -> Span:
@@ -68,7 +57,7 @@ class Cost(Frozen):
     def facts(self) -> dict[str, str]:
         """Return the range of the mean and the costliest recordings in words."""
         worst = self.worst
-        label = "" if worst.of_class is None else f" of class {self._class_name(worst.of_class)}"
+        label = "" if worst.class_ is None else f" of class {self._class_name(worst.class_)}"
         return {
             "range of the mean": _range(self.range_of_mean, self.shown),
             "99 % of recordings": f"at most {self.shown(self.over_recordings.p99)}",
@@ -79,7 +68,7 @@ class Cost(Frozen):
         """Return a table by class; None if the recordings have no labels."""
         if not self.classes:
             return None
-        largest = max(of_class.most for of_class in self.classes)
+        largest = max(max(of_class.ends) for of_class in self.classes)
         return Table(
             f"{self.name} by class{self._by_profile}",
             ("class", "", "recordings", "mean", "least", "most"),
@@ -87,14 +76,14 @@ class Cost(Frozen):
         )
 
     def _class_row(self, of_class: ClassCost, largest: float) -> tuple[Cell, ...]:
-        mean = self.shown(of_class.mean)
+        least, mean, most = of_class.ends
         return (
-            self._class_name(of_class.number),
-            Bar(share_of(of_class.mean, largest), f"mean {mean}"),
+            self._class_name(of_class.class_),
+            Bar(share_of(mean, largest), f"mean {self.shown(mean)}"),
             count(of_class.recordings),
-            mean,
-            self.shown(of_class.least),
-            self.shown(of_class.most),
+            self.shown(mean),
+            self.shown(least),
+            self.shown(most),
         )
 
     @property
@@ -108,7 +97,6 @@ class Cost(Frozen):
 
 def energy_cost(figures: EnergyFigures, class_names: tuple[str, ...] | None) -> Cost:
     """Return the energy of a recording."""
-    worst = figures.worst_recording
     return Cost(
         name="Energy",
         shown=energy,
@@ -116,18 +104,14 @@ def energy_cost(figures: EnergyFigures, class_names: tuple[str, ...] | None) -> 
         mean=figures.per_sample_pj,
         range_of_mean=figures.range_pj,
         over_recordings=figures.over_samples_pj,
-        worst=Costliest(worst.recording, worst.class_, worst.pj),
-        classes=tuple(
-            ClassCost(row.class_, row.recordings, row.min_pj, row.mean_pj, row.max_pj)
-            for row in figures.by_class or ()
-        ),
+        worst=figures.worst_recording,
+        classes=figures.by_class or (),
         class_names=class_names,
     )
 
 
 def time_cost(figures: LatencyFigures, class_names: tuple[str, ...] | None) -> Cost:
     """Return the time of a recording."""
-    worst = figures.worst_recording
     return Cost(
         name="Time",
         shown=time,
@@ -135,11 +119,8 @@ def time_cost(figures: LatencyFigures, class_names: tuple[str, ...] | None) -> C
         mean=figures.per_sample_ns,
         range_of_mean=figures.range_ns,
         over_recordings=figures.over_samples_ns,
-        worst=Costliest(worst.recording, worst.class_, worst.ns),
-        classes=tuple(
-            ClassCost(row.class_, row.recordings, row.min_ns, row.mean_ns, row.max_ns)
-            for row in figures.by_class or ()
-        ),
+        worst=figures.worst_recording,
+        classes=figures.by_class or (),
         class_names=class_names,
     )
 
