@@ -5,11 +5,20 @@ import argparse
 from locsnn_compile.cli.completion import chips_of_all_families
 from locsnn_compile.cli.declarations.kinds import choice, number
 from locsnn_compile.cli.declarations.shared import (
+    EVENT_FILES,
     add_chip,
     add_dial,
     add_division,
+    add_document,
+    add_error_bounds,
+    add_folder,
     add_format_options,
     add_numbering,
+    add_profile,
+    add_psi,
+    add_quiet,
+    add_recordings,
+    add_scheduler,
     add_sensor,
     add_times,
     add_weights,
@@ -35,31 +44,20 @@ def declare(parser: argparse.ArgumentParser) -> None:
         default="loihi-sim",
         completer=chips_of_all_families,
     )
-    parser.add_argument(
-        "--profile",
-        metavar="NAME|FILE",
-        help=(
-            "costs of operations in the report: a profile of the chip, or your own YAML "
-            "file (default: the chip's first)"
-        ),
+    add_profile(
+        parser,
+        "costs of operations in the report: a profile of the chip, or your own YAML "
+        "file (default: the chip's first)",
     )
-    parser.add_argument(
-        "-o", "--output", metavar="DIR", help="folder to write (default build/<model name>)"
-    )
-    parser.add_argument(
-        "--events",
-        metavar="FILE",
-        help="recordings to check on: .zip, folder, .npy, .npz, .pt, .h5, or event files",
-    )
+    add_folder(parser, "build/<model name>")
+    add_recordings(parser, "--events", f"recordings to check on: {EVENT_FILES}")
     first_dial, *other_dials = DIALS
     add_dial(parser, first_dial)
-    parser.add_argument(
+    add_recordings(
+        parser,
         "--calibration",
-        metavar="FILE",
-        help=(
-            "recordings for rounding and settings (an archive's train part; default: the "
-            "model's own, or synthetic)"
-        ),
+        "recordings for rounding and settings (an archive's train part; default: the "
+        "model's own, or synthetic)",
     )
     for dial in sorted(other_dials, key=lambda dial: dial.name):
         add_dial(parser, dial)
@@ -68,14 +66,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
     add_times(parser)
     add_division(parser)
     add_sensor(parser)
-    parser.add_argument(
-        "--psi",
-        metavar="X",
-        type=number("--psi", float, low=0),
-        help=(
-            "how late the time-weighted prediction shifts to the location branch "
-            "(default: the model's own, or 10)"
-        ),
+    add_psi(
+        parser,
+        "how late the time-weighted prediction shifts to the location branch "
+        "(default: the model's own, or 10)",
     )
     parser.add_argument(
         "--emit",
@@ -99,29 +93,13 @@ def declare(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="a neuron to show with --emit vcd",
     )
-    parser.add_argument(
-        "--json",
-        action="store_true",
-        help="print report.json to standard output, and nothing else there",
-    )
-    parser.add_argument("--quiet", action="store_true", help="print nothing")
-    parser.add_argument(
-        "--min-agreement",
-        metavar="X",
-        type=number("--min-agreement", float, low=0, high=1),
-        help="exit 3 if prediction agreement is below X (0..1)",
-    )
-    parser.add_argument(
-        "--max-spike-error",
-        metavar="X",
-        type=number("--max-spike-error", float, low=0, high=1),
-        help="exit 3 if more than this share of spikes differs (0..1)",
-    )
-    parser.add_argument(
-        "--max-score-error",
-        metavar="X",
-        type=number("--max-score-error", float, low=0),
-        help=(
+    add_document(parser, "report.json")
+    add_quiet(parser)
+    add_error_bounds(
+        parser,
+        agreement="exit 3 if prediction agreement is below X (0..1)",
+        spikes="exit 3 if more than this share of spikes differs (0..1)",
+        scores=(
             "exit 3 if class scores differ by more than this share of their spread between classes"
         ),
     )
@@ -144,13 +122,9 @@ def declare(parser: argparse.ArgumentParser) -> None:
         help="exit 3 if more than N cores are used",
     )
     parser.add_argument("--junit", metavar="FILE", help="write the gates as JUnit XML")
-    parser.add_argument(
-        "--scheduler",
-        metavar="ADDRESS",
-        help="play the recordings on the Dask cluster of this scheduler",
-    )
+    add_scheduler(parser, "play the recordings on the Dask cluster of this scheduler")
     parser.add_argument(
         "--options",
         metavar="FILE",
-        help=("YAML file of this command's options by name; the command line takes precedence"),
+        help="YAML file of this command's options by name; the command line takes precedence",
     )

@@ -2,6 +2,8 @@
 
 import argparse
 
+from locsnn_compile.cli.declarations.shared import add_json
+
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Add the options of ``locsnn diff``."""
@@ -10,5 +12,5 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--all", action="store_true", help="print every figure that differs, one per line"
     )
-    parser.add_argument("--json", action="store_true", help="print the differences as JSON")
+    add_json(parser, "print the differences as JSON")
     parser.add_argument("--html", metavar="FILE", help="also write a page that shows them")

@@ -4,7 +4,13 @@ import argparse
 from pathlib import Path
 
 from locsnn_compile.cli.declarations.kinds import choice
-from locsnn_compile.cli.declarations.shared import add_division, add_sensor, add_times
+from locsnn_compile.cli.declarations.shared import (
+    EVENT_FILES,
+    add_division,
+    add_json,
+    add_sensor,
+    add_times,
+)
 from locsnn_compile.data.formats import EVENT_FORMATS
 
 
@@ -14,7 +20,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "file",
         metavar="FILE",
-        help="recordings: .zip, folder, .npy, .npz, .pt, .h5, or event files",
+        help=f"recordings: {EVENT_FILES}",
     )
     parser.add_argument(
         "--part",
@@ -48,6 +54,4 @@ def declare(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="with --to .npy or .npz: one recording as fields t, x, p",
     )
-    parser.add_argument(
-        "--json", action="store_true", help="print the figures as JSON, and nothing else"
-    )
+    add_json(parser, "print the figures as JSON, and nothing else")

@@ -5,9 +5,15 @@ import argparse
 from locsnn_compile.cli.declarations.kinds import choice, number
 from locsnn_compile.cli.declarations.shared import (
     add_chip,
+    add_document,
+    add_error_bounds,
     add_explored,
+    add_folder,
     add_format_options,
     add_numbering,
+    add_quiet,
+    add_recordings,
+    add_scheduler,
     add_sensor,
     add_times,
 )
@@ -19,10 +25,8 @@ def declare(parser: argparse.ArgumentParser) -> None:
     """Add the options of ``locsnn explore``."""
     parser.add_argument("model", metavar="MODEL", help=f"{models_in_words()}")
     add_format_options(parser)
-    parser.add_argument(
-        "--events",
-        metavar="FILE",
-        help="recordings on which to compare (default: synthetic touches)",
+    add_recordings(
+        parser, "--events", "recordings on which to compare (default: synthetic touches)"
     )
     parser.add_argument(
         "--part",
@@ -36,15 +40,13 @@ def declare(parser: argparse.ArgumentParser) -> None:
         type=number("--recordings", int, low=1),
         help="use only N of them, evenly spread",
     )
-    parser.add_argument(
+    add_recordings(
+        parser,
         "--report-on",
-        metavar="FILE",
-        help=("other recordings on which to measure the front; they do not affect the choice"),
+        "other recordings on which to measure the front; they do not affect the choice",
     )
-    parser.add_argument(
-        "--calibration",
-        metavar="FILE",
-        help="recordings on which to calibrate (default: those of --events)",
+    add_recordings(
+        parser, "--calibration", "recordings on which to calibrate (default: those of --events)"
     )
     add_times(parser)
     add_sensor(parser)
@@ -59,44 +61,22 @@ def declare(parser: argparse.ArgumentParser) -> None:
         **choice("--engines", ("fast", "reference")),
         help="engines to time: fast, reference",
     )
-    parser.add_argument(
-        "--min-agreement",
-        metavar="X",
-        type=number("--min-agreement", float, low=0, high=1),
-        help="recommend a setting that keeps this share of predictions",
-    )
-    parser.add_argument(
-        "--max-spike-error",
-        metavar="X",
-        type=number("--max-spike-error", float, low=0, high=1),
-        help="recommend a setting in which at most this share of spikes differs",
-    )
-    parser.add_argument(
-        "--max-score-error",
-        metavar="X",
-        type=number("--max-score-error", float, low=0),
-        help=(
+    add_error_bounds(
+        parser,
+        agreement="recommend a setting that keeps this share of predictions",
+        spikes="recommend a setting in which at most this share of spikes differs",
+        scores=(
             "recommend a setting in which class scores differ by at most this share of "
             "their spread between classes"
         ),
     )
-    parser.add_argument(
-        "-o", "--output", metavar="DIR", help="folder to write (default build/<model name>-explore)"
-    )
+    add_folder(parser, "build/<model name>-explore")
     parser.add_argument(
         "--workers",
         metavar="N",
         type=number("--workers", int, low=1, high=256),
         help="measure in N processes of this machine",
     )
-    parser.add_argument(
-        "--scheduler",
-        metavar="ADDRESS",
-        help="measure on the Dask cluster of this scheduler (needs dask)",
-    )
-    parser.add_argument(
-        "--json",
-        action="store_true",
-        help="print explore.json to standard output, and nothing else there",
-    )
-    parser.add_argument("--quiet", action="store_true", help="print nothing")
+    add_scheduler(parser, "measure on the Dask cluster of this scheduler (needs dask)")
+    add_document(parser, "explore.json")
+    add_quiet(parser)

@@ -4,11 +4,12 @@ import argparse
 
 from hw_model.description.boards import BOARDS
 from locsnn_compile.cli.declarations.kinds import choice, number
+from locsnn_compile.cli.declarations.shared import add_json, add_program
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Add the options of ``locsnn rtl fit``."""
-    parser.add_argument("program", metavar="DIR", help="folder that locsnn-compile wrote")
+    add_program(parser)
     parser.add_argument(
         "--device",
         metavar="NAME",
@@ -27,4 +28,4 @@ def declare(parser: argparse.ArgumentParser) -> None:
         default=5,
         help="number of placements; the slowest clock counts (default 5)",
     )
-    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+    add_json(parser)

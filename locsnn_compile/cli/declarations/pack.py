@@ -2,7 +2,12 @@
 
 import argparse
 
-from locsnn_compile.cli.declarations.shared import add_sensor, add_times, add_weights
+from locsnn_compile.cli.declarations.shared import (
+    add_recordings,
+    add_sensor,
+    add_times,
+    add_weights,
+)
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -12,10 +17,8 @@ def declare(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("-o", "--output", metavar="FILE", required=True, help="file to write (.pt)")
     add_weights(parser)
-    parser.add_argument(
-        "--calibration",
-        metavar="FILE",
-        help="recordings on which to find weights (default: the models' own)",
+    add_recordings(
+        parser, "--calibration", "recordings on which to find weights (default: the models' own)"
     )
     add_times(parser)
     add_sensor(parser)

@@ -5,8 +5,14 @@ import argparse
 from locsnn_compile.cli.declarations.kinds import choice, number
 from locsnn_compile.cli.declarations.shared import (
     add_division,
+    add_json,
+    add_least_agreement,
     add_numbering,
     add_played,
+    add_profile,
+    add_psi,
+    add_recordings,
+    add_scheduler,
     add_sensor,
     add_times,
 )
@@ -15,11 +21,7 @@ from locsnn_compile.cli.declarations.shared import (
 def declare(parser: argparse.ArgumentParser) -> None:
     """Add the options of ``locsnn run``."""
     add_played(parser)
-    parser.add_argument(
-        "--profile",
-        metavar="NAME|FILE",
-        help="costs of operations: a profile of the chip, or your own YAML file",
-    )
+    add_profile(parser, "costs of operations: a profile of the chip, or your own YAML file")
     parser.add_argument(
         "--engine",
         metavar="NAME",
@@ -32,11 +34,8 @@ def declare(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="play step by step; show each change of the prediction, and the pace",
     )
-    parser.add_argument(
-        "--psi",
-        metavar="X",
-        type=number("--psi", float, low=0),
-        help=("with --stream or --stop margin: psi of the time-weighted prediction, such as 10"),
+    add_psi(
+        parser, "with --stream or --stop margin: psi of the time-weighted prediction, such as 10"
     )
     parser.add_argument(
         "--stop",
@@ -44,19 +43,15 @@ def declare(parser: argparse.ArgumentParser) -> None:
         **choice("--stop", ("proven", "margin", "silence")),
         help="stop early: when the class is proven, leads by a margin, or in silence",
     )
-    parser.add_argument(
+    add_recordings(
+        parser,
         "--calibrate",
-        metavar="FILE",
-        help="with --stop margin: validation recordings on which to find the margin",
+        "with --stop margin: validation recordings on which to find the margin",
     )
-    parser.add_argument(
-        "--min-agreement",
-        metavar="X",
-        type=number("--min-agreement", float, low=0, high=1),
-        help=(
-            "with --calibrate: share of these recordings to predict as after the last "
-            "step (default 0.99)"
-        ),
+    add_least_agreement(
+        parser,
+        "with --calibrate: share of these recordings to predict as after the last "
+        "step (default 0.99)",
     )
     parser.add_argument(
         "--margin",
@@ -77,9 +72,5 @@ def declare(parser: argparse.ArgumentParser) -> None:
     add_division(parser)
     add_sensor(parser)
     add_numbering(parser)
-    parser.add_argument(
-        "--scheduler",
-        metavar="ADDRESS",
-        help="play on the Dask cluster of this scheduler (needs dask)",
-    )
-    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+    add_scheduler(parser, "play on the Dask cluster of this scheduler (needs dask)")
+    add_json(parser)

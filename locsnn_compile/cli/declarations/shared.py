@@ -88,7 +88,7 @@ def add_sensor(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--axes",
         metavar="ORDER",
-        help=("axes of arrays, such as samples,steps,channels (default samples,channels,steps)"),
+        help="axes of arrays, such as samples,steps,channels (default samples,channels,steps)",
     )
     parser.add_argument(
         "--grid",
@@ -157,15 +157,79 @@ def add_weights(parser: argparse.ArgumentParser) -> None:
     )
 
 
+EVENT_FILES = ".zip, folder, .npy, .npz, .pt, .h5, or event files"
+"""What recordings may be read from."""
+
+
+def add_program(parser: argparse.ArgumentParser) -> None:
+    """Add the argument for a build whose program is played."""
+    parser.add_argument("program", metavar="DIR", help="folder that locsnn-compile wrote")
+
+
 def add_played(parser: argparse.ArgumentParser) -> None:
     """Add the options on what is played: a program and recordings."""
-    parser.add_argument("program", metavar="DIR", help="folder that locsnn-compile wrote")
-    parser.add_argument(
-        "--events",
-        metavar="FILE",
-        required=True,
-        help="recordings: .zip, folder, .npy, .npz, .pt, .h5, or event files",
-    )
+    add_program(parser)
+    add_recordings(parser, "--events", f"recordings: {EVENT_FILES}", required=True)
+
+
+def add_recordings(
+    parser: argparse.ArgumentParser, option: str, said: str, *, required: bool = False
+) -> None:
+    """Add an option that names recordings."""
+    parser.add_argument(option, metavar="FILE", required=required, help=said)
+
+
+def add_profile(parser: argparse.ArgumentParser, said: str) -> None:
+    """Add the option on what operations cost."""
+    parser.add_argument("--profile", metavar="NAME|FILE", help=said)
+
+
+def add_psi(parser: argparse.ArgumentParser, said: str) -> None:
+    """Add the option on the time-weighted prediction."""
+    parser.add_argument("--psi", metavar="X", type=number("--psi", float, low=0), help=said)
+
+
+def add_least_agreement(parser: argparse.ArgumentParser, said: str) -> None:
+    """Add the bound on the share of predictions that are the float network's."""
+    read = number("--min-agreement", float, low=0, high=1)
+    parser.add_argument("--min-agreement", metavar="X", type=read, help=said)
+
+
+def add_error_bounds(
+    parser: argparse.ArgumentParser, *, agreement: str, spikes: str, scores: str
+) -> None:
+    """Add the bounds on what the chip may lose, with what each does."""
+    add_least_agreement(parser, agreement)
+    read_share = number("--max-spike-error", float, low=0, high=1)
+    parser.add_argument("--max-spike-error", metavar="X", type=read_share, help=spikes)
+    read_error = number("--max-score-error", float, low=0)
+    parser.add_argument("--max-score-error", metavar="X", type=read_error, help=scores)
+
+
+def add_scheduler(parser: argparse.ArgumentParser, said: str) -> None:
+    """Add the option that leaves the work to a Dask cluster."""
+    parser.add_argument("--scheduler", metavar="ADDRESS", help=said)
+
+
+def add_folder(parser: argparse.ArgumentParser, default: str) -> None:
+    """Add the option for the folder to write."""
+    said = f"folder to write (default {default})"
+    parser.add_argument("-o", "--output", metavar="DIR", help=said)
+
+
+def add_json(parser: argparse.ArgumentParser, said: str = "print the result as JSON") -> None:
+    """Add the option that prints JSON."""
+    parser.add_argument("--json", action="store_true", help=said)
+
+
+def add_document(parser: argparse.ArgumentParser, name: str) -> None:
+    """Add the option that prints a file that the command writes."""
+    add_json(parser, f"print {name} to standard output, and nothing else there")
+
+
+def add_quiet(parser: argparse.ArgumentParser) -> None:
+    """Add the option that prints nothing."""
+    parser.add_argument("--quiet", action="store_true", help="print nothing")
 
 
 def add_chip(

@@ -5,6 +5,7 @@ import argparse
 from locsnn_compile.cli.declarations.kinds import number
 from locsnn_compile.cli.declarations.shared import (
     add_division,
+    add_json,
     add_numbering,
     add_played,
     add_sensor,
@@ -31,4 +32,4 @@ def declare(parser: argparse.ArgumentParser) -> None:
     add_division(parser)
     add_sensor(parser)
     add_numbering(parser)
-    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+    add_json(parser)

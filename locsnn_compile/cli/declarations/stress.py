@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from locsnn_compile.cli.declarations.shared import add_chip
+from locsnn_compile.cli.declarations.shared import add_chip, add_json
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -12,9 +12,9 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--quick",
         action="store_true",
-        help=("play only some of the rows, and shorter long runs; takes seconds, not minutes"),
+        help="play only some of the rows, and shorter long runs; takes seconds, not minutes",
     )
-    parser.add_argument("--json", action="store_true", help="print all rows as JSON")
+    add_json(parser, "print all rows as JSON")
     parser.add_argument(
         "-o",
         "--output",

@@ -3,7 +3,15 @@
 import argparse
 
 from locsnn_compile.cli.declarations.kinds import choice, number
-from locsnn_compile.cli.declarations.shared import add_chip, add_division, add_sensor, add_times
+from locsnn_compile.cli.declarations.shared import (
+    EVENT_FILES,
+    add_chip,
+    add_division,
+    add_quiet,
+    add_recordings,
+    add_sensor,
+    add_times,
+)
 from locsnn_compile.errors import listed
 from locsnn_compile.models.architectures import ARCHITECTURES
 from locsnn_compile.settings import TRAINABLE
@@ -12,12 +20,7 @@ from locsnn_compile.settings import TRAINABLE
 def declare(parser: argparse.ArgumentParser) -> None:
     """Add the options of ``locsnn train``."""
     strategies = listed([f"{TRAINABLE[0]} (default)", *TRAINABLE[1:]], "or")
-    parser.add_argument(
-        "--data",
-        metavar="FILE",
-        required=True,
-        help="recordings: .zip, folder, .npy, .npz, .pt, .h5, or event files",
-    )
+    add_recordings(parser, "--data", f"recordings: {EVENT_FILES}", required=True)
     add_sensor(parser)
     parser.add_argument(
         "--defaults",
@@ -116,7 +119,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--class-weights",
         metavar="NAME",
-        help=("equal, or balanced: rare classes count for more in the loss (default: chosen)"),
+        help="equal, or balanced: rare classes count for more in the loss (default: chosen)",
     )
     parser.add_argument(
         "--tie",
@@ -189,7 +192,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help="also log every epoch for TensorBoard (needs tensorboard)",
     )
-    parser.add_argument("--quiet", action="store_true", help="print nothing")
+    add_quiet(parser)
     parser.add_argument(
         "-o",
         "--output",
