@@ -150,6 +150,13 @@ def nearest_tau_syn(decay_u: int) -> int:
     return min(shorter, longer, key=lambda tau: abs(_kept_of_current(tau) - wanted))
 
 
+def current_decay_error(decay_u: int) -> float:
+    """Return by how much what a step keeps of a current is off, as a share of the current."""
+    kept = membrane_of(decay_u, DECAY_V_MIN).synapse_decay
+    wanted: int = loihi.keep_of(decay_u) << 20
+    return abs(kept - wanted) / SPAN
+
+
 def _kept_of_potential(tau: int) -> int:
     return expk(-((ONE << 15) // tau))
 

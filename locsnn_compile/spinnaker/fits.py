@@ -1,0 +1,78 @@
+"""What SpiNNaker has no neurons for, refused by name before and after a network is in integers."""
+
+import numpy as np
+
+from hw_model.arithmetic import loihi, loihi_bounds
+from hw_model.arithmetic.spinnaker_inverse import DECAY_U_MIN, DECAY_V_MIN
+from hw_model.errors import TargetError
+from hw_model.mapping.graph import CompartmentGraph, Compartments
+from hw_model.values import FloatArray
+from locsnn_compile.network.chip_neurons import ChipSrm
+from locsnn_compile.network.network import Network
+from locsnn_compile.network.neurons import SoftCuba
+
+
+def check_neurons(network: Network) -> None:
+    """Refuse neurons that are more than one of SpiNNaker each, or reset otherwise."""
+    for population in network.populations:
+        neuron = population.neuron
+        if isinstance(neuron, SoftCuba):
+            what = "a spike subtracts from its potential, and on SpiNNaker it resets it to 0"
+            fix = "Train neurons that reset to 0, such as Cuba."
+            raise TargetError(population.where, what, fix=fix)
+        if isinstance(neuron, ChipSrm):
+            what = "its integers join compartments, and a neuron of SpiNNaker is a single one"
+            fix = "Give the network in float, as it was before it was trained in integers."
+            raise TargetError(population.where, what, fix=fix)
+
+
+def check_compartments(graph: CompartmentGraph, charges: dict[str, FloatArray]) -> None:
+    """Refuse compartments whose decays, joins or floors IF_curr_exp does not have.
+
+    ``charges`` (2, n) by group: the lowest and the highest charge of a step, in the unit of u.
+    """
+    for group in graph.groups:
+        where = f"population {group.name!r}"
+        _check_single(where, group)
+        _check_decay_v(where, group)
+        _check_decay_u(where, group)
+        _check_floor(where, group, charges[group.name])
+
+
+def _check_single(where: str, group: Compartments) -> None:
+    if group.joined_to is not None:
+        what = f"it is joined to {group.joined_to!r}, and SpiNNaker joins no compartments"
+        raise TargetError(where, what, fix="Use strategy reset.")
+
+
+def _check_decay_v(where: str, group: Compartments) -> None:
+    slowest = int(group.decay_v.min())
+    if slowest < DECAY_V_MIN:
+        what = "its potential never decays, and on SpiNNaker no input would then move it"
+        measured = f"decay_v {slowest} against at least {DECAY_V_MIN} of {loihi.FORGETS}"
+        raise TargetError(where, what, measured=measured, fix=_SHORTER)
+
+
+def _check_decay_u(where: str, group: Compartments) -> None:
+    slowest = int(group.decay_u.min())
+    if slowest < DECAY_U_MIN:
+        what = "its current decays too slowly: a weight would leave 32 bits on SpiNNaker"
+        measured = f"decay_u {slowest} against at least {DECAY_U_MIN} of {loihi.FORGETS}"
+        raise TargetError(where, what, measured=measured, fix=_SHORTER)
+
+
+_SHORTER = "Train with a shorter time constant, or take longer steps."
+
+
+def _check_floor(where: str, group: Compartments, charges: FloatArray) -> None:
+    """Refuse a floor that inputs can reach; the end of the register of ``loihi`` is none."""
+    is_floor = group.vmin > -group.vmax
+    lowest_current = -loihi_bounds.settles_at(-charges[0], group.decay_u)
+    bias = loihi.bias_of(group.bias_mantissa, group.bias_exponent)
+    lowest = -loihi_bounds.settles_at(-(lowest_current + bias), group.decay_v)
+    below = np.flatnonzero(is_floor & (lowest < group.vmin))
+    if below.size:
+        first = int(below[0])
+        what = "its potential has a floor that inputs can reach, and on SpiNNaker it has none"
+        measured = f"{lowest[first]:.0f} against {group.vmin[first]} in neuron {first}"
+        raise TargetError(where, what, measured=measured, fix="Train without a floor.")

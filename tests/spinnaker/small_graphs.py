@@ -1,0 +1,57 @@
+"""Graphs of single compartments for tests of the lowering, by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hw_model.mapping.graph import CompartmentGraph, Compartments, Input, Phase, Synapses
+
+LAST = (1 << 23) - 1
+
+
+def cells(size: int = 1, **changes: object) -> Compartments:
+    """Return leaky compartments that are read in phase ``time``."""
+    usual = {
+        "name": "cells",
+        "phase": "time",
+        "size": size,
+        "decay_u": 379,
+        "decay_v": 401,
+        "threshold": 600,
+        "bias_mantissa": 0,
+        "bias_exponent": 0,
+        "refractory": 1,
+        "vmin": -LAST,
+        "vmax": LAST,
+    }
+    return Compartments(**{**usual, **changes})
+
+
+def synapses(weights: object, **changes: object) -> Synapses:
+    """Return a synapse for each weight (targets, sources) but 0, with mantissas of its value."""
+    target, source = np.nonzero(np.asarray(weights))
+    order = np.lexsort((target, source))
+    usual = {
+        "source": "lines",
+        "target": "cells",
+        "source_index": source[order],
+        "target_index": target[order],
+        "mantissa": np.asarray(weights)[target, source][order],
+        "delay": np.zeros(len(order), dtype=np.int64),
+        "exponent": 0,
+        "weight_bits": 8,
+        "sign_mode": "mixed",
+    }
+    return Synapses(**{**usual, **changes})
+
+
+def graph(*parts: Synapses, lines: int = 1, **changes: object) -> CompartmentGraph:
+    """Return a graph of some lines and one group, ``cells``, with these synapses."""
+    usual = {
+        "name": "small",
+        "phases": (Phase("time", "time", None),),
+        "inputs": (Input("lines", lines, "time", "touch"),),
+        "groups": (cells(),),
+        "synapses": parts or (synapses([[100]]),),
+    }
+    return CompartmentGraph(**{**usual, **changes})
