@@ -33,21 +33,21 @@ def packed_lists(synapses: Table, sources: int, step: int) -> Lists:
     """
     target = synapses["target"]
     bank = (np.bitwise_xor.reduce(target >> np.arange(24)[:, None]) ^ synapses["delay"]) & 1
-    half, entries, heads = (
-        2 * synapses["source"] + bank,
-        {**synapses, "target": target >> 1},
-        Table(),
-    )
+    half = 2 * synapses["source"] + bank
+    entries = {**synapses, "target": target >> 1}
+    heads = Table()
     if step:
         half, entries, heads = in_steps(half, entries, step, sources)
-    order, counts = np.argsort(half, kind="stable"), np.bincount(half, minlength=2 * sources)
-    lengths = counts.reshape(-1, 2).max(axis=1)
-    even_first, starts = np.argsort(lengths % 2, kind="stable"), np.empty_like(lengths)
+    order = np.argsort(half, kind="stable")
+    entries_of_half = np.bincount(half, minlength=2 * sources)
+    lengths = entries_of_half.reshape(-1, 2).max(axis=1)
+    even_first = np.argsort(lengths % 2, kind="stable")
+    starts = np.empty_like(lengths)
     starts[even_first] = np.cumsum(lengths[even_first]) - lengths[even_first]
     # Synapses of a half follow each other from where their list begins.
-    word = np.arange(len(order)) + np.repeat(
-        np.repeat(starts, 2) - np.cumsum(counts) + counts, counts
-    )
+    first_entry = np.cumsum(entries_of_half) - entries_of_half
+    word_of_first = np.repeat(starts, 2)
+    word = np.arange(len(order)) + np.repeat(word_of_first - first_entry, entries_of_half)
     words: Table = {}
     for name, column in entries.items():
         halves = np.full((2, int(lengths.sum())), NO_SYNAPSE.get(name, 0))

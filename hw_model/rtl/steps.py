@@ -1,15 +1,17 @@
 """Lists whose targets are told as steps from those before them; ``stepped.sv`` takes them apart.
 
-A step of 1 is no way at all, so that a compartment may be a target twice. A step of 0 is no synapse: its mantissa has
-the exponent of what follows, and a jump to it.
+A step of 1 is no way at all, so that a compartment may be a target twice. A step of 0 is no synapse:
+its mantissa has the exponent of what follows, and a jump to it.
 """
 
 import numpy as np
 
 from hw_model.values import IntArray
 
-FURTHEST, NEAREST = 31, -32
-"""Jumps, forward and back; a way that is longer takes several."""
+FURTHEST = 31
+"""Longest jump forward; a longer way takes several jumps."""
+NEAREST = -32
+"""Longest jump back."""
 
 
 def in_steps(
@@ -17,33 +19,55 @@ def in_steps(
 ) -> tuple[IntArray, dict[str, IntArray], dict[str, IntArray]]:
     """Return the half and the fields of every entry, and the head of every list: ``place`` and ``exponent``.
 
-    ``half`` (synapses,): twice their list, and their bank. Synapses of an exponent follow each other, their targets
-    ascending, with jumps wherever ``bits`` do not tell the way.
+    ``half`` (synapses,): twice their list, and their bank. Synapses of an exponent follow each
+    other, their targets ascending, with jumps wherever ``bits`` do not tell the way.
     """
     keys = (synapses["target"], synapses["delay"], -synapses["exponent"], half)
     order = np.lexsort(keys)
-    target, delay, falling, half = (key[order] for key in keys)
-    exponent, of_list, begins = -falling, half >> 1, np.diff(half, prepend=-1) != 0
-    firsts = of_list[begins]
-    head = {
-        "place": np.full(lists, np.iinfo(np.int64).max),
-        "exponent": np.zeros(lists, dtype=np.int64),
-    }
-    np.minimum.at(head["place"], firsts, target[begins])
-    np.maximum.at(head["exponent"], firsts, exponent[begins])
-    head["place"][np.bincount(firsts, minlength=lists) == 0] = 0
-    way = target - np.where(begins, head["place"][of_list], np.roll(target, 1))
-    told = exponent == np.where(begins, head["exponent"][of_list], np.roll(exponent, 1))
-    told &= (way >= 0) & (way < (1 << bits) - 1)
-    far = np.where(way < 0, NEAREST, FURTHEST)
-    jumps = np.where(told, 0, np.maximum(-(-way // far), 1))
-    at = np.repeat(np.arange(len(order)), jumps + 1)
-    jumped = np.arange(len(at)) - np.repeat(np.cumsum(jumps + 1) - jumps - 1, jumps + 1)
-    arrived = jumped == jumps[at]
-    jump = np.clip(way[at] - far[at] * jumped, NEAREST, FURTHEST)
+    half = half[order]
+    target = synapses["target"][order]
+    exponent = synapses["exponent"][order]
+    list_of = half >> 1
+    is_first = np.diff(half, prepend=-1) != 0
+    heads = _heads(list_of[is_first], target[is_first], exponent[is_first], lists)
+
+    target_before = np.where(is_first, heads["place"][list_of], np.roll(target, 1))
+    exponent_before = np.where(is_first, heads["exponent"][list_of], np.roll(exponent, 1))
+    way = target - target_before
+    longest_way = (1 << bits) - 2
+    fits_field = (way >= 0) & (way <= longest_way)
+    is_told = fits_field & (exponent == exponent_before)
+    longest_jump = np.where(way < 0, NEAREST, FURTHEST)
+    jumps_on_way = -(-way // longest_jump)
+    jumps = np.where(is_told, 0, np.maximum(jumps_on_way, 1))  # a new exponent takes one as well
+
+    # Each synapse becomes its jumps, and then itself.
+    synapse = np.repeat(np.arange(len(order)), jumps + 1)
+    first_entry = np.cumsum(jumps + 1) - jumps - 1
+    jumps_before = np.arange(len(synapse)) - first_entry[synapse]
+    is_synapse = jumps_before == jumps[synapse]
+    way_left = way[synapse] - longest_jump[synapse] * jumps_before
+    jump = np.clip(way_left, NEAREST, FURTHEST)
+    step = np.where(is_told, way, 0) + 1
+    mantissa = synapses["mantissa"][order]
     entries = {
-        "step": np.where(arrived, np.where(told, way, 0)[at] + 1, 0),
-        "delay": delay[at],
-        "mantissa": np.where(arrived, synapses["mantissa"][order][at], 8 * jump + exponent[at]),
+        "step": np.where(is_synapse, step[synapse], 0),
+        "delay": synapses["delay"][order][synapse],
+        "mantissa": np.where(is_synapse, mantissa[synapse], 8 * jump + exponent[synapse]),
     }
-    return half[at], entries, head
+    return half[synapse], entries, heads
+
+
+def _heads(
+    list_of: IntArray, target: IntArray, exponent: IntArray, lists: int
+) -> dict[str, IntArray]:
+    """Return where every list begins, given the first synapse of each of its halves; 0 without any.
+
+    It begins at the nearer target, with the larger exponent.
+    """
+    place = np.full(lists, np.iinfo(np.int64).max)
+    np.minimum.at(place, list_of, target)
+    place[np.bincount(list_of, minlength=lists) == 0] = 0
+    largest_exponent = np.zeros(lists, dtype=np.int64)
+    np.maximum.at(largest_exponent, list_of, exponent)
+    return {"place": place, "exponent": largest_exponent}

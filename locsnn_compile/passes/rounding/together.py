@@ -38,40 +38,83 @@ def round_together(
     Where ``step`` is 0, the weight is 0. ``beam`` candidates per neuron are continued.
     """
     rounded = np.empty(ideal.shape, dtype=np.int64)
-    at_once = max(1, CANDIDATES // beam)
-    for start in range(0, len(ideal), at_once):
-        rows = slice(start, start + at_once)
-        sorted_parts = [part[rows, metric.order].astype(np.float64) for part in (ideal, step, most)]
-        rounded[rows, metric.order] = _beam(metric.factor, *sorted_parts, beam=beam)
+    neurons_at_once = max(1, CANDIDATES // beam)
+    for start in range(0, len(ideal), neurons_at_once):
+        rows = slice(start, start + neurons_at_once)
+        search = _Search(
+            metric.factor,
+            ideal[rows, metric.order].astype(np.float64),
+            step[rows, metric.order].astype(np.float64),
+            most[rows, metric.order].astype(np.float64),
+        )
+        rounded[rows, metric.order] = search.run(beam)
     return rounded
 
 
-def _beam(
-    factor: FloatArray, ideal: FloatArray, step: FloatArray, most: FloatArray, *, beam: int
-) -> IntArray:
-    """Round columns from left to right; ``left`` (m, candidates, columns) holds the targets of the remaining ones."""
-    m, n = ideal.shape
-    left, cost, row = ideal[:, None], np.zeros((m, 1)), np.arange(m)[:, None]
-    came_from, taken = [], []
-    for j in range(n):
-        unit, limit = step[:, None, j], most[:, None, j]
-        below = np.floor(left[:, :, 0] / np.where(unit > 0, unit, 1.0)) * unit
-        tried = np.clip(
-            np.stack((below, below + unit), axis=2), -limit[:, :, None], limit[:, :, None]
-        )
-        error = (left[:, :, :1] - tried) / factor[j, j]
-        costs = cost[:, :, None] + error**2
-        # Equal neighbours count once.
-        costs[:, :, 1] = np.where(tried[:, :, 0] == tried[:, :, 1], np.inf, costs[:, :, 1])
-        costs, error, tried = (part.reshape(m, -1) for part in (costs, error, tried))
-        best = np.argsort(costs, axis=1, kind="stable")[:, :beam]
-        cost = costs[row, best]
-        came_from.append(best // 2)
-        taken.append(tried[row, best])
-        left = left[row, came_from[-1], 1:]
-        left -= error[row, best][:, :, None] * factor[j, j + 1 :]
-    rounded, one, number = np.empty((m, n)), row[:, 0], np.zeros(m, dtype=np.int64)
-    for j in reversed(range(n)):
-        rounded[:, j] = taken[j][one, number]
-        number = came_from[j][one, number]
-    return np.rint(rounded).astype(np.int64)
+class _Search:
+    """The best roundings of the columns so far, from left to right, of m neurons.
+
+    - ``targets`` (m, candidates, columns left): what the columns that are left are rounded near to
+    - ``cost`` (m, candidates): the squared error so far
+    - ``values`` and ``came_from``: by column, the value that each candidate took, and the number of
+      the candidate that it continues
+    """
+
+    def __init__(
+        self, factor: FloatArray, ideal: FloatArray, step: FloatArray, most: FloatArray
+    ) -> None:
+        self.factor = factor
+        self.step = step
+        self.most = most
+        self.targets = ideal[:, None]
+        self.cost = np.zeros((len(ideal), 1))
+        self.neuron = np.arange(len(ideal))
+        self.values: list[FloatArray] = []
+        self.came_from: list[IntArray] = []
+
+    def run(self, beam: int) -> IntArray:
+        """Round all columns; return the best rounding of every neuron (m, n)."""
+        for column in range(len(self.factor)):
+            self._round(column, beam)
+        return self._best()
+
+    def _round(self, column: int, beam: int) -> None:
+        """Continue every candidate by both neighbours of its target, and keep the best ``beam``."""
+        neurons = len(self.neuron)
+        own_factor = self.factor[column, column]
+        target = self.targets[:, :, :1]
+        values = self._neighbours(column)
+        error = (target - values) / own_factor
+        cost = self.cost[:, :, None] + error**2
+        are_equal = values[:, :, 0] == values[:, :, 1]
+        cost[:, :, 1] = np.where(are_equal, np.inf, cost[:, :, 1])  # equal neighbours count once
+
+        flat_cost = cost.reshape(neurons, -1)
+        best = np.argsort(flat_cost, axis=1, kind="stable")[:, :beam]
+        neuron = self.neuron[:, None]
+        continued = best // 2
+        self.cost = flat_cost[neuron, best]
+        self.came_from.append(continued)
+        self.values.append(values.reshape(neurons, -1)[neuron, best])
+        # What this column is off, those that are left make up for.
+        off = error.reshape(neurons, -1)[neuron, best]
+        self.targets = self.targets[neuron, continued, 1:]
+        self.targets -= off[:, :, None] * self.factor[column, column + 1 :]
+
+    def _neighbours(self, column: int) -> FloatArray:
+        """Return the multiples of the step below and above each target, (m, candidates, 2)."""
+        step = self.step[:, None, column]
+        most = self.most[:, None, column, None]
+        steps_below = np.floor(self.targets[:, :, 0] / np.where(step > 0, step, 1.0))
+        below = steps_below * step
+        return np.clip(np.stack((below, below + step), axis=2), -most, most)
+
+    def _best(self) -> IntArray:
+        """Return the values on the way to the first candidate of every neuron, which costs least."""
+        columns = len(self.values)
+        rounded = np.empty((len(self.neuron), columns))
+        candidate = np.zeros(len(self.neuron), dtype=np.int64)
+        for column in reversed(range(columns)):
+            rounded[:, column] = self.values[column][self.neuron, candidate]
+            candidate = self.came_from[column][self.neuron, candidate]
+        return np.rint(rounded).astype(np.int64)
