@@ -12,29 +12,38 @@ def sources_first(count: int, edges: ArrayLike) -> list[list[int]]:
     """
     reached = np.eye(count, dtype=np.float32)
     reached[tuple(np.reshape(edges, (-1, 2)).astype(np.int64).T)] = 1
-    while (further := (reached @ reached > 0).astype(np.float32)).sum() > reached.sum():
+    while True:
+        further = (reached @ reached > 0).astype(np.float32)
+        if further.sum() == reached.sum():
+            break
         reached = further
+    # By the least node of a circle: its nodes, and how many nodes outside of it come before.
     circles = {int(np.argmax(row)): np.flatnonzero(row) for row in reached * reached.T}
-    before = {
-        first: int(np.count_nonzero(reached[:, first])) - len(nodes)
-        for first, nodes in circles.items()
-    }
+    sources_left: dict[int, int] = {}
+    for first, nodes in circles.items():
+        sources = int(np.count_nonzero(reached[:, first]))
+        sources_left[first] = sources - len(nodes)
     order: list[list[int]] = []
-    while before:
-        first = min(node for node, waits in before.items() if waits == 0)
-        del before[first]
-        before = {
-            node: waits - len(circles[first]) * int(reached[first, node])
-            for node, waits in before.items()
-        }
-        order.append(circles[first].tolist())
+    while sources_left:
+        first = min(node for node, sources in sources_left.items() if sources == 0)
+        nodes = circles[first]
+        order.append(nodes.tolist())
+        del sources_left[first]
+        for node in sources_left:
+            if reached[first, node]:
+                sources_left[node] -= len(nodes)
     return order
 
 
 def roots(parent: IntArray) -> tuple[IntArray, IntArray]:
     """Return the root of each node, given the parent of each, or -1, and how far below its root each node is."""
-    root, depth, above = np.arange(len(parent)), np.zeros_like(parent), parent
-    while (above >= 0).any():
-        depth += above >= 0
-        root, above = np.where(above >= 0, above, root), np.where(above >= 0, parent[above], -1)
-    return root, depth
+    root = np.arange(len(parent))
+    depth = np.zeros_like(parent)
+    above = parent
+    while True:
+        is_below = above >= 0
+        if not is_below.any():
+            return root, depth
+        depth += is_below
+        root = np.where(is_below, above, root)
+        above = np.where(is_below, parent[above], -1)

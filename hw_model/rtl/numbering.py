@@ -37,19 +37,25 @@ class Numbering(Frozen, eq=False):
 
     def sums(self) -> int:
         """Return the least power of two that tells all parents apart that wait for their children at a time."""
-        numbers, parent = self.number[self.parent >= 0], self.number[self.parent[self.parent >= 0]]
-        parents, which = np.unique(parent, return_inverse=True)
-        begins = np.full(len(parents), self.ends[-1])
-        np.minimum.at(begins, which, numbers)
-        places, words = self.places(parents), 1
-        while True:
-            by_word = np.lexsort((begins, places % words))
-            same = np.diff(places[by_word] % words) == 0
-            if not (
-                same & (begins[by_word][1:] + JOIN_DISTANCE <= parents[by_word][:-1] + 1)
-            ).any():
-                return words
+        is_child = self.parent >= 0
+        child = self.number[is_child]
+        parent_of_child = self.number[self.parent[is_child]]
+        parents, family = np.unique(parent_of_child, return_inverse=True)
+        first_child = np.full(len(parents), self.ends[-1])
+        np.minimum.at(first_child, family, child)
+        words = 1
+        while self._meet(parents, first_child, words):
             words *= 2
+        return words
+
+    def _meet(self, parents: IntArray, first_child: IntArray, words: int) -> bool:
+        """Tell whether a sum is begun before the last one in its word has been read."""
+        word = self.places(parents) % words
+        order = np.lexsort((first_child, word))
+        share_word = np.diff(word[order]) == 0
+        begins = first_child[order][1:] + JOIN_DISTANCE
+        is_read = parents[order][:-1] + 1
+        return bool((share_word & (begins <= is_read)).any())
 
 
 def numbered(program: ChipProgram, phases: Sequence[str], sizes: Sizes) -> Numbering:
@@ -59,23 +65,44 @@ def numbered(program: ChipProgram, phases: Sequence[str], sizes: Sizes) -> Numbe
         program, lambda core: np.where(core.parent < 0, -1, begin[core.number] + core.parent)
     )
     turn = of_compartments(program, lambda core: phases.index(core.phase))
-    root, depth = roots(parent)
-    # Families of a phase come so few at a time that their sums find room.
-    rank, is_root = np.zeros_like(parent), parent < 0
-    for index in range(len(phases)):
-        rank[turn == index] = np.cumsum(is_root[turn == index]) - 1
-    together = rank[root] // sizes.sums if sizes.sums else rank * 0
-    number, following = np.empty_like(parent), 0
-    earliest: dict[int, int] = {}
-    for index in np.lexsort((parent, -depth, together, turn)).tolist():
-        number[index] = max(following, earliest.get(index, 0))
-        following = int(number[index]) + 1
-        earliest[int(parent[index])] = following + JOIN_DISTANCE - 1
+    _, depth = roots(parent)
+    together = _families_together(parent, turn, len(phases), sizes)
+    order = np.lexsort((parent, -depth, together, turn))
+    number = _numbers_in_order(order, parent)
     last = [number[turn == index].max(initial=-1) for index in range(len(phases))]
-    own = np.split(number, begin[1:-1])
-    of_phase = {name: program.by_column(name, lambda core: own[core.number]) for name in phases}
     ends = [end + 1 for end in np.maximum.accumulate(last).tolist()]
+    of_core = np.split(number, begin[1:-1])
+    of_phase = {name: program.by_column(name, lambda core: of_core[core.number]) for name in phases}
     return Numbering(number, parent, of_phase, ends, shared=sizes.places > 0)
+
+
+def _families_together(parent: IntArray, turn: IntArray, phases: int, sizes: Sizes) -> IntArray:
+    """Return a number for each compartment: families of a phase with one number are updated together.
+
+    They are so few that their sums find room.
+    """
+    if not sizes.sums:
+        return np.zeros_like(parent)
+    root, _ = roots(parent)
+    is_root = parent < 0
+    family_of_root = np.zeros_like(parent)
+    for phase in range(phases):
+        of_phase = turn == phase
+        family_of_root[of_phase] = np.cumsum(is_root[of_phase]) - 1
+    return family_of_root[root] // sizes.sums
+
+
+def _numbers_in_order(order: IntArray, parent: IntArray) -> IntArray:
+    """Return the least numbers in an order that leave :data:`JOIN_DISTANCE` before every parent."""
+    number = np.empty_like(parent)
+    next_number = 0
+    earliest_of_parent: dict[int, int] = {}
+    for compartment in order.tolist():
+        own_number = max(next_number, earliest_of_parent.get(compartment, 0))
+        number[compartment] = own_number
+        earliest_of_parent[int(parent[compartment])] = own_number + JOIN_DISTANCE
+        next_number = own_number + 1
+    return number
 
 
 def of_compartments(program: ChipProgram, values: Callable[[Core], IntArray | int]) -> IntArray:
