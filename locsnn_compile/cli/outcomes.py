@@ -1,10 +1,111 @@
-"""What ``locsnn run`` says of recordings, whatever the program is for."""
+"""What ``locsnn run`` says of recordings, whatever the program is for: as JSON, by its types, and as lines."""
 
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any
 
 from hw_model.values import IntArray
 from locsnn_compile.errors import check_most
+from locsnn_compile.report.figures.entries import INLINED, Entry, IfKnown, LeftOut
 from locsnn_compile.report.format import plural
+from locsnn_compile.verification.savings import Savings
+
+
+class Change(Entry):
+    """A prediction from a step on (counted from 1), by how much it leads."""
+
+    step: int
+    prediction: int
+    lead: float
+
+
+class EarlyStop(Entry):
+    """The step after which a recording was stopped, and what was predicted there."""
+
+    step: int
+    prediction: int
+
+
+class Outcome(Entry):
+    """What a program said of a recording.
+
+    Where all classes tie and the program names none for that, the prediction is the first class, but
+    nothing is predicted: with a label, that is wrong.
+    """
+
+    recording: int
+    prediction: int
+    tied: bool
+    label: int | None
+    spikes: int
+    changes: IfKnown[tuple[Change, ...]] = None
+    stop: IfKnown[EarlyStop] = None
+
+    @property
+    def is_right(self) -> bool:
+        """Whether the label is what was predicted."""
+        return self.prediction == self.label and not self.tied
+
+
+class CalibratedOn(Entry):
+    """The recordings on which a margin was found, and how well it did there."""
+
+    source: str
+    part: str | None
+    recordings: int
+    min_agreement: float
+    agreement: float
+
+
+class Margin(Entry):
+    """The lead that ends a recording; None if no lead was enough. ``calibrated_on``: None if it was given."""
+
+    margin: float | None
+    calibrated_on: CalibratedOn | None
+
+
+class StopFigures(Entry):
+    """What stopping early saves, and how predictions compare with those of whole recordings."""
+
+    kind: str
+    margin: Annotated[Margin | None, INLINED, LeftOut()]
+    savings: Annotated[Savings, INLINED]
+    agreement: float
+    accuracy: float | None
+    whole_accuracy: float | None
+    recordings: int
+
+
+class StepLatency(Entry):
+    """Seconds that a step took here: the mean, the 99th percentile and the longest."""
+
+    mean: float
+    p99: float
+    worst: float
+
+
+class StreamFigures(Entry):
+    """The pace of a stream, and by step the share of recordings whose prediction is ``right_is``."""
+
+    psi: float | None
+    step_seconds: float | None
+    step_latency_seconds: StepLatency
+    real_time_factor: float | None
+    worst_real_time_factor: float | None
+    right_is: str
+    right: tuple[float, ...]
+
+
+class RunFigures(Entry):
+    """All that ``locsnn run --json`` prints; the energy is None where no constants are published."""
+
+    program: str
+    recordings: tuple[Outcome, ...]
+    counts: Mapping[str, int]
+    energy_pj: Mapping[str, float] | None
+    assumptions: tuple[str, ...]
+    binning: IfKnown[Mapping[str, Any]] = None
+    stream: IfKnown[StreamFigures] = None
+    stop: IfKnown[StopFigures] = None
 
 
 def check_classes(labels: IntArray, classes: int) -> None:
@@ -14,16 +115,40 @@ def check_classes(labels: IntArray, classes: int) -> None:
     check_most(int(labels.max()), classes - 1, where, "no class has this number", fix=fix)
 
 
-def recording_line(row: dict[str, Any]) -> str:
+def recording_line(outcome: Outcome) -> str:
     """Return the outcome of a recording as one line."""
-    label = "" if row["label"] is None else f"  label {row['label']}"
-    predicted = "all classes tie" if row["tied"] else f"class {row['prediction']}"
-    spikes = plural(row["spikes"], "spike")
-    return f"recording {row['recording']}: {predicted}{label}  {spikes}"
+    label = "" if outcome.label is None else f"  label {outcome.label}"
+    predicted = "all classes tie" if outcome.tied else f"class {outcome.prediction}"
+    return f"recording {outcome.recording}: {predicted}{label}  {plural(outcome.spikes, 'spike')}"
 
 
-def accuracy_lines(right: int, labelled: int) -> list[str]:
+class Tally(Entry):
+    """How many recordings were played, how many have a label, and how many of these are right."""
+
+    recordings: int = 0
+    labelled: int = 0
+    right: int = 0
+
+    @classmethod
+    def of(cls, outcomes: Sequence[Outcome]) -> "Tally":
+        """Return the tally of some recordings."""
+        return cls(
+            recordings=len(outcomes),
+            labelled=sum(outcome.label is not None for outcome in outcomes),
+            right=sum(outcome.is_right for outcome in outcomes),
+        )
+
+    def __add__(self, more: "Tally") -> "Tally":
+        return Tally(
+            self.recordings + more.recordings,
+            self.labelled + more.labelled,
+            self.right + more.right,
+        )
+
+
+def accuracy_lines(tally: Tally) -> list[str]:
     """Return a line on how many of the labelled recordings are right; none without labels."""
-    if not labelled:
+    if not tally.labelled:
         return []
-    return [f"accuracy {right / labelled:.3f} on {plural(labelled, 'recording')}"]
+    accuracy = tally.right / tally.labelled
+    return [f"accuracy {accuracy:.3f} on {plural(tally.labelled, 'recording')}"]

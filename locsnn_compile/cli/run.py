@@ -13,10 +13,8 @@ event, once everything is at rest.
 """
 
 import argparse
-import itertools
 import math
-from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import chain
@@ -26,9 +24,22 @@ from typing import Any
 import numpy as np
 
 import hw_model as hw
+from hw_model.values import ByteArray, Frozen, IntArray
 from hw_model.xylo.files import load_any_program
 from hw_model.xylo.program import XyloProgram
-from locsnn_compile.cli.outcomes import accuracy_lines, check_classes, recording_line
+from locsnn_compile.cli.outcomes import (
+    CalibratedOn,
+    EarlyStop,
+    Margin,
+    Outcome,
+    RunFigures,
+    StopFigures,
+    StreamFigures,
+    Tally,
+    accuracy_lines,
+    check_classes,
+    recording_line,
+)
 from locsnn_compile.cli.shell import progress_bar, say
 from locsnn_compile.cli.step_options import (
     assumption_lines,
@@ -39,9 +50,10 @@ from locsnn_compile.cluster.spread import Spread, spread_over
 from locsnn_compile.data.read import recording_parts
 from locsnn_compile.data.recordings import Recordings, batches
 from locsnn_compile.errors import InputError
+from locsnn_compile.report.figures.entries import plain
 from locsnn_compile.report.format import count, energy, plural, share, time
+from locsnn_compile.verification.savings import Savings, savings
 
-Row = dict[str, Any]
 MIN_AGREEMENT = 0.99
 """Of a margin that is calibrated, unless another is asked for."""
 
@@ -73,102 +85,118 @@ def run(args: argparse.Namespace) -> int:
     if args.step_seconds is not None and not args.stream and recordings.threshold is None:
         raise InputError("--step-seconds", "nothing requested is timed", fix="Add --stream.")
     margin = _known_margin(args, program, recordings) if args.stop == "margin" else None
-    counts, tally, rows = hw.Counts(), Counter[str](), list[Row]()
+    counts = hw.Counts()
+    tally = Tally()
+    outcomes: list[Outcome] = []
+    stream: StreamFigures | None = None
+    stop: StopFigures | None = None
+    more_lines: list[str] = []
     shown = not (args.json or args.stream)
     with spread_over(args.scheduler) as spread:
         with progress_bar("simulating", show=not shown) as progress:
-            for found, added in _play(program, chain([recordings], chunks), args.engine, spread):
-                counts += added
-                tally.update(known=sum(row["label"] is not None for row in found), all=len(found))
-                tally.update(
-                    right=sum(
-                        row["prediction"] == row["label"] and not row["tied"] for row in found
-                    )
-                )
-                rows += found if again or args.json else []
+            for part in _play(program, chain([recordings], chunks), args.engine, spread):
+                counts += part.counts
+                tally += Tally.of(part.outcomes)
+                if again or args.json:
+                    outcomes += part.outcomes
                 if progress:
-                    progress(tally["all"], len(recordings) if again else None)
+                    progress(tally.recordings, len(recordings) if again else None)
                 if shown:
-                    print("\n".join(map(recording_line, found)))
-        totals = hw.energy_pj(counts, program.chip.costs)
-        result: Row = {"program": program.name, "recordings": rows}
-        result |= {"counts": dict(counts), "energy_pj": totals}
-        said = _summary(program, tally, counts, totals)
-        result["assumptions"] = list(recordings.assumed)
-        said += assumption_lines(recordings)
-        if recordings.binned is not None:
-            result["binning"] = recordings.binned.document()
-            said.append(f"binning: {recordings.binned.words}")
+                    print("\n".join(map(recording_line, part.outcomes)))
         if args.stream:
             from locsnn_compile.cli.run_stream import stream_all, stream_lines
 
-            result["stream"] = stream_all(args, program, recordings, rows, margin)
-            said += stream_lines(result["stream"])
+            lead = None if margin is None else margin.lead
+            outcomes, stream = stream_all(args, program, recordings, outcomes, lead)
+            more_lines += stream_lines(stream)
         if args.stop:
-            result["stop"] = _find_stops(args, program, recordings, rows, margin, spread)
-            said += _stop_lines(result["stop"])
-    say(args, result, said)
+            outcomes, stop = _find_stops(args, program, recordings, outcomes, margin, spread)
+            more_lines += _stop_lines(stop)
+    binned = recordings.binned
+    figures = RunFigures(
+        program=program.name,
+        recordings=tuple(outcomes),
+        counts=dict(counts),
+        energy_pj=hw.energy_pj(counts, program.chip.costs),
+        assumptions=tuple(recordings.assumed),
+        binning=None if binned is None else binned.document(),
+        stream=stream,
+        stop=stop,
+    )
+    lines = [
+        *accuracy_lines(tally),
+        _summary(program, tally.recordings, counts),
+        *assumption_lines(recordings),
+    ]
+    if binned is not None:
+        lines.append(f"binning: {binned.words}")
+    say(args, plain(figures), [*lines, *more_lines])
     return 0
 
 
-def _summary(
-    program: hw.ChipProgram, tally: Counter[str], counts: hw.Counts, totals: dict[str, float]
-) -> list[str]:
-    played = tally["all"]
-    lines = accuracy_lines(tally["right"], tally["known"])
-    spent = (
-        f"{math.fsum(totals.values()) / played / 1e6:.2f} µJ (profile {program.chip.default_profile}), "
-        if totals
-        else ""
-    )
-    lines.append(
-        f"mean per recording: {counts.synaptic_ops / played:,.0f} synaptic operations, {spent}"
+def _summary(program: hw.ChipProgram, recordings: int, counts: hw.Counts) -> str:
+    operations = counts.synaptic_ops / recordings
+    by_operation = hw.energy_pj(counts, program.chip.costs)
+    spent = ""
+    if by_operation:
+        microjoules = math.fsum(by_operation.values()) / recordings / 1e6
+        spent = f"{microjoules:.2f} µJ (profile {program.chip.default_profile}), "
+    return (
+        f"mean per recording: {operations:,.0f} synaptic operations, {spent}"
         f"{plural(counts.wraps, 'wrap')} and {plural(counts.clips, 'clip')} in all"
     )
-    return lines
+
+
+class _Part(Frozen):
+    """What some of the recordings did."""
+
+    outcomes: list[Outcome]
+    counts: hw.Counts
 
 
 def _play(
     program: hw.ChipProgram, chunks: Iterable[Recordings], engine: str, spread: Spread
-) -> Iterator[tuple[list[Row], hw.Counts]]:
-    """Yield the rows and the counts of a few recordings at a time."""
-    parts = (
-        (
-            found.spikes[rows],
-            None if found.labels is None else found.labels[rows],
-        )
-        for found in chunks
-        for rows in batches(len(found))
-    )
-    number = itertools.count()
-    for rows, counts in spread(partial(_play_part, program, engine), parts):
-        yield [{"recording": next(number), **row} for row in rows], counts
+) -> Iterator[_Part]:
+    """Yield what a few recordings at a time did."""
+    first = 0
+    for part in spread(partial(_play_part, program, engine), _parts(chunks)):
+        numbered = [
+            replace(outcome, recording=first + i) for i, outcome in enumerate(part.outcomes)
+        ]
+        first += len(numbered)
+        yield replace(part, outcomes=numbered)
+
+
+def _parts(chunks: Iterable[Recordings]) -> Iterator[tuple[ByteArray, IntArray | None]]:
+    """Yield a few recordings at a time, with their labels."""
+    for recordings in chunks:
+        labels = recordings.labels
+        for part in batches(len(recordings)):
+            yield recordings.spikes[part], None if labels is None else labels[part]
 
 
 def _play_part(
-    program: hw.ChipProgram, engine: Any, part: tuple[Any, Any]
-) -> tuple[list[Row], hw.Counts]:
-    """Play some recordings with their labels; return their rows and counts.
-
-    Where all classes tie and the program names none for that, the prediction is the first class, but nothing is
-    predicted: with a label, that is wrong.
-    """
+    program: hw.ChipProgram, engine: Any, part: tuple[ByteArray, IntArray | None]
+) -> _Part:
+    """Play some recordings with their labels; their outcomes are numbered from 0 on."""
     spikes, labels = part
-    found = hw.simulate(program, spikes, engine=engine, probe=())
-    assert found.scores is not None  # a program without a readout has been refused
-    if labels is not None:
-        check_classes(labels, found.scores.shape[1])
+    played = hw.simulate(program, spikes, engine=engine, probe=())
+    assert played.scores is not None  # a program without a readout has been refused
     assert program.readout is not None
-    tied = program.readout.decided(found.scores) < 0
-    labels = [None] * len(spikes) if labels is None else labels.tolist()
-    columns = zip(
-        found.prediction.tolist(), tied.tolist(), labels, found.per_recording, strict=True
-    )
-    rows = [
-        {"prediction": best, "tied": tie, "label": label, "spikes": of.spikes}
-        for best, tie, label, of in columns
+    if labels is not None:
+        check_classes(labels, played.scores.shape[1])
+    tied = program.readout.decided(played.scores) < 0
+    outcomes = [
+        Outcome(
+            recording=i,
+            prediction=int(played.prediction[i]),
+            tied=bool(tied[i]),
+            label=None if labels is None else int(labels[i]),
+            spikes=of_recording.spikes,
+        )
+        for i, of_recording in enumerate(played.per_recording)
     ]
-    return rows, found.counts
+    return _Part(outcomes, played.counts)
 
 
 def _check_options(args: argparse.Namespace) -> None:
@@ -200,10 +228,23 @@ def _check_options(args: argparse.Namespace) -> None:
         )
 
 
-def _known_margin(args: argparse.Namespace, program: hw.ChipProgram, played: Recordings) -> Row:
-    """Return the margin and where it comes from, which is not what is ``played``; infinite if no lead was enough."""
+class _Margin(Frozen):
+    """The lead that ends a recording, infinite if none was enough, and where it comes from."""
+
+    lead: float
+    calibrated_on: CalibratedOn | None = None
+
+    @property
+    def figures(self) -> Margin:
+        """The margin as JSON has it, which knows no infinity."""
+        lead = self.lead if math.isfinite(self.lead) else None
+        return Margin(lead, self.calibrated_on)
+
+
+def _known_margin(args: argparse.Namespace, program: hw.ChipProgram, played: Recordings) -> _Margin:
+    """Return the margin that is given, or else calibrated on other recordings than those ``played``."""
     if args.margin is not None:
-        return {"margin": args.margin, "calibrated_on": None}
+        return _Margin(args.margin)
     asked = MIN_AGREEMENT if args.min_agreement is None else args.min_agreement
     part = "train" if "train" in recording_parts(args.calibrate, test_share=args.split) else None
     recordings = read_for_program(args, args.calibrate, program, part)
@@ -211,113 +252,112 @@ def _known_margin(args: argparse.Namespace, program: hw.ChipProgram, played: Rec
         what = "these recordings are also played, and a margin always suits the recordings that it was found on"
         raise InputError(f"--calibrate {Path(args.calibrate).name!r}", what, fix="Give others.")
     with progress_bar("calibrating", show=True):
-        margin = hw.calibrate_margin(program, recordings.spikes, asked, args.psi)
-        stops = hw.stop_at_margin(program, recordings.spikes, margin, args.psi)
-    return {
-        "margin": margin,
-        "calibrated_on": {
-            "source": recordings.source,
-            "part": part,
-            "recordings": len(recordings),
-            "min_agreement": asked,
-            "agreement": float(np.mean(stops.prediction == stops.final)),
-        },
-    }
+        lead = hw.calibrate_margin(program, recordings.spikes, asked, args.psi)
+        stops = hw.stop_at_margin(program, recordings.spikes, lead, args.psi)
+    calibrated_on = CalibratedOn(
+        source=recordings.source,
+        part=part,
+        recordings=len(recordings),
+        min_agreement=asked,
+        agreement=float(np.mean(stops.prediction == stops.final)),
+    )
+    return _Margin(lead, calibrated_on)
 
 
 def _find_stops(
     args: argparse.Namespace,
     program: hw.ChipProgram,
     recordings: Recordings,
-    rows: list[Row],
-    margin: Row | None,
+    outcomes: Sequence[Outcome],
+    margin: _Margin | None,
     spread: Spread,
-) -> Row:
-    """Stop every recording; add its ``stop`` to its row, and return the figures over all of them."""
-    from locsnn_compile.verification.over_time import savings, stop_all
+) -> tuple[list[Outcome], StopFigures]:
+    """Stop every recording; return the outcomes with their stops, and the figures of all."""
+    from locsnn_compile.verification.over_time import stop_all  # others do not need it
 
     if args.silence is not None:
         stop = partial(hw.stop_in_silence, program, silence=args.silence)
     elif margin is None:
         stop = partial(hw.stop_when_proven, program)
     else:
-        stop = partial(hw.stop_at_margin, program, margin=margin["margin"], psi=args.psi)
+        stop = partial(hw.stop_at_margin, program, margin=margin.lead, psi=args.psi)
     with progress_bar("stopping", show=True) as progress:
         stops = stop_all(stop, recordings.spikes, progress, spread=spread)
-    for row, step, prediction in zip(
-        rows, stops.steps.tolist(), stops.prediction.tolist(), strict=True
-    ):
-        row["stop"] = {"step": step, "prediction": prediction}
-    # JSON has no infinity: null means that no lead was enough.
-    how = (
-        {}
-        if margin is None
-        else {**margin, "margin": margin["margin"] if np.isfinite(margin["margin"]) else None}
+    stopped = [
+        replace(outcome, stop=EarlyStop(int(stops.steps[i]), int(stops.prediction[i])))
+        for i, outcome in enumerate(outcomes)
+    ]
+    accuracy = whole_accuracy = None
+    if recordings.labels is not None:
+        # A recording in which all classes tie at the end predicts nothing, so it counts as wrong wherever it stops.
+        labels = np.where([outcome.tied for outcome in outcomes], -1, recordings.labels)
+        accuracy = float(np.mean(stops.prediction == labels))
+        whole_accuracy = float(np.mean(stops.final == labels))
+    figures = StopFigures(
+        kind=args.stop,
+        margin=None if margin is None else margin.figures,
+        savings=savings(program, stops),
+        agreement=float(np.mean(stops.prediction == stops.final)),
+        accuracy=accuracy,
+        whole_accuracy=whole_accuracy,
+        recordings=len(outcomes),
     )
-    # A recording in which all classes tie at the end predicts nothing, so it counts as wrong wherever it stops.
-    labels = (
-        None
-        if recordings.labels is None
-        else np.where([row["tied"] for row in rows], -1, recordings.labels)
-    )
-    return {
-        "kind": args.stop,
-        **how,
-        **vars(savings(program, stops)),
-        "agreement": float(np.mean(stops.prediction == stops.final)),
-        "accuracy": None if labels is None else float(np.mean(stops.prediction == labels)),
-        "whole_accuracy": None if labels is None else float(np.mean(stops.final == labels)),
-        "recordings": len(rows),
-    }
+    return stopped, figures
 
 
-def _stop_lines(found: Row) -> list[str]:
+def _stop_lines(figures: StopFigures) -> list[str]:
     """Return, a line each, where the margin comes from, what stopping saves, and how predictions compare."""
-    margin = _margin_lines(found["margin"], found["calibrated_on"]) if "margin" in found else []
-    return [*margin, f"{_stopped(found)}{_stopped_costs(found)}", _predicted(found)]
+    margin = [] if figures.margin is None else _margin_lines(figures.margin)
+    saved = f"{_stopped(figures)}{_stopped_costs(figures.savings)}"
+    return [*margin, saved, _predicted(figures)]
 
 
-def _margin_lines(margin: float | None, calibrated: Row | None) -> list[str]:
-    if calibrated is None:
+def _margin_lines(margin: Margin) -> list[str]:
+    """Return where the margin comes from; nothing if it was given."""
+    calibrated_on = margin.calibrated_on
+    if calibrated_on is None:
         return []
-    of_part = f", {calibrated['part']} part" if calibrated["part"] else ""
-    lead = "no lead is" if margin is None else f"a lead of {margin:.4g} is"
+    lead = "no lead is" if margin.margin is None else f"a lead of {margin.margin:.4g} is"
+    part = f", {calibrated_on.part} part" if calibrated_on.part else ""
+    recordings = plural(calibrated_on.recordings, "recording")
     return [
-        f"margin: {lead} enough for {share(calibrated['min_agreement'])} agreement on "
-        f"{plural(calibrated['recordings'], 'recording')} of {calibrated['source']}{of_part}"
+        f"margin: {lead} enough for {share(calibrated_on.min_agreement)} agreement on "
+        f"{recordings} of {calibrated_on.source}{part}"
     ]
 
 
-def _stopped(found: Row) -> str:
+def _stopped(figures: StopFigures) -> str:
+    saved = figures.savings
+    steps = _saved(saved.steps, saved.all_steps)
+    operations = _saved(saved.synaptic_ops, saved.all_synaptic_ops)
     return (
-        f"stopped ({found['kind']}) after {count(found['steps'])} of "
-        f"{plural(found['all_steps'], 'step')} on average; saved {_saved(found, 'steps')} of the "
-        f"steps, {_saved(found, 'synaptic_ops')} of the synaptic operations"
+        f"stopped ({figures.kind}) after {count(saved.steps)} of "
+        f"{plural(saved.all_steps, 'step')} on average; saved {steps} of the "
+        f"steps, {operations} of the synaptic operations"
     )
 
 
-def _stopped_costs(found: Row) -> str:
+def _stopped_costs(saved: Savings) -> str:
     """Return what stopping saves of the energy, after a comma; nothing without a profile."""
-    if not found["profile"]:
+    if saved.energy_pj is None or saved.all_energy_pj is None:
         return ""
     times = "an unknown time"
-    if found["latency_ns"] is not None:
-        times = f"{time(found['latency_ns'])} instead of {time(found['all_latency_ns'])}"
+    if saved.latency_ns is not None and saved.all_latency_ns is not None:
+        times = f"{time(saved.latency_ns)} instead of {time(saved.all_latency_ns)}"
     return (
-        f", {_saved(found, 'energy_pj')} of the energy; {energy(found['energy_pj'])} instead of "
-        f"{energy(found['all_energy_pj'])}, and {times} (profile {found['profile']})"
+        f", {_saved(saved.energy_pj, saved.all_energy_pj)} of the energy; "
+        f"{energy(saved.energy_pj)} instead of {energy(saved.all_energy_pj)}, and {times} "
+        f"(profile {saved.profile})"
     )
 
 
-def _saved(found: Row, key: str) -> str:
-    whole = found[f"all_{key}"]
-    return share(1 - found[key] / whole if whole else 0.0)
+def _saved(part: float, whole: float) -> str:
+    return share(1 - part / whole if whole else 0.0)
 
 
-def _predicted(found: Row) -> str:
-    same = f"{share(found['agreement'])} of {plural(found['recordings'], 'recording')}"
+def _predicted(figures: StopFigures) -> str:
+    same = f"{share(figures.agreement)} of {plural(figures.recordings, 'recording')}"
     accuracy = ""
-    if found["accuracy"] is not None:
-        whole = f"{found['whole_accuracy']:.3f}"
-        accuracy = f"; accuracy {found['accuracy']:.3f} instead of {whole}"
+    if figures.accuracy is not None:
+        accuracy = f"; accuracy {figures.accuracy:.3f} instead of {figures.whole_accuracy:.3f}"
     return f"same prediction as the whole recording in {same}{accuracy}"

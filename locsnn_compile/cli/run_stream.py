@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing, nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -17,13 +18,16 @@ from hw_model.mapping.graph import decided
 from hw_model.streaming.early_stop import to_the_end
 from hw_model.values import ArrayLike, ByteArray, FloatArray, Frozen, IntArray
 from locsnn_compile.cli.diff import read_report
+from locsnn_compile.cli.outcomes import Change, Outcome, StepLatency, StreamFigures
 from locsnn_compile.cli.shell import progress_bar
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
 from locsnn_compile.report.format import ratio, seconds
 
 _CLEAR = "\r\x1b[K"
-Row = dict[str, Any]
+LABEL = "the label"
+LAST_PREDICTION = "the prediction after the last step"
+"""What a prediction is compared with over time, without labels."""
 _MOMENTS = (0.2, 0.4, 0.6, 0.8, 1.0)
 """Parts of a recording after which the summary gives a figure."""
 OnStep = Callable[[int, int, float], None]
@@ -43,14 +47,17 @@ class Streamed(Frozen, eq=False):
     decided: IntArray
 
     @property
-    def changes(self) -> list[tuple[int, int, float]]:
-        """(step counted from 1, class, lead) for each change of the prediction, from the first lead on."""
-        led = np.flatnonzero(self.lead > 0)
-        if not len(led):
-            return []
-        start = int(led[0])
-        at = [start, *(start + 1 + np.flatnonzero(np.diff(self.prediction[start:]))).tolist()]
-        return [(t + 1, int(self.prediction[t]), float(self.lead[t])) for t in at]
+    def changes(self) -> tuple[Change, ...]:
+        """Each change of the prediction, from the first lead on."""
+        with_lead = np.flatnonzero(self.lead > 0)
+        if not len(with_lead):
+            return ()
+        first = int(with_lead[0])
+        turns = first + 1 + np.flatnonzero(np.diff(self.prediction[first:]))
+        return tuple(
+            Change(t + 1, int(self.prediction[t]), float(self.lead[t]))
+            for t in [first, *turns.tolist()]
+        )
 
     def filled(self, steps: int) -> IntArray:
         """Return what is decided after each of the first steps, (steps,); after a stop it stays."""
@@ -66,33 +73,36 @@ def stream(
     """Reset a session and push a recording, (steps, channels) by stream; stop when the lead reaches a margin."""
     session.reset()
     steps = len(next(iter(rows.values())))
-    prediction, lead, seconds = np.zeros(steps, dtype=np.int64), np.zeros(steps), np.zeros(steps)
-    sure, done = np.zeros(steps, dtype=np.int64), 0
-    while done < steps:
+    prediction = np.zeros(steps, dtype=np.int64)
+    sure_prediction = np.zeros(steps, dtype=np.int64)
+    lead = np.zeros(steps)
+    step_seconds = np.zeros(steps)
+    played = 0
+    while played < steps:
         start = time.perf_counter()
-        found = session.push({name: array[done] for name, array in rows.items()})
-        seconds[done] = time.perf_counter() - start
-        prediction[done], lead[done], sure[done] = (
-            found.prediction[0],
-            found.lead[0],
-            decided(found.scores, found.tie_class)[0],
-        )
-        done += 1
+        known = session.push({name: array[played] for name, array in rows.items()})
+        step_seconds[played] = time.perf_counter() - start
+        prediction[played] = known.prediction[0]
+        sure_prediction[played] = decided(known.scores, known.tie_class)[0]
+        lead[played] = known.lead[0]
+        played += 1
         if on_step:
-            on_step(done, int(prediction[done - 1]), float(lead[done - 1]))
-        if margin is not None and lead[done - 1] >= margin:
+            on_step(played, int(known.prediction[0]), float(known.lead[0]))
+        if margin is not None and known.lead[0] >= margin:
             break
-    return Streamed(prediction[:done], lead[:done], seconds[:done], sure[:done])
+    return Streamed(
+        prediction[:played], lead[:played], step_seconds[:played], sure_prediction[:played]
+    )
 
 
-def step_latency(streamed: Sequence[Streamed]) -> dict[str, float]:
-    """Return the seconds per step: the mean, the 99th percentile and the longest."""
-    seconds = np.concatenate([one.seconds for one in streamed])
-    return {
-        "mean": float(seconds.mean()),
-        "p99": float(np.quantile(seconds, 0.99)),
-        "worst": float(seconds.max()),
-    }
+def step_latency(streamed: Sequence[Streamed]) -> StepLatency:
+    """Return how long steps took."""
+    seconds = np.concatenate([recording.seconds for recording in streamed])
+    return StepLatency(
+        mean=float(seconds.mean()),
+        p99=float(np.quantile(seconds, 0.99)),
+        worst=float(seconds.max()),
+    )
 
 
 def right_over_time(streamed: Sequence[Streamed], wanted: ArrayLike, steps: int) -> FloatArray:
@@ -133,77 +143,75 @@ def stream_all(
     args: argparse.Namespace,
     program: hw.ChipProgram,
     recordings: Recordings,
-    rows: list[Row],
-    margin: Row | None,
-) -> Row:
-    """Stream and show every recording; add its ``changes`` to its row, and return the figures over all of them."""
+    outcomes: Sequence[Outcome],
+    margin: float | None,
+) -> tuple[list[Outcome], StreamFigures]:
+    """Stream and show every recording; return the outcomes with their changes, and the figures of all."""
     step_seconds = _step_seconds(args, program, recordings)
-    lead = None if margin is None else margin["margin"]
     session = hw.Session(program, args.psi)
     # The first pushes load compiled code, which must not count towards the time of a step.
     stream(hw.Session(program, args.psi), _rows(to_the_end(program, recordings.spikes[:1])))
-    found: list[Streamed] = []
+    streamed: list[Streamed] = []
+    with_changes: list[Outcome] = []
     watched = nullcontext() if args.json else closing(LiveLine(sys.stdout))
     with watched as line, progress_bar("streaming", show=args.json) as progress:
-        for i, row in enumerate(rows):
+        for i, outcome in enumerate(outcomes):
             played = _rows(to_the_end(program, recordings.spikes[i : i + 1]))
             steps = len(next(iter(played.values())))
             on_step = _shown(line, i, steps, step_seconds) if line else None
-            found.append(stream(session, played, lead, on_step))
-            row["changes"] = [
-                {"step": step, "prediction": prediction, "lead": ahead}
-                for step, prediction, ahead in found[-1].changes
-            ]
+            item = stream(session, played, margin, on_step)
+            streamed.append(item)
+            with_changes.append(replace(outcome, changes=item.changes))
             if line:
-                line.say(
-                    _settled(
-                        row, found[-1], stopped=lead is not None and found[-1].lead[-1] >= lead
-                    )
-                )
+                stopped = margin is not None and bool(item.lead[-1] >= margin)
+                line.say(_settled(with_changes[-1], item, stopped=stopped))
             if progress:
-                progress(i + 1, len(rows))
-    last = [-1 if row["tied"] else row["prediction"] for row in rows]
-    right = right_over_time(found, last if recordings.labels is None else recordings.labels, steps)
-    latency = step_latency(found)
-    return {
-        "psi": args.psi,
-        "step_seconds": step_seconds,
-        "step_latency_seconds": latency,
-        "real_time_factor": step_seconds and step_seconds / latency["mean"],
-        "worst_real_time_factor": step_seconds and step_seconds / latency["worst"],
-        "right_is": "the label"
-        if recordings.labels is not None
-        else "the prediction after the last step",
-        "right": right.tolist(),
-    }
+                progress(i + 1, len(outcomes))
+    if recordings.labels is not None:
+        wanted = recordings.labels
+        right_is = LABEL
+    else:
+        wanted = np.array([-1 if outcome.tied else outcome.prediction for outcome in outcomes])
+        right_is = LAST_PREDICTION
+    latency = step_latency(streamed)
+    figures = StreamFigures(
+        psi=args.psi,
+        step_seconds=step_seconds,
+        step_latency_seconds=latency,
+        real_time_factor=step_seconds and step_seconds / latency.mean,
+        worst_real_time_factor=step_seconds and step_seconds / latency.worst,
+        right_is=right_is,
+        right=tuple(right_over_time(streamed, wanted, steps).tolist()),
+    )
+    return with_changes, figures
 
 
-def stream_lines(found: Row) -> list[str]:
+def stream_lines(figures: StreamFigures) -> list[str]:
     """Return a line on predictions over time, and one on the pace."""
-    right, length = found["right"], found["step_seconds"]
+    right = figures.right
+    step_seconds = figures.step_seconds
     shown = []
     for part in _MOMENTS:
         step = max(1, round(part * len(right)))
-        moment = f"step {step}" if length is None else _seconds(step, length)
+        moment = f"step {step}" if step_seconds is None else _seconds(step, step_seconds)
         shown.append(f"{right[step - 1]:.3f} after {moment}")
-    what = (
-        "accuracy over time" if found["right_is"] == "the label" else "already the last prediction"
-    )
-    latency = found["step_latency_seconds"]
+    what = "accuracy over time" if figures.right_is == LABEL else "already the last prediction"
+    latency = figures.step_latency_seconds
     pace = (
-        f"a step took {seconds(latency['mean'])} on average, 99 % of them at most "
-        f"{seconds(latency['p99'])}, the longest {seconds(latency['worst'])}"
+        f"a step took {seconds(latency.mean)} on average, 99 % of them at most "
+        f"{seconds(latency.p99)}, the longest {seconds(latency.worst)}"
     )
-    return [f"{what}: {', '.join(shown)}", f"{pace}; {_pace_of_sensor(found)}"]
+    return [f"{what}: {', '.join(shown)}", f"{pace}; {_pace_of_sensor(figures)}"]
 
 
-def _pace_of_sensor(found: Row) -> str:
-    step_seconds = found["step_seconds"]
-    if step_seconds is None:
+def _pace_of_sensor(figures: StreamFigures) -> str:
+    factor = figures.real_time_factor
+    worst_factor = figures.worst_real_time_factor
+    if figures.step_seconds is None or factor is None or worst_factor is None:
         return "the length of a step at the sensor is not known: give --step-seconds"
     return (
-        f"at the sensor it takes {seconds(step_seconds)}: {ratio(found['real_time_factor'])} times as "
-        f"fast as real time, {ratio(found['worst_real_time_factor'])} times in the longest step"
+        f"at the sensor it takes {seconds(figures.step_seconds)}: {ratio(factor)} times as "
+        f"fast as real time, {ratio(worst_factor)} times in the longest step"
     )
 
 
@@ -244,12 +252,14 @@ def lead_text(lead: float) -> str:
     return f"{lead:.3g}" if lead < 1000 else f"{lead:,.0f}"
 
 
-def _settled(row: Row, found: Streamed, *, stopped: bool) -> str:
-    label = "" if row["label"] is None else f"  label {row['label']}"
-    since = f"  since step {row['changes'][-1]['step']}" if row["changes"] else ""
-    end = f", stopped after step {len(found.prediction)}" if stopped else ""
-    predicted = "all classes tie" if found.decided[-1] < 0 else f"class {found.prediction[-1]}"
-    return f"recording {row['recording']}: {predicted}{label}{since}{end}"
+def _settled(outcome: Outcome, streamed: Streamed, *, stopped: bool) -> str:
+    predicted = f"class {streamed.prediction[-1]}"
+    if streamed.decided[-1] < 0:
+        predicted = "all classes tie"
+    label = "" if outcome.label is None else f"  label {outcome.label}"
+    since = f"  since step {outcome.changes[-1].step}" if outcome.changes else ""
+    end = f", stopped after step {len(streamed.prediction)}" if stopped else ""
+    return f"recording {outcome.recording}: {predicted}{label}{since}{end}"
 
 
 def _step_seconds(

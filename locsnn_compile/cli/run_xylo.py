@@ -3,23 +3,28 @@
 import argparse
 from collections.abc import Iterator
 from dataclasses import asdict
-from itertools import count
-from typing import Any
 
 from hw_model.mapping.graph import winning
-from hw_model.values import ByteArray, FloatArray, IntArray
-from hw_model.xylo.playing import XyloCounts, play_program
+from hw_model.values import ByteArray, IntArray
+from hw_model.xylo.playing import PlayedXylo, XyloCounts, play_program
 from hw_model.xylo.program import XyloProgram
 from locsnn_compile.cli.options import given
-from locsnn_compile.cli.outcomes import accuracy_lines, check_classes, recording_line
+from locsnn_compile.cli.outcomes import (
+    Outcome,
+    RunFigures,
+    Tally,
+    accuracy_lines,
+    check_classes,
+    recording_line,
+)
 from locsnn_compile.cli.shell import progress_bar, say
 from locsnn_compile.cli.step_options import assumption_lines, chunks_expected
 from locsnn_compile.data.channels import flat_channels, parse_numbering
 from locsnn_compile.data.recordings import Expected, Recordings, batches
 from locsnn_compile.errors import InputError
+from locsnn_compile.report.figures.entries import plain
 from locsnn_compile.report.format import plural
 
-Row = dict[str, Any]
 _NOT_THERE = {
     "--stream": "it plays whole recordings",
     "--stop": "it plays whole recordings",
@@ -34,8 +39,7 @@ def run_xylo(args: argparse.Namespace, program: XyloProgram) -> int:
     """Play every recording; print a line for each, or JSON."""
     _check_options(args, program)
     counts = XyloCounts()
-    rows: list[Row] = []
-    number = count()
+    outcomes: list[Outcome] = []
     assumed: Recordings | None = None
     with progress_bar("simulating", show=args.json) as progress:
         for recordings in chunks_expected(args, expected_by(program)):
@@ -43,21 +47,24 @@ def run_xylo(args: argparse.Namespace, program: XyloProgram) -> int:
             for spikes, labels in _parts(recordings):
                 played = play_program(program, spikes, args.engine)
                 counts = sum(played.counts, start=counts)
-                for row in _rows(program, played.scores, played.counts, labels):
-                    rows.append({"recording": next(number), **row})
+                outcomes += _outcomes(program, played, labels, first=len(outcomes))
             if progress:
-                progress(len(rows), None)
+                progress(len(outcomes), None)
     assert assumed is not None  # there is at least one recording
-    result: Row = {
-        "program": program.name,
-        "recordings": rows,
-        "counts": asdict(counts),
-        "energy_pj": None,
-        "assumptions": list(assumed.assumed),
-    }
-    lines = [recording_line(row) for row in rows]
-    lines += [*_accuracy(rows), _summary(counts, len(rows)), *assumption_lines(assumed)]
-    say(args, result, lines)
+    figures = RunFigures(
+        program=program.name,
+        recordings=tuple(outcomes),
+        counts=asdict(counts),
+        energy_pj=None,
+        assumptions=tuple(assumed.assumed),
+    )
+    lines = [
+        *map(recording_line, outcomes),
+        *accuracy_lines(Tally.of(outcomes)),
+        _summary(counts, len(outcomes)),
+        *assumption_lines(assumed),
+    ]
+    say(args, plain(figures), lines)
     return 0
 
 
@@ -75,30 +82,22 @@ def _parts(recordings: Recordings) -> Iterator[tuple[ByteArray, IntArray | None]
         yield recordings.spikes[part], None if labels is None else labels[part]
 
 
-def _rows(
-    program: XyloProgram,
-    scores: FloatArray,
-    counts: tuple[XyloCounts, ...],
-    labels: IntArray | None,
-) -> Iterator[Row]:
-    """Yield the outcome of each recording."""
+def _outcomes(
+    program: XyloProgram, played: PlayedXylo, labels: IntArray | None, first: int
+) -> Iterator[Outcome]:
+    """Yield the outcome of each recording; they are numbered from ``first`` on."""
     if labels is not None:
-        check_classes(labels, scores.shape[1])
-    decided = program.readout.decided(scores)
-    predicted = winning(scores, program.readout.tie_class)
-    for recording, of_recording in enumerate(counts):
-        yield {
-            "prediction": int(predicted[recording]),
-            "tied": bool(decided[recording] < 0),
-            "label": None if labels is None else int(labels[recording]),
-            "spikes": of_recording.spikes,
-        }
-
-
-def _accuracy(rows: list[Row]) -> list[str]:
-    labelled = [row for row in rows if row["label"] is not None]
-    right = [row for row in labelled if row["prediction"] == row["label"] and not row["tied"]]
-    return accuracy_lines(len(right), len(labelled))
+        check_classes(labels, played.scores.shape[1])
+    decided = program.readout.decided(played.scores)
+    predicted = winning(played.scores, program.readout.tie_class)
+    for i, counts in enumerate(played.counts):
+        yield Outcome(
+            recording=first + i,
+            prediction=int(predicted[i]),
+            tied=bool(decided[i] < 0),
+            label=None if labels is None else int(labels[i]),
+            spikes=counts.spikes,
+        )
 
 
 def _summary(counts: XyloCounts, recordings: int) -> str:

@@ -14,6 +14,7 @@ import hw_model as hw
 from hw_model.io.yaml_text import SEAL
 from locsnn_compile.cli.compile import main as compile_main
 from locsnn_compile.cli.main import main
+from locsnn_compile.cli.outcomes import Change, StepLatency, StreamFigures
 from locsnn_compile.cli.run_stream import (
     LiveLine,
     Streamed,
@@ -158,16 +159,16 @@ def test_where_all_classes_tie_the_label_is_not_predicted(build, capsys, tmp_pat
 
 
 def test_lines_of_the_summary():
-    found = {
-        "psi": None,
-        "step_seconds": 0.02,
-        "step_latency_seconds": {"mean": 0.0001, "p99": 0.0004, "worst": 0.04},
-        "real_time_factor": 200.0,
-        "worst_real_time_factor": 0.5,
-        "right_is": "the label",
-        "right": [0.0, 0.25, 0.5, 0.5, 1.0],
-    }
-    assert stream_lines(found) == [
+    figures = StreamFigures(
+        psi=None,
+        step_seconds=0.02,
+        step_latency_seconds=StepLatency(mean=0.0001, p99=0.0004, worst=0.04),
+        real_time_factor=200.0,
+        worst_real_time_factor=0.5,
+        right_is="the label",
+        right=(0.0, 0.25, 0.5, 0.5, 1.0),
+    )
+    assert stream_lines(figures) == [
         "accuracy over time: 0.000 after 0.02 s, 0.250 after 0.04 s, 0.500 after 0.06 s, 0.500 after 0.08 s, "
         "1.000 after 0.10 s",
         "a step took 100 µs on average, 99 % of them at most 400 µs, the longest 40.0 ms; at the sensor it takes 20.0 ms: "
@@ -363,15 +364,15 @@ def test_a_recording_that_is_streamed():
     leads, seen = [0.0, 2.0, 1.0, 0.0, 3.0], [0, 4, 4, 2, 4]
     decided = np.array([-1, 4, 4, 2, 4])
     found = Streamed(np.array(seen), np.array(leads), np.array([1.0, 1.0, 1.0, 1.0, 6.0]), decided)
-    assert found.changes == [(2, 4, 2.0), (4, 2, 0.0), (5, 4, 3.0)]
+    assert found.changes == (Change(2, 4, 2.0), Change(4, 2, 0.0), Change(5, 4, 3.0))
     assert found.filled(7).tolist() == [-1, 4, 4, 2, 4, 4, 4]
     silent = Streamed(np.zeros(3, dtype=np.int64), np.zeros(3), np.full(3, 2.0), np.full(3, -1))
-    assert silent.changes == []
+    assert silent.changes == ()
     assert right_over_time([found, silent], [4, 0], 5).tolist() == [0.0, 0.5, 0.5, 0.0, 0.5]
     assert right_over_time([found, silent], [4, -1], 5).tolist() == [0.5, 1.0, 1.0, 0.5, 1.0]
     latency = step_latency([found, silent])
-    assert (latency["mean"], latency["worst"]) == (2.0, 6.0)
-    assert latency["p99"] == np.quantile([1, 1, 1, 1, 6, 2, 2, 2], 0.99)
+    assert (latency.mean, latency.worst) == (2.0, 6.0)
+    assert latency.p99 == np.quantile([1, 1, 1, 1, 6, 2, 2, 2], 0.99)
 
 
 class Terminal(io.StringIO):

@@ -14,7 +14,8 @@ from locsnn_compile.verification.diagnosis import EDGES, Diagnosis, PopulationMa
 from locsnn_compile.verification.error_bounds import ErrorBudget
 from locsnn_compile.verification.error_budget.budget import Cause, Deviation
 from locsnn_compile.verification.matching import PopulationMatch
-from locsnn_compile.verification.over_time import OverTime, Savings, savings
+from locsnn_compile.verification.over_time import OverTime
+from locsnn_compile.verification.savings import Savings, savings
 
 _REGISTERS = ("peak_u", "share_u", "peak_v", "share_v", "headroom_bits", "wraps", "clips")
 _POINTS = 50

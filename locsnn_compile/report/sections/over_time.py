@@ -10,7 +10,7 @@ from locsnn_compile.report.pictures.axis import Axis
 from locsnn_compile.report.sections.accuracy import sample_words
 from locsnn_compile.report.sections.cost_tables import PARTS, energy_course, time_course
 from locsnn_compile.report.words import words
-from locsnn_compile.verification.over_time import Savings
+from locsnn_compile.verification.savings import Savings
 
 _TITLE = "Over time"
 _LEAD = (
