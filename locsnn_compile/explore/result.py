@@ -6,22 +6,21 @@ seconds that the engines took there.
 """
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
-from typing import Any
 
 from hw_model.simulation import Engine
-from locsnn_compile.cluster.spread import code_version
-from locsnn_compile.explore.events import Chosen
-from locsnn_compile.explore.exploration import FRONT_RULE, OBJECTIVES, Exploration
+from locsnn_compile.explore.document import ExploreDocument, table_row
+from locsnn_compile.explore.exploration import FRONT_RULE, Exploration
 from locsnn_compile.explore.point import Figures, Point
 from locsnn_compile.report.content import Document
+from locsnn_compile.report.figures.entries import plain
 from locsnn_compile.report.figures.flat import csv_bytes
-from locsnn_compile.report.format import NONE, count, energy, known, plain, plural, share, time
+from locsnn_compile.report.format import NONE, count, energy, known, plural, share, time
+from locsnn_compile.report.format import plain as plain_text
 from locsnn_compile.report.pictures.scatter import Mark, Panel, draw
 from locsnn_compile.settings import DIALS, Setting, Value
 
-SCHEMA = "locsnn-explore/1"
 COLUMNS: dict[str, Callable[[Figures], str]] = {
     "spike error": lambda figures: known(figures.spike_error, share, "silent"),
     "class error": lambda figures: known(figures.prediction_error, share, "all tie"),
@@ -35,36 +34,13 @@ COLUMNS: dict[str, Callable[[Figures], str]] = {
 X_LABEL = "spikes that differ from the float network's"
 
 
-def document(found: Exploration) -> Document:
-    """Return explore.json as plain values."""
-    network, taken = found.study.network, found.recommendation.taken
-    return {
-        "schema": SCHEMA,
-        "code": code_version(),
-        "model": {"name": network.name, "sha256": network.sha256},
-        "target": found.study.chip.name,
-        "chosen_on": _events(found.events),
-        "reported_on": found.reported_on and _events(found.reported_on),
-        "objectives": list(OBJECTIVES),
-        "front_rule": FRONT_RULE,
-        "recommended": {
-            "setting": taken and asdict(taken.setting),
-            "why": found.recommendation.why,
-            "command": taken and found.command(taken.setting),
-            **asdict(found.budget),
-        },
-        "points": _points(found),
-    }
-
-
 def exploration_files(found: Exploration) -> dict[str, bytes]:
     """Return the files by name."""
-    made = document(found)
+    document = ExploreDocument.of(found)
+    text = json.dumps(plain(document), indent=2, allow_nan=False, ensure_ascii=False)
     return {
-        "explore.json": (
-            json.dumps(made, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
-        ).encode(),
-        "explore.csv": csv_bytes([_flat(row) for row in made["points"]]),
+        "explore.json": f"{text}\n".encode(),
+        "explore.csv": csv_bytes([table_row(point) for point in document.points]),
         "explore.svg": figures_picture(found),
         "timings.csv": csv_bytes(timing_rows(found)),
         "timings.svg": timings_picture(found),
@@ -83,49 +59,6 @@ def timing_rows(found: Exploration) -> list[Document]:
         for point in found.points
         for engine, timing in point.timings.items()
     ]
-
-
-def _points(found: Exploration) -> list[Document]:
-    reported = {point.setting: point.figures for point in found.reported}
-    return [
-        {
-            "setting": asdict(point.setting),
-            "figures": point.figures and _figures(point.figures),
-            "refused": point.refused and str(point.refused),
-            "on_front": mark,
-            "recommended": point is found.recommendation.taken,
-            "reported": (figures := reported.get(point.setting)) and _figures(figures),
-            "command": found.command(point.setting),
-            "report_command": found.report_command(point.setting),
-        }
-        for point, mark in zip(found.points, found.on_front, strict=True)
-    ]
-
-
-def _figures(figures: Figures) -> Document:
-    return {name: getattr(figures, name) for name in OBJECTIVES} | asdict(figures)
-
-
-def _events(chosen: Chosen) -> Document:
-    return {
-        "source": chosen.recordings.source,
-        "part": chosen.part,
-        "recordings": len(chosen.recordings),
-        "available": chosen.available,
-    }
-
-
-def _flat(row: Mapping[str, Any]) -> Document:
-    """Return a row of the table, with figures on both sets of recordings; cells without a figure are empty."""
-    names = list(dict.fromkeys((*OBJECTIVES, *Figures.__dataclass_fields__)))
-    figures, reported = row["figures"] or {}, row["reported"] or {}
-    return {
-        **{dial.name: row["setting"][dial.name] for dial in DIALS},
-        **{key: row[key] for key in ("on_front", "recommended")},
-        **{name: figures.get(name) for name in names},
-        **{f"reported_{name}": reported.get(name) for name in names},
-        **{key: row[key] for key in ("refused", "command", "report_command")},
-    }
 
 
 def figures_picture(found: Exploration) -> bytes:
@@ -208,7 +141,8 @@ def lines(found: Exploration) -> list[str]:
     """Return the lines of the terminal."""
     study = found.study
     by = f"profile {found.profile}" if found.profile else "by cycles"
-    first = f"{plain(study.network.name)} on {plain(study.chip.name)}, {plain(found.events.words())}, {by}"
+    names = f"{plain_text(study.network.name)} on {plain_text(study.chip.name)}"
+    first = f"{names}, {plain_text(found.events.words())}, {by}"
     taken, why = found.recommendation.taken, found.recommendation.why
     recommended = [f"Recommended: {taken.setting if taken else 'none'}, {why}.", ""]
     commands = [
@@ -258,7 +192,7 @@ def _reported(found: Exploration) -> list[str]:
         ["", "front", *COLUMNS],
         *(["", str(point.setting), *_cells(point)] for point in found.reported),
     ]
-    return [f"The front on {plain(found.reported_on.words())}:", *_aligned(rows, 2), ""]
+    return [f"The front on {plain_text(found.reported_on.words())}:", *_aligned(rows, 2), ""]
 
 
 def _cells(point: Point) -> list[str]:
