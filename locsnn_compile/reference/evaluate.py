@@ -2,7 +2,7 @@
 
 Populations that feed each other in a circle are stepped together, all others one after the other. Weights and scales
 are chosen for what the float network does on calibration recordings. The steps of each neuron model are in
-``float_neurons`` and, for neurons on the grid, in ``integer_neurons``.
+``float_neurons`` and, for neurons on the grid, in ``integer_neurons``; those of a Xylo in ``xylo_neurons``.
 """
 
 from collections.abc import Mapping
@@ -22,8 +22,10 @@ from locsnn_compile.network.chip_neurons import ChipCuba, ChipSrm
 from locsnn_compile.network.network import Network, Population
 from locsnn_compile.network.neurons import Cuba, Neuron, SoftCuba, SrmAlpha
 from locsnn_compile.network.projections import ChipProjection, Matrix, by_delay, charge
+from locsnn_compile.network.xylo_neurons import XyloNeuron
 from locsnn_compile.reference.float_neurons import CubaSteps, SoftCubaSteps, SrmSteps
 from locsnn_compile.reference.integer_neurons import ChipCubaSteps, ChipSrmSteps, effective_weights
+from locsnn_compile.reference.xylo_neurons import evaluate_xylo
 
 
 class NeuronSteps(Protocol):
@@ -85,6 +87,9 @@ def evaluate(
     wanted = {p.name for p in network.populations} if potentials else set(network.readout.from_step)
     potential: dict[str, Potentials] = {}
     for together in evaluation_order(network):
+        if isinstance(together[0].neuron, XyloNeuron):
+            potential |= evaluate_xylo(network, together, spikes)
+            continue
         _evaluate_together(network, together, spikes, potential, wanted, registers)
     scores = network.readout.scores(spikes, potential)
     tie_class = network.readout.tie_class

@@ -17,6 +17,7 @@ from locsnn_compile.xylo.document import xylo_figures
 from locsnn_compile.xylo.parts import XyloParts, parts_of
 from locsnn_compile.xylo.quantize import quantize_xylo
 from locsnn_compile.xylo.quantized import QuantizedXylo
+from locsnn_compile.xylo.trained import trained_integers
 
 
 class XyloRequest(Frozen, eq=False):
@@ -42,7 +43,7 @@ def compile_for_xylo(request: XyloRequest) -> CompiledXylo:
     # Recordings that do not fit are refused before all the work.
     fitted = network.fitted(recordings)
     parts = parts_of(network, request.chip)
-    quantized = quantize_xylo(parts)
+    quantized = trained_integers(parts) if parts.on_grid else quantize_xylo(parts)
     program = program_of(parts, quantized, request.chip)
     match = compare_xylo(quantized, program, fitted, request.progress)
     grounds = grounds_of(network, recordings, recordings, registers=None)

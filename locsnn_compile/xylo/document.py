@@ -179,7 +179,7 @@ def _match(network: Network, match: XyloMatch, grounds: Grounds) -> MatchFigures
         "potential_saturations": counts.potential_saturations,
     }
     return MatchFigures(
-        reference="float64",
+        reference="float64" if network.has_float_weights else "integers",
         events_origin=grounds.events_origin,
         samples=match.samples,
         events_source=match.events_source,
@@ -244,8 +244,6 @@ def _skipped(counts: XyloCounts, grounds: Grounds) -> SkippedFigures:
 
 
 def _population(quantized: QuantizedXylo, name: str) -> XyloNumbers:
-    population = next(each for each in quantized.populations if each.name == name)
-    neurons = neurons_of((population,))
     dash_syn, dash_mem = quantized.dashes_of(name)
     network = quantized.network
     if name == quantized.parts.outputs.name:
@@ -254,16 +252,27 @@ def _population(quantized: QuantizedXylo, name: str) -> XyloNumbers:
     else:
         threshold = network.hidden.threshold[quantized.place(name)]
         shifts = [network.shift_in, network.shift_hidden]
+    current_error, potential_error = _decay_errors(quantized, name)
     return XyloNumbers(
         strategy="native",
         scale=shared_value(quantized.scales_of(name)),
         threshold_mantissa=shared_value(threshold),
         dash_syn=shared_value(dash_syn),
         dash_mem=shared_value(dash_mem),
-        current_decay_error=_decay_error(neurons.decay_u, dash_syn),
-        potential_decay_error=_decay_error(neurons.decay_v, dash_mem),
+        current_decay_error=current_error,
+        potential_decay_error=potential_error,
         weight_shifts=tuple(shifts),
     )
+
+
+def _decay_errors(quantized: QuantizedXylo, name: str) -> tuple[float, float]:
+    """Return the errors of the decays of current and potential of a population."""
+    if quantized.parts.on_grid:
+        return 0.0, 0.0
+    population = next(each for each in quantized.populations if each.name == name)
+    neurons = neurons_of((population,))
+    dash_syn, dash_mem = quantized.dashes_of(name)
+    return _decay_error(neurons.decay_u, dash_syn), _decay_error(neurons.decay_v, dash_mem)
 
 
 def _decay_error(decay: FloatArray, dash: IntArray) -> float:

@@ -23,6 +23,8 @@ from locsnn_compile.xylo.document import NO_TABLE, XyloFigures, XyloNumbers
 KEEP_IN_MIND = (
     "The arithmetic was compared with xylosim, the vendor's simulator, value by value. That the chip "
     "computes as xylosim does is the vendor's word: no chip was used.",
+)
+OF_FLOAT_NETWORKS = (
     "A spike subtracts the threshold, and a hidden neuron may send up to 31 spikes in a step. The "
     "float network sends one at most.",
 )
@@ -153,11 +155,14 @@ def _operations(figures: OperationFigures) -> Section:
 
 
 def _provenance(report: XyloFigures) -> Section:
+    keep_in_mind: tuple[str, ...] = KEEP_IN_MIND
+    if report.match.reference == "float64":
+        keep_in_mind += OF_FLOAT_NETWORKS
     return Section.of(
         "provenance",
         "Provenance",
         build.PROVENANCE,
         build.origin(report),
         build.gates(report.gates),
-        Bullets("Keep in mind", KEEP_IN_MIND),
+        Bullets("Keep in mind", keep_in_mind),
     )

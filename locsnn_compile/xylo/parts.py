@@ -9,12 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from hw_model.arithmetic import xylo
 from hw_model.errors import TargetError, counted, listed
 from hw_model.values import BoolArray, FloatArray, Shown
 from hw_model.xylo.chips import XyloChip
 from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.network.neurons import Cuba, Leaky, SoftCuba, SrmAlpha
 from locsnn_compile.network.projections import values_of
+from locsnn_compile.network.xylo_neurons import XyloNeuron
 
 MOST_LOST = 2.0**-0.5
 """The largest decay of a current whose nearest dash is 1: with dash 0, no input would ever act."""
@@ -33,6 +35,11 @@ class XyloParts(Shown):
     view: InputView
     hidden: tuple[Population, ...]
     outputs: Population
+
+    @property
+    def on_grid(self) -> bool:
+        """Whether its numbers are already the integers of a Xylo."""
+        return not self.network.has_float_weights
 
 
 def parts_of(network: Network, chip: XyloChip) -> XyloParts:
@@ -84,6 +91,9 @@ def _check_views(network: Network) -> None:
 def _check_neurons(network: Network) -> None:
     for population in network.populations:
         neuron = population.neuron
+        if isinstance(neuron, XyloNeuron):
+            _check_spikes(network, population, neuron)
+            continue
         if isinstance(neuron, SrmAlpha):
             what = "its neurons have spike response kernels, and those of a Xylo leak"
             fix = "Give a network of leaky neurons with a current."
@@ -100,6 +110,20 @@ def _check_neurons(network: Network) -> None:
             raise TargetError(population.where, what, fix=fix)
         _check_decays(population, neuron, heard=bool(network.into(population.name)))
         _check_reset(population, neuron)
+
+
+def _check_spikes(network: Network, population: Population, neuron: XyloNeuron) -> None:
+    """Refuse integers of a Xylo next to float, and neurons that spike in another way than their place."""
+    if network.has_float_weights:
+        what = "it has the integers of a Xylo, and other populations are in float"
+        raise TargetError(population.where, what, fix="Give all populations in one kind of number.")
+    most = xylo.HIDDEN_SPIKES_MAX
+    if population.name in network.readout.populations:
+        most = xylo.OUTPUT_SPIKES_MAX
+    if neuron.most_spikes != most:
+        what = "its neurons may spike another number of times in a step than a Xylo's"
+        measured = f"{neuron.most_spikes} against {most}"
+        raise TargetError(population.where, what, measured=measured, fix=f"Give {most}.")
 
 
 def _check_reset(population: Population, neuron: Cuba | SoftCuba) -> None:
