@@ -59,7 +59,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hw_model.values import AnyArray, BoolArray, IntArray
+from hw_model.values import BoolArray, IntArray
 
 ONE = 1 << 15
 """1 in s16.15; as a time, the step of 1 ms."""
@@ -129,7 +129,7 @@ class Step(NamedTuple):
 
 def wrap(x: IntArray) -> IntArray:
     """Return the low 32 bits of x, of which the highest is the sign."""
-    return (x + HALF_SPAN) % SPAN - HALF_SPAN
+    return ((x + HALF_SPAN) & (SPAN - 1)) - HALF_SPAN
 
 
 # Constants, as a core computes them when it starts.
@@ -296,20 +296,19 @@ def wraps_of(exact: IntArray) -> int:
     return int(np.count_nonzero(wrap(exact) != exact))
 
 
-# How weights arrive.
+# How weights arrive, synapse by synapse.
 
 
-def slot_of(sent: int, delay: AnyArray, slots: AnyArray) -> AnyArray:
+def slot_of(sent: int, delay: int, slots: int) -> int:
     """Return the slot that a spike of step ``sent`` reaches."""
     return (sent + delay) % slots
 
 
-def comes_too_late(lateness: int, delay: AnyArray, slots: AnyArray) -> AnyArray:
+def comes_too_late(lateness: int, delay: int, slots: int) -> bool:
     """Tell whether the step in which a synapse would act has begun before it is processed."""
-    return (delay < slots) & (lateness >= delay)
+    return delay < slots and lateness >= delay
 
 
-def collected(entry: AnyArray, weight: AnyArray) -> AnyArray:
-    """Return an entry of a ring buffer with one more weight; synapses are added one by one."""
-    entries: AnyArray = np.minimum(entry + weight, RING_MAX)
-    return entries
+def collected(entry: int, weight: int) -> int:
+    """Return an entry of a ring buffer with one more weight."""
+    return min(entry + weight, RING_MAX)

@@ -284,10 +284,20 @@ def shift_for(largest_sum: float) -> int:
     return shift
 
 
+def sum_with(shift: int) -> float:
+    """Return a largest sum, nA, for which the shift is this one."""
+    return 0.75 * 2.0**shift
+
+
 def stored_weights(weights: FloatArray, shift: int) -> IntArray:
     """Return weights, nA without sign, as a core stores them: to nearest, half to even, modulo 2^16."""
     scaled = np.rint(np.asarray(weights) * 2.0 ** (15 - shift)).astype(np.int64)
     return scaled % (WEIGHT_MAX + 1)
+
+
+def currents_of(stored: IntArray, shift: int) -> FloatArray:
+    """Return what stored weights count, in nA."""
+    return np.asarray(stored, dtype=np.float64) * 2.0 ** (shift - 15)
 
 
 def loses_bits(weights: FloatArray, shift: int) -> int:

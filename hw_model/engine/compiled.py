@@ -37,7 +37,7 @@ from hw_model.engine.ahead import compiled_ahead
 llvmlite.binding.set_option("hw_model", "-runtime-memory-check-threshold=200")
 
 
-FOLDERS_OF_LOOPS = ("arithmetic", "engine", "streaming", "xylo")
+FOLDERS_OF_LOOPS = ("arithmetic", "engine", "spinnaker", "streaming", "xylo")
 """A change of a file in them compiles the loops anew."""
 OPTIONS = {"_nrt": False, "nogil": True, "boundscheck": False, "no_cfunc_wrapper": True}
 """Without its runtime (nrt) loops count no references to arrays, which would take a locked instruction each and most of

@@ -1,6 +1,7 @@
 """How recordings become spikes on a phase's input lines: as they come, or through the transpose buffer."""
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import Protocol
 
 import numpy as np
 
@@ -8,14 +9,24 @@ from hw_model.engine.trace import PLAYED, EventLists, PhaseInput
 from hw_model.errors import InputError
 from hw_model.io.given import as_array
 from hw_model.mapping.graph import Input, Phase
-from hw_model.program.chip_program import ChipProgram
 from hw_model.values import AnyArray, ArrayLike, ByteArray, Frozen, IntArray
 
 Spikes = ArrayLike | Mapping[str, ArrayLike]
 
 
+class HasInputs(Protocol):
+    """A program of any arithmetic, as far as recordings concern it."""
+
+    @property
+    def streams(self) -> Mapping[str, int]:
+        """The recordings that it expects, by name, with their number of channels."""
+
+    def inputs_of(self, phase: str) -> tuple[Input, ...]:
+        """Return the inputs of a phase."""
+
+
 def read_streams(
-    program: ChipProgram, spikes: Spikes, listed: bool = False
+    program: HasInputs, spikes: Spikes, listed: bool = False
 ) -> tuple[dict[str, ByteArray], bool]:
     """Return every stream as (batch, steps, channels) of 0 and 1, and whether a batch was given.
 
@@ -100,7 +111,7 @@ class Player(Frozen):
 
 
 def play(
-    program: ChipProgram,
+    program: HasInputs,
     phase: Phase,
     streams: Mapping[str, EventLists],
     steps: int | None,
@@ -141,7 +152,7 @@ def play(
     )
 
 
-def length_of(program: ChipProgram, phase: Phase, rows: int, steps: int | None = None) -> int:
+def length_of(program: HasInputs, phase: Phase, rows: int, steps: int | None = None) -> int:
     """Return the steps of a phase: its own, else those asked for, else until its recording and its visits are over."""
     fixed = phase.steps or steps
     if fixed:
@@ -150,7 +161,7 @@ def length_of(program: ChipProgram, phase: Phase, rows: int, steps: int | None =
     return max((rows if at is None else int(at.max(initial=0)) + 1 for at in visits), default=rows)
 
 
-def steps_of(program: ChipProgram, phase: Phase, rows: int, steps: int | None = None) -> int:
+def steps_of(program: HasInputs, phase: Phase, rows: int, steps: int | None = None) -> int:
     """Return the steps of a phase with those of the recording before its start: where a touch comes last."""
     length = length_of(program, phase, rows, steps)
     return max(length, rows) if phase.align_events is not None and phase.axis == "time" else length

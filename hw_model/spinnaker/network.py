@@ -184,9 +184,36 @@ class SpinnakerNetwork(Shown):
         """Return the inputs of a phase."""
         return tuple(item for item in self.inputs if item.phase == phase)
 
+    def sources_of(self, phase: str) -> dict[str, int]:
+        """Return the number of the first source of every input and population of a phase."""
+        first = {}
+        count = 0
+        for node in self.nodes:
+            if node.phase == phase:
+                first[node.name] = count
+                count += node.size
+        return first
+
     def projections_of(self, phase: str) -> tuple[SpinnakerProjection, ...]:
         """Return the projections of a phase."""
         return tuple(item for item in self.projections if self.phase_of(item.target) == phase)
+
+    def columns_of(self, phase: str) -> dict[str, slice]:
+        """Return where the neurons of each population lie in arrays over those of a phase."""
+        columns = {}
+        first = 0
+        for population in self.populations_of(phase):
+            columns[population.name] = slice(first, first + population.size)
+            first += population.size
+        return columns
+
+    def lines_of(self, phase: str) -> int:
+        """Return how many lines the inputs of a phase have together."""
+        return sum(item.size for item in self.inputs_of(phase))
+
+    def neurons_of(self, phase: str) -> int:
+        """Return how many neurons the populations of a phase have together."""
+        return sum(population.size for population in self.populations_of(phase))
 
     def cores_of(self, phase: str) -> int:
         """Return how many cores the populations of a phase take."""

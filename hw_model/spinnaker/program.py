@@ -7,7 +7,7 @@ from typing import Annotated
 
 from hw_model.errors import InputError, check_known, check_same
 from hw_model.io.records import AT_LEAST_ONE, NOT_NEGATIVE, POSITIVE
-from hw_model.mapping.graph import Readout
+from hw_model.mapping.graph import Input, Readout
 from hw_model.spinnaker.chips import SpinnakerChip
 from hw_model.spinnaker.network import SpinnakerNetwork
 from hw_model.values import Shown
@@ -63,3 +63,7 @@ class SpinnakerProgram(Shown):
     def streams(self) -> dict[str, int]:
         """The recordings that the program expects, by name, with their number of channels."""
         return {item.stream: item.channels for item in self.network.inputs}
+
+    def inputs_of(self, phase: str) -> tuple[Input, ...]:
+        """Return the inputs of a phase."""
+        return self.network.inputs_of(phase)

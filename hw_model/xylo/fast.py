@@ -4,13 +4,13 @@ The formulas are those of :mod:`hw_model.arithmetic.xylo`, compiled. Here is onl
 :mod:`hw_model.xylo.reference`, which this engine equals in every register and every count.
 """
 
-from types import FunctionType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from hw_model.arithmetic import xylo
 from hw_model.engine.compiled import compiled
+from hw_model.engine.formulas import compiled_formulas
 from hw_model.values import AnyArray, IntArray
 from hw_model.xylo.network import XyloNetwork, XyloPopulation
 from hw_model.xylo.reference import XyloResult, checked_rows, empty_result
@@ -57,22 +57,8 @@ class Recorded(NamedTuple):
     v: IntArray
 
 
-def _formula(name: str) -> Any:
-    """Compile a formula of the page; those that it calls must have been compiled before.
-
-    A compiled function finds the functions that it calls among the globals of its module, and those of the page are
-    plain: so the same code is given globals in which they are compiled.
-    """
-    plain: FunctionType = getattr(xylo, name)
-    scope = vars(xylo) | _COMPILED
-    function = FunctionType(plain.__code__, scope, name)
-    function.__module__ = __name__
-    return compiled(function)
-
-
-_COMPILED: dict[str, Any] = {}
-for _name in ("saturate", "wrap", "taken", "decayed", "change_of", "fire"):
-    _COMPILED[_name] = _formula(_name)
+_NAMES = ("saturate", "wrap", "taken", "decayed", "change_of", "fire")
+_COMPILED = compiled_formulas(xylo, _NAMES, __name__)
 _saturate = _COMPILED["saturate"]
 _decayed = _COMPILED["decayed"]
 _change_of = _COMPILED["change_of"]

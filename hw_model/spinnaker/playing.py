@@ -1,0 +1,184 @@
+"""Recordings played to a program for a SpiNNaker, phase after phase, and what is counted of them.
+
+An input of row t is a spike of a source in step t. With the shortest delay it acts in step t + 1, as
+everywhere in this house.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from hw_model.arithmetic import spinnaker
+from hw_model.engine.playing import Player, list_events, play, read_streams
+from hw_model.engine.trace import EventLists, PhaseInput
+from hw_model.engine.usable import why_not_compiled
+from hw_model.mapping.graph import Phase
+from hw_model.spinnaker.network import SpinnakerNetwork
+from hw_model.spinnaker.program import SpinnakerProgram
+from hw_model.spinnaker.reference import SpinnakerResult, play_reference
+from hw_model.values import AnyArray, ByteArray, FloatArray, Frozen, IntArray, Sums
+
+Engine = Literal["fast", "reference"]
+PlayRows = Callable[[AnyArray], SpinnakerResult]
+"""Plays rows (rows, lines) of 0 and 1 to a phase, from rest."""
+
+
+class SpinnakerCounts(Sums):
+    """Counts of recordings: additions to ring buffers, updates of neurons, spikes, events.
+
+    ``transpose_events`` are those that reach the lines of a transposed input. The last five are
+    those of the arithmetic.
+    """
+
+    synaptic_ops: int = 0
+    neuron_updates: int = 0
+    spikes: int = 0
+    input_events: int = 0
+    transpose_events: int = 0
+    events_dropped: int = 0
+    ring_wraps: int = 0
+    current_wraps: int = 0
+    potential_wraps: int = 0
+    saturated_weights: int = 0
+    late_synapses: int = 0
+
+    @property
+    def wraps(self) -> int:
+        """How often a number did not fit its 32 bits."""
+        return self.ring_wraps + self.current_wraps + self.potential_wraps
+
+
+class PlayedSpinnaker(Frozen, eq=False):
+    """What recordings do.
+
+    ``spikes`` and ``potential`` are (batch, steps, n) by population, potentials in s16.15 as the
+    threshold saw them. ``counts`` are those of each recording by phase, and ``scores`` those of the
+    classes (batch, classes), or None without a readout.
+    """
+
+    spikes: Mapping[str, ByteArray]
+    potential: Mapping[str, IntArray]
+    counts: tuple[Mapping[str, SpinnakerCounts], ...]
+    scores: FloatArray | None
+
+    @property
+    def total_counts(self) -> SpinnakerCounts:
+        """The counts of all recordings and phases."""
+        by_phase = [counts for of_one in self.counts for counts in of_one.values()]
+        return sum(by_phase, start=SpinnakerCounts())
+
+
+class PhaseRun(NamedTuple):
+    """A recording in a phase: the ``rows`` (steps, lines) that are run from step ``start`` on."""
+
+    rows: ByteArray
+    start: int
+    result: SpinnakerResult
+
+
+def play_program(
+    program: SpinnakerProgram, recordings: AnyArray, engine: Engine = "fast"
+) -> PlayedSpinnaker:
+    """Play recordings (batch, steps, channels) of 0 and 1, each from rest; engines give the same.
+
+    Raises ``InputError`` for recordings that do not fit the program.
+    """
+    events = _events(program, recordings)
+    batch = len(next(iter(events.values())).first)
+    spikes: dict[str, ByteArray] = {}
+    potential: dict[str, IntArray] = {}
+    counts: list[dict[str, SpinnakerCounts]] = [{} for _ in range(batch)]
+    for phase in program.network.phases:
+        played = play(program, phase, events, None, Player())
+        play_rows = player_of(program.network, phase, engine)
+        runs = [_run(play_rows, played, recording) for recording in range(batch)]
+        for name, columns in program.network.columns_of(phase.name).items():
+            room = (batch, played.steps, columns.stop - columns.start)
+            spikes[name] = np.zeros(room, dtype=np.uint8)
+            potential[name] = np.zeros(room, dtype=np.int64)
+            for recording, run in enumerate(runs):
+                here = slice(run.start, run.start + len(run.rows))
+                spikes[name][recording, here] = run.result.spikes[:, columns]
+                potential[name][recording, here] = run.result.potential[:, columns]
+        fan_out = _fan_out(program.network, phase.name)
+        for recording, run in enumerate(runs):
+            counts[recording][phase.name] = _counts(run, played.counts[:, recording], fan_out)
+    return PlayedSpinnaker(spikes, potential, tuple(counts), _scores(program, spikes, potential))
+
+
+def play_recording(program: SpinnakerProgram, recording: AnyArray) -> dict[str, PhaseRun]:
+    """Return what a recording (steps, channels) does in each phase."""
+    events = _events(program, np.asarray(recording)[None])
+    runs = {}
+    for phase in program.network.phases:
+        played = play(program, phase, events, None, Player())
+        runs[phase.name] = _run(player_of(program.network, phase, "fast"), played, recording=0)
+    return runs
+
+
+def _events(program: SpinnakerProgram, recordings: AnyArray) -> dict[str, EventLists]:
+    streams, _ = read_streams(program, np.asarray(recordings))
+    return {name: list_events(name, array) for name, array in streams.items()}
+
+
+def player_of(network: SpinnakerNetwork, phase: Phase, engine: Engine) -> PlayRows:
+    """Return what plays rows to a phase; the plain engine where nothing can be compiled."""
+    if engine == "reference" or why_not_compiled() is not None:
+        return lambda rows: play_reference(network, phase.name, rows)
+    from hw_model.spinnaker.fast import FastPhase  # numba: only where it is needed
+
+    return FastPhase(network, phase.name).play
+
+
+def _run(play_rows: PlayRows, played: PhaseInput, recording: int) -> PhaseRun:
+    """Play what lies between start and stop of a recording; before and after, nothing is run."""
+    start = int(played.start[recording])
+    stop = int(played.stop[recording])
+    rows = played.lines(recording)[start:stop]
+    return PhaseRun(rows, start, play_rows(rows))
+
+
+def _counts(run: PhaseRun, of_input: IntArray, fan_out: IntArray) -> SpinnakerCounts:
+    """Return the counts of a run; ``of_input`` are those of :data:`hw_model.engine.trace.PLAYED`."""
+    sent = np.concatenate([run.rows.sum(axis=0), run.result.spikes.sum(axis=0)])
+    input_events, transpose_events, dropped, _ = of_input.tolist()
+    return SpinnakerCounts(
+        synaptic_ops=int(sent @ fan_out),
+        neuron_updates=run.result.spikes.size,
+        spikes=int(run.result.spikes.sum()),
+        input_events=input_events,
+        transpose_events=transpose_events,
+        events_dropped=dropped,
+        **run.result.events,
+    )
+
+
+def _fan_out(network: SpinnakerNetwork, phase: str) -> IntArray:
+    """Return how many synapses each source of a phase has, (sources,)."""
+    first = network.sources_of(phase)
+    synapses = np.zeros(network.lines_of(phase) + network.neurons_of(phase), dtype=np.int64)
+    for projection in network.projections_of(phase):
+        np.add.at(synapses, first[projection.source] + projection.source_index, 1)
+    return synapses
+
+
+def _scores(
+    program: SpinnakerProgram,
+    spikes: Mapping[str, ByteArray],
+    potential: Mapping[str, IntArray],
+) -> FloatArray | None:
+    if program.readout is None:
+        return None
+    return program.readout.scores(spikes, potentials_in_units(program, potential))
+
+
+def potentials_in_units(
+    program: SpinnakerProgram, potential: Mapping[str, IntArray]
+) -> dict[str, FloatArray]:
+    """Return potentials in potentials of 1 of the network that was compiled."""
+    units = {
+        population.name: population.potential_unit * spinnaker.ONE
+        for population in program.network.populations
+    }
+    return {name: values / units[name] for name, values in potential.items()}

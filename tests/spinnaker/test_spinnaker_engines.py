@@ -1,0 +1,71 @@
+"""The compiled engine of SpiNNaker against the plain one, and both against numbers by hand."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+import pytest
+from random_spinnaker import PHASE, random_case
+from small_spinnaker import network, population, projection
+
+from hw_model.arithmetic.spinnaker import EVENTS
+from hw_model.errors import InputError
+from hw_model.spinnaker.fast import play_fast
+from hw_model.spinnaker.reference import play_reference
+
+REGISTERS = ("spikes", "potential", "v", "current", "refractory")
+
+
+def test_both_engines_give_the_same_registers_and_counts_whatever_happens():
+    seen = Counter()
+    for seed in range(60):
+        case = random_case(seed)
+        given = (case.network, PHASE, case.spikes, case.lateness)
+        plain = play_reference(*given)
+        fast = play_fast(*given)
+        for name in REGISTERS:
+            assert np.array_equal(getattr(plain, name), getattr(fast, name)), (seed, name)
+        assert fast.events == plain.events, seed
+        seen.update(plain.events)
+    assert all(seen[event] > 0 for event in EVENTS)
+
+
+@pytest.mark.parametrize("play", [play_reference, play_fast])
+def test_a_delay_acts_so_many_steps_after_its_spike(play):
+    delays = projection((0, 0, 30000, 1), (0, 1, 30000, 3))
+    result = play(
+        network(populations=(population(size=2),), projections=(delays,)), "run", np.eye(5, 1)
+    )
+    moved = result.potential > 0
+    assert moved.argmax(axis=0).tolist() == [1, 3]
+
+
+@pytest.mark.parametrize("play", [play_reference, play_fast])
+def test_weights_saturate_synapse_by_synapse(play):
+    heavy = projection((0, 0, 40000, 1), (0, 0, 40000, 1), (0, 0, 40000, 1))
+    result = play(network(projections=(heavy,)), "run", [[1], [0]])
+    assert result.events["saturated_weights"] == 2
+
+
+@pytest.mark.parametrize("play", [play_reference, play_fast])
+@pytest.mark.parametrize(
+    ("lateness", "delay", "late"), [(1, 1, 1), (1, 2, 0), (7, 7, 1), (8, 8, 0), (15, 8, 0)]
+)
+def test_a_late_spike_acts_on_time_if_its_delay_is_longer(play, lateness, delay, late):
+    part = projection((0, 0, 30000, delay))
+    spikes = np.eye(20, 1)
+    behind = np.zeros((20, 2), dtype=np.int64)
+    behind[0, 0] = lateness
+    result = play(network(projections=(part,)), "run", spikes, behind)
+    assert result.events["late_synapses"] == late
+
+
+@pytest.mark.parametrize("play", [play_reference, play_fast])
+def test_rows_that_do_not_fit_are_refused(play):
+    with pytest.raises(InputError) as caught:
+        play(network(), "run", [[1, 0]])
+    assert str(caught.value) == (
+        "input spikes: they do not fit the lines ((1, 2) against (rows, 1)). "
+        "Give a row of 0 and 1 for each step."
+    )
