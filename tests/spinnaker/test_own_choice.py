@@ -1,0 +1,64 @@
+"""The shifts that sPyNNaker chooses by itself, and networks with other shifts than theirs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import poisson
+from small_spinnaker import network, population, projection
+
+from locsnn_compile.spinnaker.own_choice import (
+    Incoming,
+    can_be_played,
+    expected_sum,
+    own_shifts,
+    with_shifts,
+)
+
+
+def test_equal_delays_take_the_largest_weight_times_the_most_synapses():
+    first = Incoming(3, np.array([1.0, 2.0, 0.5]), delays_vary=False)
+    second = Incoming(2, np.array([4.0, 1.0]), delays_vary=False)
+    assert expected_sum([first, second]) == 3 * 2.0 + 2 * 4.0
+    assert expected_sum([]) == 0.0
+
+
+@pytest.mark.parametrize("synapses", [40, 400, 3000])
+def test_unequal_delays_take_five_deviations_of_a_poisson_number_of_spikes(synapses):
+    weights = np.linspace(0.5, 2.0, 50)
+    part = Incoming(synapses, weights, delays_vary=True)
+    spikes = synapses * 0.03
+    variance = weights.var() * (synapses - 1) / (synapses - 1)
+    limit = round(spikes + 3 * np.sqrt(spikes))
+    spread = spikes * weights.mean() ** 2 + spikes * variance * poisson.cdf(limit - 1, spikes)
+    wanted = spikes * weights.mean() + 5 * np.sqrt(spread)
+    assert expected_sum([part]) == pytest.approx(wanted, rel=1e-9)
+
+
+def test_the_sum_is_at_least_the_largest_weight():
+    one = Incoming(1, np.array([3.0]), delays_vary=True)
+    assert expected_sum([one]) == 3.0
+
+
+def test_shifts_are_chosen_by_receptor():
+    inhibitory = projection((0, 0, 1 << 14, 1), receptor="inhibitory")
+    excitatory = projection((0, 0, 1 << 15, 1), (0, 0, 1 << 14, 1))
+    cells = population(shifts=(3, 5))
+    of = network(populations=(cells,), projections=(excitatory, inhibitory))
+    # Weights 8 and 4 nA on one neuron: 2 * 8 = 16 needs 5 bits; 16 nA alone need 5, too.
+    assert own_shifts(of) == {"cells": (5, 5)}
+
+
+def test_other_shifts_store_the_same_currents_and_lose_what_does_not_fit():
+    cells = population(shifts=(3, 0))
+    of = network(populations=(cells,), projections=(projection((0, 0, 1 << 14, 1)),))  # 4 nA
+    wider = with_shifts(of, {"cells": (5, 0)})
+    narrower = with_shifts(of, {"cells": (1, 0)})
+    assert wider.projections[0].weight.tolist() == [1 << 12]
+    assert narrower.projections[0].weight.tolist() == [0]  # 2^16 loses its high bit
+    assert wider.populations[0].shifts == (5, 0)
+
+
+@pytest.mark.parametrize(("shift", "playable"), [(16, True), (17, False)])
+def test_shifts_that_no_witness_has_seen_are_not_played(shift, playable):
+    assert can_be_played({"cells": (shift, 0)}) is playable
