@@ -9,6 +9,8 @@ _TICKS = 6
 """Most ticks of a linear axis, besides the one at 0."""
 _LOG_TICKS = 8
 """Most ticks of a logarithmic axis of several decades."""
+_ROUNDING = 1e-9
+"""By how much of a tick a value may miss it and still stand on it."""
 
 
 class Axis(Frozen):
@@ -37,34 +39,34 @@ class Axis(Frozen):
 def linear_axis(values: Sequence[float], text: Callable[[float], str]) -> Axis:
     """Return an axis from 0 to half a tick beyond the largest value."""
     largest = max(values, default=0.0)
-    step = 1.0
-    high = step
-    if largest > 0:
-        step = nice_step(largest / _TICKS)
-        high = largest + 0.5 * step
-    tick_count = math.floor(high / step + 1e-9) + 1
-    return Axis(0.0, high, tuple(i * step for i in range(tick_count)), text)
+    if largest <= 0:
+        return Axis(0.0, 1.0, (0.0, 1.0), text)
+    step = nice_step(largest / _TICKS)
+    high = largest + 0.5 * step
+    last_tick = math.floor(high / step + _ROUNDING)
+    return Axis(0.0, high, tuple(i * step for i in range(last_tick + 1)), text)
 
 
 def log_axis(values: Sequence[float], text: Callable[[float], str]) -> Axis:
     """Return an axis for values above 0, with a tick per decade or, for few decades, at 1, 2 and 5."""
-    scaled = [math.log10(value) for value in values] or [0.0, 1.0]
-    low = min(scaled)
-    high = max(scaled)
-    room = 0.04 * (high - low) or 0.5
-    first = math.ceil(low - 1e-9)
-    last = math.floor(high + 1e-9)
-    if last - first < 2:
-        round_values = (
-            m * 10.0**decade for decade in range(first - 1, last + 1) for m in (1, 2, 5)
-        )
-        ticks = tuple(
-            value for value in round_values if low - 1e-9 <= math.log10(value) <= high + 1e-9
-        )
-    else:
-        decades_apart = max(1, math.ceil((last - first + 1) / _LOG_TICKS))
-        ticks = tuple(10.0**decade for decade in range(first, last + 1, decades_apart))
-    return Axis(low - room, high + room, ticks, text, log=True)
+    exponents = [math.log10(value) for value in values] or [0.0, 1.0]
+    low = min(exponents)
+    high = max(exponents)
+    room = 0.04 * (high - low) or 0.5  # of a single value
+    return Axis(low - room, high + room, _log_ticks(low, high), text, log=True)
+
+
+def _log_ticks(low: float, high: float) -> tuple[float, ...]:
+    """Return round numbers between two powers of ten, given by their exponents."""
+    first = math.ceil(low - _ROUNDING)
+    last = math.floor(high + _ROUNDING)
+    if last - first >= 2:
+        decades_apart = math.ceil((last - first + 1) / _LOG_TICKS)
+        return tuple(10.0**decade for decade in range(first, last + 1, decades_apart))
+    candidates = (m * 10.0**decade for decade in range(first - 1, last + 1) for m in (1, 2, 5))
+    return tuple(
+        value for value in candidates if low - _ROUNDING <= math.log10(value) <= high + _ROUNDING
+    )
 
 
 def nice_step(least: float) -> float:
@@ -78,18 +80,18 @@ def round_numbers(low: float, high: float, about: int) -> list[float]:
     if not high > low:
         return []
     step = nice_step((high - low) / about)
-    first = math.ceil(low / step - 1e-9)
-    last = math.floor(high / step + 1e-9)
+    first = math.ceil(low / step - _ROUNDING)
+    last = math.floor(high / step + _ROUNDING)
     return [i * step for i in range(first, last + 1)]
 
 
 def step_axis(steps: range, *, centred: bool) -> Axis:
     """Return an axis of steps with round numbers on it; ``centred`` if a step is as wide as its column."""
-    half = 0.5 if centred or len(steps) == 1 else 0.0
     first = steps[0]
     last = steps[-1]
-    ticks = [number for number in round_numbers(first, last, 6) if number == int(number)]
-    return Axis(first - half, last + half, tuple(ticks or [float(first)]), "{:,.0f}".format)
+    room = 0.5 if centred or first == last else 0.0
+    ticks = [number for number in round_numbers(first, last, _TICKS) if number == int(number)]
+    return Axis(first - room, last + room, tuple(ticks or [float(first)]), "{:,.0f}".format)
 
 
 def value_axis(values: Sequence[float], unit: str = "") -> Axis:

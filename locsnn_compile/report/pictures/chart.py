@@ -9,14 +9,23 @@ from hw_model.values import Frozen
 from locsnn_compile.report.content import Curve
 from locsnn_compile.report.pictures.axis import Axis, linear_axis, log_axis
 
-WIDTH, HEIGHT, RIGHT = 340, 240, 18
-"""Pixels of a panel, and to the right of the last one."""
-_GAP, _TOP = 72, 70
-"""Pixels to the left of a panel, for its labels, and above all panels."""
+WIDTH = 340
+HEIGHT = 240
+"""Pixels of a panel."""
+RIGHT = 18
+"""Pixels to the right of the last panel."""
+_GAP = 72
+"""Pixels to the left of a panel, for its labels."""
+_TOP = 70
+"""Pixels above all panels."""
 BOTTOM = _TOP + HEIGHT
 """Pixels from the top of the picture to the lower edge of its panels."""
-_LEGEND, _LINE = 56, 16
-"""Pixels from the lower edge of the panels to the legend, and per line of it."""
+_LEGEND = 56
+"""Pixels from the lower edge of the panels to the legend."""
+_LINE = 16
+"""Pixels of a line of the legend."""
+_SAMPLE = 26
+"""Pixels of a curve's sample in the legend."""
 Point = tuple[float, float]
 Anchor = Literal["start", "middle", "end"]
 """Which end of a text stands at its place."""
@@ -117,9 +126,13 @@ def _panel(panel: Panel) -> str:
 
 def _points_on_axes(curve: Curve, panel: Panel) -> list[Point]:
     """Return the points of a curve that the axes of its panel can show."""
-    return [
-        (x, y) for x, y in curve.points if (x > 0 or not panel.x_log) and (y > 0 or not panel.y_log)
-    ]
+    return [(x, y) for x, y in curve.points if _is_on(panel, x, y)]
+
+
+def _is_on(panel: Panel, x: float, y: float) -> bool:
+    x_is_on = x > 0 or not panel.x_log
+    y_is_on = y > 0 or not panel.y_log
+    return x_is_on and y_is_on
 
 
 def _axis_of(values: Sequence[float], *, log: bool) -> Axis:
@@ -131,14 +144,15 @@ def _curve(number: int, label: str, points: Sequence[Point]) -> str:
     legend_y = HEIGHT + _LEGEND + number * _LINE
     kind = f"curve c{number}"
     line = polyline(kind, points) if len(points) > 1 else ""
-    sample = polyline(kind, [(0, legend_y - 4), (26, legend_y - 4)])
+    sample = polyline(kind, [(0, legend_y - 4), (_SAMPLE, legend_y - 4)])
     dots = "".join(
         f'<circle class="dot d{number}" cx="{x:.1f}" cy="{y:.1f}" r="2.2"/>' for x, y in points
     )
-    return f"{line}{sample}{dots}{soft_text(34, legend_y, 'start', label)}"
+    return f"{line}{sample}{dots}{soft_text(_SAMPLE + 8, legend_y, 'start', label)}"
 
 
 def _figure(value: float) -> str:
+    """Return a number of a tick: very large and very small ones as a power of ten."""
     if value == 0 or 1e-3 <= abs(value) < 1e7:
         return f"{value:,.10g}"
     mantissa, exponent = f"{value:.0e}".split("e")

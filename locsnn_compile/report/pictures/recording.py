@@ -1,17 +1,28 @@
 """Rasters of one recording as text and as SVG, with time to the right and channels downwards."""
 
+import math
+
 import numpy as np
 
 from hw_model.values import ByteArray, FloatArray
 from locsnn_compile.report.pictures.chart import sheet, soft_text
 
 SHADES = " ░▒▓█"
-#: Largest text in characters, and largest picture in marks; larger recordings are drawn more coarsely.
-TEXT_COLUMNS, TEXT_ROWS = 64, 20
-PICTURE_COLUMNS, PICTURE_ROWS = 1000, 500
+# Larger recordings are drawn more coarsely.
+TEXT_COLUMNS = 64
+TEXT_ROWS = 20
+"""Most characters of a line, and most lines of a text."""
+PICTURE_COLUMNS = 1000
+PICTURE_ROWS = 500
+"""Most marks of a picture from left to right, and from top to bottom."""
 
-_LEFT, _TOP, _RIGHT, _BOTTOM = 56, 40, 20, 40
-_PLOT_WIDTH, _PLOT_HEIGHT = 720, 320
+# Pixels: of the plot, and around it.
+_PLOT_WIDTH = 720
+_PLOT_HEIGHT = 320
+_LEFT = 56
+_RIGHT = 20
+_TOP = 40
+_BOTTOM = 40
 
 
 def text_raster(spikes: ByteArray) -> list[str]:
@@ -21,27 +32,19 @@ def text_raster(spikes: ByteArray) -> list[str]:
     with an event, relative to the darkest character.
     """
     shares = _coarse(spikes, TEXT_COLUMNS, TEXT_ROWS)
-    darkest = float(shares.max()) or 1.0
-    shade = np.ceil(shares / darkest * (len(SHADES) - 1)).astype(int)
-    return ["".join(SHADES[level] for level in row) for row in shade]
+    darkest = float(shares.max()) or 1.0  # of a recording without events
+    levels = np.ceil(shares / darkest * (len(SHADES) - 1)).astype(int)
+    return ["".join(SHADES[level] for level in row) for row in levels]
 
 
 def raster_svg(spikes: ByteArray, title: str, step_seconds: float | None) -> bytes:
     """Return a raster of one recording (steps, channels) as SVG; in a large one, a mark covers several bins."""
     steps, channels = spikes.shape
-    marks = _coarse(spikes, PICTURE_COLUMNS, PICTURE_ROWS) > 0
-    rows, columns = marks.shape
-    dx = _PLOT_WIDTH / columns
-    dy = _PLOT_HEIGHT / rows
-    path = "".join(
-        f"M{_LEFT + column * dx:.2f} {_TOP + row * dy:.2f}h{dx:.2f}v{dy:.2f}h{-dx:.2f}z"
-        for row, column in np.argwhere(marks).tolist()
-    )
     end = f"step {steps}" if step_seconds is None else f"{steps * step_seconds:g} s"
     right = _LEFT + _PLOT_WIDTH
     bottom = _TOP + _PLOT_HEIGHT
     inside = f"""\
-<path class="events" d="{path}"/>
+<path class="events" d="{_path_of_events(spikes)}"/>
 <rect class="outline" x="{_LEFT}" y="{_TOP}" width="{_PLOT_WIDTH}" height="{_PLOT_HEIGHT}"/>
 {soft_text(_LEFT, bottom + 20, "start", "0")}
 {soft_text(right, bottom + 20, "end", end)}
@@ -52,15 +55,28 @@ def raster_svg(spikes: ByteArray, title: str, step_seconds: float | None) -> byt
     return sheet(right + _RIGHT, bottom + _BOTTOM, title, "raster.css", inside)
 
 
-def _coarse(spikes: ByteArray, columns: int, rows: int) -> FloatArray:
-    """Return the share of bins with an event for at most (rows, columns) blocks of (steps, channels)."""
+def _path_of_events(spikes: ByteArray) -> str:
+    """Return a rectangle for every mark, as the commands of an SVG path."""
+    has_event = _coarse(spikes, PICTURE_COLUMNS, PICTURE_ROWS) > 0
+    rows, columns = has_event.shape
+    width = _PLOT_WIDTH / columns
+    height = _PLOT_HEIGHT / rows
+    return "".join(
+        f"M{_LEFT + column * width:.2f} {_TOP + row * height:.2f}"
+        f"h{width:.2f}v{height:.2f}h{-width:.2f}z"
+        for row, column in np.argwhere(has_event).tolist()
+    )
+
+
+def _coarse(spikes: ByteArray, most_columns: int, most_rows: int) -> FloatArray:
+    """Return, for blocks (rows, columns) of channels and steps, the share of bins with an event."""
     steps, channels = spikes.shape
-    steps_a_block = -(-steps // columns)
-    channels_a_block = -(-channels // rows)
-    block_columns = -(-steps // steps_a_block)
-    block_rows = -(-channels // channels_a_block)
-    padded = np.zeros((block_columns * steps_a_block, block_rows * channels_a_block))
+    steps_per_block = math.ceil(steps / most_columns)
+    channels_per_block = math.ceil(channels / most_rows)
+    columns = math.ceil(steps / steps_per_block)
+    rows = math.ceil(channels / channels_per_block)
+    padded = np.zeros((columns * steps_per_block, rows * channels_per_block))
     padded[:steps, :channels] = spikes
-    blocks = padded.reshape(block_columns, steps_a_block, block_rows, channels_a_block)
+    blocks = padded.reshape(columns, steps_per_block, rows, channels_per_block)
     shares: FloatArray = blocks.mean(axis=(1, 3)).T
     return shares
