@@ -40,40 +40,24 @@ def quantize_cuba(neuron: Cuba, task: Task) -> Scaled:
     threshold, as those of readouts, the voltage register only has to hold one threshold, and the limit holds
     whatever it costs in bits. A floor lowers T to a value with which it lies at ``1 - 2^k``, or nearly so.
     """
-    chip, grid, where = task.chip, task.grid, task.where
+    chip = task.chip
     size = len(neuron.threshold)
-    decay_u, decay_v, gain = rounded_decays(neuron, where)
+    decay_u, decay_v, gain = rounded_decays(neuron, task.where)
     # What holds a steady input at the threshold: no charge of a step is larger if potentials stay below it.
     holding = (1 - share_kept(decay_u)) * (1 - share_kept(decay_v)) / gain
     bounded = _stays_below(neuron, task.incoming, holding)
-    room = (
-        loihi.charge_span(chip.registers.charge_bits) / holding.max()
-        if bounded
-        else _room(neuron, task.incoming, chip)
-    )
-    # A bias acts on the voltage only; the value at which it settles is preserved.
-    share_lost = 1 - share_kept(decay_v)
-    bias = neuron.bias * np.divide(
-        share_lost, neuron.decay_v, out=np.ones(size), where=neuron.decay_v > 0
-    )
+    if bounded:
+        room = loihi.charge_span(chip.registers.charge_bits) / holding.max()
+    else:
+        room = _room(neuron, task.incoming, chip)
     over = 1 if neuron.rule == ">=" else 0
     heaviest = float((task.largest * gain / neuron.threshold).max())
-    strongest = float((np.abs(bias) / neuron.threshold).max())
-    bias_max = loihi_inverse.largest_bias(chip.registers)
-    lossless = 0.0 if bounded else grid.high / max(heaviest, 1e-9)
-    mantissa_max = int(min(chip.registers.threshold_mantissa_max, max(room, lossless, 1.0)))
-    most_thresholds = loihi.in_units(bias_max) / 2
-    if strongest > most_thresholds:
-        measured = f"one bias reaches {strongest:.6g} thresholds against {most_thresholds:.0f}"
-        raise task.no_scale(
-            "largest bias", measured, "Train with smaller biases, or a higher threshold."
-        )
-    cap = (
-        int(min(loihi.in_units(bias_max / strongest) - 1, mantissa_max))
-        if strongest
-        else mantissa_max
-    )
-    exponent, mantissa = checked_scale(task, heaviest, cap, over, bounded=bounded)
+    lossless = 0.0 if bounded else task.grid.high / max(heaviest, 1e-9)
+    most_of_register = chip.registers.threshold_mantissa_max
+    most = int(min(most_of_register, max(room, lossless, 1.0)))
+    bias = _steady_bias(neuron, decay_v)
+    most = _most_for_bias(bias / neuron.threshold, most, task)
+    exponent, mantissa = checked_scale(task, heaviest, most, over, bounded=bounded)
     threshold = integers(mantissa, size)
     vmin = None
     if neuron.floor is not None:
@@ -82,10 +66,37 @@ def quantize_cuba(neuron: Cuba, task: Task) -> Scaled:
         vmin = floors.vmin
         exponent = _exponent(task, gain, threshold, neuron.threshold, over)
     scale = (loihi.threshold_of(threshold) + over) / neuron.threshold
-    made = ChipCuba(
-        decay_u, decay_v, threshold, *_bias(bias * scale, chip), neuron.refractory, vmin
+    bias_mantissa, bias_exponent = _bias(bias * scale, chip)
+    quantized = ChipCuba(
+        decay_u, decay_v, threshold, bias_mantissa, bias_exponent, neuron.refractory, vmin
     )
-    return Scaled(made, scale, gain, exponent)
+    return Scaled(quantized, scale, gain, exponent)
+
+
+def _steady_bias(neuron: Cuba, decay_v: IntArray) -> FloatArray:
+    """Return the biases (n,) that settle at the same voltage with the rounded decay; they act on the voltage only."""
+    lost = 1 - share_kept(decay_v)
+    leaks = neuron.decay_v > 0
+    factor = np.divide(lost, neuron.decay_v, out=np.ones(len(lost)), where=leaks)
+    bias: FloatArray = neuron.bias * factor
+    return bias
+
+
+def _most_for_bias(thresholds: FloatArray, most: int, task: Task) -> int:
+    """Return the largest threshold mantissa, at most ``most``, with which biases fit.
+
+    ``thresholds`` (n,): the biases in thresholds. Refuses those that fit no threshold.
+    """
+    strongest = float(np.abs(thresholds).max())
+    if not strongest:
+        return most
+    largest_bias = loihi_inverse.largest_bias(task.chip.registers)
+    most_thresholds = loihi.in_units(largest_bias) / 2
+    if strongest > most_thresholds:
+        measured = f"one bias reaches {strongest:.6g} thresholds against {most_thresholds:.0f}"
+        fix = "Train with smaller biases, or a higher threshold."
+        raise task.no_scale("largest bias", measured, fix)
+    return int(min(loihi.in_units(largest_bias / strongest) - 1, most))
 
 
 def _exponent(
@@ -101,10 +112,10 @@ def _stays_below(neuron: Cuba, incoming: Sequence[Projection], holding: FloatArr
 
     ``holding`` (n,): the share of a potential that an input has to bring in every step to hold it there.
     """
-    driven = np.abs(neuron.bias) * neuron.decay_u + np.sum(
-        [row_sums(p.weights) for p in incoming], axis=0
-    )
-    return bool(((holding > 0) & (driven <= holding * neuron.threshold)).all())
+    of_inputs = np.sum([row_sums(p.weights) for p in incoming], axis=0)
+    driven = np.abs(neuron.bias) * neuron.decay_u + of_inputs
+    stays_below = (holding > 0) & (driven <= holding * neuron.threshold)
+    return bool(stays_below.all())
 
 
 def _room(neuron: Cuba, incoming: Sequence[Projection], chip: Chip) -> float:
@@ -113,12 +124,14 @@ def _room(neuron: Cuba, incoming: Sequence[Projection], chip: Chip) -> float:
     The charge is largest if all inputs of one sign come in one step. The current matters for neurons whose voltage is
     their current, a potential that no spike resets. (The voltage is clipped, so it cannot wrap.)
     """
-    none, registers = np.zeros(len(neuron.threshold)), chip.registers
-    charge = np.sum([none, *(row_sums(p.weights) for p in incoming)], axis=0) / neuron.threshold
-    held = (neuron.decay_v == 1) & (neuron.decay_u < 1)
-    total = np.sum([none, *(abs(p.weights).sum(axis=1) for p in incoming)], axis=0)
+    registers = chip.registers
+    none = np.zeros(len(neuron.threshold))
+    of_one_sign = np.sum([none, *(row_sums(p.weights) for p in incoming)], axis=0)
+    charge = of_one_sign / neuron.threshold
+    of_both_signs = np.sum([none, *(abs(p.weights).sum(axis=1) for p in incoming)], axis=0)
     lost = np.maximum(neuron.decay_u, loihi_inverse.share_lost(1))
-    current = np.where(held, total / lost / neuron.threshold, 0.0)
+    voltage_is_current = (neuron.decay_v == 1) & (neuron.decay_u < 1)
+    current = np.where(voltage_is_current, of_both_signs / lost / neuron.threshold, 0.0)
     charge_room = loihi.in_units(registers.half_charge) / max(float(charge.max()), 1.0)
     current_room = loihi.in_units(registers.half_current) / max(float(current.max()), 1.0)
     return float(min(charge_room, current_room))
@@ -140,15 +153,12 @@ def quantize_soft(neuron: SoftCuba, task: Task) -> Scaled:
     decay_u, decay_v, gain = rounded_decays(neuron, task.where)
     heaviest = float((task.largest * gain / neuron.threshold).max())
     deepest = float((neuron.drop / neuron.threshold).max())
-    own, coarse = own_grid(chip), _coarse(own_grid(chip))
-    # The largest charge that a coarse and a fine self-synapse hold exactly, in units of the threshold mantissa.
-    held = (own.high // own.step << coarse) + (1 << coarse) - 1
-    most = min(held, largest_charge(chip))
+    grid = own_grid(chip)
+    most = min(_largest_own_charge(grid), largest_charge(chip))
     if deepest > most:
         measured = f"a spike takes {deepest:.3g} thresholds against {most}"
-        raise task.no_scale(
-            "drop of a spike", measured, "Train with a smaller drop, or a higher threshold."
-        )
+        fix = "Train with a smaller drop, or a higher threshold."
+        raise task.no_scale("drop of a spike", measured, fix)
     cap = int(most / max(deepest, 1.0))
     exponent, mantissa = checked_scale(task, heaviest, cap, 0)
     threshold = integers(mantissa, len(neuron.drop))
@@ -159,23 +169,34 @@ def quantize_soft(neuron: SoftCuba, task: Task) -> Scaled:
         vmin = floors.vmin
         exponent = _exponent(task, gain, threshold, neuron.threshold, 0)
     drop = np.rint(threshold * neuron.drop / neuron.threshold).astype(np.int64)
-    made = ChipSrm(decay_u, decay_v, threshold, _taps(drop, decay_u, own), vmin=vmin)
-    return Scaled(made, loihi.threshold_of(threshold) / neuron.threshold, gain, exponent)
+    quantized = ChipSrm(decay_u, decay_v, threshold, _taps(drop, decay_u, grid), vmin=vmin)
+    scale = loihi.threshold_of(threshold) / neuron.threshold
+    return Scaled(quantized, scale, gain, exponent)
 
 
 def _taps(drop: IntArray, decay_u: IntArray, grid: WeightGrid) -> Refractory:
     """Return the self-synapses, coarse and fine, at once and one step later, without those that no neuron needs."""
-    back = np.rint(drop * share_kept(decay_u)).astype(np.int64)
-    rows = [
-        (delay, sign * part, exponent)
-        for delay, sign, charge in ((0, -1, drop), (1, 1, back))
-        for part, exponent in _parts(charge, grid)
-        if part.any()
-    ]
-    delay, mantissa, exponent = (
-        zip(*rows, strict=True) if rows else ((), np.zeros((0, len(drop))), ())
-    )
-    return Refractory.of(len(drop), mantissa, exponent, delay)
+    delays: list[int] = []
+    mantissas: list[IntArray] = []
+    exponents: list[int] = []
+    # One step later the current has kept a share of what the spike took: that is given back.
+    given_back = np.rint(drop * share_kept(decay_u)).astype(np.int64)
+    for delay, sign, charge in ((0, -1, drop), (1, 1, given_back)):
+        for mantissa, exponent in _coarse_and_fine(charge, grid):
+            if mantissa.any():
+                delays.append(delay)
+                mantissas.append(sign * mantissa)
+                exponents.append(exponent)
+    none = np.zeros((0, len(drop)))
+    return Refractory.of(len(drop), mantissas or none, exponents, delays)
+
+
+def _largest_own_charge(grid: WeightGrid) -> int:
+    """Return the largest charge that a coarse and a fine self-synapse hold exactly, in threshold units."""
+    shift = _coarse(grid)
+    largest_coarse = grid.high // grid.step << shift
+    largest_rest = (1 << shift) - 1
+    return largest_coarse + largest_rest
 
 
 def _coarse(grid: WeightGrid) -> int:
@@ -183,8 +204,13 @@ def _coarse(grid: WeightGrid) -> int:
     return min(grid.weight_bits, WEIGHT_EXPONENTS[-1] - exponent_holding(0.0, grid))
 
 
-def _parts(charge: IntArray, grid: WeightGrid) -> tuple[tuple[IntArray, int], tuple[IntArray, int]]:
+def _coarse_and_fine(
+    charge: IntArray, grid: WeightGrid
+) -> tuple[tuple[IntArray, int], tuple[IntArray, int]]:
     """Return (mantissas, exponent) for a coarse and the finest exponent, which add up to charges in threshold units."""
-    finest, shift = exponent_holding(0.0, grid), _coarse(grid)
-    coarse = np.where(charge > grid.high // grid.step, charge >> shift, 0)
-    return (coarse * grid.step, finest + shift), ((charge - (coarse << shift)) * grid.step, finest)
+    finest = exponent_holding(0.0, grid)
+    shift = _coarse(grid)
+    needs_coarse = charge > grid.high // grid.step
+    coarse = np.where(needs_coarse, charge >> shift, 0)
+    fine = charge - (coarse << shift)
+    return (coarse * grid.step, finest + shift), (fine * grid.step, finest)

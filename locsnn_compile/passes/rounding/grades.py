@@ -50,12 +50,11 @@ class Grades(Frozen):
 
     def grade(self, magnitude: FloatArray) -> IntArray:
         """Return, for each magnitude, the finest grade that holds it with one more step, else the coarsest."""
-        most = [
-            float(self.largest_of(np.array(k)) - (1 << k if self.weight_bits > 1 else 0))
-            for k in self.held
-        ]
-        index = np.minimum(np.searchsorted(most, magnitude), len(self.held) - 1)
-        return np.array(self.held, dtype=np.int64)[index]
+        grades = np.array(self.held, dtype=np.int64)
+        one_more_step = 1 << grades if self.weight_bits > 1 else 0
+        most = (self.largest_of(grades) - one_more_step).astype(np.float64)
+        index = np.minimum(np.searchsorted(most, magnitude), len(grades) - 1)
+        return grades[index]
 
     def second_grade(self, grade: IntArray) -> IntArray:
         """Return the grade of a split weight's second synapse: the finest that holds what the first one leaves."""
@@ -74,14 +73,15 @@ class Grades(Frozen):
         self, quanta: IntArray, grade: IntArray, split: BoolArray
     ) -> Iterator[tuple[IntArray, int]]:
         """Yield (mantissas, exponent) for every grade in use, finest first; effective weights add up."""
-        magnitude, sign = np.abs(quanta), np.sign(quanta)
+        magnitude = np.abs(quanta)
         first = magnitude >> grade << grade
-        rest = np.where(split, magnitude - first, 0)
-        second = self.second_grade(grade)
+        second = np.where(split, magnitude - first, 0)
+        second_grade = self.second_grade(grade)
         for k in self.held:
-            here = np.where(grade == k, first, 0) + np.where(second == k, rest, 0)
-            if here.any():
-                yield sign * (here >> k << (MANTISSA_BITS - self.weight_bits)), self.exponent(k)
+            in_grade = np.where(grade == k, first, 0) + np.where(second_grade == k, second, 0)
+            if in_grade.any():
+                mantissa = in_grade >> k << (MANTISSA_BITS - self.weight_bits)
+                yield np.sign(quanta) * mantissa, self.exponent(k)
 
 
 def grades_for(largest: float, task: Task, neuron: ChipNeuron) -> Grades:
@@ -93,14 +93,25 @@ def grades_for(largest: float, task: Task, neuron: ChipNeuron) -> Grades:
     """
     split = task.rounding.split > 0
     taps = neuron.strategy == "delay-line"
-    count = GRADES if not split else GRADES_BESIDE_TAPS if taps else GRADES_IF_SPLIT
-    kinds = max(1, len({int(np.max(p.delay, initial=0)).bit_length() for p in task.incoming}))
-    own = FORMATS_OF_TAPS if taps else int(kinds == 1 and neuron.strategy != "native")
-    left = task.chip.limits.synapse_formats_per_core - own
-    count = max(1, min(count, left // (2 * kinds * (2 if split else 1))))
-    return Grades.holding(
-        largest, task.grid.weight_bits, count=count if task.rounding.graded else 1, split=split
-    )
+    delay_widths = {int(np.max(p.delay, initial=0)).bit_length() for p in task.incoming}
+    kinds = max(1, len(delay_widths))
+    if not split:
+        most = GRADES
+    elif taps:
+        most = GRADES_BESIDE_TAPS
+    else:
+        most = GRADES_IF_SPLIT
+    if taps:
+        own_formats = FORMATS_OF_TAPS
+    else:
+        own_formats = int(kinds == 1 and neuron.strategy != "native")
+    signs = 2
+    synapses = 2 if split else 1
+    formats_left = task.chip.limits.synapse_formats_per_core - own_formats
+    count = max(1, min(most, formats_left // (signs * kinds * synapses)))
+    if not task.rounding.graded:
+        count = 1
+    return Grades.holding(largest, task.grid.weight_bits, count=count, split=split)
 
 
 def nearest(quanta: FloatArray, step: IntArray, most: IntArray) -> IntArray:
@@ -137,16 +148,24 @@ def in_grades(
 
     ``grade`` is that of each dendrite's share.
     """
-    made = []
+    projections = []
     step = 1 << np.where(split, grades.second_grade(grade), grade)
     for dendrite, share in enumerate(shares(quanta, dendrites, step)):
         parts = list(grades.parts(share, grade, split)) or [
             (share, grades.exponent(grades.held[0]))
         ]
         for mantissa, exponent in parts:
-            form = with_values(p.weights, mantissa), exponent, grades.weight_bits
-            made.append(ChipProjection(p.source, p.target, *form, delay=p.delay, dendrite=dendrite))
-    return made
+            projection = ChipProjection(
+                p.source,
+                p.target,
+                with_values(p.weights, mantissa),
+                exponent,
+                grades.weight_bits,
+                delay=p.delay,
+                dendrite=dendrite,
+            )
+            projections.append(projection)
+    return projections
 
 
 def round_apart(task: Task, scaled: Scaled) -> list[list[ChipProjection]]:
@@ -154,21 +173,19 @@ def round_apart(task: Task, scaled: Scaled) -> list[list[ChipProjection]]:
 
     The largest weights are the ones that are split. Returns the projections that each incoming one becomes.
     """
-    incoming, dendrites = task.incoming, scaled.neuron.dendrites
-    ideal = [
-        values_of(p.weights) * of_target(p.weights, loihi.in_units(scaled.gain * scaled.scale))
-        for p in incoming
-    ]
-    largest = max((float(np.abs(part).max(initial=0.0)) for part in ideal), default=0.0)
+    dendrites = scaled.neuron.dendrites
+    quanta_per_weight = loihi.in_units(scaled.gain * scaled.scale)
+    ideal = [values_of(p.weights) * of_target(p.weights, quanta_per_weight) for p in task.incoming]
+    largest = max((float(np.abs(quanta).max(initial=0.0)) for quanta in ideal), default=0.0)
     grades = grades_for(largest / dendrites, task, scaled.neuron)
-    grade = [grades.grade(np.abs(part) / dendrites) for part in ideal]
-    split = _coarsest(ideal, task.rounding.split)
-    made = []
-    for p, part, k, two in zip(incoming, ideal, grade, split, strict=True):
-        step = 1 << np.where(two, grades.second_grade(k), k)
-        quanta = nearest(part, step, dendrites * grades.largest_of(k))
-        made.append(in_grades(p, quanta, k, two, grades, dendrites))
-    return made
+    is_split = _coarsest(ideal, task.rounding.split)
+    rounded = []
+    for p, wanted, split in zip(task.incoming, ideal, is_split, strict=True):
+        grade = grades.grade(np.abs(wanted) / dendrites)
+        step = 1 << np.where(split, grades.second_grade(grade), grade)
+        quanta = nearest(wanted, step, dendrites * grades.largest_of(grade))
+        rounded.append(in_grades(p, quanta, grade, split, grades, dendrites))
+    return rounded
 
 
 def _coarsest(ideal: Sequence[FloatArray], share: float) -> list[BoolArray]:
