@@ -144,6 +144,12 @@ def _sanafe(build: Build) -> Files:
     return sanafe_files(build.played)
 
 
+def _lava(build: Build) -> Files:
+    from locsnn_compile.backends.lava.folder import lava_files
+
+    return lava_files(build.played)
+
+
 def _graphml(build: Build) -> Files:
     from locsnn_compile.backends.graphs import graphml_file
 
@@ -194,6 +200,7 @@ EMITTERS = (
     Emitter("vcd", "waves.vcd", _vcd, shows_recording=True),
     Emitter("trace", "trace.json", _trace, shows_recording=True, of_mesh=True),
     Emitter("sanafe", "sanafe/", _sanafe, shows_recording=True, of_mesh=True),
+    Emitter("lava", "lava/", _lava, shows_recording=True),
     Emitter("graphml", "program.graphml", _graphml),
     Emitter("dot", "program.dot", _dot),
     Emitter("nir", "network.nir", _nir),

@@ -1,0 +1,73 @@
+"""Emitted folders on disk, and a package ``lava`` that stands in for the real one."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+from emitter_faults import Arrays
+from lava_programs import Case, edge_cases, random_case
+
+from locsnn_compile.emitters import bench_files
+
+HERE = Path(__file__).parent
+MODULES = {
+    "magma/core/run_conditions": ("RunSteps",),
+    "magma/core/run_configs": ("Loihi2SimCfg",),
+    "proc/dense/process": ("Dense", "DelayDense"),
+    "proc/io/sink": ("Sink as RingBuffer",),
+    "proc/io/source": ("Source as RingBuffer",),
+    "proc/lif/process": ("LIF",),
+    "utils/weightutils": ("SignMode",),
+}
+"""Names that the script imports, by the module of ``lava`` that has them."""
+
+
+def write_folder(folder: Path, case: Case) -> Path:
+    """Write what ``--emit lava`` does for a case, and return the folder."""
+    program, spikes = case
+    folder.mkdir(parents=True)
+    for name, content in bench_files(program, ["lava"], spikes).items():
+        (folder / Path(name).name).write_bytes(content)
+    return folder
+
+
+def write_stand_in(folder: Path) -> Path:
+    """Write a package ``lava`` and return the folder to import it from."""
+    for module, names in MODULES.items():
+        path = folder / "lava" / f"{module}.py"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(f"from lava_stand_in import {', '.join(names)}\n")
+    return folder
+
+
+def run_script(folder: Path, packages: Path) -> subprocess.CompletedProcess[str]:
+    """Run the script of a folder with the stand-in."""
+    return subprocess.run(
+        [sys.executable, str(folder / "network.py")],
+        env={"PYTHONPATH": f"{packages}:{HERE}"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def arrays_of(path: Path) -> Arrays:
+    """Return all arrays of a file."""
+    with np.load(path) as arrays:
+        return dict(arrays)
+
+
+def cases(seeds: Iterable[int]) -> dict[str, Case]:
+    """Return the programs at the edges, and random ones, by name."""
+    edges = {f"edge-{number}": case for number, case in enumerate(edge_cases().values())}
+    return edges | {f"random-{seed}": random_case(seed) for seed in seeds}
+
+
+def differences(played: Arrays, expected: Arrays) -> int:
+    """Count the spikes and registers that differ; both have the same keys."""
+    assert played.keys() == expected.keys()
+    return sum(int((played[key] != expected[key]).sum()) for key in expected)
