@@ -9,6 +9,7 @@ spectral order of the traffic graph laid along the tiles in a snake, and on one 
 exchanging the pair of slots, one of them perhaps empty, that saves most, until none saves any; the best end is taken.
 """
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -20,8 +21,12 @@ from hw_model.values import ArrayLike, FloatArray, IntArray
 
 MAX_SLOTS = 1024
 """Boards that need more slots than this keep network order: the search takes time with their cube."""
-SHUFFLES, MAX_SHUFFLED = 4, 128
-"""Shuffled starts that are tried too, from a fixed seed, and the most slots of a board on which they are."""
+SHUFFLES = 4
+"""Shuffled starts that are tried too, from a fixed seed."""
+MAX_SHUFFLED = 128
+"""Most slots of a board on which shuffled starts are tried."""
+_NO_GAIN = 1e-9
+"""Hops that an exchange must save: less is rounding."""
 
 
 def arrange_cores(placed: PlacedGraph, expected_spikes: FloatArray | None = None) -> PlacedGraph:
@@ -31,19 +36,18 @@ def arrange_cores(placed: PlacedGraph, expected_spikes: FloatArray | None = None
     by default all compartments are taken to spike alike.
     """
     chip = placed.chip
-    slots = -(-placed.cores // chip.limits.cores_per_chip) * chip.limits.cores_per_chip
+    chips = math.ceil(placed.cores / chip.limits.cores_per_chip)
+    slots = chips * chip.limits.cores_per_chip
     if placed.cores < 3 or slots > MAX_SLOTS:
         return placed
     distance = slot_distances(chip, slots)
     traffic = core_traffic(placed, expected_spikes)
-    shuffled = np.random.default_rng(0)
     starts = [np.array(placed.slots), _spectral_start(traffic, chip, slots)]
-    starts += [
-        shuffled.permutation(slots)[: placed.cores]
-        for _ in range(SHUFFLES if slots <= MAX_SHUFFLED else 0)
-    ]
+    if slots <= MAX_SHUFFLED:
+        random = np.random.default_rng(0)
+        starts += [random.permutation(slots)[: placed.cores] for _ in range(SHUFFLES)]
     ends = [_exchange(traffic, distance, start) for start in starts]
-    best = min(ends, key=lambda slots: total_hops(traffic, distance, slots))
+    best = min(ends, key=lambda end: total_hops(traffic, distance, end))
     return replace(placed, slots=tuple(map(int, best)))
 
 
@@ -75,11 +79,20 @@ def _spectral_start(traffic: FloatArray, chip: Chip, slots: int) -> IntArray:
     """Lay cores along a snake through the tiles, part by connected part, in the order of the part's Fiedler vector."""
     parts = sources_first(len(traffic), np.argwhere(traffic))
     order = np.concatenate([_spectral_order(traffic, np.array(part)) for part in parts])
-    tiles = [chip.tile_of(slot) for slot in range(slots)]
-    snake = sorted(range(slots), key=lambda s: (tiles[s][0], tiles[s][1] * (-1) ** tiles[s][0], s))
     start = np.empty(len(order), dtype=np.int64)
-    start[order] = snake[: len(order)]
+    start[order] = _snake(chip, slots)[: len(order)]
     return start
+
+
+def _snake(chip: Chip, slots: int) -> list[int]:
+    """Return slots column by column of tiles, down one and up the next."""
+
+    def place(slot: int) -> tuple[int, int, int]:
+        column, row = chip.tile_of(slot)
+        goes_up = column % 2 == 1
+        return column, -row if goes_up else row, slot
+
+    return sorted(range(slots), key=place)
 
 
 def _spectral_order(traffic: FloatArray, part: IntArray) -> IntArray:
@@ -88,9 +101,10 @@ def _spectral_order(traffic: FloatArray, part: IntArray) -> IntArray:
     within = traffic[np.ix_(part, part)]
     laplacian = np.diag(within.sum(axis=1)) - within
     fiedler = np.linalg.eigh(laplacian).eigenvectors[:, 1]
-    # Its sign is arbitrary: the first core goes first. Rounding keeps the order from hanging on the last bits.
-    ranked = np.round(fiedler * (1 if fiedler[0] <= 0 else -1), 9)
-    return part[np.argsort(ranked, kind="stable")]
+    # Its sign is arbitrary: the first core goes first.
+    from_first = fiedler if fiedler[0] <= 0 else -fiedler
+    # Rounding keeps the order from hanging on the last bits.
+    return part[np.argsort(np.round(from_first, 9), kind="stable")]
 
 
 def _exchange(traffic: FloatArray, distance: FloatArray, start: IntArray) -> IntArray:
@@ -100,16 +114,17 @@ def _exchange(traffic: FloatArray, distance: FloatArray, start: IntArray) -> Int
     at = np.concatenate((start, empty))
     flow = np.zeros((slots, slots))
     flow[:cores, :cores] = traffic
-    cost = (
-        flow @ distance[at]
-    )  # cost[i, s]: hops of core i's traffic were it in slot s, all others staying
+    # cost[i, s]: hops of core i's traffic were it in slot s, all others staying.
+    cost = flow @ distance[at]
     while True:
         moved = cost[:, at]
-        own = np.diag(moved)
-        saved = moved + moved.T - own[:, None] - own[None] + 2 * flow * distance[np.ix_(at, at)]
-        i, j = np.unravel_index(int(saved[:cores].argmin()), (cores, slots))
-        if saved[i, j] >= -1e-9:
+        stayed = np.diag(moved)
+        # Traffic between the two that are exchanged is counted as if the other had stayed.
+        between = 2 * flow * distance[np.ix_(at, at)]
+        change_of_hops = moved + moved.T - stayed[:, None] - stayed[None] + between
+        i, j = np.unravel_index(int(change_of_hops[:cores].argmin()), (cores, slots))
+        if change_of_hops[i, j] >= -_NO_GAIN:
             return at[:cores]
         change = distance[at[j]] - distance[at[i]]
         cost += flow[:, [i]] * change - flow[:, [j]] * change
-        at[i], at[j] = at[j], at[i]
+        at[[i, j]] = at[[j, i]]

@@ -5,10 +5,10 @@ spikes.
 """
 
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import groupby
+from itertools import chain, groupby
 
 import numpy as np
 
@@ -27,33 +27,35 @@ from locsnn_compile.verification.matching import PopulationMatch, Progress
 TENTHS = 10
 LESS = 0.05
 """How far the spike agreement in the last tenth of a run may fall below the beginning unnoticed."""
-LONG_STEPS, QUICK_STEPS = 1_000_000, 10 * BLOCK
-"""Steps of a long run, and of a long run in a quick run."""
+LONG_STEPS = 1_000_000
+"""Steps of a long run."""
+QUICK_STEPS = 10 * BLOCK
+"""Steps of a long run, where the rows are to be quick."""
 
 
 def run_stress(
     chip: hw.Chip, *, quick: bool = False, progress: Progress | None = None
 ) -> tuple[Row, ...]:
     """Return a row for each case; ``progress`` is called with (rows done, all rows)."""
-    table = cases(quick=quick)
-    long = [run for run in long_runs() if run.case.quick or not quick]
+    short_cases = cases(quick=quick)
+    runs = [run for run in long_runs() if run.case.quick or not quick]
+    steps = QUICK_STEPS if quick else LONG_STEPS
     rows: list[Row] = []
-
-    def done(row: Row) -> None:
+    for row in chain((run_case(case, chip) for case in short_cases), _long_rows(runs, chip, steps)):
         rows.append(row)
         if progress:
-            progress(len(rows), len(table) + len(long))
-
-    for case in table:
-        done(run_case(case, chip))
-    for network, runs in groupby(long, key=lambda run: run.case.network):
-        float_run: Float | None = None
-        for run in runs:
-            float_run = float_run or play_float(
-                network, run.block, QUICK_STEPS if quick else LONG_STEPS
-            )
-            done(_row(run.case, partial(long_row, run, chip, float_run)))
+            progress(len(rows), len(short_cases) + len(runs))
     return tuple(rows)
+
+
+def _long_rows(runs: Sequence[LongRun], chip: hw.Chip, steps: int) -> Iterator[Row]:
+    """Yield the rows of long runs; those that follow each other with one network share its float run."""
+    for network, of_network in groupby(runs, key=lambda run: run.case.network):
+        float_run: Float | None = None
+        for run in of_network:
+            if float_run is None:
+                float_run = play_float(network, run.block, steps)
+            yield _row(run.case, partial(long_row, run, chip, float_run))
 
 
 def run_case(case: Case, chip: hw.Chip) -> Row:
@@ -81,8 +83,8 @@ def _row(case: Case, make: Callable[[], Row]) -> Row:
 def long_row(run: LongRun, chip: hw.Chip, float_run: Float) -> Row:
     """Return the row of a long run, from its beginning and from how it went on."""
     row = judge(run.case, measure(run.case, chip))
-    drift, odd = measure_drift(run, chip, float_run)
-    defects = tuple(defect for defect in (odd, _beyond(drift)) if defect)
+    drift, session_differs = measure_drift(run, chip, float_run)
+    defects = tuple(defect for defect in (session_differs, _beyond(drift)) if defect)
     if defects or row.verdict == "unexplained":
         before = row.causes if row.verdict == "unexplained" else ()
         return replace(row, verdict="unexplained", causes=before + defects, drift=drift)
@@ -95,26 +97,25 @@ def measure_drift(run: LongRun, chip: hw.Chip, wanted: Float) -> tuple[Drift, st
     steps = len(wanted.spikes)
     levels = lowered(run.case, chip, steps)
     played = _repeated(run.block, steps)
-    found = hw.simulate(
-        levels.program, played, probe=("spikes", hw.Probe("potential", (POPULATION,)))
-    )
-    spikes, potential = found.spikes[POPULATION], found.potential[POPULATION]
+    potential_probe = hw.Probe("potential", (POPULATION,))
+    result = hw.simulate(levels.program, played, probe=("spikes", potential_probe))
+    spikes = result.spikes[POPULATION]
+    potential = result.potential[POPULATION]
     scale = levels.quantized.population(POPULATION).scale
     theta = run.case.network.populations[0].thresholds
     quiet: BoolArray = ~np.asarray(wanted.spikes.any(axis=0) | spikes.any(axis=0))
-    parts = [slice(part[0], part[-1] + 1) for part in np.array_split(np.arange(steps), TENTHS)]
-    error = [
-        float(
-            (np.abs(potential[part] / scale - wanted.potential[part]) / theta)[:, quiet].max(
-                initial=0.0
-            )
-        )
-        for part in parts
-    ]
+    matches = []
+    errors = []
+    for of_tenth in np.array_split(np.arange(steps), TENTHS):
+        tenth = slice(of_tenth[0], of_tenth[-1] + 1)
+        matches.append(PopulationMatch.of(wanted.spikes[tenth], spikes[tenth]))
+        # Tenth by tenth, because all of a long run at a time takes too much memory.
+        difference = np.abs(potential[tenth] / scale - wanted.potential[tenth]) / theta
+        errors.append(float(difference[:, quiet].max(initial=0.0)))
     drift = Drift(
         steps,
-        tuple(PopulationMatch.of(wanted.spikes[part], spikes[part]) for part in parts),
-        tuple(error) if quiet.any() else None,
+        tuple(matches),
+        tuple(errors) if quiet.any() else None,
         _bound(run, chip, quiet, steps),
     )
     return drift, _session_differs(levels.program, played, spikes, len(run.block))
@@ -122,8 +123,9 @@ def measure_drift(run: LongRun, chip: hw.Chip, wanted: Float) -> tuple[Drift, st
 
 def play_float(network: Network, block: ByteArray, steps: int) -> Float:
     """Play a block (steps, channels) repeatedly to a float network; return (steps, n) in its own units."""
-    found = evaluate(replace(network, steps=steps), _repeated(block, steps)[None], potentials=True)
-    return Float(found.spikes[POPULATION][0], found.potential[POPULATION][0])
+    recording = _repeated(block, steps)
+    result = evaluate(replace(network, steps=steps), recording[None], potentials=True)
+    return Float(result.spikes[POPULATION][0], result.potential[POPULATION][0])
 
 
 def _repeated(block: ByteArray, steps: int) -> ByteArray:
@@ -144,7 +146,8 @@ def _session_differs(
     program: hw.ChipProgram, played: ByteArray, spikes: ByteArray, rows: int
 ) -> str | None:
     """Push the run to a session, ``rows`` rows at a time; say where it first counts different spikes."""
-    session, counted = hw.Session(program), spikes.cumsum(axis=0, dtype=np.int64)
+    session = hw.Session(program)
+    counted = spikes.cumsum(axis=0, dtype=np.int64)
     for start in range(0, len(played), rows):
         pushed = session.push(played[start : start + rows]).spikes[POPULATION]
         if not np.array_equal(pushed[-1], counted[start + len(pushed) - 1]):
@@ -162,10 +165,14 @@ def _beyond(drift: Drift) -> str | None:
 def _growth(row: Row, drift: Drift, fades: bool) -> Iterator[str]:
     """Say what is worse in the last tenth of the run than in its beginning."""
     assert row.measured is not None
-    if not fades and drift.error is not None and drift.error[-1] > TENTH:
-        yield f"nothing fades, so rounding adds up: {short(drift.error[-1])} thresholds in {drift.steps:,} steps"
-    first, last = row.measured.spikes.agreement, drift.spikes[-1].agreement
+    last_error = 0.0 if drift.error is None else drift.error[-1]
+    if not fades and last_error > TENTH:
+        error = f"{short(last_error)} thresholds in {drift.steps:,} steps"
+        yield f"nothing fades, so rounding adds up: {error}"
+    first = row.measured.spikes.agreement
+    last = drift.spikes[-1].agreement
     # If neither side spikes in the beginning, nothing differs there.
-    if last is not None and last < (1.0 if first is None else first) - LESS:
+    beginning = 1.0 if first is None else first
+    if last is not None and last < beginning - LESS:
         equal = f"{share(first)} are equal" if first is not None else "there are none"
         yield f"spikes drift apart: {equal} in the beginning, {share(last)} in the last tenth"
