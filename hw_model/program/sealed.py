@@ -22,7 +22,8 @@ from hw_model.values import AnyArray, Frozen, IntArray, sealed
 
 CHIP_PROGRAM = "locsnn-program"
 XYLO_PROGRAM = "locsnn-xylo-program"
-KINDS = (CHIP_PROGRAM, XYLO_PROGRAM)
+SPINNAKER_PROGRAM = "locsnn-spinnaker-program"
+KINDS = (CHIP_PROGRAM, XYLO_PROGRAM, SPINNAKER_PROGRAM)
 """The kinds of programs, by the ``format`` that their files say."""
 PROGRAM_YAML = "program.yaml"
 PROGRAM_NPZ = "program.npz"

@@ -1,0 +1,165 @@
+"""Programs for SpiNNaker on disk: what is written is read back, and what is damaged is refused by name."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from random_spinnaker import random_case
+from small_spinnaker import network, population, projection
+
+from hw_model.errors import InputError
+from hw_model.io.files import pack_arrays
+from hw_model.mapping.graph import Input, Phase, Readout
+from hw_model.spinnaker.chips import spinnaker_chip
+from hw_model.spinnaker.files import load_spinnaker, save_spinnaker, spinnaker_files
+from hw_model.spinnaker.playing import play_program
+from hw_model.spinnaker.program import SpinnakerProgram
+
+CHIP = spinnaker_chip("spinnaker1")
+
+
+def small_program() -> SpinnakerProgram:
+    """Return two phases, the second transposed, with all that a program may say."""
+    lines = Input("lines", 3, "run", "touches")
+    turned = Input("turned", 4, "walk", "touches", positions=np.array([0, 2, 1]))
+    walk = population("walkers", phase="walk", size=2, potential_unit=0.25)
+    of = network(
+        phases=(Phase("run", "time", None), Phase("walk", "location", 3)),
+        inputs=(lines, turned),
+        populations=(population(size=2), walk),
+        projections=(
+            projection((0, 0, 1000, 1), (2, 1, 65535, 8)),
+            projection((0, 1, 3, 2), source="turned", target="walkers", receptor="inhibitory"),
+        ),
+    )
+    return SpinnakerProgram(
+        name="small",
+        chip=CHIP,
+        network=of,
+        readout=Readout(("cells", "walkers"), (1.0, 0.5), potentials_from=(None, 2), tie_class=1),
+        step_seconds=0.01,
+        event_threshold=1,
+        polarities=1,
+        columns=3,
+        channel_order="pyx",
+        class_names=("soft", "hard"),
+        provenance={"model": "by hand"},
+    )
+
+
+def test_a_loaded_program_is_the_saved_one(tmp_path):
+    program = small_program()
+    save_spinnaker(program, tmp_path)
+    loaded = load_spinnaker(tmp_path)
+    assert spinnaker_files(loaded) == spinnaker_files(program)
+    assert loaded.readout == program.readout
+    recordings = (np.random.default_rng(0).random((2, 6, 3)) < 0.5).astype(np.uint8)
+    before, after = (play_program(each, recordings) for each in (program, loaded))
+    assert np.array_equal(before.scores, after.scores)
+    assert before.counts == after.counts
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_random_networks_are_read_back_as_they_were(seed, tmp_path):
+    of = random_case(seed).network
+    program = SpinnakerProgram("random", CHIP, of)
+    save_spinnaker(program, tmp_path)
+    loaded = load_spinnaker(tmp_path).network
+    for old, new in zip(of.projections, loaded.projections, strict=True):
+        assert np.array_equal(old.weight, new.weight)
+        assert np.array_equal(old.delay, new.delay)
+    for old, new in zip(of.populations, loaded.populations, strict=True):
+        assert all(map(np.array_equal, old.parameters, new.parameters))
+
+
+@pytest.fixture
+def saved(tmp_path) -> Path:
+    save_spinnaker(small_program(), tmp_path)
+    return tmp_path
+
+
+def replace_in(folder: Path, old: str, new: str) -> None:
+    """Edit the entries, and remove the checksum that says so."""
+    path = folder / "program.yaml"
+    text = path.read_text().rpartition("# SHA-256")[0]
+    assert old in text
+    path.write_text(text.replace(old, new))
+
+
+def replace_array(folder: Path, name: str, array: np.ndarray) -> None:
+    """Put another array into the file, and make its checksum agree."""
+    with np.load(folder / "program.npz") as stored:
+        arrays = dict(stored.items())
+    before = hashlib.sha256((folder / "program.npz").read_bytes()).hexdigest()
+    packed = pack_arrays({**arrays, name: array}, compressed=True)
+    (folder / "program.npz").write_bytes(packed)
+    replace_in(folder, before, hashlib.sha256(packed).hexdigest())
+
+
+def swapped(folder: Path) -> None:
+    other = replace(small_program(), network=network(), readout=None, class_names=None)
+    (folder / "program.npz").write_bytes(spinnaker_files(other)["program.npz"])
+
+
+DAMAGE = {
+    "arrays of another program": (
+        swapped,
+        "program.npz: the checksum differs: it is damaged, or of another program. Compile again.",
+    ),
+    "another version": (
+        lambda folder: replace_in(folder, "version: 1", "version: 2"),
+        "program.yaml: the program has another format version (2 against 1). Compile it again, or "
+        "use the release that wrote it.",
+    ),
+    "another kind": (
+        lambda folder: replace_in(folder, "locsnn-spinnaker-program", "locsnn-xylo-program"),
+        "program.yaml: this is a program of another kind (locsnn-xylo-program against "
+        "locsnn-spinnaker-program). Play it with `locsnn run`.",
+    ),
+    "an unknown chip": (
+        lambda folder: replace_in(folder, "target: spinnaker1", "target: spinnaker9"),
+        "target 'spinnaker9': no SpiNNaker of this name ships. Did you mean 'spinnaker1'?",
+    ),
+    "an array too much": (
+        lambda folder: replace_array(folder, "population9/tau_m", np.array([1])),
+        "program.npz: it holds arrays without a meaning (population9/tau_m). Compile again.",
+    ),
+    "a weight too large": (
+        lambda folder: replace_array(folder, "projection0/weight", np.array([1, 65536])),
+        "projection 'lines' -> 'cells', excitatory, weight: a core cannot hold it (65536 against "
+        "0..65535). Correct it.",
+    ),
+    "a visit beyond the phase": (
+        lambda folder: replace_array(folder, "input1/positions", np.array([0, 3, 1])),
+        "input 'turned': its visits do not fit its lines, or the steps of its phase. Compile again.",
+    ),
+    "an axis that does not exist": (
+        lambda folder: replace_in(folder, "axis: location", "axis: depth"),
+        "program.yaml: phases.axis: 'depth' is not known. Choose one of: location, time.",
+    ),
+    "no potential unit": (
+        lambda folder: replace_in(folder, "potential_unit: 0.25", "potential_unit: 0"),
+        "program.yaml: populations.potential_unit: it must be a number above 0 (got 0). Compile again.",
+    ),
+}
+
+
+@pytest.mark.parametrize(("damage", "message"), DAMAGE.values(), ids=DAMAGE)
+def test_damaged_files_are_refused_by_what_is_wrong(saved, damage, message):
+    damage(saved)
+    with pytest.raises(InputError) as caught:
+        load_spinnaker(saved)
+    assert str(caught.value) == message
+
+
+def test_an_edited_file_is_refused_until_its_checksum_is_removed(saved):
+    path = saved / "program.yaml"
+    path.write_text(path.read_text().replace("tie_class: 1", "tie_class: 0"))
+    with pytest.raises(InputError, match="it was edited, or is damaged"):
+        load_spinnaker(saved)
+    replace_in(saved, "tie_class: 0", "tie_class: 0")
+    assert load_spinnaker(saved).readout.tie_class == 0
