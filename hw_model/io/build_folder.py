@@ -16,6 +16,7 @@ OURS = (
     r"vectors/(README\.md|manifest\.yaml|core\d+/\w+\.hex)"
     r"|sanafe/(README\.md|(arch|expected|time|location)\.yaml)"
     r"|xylo/(specification\.npz|expected\.npz|run\.py)"
+    r"|spinnaker/(network\.py|network\.npz|expected\.npz)"
     r"|csv/(figures|spikes|potential)\.csv"
     r"|rtl/([\w-]+\.(sv|v|ys|mk|vh|lpf|pcf|md)|Makefile|load|words|expected_\w+)"
     # What `make` leaves there.

@@ -1,0 +1,1 @@
+"""``--emit pynn``: a program for SpiNNaker as a script for sPyNNaker, which talks to the boards."""

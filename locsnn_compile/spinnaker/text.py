@@ -1,0 +1,35 @@
+"""A program for SpiNNaker as stable text, for people to read and for golden tests to compare."""
+
+from hw_model.program.text import array_text
+from hw_model.spinnaker.network import SpinnakerPopulation
+from hw_model.spinnaker.program import SpinnakerProgram
+
+
+def program_text(program: SpinnakerProgram) -> str:
+    """Return the text of a program: phases, inputs, populations, projections."""
+    network = program.network
+    lines = [f"program {program.name} for {program.chip.name}"]
+    lines += [f"  {key}: {value}" for key, value in program.provenance.items()]
+    for phase in network.phases:
+        steps = "open" if phase.steps is None else phase.steps
+        lines.append(f"  phase {phase.name}: axis {phase.axis}, steps {steps}")
+        for item in network.inputs_of(phase.name):
+            lines.append(f"    input {item.name}: {item.size} lines of {item.stream}")
+        for population in network.populations_of(phase.name):
+            lines += _population_lines(population)
+        for projection in network.projections_of(phase.name):
+            lines.append(f"    {projection.called}:")
+            lines.append(f"      weight {array_text(projection.weight)}")
+            lines.append(f"      delay {array_text(projection.delay)}")
+    return "\n".join(lines) + "\n"
+
+
+def _population_lines(population: SpinnakerPopulation) -> list[str]:
+    place = f"{population.neurons_per_core} a core, {population.slots} slots"
+    parameters = population.parameters._asdict()
+    return [
+        f"    population {population.name}: {population.size} neurons, {place}",
+        f"      shifts {population.shifts}, weight {population.weight_unit:g} nA, "
+        f"potential {population.potential_unit:g} mV",
+        *(f"      {name} {array_text(values)}" for name, values in parameters.items()),
+    ]

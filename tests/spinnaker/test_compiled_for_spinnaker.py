@@ -1,0 +1,97 @@
+"""Shipped networks compiled for SpiNNaker: the numbers that an independent model of the chip gave as well."""
+
+from __future__ import annotations
+
+import pytest
+
+import locsnn_compile as lc
+from hw_model.errors import TargetError
+from hw_model.spinnaker.chips import spinnaker_chip
+from locsnn_compile.api import recordings_for
+from locsnn_compile.spinnaker.compile import SpinnakerRequest, compile_for_spinnaker
+from locsnn_compile.spinnaker.compiled import CompiledSpinnaker
+
+CHIP = spinnaker_chip("spinnaker1")
+TOUCHES = "examples/recordings/touches.npz"
+
+
+def compiled(model: str, events: str | None = None) -> CompiledSpinnaker:
+    network = lc.load(f"examples/models/{model}.pt")
+    calibration = network.recordings or recordings_for(network, None)
+    recordings = calibration if events is None else lc.read_recordings(events)
+    return compile_for_spinnaker(SpinnakerRequest(network, CHIP, recordings, calibration))
+
+
+@pytest.fixture(scope="module")
+def hybrid() -> CompiledSpinnaker:
+    return compiled("objects-hybrid", TOUCHES)
+
+
+def test_the_hybrid_has_15_558_of_the_15_559_spikes_of_its_integers(hybrid):
+    rows = {
+        name: (match.reference_spikes, match.chip_spikes, match.common_spikes)
+        for name, match in hybrid.match.integers.items()
+    }
+    assert rows == {
+        "time_hidden": (6910, 6910, 6909),
+        "time_output": (212, 212, 212),
+        "location_hidden": (7500, 7500, 7500),
+        "location_output": (937, 937, 937),
+    }
+    counts = hybrid.match.total_counts
+    assert (counts.wraps, counts.saturated_weights, counts.late_synapses) == (0, 0, 0)
+
+
+def test_the_shifts_that_spynnaker_chooses_would_cost_the_location_branch_its_spikes(hybrid):
+    rows = {
+        name: (own.ring_shifts, own.program_spikes, own.equal_spikes)
+        for name, own in hybrid.figures.own_scale.items()
+    }
+    # The shifts are those that sPyNNaker 7.4.1 chose when it mapped the emitted network.
+    assert rows == {
+        "time_hidden": ((15, 15), 6910, 6910),
+        "time_output": ((13, 14), 212, 212),
+        "location_hidden": ((15, 14), 7500, 6880),
+        "location_output": ((14, 14), 937, 643),
+    }
+
+
+def test_the_report_says_scales_time_and_what_is_not_known(hybrid):
+    report = hybrid.report
+    assert report["energy"]["per_sample_pj"] is None
+    assert report["latency"]["per_sample_ns"] == (250 + 78) * 1e6
+    assert report["operations"]["per_sample"]["neuron_updates"] == 250 * 68 + 78 * 68
+    hidden = report["quantization"]["location_hidden"]
+    assert (hidden["weight_unit_na"], hidden["potential_unit_mv"]) == (0.25, 1 / 64)
+    assert hidden["ring_shifts"] == [13, 11]
+    assert report["resources"]["limits"]["cores"] == {"used": 2, "limit": 856}
+    page = hybrid.files()["report.md"].decode()
+    assert "| location_output | 11, 12 | 14, 14 | 937 | 643 | 31.4 % |" in page
+    assert "| time_hidden | 99.986 % | 6,910 | 6,910 | 2 |" in page
+    assert "Energy is not known, because no table of the energies of this chip was checked." in page
+    assert "objects-hybrid on spinnaker1" in hybrid.to_html()
+
+
+def test_a_network_of_windows_keeps_every_spike_and_class():
+    windows = compiled("containers-window-16")
+    assert windows.match.prediction_agreement == 1
+    assert windows.match.spikes.mismatches == 0
+    assert all(match.mismatches == 0 for match in windows.match.integers.values())
+    assert windows.match.scores.relative_error < 0.01
+
+
+def test_delays_arrive_as_in_the_network():
+    fingertips = compiled("two-fingertips")
+    assert fingertips.match.prediction_agreement == 1
+    assert fingertips.program.network.population("location_hidden").slots == 8
+    agreed = [match.agreement for match in fingertips.match.integers.values()]
+    assert min(agreed) > 0.999
+
+
+def test_integers_of_joined_compartments_are_refused():
+    with pytest.raises(TargetError) as caught:
+        compiled("objects-hybrid-loihi")
+    assert str(caught.value) == (
+        "population 'time_hidden': its integers join compartments, and a neuron of SpiNNaker is a "
+        "single one. Give the network in float, as it was before it was trained in integers."
+    )
