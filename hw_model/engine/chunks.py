@@ -191,22 +191,6 @@ def update_pair(
     return bits(fired), count(busy), count(other_busy), count(soma_busy), *rests
 
 
-@kernel("registers, at", returns=3)
-def add_up(c: Place) -> Returned:
-    """Do the same for a chunk that keeps nothing, and that no synapse reaches: its v is what its children add."""
-    total, p, blocked = c[JOINED], _parameters(c), c[BLOCKED]
-    c[JOINED] = 0
-    busy = (c[V] | total) != 0
-    v = PLAINLY.clip(total, p.vmin, p.vmax)
-    live, potential, fired = loihi.threshold(PLAINLY, p, blocked, v)
-    left = loihi.reset(PLAINLY, potential, fired)
-    blocked = loihi.count_down(PLAINLY, p, blocked, fired)
-    c[V], c[BLOCKED] = left, blocked
-    c[POTENTIAL] = potential
-    _count(c, ("voltage_clips", live & (v != total)))
-    return bits(fired), count(busy), bits((left | blocked) != 0)
-
-
 @kernel("registers, at, charge, row, slot, widths", returns=1)
 def advance(c: Place, charge: Place, widths: Given) -> Returned:
     """Do what :func:`update` does, but count nothing and leave the charge.

@@ -118,8 +118,7 @@ def _chunks(
     member = np.lexsort((-depth, rank[root]))
     begins = np.diff(rank[root[member]], prepend=-1) != 0
     bundle = np.append(np.flatnonzero(begins), count)
-    sums = ~keeps & ~reached
-    forgets = sums & (registers[:, layout.REFRACTORY].max(axis=1) <= 1)
+    forgets = ~keeps & ~reached & (registers[:, layout.REFRACTORY].max(axis=1) <= 1)
     pair = np.zeros(count, dtype=np.bool_)
     for low, high in pairwise(bundle.tolist()):
         *dendrites, last = member[low:high]
@@ -138,7 +137,7 @@ def _chunks(
     ]
     return Chunks(
         node=cut.node, piece=cut.piece, parent=parent, first_column=cut.first_column, width=cut.width,
-        sums=sums.astype(np.uint8), plain=plain.astype(np.uint8), registers=registers,
+        plain=plain.astype(np.uint8), registers=registers,
         member=member, begins=begins, pair=pair, bundle=bundle,
         of_block=np.cumsum([0, *map(len, heads)]), feeds_itself=np.array(feeds_itself, np.uint8),
         spiking_node=np.array([n for block in spiking for n in block], np.int64),

@@ -69,13 +69,12 @@ USUAL_WIDTHS = Widths(loihi.charge_span(21), half_range(23))
 class Chunks(NamedTuple):
     """Chunk k holds columns ``first_column[k]`` on, ``width[k]`` of them; its slots are ``LANES * k`` on.
 
-    ``node`` and ``piece`` (of :class:`hw_model.program.pieces.Pieces`) say where it is; ``parent``: the chunk
-    that its voltages are added to, or -1; ``sums``: it keeps nothing and no synapse reaches it, so that it only adds up
-    its children; ``plain``: nothing in it has a bias, is refractory, has children or can wrap. ``registers`` (chunks,
-    FIELDS, LANES) are its parameters, with a state of 0, in 32 bits, or in 64 where a sum might need them. Bundle i is
-    ``member[bundle[i]:bundle[i + 1]]``, and ``begins`` marks the first member of each, ``pair`` that of two chunks and
-    one that is their sum, which keeps nothing from step to step. Block k is bundles ``of_block[k]`` to the next; it
-    feeds itself where ``feeds_itself[k]``, and the nodes in it that can spike are
+    ``node`` and ``piece`` (of :class:`hw_model.program.pieces.Pieces`) say where it is; ``parent``: the chunk that its
+    voltages are added to, or -1; ``plain``: nothing in it has a bias, is refractory, has children or can wrap.
+    ``registers`` (chunks, FIELDS, LANES) are its parameters, with a state of 0, in 32 bits, or in 64 where a sum might
+    need them. Bundle i is ``member[bundle[i]:bundle[i + 1]]``, and ``begins`` marks the first member of each, ``pair``
+    that of two chunks and one that is their sum, which keeps nothing from step to step. Block k is bundles
+    ``of_block[k]`` to the next; it feeds itself where ``feeds_itself[k]``, and the nodes in it that can spike are
     ``spiking_node[of_node[k]:of_node[k + 1]]``. Spikes of chunk k add ``echo`` (delays x slots,) to the charges of a
     child, chunk ``echo_to[k]`` if not -1, lane by lane, from the next step on.
     """
@@ -85,7 +84,6 @@ class Chunks(NamedTuple):
     parent: IntArray
     first_column: IntArray
     width: IntArray
-    sums: ByteArray
     plain: ByteArray
     registers: Lanes
     member: IntArray

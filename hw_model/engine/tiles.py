@@ -7,7 +7,6 @@ change in it.
 import numpy as np
 
 from hw_model.engine.chunks import (
-    add_up,
     change_echo,
     list_lanes,
     note,
@@ -155,9 +154,7 @@ def _update_members(start, stop, r, tile, chunks, memory, written):  # type: ign
         if tile.skip and at_rest[k] and not state.touched[r, k] and not stirred:
             continue
         at = np.uint64(k * np.uint64(FIELDS * LANES))
-        if chunks.sums[k]:
-            mask, busy, restless = add_up(registers, at)
-        elif chunks.plain[k]:
+        if chunks.plain[k]:
             mask, busy, restless = update_plain(
                 registers, at, state.charge, np.uint64(r), k * _LANES
             )
