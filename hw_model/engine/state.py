@@ -162,22 +162,6 @@ def _move_row(array, row, to):  # type: ignore[no-untyped-def]
     return anything
 
 
-@inner
-def is_silent(rows, first, state):  # type: ignore[no-untyped-def]
-    """Tell whether nothing comes in a tile, nothing is due in it or later, and everything is at rest."""
-    for m in range(first.shape[1]):
-        if first[0, m] != first[rows, m]:
-            return False
-    for k in range(len(state.at_rest)):
-        if not state.at_rest[k]:
-            return False
-    for r in range(state.due):
-        for k in range(len(state.at_rest)):
-            if state.touched[r, k]:
-                return False
-    return True
-
-
 @absorbed
 def move_on(state, rows):  # type: ignore[no-untyped-def]
     """Move what is due after a tile to the front; the rows behind it start empty. Charges of the tile are all taken."""

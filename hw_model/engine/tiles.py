@@ -18,7 +18,7 @@ from hw_model.engine.chunks import (
 from hw_model.engine.compiled import absorbed, inner, shared
 from hw_model.engine.delivery import Listed, deliver
 from hw_model.engine.layout import FIELDS, LANES, POTENTIAL, U, V
-from hw_model.engine.state import is_silent, move_on
+from hw_model.engine.state import move_on
 
 _TOGETHER = 4
 """Bundles that are updated in turn, row by row: within one, each row waits for the state that the last one left."""
@@ -38,8 +38,6 @@ def run_tile(tile, arriving, tables, memory, written):  # type: ignore[no-untype
     """
     first, rows = arriving.first, tile.rows
     state, work = memory.state, memory.work
-    if tile.skip and is_silent(rows, first, state):
-        return rows
     for m in range(first.shape[1]):
         _count(arriving.line, first[0, m], first[rows, m], tables.nodes.first[m], written.sent)
     for r in range(rows):
