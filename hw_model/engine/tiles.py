@@ -20,8 +20,6 @@ from hw_model.engine.delivery import Listed, deliver
 from hw_model.engine.layout import FIELDS, LANES, POTENTIAL, U, V
 from hw_model.engine.state import move_on
 
-_TOGETHER = 4
-"""Bundles that are updated in turn, row by row: within one, each row waits for the state that the last one left."""
 _ZERO, _NONE = np.int64(0), np.int32(0)
 """Of a type, as a variable is: loops are compiled anew for each literal that they are called with."""
 # Unsigned, or each index would be tested for being negative.
@@ -56,22 +54,14 @@ def _run_block(block, tile, arriving, tables, memory, written):  # type: ignore[
     """Run one block over the rows of a tile: at once, or, if it feeds itself, row by row."""
     _deliver_into(block, tile.rows, arriving, tables, memory)
     chunks = tables.chunks
-    # A block that feeds itself is updated row by row; any other, a few bundles at a time, with registers in the cache.
-    by_row = chunks.feeds_itself[block]
-    stride = 1 if by_row else tile.rows
+    first = chunks.bundle[chunks.of_block[block]]
+    last = chunks.bundle[chunks.of_block[block + 1]]
+    # What a block that feeds itself sends in a row, it must be given before the next one.
+    stride = 1 if chunks.feeds_itself[block] else tile.rows
     for low in range(0, tile.rows, stride):
         fired = _ZERO
-        next_bundle = chunks.of_block[block]
-        while next_bundle < chunks.of_block[block + 1]:
-            bundle = next_bundle
-            next_bundle = min(bundle + _TOGETHER, chunks.of_block[block + 1])
-            start, stop = chunks.bundle[bundle], chunks.bundle[next_bundle]
-            alone = stop - start == next_bundle - bundle
-            if alone and not by_row and not written.kept.watched:
-                fired |= _update_alone(start, stop, tile, chunks, memory, written)
-                continue
-            for r in range(low, low + stride):
-                fired |= _update_members(start, stop, r, tile, chunks, memory, written)
+        for r in range(low, low + stride):
+            fired |= _update_members(first, last, r, tile, chunks, memory, written)
         _deliver_within(block, low, low + stride, fired, tables, memory, written)
 
 
@@ -99,33 +89,6 @@ def _deliver_within(block, low, high, fired, tables, memory, written):  # type: 
             listed = Listed(work.event, work.list_start[m], work.begin, m)
             for link in range(links.from_node[m], links.from_node[m + 1]):
                 deliver(link, low, high, listed, tables, memory)
-
-
-@absorbed
-def _update_alone(start, stop, tile, chunks, memory, written):  # type: ignore[no-untyped-def]
-    """Do what :func:`_update_members` does for chunks to which nothing is joined, in all rows: the shortest loop."""
-    state, work, active = memory.state, memory.work, written.active
-    at_rest, touched, registers = state.at_rest, state.touched, state.registers
-    fired = np.int32(0)
-    for r in range(np.uint64(tile.rows)):
-        for index in range(start, stop):
-            k = np.uint64(chunks.member[index])
-            if tile.skip and at_rest[k] and not touched[r, k]:
-                continue
-            if chunks.plain[k]:
-                mask, busy, restless = update_plain(
-                    registers, k * _CHUNK, state.charge, r, k * _LANES
-                )
-            else:
-                mask, busy, restless = update(
-                    registers, k * _CHUNK, state.charge, r, k * _LANES, chunks.widths
-                )
-            at_rest[k] = restless == 0
-            work.masks[r, k] = mask
-            work.updated[r] = 1
-            active[r, np.uint64(chunks.piece[k])] += busy
-            fired |= mask
-    return fired
 
 
 @absorbed
