@@ -8,7 +8,8 @@ from hw_model.arithmetic import loihi
 from hw_model.arithmetic.loihi import EVENTS, Parameters, Response, State, Truth
 from hw_model.arithmetic.neutral import ALWAYS
 from hw_model.engine.chunks import OnLanes
-from hw_model.engine.lanes import Lanes, of_numbers
+from hw_model.engine.lanes import Lanes
+from hw_model.engine.private_numba import of_numbers
 
 Numbers = tuple[Lanes, ...]
 

@@ -24,7 +24,6 @@ from hw_model.engine.lanes import (
     each_row,
     halves,
     held,
-    kernel,
     mask_of,
     put,
     put_numbers,
@@ -52,6 +51,7 @@ from hw_model.engine.layout import (
     U,
     V,
 )
+from hw_model.engine.private_numba import kernel
 
 NO_JOINED = 0
 """What children pass to a compartment that has none."""

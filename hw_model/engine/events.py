@@ -5,9 +5,10 @@ from functools import lru_cache
 import numpy as np
 
 from hw_model.engine.compiled import absorbed, called, compiled
-from hw_model.engine.lanes import Given, Place, Returned, count, first_lanes, kernel, put_numbers
+from hw_model.engine.lanes import Given, Place, Returned, count, first_lanes, put_numbers
 from hw_model.engine.layout import CACHE_LINE
 from hw_model.engine.playing import not_binary
+from hw_model.engine.private_numba import kernel
 from hw_model.engine.threads import LITTLE, in_parts
 from hw_model.engine.trace import EventLists
 from hw_model.mapping.graph import Input

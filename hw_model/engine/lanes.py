@@ -8,13 +8,11 @@ one bit; integers in a kernel are constants.
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
-from inspect import Parameter, Signature
 from typing import Any
 
+import numba
 from llvmlite import ir
 from llvmlite.binding import get_host_cpu_features
-from numba.core import cgutils, config, types
-from numba.extending import intrinsic
 
 from hw_model.engine.layout import FACTOR_BITS, LANES, USUAL_WIDTHS
 
@@ -135,11 +133,12 @@ def put(place: "Place", mask: Lanes, numbers: Lanes) -> Given:
         place[0] = _side_by_side(mask, numbers)
         return count(mask)
     builder, every = place.builder, held(numbers)
-    left = cgutils.alloca_once_value(builder, bits(mask))
+    left = _room(builder, COUNT)
+    builder.store(bits(mask), left)
     # One number after the other: mostly there are few, and LLVM would move every lane.
-    with cgutils.for_range(builder, count(mask)) as loop:
+    with _each_number(builder, count(mask)) as number:
         now = builder.load(left)
-        place.put_one(loop.index, every.one(builder.cttz(now, BIT(1))))
+        place.put_one(number, every.one(builder.cttz(now, BIT(1))))
         builder.store(builder.and_(now, builder.sub(now, COUNT(1))), left)
     return count(mask)
 
@@ -174,9 +173,10 @@ def can(feature: str) -> bool:
 
     With AVX-512, and for bytes its VBMI2, it moves chosen lanes side by side at once.
     """
-    features = config.CPU_FEATURES
+    features = numba.config.CPU_FEATURES
     if features is None:
-        features = "" if config.CPU_NAME == "generic" else get_host_cpu_features().flatten()
+        is_generic = numba.config.CPU_NAME == "generic"
+        features = "" if is_generic else get_host_cpu_features().flatten()
     return f"+{feature}" in features.split(",")
 
 
@@ -185,7 +185,8 @@ def _side_by_side(mask: Lanes, numbers: Lanes) -> Lanes:
     vector, builder = numbers.value.type, mask.builder
     kind = ir.FunctionType(vector, [vector, mask.value.type, vector])
     name = f"llvm.experimental.vector.compress.v{vector.count}i{vector.element.width}"
-    compress = cgutils.get_or_insert_function(builder.module, kind, name)
+    functions = builder.module.globals
+    compress = functions[name] if name in functions else ir.Function(builder.module, kind, name)
     return numbers.with_value(
         builder.call(compress, [numbers.value, mask.value, ir.Constant(vector, ir.Undefined)])
     )
@@ -212,18 +213,40 @@ def _lanes_of_bytes(builder: ir.IRBuilder) -> ir.Value:
 def held(lanes: Lanes) -> "Place":
     """Return a place for lanes that change in a loop, which keeps them in registers of the processor."""
     kind = lanes.value.type
-    room = lanes.builder.bitcast(
-        cgutils.alloca_once(lanes.builder, kind), kind.element.as_pointer()
-    )
-    place = Place(lanes.builder, room)
+    room = _room(lanes.builder, kind)
+    place = Place(lanes.builder, lanes.builder.bitcast(room, kind.element.as_pointer()))
     place[0] = lanes
     return place
 
 
 def each_row(place: "Place", many: Given) -> Iterator[Given]:
     """Loop over the numbers of several rows: what is done with one, in a kernel, becomes a loop of the machine."""
-    with cgutils.for_range(place.builder, many) as loop:
-        yield loop.index
+    with _each_number(place.builder, many) as number:
+        yield number
+
+
+@contextmanager
+def _each_number(builder: ir.IRBuilder, many: Given) -> Iterator[Given]:
+    """Write a loop of the machine over the numbers from 0 to before ``many``, of its type."""
+    test, body, after = (builder.append_basic_block(name) for name in ("test", "body", "after"))
+    counter = _room(builder, many.type)
+    builder.store(many.type(0), counter)
+    builder.branch(test)
+    with builder.goto_block(test):
+        goes_on = builder.icmp_signed("<", builder.load(counter), many)
+        builder.cbranch(goes_on, body, after)
+    builder.position_at_end(body)
+    number = builder.load(counter)
+    yield number
+    builder.store(builder.add(number, many.type(1)), counter)
+    builder.branch(test)
+    builder.position_at_end(after)
+
+
+def _room(builder: ir.IRBuilder, kind: ir.Type) -> ir.Value:
+    """Return room on the stack, taken once where the function begins, not in each round of a loop."""
+    with builder.goto_entry_block():
+        return builder.alloca(kind)
 
 
 def bits(mask: Lanes) -> ir.Value:
@@ -338,7 +361,7 @@ class Place:
 
     def row(self, number: Given) -> "Place":
         """Return the place that many rows of the array on."""
-        first = self.builder.bitcast(self._first, cgutils.voidptr_t)
+        first = self.builder.bitcast(self._first, BYTE.as_pointer())
         first = self.builder.gep(first, [self.builder.mul(number, self._row_bytes)])
         return Place(self.builder, self.builder.bitcast(first, self._first.type))
 
@@ -354,73 +377,3 @@ class Place:
     def width(self) -> int:
         """Bits of a lane."""
         return int(self._first.type.pointee.width)
-
-
-def kernel(given: str, returns: int) -> Callable[[Callable[..., Any]], Any]:
-    """Make a function over places one that compiled loops call with what is ``given``, names with commas.
-
-    A place is given as an array and the index of its first element; all else goes to the function as it is. It returns
-    ``returns`` 32-bit numbers.
-    """
-    names = _names(given)
-
-    def made(function: Callable[..., Any]) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-            given, rest = [], list(zip(signature.args, values, strict=True))
-            while rest:
-                kind, value = rest.pop(0)
-                if isinstance(kind, types.Array):
-                    indices = [
-                        context.cast(builder, at, typ, types.intp) for typ, at in rest[: kind.ndim]
-                    ]
-                    del rest[: kind.ndim]
-                    array = context.make_array(kind)(context, builder, value)
-                    first = cgutils.get_item_pointer(context, builder, kind, array, indices)
-                    value = Place(builder, first, cgutils.unpack_tuple(builder, array.strides)[0])
-                given.append(value)
-            found = function(*given)
-            return (
-                context.make_tuple(builder, signature.return_type, found)
-                if returns
-                else context.get_dummy_value()
-            )
-
-        def typed(typing: Any, *kinds: Any) -> Any:
-            found = types.UniTuple(types.int32, returns) if returns else types.void  # type: ignore[attr-defined]
-            return found(*kinds), generate
-
-        typed.__name__, typed.__signature__ = function.__name__, Signature(names)  # type: ignore[attr-defined]
-        return intrinsic(typed)
-
-    return made
-
-
-def of_numbers(given: str, returns: int) -> Callable[[Callable[..., Any]], Any]:
-    """Make a function over compartments alone one that compiled loops call with what is ``given``, names with commas.
-
-    What is given and returned are numbers of 32 bits; a truth is returned as 0 or 1.
-    """
-    names = _names(given)
-
-    def made(function: Callable[..., Any]) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-            found = function(*[Lanes(builder, value) for value in values])
-            nothing = Lanes(builder, COUNT(0))
-            numbers = [nothing.like(number) for number in found]
-            return context.make_tuple(builder, signature.return_type, numbers)
-
-        def typed(typing: Any, *kinds: Any) -> Any:
-            found = types.UniTuple(types.int32, returns)  # type: ignore[attr-defined]
-            return found(*[types.int32] * len(kinds)), generate
-
-        typed.__name__, typed.__signature__ = function.__name__, Signature(names)  # type: ignore[attr-defined]
-        return intrinsic(typed)
-
-    return made
-
-
-def _names(given: str) -> list[Parameter]:
-    """Return the parameters of an intrinsic: numba wants them by name, after the context of types."""
-    return [
-        Parameter(name.strip(), Parameter.POSITIONAL_ONLY) for name in f"typing, {given}".split(",")
-    ]

@@ -35,6 +35,19 @@ def test_all_folders_with_loops_are_named():
     assert found | {"arithmetic"} == set(hw_model.engine.compiled.FOLDERS_OF_LOOPS)
 
 
+def test_private_parts_of_numba_are_used_in_one_file():
+    """Of numba, others use what its documentation describes; of llvmlite, they write instructions with ``ir``."""
+    private = re.compile(
+        r"\bnumba\.(?!njit\b|typeof\b|config\b)\w+|import .*numba\.core|from numba"
+    )
+    users = {
+        path.name: private.findall(path.read_text())
+        for path in PACKAGE.rglob("*.py")
+        if path.name not in ("private_numba.py", "usable.py")
+    }
+    assert {name: parts for name, parts in users.items() if parts} == {}
+
+
 def run(folder, *, limits="true", **environment):
     """Run a loop of a copy of the package in a process, and return what it gives."""
     if not (folder / "user.py").exists():

@@ -20,7 +20,7 @@ for name in ("compiled", "shared", "inner", "absorbed"):
 compiled.entry = compiled.address = lambda function, *arguments: function
 compiled.call_at = lambda function, arguments: function(*arguments)
 
-from hw_model.engine import lanes  # noqa: E402
+from hw_model.engine import lanes, private_numba  # noqa: E402
 from hw_model.engine.layout import LANES  # noqa: E402
 
 
@@ -95,7 +95,8 @@ def of_numbers(given, returns):
     return made
 
 
-lanes.kernel, lanes.of_numbers, lanes.put = kernel, of_numbers, put
+private_numba.kernel, private_numba.of_numbers = kernel, of_numbers
+lanes.put = put
 lanes.put_numbers = lambda place, mask, first: put(place, mask, first + np.arange(len(mask)))
 lanes.first_lanes = lambda mask, many: mask & (np.arange(len(mask)) < many)
 lanes.mask_of = lambda place, number: (int(number) >> np.arange(LANES)) & 1 != 0

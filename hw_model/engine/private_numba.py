@@ -1,0 +1,274 @@
+"""All that the loops use of numba beyond what its documentation promises, part by part.
+
+Each part says what it buys, as :doc:`/research/special-paths` measures it, and what to do when a release of numba
+changes it. :mod:`hw_model.engine.usable` looks for what is used here before any of it is, so that a numba that lacks
+something is told in a line, and the plain engine plays.
+"""
+
+import hashlib
+import logging
+import os
+import pickle
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
+from inspect import Parameter, Signature
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba.core import cgutils, event, types
+from numba.core.caching import IndexDataCacheFile
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
+from numba.core.runtime import rtsys
+from numba.extending import intrinsic
+
+from hw_model.engine.ahead import compiled_ahead
+from hw_model.engine.lanes import COUNT, Lanes, Place
+
+_log = logging.getLogger("locsnn")
+
+# Options of njit that are not documented. Without one, loops are as before, and slower: take it out.
+
+WITHOUT_RUNTIME = {"_nrt": False, "no_cfunc_wrapper": True}
+"""Without its runtime (nrt) loops count no references to arrays, which would take a locked instruction each and most of
+the time of short loops; nor can they make any. A wrapper for C would be compiled for nobody."""
+WITH_RUNTIME = {"_nrt": True, "no_cfunc_wrapper": True}
+NOT_FROM_PYTHON = {"no_cpython_wrapper": True}
+"""Half a second of compiling for a function of many arrays that only compiled ones call."""
+
+
+# Code that others take in. Without it, numba optimises every function at each level that takes it in: take the class
+# out of `OF_A_PART`, and compiling takes longer.
+
+
+class _Part(JITCodeLibrary):  # type: ignore[misc]
+    """Code that only others take in: with theirs it is optimised and made machine code, once, not at each level."""
+
+    codegen = SimpleNamespace(set_env=lambda *_: None)
+
+    def finalize(self) -> None:
+        for library in dict.fromkeys(self._linking_libraries):
+            self._final_module.link_in(library._get_module_for_linking(), preserve=True)
+        self._finalized = True
+
+    def get_pointer_to_function(self, name: str) -> int:
+        self._ensure_finalized()
+        return 0
+
+
+class _PartCompiler(Compiler):  # type: ignore[misc]
+    def define_pipelines(self) -> Any:
+        self.state.library = _Part(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
+        return super().define_pipelines()
+
+
+OF_A_PART = NOT_FROM_PYTHON | {"pipeline_class": _PartCompiler}
+
+
+# The cache of compiled code. `numba.njit(cache=True)` alone keeps code too, but does not see that a function of
+# another file has changed, crashes on a damaged file, and loads a compiler with every loop: 0.2 s of each command.
+
+DIGEST_BYTES = hashlib.sha256().digest_size
+
+
+def keep_in(dispatcher: Any, package: str, stamp: object) -> None:
+    """Let the cache of a function of ``package`` hold its code as long as the ``stamp`` of all loops stays the same."""
+    cache = dispatcher._cache
+    # The cache looks at the age of the function's own file, but its code holds that of what it calls elsewhere too.
+    own_stamp = cache._impl.locator.get_source_stamp()
+    base = cache._impl.filename_base
+    cache._cache_file = _CheckedFile(cache._cache_path, base, (own_stamp, stamp))
+    cache.load_overload = partial(_load, cache, package)
+    cache.save_overload = partial(_save, cache)
+
+
+class _CheckedFile(IndexDataCacheFile):  # type: ignore[misc]
+    """The compiled code of a function on disk, with checksums: to run code with a wrong byte would end in a crash.
+
+    Files are damaged by a power cut, or in an image that was copied in part. What is damaged is dropped, and the
+    function is compiled anew.
+    """
+
+    def load(self, key: Any) -> Any:
+        """Return the code of an entry; None where there is none, or where it is damaged."""
+        try:
+            return super().load(key)
+        except Exception as error:  # unpickling what is damaged raises whatever it likes
+            name = self._index_name.removesuffix(".nbi")
+            _log.info("compiled code of %s is damaged, and is dropped: %s", name, error)
+            with suppress(OSError):
+                os.unlink(self._index_path)
+            return None
+
+    def _load_data(self, name: str) -> Any:
+        content = Path(self._data_path(name)).read_bytes()
+        code, digest = content[:-DIGEST_BYTES], content[-DIGEST_BYTES:]
+        if hashlib.sha256(code).digest() != digest:
+            raise ValueError("its checksum differs")
+        return pickle.loads(code)
+
+    def _save_data(self, name: str, data: Any) -> None:
+        code = self._dump(data)
+        with self._open_for_write(self._data_path(name)) as file:
+            file.write(code + hashlib.sha256(code).digest())
+
+
+def _load(cache: Any, package: str, signature: Any, target: Any) -> Any:
+    """Return code from a cache; numba's own way loads first all that only compiling needs, for a fifth of a second."""
+    rtsys.initialize(target)
+    code = cache._load_overload(signature, target)
+    if code is None and compiled_ahead(package):
+        code = cache._load_overload(signature, target)
+    return code
+
+
+def _save(cache: Any, signature: Any, code: Any) -> None:
+    """Keep code in a cache, if there is room for it: to compile it again is better than to stop."""
+    try:
+        cache._save_overload(signature, code)
+    except OSError as error:
+        _log.info("compiled code is not kept: %s", error)
+
+
+class _Announce(event.Listener):  # type: ignore[misc]
+    """Log that loops are being compiled, which takes seconds, and how long it took: it happens once a machine."""
+
+    _depth, _begun = 0, 0.0
+
+    def on_start(self, event: Any) -> None:
+        if self._depth == 0:
+            self._begun = time.perf_counter()
+            _log.info(
+                "compiling %s for this machine, once", event.data["dispatcher"].py_func.__module__
+            )
+        self._depth += 1
+
+    def on_end(self, event: Any) -> None:
+        self._depth -= 1
+        if self._depth == 0:
+            _log.info("compiled in %.1f s", time.perf_counter() - self._begun)
+
+
+event.register("numba:compile", _Announce())
+
+
+# A way in without looking at arguments, and calls by address. Without the first a session plays rows 4.7 times slower:
+# `entry` in `compiled.py` may return the function itself. Without the second the tile is compiled into two loops.
+
+
+def code_of(function: Any, kinds: tuple[Any, ...]) -> Callable[..., Any]:
+    """Return the machine code of a compiled function for arguments of these kinds, which it does not look at."""
+    code: Callable[..., Any] = function.compile(kinds)
+    return code
+
+
+def address_of(function: Any, kinds: tuple[Any, ...]) -> np.int64:
+    """Return where the machine code of a function for arguments of these kinds begins."""
+    function.compile(kinds)
+    overload = function.overloads[kinds]
+    return np.int64(overload.library.get_pointer_to_function(overload.fndesc.llvm_func_name))
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def call_at(typing: Any, address: Any, arguments: Any) -> Any:
+    """Call a function at its :func:`address_of` with a tuple of arguments; it returns an integer.
+
+    They must be of the kinds that the address was asked for: others would be read as if they were.
+    """
+
+    def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+        kinds, convention = arguments.types, context.call_conv
+        code = builder.inttoptr(
+            given[0], convention.get_function_type(types.int64, kinds).as_pointer()
+        )
+        values = cgutils.unpack_tuple(builder, given[1], len(kinds))
+        _, returned = convention.call_function(builder, code, types.int64, kinds, values)
+        return returned
+
+    return types.int64(address, arguments), generate
+
+
+# Kernels, which write instructions for vectors: `intrinsic` is documented, how an array lies in memory is not. LLVM,
+# given loops over lanes, makes slower ones or none: there is no other way to write them.
+
+
+def kernel(given: str, returns: int) -> Callable[[Callable[..., Any]], Any]:
+    """Make a function over places one that compiled loops call with what is ``given``, names with commas.
+
+    A place is given as an array and the index of its first element; all else goes to the function as it is. It returns
+    ``returns`` 32-bit numbers.
+    """
+    kind = types.UniTuple(types.int32, returns) if returns else types.void  # type: ignore[attr-defined]
+
+    def made(function: Callable[..., Any]) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            returned = function(*_places(context, builder, signature.args, values))
+            if not returns:
+                return context.get_dummy_value()
+            return context.make_tuple(builder, signature.return_type, returned)
+
+        return _intrinsic(function.__name__, given, lambda kinds: kind(*kinds), generate)
+
+    return made
+
+
+def _places(context: Any, builder: Any, kinds: Any, values: Any) -> list[Any]:
+    """Return what a kernel is given, with each array and its indices as one place."""
+    places: list[Any] = []
+    rest = list(zip(kinds, values, strict=True))
+    while rest:
+        kind, value = rest.pop(0)
+        if not isinstance(kind, types.Array):
+            places.append(value)
+            continue
+        indices = [
+            context.cast(builder, index, index_kind, types.intp)
+            for index_kind, index in rest[: kind.ndim]
+        ]
+        del rest[: kind.ndim]
+        array = context.make_array(kind)(context, builder, value)
+        first = cgutils.get_item_pointer(context, builder, kind, array, indices)
+        row_bytes = cgutils.unpack_tuple(builder, array.strides)[0]
+        places.append(Place(builder, first, row_bytes))
+    return places
+
+
+def of_numbers(given: str, returns: int) -> Callable[[Callable[..., Any]], Any]:
+    """Make a function over compartments alone one that compiled loops call with what is ``given``, names with commas.
+
+    What is given and returned are numbers of 32 bits; a truth is returned as 0 or 1.
+    """
+    kind = types.UniTuple(types.int32, returns)  # type: ignore[attr-defined]
+
+    def made(function: Callable[..., Any]) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            returned = function(*[Lanes(builder, value) for value in values])
+            nothing = Lanes(builder, ir.Constant(COUNT, 0))
+            numbers = [nothing.like(number) for number in returned]
+            return context.make_tuple(builder, signature.return_type, numbers)
+
+        return _intrinsic(
+            function.__name__, given, lambda kinds: kind(*[types.int32] * len(kinds)), generate
+        )
+
+    return made
+
+
+def _intrinsic(
+    name: str, given: str, signature: Callable[..., Any], generate: Callable[..., Any]
+) -> Any:
+    """Return an intrinsic: numba wants its parameters by name, after the context of types."""
+
+    def typed(typing: Any, *kinds: Any) -> Any:
+        return signature(kinds), generate
+
+    names = f"typing, {given}".split(",")
+    parameters = [Parameter(each.strip(), Parameter.POSITIONAL_ONLY) for each in names]
+    typed.__name__ = name
+    typed.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
+    return intrinsic(typed)
