@@ -1,6 +1,6 @@
 """The ways of spikes between the cores of a phase: X first, then Y, link by link."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cached_property, lru_cache
 from itertools import pairwise
 
@@ -11,6 +11,9 @@ from hw_model.program.pieces import pieces_of
 from hw_model.values import Frozen, IntArray
 
 Tile = tuple[int, int]
+"""Column and row."""
+Link = tuple[Tile, Tile]
+"""From a tile to the next."""
 PER_PACKET = ("axon_packets", "packets_within_tile", "hops_x", "hops_y")
 """Counts of a packet that its way determines."""
 
@@ -31,7 +34,7 @@ class Routes(Frozen, eq=False):
     target: IntArray
     hops: IntArray
     over: IntArray
-    links: tuple[tuple[Tile, Tile], ...]
+    links: tuple[Link, ...]
     along_y: IntArray
     sent: IntArray
 
@@ -39,16 +42,15 @@ class Routes(Frozen, eq=False):
     def per_packet(self) -> dict[str, IntArray]:
         """What a packet on each way adds to each count of :data:`PER_PACKET`, (ways,)."""
         x, y = self.hops.T
-        return dict(
-            zip(PER_PACKET, (np.ones_like(x), (x + y == 0).astype(np.int64), x, y), strict=True)
-        )
+        is_within_tile = (x + y == 0).astype(np.int64)
+        return dict(zip(PER_PACKET, (np.ones_like(x), is_within_tile, x, y), strict=True))
 
     def loads(self, packets: IntArray) -> IntArray:
         """Return the packets on each link, (..., links), given those on each way, (..., ways)."""
         loads = np.zeros((*packets.shape[:-1], len(self.links)), dtype=np.int64)
-        for k in range(self.over.shape[1]):
-            way = np.flatnonzero(self.over[:, k] >= 0)
-            np.add.at(loads.T, self.over[way, k], packets[..., way].T)
+        for link_of_way in self.over.T:
+            way = np.flatnonzero(link_of_way >= 0)
+            np.add.at(loads.T, link_of_way[way], packets[..., way].T)
         return loads
 
 
@@ -56,43 +58,74 @@ class Routes(Frozen, eq=False):
 def routes_of(program: ChipProgram, phase: str) -> Routes:
     """Return the ways of a phase. Programs are hashed by identity."""
     cores = program.cores_of(phase)
-    place = {core.number: i for i, core in enumerate(cores)}
-    number_of: dict[tuple[Tile, Tile], int] = {}
+    index_of = {core.number: index for index, core in enumerate(cores)}
     pieces = pieces_of(program, phase)
-    piece: list[int] = []
-    target, hops, over, sent = [], [], [], []
+    ways = _Ways()
+    sent = []
     for index, core in enumerate(cores):
-        local = core.slice_of_compartment[core.axons.out_compartment]
-        ways = np.stack((local, core.axons.out_core))
-        reached, way = np.unique(ways, axis=1, return_inverse=True)
         column = program.columns_of_core(core)[core.axons.out_compartment]
-        places = np.stack((column, len(piece) + way.reshape(-1)))
-        pairs, packets = np.unique(places, axis=1, return_counts=True)
-        sent.append(np.concatenate((pairs, packets[None])))
-        for own, to in reached.T.tolist():
-            piece.append(int(pieces.of_core[index]) + own)
-            target.append(place[to])
-            hops.append(program.chip.hops(core.slot, program.cores[to].slot))
-            links = _links(program, core, cores[place[to]])
-            over.append([number_of.setdefault(link, len(number_of)) for link in links])
-    longest = max(map(len, over), default=0)
+        piece = core.slice_of_compartment[core.axons.out_compartment]
+        targets = np.stack((piece, core.axons.out_core))
+        of_core, way_of_axon = np.unique(targets, axis=1, return_inverse=True)
+        packets_of_spike = np.stack((column, len(ways) + way_of_axon.reshape(-1)))
+        column_and_way, packets = np.unique(packets_of_spike, axis=1, return_counts=True)
+        sent.append(np.concatenate((column_and_way, packets[None])))
+        for own_piece, target_number in of_core.T.tolist():
+            target = cores[index_of[target_number]]
+            ways.piece.append(int(pieces.of_core[index]) + own_piece)
+            ways.target.append(index_of[target_number])
+            ways.hops.append(program.chip.hops(core.slot, target.slot))
+            ways.add_links(_links(program, core, target))
+    piece_of_way = np.array(ways.piece, dtype=np.int64)
+    links = tuple(ways.number_of_link)
     return Routes(
-        piece=np.array(piece, dtype=np.int64),
-        source=pieces.core[np.array(piece, dtype=np.int64)],
-        target=np.array(target, dtype=np.int64),
-        hops=np.array(hops, dtype=np.int64).reshape(-1, 2),
-        over=np.array([row + [-1] * (longest - len(row)) for row in over], dtype=np.int64).reshape(
-            len(over), longest
-        ),
-        links=tuple(number_of),
-        along_y=np.array([a[0] == b[0] for a, b in number_of], dtype=np.int64),
+        piece=piece_of_way,
+        source=pieces.core[piece_of_way],
+        target=np.array(ways.target, dtype=np.int64),
+        hops=np.array(ways.hops, dtype=np.int64).reshape(-1, 2),
+        over=ways.over(),
+        links=links,
+        along_y=np.array([_is_along_y(link) for link in links], dtype=np.int64),
         sent=np.concatenate(sent, axis=1),
     )
 
 
-def _links(program: ChipProgram, source: Core, target: Core) -> Iterator[tuple[Tile, Tile]]:
+class _Ways:
+    """The ways that were found so far, and the numbers of the links that they take."""
+
+    def __init__(self) -> None:
+        self.piece: list[int] = []
+        self.target: list[int] = []
+        self.hops: list[tuple[int, int]] = []
+        self.links: list[list[int]] = []
+        self.number_of_link: dict[Link, int] = {}
+
+    def __len__(self) -> int:
+        return len(self.piece)
+
+    def add_links(self, links: Iterable[Link]) -> None:
+        """Add the links of the next way; a link gets the next number when it is first taken."""
+        numbers = self.number_of_link
+        self.links.append([numbers.setdefault(link, len(numbers)) for link in links])
+
+    def over(self) -> IntArray:
+        """Return the links of all ways (ways, longest way), filled up with -1."""
+        longest = max(map(len, self.links), default=0)
+        over = np.full((len(self.links), longest), -1, dtype=np.int64)
+        for way, links in enumerate(self.links):
+            over[way, : len(links)] = links
+        return over
+
+
+def _is_along_y(link: Link) -> bool:
+    (from_column, _), (to_column, _) = link
+    return from_column == to_column
+
+
+def _links(program: ChipProgram, source: Core, target: Core) -> Iterator[Link]:
     """Yield the links from one core to another, X first, then Y."""
-    (x, y), (to_x, to_y) = program.chip.tile_of(source.slot), program.chip.tile_of(target.slot)
+    x, y = program.chip.tile_of(source.slot)
+    to_x, to_y = program.chip.tile_of(target.slot)
     along_x = [(at, y) for at in range(x, to_x, 1 if to_x > x else -1)]
     along_y = [(to_x, at) for at in range(y, to_y, 1 if to_y > y else -1)]
     yield from pairwise([*along_x, *along_y, (to_x, to_y)])
