@@ -1,5 +1,6 @@
 """Memory words as bits: named fields, packed low to high, and written as hexadecimal text that ``$readmemh`` reads."""
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -18,10 +19,15 @@ class Field(Frozen):
 
     def holds(self, values: IntArray) -> bool:
         """Whether every value fits."""
-        low, high = (
-            (-(1 << self.width - 1), 1 << self.width - 1) if self.signed else (0, 1 << self.width)
-        )
-        return values.size == 0 or bool(low <= values.min() and values.max() < high)
+        if values.size == 0:
+            return True
+        low = 0
+        high = (1 << self.width) - 1
+        if self.signed:
+            half = 1 << self.width - 1
+            low = -half
+            high = half - 1
+        return bool(low <= values.min() and values.max() <= high)
 
 
 class Layout(Frozen):
@@ -48,13 +54,14 @@ class Layout(Frozen):
 
     def pack_rows(self, rows: Sequence[Mapping[str, int]]) -> BitArray:
         """Return words likewise, each from its own values by name."""
-        return self.pack(
-            {f.name: np.array([row[f.name] for row in rows], dtype=np.int64) for f in self.fields}
-        )
+        names = [field.name for field in self.fields]
+        columns = {name: np.array([row[name] for row in rows], dtype=np.int64) for name in names}
+        return self.pack(columns)
 
     def describe(self) -> dict[str, object]:
         """Return what a manifest says of the word."""
-        low, fields = 0, []
+        low = 0
+        fields = []
         for field in self.fields:
             fields.append(
                 {"name": field.name, "low": low, "width": field.width, "signed": field.signed}
@@ -80,10 +87,10 @@ def hex_words(bits: BitArray) -> bytes:
 
     Words of no bits are written as 0.
     """
-    bits = bits if bits.shape[1] else np.zeros((len(bits), 1), dtype=np.uint8)
-    digits = -(-bits.shape[1] // 4)
+    if bits.shape[1] == 0:
+        bits = np.zeros((len(bits), 1), dtype=np.uint8)
+    digits = math.ceil(bits.shape[1] / 4)
     words = np.packbits(bits, axis=1, bitorder="little")[:, ::-1]
-    text = np.frombuffer(words.tobytes().hex().encode(), dtype=np.uint8).reshape(
-        len(bits), 2 * words.shape[1]
-    )
-    return np.pad(text[:, -digits:], ((0, 0), (0, 1)), constant_values=ord("\n")).tobytes()
+    text = np.frombuffer(words.tobytes().hex().encode(), dtype=np.uint8)
+    lines = text.reshape(len(bits), 2 * words.shape[1])[:, -digits:]
+    return np.pad(lines, ((0, 0), (0, 1)), constant_values=ord("\n")).tobytes()

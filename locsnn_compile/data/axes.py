@@ -30,12 +30,15 @@ def parse_axes(text: str, where: str) -> Order:
     """Return the order that a text names, such as ``samples,steps,channels``; ``InputError`` for other texts."""
     order = tuple(text.replace(",", " ").split())
     of_channel = tuple(axis for axis in AXES if axis in order and axis not in ("samples", "steps"))
-    whole = set(order) <= set(AXES) and len(set(order)) == len(order) and "steps" in order
-    if not (whole and of_channel in (("channels",), *_CHANNELS)):
-        way_on = "Name steps and channels, or taxels, or rows and columns, with polarities or without, and samples."
-        raise InputError(
-            where, "it is not an order of axes", measured=f"got {text[:60]!r}", fix=way_on
+    names_axes_once = set(order) <= set(AXES) and len(set(order)) == len(order)
+    names_channels = of_channel in (("channels",), *_CHANNELS)
+    if not (names_axes_once and names_channels and "steps" in order):
+        measured = f"got {text[:60]!r}"
+        fix = (
+            "Name steps and channels, or taxels, or rows and columns, with polarities or without, "
+            "and samples."
         )
+        raise InputError(where, "it is not an order of axes", measured=measured, fix=fix)
     return order
 
 
@@ -51,7 +54,8 @@ def to_step_major(
     """
     order = order_of(array, where, channels, order)
     if "samples" not in order:
-        array, order = array[np.newaxis], ("samples", *order)
+        array = array[np.newaxis]
+        order = ("samples", *order)
     array = array.transpose([order.index(axis) for axis in AXES if axis in order])
     return array.reshape(*array.shape[:2], int(np.prod(array.shape[2:])))
 
@@ -77,11 +81,14 @@ def order_of(array: AnyArray, where: str, channels: int | None, order: Order | N
         raise InputError(where, "it is too large", measured=measured, fix=fix)
     if order is None:
         check_axes(array, where, channels)
-        order = _READ.get(array.ndim, ((),))[-1 if is_one(array.shape, channels) else 0]
+        accepted = _READ.get(array.ndim, ((),))
+        order = accepted[-1] if is_one(array.shape, channels) else accepted[0]
     if not order or array.ndim != len(order):
         measured = f"{counted(array.ndim, 'axis', 'axes')} against {len(order) or '2 to 4'}"
-        usual = "(samples, channels, steps) or (samples, taxels, polarities, steps)"
-        fix = f"Give {'(' + ', '.join(order) + ')' if order else usual}."
+        wanted = "(samples, channels, steps) or (samples, taxels, polarities, steps)"
+        if order:
+            wanted = f"({', '.join(order)})"
+        fix = f"Give {wanted}."
         raise InputError(where, "its shape is not one of recordings", measured=measured, fix=fix)
     return order
 
@@ -97,13 +104,17 @@ def check_axes(array: AnyArray, where: str, channels: int | None = None) -> None
     They do if one axis has the ``channels`` of the sensor (by default those of whole fingertips), or two axes its
     taxels and its two polarities, at a place where no accepted order has them.
     """
-    if (found := _other_order(array.shape, channels)) is not None:
-        order, wanted = found
-        measured = f"{' x '.join(map(str, array.shape))} values"
-        fix = f"Give --axes {','.join(order)}, or transpose it to ({', '.join(wanted)}), as files have it."
-        raise InputError(
-            where, f"its axes look like ({', '.join(order)})", measured=measured, fix=fix
-        )
+    turned = _other_order(array.shape, channels)
+    if turned is None:
+        return
+    order, accepted = turned
+    what = f"its axes look like ({', '.join(order)})"
+    measured = f"{' x '.join(map(str, array.shape))} values"
+    fix = (
+        f"Give --axes {','.join(order)}, or transpose it to ({', '.join(accepted)}), "
+        "as files have it."
+    )
+    raise InputError(where, what, measured=measured, fix=fix)
 
 
 def is_clear(shape: tuple[int, ...]) -> bool:
@@ -113,29 +124,27 @@ def is_clear(shape: tuple[int, ...]) -> bool:
 
 def _other_order(shape: tuple[int, ...], channels: int | None = None) -> tuple[Order, Order] | None:
     """Return the order that sizes reveal and the accepted one that it turns; None if they fit an accepted order."""
-    read = _READ.get(len(shape), ())
-    if any(_fits(order, shape, channels) for order in read):
+    accepted = _READ.get(len(shape), ())
+    if any(_fits(order, shape, channels) for order in accepted):
         return None
-    for wanted, order in [(names, turned) for names in read for turned in permutations(names)]:
-        # With taxels on an axis, there may be as many recordings as taxels, or two: samples stay in front.
-        in_front = order[0] == "samples" or not {"samples", "taxels"} <= set(order)
-        if in_front and _fits(order, shape, channels):
-            return order, wanted
+    for names in accepted:
+        for order in permutations(names):
+            # With taxels on an axis, there may be as many recordings as taxels, or two: samples stay in front.
+            may_move = not {"samples", "taxels"} <= set(order)
+            if (may_move or order[0] == "samples") and _fits(order, shape, channels):
+                return order, names
     return None
 
 
 def _fits(order: Order, shape: tuple[int, ...], channels: int | None) -> bool:
+    """Tell whether an axis has the channels of the sensor, or by default those of whole fingertips."""
     sizes = dict(zip(order, shape, strict=True))
     if "channels" in sizes:
-        found = sizes["channels"]
-    elif sizes["polarities"] == POLARITIES and (
-        channels is not None or sizes["taxels"] % TAXELS == 0
-    ):
-        found = POLARITIES * sizes["taxels"]
+        size = sizes["channels"]
+    elif sizes["polarities"] == POLARITIES:
+        size = POLARITIES * sizes["taxels"]
     else:
         return False
-    return (
-        found == channels
-        if channels is not None
-        else found > 0 and found % (TAXELS * POLARITIES) == 0
-    )
+    if channels is not None:
+        return size == channels
+    return size > 0 and size % (TAXELS * POLARITIES) == 0

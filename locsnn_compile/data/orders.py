@@ -22,15 +22,20 @@ def raster(places: Places) -> Walk:
 
 def snake(places: Places) -> Walk:
     """Row by row, every other row backwards."""
-    rows = np.unique(places[:, 1], return_inverse=True)[1].reshape(-1)
-    return raster(np.stack([np.where(rows % 2 == 0, 1, -1) * places[:, 0], rows], axis=1))
+    x, y = places.T
+    _, row = np.unique(y, return_inverse=True)
+    row = row.reshape(-1)
+    along_row = np.where(row % 2 == 0, x, -x)
+    return raster(np.stack([along_row, row], axis=1))
 
 
 def spiral(places: Places) -> Walk:
     """From the middle outwards, in square rings that are as wide as the distance between neighbours."""
-    from_middle = places - (places.min(axis=0) + places.max(axis=0)) / 2
-    rings = np.floor(np.abs(from_middle).max(axis=1) / _pitch(places) + 1e-9)
-    return raster(np.stack([np.arctan2(from_middle[:, 1], from_middle[:, 0]), rings], axis=1))
+    middle = (places.min(axis=0) + places.max(axis=0)) / 2
+    from_middle = places - middle
+    ring = np.floor(np.abs(from_middle).max(axis=1) / _pitch(places) + 1e-9)
+    angle = np.arctan2(from_middle[:, 1], from_middle[:, 0])
+    return raster(np.stack([angle, ring], axis=1))
 
 
 def hilbert(places: Places) -> Walk:
@@ -40,25 +45,29 @@ def hilbert(places: Places) -> Walk:
     x, y = ((places - places.min(axis=0)) / span * (side - 1)).astype(np.int64).T
     along = np.zeros(len(places), dtype=np.int64)
     # The usual descent from the largest quarter to the smallest, each rotated as the curve enters it.
-    while side := side // 2:
-        right, up = (x & side) > 0, (y & side) > 0
-        along += side * side * ((3 * right) ^ up)
-        turned = ~up & right
-        x, y = (
-            np.where(turned, side - 1 - (x & (side - 1)), x),
-            np.where(turned, side - 1 - (y & (side - 1)), y),
-        )
-        x, y = np.where(up, x, y), np.where(up, y, x)
+    while side > 1:
+        side //= 2
+        is_right = (x & side) > 0
+        is_up = (y & side) > 0
+        quarter = (3 * is_right) ^ is_up
+        along += side * side * quarter
+        is_mirrored = ~is_up & is_right
+        last = side - 1
+        x = np.where(is_mirrored, last - (x & last), x)
+        y = np.where(is_mirrored, last - (y & last), y)
+        x, y = np.where(is_up, x, y), np.where(is_up, y, x)  # lower quarters swap the axes
     return np.argsort(along, kind="stable")
 
 
 def tour(places: Places) -> Walk:
     """From taxel 1, always on to the nearest taxel left; among equally near ones, to the lowest number."""
-    left, walk = np.ones(len(places), dtype=np.bool_), [0]
+    not_visited = np.ones(len(places), dtype=np.bool_)
+    walk = [0]
     for _ in range(len(places) - 1):
-        left[walk[-1]] = False
-        far = np.square(places - places[walk[-1]]).sum(axis=1).round(9)
-        walk.append(int(np.argmin(np.where(left, far, np.inf))))
+        taxel = walk[-1]
+        not_visited[taxel] = False
+        square_distance = np.square(places - places[taxel]).sum(axis=1).round(9)
+        walk.append(int(np.argmin(np.where(not_visited, square_distance, np.inf))))
     return np.array(walk)
 
 
@@ -104,10 +113,8 @@ def location_order(text: str, layout: SensorLayout) -> tuple[str, tuple[int, ...
     order: list[int] = []
     for entry in map(str.strip, text.split(",")):
         if not (entry.isascii() and entry.isdigit() and len(entry) <= 6):
-            what, fix = (
-                f"entry {len(order) + 1} is not a taxel number",
-                "Give taxels separated by commas.",
-            )
+            what = f"entry {len(order) + 1} is not a taxel number"
+            fix = "Give taxels separated by commas."
             raise InputError(_WHERE, what, measured=f"got {entry[:40]!r}", fix=fix)
         order.append(int(entry))
     check_location_taxels(order, layout.taxels)
@@ -122,12 +129,8 @@ def order_text(text: str) -> str:
     path = Path(text)
     if path.suffix not in (".txt", ".csv"):
         return text
-    return ",".join(
-        read_bytes(path, f"{_WHERE} {path.name!r}")
-        .decode("ascii", "replace")
-        .replace(",", " ")
-        .split()
-    )
+    content = read_bytes(path, f"{_WHERE} {path.name!r}").decode("ascii", "replace")
+    return ",".join(content.replace(",", " ").split())
 
 
 def channel_walk(order: Sequence[int], layout: SensorLayout) -> Walk:
@@ -137,10 +140,10 @@ def channel_walk(order: Sequence[int], layout: SensorLayout) -> Walk:
     other. Raises ``InputError`` with the first taxel that is out of range, repeated or missing.
     """
     check_location_taxels(order, layout.taxels)
-    channels = np.arange(layout.channels, dtype=np.int64).reshape(
-        layout.surfaces, layout.taxels, layout.polarities
-    )
-    return sealed(channels[:, np.asarray(order, dtype=np.int64) - 1].reshape(-1))
+    channels = np.arange(layout.channels, dtype=np.int64)
+    by_taxel = channels.reshape(layout.surfaces, layout.taxels, layout.polarities)
+    taxel_index = np.asarray(order, dtype=np.int64) - 1
+    return sealed(by_taxel[:, taxel_index].reshape(-1))
 
 
 def check_location_taxels(taxels: Sequence[int], count: int) -> None:
@@ -157,6 +160,7 @@ def check_location_taxels(taxels: Sequence[int], count: int) -> None:
         if taxel in seen:
             raise InputError(_WHERE, f"taxel {taxel} is repeated at entry {position}", fix=fix)
         seen.add(taxel)
-    if missing := [taxel for taxel in range(1, count + 1) if taxel not in seen]:
+    missing = [taxel for taxel in range(1, count + 1) if taxel not in seen]
+    if missing:
         measured = f"{len(seen)} of {count} taxels given"
         raise InputError(_WHERE, f"taxel {missing[0]} is missing", measured=measured, fix=fix)
