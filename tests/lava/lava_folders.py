@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import importlib.util
 import subprocess
 import sys
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from emitter_faults import Arrays
@@ -71,3 +73,29 @@ def differences(played: Arrays, expected: Arrays) -> int:
     """Count the spikes and registers that differ; both have the same keys."""
     assert played.keys() == expected.keys()
     return sum(int((played[key] != expected[key]).sum()) for key in expected)
+
+
+def stand_in_script(folder: Path) -> Any:
+    """Return the emitted script as a module that has the stand-in for Lava."""
+    path = write_folder(folder / "script", random_case(0)) / "network.py"
+    spec = importlib.util.spec_from_file_location("network", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    packages = str(write_stand_in(folder / "packages"))
+    sys.path.insert(0, packages)
+    try:
+        spec.loader.exec_module(module)
+    finally:
+        sys.path.remove(packages)
+    return module
+
+
+def play_file(script: Any, path: Path) -> Arrays:
+    """Play the network of a file, and return what it gives by the keys of ``expected.npz``."""
+    return {
+        f"run{number}/neurons{group}/{name}": values
+        for number, run in enumerate(script.numbered(script.load(path), "run"))
+        for group, results in enumerate(script.play(run))
+        for name, values in results.items()
+    }

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from emitter_faults import FAULTS
-from lava_folders import arrays_of, cases, differences, run_script, write_folder, write_stand_in
+from lava_folders import (
+    arrays_of,
+    cases,
+    differences,
+    play_file,
+    run_script,
+    stand_in_script,
+    write_folder,
+    write_stand_in,
+)
 from lava_programs import edge_cases, random_case, steered_case
-from numpy.typing import NDArray
 
 import hw_model as hw
 from locsnn_compile.emitters import bench_files
@@ -35,33 +41,13 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 
 @pytest.fixture(scope="module")
-def script(folders, packages) -> Any:
-    """The emitted script as a module, with the stand-in for Lava."""
-    spec = importlib.util.spec_from_file_location("network", folders["random-0"] / "network.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.path.insert(0, str(packages))
-    try:
-        spec.loader.exec_module(module)
-    finally:
-        sys.path.remove(str(packages))
-    return module
-
-
-def played(script: Any, path: Path) -> dict[str, NDArray[Any]]:
-    """Play the network of a file, and return what it gives by the keys of ``expected.npz``."""
-    return {
-        f"run{number}/neurons{group}/{name}": values
-        for number, run in enumerate(script.numbered(script.load(path), "run"))
-        for group, results in enumerate(script.play(run))
-        for name, values in results.items()
-    }
+def script(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    return stand_in_script(tmp_path_factory.mktemp("script"))
 
 
 def test_every_spike_and_register_is_that_of_the_program(script, folders):
     for name, folder in folders.items():
-        found = played(script, folder / "network.npz")
+        found = play_file(script, folder / "network.npz")
         assert differences(found, arrays_of(folder / "expected.npz")) == 0, name
 
 
@@ -70,7 +56,7 @@ def test_a_fault_of_the_emitter_is_told(fault, script, folders, tmp_path):
     def is_told(folder: Path) -> bool:
         arrays = FAULTS[fault](arrays_of(folder / "network.npz"))
         np.savez(tmp_path / "network.npz", **arrays)
-        found = played(script, tmp_path / "network.npz")
+        found = play_file(script, tmp_path / "network.npz")
         return differences(found, arrays_of(folder / "expected.npz")) > 0
 
     assert any(map(is_told, folders.values()))
