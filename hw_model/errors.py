@@ -12,8 +12,10 @@ from difflib import get_close_matches
 from functools import partial
 from typing import Any
 
-MAX_PART, MAX_FIX = 500, 2000
-"""Characters of a part of a message; the way out may list all that exists."""
+MAX_PART = 500
+"""Most characters of a part of a message."""
+MAX_FIX = 2000
+"""Most characters of the way out, which may list all that exists."""
 
 
 class LocsnnError(Exception):
@@ -23,11 +25,13 @@ class LocsnnError(Exception):
     """
 
     def __init__(self, where: str, what: str, *, measured: str = "", fix: str) -> None:
-        self.where, self.what, self.measured, self.fix = where, what, measured, fix
+        self.where = where
+        self.what = what
+        self.measured = measured
+        self.fix = fix
         detail = f" ({_shown(measured)})" if measured else ""
-        super().__init__(
-            f"{_shown(where)}: {_shown(what)}{detail}. {_shown(fix, MAX_FIX)}".rstrip()
-        )
+        message = f"{_shown(where)}: {_shown(what)}{detail}. {_shown(fix, MAX_FIX)}"
+        super().__init__(message.rstrip())
 
     def __reduce__(self) -> tuple[Any, ...]:
         # What goes to another process is made again from its parts.
@@ -39,9 +43,13 @@ def _shown(text: str, most: int = MAX_PART) -> str:
     line = " ".join(text.split())
     if len(line) > most:
         line = f"{line[:most]}..."
-    return "".join(
-        c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in line
-    )
+    return "".join(map(_printable, line))
+
+
+def _printable(character: str) -> str:
+    if character.isprintable():
+        return character
+    return character.encode("unicode_escape").decode("ascii")
 
 
 class InputError(LocsnnError):
@@ -57,9 +65,8 @@ def check_most(
 ) -> None:
     """Refuse what was given where a number, ``found`` of a ``unit``, is above its limit."""
     if found > limit:
-        raise InputError(
-            where, what, measured=f"{found}{unit and f' {unit}'} against {limit}", fix=fix
-        )
+        number = f"{found} {unit}" if unit else f"{found}"
+        raise InputError(where, what, measured=f"{number} against {limit}", fix=fix)
 
 
 def check_same(found: object, wanted: object, where: str, what: str, *, fix: str) -> None:
@@ -85,12 +92,16 @@ def check_known(
 
 def counted(number: int, one: str, many: str = "") -> str:
     """Return a count with its noun: ``1 core``, ``2 cores``."""
-    return f"{number} {one if number == 1 else many or one + 's'}"
+    if number == 1:
+        return f"{number} {one}"
+    return f"{number} {many or f'{one}s'}"
 
 
 def listed(items: Sequence[str], word: str = "and") -> str:
     """Return ``a, b and c``, or with another word."""
-    return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} {word} {items[-1]}"
+    if len(items) == 1:
+        return items[0]
+    return f"{', '.join(items[:-1])} {word} {items[-1]}"
 
 
 def did_you_mean(given: object, known: Iterable[str]) -> str:

@@ -247,7 +247,7 @@ def voltage_minima(registers: "Registers") -> list[int]:
 
 
 def held_minimum(vmin: IntArray, registers: "Registers") -> IntArray:
-    """Return lower limits as cores hold them: of ``1 - 2^k``, k up to 31, the register's own end at most."""
+    """Return lower limits as cores hold them: ``1 - 2^k`` is defined up to k = 31, and ends with the register."""
     forms = [1 - half_range(k) for k in range(32)]
     within_register = np.maximum(vmin, -registers.voltage_max)
     return np.where(np.isin(vmin, forms), within_register, vmin)

@@ -12,10 +12,19 @@ from hw_model.rtl.images import CoreProgram
 from hw_model.rtl.phases import CorePhase
 from hw_model.values import BoolArray, ByteArray
 
-TICK, END, LAST, DROPPED, HIDDEN, AGAIN = -1, -2, -3, -4, -5, -6
-"""Words that are not sources: a step is over; the stream is, and silent steps may follow; the phase is; a word after
-the last step of the first phase; an event of a row that a visit does not tell of; instead of cycles, that a source is
-what the event before it is in the second phase."""
+# Words that are not sources.
+TICK = -1
+"""A step is over."""
+END = -2
+"""The stream is over, and silent steps may follow."""
+LAST = -3
+"""The phase is over."""
+DROPPED = -4
+"""A word after the last step of the first phase."""
+HIDDEN = -5
+"""An event of a row that a visit does not tell of."""
+AGAIN = -6
+"""Instead of cycles: a source is what the event before it is in the second phase."""
 NEVER = 1 << 62
 Word = tuple[int, int]
 """Cycles from the word before it to its own, at least, and its source or kind."""
@@ -40,10 +49,11 @@ def predicted_cycles(
     core: CoreProgram, recordings: ByteArray, spikes: Mapping[str, ByteArray]
 ) -> list[int]:
     """Return the cycles of each recording of a batch; see :func:`core_cycles`."""
-    return [
-        core_cycles(core, one, {name: its[i] for name, its in spikes.items()})
-        for i, one in enumerate(recordings)
-    ]
+    cycles = []
+    for i, recording in enumerate(recordings):
+        of_recording = {name: of_batch[i] for name, of_batch in spikes.items()}
+        cycles.append(core_cycles(core, recording, of_recording))
+    return cycles
 
 
 class _Clock:
@@ -55,11 +65,16 @@ class _Clock:
     """
 
     def __init__(self, lengths: list[int], first_source: int) -> None:
-        self.lengths, self.first_source = lengths, first_source
-        self.prepared = self.consumed = -1
-        self.row = self.open = self.accepted = 0
+        self.lengths = lengths
+        self.first_source = first_source
+        self.prepared = -1
+        self.consumed = -1
+        self.row = 0
+        self.open = 0
+        self.accepted = 0
         self.spikes: deque[tuple[int, int]] = deque()
-        self.walk = self.walked = -3
+        self.walk = -3
+        self.walked = -3
 
     def play(self, words: Iterator[Word], compartments: range, steps: list[list[int]]) -> None:
         """Play the words of a phase to its ``compartments``; ``steps``: those that fire, in order."""
@@ -73,19 +88,26 @@ class _Clock:
             self.prepared = max(self.prepared + wait, self.consumed + 1)
             if word == HIDDEN:
                 continue
-            self._deliver(max(self.prepared + 1, self.open) if word >= 0 else NEVER)
-            earliest = max(self.prepared + 1, self.open if word >= 0 else self.row)
             if word >= 0:
+                earliest = max(self.prepared + 1, self.open)
+                self._deliver(earliest)
                 self.consumed = self._request(earliest, word)
-            elif word == TICK:
-                # The last charge is handed on two cycles after the walk of its list.
-                self.consumed = max(earliest, self.walked + 2)
+                continue
+            self._deliver(NEVER)
+            earliest = max(self.prepared + 1, self.row)
+            # The last charge is handed on two cycles after the walk of its list.
+            all_charged = max(earliest, self.walked + 2)
+            if word == TICK:
+                self.consumed = all_charged
                 self._update(self.consumed + 1, compartments, fired.popleft())
-                self.open = self.open if fired else NEVER
+                if not fired:
+                    self.open = NEVER
             elif word == DROPPED:
                 self.consumed = earliest
+            elif word == END:
+                self.consumed = self.prepared
             else:
-                self.consumed = self.prepared if word == END else max(earliest, self.walked + 2)
+                self.consumed = all_charged
         self.prepared = self.consumed
         self.row = self.open = self.consumed + 1
 
@@ -119,7 +141,8 @@ def fired_in_order(
     core: CoreProgram, phase: CorePhase, recording: ByteArray, spikes: Mapping[str, ByteArray]
 ) -> BoolArray:
     """Return which compartments of a phase fire in its steps, (steps, n), in the order of their updates."""
-    span, numbers = phase.span(recording), core.numbers[phase.name]
+    span = phase.span(recording)
+    numbers = core.numbers[phase.name]
     fired = np.zeros((len(span), len(numbers)), dtype=np.bool_)
     for name, columns in core.program.columns_of(phase.name).items():
         if name in spikes:
@@ -128,15 +151,22 @@ def fired_in_order(
 
 
 def _streamed(core: CoreProgram, recording: ByteArray) -> Iterator[Word]:
-    heard, steps = recording[: core.heard], core.phases[0].steps
+    """Yield words as the stream brings them, one per cycle at most."""
+    heard = recording[: core.heard]
+    steps = core.phases[0].steps
+
+    def unless_late(step: int, word: int) -> Word:
+        return 1, word if step < steps else DROPPED
+
     for step, row in enumerate(heard):
         for channel in np.flatnonzero(row).tolist():
-            yield 1, channel if step < steps else DROPPED
+            yield unless_late(step, channel)
             if core.later and step < core.kept:
                 yield AGAIN, int(core.tables["visits"]["source"][channel]) + step
-        yield 1, TICK if step < steps else DROPPED
+        yield unless_late(step, TICK)
     yield 1, END
-    yield from ((1, TICK if step < steps else DROPPED) for step in range(len(heard), core.heard))
+    for step in range(len(heard), core.heard):
+        yield unless_late(step, TICK)
     yield 1, LAST
 
 
@@ -173,6 +203,10 @@ def _transposed(core: CoreProgram, phase: CorePhase, recording: ByteArray) -> It
 
 def _readout(core: CoreProgram) -> int:
     """Return the cycles of the readout: a bit of a weight per cycle."""
-    readout, weights = core.program.readout, core.tables["weights"]["magnitude"].tolist()
-    of_class = sum(3 + weight.bit_length() for weight in weights) + 2
-    return core.program.populations[readout.populations[0]] * of_class if readout else 0
+    readout = core.program.readout
+    if not readout:
+        return 0
+    classes = core.program.populations[readout.populations[0]]
+    weights = core.tables["weights"]["magnitude"].tolist()
+    cycles_of_class = sum(3 + weight.bit_length() for weight in weights) + 2
+    return int(classes * cycles_of_class)

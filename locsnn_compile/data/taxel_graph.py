@@ -3,7 +3,7 @@
 Source of the three kinds: Gu et al., IROS 2020. Edges are undirected here, and each is held once.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 from scipy.spatial.distance import cdist
@@ -31,27 +31,34 @@ def taxel_graph(kind: str, layout: SensorLayout, *, neighbours: int, nearer_mm: 
     check_known("taxel graph", f"{kind!r} is not known", str(kind), GRAPHS)
     where = f"taxel graph {kind!r}"
     if kind == "manual":
-        if not layout.is_neutouch:
-            what = "its edges were drawn by hand for a NeuTouch fingertip"
-            raise InputError(
-                where, what, measured=f"sensor {layout.name!r}", fix="Use --graph nearest or tree."
-            )
-        return MANUAL_EDGES
+        if layout.is_neutouch:
+            return MANUAL_EDGES
+        what = "its edges were drawn by hand for a NeuTouch fingertip"
+        measured = f"sensor {layout.name!r}"
+        raise InputError(where, what, measured=measured, fix="Use --graph nearest or tree.")
     places = layout.needed_places(where)
-    what, fix = "it has too many taxels for a graph", "Use a network without one."
+    what = "it has too many taxels for a graph"
+    fix = "Use a network without one."
     check_most(len(places), MAX_TAXELS, where, what, unit="taxels", fix=fix)
     # Rounded so that equal distances compare as equal.
     distance: FloatArray = cdist(places, places).round(9)
     if kind == "nearest":
-        near = np.argsort(distance + np.diag(np.full(len(places), np.inf)), axis=1, kind="stable")
-        return _edges(
-            (a, int(b))
-            for a in range(len(places))
-            for b in near[a, : min(neighbours, len(places) - 1)]
-        )
-    close = zip(*np.nonzero(np.triu(distance < nearer_mm, k=1)), strict=True)
-    middle = int(np.square(places - places.mean(axis=0)).sum(axis=1).round(9).argmin())
-    return _edges([*_spanning_tree(distance, middle), *((int(a), int(b)) for a, b in close)])
+        return _edges(_nearest(distance, neighbours))
+    close = np.argwhere(np.triu(distance < nearer_mm, k=1)).tolist()
+    from_middle = np.square(places - places.mean(axis=0)).sum(axis=1).round(9)
+    tree = _spanning_tree(distance, middle=int(from_middle.argmin()))
+    return _edges([*tree, *((a, b) for a, b in close)])
+
+
+def _nearest(distance: FloatArray, neighbours: int) -> Iterator[tuple[int, int]]:
+    """Yield every taxel, from 0 on, with each of its nearest ones."""
+    to_others = distance.copy()
+    np.fill_diagonal(to_others, np.inf)
+    by_distance = np.argsort(to_others, axis=1, kind="stable")
+    count = min(neighbours, len(distance) - 1)
+    for taxel, others in enumerate(by_distance[:, :count].tolist()):
+        for other in others:
+            yield taxel, other
 
 
 def _spanning_tree(distance: FloatArray, middle: int) -> list[tuple[int, int]]:
@@ -59,16 +66,23 @@ def _spanning_tree(distance: FloatArray, middle: int) -> list[tuple[int, int]]:
 
     Among equally near ones, it takes the edge from the lowest number inside, then to the lowest outside.
     """
-    far, inside = distance[middle].copy(), np.full(len(distance), middle)
-    far[middle] = np.inf
+    # Of every taxel outside the tree: the nearest one inside, and how far it is. Inside: infinitely far.
+    nearest_inside = np.full(len(distance), middle)
+    how_far = distance[middle].copy()
+    how_far[middle] = np.inf
     edges = []
     for _ in range(len(distance) - 1):
-        nearest = np.flatnonzero(far == far.min())
-        b = int(nearest[np.lexsort((nearest, inside[nearest]))[0]])
-        edges.append((int(inside[b]), b))
-        far[b] = np.inf
-        better = np.isfinite(far) & ((distance[b] < far) | ((distance[b] == far) & (b < inside)))
-        far, inside = np.where(better, distance[b], far), np.where(better, b, inside)
+        candidates = np.flatnonzero(how_far == how_far.min())
+        first = np.lexsort((candidates, nearest_inside[candidates]))[0]
+        added = int(candidates[first])
+        edges.append((int(nearest_inside[added]), added))
+        how_far[added] = np.inf
+        to_added = distance[added]
+        is_nearer = to_added < how_far
+        is_lower = (to_added == how_far) & (added < nearest_inside)
+        is_better = np.isfinite(how_far) & (is_nearer | is_lower)
+        how_far = np.where(is_better, to_added, how_far)
+        nearest_inside = np.where(is_better, added, nearest_inside)
     return edges
 
 
