@@ -20,6 +20,7 @@ from .range_proof import prove_range as prove_range
 from .rtl.cosimulation import cosimulate as cosimulate
 from .simulation import SimulationResult as SimulationResult
 from .simulation import simulate as simulate
+from .spinnaker.chips import SpinnakerChip as SpinnakerChip
 from .streaming.early_stop import calibrate_margin as calibrate_margin
 from .streaming.early_stop import stop_at_margin as stop_at_margin
 from .streaming.early_stop import stop_in_silence as stop_in_silence

@@ -26,6 +26,7 @@ from .network.projections import Projection as Projection
 from .pipeline import Levels as Levels
 from .report.figures.document import ReportFigures as ReportFigures
 from .request.choose_strategy import Choice as Choice
+from .spinnaker.compiled import CompiledSpinnaker as CompiledSpinnaker
 from .training.config import EpochRecord as EpochRecord
 from .training.config import TrainingConfig as TrainingConfig
 from .training.from_python import train as train

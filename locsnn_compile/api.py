@@ -13,6 +13,7 @@ from hw_model.engine.ahead import compile_ahead
 from hw_model.io.build_folder import write_build
 from hw_model.io.given import checked
 from hw_model.program.write import program_files
+from hw_model.spinnaker.chips import SpinnakerChip, SpinnakerName
 from hw_model.streaming.psi import check_psi
 from hw_model.targets.families import AnyChip, chip_named
 from hw_model.values import ArrayLike, Frozen
@@ -54,6 +55,8 @@ from locsnn_compile.request.compile_request import (
     SettingRequest,
 )
 from locsnn_compile.settings import AUTO, NATIVE, STRATEGIES, Value, check_dials, check_matters
+from locsnn_compile.spinnaker.compile import SpinnakerRequest, compile_for_spinnaker
+from locsnn_compile.spinnaker.compiled import CompiledSpinnaker
 from locsnn_compile.verification.diagnosis import Diagnosis
 from locsnn_compile.verification.diagnosis import diagnose as find_diagnosis
 from locsnn_compile.verification.error_bounds import ErrorBudget
@@ -156,6 +159,17 @@ def compile(  # type: ignore[overload-overlap]  # the names of these chips are t
     progress: Progress | None = None,
 ) -> CompiledXylo: ...
 @overload
+def compile(  # type: ignore[overload-overlap]  # and so is the name of this one
+    network: Network | Checkpoint,
+    target: SpinnakerChip | SpinnakerName,
+    strategy: str = AUTO,
+    *,
+    events: Events | None = None,
+    labels: ArrayLike | None = None,
+    progress: Progress | None = None,
+    calibration: Events | None = None,
+) -> CompiledSpinnaker: ...
+@overload
 def compile(
     network: Network | Checkpoint | Sequence[Network | Checkpoint],
     target: str | Path | hw.Chip = "loihi-sim",
@@ -194,13 +208,13 @@ def compile(
     scheduler: str | None = None,
     weights: Sequence[float] | None = None,
     **dials: Value | None,
-) -> CompiledModel | CompiledXylo:
+) -> CompiledModel | CompiledXylo | CompiledSpinnaker:
     """Compile a network, or what ``train`` returned, for a chip, and check it against the float reference.
 
     Several networks become one program that adds their class scores.
 
-    - ``target``: a chip, its name, or the path of a chip YAML. For a Xylo, the result is a ``CompiledXylo``, and
-      everything below that does not apply to it is refused
+    - ``target``: a chip, its name, or the path of a chip YAML. For a Xylo, the result is a ``CompiledXylo``, for
+      SpiNNaker a ``CompiledSpinnaker``, and everything below that does not apply to it is refused
     - ``strategy``: how SRM neurons are lowered; ``auto`` takes the cheapest that keeps the bounds
     - ``weight_bits``: 1 to 6, or 8; by default the chip's widest. With a ``budget``, the widest to try
     - ``events``: recordings to check on, as a file, an archive, a folder or an array (samples, steps, channels) of 0
@@ -250,10 +264,16 @@ def fulfil(request: CompileRequest[hw.Chip]) -> CompiledModel: ...
 @overload
 def fulfil(request: CompileRequest[XyloChip]) -> CompiledXylo: ...
 @overload
-def fulfil(request: CompileRequest[AnyChip]) -> CompiledModel | CompiledXylo: ...
+def fulfil(request: CompileRequest[SpinnakerChip]) -> CompiledSpinnaker: ...
+@overload
+def fulfil(
+    request: CompileRequest[AnyChip],
+) -> CompiledModel | CompiledXylo | CompiledSpinnaker: ...
 
 
-def fulfil(request: CompileRequest[AnyChip]) -> CompiledModel | CompiledXylo:
+def fulfil(
+    request: CompileRequest[AnyChip],
+) -> CompiledModel | CompiledXylo | CompiledSpinnaker:
     """Compile a network as requested, and check it against the float reference.
 
     Raises ``InputError`` for something that cannot be used, and ``TargetError`` for a model that
@@ -262,6 +282,8 @@ def fulfil(request: CompileRequest[AnyChip]) -> CompiledModel | CompiledXylo:
     chip = request.chip
     if isinstance(chip, XyloChip):
         return _fulfil_for_xylo(request, chip)
+    if isinstance(chip, SpinnakerChip):
+        return _fulfil_for_spinnaker(request, chip)
     chip = request.pricing.priced(chip)
     check = request.check
     network = _with_psi(request.network, check.psi)
@@ -301,17 +323,38 @@ def fulfil(request: CompileRequest[AnyChip]) -> CompiledModel | CompiledXylo:
 def _fulfil_for_xylo(request: CompileRequest[AnyChip], chip: XyloChip) -> CompiledXylo:
     """Compile for a Xylo; refuse what a request may ask of other chips only."""
     check = request.check
-    if request.pricing.profile is not None:
-        what = f"no energies of {chip.name} are published"
-        raise InputError(f"profile {str(request.pricing.profile)!r}", what, fix="Leave it out.")
-    if check.scheduler is not None:
-        what = f"recordings are played to {chip.name} in this process"
-        raise InputError("scheduler", what, fix="Leave it out.")
+    _check_unpriced(request, chip, f"no energies of {chip.name} are published")
     if request.setting.calibration is not None:
         check_matters(request.network, {"calibration": "calibration"})
     network = _with_psi(request.network, check.psi)
     recordings = recordings_for(network, check.events, check.labels)
     return compile_for_xylo(XyloRequest(network, chip, recordings, check.progress))
+
+
+def _fulfil_for_spinnaker(
+    request: CompileRequest[AnyChip], chip: SpinnakerChip
+) -> CompiledSpinnaker:
+    """Compile for SpiNNaker; refuse what a request may ask of other chips only."""
+    check = request.check
+    _check_unpriced(request, chip, f"no table of the energies of {chip.name} was checked")
+    if request.setting.budget.given:
+        what = f"there is one setting for {chip.name}, and bounds choose among several"
+        raise InputError("budget", what, fix="Leave out the bounds, and ask for gates.")
+    network = _with_psi(request.network, check.psi)
+    recordings = recordings_for(network, check.events, check.labels)
+    calibration = _calibration(network, recordings, request.setting.calibration)
+    return compile_for_spinnaker(
+        SpinnakerRequest(network, chip, recordings, calibration, check.progress)
+    )
+
+
+def _check_unpriced(request: CompileRequest[AnyChip], chip: AnyChip, why: str) -> None:
+    """Refuse a profile where no energies are known, and a scheduler where this process plays."""
+    if request.pricing.profile is not None:
+        raise InputError(f"profile {str(request.pricing.profile)!r}", why, fix="Leave it out.")
+    if request.check.scheduler is not None:
+        what = f"recordings are played to {chip.name} in this process"
+        raise InputError("scheduler", what, fix="Leave it out.")
 
 
 def _with_bounds_of(choice: Choice | None, network: Network, asked: SettingRequest) -> Network:

@@ -81,6 +81,14 @@ class Writer(Protocol):
 
 
 @dataclass(frozen=True)
+class OtherChip:
+    """A kind of chip with an arithmetic of its own: what it is called, and the name of one."""
+
+    called: str
+    example: str
+
+
+@dataclass(frozen=True)
 class Emitter:
     """A kind of ``--emit``.
 
@@ -89,7 +97,7 @@ class Emitter:
     - ``write``: makes the contents
     - ``shows_recording``: writes about one recording, the one of ``--recording``
     - ``of_mesh``: describes a mesh of cores, their memories and times, which an open core is not
-    - ``of_xylo``: describes a Xylo, whose builds write it themselves
+    - ``of_chip``: describes another kind of chip, whose builds write it themselves
     """
 
     kind: str
@@ -97,7 +105,7 @@ class Emitter:
     write: Writer
     shows_recording: bool = False
     of_mesh: bool = False
-    of_xylo: bool = False
+    of_chip: "OtherChip | None" = None
 
 
 class LevelText:
@@ -174,8 +182,8 @@ def _net(build: Build) -> Files:
     return {"network.net": exchange_file("net", build.model.levels.quantized)}
 
 
-def _no_xylo(build: Build) -> Files:
-    raise AssertionError(f"{build.program.chip.name} is no Xylo, which check_kinds has said")
+def _elsewhere(build: Build) -> Files:
+    raise AssertionError(f"{build.program.chip.name} is another chip, which check_kinds has said")
 
 
 def _csv(build: Build) -> Files:
@@ -193,6 +201,8 @@ def _viewer(build: Build) -> Files:
     return {"viewer.html": page}
 
 
+XYLO = OtherChip("a Xylo", "xylo-audio3")
+SPINNAKER = OtherChip("a SpiNNaker", "spinnaker1")
 EMITTERS = (
     *(Emitter(level, f"{level}.txt", LevelText(level)) for level in LEVEL_KINDS),
     Emitter("vectors", "vectors/", _vectors, shows_recording=True, of_mesh=True),
@@ -205,7 +215,8 @@ EMITTERS = (
     Emitter("dot", "program.dot", _dot),
     Emitter("nir", "network.nir", _nir),
     Emitter("net", "network.net", _net),
-    Emitter("xylo", "xylo/", _no_xylo, shows_recording=True, of_xylo=True),
+    Emitter("xylo", "xylo/", _elsewhere, shows_recording=True, of_chip=XYLO),
+    Emitter("pynn", "spinnaker/", _elsewhere, shows_recording=True, of_chip=SPINNAKER),
     Emitter("csv", "csv/", _csv),
     Emitter("viewer", "viewer.html", _viewer),
 )
@@ -219,11 +230,11 @@ def emitters_of(kinds: Sequence[str]) -> list[Emitter]:
 
 
 def check_kinds(chip: "hw.Chip", kinds: Sequence[str]) -> None:
-    """Refuse kinds that describe a mesh of cores where the target is none, and those of a Xylo."""
+    """Refuse kinds that describe a mesh of cores where the target is none, and those of other chips."""
     for emitter in emitters_of(kinds):
-        if emitter.of_xylo:
-            what = f"it describes a Xylo, and {chip.name} is none"
-            fix = "Compile for one, such as --target xylo-audio3."
+        if emitter.of_chip is not None:
+            what = f"it describes {emitter.of_chip.called}, and {chip.name} is none"
+            fix = f"Compile for one, such as --target {emitter.of_chip.example}."
             raise InputError(f"--emit {emitter.kind}", what, fix=fix)
     emitters = [emitter for emitter in emitters_of(kinds) if emitter.of_mesh]
     if not emitters:

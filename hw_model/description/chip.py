@@ -20,6 +20,8 @@ from hw_model.io.records import NOT_NEGATIVE, POSITIVE, between
 from hw_model.values import Frozen, IntArray, Shown
 
 _YAML = (".yaml", ".yml")
+_OTHERS = {"xylo-": "a Xylo", "spinnaker": "a SpiNNaker"}
+"""What names of chips with other descriptions begin with, and what these chips are."""
 MAX_CORES = 1 << 20
 
 
@@ -197,8 +199,10 @@ def chip(name_or_path: str | Path) -> Chip:
         if text in BOARDS:
             what = f"it is a board of {BOARDS[text]}"
             raise InputError(f"target {text!r}", what, fix=f"Give the target {BOARDS[text]}.")
-        if text.startswith("xylo-"):
-            what = "a Xylo computes in another way than the chips that can be used here"
+        for beginning, called in _OTHERS.items():
+            if not text.startswith(beginning):
+                continue
+            what = f"{called} computes in another way than the chips that can be used here"
             raise InputError(
                 f"target {text!r}", what, fix="Compile for it: locsnn-compile --target."
             )

@@ -2,12 +2,15 @@
 
 from functools import cache
 from importlib.resources import files
-from typing import Annotated
+from typing import Annotated, Literal
 
 from hw_model.description.read import parse
 from hw_model.errors import check_known
 from hw_model.io.records import AT_LEAST_ONE, between
 from hw_model.values import Shown
+
+SpinnakerName = Literal["spinnaker1"]
+"""The names of the chips that ship."""
 
 
 class SpinnakerChip(Shown, eq=True):

@@ -9,10 +9,16 @@ from pathlib import Path
 from typing import Generic, TypeVar
 
 from hw_model.description.chip import Chip, chip, chip_names
+from hw_model.spinnaker.chips import (
+    SpinnakerChip,
+    spinnaker_chip,
+    spinnaker_chip_document,
+    spinnaker_chip_names,
+)
 from hw_model.targets import target_of
 from hw_model.xylo.chips import XyloChip, xylo_chip, xylo_chip_document, xylo_chip_names
 
-AnyChip = Chip | XyloChip
+AnyChip = Chip | XyloChip | SpinnakerChip
 """A chip of any family."""
 ChipT = TypeVar("ChipT", bound=AnyChip)
 
@@ -52,13 +58,25 @@ def _xylo_room(found: XyloChip) -> str:
     return "a Xylo: leaky neurons with decays by shifts, weights of 8 bits; energy is not known"
 
 
+def _spinnaker_room(found: SpinnakerChip) -> str:
+    return "a SpiNNaker with IF_curr_exp: single compartments, 1 ms a step; energy is not known"
+
+
 MESHES = ChipFamily("", chip_names, chip, _document, _room)
 XYLOS = ChipFamily("xylo-", xylo_chip_names, xylo_chip, xylo_chip_document, _xylo_room)
-FAMILIES: "tuple[ChipFamily[Chip] | ChipFamily[XyloChip], ...]" = (MESHES, XYLOS)
+SPINNAKERS = ChipFamily(
+    "spinnaker",
+    spinnaker_chip_names,
+    spinnaker_chip,
+    spinnaker_chip_document,
+    _spinnaker_room,
+)
+AnyFamily = ChipFamily[Chip] | ChipFamily[XyloChip] | ChipFamily[SpinnakerChip]
+FAMILIES: tuple[AnyFamily, ...] = (MESHES, XYLOS, SPINNAKERS)
 """In the order of ``locsnn targets``."""
 
 
-def family_of(name: str) -> "ChipFamily[Chip] | ChipFamily[XyloChip]":
+def family_of(name: str) -> AnyFamily:
     """Return the family of a chip by its name, or of the path of a chip file."""
     is_file = name.endswith((".yaml", ".yml"))
     for family in FAMILIES:

@@ -14,8 +14,6 @@ from hw_model.io.files import parsing
 from hw_model.io.given import checked
 from hw_model.io.records import AT_LEAST_ONE, NOT_NEGATIVE, POSITIVE, RecordReader, between
 from hw_model.mapping.graph import Readout
-from hw_model.program.chip_program import ChipProgram
-from hw_model.program.read import chip_program_of
 from hw_model.program.sealed import (
     PROGRAM_NPZ,
     PROGRAM_YAML,
@@ -122,15 +120,6 @@ def save_xylo(program: XyloProgram, folder: str | Path) -> None:
 def load_xylo(folder: str | Path) -> XyloProgram:
     """Read a program; anything missing, damaged, swapped or newer is an ``InputError``."""
     return xylo_program_of(read_pair(Path(folder)))
-
-
-@checked
-def load_any_program(folder: str | Path) -> ChipProgram | XyloProgram:
-    """Read a program of either arithmetic, as its files say."""
-    pair = read_pair(Path(folder))
-    if pair.kind == XYLO_PROGRAM:
-        return xylo_program_of(pair)
-    return chip_program_of(pair)
 
 
 def xylo_program_of(pair: SealedPair) -> XyloProgram:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from hw_model.io.build_folder import check_folder, default_folder, write_build
 from hw_model.io.files import replace_file
+from hw_model.spinnaker.chips import SpinnakerChip
 from hw_model.targets.families import AnyChip, chip_named
 from hw_model.values import picked
 from hw_model.xylo.chips import XyloChip
@@ -45,6 +46,7 @@ from locsnn_compile.request.compile_request import (
     SettingRequest,
 )
 from locsnn_compile.settings import DIALS, check_matters
+from locsnn_compile.spinnaker.compiled import check_emitted as check_emitted_for_spinnaker
 from locsnn_compile.verification.error_bounds import ErrorBudget
 from locsnn_compile.xylo.compiled import check_emitted
 
@@ -108,6 +110,8 @@ def _check_kinds(target: AnyChip, kinds: Sequence[str]) -> None:
     """Refuse kinds of --emit that show what a target does not have."""
     if isinstance(target, XyloChip):
         check_emitted(target.name, kinds)
+    elif isinstance(target, SpinnakerChip):
+        check_emitted_for_spinnaker(target.name, kinds)
     else:
         check_kinds(target, kinds)
 

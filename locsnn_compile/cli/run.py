@@ -24,8 +24,9 @@ from typing import Any
 import numpy as np
 
 import hw_model as hw
+from hw_model.spinnaker.program import SpinnakerProgram
+from hw_model.targets.saved import load_any_program
 from hw_model.values import ByteArray, Frozen, IntArray
-from hw_model.xylo.files import load_any_program
 from hw_model.xylo.program import XyloProgram
 from locsnn_compile.cli.outcomes import (
     CalibratedOn,
@@ -62,10 +63,17 @@ def run(args: argparse.Namespace) -> int:
     """Play every recording; print a line for each, or JSON."""
     _check_options(args)
     program = load_any_program(args.program)
+    # Programs of other chips do not need what follows.
     if isinstance(program, XyloProgram):
-        from locsnn_compile.cli.run_xylo import run_xylo  # programs of other chips do not need it
+        from locsnn_compile.cli.run_whole import run_whole
+        from locsnn_compile.cli.run_xylo import whole_xylo
 
-        return run_xylo(args, program)
+        return run_whole(args, whole_xylo(program))
+    if isinstance(program, SpinnakerProgram):
+        from locsnn_compile.cli.run_spinnaker import whole_spinnaker
+        from locsnn_compile.cli.run_whole import run_whole
+
+        return run_whole(args, whole_spinnaker(program))
     if args.profile:
         program = replace(program, chip=hw.priced_by(program.chip, args.profile))
     if program.readout is None:

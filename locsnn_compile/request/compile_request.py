@@ -8,11 +8,13 @@ from pathlib import Path
 from typing import Generic, TypeVar
 
 import hw_model as hw
+from hw_model.spinnaker.chips import SpinnakerChip
 from hw_model.targets.families import AnyChip
 from hw_model.values import ArrayLike, Frozen
 from hw_model.xylo.chips import XyloChip
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.network.network import Network
+from locsnn_compile.request.spinnaker_setting import spinnaker_setting
 from locsnn_compile.request.xylo_setting import xylo_setting
 from locsnn_compile.settings import AUTO, Setting, Value, setting_for
 from locsnn_compile.verification.error_bounds import ErrorBudget
@@ -52,6 +54,8 @@ class SettingRequest(Frozen, eq=False):
         given = frozenset(name for name, value in values.items() if value is not None)
         if isinstance(chip, XyloChip):
             setting = xylo_setting(chip, values)
+        elif isinstance(chip, SpinnakerChip):
+            setting = spinnaker_setting(chip, values)
         else:
             setting = setting_for(chip, values)
         return cls(setting, given, budget or NO_BOUNDS, calibration)

@@ -16,7 +16,7 @@ from locsnn_compile.passes.quantize import quantize_by
 from locsnn_compile.passes.rounding.task import FINE
 from locsnn_compile.reference.evaluate import calibrate
 from locsnn_compile.report.grounds import grounds_of
-from locsnn_compile.settings import Setting
+from locsnn_compile.request.spinnaker_setting import SETTING
 from locsnn_compile.spinnaker.comparison import compare_spinnaker
 from locsnn_compile.spinnaker.compiled import CompiledSpinnaker
 from locsnn_compile.spinnaker.document import spinnaker_figures
@@ -24,9 +24,6 @@ from locsnn_compile.spinnaker.fits import check_neurons
 from locsnn_compile.spinnaker.grid import grid_of
 from locsnn_compile.spinnaker.lower import LoweredSpinnaker, lower_to_spinnaker
 from locsnn_compile.verification.matching import Progress
-
-SETTING = Setting(strategy="reset", weight_bits=8)
-"""The one way in which networks are rounded for SpiNNaker: a neuron of it is a single compartment."""
 
 
 class SpinnakerRequest(Frozen, eq=False):

@@ -9,6 +9,7 @@ import pytest
 import yaml
 
 import hw_model as hw
+from hw_model.spinnaker.chips import spinnaker_chip_names
 from hw_model.xylo.chips import xylo_chip_names
 from locsnn_compile.cli.compile import main as compile_main
 from locsnn_compile.cli.main import main
@@ -159,7 +160,7 @@ def test_targets_lists_and_shows(capsys):
     assert main(["targets"]) == 0
     listed = capsys.readouterr().out.splitlines()
     names = [line.split(":")[0] for line in listed if not line.startswith(" ")]
-    assert names == [*hw.chip_names(), *xylo_chip_names()]
+    assert names == [*hw.chip_names(), *xylo_chip_names(), *spinnaker_chip_names()]
     assert listed[:2] == [
         "ecp5-25f: the open core on a Lattice ECP5 with 24,288 LUTs and 56 block RAMs",
         "  a program may have 512 compartments, 1024 sources of spikes, 16384 synapses, 16 slots; cycles are exact, "

@@ -55,7 +55,7 @@ REFUSED = [
     ("compile, bits of integers", f"locsnn-compile {GRID} --weight-bits 8", f"--weight-bits: it would change nothing: {INTEGERS}. Leave it out."),
     ("compile, split integers", f"locsnn-compile {GRID} --split-weights all", f"--split-weights: it would change nothing: {INTEGERS}. Leave it out."),
     ("compile, calibration of integers", f"locsnn-compile {GRID} --calibration d.npz", "--calibration: it would change nothing: no weights of this model are rounded for recordings. Leave it out."),
-    ("compile, a recording of nothing", f"locsnn-compile {FLOAT} --recording 1 --emit network", "--recording: no emitted file shows a single recording. Add --emit vectors, rtl, vcd, trace, sanafe, lava or xylo."),
+    ("compile, a recording of nothing", f"locsnn-compile {FLOAT} --recording 1 --emit network", "--recording: no emitted file shows a single recording. Add --emit vectors, rtl, vcd, trace, sanafe, lava, xylo or pynn."),
     ("compile, a probe of nothing", f"locsnn-compile {FLOAT} --probe time_output[0]", "--probe: no emitted file shows a neuron. Add --emit vcd."),
     ("compile, junit of nothing", f"locsnn-compile {FLOAT} --junit g.xml", "--junit: no gate is asked for. Add one of --min-agreement, --max-spike-error, --max-score-error, --max-energy-nj, --max-latency-us, --max-cores."),
     ("compile, a description of a checkpoint", f"locsnn-compile {FLOAT} --config bits.yaml", f"model '{FLOAT}': config was given, but a checkpoint contains this itself. Leave config out."),

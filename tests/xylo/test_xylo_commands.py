@@ -131,7 +131,7 @@ def test_targets_lists_the_three_chips_with_their_kind(capsys):
     lines = capsys.readouterr().out.splitlines()
     first = lines.index("xylo-audio2: 16 inputs, 1000 hidden neurons of 2 currents, 8 outputs")
     says = "  a Xylo: leaky neurons with decays by shifts, weights of 8 bits; energy is not known"
-    assert lines[first + 1 :] == [
+    assert lines[first + 1 : first + 6] == [
         says,
         "xylo-audio3: 16 inputs, 992 hidden neurons of 2 currents, 32 outputs",
         says,
