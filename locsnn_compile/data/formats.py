@@ -67,6 +67,24 @@ def _read_aedat4(file: EventFile) -> "EventStream":
     return parse_aedat4(file.data, file.where)
 
 
+def _read_raw(file: EventFile) -> "EventStream":
+    from locsnn_compile.data.prophesee import parse_raw
+
+    return parse_raw(file.data, file.where)
+
+
+def _read_dat(file: EventFile) -> "EventStream":
+    from locsnn_compile.data.prophesee import parse_dat
+
+    return parse_dat(file.data, file.where)
+
+
+def _read_aedat(file: EventFile) -> "EventStream":
+    from locsnn_compile.data.aedat import parse_aedat
+
+    return parse_aedat(file.data, file.where)
+
+
 def _read_npy(file: ArrayFile) -> ArrayContent:
     from locsnn_compile.data.array_files import npy_content
 
@@ -106,6 +124,9 @@ EVENT_FORMATS = (
     EventFormat(".bs2", _read_bs2, _write_bs2),
     EventFormat(".bin", _read_bin),
     EventFormat(".aedat4", _read_aedat4),
+    EventFormat(".aedat", _read_aedat),
+    EventFormat(".raw", _read_raw),
+    EventFormat(".dat", _read_dat),
 )
 """In the order of help and errors."""
 ARRAY_FORMATS = (

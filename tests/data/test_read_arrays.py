@@ -185,7 +185,7 @@ BAD: list[tuple[str, str, Callable[[Path], object], str]] = [
         "unknown kind",
         "a.csv",
         Path.touch,
-        "file 'a.csv': its kind is not known (ending '.csv'). Give one of: .zip, .npy, .npz, .pt, .h5, .hdf5, .tact, .bs1, .bs2, .bin, .aedat4, or a folder.",
+        "file 'a.csv': its kind is not known (ending '.csv'). Give one of: .zip, .npy, .npz, .pt, .h5, .hdf5, .tact, .bs1, .bs2, .bin, .aedat4, .aedat, .raw, .dat, or a folder.",
     ),
     (
         "empty npy",

@@ -85,6 +85,6 @@ def test_errors_list_the_format(tmp_path, capsys):
     assert main(["events", str(tmp_path / "a.csv")]) == 2
     assert capsys.readouterr().err == (
         f"file {str(tmp_path / 'a.csv')!r}: its kind is not known (ending '.csv'). Give one of: "
-        ".zip, .npy, .npz, .pt, .h5, .hdf5, .tact, .bs1, .bs2, .bin, .aedat4, .lines, "
+        ".zip, .npy, .npz, .pt, .h5, .hdf5, .tact, .bs1, .bs2, .bin, .aedat4, .aedat, .raw, .dat, .lines, "
         "or a folder.\n"
     )
