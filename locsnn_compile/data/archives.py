@@ -9,7 +9,7 @@ from hw_model.values import ByteArray, IntArray
 from locsnn_compile.data.axes import pixels_of, to_step_major
 from locsnn_compile.data.channels import Channels
 from locsnn_compile.data.event_formats import holds_events, parse_events
-from locsnn_compile.data.event_stream import Binning, Bins, EventStream, bin_streams
+from locsnn_compile.data.event_stream import Binning, Bins, EventStream, TimeUnit, bin_streams
 from locsnn_compile.data.format_rows import EventFile, EventFormat
 from locsnn_compile.data.formats import event_format
 from locsnn_compile.data.members import (
@@ -116,7 +116,7 @@ def _read(members: Members, names: list[str], binning: Binning) -> Bins:
         file_format = event_format(PurePosixPath(name).suffix)
         if file_format is not None:
             _check_times(binning, PurePosixPath(name), file_format)
-            streams.append(_events(members, name, file_format))
+            streams.append(_events(members, name, file_format, binning.unit))
             continue
         array = load_npy(members.read(name), place)
         if holds_events(array):
@@ -148,7 +148,7 @@ def _read(members: Members, names: list[str], binning: Binning) -> Bins:
 
 def _check_times(binning: Binning, file: PurePosixPath, row: EventFormat) -> None:
     """Refuse options on times that the format of a file does not leave open."""
-    if binning.time_unit is not None:
+    if binning.time_unit is not None and row.time_unit:
         what = f"times in {file.name!r} are in {row.time_unit}, as its format has them"
         raise InputError("time_unit", what, fix="Leave it out.")
     if binning.start is not None and row.times_suffix:
@@ -156,7 +156,9 @@ def _check_times(binning: Binning, file: PurePosixPath, row: EventFormat) -> Non
         raise InputError("start", what, fix="Leave it out.")
 
 
-def _events(members: Members, name: str, row: EventFormat) -> EventStream:
+def _events(
+    members: Members, name: str, row: EventFormat, time_unit: TimeUnit | None
+) -> EventStream:
     """Return the events of a file; some have a file of their start and end next to them."""
     file, place = PurePosixPath(name), members.place(name)
     times = file.with_suffix(row.times_suffix) if row.times_suffix else file
@@ -168,7 +170,7 @@ def _events(members: Members, name: str, row: EventFormat) -> EventStream:
     length = max(len(data), len(startend or b""))
     fix = "Give one recording."
     check_most(length, row.most_bytes, place, "it is too large", unit="bytes", fix=fix)
-    return row.read(EventFile(data, place, startend, members.place(times.name)))
+    return row.read(EventFile(data, place, startend, members.place(times.name), time_unit))
 
 
 def _check_fits(arrays: list[ByteArray], samples: int, where: str, place: str) -> None:

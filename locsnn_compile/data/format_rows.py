@@ -16,13 +16,15 @@ if TYPE_CHECKING:
 class EventFile:
     """The bytes of a file of single events, and what errors call it.
 
-    ``times`` are the bytes of the file of times next to it, None if there is none.
+    ``times`` are the bytes of the file of times next to it, None if there is none. ``time_unit`` is
+    that of formats without a unit of their own, None for the usual one.
     """
 
     data: bytes
     where: str
     times: bytes | None = None
     times_where: str = ""
+    time_unit: "TimeUnit | None" = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,10 +65,12 @@ class EventFormat:
 
     - ``suffix``: the ending of its files
     - ``read``, ``write``: between bytes and events; None if it is not written
-    - ``time_unit``: the unit of its times, which users cannot choose
+    - ``time_unit``: the unit of its times, which users cannot choose; empty if they do
     - ``times_suffix``: the ending of a file next to it that says when its recording begins and
       ends; empty without such files. With them, users cannot choose the start
     - ``most_bytes``: the largest file
+    - ``may_describe``: next to recordings of another kind, its files are tables about these, as
+      ``labels.csv``, and no recordings
     """
 
     suffix: str
@@ -75,6 +79,7 @@ class EventFormat:
     time_unit: str = "microseconds"
     times_suffix: str = ""
     most_bytes: int = 100_000_000
+    may_describe: bool = False
 
 
 @dataclass(frozen=True)

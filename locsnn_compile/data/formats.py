@@ -85,6 +85,12 @@ def _read_aedat(file: EventFile) -> "EventStream":
     return parse_aedat(file.data, file.where)
 
 
+def _read_csv(file: EventFile) -> "EventStream":
+    from locsnn_compile.data.event_text import parse_csv
+
+    return parse_csv(file)
+
+
 def _read_npy(file: ArrayFile) -> ArrayContent:
     from locsnn_compile.data.array_files import npy_content
 
@@ -127,6 +133,7 @@ EVENT_FORMATS = (
     EventFormat(".aedat", _read_aedat),
     EventFormat(".raw", _read_raw),
     EventFormat(".dat", _read_dat),
+    EventFormat(".csv", _read_csv, time_unit="", most_bytes=MOST_TEXT_BYTES, may_describe=True),
 )
 """In the order of help and errors."""
 ARRAY_FORMATS = (
@@ -142,6 +149,11 @@ ARRAY_FORMATS = (
 def event_suffixes() -> tuple[str, ...]:
     """Return the endings of files of events."""
     return tuple(row.suffix for row in EVENT_FORMATS)
+
+
+def describing_suffixes() -> tuple[str, ...]:
+    """Return the endings of files that describe the recordings of another kind next to them."""
+    return tuple(row.suffix for row in EVENT_FORMATS if row.may_describe)
 
 
 def times_suffixes() -> tuple[str, ...]:

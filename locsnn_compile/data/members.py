@@ -15,7 +15,12 @@ from hw_model.io.files import parsing, read_bytes
 from hw_model.io.zip_directory import BoundedZip
 from hw_model.values import Frozen
 from locsnn_compile.data.class_names import number_order
-from locsnn_compile.data.formats import event_suffixes, set_suffixes, times_suffixes
+from locsnn_compile.data.formats import (
+    describing_suffixes,
+    event_suffixes,
+    set_suffixes,
+    times_suffixes,
+)
 from locsnn_compile.data.tact import SLIP_CLASSES
 from locsnn_compile.errors import InputError, check_most, did_you_mean
 
@@ -123,8 +128,10 @@ class Members(Frozen, eq=False):
 
     @property
     def recordings(self) -> list[str]:
-        """The files that are read as recordings, of all parts."""
-        return [name for name in self.sizes if is_recording(name)]
+        """The files that are read as recordings, of all parts; tables about others are none."""
+        names = [name for name in self.sizes if is_recording(name)]
+        surely = [name for name in names if not name.endswith(describing_suffixes())]
+        return surely if surely or any(map(_is_set, self.sizes)) else names
 
     @property
     def sets(self) -> list[str]:

@@ -183,9 +183,9 @@ BAD: list[tuple[str, str, Callable[[Path], object], str]] = [
     ("missing", "a.npy", lambda path: None, "file 'a.npy': it does not exist. Check the path."),
     (
         "unknown kind",
-        "a.csv",
+        "a.xyz",
         Path.touch,
-        "file 'a.csv': its kind is not known (ending '.csv'). Give one of: .zip, .npy, .npz, .pt, .h5, .hdf5, .tact, .bs1, .bs2, .bin, .aedat4, .aedat, .raw, .dat, or a folder.",
+        "file 'a.xyz': its kind is not known (ending '.xyz'). Give one of: .zip, .npy, .npz, .pt, .h5, .hdf5, .tact, .bs1, .bs2, .bin, .aedat4, .aedat, .raw, .dat, .csv, or a folder.",
     ),
     (
         "empty npy",

@@ -81,10 +81,10 @@ def test_limits_of_the_row_are_kept(tmp_path, text, options, message):
 
 
 def test_errors_list_the_format(tmp_path, capsys):
-    (tmp_path / "a.csv").write_text("")
-    assert main(["events", str(tmp_path / "a.csv")]) == 2
+    (tmp_path / "a.xyz").write_text("")
+    assert main(["events", str(tmp_path / "a.xyz")]) == 2
     assert capsys.readouterr().err == (
-        f"file {str(tmp_path / 'a.csv')!r}: its kind is not known (ending '.csv'). Give one of: "
-        ".zip, .npy, .npz, .pt, .h5, .hdf5, .tact, .bs1, .bs2, .bin, .aedat4, .aedat, .raw, .dat, .lines, "
+        f"file {str(tmp_path / 'a.xyz')!r}: its kind is not known (ending '.xyz'). Give one of: "
+        ".zip, .npy, .npz, .pt, .h5, .hdf5, .tact, .bs1, .bs2, .bin, .aedat4, .aedat, .raw, .dat, .csv, .lines, "
         "or a folder.\n"
     )
