@@ -19,9 +19,8 @@ def synapses(weights):
     return lists
 
 
-def play(network, events):
-    """Return registers and spikes of every row."""
-    # A layer does not own its synapses: these lists must live as long as it does.
+def layer_of(network):
+    """Return a layer at rest, and its synapses, which must live as long as it does: it does not own them."""
     owned = [synapses(network[name]) for name in ("weights_in", "weights_hidden")]
     owned.append(synapses(network["weights_out"][:, :, None]))
     hidden, outputs = network["weights_out"].shape
@@ -45,7 +44,14 @@ def play(network, events):
         dash_syns_out=network["dash_syn_out"].tolist(),
         name="witness",
     )
+    return layer, owned
+
+
+def play(network, events):
+    """Return registers and spikes of every row."""
+    layer, owned = layer_of(network)
     output_spikes = np.array(layer.evolve(events.tolist()))
+    del owned
     currents = [layer.rec_i_syn, layer.rec_i_syn2][: network["dash_syn"].shape[1]]
     return {
         "spikes": np.array(layer.rec_recurrent_spikes),
@@ -57,13 +63,19 @@ def play(network, events):
     }
 
 
-def main():
-    given, written = sys.argv[1:]
+def read(path):
+    """Return the networks of a file, each a mapping of arrays, by their number."""
     networks = {}
-    with np.load(given) as arrays:
+    with np.load(path) as arrays:
         for key, array in arrays.items():
             number, name = key.split("/")
             networks.setdefault(number, {})[name] = array
+    return networks
+
+
+def main():
+    given, written = sys.argv[1:]
+    networks = read(given)
     results = {}
     for number, network in networks.items():
         for name, array in play(network, network["events"]).items():
