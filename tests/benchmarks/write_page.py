@@ -19,7 +19,7 @@ from page_recordings import recordings
 from page_section import section_of
 
 COMMAND_SPEED = "command-speed"
-KEPT = (COMMAND_SPEED, "against", "processors", "density", "scale")
+KEPT = (COMMAND_SPEED, "against", "processors", "density", "scale", "chips")
 """The sections that the scripts of these names write into the pages; they stay."""
 
 UNBROKEN = {"break_long_words": False, "break_on_hyphens": False}
