@@ -1,3 +1,7 @@
+from .encoders import Encoded as Encoded
+from .encoders import latency_spikes as latency_spikes
+from .encoders import level_spikes as level_spikes
+from .encoders import rate_spikes as rate_spikes
 from .event_formats import from_tonic as from_tonic
 from .read import read_recordings as read_recordings
 from .read import recording_parts as recording_parts

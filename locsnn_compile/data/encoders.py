@@ -1,0 +1,140 @@
+"""Plain numbers as spikes: by rate, by latency, or where a signal crosses levels.
+
+Each encoder loses something, and says what: the result also has the numbers that a decoder would read
+from the spikes, and how far these are from the numbers that went in.
+"""
+
+import numpy as np
+
+from hw_model.values import ByteArray, FloatArray, Frozen, IntArray
+from locsnn_compile.data.channels import Channels
+from locsnn_compile.data.recordings import MAX_ELEMENTS, MAX_STEPS, Recordings
+from locsnn_compile.errors import InputError, check_most
+
+_RANGE_FIX = "Scale them to 0..1."
+
+
+class Encoded(Frozen, eq=False):
+    """Numbers, their spikes, and what the spikes still say of the numbers.
+
+    - ``spikes``: uint8 (samples, steps, channels), 0 or 1
+    - ``values``: what was encoded; ``decoded``: what the spikes stand for, of the same shape
+    - ``channels``: what the channels are, None if each is one of the values
+    """
+
+    spikes: ByteArray
+    values: FloatArray
+    decoded: FloatArray
+    channels: Channels | None = None
+
+    @property
+    def rms_error(self) -> float:
+        """The root of the mean square of ``decoded - values``, in their unit."""
+        return float(np.sqrt(np.mean((self.decoded - self.values) ** 2)))
+
+    @property
+    def largest_error(self) -> float:
+        """The largest ``abs(decoded - values)``, in their unit."""
+        return float(np.abs(self.decoded - self.values).max())
+
+    def recordings(
+        self,
+        *,
+        labels: IntArray | None = None,
+        step_seconds: float | None = None,
+        source: str = "encoded",
+    ) -> Recordings:
+        """Return the spikes as recordings, with class numbers (samples,) and the width of a step."""
+        return Recordings(self.spikes, labels, step_seconds, source, channels=self.channels)
+
+
+def rate_spikes(values: FloatArray, steps: int, *, seed: int) -> Encoded:
+    """Encode values (samples, channels) from 0 to 1 as the chance of a spike in each step.
+
+    Decoded by ``spikes.mean(steps)``. A value p is lost by chance, with a standard deviation of
+    ``sqrt(p (1 - p) / steps)``: at most ``0.5 / sqrt(steps)``. The same seed gives the same spikes.
+    Raises ``InputError`` for other shapes, values out of range, and sizes above the limits.
+    """
+    values = _checked(values, axes=2, low=0.0, high=1.0)
+    samples, channels = values.shape
+    _check_steps(steps, samples, channels)
+    generator = np.random.default_rng(seed)
+    spikes = np.empty((samples, steps, channels), dtype=np.uint8)
+    # Sample by sample, because a random number takes eight times the memory of a spike.
+    for row, sample in zip(spikes, values, strict=True):
+        row[:] = generator.random((steps, channels)) < sample
+    return Encoded(spikes, values, spikes.mean(axis=1))
+
+
+def latency_spikes(values: FloatArray, steps: int) -> Encoded:
+    """Encode values (samples, channels) from 0 to 1 as one spike each, the larger the earlier.
+
+    A value v spikes in step ``round((1 - v) (steps - 1))``, half to even, and is decoded by
+    ``1 - step / (steps - 1)``: it is lost by at most ``0.5 / (steps - 1)``. Raises ``InputError`` for
+    other shapes, values out of range, fewer than two steps, and sizes above the limits.
+    """
+    values = _checked(values, axes=2, low=0.0, high=1.0)
+    samples, channels = values.shape
+    _check_steps(steps, samples, channels, least=2)
+    step_of = np.rint((1 - values) * (steps - 1)).astype(np.int64)
+    spikes = np.zeros((samples, steps, channels), dtype=np.uint8)
+    np.put_along_axis(spikes, step_of[:, None, :], 1, axis=1)
+    return Encoded(spikes, values, 1 - step_of / (steps - 1))
+
+
+def level_spikes(signals: FloatArray, threshold: float) -> Encoded:
+    """Encode signals (samples, steps, signals) by a spike where one has moved by a threshold.
+
+    Signal c spikes on channel 2 c + 1 where it has risen by ``threshold`` since the level of its last
+    spike, and on channel 2 c where it has fallen by it; the level moves by the threshold. Levels start
+    at the first value, which the spikes do not hold, and are the decoded signals: they are off by less
+    than the threshold, unless a signal moves by more than that in a step, because there is one spike
+    a step at most. Raises ``InputError`` for other shapes, values that are not finite, a threshold that
+    is not above 0, and sizes above the limits.
+    """
+    signals = _checked(signals, axes=3, low=-np.inf, high=np.inf)
+    samples, steps, count = signals.shape
+    _check_steps(steps, samples, 2 * count)
+    if not (np.isfinite(threshold) and threshold > 0):
+        what = "it is not above 0"
+        raise InputError("threshold", what, measured=f"{threshold}", fix="Give a positive number.")
+    spikes = np.zeros((samples, steps, 2 * count), dtype=np.uint8)
+    decoded = np.empty_like(signals)
+    level = signals[:, 0].copy()
+    for step in range(steps):
+        moved = signals[:, step] - level
+        has_risen = moved >= threshold
+        has_fallen = moved <= -threshold
+        spikes[:, step, 1::2] = has_risen
+        spikes[:, step, 0::2] = has_fallen
+        level += threshold * (has_risen.astype(np.float64) - has_fallen)
+        decoded[:, step] = level
+    return Encoded(spikes, signals, decoded, Channels(count, 1, 2))
+
+
+def _checked(values: FloatArray, *, axes: int, low: float, high: float) -> FloatArray:
+    """Return finite numbers of so many axes, none of them empty, from ``low`` to ``high``."""
+    array = np.asarray(values)
+    if array.ndim != axes or array.dtype.kind not in "biuf" or array.size == 0:
+        names = ("samples", "steps", "signals") if axes > 2 else ("samples", "channels")
+        what = f"they are not numbers of axes ({', '.join(names)})"
+        measured = f"{array.dtype} of shape {array.shape}"
+        raise InputError("values", what, measured=measured, fix="Give such an array.")
+    array = array.astype(np.float64)
+    is_bad = ~(np.isfinite(array) & (array >= low) & (array <= high))
+    if is_bad.any():
+        fix = _RANGE_FIX if np.isfinite(low) else "Give finite numbers."
+        measured = f"{array[is_bad][0]:g}"
+        raise InputError("values", "one is out of range", measured=measured, fix=fix)
+    return array
+
+
+def _check_steps(steps: int, samples: int, channels: int, least: int = 1) -> None:
+    """Refuse too few or too many steps, and spikes that would take too much memory."""
+    if not least <= steps <= MAX_STEPS:
+        measured = f"{steps} against {least} to {MAX_STEPS}"
+        what = "their number is out of range"
+        raise InputError("steps", what, measured=measured, fix="Give another number.")
+    spikes = samples * steps * channels
+    what = "their spikes are too many"
+    check_most(spikes, MAX_ELEMENTS, "values", what, fix="Give fewer samples or steps.")
