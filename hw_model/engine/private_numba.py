@@ -1,6 +1,6 @@
 """All that the loops use of numba beyond what its documentation promises, part by part.
 
-Each part says what it buys, as :doc:`/research/special-paths` measures it, and what to do when a release of numba
+Each part says what it buys, as ``docs/research/special-paths.md`` measures it, and what to do when a release of numba
 changes it. :mod:`hw_model.engine.usable` looks for what is used here before any of it is, so that a numba that lacks
 something is told in a line, and the plain engine plays.
 """
