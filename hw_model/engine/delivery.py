@@ -1,4 +1,8 @@
-"""The compiled loops that deliver spikes: those of a node in some rows of a tile, over a link."""
+"""The compiled loops that deliver spikes: those of a node in some rows of a tile, over a link.
+
+A spike adds its synapses to the charges of the row in which they are due: the next one, or as many later as the delay
+says. A link is held as a matrix, of which every spike adds a row, or as lists, which every spike follows.
+"""
 
 from typing import NamedTuple
 
@@ -31,52 +35,77 @@ class Listed(NamedTuple):
 
 @absorbed
 def deliver(link, rows_from, rows_to, listed, tables, memory):  # type: ignore[no-untyped-def]
-    """Add the synapses of a link's spikes to the rows in which they are due: the next one, and later."""
+    """Add the synapses of a link's spikes in rows ``rows_from..rows_to`` to the rows in which they are due."""
+    links = tables.links
+    if links.kind[link] != MATRIX:
+        _deliver_by_lists(link, rows_from, rows_to, listed, tables, memory)
+        return
+    first, last = listed.begin[rows_from, listed.node], listed.begin[rows_to, listed.node]
+    if links.width[link] < LONG and last - first <= MOST_LISTED:
+        _deliver_by_short_rows(link, rows_from, rows_to, listed, tables, memory)
+    else:
+        _deliver_by_rows(link, rows_from, rows_to, listed, tables, memory)
+
+
+@absorbed
+def _deliver_by_lists(link, rows_from, rows_to, listed, tables, memory):  # type: ignore[no-untyped-def]
+    """Follow the list of each spike's source."""
     event, base, begin, m = listed
     nodes, _, links = tables
-    charge, touched = memory.state.charge, memory.state.touched
-    offset, width, ahead = links.offset[link], links.width[link], np.uint64(1 + links.delay[link])
-    if links.kind[link] == MATRIX:
-        node = links.target_node[link]
-        many, low = np.uint64(width), np.uint64(links.target[link])
-        if width < LONG and begin[rows_to, m] - begin[rows_from, m] <= MOST_LISTED:
-            _add_listed(link, rows_from, rows_to, listed, tables, memory)
-            for r in range(np.uint64(rows_from), np.uint64(rows_to)):
-                at, anything = r + ahead, begin[r + _NEXT, m] > begin[r, m]
-                for chunk in range(nodes.chunk[node], nodes.chunk[node + 1]):
-                    touched[at, np.uint64(chunk)] |= anything
-            return
-        for r in range(np.uint64(rows_from), np.uint64(rows_to)):
-            if begin[r + _NEXT, m] > begin[r, m]:
-                at = r + ahead
-                rest = begin[r, m]
-                if width >= LONG:
-                    rest = _add_eights(link, listed, rest, begin[r + _NEXT, m], charge, at, links)
-                for e in range(rest, begin[r + _NEXT, m]):
-                    start = np.uint64(offset + event[base + e] * width)
-                    for j in range(many):
-                        charge[at, low + j] += links.matrix[start + j]
-                _touch_all(node, at, nodes, touched)
-    else:
-        for r in range(np.uint64(rows_from), np.uint64(rows_to)):
+    ahead = np.uint64(1 + links.delay[link])
+    rows_touched = np.uint64(links.width[link])
+    for r in range(np.uint64(rows_from), np.uint64(rows_to)):
+        due = r + ahead
+        for e in range(begin[r, m], begin[r + _NEXT, m]):
+            source = np.uint64(links.offset[link] + event[base + e])
+            first = np.uint64(links.list_start[source])
+            last = np.uint64(links.list_start[source + _NEXT])
+            if links.kind[link] == LIST:
+                _follow(link, due, first, last, memory, links, links.word)
+            else:
+                _follow(link, due, first, last, memory, links, links.wide_word)
+        if begin[r + _NEXT, m] > begin[r, m]:
+            for late in range(rows_touched):
+                _touch_all(links.target_node[link], due + late, nodes, memory.state.touched)
+
+
+@absorbed
+def _deliver_by_short_rows(link, rows_from, rows_to, listed, tables, memory):  # type: ignore[no-untyped-def]
+    """Add short matrix rows of the spikes of all rows together."""
+    _add_short_rows(link, rows_from, rows_to, listed, tables, memory)
+    nodes, _, links = tables
+    begin, m, touched = listed.begin, listed.node, memory.state.touched
+    node, ahead = links.target_node[link], np.uint64(1 + links.delay[link])
+    for r in range(np.uint64(rows_from), np.uint64(rows_to)):
+        any_spike = begin[r + _NEXT, m] > begin[r, m]
+        # No branch: which rows have a spike would be guessed wrong too often.
+        for chunk in range(nodes.chunk[node], nodes.chunk[node + 1]):
+            touched[r + ahead, np.uint64(chunk)] |= any_spike
+
+
+@absorbed
+def _deliver_by_rows(link, rows_from, rows_to, listed, tables, memory):  # type: ignore[no-untyped-def]
+    """Add matrix rows of the spikes of one row after the other."""
+    event, base, begin, m = listed
+    nodes, _, links = tables
+    charge = memory.state.charge
+    offset, width, low = links.offset[link], links.width[link], np.uint64(links.target[link])
+    ahead = np.uint64(1 + links.delay[link])
+    for r in range(np.uint64(rows_from), np.uint64(rows_to)):
+        if begin[r + _NEXT, m] > begin[r, m]:
             due = r + ahead
-            for e in range(begin[r, m], begin[r + _NEXT, m]):
-                source = np.uint64(offset + event[base + e])
-                first, last = (
-                    np.uint64(links.list_start[source]),
-                    np.uint64(links.list_start[source + np.uint64(1)]),
-                )
-                if links.kind[link] == LIST:
-                    _follow(link, due, first, last, memory, links, links.word)
-                else:
-                    _follow(link, due, first, last, memory, links, links.wide_word)
-            if begin[r + _NEXT, m] > begin[r, m]:
-                for late in range(np.uint64(width)):
-                    _touch_all(links.target_node[link], due + late, nodes, touched)
+            rest = begin[r, m]
+            if width >= LONG:
+                rest = _add_eights(link, listed, rest, begin[r + _NEXT, m], charge, due, links)
+            for e in range(rest, begin[r + _NEXT, m]):
+                start = np.uint64(offset + event[base + e] * width)
+                for j in range(np.uint64(width)):
+                    charge[due, low + j] += links.matrix[start + j]
+            _touch_all(links.target_node[link], due, nodes, memory.state.touched)
 
 
 @inner
-def _add_listed(link, rows_from, rows_to, listed, tables, memory):  # type: ignore[no-untyped-def]
+def _add_short_rows(link, rows_from, rows_to, listed, tables, memory):  # type: ignore[no-untyped-def]
     """Add a short matrix row for each spike; ``row_of`` is first told the row of each.
 
     One loop over all spikes: how many a row has would be guessed wrong in most rows.
@@ -90,22 +119,16 @@ def _add_listed(link, rows_from, rows_to, listed, tables, memory):  # type: igno
         fill(row_of, at, r)
         for k in range(at + LANES, begin[r + 1, m] - first, LANES):
             fill(row_of, k, r)
-    offset, width, low = (
-        np.uint64(links.offset[link]),
-        np.uint64(links.width[link]),
-        np.uint64(links.target[link]),
-    )
-    late, before, many = (
-        np.uint64(1 + links.delay[link]),
-        np.uint64(base + first),
-        np.uint64(last - first),
-    )
-    part = many // _PARTS
-    for i in range(many):
+    offset, width = np.uint64(links.offset[link]), np.uint64(links.width[link])
+    low, ahead = np.uint64(links.target[link]), np.uint64(1 + links.delay[link])
+    first_event, spikes = np.uint64(base + first), np.uint64(last - first)
+    part = spikes // _PARTS
+    for i in range(spikes):
         e = i % _PARTS * part + i // _PARTS if i < _PARTS * part else i
-        at, start = np.uint64(row_of[e]) + late, offset + np.uint64(event[before + e]) * width
+        due = np.uint64(row_of[e]) + ahead
+        start = offset + np.uint64(event[first_event + e]) * width
         for j in range(np.uint64(0), width, _LANES):
-            add_weights(charge, at, low + j, links.matrix, start + j)
+            add_weights(charge, due, low + j, links.matrix, start + j)
 
 
 @absorbed
@@ -119,24 +142,27 @@ def _touch_all(node, at, nodes, touched):  # type: ignore[no-untyped-def]
 def _follow(link, at, first, last, memory, links, words):  # type: ignore[no-untyped-def]
     """Add the synapses ``first..last``, packed in words, to the row of charges ``at``, and later ones."""
     charge, touched = memory.state.charge, memory.state.touched
-    low, slot_bits, shift = links.target[link], links.slot_bits[link], links.weight_shift[link]
-    slots, lates = (1 << slot_bits) - 1, (1 << links.late_bits[link]) - 1
-    above = slot_bits + links.late_bits[link]
+    low, shift = links.target[link], links.weight_shift[link]
+    slot_bits, late_bits = links.slot_bits[link], links.late_bits[link]
+    slot_mask, late_mask = (1 << slot_bits) - 1, (1 << late_bits) - 1
+    weight_from = slot_bits + late_bits
+    # Three loops, for which of them it is does not change from synapse to synapse.
     if links.width[link] == 0:
         for k in range(first, last):
             word = np.int64(words[k])
-            due, slot = at + np.uint64((word >> slot_bits) & lates), np.uint64(low + (word & slots))
-            charge[due, slot] += (word >> above) << shift
+            due = at + np.uint64((word >> slot_bits) & late_mask)
+            slot = np.uint64(low + (word & slot_mask))
+            charge[due, slot] += (word >> weight_from) << shift
             touched[due, slot // _LANES] = 1
-    elif lates == 0:
+    elif late_mask == 0:
         for k in range(first, last):
             word = np.int64(words[k])
-            charge[at, np.uint64(low + (word & slots))] += (word >> above) << shift
+            charge[at, np.uint64(low + (word & slot_mask))] += (word >> weight_from) << shift
     else:
         for k in range(first, last):
             word = np.int64(words[k])
-            late = np.uint64((word >> slot_bits) & lates)
-            charge[at + late, np.uint64(low + (word & slots))] += (word >> above) << shift
+            due = at + np.uint64((word >> slot_bits) & late_mask)
+            charge[due, np.uint64(low + (word & slot_mask))] += (word >> weight_from) << shift
 
 
 @inner
