@@ -11,7 +11,7 @@ from hw_model.arithmetic.loihi import Parameters, State
 from hw_model.arithmetic.on_integers import OnIntegers
 from hw_model.engine.trace import EVENTS, PhaseInput, PhaseTrace, Register, Window, added_up
 from hw_model.program.chip_program import ChipProgram, Core
-from hw_model.values import IntArray
+from hw_model.values import ByteArray, IntArray
 
 
 def run_phase(
@@ -19,50 +19,64 @@ def run_phase(
 ) -> PhaseTrace:
     """Run a batch through one phase, recording by recording; keep of the registers what the windows ask for."""
     pieces = [piece for core in program.cores_of(phase) for piece in core.slices]
-    trace = PhaseTrace.empty(played, sum(piece.size for piece in pieces), len(pieces), windows)
-    for b in range(len(played.start)):
-        _run_recording(program, phase, played, windows, b, trace)
+    compartments = sum(piece.size for piece in pieces)
+    trace = PhaseTrace.empty(played, compartments, len(pieces), windows)
+    for recording in range(len(played.start)):
+        run = _Run(program, phase, played.lines(recording))
+        for step in range(played.start[recording], played.stop[recording]):
+            run.update(step)
+            run.deliver(step)
+            run.note(recording, step, windows, trace)
+        trace.events[recording][:, run.columns] = run.events()
     return added_up(program, phase, played, trace)
 
 
-def _run_recording(
-    program: ChipProgram,
-    phase: str,
-    played: PhaseInput,
-    windows: dict[Register, Window],
-    b: int,
-    trace: PhaseTrace,
-) -> None:
-    """Run recording ``b``, and write its row of the trace."""
-    cores = {core.number: _CoreState(core, program) for core in program.cores_of(phase)}
-    columns = np.concatenate([program.columns_of_core(core) for core in program.cores_of(phase)])
-    lines = played.lines(b)
-    routes = [
-        (program.route_of(name), lines[:, of_input])
-        for name, of_input in program.lines_of(phase).items()
-    ]
-    for step in range(played.start[b], played.stop[b]):
-        for state in cores.values():
+class _Run:
+    """One recording on the cores of a phase; ``columns`` are those of the cores' compartments, core by core."""
+
+    def __init__(self, program: ChipProgram, phase: str, lines: ByteArray) -> None:
+        cores = program.cores_of(phase)
+        self.columns = np.concatenate([program.columns_of_core(core) for core in cores])
+        self._cores = {core.number: _CoreState(core, program) for core in cores}
+        self._routes = [
+            (program.route_of(name), lines[:, lines_of_input])
+            for name, lines_of_input in program.lines_of(phase).items()
+        ]
+
+    def update(self, step: int) -> None:
+        """Update every compartment of every core."""
+        for state in self._cores.values():
             state.update(step)
 
-        for state in cores.values():
+    def deliver(self, step: int) -> None:
+        """Deliver the spikes of a step: those of compartments, then those of input lines."""
+        for state in self._cores.values():
             axons = state.core.axons
-            for k in np.flatnonzero(state.fired[axons.out_compartment]):
-                cores[int(axons.out_core[k])].deliver(int(axons.out_axon[k]), step)
-        for route, spikes in routes:
-            for k in np.flatnonzero(spikes[step][route.line]):
-                cores[int(route.core[k])].deliver(int(route.axon[k]), step)
+            for sending in np.flatnonzero(state.fired[axons.out_compartment]):
+                target = self._cores[int(axons.out_core[sending])]
+                target.deliver(int(axons.out_axon[sending]), step)
+        for route, spikes in self._routes:
+            for sending in np.flatnonzero(spikes[step][route.line]):
+                target = self._cores[int(route.core[sending])]
+                target.deliver(int(route.axon[sending]), step)
 
-        trace.spikes[b, step, columns] = np.concatenate([state.fired for state in cores.values()])
-        trace.active[b, step] = np.concatenate([state.active() for state in cores.values()])
+    def note(
+        self, recording: int, step: int, windows: dict[Register, Window], trace: PhaseTrace
+    ) -> None:
+        """Write the row of a step into a trace."""
+        states = self._cores.values()
+        trace.spikes[recording, step, self.columns] = np.concatenate([s.fired for s in states])
+        trace.active[recording, step] = np.concatenate([s.active() for s in states])
         for kind, window in windows.items():
             if window.start <= step < window.stop:
-                register = np.empty(len(columns), dtype=np.int64)
-                register[columns] = np.concatenate(
-                    [getattr(state, kind) for state in cores.values()]
-                )
-                trace.registers[kind][b, step - window.start] = register[window.columns]
-    trace.events[b][:, columns] = np.concatenate([state.events for state in cores.values()], axis=1)
+                register = np.empty(len(self.columns), dtype=np.int64)
+                register[self.columns] = np.concatenate([s.register(kind) for s in states])
+                row = step - window.start
+                trace.registers[kind][recording, row] = register[window.columns]
+
+    def events(self) -> IntArray:
+        """Return how often every compartment met each event, (events, compartments)."""
+        return np.concatenate([state.events for state in self._cores.values()], axis=1)
 
 
 class _CoreState:
@@ -113,6 +127,10 @@ class _CoreState:
         for event, met in loihi.events(step.response, step.live):
             if met.any():
                 self.events[EVENTS.index(event), i] += met
+
+    def register(self, kind: Register) -> IntArray:
+        """Return a register of every compartment after the step."""
+        return {"u": self.u, "v": self.v, "potential": self.potential}[kind]
 
     def active(self) -> list[int]:
         """Count the compartments of every piece that had anything to work on."""
