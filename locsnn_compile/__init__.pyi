@@ -1,7 +1,7 @@
-from .api import CompiledModel as CompiledModel
 from .api import compile as compile
 from .api import diagnose as diagnose
 from .api import verify as verify
+from .compiled import Compiled as Compiled
 from .data.read import read_recordings as read_recordings
 from .data.recordings import Expected as Expected
 from .data.recordings import Recordings as Recordings
@@ -10,6 +10,7 @@ from .errors import InputError as InputError
 from .errors import LocsnnError as LocsnnError
 from .errors import TargetError as TargetError
 from .frontends import load as load
+from .mesh.compiled import CompiledModel as CompiledModel
 from .models.checkpoint import Checkpoint as Checkpoint
 from .network.chip_neurons import ChipCuba as ChipCuba
 from .network.chip_neurons import ChipSrm as ChipSrm

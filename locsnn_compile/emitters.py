@@ -14,8 +14,8 @@ from locsnn_compile.errors import InputError, listed
 if TYPE_CHECKING:
     import hw_model as hw
     from hw_model.engine.playing import Spikes
-    from locsnn_compile.api import CompiledModel
     from locsnn_compile.backends.played import Played
+    from locsnn_compile.mesh.compiled import CompiledModel
 
 LEVEL_KINDS = ("network", "quantized", "compartments", "placed", "routed", "program")
 """Levels of the compiler, from the trained network to the program."""

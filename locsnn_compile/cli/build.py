@@ -7,11 +7,9 @@ from pathlib import Path
 
 from hw_model.io.build_folder import check_folder, default_folder, write_build
 from hw_model.io.files import replace_file
-from hw_model.spinnaker.chips import SpinnakerChip
 from hw_model.targets.families import AnyChip, chip_named
 from hw_model.values import picked
-from hw_model.xylo.chips import XyloChip
-from locsnn_compile.api import calibration_recordings, fulfil, join, recordings_for
+from locsnn_compile.api import fulfil, join
 from locsnn_compile.cli.options import given, recording_of
 from locsnn_compile.cli.places import check_places
 from locsnn_compile.cli.shell import EXIT_GATE, progress_bar, terminal
@@ -29,11 +27,11 @@ from locsnn_compile.emitters import (
     BUILD_NAMES,
     EMITTERS,
     ShownRecording,
-    check_kinds,
     check_recording_is_shown,
     emitters_of,
 )
 from locsnn_compile.errors import InputError, listed
+from locsnn_compile.families import family_of
 from locsnn_compile.frontends import load
 from locsnn_compile.frontends.format_rows import LoadOptions
 from locsnn_compile.network.network import Network
@@ -45,10 +43,9 @@ from locsnn_compile.request.compile_request import (
     PricingRequest,
     SettingRequest,
 )
+from locsnn_compile.request.recordings import calibration_recordings, recordings_for
 from locsnn_compile.settings import DIALS, check_matters
-from locsnn_compile.spinnaker.compiled import check_emitted as check_emitted_for_spinnaker
 from locsnn_compile.verification.error_bounds import ErrorBudget
-from locsnn_compile.xylo.compiled import check_emitted
 
 READ = ("--options", "--config", "--events", "--calibration", "--target", "--profile")
 BOUNDS = ("--min-agreement", "--max-spike-error", "--max-score-error")
@@ -63,7 +60,7 @@ def build(args: Namespace) -> int:
     _check_places(args, folder)
     network = _network(args)
     target = chip_named(args.target)
-    _check_kinds(target, args.emit)
+    family_of(target).check_kinds(target, args.emit)
     recordings, calibration = _recordings(args, network)
     number = recording_of(args.recording, recordings)
     with progress_bar("checking against the trained network", show=not args.quiet) as progress:
@@ -106,23 +103,14 @@ def build(args: Namespace) -> int:
     return EXIT_GATE if failed or unmet else 0
 
 
-def _check_kinds(target: AnyChip, kinds: Sequence[str]) -> None:
-    """Refuse kinds of --emit that show what a target does not have."""
-    if isinstance(target, XyloChip):
-        check_emitted(target.name, kinds)
-    elif isinstance(target, SpinnakerChip):
-        check_emitted_for_spinnaker(target.name, kinds)
-    else:
-        check_kinds(target, kinds)
-
-
 def _setting_request(
     args: Namespace, target: AnyChip, calibration: Recordings | None
 ) -> SettingRequest:
     """Return what the options ask of the setting."""
     values = picked(args, *(dial.name for dial in DIALS))
     budget = ErrorBudget(args.min_agreement, args.max_spike_error, args.max_score_error)
-    return SettingRequest.of(target, values, budget, calibration)
+    setting = family_of(target).setting(target, values)
+    return SettingRequest.of(setting, values, budget, calibration)
 
 
 def _of_an_earlier_build(folder: Path, files: Mapping[str, bytes]) -> list[str]:

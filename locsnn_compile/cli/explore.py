@@ -24,7 +24,6 @@ from pathlib import Path
 
 import hw_model as hw
 from hw_model.io.build_folder import check_folder, default_folder, write_build
-from locsnn_compile.api import calibration_recordings
 from locsnn_compile.cli.interrupt import EXIT_INTERRUPTED
 from locsnn_compile.cli.options import given
 from locsnn_compile.cli.places import check_places
@@ -45,6 +44,7 @@ from locsnn_compile.explore.point import ModelFile, Study
 from locsnn_compile.explore.result import exploration_files, lines
 from locsnn_compile.explore.sweep import Store, auto_bounds, sweep
 from locsnn_compile.frontends.format_rows import LoadOptions
+from locsnn_compile.request.recordings import calibration_recordings
 from locsnn_compile.settings import DIALS, Value, check_matters, settings, weight_bits_of
 from locsnn_compile.verification.error_bounds import ErrorBudget
 

@@ -14,7 +14,7 @@ event, once everything is at rest.
 
 import argparse
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import chain
@@ -63,17 +63,11 @@ def run(args: argparse.Namespace) -> int:
     """Play every recording; print a line for each, or JSON."""
     _check_options(args)
     program = load_any_program(args.program)
-    # Programs of other chips do not need what follows.
-    if isinstance(program, XyloProgram):
-        from locsnn_compile.cli.run_whole import run_whole
-        from locsnn_compile.cli.run_xylo import whole_xylo
+    return PLAYERS[type(program)](args, program)
 
-        return run_whole(args, whole_xylo(program))
-    if isinstance(program, SpinnakerProgram):
-        from locsnn_compile.cli.run_spinnaker import whole_spinnaker
-        from locsnn_compile.cli.run_whole import run_whole
 
-        return run_whole(args, whole_spinnaker(program))
+def run_on_mesh(args: argparse.Namespace, program: hw.ChipProgram) -> int:
+    """Play every recording to a program for a mesh of cores or the open core."""
     if args.profile:
         program = replace(program, chip=hw.priced_by(program.chip, args.profile))
     if program.readout is None:
@@ -369,3 +363,28 @@ def _predicted(figures: StopFigures) -> str:
     if figures.accuracy is not None:
         accuracy = f"; accuracy {figures.accuracy:.3f} instead of {figures.whole_accuracy:.3f}"
     return f"same prediction as the whole recording in {same}{accuracy}"
+
+
+# Programs of other chips do not need what is imported below.
+
+
+def _run_xylo(args: argparse.Namespace, program: XyloProgram) -> int:
+    from locsnn_compile.cli.run_whole import run_whole
+    from locsnn_compile.cli.run_xylo import whole_xylo
+
+    return run_whole(args, whole_xylo(program))
+
+
+def _run_spinnaker(args: argparse.Namespace, program: SpinnakerProgram) -> int:
+    from locsnn_compile.cli.run_spinnaker import whole_spinnaker
+    from locsnn_compile.cli.run_whole import run_whole
+
+    return run_whole(args, whole_spinnaker(program))
+
+
+PLAYERS: Mapping[type, Callable[[argparse.Namespace, Any], int]] = {
+    hw.ChipProgram: run_on_mesh,
+    XyloProgram: _run_xylo,
+    SpinnakerProgram: _run_spinnaker,
+}
+"""What plays recordings to a program, by the class of the program."""

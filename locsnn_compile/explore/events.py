@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 
 from hw_model.values import Frozen
-from locsnn_compile.api import recordings_for
 from locsnn_compile.data.read import read_recordings, recording_parts
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.write import write_recordings
 from locsnn_compile.errors import InputError
 from locsnn_compile.network.network import Network
+from locsnn_compile.request.recordings import recordings_for
 from locsnn_compile.verification.observation import check_labels
 
 CHOOSING = "train"

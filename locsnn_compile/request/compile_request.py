@@ -8,15 +8,12 @@ from pathlib import Path
 from typing import Generic, TypeVar
 
 import hw_model as hw
-from hw_model.spinnaker.chips import SpinnakerChip
 from hw_model.targets.families import AnyChip
 from hw_model.values import ArrayLike, Frozen
-from hw_model.xylo.chips import XyloChip
 from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.errors import InputError
 from locsnn_compile.network.network import Network
-from locsnn_compile.request.spinnaker_setting import spinnaker_setting
-from locsnn_compile.request.xylo_setting import xylo_setting
-from locsnn_compile.settings import AUTO, Setting, Value, setting_for
+from locsnn_compile.settings import AUTO, Setting, Value
 from locsnn_compile.verification.error_bounds import ErrorBudget
 from locsnn_compile.verification.matching import Progress
 
@@ -45,19 +42,13 @@ class SettingRequest(Frozen, eq=False):
     @classmethod
     def of(
         cls,
-        chip: AnyChip,
+        setting: Setting,
         values: Mapping[str, Value | None],
         budget: ErrorBudget | None = None,
         calibration: Events | None = None,
     ) -> "SettingRequest":
-        """Return a request for values by dial, None for usual ones; see :func:`setting_for`."""
+        """Return a request for the setting that values by dial, None for usual ones, stand for."""
         given = frozenset(name for name, value in values.items() if value is not None)
-        if isinstance(chip, XyloChip):
-            setting = xylo_setting(chip, values)
-        elif isinstance(chip, SpinnakerChip):
-            setting = spinnaker_setting(chip, values)
-        else:
-            setting = setting_for(chip, values)
         return cls(setting, given, budget or NO_BOUNDS, calibration)
 
     @property
@@ -104,3 +95,12 @@ class CompileRequest(Generic[TargetT], Frozen, eq=False):
     setting: SettingRequest
     check: CheckRequest
     pricing: PricingRequest = PricingRequest()
+
+
+def check_unpriced(request: CompileRequest[AnyChip], why: str) -> None:
+    """Refuse a profile where no energies are known, and a scheduler where this process plays."""
+    if request.pricing.profile is not None:
+        raise InputError(f"profile {str(request.pricing.profile)!r}", why, fix="Leave it out.")
+    if request.check.scheduler is not None:
+        what = f"recordings are played to {request.chip.name} in this process"
+        raise InputError("scheduler", what, fix="Leave it out.")

@@ -6,9 +6,9 @@ from hw_model.arithmetic import loihi
 from hw_model.mapping.graph import CompartmentGraph, Readout
 from hw_model.spinnaker.chips import SpinnakerChip
 from hw_model.spinnaker.program import SpinnakerProgram
-from hw_model.values import Frozen, picked
+from hw_model.values import picked
 from locsnn_compile.data.recordings import Recordings
-from locsnn_compile.network.check import check_network
+from locsnn_compile.errors import InputError
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.quantized import QuantizedNetwork
 from locsnn_compile.passes.lower_neurons import lower_neurons
@@ -16,54 +16,57 @@ from locsnn_compile.passes.quantize import quantize_by
 from locsnn_compile.passes.rounding.task import FINE
 from locsnn_compile.reference.evaluate import calibrate
 from locsnn_compile.report.grounds import grounds_of
-from locsnn_compile.request.spinnaker_setting import SETTING
+from locsnn_compile.request.compile_request import CompileRequest, check_unpriced
+from locsnn_compile.request.recordings import calibration_for, recordings_for, with_psi
 from locsnn_compile.spinnaker.comparison import compare_spinnaker
 from locsnn_compile.spinnaker.compiled import CompiledSpinnaker
 from locsnn_compile.spinnaker.document import spinnaker_figures
 from locsnn_compile.spinnaker.fits import check_neurons
 from locsnn_compile.spinnaker.grid import grid_of
 from locsnn_compile.spinnaker.lower import LoweredSpinnaker, lower_to_spinnaker
-from locsnn_compile.verification.matching import Progress
+from locsnn_compile.spinnaker.setting import SETTING
 
 
-class SpinnakerRequest(Frozen, eq=False):
-    """A network, a chip, the recordings of the check, and those that weights are rounded for."""
-
-    network: Network
-    chip: SpinnakerChip
-    recordings: Recordings
-    calibration: Recordings
-    progress: Progress | None = None
-
-
-def compile_for_spinnaker(request: SpinnakerRequest) -> CompiledSpinnaker:
-    """Return the program of a network and its check.
+def fulfil_for_spinnaker(request: CompileRequest[SpinnakerChip]) -> CompiledSpinnaker:
+    """Compile a network as requested, and check it against the float reference.
 
     Raises ``TargetError`` for what SpiNNaker lacks, and ``InputError`` for recordings that do not
-    fit.
+    fit and for what a request may ask of other chips only.
     """
-    recordings = request.recordings
-    check_network(request.network)
-    network = request.network.with_step_of(recordings)
+    chip = request.chip
+    _check_asked(request)
+    network = with_psi(request.network, request.check.psi)
+    recordings = recordings_for(network, request.check.events, request.check.labels)
+    calibration = calibration_for(network, recordings, request.setting.calibration)
+    network = network.with_step_of(recordings)
     if network.any_length:
         network = replace(network, steps=recordings.spikes.shape[1])
     # Recordings that do not fit are refused before all the work.
     fitted = network.fitted(recordings)
     check_neurons(network)
-    quantized = quantize_for(request.chip, network, request.calibration)
-    graph = lower_neurons(quantized, grid_of(request.chip))
-    lowered = lower_to_spinnaker(graph, request.chip)
-    program = program_of(quantized, graph, lowered, request.chip)
-    match = compare_spinnaker(quantized, program, fitted, request.progress)
+    quantized = quantize_for(chip, network, calibration)
+    graph = lower_neurons(quantized, grid_of(chip))
+    lowered = lower_to_spinnaker(graph, chip)
+    program = program_of(quantized, graph, lowered, chip)
+    match = compare_spinnaker(quantized, program, fitted, request.check.progress)
     grounds = grounds_of(
         network,
         recordings,
-        request.calibration,
-        grid_of(request.chip).registers,
+        calibration,
+        grid_of(chip).registers,
         rounded=quantized.populations,
     )
     figures = spinnaker_figures(quantized, lowered, program, match, grounds)
     return CompiledSpinnaker(quantized, lowered, program, match, figures)
+
+
+def _check_asked(request: CompileRequest[SpinnakerChip]) -> None:
+    """Refuse what means nothing for SpiNNaker."""
+    name = request.chip.name
+    check_unpriced(request, f"no table of the energies of {name} was checked")
+    if request.setting.budget.given:
+        what = f"there is one setting for {name}, and bounds choose among several"
+        raise InputError("budget", what, fix="Leave out the bounds, and ask for gates.")
 
 
 def quantize_for(

@@ -2,15 +2,13 @@
 
 from dataclasses import replace
 
-from hw_model.values import Frozen, picked
+from hw_model.values import picked
 from hw_model.xylo.chips import XyloChip
 from hw_model.xylo.program import NamedPart, XyloProgram
-from locsnn_compile.data.recordings import Recordings
-from locsnn_compile.network.check import check_network
-from locsnn_compile.network.network import Network
 from locsnn_compile.report.grounds import grounds_of
-from locsnn_compile.settings import NATIVE
-from locsnn_compile.verification.matching import Progress
+from locsnn_compile.request.compile_request import CompileRequest, check_unpriced
+from locsnn_compile.request.recordings import recordings_for, with_psi
+from locsnn_compile.settings import NATIVE, check_matters
 from locsnn_compile.xylo.comparison import compare_xylo
 from locsnn_compile.xylo.compiled import CompiledXylo
 from locsnn_compile.xylo.document import xylo_figures
@@ -20,34 +18,35 @@ from locsnn_compile.xylo.quantized import QuantizedXylo
 from locsnn_compile.xylo.trained import trained_integers
 
 
-class XyloRequest(Frozen, eq=False):
-    """A network, a chip, and the recordings of the check."""
-
-    network: Network
-    chip: XyloChip
-    recordings: Recordings
-    progress: Progress | None = None
-
-
-def compile_for_xylo(request: XyloRequest) -> CompiledXylo:
-    """Return the program of a network and its check.
+def fulfil_for_xylo(request: CompileRequest[XyloChip]) -> CompiledXylo:
+    """Compile a network as requested, and check it against the float reference.
 
     Raises ``TargetError`` for what the chip lacks, and ``InputError`` for recordings that do not
-    fit.
+    fit and for what a request may ask of other chips only.
     """
-    recordings = request.recordings
-    check_network(request.network)
-    network = request.network.with_step_of(recordings)
+    chip = request.chip
+    _check_asked(request)
+    network = with_psi(request.network, request.check.psi)
+    recordings = recordings_for(network, request.check.events, request.check.labels)
+    network = network.with_step_of(recordings)
     if network.any_length:
         network = replace(network, steps=recordings.spikes.shape[1])
     # Recordings that do not fit are refused before all the work.
     fitted = network.fitted(recordings)
-    parts = parts_of(network, request.chip)
+    parts = parts_of(network, chip)
     quantized = trained_integers(parts) if parts.on_grid else quantize_xylo(parts)
-    program = program_of(parts, quantized, request.chip)
-    match = compare_xylo(quantized, program, fitted, request.progress)
+    program = program_of(parts, quantized, chip)
+    match = compare_xylo(quantized, program, fitted, request.check.progress)
     grounds = grounds_of(network, recordings, recordings, registers=None)
-    return CompiledXylo(quantized, program, match, xylo_figures(quantized, program, match, grounds))
+    figures = xylo_figures(quantized, program, match, grounds)
+    return CompiledXylo(quantized, program, match, figures)
+
+
+def _check_asked(request: CompileRequest[XyloChip]) -> None:
+    """Refuse what means nothing for a Xylo."""
+    check_unpriced(request, f"no energies of {request.chip.name} are published")
+    if request.setting.calibration is not None:
+        check_matters(request.network, {"calibration": "calibration"})
 
 
 def program_of(parts: XyloParts, quantized: QuantizedXylo, chip: XyloChip) -> XyloProgram:

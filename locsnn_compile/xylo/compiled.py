@@ -3,27 +3,21 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from hw_model.errors import InputError, listed
-from hw_model.io.build_folder import write_build
-from hw_model.io.given import checked
 from hw_model.values import Frozen
+from hw_model.xylo.chips import XyloChip
 from hw_model.xylo.files import xylo_files
 from hw_model.xylo.program import XyloProgram
 from locsnn_compile.backends.xylo.folder import xylo_folder
-from locsnn_compile.emitters import ShownRecording
+from locsnn_compile.compiled import Compiled
+from locsnn_compile.emitters import Files, ShownRecording
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.text import network_text
 from locsnn_compile.report.content import Report
 from locsnn_compile.report.figures.document import GateFigures
-from locsnn_compile.report.figures.entries import plain
-from locsnn_compile.report.renderers.html import render_html, render_summary
-from locsnn_compile.report.sections.verdict import matches
-from locsnn_compile.report.written import report_files
 from locsnn_compile.xylo.comparison import XyloMatch
 from locsnn_compile.xylo.document import XyloFigures
 from locsnn_compile.xylo.page import compose_xylo
@@ -31,25 +25,15 @@ from locsnn_compile.xylo.quantized import QuantizedXylo
 from locsnn_compile.xylo.text import program_text
 
 
-class CompiledXylo(Frozen, eq=False):
+class CompiledXylo(Compiled, Frozen, eq=False, repr=False):
     """A program for a Xylo and its check; ``figures`` are the content of report.json, with types."""
 
     quantized: QuantizedXylo
     program: XyloProgram
     match: XyloMatch
     figures: XyloFigures
-
-    def __repr__(self) -> str:
-        sentence = matches(self.figures).sentence.rstrip(".")
-        return f"<CompiledXylo {self.network.name[:60]!r} on {self.program.chip.name}: {sentence}>"
-
-    def _repr_html_(self) -> str:
-        return render_summary(self.composed)
-
-    @cached_property
-    def report(self) -> dict[str, Any]:
-        """The content of report.json, as plain values."""
-        return dict(plain(self.figures))
+    choice: None = None
+    """There is nothing to choose: neurons leak as the chip's do, and weights have 8 bits."""
 
     @cached_property
     def composed(self) -> Report:
@@ -65,33 +49,23 @@ class CompiledXylo(Frozen, eq=False):
         """Return the same with these gates in the report."""
         return replace(self, figures=replace(self.figures, gates=gates))
 
-    def to_html(self) -> str:
-        """Return report.html, a page in one file."""
-        return render_html(self.composed)
-
     @property
-    def choice(self) -> None:
-        """There is nothing to choose: neurons leak as the chip's do, and weights have 8 bits."""
-        return None
+    def chip_name(self) -> str:
+        """The name of the chip."""
+        return self.program.chip.name
 
-    def files(
-        self, emit: Sequence[str] = (), shown: ShownRecording | None = None
-    ) -> dict[str, bytes]:
-        """Return the program and its reports as bytes, by name; equal input gives equal bytes.
+    def program_files(self) -> Files:
+        """Return ``program.yaml`` and ``program.npz``."""
+        return xylo_files(self.program)
 
-        ``emit`` are kinds of ``--emit``; ``xylo`` needs the recording that is ``shown``.
-        """
-        check_emitted(self.program.chip.name, emit)
-        files = xylo_files(self.program) | report_files(self.report, self.composed)
-        for kind in EMITTED:
-            if kind in emit:
-                files |= EMITTED[kind](self, shown)
+    def emitted_files(self, kinds: Sequence[str], shown: ShownRecording | None) -> Files:
+        """Return the files of some kinds of ``--emit``; ``xylo`` needs the recording that is shown."""
+        check_emitted(self.program.chip, kinds)
+        files: Files = {}
+        for kind, write in EMITTED.items():
+            if kind in kinds:
+                files |= write(self, shown)
         return files
-
-    @checked
-    def save(self, folder: str | Path) -> None:
-        """Write the program and its reports into a folder, or none of them; other files stay."""
-        write_build(Path(folder), self.files())
 
 
 def _network_text(compiled: CompiledXylo, shown: ShownRecording | None) -> dict[str, bytes]:
@@ -111,7 +85,7 @@ def _rockpool(compiled: CompiledXylo, shown: ShownRecording | None) -> dict[str,
     return xylo_folder(compiled.program, recording)
 
 
-EMITTED: dict[str, Callable[[CompiledXylo, ShownRecording | None], dict[str, bytes]]] = {
+EMITTED: dict[str, Callable[[CompiledXylo, ShownRecording | None], Files]] = {
     "network": _network_text,
     "program": _program_text,
     "xylo": _rockpool,
@@ -119,10 +93,10 @@ EMITTED: dict[str, Callable[[CompiledXylo, ShownRecording | None], dict[str, byt
 """The kinds of ``--emit`` that show what a program for a Xylo has, and their files by name."""
 
 
-def check_emitted(chip: str, kinds: Sequence[str]) -> None:
+def check_emitted(chip: XyloChip, kinds: Sequence[str]) -> None:
     """Refuse kinds of ``--emit`` that show what a Xylo does not have."""
     for kind in kinds:
         if kind not in EMITTED:
-            what = f"it shows compartments, cores or a board, and {chip} has none of them"
+            what = f"it shows compartments, cores or a board, and {chip.name} has none of them"
             known = listed([f"--emit {name}" for name in EMITTED], "or")
             raise InputError(f"--emit {kind}", what, fix=f"Use {known}.")

@@ -24,7 +24,6 @@ from hw_model.mapping.arrangement import arrange_cores
 from hw_model.mapping.placement import place_cores
 from hw_model.mapping.routing import route_axons
 from hw_model.program.assemble import assemble
-from locsnn_compile.api import recordings_for
 from locsnn_compile.data.read import read_recordings
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.network.network import Network
@@ -36,6 +35,7 @@ from locsnn_compile.passes.rounding.task import FINE, Rounding
 from locsnn_compile.pipeline import Levels
 from locsnn_compile.reference.evaluate import Calibration, calibrate, evaluate
 from locsnn_compile.report.format import energy, share
+from locsnn_compile.request.recordings import recordings_for
 from locsnn_compile.verification.matching import PopulationMatch, compare
 from locsnn_compile.verification.observation import Observed
 

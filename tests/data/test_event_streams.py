@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 import locsnn_compile as lc
-from locsnn_compile.api import recordings_for
 from locsnn_compile.data.read import read_recordings
 from locsnn_compile.errors import InputError
+from locsnn_compile.request.recordings import recordings_for
 
 TXYP = np.dtype([("t", "i8"), ("x", "i2"), ("y", "i2"), ("p", "i1")])
 

@@ -20,8 +20,8 @@ import yaml
 import hw_model as hw
 import locsnn_compile as lc
 from hw_model.values import ByteArray
-from locsnn_compile.api import recordings_for
 from locsnn_compile.data import Recordings, from_tonic, read_recordings
+from locsnn_compile.request.recordings import recordings_for
 from tests.frontends.net_files import neuron, write_net
 from tests.frontends.slayer_files import LOIHI
 

@@ -22,7 +22,7 @@ from hw_model.rtl import cycles
 from hw_model.rtl.cosimulation import ANSWER, PATIENCE, play_on_core
 from hw_model.rtl.images import SIMULATED, CoreProgram
 from hw_model.rtl.simulators import sources
-from locsnn_compile.api import recordings_for
+from locsnn_compile.request.recordings import recordings_for
 
 sys.path.insert(0, str(ROOT / "tests/benchmarks"))
 from page_section import put_section

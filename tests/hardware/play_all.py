@@ -24,7 +24,7 @@ import hw_model as hw
 import locsnn_compile as lc
 from hw_model.rtl.comparison import compare
 from hw_model.rtl.simulators import sources
-from locsnn_compile.api import recordings_for
+from locsnn_compile.request.recordings import recordings_for
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "peers"))
 from peer_runs import networks_of

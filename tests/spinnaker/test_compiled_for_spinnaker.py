@@ -7,8 +7,6 @@ import pytest
 import locsnn_compile as lc
 from hw_model.errors import TargetError
 from hw_model.spinnaker.chips import spinnaker_chip
-from locsnn_compile.api import recordings_for
-from locsnn_compile.spinnaker.compile import SpinnakerRequest, compile_for_spinnaker
 from locsnn_compile.spinnaker.compiled import CompiledSpinnaker
 
 CHIP = spinnaker_chip("spinnaker1")
@@ -17,9 +15,7 @@ TOUCHES = "examples/recordings/touches.npz"
 
 def compiled(model: str, events: str | None = None) -> CompiledSpinnaker:
     network = lc.load(f"examples/models/{model}.pt")
-    calibration = network.recordings or recordings_for(network, None)
-    recordings = calibration if events is None else lc.read_recordings(events)
-    return compile_for_spinnaker(SpinnakerRequest(network, CHIP, recordings, calibration))
+    return lc.compile(network, CHIP, events=events)
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,93 @@
+"""What every compiled network has, whatever the chip: a program, its check, and the report of both."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from hw_model.io.build_folder import write_build
+from hw_model.io.given import checked
+from locsnn_compile.emitters import Files, ShownRecording
+from locsnn_compile.network.network import Network
+from locsnn_compile.report.content import Report
+from locsnn_compile.report.figures.document import GateFigures, SharedFigures
+from locsnn_compile.report.figures.entries import plain
+from locsnn_compile.report.renderers.html import render_html, render_summary
+from locsnn_compile.report.sections.verdict import matches
+from locsnn_compile.report.written import report_files
+from locsnn_compile.request.choose_strategy import Choice
+
+
+class Compiled(ABC):
+    """A program, the network that it came from, and the report of their comparison.
+
+    - ``figures``: the content of report.json, with types
+    - ``choice``: what ``auto`` compared; None where there was nothing to choose
+
+    Next to what is declared here, it has a ``program`` for its chip.
+    """
+
+    figures: SharedFigures
+    choice: Choice | None
+
+    @property
+    @abstractmethod
+    def network(self) -> Network:
+        """The trained network."""
+
+    @property
+    @abstractmethod
+    def chip_name(self) -> str:
+        """The name of the chip."""
+
+    @property
+    @abstractmethod
+    def composed(self) -> Report:
+        """The content of report.html, report.md and the summary on the terminal."""
+
+    @abstractmethod
+    def with_gates(self, gates: tuple[GateFigures, ...]) -> "Compiled":
+        """Return the same with these gates in the report."""
+
+    @abstractmethod
+    def program_files(self) -> Files:
+        """Return ``program.yaml`` and ``program.npz``."""
+
+    @abstractmethod
+    def emitted_files(self, kinds: Sequence[str], shown: ShownRecording | None) -> Files:
+        """Return the files of some kinds of ``--emit``."""
+
+    def __repr__(self) -> str:
+        sentence = matches(self.figures).sentence.rstrip(".")
+        name = self.network.name[:60]
+        return f"<{type(self).__name__} {name!r} on {self.chip_name}: {sentence}>"
+
+    def _repr_html_(self) -> str:
+        return render_summary(self.composed)
+
+    @cached_property
+    def report(self) -> dict[str, Any]:
+        """The content of report.json, as plain values."""
+        return dict(plain(self.figures))
+
+    def to_html(self) -> str:
+        """Return report.html, a page in one file."""
+        return render_html(self.composed)
+
+    def files(self, emit: Sequence[str] = (), shown: ShownRecording | None = None) -> Files:
+        """Return the program and its reports as bytes, by name, as ``locsnn-compile`` writes them.
+
+        ``emit`` are kinds of ``--emit``; those about one recording need the one that is ``shown``.
+        Equal input, equal bytes.
+        """
+        files = self.program_files() | report_files(self.report, self.composed)
+        return files | self.emitted_files(emit, shown)
+
+    @checked
+    def save(self, folder: str | Path) -> None:
+        """Write the program and its reports into a folder, all or none of them.
+
+        Other files there stay, and with them what ``--emit`` wrote for an earlier build.
+        """
+        write_build(Path(folder), self.files())

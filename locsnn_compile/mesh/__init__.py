@@ -1,0 +1,1 @@
+"""Networks compiled for chips with cores at places of a mesh, and for the open core."""

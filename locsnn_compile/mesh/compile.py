@@ -1,0 +1,129 @@
+"""Compile a network for a mesh of cores or the open core, and check it against the float reference."""
+
+from dataclasses import replace
+
+import hw_model as hw
+from hw_model.engine.ahead import compile_ahead
+from locsnn_compile.cluster.spread import Spread, spread_over
+from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.errors import InputError
+from locsnn_compile.mesh.compiled import CompiledModel
+from locsnn_compile.network.network import Network
+from locsnn_compile.pipeline import Levels
+from locsnn_compile.reference.evaluate import calibrate
+from locsnn_compile.report.figures.document import Findings, report_figures
+from locsnn_compile.report.grounds import grounds_of
+from locsnn_compile.request.choose_strategy import Choice, choose_strategy, lower_or_advise
+from locsnn_compile.request.compile_request import CompileRequest, SettingRequest
+from locsnn_compile.request.recordings import calibration_for, recordings_for, with_psi
+from locsnn_compile.settings import AUTO, NATIVE, STRATEGIES
+from locsnn_compile.verification.diagnosis import diagnose as find_diagnosis
+from locsnn_compile.verification.excerpt import take_excerpt
+from locsnn_compile.verification.matching import compare
+from locsnn_compile.verification.observation import Observed
+from locsnn_compile.verification.over_time import PSI, over_time
+
+AHEAD_OF_SESSIONS = "hw_model.streaming.ahead"
+"""The module that compiles the loops of sessions in a process of its own, without which nothing here imports them."""
+
+
+def fulfil_for_mesh(request: CompileRequest[hw.Chip]) -> CompiledModel:
+    """Compile a network as requested, and check it against the float reference.
+
+    Raises ``InputError`` for something that cannot be used, and ``TargetError`` for a model that
+    the chip cannot hold.
+    """
+    chip = request.pricing.priced(request.chip)
+    check = request.check
+    network = with_psi(request.network, check.psi)
+    recordings = recordings_for(network, check.events, check.labels)
+    network = network.with_step_of(recordings)
+    if network.any_length:
+        network = replace(network, steps=recordings.spikes.shape[1])
+    # Recordings that do not fit are refused before all the work.
+    fitted = network.fitted(recordings)
+    calibration = calibration_for(network, recordings, request.setting.calibration)
+    fitted_calibration = fitted if calibration is recordings else network.fitted(calibration)
+    if check.diagnosis:
+        compile_ahead(AHEAD_OF_SESSIONS)
+    with spread_over(check.scheduler) as spread:
+        levels, choice = _lower(network, chip, request.setting, fitted_calibration, spread)
+        observed = observed_by(levels, fitted)
+        match = compare(observed, progress=check.progress, spread=spread)
+    network = _with_bounds_of(choice, network, request.setting)
+    diagnosis, followed, excerpt = None, None, None
+    if check.diagnosis:
+        diagnosis = find_diagnosis(observed, match.first_divergence)
+        followed = over_time(observed, PSI if network.psi is None else network.psi)
+        excerpt = take_excerpt(observed, match.first_divergence)
+    grounds = grounds_of(
+        network,
+        recordings,
+        calibration,
+        chip.registers,
+        chosen=choice is not None,
+        rounded=levels.quantized.populations,
+    )
+    findings = Findings(diagnosis, followed, choice)
+    figures = report_figures(levels, match, grounds, findings)
+    return CompiledModel(observed, match, figures, choice, excerpt)
+
+
+def _with_bounds_of(choice: Choice | None, network: Network, asked: SettingRequest) -> Network:
+    """Return the network; where an unusual strategy sets the bounds of ``auto``, it says so."""
+    if choice is None or asked.setting.strategy != AUTO or asked.budget.given:
+        return network
+    usual = next(iter(STRATEGIES))
+    first = choice.candidates[0].strategy
+    if first == usual:
+        return network
+    chip = choice.levels.program.chip
+    said = (
+        f"{chip.name} cannot hold strategy {usual}, which sets the bounds of auto. "
+        f"Here {first} sets them."
+    )
+    return replace(network, assumptions=(*network.assumptions, said))
+
+
+def _lower(
+    network: Network,
+    chip: hw.Chip,
+    asked: SettingRequest,
+    calibration: Recordings,
+    spread: Spread,
+) -> tuple[Levels, Choice | None]:
+    """Lower as asked, or by a setting that is chosen; refuse a strategy that no neuron uses."""
+    choice = None
+    if asked.chooses:
+        choice = choose_strategy(network, chip, asked, calibration, spread)
+    if choice:
+        levels = choice.levels
+    else:
+        setting = asked.setting
+        if setting.strategy == AUTO:
+            setting = replace(setting, strategy=next(iter(STRATEGIES)))
+        calibrated = calibrate(network, calibration, chip.registers)
+        levels = lower_or_advise(network, chip, setting, calibrated)
+    _check_used(asked.setting.strategy, levels)
+    return levels, choice
+
+
+def _check_used(strategy: str, levels: Levels) -> None:
+    """Refuse a strategy that no neuron of the model uses."""
+    used = {population.strategy for population in levels.quantized.populations}
+    if strategy == AUTO or strategy in used:
+        return
+    # Neurons with a reset of their own are already what ``reset`` turns others into.
+    if strategy == "reset" and used == {NATIVE}:
+        return
+    raise InputError(
+        f"strategy {strategy!r}",
+        "no neuron of this model uses it",
+        measured=f"its neurons are {levels.quantized.strategy}",
+        fix="Leave the strategy out.",
+    )
+
+
+def observed_by(levels: Levels, fitted: Recordings) -> Observed:
+    """Return what both sides do on recordings of the network's own steps and channels."""
+    return Observed(levels, fitted.spikes, fitted.labels, fitted.source)
