@@ -77,63 +77,101 @@ def take_echoes(nodes: Numbering, synapses: dict[Ends, list[_Synapses]]) -> Echo
     return found
 
 
+class _Held:
+    """Links as they are laid out, one after the other: a row of numbers each, entries of matrices, and lists."""
+
+    def __init__(self) -> None:
+        self.rows: list[tuple[int, ...]] = []
+        self.matrices: list[npt.NDArray[np.int16]] = []
+        self.words: dict[int, list[Lanes]] = {
+            LIST: [np.empty(0, dtype=np.int32)],
+            WIDE_LIST: [np.empty(0, dtype=np.int64)],
+        }
+        self.list_starts = [np.empty(0, dtype=np.int64)]
+        self._matrix_size = 0
+        self._list_rows = 0
+
+    def add(self, ends: Ends, synapses: tuple[IntArray, ...], sources: int, slots: slice) -> None:
+        """Add the synapses, sorted, of a link from ``sources`` sources to slots of a node."""
+        source, slot, weight, delay = synapses
+        slots_of_target = slots.stop - slots.start
+        matrix = _matrix(source, slot, weight, delay, (sources, slots_of_target))
+        if matrix is not None:
+            form = MATRIX, self._matrix_size, slots_of_target, slots.start, int(delay[0]), 0, 0, 0
+            self.rows.append((*ends, *form))
+            self.matrices.append(matrix.ravel())
+            self._matrix_size += matrix.size
+            return
+        words, bits = _packed(slot, weight, delay, (slots_of_target - 1).bit_length())
+        kind = LIST if words.dtype == np.int32 else WIDE_LIST
+        late_rows = int(delay.max() - delay.min()) + 1
+        if len(slot) < REACH_SHARE * sources * late_rows * slots_of_target // LANES:
+            late_rows = 0
+        list_form = kind, self._list_rows, late_rows, slots.start, int(delay.min())
+        self.rows.append((*ends, *list_form, *bits))
+        first = np.searchsorted(source, np.arange(sources + 1))
+        self.list_starts.append(first + sum(map(len, self.words[kind])))
+        self.words[kind].append(words)
+        self._list_rows += len(first)
+
+    def matrix(self) -> npt.NDArray[np.int16]:
+        """Return the entries of all matrices."""
+        together = aligned((self._matrix_size,), np.int16)
+        if self.matrices:
+            np.concatenate(self.matrices, out=together)
+        return together
+
+
 def links_of(
     nodes: Numbering,
     synapses: dict[Ends, list[_Synapses]],
     blocks: Blocks,
     cut: Cut,
-    by_delay: IntArray,
+    due_late: IntArray,
 ) -> Links:
     """Lay out the synapses by their ends; they are taken out, so that no more than one link is there twice."""
-    slot = cut.slot
     divided = _by_delay(nodes, synapses)
-    block_of = {node: k for k, block in enumerate(blocks) for node in block}
-    external: list[list[tuple[int, int, int]]] = [[] for _ in blocks]
-    internal: list[list[tuple[int, int, int]]] = [[] for _ in nodes.names]
-    for source, target, part in sorted(divided):
-        inside = source >= nodes.inputs and block_of[source] == block_of[target]
-        (internal[source] if inside else external[block_of[target]]).append((source, target, part))
-    listed = [ends for part in (*external, *internal) for ends in part]
-    rows, matrices, starts_of_lists = [], [], [np.empty(0, dtype=np.int64)]
-    words: dict[int, list[Lanes]] = {
-        LIST: [np.empty(0, dtype=np.int32)],
-        WIDE_LIST: [np.empty(0, dtype=np.int64)],
-    }
-    matrix_size = list_rows = 0
-    for node, to, part in listed:
-        sources, column, weights, delay = _sorted(divided.pop((node, to, part)))
-        low, high = LANES * int(cut.of_node[to]), LANES * int(cut.of_node[to + 1])
-        place = slot[column] - low
-        matrix = _matrix(sources, place, weights, delay, (int(nodes.size[node]), high - low))
-        if matrix is not None:
-            rows.append((node, to, MATRIX, matrix_size, high - low, low, int(delay[0]), 0, 0, 0))
-            matrices.append(matrix.ravel())
-            matrix_size += matrix.size
-            continue
-        first = np.searchsorted(sources, np.arange(nodes.size[node] + 1))
-        packed, form = _packed(place, weights, delay, (high - low - 1).bit_length())
-        kind = LIST if packed.dtype == np.int32 else WIDE_LIST
-        late_rows = int(delay.max() - delay.min()) + 1
-        if len(place) < REACH_SHARE * nodes.size[node] * late_rows * (high - low) // LANES:
-            late_rows = 0
-        rows.append((node, to, kind, list_rows, late_rows, low, int(delay.min()), *form))
-        starts_of_lists.append(first + sum(map(len, words[kind])))
-        words[kind].append(packed)
-        list_rows += len(first)
+    into_block, from_node = _in_order(nodes, blocks, sorted(divided))
+    held = _Held()
+    for parts in (*into_block, *from_node):
+        for node, target, part in parts:
+            source, column, weight, delay = _sorted(divided.pop((node, target, part)))
+            slots = slice(LANES * int(cut.of_node[target]), LANES * int(cut.of_node[target + 1]))
+            slot = cut.slot[column] - slots.start
+            held.add((node, target), (source, slot, weight, delay), int(nodes.size[node]), slots)
 
-    matrix = aligned((matrix_size,), np.int16)
-    if matrices:
-        np.concatenate(matrices, out=matrix)
-    heads = dict(
-        zip(Links._fields, np.array(rows, dtype=np.int64).reshape(-1, 10).T.copy(), strict=False)
-    )
-    outside = sum(len(part) for part in external)
+    columns = np.array(held.rows, dtype=np.int64).reshape(-1, 10).T.copy()
+    outside = sum(map(len, into_block))
     return Links(
-        **heads, matrix=matrix, word=np.concatenate(words[LIST]), wide_word=np.concatenate(words[WIDE_LIST]),
-        list_start=np.concatenate(starts_of_lists),
-        into_block=np.cumsum([0, *map(len, external)]), from_node=np.cumsum([0, *map(len, internal)]) + outside,
-        due_late=by_delay,
-    )  # fmt: skip
+        **dict(zip(Links._fields, columns, strict=False)),
+        matrix=held.matrix(),
+        word=np.concatenate(held.words[LIST]),
+        wide_word=np.concatenate(held.words[WIDE_LIST]),
+        list_start=np.concatenate(held.list_starts),
+        into_block=np.cumsum([0, *map(len, into_block)]),
+        from_node=np.cumsum([0, *map(len, from_node)]) + outside,
+        due_late=due_late,
+    )
+
+
+_Part = tuple[int, int, int]
+"""Both ends of synapses, and the delay by which those of these ends are divided, or 0."""
+
+
+def _in_order(
+    nodes: Numbering, blocks: Blocks, parts: list[_Part]
+) -> tuple[list[list[_Part]], list[list[_Part]]]:
+    """Return what leads into each block from other nodes, and what each node sends within its own block."""
+    block_of = {node: k for k, block in enumerate(blocks) for node in block}
+    into_block: list[list[_Part]] = [[] for _ in blocks]
+    from_node: list[list[_Part]] = [[] for _ in nodes.names]
+    for source, target, part in parts:
+        is_input = source < nodes.inputs
+        if not is_input and block_of[source] == block_of[target]:
+            from_node[source].append((source, target, part))
+        else:
+            into_block[block_of[target]].append((source, target, part))
+    return into_block, from_node
 
 
 def _by_delay(
