@@ -1,0 +1,45 @@
+"""Write what the machine code does with random networks: ``python tests/spinnaker/record_machine.py PYTHON``.
+
+PYTHON is one that has sPyNNaker and unicorn.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+from machine_files import RECORDED, read, write_cases
+from random_spinnaker import Case, random_case
+
+DRIVER = Path(__file__).parents[1] / "peers" / "drive_spinnaker.py"
+SEEDS = (3, 6, 12, 20, 25, 31, 50, 60, 70, 115, 117, 142)
+
+
+def ask_machine(
+    python: Path | str, cases: Iterable[Case], folder: Path
+) -> list[dict[str, np.ndarray]]:
+    """Return constants, registers and spikes of networks, a mapping for each."""
+    write_cases(folder / "networks.npz", cases)
+    call = [str(python), str(DRIVER), str(folder / "networks.npz"), str(folder / "result.npz")]
+    subprocess.run(call, check=True, timeout=1800)
+    return read(folder / "result.npz")
+
+
+def record(python: str, cases: Sequence[Case], path: Path) -> None:
+    """Write networks, what is played to them, and what the machine code did."""
+    arrays = {}
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        results = ask_machine(python, cases, folder)
+        given = read(folder / "networks.npz")
+    for number, (case, result) in enumerate(zip(given, results, strict=True)):
+        arrays |= {f"{number}/{key}": value for key, value in {**case, **result}.items()}
+    np.savez_compressed(path, **arrays)
+
+
+if __name__ == "__main__":
+    record(sys.argv[1], [random_case(seed) for seed in SEEDS], RECORDED)

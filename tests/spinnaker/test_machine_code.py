@@ -1,0 +1,135 @@
+"""SpiNNaker against what the machine code of sPyNNaker was seen to do, and faults that it tells."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from machine_files import RECORDED, case_of, differences, read
+from random_spinnaker import PHASE
+
+from hw_model.arithmetic import spinnaker
+from hw_model.arithmetic.spinnaker import ONE, SPAN
+from hw_model.spinnaker.fast import play_fast
+from hw_model.spinnaker.reference import play_reference
+
+WITNESSES = read(RECORDED)
+
+
+@pytest.mark.parametrize("play", [play_reference, play_fast])
+@pytest.mark.parametrize("number", range(len(WITNESSES)))
+def test_every_constant_and_register_is_that_of_the_machine_code(number, play):
+    case = case_of(WITNESSES[number])
+    result = play(case.network, PHASE, case.spikes, case.lateness)
+    assert differences(case, result, WITNESSES[number]) == {}
+
+
+def test_the_recorded_networks_meet_all_that_the_arithmetic_distinguishes():
+    met = dict.fromkeys(spinnaker.EVENTS, 0)
+    at_threshold = 0
+    silent_synapses = 0
+    for witness in WITNESSES:
+        case = case_of(witness)
+        result = play_reference(case.network, PHASE, case.spikes, case.lateness)
+        for name, count in result.events.items():
+            met[name] += count
+        at_threshold += np.count_nonzero(result.potential == witness["parameters.v_thresh"])
+        silent_synapses += np.count_nonzero(witness["parameters.tau_syn"] > 1 << 30)
+    assert all(met.values())
+    assert at_threshold > 50
+    assert silent_synapses > 0
+
+
+def _rounded_product(goal, distance, membrane_decay):
+    return goal - ((distance * membrane_decay + ONE // 2) >> 15)
+
+
+def _towards_zero(goal, distance, membrane_decay):
+    product = distance * membrane_decay
+    return goal - np.sign(product) * (np.abs(product) >> 15)
+
+
+def _share_of_2_to_32(tau_syn, synapse_decay):
+    return (tau_syn * (SPAN - synapse_decay) >> 15) % SPAN
+
+
+def _share_without_a_wrap(tau_syn, synapse_decay):
+    return np.minimum(tau_syn * (SPAN - 1 - synapse_decay) >> 15, SPAN - 1)
+
+
+def _unrounded_share(wide, factor):
+    return wide * factor >> 32
+
+
+def _step_that(**changes: Callable[..., Any]) -> Callable[..., Any]:
+    """Return the step with changed potentials: ``fired`` or ``state`` of what the sound one gives."""
+
+    def faulty(p, c, shifts, state, ring):
+        taken = SOUND_STEP(p, c, shifts, state, ring)
+        return taken._replace(
+            **{name: change(p, c, state, taken) for name, change in changes.items()}
+        )
+
+    return faulty
+
+
+SOUND_STEP = spinnaker.step
+SOUND_EXPULR = spinnaker.expulr
+
+
+def _refractory_one_longer(p, c, state, taken):
+    left = np.where(taken.fired, c.refractory_steps + 1, taken.state.refractory)
+    return taken.state._replace(refractory=left)
+
+
+def _silent_while_refractory(p, c, state, taken):
+    return taken.fired & (state.refractory == 0)
+
+
+def _currents_cleared_by_a_spike(p, c, state, taken):
+    return taken.state._replace(current=np.where(taken.fired[:, None], 0, taken.state.current))
+
+
+FAULTS = {
+    "the membrane's product is rounded to nearest": ("approached", _rounded_product),
+    "the membrane's product is rounded towards 0": ("approached", _towards_zero),
+    "products of the exponentials are not rounded": ("_share", _unrounded_share),
+    "e^0 is the largest u0.32": ("expulr", lambda x: SOUND_EXPULR(x) if x else SPAN - 1),
+    "2^32 instead of 2^32 - 1 in the initial share": ("initial_share", _share_of_2_to_32),
+    "the initial share saturates": ("initial_share", _share_without_a_wrap),
+    "a current fades towards 0": (
+        "faded",
+        lambda current, decay: np.sign(current) * (np.abs(current) * decay >> 32),
+    ),
+    "sums saturate": ("wrap", lambda x: np.clip(x, -(1 << 31), (1 << 31) - 1)),
+    "inhibition excites": ("drive_of", lambda one, other, offset: one + other + offset),
+    "a goal lies at rest alone": ("goal_of", lambda drive, resistance, v_rest: v_rest + drive),
+    "a ring buffer saturates at 65,534": ("RING_MAX", 65534),
+    "a ring buffer wraps": ("collected", lambda entry, weight: (entry + weight) % (1 << 16)),
+    "a synapse late by its delay still acts": (
+        "comes_too_late",
+        lambda lateness, delay, slots: delay < slots and lateness > delay,
+    ),
+    "a delay of all slots can be too late": (
+        "comes_too_late",
+        lambda lateness, delay, slots: lateness >= delay,
+    ),
+    "a spike acts a step late": ("slot_of", lambda sent, delay, slots: (sent + delay + 1) % slots),
+    "refractory for a step longer": ("step", _step_that(state=_refractory_one_longer)),
+    "no spike in refractory steps": ("step", _step_that(fired=_silent_while_refractory)),
+    "a spike clears the currents": ("step", _step_that(state=_currents_cleared_by_a_spike)),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_what_was_recorded_tells_a_planted_fault(fault, monkeypatch):
+    name, faulty = FAULTS[fault]
+    monkeypatch.setattr(spinnaker, name, faulty)
+    told = 0
+    for witness in WITNESSES:
+        case = case_of(witness)
+        result = play_reference(case.network, PHASE, case.spikes, case.lateness)
+        told += sum(differences(case, result, witness).values())
+    assert told > 0
