@@ -40,6 +40,7 @@ _SIZES = {
 """Cameras by how their names begin, in lower case. Sizes: iniVation's page on AEDAT 3.1."""
 _PACKET_HEAD = struct.Struct("<HHIIIIII")
 _POLARITY_PACKET = 1
+_DAVIS_X_FROM_BIT = 12
 _EVENT_BYTES = 8
 
 
@@ -84,7 +85,7 @@ def _aedat2_stream(header: FileHeader, where: str) -> EventStream:
         polarity = address & 1
     else:
         is_pixel = (address >> 31 == 0) & (address >> 10 & 1 == 0)
-        x = address >> 12 & 0x3FF
+        x = address >> _DAVIS_X_FROM_BIT & 0x3FF
         y = address >> 22 & 0x1FF
         polarity = address >> 11 & 1
     events = CameraEvents(

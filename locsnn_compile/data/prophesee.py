@@ -32,6 +32,8 @@ from locsnn_compile.data.file_headers import FileHeader, split_header
 from locsnn_compile.errors import InputError, check_most
 
 _EVT2_BRIGHTER, _EVT2_TIME_HIGH = 1, 8
+_EVT2_TIME_LOW_BITS = 6
+_EVT3_KIND_FROM_BIT = 12
 _EVT3_Y, _EVT3_X, _EVT3_VECTOR, _EVT3_NEXT_12, _EVT3_NEXT_8 = 0, 2, 3, 4, 5
 _EVT3_TIME_LOW, _EVT3_TIME_HIGH = 6, 8
 _EVT3_TIME_BITS = 12
@@ -119,7 +121,9 @@ def _evt2_events(body: bytes, where: str) -> CameraEvents:
     )
     sets_time = kind == _EVT2_TIME_HIGH
     high = np.zeros(len(words), dtype=np.int64)
-    high[sets_time] = unwrapped((words[sets_time] & 0xFFFFFFF).astype(np.int64), 28) << 6
+    high[sets_time] = (
+        unwrapped((words[sets_time] & 0xFFFFFFF).astype(np.int64), 28) << _EVT2_TIME_LOW_BITS
+    )
     began = held(high, sets_time, _UNSET)[is_event]
     events = words[is_event].astype(np.int64)
     is_timed = began >= 0
@@ -177,7 +181,7 @@ def _evt3_chunks(words: IntArray, where: str) -> Iterator[CameraEvents]:
 
 def _evt3_chunk(words: IntArray, state: _Evt3State) -> tuple[CameraEvents, _Evt3State]:
     """Return the events of a chunk of words, and what the words leave set for the next."""
-    kind = words >> 12
+    kind = words >> _EVT3_KIND_FROM_BIT
     payload = words & 0xFFF
     time_high = _evt3_time_high(kind, payload, state.time_high)
     # A new high part begins at a low part of 0, until that is set as well.

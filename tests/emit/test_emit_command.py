@@ -19,7 +19,9 @@ from locsnn_compile.emitters import EMITTERS
 MODEL = Path(__file__).parents[2] / "examples/models/objects-hybrid.pt"
 CHOSEN = 1
 PROGRAM_KINDS = [
-    emitter.kind for emitter in EMITTERS if emitter.shows_recording and emitter.of_chip is None
+    emitter.kind
+    for emitter in EMITTERS
+    if emitter.shows_recording and emitter.of_chip is None and emitter.kind != "lava"
 ] + [
     "graphml",
     "dot",
