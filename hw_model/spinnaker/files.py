@@ -138,7 +138,7 @@ def spinnaker_files(program: SpinnakerProgram) -> dict[str, bytes]:
     if optional["class_names"]:
         optional["class_names"] = list(optional["class_names"])
     return sealed_files(
-        SPINNAKER_PROGRAM, VERSION, entries | _known(optional), _arrays(program.network)
+        SPINNAKER_PROGRAM, VERSION, entries | _known(optional), spinnaker_arrays(program.network)
     )
 
 
@@ -163,7 +163,8 @@ def _readout_entries(readout: Readout | None) -> list[dict[str, object]]:
     return entries
 
 
-def _arrays(network: SpinnakerNetwork) -> dict[str, IntArray]:
+def spinnaker_arrays(network: SpinnakerNetwork) -> dict[str, IntArray]:
+    """Return the arrays of a network by their names in the file."""
     arrays: dict[str, IntArray] = {}
     for number, item in enumerate(network.inputs):
         for name in ("positions", "first_lines"):
@@ -293,7 +294,7 @@ def _readout(document: SpinnakerDocument) -> Readout | None:
 
 def _check_names(arrays: Mapping[str, IntArray], network: SpinnakerNetwork) -> None:
     """Refuse arrays that belong to nothing in a program: nobody would see what they hold."""
-    unknown = sorted(set(arrays) - set(_arrays(network)))
+    unknown = sorted(set(arrays) - set(spinnaker_arrays(network)))
     if unknown:
         what = "it holds arrays without a meaning"
         raise InputError(PROGRAM_NPZ, what, measured=unknown[0], fix="Compile again.")

@@ -91,7 +91,7 @@ def xylo_files(program: XyloProgram) -> dict[str, bytes]:
     for name, value in optional.items():
         if value is not None:
             entries[name] = _plain(value)
-    return sealed_files(XYLO_PROGRAM, VERSION, entries, _arrays(network))
+    return sealed_files(XYLO_PROGRAM, VERSION, entries, xylo_arrays(network))
 
 
 def _plain(value: object) -> object:
@@ -101,7 +101,8 @@ def _plain(value: object) -> object:
     return value
 
 
-def _arrays(network: XyloNetwork) -> dict[str, IntArray]:
+def xylo_arrays(network: XyloNetwork) -> dict[str, IntArray]:
+    """Return the arrays of a network by their names in the file."""
     arrays: dict[str, IntArray] = picked(network, *_WEIGHTS)
     for called, population in (("hidden", network.hidden), ("outputs", network.outputs)):
         for name in _PARAMETERS:
@@ -169,7 +170,7 @@ def _population(called: str, arrays: Mapping[str, IntArray]) -> XyloPopulation:
 
 def _check_names(arrays: Mapping[str, IntArray], program: XyloProgram) -> None:
     """Refuse arrays that belong to nothing in a program: nobody would see what they hold."""
-    unknown = sorted(set(arrays) - set(_arrays(program.network)))
+    unknown = sorted(set(arrays) - set(xylo_arrays(program.network)))
     if unknown:
         what = "it holds arrays without a meaning"
         raise InputError(PROGRAM_NPZ, what, measured=unknown[0], fix="Compile again.")

@@ -4,27 +4,33 @@ Compare the reports and programs of two builds: does it match as well, cost less
 
 example:
   locsnn diff build/objects-hybrid build/objects-hybrid-4bit --html diff.html
+
+With --events both programs play recordings, and their spikes are compared by population. They may be for chips that
+compute in different ways.
 """
 
 import argparse
 import json
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import hw_model as hw
 from hw_model.io.files import parsing, read_bytes, replace_file
 from hw_model.io.folders import finish_writing
 from hw_model.io.given import check_path
+from hw_model.targets.saved import AnyProgram, load_any_program
 from locsnn_compile.cli.places import check_places
 from locsnn_compile.cli.shell import terminal
 from locsnn_compile.emitters import BUILD_NAMES
 from locsnn_compile.errors import InputError, check_same, listed
+from locsnn_compile.report.figures.any_program import any_program_figures
 from locsnn_compile.report.figures.entries import plain
-from locsnn_compile.report.figures.program import program_figures
 from locsnn_compile.report.renderers.html import render_html
 from locsnn_compile.report.renderers.terminal import render_terminal
 from locsnn_compile.report.sections.builds import Build, changes, contents_changed, percent
 from locsnn_compile.report.sections.comparison import comparison
+
+if TYPE_CHECKING:
+    from locsnn_compile.verification.both_programs import ProgramsCompared
 
 MAX_REPORT_BYTES = 64 << 20
 
@@ -39,17 +45,23 @@ def run(args: argparse.Namespace) -> int:
             for name in BUILD_NAMES
         }
         check_places(reads, [(f"--html {args.html!r}", Path(args.html))])
-    before, after = (_build(Path(folder)) for folder in (args.before, args.after))
+    programs = [load_any_program(folder) for folder in (args.before, args.after)]
+    before, after = (
+        _build(Path(folder), program)
+        for folder, program in zip((args.before, args.after), programs, strict=True)
+    )
     changed = changes(before, after)
+    played = _played(programs[0], programs[1], args.events) if args.events else None
     if args.html:
-        page = render_html(comparison(before, after))
+        page = render_html(comparison(before, after, played))
         replace_file(Path(args.html), page.encode(), where=f"--html {args.html!r}")
     if args.json:
-        print(
-            json.dumps(
-                {key: {"before": a, "after": b} for key, (a, b) in changed.items()}, indent=2
-            )
-        )
+        document: dict[str, Any] = {
+            key: {"before": a, "after": b} for key, (a, b) in changed.items()
+        }
+        if played:
+            document["played"] = _document(played)
+        print(json.dumps(document, indent=2))
     elif not changed:
         print("The builds are equal.")
     elif parts := contents_changed(changed):
@@ -59,18 +71,44 @@ def run(args: argparse.Namespace) -> int:
             by = percent(a, b)
             print(f"{key}: {a} -> {b}{f' ({by})' if by else ''}")
     else:
-        render_terminal(comparison(before, after), terminal())
+        render_terminal(comparison(before, after, played), terminal())
         print("\n--all lists every figure that changed.")
     return 0
 
 
-def _build(folder: Path) -> Build:
+def _played(before: AnyProgram, after: AnyProgram, events: str) -> "ProgramsCompared":
+    """Play recordings to both programs, which say how they are read."""
+    # Only where something is played.
+    from locsnn_compile.cli.expectations import expected_by_any
+    from locsnn_compile.data.read import read_recordings
+    from locsnn_compile.verification.both_programs import compare_programs
+
+    return compare_programs(before, after, read_recordings(events, model=expected_by_any(before)))
+
+
+def _document(played: "ProgramsCompared") -> dict[str, Any]:
+    return {
+        "source": played.source,
+        "recordings": played.recordings,
+        "same_classes": played.same_classes,
+        "by_population": {
+            name: {
+                "before": match.reference_spikes,
+                "after": match.chip_spikes,
+                "equal": match.common_spikes,
+            }
+            for name, match in played.by_population.items()
+        },
+    }
+
+
+def _build(folder: Path, program: AnyProgram) -> Build:
     report = read_report(folder)
-    program = program_figures(hw.load_program(folder))
-    build = Build(folder.absolute().name, report, plain(program))
-    counted = build.figures.get("resources.synapses", program.synapses)
+    figures = any_program_figures(program)
+    build = Build(folder.absolute().name, report, plain(figures))
+    counted = build.figures.get("resources.synapses", figures.synapses)
     what = "report.json counts other synapses than the program has"
-    check_same(counted, program.synapses, f"build {build.name!r}", what, fix="Compile again.")
+    check_same(counted, figures.synapses, f"build {build.name!r}", what, fix="Compile again.")
     return build
 
 

@@ -13,7 +13,15 @@ from fences import PAGES, ROOT, name
 sys.path.insert(0, str(ROOT / "docs/extensions"))
 from command_help import parsers
 
-OF_SCRIPTS = {"--speed", "--only", "--dataset", "--names", "--data", "--repeats"}
+OF_SCRIPTS = {
+    "--time-scale-factor",
+    "--speed",
+    "--only",
+    "--dataset",
+    "--names",
+    "--data",
+    "--repeats",
+}
 """Options of the scripts in ``tests``, which pages name as well."""
 OPTIONS = {
     program: {option for action in parser._actions for option in action.option_strings}

@@ -13,4 +13,9 @@ def declare(parser: argparse.ArgumentParser) -> None:
         "--all", action="store_true", help="print every figure that differs, one per line"
     )
     add_json(parser, "print the differences as JSON")
+    parser.add_argument(
+        "--events",
+        metavar="PATH",
+        help="recordings that both programs play, to compare their spikes and classes",
+    )
     parser.add_argument("--html", metavar="FILE", help="also write a page that shows them")

@@ -41,6 +41,7 @@ from locsnn_compile.report.sections.builds import (
     same_recordings,
 )
 from locsnn_compile.report.words import words
+from locsnn_compile.verification.both_programs import ProgramsCompared
 
 MAX_ROWS = 150
 """Most changed figures in a section of the page; --json has all."""
@@ -96,22 +97,57 @@ _Known = tuple[float | None, float | None]
 """A figure before and after; None if nothing was compared."""
 
 
-def comparison(before: Build, after: Build) -> Report:
-    """Return the comparison of two builds."""
+def comparison(before: Build, after: Build, played: ProgramsCompared | None = None) -> Report:
+    """Return the comparison of two builds; ``played`` is what both programs did on recordings."""
     changed = changes(before, after)
     return Report(
         kind="locsnn diff",
         title=f"{_short(before.name)} → {_short(after.name)}",
         subtitle=f"{before.text('model.name')} on {before.text('target')}, then {after.text('model.name')} on "
         f"{after.text('target')}: {plural(len(changed), 'figure')} changed",
-        verdicts=(_matches(before, after), _costs(before, after), _fits(before, after)),
+        verdicts=(_matches(before, after, played), _costs(before, after), _fits(before, after)),
         notices=tuple(_notices(before, after)),
-        sections=(_key_figures(before, after), *_all(changed)),
+        sections=(
+            *(() if played is None else (_spikes_of_both(played),)),
+            _key_figures(before, after),
+            *_all(changed),
+        ),
         footer="Figures that are equal are left out.",
     )
 
 
-def _matches(before: Build, after: Build) -> Verdict:
+def _facts_of_both(played: ProgramsCompared) -> dict[str, str]:
+    """Return, of both programs on the same recordings, how many classes and spikes are equal."""
+    recordings = plural(played.recordings, "recording")
+    facts = {"class of both programs": f"the same in {count(played.same_classes)} of {recordings}"}
+    for name, match in played.by_population.items():
+        if match.agreement is not None:
+            facts[f"both, {name}"] = f"{share(match.agreement)} of spikes equal"
+    return facts
+
+
+def _spikes_of_both(played: ProgramsCompared) -> Section:
+    """Return how many spikes of both programs are at the same neuron and step, by population."""
+    rows = tuple(
+        (
+            name,
+            agreed(match.agreement),
+            count(match.reference_spikes),
+            count(match.chip_spikes),
+            count(match.mismatches),
+        )
+        for name, match in played.by_population.items()
+    )
+    columns = ("population", "spikes equal", "before", "after", "only on one side")
+    lead = (
+        f"Both programs predict the same class in {count(played.same_classes)} of "
+        f"{plural(played.recordings, 'recording')} of {played.source}."
+    )
+    table = Table("Spikes of both programs", columns, rows)
+    return Section("spikes-of-both", "Spikes of both programs", lead, (table,))
+
+
+def _matches(before: Build, after: Build, played: ProgramsCompared | None) -> Verdict:
     predictions = _shares(before, after, "prediction_agreement")
     spikes = _shares(before, after, "spike_agreement")
     scores = before.score_error, after.score_error
@@ -126,6 +162,7 @@ def _matches(before: Build, after: Build) -> Verdict:
         "spikes on one side only": _both(before, after, "match.spike_mismatches", count),
         "class scores": _now(*off),
         "wraps and clips": _both(before, after, "match.wraps", count, "match.clips"),
+        **({} if played is None else _facts_of_both(played)),
     }
     same = agreed(predictions[1], "an unknown share")
     same_before = agreed(predictions[0], "an unknown share")
