@@ -1,0 +1,94 @@
+"""How far registers of a population can get, in closed form, while each source spikes once a step.
+
+Weights are not negative, so that a current lies between 0 and the largest that it can be; V lies
+between the least and the greatest goal, or where it began or was reset to. The bounds are exact
+integers of any size: what they say does not wrap itself.
+"""
+
+import numpy as np
+
+from hw_model.arithmetic import spinnaker
+from hw_model.arithmetic.spinnaker import EXCITATORY, HALF_SPAN, INHIBITORY, RING_MAX, SPAN
+from hw_model.spinnaker.network import RECEPTORS, SpinnakerNetwork, SpinnakerPopulation
+from hw_model.values import AnyArray, Frozen, IntArray
+
+
+class Reach(Frozen, eq=False):
+    """The largest magnitudes that n neurons can reach, arrays of Python's integers.
+
+    ``ring``, ``shifted_ring`` and ``current`` (n, receptors): stored weights of a step, what a shift
+    makes of them, and currents. ``drive``, ``goal`` and ``distance`` (n,): what moves V, where to,
+    and how far that can be from V.
+    """
+
+    ring: AnyArray
+    shifted_ring: AnyArray
+    current: AnyArray
+    drive: AnyArray
+    goal: AnyArray
+    distance: AnyArray
+
+    @property
+    def saturates(self) -> bool:
+        """Whether the bounds do not exclude that a weight saturates a ring buffer."""
+        return bool((self.ring > RING_MAX).any())
+
+    @property
+    def wraps(self) -> bool:
+        """Whether the bounds do not exclude that a sum wraps."""
+        sums = (self.shifted_ring, self.current, self.drive, self.goal, self.distance)
+        return any(bool((reached >= HALF_SPAN).any()) for reached in sums)
+
+    @property
+    def fits(self) -> bool:
+        """Whether nothing can saturate or wrap."""
+        return not self.saturates and not self.wraps
+
+
+def reach_of(network: SpinnakerNetwork, name: str) -> Reach:
+    """Return how far the registers of a population can get."""
+    population = network.population(name)
+    parameters = population.parameters
+    ring = _weights_of_a_step(network, population).astype(object)
+    shifted_ring = np.minimum(ring, RING_MAX) * 2 ** np.array(population.shifts, dtype=object)
+    current = _largest_current(population, shifted_ring)
+
+    offset = parameters.i_offset.astype(object)
+    highest_drive = current[:, EXCITATORY] + offset
+    lowest_drive = offset - current[:, INHIBITORY]
+    resistance = population.constants.resistance.astype(object)
+    v_rest = parameters.v_rest.astype(object)
+    goals = [
+        spinnaker.goal_of(drive, resistance, v_rest) for drive in (lowest_drive, highest_drive)
+    ]
+    lowest_goal = np.minimum(*goals)  # a resistance that wrapped may be negative
+    highest_goal = np.maximum(*goals)
+    begins = (parameters.v_reset.astype(object), parameters.v_init.astype(object))
+    lowest_v = np.minimum.reduce([lowest_goal, *begins])
+    highest_v = np.maximum.reduce([highest_goal, *begins])
+    return Reach(
+        ring=ring,
+        shifted_ring=shifted_ring,
+        current=current,
+        drive=np.maximum(abs(lowest_drive), abs(highest_drive)),
+        goal=np.maximum(abs(lowest_goal), abs(highest_goal)),
+        distance=np.maximum(highest_goal - lowest_v, highest_v - lowest_goal),
+    )
+
+
+def _weights_of_a_step(network: SpinnakerNetwork, population: SpinnakerPopulation) -> IntArray:
+    """Return the most that a step can bring to every neuron and receptor, (n, receptors)."""
+    sums = np.zeros((population.size, spinnaker.RECEPTORS), dtype=np.int64)
+    for projection in network.projections:
+        if projection.target == population.name:
+            receptor = RECEPTORS.index(projection.receptor)
+            np.add.at(sums[:, receptor], projection.target_index, projection.weight)
+    return sums
+
+
+def _largest_current(population: SpinnakerPopulation, shifted_ring: AnyArray) -> AnyArray:
+    """Return the current, (n, receptors), that loses in a step what a step can bring."""
+    constants = population.constants
+    added = constants.synapse_init.astype(object) * shifted_ring // SPAN
+    lost = SPAN - constants.synapse_decay.astype(object)
+    return -(-added * SPAN // lost)
