@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
 from typing import Any
 
@@ -133,3 +134,19 @@ def test_what_was_recorded_tells_a_planted_fault(fault, monkeypatch):
         result = play_reference(case.network, PHASE, case.spikes, case.lateness)
         told += sum(differences(case, result, witness).values())
     assert told > 0
+
+
+EXPONENTIALS = {
+    "expk": "17f887efb84814586dc2c931a2e6b20193949466585a93ed6ca7e6dd4766f260",
+    "expulr": "65481c61433742492055387e77821102f272c0c3187d6454ecb8ddbbe0c5d37b",
+}
+"""SHA-256 of what the machine code gave for every argument, as words of 32 bits, lowest byte first."""
+
+
+@pytest.mark.parametrize("name", EXPONENTIALS)
+def test_every_exponential_is_that_of_the_machine_code(name):
+    exponential = getattr(spinnaker, name)
+    arguments = range(spinnaker.EXPONENT_MIN - 1, spinnaker.EXPONENT_MAX + 2)
+    assert len(arguments) == 704_106
+    words = np.array([exponential(x) % SPAN for x in arguments], dtype="<u4")
+    assert hashlib.sha256(words.tobytes()).hexdigest() == EXPONENTIALS[name]
