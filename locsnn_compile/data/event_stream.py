@@ -104,8 +104,9 @@ class EventStream(Frozen, eq=False):
     recording, None if it ends with its last event. ``channels``, ``polarities`` and ``columns`` are those of the
     format, None if it does not fix them.
     ``step_seconds`` is the width of a bin that its format has, if any, ``step_rule`` says which bin an event is in, and
-    ``place`` names the recording in errors. ``elsewhere`` counts events of its file that belong to other streams, which
-    are not read. ``if_too_long`` is the way out if it has too many bins. ``column_order``: what the columns of its
+    ``place`` names the recording in errors. ``elsewhere`` counts events of its file that belong to other streams, or
+    precede its first time, which are not read.
+    ``if_too_long`` is the way out if it has too many bins. ``column_order``: what the columns of its
     table were taken as, in words; empty for events that are not in a table. ``start_is_fixed``: its format says when a
     recording begins, whatever is asked for; ``unit_is_open``: its format has no unit of times.
     """

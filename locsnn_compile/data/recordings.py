@@ -37,8 +37,9 @@ class Binned(Frozen):
     """What became of the ``events`` in files when they were put into bins.
 
     ``outside`` events lay before the first step or after the last. ``below`` events lay in bins with at most
-    ``threshold`` events; such bins are 0. ``elsewhere`` events lay in further streams of their files, which are not
-    read. If the files hold bins, ``threshold`` is None, and ``outside`` counts the bins that were cut off.
+    ``threshold`` events; such bins are 0. ``elsewhere`` events lay in further streams of their files,
+    or before the first time in these, and are not read.
+    If the files hold bins, ``threshold`` is None, and ``outside`` counts the bins that were cut off.
     ``step_is_default``: neither a file nor an option nor a model said how wide a bin is.
     """
 
@@ -60,7 +61,8 @@ class Binned(Frozen):
         bins = (
             "" if self.threshold is None else f", {self.below} in bins of at most {self.threshold}"
         )
-        bins += f", {self.elsewhere} in further streams" if self.elsewhere else ""
+        if self.elsewhere:
+            bins += f", {self.elsewhere} in further streams or before the first time"
         return f"{self.dropped} of {counted(self.events, 'event')} dropped: {self.outside} outside the steps{bins}"
 
     def document(self) -> dict[str, int | None]:

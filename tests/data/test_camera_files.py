@@ -60,6 +60,17 @@ def evt2(*words: int, header: bytes = b"% evt 2.0\n% end\n") -> bytes:
     return header + np.array(words, dtype="<u4").tobytes()
 
 
+def test_events_before_the_first_time_are_counted_as_dropped(tmp_path: Path) -> None:
+    event, time_high = 0x1000_0000, 0x8000_0002
+    (tmp_path / "a.raw").write_bytes(evt2(event, time_high, event))
+    binned = read_recordings(tmp_path / "a.raw").binned
+    assert binned is not None
+    assert binned.words == (
+        "1 of 2 events dropped: 0 outside the steps, 0 in bins of at most 0, "
+        "1 in further streams or before the first time"
+    )
+
+
 def evt3(*words: int, header: bytes = b"% evt 3.0\n% end\n") -> bytes:
     return header + np.array(words, dtype="<u2").tobytes()
 
