@@ -91,4 +91,5 @@ def _largest_current(population: SpinnakerPopulation, shifted_ring: AnyArray) ->
     constants = population.constants
     added = constants.synapse_init.astype(object) * shifted_ring // SPAN
     lost = SPAN - constants.synapse_decay.astype(object)
-    return -(-added * SPAN // lost)
+    current: AnyArray = -(-added * SPAN // lost)
+    return current
