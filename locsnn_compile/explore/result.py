@@ -178,7 +178,7 @@ def _table(found: Exploration) -> list[str]:
         else []
     )
     return [
-        *_aligned(rows, 1 + len(DIALS)),
+        *aligned(rows, 1 + len(DIALS)),
         *refused,
         f"* on the front, > recommended. {FRONT_RULE}",
         *timed,
@@ -192,7 +192,7 @@ def _reported(found: Exploration) -> list[str]:
         ["", "front", *COLUMNS],
         *(["", str(point.setting), *_cells(point)] for point in found.reported),
     ]
-    return [f"The front on {plain_text(found.reported_on.words())}:", *_aligned(rows, 2), ""]
+    return [f"The front on {plain_text(found.reported_on.words())}:", *aligned(rows, 2), ""]
 
 
 def _cells(point: Point) -> list[str]:
@@ -201,7 +201,7 @@ def _cells(point: Point) -> list[str]:
     return [shown(point.figures) for shown in COLUMNS.values()]
 
 
-def _aligned(rows: Sequence[Sequence[str]], names: int) -> list[str]:
+def aligned(rows: Sequence[Sequence[str]], names: int) -> list[str]:
     """Return rows with aligned columns: the first ``names`` columns to the left, the others to the right."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     forms = [f"{'<' if i < names else '>'}{width}" for i, width in enumerate(widths)]

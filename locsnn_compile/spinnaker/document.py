@@ -144,6 +144,10 @@ class SpinnakerFigures(Entry):
         """No energy is known."""
 
     @property
+    def energy_profile(self) -> None:
+        """No table of energy is known."""
+
+    @property
     def latency_ns(self) -> float:
         """The time of a recording on a board that keeps up."""
         return self.latency.per_sample_ns

@@ -116,6 +116,10 @@ class XyloFigures(Entry):
         """No energy is known."""
 
     @property
+    def energy_profile(self) -> None:
+        """No table of energy is known."""
+
+    @property
     def latency_ns(self) -> None:
         """No time is known."""
 

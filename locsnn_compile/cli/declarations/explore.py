@@ -4,7 +4,7 @@ import argparse
 
 from locsnn_compile.cli.declarations.kinds import choice, number
 from locsnn_compile.cli.declarations.shared import (
-    add_chip,
+    add_chips,
     add_document,
     add_error_bounds,
     add_explored,
@@ -51,7 +51,11 @@ def declare(parser: argparse.ArgumentParser) -> None:
     add_times(parser)
     add_sensor(parser)
     add_numbering(parser)
-    add_chip(parser, "--target", "chip name or chip file (default loihi-sim)", default="loihi-sim")
+    add_chips(
+        parser,
+        "--target",
+        "chip name or chip file (default loihi-sim); given several times, the network on each of them",
+    )
     for dial in DIALS:
         add_explored(parser, dial)
     parser.add_argument(

@@ -244,6 +244,12 @@ def add_chip(
     action.completer = completer  # type: ignore[attr-defined]
 
 
+def add_chips(parser: argparse.ArgumentParser, option: str, said: str) -> None:
+    """Add an option that names a chip each time that it is given."""
+    action = parser.add_argument(option, metavar="CHIP", action="append", help=said)
+    action.completer = chips  # type: ignore[attr-defined]
+
+
 def add_format_options(parser: argparse.ArgumentParser) -> None:
     """Add the options that only some formats of models take."""
     for option in FORMAT_OPTIONS:

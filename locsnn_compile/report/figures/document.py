@@ -131,6 +131,11 @@ class ReportFigures(Entry):
         return None if self.energy is None else self.energy.per_sample_pj
 
     @property
+    def energy_profile(self) -> str | None:
+        """What tells the energy; None if it is not known."""
+        return None if self.energy is None else self.energy.profile
+
+    @property
     def latency_ns(self) -> float | None:
         """Mean time per recording; None if it is not known."""
         return self.latency.per_sample_ns if self.latency.timed else None
@@ -178,6 +183,10 @@ class SharedFigures(Protocol):
     @property
     def energy_pj(self) -> float | None:
         """Mean energy per recording; None if it is not known."""
+
+    @property
+    def energy_profile(self) -> str | None:
+        """What tells the energy; None if it is not known."""
 
     @property
     def latency_ns(self) -> float | None:
