@@ -59,7 +59,7 @@ class Sink:
 
 class DelayDense:
     def __init__(self, *, weights, delays, weight_exp, num_weight_bits, sign_mode):
-        self.weights = stored(weights, num_weight_bits, sign_mode)
+        self.weights = stored(weights, num_weight_bits, SignMode[sign_mode.name])
         self.delays = np.broadcast_to(delays, weights.shape)
         self.weight_exp = weight_exp
         self.s_in = Port(self, weights.shape[1:])

@@ -32,13 +32,13 @@ RECORDED = Path(__file__).parent / "recorded-by-lava.npz"
 SEEDS = range(6)
 
 
-def ask_lava(python: Path | str, folder: Path) -> dict[str, Arrays]:
+def ask_lava(python: Path | str, folder: Path, driver: Path = DRIVER) -> dict[str, Arrays]:
     """Return what Lava does with the folders below a folder, by their names."""
     results = folder.with_name(f"{folder.name}-results")
     results.mkdir(exist_ok=True)
     script = folder.with_name(f"{folder.name}-network.py")
     script.write_bytes(next(folder.glob("*/network.py")).read_bytes())
-    call = [str(python), str(DRIVER), str(script), str(folder), str(results)]
+    call = [str(python), str(driver), str(script), str(folder), str(results)]
     subprocess.run(call, check=True, timeout=7200)
     return {path.stem: arrays_of(path) for path in sorted(results.iterdir())}
 

@@ -1,6 +1,7 @@
 """Emitted programs in Lava's fixed-point models: every spike of every step, and u and v after the last one.
 
-``LOCSNN_LAVA_PROGRAMS`` is the number of random programs: 60 take about a minute on an idle machine.
+A thousand random programs are played by Lava's models in one process, and some by Lava as a whole.
+``LOCSNN_LAVA_PROGRAMS`` is the number of these: 60 take a minute or two on an idle machine.
 """
 
 from __future__ import annotations
@@ -19,12 +20,14 @@ import locsnn_compile as lc
 sys.path.insert(0, str(Path(__file__).parents[1] / "lava"))
 from lava_folders import arrays_of, cases, differences, write_folder
 from lava_programs import Case
-from record_lava import ask_lava
+from record_lava import DRIVER, ask_lava
 
 pytestmark = pytest.mark.peers
 
 ROOT = Path(__file__).parents[2]
 PROGRAMS = int(os.environ.get("LOCSNN_LAVA_PROGRAMS", "60"))
+PROGRAMS_OF_MODELS = int(os.environ.get("LOCSNN_LAVA_MODELS", "1000"))
+MODELS = Path(__file__).parent / "drive_lava_models.py"
 SHIPPED = {
     "objects-hybrid": "touches.npz",
     "containers-hybrid": "touches.npz",
@@ -40,11 +43,11 @@ def needs_lava() -> None:
         pytest.skip(f"lava: {reason}")
 
 
-def compare(folder: Path) -> tuple[int, int]:
+def compare(folder: Path, driver: Path = DRIVER) -> tuple[int, int]:
     """Play the folders below a folder; return how many values were compared, and how many spikes are among them."""
     compared = 0
     spikes = 0
-    for name, played in ask_lava(python_of("lava"), folder).items():
+    for name, played in ask_lava(python_of("lava"), folder, driver).items():
         expected = arrays_of(folder / name / "expected.npz")
         assert differences(played, expected) == 0, name
         compared += sum(values.size for values in expected.values())
@@ -54,13 +57,20 @@ def compare(folder: Path) -> tuple[int, int]:
     return compared, spikes
 
 
-def test_random_programs_and_edges_play_as_in_lava(tmp_path):
-    programs = cases(range(PROGRAMS))
+@pytest.mark.parametrize(
+    ("driver", "count"),
+    [
+        pytest.param(DRIVER, PROGRAMS, id="Lava as a whole"),
+        pytest.param(MODELS, PROGRAMS_OF_MODELS, id="its models in one process"),
+    ],
+)
+def test_random_programs_and_edges_play_as_in_lava(driver, count, tmp_path):
+    programs = cases(range(count))
     for name, case in programs.items():
         write_folder(tmp_path / "folders" / name, case)
-    compared, spikes = compare(tmp_path / "folders")
+    compared, spikes = compare(tmp_path / "folders", driver)
     print(f"\nlava: {len(programs)} programs, {compared:,} values, 0 differ ({spikes:,} spikes)")
-    assert spikes > 50 * PROGRAMS
+    assert spikes > 50 * count
 
 
 def shipped_case(model: str, recordings: str, number: int) -> Case:
