@@ -70,24 +70,36 @@ _OUTPUT_SPIKES_MAX = xylo.OUTPUT_SPIKES_MAX
 
 def play_fast(network: XyloNetwork, events: AnyArray) -> XyloResult:
     """Play rows of input events, counts (T, inputs), to a network at rest."""
-    rows = checked_rows(network, events)
-    counted = np.zeros(len(xylo.EVENTS), dtype=np.int64)
-    result = empty_result(network, len(rows), {})
-    hidden = _neurons(network.hidden, network.aliases)
-    outputs = _neurons(network.outputs, None)
-    charges = Charges(
-        from_inputs=_charges(network.weights_in, network.shift_in),
-        among_hidden=_charges(network.weights_hidden, network.shift_hidden),
-        onto_outputs=_charges(network.weights_out[:, :, None], network.shift_out),
-    )
-    at_rest = (_at_rest(network.hidden), _at_rest(network.outputs))
-    recorded = (
-        Recorded(result.spikes, result.i, result.v),
-        Recorded(result.output_spikes, result.output_i[:, :, None], result.output_v),
-    )
-    _play(rows, hidden, outputs, charges, at_rest, recorded, counted)
-    result.events.update(zip(xylo.EVENTS, counted.tolist(), strict=True))
-    return result
+    return FastXylo(network).play(events)
+
+
+class FastXylo:
+    """A network laid out for the compiled loops once, for any number of recordings."""
+
+    def __init__(self, network: XyloNetwork) -> None:
+        self._network = network
+        self._hidden = _neurons(network.hidden, network.aliases)
+        self._outputs = _neurons(network.outputs, None)
+        self._charges = Charges(
+            from_inputs=_charges(network.weights_in, network.shift_in),
+            among_hidden=_charges(network.weights_hidden, network.shift_hidden),
+            onto_outputs=_charges(network.weights_out[:, :, None], network.shift_out),
+        )
+
+    def play(self, events: AnyArray) -> XyloResult:
+        """Play rows of input events, counts (T, inputs), to the network at rest."""
+        network = self._network
+        rows = checked_rows(network, events)
+        counted = np.zeros(len(xylo.EVENTS), dtype=np.int64)
+        result = empty_result(network, len(rows), {})
+        at_rest = (_at_rest(network.hidden), _at_rest(network.outputs))
+        recorded = (
+            Recorded(result.spikes, result.i, result.v),
+            Recorded(result.output_spikes, result.output_i[:, :, None], result.output_v),
+        )
+        _play(rows, self._hidden, self._outputs, self._charges, at_rest, recorded, counted)
+        result.events.update(zip(xylo.EVENTS, counted.tolist(), strict=True))
+        return result
 
 
 def _neurons(population: XyloPopulation, aliases: tuple[tuple[int, ...], ...] | None) -> Neurons:

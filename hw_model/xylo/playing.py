@@ -74,7 +74,7 @@ def play_program(program: XyloProgram, recordings: AnyArray, engine: Engine = "f
         raise InputError(f"program {program.name!r}", "they do not fit", measured=measured, fix=fix)
     network = program.network
     rows = [rows_of(recording) for recording in batch]
-    results = [play_rows(network, of_recording, engine) for of_recording in rows]
+    results = play_all(network, rows, engine)
     spikes = by_name(program, [r.spikes for r in results], [r.output_spikes for r in results])
     potential = by_name(
         program,
@@ -94,11 +94,20 @@ def play_program(program: XyloProgram, recordings: AnyArray, engine: Engine = "f
 
 def play_rows(network: XyloNetwork, rows: AnyArray, engine: Engine = "fast") -> XyloResult:
     """Play rows (rows, inputs) as they are; the plain engine plays where nothing can be compiled."""
-    if engine == "reference" or why_not_compiled() is not None:
-        return play_xylo(network, rows)
-    from hw_model.xylo.fast import play_fast  # numba: only where it is needed
+    (result,) = play_all(network, [rows], engine)
+    return result
 
-    return play_fast(network, rows)
+
+def play_all(
+    network: XyloNetwork, recordings: Sequence[AnyArray], engine: Engine = "fast"
+) -> list[XyloResult]:
+    """Play the rows (rows, inputs) of several recordings, each from rest."""
+    if engine == "reference" or why_not_compiled() is not None:
+        return [play_xylo(network, rows) for rows in recordings]
+    from hw_model.xylo.fast import FastXylo  # numba: only where it is needed
+
+    fast = FastXylo(network)
+    return [fast.play(rows) for rows in recordings]
 
 
 def by_name(

@@ -13,6 +13,7 @@ from hw_model.mapping.graph import Axis
 from hw_model.values import picked
 from locsnn_compile.errors import TargetError
 from locsnn_compile.frontends.parts import VIEW_NAMES, Parts
+from locsnn_compile.frontends.xylo_checkpoint import add_xylo
 from locsnn_compile.models.checkpoint import Checkpoint, Pack
 from locsnn_compile.models.description import LifParameters
 from locsnn_compile.models.graph_and_windows import spread_weights
@@ -104,7 +105,10 @@ def network_of(checkpoint: Checkpoint) -> Network:
         fix = "Train a spiking network; for this one, only operations are counted."
         raise TargetError(f"model {description.name!r}", what, fix=fix)
     parts = Parts(tie_class=checkpoint.tie_class)
-    _add_branches(parts, checkpoint)
+    if checkpoint.xylo is not None:
+        add_xylo(parts, checkpoint, checkpoint.xylo)
+    else:
+        _add_branches(parts, checkpoint)
     if description.structure.window_branch:
         _add_windows(parts, checkpoint)
     said = picked(

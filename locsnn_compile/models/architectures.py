@@ -10,14 +10,14 @@ class Architecture:
     """The structure of a kind of network.
 
     - ``branches``: its step axes, in population order; none for an artificial network
-    - ``neurons``: spike response (``srm``), leaky integrate-and-fire (``lif``), counting in ``windows``, or ``none``
-      that spike
+    - ``neurons``: spike response (``srm``), leaky integrate-and-fire (``lif``), counting in ``windows``, those of
+      a Xylo (``xylo``), which exist in its integers only, or ``none`` that spike
     - ``graph``: whether the first layer of a branch is a graph convolution
     - ``window_branch``: the branch whose neurons count in windows, if there is one; its outputs are potentials
     """
 
     branches: tuple[str, ...]
-    neurons: Literal["srm", "lif", "windows", "none"]
+    neurons: Literal["srm", "lif", "windows", "xylo", "none"]
     graph: bool = False
     window_branch: str = ""
 
@@ -29,7 +29,7 @@ class Architecture:
     @property
     def learns_integers(self) -> bool:
         """Whether its neurons can be trained on a chip's integers."""
-        return self.neurons in ("srm", "windows")
+        return self.neurons in ("srm", "windows", "xylo")
 
 
 ARCHITECTURES: dict[str, Architecture] = {
@@ -43,10 +43,12 @@ ARCHITECTURES: dict[str, Architecture] = {
     "hybrid-graph": Architecture(("time", "location"), "lif", graph=True),
     "window-snn": Architecture(("location",), "windows", window_branch="location"),
     "hybrid-window": Architecture(("time", "location", "window"), "srm", window_branch="window"),
+    "xylo-snn": Architecture(("time",), "xylo"),
     "gru-mlp": Architecture((), "none"),
     "cnn-3d": Architecture((), "none"),
 }
 """Name of a network -> its structure. Sources: Kang et al., IJCNN 2022; TactileSGNet: Gu et al., IROS 2020.
 
-``window-snn`` is our own; ``hybrid-window`` is ``hybrid`` with the windows as a third branch.
+``window-snn`` is our own; ``hybrid-window`` is ``hybrid`` with the windows as a third branch. ``xylo-snn`` is
+what a Xylo has: one recurrent hidden population, and outputs.
 """

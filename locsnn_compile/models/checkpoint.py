@@ -13,9 +13,14 @@ int16 mantissas, and
                                           "own": [[mantissa, exponent, delay], ...],
                                           "exponent", "weight_bits", "scale", "unit"}}}
 
-holds the other integers that the chip is loaded with; ``own`` are synapses of a neuron to itself. Any other network is
-version 3: its ``neuron`` holds the constants of integrate-and-fire neurons, or of windows, or nothing, its weights may
-have any number of axes, there is a ``chip`` where windows were trained on a chip's arithmetic, and
+holds the other integers that the chip is loaded with; ``own`` are synapses of a neuron to itself. One of the
+neurons of a Xylo is version 3 with int16 mantissas, ``time_recurrent`` among its weights, and
+
+    "chip": {"target", "hidden_threshold", "output_threshold", "populations": {weights: {"shift", "unit"}}}
+
+Any other network is version 3: its ``neuron`` holds the constants of integrate-and-fire neurons, or of windows, or
+nothing, its weights may have any number of axes, there is a ``chip`` where windows were trained on a chip's arithmetic,
+and
 
     "graph": None or {"name", "taxel_edges": [[a, b], ...], "hops", "features", "step_features"}
 
@@ -50,6 +55,7 @@ from locsnn_compile.data.torch_file import torch_bytes
 from locsnn_compile.errors import InputError
 from locsnn_compile.models.chip_entry import ChipNumbers, ChipPopulation, chip_entry
 from locsnn_compile.models.description import InputLayout, NetworkDescription
+from locsnn_compile.models.xylo_entry import XyloNumbers, XyloSynapses, xylo_entry
 
 FORMAT = "locsnn-checkpoint"
 VERSION = 3
@@ -69,7 +75,8 @@ class Checkpoint(Shown):
 
     ``weights``: name -> float32 as in ``weight_shapes``, or int64 mantissas where there is a ``chip``; read-only, in
     evaluation order; ``recordings``: the ones the checkpoint carries for checks, or None; ``training``: how it came
-    about, plain values; ``sha256`` of the file; ``chip``: the integers of a network trained on a chip's arithmetic.
+    about, plain values; ``sha256`` of the file; ``chip``: the integers of a network trained on a chip's arithmetic,
+    ``xylo``: of one trained on a Xylo's.
     """
 
     description: NetworkDescription
@@ -78,6 +85,7 @@ class Checkpoint(Shown):
     training: dict[str, Plain] = field(default_factory=dict)
     sha256: str = ""
     chip: ChipNumbers | None = None
+    xylo: XyloNumbers | None = None
 
     def save(self, path: Path | str) -> None:
         """Write it to a file, whole or not at all; equal ones give equal bytes under one version of torch.
@@ -111,18 +119,24 @@ class Checkpoint(Shown):
     @property
     def float_weights(self) -> dict[str, Float32Array]:
         """Weights [out, in] in the float network's units."""
-        if self.chip is None:
+        numbers = self.numbers
+        if numbers is None:
             return self.weights
         return {
             name: weights.astype(np.float32)
-            for name, weights in self.chip.floats(self.weights).items()
+            for name, weights in numbers.floats(self.weights).items()
         }
+
+    @property
+    def numbers(self) -> ChipNumbers | XyloNumbers | None:
+        """The integers of a network that was trained on any chip's arithmetic."""
+        return self.xylo if self.chip is None else self.chip
 
 
 def checkpoint_values(checkpoint: Checkpoint) -> dict[str, Any]:
     """Return what a file holds, weights as arrays; see :meth:`Checkpoint.save`."""
     description, weights = checkpoint.description, checkpoint.weights
-    chip, recordings = checkpoint.chip, checkpoint.recordings
+    chip, recordings = checkpoint.numbers, checkpoint.recordings
     arrays = {}
     for name in description.weight_shapes:
         description.check_shape(name, weights, "Save the weights of a network of this description.")
@@ -155,7 +169,7 @@ def checkpoint_values(checkpoint: Checkpoint) -> dict[str, Any]:
         "training": dict(checkpoint.training),
     }
     if chip is not None:
-        values["chip"] = chip_entry(chip)
+        values["chip"] = xylo_entry(chip) if isinstance(chip, XyloNumbers) else chip_entry(chip)
     for name in OPTIONAL:
         if plain[name] != USUAL[name]:
             values[name] = list(plain[name]) if isinstance(plain[name], tuple) else plain[name]
@@ -199,7 +213,9 @@ class Pack(Shown):
         replace_file(Path(path), content, where)
 
 
-def check_weights(where: str, weights: AnyArray, numbers: ChipPopulation | None) -> None:
+def check_weights(
+    where: str, weights: AnyArray, numbers: ChipPopulation | XyloSynapses | None
+) -> None:
     """Raise ``InputError`` naming the first weight that is not finite, or the first mantissa that is not on the grid.
 
     Weights are mantissas where there are ``numbers``, on the grid of their weight format.
@@ -208,7 +224,7 @@ def check_weights(where: str, weights: AnyArray, numbers: ChipPopulation | None)
         kind, fault, bad = "weight", "finite", ~np.isfinite(weights)
     else:
         kind, fault = "mantissa", f"on the grid of {numbers.weight_bits} bits"
-        bad = numbers.grid.off_grid(np.abs(weights))
+        bad = numbers.off_grid(weights)
     places = np.argwhere(bad)
     if len(places):
         measured = f"got {weights[tuple(places[0])]}, {len(places)} such {kind}s"

@@ -29,8 +29,10 @@ from locsnn_compile.models.description import (
     NetworkDescription,
     Neuron,
     NeuronParameters,
+    XyloParameters,
 )
 from locsnn_compile.models.graph_and_windows import WindowParameters
+from locsnn_compile.models.xylo_entry import XyloNumbers, parse_xylo_entry
 
 _KEYS: dict[str, tuple[type, ...]] = {
     **dict.fromkeys(("format", "name", "architecture"), (str,)),
@@ -155,17 +157,19 @@ def parse_checkpoint(values: object, where: str, source: str, sha256: str) -> Ch
     if "chip" in values and not description.structure.learns_integers:
         raise file_fault(where, f"no {description.architecture!r} is trained on a chip's integers")
     windows = description.window_names if description.structure.window_branch else ()
-    chip = (
-        parse_chip_entry(where, values["chip"], description.weight_shapes, windows)
-        if "chip" in values
-        else None
-    )
+    chip, of_xylo = None, None
+    if description.structure.neurons == "xylo":
+        if "chip" not in values:
+            raise file_fault(where, "a network of a Xylo's neurons has no float weights")
+        of_xylo = parse_xylo_entry(where, values["chip"], description.weight_shapes)
+    elif "chip" in values:
+        chip = parse_chip_entry(where, values["chip"], description.weight_shapes, windows)
     weights, training = (
-        _weights(where, values["weights"], description, chip),
+        _weights(where, values["weights"], description, chip or of_xylo),
         _training(where, values["training"]),
     )
     recordings = _recordings(where, values["recordings"], description, source, _origin(training))
-    return Checkpoint(description, weights, recordings, training, sha256, chip)
+    return Checkpoint(description, weights, recordings, training, sha256, chip, of_xylo)
 
 
 def _seen(values: object) -> str:
@@ -204,18 +208,23 @@ def _input(where: str, entry: Mapping[str, Any]) -> InputLayout:
 
 
 def _neuron(where: str, entry: object, *, srm: bool) -> Neuron | WindowParameters | None:
-    """Return the constants of spike response neurons, integrate-and-fire neurons or windows; None if there are none."""
+    """Return the constants of neurons of any kind, or of windows; None if there are none."""
     if entry == {} and not srm:
         return None
-    windows = isinstance(entry, dict) and "levels" in entry
-    kind: type[Neuron | WindowParameters] = (
-        NeuronParameters if srm else WindowParameters if windows else LifParameters
-    )
+    windows = isinstance(entry, dict) and "levels" in entry and not srm
+    kind: type[Neuron | WindowParameters] = NeuronParameters if srm else LifParameters
+    if windows:
+        kind = WindowParameters
+    elif isinstance(entry, dict) and "dash_mem" in entry:
+        kind = XyloParameters
     return RecordReader(where, WRITE_AGAIN, lacks=False).record(kind, entry, "neuron")
 
 
 def _weights(
-    where: str, entry: dict[Any, Any], description: NetworkDescription, chip: ChipNumbers | None
+    where: str,
+    entry: dict[Any, Any],
+    description: NetworkDescription,
+    chip: ChipNumbers | XyloNumbers | None,
 ) -> dict[str, AnyArray]:
     """Return float32 weights, or int64 mantissas on the grid of ``chip``."""
     shapes = description.weight_shapes

@@ -13,7 +13,7 @@ import numpy as np
 from hw_model.arithmetic.fixed_point import WEIGHT_BITS, WeightGrid, half_range, weight_grid
 from hw_model.arithmetic.loihi import DECAYS, EXPONENTS
 from hw_model.io.records import POSITIVE, Must, RecordReader, between
-from hw_model.values import AnyArray, Frozen, IntArray
+from hw_model.values import AnyArray, BoolArray, Frozen, IntArray
 from locsnn_compile.errors import InputError, counted
 from locsnn_compile.network.chip_neurons import ChipCuba, ChipNeuron, ChipSrm
 from locsnn_compile.settings import TRAINABLE
@@ -74,6 +74,10 @@ class ChipPopulation(Frozen):
     def grid(self) -> WeightGrid:
         """The magnitudes that a mantissa may have."""
         return weight_grid(self.weight_bits, "excitatory")
+
+    def off_grid(self, mantissas: AnyArray) -> BoolArray:
+        """Tell which mantissas the format does not hold."""
+        return self.grid.off_grid(np.abs(mantissas))
 
     @property
     def largest(self) -> float:

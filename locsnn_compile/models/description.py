@@ -4,8 +4,12 @@ Nothing here imports torch, so that the compiler can read descriptions without i
 """
 
 from collections.abc import Mapping
+from itertools import product
 from typing import Annotated
 
+import numpy as np
+
+from hw_model.arithmetic import xylo
 from hw_model.io.records import NOT_NEGATIVE, POSITIVE, Checked, between, check_value
 from hw_model.values import AnyArray, Frozen, IntArray, picked
 from locsnn_compile.baselines.ann_shapes import ann_shapes
@@ -88,7 +92,52 @@ class LifParameters(Checked):
         return 1.0 - (1.0 - self.decay)
 
 
-Neuron = NeuronParameters | LifParameters
+class HiddenDashes(Frozen, eq=False):
+    """The dashes of hidden neurons of a Xylo, (n,) each."""
+
+    syn: IntArray
+    mem: IntArray
+
+
+class XyloParameters(Checked):
+    """The constants of the neurons of a Xylo: a step takes a share of 2^-dash from a current or a potential.
+
+    Hidden neurons have every pair of ``dash_syn`` and ``dash_mem`` in turn, and outputs the last of both. ``window``,
+    in thresholds, shapes the surrogate gradient only.
+    """
+
+    dash_syn: tuple[int, ...] = (2,)
+    dash_mem: tuple[int, ...] = (4,)
+    window: Annotated[float, POSITIVE] = 0.5
+
+    called = "neuron"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        # With dash 0, no input would ever reach a current.
+        for name, least in (("dash_syn", 1), ("dash_mem", 0)):
+            fix = "Give, for example, 2 4."
+            what = "numbers of bits to shift by"
+            require_rising(f"neuron {name!r}", getattr(self, name), least, xylo.DASH_MAX, what, fix)
+
+    def hidden_dashes(self, size: int) -> HiddenDashes:
+        """Return the dashes of so many hidden neurons."""
+        pairs = list(product(self.dash_syn, self.dash_mem))
+        syn, mem = np.array([pairs[number % len(pairs)] for number in range(size)]).T
+        return HiddenDashes(syn, mem)
+
+    @property
+    def output_dash_syn(self) -> int:
+        """The dash of an output's current."""
+        return self.dash_syn[-1]
+
+    @property
+    def output_dash_mem(self) -> int:
+        """The dash of an output's potential."""
+        return self.dash_mem[-1]
+
+
+Neuron = NeuronParameters | LifParameters | XyloParameters
 """The constants that the neurons of a network may have."""
 
 
@@ -204,7 +253,7 @@ class NetworkDescription(Frozen):
             dense = (
                 branch in self.branches
                 and not self.structure.graph
-                and self.structure.neurons != "windows"
+                and self.structure.neurons not in ("windows", "xylo")
             )
             if delays != (0,) and not dense:
                 what = f"it has no fully connected layer over {steps}, so it takes no delays"
@@ -243,11 +292,17 @@ class NetworkDescription(Frozen):
         """Return :meth:`neuron_of` for a network of spike response neurons; ``InputError`` for other networks."""
         neuron = self.neuron_of(name)
         if not isinstance(neuron, NeuronParameters):
-            others = (name for name, a in ARCHITECTURES.items() if a.learns_integers)
+            others = (name for name, a in ARCHITECTURES.items() if a.neurons in ("srm", "windows"))
             raise self._refused(
                 "it has no spike response neurons", fix=f"Use one of: {', '.join(others)}."
             )
         return neuron
+
+    @property
+    def xylo_neuron(self) -> XyloParameters:
+        """The neuron of a network that has those of a Xylo."""
+        assert isinstance(self.neuron, XyloParameters)
+        return self.neuron
 
     @property
     def windows(self) -> WindowParameters:
@@ -317,6 +372,9 @@ class NetworkDescription(Frozen):
             if self.graph is None:
                 lines = self.input.channels if branch == "time" else self.input.steps
                 sizes = (hidden, lines * len(self.delays_onto(names[0]))), (self.classes, hidden)
+                if self.structure.neurons == "xylo":
+                    names = (names[0], f"{branch}_recurrent", names[1])
+                    sizes = (sizes[0], (hidden, hidden), sizes[1])
             else:
                 nodes, inputs, features = self.graph.size(
                     branch, self.input.sensor, self.input.steps
@@ -340,4 +398,8 @@ def require_count(where: str, value: int, limit: int) -> None:
     check_value(where, value, (int,), (between(1, limit),))
 
 
-_NEURONS: dict[str, type[Neuron]] = {"srm": NeuronParameters, "lif": LifParameters}
+_NEURONS: dict[str, type[Neuron]] = {
+    "srm": NeuronParameters,
+    "lif": LifParameters,
+    "xylo": XyloParameters,
+}

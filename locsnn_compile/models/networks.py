@@ -12,6 +12,7 @@ import torch
 from torch import Tensor, nn
 
 from hw_model.values import AnyArray, ByteArray, Float32Array, IntArray
+from locsnn_compile.errors import InputError
 from locsnn_compile.models.ann import Cnn3d, GruMlp
 from locsnn_compile.models.chip_entry import ChipNumbers
 from locsnn_compile.models.chip_layers import ChipLayer, potential_of_sum, rounded
@@ -25,6 +26,8 @@ from locsnn_compile.models.touch_model import (
     to_device,
     to_host,
 )
+from locsnn_compile.models.xylo_entry import XyloNumbers
+from locsnn_compile.models.xylo_network import XyloSnn
 
 
 class WindowNetwork(TouchModel):
@@ -282,7 +285,7 @@ def build_network(
     *,
     seed: int = 0,
     initial_scale: float = INITIAL_SCALE,
-    chip: ChipNumbers | None = None,
+    chip: ChipNumbers | XyloNumbers | None = None,
 ) -> TouchModel:
     """Return the network of ``description.architecture`` with initial weights of ``seed``.
 
@@ -293,6 +296,12 @@ def build_network(
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
             return ARTIFICIAL[description.architecture](description)
+    if isinstance(chip, XyloNumbers):
+        return XyloSnn(description, chip, seed, initial_scale)
+    if description.structure.neurons == "xylo":
+        what = "it exists in the integers of a Xylo only, and none are given"
+        where = f"architecture {description.architecture!r}"
+        raise InputError(where, what, fix="Give the numbers of its checkpoint.")
     if description.structure.neurons == "windows":
         return WindowNetwork(description, chip)
     return TouchNetwork(description, seed, initial_scale, chip)

@@ -16,6 +16,7 @@ from hw_model.values import AnyArray, ByteArray, Float32Array, IntArray
 from locsnn_compile.errors import check_same
 from locsnn_compile.models.chip_entry import ChipNumbers
 from locsnn_compile.models.description import LifParameters, NetworkDescription, NeuronParameters
+from locsnn_compile.models.xylo_entry import XyloNumbers
 from locsnn_compile.network.first_touch import from_first_touch
 
 #: Weights start uniform in +-INITIAL_SCALE / sqrt(inputs). SLAYER's dense layers start at 10; on validation
@@ -67,7 +68,8 @@ def to_device(array: AnyArray, like: Tensor) -> Tensor:
 
 
 class TouchModel(nn.Module):
-    """A network by its description; ``chip`` holds the numbers of one that runs on a chip's integers.
+    """A network by its description; ``chip`` holds the numbers of one that runs on a chip's integers, and ``xylo``
+    those of one on a Xylo's.
 
     ``names``: its weights, or those of a branch of it. ``tie_class``: the class that is predicted where the scores of
     all classes are equal; None: none is.
@@ -76,6 +78,7 @@ class TouchModel(nn.Module):
     def __init__(self, description: NetworkDescription, chip: ChipNumbers | None = None) -> None:
         super().__init__()
         self.description, self.chip = description, chip
+        self.xylo: XyloNumbers | None = None
         self.names: Sequence[str] = tuple(description.weight_shapes)
         self.tie_class: int | None = None
         self._kept: dict[str, Tensor] = {}
@@ -135,13 +138,17 @@ class TouchModel(nn.Module):
 
         Beyond the range no gradient would be of use. Biases, of one axis, may leave it.
         """
-        formats = {} if self.chip is None else self.chip.populations
         with torch.no_grad():
-            for name, numbers in formats.items():
+            for name, largest in self.largest_weights().items():
                 if (weight := self.weight(name)).dim() > 1:
-                    weight.clamp_(-numbers.largest, numbers.largest)
+                    weight.clamp_(-largest, largest)
             for name, kept in self._kept.items():
                 self.weight(name).mul_(kept)
+
+    def largest_weights(self) -> dict[str, float]:
+        """Return the largest weight that the chip's format holds, by name; empty for a network in float."""
+        formats = {} if self.chip is None else self.chip.populations
+        return {name: numbers.largest for name, numbers in formats.items()}
 
     def snap(self) -> None:
         """Put a chip network's latent weights where they round to, so that no later rounding can differ."""
@@ -158,6 +165,10 @@ class TouchModel(nn.Module):
             name: self.weight(name).detach().to(torch.float32).cpu().numpy().copy()
             for name in self.names
         }
+
+    def stored_weights(self) -> Mapping[str, AnyArray]:
+        """Return what a checkpoint keeps: mantissas of a network on the chip's integers, else weights."""
+        return self.weights() if self.chip is None and self.xylo is None else self.mantissas()
 
     def load_weights(self, weights: Mapping[str, AnyArray]) -> None:
         """Load weights by name; ``InputError`` if a name or shape does not fit."""

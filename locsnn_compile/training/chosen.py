@@ -18,7 +18,7 @@ from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.sensor import POLARITIES
 from locsnn_compile.errors import counted
 from locsnn_compile.models.architectures import ARCHITECTURES
-from locsnn_compile.training.config import Need, TrainingConfig, config_from_mapping
+from locsnn_compile.training.config import XYLO_MODEL, Need, TrainingConfig, config_from_mapping
 from locsnn_compile.training.rates import rate_for_updates
 from locsnn_compile.training.window_choice import choose_windows, levels_text
 
@@ -124,7 +124,7 @@ def _choose_all(
     progress: Callable[[int, int], None] | None,
 ) -> None:
     """Choose the network, then what suits it."""
-    if "model" not in choices.given:
+    if "model" not in choices.given and choices.config.model != XYLO_MODEL:
         model, why = _model(choices.config, choices.given)
         # A network has defaults of its own, so all options are read anew.
         choices.config = config_from_mapping({**values, "model": model})

@@ -25,6 +25,14 @@ USUAL: dict[str, dict[str, Any]] = {
     "hybrid-graph": {"hidden": 128},
     "gru-mlp": {"count_scale": 1.0},
     "cnn-3d": {"count_scale": 1.0},
+    "xylo-snn": {
+        "initial_scale": 1.0,
+        "weight_decay": 0.01,
+        "hidden": 64,
+        "learning_rate": 0.005,
+        "event_dropout": 0.2,
+        "channel_dropout": 0.0,
+    },
     "window-snn": {
         "count_scale": 1.0,
         "optimizer": "sgd",
@@ -33,6 +41,10 @@ USUAL: dict[str, dict[str, Any]] = {
     },
 }
 """Network -> options whose default is not that of :class:`TrainingConfig`."""
+
+XYLO_MODEL = "xylo-snn"
+XYLOS = "xylo-"
+"""What the names of chips begin with for which this network, and no other, is trained."""
 
 LOCATION_CONSTANTS = {"srm": ("theta", "tau_sr", "tau_ref"), "lif": ("decay", "threshold")}
 """Kind of neuron -> constants that may differ in a location branch, as options ``location_...``."""
@@ -80,6 +92,12 @@ GRAPH = Need(
 )
 SRM = Need(lambda _, a: a.neurons == "srm", "the network has no spike response neurons")
 LIF = Need(lambda _, a: a.neurons == "lif", "it has no integrate-and-fire neurons")
+LEAKY = Need(lambda _, a: a.neurons in ("lif", "xylo"), "it has no integrate-and-fire neurons")
+OF_XYLO = Need(
+    lambda _, a: a.neurons == "xylo",
+    "only neurons of a Xylo have it",
+    "Add --target xylo-audio3, or another Xylo.",
+)
 WINDOWS = Need(
     lambda _, a: a.window_branch != "", "the network has no windows", "Choose the model window-snn."
 )
@@ -141,6 +159,8 @@ class TrainingConfig(Shown, Checked, eq=True):
       files of rows (None: 1). ``classes``: the names of classes from class 0 on, separated by commas.
     - Of single events, ``start_at``: the seconds at which step 0 begins, or ``first`` (None: as the format has it);
       ``time_unit`` of times: ns, us, ms or s. ``max_steps``: longer recordings are refused (None: 20,000).
+    - ``dash_syn`` and ``dash_mem``, separated by spaces, belong to neurons of a Xylo: see
+      :class:`locsnn_compile.models.description.XyloParameters`, which also has a ``window``.
     - Time constants are in steps. ``theta`` to ``scale_rho`` belong to spike response neurons; ``decay``, ``threshold``
       and ``window`` to integrate-and-fire neurons. ``location_theta`` to ``location_threshold`` are for the location
       branch, if given; its steps are locations.
@@ -230,7 +250,9 @@ class TrainingConfig(Shown, Checked, eq=True):
     scale_rho: Annotated[float, between(1e-6, 1e6), SRM] = 1.0
     decay: Annotated[float, SHARE, LIF] = 0.2
     threshold: Annotated[float, between(1e-6, 1e6), LIF] = 0.5
-    window: Annotated[float, between(1e-6, 1e6), LIF] = 0.5
+    window: Annotated[float, between(1e-6, 1e6), LEAKY] = 0.5
+    dash_syn: Annotated[str, OF_XYLO] = "2"
+    dash_mem: Annotated[str, OF_XYLO] = "4"
     location_theta: Annotated[float | None, between(1e-6, 1e6), LOCATION, SRM] = None
     location_tau_sr: Annotated[float | None, between(1e-3, 1e5), LOCATION, SRM] = None
     location_tau_ref: Annotated[float | None, between(1e-3, 1e5), LOCATION, SRM] = None
@@ -294,8 +316,23 @@ def config_from_mapping(
 
     Raises ``InputError`` for an unknown key or an invalid value.
     """
+    if str(values.get("target")).startswith(XYLOS) and "model" not in values:
+        values = {**values, "model": XYLO_MODEL}
     usual = USUAL.get(str(values.get("model")), {})
     return RecordReader(where).record(TrainingConfig, {**usual, **values})
+
+
+def check_network_of_target(config: TrainingConfig) -> None:
+    """Raise ``InputError`` where the target is a Xylo, or the network is that of a Xylo, but not both."""
+    is_for_xylo = config.target.startswith(XYLOS)
+    if is_for_xylo and config.model != XYLO_MODEL:
+        what = f"{config.target} has no neurons like those of {config.model!r}"
+        raise InputError("training option 'model'", what, fix=f"Give {XYLO_MODEL}.")
+    if config.model == XYLO_MODEL and not is_for_xylo:
+        what = f"{XYLO_MODEL!r} exists in the integers of a Xylo only"
+        measured = f"got {config.target}"
+        fix = "Give xylo-audio2, xylo-audio3 or xylo-imu."
+        raise InputError("training option 'target'", what, measured=measured, fix=fix)
 
 
 def read_config(path: Path | str) -> dict[str, Any]:

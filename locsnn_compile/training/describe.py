@@ -25,6 +25,7 @@ from locsnn_compile.models.description import (
     NetworkDescription,
     Neuron,
     NeuronParameters,
+    XyloParameters,
 )
 from locsnn_compile.models.graph_and_windows import GraphParameters, WindowParameters
 from locsnn_compile.training.config import LOCATION_CONSTANTS, TrainingConfig
@@ -86,6 +87,10 @@ def _whole_numbers(option: str, text: str, example: str) -> tuple[int, ...]:
 def _neuron(config: TrainingConfig, *, location: bool = False) -> Neuron | None:
     """Return the constants of the neurons, which have the names of options; location constants take precedence."""
     neurons = ARCHITECTURES[config.model].neurons
+    if neurons == "xylo":
+        dash_syn = _whole_numbers("dash_syn", config.dash_syn, "2 4")
+        dash_mem = _whole_numbers("dash_mem", config.dash_mem, "2 4")
+        return XyloParameters(dash_syn, dash_mem, config.window)
     if neurons not in LOCATION_CONSTANTS:
         return None
     kind = NeuronParameters if neurons == "srm" else LifParameters
@@ -133,6 +138,11 @@ def fixed_by(start: NetworkDescription) -> dict[str, Any]:
         found |= {f"window_{name}": value for name, value in windows.items()}
     if start.neuron is not None:
         found |= asdict(start.neuron)
+    if isinstance(start.neuron, XyloParameters):
+        found |= {
+            name: " ".join(map(str, getattr(start.neuron, name)))
+            for name in ("dash_syn", "dash_mem")
+        }
     if (graph := start.graph) is not None:
         found |= {"graph": graph.name} | {
             key: getattr(graph, key) for key in ("hops", "features", "step_features")

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hw_model.values import AnyArray, Frozen, IntArray
+from hw_model.values import Frozen, IntArray, picked
 from locsnn_compile.data.read import stratified_split
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import counted
@@ -157,9 +157,7 @@ def export_checkpoint(
     ``carried`` recordings for checks, spread over the classes, from the test part or, without one, from the train part.
     """
     network = result.network
-    weights: dict[str, AnyArray] = {
-        **(network.weights() if network.chip is None else network.mantissas())
-    }
+    weights = dict(network.stored_weights())
     # In float64, like the compiler's reference; the network stays in float64.
     confused = None if test is None else confusion(network.double(), test)
     comparison = compare_with_counting(result, config, recordings, test, confused)
@@ -170,5 +168,6 @@ def export_checkpoint(
         training |= {"chosen": chosen.text}
     if start is not None:
         training |= {"start": start.description.name, "start_sha256": start.sha256}
-    Checkpoint(network.description, weights, kept, training, chip=network.chip).save(path)
+    numbers = picked(network, "chip", "xylo")
+    Checkpoint(network.description, weights, kept, training, **numbers).save(path)
     return Measured(confused, comparison)

@@ -15,7 +15,7 @@ from hw_model.mapping.graph import decided
 from hw_model.values import ByteArray, Frozen, IntArray
 from locsnn_compile.errors import counted
 from locsnn_compile.models.touch_model import TouchModel
-from locsnn_compile.training.config import TrainingConfig
+from locsnn_compile.training.config import XYLO_MODEL, TrainingConfig
 from locsnn_compile.training.measure import chance_remarks, silent_outputs
 from locsnn_compile.training.rates import rate_for_updates
 from locsnn_compile.training.schedule import learning_rate
@@ -76,6 +76,8 @@ def activity_of(network: TouchModel, spikes: ByteArray) -> Activity:
 
 def advice(config: TrainingConfig, reach: Reach) -> str:
     """Return what to do about a run that does not learn, as the end of a sentence."""
+    if config.model == XYLO_MODEL:
+        return "Give more --epochs, or another --learning-rate."
     rate = rate_for_updates(reach.updates)
     if config.optimizer in STEPS_WITH_THE_GRADIENT and rate > 1.2 * config.learning_rate:
         return f"Give --learning-rate {rate:.2g}."

@@ -24,9 +24,15 @@ from locsnn_compile.models.chip_entry import ChipNumbers
 from locsnn_compile.models.description import NetworkDescription
 from locsnn_compile.models.networks import build_network
 from locsnn_compile.models.touch_model import TouchModel
+from locsnn_compile.models.xylo_entry import XyloNumbers
 from locsnn_compile.report.figures.flat import csv_bytes
 from locsnn_compile.training.batches import batches, epoch_generator
-from locsnn_compile.training.config import EpochRecord, Progress, TrainingConfig
+from locsnn_compile.training.config import (
+    EpochRecord,
+    Progress,
+    TrainingConfig,
+    check_network_of_target,
+)
 from locsnn_compile.training.describe import check_recordings, class_for_ties, describe
 from locsnn_compile.training.learning_signs import (
     Notice,
@@ -53,7 +59,8 @@ from locsnn_compile.training.prototypes import (
 )
 from locsnn_compile.training.schedule import choose_epoch, follow_weights, learning_rate
 from locsnn_compile.training.state import TrainingState, load_state, run_key, save_state
-from locsnn_compile.training.target import chip_numbers
+from locsnn_compile.training.target import Start, chip_numbers
+from locsnn_compile.training.xylo_target import xylo_numbers
 
 MOMENTUM = 0.9
 """Momentum of the optimizer sgd."""
@@ -115,7 +122,7 @@ def train(
     loss = Loss(config, description.classes)
     key = run_key(config, recordings, start)
     weights_at_start = None if start is None else start.float_weights
-    chip = None if config.target == "float" else chip_numbers(config, description, weights_at_start)
+    chip = _numbers(config, description, weights_at_start)
     usual = build_network(description, chip=chip).state_dict()
     state = (
         load_state(state_path, key, usual) if state_path is not None else None
@@ -184,6 +191,18 @@ def train(
     )
 
 
+def _numbers(
+    config: TrainingConfig, description: NetworkDescription, start: Start
+) -> ChipNumbers | XyloNumbers | None:
+    """Return the integers of the target; None for a network in float."""
+    check_network_of_target(config)
+    if config.target == "float":
+        return None
+    if description.structure.neurons == "xylo":
+        return xylo_numbers(config, description)
+    return chip_numbers(config, description, start)
+
+
 class _Run(Frozen, eq=False):
     """What both phases of a run have in common."""
 
@@ -194,7 +213,7 @@ class _Run(Frozen, eq=False):
     """Of the train part, (samples, steps, channels)."""
     labels: IntArray
     """Of the train part, (samples,)."""
-    chip: ChipNumbers | None
+    chip: ChipNumbers | XyloNumbers | None
     start: Mapping[str, Float32Array] | None
     """Weights [out, in] by name that every phase begins with; None: those of the seed."""
     saved: Callable[[], None]

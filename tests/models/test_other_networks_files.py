@@ -23,7 +23,7 @@ from locsnn_compile.models.graph_and_windows import GraphParameters
 from locsnn_compile.models.networks import build_network
 
 AGAIN = "Write it again with 'locsnn train'."
-OTHERS = [name for name, structure in ARCHITECTURES.items() if structure.neurons != "srm"]
+OTHERS = [name for name, a in ARCHITECTURES.items() if a.neurons not in ("srm", "xylo")]
 
 
 def description(name: str) -> NetworkDescription:

@@ -1,0 +1,252 @@
+"""A network whose forward pass is played by the engine of a Xylo, and whose gradient is that of leaky neurons.
+
+Forward: latent weights are rounded to 8 bits, and :mod:`hw_model.xylo.fast` plays every recording, so that
+every spike and every register is the chip's. Backward, with charges in thresholds, ``a = 1 - 2^-dash_syn`` and
+``k = 1 - 2^-dash_mem``:
+
+    i(t) = a (i(t - 1) + W_in x(t) + W_rec s(t - 1))
+    v(t) = k (v(t - 1) - s(t - 1)) + i(t)
+    ds(t) / dv(t) = exp(-(1 - v(t)) / window) below the threshold, and 1 above it
+
+Rounding passes the gradient straight through (Bengio et al. 2013). Above the threshold a neuron sends a spike for each
+threshold of potential, so a slope of 1 is that of the staircase. What a spike takes from the potential counts as
+constant: otherwise a neuron above its threshold would pass no gradient on to earlier steps.
+"""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from hw_model.arithmetic import xylo
+from hw_model.values import AnyArray, IntArray
+from hw_model.xylo.network import XyloNetwork, XyloPopulation
+from hw_model.xylo.playing import before_spikes, play_all, rows_of
+from locsnn_compile.models.description import NetworkDescription, XyloParameters
+from locsnn_compile.models.touch_model import TouchModel, draw_weights, to_host
+from locsnn_compile.models.xylo_entry import XyloNumbers, XyloSynapses
+
+INTO_HIDDEN, AMONG_HIDDEN, ONTO_OUTPUTS = "time_hidden", "time_recurrent", "time_output"
+"""The names of the three groups of synapses."""
+RECURRENT_SHARE = 0.2
+"""Weights among hidden neurons start at this share of the others, so that activity does not feed itself."""
+
+
+def rounded(weight: Tensor, synapses: XyloSynapses) -> Tensor:
+    """Return mantissas of weights in thresholds, as floats; d mantissa / d weight = 1 / unit."""
+    scaled = weight / synapses.unit
+    mantissas = torch.round(scaled.detach()).clamp_(-xylo.WEIGHT_MAX, xylo.WEIGHT_MAX)
+    return mantissas + (scaled - scaled.detach())
+
+
+def network_of_integers(
+    neuron: XyloParameters, numbers: XyloNumbers, mantissas: dict[str, IntArray]
+) -> XyloNetwork:
+    """Return the network of weights [out, in] by name."""
+    hidden_size = len(mantissas[INTO_HIDDEN])
+    outputs_size = len(mantissas[ONTO_OUTPUTS])
+    synapses = numbers.populations
+    hidden_dashes = neuron.hidden_dashes(hidden_size)
+    return XyloNetwork(
+        hidden=XyloPopulation(
+            dash_syn=hidden_dashes.syn[:, None],
+            dash_mem=hidden_dashes.mem,
+            threshold=np.full(hidden_size, numbers.hidden_threshold),
+        ),
+        outputs=XyloPopulation(
+            dash_syn=np.full((outputs_size, 1), neuron.output_dash_syn),
+            dash_mem=np.full(outputs_size, neuron.output_dash_mem),
+            threshold=np.full(outputs_size, numbers.output_threshold),
+        ),
+        weights_in=mantissas[INTO_HIDDEN].T[:, :, None],
+        weights_hidden=mantissas[AMONG_HIDDEN].T[:, :, None],
+        weights_out=mantissas[ONTO_OUTPUTS].T,
+        shift_in=synapses[INTO_HIDDEN].shift,
+        shift_hidden=synapses[AMONG_HIDDEN].shift,
+        shift_out=synapses[ONTO_OUTPUTS].shift,
+    )
+
+
+class _Played(NamedTuple):
+    """What a batch does: spikes (batch, steps, n), and potentials in thresholds before any reset."""
+
+    rows: Tensor
+    hidden: Tensor
+    outputs: Tensor
+    hidden_potential: Tensor
+    output_potential: Tensor
+
+
+class _Steps(torch.autograd.Function):
+    """Spikes of hidden neurons and outputs: the chip's steps forward, leaky neurons backward."""
+
+    @staticmethod
+    def forward(
+        ctx: Any, into: Tensor, among: Tensor, onto: Tensor, x: Tensor, model: "XyloSnn"
+    ) -> tuple[Tensor, Tensor]:
+        mantissas = {
+            INTO_HIDDEN: _integers(into),
+            AMONG_HIDDEN: _integers(among),
+            ONTO_OUTPUTS: _integers(onto),
+        }
+        ctx.played = model.play(x, mantissas)
+        ctx.save_for_backward(among, onto)
+        ctx.model = model
+        return ctx.played.hidden, ctx.played.outputs
+
+    @staticmethod
+    def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor | None, ...]:
+        of_hidden, of_outputs = grads
+        among, onto = ctx.saved_tensors
+        played: _Played = ctx.played
+        model: XyloSnn = ctx.model
+        units = model.units
+        kept = model.shares_kept(of_hidden)
+        charges_out = _back_through(
+            of_outputs * model.slope(played.output_potential), kept.output_i, kept.output_v
+        )
+        unit_out = units[ONTO_OUTPUTS]
+        # Spikes of a step act in the next one.
+        of_spikes = of_hidden.clone()
+        of_spikes[:, :-1] += charges_out[:, 1:] @ (onto * unit_out)
+        slope = model.slope(played.hidden_potential)
+        weights = among * units[AMONG_HIDDEN]
+        charges = torch.zeros_like(of_spikes)
+        di = torch.zeros_like(of_spikes[:, 0])
+        dv = torch.zeros_like(di)
+        later = torch.zeros_like(di)
+        for t in range(of_spikes.shape[1] - 1, -1, -1):
+            ds = of_spikes[:, t] + later @ weights
+            dv = ds * slope[:, t] + kept.hidden_v * dv
+            di = dv + kept.hidden_i * di
+            later = kept.hidden_i * di
+            charges[:, t] = later
+        sent = played.hidden[:, :-1].flatten(0, 1)
+        d_into = charges.flatten(0, 1).T @ played.rows.flatten(0, 1) * units[INTO_HIDDEN]
+        d_among = charges[:, 1:].flatten(0, 1).T @ sent * units[AMONG_HIDDEN]
+        d_onto = charges_out[:, 1:].flatten(0, 1).T @ sent * unit_out
+        return d_into, d_among, d_onto, None, None
+
+
+def _back_through(dv_own: Tensor, kept_i: Tensor, kept_v: Tensor) -> Tensor:
+    """Return gradients of charges, given those of potentials by what follows from their own spikes."""
+    charges = torch.zeros_like(dv_own)
+    di = torch.zeros_like(dv_own[:, 0])
+    dv = torch.zeros_like(di)
+    for t in range(dv_own.shape[1] - 1, -1, -1):
+        dv = dv_own[:, t] + kept_v * dv
+        di = dv + kept_i * di
+        charges[:, t] = kept_i * di
+    return charges
+
+
+def _integers(mantissas: Tensor) -> IntArray:
+    return to_host(mantissas).astype(np.int64)
+
+
+class _Kept(NamedTuple):
+    """What a step keeps of currents and potentials, (n,)."""
+
+    hidden_i: Tensor
+    hidden_v: Tensor
+    output_i: Tensor
+    output_v: Tensor
+
+
+class XyloSnn(TouchModel):
+    """``xylo-snn``: inputs, hidden neurons that hear each other, and outputs, on the integers of a Xylo.
+
+    Spikes of hidden neurons are counts, up to 31 in a step. Weights [out, in] are latent, in thresholds.
+    """
+
+    def __init__(
+        self, description: NetworkDescription, numbers: XyloNumbers, seed: int, initial_scale: float
+    ) -> None:
+        super().__init__(description)
+        self.xylo = numbers
+        self.numbers = numbers
+        self.neuron = description.xylo_neuron
+        generator = torch.Generator().manual_seed(seed)
+        for name, shape in description.weight_shapes.items():
+            weight = nn.Parameter(torch.zeros(shape))
+            share = RECURRENT_SHARE if name == AMONG_HIDDEN else 1.0
+            draw_weights(weight, share * initial_scale, generator)
+            self.register_parameter(name, weight)
+
+    @property
+    def units(self) -> dict[str, float]:
+        """The thresholds that a mantissa of 1 is, by weight name."""
+        return {name: synapses.unit for name, synapses in self.numbers.populations.items()}
+
+    def forward(self, x: Tensor) -> dict[str, Tensor]:
+        """Return the spikes of hidden neurons and outputs for ``x`` (batch, steps, channels)."""
+        self.check_shape(x)
+        mantissas = [
+            rounded(self.weight(name), self.numbers.populations[name]) for name in self.names
+        ]
+        hidden, outputs = _Steps.apply(*mantissas, x, self)  # type: ignore[no-untyped-call]
+        return {INTO_HIDDEN: hidden, ONTO_OUTPUTS: outputs}
+
+    def play(self, x: Tensor, mantissas: dict[str, IntArray]) -> _Played:
+        """Return what recordings do on the chip with these weights."""
+        network = network_of_integers(self.neuron, self.numbers, mantissas)
+        rows = [rows_of(recording) for recording in to_host(x).astype(np.int64)]
+        results = play_all(network, rows)
+        hidden = [before_spikes(network.hidden, r.v, r.spikes) for r in results]
+        outputs = [before_spikes(network.outputs, r.output_v, r.output_spikes) for r in results]
+
+        def tensor(arrays: list[AnyArray]) -> Tensor:
+            return torch.from_numpy(np.stack(arrays)).to(x)
+
+        return _Played(
+            rows=tensor(rows),
+            hidden=tensor([r.spikes for r in results]),
+            outputs=tensor([r.output_spikes for r in results]),
+            hidden_potential=tensor(hidden) / self.numbers.hidden_threshold,
+            output_potential=tensor(outputs) / self.numbers.output_threshold,
+        )
+
+    def slope(self, potential: Tensor) -> Tensor:
+        """Return the surrogate gradient of spikes by a potential in thresholds."""
+        below = (1.0 - potential).clamp_(min=0.0)
+        return below.div_(-self.neuron.window).exp_()
+
+    def shares_kept(self, like: Tensor) -> _Kept:
+        """Return what a step keeps, in the type of a tensor."""
+        dashes = self.neuron.hidden_dashes(self.description.hidden)
+
+        def kept(dash: IntArray | int) -> Tensor:
+            return torch.from_numpy(np.atleast_1d(1.0 - xylo.share_lost(np.asarray(dash)))).to(like)
+
+        return _Kept(
+            hidden_i=kept(dashes.syn),
+            hidden_v=kept(dashes.mem),
+            output_i=kept(self.neuron.output_dash_syn),
+            output_v=kept(self.neuron.output_dash_mem),
+        )
+
+    def scores(self, activity: Mapping[str, Tensor]) -> dict[str, Tensor]:
+        """Return spikes a class, (batch, classes)."""
+        return {"time": activity[ONTO_OUTPUTS].sum(dim=1)}
+
+    def hidden_spikes(self, activity: Mapping[str, Tensor]) -> list[Tensor]:
+        """Return the spikes of hidden neurons."""
+        return [activity[INTO_HIDDEN]]
+
+    def largest_weights(self) -> dict[str, float]:
+        """Return the largest weight that 8 bits hold, by weight name."""
+        return {name: synapses.largest for name, synapses in self.numbers.populations.items()}
+
+    def snap(self) -> None:
+        """Put latent weights where they round to, so that no later rounding can differ."""
+        self.load_weights(self.numbers.floats(self.mantissas()))
+
+    @torch.no_grad()
+    def mantissas(self) -> dict[str, IntArray]:
+        """Return the mantissas [out, in] by weight name."""
+        populations = self.numbers.populations
+        return {
+            name: _integers(rounded(self.weight(name), populations[name])) for name in self.names
+        }
