@@ -11,7 +11,7 @@ from locsnn_compile.explore.chips import ChipFigures, ChipsDocument, TriedChip
 from locsnn_compile.explore.chips_result import chips_files, chips_lines
 from locsnn_compile.explore.document import ExploredEvents, ExploredModel
 
-CHIPS = ("loihi-sim", "ecp5-85f", "xylo-audio3")
+CHIPS = ("loihi-sim", "ecp5-85f", "spinnaker1", "xylo-audio3")
 RESET = ("--strategy", "reset")
 
 
@@ -31,7 +31,7 @@ def row_of(folder, chip):
     return row
 
 
-@pytest.mark.parametrize("chip", CHIPS[:2])
+@pytest.mark.parametrize("chip", CHIPS[:3])
 def test_figures_of_a_chip_are_those_of_its_build(tried, tmp_path, chip):
     row = row_of(tried, chip)
     program, *arguments = shlex.split(row["command"])
@@ -59,7 +59,7 @@ def test_a_chip_that_refuses_stands_in_the_table_with_the_sentence_of_its_build(
     arguments = shlex.split(row["command"])[1:]
     assert compile_main([*arguments, "-o", str(tmp_path / "build")]) == 2
     assert capsys.readouterr().err == f"{row['refused']}\n"
-    assert explored(tried)["runs_on"] == ["loihi-sim", "ecp5-85f"]
+    assert explored(tried)["runs_on"] == list(CHIPS[:3])
 
 
 def test_the_same_command_writes_the_same_bytes(tried, model, events, tmp_path, capsys):
