@@ -14,8 +14,7 @@ from slayer_files import write
 from locsnn_compile.cli.main import main as locsnn
 
 RNG = np.random.default_rng(4)
-FEW = ["--recordings", "1", "--weight-bits", "8", "--split-weights", "0"]
-"""Settings and recordings are not what this is about."""
+ONE = ["--recordings", "1"]
 
 
 def slayer(folder: Path, channels: int) -> list[str]:
@@ -49,7 +48,7 @@ def test_what_compile_makes_up_is_explored(written, tmp_path, capsys):
     model = written(tmp_path)
     assert locsnn(["compile", *model, "-o", str(tmp_path / "built"), "--json"]) == 0
     compiled = json.loads(capsys.readouterr().out)
-    assert locsnn(["explore", *model, *FEW, "-o", str(tmp_path / "found"), "--json"]) in (0, 3)
+    assert locsnn(["explore", *model, *ONE, "-o", str(tmp_path / "found"), "--json"]) in (0, 3)
     found = json.loads(capsys.readouterr().out)
     assert found["chosen_on"]["source"] == compiled["match"]["events_source"]
     assert found["chosen_on"]["available"] == compiled["match"]["samples"]
