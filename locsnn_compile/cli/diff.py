@@ -45,11 +45,11 @@ def run(args: argparse.Namespace) -> int:
             for name in BUILD_NAMES
         }
         check_places(reads, [(f"--html {args.html!r}", Path(args.html))])
-    programs = [load_any_program(folder) for folder in (args.before, args.after)]
-    before, after = (
-        _build(Path(folder), program)
-        for folder, program in zip((args.before, args.after), programs, strict=True)
-    )
+    folders = (Path(args.before), Path(args.after))
+    # Reports first: a folder without one is no build.
+    reports = [read_report(folder) for folder in folders]
+    programs = [load_any_program(folder) for folder in folders]
+    before, after = map(_build, folders, reports, programs)
     changed = changes(before, after)
     played = _played(programs[0], programs[1], args.events) if args.events else None
     if args.html:
@@ -102,8 +102,7 @@ def _document(played: "ProgramsCompared") -> dict[str, Any]:
     }
 
 
-def _build(folder: Path, program: AnyProgram) -> Build:
-    report = read_report(folder)
+def _build(folder: Path, report: dict[str, Any], program: AnyProgram) -> Build:
     figures = any_program_figures(program)
     build = Build(folder.absolute().name, report, plain(figures))
     counted = build.figures.get("resources.synapses", figures.synapses)

@@ -55,7 +55,12 @@ def _is_set(name: str) -> bool:
 def recording_files(folder: Path) -> list[Path]:
     """Return the files of a folder that are read as its recordings."""
     files = [file for file in folder.rglob("*") if file.is_file()]
-    return [file for file in files if is_recording(file.name) or file.suffix in times_suffixes()]
+    recordings = [file for file in files if is_recording(file.name)]
+    surely = [file for file in recordings if file.suffix not in describing_suffixes()]
+    # Next to others, tables describe: they are not read.
+    if surely or any(_is_set(file.name) for file in files):
+        recordings = surely
+    return recordings + [file for file in files if file.suffix in times_suffixes()]
 
 
 def label_in_name(name: str) -> int | None:

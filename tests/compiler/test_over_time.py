@@ -14,7 +14,8 @@ from locsnn_compile.report.compose import compose
 from locsnn_compile.report.renderers.markdown import render_markdown
 from locsnn_compile.verification import over_time as module
 from locsnn_compile.verification.observation import Observed
-from locsnn_compile.verification.over_time import over_time, savings, stop_all
+from locsnn_compile.verification.over_time import over_time, stop_all
+from locsnn_compile.verification.savings import savings
 
 CHIP = hw.chip("loihi-sim")
 

@@ -75,7 +75,7 @@ WITHOUT = [
     ("more compartments than memory", lambda: hw.ProgramBuilder(hw.chip("tiny-sim")).add_compartments("h", 2**31, threshold=1), "'h': no chip holds so many (2147483648 against 10000000). Give a smaller size."),
 ]  # fmt: skip
 OF_A_NETWORK = [
-    ("target", 3, "compile, target: it must be a str, Path, Chip or XyloChip (got int 3). Use hw.chip('loihi-sim'), or hw.chip(path) of a chip file."),
+    ("target", 3, "compile, target: it must be a str, Path, Chip, XyloChip or SpinnakerChip (got int 3). Use hw.chip('loihi-sim'), or hw.chip(path) of a chip file."),
     ("strategy", 5, "compile, strategy: it must be a str (got int 5). Correct it."),
     ("weight_bits", "8", "compile, weight_bits: it must be an int (got str '8'). Correct it."),
     ("weight_bits", True, "compile, weight_bits: it must be an int (got bool True). Correct it."),
@@ -193,7 +193,8 @@ def test_calls_that_python_refuses_stay_python_s():
 
 def test_recordings_that_do_not_fit_are_refused_before_all_the_work(network, monkeypatch):
     monkeypatch.setattr(
-        "locsnn_compile.api.calibrate", lambda *_: pytest.fail("weights were rounded for them")
+        "locsnn_compile.mesh.compile.calibrate",
+        lambda *_: pytest.fail("weights were rounded for them"),
     )
     monkeypatch.setattr(
         "locsnn_compile.request.choose_strategy.calibrate",

@@ -313,7 +313,13 @@ def reports(folder):
 
 def compare_builds(folder, _):
     with contextlib.redirect_stdout(io.StringIO()):
-        builds = {"before": folder / "before", "after": folder, "json": False, "html": None}
+        builds = {
+            "before": folder / "before",
+            "after": folder,
+            "json": False,
+            "html": None,
+            "events": None,
+        }
         with contextlib.suppress(
             InputError
         ):  # the summary asks for figures that a report here has not

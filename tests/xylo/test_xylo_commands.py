@@ -151,7 +151,6 @@ def test_targets_shows_the_file_of_a_chip(capsys):
     [
         ["explore", "{model}", "--dt", "1e-3"],
         ["stress"],
-        ["train", "--data", "{events}", "--channels", "16", *SHAPE],
     ],
     ids=lambda command: command[0],
 )
@@ -222,10 +221,9 @@ def test_run_refuses_what_a_program_for_a_xylo_has_no_use_for(option, folder, bu
     )
 
 
-@pytest.mark.parametrize("command", ["diff", "rtl sim", "rtl fit"])
+@pytest.mark.parametrize("command", ["rtl sim", "rtl fit"])
 def test_commands_for_cores_name_the_one_that_plays_it(command, folder, built, capsys):
     places = {
-        "diff": [str(built), str(built)],
         "rtl sim": [str(built), "--events", str(folder / "touches.npz")],
         "rtl fit": [str(built), "--board", "ulx3s-85f"],
     }
