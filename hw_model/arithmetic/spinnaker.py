@@ -1,6 +1,7 @@
 """The arithmetic of SpiNNaker 1 with sPyNNaker's ``IF_curr_exp``, on one page: read downwards.
 
-A core is an ARM without floating point, and this is what its machine code computes in steps of 1 ms.
+A core is an ARM without floating point, and this is what its machine code computes in steps of
+1 ms. ``tests/peers/spinnaker_machine.py`` runs that machine code in an emulator, next to this page.
 
 FORMATS
 
@@ -26,7 +27,8 @@ A core computes CONSTANTS from them when it starts, where a / b is (a << 15) div
 
     R       = tau_m / c_m                                s16.15, MOhm; wraps
     e       = expk(-1 ms / tau_m)                        s16.15, what V keeps of its way to a goal
-    d_r     = expulr(-1 ms / tau_syn_r)                  u0.32, what I_r keeps; 0 for 32,768 ms and more
+    d_r     = expulr(-1 ms / tau_syn_r)                  u0.32, what I_r keeps;
+                                                         0 for more than 32,768 ms
     init_r  = tau_syn_r (2^32 - 1 - d_r) >> 15           u0.32, keeps its low 32 bits
     T       = tau_refrac, rounded up to whole steps
 
@@ -45,8 +47,8 @@ THE STEP t, in the order of the code below; what is in brackets wraps:
     I_r   = I_r d_r >> 32
 
 WHEN: a spike of step t and a synapse of delay D act in step t + D. A core that is behind processes
-it ``lateness`` steps later, 0..15. The synapse still acts in t + D if its delay is longer than that;
-otherwise it is dropped. A delay of all slots is stored as 0, and is never found late.
+it ``lateness`` steps later, 0..15. The synapse still acts in t + D if its delay is longer than
+that; otherwise it is dropped. A delay of all slots is stored as 0, and is never found late.
 
 EVENTS that are counted: wraps of shifted ring buffers, of currents, and of drives, goals, distances
 and potentials together; weights that saturated a ring buffer; synapses that came too late.
@@ -68,14 +70,18 @@ HALF_SPAN = 1 << 31
 SPAN = 1 << 32
 """1 in u0.32; integers that a word of 32 bits distinguishes."""
 RING_MAX = (1 << 16) - 1
+"""The largest entry of a ring buffer; more saturates."""
 WEIGHT_MAX = (1 << 16) - 1
+"""The largest weight as stored."""
 RECEPTORS = 2
+"""Receptors of a neuron."""
 EXCITATORY, INHIBITORY = range(RECEPTORS)
 SHIFT_MAX = 16
-"""The largest P_r that a witness has seen."""
+"""The largest P_r with which the machine code was run and compared with this page."""
 DELAY_MIN = 1
+"""Steps: a spike acts in the next step at the earliest."""
 LATENESS_MAX = 15
-"""The key of a spike carries the step that sent it, modulo 16."""
+"""Steps: the key of a spike carries the step that sent it modulo 16, which tells no more."""
 EVENTS = (
     "ring_wraps",
     "current_wraps",
@@ -119,7 +125,11 @@ class State(NamedTuple):
 
 
 class Step(NamedTuple):
-    """The registers after a step, ``potential`` as the threshold saw it, spikes, and wraps by name."""
+    """What a step of n neurons does.
+
+    ``state`` are the registers after it, ``potential`` (n,) V in s16.15 as the threshold saw it,
+    ``fired`` (n,) spikes, and ``wraps`` counts by their names in :data:`EVENTS`.
+    """
 
     state: State
     potential: IntArray
@@ -148,21 +158,24 @@ def constants(p: Parameters) -> Constants:
 
 
 def quotient(numerator: IntArray | int, denominator: IntArray) -> IntArray:
-    """Return a / b in s16.15 of s16.15 numbers, 0 or more and above 0."""
+    """Return a / b in s16.15; a is 0 or more and b above 0, both s16.15."""
     return wrap((numerator << 15) // denominator)
 
 
 def initial_share(tau_syn: IntArray, synapse_decay: IntArray) -> IntArray:
     """Return what of a weight reaches a current at once, u0.32.
 
-    All that the current then is, step by step, adds up to tau_syn times the weight.
+    With it, the currents of all later steps add up to tau_syn times the weight.
     """
     return (tau_syn * (SPAN - 1 - synapse_decay) >> 15) % SPAN
 
 
 EXPONENT_MIN = -340695
+"""-15 ln 2 in s16.15: below it, e^x is less than 2^-15, the least that s16.15 holds."""
 EXPONENT_MAX = 363408
-"""Beyond these exponents the exponentials are fixed values."""
+"""16 ln 2 in s16.15: above it, e^x is more than s16.15 holds."""
+SIXTEENTH = ONE >> 4
+"""1/16 in s16.15."""
 
 
 def expk(x: int) -> int:
@@ -175,7 +188,10 @@ def expk(x: int) -> int:
 
 
 def expulr(x: int) -> int:
-    """Return e^x in u0.32, of x in s16.15; e^0 is 0, as 1 does not fit."""
+    """Return e^x in u0.32, of x in s16.15; e^0 is 0, as 1 does not fit.
+
+    It is cut where :func:`expk` is, and to the same values, as in the machine code.
+    """
     if x < EXPONENT_MIN:
         return 0
     if x > EXPONENT_MAX:
@@ -184,15 +200,21 @@ def expulr(x: int) -> int:
 
 
 def _exponential(x: int) -> int:
-    """Return 2^32 e^x: a power of e above x, less whole sixteenths, less what is left."""
-    whole = x >> 15
-    below = -x % ONE
+    """Return 2^32 e^x of x in s16.15.
+
+    x is a whole number, less whole sixteenths, less a rest below 1/16:
+    e^x = e^whole e^(-sixteenths / 16) e^-rest, where each factor below 1 is taken off as the share
+    of the product that it costs.
+    """
+    whole = -(-x // ONE)
+    below = whole * ONE - x
+    product = _power(whole)
     if below == 0:
-        return _power(whole)
-    exact = _power(whole + 1)
-    exact -= _share(exact, _lost_by_sixteenths(below >> 11))
-    exact -= _share(exact, _lost_by_less((below % 2048) << 17))
-    return exact
+        return product
+    sixteenths, rest = divmod(below, SIXTEENTH)
+    product -= _share(product, _lost_by_sixteenths(sixteenths))
+    product -= _share(product, _lost_by_rest(rest << 17))  # from s16.15 to u0.32
+    return product
 
 
 @lru_cache
@@ -209,59 +231,69 @@ def _lost_by_sixteenths(sixteenths: int) -> int:
         return round(SPAN * (1 - (-Decimal(sixteenths) / 16).exp()))
 
 
-def _lost_by_less(y: int) -> int:
-    """Return 1 - e^-y, all in u0.32, for y below 1/16: a polynomial of the second degree."""
+def _lost_by_rest(y: int) -> int:
+    """Return 1 - e^-y, all in u0.32, for y below 1/16.
+
+    This is a polynomial of the second degree, c0 + y (c1 - y c2), with the coefficients of the
+    machine code. It is off by 5,295 at the most, so that it gives 5,294 and not 0 for y = 0.
+    """
     slope = 4293434720 - (y * 2081624032 >> 32)
     return 5294 + (y * slope >> 32)
 
 
 def _share(wide: int, factor: int) -> int:
-    """Return the share ``factor``, u0.32, of a number of 64 bits; its low word's is rounded to nearest."""
+    """Return the share ``factor``, u0.32, of a number of 64 bits.
+
+    The machine multiplies its two words of 32 bits one by one, and rounds only the product of the
+    low one, to nearest.
+    """
     high, low = divmod(wide, SPAN)
     return high * factor + (low * factor + HALF_SPAN >> 32)
 
 
 def of_each(function: Callable[[int], int], values: IntArray) -> IntArray:
     """Return a function of every integer of an array; equal ones are computed once."""
-    different, place = np.unique(values, return_inverse=True)
-    results = [function(value) for value in different.tolist()]
-    return np.array(results, dtype=np.int64)[place].reshape(values.shape)
+    distinct, index_of_distinct = np.unique(values, return_inverse=True)
+    results = [function(value) for value in distinct.tolist()]
+    return np.array(results, dtype=np.int64)[index_of_distinct].reshape(values.shape)
 
 
 # The step. Each formula is of arrays or of single numbers, and exact: its caller wraps it.
 
 
 def charged(current: IntArray, init: IntArray, shifted_ring: IntArray) -> IntArray:
-    """Return a current to which the weights of a slot have come."""
+    """Return a current, s16.15, with its share ``init``, u0.32, of the weights of a slot."""
     return current + (init * shifted_ring >> 32)
 
 
 def drive_of(excitation: IntArray, inhibition: IntArray, i_offset: IntArray) -> IntArray:
-    """Return all that drives a membrane, in nA."""
+    """Return all that drives a membrane, s16.15 nA."""
     return excitation - inhibition + i_offset
 
 
 def goal_of(drive: IntArray, resistance: IntArray, v_rest: IntArray) -> IntArray:
-    """Return where V would come to rest."""
+    """Return where V would come to rest under a constant drive, s16.15 mV."""
     return (drive * resistance >> 15) + v_rest
 
 
 def approached(goal: IntArray, distance: IntArray, membrane_decay: IntArray) -> IntArray:
-    """Return V after a step towards its goal, which was ``distance`` above it."""
+    """Return V, s16.15 mV, after a step towards its goal, which was ``distance`` above it."""
     return goal - (distance * membrane_decay >> 15)
 
 
 def faded(current: IntArray, synapse_decay: IntArray) -> IntArray:
-    """Return what a step leaves of a current."""
+    """Return what a step leaves of a current, s16.15 nA."""
     return current * synapse_decay >> 32
 
 
 def step(p: Parameters, c: Constants, shifts: IntArray, state: State, ring: IntArray) -> Step:
     """Take a step of n neurons.
 
-    ``ring`` (n, receptors) is what has arrived for it; ``shifts`` (receptors,) are P_r.
+    ``ring`` (n, receptors) are the stored weights that have arrived for it; ``shifts`` (receptors,)
+    are P_r. A name with ``_sum`` is exact, and the same name without it has wrapped.
     """
-    shifted = wrap(ring << shifts)
+    shifted_sum = ring << shifts
+    shifted = wrap(shifted_sum)
     current_sum = charged(state.current, c.synapse_init, shifted)
     current = wrap(current_sum)
 
@@ -275,18 +307,19 @@ def step(p: Parameters, c: Constants, shifts: IntArray, state: State, ring: IntA
     moves = state.refractory == 0
     potential = np.where(moves, wrap(v_sum), state.v)
 
-    fired = potential >= p.v_thresh
-    left = np.maximum(state.refractory - 1, 0)
+    fired = potential >= p.v_thresh  # a neuron that is refractory fires as well
+    refractory_left = np.maximum(state.refractory - 1, 0)
     after = State(
         v=np.where(fired, p.v_reset, potential),
         current=faded(current, c.synapse_decay),
-        refractory=np.where(fired, c.refractory_steps, left),
+        refractory=np.where(fired, c.refractory_steps, refractory_left),
     )
-    sums = np.stack([drive_sum, goal_sum, distance_sum, v_sum])
+    # A refractory neuron skips the sums of its potential, whose wraps do not count then.
+    potential_sums = np.stack([drive_sum, goal_sum, distance_sum, v_sum])[:, moves]
     wraps = {
-        "ring_wraps": wraps_of(ring << shifts),
+        "ring_wraps": wraps_of(shifted_sum),
         "current_wraps": wraps_of(current_sum),
-        "potential_wraps": wraps_of(sums[:, moves]),
+        "potential_wraps": wraps_of(potential_sums),
     }
     return Step(after, potential, fired, wraps)
 

@@ -25,7 +25,7 @@ from hw_model.spinnaker.reference import play_reference  # noqa: E402
 
 MODULE = "hw_model.arithmetic.spinnaker"
 OF_THE_STEP = {
-    "wrap", "constants", "quotient", "initial_share", "_exponential", "_share", "_lost_by_less",
+    "wrap", "constants", "quotient", "initial_share", "_exponential", "_share", "_lost_by_rest",
     "charged", "drive_of", "goal_of", "approached", "faded", "step",
     "slot_of", "comes_too_late", "collected",
 }  # fmt: skip
