@@ -1,22 +1,32 @@
-"""Formulas of a page of an arithmetic, compiled as they are, for the fast engine of that arithmetic."""
+"""Formulas of a page of an arithmetic, compiled as they are, for the fast engine of that page."""
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from types import FunctionType, ModuleType
 from typing import Any
 
 from hw_model.engine.compiled import compiled
 
 
-def compiled_formulas(page: ModuleType, names: Sequence[str], module: str) -> dict[str, Any]:
-    """Compile formulas of a page for loops of ``module``; each comes after those that it calls.
+class CompiledPage:
+    """A page of an arithmetic, whose formulas are compiled one by one for the loops of a module.
 
     A compiled function finds the functions that it calls among the globals of its module, and those
-    of the page are plain: so the same code is given globals in which they are compiled.
+    of the page are plain. So the same code is given globals in which all formulas that were
+    compiled before stand for the plain ones: compile a formula after those that it calls.
+
+    ``module`` is the name of the module of the loops: where numba keeps the code, and by which its
+    package is compiled ahead.
     """
-    formulas: dict[str, Any] = {}
-    for name in names:
-        plain: FunctionType = getattr(page, name)
-        function = FunctionType(plain.__code__, vars(page) | formulas, name)
-        function.__module__ = module
-        formulas[name] = compiled(function)
-    return formulas
+
+    def __init__(self, page: ModuleType, module: str) -> None:
+        self._globals = dict(vars(page))
+        self._module = module
+
+    def compiled(self, formula: Callable[..., Any]) -> Any:
+        """Return a function of the page, compiled."""
+        assert isinstance(formula, FunctionType)
+        name = formula.__name__
+        function = FunctionType(formula.__code__, self._globals.copy(), name)
+        function.__module__ = self._module
+        self._globals[name] = compiled(function)
+        return self._globals[name]

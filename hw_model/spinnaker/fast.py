@@ -11,21 +11,26 @@ import numpy as np
 
 from hw_model.arithmetic import spinnaker
 from hw_model.engine.compiled import compiled
-from hw_model.engine.formulas import compiled_formulas
+from hw_model.engine.formulas import CompiledPage
 from hw_model.spinnaker.network import RECEPTORS, SpinnakerNetwork, SpinnakerPopulation
-from hw_model.spinnaker.reference import (
-    SpinnakerResult,
-    checked_rows,
-    empty_result,
-)
+from hw_model.spinnaker.reference import SpinnakerResult, checked_rows, empty_result
 from hw_model.values import AnyArray, IntArray
 
-RING_WRAPS, CURRENT_WRAPS, POTENTIAL_WRAPS, SATURATED, LATE = range(len(spinnaker.EVENTS))
-"""Where a count lies among those of :data:`hw_model.arithmetic.spinnaker.EVENTS`."""
+# Where each count lies among those of :data:`hw_model.arithmetic.spinnaker.EVENTS`: the loops count
+# by index, as numba has no mapping that would be fast.
+RING_WRAPS = spinnaker.EVENTS.index("ring_wraps")
+CURRENT_WRAPS = spinnaker.EVENTS.index("current_wraps")
+POTENTIAL_WRAPS = spinnaker.EVENTS.index("potential_wraps")
+SATURATED_WEIGHTS = spinnaker.EVENTS.index("saturated_weights")
+LATE_SYNAPSES = spinnaker.EVENTS.index("late_synapses")
 
 
 class Neurons(NamedTuple):
-    """n neurons: ``synapse_*`` and ``shifts`` (n, receptors), all others (n,)."""
+    """n neurons of a phase: ``synapse_*`` and ``shifts`` (n, receptors), all others (n,).
+
+    Formats are those of :class:`hw_model.arithmetic.spinnaker.Parameters` and of its ``Constants``;
+    ``slots`` are those of the ring buffer of a neuron's core.
+    """
 
     v_rest: IntArray
     v_reset: IntArray
@@ -41,9 +46,23 @@ class Neurons(NamedTuple):
 
 
 class Synapses(NamedTuple):
-    """Synapses in the order they act in; those of source s begin at ``first[s]``, (sources + 1,)."""
+    """Synapses of a phase in the order they act in.
+
+    Those of source s are ``first[s]`` to before ``first[s + 1]``; ``first`` is (sources + 1,), all
+    others are (synapses,). Sources are lines, then neurons. ``delay`` is in steps.
+    """
 
     first: IntArray
+    target: IntArray
+    receptor: IntArray
+    weight: IntArray
+    delay: IntArray
+
+
+class SynapsesBySource(NamedTuple):
+    """Synapses in any order, with the number of the source of each; arrays are (synapses,)."""
+
+    source: IntArray
     target: IntArray
     receptor: IntArray
     weight: IntArray
@@ -60,7 +79,7 @@ class Registers(NamedTuple):
 
 
 class PhaseArrays(NamedTuple):
-    """All that a phase is."""
+    """All that the loops have of a phase; of these, they write ``registers`` only."""
 
     neurons: Neurons
     synapses: Synapses
@@ -68,7 +87,10 @@ class PhaseArrays(NamedTuple):
 
 
 class Recorded(NamedTuple):
-    """Where spikes of all sources (rows, sources) and registers (rows, n, ..) are kept."""
+    """What the loops write: spikes of all sources (rows, sources), and registers (rows, n, ..).
+
+    Spikes of lines, the first sources, stand there from the beginning, and are read only.
+    """
 
     sent: AnyArray
     potential: IntArray
@@ -78,33 +100,25 @@ class Recorded(NamedTuple):
 
 
 class Lateness(NamedTuple):
-    """Steps (rows, sources) by which spikes come late, and the most of them; () if that is 0."""
+    """By how many steps spikes come late, (rows, sources), and the largest of these.
+
+    If no spike is late, ``steps`` is empty, and is not read.
+    """
 
     steps: IntArray
-    most: int
+    largest: int
 
 
-_NAMES = (
-    "wrap",
-    "charged",
-    "drive_of",
-    "goal_of",
-    "approached",
-    "faded",
-    "slot_of",
-    "comes_too_late",
-    "collected",
-)
-_COMPILED = compiled_formulas(spinnaker, _NAMES, __name__)
-_wrap = _COMPILED["wrap"]
-_charged = _COMPILED["charged"]
-_drive_of = _COMPILED["drive_of"]
-_goal_of = _COMPILED["goal_of"]
-_approached = _COMPILED["approached"]
-_faded = _COMPILED["faded"]
-_slot_of = _COMPILED["slot_of"]
-_comes_too_late = _COMPILED["comes_too_late"]
-_collected = _COMPILED["collected"]
+_PAGE = CompiledPage(spinnaker, __name__)
+_wrap = _PAGE.compiled(spinnaker.wrap)
+_charged = _PAGE.compiled(spinnaker.charged)
+_drive_of = _PAGE.compiled(spinnaker.drive_of)
+_goal_of = _PAGE.compiled(spinnaker.goal_of)
+_approached = _PAGE.compiled(spinnaker.approached)
+_faded = _PAGE.compiled(spinnaker.faded)
+_slot_of = _PAGE.compiled(spinnaker.slot_of)
+_comes_too_late = _PAGE.compiled(spinnaker.comes_too_late)
+_collected = _PAGE.compiled(spinnaker.collected)
 _RECEPTORS = spinnaker.RECEPTORS
 _EXCITATORY = spinnaker.EXCITATORY
 _INHIBITORY = spinnaker.INHIBITORY
@@ -130,13 +144,13 @@ class FastPhase:
         sent = np.zeros((steps, sources), dtype=np.uint8)
         lines = rows.spikes.shape[1]
         sent[:, :lines] = rows.spikes
-        counted = np.zeros(len(spinnaker.EVENTS), dtype=np.int64)
+        event_counts = np.zeros(len(spinnaker.EVENTS), dtype=np.int64)
         recorded = Recorded(sent, result.potential, result.v, result.current, result.refractory)
         registers = _at_rest(self.v_init, self.neurons)
         arrays = PhaseArrays(self.neurons, self.synapses, registers)
-        _play(arrays, _lateness(rows.lateness), recorded, counted)
+        _play(arrays, _lateness(rows.lateness), recorded, event_counts)
         result.spikes[:] = sent[:, lines:]
-        result.events.update(zip(spinnaker.EVENTS, counted.tolist(), strict=True))
+        result.events.update(zip(spinnaker.EVENTS, event_counts.tolist(), strict=True))
         return result
 
 
@@ -148,8 +162,8 @@ def play_fast(
 
 
 def _neurons(populations: tuple[SpinnakerPopulation, ...]) -> Neurons:
-    each = [_neurons_of(population) for population in populations]
-    return Neurons(*(_joined(arrays) for arrays in zip(*each, strict=True)))
+    by_population = [_neurons_of(population) for population in populations]
+    return Neurons(*(_joined(arrays) for arrays in zip(*by_population, strict=True)))
 
 
 def _neurons_of(population: SpinnakerPopulation) -> Neurons:
@@ -167,7 +181,7 @@ def _neurons_of(population: SpinnakerPopulation) -> Neurons:
 
 
 def _joined(parts: list[IntArray] | tuple[IntArray, ...]) -> IntArray:
-    """Return arrays as one, in the one kind of memory for which the loops are compiled."""
+    """Return arrays as one, contiguous and of 64 bits, the kind the loops are compiled for."""
     return np.ascontiguousarray(np.concatenate(parts), dtype=np.int64)
 
 
@@ -176,23 +190,31 @@ def _synapses(network: SpinnakerNetwork, phase: str) -> Synapses:
     first_source = network.sources_of(phase)
     columns = network.columns_of(phase)
     nothing = np.zeros(0, dtype=np.int64)
-    parts = [(nothing,) * 5]
+    # A phase may have no projection, and nothing at all cannot be joined.
+    parts = [SynapsesBySource(nothing, nothing, nothing, nothing, nothing)]
     for projection in network.projections_of(phase):
         receptor = RECEPTORS.index(projection.receptor)
         parts.append(
-            (
-                first_source[projection.source] + projection.source_index,
-                columns[projection.target].start + projection.target_index,
-                np.full(len(projection.weight), receptor),
-                projection.weight,
-                projection.delay,
+            SynapsesBySource(
+                source=first_source[projection.source] + projection.source_index,
+                target=columns[projection.target].start + projection.target_index,
+                receptor=np.full(len(projection.weight), receptor),
+                weight=projection.weight,
+                delay=projection.delay,
             )
         )
-    source, *arrays = (_joined(arrays) for arrays in zip(*parts, strict=True))
-    order = np.argsort(source, kind="stable")
+    joined = SynapsesBySource(*(_joined(arrays) for arrays in zip(*parts, strict=True)))
+    # A stable order: synapses of one source stay in the order of projections.
+    order = np.argsort(joined.source, kind="stable")
     sources = network.lines_of(phase) + network.neurons_of(phase)
-    first = np.searchsorted(source[order], np.arange(sources + 1))
-    return Synapses(first.astype(np.int64), *(array[order] for array in arrays))
+    first = np.searchsorted(joined.source[order], np.arange(sources + 1))
+    return Synapses(
+        first=first.astype(np.int64),
+        target=joined.target[order],
+        receptor=joined.receptor[order],
+        weight=joined.weight[order],
+        delay=joined.delay[order],
+    )
 
 
 def _at_rest(v_init: IntArray, neurons: Neurons) -> Registers:
@@ -212,50 +234,51 @@ def _lateness(steps: IntArray | None) -> Lateness:
 
 
 @compiled
-def _wrapped(exact, counted, event):  # type: ignore[no-untyped-def]
+def _wrapped(exact, event_counts, event):  # type: ignore[no-untyped-def]
+    """Return a sum in 32 bits, and count that it wrapped if it did."""
     value = _wrap(exact)
-    counted[event] += value != exact
+    event_counts[event] += value != exact
     return value
 
 
 @compiled
-def _receive(neurons, registers, n, t, counted):  # type: ignore[no-untyped-def]
+def _receive(neurons, registers, n, t, event_counts):  # type: ignore[no-untyped-def]
     """Add what has arrived for step t to the currents of neuron n, and empty its slot."""
     slot = t % neurons.slots[n]
     for r in range(_RECEPTORS):
         arrived = registers.ring[slot, n, r]
         if arrived:  # most slots are empty
-            shifted = _wrapped(arrived << neurons.shifts[n, r], counted, RING_WRAPS)
-            exact = _charged(registers.current[n, r], neurons.synapse_init[n, r], shifted)
-            registers.current[n, r] = _wrapped(exact, counted, CURRENT_WRAPS)
+            shifted = _wrapped(arrived << neurons.shifts[n, r], event_counts, RING_WRAPS)
+            current_sum = _charged(registers.current[n, r], neurons.synapse_init[n, r], shifted)
+            registers.current[n, r] = _wrapped(current_sum, event_counts, CURRENT_WRAPS)
             registers.ring[slot, n, r] = 0
 
 
 @compiled
-def _move(neurons, registers, n, counted):  # type: ignore[no-untyped-def]
-    """Return V of neuron n as the threshold sees it."""
+def _move(neurons, registers, n, event_counts):  # type: ignore[no-untyped-def]
+    """Return V of neuron n as the threshold sees it, and count down its refractory steps."""
     if registers.refractory[n] > 0:
         registers.refractory[n] -= 1
         return registers.v[n]
     excitation = registers.current[n, _EXCITATORY]
     inhibition = registers.current[n, _INHIBITORY]
-    exact = _drive_of(excitation, inhibition, neurons.i_offset[n])
-    drive = _wrapped(exact, counted, POTENTIAL_WRAPS)
-    exact = _goal_of(drive, neurons.resistance[n], neurons.v_rest[n])
-    goal = _wrapped(exact, counted, POTENTIAL_WRAPS)
-    distance = _wrapped(goal - registers.v[n], counted, POTENTIAL_WRAPS)
-    exact = _approached(goal, distance, neurons.membrane_decay[n])
-    return _wrapped(exact, counted, POTENTIAL_WRAPS)
+    drive_sum = _drive_of(excitation, inhibition, neurons.i_offset[n])
+    drive = _wrapped(drive_sum, event_counts, POTENTIAL_WRAPS)
+    goal_sum = _goal_of(drive, neurons.resistance[n], neurons.v_rest[n])
+    goal = _wrapped(goal_sum, event_counts, POTENTIAL_WRAPS)
+    distance = _wrapped(goal - registers.v[n], event_counts, POTENTIAL_WRAPS)
+    v_sum = _approached(goal, distance, neurons.membrane_decay[n])
+    return _wrapped(v_sum, event_counts, POTENTIAL_WRAPS)
 
 
 @compiled
-def _update(neurons, registers, recorded, t, counted):  # type: ignore[no-untyped-def]
+def _update(neurons, registers, recorded, t, event_counts):  # type: ignore[no-untyped-def]
     """Take step t of all neurons."""
     size = len(registers.v)
     first_neuron = recorded.sent.shape[1] - size
     for n in range(size):
-        _receive(neurons, registers, n, t, counted)
-        v = _move(neurons, registers, n, counted)
+        _receive(neurons, registers, n, t, event_counts)
+        v = _move(neurons, registers, n, event_counts)
         recorded.potential[t, n] = v
         fired = v >= neurons.v_thresh[n]
         if fired:
@@ -266,43 +289,44 @@ def _update(neurons, registers, recorded, t, counted):  # type: ignore[no-untype
         recorded.v[t, n] = v
         recorded.refractory[t, n] = registers.refractory[n]
         for r in range(_RECEPTORS):
-            left = _faded(registers.current[n, r], neurons.synapse_decay[n, r])
-            registers.current[n, r] = left
-            recorded.current[t, n, r] = left
+            current = _faded(registers.current[n, r], neurons.synapse_decay[n, r])
+            registers.current[n, r] = current
+            recorded.current[t, n, r] = current
 
 
 @compiled
-def _deliver(phase, source, sent, lateness, counted):  # type: ignore[no-untyped-def]
+def _deliver(phase, source, sent, lateness, event_counts):  # type: ignore[no-untyped-def]
     """Add the weights of a source that spiked in step ``sent`` to ring buffers."""
     synapses = phase.synapses
     ring = phase.registers.ring
     for s in range(synapses.first[source], synapses.first[source + 1]):
         n = synapses.target[s]
         r = synapses.receptor[s]
+        weight = synapses.weight[s]
         slots = phase.neurons.slots[n]
         if _comes_too_late(lateness, synapses.delay[s], slots):
-            counted[LATE] += 1
+            event_counts[LATE_SYNAPSES] += 1
             continue
         slot = _slot_of(sent, synapses.delay[s], slots)
         before = ring[slot, n, r]
-        after = _collected(before, synapses.weight[s])
-        counted[SATURATED] += after != before + synapses.weight[s]
+        after = _collected(before, weight)
+        event_counts[SATURATED_WEIGHTS] += after != before + weight
         ring[slot, n, r] = after
 
 
 @compiled
-def _play(phase, lateness, recorded, counted):  # type: ignore[no-untyped-def]
+def _play(phase, lateness, recorded, event_counts):  # type: ignore[no-untyped-def]
     """Play all rows of ``recorded.sent``, in which the spikes of lines stand already."""
     steps, sources = recorded.sent.shape
     for t in range(steps):
-        _update(phase.neurons, phase.registers, recorded, t, counted)
+        _update(phase.neurons, phase.registers, recorded, t, event_counts)
         # Spikes that were sent first are processed first.
-        for sent in range(max(0, t - lateness.most), t + 1):
+        for sent in range(max(0, t - lateness.largest), t + 1):
             for source in range(sources):
                 if not recorded.sent[sent, source]:
                     continue
-                late = 0
-                if lateness.most > 0:
-                    late = lateness.steps[sent, source]
-                if sent + late == t:
-                    _deliver(phase, source, sent, late, counted)
+                late_steps = 0
+                if lateness.largest > 0:
+                    late_steps = lateness.steps[sent, source]
+                if sent + late_steps == t:
+                    _deliver(phase, source, sent, late_steps, event_counts)

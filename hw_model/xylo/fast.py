@@ -10,7 +10,7 @@ import numpy as np
 
 from hw_model.arithmetic import xylo
 from hw_model.engine.compiled import compiled
-from hw_model.engine.formulas import compiled_formulas
+from hw_model.engine.formulas import CompiledPage
 from hw_model.values import AnyArray, IntArray
 from hw_model.xylo.network import XyloNetwork, XyloPopulation
 from hw_model.xylo.reference import XyloResult, checked_rows, empty_result
@@ -57,12 +57,14 @@ class Recorded(NamedTuple):
     v: IntArray
 
 
-_NAMES = ("saturate", "wrap", "taken", "decayed", "change_of", "fire")
-_COMPILED = compiled_formulas(xylo, _NAMES, __name__)
-_saturate = _COMPILED["saturate"]
-_decayed = _COMPILED["decayed"]
-_change_of = _COMPILED["change_of"]
-_fire = _COMPILED["fire"]
+# Each formula after those that it calls.
+_PAGE = CompiledPage(xylo, __name__)
+_saturate = _PAGE.compiled(xylo.saturate)
+_wrap = _PAGE.compiled(xylo.wrap)
+_taken = _PAGE.compiled(xylo.taken)
+_decayed = _PAGE.compiled(xylo.decayed)
+_change_of = _PAGE.compiled(xylo.change_of)
+_fire = _PAGE.compiled(xylo.fire)
 _INPUT_EVENTS_MAX = xylo.INPUT_EVENTS_MAX
 _HIDDEN_SPIKES_MAX = xylo.HIDDEN_SPIKES_MAX
 _OUTPUT_SPIKES_MAX = xylo.OUTPUT_SPIKES_MAX
