@@ -11,6 +11,8 @@ from hw_model.values import Shown
 
 SpinnakerName = Literal["spinnaker1"]
 """The names of the chips that ship."""
+NEURONS_PER_CORE_MAX = 256
+"""The most neurons of a core that a description of a chip may say."""
 
 
 class SpinnakerChip(Shown, eq=True):
@@ -22,7 +24,7 @@ class SpinnakerChip(Shown, eq=True):
 
     name: str
     cores: Annotated[int, AT_LEAST_ONE]
-    neurons_per_core: Annotated[int, between(1, 256)]
+    neurons_per_core: Annotated[int, between(1, NEURONS_PER_CORE_MAX)]
     ring_bits: Annotated[int, between(2, 14)]
     synapses_per_row: Annotated[int, between(1, 256)]
     source: str

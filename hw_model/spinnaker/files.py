@@ -36,7 +36,9 @@ from hw_model.values import Frozen, IntArray, picked
 
 VERSION = 1
 MAX_STEPS = 10_000_000
+"""The most steps of a phase: a file that says more is damaged or hostile."""
 MAX_LINES = 1 << 20
+"""The most lines of an input, likewise."""
 _OF_RECORDINGS = (
     "step_seconds",
     "event_threshold",
@@ -87,7 +89,10 @@ class ProjectionEntry(Frozen):
 
 
 class ReadoutEntry(Frozen):
-    """A population that gives its spikes, or its potentials from a step on, and the weight of them."""
+    """A population that is read out, and the weight of what it gives.
+
+    That is its spikes, or its potentials from step ``potentials_from`` on.
+    """
 
     population: str
     weight: float
@@ -134,7 +139,8 @@ def spinnaker_files(program: SpinnakerProgram) -> dict[str, bytes]:
         "provenance": dict(program.provenance),
     }
     optional = picked(program, *_OF_RECORDINGS)
-    optional["readout_tie_class"] = program.readout.tie_class if program.readout else None
+    if program.readout is not None:
+        optional["readout_tie_class"] = program.readout.tie_class
     if optional["class_names"]:
         optional["class_names"] = list(optional["class_names"])
     return sealed_files(
@@ -283,11 +289,13 @@ def _readout(document: SpinnakerDocument) -> Readout | None:
     if not document.readout:
         return None
     first_steps = tuple(entry.potentials_from for entry in document.readout)
-    shared = first_steps[0] if len(set(first_steps)) == 1 else first_steps
+    potentials_from: int | tuple[int | None, ...] | None = first_steps
+    if len(set(first_steps)) == 1:
+        potentials_from = first_steps[0]  # a step that all share is said once
     return Readout(
         populations=tuple(entry.population for entry in document.readout),
         weights=tuple(entry.weight for entry in document.readout),
-        potentials_from=shared,
+        potentials_from=potentials_from,
         tie_class=document.readout_tie_class,
     )
 

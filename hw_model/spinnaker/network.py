@@ -1,5 +1,6 @@
 """A network as SpiNNaker stores it, checked against what its cores hold."""
 
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Literal, get_args
 
@@ -8,15 +9,16 @@ import numpy as np
 from hw_model.arithmetic import spinnaker
 from hw_model.errors import InputError, TargetError, check_known
 from hw_model.mapping.graph import Input, Phase
-from hw_model.spinnaker.chips import SpinnakerChip
+from hw_model.spinnaker.chips import NEURONS_PER_CORE_MAX, SpinnakerChip
 from hw_model.values import AnyArray, Frozen, IntArray, Shown
 
 Receptor = Literal["excitatory", "inhibitory"]
 RECEPTORS: tuple[Receptor, ...] = get_args(Receptor)
 """In the order of the arrays of :mod:`hw_model.arithmetic.spinnaker`."""
-_NOT_NEGATIVE = 0, spinnaker.HALF_SPAN - 1
-_POSITIVE = 1, spinnaker.HALF_SPAN - 1
-_ANY = -spinnaker.HALF_SPAN, spinnaker.HALF_SPAN - 1
+_S16_15_MAX = spinnaker.HALF_SPAN - 1
+_NOT_NEGATIVE = (0, _S16_15_MAX)
+_POSITIVE = (1, _S16_15_MAX)
+_ANY = (-spinnaker.HALF_SPAN, _S16_15_MAX)
 RANGES: dict[str, tuple[int, int]] = {
     "tau_m": _POSITIVE,
     "c_m": _POSITIVE,
@@ -34,9 +36,9 @@ RANGES: dict[str, tuple[int, int]] = {
 class SpinnakerPopulation(Frozen, eq=False):
     """n neurons of a phase, on cores of ``neurons_per_core``, the last of which may have fewer.
 
-    ``shifts`` are P_r by receptor, and ``slots`` those of a core's ring buffer. Nothing that is
-    played depends on the last two: a weight of 1 in the network that was compiled is
-    ``weight_unit`` nA, and a potential of 1 is ``potential_unit`` mV.
+    ``shifts`` are P_r by receptor, and ``slots`` those of a core's ring buffer. A weight of 1 in
+    the network that was compiled is ``weight_unit`` nA, and a potential of 1 is ``potential_unit``
+    mV; no register depends on these two.
     """
 
     name: str
@@ -52,12 +54,16 @@ class SpinnakerPopulation(Frozen, eq=False):
         where = f"population {self.name!r}"
         for name, (low, high) in RANGES.items():
             array = getattr(self.parameters, name)
-            shape = (self.size, spinnaker.RECEPTORS) if name == "tau_syn" else (self.size,)
+            shape: tuple[int, ...] = (self.size,)
+            if name == "tau_syn":
+                shape = (self.size, spinnaker.RECEPTORS)
             _check_shape(f"{where}, {name}", array, shape)
             _check_range(f"{where}, {name}", array, low, high)
         _check_range(f"{where}, shifts", np.array(self.shifts), 0, spinnaker.SHIFT_MAX)
-        _check_range(f"{where}, neurons_per_core", np.array(self.neurons_per_core), 1, 256)
-        if self.slots < 2 or self.slots & (self.slots - 1):
+        neurons_per_core = np.array(self.neurons_per_core)
+        _check_range(f"{where}, neurons_per_core", neurons_per_core, 1, NEURONS_PER_CORE_MAX)
+        is_power_of_two = self.slots & (self.slots - 1) == 0
+        if self.slots < 2 or not is_power_of_two:
             what = "its ring buffer has another number of slots than a power of two"
             fix = "Give 2 or a higher power of two."
             raise InputError(where, what, measured=str(self.slots), fix=fix)
@@ -74,15 +80,25 @@ class SpinnakerPopulation(Frozen, eq=False):
 
     @property
     def ring_bits(self) -> int:
-        """Bits that number the entries of a core's ring buffer."""
-        largest = min(self.size, self.neurons_per_core)
-        receptor_bits = 1
-        return (largest - 1).bit_length() + receptor_bits + (self.slots - 1).bit_length()
+        """Bits that number the entries of a core's ring buffer: of neuron, receptor and slot."""
+        neurons = min(self.size, self.neurons_per_core)
+        neuron_bits = (neurons - 1).bit_length()
+        receptor_bits = (spinnaker.RECEPTORS - 1).bit_length()
+        slot_bits = (self.slots - 1).bit_length()
+        return neuron_bits + receptor_bits + slot_bits
 
     @cached_property
     def constants(self) -> spinnaker.Constants:
         """What its cores compute when they start."""
         return spinnaker.constants(self.parameters)
+
+    def check_fits(self, chip: SpinnakerChip) -> None:
+        """Refuse cores that hold more than those of a chip, with a ``TargetError``."""
+        where = f"population {self.name!r}"
+        fix = "Lower its neurons a core, or its delays."
+        what = "too many neurons a core"
+        _check_room(where, what, self.neurons_per_core, chip.neurons_per_core, fix)
+        _check_room(where, "its ring buffer is too large", self.ring_bits, chip.ring_bits, fix)
 
 
 class SpinnakerProjection(Frozen, eq=False):
@@ -121,12 +137,8 @@ class SpinnakerNetwork(Shown):
 
     def __post_init__(self) -> None:
         phases = [phase.name for phase in self.phases]
-        names = [node.name for node in self.nodes]
-        for what, of_one_kind in (("phase", phases), ("input or population", names)):
-            for name in of_one_kind:
-                if of_one_kind.count(name) > 1:
-                    fix = "Give each a name of its own."
-                    raise InputError("network", f"it has more than one {what} {name!r}", fix=fix)
+        _check_names_differ("phase", phases)
+        _check_names_differ("input or population", [node.name for node in self.nodes])
         for node in self.nodes:
             check_known(f"{node.name!r}", "its phase does not exist", node.phase, phases)
         for projection in self.projections:
@@ -143,7 +155,7 @@ class SpinnakerNetwork(Shown):
         if self.phase_of(projection.source) != target.phase:
             what = "its ends are in different phases"
             raise InputError(where, what, fix="Connect what runs together.")
-        shape = projection.source_index.shape
+        synapses = projection.source_index.shape[:1]
         last_source = sizes[projection.source] - 1
         for name, low, high in (
             ("source_index", 0, last_source),
@@ -152,7 +164,7 @@ class SpinnakerNetwork(Shown):
             ("delay", spinnaker.DELAY_MIN, target.slots),
         ):
             array = getattr(projection, name)
-            _check_shape(f"{where}, {name}", array, shape[:1])
+            _check_shape(f"{where}, {name}", array, synapses)
             _check_range(f"{where}, {name}", array, low, high)
         if np.any(np.diff(projection.source_index) < 0):
             what = "its synapses are not ordered by source"
@@ -186,13 +198,13 @@ class SpinnakerNetwork(Shown):
 
     def sources_of(self, phase: str) -> dict[str, int]:
         """Return the number of the first source of every input and population of a phase."""
-        first = {}
-        count = 0
+        first_source = {}
+        sources = 0
         for node in self.nodes:
             if node.phase == phase:
-                first[node.name] = count
-                count += node.size
-        return first
+                first_source[node.name] = sources
+                sources += node.size
+        return first_source
 
     def projections_of(self, phase: str) -> tuple[SpinnakerProjection, ...]:
         """Return the projections of a phase."""
@@ -222,34 +234,40 @@ class SpinnakerNetwork(Shown):
     def check_fits(self, chip: SpinnakerChip) -> None:
         """Refuse what a chip has no room for, with a ``TargetError`` that names the limit."""
         for population in self.populations:
-            where = f"population {population.name!r}"
-            for what, count, limit in (
-                ("too many neurons a core", population.neurons_per_core, chip.neurons_per_core),
-                ("its ring buffer is too large", population.ring_bits, chip.ring_bits),
-            ):
-                fix = "Lower its neurons a core, or its delays."
-                _check_room(where, what, count, limit, fix)
+            population.check_fits(chip)
         for phase in self.phases:
+            where = f"phase {phase.name!r}"
             cores = self.cores_of(phase.name)
             fix = "Train a network with fewer neurons."
-            _check_room(f"phase {phase.name!r}", "too many cores", cores, chip.cores, fix)
-        for (source, target), row in self.longest_rows().items():
+            _check_room(where, "too many cores", cores, chip.cores, fix)
+        for (source, target), synapses in self.longest_rows().items():
+            where = f"synapses {source!r} -> {target!r}"
             what = "too many synapses of a source on a core"
             fix = "Lower the neurons a core of the target, or prune synapses."
-            _check_room(f"synapses {source!r} -> {target!r}", what, row, chip.synapses_per_row, fix)
+            _check_room(where, what, synapses, chip.synapses_per_row, fix)
 
     def longest_rows(self) -> dict[tuple[str, str], int]:
         """Return the most synapses of one source on one core, by names of source and target."""
-        synapses: dict[tuple[str, str], list[IntArray]] = {}
+        # The projections of both receptors share a row.
+        ends_by_names: dict[tuple[str, str], list[IntArray]] = {}
         for projection in self.projections:
+            names = (projection.source, projection.target)
             core = projection.target_index // self.population(projection.target).neurons_per_core
-            ends = np.stack([projection.source_index, core])
-            synapses.setdefault((projection.source, projection.target), []).append(ends)
+            source_and_core = np.stack([projection.source_index, core])
+            ends_by_names.setdefault(names, []).append(source_and_core)
         longest = {}
-        for names, parts in synapses.items():
-            _, counts = np.unique(np.concatenate(parts, axis=1), axis=1, return_counts=True)
-            longest[names] = int(counts.max(initial=0))
+        for names, parts in ends_by_names.items():
+            ends = np.concatenate(parts, axis=1)
+            _, row_lengths = np.unique(ends, axis=1, return_counts=True)
+            longest[names] = int(row_lengths.max(initial=0))
         return longest
+
+
+def _check_names_differ(what: str, names: Sequence[str]) -> None:
+    for name in names:
+        if names.count(name) > 1:
+            fix = "Give each a name of its own."
+            raise InputError("network", f"it has more than one {what} {name!r}", fix=fix)
 
 
 def _check_shape(where: str, array: AnyArray, shape: tuple[int, ...]) -> None:

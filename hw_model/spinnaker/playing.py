@@ -1,10 +1,10 @@
 """Recordings played to a program for a SpiNNaker, phase after phase, and what is counted of them.
 
-An input of row t is a spike of a source in step t. With the shortest delay it acts in step t + 1, as
-everywhere in this house.
+An input of row t is a spike of a source in step t. With the shortest delay it acts in step t + 1,
+as everywhere in this house.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -65,8 +65,10 @@ class PlayedSpinnaker(Frozen, eq=False):
     @property
     def total_counts(self) -> SpinnakerCounts:
         """The counts of all recordings and phases."""
-        by_phase = [counts for of_one in self.counts for counts in of_one.values()]
-        return sum(by_phase, start=SpinnakerCounts())
+        total = SpinnakerCounts()
+        for counts_by_phase in self.counts:
+            total = sum(counts_by_phase.values(), start=total)
+        return total
 
 
 class PhaseRun(NamedTuple):
@@ -75,6 +77,11 @@ class PhaseRun(NamedTuple):
     rows: ByteArray
     start: int
     result: SpinnakerResult
+
+    @property
+    def steps(self) -> slice:
+        """The steps of the recording that are run."""
+        return slice(self.start, self.start + len(self.rows))
 
 
 def play_program(
@@ -94,13 +101,8 @@ def play_program(
         play_rows = player_of(program.network, phase, engine)
         runs = [_run(play_rows, played, recording) for recording in range(batch)]
         for name, columns in program.network.columns_of(phase.name).items():
-            room = (batch, played.steps, columns.stop - columns.start)
-            spikes[name] = np.zeros(room, dtype=np.uint8)
-            potential[name] = np.zeros(room, dtype=np.int64)
-            for recording, run in enumerate(runs):
-                here = slice(run.start, run.start + len(run.rows))
-                spikes[name][recording, here] = run.result.spikes[:, columns]
-                potential[name][recording, here] = run.result.potential[:, columns]
+            spikes[name] = _spikes_of(runs, columns, played.steps)
+            potential[name] = _potential_of(runs, columns, played.steps)
         fan_out = _fan_out(program.network, phase.name)
         for recording, run in enumerate(runs):
             counts[recording][phase.name] = _counts(run, played.counts[:, recording], fan_out)
@@ -139,28 +141,48 @@ def _run(play_rows: PlayRows, played: PhaseInput, recording: int) -> PhaseRun:
     return PhaseRun(rows, start, play_rows(rows))
 
 
-def _counts(run: PhaseRun, of_input: IntArray, fan_out: IntArray) -> SpinnakerCounts:
-    """Return the counts of a run; ``of_input`` are those of :data:`hw_model.engine.trace.PLAYED`."""
-    sent = np.concatenate([run.rows.sum(axis=0), run.result.spikes.sum(axis=0)])
-    input_events, transpose_events, dropped, _ = of_input.tolist()
+def _spikes_of(runs: Sequence[PhaseRun], columns: slice, steps: int) -> ByteArray:
+    """Return spikes of a population, (batch, steps, n), 0 in steps that are not run."""
+    spikes = np.zeros((len(runs), steps, columns.stop - columns.start), dtype=np.uint8)
+    for recording, run in enumerate(runs):
+        spikes[recording, run.steps] = run.result.spikes[:, columns]
+    return spikes
+
+
+def _potential_of(runs: Sequence[PhaseRun], columns: slice, steps: int) -> IntArray:
+    """Return potentials of a population, (batch, steps, n), s16.15, 0 in steps that are not run."""
+    potential = np.zeros((len(runs), steps, columns.stop - columns.start), dtype=np.int64)
+    for recording, run in enumerate(runs):
+        potential[recording, run.steps] = run.result.potential[:, columns]
+    return potential
+
+
+def _counts(run: PhaseRun, input_counts: IntArray, fan_out: IntArray) -> SpinnakerCounts:
+    """Return the counts of a run.
+
+    ``input_counts`` are those of :data:`hw_model.engine.trace.PLAYED`, and ``fan_out`` (sources,)
+    the synapses of each source.
+    """
+    spikes_by_source = np.concatenate([run.rows.sum(axis=0), run.result.spikes.sum(axis=0)])
+    input_events, transpose_events, events_dropped, _ = input_counts.tolist()
     return SpinnakerCounts(
-        synaptic_ops=int(sent @ fan_out),
+        synaptic_ops=int(spikes_by_source @ fan_out),
         neuron_updates=run.result.spikes.size,
         spikes=int(run.result.spikes.sum()),
         input_events=input_events,
         transpose_events=transpose_events,
-        events_dropped=dropped,
+        events_dropped=events_dropped,
         **run.result.events,
     )
 
 
 def _fan_out(network: SpinnakerNetwork, phase: str) -> IntArray:
     """Return how many synapses each source of a phase has, (sources,)."""
-    first = network.sources_of(phase)
-    synapses = np.zeros(network.lines_of(phase) + network.neurons_of(phase), dtype=np.int64)
+    first_source = network.sources_of(phase)
+    fan_out = np.zeros(network.lines_of(phase) + network.neurons_of(phase), dtype=np.int64)
     for projection in network.projections_of(phase):
-        np.add.at(synapses, first[projection.source] + projection.source_index, 1)
-    return synapses
+        np.add.at(fan_out, first_source[projection.source] + projection.source_index, 1)
+    return fan_out
 
 
 def _scores(
@@ -176,9 +198,9 @@ def _scores(
 def potentials_in_units(
     program: SpinnakerProgram, potential: Mapping[str, IntArray]
 ) -> dict[str, FloatArray]:
-    """Return potentials in potentials of 1 of the network that was compiled."""
-    units = {
-        population.name: population.potential_unit * spinnaker.ONE
-        for population in program.network.populations
-    }
-    return {name: values / units[name] for name, values in potential.items()}
+    """Return potentials, s16.15, in potentials of 1 of the network that was compiled."""
+    in_units = {}
+    for name, values in potential.items():
+        unit = program.network.population(name).potential_unit * spinnaker.ONE
+        in_units[name] = values / unit
+    return in_units

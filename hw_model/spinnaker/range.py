@@ -1,4 +1,4 @@
-"""How far registers of a population can get, in closed form, while each source spikes once a step.
+"""How far registers of a population can get, in closed form, if each source spikes once a step.
 
 Weights are not negative, so that a current lies between 0 and the largest that it can be; V lies
 between the least and the greatest goal, or where it began or was reset to. The bounds are exact
@@ -16,9 +16,12 @@ from hw_model.values import AnyArray, Frozen, IntArray
 class Reach(Frozen, eq=False):
     """The largest magnitudes that n neurons can reach, arrays of Python's integers.
 
-    ``ring``, ``shifted_ring`` and ``current`` (n, receptors): stored weights of a step, what a shift
-    makes of them, and currents. ``drive``, ``goal`` and ``distance`` (n,): what moves V, where to,
-    and how far that can be from V.
+    - ``ring`` (n, receptors): stored weights of a step
+    - ``shifted_ring`` (n, receptors): what a shift makes of them, s16.15 nA
+    - ``current`` (n, receptors): s16.15 nA
+    - ``drive`` (n,): what moves V, s16.15 nA
+    - ``goal`` (n,): where to, s16.15 mV
+    - ``distance`` (n,): how far that can be from V, s16.15 mV
     """
 
     ring: AnyArray
@@ -37,7 +40,7 @@ class Reach(Frozen, eq=False):
     def wraps(self) -> bool:
         """Whether the bounds do not exclude that a sum wraps."""
         sums = (self.shifted_ring, self.current, self.drive, self.goal, self.distance)
-        return any(bool((reached >= HALF_SPAN).any()) for reached in sums)
+        return any(bool((largest >= HALF_SPAN).any()) for largest in sums)
 
     @property
     def fits(self) -> bool:
@@ -59,13 +62,16 @@ def reach_of(network: SpinnakerNetwork, name: str) -> Reach:
     resistance = population.constants.resistance.astype(object)
     v_rest = parameters.v_rest.astype(object)
     goals = [
-        spinnaker.goal_of(drive, resistance, v_rest) for drive in (lowest_drive, highest_drive)
+        spinnaker.goal_of(lowest_drive, resistance, v_rest),
+        spinnaker.goal_of(highest_drive, resistance, v_rest),
     ]
-    lowest_goal = np.minimum(*goals)  # a resistance that wrapped may be negative
+    # A resistance that wrapped may be negative: then the lowest drive has the highest goal.
+    lowest_goal = np.minimum(*goals)
     highest_goal = np.maximum(*goals)
-    begins = (parameters.v_reset.astype(object), parameters.v_init.astype(object))
-    lowest_v = np.minimum.reduce([lowest_goal, *begins])
-    highest_v = np.maximum.reduce([highest_goal, *begins])
+    v_reset = parameters.v_reset.astype(object)
+    v_init = parameters.v_init.astype(object)
+    lowest_v = np.minimum.reduce([lowest_goal, v_reset, v_init])
+    highest_v = np.maximum.reduce([highest_goal, v_reset, v_init])
     return Reach(
         ring=ring,
         shifted_ring=shifted_ring,
@@ -87,7 +93,10 @@ def _weights_of_a_step(network: SpinnakerNetwork, population: SpinnakerPopulatio
 
 
 def _largest_current(population: SpinnakerPopulation, shifted_ring: AnyArray) -> AnyArray:
-    """Return the current, (n, receptors), that loses in a step what a step can bring."""
+    """Return the current, (n, receptors), that loses in a step what a step can bring.
+
+    It is the least integer I with I (1 - d) at or above what comes in a step: no current passes it.
+    """
     constants = population.constants
     added = constants.synapse_init.astype(object) * shifted_ring // SPAN
     lost = SPAN - constants.synapse_decay.astype(object)

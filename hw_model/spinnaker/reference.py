@@ -59,6 +59,10 @@ def play_reference(
     rows = checked_rows(network, phase, spikes, lateness)
     run = _Run(network, phase)
     result = empty_result(network, phase, len(rows.spikes), run.events)
+    late_steps = rows.lateness
+    if late_steps is None:
+        sources = network.lines_of(phase) + network.neurons_of(phase)
+        late_steps = np.zeros((len(rows.spikes), sources), dtype=np.int64)
     for t, row in enumerate(rows.spikes):
         steps = run.step(t)
         result.spikes[t] = np.concatenate([step.fired for step in steps])
@@ -67,8 +71,7 @@ def play_reference(
         result.current[t] = np.concatenate([step.state.current for step in steps])
         result.refractory[t] = np.concatenate([step.state.refractory for step in steps])
         sent = np.concatenate([row, result.spikes[t]])
-        behind = np.zeros_like(sent) if rows.lateness is None else rows.lateness[t]
-        run.send(t, sent, behind)
+        run.send(t, sent, late_steps[t])
         run.deliver(t)
     return result
 
@@ -77,23 +80,23 @@ def checked_rows(
     network: SpinnakerNetwork, phase: str, spikes: AnyArray, lateness: AnyArray | None
 ) -> PhaseRows:
     """Return rows as integers; ``InputError`` for others than :class:`PhaseRows` may have."""
-    given = np.asarray(spikes)
+    rows = np.asarray(spikes)
     lines = network.lines_of(phase)
-    if given.ndim != 2 or given.shape[1] != lines or not np.isin(given, (0, 1)).all():
-        measured = f"{given.shape} against (rows, {lines})"
+    has_the_lines = rows.ndim == 2 and rows.shape[1] == lines
+    if not has_the_lines or not np.isin(rows, (0, 1)).all():
+        measured = f"{rows.shape} against (rows, {lines})"
         fix = "Give a row of 0 and 1 for each step."
         raise InputError("input spikes", "they do not fit the lines", measured=measured, fix=fix)
     if lateness is None:
-        return PhaseRows(given.astype(np.uint8), None)
-    behind = np.asarray(lateness)
-    neurons = network.neurons_of(phase)
-    shape = (len(given), lines + neurons)
-    within = (behind >= 0) & (behind <= spinnaker.LATENESS_MAX)
-    if behind.shape != shape or not within.all():
-        measured = f"{behind.shape} against {shape}"
+        return PhaseRows(rows.astype(np.uint8), None)
+    late_steps = np.asarray(lateness)
+    shape = (len(rows), lines + network.neurons_of(phase))
+    in_range = (late_steps >= 0) & (late_steps <= spinnaker.LATENESS_MAX)
+    if late_steps.shape != shape or not in_range.all():
+        measured = f"{late_steps.shape} against {shape}"
         fix = f"Give 0..{spinnaker.LATENESS_MAX} for each source and step."
         raise InputError("lateness", "it does not fit the sources", measured=measured, fix=fix)
-    return PhaseRows(given.astype(np.uint8), behind.astype(np.int64))
+    return PhaseRows(rows.astype(np.uint8), late_steps.astype(np.int64))
 
 
 def empty_result(
@@ -117,22 +120,23 @@ class _Run:
     def __init__(self, network: SpinnakerNetwork, phase: str) -> None:
         self.populations = [_Neurons(item) for item in network.populations_of(phase)]
         self.synapses = synapses_by_source(network, phase)
+        # By the step in which they are processed: the step that sent a spike, and its source.
         self.waiting: dict[int, list[tuple[int, int]]] = {}
         self.events = dict.fromkeys(spinnaker.EVENTS, 0)
 
     def step(self, t: int) -> list[Step]:
         """Take step t of every population."""
         steps = [population.step(t) for population in self.populations]
-        for taken in steps:
-            for name, count in taken.wraps.items():
+        for step in steps:
+            for name, count in step.wraps.items():
                 self.events[name] += count
         return steps
 
     def send(self, t: int, sent: IntArray, lateness: IntArray) -> None:
         """Let the spikes (sources,) of step t wait for the step in which they are processed."""
         for source in np.flatnonzero(sent).tolist():
-            processed = t + int(lateness[source])
-            self.waiting.setdefault(processed, []).append((t, source))
+            processed_step = t + int(lateness[source])
+            self.waiting.setdefault(processed_step, []).append((t, source))
 
     def deliver(self, t: int) -> None:
         """Process the spikes that have waited for step t: those that were sent first come first."""
@@ -142,15 +146,16 @@ class _Run:
                 self._add(population, synapse, sent, lateness=t - sent)
 
     def _add(self, neurons: "_Neurons", synapse: Synapse, sent: int, lateness: int) -> None:
+        """Add the weight of a synapse to the slot for its step, unless that has begun."""
         slots = neurons.population.slots
         if spinnaker.comes_too_late(lateness, synapse.delay, slots):
             self.events["late_synapses"] += 1
             return
         slot = spinnaker.slot_of(sent, synapse.delay, slots)
-        place = slot, synapse.neuron, synapse.receptor
-        before = int(neurons.ring[place])
+        entry = (slot, synapse.neuron, synapse.receptor)
+        before = int(neurons.ring[entry])
         after = spinnaker.collected(before, synapse.weight)
-        neurons.ring[place] = after
+        neurons.ring[entry] = after
         if after != before + synapse.weight:
             self.events["saturated_weights"] += 1
 
@@ -171,14 +176,14 @@ class _Neurons:
 
     def step(self, t: int) -> Step:
         """Take step t, which empties its slot."""
-        slot = self.ring[t % self.population.slots]
         population = self.population
-        taken = spinnaker.step(
+        slot = self.ring[t % population.slots]
+        step = spinnaker.step(
             population.parameters, population.constants, self.shifts, self.state, slot
         )
-        slot[:] = 0
-        self.state = taken.state
-        return taken
+        slot[:] = 0  # a view of the ring buffer
+        self.state = step.state
+        return step
 
 
 def synapses_by_source(network: SpinnakerNetwork, phase: str) -> list[list[Synapse]]:
