@@ -42,34 +42,47 @@ class ChipFamily(Generic[ChipT]):
 
     def lines(self, name: str) -> str:
         """Return what there is to say of a chip that ships."""
-        found = self.chip(name)
-        return f"{name}: {found.description}\n  {self.in_words(found)}"
+        named_chip = self.chip(name)
+        return f"{name}: {named_chip.description}\n  {self.in_words(named_chip)}"
 
 
-def _document(name: str) -> str:
+def _mesh_document(name: str) -> str:
     return chip(name).document
 
 
-def _room(found: Chip) -> str:
-    return target_of(found).in_words
+def _mesh_in_words(described: Chip) -> str:
+    return target_of(described).in_words
 
 
-def _xylo_room(found: XyloChip) -> str:
+def _xylo_in_words(described: XyloChip) -> str:
     return "a Xylo: leaky neurons with decays by shifts, weights of 8 bits; energy is not known"
 
 
-def _spinnaker_room(found: SpinnakerChip) -> str:
+def _spinnaker_in_words(described: SpinnakerChip) -> str:
     return "a SpiNNaker with IF_curr_exp: single compartments, 1 ms a step; energy is not known"
 
 
-MESHES = ChipFamily("", chip_names, chip, _document, _room)
-XYLOS = ChipFamily("xylo-", xylo_chip_names, xylo_chip, xylo_chip_document, _xylo_room)
+MESHES = ChipFamily(
+    prefix="",
+    names=chip_names,
+    chip=chip,
+    document=_mesh_document,
+    in_words=_mesh_in_words,
+)
+"""Meshes and open cores, as :data:`hw_model.targets.TARGETS` tells them apart, and chip files."""
+XYLOS = ChipFamily(
+    prefix="xylo-",
+    names=xylo_chip_names,
+    chip=xylo_chip,
+    document=xylo_chip_document,
+    in_words=_xylo_in_words,
+)
 SPINNAKERS = ChipFamily(
-    "spinnaker",
-    spinnaker_chip_names,
-    spinnaker_chip,
-    spinnaker_chip_document,
-    _spinnaker_room,
+    prefix="spinnaker",
+    names=spinnaker_chip_names,
+    chip=spinnaker_chip,
+    document=spinnaker_chip_document,
+    in_words=_spinnaker_in_words,
 )
 AnyFamily = ChipFamily[Chip] | ChipFamily[XyloChip] | ChipFamily[SpinnakerChip]
 FAMILIES: tuple[AnyFamily, ...] = (MESHES, XYLOS, SPINNAKERS)
@@ -79,8 +92,10 @@ FAMILIES: tuple[AnyFamily, ...] = (MESHES, XYLOS, SPINNAKERS)
 def family_of(name: str) -> AnyFamily:
     """Return the family of a chip by its name, or of the path of a chip file."""
     is_file = name.endswith((".yaml", ".yml"))
+    if is_file:
+        return MESHES
     for family in FAMILIES:
-        if family.prefix and name.startswith(family.prefix) and not is_file:
+        if family.prefix and name.startswith(family.prefix):
             return family
     return MESHES
 

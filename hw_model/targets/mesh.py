@@ -61,42 +61,25 @@ class MeshTarget(Target):
 
     def limits_used(self, program: ChipProgram, rows: int) -> dict[str, LimitUse]:
         """Return the cores in use, and for each limit of a core the most that any core uses."""
-        cores = program.cores
         limits = self.chip.limits
-        used_and_limit = {
-            "compartments": (
-                [core.compartments for core in cores],
-                limits.compartments_per_core,
-            ),
-            "axons_in": (
-                [core.axons.input_axons for core in cores],
-                limits.input_axons_per_core,
-            ),
-            "axons_out": (
-                [core.axons.output_axons for core in cores],
-                limits.output_axons_per_core,
-            ),
-            "synapse_words": (
-                [core.axons.synapse_words for core in cores],
-                limits.synapse_words_per_core,
-            ),
-            "synapse_formats": (
-                [len(core.axons.formats) for core in cores],
-                limits.synapse_formats_per_core,
-            ),
-            "compartment_profiles": (
-                [len(core.profiles) for core in cores],
-                limits.compartment_profiles_per_core,
-            ),
-            "threshold_profiles": (
-                [len(core.thresholds) for core in cores],
-                limits.threshold_profiles_per_core,
-            ),
+        cores = program.cores
+        most_compartments = max(core.compartments for core in cores)
+        most_axons_in = max(core.axons.input_axons for core in cores)
+        most_axons_out = max(core.axons.output_axons for core in cores)
+        most_words = max(core.axons.synapse_words for core in cores)
+        most_formats = max(len(core.axons.formats) for core in cores)
+        most_profiles = max(len(core.profiles) for core in cores)
+        most_thresholds = max(len(core.thresholds) for core in cores)
+        return {
+            "cores": LimitUse(len(cores), self.chip.cores),
+            "compartments": LimitUse(most_compartments, limits.compartments_per_core),
+            "axons_in": LimitUse(most_axons_in, limits.input_axons_per_core),
+            "axons_out": LimitUse(most_axons_out, limits.output_axons_per_core),
+            "synapse_words": LimitUse(most_words, limits.synapse_words_per_core),
+            "synapse_formats": LimitUse(most_formats, limits.synapse_formats_per_core),
+            "compartment_profiles": LimitUse(most_profiles, limits.compartment_profiles_per_core),
+            "threshold_profiles": LimitUse(most_thresholds, limits.threshold_profiles_per_core),
         }
-        uses = {"cores": LimitUse(len(cores), self.chip.cores)}
-        for name, (by_core, limit) in used_and_limit.items():
-            uses[name] = LimitUse(max(by_core), limit)
-        return uses
 
     def measure(
         self,

@@ -17,7 +17,7 @@ from hw_model.targets.target import LimitUse, Target
 from hw_model.values import ByteArray
 
 _CHOSEN_BY_THE_CHIP = ("word", "one_port")
-"""Parameters that no program fills."""
+"""Parameters of the core that say how its memories are built, so that no program fills them."""
 
 
 class OpenCoreTarget(Target):
@@ -36,7 +36,7 @@ class OpenCoreTarget(Target):
     @property
     def sizes(self) -> Sizes:
         """The parameters of the core."""
-        assert self.chip.open_core is not None
+        assert self.chip.open_core is not None  # `describes` looks at it
         return self.chip.open_core
 
     @property
@@ -58,7 +58,7 @@ class OpenCoreTarget(Target):
 
     @property
     def room(self) -> str:
-        """The sizes of its memories."""
+        """The sizes of its memories; what is known of its costs comes after the last comma."""
         sizes = self.sizes
         return (
             f"a program may have {sizes.compartments} compartments, {sizes.axons} sources of "

@@ -14,7 +14,7 @@ from hw_model.values import ByteArray, Frozen
 
 
 class LimitUse(NamedTuple):
-    """How much of a limit is used; of limits of a core, by the core that uses most."""
+    """How much of a limit is used; of the limits of a core, by the core that uses most of it."""
 
     used: int
     limit: int
@@ -60,15 +60,15 @@ class Target(Frozen, ABC):
     @property
     @abstractmethod
     def room(self) -> str:
-        """What a program may have, in words."""
+        """What a program may have, in words, up to where :attr:`in_words` adds its costs."""
 
     @property
     def in_words(self) -> str:
         """What a program may have, and what is known of its costs."""
-        priced = "energy is not known"
+        costs = "energy is not known"
         if self.chip.profiles:
-            priced = f"energy profiles: {', '.join(self.chip.profiles)}"
-        return f"{self.room}{priced}"
+            costs = f"energy profiles: {', '.join(self.chip.profiles)}"
+        return f"{self.room}{costs}"
 
     @abstractmethod
     def check_fits(self, program: ChipProgram, rows: int) -> None:
