@@ -1,8 +1,8 @@
 """From neurons of :mod:`hw_model.arithmetic.loihi` to parameters of ``IF_curr_exp``, on one page.
 
 Both are leaky neurons with a current. ``loihi`` keeps of u and v shares in 4096ths, and counts
-potentials in units of a weight of 1; SpiNNaker takes times, capacities, nA and mV, and computes from
-them, in integers, what its registers keep. So a setting is searched for, not computed:
+potentials in units of a weight of 1; SpiNNaker takes times, capacities, nA and mV, and computes
+from them, in integers, what its registers keep. So a setting is searched for, not computed:
 
     tau_m     the longest with e = 8 (4096 - decay_v), which exists for every decay_v from 1 on
     tau_syn   the longest with d nearest to 2^20 (4096 - decay_u)
@@ -10,7 +10,7 @@ them, in integers, what its registers keep. So a setting is searched for, not co
               shifted ring buffer, can wrap
     S         mV for a potential of 1: likewise, at which no goal, and no distance to it, can wrap
     c_m       so that a weight of 1 lifts V by S at once: tau_m (2^15 - e) init W / (S 2^47)
-    G         what it then does, as c_m and R are rounded: R (2^15 - e) init W / 2^62 mV
+    G         by how much it then lifts V, as c_m and R are rounded: R (2^15 - e) init W / 2^62 mV
     v_thresh  the least V above G threshold, so that the rounded c_m costs nothing
     i_offset  what a weight of 1 leaves in a current at once, times the bias
 
@@ -158,15 +158,20 @@ def current_decay_error(decay_u: int) -> float:
 
 
 def _kept_of_potential(tau: int) -> int:
+    """Return e, s16.15, as a core computes it from tau_m, s16.15."""
     return expk(-((ONE << 15) // tau))
 
 
 def _kept_of_current(tau: int) -> int:
+    """Return d, u0.32, as a core computes it from tau_syn, s16.15."""
     return expulr(-((ONE << 15) // tau))
 
 
 def _longest(kept: Callable[[int], int], most: int) -> int:
-    """Return the longest time constant with which a step keeps ``most`` at the most."""
+    """Return the longest time constant with which a step keeps ``most`` at the most.
+
+    It is found by bisection, as a longer time constant never keeps less.
+    """
     low = 1
     high = TAU_MAX
     while low < high:
@@ -277,7 +282,7 @@ def delays_of(delay: IntArray) -> IntArray:
 
 
 def shift_for(largest_sum: float) -> int:
-    """Return P_r, as sPyNNaker finds it for the largest sum of a step, nA: the least with sum < 2^P."""
+    """Return P_r for the largest sum of a step, nA: the least with sum < 2^P, as in sPyNNaker."""
     shift = 0
     while 2.0**shift <= largest_sum:
         shift += 1
@@ -290,7 +295,10 @@ def sum_with(shift: int) -> float:
 
 
 def stored_weights(weights: FloatArray, shift: int) -> IntArray:
-    """Return weights, nA without sign, as a core stores them: to nearest, half to even, modulo 2^16."""
+    """Return weights, nA without sign, as a core stores them.
+
+    They are rounded to nearest, half to even, and kept modulo 2^16.
+    """
     scaled = np.rint(np.asarray(weights) * 2.0 ** (15 - shift)).astype(np.int64)
     return scaled % (WEIGHT_MAX + 1)
 

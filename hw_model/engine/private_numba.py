@@ -1,8 +1,13 @@
 """All that the loops use of numba beyond what its documentation promises, part by part.
 
-Each part says what it buys, as ``docs/research/special-paths.md`` measures it, and what to do when a release of numba
-changes it. :mod:`hw_model.engine.usable` looks for what is used here before any of it is, so that a numba that lacks
-something is told in a line, and the plain engine plays.
+Each part says what it buys, as ``docs/research/special-paths.md`` measures it, and what to do when
+a release of numba changes it. :mod:`hw_model.engine.usable` looks for what is used here before any
+of it is, so that a numba that lacks something is told in a line, and the plain engine plays.
+
+What numba hands over has no types that a checker could see, so that it is ``Any`` here. In its
+words, a *dispatcher* is a compiled function with the code of each set of kinds of its arguments, a
+*library* is code on its way to the machine, and *typing* and *context* say what kinds arguments
+have and how they lie in memory.
 """
 
 import hashlib
@@ -32,37 +37,48 @@ from hw_model.engine.lanes import COUNT, Lanes, Place
 
 _log = logging.getLogger("locsnn")
 
-# Options of njit that are not documented. Without one, loops are as before, and slower: take it out.
+# Options of njit that are not documented. If numba no longer has one, take it out: loops do the
+# same without it, and are slower.
 
 WITHOUT_RUNTIME = {"_nrt": False, "no_cfunc_wrapper": True}
-"""Without its runtime (nrt) loops count no references to arrays, which would take a locked instruction each and most of
-the time of short loops; nor can they make any. A wrapper for C would be compiled for nobody."""
+"""Without its runtime (nrt) loops count no references to arrays, which would take a locked
+instruction each and most of the time of short loops; nor can they make any. A wrapper for C would
+be compiled for nobody."""
 WITH_RUNTIME = {"_nrt": True, "no_cfunc_wrapper": True}
 NOT_FROM_PYTHON = {"no_cpython_wrapper": True}
 """Half a second of compiling for a function of many arrays that only compiled ones call."""
 
 
-# Code that others take in. Without it, numba optimises every function at each level that takes it in: take the class
-# out of `OF_A_PART`, and compiling takes longer.
+# Code that others take in. Without it, numba optimises every function at each level that takes it
+# in: take the class out of `OF_A_PART`, and compiling takes longer.
 
 
 class _Part(JITCodeLibrary):  # type: ignore[misc]
-    """Code that only others take in: with theirs it is optimised and made machine code, once, not at each level."""
+    """Code that only others take in.
 
+    With theirs it is optimised and made machine code, once, not at each level.
+    """
+
+    # Numba tells loaded machine code of its environment; of a part, none is loaded.
     codegen = SimpleNamespace(set_env=lambda *_: None)
 
     def finalize(self) -> None:
+        """Link in what this code calls, and neither optimise it nor make machine code."""
         for library in dict.fromkeys(self._linking_libraries):
             self._final_module.link_in(library._get_module_for_linking(), preserve=True)
         self._finalized = True
 
     def get_pointer_to_function(self, name: str) -> int:
+        """Return no address: nobody calls this code by one."""
         self._ensure_finalized()
         return 0
 
 
 class _PartCompiler(Compiler):  # type: ignore[misc]
+    """Numba's compiler, which puts what it makes into a :class:`_Part`."""
+
     def define_pipelines(self) -> Any:
+        """Return numba's own steps; they write to the library that the state has."""
         self.state.library = _Part(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
         return super().define_pipelines()
 
@@ -70,16 +86,19 @@ class _PartCompiler(Compiler):  # type: ignore[misc]
 OF_A_PART = NOT_FROM_PYTHON | {"pipeline_class": _PartCompiler}
 
 
-# The cache of compiled code. `numba.njit(cache=True)` alone keeps code too, but does not see that a function of
-# another file has changed, crashes on a damaged file, and loads a compiler with every loop: 0.2 s of each command.
+# The cache of compiled code. `numba.njit(cache=True)` alone keeps code too, but does not see that a
+# function of another file has changed, crashes on a damaged file, and loads a compiler with every
+# loop: 0.2 s of each command.
 
 DIGEST_BYTES = hashlib.sha256().digest_size
+"""The checksum that stands behind the code in a file."""
 
 
 def keep_in(dispatcher: Any, package: str, stamp: object) -> None:
-    """Let the cache of a function of ``package`` hold its code as long as the ``stamp`` of all loops stays the same."""
+    """Let the cache of a function of ``package`` hold its code while the stamp of all loops stays."""
     cache = dispatcher._cache
-    # The cache looks at the age of the function's own file, but its code holds that of what it calls elsewhere too.
+    # The cache looks at the age of the function's own file, but its code holds that of what it
+    # calls elsewhere too.
     own_stamp = cache._impl.locator.get_source_stamp()
     base = cache._impl.filename_base
     cache._cache_file = _CheckedFile(cache._cache_path, base, (own_stamp, stamp))
@@ -88,10 +107,10 @@ def keep_in(dispatcher: Any, package: str, stamp: object) -> None:
 
 
 class _CheckedFile(IndexDataCacheFile):  # type: ignore[misc]
-    """The compiled code of a function on disk, with checksums: to run code with a wrong byte would end in a crash.
+    """The compiled code of a function on disk, with checksums.
 
-    Files are damaged by a power cut, or in an image that was copied in part. What is damaged is dropped, and the
-    function is compiled anew.
+    To run code with a wrong byte would end in a crash. Files are damaged by a power cut, or in an
+    image that was copied in part. What is damaged is dropped, and the function is compiled anew.
     """
 
     def load(self, key: Any) -> Any:
@@ -107,7 +126,8 @@ class _CheckedFile(IndexDataCacheFile):  # type: ignore[misc]
 
     def _load_data(self, name: str) -> Any:
         content = Path(self._data_path(name)).read_bytes()
-        code, digest = content[:-DIGEST_BYTES], content[-DIGEST_BYTES:]
+        code = content[:-DIGEST_BYTES]
+        digest = content[-DIGEST_BYTES:]
         if hashlib.sha256(code).digest() != digest:
             raise ValueError("its checksum differs")
         return pickle.loads(code)
@@ -119,10 +139,14 @@ class _CheckedFile(IndexDataCacheFile):  # type: ignore[misc]
 
 
 def _load(cache: Any, package: str, signature: Any, target: Any) -> Any:
-    """Return code from a cache; numba's own way loads first all that only compiling needs, for a fifth of a second."""
+    """Return code from a cache, or None.
+
+    Numba's own way loads first all that only compiling needs, for a fifth of a second.
+    """
     rtsys.initialize(target)
     code = cache._load_overload(signature, target)
     if code is None and compiled_ahead(package):
+        # Another process has compiled it meanwhile.
         code = cache._load_overload(signature, target)
     return code
 
@@ -136,33 +160,41 @@ def _save(cache: Any, signature: Any, code: Any) -> None:
 
 
 class _Announce(event.Listener):  # type: ignore[misc]
-    """Log that loops are being compiled, which takes seconds, and how long it took: it happens once a machine."""
+    """Log that loops are being compiled, which takes seconds, and how long it took.
 
-    _depth, _begun = 0, 0.0
+    It happens once a machine. A function that calls others is compiled while these are: only the
+    outermost is told.
+    """
+
+    _depth = 0
+    _begun_seconds = 0.0
 
     def on_start(self, event: Any) -> None:
         if self._depth == 0:
-            self._begun = time.perf_counter()
-            _log.info(
-                "compiling %s for this machine, once", event.data["dispatcher"].py_func.__module__
-            )
+            self._begun_seconds = time.perf_counter()
+            module = event.data["dispatcher"].py_func.__module__
+            _log.info("compiling %s for this machine, once", module)
         self._depth += 1
 
     def on_end(self, event: Any) -> None:
         self._depth -= 1
         if self._depth == 0:
-            _log.info("compiled in %.1f s", time.perf_counter() - self._begun)
+            _log.info("compiled in %.1f s", time.perf_counter() - self._begun_seconds)
 
 
 event.register("numba:compile", _Announce())
 
 
-# A way in without looking at arguments, and calls by address. Without the first a session plays rows 4.7 times slower:
-# `entry` in `compiled.py` may return the function itself. Without the second the tile is compiled into two loops.
+# A way in without looking at arguments, and calls by address. Without the first a session plays
+# rows 4.7 times slower: `entry` in `compiled.py` may return the function itself. Without the second
+# the tile is compiled into two loops.
 
 
 def code_of(function: Any, kinds: tuple[Any, ...]) -> Callable[..., Any]:
-    """Return the machine code of a compiled function for arguments of these kinds, which it does not look at."""
+    """Return the machine code of a compiled function for arguments of these kinds.
+
+    It does not look at them.
+    """
     code: Callable[..., Any] = function.compile(kinds)
     return code
 
@@ -182,28 +214,33 @@ def call_at(typing: Any, address: Any, arguments: Any) -> Any:
     """
 
     def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
-        kinds, convention = arguments.types, context.call_conv
-        code = builder.inttoptr(
-            given[0], convention.get_function_type(types.int64, kinds).as_pointer()
-        )
-        values = cgutils.unpack_tuple(builder, given[1], len(kinds))
+        address_value, tuple_value = given
+        kinds = arguments.types
+        convention = context.call_conv
+        code_type = convention.get_function_type(types.int64, kinds)
+        code = builder.inttoptr(address_value, code_type.as_pointer())
+        values = cgutils.unpack_tuple(builder, tuple_value, len(kinds))
         _, returned = convention.call_function(builder, code, types.int64, kinds, values)
         return returned
 
     return types.int64(address, arguments), generate
 
 
-# Kernels, which write instructions for vectors: `intrinsic` is documented, how an array lies in memory is not. LLVM,
-# given loops over lanes, makes slower ones or none: there is no other way to write them.
+# Kernels, which write instructions for vectors: `intrinsic` is documented, how an array lies in
+# memory is not. LLVM, given loops over lanes, makes slower ones or none: there is no other way to
+# write them.
 
 
 def kernel(given: str, returns: int) -> Callable[[Callable[..., Any]], Any]:
-    """Make a function over places one that compiled loops call with what is ``given``, names with commas.
+    """Make a function over places one that compiled loops call.
 
-    A place is given as an array and the index of its first element; all else goes to the function as it is. It returns
-    ``returns`` 32-bit numbers.
+    ``given`` are the names of what they call it with, with commas. A place is given as an array and
+    the indices of its first element; all else goes to the function as it is. It returns ``returns``
+    32-bit numbers.
     """
-    kind = types.UniTuple(types.int32, returns) if returns else types.void  # type: ignore[attr-defined]
+    kind = types.void
+    if returns:
+        kind = types.UniTuple(types.int32, returns)  # type: ignore[attr-defined]
 
     def made(function: Callable[..., Any]) -> Any:
         def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
@@ -220,6 +257,7 @@ def kernel(given: str, returns: int) -> Callable[[Callable[..., Any]], Any]:
 def _places(context: Any, builder: Any, kinds: Any, values: Any) -> list[Any]:
     """Return what a kernel is given, with each array and its indices as one place."""
     places: list[Any] = []
+    # Each array takes as many of what follows it as it has axes: its indices.
     rest = list(zip(kinds, values, strict=True))
     while rest:
         kind, value = rest.pop(0)
@@ -239,22 +277,24 @@ def _places(context: Any, builder: Any, kinds: Any, values: Any) -> list[Any]:
 
 
 def of_numbers(given: str, returns: int) -> Callable[[Callable[..., Any]], Any]:
-    """Make a function over compartments alone one that compiled loops call with what is ``given``, names with commas.
+    """Make a function over compartments alone one that compiled loops call.
 
-    What is given and returned are numbers of 32 bits; a truth is returned as 0 or 1.
+    ``given`` are the names of what they call it with, with commas. What is given and returned are
+    numbers of 32 bits; a truth is returned as 0 or 1.
     """
     kind = types.UniTuple(types.int32, returns)  # type: ignore[attr-defined]
 
     def made(function: Callable[..., Any]) -> Any:
         def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
             returned = function(*[Lanes(builder, value) for value in values])
-            nothing = Lanes(builder, ir.Constant(COUNT, 0))
-            numbers = [nothing.like(number) for number in returned]
+            zero = Lanes(builder, ir.Constant(COUNT, 0))
+            numbers = [zero.like(number) for number in returned]
             return context.make_tuple(builder, signature.return_type, numbers)
 
-        return _intrinsic(
-            function.__name__, given, lambda kinds: kind(*[types.int32] * len(kinds)), generate
-        )
+        def signature_of(kinds: tuple[Any, ...]) -> Any:
+            return kind(*[types.int32] * len(kinds))
+
+        return _intrinsic(function.__name__, given, signature_of, generate)
 
     return made
 
@@ -262,13 +302,16 @@ def of_numbers(given: str, returns: int) -> Callable[[Callable[..., Any]], Any]:
 def _intrinsic(
     name: str, given: str, signature: Callable[..., Any], generate: Callable[..., Any]
 ) -> Any:
-    """Return an intrinsic: numba wants its parameters by name, after the context of types."""
+    """Return an intrinsic: numba wants its parameters by name, after the context of types.
+
+    It reads the names from the signature of the function, which is written here as ``given`` says.
+    """
 
     def typed(typing: Any, *kinds: Any) -> Any:
         return signature(kinds), generate
 
     names = f"typing, {given}".split(",")
-    parameters = [Parameter(each.strip(), Parameter.POSITIONAL_ONLY) for each in names]
+    parameters = [Parameter(name.strip(), Parameter.POSITIONAL_ONLY) for name in names]
     typed.__name__ = name
     typed.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
     return intrinsic(typed)
