@@ -1,29 +1,39 @@
 """What the readers of cameras' binary events share: whole records, times that wrap, and the sensor.
 
-Records that only set a time or a place hold for all that follow, until the next one of their kind.
+Some records are no events: they set a time or a place, which holds for all events behind them until
+the next record of that kind.
 """
 
 import numpy as np
 
-from hw_model.values import AnyArray, Frozen, IntArray
-from locsnn_compile.data.event_stream import EventStream
-from locsnn_compile.errors import InputError, counted
+from hw_model.values import AnyArray, BoolArray, Frozen, IntArray
+from locsnn_compile.data.event_stream import MAX_EVENTS, EventStream
+from locsnn_compile.errors import InputError, check_most, counted
 
 MOST_PIXELS_PER_SIDE = 1 << 15
 """The largest width and height of a sensor: coordinates have 15 bits at most."""
 
 
 class SensorSize(Frozen):
-    """The columns and rows of a sensor; 0 if the file does not say them."""
+    """The columns and rows of a sensor, in pixels; 0 if the file does not say them."""
 
     width: int = 0
     height: int = 0
 
+    @property
+    def is_known(self) -> bool:
+        """Whether the file says both."""
+        return self.width > 0 and self.height > 0
+
 
 class CameraEvents(Frozen, eq=False):
-    """Events in the order of their file, each (events,): ``times`` in microseconds, places, polarity.
+    """Events in the order of their file, each array (events,).
 
-    ``unplaced`` counts those before the first time or place of the file, which have none.
+    - ``times``: microseconds
+    - ``x``, ``y``: column and row of the pixel, counted from 0
+    - ``polarity``: 1 is brighter, 0 is darker
+    - ``unplaced``: how many more events the file has that are not among these: those before its first
+      time or place, and those of further cameras
     """
 
     times: IntArray
@@ -33,41 +43,55 @@ class CameraEvents(Frozen, eq=False):
     unplaced: int = 0
 
 
-def records(body: bytes, kind: str, where: str) -> AnyArray:
-    """Return the records of a numpy ``kind`` in bytes; ``InputError`` if they end within one."""
-    size = np.dtype(kind).itemsize
-    if len(body) % size:
-        measured = f"{counted(len(body), 'byte')} behind its header, {size} per record"
+def records(body: bytes, layout: str, where: str) -> AnyArray:
+    """Return the records, of a layout of numpy such as ``<u4``, that fill the bytes behind a header.
+
+    Raises ``InputError`` if the bytes end within a record.
+    """
+    record_bytes = np.dtype(layout).itemsize
+    if len(body) % record_bytes:
+        measured = f"{counted(len(body), 'byte')} behind its header, {record_bytes} per record"
         what = "it ends within a record"
         raise InputError(where, what, measured=measured, fix="Give a whole file.")
-    return np.frombuffer(body, dtype=kind)
+    return np.frombuffer(body, dtype=layout)
 
 
-def held(values: IntArray, is_set: AnyArray, before: int) -> IntArray:
-    """Return at each record the value that was set last, ``before`` until there is one."""
+def check_event_count(events: int, where: str) -> None:
+    """Refuse a file of more than :data:`~locsnn_compile.data.event_stream.MAX_EVENTS` events."""
+    check_most(events, MAX_EVENTS, where, "it has too many events", fix="Give a part of it.")
+
+
+def latest_set(values: IntArray, is_set: BoolArray, initial: int) -> IntArray:
+    """Return at each record the value that was set last, (records,); ``initial`` before the first.
+
+    ``values`` (records,) count only where ``is_set``. A record that sets a value already has it.
+    """
+    # Position 0 stands for the initial value, so positions of records begin at 1.
     positions = np.arange(1, len(values) + 1)
-    last_set = np.maximum.accumulate(np.where(is_set, positions, 0))
-    return np.concatenate(([before], values))[last_set]
+    set_at = np.maximum.accumulate(np.where(is_set, positions, 0))
+    return np.concatenate(([initial], values))[set_at]
 
 
 def unwrapped(counter: IntArray, bits: int) -> IntArray:
-    """Return a counter of so many bits without its wraps: it wraps where it falls by half or more."""
-    wraps = np.diff(counter, prepend=counter[:1]) <= -(1 << (bits - 1))
-    return counter + (np.cumsum(wraps) << bits)
+    """Return a counter of so many bits without its wraps, (records,).
+
+    A fall by half of its range or more is a wrap. A smaller one is time that runs backward a little,
+    as it does where a camera sends events out of order.
+    """
+    half_range = 1 << (bits - 1)
+    is_wrap = np.diff(counter, prepend=counter[:1]) <= -half_range
+    return counter + (np.cumsum(is_wrap) << bits)
 
 
 def camera_stream(events: CameraEvents, size: SensorSize, where: str) -> EventStream:
-    """Return events as a stream that starts with the first; refuse none, and any off the sensor."""
+    """Return the events of a camera as a stream whose step 0 begins at the first of them.
+
+    Raises ``InputError`` if there are no events, or if one lies outside of the sensor.
+    """
     if not len(events.times):
         raise InputError(where, "it has no events", fix="Give a recording with events.")
-    for name, places, limit in (("x", events.x, size.width), ("y", events.y, size.height)):
-        if limit and places.max() >= limit:
-            event = int((places >= limit).argmax())
-            measured = f"{name} {places[event]} of event {event} against 0..{limit - 1}"
-            fix = "Correct the size in its header."
-            what = "an event is outside of its sensor"
-            raise InputError(where, what, measured=measured, fix=fix)
-    is_known = size.width > 0 and size.height > 0
+    _check_on_sensor("x", events.x, size.width, where)
+    _check_on_sensor("y", events.y, size.height, where)
     return EventStream(
         events.times,
         events.x,
@@ -75,8 +99,19 @@ def camera_stream(events: CameraEvents, size: SensorSize, where: str) -> EventSt
         events.polarity,
         start=None,
         place=where,
-        channels=2 * size.width * size.height if is_known else None,
+        channels=2 * size.width * size.height if size.is_known else None,
         polarities=2,
-        columns=size.width if is_known else None,
+        columns=size.width if size.is_known else None,
         elsewhere=events.unplaced,
     )
+
+
+def _check_on_sensor(axis: str, coordinates: IntArray, pixels: int, where: str) -> None:
+    """Refuse coordinates (events,) that reach the pixels of a side, unless these are not known."""
+    is_outside = coordinates >= pixels
+    if pixels == 0 or not is_outside.any():
+        return
+    event = int(is_outside.argmax())
+    measured = f"{axis} {coordinates[event]} of event {event} against 0..{pixels - 1}"
+    what = "an event is outside of its sensor"
+    raise InputError(where, what, measured=measured, fix="Correct the size in its header.")

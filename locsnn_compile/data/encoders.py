@@ -6,12 +6,13 @@ from the spikes, and how far these are from the numbers that went in.
 
 import numpy as np
 
-from hw_model.values import ByteArray, FloatArray, Frozen, IntArray
+from hw_model.values import BoolArray, ByteArray, FloatArray, Frozen, IntArray
 from locsnn_compile.data.channels import Channels
 from locsnn_compile.data.recordings import MAX_ELEMENTS, MAX_STEPS, Recordings
 from locsnn_compile.errors import InputError, check_most
 
-_RANGE_FIX = "Scale them to 0..1."
+_RATE_AXES = ("samples", "channels")
+_SIGNAL_AXES = ("samples", "steps", "signals")
 
 
 class Encoded(Frozen, eq=False):
@@ -55,14 +56,15 @@ def rate_spikes(values: FloatArray, steps: int, *, seed: int) -> Encoded:
     ``sqrt(p (1 - p) / steps)``: at most ``0.5 / sqrt(steps)``. The same seed gives the same spikes.
     Raises ``InputError`` for other shapes, values out of range, and sizes above the limits.
     """
-    values = _checked(values, axes=2, low=0.0, high=1.0)
+    values = _shares(values)
     samples, channels = values.shape
-    _check_steps(steps, samples, channels)
+    _check_steps(steps, least=1)
+    _check_spike_count(samples, steps, channels)
     generator = np.random.default_rng(seed)
     spikes = np.empty((samples, steps, channels), dtype=np.uint8)
     # Sample by sample, because a random number takes eight times the memory of a spike.
-    for row, sample in zip(spikes, values, strict=True):
-        row[:] = generator.random((steps, channels)) < sample
+    for sample in range(samples):
+        spikes[sample] = generator.random((steps, channels)) < values[sample]
     return Encoded(spikes, values, spikes.mean(axis=1))
 
 
@@ -73,13 +75,15 @@ def latency_spikes(values: FloatArray, steps: int) -> Encoded:
     ``1 - step / (steps - 1)``: it is lost by at most ``0.5 / (steps - 1)``. Raises ``InputError`` for
     other shapes, values out of range, fewer than two steps, and sizes above the limits.
     """
-    values = _checked(values, axes=2, low=0.0, high=1.0)
+    values = _shares(values)
     samples, channels = values.shape
-    _check_steps(steps, samples, channels, least=2)
-    step_of = np.rint((1 - values) * (steps - 1)).astype(np.int64)
+    _check_steps(steps, least=2)
+    _check_spike_count(samples, steps, channels)
+    last_step = steps - 1
+    spike_step = np.rint((1 - values) * last_step).astype(np.int64)
     spikes = np.zeros((samples, steps, channels), dtype=np.uint8)
-    np.put_along_axis(spikes, step_of[:, None, :], 1, axis=1)
-    return Encoded(spikes, values, 1 - step_of / (steps - 1))
+    np.put_along_axis(spikes, spike_step[:, None, :], 1, axis=1)
+    return Encoded(spikes, values, 1 - spike_step / last_step)
 
 
 def level_spikes(signals: FloatArray, threshold: float) -> Encoded:
@@ -92,49 +96,76 @@ def level_spikes(signals: FloatArray, threshold: float) -> Encoded:
     a step at most. Raises ``InputError`` for other shapes, values that are not finite, a threshold that
     is not above 0, and sizes above the limits.
     """
-    signals = _checked(signals, axes=3, low=-np.inf, high=np.inf)
-    samples, steps, count = signals.shape
-    _check_steps(steps, samples, 2 * count)
-    if not (np.isfinite(threshold) and threshold > 0):
-        what = "it is not above 0"
-        raise InputError("threshold", what, measured=f"{threshold}", fix="Give a positive number.")
-    spikes = np.zeros((samples, steps, 2 * count), dtype=np.uint8)
+    signals = _finite_numbers(signals, _SIGNAL_AXES)
+    samples, steps, signal_count = signals.shape
+    channels = 2 * signal_count
+    _check_steps(steps, least=1)
+    _check_spike_count(samples, steps, channels)
+    _check_threshold(threshold)
+    spikes = np.zeros((samples, steps, channels), dtype=np.uint8)
     decoded = np.empty_like(signals)
     level = signals[:, 0].copy()
     for step in range(steps):
-        moved = signals[:, step] - level
-        has_risen = moved >= threshold
-        has_fallen = moved <= -threshold
+        distance = signals[:, step] - level
+        has_risen = distance >= threshold
+        has_fallen = distance <= -threshold
         spikes[:, step, 1::2] = has_risen
         spikes[:, step, 0::2] = has_fallen
         level += threshold * (has_risen.astype(np.float64) - has_fallen)
         decoded[:, step] = level
-    return Encoded(spikes, signals, decoded, Channels(count, 1, 2))
+    return Encoded(spikes, signals, decoded, Channels(signal_count, 1, 2))
 
 
-def _checked(values: FloatArray, *, axes: int, low: float, high: float) -> FloatArray:
-    """Return finite numbers of so many axes, none of them empty, from ``low`` to ``high``."""
+def _shares(values: FloatArray) -> FloatArray:
+    """Return numbers (samples, channels) from 0 to 1; ``InputError`` for others."""
+    numbers = _numbers(values, _RATE_AXES)
+    # Written so that a number that is not finite is out of range as well.
+    is_share = (numbers >= 0.0) & (numbers <= 1.0)
+    _check_all(is_share, numbers, fix="Scale them to 0..1.")
+    return numbers
+
+
+def _finite_numbers(values: FloatArray, axes: tuple[str, ...]) -> FloatArray:
+    """Return numbers of some axes that are finite; ``InputError`` for others."""
+    numbers = _numbers(values, axes)
+    _check_all(np.isfinite(numbers), numbers, fix="Give finite numbers.")
+    return numbers
+
+
+def _numbers(values: FloatArray, axes: tuple[str, ...]) -> FloatArray:
+    """Return real numbers in float64; ``InputError`` for other types and axes, and for no numbers."""
     array = np.asarray(values)
-    if array.ndim != axes or array.dtype.kind not in "biuf" or array.size == 0:
-        names = ("samples", "steps", "signals") if axes > 2 else ("samples", "channels")
-        what = f"they are not numbers of axes ({', '.join(names)})"
+    is_real = array.dtype.kind in "biuf"
+    if array.ndim != len(axes) or not is_real or array.size == 0:
+        what = f"they are not numbers of axes ({', '.join(axes)})"
         measured = f"{array.dtype} of shape {array.shape}"
         raise InputError("values", what, measured=measured, fix="Give such an array.")
-    array = array.astype(np.float64)
-    is_bad = ~(np.isfinite(array) & (array >= low) & (array <= high))
-    if is_bad.any():
-        fix = _RANGE_FIX if np.isfinite(low) else "Give finite numbers."
-        measured = f"{array[is_bad][0]:g}"
+    return array.astype(np.float64)
+
+
+def _check_all(is_valid: BoolArray, numbers: FloatArray, *, fix: str) -> None:
+    """Refuse numbers that are not all valid, and show the first that is not."""
+    if not is_valid.all():
+        measured = f"{numbers[~is_valid][0]:g}"
         raise InputError("values", "one is out of range", measured=measured, fix=fix)
-    return array
 
 
-def _check_steps(steps: int, samples: int, channels: int, least: int = 1) -> None:
-    """Refuse too few or too many steps, and spikes that would take too much memory."""
+def _check_threshold(threshold: float) -> None:
+    is_valid = np.isfinite(threshold) and threshold > 0
+    if not is_valid:
+        what = "it is not above 0"
+        raise InputError("threshold", what, measured=f"{threshold}", fix="Give a positive number.")
+
+
+def _check_steps(steps: int, *, least: int) -> None:
     if not least <= steps <= MAX_STEPS:
         measured = f"{steps} against {least} to {MAX_STEPS}"
         what = "their number is out of range"
         raise InputError("steps", what, measured=measured, fix="Give another number.")
-    spikes = samples * steps * channels
+
+
+def _check_spike_count(samples: int, steps: int, channels: int) -> None:
+    """Refuse spikes that would take too much memory: each takes a byte, whether it is 0 or 1."""
+    elements = samples * steps * channels
     what = "their spikes are too many"
-    check_most(spikes, MAX_ELEMENTS, "values", what, fix="Give fewer samples or steps.")
+    check_most(elements, MAX_ELEMENTS, "values", what, fix="Give fewer samples or steps.")

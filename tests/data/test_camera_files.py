@@ -9,7 +9,7 @@ import pytest
 from write_raw_cameras import EVENTS, FILES, SIZE
 
 from locsnn_compile.cli.main import main
-from locsnn_compile.data import prophesee, read_recordings
+from locsnn_compile.data import camera_words, prophesee_evt3, read_recordings
 from locsnn_compile.data.aedat import parse_aedat
 from locsnn_compile.data.event_stream import EventStream
 from locsnn_compile.data.prophesee import parse_dat, parse_raw
@@ -43,7 +43,7 @@ def test_files_of_a_library_have_the_events_that_it_wrote(name: str) -> None:
 def test_evt3_is_the_same_in_chunks_of_any_size(
     words: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(prophesee, "EVT3_CHUNK_WORDS", words)
+    monkeypatch.setattr(prophesee_evt3, "EVT3_CHUNK_WORDS", words)
     assert rows_of(parse("camera-evt3.raw")) == list(EVENTS)
 
 
@@ -307,8 +307,8 @@ def test_damaged_files_of_cameras_are_refused_in_one_line(
 
 
 def test_vectors_of_too_many_events_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(prophesee, "MAX_EVENTS", 20)
-    monkeypatch.setattr(prophesee, "EVT3_CHUNK_WORDS", 5)
+    monkeypatch.setattr(camera_words, "MAX_EVENTS", 20)
+    monkeypatch.setattr(prophesee_evt3, "EVT3_CHUNK_WORDS", 5)
     with pytest.raises(InputError) as caught:
         parse_raw(evt3(0x8000, 0x6000, 0x0000, 0x3000, *[0x4FFF] * 100), "a.raw")
     assert str(caught.value) == "a.raw: it has too many events (72 against 20). Give a part of it."
