@@ -1,4 +1,8 @@
-"""Write a program and one recording as a script of Lava processes that compares itself."""
+"""Write a program and one recording as a script of Lava processes that compares itself.
+
+Arrays of part k have names that begin with ``runk/``; of its source, LIF process or block of synapses
+number n, with ``runk/sourcen/``, ``runk/neuronsn/`` and ``runk/synapsesn/``.
+"""
 
 from importlib.resources import files
 
@@ -7,7 +11,13 @@ import numpy as np
 from hw_model.io.files import pack_arrays
 from hw_model.values import AnyArray
 from locsnn_compile.backends.lava.limits import check_fits
-from locsnn_compile.backends.lava.processes import LavaPart, PhaseProcesses
+from locsnn_compile.backends.lava.processes import (
+    LavaNeurons,
+    LavaPart,
+    LavaSource,
+    LavaSynapses,
+    PhaseProcesses,
+)
 from locsnn_compile.backends.played import Played
 
 FOLDER = "lava"
@@ -16,16 +26,11 @@ FOLDER = "lava"
 def lava_files(played: Played) -> dict[str, bytes]:
     """Return the files by name; ``InputError`` for what Lava does not play as the program does."""
     check_fits(played)
-    parts = [
-        part
-        for phase in played.phases
-        for part in PhaseProcesses(played.program, phase.name).parts()
-    ]
     network: dict[str, AnyArray] = {}
     expected: dict[str, AnyArray] = {}
-    for number, part in enumerate(parts):
-        network |= _below(f"run{number}", _network(played, part))
-        expected |= _below(f"run{number}", _expected(played, part))
+    for number, part in enumerate(_parts(played)):
+        network |= _below(f"run{number}", _network_arrays(played, part))
+        expected |= _below(f"run{number}", _expected_arrays(played, part))
     return {
         f"{FOLDER}/network.npz": pack_arrays(network, compressed=True),
         f"{FOLDER}/expected.npz": pack_arrays(expected, compressed=True),
@@ -33,62 +38,74 @@ def lava_files(played: Played) -> dict[str, bytes]:
     }
 
 
+def _parts(played: Played) -> list[LavaPart]:
+    """Return the parts of all phases, in the order in which they run."""
+    parts: list[LavaPart] = []
+    for phase in played.phases:
+        parts.extend(PhaseProcesses(played.program, phase.name).parts())
+    return parts
+
+
 def _below(folder: str, arrays: dict[str, AnyArray]) -> dict[str, AnyArray]:
+    """Return arrays whose names begin with a folder."""
     return {f"{folder}/{name}": array for name, array in arrays.items()}
 
 
-def _network(played: Played, part: LavaPart) -> dict[str, AnyArray]:
+def _network_arrays(played: Played, part: LavaPart) -> dict[str, AnyArray]:
     """Return the parameters of all processes of a part, and the spikes of its sources."""
-    lines = played.lines[part.phase]
     arrays: dict[str, AnyArray] = {
         "phase": np.array(part.phase),
         "steps": np.array(played.steps(part.phase)),
     }
     for number, source in enumerate(part.sources):
-        arrays |= _below(
-            f"source{number}",
-            {"input": np.array(source.input), "spikes": lines[:, source.columns]},
-        )
+        source_arrays = _source_arrays(source, played.lines[part.phase])
+        arrays |= _below(f"source{number}", source_arrays)
     for number, neurons in enumerate(part.neurons):
-        arrays |= _below(
-            f"neurons{number}",
-            {
-                "population": np.array(neurons.population),
-                "index": neurons.index,
-                "du": np.array(neurons.du),
-                "dv": np.array(neurons.dv),
-                "vth": np.array(neurons.vth),
-                "bias_mant": neurons.bias_mantissa,
-                "bias_exp": neurons.bias_exponent,
-            },
-        )
+        arrays |= _below(f"neurons{number}", _neuron_arrays(neurons))
     for number, synapses in enumerate(part.synapses):
-        arrays |= _below(
-            f"synapses{number}",
-            {
-                "sender": np.array(synapses.sender),
-                "target": np.array(synapses.target),
-                "weights": synapses.weights.astype(np.int16),
-                "delays": synapses.delays.astype(np.uint8),
-                "weight_exp": np.array(synapses.exponent),
-                "num_weight_bits": np.array(synapses.weight_bits),
-                "sign_mode": np.array(synapses.sign_mode),
-            },
-        )
+        arrays |= _below(f"synapses{number}", _synapse_arrays(synapses))
     return arrays
 
 
-def _expected(played: Played, part: LavaPart) -> dict[str, AnyArray]:
-    """Return the spikes of every step, and both registers after the last one."""
+def _source_arrays(source: LavaSource, lines: AnyArray) -> dict[str, AnyArray]:
+    """Return the spikes of a source, (steps, its lines), from those of all lines of its phase."""
+    return {"input": np.array(source.input), "spikes": lines[:, source.columns]}
+
+
+def _neuron_arrays(neurons: LavaNeurons) -> dict[str, AnyArray]:
+    """Return the parameters of a LIF process, by their names in Lava."""
+    return {
+        "population": np.array(neurons.population),
+        "index": neurons.index,
+        "du": np.array(neurons.du),
+        "dv": np.array(neurons.dv),
+        "vth": np.array(neurons.vth),
+        "bias_mant": neurons.bias_mantissa,
+        "bias_exp": neurons.bias_exponent,
+    }
+
+
+def _synapse_arrays(synapses: LavaSynapses) -> dict[str, AnyArray]:
+    """Return the parameters of a Dense process, by their names in Lava, and its ends."""
+    return {
+        "sender": np.array(synapses.sender),
+        "target": np.array(synapses.target),
+        "weights": synapses.weights.astype(np.int16),
+        "delays": synapses.delays.astype(np.uint8),
+        "weight_exp": np.array(synapses.exponent),
+        "num_weight_bits": np.array(synapses.weight_bits),
+        "sign_mode": np.array(synapses.sign_mode),
+    }
+
+
+def _expected_arrays(played: Played, part: LavaPart) -> dict[str, AnyArray]:
+    """Return the spikes of every step, (steps, neurons), and both registers after the last one."""
     arrays: dict[str, AnyArray] = {}
     for number, neurons in enumerate(part.neurons):
-        name = neurons.population
-        arrays |= _below(
-            f"neurons{number}",
-            {
-                "spikes": played.recorded(part.phase, "spikes", name)[:, neurons.index],
-                "u": played.recorded(part.phase, "u", name)[-1, neurons.index],
-                "v": played.recorded(part.phase, "v", name)[-1, neurons.index],
-            },
-        )
+        spikes = played.recorded(part.phase, "spikes", neurons.population)
+        current = played.recorded(part.phase, "u", neurons.population)
+        potential = played.recorded(part.phase, "v", neurons.population)
+        arrays[f"neurons{number}/spikes"] = spikes[:, neurons.index]
+        arrays[f"neurons{number}/u"] = current[-1, neurons.index]
+        arrays[f"neurons{number}/v"] = potential[-1, neurons.index]
     return arrays

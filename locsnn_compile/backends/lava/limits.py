@@ -1,8 +1,8 @@
 """What Lava's fixed-point models cannot play as ``loihi-sim`` does: it is refused by name.
 
-Both compute the same as long as no register wraps. Lava lets u lie above -2^23 and at or below 2^23,
-and two's complement at or above -2^23 and below 2^23, so a current of -2^23 differs although it does
-not wrap here. Both are counted in the recording that is shown.
+Settings and formats are checked in the program, values of registers in the recording that is shown:
+both compute the same as long as no register wraps. A current of -2^23 differs as well. ``loihi-sim``
+holds currents from -2^23 to 2^23 - 1, and Lava those from -2^23 + 1 to 2^23.
 """
 
 from collections.abc import Callable
@@ -23,9 +23,11 @@ VOLTAGE_MAX = CURRENT_LIMIT - 1
 
 
 class Rule(Frozen, eq=False):
-    """A setting of compartments: its name, its value on a core, and the values that Lava has not.
+    """A setting of compartments, the values that Lava has not, and the words of the error.
 
-    ``value`` returns (compartments,), and ``breaks`` marks those that are refused.
+    - ``value``: returns the setting of each compartment of a core, (compartments,)
+    - ``breaks``: marks the values that are refused, (compartments,)
+    - ``what``, ``fix``: what Lava has not, and what to do then
     """
 
     setting: str
@@ -36,6 +38,7 @@ class Rule(Frozen, eq=False):
 
 
 def _everywhere(core: Core, value: int) -> IntArray:
+    """Return a setting of a whole core for each of its compartments, (compartments,)."""
     return np.full(core.compartments, value, dtype=np.int64)
 
 
@@ -97,6 +100,7 @@ def check_fits(played: Played) -> None:
 
 
 def _check_setting(core: Core, rule: Rule) -> None:
+    """Refuse a core one of whose compartments breaks a rule, and name the first."""
     values = rule.value(core)
     refused = np.flatnonzero(rule.breaks(values))
     if refused.size:
@@ -109,18 +113,19 @@ def _check_setting(core: Core, rule: Rule) -> None:
 def _check_exponents(core: Core) -> None:
     """Refuse negative exponents: Lava rounds a sum of weights down, and a core rounds each of them."""
     axons = core.axons
-    exponents = np.array([form.exponent for form in axons.formats], dtype=np.int64)
-    refused = np.flatnonzero(exponents[axons.format_index] < 0)
+    exponent_of_format = np.array([form.exponent for form in axons.formats], dtype=np.int64)
+    exponents = exponent_of_format[axons.format_index]
+    refused = np.flatnonzero(exponents < 0)
     if refused.size:
         synapse = int(refused[0])
-        exponent = exponents[axons.format_index[synapse]]
         where = f"{WHERE}, synapses onto {_group_of(core, int(axons.target[synapse]))!r}"
         what = "Lava rounds with a negative exponent in another way"
         fix = "Scale weights, biases and thresholds up, or emit another kind."
-        raise InputError(where, what, measured=f"exponent {exponent}", fix=fix)
+        raise InputError(where, what, measured=f"exponent {exponents[synapse]}", fix=fix)
 
 
 def _check_registers(played: Played, phase: str, group: str) -> None:
+    """Refuse values of the recording at which a register of Lava's goes on otherwise."""
     where = f"{WHERE}, population {group!r}"
     fix = "Show another one by --recording, or emit another kind."
     events = played.result.events.get(group, {})
@@ -128,11 +133,12 @@ def _check_registers(played: Played, phase: str, group: str) -> None:
     if wraps:
         what = "registers wrap in this recording, and Lava's wrap in another way"
         raise InputError(where, what, measured=counted(wraps, "wrap"), fix=fix)
-    lowest = int(played.recorded(phase, "u", group).min(initial=0))
-    if lowest <= -CURRENT_LIMIT:
+    lowest_current = int(played.recorded(phase, "u", group).min(initial=0))
+    if lowest_current <= -CURRENT_LIMIT:
         what = "a current has the one value of this recording that Lava turns round"
-        raise InputError(where, what, measured=f"u = {lowest}", fix=fix)
+        raise InputError(where, what, measured=f"u = {lowest_current}", fix=fix)
 
 
 def _group_of(core: Core, compartment: int) -> str:
+    """Return the population that a compartment of a core belongs to."""
     return core.slices[int(core.slice_of_compartment[compartment])].group

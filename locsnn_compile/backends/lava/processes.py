@@ -7,18 +7,17 @@ it is told to run, so a phase falls into parts, each of which has a run of its o
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 from scipy import sparse
 from scipy.sparse import csgraph
 
-from hw_model.arithmetic.fixed_point import SignMode
+from hw_model.arithmetic.fixed_point import SIGN_MODES, SignMode
 from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.values import Frozen, IntArray
-
-SIGN_MODES: tuple[SignMode, ...] = ("mixed", "excitatory", "inhibitory")
-"""As numbers in :attr:`SynapseTable.sign`."""
+from locsnn_compile.backends.lava.synapse_table import earlier_twins, synapses_of_phase
 
 
 class LavaNeurons(Frozen, eq=False):
@@ -47,8 +46,8 @@ class LavaSource(Frozen, eq=False):
 class LavaSynapses(Frozen, eq=False):
     """A Dense process; with a delay other than 0, a DelayDense.
 
-    ``sender`` and ``target`` number the nodes of a part: its sources first, then its LIF processes.
-    ``weights`` are mantissas and ``delays`` steps, each (targets, senders).
+    ``sender`` and ``target`` are numbers of nodes: sources first, then LIF processes. ``weights`` are
+    mantissas and ``delays`` steps, each (targets, senders).
     """
 
     sender: int
@@ -61,7 +60,7 @@ class LavaSynapses(Frozen, eq=False):
 
 
 class LavaPart(Frozen, eq=False):
-    """What runs together: a connected part of a phase."""
+    """What runs together: a connected part of a phase, whose synapses number the nodes of the part."""
 
     phase: str
     sources: tuple[LavaSource, ...]
@@ -69,20 +68,25 @@ class LavaPart(Frozen, eq=False):
     synapses: tuple[LavaSynapses, ...]
 
 
-class SynapseTable(Frozen, eq=False):
-    """All synapses of a phase, one by one, each array (synapses,).
+class _ProcessSettings(Frozen, eq=False):
+    """Which LIF process plays each compartment of a phase, and what those of a process share.
 
-    Ends are numbered as in :attr:`~hw_model.program.chip_program.ChipProgram.senders`: input lines
-    first, then compartments by their column.
+    - ``settings``: (processes, 4), the place of the population, decay_u, decay_v and the threshold
+    - ``process``: (columns,), the process of each compartment, numbered population by population
     """
 
-    sender: IntArray
-    target: IntArray
-    mantissa: IntArray
-    delay: IntArray
-    exponent: IntArray
-    weight_bits: IntArray
-    sign: IntArray
+    settings: IntArray
+    process: IntArray
+
+
+class _Places(Frozen, eq=False):
+    """Where the senders of a phase are, lines first, then compartments, each array (senders,).
+
+    ``node`` is the number of a source or LIF process, ``index`` the place of the sender in it.
+    """
+
+    node: IntArray
+    index: IntArray
 
 
 class PhaseProcesses:
@@ -91,173 +95,147 @@ class PhaseProcesses:
     def __init__(self, program: ChipProgram, phase: str) -> None:
         self._program = program
         self._phase = phase
-        self._lines = program.lines_of(phase)
-        self._line_count = max((lines.stop for lines in self._lines.values()), default=0)
 
     def parts(self) -> Iterator[LavaPart]:
         """Yield the connected parts that hold neurons, in the order of their first node."""
         sources = self._sources()
         neurons = self._neurons()
         synapses = tuple(self._synapses())
-        nodes = len(sources) + len(neurons)
-        ends = (
-            [block.sender for block in synapses],
-            [block.target for block in synapses],
-        )
-        links = sparse.coo_array((np.ones(len(synapses)), ends), shape=(nodes, nodes))
-        count, part_of = csgraph.connected_components(links, directed=False)
-        for part in range(count):
-            members = np.flatnonzero(part_of == part).tolist()
-            if members[-1] < len(sources):
+        for nodes in _connected_nodes(len(sources) + len(neurons), synapses):
+            part_sources = tuple(sources[node] for node in nodes if node < len(sources))
+            if len(part_sources) == len(nodes):
                 continue  # an input that nothing listens to
-            number = {node: place for place, node in enumerate(members)}
+            process_nodes = nodes[len(part_sources) :]
             yield LavaPart(
                 self._phase,
-                tuple(sources[node] for node in members if node < len(sources)),
-                tuple(neurons[node - len(sources)] for node in members if node >= len(sources)),
-                tuple(
-                    LavaSynapses(
-                        number[block.sender],
-                        number[block.target],
-                        block.weights,
-                        block.delays,
-                        block.exponent,
-                        block.weight_bits,
-                        block.sign_mode,
-                    )
-                    for block in synapses
-                    if block.sender in number
-                ),
+                part_sources,
+                tuple(neurons[node - len(sources)] for node in process_nodes),
+                _numbered_within(nodes, synapses),
             )
 
     def _sources(self) -> tuple[LavaSource, ...]:
+        lines = self._program.lines_of(self._phase)
         return tuple(
-            LavaSource(name, np.arange(lines.start, lines.stop))
-            for name, lines in self._lines.items()
+            LavaSource(name, np.arange(columns.start, columns.stop))
+            for name, columns in lines.items()
         )
+
+    def _neurons(self) -> tuple[LavaNeurons, ...]:
+        populations = self._program.columns_of(self._phase)
+        names = list(populations)
+        mantissa = self._program.by_column(self._phase, lambda core: core.bias_mantissa)
+        exponent = self._program.by_column(self._phase, lambda core: core.bias_exponent)
+        processes = []
+        for process, setting in enumerate(self._process_settings.settings.tolist()):
+            population, decay_u, decay_v, threshold = setting
+            name = names[population]
+            columns = np.flatnonzero(self._process_settings.process == process)
+            processes.append(
+                LavaNeurons(
+                    population=name,
+                    index=columns - populations[name].start,
+                    du=decay_u - 1,  # Lava adds the 1 itself
+                    dv=decay_v,
+                    vth=threshold,
+                    bias_mantissa=mantissa[columns],
+                    bias_exponent=exponent[columns],
+                )
+            )
+        return tuple(processes)
+
+    @cached_property
+    def _process_settings(self) -> _ProcessSettings:
+        populations = self._program.columns_of(self._phase).values()
+        sizes = [columns.stop - columns.start for columns in populations]
+        setting_of_column = np.stack(
+            (
+                np.repeat(np.arange(len(sizes)), sizes),
+                self._by_column("decay_u"),
+                self._by_column("decay_v"),
+                self._program.by_column(self._phase, _threshold_mantissas),
+            ),
+            axis=1,
+        )
+        settings, process = np.unique(setting_of_column, axis=0, return_inverse=True)
+        return _ProcessSettings(settings, process.ravel())
 
     def _by_column(self, name: str) -> IntArray:
         """Return a setting of every compartment of the phase, (columns,)."""
         return self._program.by_column(self._phase, lambda core: core.setting(name))
 
-    @cached_property
-    def _process_of_column(self) -> IntArray:
-        """The LIF process of every compartment, (columns,), numbered population by population."""
-        return self._settings[1]
-
-    @cached_property
-    def _settings(self) -> tuple[IntArray, IntArray]:
-        """Population number, decays and threshold of each LIF process, and the process of a column."""
-        columns = self._program.columns_of(self._phase)
-        sizes = [place.stop - place.start for place in columns.values()]
-        rows = (
-            np.repeat(np.arange(len(sizes)), sizes),
-            self._by_column("decay_u"),
-            self._by_column("decay_v"),
-            self._program.by_column(self._phase, _threshold_mantissas),
-        )
-        settings, process = np.unique(np.stack(rows, axis=1), axis=0, return_inverse=True)
-        return settings, process.ravel()
-
-    def _neurons(self) -> tuple[LavaNeurons, ...]:
-        columns = self._program.columns_of(self._phase)
-        names = list(columns)
-        mantissa = self._program.by_column(self._phase, lambda core: core.bias_mantissa)
-        exponent = self._program.by_column(self._phase, lambda core: core.bias_exponent)
-        settings, process_of_column = self._settings
-        processes = []
-        for process, (population, decay_u, decay_v, threshold) in enumerate(settings.tolist()):
-            held = np.flatnonzero(process_of_column == process)
-            name = names[population]
-            processes.append(
-                LavaNeurons(
-                    name,
-                    held - columns[name].start,
-                    du=decay_u - 1,
-                    dv=decay_v,
-                    vth=threshold,
-                    bias_mantissa=mantissa[held],
-                    bias_exponent=exponent[held],
-                )
-            )
-        return tuple(processes)
-
-    def _nodes(self) -> tuple[IntArray, IntArray]:
-        """Return the node of every line and compartment, and its place in that node."""
-        sources = self._sources()
-        node = [np.full(len(source.columns), k) for k, source in enumerate(sources)]
-        place = [np.arange(len(source.columns)) for source in sources]
-        process = self._process_of_column
-        within = np.empty(len(process), dtype=np.int64)
-        for number in np.unique(process):
-            held = np.flatnonzero(process == number)
-            within[held] = np.arange(len(held))
-        return (
-            np.concatenate([*node, process + len(sources)]),
-            np.concatenate([*place, within]),
-        )
-
     def _synapses(self) -> Iterator[LavaSynapses]:
         """Yield a block for each pair of nodes and format; its ends count all nodes of the phase."""
-        table = self._table()
-        node, place = self._nodes()
-        keys = np.stack(
+        table = synapses_of_phase(self._program, self._phase)
+        places = self._places()
+        block_keys = np.stack(
             (
-                node[table.sender],
-                node[table.target],
+                places.node[table.sender],
+                places.node[table.target],
                 table.exponent,
                 table.weight_bits,
                 table.sign,
-                _repeats(table),
+                earlier_twins(table),
             ),
             axis=1,
         )
-        blocks, block_of = np.unique(keys, axis=0, return_inverse=True)
-        sizes = np.bincount(node)
+        blocks, block_of_synapse = np.unique(block_keys, axis=0, return_inverse=True)
+        node_sizes = np.bincount(places.node)
         for number, block in enumerate(blocks.tolist()):
             sender, target, exponent, weight_bits, sign, _ = block
-            held = np.flatnonzero(block_of.ravel() == number)
-            ends = place[table.target[held]], place[table.sender[held]]
-            weights = np.zeros((sizes[target], sizes[sender]), dtype=np.int64)
-            weights[ends] = table.mantissa[held]
+            synapse = np.flatnonzero(block_of_synapse.ravel() == number)
+            row = places.index[table.target[synapse]]
+            column = places.index[table.sender[synapse]]
+            weights = np.zeros((node_sizes[target], node_sizes[sender]), dtype=np.int64)
+            weights[row, column] = table.mantissa[synapse]
             delays = np.zeros_like(weights)
-            delays[ends] = table.delay[held]
+            delays[row, column] = table.delay[synapse]
             yield LavaSynapses(
-                sender, target, weights, delays, exponent, weight_bits, SIGN_MODES[sign]
+                sender=sender,
+                target=target,
+                weights=weights,
+                delays=delays,
+                exponent=exponent,
+                weight_bits=weight_bits,
+                sign_mode=SIGN_MODES[sign],
             )
 
-    def _table(self) -> SynapseTable:
-        parts = [self._of_core(core) for core in self._program.cores_of(self._phase)]
-        return SynapseTable(*np.concatenate(parts, axis=1))
-
-    def _of_core(self, core: Core) -> IntArray:
-        """Return the columns of :class:`SynapseTable` for one core, (7, synapses)."""
-        axons = core.axons
-        forms = [
-            (form.exponent, form.weight_bits, SIGN_MODES.index(form.sign_mode))
-            for form in axons.formats
-        ]
-        of_synapse = np.array(forms, dtype=np.int64).reshape(-1, 3)[axons.format_index]
-        ends = (
-            self._program.senders[core.number][axons.axon_of_synapse],
-            self._line_count + self._program.columns_of_core(core)[axons.target],
+    def _places(self) -> _Places:
+        sources = self._sources()
+        process = self._process_settings.process
+        nodes = [np.full(len(source.columns), node) for node, source in enumerate(sources)]
+        indices = [np.arange(len(source.columns)) for source in sources]
+        index_in_process = np.empty(len(process), dtype=np.int64)
+        for number in np.unique(process):
+            columns = np.flatnonzero(process == number)
+            index_in_process[columns] = np.arange(len(columns))
+        return _Places(
+            node=np.concatenate([*nodes, process + len(sources)]),
+            index=np.concatenate([*indices, index_in_process]),
         )
-        return np.stack((*ends, axons.mantissa, axons.delay, *of_synapse.T)).astype(np.int64)
 
 
 def _threshold_mantissas(core: Core) -> IntArray:
+    """Return the threshold of each compartment, (compartments,), from the few that its core has."""
     mantissas: IntArray = np.array(core.thresholds, dtype=np.int64)[core.threshold]
     return mantissas
 
 
-def _repeats(table: SynapseTable) -> IntArray:
-    """Count for each synapse how many before it have the same ends and format, (synapses,)."""
-    keys = np.stack(
-        (table.sender, table.target, table.exponent, table.weight_bits, table.sign), axis=1
+def _connected_nodes(nodes: int, synapses: tuple[LavaSynapses, ...]) -> Iterator[list[int]]:
+    """Yield the nodes of each connected part, ascending."""
+    ends = ([block.sender for block in synapses], [block.target for block in synapses])
+    links = sparse.coo_array((np.ones(len(synapses)), ends), shape=(nodes, nodes))
+    parts, part_of_node = csgraph.connected_components(links, directed=False)
+    for part in range(parts):
+        yield np.flatnonzero(part_of_node == part).tolist()
+
+
+def _numbered_within(
+    nodes: list[int], synapses: tuple[LavaSynapses, ...]
+) -> tuple[LavaSynapses, ...]:
+    """Return the synapses among nodes, with their places in the list as the numbers of their ends."""
+    number = {node: place for place, node in enumerate(nodes)}
+    return tuple(
+        replace(block, sender=number[block.sender], target=number[block.target])
+        for block in synapses
+        if block.sender in number
     )
-    _, group, sizes = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
-    order = np.argsort(group.ravel(), kind="stable")
-    first = np.repeat(np.cumsum(sizes) - sizes, sizes)
-    repeats = np.empty(len(order), dtype=np.int64)
-    repeats[order] = np.arange(len(order)) - first
-    return repeats
