@@ -11,6 +11,8 @@ from locsnn_compile.network.chip_neurons import ChipSrm
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.neurons import SoftCuba
 
+_SHORTER = "Train with a shorter time constant, or take longer steps."
+
 
 def check_neurons(network: Network) -> None:
     """Refuse neurons that are more than one of SpiNNaker each, or reset otherwise."""
@@ -61,18 +63,28 @@ def _check_decay_u(where: str, group: Compartments) -> None:
         raise TargetError(where, what, measured=measured, fix=_SHORTER)
 
 
-_SHORTER = "Train with a shorter time constant, or take longer steps."
-
-
 def _check_floor(where: str, group: Compartments, charges: FloatArray) -> None:
-    """Refuse a floor that inputs can reach; the end of the register of ``loihi`` is none."""
-    is_floor = group.vmin > -group.vmax
-    lowest_current = -loihi_bounds.settles_at(-charges[0], group.decay_u)
-    bias = loihi.bias_of(group.bias_mantissa, group.bias_exponent)
-    lowest = -loihi_bounds.settles_at(-(lowest_current + bias), group.decay_v)
-    below = np.flatnonzero(is_floor & (lowest < group.vmin))
-    if below.size:
-        first = int(below[0])
+    """Refuse a floor that inputs can reach; the end of the register of ``loihi`` is none.
+
+    ``charges`` (2, n): the lowest and the highest of a step, in the unit of u.
+    """
+    has_floor = group.vmin > -group.vmax
+    lowest_potential = _lowest_potential(group, charges[0])
+    reached = np.flatnonzero(has_floor & (lowest_potential < group.vmin))
+    if reached.size:
+        neuron = int(reached[0])
         what = "its potential has a floor that inputs can reach, and on SpiNNaker it has none"
-        measured = f"{lowest[first]:.0f} against {group.vmin[first]} in neuron {first}"
+        lowest = f"{lowest_potential[neuron]:.0f}"
+        measured = f"{lowest} against {group.vmin[neuron]} in neuron {neuron}"
         raise TargetError(where, what, measured=measured, fix="Train without a floor.")
+
+
+def _lowest_potential(group: Compartments, lowest_charge: FloatArray) -> FloatArray:
+    """Return where v settles, (n,), if every step brings the lowest charge (n,).
+
+    ``settles_at`` answers for drives above 0, so signs are turned on the way in and out.
+    """
+    lowest_current = -loihi_bounds.settles_at(-lowest_charge, group.decay_u)
+    bias = loihi.bias_of(group.bias_mantissa, group.bias_exponent)
+    lowest_drive = lowest_current + bias
+    return -loihi_bounds.settles_at(-lowest_drive, group.decay_v)

@@ -1,4 +1,8 @@
-"""The integers from which SpiNNaker's are made: those of ``loihi-sim``, whose limits do not all hold here."""
+"""The integers from which SpiNNaker's are made.
+
+A network is first rounded to the integers of ``loihi-sim``, and these are then lowered. Two limits of
+that chip do not hold, for ring buffers take longer delays, and neurons rest longer, than its registers.
+"""
 
 from dataclasses import replace
 from functools import cache
@@ -8,8 +12,11 @@ from hw_model.description.chip import Chip
 from hw_model.spinnaker.chips import SpinnakerChip
 
 _SOURCE = hw.chip("loihi-sim")
-REGISTERS = replace(_SOURCE.registers, delay_max=(1 << 12) - 2, refractory_max=(1 << 15) - 1)
-"""Ring buffers hold longer delays, and neurons rest longer, than on ``loihi-sim``."""
+_DELAY_MAX = (1 << 12) - 2
+"""Steps. SpiNNaker's delay is one more, and has to fit into 2^12 slots of a ring buffer."""
+_REFRACTORY_MAX = (1 << 15) - 1
+"""Steps of 1 ms, well below the 65,536 ms at which s16.15 ends."""
+REGISTERS = replace(_SOURCE.registers, delay_max=_DELAY_MAX, refractory_max=_REFRACTORY_MAX)
 
 
 @cache

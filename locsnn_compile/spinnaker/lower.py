@@ -8,12 +8,13 @@ neurons: :mod:`hw_model.arithmetic.spinnaker_inverse` says how. Then nothing wra
 """
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
 from hw_model.arithmetic import loihi, spinnaker
 from hw_model.arithmetic import spinnaker_inverse as inverse
-from hw_model.arithmetic.spinnaker_inverse import IfCurrExp, LeakyNeuron, Scales, Sums
+from hw_model.arithmetic.spinnaker_inverse import IfCurrExp, LeakyNeuron, Membrane, Scales, Sums
 from hw_model.mapping.graph import CompartmentGraph, Compartments
 from hw_model.spinnaker.chips import SpinnakerChip
 from hw_model.spinnaker.network import (
@@ -23,6 +24,7 @@ from hw_model.spinnaker.network import (
     SpinnakerProjection,
 )
 from hw_model.values import FloatArray, IntArray, Shown
+from locsnn_compile.spinnaker.core_room import neurons_per_core, slots_for
 from locsnn_compile.spinnaker.fits import check_compartments
 from locsnn_compile.spinnaker.synapses import (
     SignedSynapses,
@@ -30,8 +32,6 @@ from locsnn_compile.spinnaker.synapses import (
     joined_synapses,
     largest_sums,
 )
-
-SLOTS_MIN = 2
 
 
 class ScaledPopulation(Shown):
@@ -58,69 +58,107 @@ class LoweredSpinnaker(Shown):
     scaled: tuple[ScaledPopulation, ...]
 
 
+class _LoweredGroup(NamedTuple):
+    """What a group of compartments becomes, with the projections onto it."""
+
+    population: SpinnakerPopulation
+    projections: list[SpinnakerProjection]
+    scaled: ScaledPopulation
+
+
+class _FittedNeuron(NamedTuple):
+    """A neuron in the numbers of SpiNNaker: its time constants, and what depends on its scales."""
+
+    membrane: Membrane
+    parameters: IfCurrExp
+
+
+class _StoredProjection(NamedTuple):
+    """A projection, and how many of its weights lost bits when they were stored."""
+
+    projection: SpinnakerProjection
+    weights_rounded: int
+
+
 def lower_to_spinnaker(graph: CompartmentGraph, chip: SpinnakerChip) -> LoweredSpinnaker:
     """Lower a graph; ``TargetError`` for what SpiNNaker does not have."""
     synapses = joined_synapses(graph)
     arrivals = {group.name: arriving(synapses, group.name, group.size) for group in graph.groups}
-    check_compartments(graph, {name: _charges(sums) for name, sums in arrivals.items()})
-    read = set() if graph.readout is None else set(graph.readout.from_step)
-    populations = []
+    charges = {name: _charges(sums) for name, sums in arrivals.items()}
+    check_compartments(graph, charges)
+    populations_read = set() if graph.readout is None else set(graph.readout.from_step)
+    populations: list[SpinnakerPopulation] = []
     projections: list[SpinnakerProjection] = []
-    scaled = []
+    scaled: list[ScaledPopulation] = []
     for group in graph.groups:
-        incoming = [part for part in synapses if part.target == group.name]
-        sums = largest_sums(arrivals[group.name])
-        scales = scales_of(group, sums)
-        shifts = tuple(inverse.shift_for(each * scales.weight_unit) for each in sums)
-        neurons = _neurons(group, scales)
-        gain = _gain(group, neurons, scales)
-        slots = slots_for(incoming)
-        populations.append(
-            SpinnakerPopulation(
-                name=group.name,
-                phase=group.phase,
-                parameters=_parameters(group, neurons, silent=group.name in read),
-                shifts=(shifts[0], shifts[1]),
-                slots=slots,
-                neurons_per_core=neurons_per_core(group.size, slots, incoming, chip),
-                weight_unit=scales.weight_unit,
-                potential_unit=gain,
-            )
+        lowered = _lowered_group(
+            group,
+            incoming=[part for part in synapses if part.target == group.name],
+            sums=largest_sums(arrivals[group.name]),
+            is_read=group.name in populations_read,
+            chip=chip,
         )
-        rounded = 0
-        for part in incoming:
-            for projection, lost in _by_receptor(part, shifts, scales.weight_unit):
-                projections.append(projection)
-                rounded += lost
-        scaled.append(
-            ScaledPopulation(
-                name=group.name,
-                scales=scales,
-                sums=sums,
-                gain=gain,
-                current_decay_error=_current_decay_error(group),
-                weights_rounded=rounded,
-            )
-        )
+        populations.append(lowered.population)
+        projections.extend(lowered.projections)
+        scaled.append(lowered.scaled)
     network = SpinnakerNetwork(graph.phases, graph.inputs, tuple(populations), tuple(projections))
     return LoweredSpinnaker(network, tuple(scaled))
 
 
 def _charges(sums: IntArray) -> FloatArray:
-    """Return the lowest and the highest charge of a step, (2, n), of sums of each sign."""
-    signed = np.stack([-sums[1], sums[0]])
-    charges: FloatArray = loihi.in_registers(signed).astype(np.float64)
+    """Return the lowest and the highest charge of a step, (2, n), in the unit of u.
+
+    ``sums`` (2, n) are those of weights above and below 0, both without sign.
+    """
+    excitatory, inhibitory = sums
+    lowest_and_highest = np.stack([-inhibitory, excitatory])
+    charges: FloatArray = loihi.in_registers(lowest_and_highest).astype(np.float64)
     return charges
+
+
+def _lowered_group(
+    group: Compartments,
+    *,
+    incoming: list[SignedSynapses],
+    sums: Sums,
+    is_read: bool,
+    chip: SpinnakerChip,
+) -> _LoweredGroup:
+    """Return what a group becomes, of synapses that bring at most ``sums`` to a neuron in a step."""
+    scales = scales_of(group, sums)
+    neurons = _fitted_neurons(group, scales)
+    gain = _mean_gain(neurons, scales)
+    excitatory_shift = inverse.shift_for(sums.excitatory * scales.weight_unit)
+    inhibitory_shift = inverse.shift_for(sums.inhibitory * scales.weight_unit)
+    shifts = (excitatory_shift, inhibitory_shift)
+    slots = slots_for(incoming)
+    population = SpinnakerPopulation(
+        name=group.name,
+        phase=group.phase,
+        parameters=_parameters(group, neurons, is_read=is_read),
+        shifts=shifts,
+        slots=slots,
+        neurons_per_core=neurons_per_core(group.size, slots, incoming, chip),
+        weight_unit=scales.weight_unit,
+        potential_unit=gain,
+    )
+    stored: list[_StoredProjection] = []
+    for part in incoming:
+        stored.extend(_by_receptor(part, shifts, scales.weight_unit))
+    scaled = ScaledPopulation(
+        name=group.name,
+        scales=scales,
+        sums=sums,
+        gain=gain,
+        current_decay_error=_current_decay_error(group),
+        weights_rounded=sum(part.weights_rounded for part in stored),
+    )
+    return _LoweredGroup(population, [part.projection for part in stored], scaled)
 
 
 def scales_of(group: Compartments, sums: Sums) -> Scales:
     """Return the largest scales at which no neuron of a group can wrap."""
-    bias = loihi.bias_of(group.bias_mantissa, group.bias_exponent)
-    different = np.unique(np.stack([group.decay_u, group.decay_v, np.abs(bias)]), axis=1)
-    neurons = [
-        LeakyNeuron(decay_u, decay_v, threshold=0, bias=strongest, refractory=1)
-        for decay_u, decay_v, strongest in different.T.tolist()
-    ]
+    neurons = _bounding_neurons(group)
     weight = max(
         inverse.weight_scale(inverse.membrane_of(neuron.decay_u, neuron.decay_v), sums)
         for neuron in neurons
@@ -129,93 +167,79 @@ def scales_of(group: Compartments, sums: Sums) -> Scales:
     return Scales(weight, potential)
 
 
-def _neurons(group: Compartments, scales: Scales) -> list[tuple[LeakyNeuron, IfCurrExp]]:
-    """Return each neuron of a group with the parameters that depend on its scales."""
+def _bounding_neurons(group: Compartments) -> list[LeakyNeuron]:
+    """Return the neurons of a group that differ in what its scales depend on: decays and bias.
+
+    A bias counts without its sign, and thresholds and refractory periods do not count.
+    """
     bias = loihi.bias_of(group.bias_mantissa, group.bias_exponent)
-    columns = np.stack([group.decay_u, group.decay_v, group.threshold, bias, group.refractory])
-    different, place = np.unique(columns, axis=1, return_inverse=True)
-    neurons = [LeakyNeuron(*column) for column in different.T.tolist()]
-    fitted = [(neuron, inverse.fitted(neuron, scales)) for neuron in neurons]
-    return [fitted[number] for number in place.ravel().tolist()]
+    settings = np.stack([group.decay_u, group.decay_v, np.abs(bias)])
+    return [
+        LeakyNeuron(decay_u, decay_v, threshold=0, bias=strongest_bias, refractory=1)
+        for decay_u, decay_v, strongest_bias in np.unique(settings, axis=1).T.tolist()
+    ]
+
+
+def _fitted_neurons(group: Compartments, scales: Scales) -> list[_FittedNeuron]:
+    """Return each neuron of a group in the numbers of SpiNNaker; equal ones are fitted once."""
+    bias = loihi.bias_of(group.bias_mantissa, group.bias_exponent)
+    settings = np.stack([group.decay_u, group.decay_v, group.threshold, bias, group.refractory])
+    different, setting_of_neuron = np.unique(settings, axis=1, return_inverse=True)
+    fitted = [_fitted(LeakyNeuron(*setting), scales) for setting in different.T.tolist()]
+    return [fitted[number] for number in setting_of_neuron.ravel().tolist()]
+
+
+def _fitted(neuron: LeakyNeuron, scales: Scales) -> _FittedNeuron:
+    membrane = inverse.membrane_of(neuron.decay_u, neuron.decay_v)
+    return _FittedNeuron(membrane, inverse.fitted(neuron, scales))
 
 
 def _parameters(
-    group: Compartments, neurons: list[tuple[LeakyNeuron, IfCurrExp]], *, silent: bool
+    group: Compartments, neurons: list[_FittedNeuron], *, is_read: bool
 ) -> spinnaker.Parameters:
-    """Return the parameters of a group; ``silent`` neurons are read out and never spike."""
-    membranes = [inverse.membrane_of(neuron.decay_u, neuron.decay_v) for neuron, _ in neurons]
-    tau_syn = np.array([membrane.tau_syn for membrane in membranes])
-    v_thresh = np.array([fitted.v_thresh for _, fitted in neurons])
+    """Return the parameters of a group; neurons whose potentials are read out never spike."""
+    tau_syn = np.array([neuron.membrane.tau_syn for neuron in neurons])
+    if is_read:
+        v_thresh = np.full(group.size, inverse.UNREACHABLE)
+    else:
+        v_thresh = np.array([neuron.parameters.v_thresh for neuron in neurons])
     zero = np.zeros(group.size, dtype=np.int64)
     return spinnaker.Parameters(
-        tau_m=np.array([membrane.tau_m for membrane in membranes]),
-        c_m=np.array([fitted.c_m for _, fitted in neurons]),
+        tau_m=np.array([neuron.membrane.tau_m for neuron in neurons]),
+        c_m=np.array([neuron.parameters.c_m for neuron in neurons]),
         tau_syn=np.stack([tau_syn] * spinnaker.RECEPTORS, axis=1),
         v_rest=zero,
         v_reset=zero,
-        v_thresh=np.full(group.size, inverse.UNREACHABLE) if silent else v_thresh,
+        v_thresh=v_thresh,
         v_init=zero,
-        i_offset=np.array([fitted.i_offset for _, fitted in neurons]),
+        i_offset=np.array([neuron.parameters.i_offset for neuron in neurons]),
         tau_refrac=inverse.refractory_time(group.refractory),
     )
 
 
-def _gain(
-    group: Compartments, neurons: list[tuple[LeakyNeuron, IfCurrExp]], scales: Scales
-) -> float:
+def _mean_gain(neurons: list[_FittedNeuron], scales: Scales) -> float:
+    """Return how far a weight of 1 lifts V at once, in mV, the mean of neurons."""
     total = 0.0
-    for neuron, fitted in neurons:
-        membrane = inverse.membrane_of(neuron.decay_u, neuron.decay_v)
-        total += float(inverse.gain_of(fitted.c_m, membrane, scales))
-    return total / group.size
+    for neuron in neurons:
+        total += float(inverse.gain_of(neuron.parameters.c_m, neuron.membrane, scales))
+    return total / len(neurons)
 
 
 def _current_decay_error(group: Compartments) -> float:
     """Return the largest difference of what a step keeps of a current, as a share."""
-    return max(inverse.current_decay_error(decay) for decay in set(group.decay_u.tolist()))
-
-
-def slots_for(incoming: list[SignedSynapses]) -> int:
-    """Return how many slots a ring buffer has: the least power of two that holds every delay."""
-    longest = max((int(part.delay.max(initial=0)) for part in incoming), default=0)
-    slots = SLOTS_MIN
-    while slots < longest:
-        slots *= 2
-    return slots
-
-
-def neurons_per_core(
-    size: int, slots: int, incoming: list[SignedSynapses], chip: SpinnakerChip
-) -> int:
-    """Return the most neurons of a population, a power of two, that a core has room for.
-
-    Where not even one fits, that is 1, and the check of the whole network says what is too much.
-    """
-    most = chip.neurons_per_core
-    while most > 1:
-        index_bits = (min(size, most) - 1).bit_length()
-        slot_bits = (slots - 1).bit_length()
-        receptor_bits = (spinnaker.RECEPTORS - 1).bit_length()
-        fits_ring = index_bits + slot_bits + receptor_bits <= chip.ring_bits
-        if fits_ring and all(longest_row(part, most) <= chip.synapses_per_row for part in incoming):
-            return most
-        most //= 2
-    return most
-
-
-def longest_row(synapses: SignedSynapses, per_core: int) -> int:
-    """Return the most synapses of one source on a core of so many neurons."""
-    rows = np.stack([synapses.source_index, synapses.target_index // per_core])
-    _, counts = np.unique(rows, axis=1, return_counts=True)
-    return int(counts.max(initial=0))
+    decays = set(group.decay_u.tolist())
+    return max(inverse.current_decay_error(decay) for decay in decays)
 
 
 def _by_receptor(
-    synapses: SignedSynapses, shifts: tuple[int, ...], weight_unit: float
-) -> Iterator[tuple[SpinnakerProjection, int]]:
-    """Yield the projections that synapses become, and how many of their weights are rounded."""
-    signs = (synapses.weight > 0, synapses.weight < 0)
-    for receptor, shift, acts in zip(RECEPTORS, shifts, signs, strict=True):
+    synapses: SignedSynapses, shifts: tuple[int, int], weight_unit: float
+) -> Iterator[_StoredProjection]:
+    """Yield the projections that synapses become: weights above 0 excite, those below inhibit.
+
+    ``shifts`` are those of the receptors, and ``weight_unit`` is the current, nA, of a weight of 1.
+    """
+    is_of_receptor = (synapses.weight > 0, synapses.weight < 0)
+    for receptor, shift, acts in zip(RECEPTORS, shifts, is_of_receptor, strict=True):
         if not acts.any():
             continue
         currents = np.abs(synapses.weight[acts]) * weight_unit
@@ -228,4 +252,4 @@ def _by_receptor(
             weight=inverse.stored_weights(currents, shift),
             delay=synapses.delay[acts],
         )
-        yield projection, inverse.loses_bits(currents, shift)
+        yield _StoredProjection(projection, inverse.loses_bits(currents, shift))

@@ -37,10 +37,12 @@ SPIKES_PER_SECOND = 30.0
 STEPS_PER_SECOND = 1000.0
 SIGMAS = 5.0
 POISSON_SIGMAS = 3.0
-_SMALLEST_EXPONENT = -701.0
-"""Where a logarithm of a probability is below this, sPyNNaker leaves the deviation of weights out."""
+_LOGARITHM_LIMIT = 701.0
+"""Where the logarithm of k^limit / limit! is 0, or as far from it as this, sPyNNaker leaves the
+deviation of weights out. Floats end at about e^709."""
 
 Shifts = tuple[int, int]
+"""P_r of a population, by receptor in the order of ``RECEPTORS``."""
 
 
 def own_shifts(network: SpinnakerNetwork) -> dict[str, Shifts]:
@@ -49,15 +51,21 @@ def own_shifts(network: SpinnakerNetwork) -> dict[str, Shifts]:
 
 
 def _shifts_of(network: SpinnakerNetwork, population: SpinnakerPopulation) -> Shifts:
-    excitatory, inhibitory = (
-        spinnaker_inverse.shift_for(expected_sum(_onto(network, population, receptor)))
-        for receptor in RECEPTORS
+    excitatory_sum = expected_sum(_onto(network, population, "excitatory"))
+    inhibitory_sum = expected_sum(_onto(network, population, "inhibitory"))
+    return (
+        spinnaker_inverse.shift_for(excitatory_sum),
+        spinnaker_inverse.shift_for(inhibitory_sum),
     )
-    return excitatory, inhibitory
 
 
 class Incoming(NamedTuple):
-    """A projection as sPyNNaker sees it: ``most_synapses`` of a neuron, weights in nA."""
+    """A projection as sPyNNaker sees it.
+
+    - ``most_synapses``: the most that a neuron of the target has
+    - ``weights``: nA, without sign, (synapses,)
+    - ``delays_vary``: whether not all its delays are equal
+    """
 
     most_synapses: int
     weights: FloatArray
@@ -67,6 +75,7 @@ class Incoming(NamedTuple):
 def _onto(
     network: SpinnakerNetwork, population: SpinnakerPopulation, receptor: Receptor
 ) -> list[Incoming]:
+    """Return the projections of a receptor onto a population."""
     shift = population.shifts[RECEPTORS.index(receptor)]
     return [
         Incoming(
@@ -80,49 +89,60 @@ def _onto(
 
 
 def currents(projection: SpinnakerProjection, shift: int) -> FloatArray:
-    """Return what the weights of a projection mean, in nA."""
+    """Return what the weights of a projection mean, in nA, (synapses,)."""
     return spinnaker_inverse.currents_of(projection.weight, shift)
 
 
 def expected_sum(incoming: list[Incoming]) -> float:
     """Return M, the sum of a step that sPyNNaker expects of one receptor, in nA."""
-    heaviest = max((float(part.weights.max()) for part in incoming), default=0.0)
-    all_at_once = sum(float(part.weights.max()) * part.most_synapses for part in incoming)
-    if not any(part.delays_vary for part in incoming):
-        return max(all_at_once, heaviest)
-    return max(min(poisson_bound(incoming), all_at_once), heaviest)
+    heaviest_weight = max((float(part.weights.max()) for part in incoming), default=0.0)
+    sum_of_all = sum(float(part.weights.max()) * part.most_synapses for part in incoming)
+    delays_vary = any(part.delays_vary for part in incoming)
+    bound = min(poisson_bound(incoming), sum_of_all) if delays_vary else sum_of_all
+    return max(bound, heaviest_weight)
 
 
 def poisson_bound(incoming: list[Incoming]) -> float:
-    """Return the bound of synapses whose sources send Poisson numbers of spikes."""
+    """Return the bound, nA, of synapses whose sources send Poisson numbers of spikes.
+
+    That is k mean(w) + 5 sqrt(k mean(w)^2 + k s^2 P), as above, with ``spikes`` for k.
+    """
     synapses = sum(part.most_synapses for part in incoming)
     mean = sum(part.most_synapses * float(part.weights.mean()) for part in incoming) / synapses
+    variance = _pooled_variance(incoming, synapses, mean)
+    spikes = synapses * SPIKES_PER_SECOND / STEPS_PER_SECOND
+    variance_of_sum = spikes * mean**2 + spikes * variance * _share_counted(spikes)
+    return spikes * mean + SIGMAS * math.sqrt(variance_of_sum)
+
+
+def _pooled_variance(incoming: list[Incoming], synapses: int, mean: float) -> float:
+    """Return s^2, nA^2: the variance of all weights around their mean, within and between projections."""
+    if synapses <= 1:
+        return 0.0
     squares = sum(
         float(part.weights.var()) * (part.most_synapses - 1)
         + part.most_synapses * (float(part.weights.mean()) - mean) ** 2
         for part in incoming
     )
-    variance = squares / (synapses - 1) if synapses > 1 else 0.0
-    spikes = synapses * SPIKES_PER_SECOND / STEPS_PER_SECOND
-    spread = spikes * mean**2 + spikes * variance * _share_counted(spikes)
-    return spikes * mean + SIGMAS * math.sqrt(spread)
+    return squares / (synapses - 1)
 
 
 def _share_counted(spikes: float) -> float:
-    """Return P(N < limit) of a Poisson number N, with the limit that sPyNNaker takes."""
+    """Return P(N < limit) of a Poisson number N of mean ``spikes``, with sPyNNaker's limit."""
     limit = round(spikes + POISSON_SIGMAS * math.sqrt(spikes))
     logarithm = limit * math.log(spikes) - math.lgamma(1 + limit)
-    if logarithm == 0.0 or abs(logarithm) >= -_SMALLEST_EXPONENT:
+    leaves_deviation_out = logarithm == 0.0 or abs(logarithm) >= _LOGARITHM_LIMIT
+    if leaves_deviation_out:
         return 0.0
-    terms = (
+    probabilities = (
         math.exp(count * math.log(spikes) - spikes - math.lgamma(1 + count))
         for count in range(limit)
     )
-    return math.fsum(terms)
+    return math.fsum(probabilities)
 
 
 def with_shifts(network: SpinnakerNetwork, shifts: Mapping[str, Shifts]) -> SpinnakerNetwork:
-    """Return a network with its weights stored for other shifts."""
+    """Return a network with its weights stored for other shifts, by the names of populations."""
     old_shifts = {population.name: population.shifts for population in network.populations}
     populations = tuple(
         replace(population, shifts=shifts[population.name]) for population in network.populations
@@ -130,13 +150,14 @@ def with_shifts(network: SpinnakerNetwork, shifts: Mapping[str, Shifts]) -> Spin
     projections = []
     for projection in network.projections:
         receptor = RECEPTORS.index(projection.receptor)
-        weights = currents(projection, old_shifts[projection.target][receptor])
-        shift = shifts[projection.target][receptor]
-        stored = spinnaker_inverse.stored_weights(weights, shift)
-        projections.append(replace(projection, weight=stored))
+        old_shift = old_shifts[projection.target][receptor]
+        new_shift = shifts[projection.target][receptor]
+        weights = spinnaker_inverse.stored_weights(currents(projection, old_shift), new_shift)
+        projections.append(replace(projection, weight=weights))
     return replace(network, populations=populations, projections=tuple(projections))
 
 
 def can_be_played(shifts: Mapping[str, Shifts]) -> bool:
-    """Tell whether a witness has seen shifts as large as these."""
-    return all(max(each) <= spinnaker.SHIFT_MAX for each in shifts.values())
+    """Tell whether shifts are no larger than those for which our model was held to machine code."""
+    largest_shifts = (max(by_receptor) for by_receptor in shifts.values())
+    return all(shift <= spinnaker.SHIFT_MAX for shift in largest_shifts)

@@ -9,9 +9,10 @@ from hw_model.values import IntArray, Shown
 
 
 class SignedSynapses(Shown):
-    """Synapses from ``source`` to ``target`` in weights of 1, ordered by source, then target, then delay.
+    """Synapses from ``source`` to ``target``, ordered by source, then target, then delay.
 
-    Arrays are (synapses,). No two have the same ends and delay, and no weight is 0.
+    Arrays are (synapses,): weights in units of a weight of 1, and delays in steps, 1 at the least. No
+    two synapses have the same ends and delay, and no weight is 0.
     """
 
     source: str
@@ -27,40 +28,53 @@ def joined_synapses(graph: CompartmentGraph) -> tuple[SignedSynapses, ...]:
     by_ends: dict[tuple[str, str], list[Synapses]] = {}
     for synapses in graph.synapses:
         by_ends.setdefault((synapses.source, synapses.target), []).append(synapses)
-    return tuple(_joined(*ends, parts) for ends, parts in by_ends.items())
+    return tuple(_joined(source, target, parts) for (source, target), parts in by_ends.items())
 
 
 def _joined(source: str, target: str, parts: list[Synapses]) -> SignedSynapses:
-    rows = np.concatenate([_rows(part) for part in parts], axis=1)
-    weights = np.concatenate(
-        [inverse.weights_in_units(np.asarray(part.mantissa), part.exponent) for part in parts]
-    )
-    different, place = np.unique(rows, axis=1, return_inverse=True)
-    summed = np.zeros(different.shape[1], dtype=np.int64)
-    np.add.at(summed, place.ravel(), weights)
-    acts = summed != 0
+    """Return synapses of the same source and target as one list, ordered by ends and delay.
+
+    Synapses act together if they have the same ends and delay: their weights are added up, and those
+    that add up to 0 are left out.
+    """
+    ends_and_delay = np.concatenate([_ends_and_delay(part) for part in parts], axis=1)
+    weights = np.concatenate([_weights(part) for part in parts])
+    different, joined_place = np.unique(ends_and_delay, axis=1, return_inverse=True)
+    weight_sums = np.zeros(different.shape[1], dtype=np.int64)
+    np.add.at(weight_sums, joined_place.ravel(), weights)
+    acts = weight_sums != 0
     source_index, target_index, delay = different[:, acts]
-    return SignedSynapses(source, target, source_index, target_index, delay, summed[acts])
+    return SignedSynapses(source, target, source_index, target_index, delay, weight_sums[acts])
 
 
-def _rows(synapses: Synapses) -> IntArray:
-    """Return source, target and delay of each synapse, (3, synapses)."""
+def _ends_and_delay(synapses: Synapses) -> IntArray:
+    """Return source, target and delay, in steps of SpiNNaker, of each synapse, (3, synapses)."""
     delay = inverse.delays_of(synapses.delay)
-    rows: IntArray = np.stack([synapses.source_index, synapses.target_index, delay])
-    return rows.astype(np.int64)
+    columns: IntArray = np.stack([synapses.source_index, synapses.target_index, delay])
+    return columns.astype(np.int64)
+
+
+def _weights(synapses: Synapses) -> IntArray:
+    """Return the weight of each synapse in weights of 1, (synapses,)."""
+    return inverse.weights_in_units(np.asarray(synapses.mantissa), synapses.exponent)
 
 
 def arriving(synapses: tuple[SignedSynapses, ...], target: str, size: int) -> IntArray:
-    """Return the most that weights of each sign bring to each neuron in a step, (2, n), 0 or more."""
-    sums = np.zeros((2, size), dtype=np.int64)
+    """Return the most that weights of each sign bring to each neuron in a step, (2, n), 0 or more.
+
+    Row 0 is of those above 0, row 1 of those below, without sign, in weights of 1. Every source is
+    taken to spike at once, so no step brings more.
+    """
+    excitatory = np.zeros(size, dtype=np.int64)
+    inhibitory = np.zeros(size, dtype=np.int64)
     for part in synapses:
         if part.target == target:
-            np.add.at(sums[0], part.target_index, np.maximum(part.weight, 0))
-            np.add.at(sums[1], part.target_index, np.maximum(-part.weight, 0))
-    return sums
+            np.add.at(excitatory, part.target_index, np.maximum(part.weight, 0))
+            np.add.at(inhibitory, part.target_index, np.maximum(-part.weight, 0))
+    return np.stack([excitatory, inhibitory])
 
 
 def largest_sums(arriving_sums: IntArray) -> Sums:
-    """Return the largest of (2, n)."""
+    """Return the largest sums of any neuron, from those of :func:`arriving`."""
     excitatory, inhibitory = arriving_sums.max(axis=1).tolist()
     return Sums(excitatory, inhibitory)

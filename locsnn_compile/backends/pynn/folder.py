@@ -1,7 +1,7 @@
 """Write a program for SpiNNaker as a PyNN script, its arrays, and a recording to compare by.
 
-Arrays of phase k have names that begin with ``k/``; of its population or projection number n, with
-``k/population/n/`` and so on. Parameters are s16.15, weights and sums nA, delays steps of 1 ms.
+Arrays of phase k have names that begin with ``k/``; of its input, population or projection number n,
+with ``k/input/n/`` and so on. Parameters are s16.15, weights and sums nA, delays steps of 1 ms.
 """
 
 from importlib.resources import files
@@ -22,10 +22,6 @@ from hw_model.spinnaker.program import SpinnakerProgram
 from hw_model.values import AnyArray, ByteArray
 
 FOLDER = "spinnaker"
-PARAMETERS = (
-    *("tau_m", "c_m", "v_rest", "v_reset", "v_thresh", "v_init", "i_offset", "tau_refrac"),
-    "tau_syn",
-)
 
 
 def pynn_folder(program: SpinnakerProgram, recording: ByteArray) -> dict[str, bytes]:
@@ -41,65 +37,88 @@ def pynn_folder(program: SpinnakerProgram, recording: ByteArray) -> dict[str, by
 
 def network_arrays(program: SpinnakerProgram, runs: dict[str, PhaseRun]) -> dict[str, AnyArray]:
     """Return the arrays that describe the phases, their input rows among them."""
-    network = program.network
     arrays: dict[str, AnyArray] = {"phases": np.array(list(runs))}
     for number, (phase, run) in enumerate(runs.items()):
-        inputs = network.inputs_of(phase)
-        populations = network.populations_of(phase)
-        projections = network.projections_of(phase)
-        sources = [*(item.name for item in inputs), *(item.name for item in populations)]
-        arrays[f"{number}/steps"] = np.array(len(run.rows))
-        arrays[f"{number}/inputs"] = np.array([item.name for item in inputs])
-        arrays[f"{number}/populations"] = np.array([item.name for item in populations])
-        arrays[f"{number}/projections"] = np.array(len(projections))
-        for place, part in enumerate(_input_parts(inputs, run.rows)):
-            arrays |= _named(f"{number}/input/{place}", part)
-        for place, population in enumerate(populations):
-            part = _population(network, population, read=population.name in _read(program))
-            arrays |= _named(f"{number}/population/{place}", part)
-        for place, projection in enumerate(projections):
-            shifts = network.population(projection.target).shifts
-            part = _projection(projection, shifts, sources)
-            arrays |= _named(f"{number}/projection/{place}", part)
+        arrays |= _below(str(number), _phase_arrays(program, phase, run.rows))
     return arrays
 
 
-def _named(prefix: str, part: dict[str, AnyArray]) -> dict[str, AnyArray]:
-    return {f"{prefix}/{name}": array for name, array in part.items()}
+def _below(prefix: str, arrays: dict[str, AnyArray]) -> dict[str, AnyArray]:
+    """Return arrays whose names begin with a prefix."""
+    return {f"{prefix}/{name}": array for name, array in arrays.items()}
 
 
-def _read(program: SpinnakerProgram) -> set[str]:
-    """Return the populations whose potentials are read."""
-    return set() if program.readout is None else set(program.readout.from_step)
+def _phase_arrays(program: SpinnakerProgram, phase: str, rows: ByteArray) -> dict[str, AnyArray]:
+    """Return the arrays of a phase, from the rows (steps, lines) of all its inputs."""
+    network = program.network
+    inputs = network.inputs_of(phase)
+    populations = network.populations_of(phase)
+    projections = network.projections_of(phase)
+    input_names = [item.name for item in inputs]
+    population_names = [population.name for population in populations]
+    source_names = input_names + population_names
+    arrays: dict[str, AnyArray] = {
+        "steps": np.array(len(rows)),
+        "inputs": np.array(input_names),
+        "populations": np.array(population_names),
+        "projections": np.array(len(projections)),
+    }
+    for number, input_arrays in enumerate(_input_arrays(inputs, rows)):
+        arrays |= _below(f"input/{number}", input_arrays)
+    for number, population in enumerate(populations):
+        is_read = population.name in _populations_read(program)
+        population_arrays = _population_arrays(network, population, is_read=is_read)
+        arrays |= _below(f"population/{number}", population_arrays)
+    for number, projection in enumerate(projections):
+        shifts = network.population(projection.target).shifts
+        projection_arrays = _projection_arrays(projection, shifts, source_names)
+        arrays |= _below(f"projection/{number}", projection_arrays)
+    return arrays
 
 
-def _input_parts(inputs: tuple[Input, ...], rows: ByteArray) -> list[dict[str, AnyArray]]:
+def _populations_read(program: SpinnakerProgram) -> set[str]:
+    """Return the names of the populations whose potentials are read."""
+    if program.readout is None:
+        return set()
+    return set(program.readout.from_step)
+
+
+def _input_arrays(inputs: tuple[Input, ...], rows: ByteArray) -> list[dict[str, AnyArray]]:
     """Return size and spikes of each input, from rows (steps, lines) of all of them."""
-    parts = []
-    first = 0
+    arrays_of_inputs = []
+    first_line = 0
     for item in inputs:
-        step, line = np.nonzero(rows[:, first : first + item.size])
-        parts.append({"size": np.array(item.size), "step": step, "line": line})
-        first += item.size
-    return parts
+        step, line = np.nonzero(rows[:, first_line : first_line + item.size])
+        arrays_of_inputs.append({"size": np.array(item.size), "step": step, "line": line})
+        first_line += item.size
+    return arrays_of_inputs
 
 
-def _population(
-    network: SpinnakerNetwork, population: SpinnakerPopulation, *, read: bool
+def _population_arrays(
+    network: SpinnakerNetwork, population: SpinnakerPopulation, *, is_read: bool
 ) -> dict[str, AnyArray]:
-    parameters = {name: getattr(population.parameters, name) for name in PARAMETERS}
+    """Return the parameters of a population, s16.15, and what sPyNNaker has to know of it."""
+    parameters = population.parameters
     return {
-        **parameters,
+        "tau_m": parameters.tau_m,
+        "c_m": parameters.c_m,
+        "v_rest": parameters.v_rest,
+        "v_reset": parameters.v_reset,
+        "v_thresh": parameters.v_thresh,
+        "v_init": parameters.v_init,
+        "i_offset": parameters.i_offset,
+        "tau_refrac": parameters.tau_refrac,
+        "tau_syn": parameters.tau_syn,
         "expected_sum": np.array(expected_sums(network, population)),
         "neurons_per_core": np.array(population.neurons_per_core),
-        "records_v": np.array(read),
+        "records_v": np.array(is_read),
     }
 
 
 def expected_sums(
     network: SpinnakerNetwork, population: SpinnakerPopulation
 ) -> tuple[float, float]:
-    """Return M_r, by which sPyNNaker finds the shifts of a population, in nA.
+    """Return M_r of both receptors, by which sPyNNaker finds the shifts of a population, in nA.
 
     It is the largest sum of stored weights of a step. Where weights were rounded it may lie in
     another power of two; then it is a number that gives the shift.
@@ -110,40 +129,49 @@ def expected_sums(
             receptor = RECEPTORS.index(projection.receptor)
             currents = spinnaker_inverse.currents_of(projection.weight, population.shifts[receptor])
             np.add.at(sums[receptor], projection.target_index, currents)
-    excitatory, inhibitory = (
-        _giving(shift, float(most))
-        for shift, most in zip(population.shifts, sums.max(axis=1), strict=True)
+    excitatory_sum, inhibitory_sum = sums.max(axis=1).tolist()
+    excitatory_shift, inhibitory_shift = population.shifts
+    return (
+        _sum_that_gives(excitatory_shift, excitatory_sum),
+        _sum_that_gives(inhibitory_shift, inhibitory_sum),
     )
-    return excitatory, inhibitory
 
 
-def _giving(shift: int, largest_sum: float) -> float:
+def _sum_that_gives(shift: int, largest_sum: float) -> float:
+    """Return the largest sum, nA, if sPyNNaker makes the shift of it, else one of which it does."""
     if spinnaker_inverse.shift_for(largest_sum) == shift:
         return largest_sum
     return spinnaker_inverse.sum_with(shift)
 
 
-def _projection(
-    projection: SpinnakerProjection, shifts: tuple[int, int], sources: list[str]
+def _projection_arrays(
+    projection: SpinnakerProjection, shifts: tuple[int, int], source_names: list[str]
 ) -> dict[str, AnyArray]:
-    receptor = RECEPTORS.index(projection.receptor)
-    ends = (sources.index(projection.source), sources.index(projection.target))
+    """Return the synapses of a projection, whose ends are places in the list of names.
+
+    ``shifts`` are those of its target, by receptor.
+    """
+    source = source_names.index(projection.source)
+    target = source_names.index(projection.target)
+    shift = shifts[RECEPTORS.index(projection.receptor)]
     return {
-        "ends": np.array(ends),
+        "ends": np.array((source, target)),
         "receptor": np.array(projection.receptor),
         "source": projection.source_index,
         "target": projection.target_index,
-        "weight": spinnaker_inverse.currents_of(projection.weight, shifts[receptor]),
+        "weight": spinnaker_inverse.currents_of(projection.weight, shift),
         "delay": projection.delay,
     }
 
 
 def expected_arrays(program: SpinnakerProgram, runs: dict[str, PhaseRun]) -> dict[str, AnyArray]:
     """Return the spikes (steps, n) of each population, and the potentials of those that are read."""
+    populations_read = _populations_read(program)
     arrays: dict[str, AnyArray] = {}
-    for number, (phase, run) in enumerate(runs.items()):
-        for place, (name, columns) in enumerate(program.network.columns_of(phase).items()):
-            arrays[f"{number}/spikes/{place}"] = run.result.spikes[:, columns]
-            if name in _read(program):
-                arrays[f"{number}/potential/{place}"] = run.result.potential[:, columns]
+    for phase_number, (phase, run) in enumerate(runs.items()):
+        columns_of_phase = program.network.columns_of(phase)
+        for number, (name, columns) in enumerate(columns_of_phase.items()):
+            arrays[f"{phase_number}/spikes/{number}"] = run.result.spikes[:, columns]
+            if name in populations_read:
+                arrays[f"{phase_number}/potential/{number}"] = run.result.potential[:, columns]
     return arrays
