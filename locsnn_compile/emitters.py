@@ -95,6 +95,8 @@ class Emitter:
     - ``kind``: its name on the command line
     - ``path``: the file that it writes, or its folder if the name ends in a slash
     - ``write``: makes the contents
+    - ``holds``: a pattern of the names below its folder, those included that its tools leave there:
+      a later build replaces them, and refuses to remove any other
     - ``shows_recording``: writes about one recording, the one of ``--recording``
     - ``of_mesh``: describes a mesh of cores, their memories and times, which an open core is not
     - ``of_chip``: describes another kind of chip, whose builds write it themselves
@@ -103,6 +105,7 @@ class Emitter:
     kind: str
     path: str
     write: Writer
+    holds: str = ""
     shows_recording: bool = False
     of_mesh: bool = False
     of_chip: "OtherChip | None" = None
@@ -201,27 +204,44 @@ def _viewer(build: Build) -> Files:
     return {"viewer.html": page}
 
 
+_VECTORS = r"README\.md|manifest\.yaml|core\d+/\w+\.hex"
+_RTL = (
+    r"[\w-]+\.(sv|v|ys|mk|vh|lpf|pcf|md)|Makefile|load|words|expected_\w+"
+    # What `make` leaves there.
+    r"|[\w-]+\.(bench|json|cells|log|config|asc|bit|bin|smt2|proved)|solver/boolector"
+    r"|updates|scores|answers"
+)
+_SANAFE = r"README\.md|(arch|expected|time|location)\.yaml"
+_SCRIPT = r"network\.py|network\.npz|expected\.npz"
+_ROCKPOOL = r"specification\.npz|expected\.npz|run\.py"
+_TABLES = r"(figures|spikes|potential)\.csv"
 XYLO = OtherChip("a Xylo", "xylo-audio3")
 SPINNAKER = OtherChip("a SpiNNaker", "spinnaker1")
 EMITTERS = (
     *(Emitter(level, f"{level}.txt", LevelText(level)) for level in LEVEL_KINDS),
-    Emitter("vectors", "vectors/", _vectors, shows_recording=True, of_mesh=True),
-    Emitter("rtl", "rtl/", _rtl, shows_recording=True),
+    Emitter("vectors", "vectors/", _vectors, _VECTORS, shows_recording=True, of_mesh=True),
+    Emitter("rtl", "rtl/", _rtl, _RTL, shows_recording=True),
     Emitter("vcd", "waves.vcd", _vcd, shows_recording=True),
     Emitter("trace", "trace.json", _trace, shows_recording=True, of_mesh=True),
-    Emitter("sanafe", "sanafe/", _sanafe, shows_recording=True, of_mesh=True),
-    Emitter("lava", "lava/", _lava, shows_recording=True),
+    Emitter("sanafe", "sanafe/", _sanafe, _SANAFE, shows_recording=True, of_mesh=True),
+    Emitter("lava", "lava/", _lava, _SCRIPT, shows_recording=True),
     Emitter("graphml", "program.graphml", _graphml),
     Emitter("dot", "program.dot", _dot),
     Emitter("nir", "network.nir", _nir),
     Emitter("net", "network.net", _net),
-    Emitter("xylo", "xylo/", _elsewhere, shows_recording=True, of_chip=XYLO),
-    Emitter("pynn", "spinnaker/", _elsewhere, shows_recording=True, of_chip=SPINNAKER),
-    Emitter("csv", "csv/", _csv),
+    Emitter("xylo", "xylo/", _elsewhere, _ROCKPOOL, shows_recording=True, of_chip=XYLO),
+    Emitter("pynn", "spinnaker/", _elsewhere, _SCRIPT, shows_recording=True, of_chip=SPINNAKER),
+    Emitter("csv", "csv/", _csv, _TABLES),
     Emitter("viewer", "viewer.html", _viewer),
 )
 """In the order of the help, which is the order in which files are listed."""
 EMIT_KINDS = tuple(emitter.kind for emitter in EMITTERS)
+
+
+NAMES_IN_FOLDERS = "|".join(
+    f"{emitter.path}({emitter.holds})" for emitter in EMITTERS if emitter.path.endswith("/")
+)
+"""A pattern of all names inside the folders of a build: a later build may replace them."""
 
 
 def emitters_of(kinds: Sequence[str]) -> list[Emitter]:

@@ -11,18 +11,8 @@ from hw_model.io.given import check_path
 LONGEST = 200
 """Largest number of bytes of a folder's name: file systems allow 255, and a stage next to it has a longer name."""
 
-
-OURS = (
-    r"vectors/(README\.md|manifest\.yaml|core\d+/\w+\.hex)"
-    r"|sanafe/(README\.md|(arch|expected|time|location)\.yaml)"
-    r"|xylo/(specification\.npz|expected\.npz|run\.py)"
-    r"|spinnaker/(network\.py|network\.npz|expected\.npz)"
-    r"|csv/(figures|spikes|potential)\.csv"
-    r"|rtl/([\w-]+\.(sv|v|ys|mk|vh|lpf|pcf|md)|Makefile|load|words|expected_\w+)"
-    # What `make` leaves there.
-    r"|rtl/([\w-]+\.(bench|json|cells|log|config|asc|bit|bin|smt2|proved)|solver/boolector|updates|scores|answers)"
-)
-"""Names inside the folders of a build that a later build may replace."""
+NO_NAMES = r"(?!)"
+"""Matches no name: a folder inside that holds anything is then somebody's own."""
 
 
 def default_folder(model: str, suffix: str = "") -> Path:
@@ -32,10 +22,11 @@ def default_folder(model: str, suffix: str = "") -> Path:
     return Path("build") / f"{name if name.strip('.') else 'model'}{suffix}"
 
 
-def check_folder(folder: Path, names: Iterable[str] = ()) -> None:
+def check_folder(folder: Path, names: Iterable[str] = (), ours: str = NO_NAMES) -> None:
     """Refuse a folder that cannot be written, before any work is done, and one in which ``names`` would remove files.
 
-    Names that end in / are folders.
+    Names that end in / are folders. Files in them that match the pattern ``ours``, such as
+    ``vectors/README.md``, are those of an earlier build.
     """
     check_path(folder, f"output {folder.name[:60]!r}")
     existing = next(parent for parent in (folder, *folder.absolute().parents) if parent.exists())
@@ -50,19 +41,19 @@ def check_folder(folder: Path, names: Iterable[str] = ()) -> None:
     ):
         raise _unwritable(folder, "permission denied")
     try:
-        check_entries(folder, names, OURS)
+        check_entries(folder, names, ours)
     except OSError as error:
         raise _unwritable(folder, error.strerror or "unknown") from None
 
 
-def write_build(folder: Path, files: Mapping[str, bytes]) -> None:
+def write_build(folder: Path, files: Mapping[str, bytes], ours: str = NO_NAMES) -> None:
     """Write the files into the folder, all or none; everything else in it stays.
 
     A name may lie in a folder, as in ``vectors/manifest.yaml``. Such a folder replaces the previous one as a whole, if
-    that holds only names that match :data:`OURS`.
+    that holds only names that match the pattern ``ours``.
     """
     try:
-        replace_entries(folder, files, OURS)
+        replace_entries(folder, files, ours)
     except OSError as error:
         raise _unwritable(folder, error.strerror or "unknown") from error
 

@@ -26,6 +26,7 @@ from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.emitters import (
     BUILD_NAMES,
     EMITTERS,
+    NAMES_IN_FOLDERS,
     ShownRecording,
     check_recording_is_shown,
     emitters_of,
@@ -74,7 +75,7 @@ def build(args: Namespace) -> int:
     shown = ShownRecording(recordings.spikes[number], title, args.probe)
     files = compiled.files(args.emit, shown)
     earlier = _of_an_earlier_build(folder, files)
-    write_build(folder, files)
+    write_build(folder, files, NAMES_IN_FOLDERS)
     if args.junit:
         replace_file(Path(args.junit), junit_file(gates, compiled.network.name), where="--junit")
     if args.json:
@@ -185,7 +186,7 @@ def _check_options(args: Namespace) -> None:
 def _check_places(args: Namespace, folder: Path) -> None:
     """Refuse outputs that are inputs, or that would replace files of others."""
     names = written_names(args.emit)
-    check_folder(folder, names)
+    check_folder(folder, names, NAMES_IN_FOLDERS)
     reads = {
         f"MODEL {model!r}" if args.model[1:] else "MODEL": model for model in args.model
     } | given(args, READ)

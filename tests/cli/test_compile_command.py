@@ -15,10 +15,9 @@ import torch
 import yaml
 
 import hw_model as hw
-from hw_model.io.build_folder import OURS
 from locsnn_compile.cli.build import written_names
 from locsnn_compile.cli.compile import main
-from locsnn_compile.emitters import EMITTERS, LEVEL_KINDS
+from locsnn_compile.emitters import EMITTERS, LEVEL_KINDS, NAMES_IN_FOLDERS
 
 ROOT = Path(__file__).parents[2]
 MODEL = ROOT / "examples/models/objects-hybrid.pt"
@@ -158,7 +157,7 @@ def test_two_runs_write_the_same_bytes(few, tmp_path):
         name.strip("/") for name in written_names(kinds)
     }
     nested = [name.as_posix() for name in written if len(name.parts) > 1 and (one / name).is_file()]
-    assert [name for name in nested if not re.fullmatch(OURS, name)] == []
+    assert [name for name in nested if not re.fullmatch(NAMES_IN_FOLDERS, name)] == []
     assert written == {path.relative_to(two) for path in two.rglob("*")}
     for name in written:
         assert (one / name).is_dir() or (one / name).read_bytes() == (two / name).read_bytes(), name

@@ -16,6 +16,7 @@ from locsnn_compile.cli.compile import main as compile_main
 from locsnn_compile.cli.main import main as locsnn_main
 from locsnn_compile.data.synthetic import synthetic_touches
 from locsnn_compile.data.write import write_recordings
+from locsnn_compile.emitters import NAMES_IN_FOLDERS
 
 ROOT = Path(__file__).parents[2]
 MODEL = ROOT / "examples/models/objects-hybrid.pt"
@@ -174,10 +175,11 @@ def test_a_build_removes_what_an_earlier_build_had_in_its_folders_alone(tmp_path
         "sanafe/location.yaml",
         "csv/spikes.csv",
     )
-    write_build(tmp_path, dict.fromkeys(earlier, b"old"))
+    write_build(tmp_path, dict.fromkeys(earlier, b"old"), NAMES_IN_FOLDERS)
     write_build(
         tmp_path,
         {"vectors/manifest.yaml": b"new", "sanafe/time.yaml": b"new", "csv/figures.csv": b"new"},
+        NAMES_IN_FOLDERS,
     )
     files = sorted(
         path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()

@@ -1,0 +1,88 @@
+"""A build into the folder of an earlier one: what `--emit` wrote there is replaced, what others wrote is not."""
+
+from __future__ import annotations
+
+import itertools
+import re
+
+import nir
+import numpy as np
+import pytest
+
+from locsnn_compile.cli.compile import main
+from locsnn_compile.emitters import EMITTERS, NAMES_IN_FOLDERS
+
+CHANNELS = 6
+FOLDERS = {emitter.kind: emitter for emitter in EMITTERS if emitter.path.endswith("/")}
+TARGETS = {"xylo": "xylo-audio3", "pynn": "spinnaker1"}
+"""By kind: the chip that has it; all other kinds are for loihi-sim."""
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    """A small NIR graph of leaky neurons with a current, and recordings for it."""
+    folder = tmp_path_factory.mktemp("again")
+    r = np.random.default_rng(0)
+    nodes = {
+        "input": nir.Input(np.array([CHANNELS])),
+        "into": nir.Linear(r.normal(0.05, 0.3, (4, CHANNELS))),
+        "hidden": leaky(4),
+        "out of": nir.Linear(r.normal(0.05, 0.4, (2, 4))),
+        "classes": leaky(2),
+        "output": nir.Output(np.array([2])),
+    }
+    edges = list(itertools.pairwise(nodes))
+    nir.write(folder / "leaky.nir", nir.NIRGraph(nodes, edges, type_check=False))
+    np.save(folder / "few.npy", (r.random((3, CHANNELS, 20)) < 0.2).astype(np.uint8))
+    return folder
+
+
+def leaky(size):
+    ones = np.ones(size)
+    return nir.CubaLIF(
+        tau_syn=4e-3 * ones,
+        tau_mem=8e-3 * ones,
+        r=8 * ones,
+        w_in=4 * ones,
+        v_leak=0 * ones,
+        v_threshold=ones,
+        v_reset=0 * ones,
+    )
+
+
+def build(place, folder, kind):
+    reset = "subtract" if kind == "xylo" else "zero"
+    arguments = [place / "leaky.nir", "--dt", "1e-3", "--reset", reset]
+    arguments += ["--events", place / "few.npy", "--target", TARGETS.get(kind, "loihi-sim")]
+    arguments += ["--emit", kind, "--quiet", "-o", folder]
+    return main([str(argument) for argument in arguments])
+
+
+@pytest.mark.parametrize("kind", FOLDERS)
+def test_a_second_build_replaces_the_folder_that_the_first_emitted(kind, place, tmp_path):
+    assert build(place, tmp_path / "out", kind) == 0
+    emitted = tmp_path / "out" / FOLDERS[kind].path
+    names = sorted(path for path in emitted.rglob("*") if path.is_file())
+    names[0].write_bytes(b"of the first build")
+    assert build(place, tmp_path / "out", kind) == 0
+    assert sorted(path for path in emitted.rglob("*") if path.is_file()) == names
+    assert names[0].read_bytes() != b"of the first build"
+
+
+@pytest.mark.parametrize("kind", FOLDERS)
+def test_a_build_is_refused_where_others_wrote_into_the_folder(kind, place, tmp_path, capsys):
+    path = FOLDERS[kind].path
+    (tmp_path / "out" / path).mkdir(parents=True)
+    notes = tmp_path / "out" / path / "notes.txt"
+    notes.write_text("mine")
+    assert build(place, tmp_path / "out", kind) == 2
+    assert capsys.readouterr().err.strip() == (
+        f"output {str(tmp_path / 'out')!r}: cannot be written: it holds '{path}notes.txt', which "
+        "was not written here and would be removed. With -o, choose a folder that you may write to."
+    )
+    assert notes.read_text() == "mine"
+
+
+@pytest.mark.parametrize("name", ["rtl/solver/boolector", "rtl/core.smt2", "lava/network.py"])
+def test_what_tools_leave_in_an_emitted_folder_is_replaced_with_it(name):
+    assert re.fullmatch(NAMES_IN_FOLDERS, name)
