@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from hw_model.io.files import parsing, read_bytes, replace_file
 from hw_model.io.folders import finish_writing
 from hw_model.io.given import check_path
-from hw_model.targets.saved import AnyProgram, load_any_program
+from hw_model.targets.programs import AnyProgram, load_any_program
 from locsnn_compile.cli.places import check_places
 from locsnn_compile.cli.shell import terminal
 from locsnn_compile.emitters import BUILD_NAMES
@@ -79,11 +79,11 @@ def run(args: argparse.Namespace) -> int:
 def _played(before: AnyProgram, after: AnyProgram, events: str) -> "ProgramsCompared":
     """Play recordings to both programs, which say how they are read."""
     # Only where something is played.
-    from locsnn_compile.cli.expectations import expected_by_any
+    from locsnn_compile.cli.players import expected_by
     from locsnn_compile.data.read import read_recordings
     from locsnn_compile.verification.both_programs import compare_programs
 
-    return compare_programs(before, after, read_recordings(events, model=expected_by_any(before)))
+    return compare_programs(before, after, read_recordings(events, model=expected_by(before)))
 
 
 def _document(played: "ProgramsCompared") -> dict[str, Any]:

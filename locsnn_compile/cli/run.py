@@ -14,7 +14,7 @@ event, once everything is at rest.
 
 import argparse
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import chain
@@ -24,10 +24,8 @@ from typing import Any
 import numpy as np
 
 import hw_model as hw
-from hw_model.spinnaker.program import SpinnakerProgram
-from hw_model.targets.saved import load_any_program
+from hw_model.targets.programs import load_any_program
 from hw_model.values import ByteArray, Frozen, IntArray
-from hw_model.xylo.program import XyloProgram
 from locsnn_compile.cli.outcomes import (
     CalibratedOn,
     EarlyStop,
@@ -41,6 +39,7 @@ from locsnn_compile.cli.outcomes import (
     check_classes,
     recording_line,
 )
+from locsnn_compile.cli.players import player_of
 from locsnn_compile.cli.shell import progress_bar, say
 from locsnn_compile.cli.step_options import (
     assumption_lines,
@@ -63,7 +62,13 @@ def run(args: argparse.Namespace) -> int:
     """Play every recording; print a line for each, or JSON."""
     _check_options(args)
     program = load_any_program(args.program)
-    return PLAYERS[type(program)](args, program)
+    whole_of = player_of(program).whole
+    if whole_of is not None:
+        from locsnn_compile.cli.run_whole import run_whole  # a chip program does not need it
+
+        return run_whole(args, whole_of(program))
+    assert isinstance(program, hw.ChipProgram)  # all others are played in whole recordings
+    return run_on_mesh(args, program)
 
 
 def run_on_mesh(args: argparse.Namespace, program: hw.ChipProgram) -> int:
@@ -363,28 +368,3 @@ def _predicted(figures: StopFigures) -> str:
     if figures.accuracy is not None:
         accuracy = f"; accuracy {figures.accuracy:.3f} instead of {figures.whole_accuracy:.3f}"
     return f"same prediction as the whole recording in {same}{accuracy}"
-
-
-# Programs of other chips do not need what is imported below.
-
-
-def _run_xylo(args: argparse.Namespace, program: XyloProgram) -> int:
-    from locsnn_compile.cli.run_whole import run_whole
-    from locsnn_compile.cli.run_xylo import whole_xylo
-
-    return run_whole(args, whole_xylo(program))
-
-
-def _run_spinnaker(args: argparse.Namespace, program: SpinnakerProgram) -> int:
-    from locsnn_compile.cli.run_spinnaker import whole_spinnaker
-    from locsnn_compile.cli.run_whole import run_whole
-
-    return run_whole(args, whole_spinnaker(program))
-
-
-PLAYERS: Mapping[type, Callable[[argparse.Namespace, Any], int]] = {
-    hw.ChipProgram: run_on_mesh,
-    XyloProgram: _run_xylo,
-    SpinnakerProgram: _run_spinnaker,
-}
-"""What plays recordings to a program, by the class of the program."""

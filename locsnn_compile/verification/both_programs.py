@@ -3,16 +3,9 @@
 from collections.abc import Mapping
 from typing import NamedTuple
 
-import numpy as np
-
-import hw_model as hw
 from hw_model.errors import InputError
-from hw_model.spinnaker.playing import play_program as play_spinnaker
-from hw_model.spinnaker.program import SpinnakerProgram
-from hw_model.targets.saved import AnyProgram
+from hw_model.targets.programs import AnyProgram, kind_of
 from hw_model.values import ByteArray, IntArray, Shown, Sums
-from hw_model.xylo.playing import play_program as play_xylo
-from hw_model.xylo.program import XyloProgram
 from locsnn_compile.data.recordings import Recordings, batches
 from locsnn_compile.verification.matching import PopulationMatch
 
@@ -85,14 +78,6 @@ def _play(program: AnyProgram, recordings: ByteArray) -> _Played:
     if program.readout is None:
         what = "has no readout, so it predicts nothing"
         raise InputError(f"program {program.name!r}", what, fix="Compile a model.")
-    if isinstance(program, SpinnakerProgram):
-        on_spinnaker = play_spinnaker(program, recordings)
-        assert on_spinnaker.scores is not None  # there is a readout
-        return _Played(on_spinnaker.spikes, program.readout.decided(on_spinnaker.scores))
-    if isinstance(program, XyloProgram):
-        on_xylo = play_xylo(program, recordings)
-        spikes = {name: np.minimum(counts, 1) for name, counts in on_xylo.spikes.items()}
-        return _Played(spikes, program.readout.decided(on_xylo.scores))
-    result = hw.simulate(program, recordings)
-    assert result.scores is not None  # there is a readout
-    return _Played(result.spikes, program.readout.decided(result.scores))
+    played = kind_of(program).play(program, recordings)
+    assert played.scores is not None  # there is a readout
+    return _Played(played.spikes, program.readout.decided(played.scores))

@@ -16,7 +16,7 @@ import hw_model as hw
 import locsnn_compile as lc
 from hw_model.io.files import pack_arrays
 from hw_model.mapping.graph import Readout
-from hw_model.targets.saved import load_any_program
+from hw_model.targets.programs import load_any_program
 from hw_model.xylo.chips import xylo_chip
 from hw_model.xylo.files import load_xylo, save_xylo, xylo_files
 from hw_model.xylo.playing import play_program

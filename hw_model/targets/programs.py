@@ -1,0 +1,153 @@
+"""Programs of any arithmetic: one row for each kind.
+
+To add a kind, write its program, its files and what plays it in a room of its own, and add its
+row here.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Generic, NamedTuple, TypeVar
+
+import numpy as np
+
+from hw_model.io.given import checked
+from hw_model.program.chip_program import ChipProgram
+from hw_model.program.read import chip_program_of
+from hw_model.program.sealed import (
+    CHIP_PROGRAM,
+    SPINNAKER_PROGRAM,
+    XYLO_PROGRAM,
+    SealedPair,
+    read_pair,
+)
+from hw_model.spinnaker.files import spinnaker_arrays, spinnaker_program_of
+from hw_model.spinnaker.program import SpinnakerProgram
+from hw_model.values import AnyArray, ByteArray, FloatArray, Frozen
+from hw_model.xylo.files import xylo_arrays, xylo_program_of
+from hw_model.xylo.program import XyloProgram
+
+AnyProgram = ChipProgram | XyloProgram | SpinnakerProgram
+ProgramT = TypeVar("ProgramT", ChipProgram, XyloProgram, SpinnakerProgram)
+
+
+class PlayedProgram(Frozen, eq=False):
+    """What recordings do, whatever plays them.
+
+    ``spikes`` (batch, steps, n) by population are 1 where a neuron spiked, once or more often;
+    ``scores`` are those of the classes (batch, classes), None without a readout.
+    """
+
+    spikes: Mapping[str, ByteArray]
+    scores: FloatArray | None
+
+
+class GroupSize(NamedTuple):
+    """Neurons of a population, and the synapses onto it."""
+
+    neurons: int
+    synapses: int
+
+
+class ProgramContents(Frozen, eq=False):
+    """What a program holds: its ``cores``, its ``groups`` by population, and its arrays by name."""
+
+    cores: int
+    groups: Mapping[str, GroupSize]
+    arrays: Mapping[str, AnyArray]
+
+
+@dataclass(frozen=True)
+class ProgramKind(Generic[ProgramT]):
+    """Programs that are read and played alike.
+
+    - ``format``: what their files say they are
+    - ``program``: their class
+    - ``read``: makes one of its files; ``InputError`` for anything missing, damaged or newer
+    - ``play``: plays recordings (batch, steps, channels), each from rest
+    - ``contents``: what one holds; None for a kind whose cores a report tells in full
+    """
+
+    format: str
+    program: type[ProgramT]
+    read: Callable[[SealedPair], ProgramT]
+    play: Callable[[ProgramT, ByteArray], PlayedProgram]
+    contents: Callable[[ProgramT], ProgramContents] | None = None
+
+
+# Reading a program needs no engine.
+
+
+def _play_chip(program: ChipProgram, recordings: ByteArray) -> PlayedProgram:
+    from hw_model.simulation import simulate
+
+    result = simulate(program, recordings)
+    return PlayedProgram(result.spikes, result.scores)
+
+
+def _play_xylo(program: XyloProgram, recordings: ByteArray) -> PlayedProgram:
+    from hw_model.xylo.playing import play_program
+
+    played = play_program(program, recordings)
+    spikes = {name: np.minimum(counts, 1) for name, counts in played.spikes.items()}
+    return PlayedProgram(spikes, played.scores)
+
+
+def _play_spinnaker(program: SpinnakerProgram, recordings: ByteArray) -> PlayedProgram:
+    from hw_model.spinnaker.playing import play_program
+
+    played = play_program(program, recordings)
+    return PlayedProgram(played.spikes, played.scores)
+
+
+def _xylo_contents(program: XyloProgram) -> ProgramContents:
+    network = program.network
+    onto_hidden = np.count_nonzero(network.weights_in) + np.count_nonzero(network.weights_hidden)
+    onto_outputs = np.count_nonzero(network.weights_out)
+    groups = {
+        "hidden": GroupSize(network.hidden.size, int(onto_hidden)),
+        "outputs": GroupSize(network.outputs.size, int(onto_outputs)),
+    }
+    return ProgramContents(1, groups, xylo_arrays(network))
+
+
+def _spinnaker_contents(program: SpinnakerProgram) -> ProgramContents:
+    network = program.network
+    synapses = {population.name: 0 for population in network.populations}
+    for projection in network.projections:
+        synapses[projection.target] += len(projection.weight)
+    groups = {
+        population.name: GroupSize(population.size, synapses[population.name])
+        for population in network.populations
+    }
+    cores = max(network.cores_of(phase.name) for phase in network.phases)
+    return ProgramContents(cores, groups, spinnaker_arrays(network))
+
+
+CHIP = ProgramKind(CHIP_PROGRAM, ChipProgram, chip_program_of, _play_chip)
+PROGRAM_KINDS: tuple[ProgramKind[Any], ...] = (
+    CHIP,
+    ProgramKind(XYLO_PROGRAM, XyloProgram, xylo_program_of, _play_xylo, _xylo_contents),
+    ProgramKind(
+        SPINNAKER_PROGRAM,
+        SpinnakerProgram,
+        spinnaker_program_of,
+        _play_spinnaker,
+        _spinnaker_contents,
+    ),
+)
+
+
+@checked
+def load_any_program(folder: str | Path) -> AnyProgram:
+    """Read a program of any arithmetic; anything missing, damaged or newer is an ``InputError``."""
+    pair = read_pair(Path(folder))
+    # What is no program at all is refused by the reader of the first kind.
+    kind = next((row for row in PROGRAM_KINDS if row.format == pair.kind), CHIP)
+    program: AnyProgram = kind.read(pair)
+    return program
+
+
+def kind_of(program: AnyProgram) -> ProgramKind[Any]:
+    """Return the row of a program."""
+    return next(kind for kind in PROGRAM_KINDS if isinstance(program, kind.program))

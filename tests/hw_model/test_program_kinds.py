@@ -1,0 +1,71 @@
+"""The table of kinds of programs, and the tables of the compiler that have a row for each of them."""
+
+from __future__ import annotations
+
+from typing import get_args
+
+import numpy as np
+import pytest
+
+import locsnn_compile as lc
+from hw_model.program.sealed import KINDS
+from hw_model.targets.programs import PROGRAM_KINDS, AnyProgram, kind_of, load_any_program
+from locsnn_compile.cli.players import PLAYERS, expected_by
+from locsnn_compile.families import FAMILIES
+from locsnn_compile.report.figures.any_program import any_program_figures
+
+TARGETS = ("loihi-sim", "xylo-audio3", "spinnaker1")
+STEPS = 24
+
+
+def network_for(target: str) -> lc.Network:
+    """Two lines onto two neurons, by more than a threshold and by a quarter, and one class for each."""
+    leak = {"decay_u": 0.5, "decay_v": 0.5, "threshold": 1.0}
+    neurons = lc.SoftCuba.of(2, drop=0.5, **leak) if "xylo" in target else lc.Cuba.of(2, **leak)
+    return lc.Network(
+        "pair",
+        2,
+        STEPS,
+        (lc.InputView("touch", "time", 2),),
+        (
+            lc.Population("hidden", "time", 2, neurons),
+            lc.Population("scores", "time", 2, neurons),
+        ),
+        (
+            lc.Projection("touch", "hidden", np.diag([1.2, 0.25])),
+            lc.Projection("hidden", "scores", np.diag([1.2, 1.2])),
+        ),
+        lc.Readout(("scores",), (1.0,)),
+        step_seconds=1e-3,
+    )
+
+
+@pytest.fixture(scope="module", params=TARGETS)
+def compiled(request):
+    events = np.ones((1, STEPS, 2), np.uint8)
+    return lc.compile(network_for(request.param), events=events, target=request.param)
+
+
+def test_every_kind_of_program_has_one_row_in_each_table():
+    kinds = [kind.program for kind in PROGRAM_KINDS]
+    assert set(kinds) == set(get_args(AnyProgram)) == set(PLAYERS)
+    assert [kind.format for kind in PROGRAM_KINDS] == list(KINDS)
+    assert len(FAMILIES) == len(kinds)
+
+
+def test_a_saved_program_is_read_played_and_told_by_its_row(compiled, tmp_path):
+    compiled.save(tmp_path)
+    program = load_any_program(tmp_path)
+    assert type(program) is type(compiled.program)
+    # A touch of 1.2 thresholds gives one spike a step later; what its current still brings, 0.7
+    # thresholds at most, gives none, and is gone before the next touch.
+    touches = np.zeros((1, STEPS, 2), np.uint8)
+    touches[0, [0, 10, 20]] = 1
+    played = kind_of(program).play(program, touches)
+    for name, spike_steps in {"hidden": [1, 11, 21], "scores": [2, 12, 22]}.items():
+        assert np.flatnonzero(played.spikes[name][0, :, 0]).tolist() == spike_steps
+        assert not played.spikes[name][0, :, 1].any()
+    assert played.scores is not None
+    assert played.scores.tolist() == [[3.0, 0.0]]
+    assert any_program_figures(program).synapses == 4
+    assert (expected_by(program).channels, expected_by(program).steps) == (2, STEPS)
