@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hw_model.arithmetic import xylo
+from hw_model.arithmetic import xylo, xylo_inverse
 from hw_model.values import FloatArray, Frozen, IntArray
 from hw_model.xylo.network import XyloNetwork, XyloPopulation
 
@@ -51,4 +51,4 @@ def _reach(population: XyloPopulation, charges: IntArray) -> Reach:
 
 def _largest_currents(charges: IntArray, dash_syn: IntArray) -> FloatArray:
     """Return bounds (n, currents), 0 for a current onto which nothing falls."""
-    return np.where(charges > 0, xylo.largest_current(charges, dash_syn), 0.0)
+    return np.where(charges > 0, xylo_inverse.largest_current(charges, dash_syn), 0.0)

@@ -27,7 +27,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hw_model.arithmetic import xylo
+from hw_model.arithmetic import xylo, xylo_inverse
 from hw_model.values import FloatArray, IntArray
 from hw_model.xylo.network import XyloNetwork, XyloPopulation
 from hw_model.xylo.range import reach_of_hidden, reach_of_outputs
@@ -120,8 +120,8 @@ def float_weights(parts: XyloParts) -> FloatWeights:
 
 def gain_of(neurons: XyloNeurons) -> FloatArray:
     """Return the peak of each float neuron's response to a spike over the chip's, (n,)."""
-    dash_syn = xylo.nearest_dash(neurons.decay_u)
-    dash_mem = xylo.nearest_dash(neurons.decay_v)
+    dash_syn = xylo_inverse.nearest_dash(neurons.decay_u)
+    dash_mem = xylo_inverse.nearest_dash(neurons.decay_v)
     columns = zip(
         neurons.decay_u.tolist(),
         neurons.decay_v.tolist(),
@@ -136,7 +136,7 @@ def gain_of(neurons: XyloNeurons) -> FloatArray:
 def _gain(decay_u: float, decay_v: float, dash_syn: int, dash_mem: int) -> float:
     if dash_syn == 0:  # hears nothing: its current stays 0 on both sides
         return 1.0
-    return float_peak(decay_u, decay_v) / xylo.peak_response(dash_syn, dash_mem)
+    return float_peak(decay_u, decay_v) / xylo_inverse.peak_response(dash_syn, dash_mem)
 
 
 def float_peak(decay_u: float, decay_v: float) -> float:
@@ -178,10 +178,10 @@ def _rounded(
 def _population(neurons: XyloNeurons, scales: XyloScales) -> XyloPopulation:
     threshold = neurons.threshold * scales.potential
     passed = np.where(neurons.strict, np.floor(threshold) + 1, np.ceil(threshold))
-    dash_syn = xylo.nearest_dash(neurons.decay_u)
-    dash_mem = xylo.nearest_dash(neurons.decay_v)
+    dash_syn = xylo_inverse.nearest_dash(neurons.decay_u)
+    dash_mem = xylo_inverse.nearest_dash(neurons.decay_v)
     given_away = _REST_SHARE * passed * xylo.share_lost(dash_mem)
-    drift = np.minimum(xylo.rounding_drift(dash_syn, dash_mem), given_away)
+    drift = np.minimum(xylo_inverse.rounding_drift(dash_syn, dash_mem), given_away)
     bias = neurons.bias * scales.potential - drift
     return XyloPopulation(
         dash_syn=dash_syn[:, None],
