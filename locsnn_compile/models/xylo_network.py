@@ -104,42 +104,59 @@ class _Steps(torch.autograd.Function):
         model: XyloSnn = ctx.model
         units = model.units
         kept = model.shares_kept(of_hidden)
-        charges_out = _back_through(
-            of_outputs * model.slope(played.output_potential), kept.output_i, kept.output_v
-        )
-        unit_out = units[ONTO_OUTPUTS]
+        output_slope = model.slope(played.output_potential)
+        output_charges = _back_through(of_outputs, output_slope, kept.output_i, kept.output_v)
         # Spikes of a step act in the next one.
         of_spikes = of_hidden.clone()
-        of_spikes[:, :-1] += charges_out[:, 1:] @ (onto * unit_out)
-        slope = model.slope(played.hidden_potential)
-        weights = among * units[AMONG_HIDDEN]
-        charges = torch.zeros_like(of_spikes)
-        di = torch.zeros_like(of_spikes[:, 0])
-        dv = torch.zeros_like(di)
-        later = torch.zeros_like(di)
-        for t in range(of_spikes.shape[1] - 1, -1, -1):
-            ds = of_spikes[:, t] + later @ weights
-            dv = ds * slope[:, t] + kept.hidden_v * dv
-            di = dv + kept.hidden_i * di
-            later = kept.hidden_i * di
-            charges[:, t] = later
-        sent = played.hidden[:, :-1].flatten(0, 1)
-        d_into = charges.flatten(0, 1).T @ played.rows.flatten(0, 1) * units[INTO_HIDDEN]
-        d_among = charges[:, 1:].flatten(0, 1).T @ sent * units[AMONG_HIDDEN]
-        d_onto = charges_out[:, 1:].flatten(0, 1).T @ sent * unit_out
-        return d_into, d_among, d_onto, None, None
+        of_spikes[:, :-1] += output_charges[:, 1:] @ (onto * units[ONTO_OUTPUTS])
+        hidden_charges = _back_through(
+            of_spikes,
+            model.slope(played.hidden_potential),
+            kept.hidden_i,
+            kept.hidden_v,
+            recurrent=among * units[AMONG_HIDDEN],
+        )
+        sent = played.hidden[:, :-1]
+        return (
+            _of_weights(hidden_charges, played.rows) * units[INTO_HIDDEN],
+            _of_weights(hidden_charges[:, 1:], sent) * units[AMONG_HIDDEN],
+            _of_weights(output_charges[:, 1:], sent) * units[ONTO_OUTPUTS],
+            None,
+            None,
+        )
 
 
-def _back_through(dv_own: Tensor, kept_i: Tensor, kept_v: Tensor) -> Tensor:
-    """Return gradients of charges, given those of potentials by what follows from their own spikes."""
-    charges = torch.zeros_like(dv_own)
-    di = torch.zeros_like(dv_own[:, 0])
+def _back_through(
+    of_spikes: Tensor,
+    slope: Tensor,
+    kept_i: Tensor,
+    kept_v: Tensor,
+    recurrent: Tensor | None = None,
+) -> Tensor:
+    """Return the gradients of charges (batch, steps, n), from the last step to the first.
+
+    ``of_spikes`` are gradients of spikes, and ``slope`` is ds / dv, both of that shape. Weights
+    ``recurrent`` (n, n) [out, in], in thresholds, carry spikes of these neurons to the next step.
+    """
+    charges = torch.zeros_like(of_spikes)
+    di = torch.zeros_like(of_spikes[:, 0])
     dv = torch.zeros_like(di)
-    for t in range(dv_own.shape[1] - 1, -1, -1):
-        dv = dv_own[:, t] + kept_v * dv
+    next_charge = torch.zeros_like(di)
+    for t in range(of_spikes.shape[1] - 1, -1, -1):
+        ds = of_spikes[:, t]
+        if recurrent is not None:
+            ds = ds + next_charge @ recurrent
+        dv = ds * slope[:, t] + kept_v * dv
         di = dv + kept_i * di
-        charges[:, t] = kept_i * di
+        # A charge decays in the very step in which it arrives.
+        next_charge = kept_i * di
+        charges[:, t] = next_charge
     return charges
+
+
+def _of_weights(charges: Tensor, spikes: Tensor) -> Tensor:
+    """Return the gradients of weights [out, in], added up over recordings and steps."""
+    return charges.flatten(0, 1).T @ spikes.flatten(0, 1)
 
 
 def _integers(mantissas: Tensor) -> IntArray:
