@@ -32,7 +32,8 @@ from hw_model.values import FloatArray, IntArray
 from hw_model.xylo.network import XyloNetwork, XyloPopulation
 from hw_model.xylo.range import reach_of_hidden, reach_of_outputs
 from locsnn_compile.xylo.parts import XyloNeurons, XyloParts, neurons_of
-from locsnn_compile.xylo.quantized import QuantizedXylo, XyloScales, places
+from locsnn_compile.xylo.quantized import QuantizedXylo, XyloScales
+from locsnn_compile.xylo.synapses import GroupedWeights, add_weights, no_weights
 
 MOST_LEVEL = 8
 """127 * 2^8 still fits a register of 16 bits."""
@@ -42,12 +43,7 @@ _PEAK_STEPS = 4096
 _ROUNDING = 1e-9
 
 
-class FloatWeights(NamedTuple):
-    """Weights in float, source first: (inputs, hidden), (hidden, hidden) and (hidden, outputs)."""
-
-    into_hidden: FloatArray
-    among_hidden: FloatArray
-    into_outputs: FloatArray
+FloatWeights = GroupedWeights[FloatArray]
 
 
 def quantize_xylo(parts: XyloParts) -> QuantizedXylo:
@@ -100,21 +96,10 @@ class ScaledNeurons:
 
 def float_weights(parts: XyloParts) -> FloatWeights:
     """Add up the projections of a network by the group of synapses that they become."""
-    place = places(parts.hidden)
-    hidden = sum(population.size for population in parts.hidden)
-    weights = FloatWeights(
-        into_hidden=np.zeros((parts.view.lines, hidden)),
-        among_hidden=np.zeros((hidden, hidden)),
-        into_outputs=np.zeros((hidden, parts.outputs.size)),
-    )
+    weights: FloatWeights = no_weights(parts, np.float64)
     for projection in parts.network.projections:
         dense = np.asarray(projection.held @ np.eye(projection.held.shape[1])).T
-        if projection.target == parts.outputs.name:
-            weights.into_outputs[place[projection.source]] += dense
-        elif projection.source == parts.view.name:
-            weights.into_hidden[:, place[projection.target]] += dense
-        else:
-            weights.among_hidden[place[projection.source], place[projection.target]] += dense
+        add_weights(weights, parts, projection, dense)
     return weights
 
 

@@ -54,8 +54,8 @@ class QuantizedXylo(Shown):
 def places(populations: tuple[Population, ...]) -> dict[str, slice]:
     """Return where each population lies if they stand one after the other."""
     first = 0
-    found = {}
+    place: dict[str, slice] = {}
     for population in populations:
-        found[population.name] = slice(first, first + population.size)
+        place[population.name] = slice(first, first + population.size)
         first += population.size
-    return found
+    return place

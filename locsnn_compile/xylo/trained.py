@@ -16,42 +16,37 @@ from locsnn_compile.network.projections import ChipProjection
 from locsnn_compile.network.xylo_neurons import XyloNeuron
 from locsnn_compile.reference.xylo_neurons import dense
 from locsnn_compile.xylo.parts import XyloParts
-from locsnn_compile.xylo.quantized import QuantizedXylo, XyloScales, places
+from locsnn_compile.xylo.quantized import QuantizedXylo, XyloScales
+from locsnn_compile.xylo.synapses import (
+    GroupedWeights,
+    SynapseGroup,
+    add_weights,
+    group_of,
+    no_weights,
+)
 
 
 def trained_integers(parts: XyloParts) -> QuantizedXylo:
     """Return the integers of a network; a ``TargetError`` where a group of synapses has two shifts."""
-    place = places(parts.hidden)
-    hidden_size = sum(population.size for population in parts.hidden)
-    weights_in = np.zeros((parts.view.lines, hidden_size), dtype=np.int64)
-    weights_hidden = np.zeros((hidden_size, hidden_size), dtype=np.int64)
-    weights_out = np.zeros((hidden_size, parts.outputs.size), dtype=np.int64)
-    shifts: dict[str, set[int]] = {"inputs": set(), "hidden neurons": set(), "outputs": set()}
+    weights: GroupedWeights[IntArray] = no_weights(parts, np.int64)
+    shifts: dict[SynapseGroup, set[int]] = {group: set() for group in SynapseGroup}
     for projection in parts.network.projections:
         assert isinstance(projection, ChipProjection)
-        mantissa = dense(projection.mantissa).T
-        if projection.target == parts.outputs.name:
-            weights_out[place[projection.source]] += mantissa
-            shifts["outputs"].add(projection.exponent)
-        elif projection.source == parts.view.name:
-            weights_in[:, place[projection.target]] += mantissa
-            shifts["inputs"].add(projection.exponent)
-        else:
-            weights_hidden[place[projection.source], place[projection.target]] += mantissa
-            shifts["hidden neurons"].add(projection.exponent)
+        add_weights(weights, parts, projection, dense(projection.mantissa).T)
+        shifts[group_of(parts, projection)].add(projection.exponent)
+    hidden = _population(parts.hidden)
+    outputs = _population((parts.outputs,))
     network = XyloNetwork(
-        hidden=_population(parts.hidden),
-        outputs=_population((parts.outputs,)),
-        weights_in=weights_in[:, :, None],
-        weights_hidden=weights_hidden[:, :, None],
-        weights_out=weights_out,
-        shift_in=_one_shift("inputs", shifts["inputs"]),
-        shift_hidden=_one_shift("hidden neurons", shifts["hidden neurons"]),
-        shift_out=_one_shift("outputs", shifts["outputs"]),
+        hidden=hidden,
+        outputs=outputs,
+        weights_in=weights.into_hidden[:, :, None],
+        weights_hidden=weights.among_hidden[:, :, None],
+        weights_out=weights.into_outputs,
+        shift_in=_one_shift(SynapseGroup.INTO_HIDDEN, shifts),
+        shift_hidden=_one_shift(SynapseGroup.AMONG_HIDDEN, shifts),
+        shift_out=_one_shift(SynapseGroup.INTO_OUTPUTS, shifts),
     )
-    return QuantizedXylo(
-        parts, network, _as_they_are(hidden_size), _as_they_are(parts.outputs.size)
-    )
+    return QuantizedXylo(parts, network, _as_they_are(hidden.size), _as_they_are(outputs.size))
 
 
 def _population(populations: Iterable[Population]) -> XyloPopulation:
@@ -68,12 +63,14 @@ def _population(populations: Iterable[Population]) -> XyloPopulation:
     )
 
 
-def _one_shift(group: str, shifts: set[int]) -> int:
-    if len(shifts) > 1:
-        what = f"weights of {group} have several shifts, and a Xylo has one for them all"
-        measured = f"{sorted(shifts)}"
+def _one_shift(group: SynapseGroup, shifts: dict[SynapseGroup, set[int]]) -> int:
+    of_group = shifts[group]
+    if len(of_group) > 1:
+        what = f"weights of {group.value} have several shifts, and a Xylo has one for them all"
+        measured = f"{sorted(of_group)}"
         raise TargetError("weights", what, measured=measured, fix="Give them one exponent.")
-    return max(shifts, default=0)
+    # A group without synapses has no shift of its own: any will do.
+    return max(of_group, default=0)
 
 
 def _as_they_are(size: int) -> XyloScales:
