@@ -29,6 +29,11 @@ class StepActivity(Shown):
     input_packets: IntArray
     buffered: IntArray
 
+    @property
+    def steps(self) -> int:
+        """Steps of the phase."""
+        return int(self.buffered.shape[-1])
+
     @cached_property
     def by_core(self) -> dict[str, IntArray]:
         """The same counts by core, (steps, cores)."""

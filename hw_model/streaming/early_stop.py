@@ -19,7 +19,8 @@ from hw_model.mapping.graph import winning
 from hw_model.program.chip_program import ChipProgram
 from hw_model.simulation import SimulationResult, simulate
 from hw_model.streaming.outcomes import StepScores, Stops, leads
-from hw_model.streaming.proof import Proof, members_of
+from hw_model.streaming.population_bounds import joined_groups
+from hw_model.streaming.proof import Proof
 from hw_model.streaming.session import Session
 from hw_model.values import BoolArray, ByteArray, FloatArray, IntArray
 
@@ -39,7 +40,9 @@ def stop_when_proven(program: ChipProgram, spikes: Spikes) -> Stops:
             f"program {program.name!r}", "has no readout, so nothing wins", fix="Read the spikes."
         )
     streams = _batch(program, spikes)
-    groups = tuple(member for name in readout.populations for member in members_of(program, name))
+    groups = tuple(
+        member for name in readout.populations for member in joined_groups(program, name)
+    )
     spiking, read = (
         (n for n in readout.populations if n not in readout.from_step),
         tuple(readout.from_step),
@@ -57,7 +60,7 @@ def stop_when_proven(program: ChipProgram, spikes: Spikes) -> Stops:
     until, before = {}, 0
     for phase, items in result.activity.items():
         until[phase] = steps - before
-        before += len(items[0].count("spikes"))
+        before += items[0].steps
     spent, whole = _spent(program, result, until), _spent(program, result, {})
     return _stops(steps, proof.all_steps, result.prediction, result.prediction, spent, whole)
 
