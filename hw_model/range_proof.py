@@ -16,6 +16,7 @@ train is a bound: Q * sum over k of a^(kp) for u, and Q * max over m of the sum 
 what decay_u keeps in a step and h is the answer of both decays in a row.
 """
 
+from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
@@ -41,6 +42,10 @@ class Bounds(Sums, eq=False):
     def within(self, low: float, high: float) -> BoolArray:
         """Mark the compartments whose bounds lie in a range."""
         return (self.low >= low) & (self.high <= high)
+
+    def of(self, compartments: IntArray) -> "Bounds":
+        """Return the bounds of some compartments."""
+        return Bounds(self.low[compartments], self.high[compartments])
 
 
 class CoreRange(Shown):
@@ -69,38 +74,42 @@ def prove_range(program: ChipProgram) -> tuple[CoreRange, ...]:
 
 def _prove_core(core: Core, registers: Registers) -> CoreRange:
     charge = charges(core)
-    wrap_q = charge.within(-registers.half_charge, registers.half_charge - 1)
-    half = registers.half_current
+    charge_fits = charge.within(-registers.half_charge, registers.half_charge - 1)
     u = _settled(charge, core.setting("decay_u"))
     bias = core.bias.astype(np.float64)
-    driven = u + Bounds(bias, bias)
-    cannot_wrap = wrap_q & u.within(-half, half - 1) & driven.within(-half, half - 1)
+    u_and_bias = u + Bounds(bias, bias)
+    half = registers.half_current
+    cannot_wrap = charge_fits & u.within(-half, half - 1) & u_and_bias.within(-half, half - 1)
     # A register that may wrap can hold anything.
-    low, high = (
-        np.where(cannot_wrap, driven.low, -half),
-        np.where(cannot_wrap, driven.high, half - 1),
+    drive = Bounds(
+        np.where(cannot_wrap, u_and_bias.low, -half),
+        np.where(cannot_wrap, u_and_bias.high, half - 1),
     )
-    v = _voltage(core, Bounds(low, high), filtered=False)
+    v = _voltage(core, drive, _settled_with_children)
     cannot_clip = v.within(core.vmin, core.vmax)
 
     safe_period = np.where(cannot_wrap & cannot_clip, 1, 0)
     for period in PERIODS[1:]:
-        undecided = safe_period == 0
-        if not undecided.any():
+        is_undecided = safe_period == 0
+        if not is_undecided.any():
             break
-        safe_period[undecided & _safe_at(core, charge, wrap_q, period, half)] = period
+        is_safe = charge_fits & _safe_at(core, charge, period, half)
+        _mark_parents_unsafe(core, is_safe)
+        safe_period[is_undecided & is_safe] = period
     return CoreRange(core.number, charge, u, v, cannot_wrap, cannot_clip, safe_period)
 
 
 def charges(core: Core) -> Bounds:
     """Bound q of every compartment before it wraps: every source of one sign spikes, and none of the other."""
     weight = core.effective_weights.astype(np.float64)
-    n = core.compartments
-    low, high = (
-        np.bincount(core.axons.target, part, minlength=n).astype(np.float64)
-        for part in (np.minimum(weight, 0), np.maximum(weight, 0))
+
+    def sum_by_target(weights: FloatArray) -> FloatArray:
+        sums = np.bincount(core.axons.target, weights, minlength=core.compartments)
+        return sums.astype(np.float64)
+
+    return Bounds(
+        low=sum_by_target(np.minimum(weight, 0)), high=sum_by_target(np.maximum(weight, 0))
     )
-    return Bounds(low, high)
 
 
 def _settled(drive: Bounds, decays: IntArray) -> Bounds:
@@ -110,50 +119,84 @@ def _settled(drive: Bounds, decays: IntArray) -> Bounds:
     )
 
 
-def _voltage(core: Core, drive: Bounds, *, filtered: bool) -> Bounds:
-    """Bound v of every compartment, children first; with ``filtered`` the drive is v's own answer already.
+def _settled_with_children(own_drive: Bounds, passed: Bounds, decays: IntArray) -> Bounds:
+    """Bound v, given the bounds of its drive and of what joined children pass in every step."""
+    return _settled(own_drive + passed, decays)
 
-    What a joined child adds, it may add in every step.
+
+def _answer_with_children(own_answer: Bounds, passed: Bounds, decays: IntArray) -> Bounds:
+    """Bound v, given v's own answer to its drive and what joined children pass in every step.
+
+    Answers are real numbers that are added up: that to the children must leave truncation out.
+    """
+    return own_answer + Bounds(
+        loihi_bounds.settles_untruncated(passed.low, decays),
+        loihi_bounds.settles_untruncated(passed.high, decays),
+    )
+
+
+def _voltage(
+    core: Core, own: Bounds, bound_v: Callable[[Bounds, Bounds, IntArray], Bounds]
+) -> Bounds:
+    """Bound v of every compartment, children first: what a child adds, it may add in every step.
+
+    ``own``: what ``bound_v`` takes of each compartment, next to what children pass and decay_v.
     """
     decays = core.setting("decay_v")
-    low, high = drive.low.copy(), drive.high.copy()
-    passed_low, passed_high = np.zeros_like(low), np.zeros_like(high)
-    for here in core.turns:
-        own, passed = Bounds(low[here], high[here]), Bounds(passed_low[here], passed_high[here])
-        if filtered:
-            found = own + Bounds(
-                loihi_bounds.settles_untruncated(passed.low, decays[here]),
-                loihi_bounds.settles_untruncated(passed.high, decays[here]),
-            )
-        else:
-            found = _settled(own + passed, decays[here])
-        low[here], high[here] = found.low, found.high
-        joined = here[core.parent[here] >= 0]
-        np.add.at(passed_low, core.parent[joined], np.maximum(low[joined], core.vmin))
-        np.add.at(passed_high, core.parent[joined], np.minimum(high[joined], core.vmax))
-    return Bounds(low, high)
+    v = Bounds(own.low.copy(), own.high.copy())
+    passed = Bounds(np.zeros_like(v.low), np.zeros_like(v.high))
+    for members in core.turns:
+        v_of_members = bound_v(own.of(members), passed.of(members), decays[members])
+        v.low[members] = v_of_members.low
+        v.high[members] = v_of_members.high
+        children = members[core.parent[members] >= 0]
+        parents = core.parent[children]
+        np.add.at(passed.low, parents, np.maximum(v.low[children], core.vmin))
+        np.add.at(passed.high, parents, np.minimum(v.high[children], core.vmax))
+    return v
 
 
-def _safe_at(core: Core, charge: Bounds, wrap_q: BoolArray, period: int, half: int) -> BoolArray:
-    """Mark compartments that neither wrap nor clip while every source spikes at most once in ``period`` steps."""
+def _safe_at(core: Core, charge: Bounds, period: int, half_current: int) -> BoolArray:
+    """Mark compartments of which u + bias cannot wrap, nor v clip, as long as q does not wrap.
+
+    Every source spikes at most once in ``period`` steps.
+    """
     bias = core.bias.astype(np.float64)
-    u_gain, v_gain = (np.empty(core.compartments) for _ in range(2))
-    for index, profile in enumerate(core.profiles):
-        mine = core.profile == index
-        answers = loihi_bounds.largest_answers(profile.decay_u, profile.decay_v, period)
-        u_gain[mine], v_gain[mine] = (answer * (1 + GUARD) for answer in answers)
+    u_gain, v_gain = _largest_answers(core, period)
+    # No charge times an answer without bound is not a number, and lies within no limits.
     with np.errstate(invalid="ignore"):
         u = Bounds(charge.low * u_gain, charge.high * u_gain)
-        steady = loihi_bounds.settles_untruncated(bias, core.setting("decay_v"))
-        own = Bounds(
-            np.where(charge.low < 0, charge.low * v_gain, 0.0) + np.minimum(steady, 0.0),
-            np.where(charge.high > 0, charge.high * v_gain, 0.0) + np.maximum(steady, 0.0),
-        )
-    driven = u + Bounds(np.minimum(bias, 0), np.maximum(bias, 0))
-    v = _voltage(core, own, filtered=True)
-    safe: BoolArray = wrap_q & driven.within(-half, half - 1) & v.within(core.vmin, core.vmax)
-    # A child that may wrap could pass anything on.
-    for i in range(core.compartments):
-        if core.parent[i] >= 0 and not safe[i]:
-            safe[core.parent[i]] = False
-    return safe
+        v_to_low_charge = np.where(charge.low < 0, charge.low * v_gain, 0.0)
+        v_to_high_charge = np.where(charge.high > 0, charge.high * v_gain, 0.0)
+    v_to_bias = loihi_bounds.settles_untruncated(bias, core.setting("decay_v"))
+    own_v = Bounds(
+        v_to_low_charge + np.minimum(v_to_bias, 0.0),
+        v_to_high_charge + np.maximum(v_to_bias, 0.0),
+    )
+    v = _voltage(core, own_v, _answer_with_children)
+    u_and_bias = u + Bounds(np.minimum(bias, 0), np.maximum(bias, 0))
+    cannot_wrap = u_and_bias.within(-half_current, half_current - 1)
+    return cannot_wrap & v.within(core.vmin, core.vmax)
+
+
+def _largest_answers(core: Core, period: int) -> tuple[FloatArray, FloatArray]:
+    """Return the largest u and v that a charge of 1 every ``period`` steps gives, (compartments,)."""
+    u_gain = np.empty(core.compartments)
+    v_gain = np.empty(core.compartments)
+    for index, profile in enumerate(core.profiles):
+        has_profile = core.profile == index
+        answer_u, answer_v = loihi_bounds.largest_answers(profile.decay_u, profile.decay_v, period)
+        u_gain[has_profile] = answer_u * (1 + GUARD)
+        v_gain[has_profile] = answer_v * (1 + GUARD)
+    return u_gain, v_gain
+
+
+def _mark_parents_unsafe(core: Core, is_safe: BoolArray) -> None:
+    """Take the mark from parents of unsafe compartments: a child that may wrap could pass anything on.
+
+    Children come before their parents, so an unsafe one reaches all above it.
+    """
+    for child in range(core.compartments):
+        parent = core.parent[child]
+        if parent >= 0 and not is_safe[child]:
+            is_safe[parent] = False
