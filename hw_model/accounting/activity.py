@@ -1,6 +1,6 @@
 """Count what a batch did in a phase, from its spikes and from the effects of one spike of each source."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -8,7 +8,7 @@ import numpy as np
 from hw_model.accounting.mesh_routes import PER_PACKET, Routes, routes_of
 from hw_model.description.counts import BY_CORE, COUNTED
 from hw_model.engine.trace import PLAYED, TOTALS, PhaseInput, PhaseTrace
-from hw_model.program.chip_program import ChipProgram
+from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.program.pieces import Pieces, pieces_of
 from hw_model.values import ByteArray, Frozen, IntArray, Shown
 
@@ -52,18 +52,24 @@ def counted(kept: Mapping[str, IntArray], name: str) -> IntArray:
     """Return a count, either one that is kept or one derived from these."""
     if name == "neuron_updates_inactive":
         return kept["neuron_updates"] - kept["neuron_updates_active"]
-    return kept["hops_x"] + kept["hops_y"] if name == "hops" else kept[name]
+    if name == "hops":
+        return kept["hops_x"] + kept["hops_y"]
+    return kept[name]
 
 
 def stacked(items: Sequence[StepActivity]) -> StepActivity:
     """Return recordings of one phase and of equal length, stacked, (recordings, steps, ...)."""
     first = items[0]
-    by_piece = {name: np.stack([item.by_piece[name] for item in items]) for name in first.by_piece}
-    rest = (
-        np.stack(arrays)
-        for arrays in zip(*((i.packets, i.input_packets, i.buffered) for i in items), strict=True)
+    return StepActivity(
+        pieces=first.pieces,
+        routes=first.routes,
+        by_piece={
+            name: np.stack([item.by_piece[name] for item in items]) for name in first.by_piece
+        },
+        packets=np.stack([item.packets for item in items]),
+        input_packets=np.stack([item.input_packets for item in items]),
+        buffered=np.stack([item.buffered for item in items]),
     )
-    return StepActivity(first.pieces, first.routes, by_piece, *rest)
 
 
 PER_SPIKE = ("synaptic_ops", "spikes", *PER_PACKET, "input_packets")
@@ -86,117 +92,167 @@ def count_steps(
     program: ChipProgram, phase: str, played: PhaseInput, trace: PhaseTrace
 ) -> list[StepActivity]:
     """Return the counts of every recording, step by step and core by core."""
-    causes, pieces, routes = (
-        _causes(program, phase),
-        pieces_of(program, phase),
-        routes_of(program, phase),
-    )
-    step, found = np.arange(played.steps), []
-    runs = (step >= played.start[:, None]) & (step < played.stop[:, None])
-    for i, spikes in enumerate(trace.spikes):
-        counts = causes.of(np.concatenate((played.lines(i), spikes), axis=1))
-        counts["neuron_updates"] = runs[i, :, None] * pieces.size
-        counts["neuron_updates_active"] = trace.active[i].astype(np.int64)
-        by_piece = {name: counts[name] for name in BY_CORE}
-        others = counts["packets"], counts["input_packets"], counts["buffered"][:, 0]
-        found.append(StepActivity(pieces, routes, by_piece, *others))
-    return found
+    effects = _effects_of_spikes(program, phase)
+    pieces = pieces_of(program, phase)
+    routes = routes_of(program, phase)
+    step = np.arange(played.steps)
+    is_run = (step >= played.start[:, None]) & (step < played.stop[:, None])
+    activity = []
+    for recording, spikes in enumerate(trace.spikes):
+        counts = effects.of(np.concatenate((played.lines(recording), spikes), axis=1))
+        counts["neuron_updates"] = is_run[recording, :, None] * pieces.size
+        counts["neuron_updates_active"] = trace.active[recording].astype(np.int64)
+        recording_activity = StepActivity(
+            pieces=pieces,
+            routes=routes,
+            by_piece={name: counts[name] for name in BY_CORE},
+            packets=counts["packets"],
+            input_packets=counts["input_packets"],
+            buffered=counts["buffered"][:, 0],
+        )
+        activity.append(recording_activity)
+    return activity
 
 
-class _Causes(Frozen, eq=False):
-    """The effects of a spike of each source (input lines, then columns) on the columns of a table of counts.
+class _Effects(Frozen, eq=False):
+    """What a spike of each source (input lines, then columns) adds to a table of counts, a row a step.
 
-    Source s adds to the table's columns ``caused[k]``, ``times[k]`` times each, for the ``many[s]`` entries k from
-    ``first[s]``. ``columns`` are those of each count, out of ``width`` in all.
+    The entries of a source follow each other: those of source s are ``entries[s]`` many, from
+    ``first_entry[s]`` on. Entry k adds ``amount[k]`` to column ``table_column[k]`` of the table.
+    Each count has the columns ``columns[name]`` of the table, which has ``width`` in all.
     """
 
-    first: IntArray
-    many: IntArray
-    caused: IntArray
-    times: IntArray
+    first_entry: IntArray
+    entries: IntArray
+    table_column: IntArray
+    amount: IntArray
     columns: dict[str, slice]
     width: int
 
     def of(self, sent: ByteArray) -> dict[str, IntArray]:
         """Follow every spike (steps, sources) to its effects; return the counts, (steps, columns) each."""
+        steps, sources = sent.shape
         # Bytes of 0 and 1 are also booleans, among which numpy finds the true ones fastest.
-        step, source = np.divmod(np.flatnonzero(sent.view(np.bool_)), sent.shape[1])
-        many = self.many[source]
-        entry = np.arange(many.sum()) + np.repeat(
-            self.first[source] - (np.cumsum(many) - many), many
-        )
-        at = np.repeat(step, many) * self.width + self.caused[entry]
-        sums = np.bincount(at, self.times[entry], len(sent) * self.width).reshape(
-            len(sent), self.width
-        )
-        table = sums.astype(np.int64)
+        step, source = np.divmod(np.flatnonzero(sent.view(np.bool_)), sources)
+        entries = self.entries[source]
+        entry = _ranges(self.first_entry[source], entries)
+        cell = np.repeat(step, entries) * self.width + self.table_column[entry]
+        sums = np.bincount(cell, self.amount[entry], steps * self.width)
+        table = sums.reshape(steps, self.width).astype(np.int64)
         return {name: table[:, columns] for name, columns in self.columns.items()}
 
 
+def _ranges(first: IntArray, length: IntArray) -> IntArray:
+    """Return the numbers of many ranges, one range after the other."""
+    begin = np.cumsum(length) - length
+    return np.asarray(np.arange(length.sum()) + np.repeat(first - begin, length))
+
+
+class _Entries(Frozen, eq=False):
+    """Effects on one count: a spike of ``source[k]`` adds ``amount[k]`` to its column ``column[k]``."""
+
+    count: str
+    source: IntArray
+    column: IntArray
+    amount: IntArray
+
+
 @lru_cache(maxsize=8)
-def _causes(program: ChipProgram, phase: str) -> _Causes:
-    """Collect the effects of the spikes of a phase, entry by entry: source, count, its column, how often."""
-    cores, pieces, routes = (
-        program.cores_of(phase),
-        pieces_of(program, phase),
-        routes_of(program, phase),
-    )
-    inputs = program.inputs_of(phase)
-    buffered = np.flatnonzero(
-        np.repeat([i.positions is not None for i in inputs], [i.size for i in inputs])
-    )
-    lines, own = (
-        sum(item.size for item in inputs),
-        np.arange(sum(core.compartments for core in cores)),
-    )
-    sender, way, packets = routes.sent
-    entries: list[tuple[str, IntArray, IntArray, IntArray]] = [
-        ("spikes", lines + own, pieces.of_column, np.ones_like(own)),
-        ("packets", lines + sender, way, packets),
-        *(
-            (name, lines + sender, routes.piece[way], each[way] * packets)
-            for name, each in routes.per_packet.items()
-        ),
-        ("buffered", buffered, np.zeros_like(buffered), np.ones_like(buffered)),
+def _effects_of_spikes(program: ChipProgram, phase: str) -> _Effects:
+    """Collect the effects of the spikes of a phase, and sort them by source. Programs are hashed by identity."""
+    pieces = pieces_of(program, phase)
+    routes = routes_of(program, phase)
+    cores = program.cores_of(phase)
+    lines = sum(item.size for item in program.inputs_of(phase))
+    compartments = sum(core.compartments for core in cores)
+    width_of = dict.fromkeys(("synaptic_ops", "spikes", *PER_PACKET), len(pieces.group))
+    width_of |= {"packets": len(routes.piece), "input_packets": len(cores), "buffered": 1}
+    columns = _side_by_side(width_of)
+
+    parts = [
+        *_effects_of_sending(pieces, routes, lines, compartments),
+        _effects_on_buffer(program, phase),
     ]
     for index, core in enumerate(cores):
-        axons, source = core.axons, program.senders[core.number]
-        shape = (axons.input_axons, len(core.slices))
-        tally = np.bincount(
-            axons.axon_of_synapse * shape[1] + core.slice_of_compartment[axons.target]
-        )
-        axon, piece = np.divmod(np.flatnonzero(tally), shape[1])
-        entries.append(
-            ("synaptic_ops", source[axon], pieces.of_core[index] + piece, tally[tally > 0])
-        )
-        fed = source[source < lines]
-        entries.append(("input_packets", fed, np.full_like(fed, index), np.ones_like(fed)))
-    widths = dict.fromkeys(("synaptic_ops", "spikes", *PER_PACKET), len(pieces.group))
-    widths |= {"packets": len(routes.piece), "input_packets": len(cores), "buffered": 1}
-    ends = dict(zip(widths, np.cumsum([*widths.values()]).tolist(), strict=True))
-    begin = {name: end - widths[name] for name, end in ends.items()}
-    rows = ((sender, begin[name] + at, many) for name, sender, at, many in entries)
-    source, caused, times = (np.concatenate(parts) for parts in zip(*rows, strict=True))
-    order = np.argsort(source, kind="stable")
-    order = order[times[order] > 0]
-    many = np.bincount(source[order], minlength=lines + len(own))
-    columns = {name: slice(begin[name], end) for name, end in ends.items()}
-    return _Causes(
-        np.cumsum(many) - many, many, caused[order], times[order], columns, sum(widths.values())
+        sources = program.senders[core.number]
+        parts.append(_effects_on_synapses(core, sources, int(pieces.of_core[index])))
+        parts.append(_effects_of_arriving(index, sources[sources < lines]))
+
+    source = np.concatenate([part.source for part in parts])
+    table_column = np.concatenate([columns[part.count].start + part.column for part in parts])
+    amount = np.concatenate([part.amount for part in parts])
+    by_source = np.argsort(source, kind="stable")
+    by_source = by_source[amount[by_source] > 0]
+    entries = np.bincount(source[by_source], minlength=lines + compartments)
+    return _Effects(
+        first_entry=np.cumsum(entries) - entries,
+        entries=entries,
+        table_column=table_column[by_source],
+        amount=amount[by_source],
+        columns=columns,
+        width=sum(width_of.values()),
     )
+
+
+def _side_by_side(width_of: Mapping[str, int]) -> dict[str, slice]:
+    """Return the columns of each count in a table that holds them all, given how many each has."""
+    columns = {}
+    begin = 0
+    for name, width in width_of.items():
+        columns[name] = slice(begin, begin + width)
+        begin += width
+    return columns
+
+
+def _effects_of_sending(
+    pieces: Pieces, routes: Routes, lines: int, compartments: int
+) -> Iterator[_Entries]:
+    """Yield what a spike of a compartment does until its packets arrive; it is source ``lines`` + its column."""
+    compartment = np.arange(compartments)
+    yield _Entries("spikes", lines + compartment, pieces.of_column, np.ones_like(compartment))
+    column, way, packets = routes.sent
+    yield _Entries("packets", lines + column, way, packets)
+    for name, per_packet in routes.per_packet.items():
+        yield _Entries(name, lines + column, routes.piece[way], per_packet[way] * packets)
+
+
+def _effects_on_buffer(program: ChipProgram, phase: str) -> _Entries:
+    """Return that events of transposed inputs are read from the transpose buffer."""
+    inputs = program.inputs_of(phase)
+    is_transposed = np.repeat(
+        [item.positions is not None for item in inputs], [item.size for item in inputs]
+    )
+    line = np.flatnonzero(is_transposed)
+    return _Entries("buffered", line, np.zeros_like(line), np.ones_like(line))
+
+
+def _effects_on_synapses(core: Core, sources: IntArray, first_piece: int) -> _Entries:
+    """Return the synapses that a spike reaches in each piece of a core, whose axons come from ``sources``."""
+    axons = core.axons
+    pieces = len(core.slices)
+    piece_of_synapse = core.slice_of_compartment[axons.target]
+    synapses = np.bincount(axons.axon_of_synapse * pieces + piece_of_synapse)
+    reached = np.flatnonzero(synapses)
+    axon, piece = np.divmod(reached, pieces)
+    return _Entries("synaptic_ops", sources[axon], first_piece + piece, synapses[reached])
+
+
+def _effects_of_arriving(core_index: int, input_lines: IntArray) -> _Entries:
+    """Return that an input event is a packet to each core that it reaches."""
+    core = np.full_like(input_lines, core_index)
+    return _Entries("input_packets", input_lines, core, np.ones_like(input_lines))
 
 
 @lru_cache(maxsize=8)
 def fan_out(program: ChipProgram, phase: str) -> IntArray:
     """Return what one spike of each source adds to each of :data:`PER_SPIKE`, (counts, lines + columns)."""
-    causes = _causes(program, phase)
-    names = list(causes.columns)
-    count = np.repeat(
-        np.arange(len(names)), [part.stop - part.start for part in causes.columns.values()]
-    )
-    source = np.repeat(np.arange(len(causes.many)), causes.many)
-    at = source * len(names) + count[causes.caused]
-    sums = np.bincount(at, causes.times, len(causes.many) * len(names)).astype(np.int64)
-    return np.ascontiguousarray(
-        sums.reshape(-1, len(names)).T[[names.index(name) for name in PER_SPIKE]]
-    )
+    effects = _effects_of_spikes(program, phase)
+    names = list(effects.columns)
+    widths = [columns.stop - columns.start for columns in effects.columns.values()]
+    count_of_column = np.repeat(np.arange(len(names)), widths)
+    sources = len(effects.entries)
+    source = np.repeat(np.arange(sources), effects.entries)
+    cell = source * len(names) + count_of_column[effects.table_column]
+    sums = np.bincount(cell, effects.amount, sources * len(names)).astype(np.int64)
+    by_count = sums.reshape(sources, len(names)).T
+    return np.ascontiguousarray(by_count[[names.index(name) for name in PER_SPIKE]])

@@ -19,6 +19,8 @@ from hw_model.mapping.circles import sources_first
 from hw_model.mapping.placement import PlacedGraph
 from hw_model.values import ArrayLike, FloatArray, IntArray
 
+MIN_CORES = 3
+"""Of fewer cores no order is better than another."""
 MAX_SLOTS = 1024
 """Boards that need more slots than this keep network order: the search takes time with their cube."""
 SHUFFLES = 4
@@ -38,7 +40,7 @@ def arrange_cores(placed: PlacedGraph, expected_spikes: FloatArray | None = None
     chip = placed.chip
     chips = math.ceil(placed.cores / chip.limits.cores_per_chip)
     slots = chips * chip.limits.cores_per_chip
-    if placed.cores < 3 or slots > MAX_SLOTS:
+    if placed.cores < MIN_CORES or slots > MAX_SLOTS:
         return placed
     distance = slot_distances(chip, slots)
     traffic = core_traffic(placed, expected_spikes)
@@ -46,7 +48,7 @@ def arrange_cores(placed: PlacedGraph, expected_spikes: FloatArray | None = None
     if slots <= MAX_SHUFFLED:
         random = np.random.default_rng(0)
         starts += [random.permutation(slots)[: placed.cores] for _ in range(SHUFFLES)]
-    ends = [_exchange(traffic, distance, start) for start in starts]
+    ends = [_exchange_slots(traffic, distance, start) for start in starts]
     best = min(ends, key=lambda end: total_hops(traffic, distance, end))
     return replace(placed, slots=tuple(map(int, best)))
 
@@ -71,8 +73,8 @@ def slot_distances(chip: Chip, slots: int) -> FloatArray:
 
 def total_hops(traffic: FloatArray, distance: FloatArray, slots: ArrayLike) -> float:
     """Return the expected hops a step: traffic times distance, every pair of cores once."""
-    at = np.asarray(slots)
-    return float((traffic * distance[np.ix_(at, at)]).sum() / 2)
+    slot_of = np.asarray(slots)
+    return float((traffic * distance[np.ix_(slot_of, slot_of)]).sum() / 2)
 
 
 def _spectral_start(traffic: FloatArray, chip: Chip, slots: int) -> IntArray:
@@ -90,13 +92,15 @@ def _snake(chip: Chip, slots: int) -> list[int]:
     def place(slot: int) -> tuple[int, int, int]:
         column, row = chip.tile_of(slot)
         goes_up = column % 2 == 1
-        return column, -row if goes_up else row, slot
+        row_of_snake = -row if goes_up else row
+        return column, row_of_snake, slot
 
     return sorted(range(slots), key=place)
 
 
 def _spectral_order(traffic: FloatArray, part: IntArray) -> IntArray:
-    if len(part) < 3:
+    """Return the cores of a connected part in the order of its Fiedler vector, which keeps neighbours close."""
+    if len(part) < MIN_CORES:
         return part
     within = traffic[np.ix_(part, part)]
     laplacian = np.diag(within.sum(axis=1)) - within
@@ -107,24 +111,38 @@ def _spectral_order(traffic: FloatArray, part: IntArray) -> IntArray:
     return part[np.argsort(np.round(from_first, 9), kind="stable")]
 
 
-def _exchange(traffic: FloatArray, distance: FloatArray, start: IntArray) -> IntArray:
-    """Exchange the best pair of slots until none saves hops; empty slots take part as cores without traffic."""
-    cores, slots = len(start), len(distance)
+def _exchange_slots(traffic: FloatArray, distance: FloatArray, start: IntArray) -> IntArray:
+    """Exchange the best pair of slots until none saves hops; return the slot of each core.
+
+    Empty slots take part as cores without traffic, numbered after the others.
+    """
+    cores = len(start)
+    slots = len(distance)
     empty = np.setdiff1d(np.arange(slots), start)
-    at = np.concatenate((start, empty))
+    slot_of = np.concatenate((start, empty))
     flow = np.zeros((slots, slots))
     flow[:cores, :cores] = traffic
-    # cost[i, s]: hops of core i's traffic were it in slot s, all others staying.
-    cost = flow @ distance[at]
+    # hops[i, s]: those of core i's traffic were it in slot s, all others staying.
+    hops = flow @ distance[slot_of]
     while True:
-        moved = cost[:, at]
-        stayed = np.diag(moved)
-        # Traffic between the two that are exchanged is counted as if the other had stayed.
-        between = 2 * flow * distance[np.ix_(at, at)]
-        change_of_hops = moved + moved.T - stayed[:, None] - stayed[None] + between
-        i, j = np.unravel_index(int(change_of_hops[:cores].argmin()), (cores, slots))
-        if change_of_hops[i, j] >= -_NO_GAIN:
-            return at[:cores]
-        change = distance[at[j]] - distance[at[i]]
-        cost += flow[:, [i]] * change - flow[:, [j]] * change
-        at[[i, j]] = at[[j, i]]
+        change = _change_of_hops(hops, flow, distance, slot_of)
+        # Two empty slots need not be exchanged.
+        i, j = np.unravel_index(int(change[:cores].argmin()), (cores, slots))
+        if change[i, j] >= -_NO_GAIN:
+            return slot_of[:cores]
+        # All traffic with core i now ends at the slot of j, and the other way round.
+        further = distance[slot_of[j]] - distance[slot_of[i]]
+        hops += flow[:, [i]] * further - flow[:, [j]] * further
+        slot_of[[i, j]] = slot_of[[j, i]]
+
+
+def _change_of_hops(
+    hops: FloatArray, flow: FloatArray, distance: FloatArray, slot_of: IntArray
+) -> FloatArray:
+    """Return by how much the hops change if cores i and j exchange slots, (cores, cores)."""
+    # Of core i in the slot of core j.
+    moved = hops[:, slot_of]
+    stayed = np.diag(moved)
+    # Traffic between the two that are exchanged is counted as if the other had stayed.
+    between = 2 * flow * distance[np.ix_(slot_of, slot_of)]
+    return np.asarray(moved + moved.T - stayed[:, None] - stayed[None] + between)
