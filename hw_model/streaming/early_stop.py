@@ -15,14 +15,14 @@ from hw_model.engine.probes import Kind, Probe
 from hw_model.engine.threads import in_parts
 from hw_model.errors import InputError
 from hw_model.io.given import checked
-from hw_model.mapping.graph import winning
+from hw_model.mapping.graph import Readout, winning
 from hw_model.program.chip_program import ChipProgram
 from hw_model.simulation import SimulationResult, simulate
 from hw_model.streaming.outcomes import StepScores, Stops, leads
 from hw_model.streaming.population_bounds import joined_groups
 from hw_model.streaming.proof import Proof
 from hw_model.streaming.session import Session
-from hw_model.values import BoolArray, ByteArray, FloatArray, IntArray
+from hw_model.values import BoolArray, ByteArray, FloatArray, Frozen, IntArray
 
 T = TypeVar("T")
 
@@ -40,29 +40,36 @@ def stop_when_proven(program: ChipProgram, spikes: Spikes) -> Stops:
             f"program {program.name!r}", "has no readout, so nothing wins", fix="Read the spikes."
         )
     streams = _batch(program, spikes)
-    groups = tuple(
-        member for name in readout.populations for member in joined_groups(program, name)
-    )
-    spiking, read = (
-        (n for n in readout.populations if n not in readout.from_step),
-        tuple(readout.from_step),
-    )
-    kept: dict[Kind, tuple[str, ...]] = {
-        "u": groups,
-        "v": groups,
-        "spikes": tuple(spiking),
-        "potential": read,
-    }
-    probes = (Probe(kind, names) for kind, names in kept.items() if names)
-    result = simulate(program, streams, probe=("activity", *probes))
+    result = simulate(program, streams, probe=("activity", *_probes_of_proof(program, readout)))
     proof = Proof(program, readout, result, _rows(streams))
     steps = proof.stops()
-    until, before = {}, 0
-    for phase, items in result.activity.items():
-        until[phase] = steps - before
-        before += items[0].steps
-    spent, whole = _spent(program, result, until), _spent(program, result, {})
-    return _stops(steps, proof.all_steps, result.prediction, result.prediction, spent, whole)
+    # Steps are counted over all phases, one after the other.
+    until: dict[str, IntArray] = {}
+    steps_before = 0
+    for phase, activity in result.activity.items():
+        until[phase] = steps - steps_before
+        steps_before += activity[0].steps
+    return _stops(
+        steps=steps,
+        all_steps=proof.all_steps,
+        prediction=result.prediction,
+        final=result.prediction,
+        spent=_spent(program, result, until),
+        whole=_spent(program, result, {}),
+    )
+
+
+def _probes_of_proof(program: ChipProgram, readout: Readout) -> list[Probe]:
+    """Return probes of what a proof reads: registers of the readout and its dendrites, and what the readout counts."""
+    groups = [group for name in readout.populations for group in joined_groups(program, name)]
+    spiking = [name for name in readout.populations if name not in readout.from_step]
+    names_of: dict[Kind, list[str]] = {
+        "u": groups,
+        "v": groups,
+        "spikes": spiking,
+        "potential": list(readout.from_step),
+    }
+    return [Probe(kind, tuple(names)) for kind, names in names_of.items() if names]
 
 
 @checked
@@ -83,14 +90,19 @@ def stop_at_margin(
         )
     streams = to_the_end(program, spikes)
     scores = timestep_scores(program, streams, psi)
-    steps = _first(leads(scores) >= margin)
+    steps = _first_step(leads(scores) >= margin)
     assert program.readout is not None  # sessions without one are refused
-    tie_class = program.readout.tie_class
-    prediction = winning(scores[np.arange(len(steps)), steps - 1], tie_class)
+    prediction_after = winning(scores, program.readout.tie_class)
     whole = simulate(program, streams, probe=("activity",))
     _, spent = _read_until(program, streams, steps)
-    final = winning(scores[:, -1], tie_class)
-    return _stops(steps, scores.shape[1], prediction, final, spent, _spent(program, whole, {}))
+    return _stops(
+        steps=steps,
+        all_steps=scores.shape[1],
+        prediction=prediction_after[np.arange(len(steps)), steps - 1],
+        final=prediction_after[:, -1],
+        spent=spent,
+        whole=_spent(program, whole, {}),
+    )
 
 
 @checked
@@ -109,25 +121,43 @@ def stop_in_silence(program: ChipProgram, spikes: Spikes, silence: int) -> Stops
         )
     streams = to_the_end(program, spikes)
     whole = simulate(program, streams, probe=("activity",))
-    silent = np.stack([array.sum(axis=2) for array in streams.values()]).sum(axis=0) == 0
-    resting, under_way = np.ones_like(silent), 1
-    for phase in _as_it_comes(program):
-        for b, item in enumerate(whole.activity[phase]):
-            active = item.by_piece["neuron_updates_active"].sum(axis=1)
-            resting[b, : len(active)] &= active == 0
-        # What was sent before has arrived.
-        delays = [int(core.axons.delay.max(initial=0)) for core in program.cores_of(phase)]
-        under_way = max([under_way, *(loihi.acts_at(0, delay) for delay in delays)])
-    steps = _first((_lasting(silent) >= max(silence, under_way)) & (_lasting(resting) >= under_way))
+    events = sum(stream.sum(axis=2, dtype=np.int64) for stream in streams.values())
+    silent_steps = _lasting(np.asarray(events == 0))
+    resting_steps = _lasting(_is_resting(program, whole, _rows(streams)))
+    arrival_steps = _steps_until_arrival(program)
+    is_silent = silent_steps >= max(silence, arrival_steps)
+    is_at_rest = resting_steps >= arrival_steps
+    steps = _first_step(is_silent & is_at_rest)
     stopped, spent = _read_until(program, streams, steps)
     return _stops(
-        steps,
-        _rows(streams),
-        stopped.prediction,
-        whole.prediction,
-        spent,
-        _spent(program, whole, {}),
+        steps=steps,
+        all_steps=_rows(streams),
+        prediction=stopped.prediction,
+        final=whole.prediction,
+        spent=spent,
+        whole=_spent(program, whole, {}),
     )
+
+
+def _is_resting(program: ChipProgram, result: SimulationResult, rows: int) -> BoolArray:
+    """Mark the steps in which no phase that plays a recording as it comes has work to do, (batch, rows)."""
+    phases = _as_it_comes(program)
+    recordings = len(next(iter(result.activity.values())))
+    is_resting = np.ones((recordings, rows), dtype=np.bool_)
+    for phase in phases:
+        for recording, activity in enumerate(result.activity[phase]):
+            active = activity.by_piece["neuron_updates_active"].sum(axis=1)
+            is_resting[recording, : len(active)] &= active == 0
+    return is_resting
+
+
+def _steps_until_arrival(program: ChipProgram) -> int:
+    """Return after how many steps a spike has acted wherever it goes, in phases that play recordings as they come."""
+    longest_delay = 0
+    for phase in _as_it_comes(program):
+        for core in program.cores_of(phase):
+            longest_delay = max(longest_delay, int(core.axons.delay.max(initial=0)))
+    return int(loihi.acts_at(0, longest_delay))
 
 
 @checked
@@ -153,10 +183,13 @@ def calibrate_margin(
     agreeing = np.full(len(margins), len(scores))
     for prediction, lead in zip(predictions, lead_over_time, strict=True):
         # A margin stops at the first lead that reaches it, which is larger than all before.
-        records = np.flatnonzero(lead > np.maximum.accumulate(np.append(0.0, lead[:-1])))
-        reached = np.searchsorted(margins, np.append(0.0, lead[records]), side="right")
-        for record, low, high in zip(records, reached[:-1], reached[1:], strict=True):
-            agreeing[low:high] -= prediction[record] != prediction[-1]
+        larger_before = np.maximum.accumulate(np.append(0.0, lead[:-1]))
+        record_steps = np.flatnonzero(lead > larger_before)
+        record_leads = np.append(0.0, lead[record_steps])
+        # Margins low..high stop at a record: those above the record before, up to its own lead.
+        reached = np.searchsorted(margins, record_leads, side="right")
+        for step, low, high in zip(record_steps, reached[:-1], reached[1:], strict=True):
+            agreeing[low:high] -= prediction[step] != prediction[-1]
     enough = np.flatnonzero(agreeing / len(scores) >= agreement)
     return float(margins[enough[0]]) if len(enough) else float("inf")
 
@@ -180,14 +213,17 @@ def pushed_each(
 ) -> list[T]:
     """Push every recording (batch, steps, channels) to a session, in threads; return what is taken of each."""
 
-    def part(start: int, stop: int) -> list[T]:
-        session, found = Session(program, psi), []
-        for b in range(start, stop):
+    def push_some(start: int, stop: int) -> list[T]:
+        session = Session(program, psi)
+        taken = []
+        for recording in range(start, stop):
             session.reset()
-            found.append(take(session.push({name: array[b] for name, array in streams.items()})))
-        return found
+            pushed = session.push({name: rows[recording] for name, rows in streams.items()})
+            taken.append(take(pushed))
+        return taken
 
-    return [taken for parts in in_parts(part, len(next(iter(streams.values())))) for taken in parts]
+    recordings = len(next(iter(streams.values())))
+    return [taken for some in in_parts(push_some, recordings) for taken in some]
 
 
 def _batch(program: ChipProgram, spikes: Spikes) -> dict[str, ByteArray]:
@@ -200,9 +236,9 @@ def _batch(program: ChipProgram, spikes: Spikes) -> dict[str, ByteArray]:
 def to_the_end(program: ChipProgram, spikes: Spikes) -> dict[str, ByteArray]:
     """Return every stream, (batch, steps, channels), followed by silence until the phases that play it so end."""
     streams = _batch(program, spikes)
-    live = _as_it_comes(program)
-    last = max((phase.steps or 0 for phase in program.phases if phase.name in live), default=0)
-    missing = max(0, last - _rows(streams))
+    live_phases = _as_it_comes(program)
+    steps = [phase.steps or 0 for phase in program.phases if phase.name in live_phases]
+    missing = max(0, max(steps, default=0) - _rows(streams))
     return {name: np.pad(array, ((0, 0), (0, missing), (0, 0))) for name, array in streams.items()}
 
 
@@ -212,50 +248,61 @@ def _rows(streams: Mapping[str, ByteArray]) -> int:
 
 def _as_it_comes(program: ChipProgram) -> list[str]:
     """Return the phases that play recordings as they come, not transposed."""
-    turned = {item.phase for item in program.inputs if item.positions is not None}
-    return [phase.name for phase in program.phases if phase.name not in turned]
+    transposed = {item.phase for item in program.inputs if item.positions is not None}
+    return [phase.name for phase in program.phases if phase.name not in transposed]
 
 
-def _first(enough: BoolArray) -> IntArray:
-    """Return the first step, counted from 1, with enough (batch, steps); the last one where there is none, (batch,)."""
-    enough[:, -1] = True
-    return np.asarray(enough.argmax(axis=1) + 1, dtype=np.int64)
+def _first_step(is_enough: BoolArray) -> IntArray:
+    """Return the first step, counted from 1, that is enough (batch, steps); the last where there is none, (batch,)."""
+    steps = is_enough.shape[1]
+    first = np.where(is_enough.any(axis=1), is_enough.argmax(axis=1) + 1, steps)
+    return np.asarray(first, dtype=np.int64)
 
 
-def _lasting(still: BoolArray) -> IntArray:
-    """Return for how many steps it has been true after each, (batch, steps)."""
-    step = np.arange(1, still.shape[1] + 1)
-    return np.asarray(step - np.maximum.accumulate(np.where(still, 0, step), axis=1))
+def _lasting(condition: BoolArray) -> IntArray:
+    """Return for how many steps a condition has held after each step, (batch, steps)."""
+    step = np.arange(1, condition.shape[1] + 1)
+    last_broken = np.maximum.accumulate(np.where(condition, 0, step), axis=1)
+    return np.asarray(step - last_broken)
 
 
-Spent = tuple[Counts, float]
-"""Counts and nanoseconds of all recordings together."""
+class Spent(Frozen, eq=False):
+    """What all recordings took together."""
+
+    counts: Counts
+    latency_ns: float
 
 
 def _read_until(
     program: ChipProgram, streams: Mapping[str, ByteArray], steps: IntArray
 ) -> tuple[SimulationResult, Spent]:
     """Play recordings of which the first steps (batch,) are read; phases that play them as they come end there."""
-    seen = np.arange(_rows(streams))[None, :, None] < steps[:, None, None]
-    stopped = simulate(
-        program, {name: array * seen for name, array in streams.items()}, probe=("activity",)
-    )
+    is_read = np.arange(_rows(streams))[None, :, None] < steps[:, None, None]
+    streams_read = {name: array * is_read for name, array in streams.items()}
+    stopped = simulate(program, streams_read, probe=("activity",))
     return stopped, _spent(program, stopped, dict.fromkeys(_as_it_comes(program), steps))
 
 
 def _spent(program: ChipProgram, result: SimulationResult, until: Mapping[str, IntArray]) -> Spent:
     """Add up what recordings took: in the phases of ``until`` that many steps (batch,), in the others all."""
     profile = program.chip.costs
-    found, ns = dict.fromkeys(BY_CORE, 0), 0.0
-    for phase, items in result.activity.items():
-        for b, item in enumerate(items):
-            rows = slice(max(0, int(until[phase][b])) if phase in until else None)
-            found = {name: n + int(item.count(name)[rows].sum()) for name, n in found.items()}
-            ns += float(step_times(program, phase, item, profile).step_ns[rows].sum())
-    return Counts(**found), ns
+    counts = dict.fromkeys(BY_CORE, 0)
+    latency_ns = 0.0
+    for phase, activity in result.activity.items():
+        for recording, steps in enumerate(activity):
+            run = slice(None)
+            if phase in until:
+                # Below 0 where the recording stopped in a phase before.
+                run = slice(max(0, int(until[phase][recording])))
+            for name in counts:
+                counts[name] += int(steps.count(name)[run].sum())
+            step_ns = step_times(program, phase, steps, profile).step_ns
+            latency_ns += float(step_ns[run].sum())
+    return Spent(Counts(**counts), latency_ns)
 
 
 def _stops(
+    *,
     steps: IntArray,
     all_steps: int,
     prediction: IntArray,
@@ -263,4 +310,13 @@ def _stops(
     spent: Spent,
     whole: Spent,
 ) -> Stops:
-    return Stops(steps, all_steps, prediction, final, spent[0], whole[0], spent[1], whole[1])
+    return Stops(
+        steps=steps,
+        all_steps=all_steps,
+        prediction=prediction,
+        final=final,
+        counts=spent.counts,
+        all_counts=whole.counts,
+        latency_ns=spent.latency_ns,
+        all_latency_ns=whole.latency_ns,
+    )

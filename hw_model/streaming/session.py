@@ -5,7 +5,7 @@ t, and the location phases are what they would be if nothing followed. A locatio
 step: see :mod:`hw_model.streaming.location_phase`.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -36,25 +36,27 @@ class Session:
         if program.readout is None:
             what = "has no readout, so it predicts nothing"
             raise InputError(f"program {program.name!r}", what, fix="Add a readout.")
-        self.program, self.psi = program, psi
-        self._by_potential = program.readout.from_step
+        self.program = program
+        self.psi = psi
         self.steps = 0
-        self._length = _length(program, psi)
+        self._by_potential = program.readout.from_step
+        self._length = _recording_length(program, psi)
         self._branches: list[_Branch] = []
         self._columns = 0
         for phase in program.phases:
-            self._branches.append(_Branch(program, phase, self._columns))
-            self._columns += self._branches[-1].many
-        of = {name: branch for branch in self._branches for name in branch.columns}
-        self._output = {name: of[name].columns[name] for name, _ in program.readout.terms}
-        self._weight = np.array([[float(weight)] for _, weight in program.readout.terms])
+            branch = _Branch(program, phase, self._columns)
+            self._branches.append(branch)
+            self._columns += branch.width
+        branch_of = {name: branch for branch in self._branches for name in branch.columns}
+        terms = program.readout.terms
+        self._columns_of = {name: branch_of[name].columns[name] for name, _ in terms}
+        # By term of the readout: its first column, (terms,); its weight and branch, (terms, 1).
+        self._first_column = np.array([self._columns_of[name].start for name, _ in terms])
+        self._weight = np.array([[float(weight)] for _, weight in terms])
         self._is_location = np.array(
-            [[of[name].phase.axis == "location"] for name, _ in program.readout.terms]
+            [[branch_of[name].phase.axis == "location"] for name, _ in terms]
         )
-        self._scored = np.array([self._output[name].start for name, _ in program.readout.terms])
         self._classes = program.populations[program.readout.populations[0]]
-        streams = list(program.streams.items())
-        self._only = streams[0] if len(streams) == 1 else None
 
     def reset(self) -> None:
         """Forget the recording, and be ready for another."""
@@ -67,59 +69,63 @@ class Session:
 
         Rows after the last step that a phase is for change nothing in it.
         """
+        assert self.program.readout is not None  # sessions without one are refused
         streams = self._read(spikes)
         rows = len(next(iter(streams.values())))
-        counts, scores = (
-            np.empty((rows, self._columns), dtype=np.int64),
-            np.zeros((rows, self._classes)),
-        )
+        counts = np.empty((rows, self._columns), dtype=np.int64)
         for branch in self._branches:
             branch.push(self.steps, streams, counts)
         self.steps += rows
-        called(weigh, counts, self._scored, self._weights(rows), scores)
-        spikes_of: dict[str, IntArray] = {}
-        potential: dict[str, IntArray] = {}
-        for name, columns in self._output.items():
-            (potential if name in self._by_potential else spikes_of)[name] = counts[:, columns]
-        assert self.program.readout is not None  # sessions without one are refused
-        return StepScores(spikes_of, potential, scores, self.program.readout.tie_class)
+        scores = np.zeros((rows, self._classes))
+        called(weigh, counts, self._first_column, self._weights(rows), scores)
+        spike_counts: dict[str, IntArray] = {}
+        potentials: dict[str, IntArray] = {}
+        for name, columns in self._columns_of.items():
+            if name in self._by_potential:
+                potentials[name] = counts[:, columns]
+            else:
+                spike_counts[name] = counts[:, columns]
+        return StepScores(spike_counts, potentials, scores, self.program.readout.tie_class)
 
     def _read(self, spikes: Spikes) -> dict[str, ByteArray]:
         """Return the rows of every stream, (rows, channels), as loops can be given them: whole, and writeable."""
-        if (
-            self._only
-            and isinstance(spikes, np.ndarray)
-            and (rows := _plain_rows(spikes, self._only[1])) is not None
-        ):
-            return {self._only[0]: rows}
-        given = (
-            spikes
-            if isinstance(spikes, Mapping)
-            else {name: spikes for name in list(self.program.streams)[:1]}
-        )
-        streams, batched = read_streams(
-            self.program, {name: _rows(array) for name, array in given.items()}
-        )
-        if batched:
+        streams = self.program.streams
+        first_stream = next(iter(streams), None)
+        # A short cut for rows that can be played as they are.
+        if len(streams) == 1 and first_stream is not None and isinstance(spikes, np.ndarray):
+            rows = _plain_rows(spikes, streams[first_stream])
+            if rows is not None:
+                return {first_stream: rows}
+        if isinstance(spikes, Mapping):
+            by_stream = {name: _rows(array) for name, array in spikes.items()}
+        elif first_stream is not None:
+            by_stream = {first_stream: _rows(spikes)}
+        else:
+            by_stream = {}
+        recordings, is_batch = read_streams(self.program, by_stream)
+        if is_batch:
             raise InputError(
                 "spikes", "a session plays one recording", fix="Give rows, (rows, channels)."
             )
-        return {name: _plain(array[0]) for name, array in streams.items()}
+        return {name: _plain(recording[0]) for name, recording in recordings.items()}
 
     @property
     def replayed(self) -> tuple[int, int]:
         """Steps of transposed phases run so far, and how many would run if all ran again after every step."""
-        replayed = [
-            branch.run.replayed for branch in self._branches if isinstance(branch.run, Replay)
-        ]
-        return sum(run for run, _ in replayed), self.steps * sum(every for _, every in replayed)
+        run_so_far = 0
+        run_again_for_a_row = 0
+        for branch in self._branches:
+            if isinstance(branch.run, Replay):
+                steps_run, steps_of_all = branch.run.replayed
+                run_so_far += steps_run
+                run_again_for_a_row += steps_of_all
+        return run_so_far, self.steps * run_again_for_a_row
 
     def spikes(self, population: str) -> ByteArray:
         """Return the spikes of a population of a transposed phase as things stand, (steps, n)."""
         for branch in self._branches:
             if isinstance(branch.run, Replay) and population in branch.columns:
-                its = branch.columns[population]
-                return branch.run.spikes()[:, its.start - branch.low : its.stop - branch.low]
+                return branch.run.spikes()[:, branch.own_columns[population]]
         raise InputError(
             f"population {population!r}",
             "is in no transposed phase",
@@ -130,73 +136,95 @@ class Session:
         """Return what each term's spikes or potentials count for after the last rows, (terms, rows), or (terms, 1)."""
         if self.psi is None:
             return self._weight
-        location = location_share(
-            self.psi, np.arange(self.steps - rows + 1, self.steps + 1), self._length
-        )
-        return self._weight * np.where(self._is_location, location, 1.0 - location)
+        step = np.arange(self.steps - rows + 1, self.steps + 1)
+        of_location = location_share(self.psi, step, self._length)
+        return self._weight * np.where(self._is_location, of_location, 1.0 - of_location)
 
 
 class _Branch:
     """A phase of a session: played as it comes, or replayed from the first change on.
 
-    What it gives is ``many`` columns of those of all phases, ``low`` on; ``columns`` are those of its populations.
+    All phases share a table of columns, one a compartment: this one has ``width`` of them, from
+    ``first_column`` on. ``columns`` of each population count from the table's first, and
+    ``own_columns`` from the phase's.
     """
 
-    def __init__(self, program: ChipProgram, phase: Phase, low: int) -> None:
-        self.phase, self.low, own = phase, low, program.columns_of(phase.name)
-        self.columns = {name: slice(its.start + low, its.stop + low) for name, its in own.items()}
+    def __init__(self, program: ChipProgram, phase: Phase, first_column: int) -> None:
+        self.phase = phase
+        self.first_column = first_column
+        self.own_columns = program.columns_of(phase.name)
+        self.columns = {
+            name: slice(own.start + first_column, own.stop + first_column)
+            for name, own in self.own_columns.items()
+        }
         inputs = program.inputs_of(phase.name)
         self._streams = [item.stream for item in inputs]
-        positions = [item.positions for item in inputs if item.positions is not None]
-        if 0 < len(positions) < len(inputs):
+        transposed = [item for item in inputs if item.positions is not None]
+        if 0 < len(transposed) < len(inputs):
             what = "mixes transposed inputs with inputs that are played as they come, so it cannot run as they arrive"
             raise InputError(f"phase {phase.name!r}", what, fix="Use simulate.")
         layout = fast_layout(program, phase.name)
-        self.many, read = layout.columns, _read(program.readout, own)
-        if positions:
-            self.run: Replay | Live = Replay(layout, length_of(program, phase, 1), inputs, read)
+        self.width = layout.columns
+        potentials = _columns_of_potentials(program.readout, self.own_columns)
+        self.run: Replay | Live
+        if transposed:
+            steps = length_of(program, phase, 1)
+            self.run = Replay(layout, steps, inputs, potentials)
         else:
-            self.run = Live(layout, phase.steps, read, phase.align_events is not None)
-        self._align = phase.align_events
-        self._started = self._align is None
+            starts_late = phase.align_events is not None
+            self.run = Live(layout, phase.steps, potentials, starts_late)
+        self._has_started = phase.align_events is None
 
     def reset(self) -> None:
         """Forget the recording."""
         self.run.reset()
-        self._started = self._align is None
+        self._has_started = self.phase.align_events is None
 
     def push(self, before: int, streams: dict[str, ByteArray], counts: IntArray) -> None:
-        """Push rows (rows, channels), and note what every column gives so far in ``counts`` (rows, all columns)."""
-        parts = [streams[name] for name in self._streams]
-        rows = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
-        if not self._started and self._align is not None:
-            events = [list_events(name, streams[name][None]) for name in set(self._streams)]
-            first = int(first_touch(events, self._align)[0])
-            self._started = first < len(rows)
-            self.run.wait(rows[:first], counts[:first], self.low)
-            before, rows, counts = before + first, rows[first:], counts[first:]
-        if self._started:
-            self.run.push(before, rows, counts, self.low)
+        """Push rows (rows, channels), and note what every column gives so far in ``counts`` (rows, all columns).
+
+        ``before``: rows of the recording that were pushed already.
+        """
+        rows = _side_by_side([streams[name] for name in self._streams])
+        waiting = 0
+        if not self._has_started:
+            waiting = self._rows_before_start(streams)
+            self.run.wait(rows[:waiting], counts[:waiting], self.first_column)
+            self._has_started = waiting < len(rows)
+        if self._has_started:
+            self.run.push(before + waiting, rows[waiting:], counts[waiting:], self.first_column)
+
+    def _rows_before_start(self, streams: dict[str, ByteArray]) -> int:
+        """Return how many rows come before the one that has enough events for the phase to start."""
+        assert self.phase.align_events is not None  # others have started
+        events = [list_events(name, streams[name][None]) for name in set(self._streams)]
+        return int(first_touch(events, self.phase.align_events)[0])
 
 
-def _plain_rows(given: AnyArray, channels: int) -> ByteArray | None:
+def _plain_rows(spikes: AnyArray, channels: int) -> ByteArray | None:
     """Return what are bytes of 0 and 1 as rows (rows, channels); None for all else, which is looked into."""
-    if (
-        given.dtype != np.uint8
-        or not 0 < given.ndim <= 2
-        or not given.size
-        or given.shape[-1] != channels
-    ):
+    if spikes.dtype != np.uint8 or spikes.ndim not in (1, 2) or not spikes.size:
+        return None
+    if spikes.shape[-1] != channels:
         return None
     # What is left without 0 and 1: for a row, numpy's maximum takes ten times as long.
-    if given.tobytes().translate(None, b"\0\1"):
+    if spikes.tobytes().translate(None, b"\0\1"):
         return None
-    return _plain(given.reshape(-1, channels))
+    return _plain(spikes.reshape(-1, channels))
 
 
 def _plain(rows: ByteArray) -> ByteArray:
     """Return rows as loops can be given them: they are compiled anew for what is read-only, or not side by side."""
-    return rows if type(rows) is np.ndarray and rows.flags.carray else np.array(rows, order="C")
+    if type(rows) is np.ndarray and rows.flags.carray:
+        return rows
+    return np.array(rows, order="C")
+
+
+def _side_by_side(streams: list[ByteArray]) -> ByteArray:
+    """Return the channels of several streams next to each other, (rows, channels of all)."""
+    if len(streams) == 1:
+        return streams[0]
+    return np.concatenate(streams, axis=1)
 
 
 def _rows(given: ArrayLike) -> AnyArray:
@@ -205,30 +233,38 @@ def _rows(given: ArrayLike) -> AnyArray:
     return array[None] if array.ndim == 1 else np.atleast_2d(array)
 
 
-def _read(readout: Readout | None, columns: Mapping[str, slice]) -> Read:
-    """Return the columns of a phase whose potentials predict."""
-    given = {} if readout is None else readout.from_step
-    read = [(columns[name], step) for name, step in given.items() if name in columns]
-    first = {column: step for its, step in read for column in range(its.start, its.stop)}
+def _columns_of_potentials(readout: Readout | None, columns: Mapping[str, slice]) -> Read:
+    """Return the columns of a phase whose potentials predict, each with its first step."""
+    first_step_of: dict[int, int] = {}
+    if readout is not None:
+        for name, first_step in readout.from_step.items():
+            if name in columns:
+                population = range(columns[name].start, columns[name].stop)
+                first_step_of.update(dict.fromkeys(population, first_step))
     return Read(
-        np.array(list(first), dtype=np.int64), np.array(list(first.values()), dtype=np.int64)
+        columns=np.array(list(first_step_of), dtype=np.int64),
+        first=np.array(list(first_step_of.values()), dtype=np.int64),
     )
 
 
-def _length(program: ChipProgram, psi: float | None) -> int:
-    """Return T, the steps of a whole recording, where it is needed."""
-    in_time = [phase for phase in program.phases if phase.axis == "time"]
-    lengths = [phase.steps for phase in in_time if phase.steps]
+def _recording_length(program: ChipProgram, psi: float | None) -> int:
+    """Return T, the steps of a whole recording; 1 where the program does not say it and psi does not need it."""
+    time_phases = [phase for phase in program.phases if phase.axis == "time"]
+    lengths = [phase.steps for phase in time_phases if phase.steps]
     if psi is not None:
         check_psi(psi)
-        if in_time and not lengths:
-            fix = "Fix the steps of its phase."
-            raise InputError("psi", "the program does not say how long a recording is", fix=fix)
-        if len(in_time) in (0, len(program.phases)):
-            axis = "location" if in_time else "time"
-            raise InputError(
-                "psi",
-                f"the program has no {axis} phase to weigh against another",
-                fix="Leave it out.",
-            )
+        _check_branches(program, time_phases, lengths)
     return max(lengths, default=1)
+
+
+def _check_branches(
+    program: ChipProgram, time_phases: Sequence[Phase], lengths: Sequence[int]
+) -> None:
+    """Refuse psi where a program does not say its length, or lacks time or location phases."""
+    if time_phases and not lengths:
+        fix = "Fix the steps of its phase."
+        raise InputError("psi", "the program does not say how long a recording is", fix=fix)
+    if len(time_phases) in (0, len(program.phases)):
+        missing_axis = "location" if time_phases else "time"
+        what = f"the program has no {missing_axis} phase to weigh against another"
+        raise InputError("psi", what, fix="Leave it out.")
