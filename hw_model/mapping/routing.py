@@ -5,8 +5,9 @@ After:  every source (input line or compartment) has one input axon on each core
         of its synapses there exactly once; every compartment has one output axon for each core that it reaches.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import groupby
+from typing import NamedTuple
 
 import numpy as np
 
@@ -80,26 +81,40 @@ class RoutedGraph(Frozen, eq=False):
     input_routes: tuple[InputRoute, ...]
 
 
-Ways = tuple[IntArray, IntArray, IntArray]
-"""Rows of (sender, destination core, input axon there)."""
+class Destinations(Frozen, eq=False):
+    """Where senders reach, row by row: a sender, a core that it reaches, and its input axon there; arrays (rows,)."""
+
+    sender: IntArray
+    core: IntArray
+    axon: IntArray
+
+    def of(self, start: int, stop: int) -> "Destinations":
+        """Return those of senders ``start..stop``, numbered from 0; rows must be in the order of their senders."""
+        low, high = np.searchsorted(self.sender, (start, stop))
+        return Destinations(self.sender[low:high] - start, self.core[low:high], self.axon[low:high])
 
 
 def route_axons(placed: PlacedGraph) -> RoutedGraph:
     """Number axons by source in network order, and list synapses by projection, then target."""
-    graph, per_core = placed.graph, placed.chip.limits.compartments_per_core
-    projections, first, sent = fan_in(graph, placed.chip), first_source(graph), _sent(placed)
-    lines = sum(item.size for item in graph.inputs)
+    graph = placed.graph
+    projections = fan_in(graph, placed.chip)
+    destinations = _destinations(placed)
     cores = []
-    for number, found in groupby(placed.slices, key=lambda piece: piece.core):
-        slices, start = tuple(found), lines + number * per_core
-        axons = _tables(slices, projections, placed.chip, sent(start, start + per_core))
-        cores.append(
-            RoutedCore(number, placed.slots[number], graph.phase_of(slices[0].group), slices, axons)
+    for number, slices_of_core in groupby(placed.slices, key=lambda piece: piece.core):
+        slices = tuple(slices_of_core)
+        first_sender = _first_sender(placed, number)
+        output = destinations.of(
+            first_sender, first_sender + placed.chip.limits.compartments_per_core
         )
-    routes = [
-        InputRoute(item.name, *sent(first[item.name], first[item.name] + item.size))
-        for item in graph.inputs
-    ]
+        axons = _axon_tables(slices, projections, placed.chip, output)
+        phase = graph.phase_of(slices[0].group)
+        cores.append(RoutedCore(number, placed.slots[number], phase, slices, axons))
+    first_line = first_source(graph)
+    routes = []
+    for item in graph.inputs:
+        begin = first_line[item.name]
+        reached = destinations.of(begin, begin + item.size)
+        routes.append(InputRoute(item.name, reached.sender, reached.core, reached.axon))
     routed = RoutedGraph(placed, tuple(cores), tuple(routes))
     check_routed(routed)
     return routed
@@ -113,58 +128,95 @@ def check_routed(routed: RoutedGraph) -> None:
     )
 
 
-def _sent(placed: PlacedGraph) -> Callable[[int, int], Ways]:
-    """Return what tells where senders ``start..stop`` reach: input lines by number, then the compartments of each core.
+def _first_sender(placed: PlacedGraph, core: int) -> int:
+    """Return the number of a core's first compartment as a sender.
 
-    A core has as many numbers as compartments fit it.
+    Senders are the input lines by number, then the compartments of each core, which has as many
+    numbers as compartments fit it.
     """
-    lines, per_core = (
-        sum(item.size for item in placed.graph.inputs),
-        placed.chip.limits.compartments_per_core,
-    )
-    number = np.arange(len(placed.core_of_source()))
+    lines = sum(item.size for item in placed.graph.inputs)
+    return lines + core * placed.chip.limits.compartments_per_core
+
+
+def _destinations(placed: PlacedGraph) -> Destinations:
+    """Return where every sender reaches, in the order of senders, and of cores for each."""
+    sender_of_source = np.arange(len(placed.core_of_source()))
     for piece in placed.slices:
-        number[placed.sources_of(piece)] = (
-            lines + piece.core * per_core + piece.offset + np.arange(piece.size)
-        )
-    unordered = number[np.concatenate(placed.axons)]
-    order = np.argsort(unordered, kind="stable")
-    sender = unordered[order]
-    core = np.repeat(np.arange(placed.cores), [len(found) for found in placed.axons])[order]
-    axon = np.concatenate([np.arange(len(found)) for found in placed.axons])[order]
-
-    def sent(start: int, stop: int) -> Ways:
-        low, high = np.searchsorted(sender, (start, stop))
-        return sender[low:high] - start, core[low:high], axon[low:high]
-
-    return sent
+        first_sender = _first_sender(placed, piece.core) + piece.offset
+        sender_of_source[placed.sources_of(piece)] = first_sender + np.arange(piece.size)
+    sender = sender_of_source[np.concatenate(placed.axons)]
+    axons_of_core = [len(sources) for sources in placed.axons]
+    core = np.repeat(np.arange(placed.cores), axons_of_core)
+    axon = np.concatenate([np.arange(axons) for axons in axons_of_core])
+    by_sender = np.argsort(sender, kind="stable")
+    return Destinations(sender[by_sender], core[by_sender], axon[by_sender])
 
 
-def _tables(
-    slices: Sequence[Slice], projections: Sequence[FanIn], chip: Chip, output: Ways
+class _Synapses(NamedTuple):
+    """Synapses of a core, arrays (synapses,), before they are put in lists.
+
+    ``rank``: which projection onto which slice of the core it is of. ``format_index``: of the core's formats.
+    """
+
+    source: IntArray
+    rank: IntArray
+    target: IntArray
+    mantissa: IntArray
+    delay: IntArray
+    format_index: IntArray
+
+
+def _axon_tables(
+    slices: Sequence[Slice], projections: Sequence[FanIn], chip: Chip, output: Destinations
 ) -> AxonTables:
     """Return the tables of a core, given its output axons."""
-    here = [(p, piece) for p in projections for piece in slices if piece.group == p.target_group]
-    formats = sorted({projection.format for projection, _ in here})
-    columns: list[tuple[IntArray, ...]] = [(np.empty(0, dtype=np.int64),) * 6]
-    for rank, (projection, piece) in enumerate(here):
+    ending_on_core = [
+        (projection, piece)
+        for projection in projections
+        for piece in slices
+        if piece.group == projection.target_group
+    ]
+    formats = sorted({projection.format for projection, _ in ending_on_core})
+    synapses = _synapses_of_core(ending_on_core, formats)
+    by_source = np.lexsort((synapses.target, synapses.rank, synapses.source))
+    _, first_synapses = np.unique(synapses.source[by_source], return_index=True)
+    list_start = np.append(first_synapses, len(by_source))
+    target = synapses.target[by_source]
+    format_index = synapses.format_index[by_source]
+    slice_ends = np.array([piece.offset + piece.size for piece in slices])
+    lists = synapse_lists(
+        list_start, target, format_index, formats, slice_ends, chip.synapse_memory
+    )
+    return AxonTables(
+        formats=tuple(formats),
+        list_start=list_start,
+        target=held(target),
+        mantissa=held(synapses.mantissa[by_source]),
+        delay=held(synapses.delay[by_source]),
+        format_index=held(format_index),
+        synapse_words=int(lists.words.sum()),
+        out_compartment=output.sender,
+        out_core=output.core,
+        out_axon=output.axon,
+    )
+
+
+def _synapses_of_core(
+    ending_on_core: Sequence[tuple[FanIn, Slice]], formats: Sequence[SynapseFormat]
+) -> _Synapses:
+    """Return the synapses of projections onto slices of a core, one after the other."""
+    # A core without synapses has empty arrays of integers.
+    parts = [_Synapses(*(np.empty(0, dtype=np.int64) for _ in _Synapses._fields))]
+    for rank, (projection, piece) in enumerate(ending_on_core):
         rows = projection.rows(piece.start, piece.stop)
         target = projection.targets(piece.start, piece.stop) - piece.start + piece.offset
-        form = np.full(len(target), formats.index(projection.format))
-        source, mantissa, delay = (
-            projection.source[rows],
-            projection.mantissa[rows],
-            projection.delay[rows],
+        part = _Synapses(
+            source=projection.source[rows],
+            rank=np.full(len(target), rank),
+            target=target,
+            mantissa=projection.mantissa[rows],
+            delay=projection.delay[rows],
+            format_index=np.full(len(target), formats.index(projection.format)),
         )
-        columns.append((source, np.full(len(target), rank), target, mantissa, delay, form))
-    source, ranks, target, mantissa, delay, form = (
-        np.concatenate(column) for column in zip(*columns, strict=True)
-    )
-    order = np.lexsort((target, ranks, source))
-    _, starts = np.unique(source[order], return_index=True)
-    list_start = np.append(starts, len(source))
-    target, form = target[order], form[order]
-    ends = np.array([piece.offset + piece.size for piece in slices])
-    lists = synapse_lists(list_start, target, form, formats, ends, chip.synapse_memory)
-    synapses = held(target), held(mantissa[order]), held(delay[order]), held(form)
-    return AxonTables(tuple(formats), list_start, *synapses, int(lists.words.sum()), *output)
+        parts.append(part)
+    return _Synapses(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
