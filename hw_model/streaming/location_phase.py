@@ -98,30 +98,16 @@ class Replay:
     """
 
     def __init__(self, layout: FastLayout, steps: int, inputs: Sequence[Input], read: Read) -> None:
-        chunks, blocks = layout.tables.chunks, len(layout.tables.chunks.feeds_itself)
-        slots = len(chunks.node) * LANES
-        block_of = np.full(len(layout.tables.nodes.first), -1, dtype=np.int64)
-        for block in range(blocks):
-            low, high = chunks.bundle[chunks.of_block[block : block + 2]]
-            block_of[chunks.node[chunks.member[low:high]]] = block
-        self._layout, self._steps = layout, steps
-        dtype, most = chunks.registers.dtype, steps * int(layout.tables.nodes.size.max()) + LANES
-        self._history = History(
-            charge=aligned((steps, slots), dtype),
-            before=aligned((steps + 1, slots * KEPT_FIELDS), dtype),
-            masks=np.zeros((steps, len(chunks.node)), np.int32), flips=np.zeros((steps, len(chunks.node)), np.int32),
-            event=np.empty(most, np.int32), row_of=np.empty(most, np.int32), spikes=aligned((slots,), dtype),
-            changed=np.zeros(blocks, np.int64), run=np.zeros(1, np.int64), block_of=block_of, slot=layout.slot,
-        )  # fmt: skip
-        played, lines = zip(*(item.visits for item in inputs), strict=True)
-        rows = np.array([item.rows for item in inputs])
-        visits = Visits(
-            np.cumsum([0, *map(len, played)]), np.concatenate(played), np.concatenate(lines), rows
-        )
-        registers = aligned((chunks.registers.size,), dtype)
+        self._layout = layout
+        self._steps = steps
+        self._history = _empty_history(layout, steps)
+        visits = _visits(inputs)
+        chunks = layout.tables.chunks
+        registers = aligned((chunks.registers.size,), chunks.registers.dtype)
         registers[:] = chunks.registers[chunks.member].reshape(-1)
         order = _order(layout, read)
         self._played = visits, read, layout.tables, order, registers, self._history
+        # A row without events, and room for what is noted after it.
         self._silence = np.zeros((1, len(visits.step)), dtype=np.uint8)
         self._columns = np.zeros((1, layout.columns), dtype=np.int64)
         self._push = entry(_push, 0, self._silence, *self._played, self._columns, 0)
@@ -161,22 +147,73 @@ class Replay:
         return lanes.reshape(self._steps, -1)[:, self._layout.slot].astype(np.uint8)
 
 
-def _order(layout: FastLayout, of: Read) -> Order:
-    chunks, slot = layout.tables.chunks, layout.slot[of.columns]
-    place = np.full(len(chunks.member) + 1, -1, dtype=np.int64)  # the last is the place of no chunk
-    place[chunks.member] = np.arange(len(chunks.member))
-    read = np.isin(chunks.member, slot // LANES)
-    # A pair is run with what its spikes pass to it in the next step, not later.
-    is_pair = chunks.pair & (len(chunks.echo) == len(chunks.node) * LANES)
-    is_pair[chunks.bundle[:-1]] &= ~np.maximum.reduceat(
-        read, chunks.bundle[:-1]
-    )  # it is run without a potential
-    link = np.argsort(layout.tables.links.source, kind="stable")
-    link_of = np.searchsorted(
-        layout.tables.links.source[link], np.arange(len(layout.tables.nodes.first) + 1)
+def _visits(inputs: Sequence[Input]) -> Visits:
+    steps = [item.visits[0] for item in inputs]
+    first_lines = [item.visits[1] for item in inputs]
+    return Visits(
+        first_channel=np.cumsum([0, *map(len, steps)]),
+        step=np.concatenate(steps),
+        first_line=np.concatenate(first_lines),
+        rows=np.array([item.rows for item in inputs]),
     )
-    read_at = (place[slot // LANES] * KEPT_FIELDS + POTENTIAL - U) * LANES + slot % LANES
-    return Order(place[chunks.parent[chunks.member]], is_pair, read_at, link, link_of)
+
+
+def _empty_history(layout: FastLayout, steps: int) -> History:
+    """Return room for every step of a phase that was never run."""
+    chunks = layout.tables.chunks
+    dtype = chunks.registers.dtype
+    many_chunks = len(chunks.node)
+    slots = many_chunks * LANES
+    # A node may spike everywhere in every step; lists are written a vector of lanes at a time.
+    most_events = steps * int(layout.tables.nodes.size.max()) + LANES
+    return History(
+        charge=aligned((steps, slots), dtype),
+        before=aligned((steps + 1, slots * KEPT_FIELDS), dtype),
+        masks=np.zeros((steps, many_chunks), np.int32),
+        flips=np.zeros((steps, many_chunks), np.int32),
+        event=np.empty(most_events, np.int32),
+        row_of=np.empty(most_events, np.int32),
+        spikes=aligned((slots,), dtype),
+        changed=np.zeros(len(chunks.feeds_itself), np.int64),
+        run=np.zeros(1, np.int64),
+        block_of=_block_of_node(layout),
+        slot=layout.slot,
+    )
+
+
+def _block_of_node(layout: FastLayout) -> IntArray:
+    """Return the block of chunks that runs each node, (nodes,); -1 for inputs."""
+    chunks = layout.tables.chunks
+    block_of = np.full(len(layout.tables.nodes.first), -1, dtype=np.int64)
+    for block in range(len(chunks.feeds_itself)):
+        low, high = chunks.bundle[chunks.of_block[block : block + 2]]
+        block_of[chunks.node[chunks.member[low:high]]] = block
+    return block_of
+
+
+def _order(layout: FastLayout, read_columns: Read) -> Order:
+    chunks = layout.tables.chunks
+    links = layout.tables.links
+    slot = layout.slot[read_columns.columns]
+    members = len(chunks.member)
+    # By chunk, which member it is. The last is that of no chunk: a parent of -1 is read there.
+    member_of_chunk = np.full(members + 1, -1, dtype=np.int64)
+    member_of_chunk[chunks.member] = np.arange(members)
+    bundle_start = chunks.bundle[:-1]
+    # A pair is run with what its spikes pass to it in the next step, not later, and without a potential.
+    is_pair = chunks.pair & (len(chunks.echo) == len(chunks.node) * LANES)
+    is_read = np.isin(chunks.member, slot // LANES)
+    is_pair[bundle_start] &= ~np.maximum.reduceat(is_read, bundle_start)
+    by_source = np.argsort(links.source, kind="stable")
+    nodes = len(layout.tables.nodes.first)
+    potential_field = member_of_chunk[slot // LANES] * KEPT_FIELDS + POTENTIAL - U
+    return Order(
+        parent=member_of_chunk[chunks.parent[chunks.member]],
+        is_pair=is_pair,
+        read_at=potential_field * LANES + slot % LANES,
+        link=by_source,
+        link_of=np.searchsorted(links.source[by_source], np.arange(nodes + 1)),
+    )
 
 
 @compiled

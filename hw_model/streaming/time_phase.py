@@ -56,24 +56,21 @@ class Live:
     def __init__(
         self, layout: FastLayout, steps: int | None, read: Read, starts_late: bool = False
     ) -> None:
-        self._end = self._steps = _NO_END if steps is None else steps
-        begin, columns = np.cumsum([0, *layout.tables.nodes.size[: layout.inputs]]), layout.columns
-        lines, many = int(begin[-1]), len(read.columns)
-        potential, place = (
-            np.zeros((1, TILE, many), dtype=np.int64),
-            np.full(columns, -1, dtype=np.int64),
+        self._steps = _NO_END if steps is None else steps
+        self._end = self._steps
+        columns_read = len(read.columns)
+        potential = np.zeros((1, TILE, columns_read), dtype=np.int64)
+        self._room = _room(layout, potential)
+        self._state = state.first_state(layout, TILE)
+        memory = state.Memory(self._state, state.workspace(layout, TILE))
+        place = np.full(layout.columns, -1, dtype=np.int64)
+        place[read.columns] = np.arange(columns_read)
+        kept = state.Kept(
+            columns_read > 0,
+            state.NO_REGISTER,
+            state.NO_REGISTER,
+            state.KeptRegister(place, 0, potential),
         )
-        place[read.columns] = np.arange(many)
-        register = state.KeptRegister(place, 0, potential)
-        kept = state.Kept(many > 0, state.NO_REGISTER, state.NO_REGISTER, register)
-        # What the loop counts of a whole recording, sent and active: nobody asks a session for it.
-        self._room = Room(
-            begin, np.zeros((TILE + 1, layout.inputs), np.int64), np.empty(TILE * lines + CACHE_LINE, np.int32),
-            np.zeros((TILE, columns), np.uint8), np.zeros(lines + columns, np.int64),
-            np.zeros((TILE, layout.pieces), np.int64), potential, np.zeros(columns, np.int64), np.zeros(many, np.int64),
-        )  # fmt: skip
-        self._state, work = state.first_state(layout, TILE), state.workspace(layout, TILE)
-        memory = state.Memory(self._state, work)
         self._played = self._room, read, layout.tables, memory, kept, np.bool_(starts_late)
         self._run = entry(
             _run,
@@ -89,7 +86,8 @@ class Live:
     def reset(self) -> None:
         """Go back to before the first step."""
         state.reset(self._state)
-        self._room.so_far[:] = self._room.largest[:] = 0
+        self._room.so_far[:] = 0
+        self._room.largest[:] = 0
         self._end = self._steps
 
     def wait(self, rows: ByteArray, counts: IntArray, low: int) -> None:
@@ -117,6 +115,24 @@ class Live:
             memory,
             Written(room.spikes, room.sent, room.active, _NO_STEP, kept),
         )
+
+
+def _room(layout: FastLayout, potential: IntArray) -> Room:
+    """Return room for a tile, whose potentials (1, rows, columns read) the loop writes to ``potential``."""
+    begin = np.cumsum([0, *layout.tables.nodes.size[: layout.inputs]])
+    lines = int(begin[-1])
+    return Room(
+        begin=begin,
+        first=np.zeros((TILE + 1, layout.inputs), np.int64),
+        line=np.empty(TILE * lines + CACHE_LINE, np.int32),
+        spikes=np.zeros((TILE, layout.columns), np.uint8),
+        # What the loop counts of a whole recording, sent and active: nobody asks a session for it.
+        sent=np.zeros(lines + layout.columns, np.int64),
+        active=np.zeros((TILE, layout.pieces), np.int64),
+        potential=potential,
+        so_far=np.zeros(layout.columns, np.int64),
+        largest=np.zeros(potential.shape[2], np.int64),
+    )
 
 
 @compiled
