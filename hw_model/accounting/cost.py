@@ -83,12 +83,11 @@ class StepTimes(Frozen, eq=False):
     @property
     def begin_ns(self) -> FloatArray:
         """When each core begins to handle what has arrived, (..., steps, cores)."""
-        begin = self.sent_ns
-        arrived = (
-            begin[..., self.routes.source] + self.mesh_ns
-        ) * self.used  # 0 where no packet comes
-        np.maximum.at(begin.T, self.routes.target, arrived.T)
-        return begin
+        begin_ns = self.sent_ns
+        # On ways without packets nothing arrives: 0 delays no core.
+        arrived_ns = (begin_ns[..., self.routes.source] + self.mesh_ns) * self.used
+        np.maximum.at(begin_ns.T, self.routes.target, arrived_ns.T)
+        return begin_ns
 
     @property
     def core_ns(self) -> FloatArray:
@@ -137,42 +136,53 @@ def latency(
 
 def recording_latency(program: ChipProgram, paths: Mapping[str, CriticalPath]) -> Latency:
     """Return the time of one recording, given its critical path by phase."""
-    critical = np.zeros(len(program.cores))
-    by_phase, after, slowest = {}, 0.0, 0.0
+    ns_by_last_core = np.zeros(len(program.cores))
+    by_phase_ns: dict[str, float] = {}
+    after_last_row_ns = 0.0
+    slowest_step_ns = 0.0
     for phase, path in paths.items():
         step_ns = path.step_ns
-        by_phase[phase] = float(step_ns.sum())
-        if any(item.positions is None for item in program.inputs_of(phase)):
-            after += float(step_ns[-1])
-            slowest = max(slowest, float(step_ns.max()))
+        by_phase_ns[phase] = float(step_ns.sum())
+        plays_rows = any(item.positions is None for item in program.inputs_of(phase))
+        if plays_rows:
+            after_last_row_ns += float(step_ns[-1])
+            slowest_step_ns = max(slowest_step_ns, float(step_ns.max()))
         else:
-            after += by_phase[phase]
+            after_last_row_ns += by_phase_ns[phase]
         numbers = np.array([core.number for core in program.cores_of(phase)])
-        np.add.at(critical, numbers[path.last], step_ns)
-    return Latency(math.fsum(by_phase.values()), by_phase, int(critical.argmax()), after, slowest)
+        np.add.at(ns_by_last_core, numbers[path.last], step_ns)
+    return Latency(
+        total_ns=math.fsum(by_phase_ns.values()),
+        by_phase_ns=by_phase_ns,
+        critical_core=int(ns_by_last_core.argmax()),
+        after_last_row_ns=after_last_row_ns,
+        slowest_step_ns=slowest_step_ns,
+    )
 
 
 def step_times(
     program: ChipProgram, phase: str, steps: StepActivity, profile: Profile
 ) -> StepTimes:
     """Return the times of every step, core and way of a phase: counts multiplied by times."""
-    chip, cores = program.chip, program.cores_of(phase)
+    chip = program.chip
+    cores = program.cores_of(phase)
     routes = routes_of(program, phase)
-    read_ns = steps.buffered * (chip.transpose_buffer.cycles_per_event / chip.clock_ghz)
-    per_count = {
-        name: cost for name, cost in profile.time_ns.items() if name not in ("hops_x", "hops_y")
+    tiles_in_use = len({chip.tile_of(core.slot) for core in cores})
+    event_ns = chip.transpose_buffer.cycles_per_event / chip.clock_ghz
+    buffer_ns = steps.buffered * event_ns
+    # The time of hops is counted way by way, in mesh_ns.
+    work_ns = {
+        name: steps.count(name).astype(np.float64) * cost_ns
+        for name, cost_ns in profile.time_ns.items()
+        if name not in ("hops_x", "hops_y")
     }
     return StepTimes(
         routes=routes,
-        work_ns={
-            name: steps.count(name).astype(np.float64) * cost for name, cost in per_count.items()
-        },
-        buffer_ns=np.repeat(read_ns[..., None], len(cores), axis=-1),
+        work_ns=work_ns,
+        buffer_ns=np.repeat(buffer_ns[..., None], len(cores), axis=-1),
         mesh_ns=_mesh_ns(routes, steps.packets, profile),
         used=steps.packets > 0,
-        barrier_ns=profile.barrier_ns.ns(
-            len({chip.tile_of(core.slot) for core in cores}), chip.mesh.tiles
-        ),
+        barrier_ns=profile.barrier_ns.ns(tiles_in_use, chip.mesh.tiles),
         runs=np.asarray(steps.by_piece["neuron_updates"].any(axis=-1)),
     )
 

@@ -98,10 +98,8 @@ def _limits(pieces: Sequence[Piece], chip: Chip) -> Iterator[Limit]:
     formats = {projection.format for piece in pieces for projection in piece.projections}
     fix = "Use fewer weight exponents for this population: formats of one exponent and sign share one already."
     yield Limit("synapse formats", len(formats), limits.synapse_formats_per_core, fix)
-    compartments, fix = (
-        sum(piece.compartments for piece in pieces),
-        "Join at most {limit} compartments to a neuron.",
-    )
+    compartments = sum(piece.compartments for piece in pieces)
+    fix = "Join at most {limit} compartments to a neuron."
     yield Limit("compartments", compartments, limits.compartments_per_core, fix)
     sources, words = synapses(pieces, chip)
     fix = "Prune {over} of its sources, or gather them in a population in between; a location branch has one per step."
@@ -113,28 +111,20 @@ def _limits(pieces: Sequence[Piece], chip: Chip) -> Iterator[Limit]:
         limits.synapse_words_per_core,
         "Prune {over} of its {use} synapses.",
     )
-    for what, names, limit, shared in (
+    for what, parameters, limit, shared in (
         ("compartment profiles", PROFILE, limits.compartment_profiles_per_core, "decays"),
         ("threshold profiles", ("threshold",), limits.threshold_profiles_per_core, "threshold"),
         ("pairs of voltage limits", ("vmin", "vmax"), 1, "vmin and vmax"),
     ):
-        yield Limit(
-            what,
-            _settings(pieces, names),
-            limit,
-            f"Give its joined compartments the same {shared}.",
-        )
+        fix = f"Give its joined compartments the same {shared}."
+        yield Limit(what, _combinations(pieces, parameters), limit, fix)
 
 
-def _settings(pieces: Sequence[Piece], names: Sequence[str]) -> int:
-    """Count the combinations of some parameters."""
-    found: set[tuple[int, ...]] = set()
+def _combinations(pieces: Sequence[Piece], parameters: Sequence[str]) -> int:
+    """Count the combinations of some parameters that compartments have."""
+    combinations: set[tuple[int, ...]] = set()
     for piece in pieces:
         for group in piece.groups:
-            found.update(
-                zip(
-                    *(getattr(group, name)[piece.start : piece.stop].tolist() for name in names),
-                    strict=True,
-                )
-            )
-    return len(found)
+            values = (getattr(group, name)[piece.start : piece.stop] for name in parameters)
+            combinations.update(zip(*(array.tolist() for array in values), strict=True))
+    return len(combinations)

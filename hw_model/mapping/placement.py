@@ -5,7 +5,8 @@ After:  every compartment is in exactly one slice on one core; joined compartmen
         serves one phase and no core exceeds a limit. Cores are numbered in network order, and sit on the board so.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -99,47 +100,62 @@ def check_placed(placed: PlacedGraph) -> None:
 
 def populations(graph: CompartmentGraph, phase: str, incoming: Sequence[FanIn]) -> list[Piece]:
     """Return the neurons of groups joined to each other, in network order of their roots, children before parents."""
-    ways = {group.name: graph.joins(group.name) for group in graph.groups if group.phase == phase}
-    found = []
-    for root in ways:
-        names = sorted(
-            (name for name, way in ways.items() if way[-1] == root),
-            key=lambda name: -len(ways[name]),
-        )
-        if names:
-            projections = [p for p in incoming if p.target_group in names]
-            found.append(
-                Piece([graph.group(name) for name in names], projections, 0, graph.group(root).size)
-            )
-    return found
+    # From each group up to the one that it is joined to in the end, its root.
+    joins_of = {
+        group.name: graph.joins(group.name) for group in graph.groups if group.phase == phase
+    }
+    pieces = []
+    for root in joins_of:
+        names = [name for name, joins in joins_of.items() if joins[-1] == root]
+        if not names:
+            continue
+        children_first = sorted(names, key=lambda name: -len(joins_of[name]))
+        groups = [graph.group(name) for name in children_first]
+        projections = [p for p in incoming if p.target_group in names]
+        pieces.append(Piece(groups, projections, 0, graph.group(root).size))
+    return pieces
 
 
 def _fill(
     graph: CompartmentGraph, chip: Chip, incoming: Sequence[FanIn], most_neurons: Mapping[str, int]
 ) -> PlacedGraph:
+    """Put populations on cores, as many neurons of each as fit, at most ``most_neurons`` of those named there."""
     cores: list[list[Piece]] = []
     for phase in graph.phases:
         cores.append([])
-        for whole in populations(graph, phase.name, incoming):
-            if cores[-1] and graph.part(cores[-1][-1].root) != graph.part(whole.root):
+        for population in populations(graph, phase.name, incoming):
+            if cores[-1] and graph.part(cores[-1][-1].root) != graph.part(population.root):
                 cores.append([])
-            start, most = 0, most_neurons.get(whole.root, whole.stop)
-            while start < whole.stop:
-                left = replace(whole, start=start, stop=min(whole.stop, start + most))
-                count = fitting(cores[-1], left, chip)
-                if count:
-                    cores[-1].append(replace(left, stop=start + count))
-                elif not cores[-1]:
-                    raise _too_large(replace(left, stop=start + 1), chip)
-                start += count
-                # After as many as may be, the room left is for no other: its output axons are used up.
-                if count == 0 or count == most_neurons.get(whole.root):
-                    cores.append([])
+            _fill_population(cores, population, chip, most_neurons.get(population.root))
         if not cores[-1]:
             cores.pop()
     slices = [piece for number, pieces in enumerate(cores) for piece in _slices(number, pieces)]
-    axons = tuple(synapses(pieces, chip)[0] for pieces in cores)
-    return PlacedGraph(graph, chip, tuple(slices), tuple(range(len(cores))), axons)
+    return PlacedGraph(
+        graph=graph,
+        chip=chip,
+        slices=tuple(slices),
+        slots=tuple(range(len(cores))),
+        axons=tuple(synapses(pieces, chip)[0] for pieces in cores),
+    )
+
+
+def _fill_population(
+    cores: list[list[Piece]], population: Piece, chip: Chip, most_neurons: int | None
+) -> None:
+    """Add the neurons of a population to the last of ``cores``, and begin further ones as they fill up."""
+    most = population.stop if most_neurons is None else most_neurons
+    start = 0
+    while start < population.stop:
+        left = replace(population, start=start, stop=min(population.stop, start + most))
+        neurons = fitting(cores[-1], left, chip)
+        if neurons:
+            cores[-1].append(replace(left, stop=start + neurons))
+        elif not cores[-1]:
+            raise _too_large(replace(left, stop=start + 1), chip)
+        start += neurons
+        # After as many as may be, the room left is for no other: its output axons are used up.
+        if neurons == 0 or neurons == most_neurons:
+            cores.append([])
 
 
 def _slices(core: int, pieces: list[Piece]) -> Iterator[Slice]:
@@ -158,39 +174,44 @@ def _crowded_by_output(placed: PlacedGraph) -> dict[str, int]:
     others, each is to have cores of its own.
     """
     limit = placed.chip.limits.output_axons_per_core
-    reached = np.bincount(
-        np.concatenate(placed.axons), minlength=sum(node.size for node in placed.graph.nodes)
-    )
-    output_axons: dict[int, dict[Slice, int]] = {}
-    for piece in placed.slices:
-        output_axons.setdefault(piece.core, {})[piece] = int(
-            reached[placed.sources_of(piece)].sum()
-        )
     crowded: dict[str, int] = {}
-    for on_core in output_axons.values():
-        over = sum(on_core.values()) - limit
-        if over <= 0:
+    for output_axons in _output_axons_by_core(placed):
+        excess = sum(output_axons.values()) - limit
+        if excess <= 0:
             continue
-        largest = max(on_core, key=lambda piece: on_core[piece])
-        fewer = {largest: largest.size * (on_core[largest] - over) // on_core[largest]}
-        if fewer[largest] < 1:
-            fewer = {
-                piece: min(piece.size, piece.size * limit // n) for piece, n in on_core.items() if n
+        largest = max(output_axons, key=lambda piece: output_axons[piece])
+        axons_left = output_axons[largest] - excess
+        neurons_of = {largest: largest.size * axons_left // output_axons[largest]}
+        if neurons_of[largest] < 1:
+            neurons_of = {
+                piece: min(piece.size, piece.size * limit // axons)
+                for piece, axons in output_axons.items()
+                if axons
             }
-        for piece, neurons in fewer.items():
+        for piece, neurons in neurons_of.items():
             crowded[piece.group] = min(crowded.get(piece.group, neurons), neurons)
     return crowded
+
+
+def _output_axons_by_core(placed: PlacedGraph) -> Iterable[dict[Slice, int]]:
+    """Return how many output axons each slice of each core takes: one for each core that a compartment reaches."""
+    sources = sum(node.size for node in placed.graph.nodes)
+    cores_reached = np.bincount(np.concatenate(placed.axons), minlength=sources)
+    axons_of_core: dict[int, dict[Slice, int]] = {}
+    for piece in placed.slices:
+        axons = int(cores_reached[placed.sources_of(piece)].sum())
+        axons_of_core.setdefault(piece.core, {})[piece] = axons
+    return axons_of_core.values()
 
 
 def _too_large(neuron: Piece, chip: Chip) -> TargetError:
     broken = first_broken([neuron], chip)
     assert broken is not None
-    what, fix = (
-        f"{broken.use} {broken.what} of neuron {neuron.start} do not fit one core",
-        broken.fix,
-    )
     return TargetError(
-        f"population {neuron.root!r}", what, measured=f"{chip.name} holds {broken.limit}", fix=fix
+        f"population {neuron.root!r}",
+        f"{broken.use} {broken.what} of neuron {neuron.start} do not fit one core",
+        measured=f"{chip.name} holds {broken.limit}",
+        fix=broken.fix,
     )
 
 
@@ -198,8 +219,9 @@ def _too_many_cores(
     placed: PlacedGraph, incoming: tuple[FanIn, ...], most_neurons: Mapping[str, int]
 ) -> TargetError:
     """Say how many chips would do, and, where narrower weights alone would, the most bits that do."""
-    graph, chip = placed.graph, placed.chip
-    chips = -(-placed.cores // chip.limits.cores_per_chip)
+    graph = placed.graph
+    chip = placed.chip
+    chips = math.ceil(placed.cores / chip.limits.cores_per_chip)
     fix = f"Give a chip file with chips: {chips}, if the board has as many"
     widest = max((p.format.weight_bits for p in incoming), default=1)
     for bits in sorted((b for b in WEIGHT_BITS if b < widest), reverse=True):
