@@ -186,6 +186,10 @@ class Network(Shown):
     event_times: EventTimes | None = None
     """How the events that it was trained on were timed, if its file says so."""
 
+    def population(self, name: str) -> Population:
+        """Return a population by name."""
+        return next(population for population in self.populations if population.name == name)
+
     @property
     def own_populations(self) -> tuple[Population, ...]:
         """The populations of the model itself, without those that a frontend added."""

@@ -26,6 +26,7 @@ from locsnn_compile.network.quantized import QuantizedNetwork
 from locsnn_compile.reference.evaluate import ReferenceResult, evaluate
 from locsnn_compile.spinnaker.grid import REGISTERS
 from locsnn_compile.spinnaker.own_choice import can_be_played, own_shifts, with_shifts
+from locsnn_compile.verification.first_difference import first_difference
 from locsnn_compile.verification.matching import (
     Agreement,
     Divergence,
@@ -190,47 +191,25 @@ def _own_scale(
     return _matches(sides.network, chip.spikes, own.spikes)
 
 
-class _Place(NamedTuple):
-    """A spike by what comes first: recording, number of the phase, step, number of the population, neuron."""
-
-    recording: int
-    phase: int
-    step: int
-    population: int
-    neuron: int
-
-
 def _divergences(
     sides: _Sides, reference: ReferenceResult, chip: PlayedSpinnaker, first: int
 ) -> tuple[Divergence, ...]:
     """Return the first spike that differs in a batch, if there is any."""
-    network = sides.network
-    phases = [phase.name for phase in network.phases]
-    populations = network.own_populations
-    places = []
-    for number, population in enumerate(populations):
-        name = population.name
-        differs = np.argwhere(reference.spikes[name] != chip.spikes[name])
-        if len(differs):
-            recording, step, neuron = differs[0].tolist()
-            phase = phases.index(population.phase)
-            places.append(_Place(recording, phase, step, number, neuron))
-    if not places:
+    place = first_difference(sides.network, reference.spikes, chip.spikes)
+    if place is None:
         return ()
-    earliest = min(places)
-    population = populations[earliest.population]
-    name = population.name
-    at = (earliest.recording, earliest.step, earliest.neuron)
+    name = place.population
+    at = (place.recording, place.step, place.neuron)
     in_units = potentials_in_units(sides.program, {name: chip.potential[name][at]})[name]
-    scale = sides.quantized.population(name).scale[earliest.neuron]
+    quantized = sides.quantized.population(name)
     return (
         Divergence(
-            recording=first + earliest.recording,
+            recording=first + place.recording,
             population=name,
-            neuron=earliest.neuron,
-            step=earliest.step,
+            neuron=place.neuron,
+            step=place.step,
             reference_potential=float(reference.potential[name][at]),
-            chip_potential=float(loihi.in_registers(in_units) / scale),
-            threshold=float(population.thresholds[earliest.neuron]),
+            chip_potential=float(loihi.in_registers(in_units) / quantized.scale[place.neuron]),
+            threshold=float(quantized.population.thresholds[place.neuron]),
         ),
     )

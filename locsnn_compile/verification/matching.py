@@ -20,14 +20,13 @@ from locsnn_compile.network.network import Network
 from locsnn_compile.network.quantized import QuantizedNetwork
 from locsnn_compile.reference.evaluate import FloatRuns, ReferenceResult
 from locsnn_compile.verification.chance import Chance, chance_of
+from locsnn_compile.verification.first_difference import SpikePlace, first_difference
 from locsnn_compile.verification.observation import Observation, Observed
 
 ENDS: tuple[End, ...] = ("least", "most")
 """Both ends of the ranges of a profile."""
 Progress = Callable[[int, int], None]
 """Called with what is done and what there is to do: recordings, settings or rows."""
-Place = tuple[int, str, int, int]
-"""Recording, population, neuron and step of a spike."""
 
 
 class PopulationMatch(Sums):
@@ -50,8 +49,9 @@ class PopulationMatch(Sums):
 
     @classmethod
     def of(cls, reference: ByteArray, chip: ByteArray) -> "PopulationMatch":
-        """Count the spikes (batch, steps, n) of both sides."""
-        return cls(int(reference.sum()), int(chip.sum()), int((reference & chip).sum()))
+        """Count the spikes (batch, steps, n) of both sides, of which some chips send several in a step."""
+        common = np.minimum(reference, chip)
+        return cls(int(reference.sum()), int(chip.sum()), int(common.sum()))
 
 
 class ScoreMatch(Sums):
@@ -243,7 +243,7 @@ class _Part(Sums, _Figures, eq=False):
     """
 
     matches: dict[str, PopulationMatch]
-    differences: tuple[Place, ...]
+    differences: tuple[SpikePlace, ...]
     predictions: tuple[tuple[IntArray, IntArray], ...]
     ends_ns: dict[str, float]
 
@@ -277,7 +277,7 @@ def _compare_batch(quantized: QuantizedNetwork, program: hw.ChipProgram, batch: 
             p.name: PopulationMatch.of(reference.spikes[p.name], chip.spikes[p.name])
             for p in network.populations
         },
-        differences=_first_difference(network, reference.spikes, chip.spikes, batch.first),
+        differences=_first_difference(network, reference, chip, batch.first),
         predictions=(
             (network.readout.decided(reference.scores), network.readout.decided(chip.scores)),
         ),
@@ -314,22 +314,16 @@ def _times_at_ends(
 
 
 def _first_difference(
-    network: Network, wanted: Mapping[str, ByteArray], found: Mapping[str, ByteArray], start: int
-) -> tuple[Place, ...]:
-    """Return the first difference by recording, phase, step and network order, if there is any."""
-    rows, order = [], [phase.name for phase in network.phases]
-    for rank, population in enumerate(network.own_populations):
-        differs = np.argwhere(wanted[population.name] != found[population.name])
-        if len(differs):
-            recording, step, neuron = (int(i) for i in differs[0])
-            rows.append((recording, order.index(population.phase), step, rank, neuron))
-    if not rows:
+    network: Network, reference: ReferenceResult, chip: hw.SimulationResult, first_recording: int
+) -> tuple[SpikePlace, ...]:
+    """Return the first difference of a batch that begins with ``first_recording``, if there is any."""
+    place = first_difference(network, reference.spikes, chip.spikes)
+    if place is None:
         return ()
-    recording, _, step, rank, neuron = min(rows)
-    return ((start + recording, network.own_populations[rank].name, neuron, step),)
+    return (place._replace(recording=first_recording + place.recording),)
 
 
-def _explain(observed: Observed, place: Place) -> Divergence:
+def _explain(observed: Observed, place: SpikePlace) -> Divergence:
     recording, name, neuron, step = place
     seen = observed.recording(recording)
     population = observed.levels.quantized.population(name)

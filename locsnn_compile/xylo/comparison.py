@@ -1,16 +1,16 @@
 """The float network against a program for a Xylo, spike by spike."""
 
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 
-from hw_model.values import AnyArray, ByteArray, IntArray, Shown, Sums
+from hw_model.values import ByteArray, IntArray, Shown, Sums
 from hw_model.xylo.playing import PlayedXylo, XyloCounts, play_program
 from hw_model.xylo.program import XyloProgram
 from locsnn_compile.baselines.operations import network_additions
 from locsnn_compile.data.recordings import Recordings, batches
 from locsnn_compile.reference.evaluate import ReferenceResult, evaluate
+from locsnn_compile.verification.first_difference import first_difference
 from locsnn_compile.verification.matching import (
     Agreement,
     Divergence,
@@ -105,7 +105,7 @@ def _batches(
         chip = play_program(program, part)
         yield _Batch(
             matches={
-                population.name: match_of(
+                population.name: PopulationMatch.of(
                     reference.spikes[population.name], chip.spikes[population.name]
                 )
                 for population in network.populations
@@ -118,55 +118,25 @@ def _batches(
         )
 
 
-def match_of(reference: ByteArray, chip: ByteArray) -> PopulationMatch:
-    """Count the spikes (batch, steps, n) of both sides; the chip may send several in a step."""
-    common = np.minimum(reference, chip)
-    return PopulationMatch(int(reference.sum()), int(chip.sum()), int(common.sum()))
-
-
-class _Place(NamedTuple):
-    """A spike by what comes first: the recording, the step, the population's number, the neuron."""
-
-    recording: int
-    step: int
-    population: int
-    neuron: int
-
-
 def _divergences(
     quantized: QuantizedXylo, reference: ReferenceResult, chip: PlayedXylo, first: int
 ) -> tuple[Divergence, ...]:
     """Return the first spike that differs in a batch, if there is any."""
-    populations = quantized.parts.network.own_populations
-    places = []
-    for number, population in enumerate(populations):
-        name = population.name
-        place = _first_difference(reference.spikes[name], chip.spikes[name])
-        if place is not None:
-            recording, step, neuron = place
-            places.append(_Place(recording, step, number, neuron))
-    if not places:
+    network = quantized.parts.network
+    place = first_difference(network, reference.spikes, chip.spikes)
+    if place is None:
         return ()
-    earliest = min(places)
-    population = populations[earliest.population]
-    at = (earliest.recording, earliest.step, earliest.neuron)
-    scale = quantized.scales_of(population.name)[earliest.neuron]
+    name = place.population
+    at = (place.recording, place.step, place.neuron)
+    scale = quantized.scales_of(name)[place.neuron]
     return (
         Divergence(
-            recording=first + earliest.recording,
-            population=population.name,
-            neuron=earliest.neuron,
-            step=earliest.step,
-            reference_potential=float(reference.potential[population.name][at]),
-            chip_potential=float(chip.potential[population.name][at] / scale),
-            threshold=float(population.thresholds[earliest.neuron]),
+            recording=first + place.recording,
+            population=name,
+            neuron=place.neuron,
+            step=place.step,
+            reference_potential=float(reference.potential[name][at]),
+            chip_potential=float(chip.potential[name][at] / scale),
+            threshold=float(network.population(name).thresholds[place.neuron]),
         ),
     )
-
-
-def _first_difference(reference: AnyArray, chip: AnyArray) -> tuple[int, int, int] | None:
-    differs = np.argwhere(reference != chip)
-    if not len(differs):
-        return None
-    recording, step, neuron = differs[0].tolist()
-    return recording, step, neuron

@@ -51,7 +51,7 @@ def parts_of(network: Network, chip: XyloChip) -> XyloParts:
         network=network,
         view=network.views[0],
         hidden=tuple(p for p in network.populations if p.name != output_name),
-        outputs=next(p for p in network.populations if p.name == output_name),
+        outputs=network.population(output_name),
     )
     _check_outputs(parts)
     _check_sizes(parts, chip)

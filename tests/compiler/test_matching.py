@@ -45,6 +45,12 @@ def test_agreement(match, agreement, mismatches):
     )
 
 
+def test_spikes_in_common_are_the_fewer_where_a_neuron_sends_several_in_a_step():
+    reference = np.array([[[1, 0, 1, 2]]], np.uint8)
+    chip = np.array([[[2, 3, 0, 2]]], np.uint8)
+    assert PopulationMatch.of(reference, chip) == PopulationMatch(4, 7, 3)
+
+
 @pytest.mark.parametrize(
     ("reference", "chip", "relative", "spread", "error"),
     [
