@@ -18,15 +18,14 @@ from locsnn_compile.report.figures.entries import Entry, IfKnown
 from locsnn_compile.report.figures.match import (
     Accuracy,
     ChanceFigures,
-    ClassScores,
-    FirstDivergence,
     InputFigures,
     MatchFigures,
-    ReadoutFigures,
+    Overflows,
     SpikesCompared,
     accuracy_figures,
     binning_figures,
     chance_figures,
+    match_figures,
     spikes_compared,
 )
 from locsnn_compile.report.figures.operations import (
@@ -168,7 +167,7 @@ def spinnaker_figures(
         target=program.chip.name,
         strategy=quantized.strategy,
         weight_bits=max(projection.weight_bits for projection in quantized.projections),
-        match=_match(network, match, grounds),
+        match=match_figures(network, match, grounds, _overflows(match)),
         accuracy=accuracy_figures(match.accuracy),
         operations=_operations(match),
         energy=EnergyNotKnown(),
@@ -191,47 +190,19 @@ def spinnaker_figures(
     )
 
 
-def _match(network: Network, match: SpinnakerMatch, grounds: Grounds) -> MatchFigures:
+def _overflows(match: SpinnakerMatch) -> Overflows:
     counts = match.total_counts
-    first = match.first_divergence
-    return MatchFigures(
-        reference="float64" if network.has_float_weights else "integers",
-        events_origin=grounds.events_origin,
-        samples=match.samples,
-        events_source=match.events_source,
-        prediction_agreement=match.prediction_agreement,
-        spikes=spikes_compared(match.spikes),
-        tied_predictions=match.tied_predictions,
-        score_error=match.scores.relative_error,
-        class_scores=ClassScores(match.scores.mean_spread, match.scores.mean_error),
-        by_population={
-            name: spikes_compared(spikes) for name, spikes in match.by_population.items()
-        },
-        helper_neurons={name: spikes_compared(spikes) for name, spikes in match.helpers.items()},
-        first_divergence=None if first is None else FirstDivergence(first, None),
+    return Overflows(
         wraps=counts.wraps,
         clips=counts.saturated_weights,
-        wraps_and_clips_by_population={
+        events={
             f"phase {name}": _events(of_phase) for name, of_phase in match.counts_by_phase.items()
         },
-        readout=_readout(network, match),
     )
 
 
 def _events(counts: SpinnakerCounts) -> dict[str, int]:
     return {name: getattr(counts, name) for name in spinnaker.EVENTS}
-
-
-def _readout(network: Network, match: SpinnakerMatch) -> ReadoutFigures:
-    populations = tuple(network.readout.populations)
-    read = tuple(network.readout.from_step)
-    if read:
-        silent = match.tied_predictions == match.samples
-        if read == populations:
-            return ReadoutFigures(populations, "potentials", None, silent)
-        return ReadoutFigures(populations, "spikes and potentials", read, silent)
-    spiked = any(match.by_population[name].agreement is not None for name in populations)
-    return ReadoutFigures(populations, "spikes", None, not spiked)
 
 
 def _operations(match: SpinnakerMatch) -> OperationFigures:

@@ -119,17 +119,23 @@ class _Figures(Frozen, eq=False):
 
 
 class Agreement:
-    """How the predictions and the spikes of both sides agree.
+    """What the match of any target has, whatever its chip counts: how both sides agree.
 
-    A match of any target derives from it, and has these among its fields: predictions (samples,), -1
-    where nothing is predicted; labels (samples,) or None; spikes by population, without helpers.
+    What derives from it has these among its fields: predictions (samples,), classes or -1 where
+    nothing is predicted; labels (samples,) or None; spikes by population, those that a frontend
+    added among ``helpers`` alone; where the recordings are from; class scores of all recordings; and
+    the first spike that differs.
     """
 
     samples: int
+    events_source: str
     reference_prediction: IntArray
     chip_prediction: IntArray
     labels: IntArray | None
     by_population: dict[str, PopulationMatch]
+    helpers: dict[str, PopulationMatch]
+    scores: ScoreMatch
+    first_divergence: Divergence | None
 
     @property
     def spikes(self) -> PopulationMatch:

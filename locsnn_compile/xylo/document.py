@@ -18,15 +18,13 @@ from locsnn_compile.report.figures.entries import Entry, IfKnown
 from locsnn_compile.report.figures.match import (
     Accuracy,
     ChanceFigures,
-    ClassScores,
-    FirstDivergence,
     InputFigures,
     MatchFigures,
-    ReadoutFigures,
+    Overflows,
     accuracy_figures,
     binning_figures,
     chance_figures,
-    spikes_compared,
+    match_figures,
 )
 from locsnn_compile.report.figures.operations import (
     NotDefined,
@@ -135,7 +133,7 @@ def xylo_figures(
         target=program.chip.name,
         strategy=program.provenance["strategy"],
         weight_bits=xylo.WEIGHT_BITS,
-        match=_match(network, match, grounds),
+        match=match_figures(network, match, grounds, _overflows(match.total_counts)),
         accuracy=accuracy_figures(match.accuracy),
         operations=_operations(match),
         energy=EnergyNotKnown(),
@@ -174,40 +172,13 @@ def _operations(match: XyloMatch) -> OperationFigures:
     )
 
 
-def _match(network: Network, match: XyloMatch, grounds: Grounds) -> MatchFigures:
-    counts = match.total_counts
-    first = match.first_divergence
+def _overflows(counts: XyloCounts) -> Overflows:
     saturations = {
         "current_saturations": counts.current_saturations,
         "change_saturations": counts.change_saturations,
         "potential_saturations": counts.potential_saturations,
     }
-    return MatchFigures(
-        reference="float64" if network.has_float_weights else "integers",
-        events_origin=grounds.events_origin,
-        samples=match.samples,
-        events_source=match.events_source,
-        prediction_agreement=match.prediction_agreement,
-        spikes=spikes_compared(match.spikes),
-        tied_predictions=match.tied_predictions,
-        score_error=match.scores.relative_error,
-        class_scores=ClassScores(match.scores.mean_spread, match.scores.mean_error),
-        by_population={
-            name: spikes_compared(spikes) for name, spikes in match.by_population.items()
-        },
-        helper_neurons={name: spikes_compared(spikes) for name, spikes in match.helpers.items()},
-        first_divergence=None if first is None else FirstDivergence(first, None),
-        wraps=0,
-        clips=counts.saturations,
-        wraps_and_clips_by_population={"all neurons": saturations},
-        readout=_readout(network, match),
-    )
-
-
-def _readout(network: Network, match: XyloMatch) -> ReadoutFigures:
-    populations = tuple(network.readout.populations)
-    spiked = any(match.by_population[name].agreement is not None for name in populations)
-    return ReadoutFigures(populations, "spikes", None, not spiked)
+    return Overflows(wraps=0, clips=counts.saturations, events={"all neurons": saturations})
 
 
 def _latency(network: Network, grounds: Grounds) -> TimeNotKnown:
@@ -273,8 +244,7 @@ def _decay_errors(quantized: QuantizedXylo, name: str) -> tuple[float, float]:
     """Return the errors of the decays of current and potential of a population."""
     if quantized.parts.on_grid:
         return 0.0, 0.0
-    population = next(each for each in quantized.populations if each.name == name)
-    neurons = neurons_of((population,))
+    neurons = neurons_of((quantized.parts.network.population(name),))
     dash_syn, dash_mem = quantized.dashes_of(name)
     return _decay_error(neurons.decay_u, dash_syn), _decay_error(neurons.decay_v, dash_mem)
 

@@ -36,6 +36,7 @@ from locsnn_compile.report.figures.match import (
     ChanceFigures,
     InputFigures,
     MatchFigures,
+    Overflows,
     accuracy_figures,
     chance_figures,
     input_figures,
@@ -233,6 +234,7 @@ def report_figures(
     diagnosis = findings.diagnosis
     energy = energy_figures(program, match, network, grounds.step_seconds)
     operations = operation_figures(match)
+    overflows = Overflows(counts.wraps, counts.clips, match.wraps_and_clips)
     over_time = None
     if findings.followed:
         over_time = over_time_figures(findings.followed, program, grounds.step_seconds)
@@ -242,7 +244,7 @@ def report_figures(
         target=program.chip.name,
         strategy=program.provenance["strategy"],
         weight_bits=max(projection.weight_bits for projection in levels.quantized.projections),
-        match=match_figures(network, match, grounds, _cause(diagnosis)),
+        match=match_figures(network, match, grounds, overflows, _cause(diagnosis)),
         accuracy=accuracy_figures(match.accuracy),
         chance=chance_figures(match.chance),
         classes=tuple(network.class_names or ()) or None,

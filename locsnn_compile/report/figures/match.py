@@ -3,14 +3,14 @@
 from collections.abc import Mapping
 from typing import Annotated, Literal
 
-from hw_model.description.counts import total
+from hw_model.values import Frozen
 from locsnn_compile.data.recordings import Binned, Origin
 from locsnn_compile.network.network import Network
 from locsnn_compile.report.figures.checks import CauseFigures
 from locsnn_compile.report.figures.entries import INLINED, Entry, IfKnown
 from locsnn_compile.report.grounds import Grounds
 from locsnn_compile.verification.chance import Chance
-from locsnn_compile.verification.matching import Divergence, Match, PopulationMatch
+from locsnn_compile.verification.matching import Agreement, Divergence, Match, PopulationMatch
 
 
 class SpikesCompared(Entry):
@@ -110,11 +110,26 @@ class InputFigures(Entry):
     aligned_steps_by_branch: Mapping[str, float]
 
 
+class Overflows(Frozen):
+    """How often numbers of the chip did not fit their registers, over all recordings of the check.
+
+    Of ``wraps`` the rest was kept, and ``clips`` stopped at the end. ``events`` has what happened
+    by place, such as a population or a phase, in the chip's own terms.
+    """
+
+    wraps: int
+    clips: int
+    events: Mapping[str, Mapping[str, int]]
+
+
 def match_figures(
-    network: Network, match: Match, grounds: Grounds, cause: CauseFigures | None
+    network: Network,
+    match: Agreement,
+    grounds: Grounds,
+    overflows: Overflows,
+    cause: CauseFigures | None = None,
 ) -> MatchFigures:
-    """Return how the program compares with the network."""
-    counts = total(match.counts)
+    """Return how the program compares with the network; ``cause`` is that of the first divergence."""
     first = match.first_divergence
     return MatchFigures(
         reference="float64" if network.has_float_weights else "integers",
@@ -131,9 +146,9 @@ def match_figures(
         },
         helper_neurons={name: spikes_compared(spikes) for name, spikes in match.helpers.items()},
         first_divergence=None if first is None else FirstDivergence(first, cause),
-        wraps=counts.wraps,
-        clips=counts.clips,
-        wraps_and_clips_by_population=match.wraps_and_clips,
+        wraps=overflows.wraps,
+        clips=overflows.clips,
+        wraps_and_clips_by_population=overflows.events,
         readout=_readout(network, match),
     )
 
@@ -148,7 +163,7 @@ def spikes_compared(spikes: PopulationMatch) -> SpikesCompared:
     )
 
 
-def _readout(network: Network, match: Match) -> ReadoutFigures:
+def _readout(network: Network, match: Agreement) -> ReadoutFigures:
     populations = tuple(network.readout.populations)
     read = tuple(network.readout.from_step)
     spiked = any(match.by_population[name].agreement is not None for name in populations)
