@@ -18,11 +18,11 @@ from locsnn_compile.mesh.compile import fulfil_for_mesh
 from locsnn_compile.request.compile_request import CompileRequest
 from locsnn_compile.settings import Setting, Value, setting_for
 from locsnn_compile.spinnaker.compile import fulfil_for_spinnaker
-from locsnn_compile.spinnaker.compiled import check_emitted as check_emitted_for_spinnaker
-from locsnn_compile.spinnaker.setting import spinnaker_setting
+from locsnn_compile.spinnaker.compiled import SPINNAKER_KINDS
+from locsnn_compile.spinnaker.setting import SPINNAKER_SETTING
 from locsnn_compile.xylo.compile import fulfil_for_xylo
-from locsnn_compile.xylo.compiled import check_emitted as check_emitted_for_xylo
-from locsnn_compile.xylo.setting import xylo_setting
+from locsnn_compile.xylo.compiled import XYLO_KINDS
+from locsnn_compile.xylo.setting import XYLO_SETTING
 
 ChipT = TypeVar("ChipT", bound=AnyChip)
 
@@ -46,8 +46,8 @@ class Family(Generic[ChipT]):
 
 FAMILIES: tuple[Family[Any], ...] = (
     Family(hw.Chip, setting_for, fulfil_for_mesh, check_kinds),
-    Family(XyloChip, xylo_setting, fulfil_for_xylo, check_emitted_for_xylo),
-    Family(SpinnakerChip, spinnaker_setting, fulfil_for_spinnaker, check_emitted_for_spinnaker),
+    Family(XyloChip, XYLO_SETTING.for_dials, fulfil_for_xylo, XYLO_KINDS.check),
+    Family(SpinnakerChip, SPINNAKER_SETTING.for_dials, fulfil_for_spinnaker, SPINNAKER_KINDS.check),
 )
 
 

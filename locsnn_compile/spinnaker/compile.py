@@ -24,7 +24,7 @@ from locsnn_compile.spinnaker.document import spinnaker_figures
 from locsnn_compile.spinnaker.fits import check_neurons
 from locsnn_compile.spinnaker.grid import grid_of
 from locsnn_compile.spinnaker.lower import LoweredSpinnaker, lower_to_spinnaker
-from locsnn_compile.spinnaker.setting import SETTING
+from locsnn_compile.spinnaker.setting import SPINNAKER_SETTING
 
 
 def fulfil_for_spinnaker(request: CompileRequest[SpinnakerChip]) -> CompiledSpinnaker:
@@ -75,7 +75,7 @@ def quantize_for(
     """Round a network to the integers of single compartments."""
     grid = grid_of(chip)
     calibrated = calibrate(network, network.fitted(calibration), grid.registers)
-    return quantize_by(network, grid, SETTING, FINE, calibrated)
+    return quantize_by(network, grid, SPINNAKER_SETTING.setting, FINE, calibrated)
 
 
 def program_of(

@@ -1,13 +1,9 @@
 """What compiling for SpiNNaker gives: a program, its network, and the report of their comparison."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 
-import numpy as np
-
-from hw_model.errors import InputError, listed
-from hw_model.spinnaker.chips import SpinnakerChip
 from hw_model.spinnaker.files import spinnaker_files
 from hw_model.spinnaker.program import SpinnakerProgram
 from hw_model.values import Frozen
@@ -17,6 +13,7 @@ from locsnn_compile.emitters import Files, ShownRecording
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.quantized import QuantizedNetwork
 from locsnn_compile.network.text import network_text, quantized_text
+from locsnn_compile.own_arithmetic.emitted import EmittedKinds, recording_to_show, text_file
 from locsnn_compile.report.content import Report
 from locsnn_compile.report.figures.document import GateFigures
 from locsnn_compile.spinnaker.comparison import SpinnakerMatch
@@ -62,52 +59,32 @@ class CompiledSpinnaker(Compiled, Frozen, eq=False, repr=False):
 
     def emitted_files(self, kinds: Sequence[str], shown: ShownRecording | None) -> Files:
         """Return the files of some kinds of ``--emit``; ``pynn`` needs the recording that is shown."""
-        check_emitted(self.program.chip, kinds)
-        files: Files = {}
-        for kind, write in EMITTED.items():
-            if kind in kinds:
-                files |= write(self, shown)
-        return files
+        return SPINNAKER_KINDS.files(self, self.program.chip, kinds, shown)
 
 
-Emit = Callable[[CompiledSpinnaker, ShownRecording | None], Files]
+def _network_text(compiled: CompiledSpinnaker, shown: ShownRecording | None) -> Files:
+    return text_file("network.txt", network_text(compiled.network))
 
 
-def _network_text(compiled: CompiledSpinnaker, shown: ShownRecording | None) -> dict[str, bytes]:
-    text = network_text(compiled.network)
-    return {"network.txt": text.encode(errors="backslashreplace")}
+def _quantized_text(compiled: CompiledSpinnaker, shown: ShownRecording | None) -> Files:
+    return text_file("quantized.txt", quantized_text(compiled.quantized))
 
 
-def _quantized_text(compiled: CompiledSpinnaker, shown: ShownRecording | None) -> dict[str, bytes]:
-    text = quantized_text(compiled.quantized)
-    return {"quantized.txt": text.encode(errors="backslashreplace")}
+def _program_text(compiled: CompiledSpinnaker, shown: ShownRecording | None) -> Files:
+    return text_file("program.txt", program_text(compiled.program))
 
 
-def _program_text(compiled: CompiledSpinnaker, shown: ShownRecording | None) -> dict[str, bytes]:
-    text = program_text(compiled.program)
-    return {"program.txt": text.encode(errors="backslashreplace")}
+def _pynn(compiled: CompiledSpinnaker, shown: ShownRecording | None) -> Files:
+    return pynn_folder(compiled.program, recording_to_show(compiled.network, shown))
 
 
-def _pynn(compiled: CompiledSpinnaker, shown: ShownRecording | None) -> dict[str, bytes]:
-    if shown is None:
-        raise InputError("emit", "it shows a recording, and none is given", fix="Give one.")
-    (recording,) = compiled.network.fit(np.asarray(shown.spikes)[None], shown.title)
-    return pynn_folder(compiled.program, recording)
-
-
-EMITTED: dict[str, Emit] = {
-    "network": _network_text,
-    "quantized": _quantized_text,
-    "program": _program_text,
-    "pynn": _pynn,
-}
-"""The kinds of ``--emit`` that show what a program for SpiNNaker has, and their files by name."""
-
-
-def check_emitted(chip: SpinnakerChip, kinds: Sequence[str]) -> None:
-    """Refuse kinds of ``--emit`` that show what SpiNNaker does not have."""
-    for kind in kinds:
-        if kind not in EMITTED:
-            what = f"it shows compartments, cores of a mesh or a board, and {chip.name} has none of them"
-            known = listed([f"--emit {name}" for name in EMITTED], "or")
-            raise InputError(f"--emit {kind}", what, fix=f"Use {known}.")
+SPINNAKER_KINDS = EmittedKinds(
+    writers={
+        "network": _network_text,
+        "quantized": _quantized_text,
+        "program": _program_text,
+        "pynn": _pynn,
+    },
+    lacking="compartments, cores of a mesh or a board",
+)
+"""The kinds of ``--emit`` that show what a program for SpiNNaker has."""

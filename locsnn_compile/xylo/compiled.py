@@ -1,14 +1,10 @@
 """What compiling for a Xylo gives: a program, its network, and the report of their comparison."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 
-import numpy as np
-
-from hw_model.errors import InputError, listed
 from hw_model.values import Frozen
-from hw_model.xylo.chips import XyloChip
 from hw_model.xylo.files import xylo_files
 from hw_model.xylo.program import XyloProgram
 from locsnn_compile.backends.xylo.folder import xylo_folder
@@ -16,6 +12,7 @@ from locsnn_compile.compiled import Compiled
 from locsnn_compile.emitters import Files, ShownRecording
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.text import network_text
+from locsnn_compile.own_arithmetic.emitted import EmittedKinds, recording_to_show, text_file
 from locsnn_compile.report.content import Report
 from locsnn_compile.report.figures.document import GateFigures
 from locsnn_compile.xylo.comparison import XyloMatch
@@ -60,43 +57,23 @@ class CompiledXylo(Compiled, Frozen, eq=False, repr=False):
 
     def emitted_files(self, kinds: Sequence[str], shown: ShownRecording | None) -> Files:
         """Return the files of some kinds of ``--emit``; ``xylo`` needs the recording that is shown."""
-        check_emitted(self.program.chip, kinds)
-        files: Files = {}
-        for kind, write in EMITTED.items():
-            if kind in kinds:
-                files |= write(self, shown)
-        return files
+        return XYLO_KINDS.files(self, self.program.chip, kinds, shown)
 
 
-def _network_text(compiled: CompiledXylo, shown: ShownRecording | None) -> dict[str, bytes]:
-    text = network_text(compiled.network)
-    return {"network.txt": text.encode(errors="backslashreplace")}
+def _network_text(compiled: CompiledXylo, shown: ShownRecording | None) -> Files:
+    return text_file("network.txt", network_text(compiled.network))
 
 
-def _program_text(compiled: CompiledXylo, shown: ShownRecording | None) -> dict[str, bytes]:
-    text = program_text(compiled.program)
-    return {"program.txt": text.encode(errors="backslashreplace")}
+def _program_text(compiled: CompiledXylo, shown: ShownRecording | None) -> Files:
+    return text_file("program.txt", program_text(compiled.program))
 
 
-def _rockpool(compiled: CompiledXylo, shown: ShownRecording | None) -> dict[str, bytes]:
-    if shown is None:
-        raise InputError("emit", "it shows a recording, and none is given", fix="Give one.")
-    (recording,) = compiled.network.fit(np.asarray(shown.spikes)[None], shown.title)
-    return xylo_folder(compiled.program, recording)
+def _rockpool(compiled: CompiledXylo, shown: ShownRecording | None) -> Files:
+    return xylo_folder(compiled.program, recording_to_show(compiled.network, shown))
 
 
-EMITTED: dict[str, Callable[[CompiledXylo, ShownRecording | None], Files]] = {
-    "network": _network_text,
-    "program": _program_text,
-    "xylo": _rockpool,
-}
-"""The kinds of ``--emit`` that show what a program for a Xylo has, and their files by name."""
-
-
-def check_emitted(chip: XyloChip, kinds: Sequence[str]) -> None:
-    """Refuse kinds of ``--emit`` that show what a Xylo does not have."""
-    for kind in kinds:
-        if kind not in EMITTED:
-            what = f"it shows compartments, cores or a board, and {chip.name} has none of them"
-            known = listed([f"--emit {name}" for name in EMITTED], "or")
-            raise InputError(f"--emit {kind}", what, fix=f"Use {known}.")
+XYLO_KINDS = EmittedKinds(
+    writers={"network": _network_text, "program": _program_text, "xylo": _rockpool},
+    lacking="compartments, cores or a board",
+)
+"""The kinds of ``--emit`` that show what a program for a Xylo has."""

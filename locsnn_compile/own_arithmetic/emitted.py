@@ -1,0 +1,57 @@
+"""The kinds of ``--emit`` that builds of a family write themselves, from what the family has."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Generic, TypeVar
+
+import numpy as np
+
+from hw_model.errors import InputError, listed
+from hw_model.targets.families import AnyChip
+from hw_model.values import AnyArray, Frozen
+from locsnn_compile.emitters import Files, ShownRecording
+from locsnn_compile.network.network import Network
+
+BuildT = TypeVar("BuildT", contravariant=True)
+
+
+class EmittedKinds(Generic[BuildT], Frozen, eq=False):
+    """By kind of ``--emit``, what writes its files for a build; every other kind is refused.
+
+    ``lacking`` says what the other kinds show, and chips of the family do not have.
+    """
+
+    writers: Mapping[str, Callable[[BuildT, ShownRecording | None], Files]]
+    lacking: str
+
+    def check(self, chip: AnyChip, kinds: Sequence[str]) -> None:
+        """Refuse kinds that show what the chip does not have."""
+        for kind in kinds:
+            if kind not in self.writers:
+                what = f"it shows {self.lacking}, and {chip.name} has none of them"
+                known = listed([f"--emit {name}" for name in self.writers], "or")
+                raise InputError(f"--emit {kind}", what, fix=f"Use {known}.")
+
+    def files(
+        self, build: BuildT, chip: AnyChip, kinds: Sequence[str], shown: ShownRecording | None
+    ) -> Files:
+        """Return the files of some kinds; ``shown`` is the recording that some of them need."""
+        self.check(chip, kinds)
+        files: Files = {}
+        for kind, write in self.writers.items():
+            if kind in kinds:
+                files |= write(build, shown)
+        return files
+
+
+def text_file(name: str, text: str) -> Files:
+    """Return a file of text. A name in it may hold characters that UTF-8 cannot: they are escaped."""
+    return {name: text.encode(errors="backslashreplace")}
+
+
+def recording_to_show(network: Network, shown: ShownRecording | None) -> AnyArray:
+    """Return the shown recording, (steps, channels) of a network; ``InputError`` where none is given."""
+    if shown is None:
+        raise InputError("emit", "it shows a recording, and none is given", fix="Give one.")
+    fitted = network.fit(np.asarray(shown.spikes)[None], shown.title)
+    recording: AnyArray = fitted[0]
+    return recording
