@@ -43,6 +43,11 @@ class XyloCounts(Sums):
         """How often anything saturated."""
         return self.current_saturations + self.change_saturations + self.potential_saturations
 
+    @property
+    def transpose_events(self) -> int:
+        """Events of transposed inputs, which a Xylo has not."""
+        return 0
+
 
 class PlayedXylo(Frozen, eq=False):
     """What recordings (batch, steps, inputs) do.

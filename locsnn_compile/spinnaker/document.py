@@ -10,37 +10,19 @@ from hw_model.arithmetic import spinnaker
 from hw_model.spinnaker.network import SpinnakerPopulation
 from hw_model.spinnaker.playing import SpinnakerCounts
 from hw_model.spinnaker.program import SpinnakerProgram
-from locsnn_compile.baselines.operations import ANN_NAMES
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.quantized import QuantizedNetwork
-from locsnn_compile.report.figures.document import SCHEMA, GateFigures, ModelFigures
-from locsnn_compile.report.figures.entries import Entry, IfKnown
-from locsnn_compile.report.figures.match import (
-    Accuracy,
-    ChanceFigures,
-    InputFigures,
-    MatchFigures,
-    Overflows,
-    SpikesCompared,
-    accuracy_figures,
-    binning_figures,
-    chance_figures,
-    match_figures,
-    spikes_compared,
+from locsnn_compile.own_arithmetic.document import (
+    EnergyNotKnown,
+    FirstEntries,
+    LastEntries,
+    check_entries,
+    recording_ns,
+    skipped_entry,
 )
-from locsnn_compile.report.figures.operations import (
-    NotDefined,
-    OperationCounts,
-    OperationFigures,
-    PublishedOperations,
-)
-from locsnn_compile.report.figures.resources import (
-    LimitUse,
-    ProgramUse,
-    Shared,
-    SkippedFigures,
-    shared_value,
-)
+from locsnn_compile.report.figures.entries import Entry
+from locsnn_compile.report.figures.match import Overflows, SpikesCompared, spikes_compared
+from locsnn_compile.report.figures.resources import LimitUse, ProgramUse, Shared, shared_value
 from locsnn_compile.report.grounds import Grounds
 from locsnn_compile.spinnaker.comparison import SpinnakerMatch
 from locsnn_compile.spinnaker.lower import LoweredSpinnaker, ScaledPopulation
@@ -52,16 +34,6 @@ STEP_NS = 1e6
 REAL_TIME = "a board that keeps up takes 1 ms a step; loading it takes longer, and is not included"
 WORD_BITS = 32
 """A synapse is a word of memory."""
-
-
-class EnergyNotKnown(Entry):
-    """``energy``, of which nothing was checked."""
-
-    profile: None = None
-    source: None = None
-    per_sample_pj: None = None
-    breakdown_pj: None = None
-    not_included: tuple[str, ...] = (NO_TABLE,)
 
 
 class RealTime(Entry):
@@ -109,47 +81,20 @@ class OwnScale(Entry):
     equal_spikes: int | None
 
 
-class SpinnakerFigures(Entry):
-    """report.json; every ``per_sample`` figure is a mean over the recordings of the check.
+class _OwnEntries(FirstEntries):
+    """report.json up to the entries that only SpiNNaker has.
 
     ``integers_match`` compares the program with the integers that it was made from.
     """
 
-    schema: str
-    model: ModelFigures
-    target: str
-    strategy: str
-    weight_bits: int
-    match: MatchFigures
-    accuracy: Accuracy | None
-    operations: OperationFigures
-    energy: EnergyNotKnown
     latency: RealTime
-    resources: ProgramUse
-    ann_comparison: Mapping[str, NotDefined]
-    skipped: SkippedFigures
-    input: InputFigures
-    assumptions: tuple[str, ...]
-    gates: tuple[GateFigures, ...]
     quantization: Mapping[str, SpinnakerNumbers]
     integers_match: Mapping[str, SpikesCompared]
     own_scale: Mapping[str, OwnScale]
-    strategy_choice: None
-    chance: IfKnown[ChanceFigures]
-    classes: IfKnown[tuple[str, ...]]
 
-    @property
-    def energy_pj(self) -> None:
-        """No energy is known."""
 
-    @property
-    def energy_profile(self) -> None:
-        """No table of energy is known."""
-
-    @property
-    def latency_ns(self) -> float:
-        """The time of a recording on a board that keeps up."""
-        return self.latency.per_sample_ns
+class SpinnakerFigures(LastEntries, _OwnEntries):
+    """report.json; every ``per_sample`` figure is a mean over the recordings of the check."""
 
 
 def spinnaker_figures(
@@ -162,31 +107,25 @@ def spinnaker_figures(
     """Return the figures of a program and its check."""
     network = quantized.network
     return SpinnakerFigures(
-        schema=SCHEMA,
-        model=ModelFigures(network.name, network.sha256, ()),
+        **check_entries(network, match, grounds, _overflows(match)),
         target=program.chip.name,
         strategy=quantized.strategy,
         weight_bits=max(projection.weight_bits for projection in quantized.projections),
-        match=match_figures(network, match, grounds, _overflows(match)),
-        accuracy=accuracy_figures(match.accuracy),
-        operations=_operations(match),
-        energy=EnergyNotKnown(),
+        energy=EnergyNotKnown(not_included=(NO_TABLE,)),
         latency=_time(network, grounds),
         resources=_resources(program),
-        ann_comparison={name: NotDefined() for name in ANN_NAMES},
-        skipped=_skipped(quantized, match.total_counts, grounds),
-        input=InputFigures(0.0, {}),
-        assumptions=tuple(grounds.assumptions),
-        gates=(),
+        skipped=skipped_entry(
+            grounds,
+            events_dropped=match.total_counts.events_dropped,
+            synapses_pruned=quantized.weights_pruned,
+            biases_lost=sum(population.biases_lost for population in quantized.populations),
+        ),
         quantization={
             scaled.name: _numbers(quantized, scaled, program.network.population(scaled.name))
             for scaled in lowered.scaled
         },
         integers_match={name: spikes_compared(spikes) for name, spikes in match.integers.items()},
         own_scale=_own_scale(program, match),
-        strategy_choice=None,
-        chance=chance_figures(match.chance),
-        classes=tuple(network.class_names or ()) or None,
     )
 
 
@@ -205,38 +144,9 @@ def _events(counts: SpinnakerCounts) -> dict[str, int]:
     return {name: getattr(counts, name) for name in spinnaker.EVENTS}
 
 
-def _operations(match: SpinnakerMatch) -> OperationFigures:
-    samples = match.samples
-    by_branch = {name: additions / samples for name, additions in match.additions.items()}
-    additions = sum(by_branch.values())
-    transposed = match.total_counts.transpose_events / samples
-    return OperationFigures(
-        per_sample=_per_sample(match.total_counts, samples),
-        by_branch={
-            name: _per_sample(counts, samples) for name, counts in match.counts_by_phase.items()
-        },
-        extra_spikes=None,
-        published_method=PublishedOperations(
-            additions, by_branch, transposed, additions + transposed
-        ),
-    )
-
-
-def _per_sample(counts: SpinnakerCounts, samples: int) -> OperationCounts:
-    return OperationCounts(
-        synaptic_ops=counts.synaptic_ops / samples,
-        neuron_updates=counts.neuron_updates / samples,
-        spikes=counts.spikes / samples,
-        input_events=counts.input_events / samples,
-        transpose_events=counts.transpose_events / samples,
-    )
-
-
 def _time(network: Network, grounds: Grounds) -> RealTime:
     steps = sum(network.steps_of(phase.name) for phase in network.phases)
-    seconds = grounds.step_seconds
-    recording_ns = None if seconds is None else network.steps * seconds * 1e9
-    return RealTime(steps * STEP_NS, recording_ns)
+    return RealTime(steps * STEP_NS, recording_ns(network, grounds))
 
 
 def _resources(program: SpinnakerProgram) -> ProgramUse:
@@ -267,19 +177,6 @@ def _resources(program: SpinnakerProgram) -> ProgramUse:
 def _fullest(populations: tuple[SpinnakerPopulation, ...]) -> int:
     """Return the neurons of the fullest core."""
     return max(min(population.size, population.neurons_per_core) for population in populations)
-
-
-def _skipped(
-    quantized: QuantizedNetwork, counts: SpinnakerCounts, grounds: Grounds
-) -> SkippedFigures:
-    return SkippedFigures(
-        steps=0,
-        events_dropped=counts.events_dropped,
-        binning=binning_figures(grounds.binned),
-        synapses_pruned=quantized.weights_pruned,
-        biases_lost=sum(population.biases_lost for population in quantized.populations),
-        compartments_pruned=0,
-    )
 
 
 def _numbers(

@@ -11,62 +11,24 @@ from hw_model.arithmetic import xylo
 from hw_model.values import FloatArray, IntArray
 from hw_model.xylo.playing import XyloCounts
 from hw_model.xylo.program import XyloProgram
-from locsnn_compile.baselines.operations import ANN_NAMES
-from locsnn_compile.network.network import Network
-from locsnn_compile.report.figures.document import SCHEMA, GateFigures, ModelFigures
-from locsnn_compile.report.figures.entries import Entry, IfKnown
-from locsnn_compile.report.figures.match import (
-    Accuracy,
-    ChanceFigures,
-    InputFigures,
-    MatchFigures,
-    Overflows,
-    accuracy_figures,
-    binning_figures,
-    chance_figures,
-    match_figures,
+from locsnn_compile.own_arithmetic.document import (
+    EnergyNotKnown,
+    FirstEntries,
+    LastEntries,
+    TimeNotKnown,
+    check_entries,
+    recording_ns,
+    skipped_entry,
 )
-from locsnn_compile.report.figures.operations import (
-    NotDefined,
-    OperationCounts,
-    OperationFigures,
-    PublishedOperations,
-)
-from locsnn_compile.report.figures.resources import (
-    LimitUse,
-    ProgramUse,
-    Shared,
-    SkippedFigures,
-    shared_value,
-)
+from locsnn_compile.report.figures.entries import Entry
+from locsnn_compile.report.figures.match import Overflows
+from locsnn_compile.report.figures.resources import LimitUse, ProgramUse, Shared, shared_value
 from locsnn_compile.report.grounds import Grounds
 from locsnn_compile.xylo.comparison import XyloMatch
 from locsnn_compile.xylo.parts import neurons_of
 from locsnn_compile.xylo.quantized import QuantizedXylo
 
 NO_TABLE = "no table of the energies or times of this chip is published"
-
-
-class EnergyNotKnown(Entry):
-    """``energy``, of which nothing is published."""
-
-    profile: None = None
-    source: None = None
-    per_sample_pj: None = None
-    breakdown_pj: None = None
-    not_included: tuple[str, ...] = (NO_TABLE,)
-
-
-class TimeNotKnown(Entry):
-    """``latency``, of which nothing is published; the duration of a recording is None if it is not known."""
-
-    profile: None = None
-    per_sample_ns: None = None
-    per_sample_cycles: None = None
-    critical_core: None = None
-    basis: str = NO_TABLE
-    timed: bool = False
-    recording_ns: float | None = None
 
 
 class XyloNumbers(Entry):
@@ -85,41 +47,15 @@ class XyloNumbers(Entry):
     weight_shifts: tuple[int, ...]
 
 
-class XyloFigures(Entry):
-    """report.json; every ``per_sample`` figure is a mean over the recordings of the check."""
+class _OwnEntries(FirstEntries):
+    """report.json up to the entries that only a Xylo has."""
 
-    schema: str
-    model: ModelFigures
-    target: str
-    strategy: str
-    weight_bits: int
-    match: MatchFigures
-    accuracy: Accuracy | None
-    operations: OperationFigures
-    energy: EnergyNotKnown
     latency: TimeNotKnown
-    resources: ProgramUse
-    ann_comparison: Mapping[str, NotDefined]
-    skipped: SkippedFigures
-    input: InputFigures
-    assumptions: tuple[str, ...]
-    gates: tuple[GateFigures, ...]
     quantization: Mapping[str, XyloNumbers]
-    strategy_choice: None
-    chance: IfKnown[ChanceFigures]
-    classes: IfKnown[tuple[str, ...]]
 
-    @property
-    def energy_pj(self) -> None:
-        """No energy is known."""
 
-    @property
-    def energy_profile(self) -> None:
-        """No table of energy is known."""
-
-    @property
-    def latency_ns(self) -> None:
-        """No time is known."""
+class XyloFigures(LastEntries, _OwnEntries):
+    """report.json; every ``per_sample`` figure is a mean over the recordings of the check."""
 
 
 def xylo_figures(
@@ -127,48 +63,21 @@ def xylo_figures(
 ) -> XyloFigures:
     """Return the figures of a program and its check."""
     network = quantized.parts.network
+    counts = match.total_counts
+    extra_spikes = counts.extra_spikes / match.samples
     return XyloFigures(
-        schema=SCHEMA,
-        model=ModelFigures(network.name, network.sha256, ()),
+        **check_entries(network, match, grounds, _overflows(counts), extra_spikes),
         target=program.chip.name,
         strategy=program.provenance["strategy"],
         weight_bits=xylo.WEIGHT_BITS,
-        match=match_figures(network, match, grounds, _overflows(match.total_counts)),
-        accuracy=accuracy_figures(match.accuracy),
-        operations=_operations(match),
-        energy=EnergyNotKnown(),
-        latency=_latency(network, grounds),
+        energy=EnergyNotKnown(not_included=(NO_TABLE,)),
+        latency=TimeNotKnown(basis=NO_TABLE, recording_ns=recording_ns(network, grounds)),
         resources=_resources(program),
-        ann_comparison={name: NotDefined() for name in ANN_NAMES},
-        skipped=_skipped(match.total_counts, grounds),
-        input=InputFigures(0.0, {}),
-        assumptions=tuple(grounds.assumptions),
-        gates=(),
+        skipped=skipped_entry(grounds, events_dropped=counts.lost_input_events),
         quantization={
             population.name: _population(quantized, population.name)
             for population in quantized.populations
         },
-        strategy_choice=None,
-        chance=chance_figures(match.chance),
-        classes=tuple(network.class_names or ()) or None,
-    )
-
-
-def _operations(match: XyloMatch) -> OperationFigures:
-    counts, samples = match.total_counts, match.samples
-    additions = match.additions / samples
-    per_sample = OperationCounts(
-        synaptic_ops=counts.synaptic_ops / samples,
-        neuron_updates=counts.neuron_updates / samples,
-        spikes=counts.spikes / samples,
-        input_events=counts.input_events / samples,
-        transpose_events=0.0,
-    )
-    return OperationFigures(
-        per_sample=per_sample,
-        by_branch={"time": per_sample},
-        extra_spikes=counts.extra_spikes / samples,
-        published_method=PublishedOperations(additions, {"time": additions}, 0.0, additions),
     )
 
 
@@ -179,11 +88,6 @@ def _overflows(counts: XyloCounts) -> Overflows:
         "potential_saturations": counts.potential_saturations,
     }
     return Overflows(wraps=0, clips=counts.saturations, events={"all neurons": saturations})
-
-
-def _latency(network: Network, grounds: Grounds) -> TimeNotKnown:
-    seconds = grounds.step_seconds
-    return TimeNotKnown(recording_ns=None if seconds is None else network.steps * seconds * 1e9)
 
 
 def _resources(program: XyloProgram) -> ProgramUse:
@@ -204,17 +108,6 @@ def _resources(program: XyloProgram) -> ProgramUse:
             "outputs": LimitUse(network.outputs.size, chip.outputs),
             "currents_of_a_hidden_neuron": LimitUse(network.hidden.states, chip.states),
         },
-    )
-
-
-def _skipped(counts: XyloCounts, grounds: Grounds) -> SkippedFigures:
-    return SkippedFigures(
-        steps=0,
-        events_dropped=counts.lost_input_events,
-        binning=binning_figures(grounds.binned),
-        synapses_pruned=0,
-        biases_lost=0,
-        compartments_pruned=0,
     )
 
 

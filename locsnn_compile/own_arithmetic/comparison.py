@@ -1,0 +1,222 @@
+"""The float network against a program of another arithmetic, spike by spike, a batch at a time.
+
+A family says what its program does on a batch (:class:`ProgramRun`); everything else is the same for
+all: the match of the batch with the network, the first spike that differs, and the sum over batches.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from functools import reduce
+from operator import add
+from typing import Generic, NamedTuple, Protocol, Self, TypeVar
+
+import numpy as np
+
+from hw_model.values import ByteArray, FloatArray, Frozen, IntArray, Shown, Sums
+from locsnn_compile.baselines.operations import network_additions
+from locsnn_compile.data.recordings import Recordings, batches
+from locsnn_compile.network.network import Network
+from locsnn_compile.reference.evaluate import ReferenceResult
+from locsnn_compile.verification.first_difference import SpikePlace, first_difference
+from locsnn_compile.verification.matching import (
+    Agreement,
+    Divergence,
+    PopulationMatch,
+    Progress,
+    ScoreMatch,
+)
+from locsnn_compile.verification.observation import check_labels
+
+
+class ChipCounts(Protocol):
+    """What a chip counts, next to events of its own; counts of several recordings add up."""
+
+    @property
+    def synaptic_ops(self) -> int:
+        """Additions of a weight to a neuron."""
+
+    @property
+    def neuron_updates(self) -> int:
+        """Steps of neurons."""
+
+    @property
+    def spikes(self) -> int:
+        """Spikes of all neurons."""
+
+    @property
+    def input_events(self) -> int:
+        """Events of recordings that reach an input."""
+
+    @property
+    def transpose_events(self) -> int:
+        """Events that reach the lines of a transposed input."""
+
+    def __add__(self, other: Self, /) -> Self: ...
+
+
+CountsT = TypeVar("CountsT", bound=ChipCounts)
+BatchT = TypeVar("BatchT", bound=Sums)
+
+
+class ProgramRun(Generic[CountsT], Frozen, eq=False):
+    """What a program does on a batch of recordings.
+
+    - ``spikes``: (batch, steps, n) by population, several of a neuron in a step where the chip can
+    - ``scores``: of the classes, (batch, classes); ``score_scale`` of it are 1 in the network
+    - ``counts``: what the chip counts of each recording
+    - ``counts_by_phase``: the same of all recordings together, phase by phase
+    - ``potential_at``: the potential of a neuron as the threshold saw it, in the network's units
+    """
+
+    spikes: Mapping[str, ByteArray]
+    scores: FloatArray
+    score_scale: float
+    counts: tuple[CountsT, ...]
+    counts_by_phase: dict[str, CountsT]
+    potential_at: Callable[[SpikePlace], float]
+
+
+class Batch(NamedTuple):
+    """Recordings (batch, steps, channels) that are played at once, and the number of the first one."""
+
+    first_recording: int
+    spikes: ByteArray
+
+
+class BatchMatch(Generic[CountsT], Sums, eq=False):
+    """How a program compares with the network on some recordings: the parts of a :class:`ProgramMatch`.
+
+    ``predictions`` are those of the network and of the program, (batch,), of each batch;
+    ``divergences`` has the first spike of each batch that differs, if there is one.
+    """
+
+    matches: dict[str, PopulationMatch]
+    scores: ScoreMatch
+    predictions: tuple[tuple[IntArray, IntArray], ...]
+    counts: tuple[CountsT, ...]
+    counts_by_phase: dict[str, CountsT]
+    additions: dict[str, int]
+    divergences: tuple[Divergence, ...]
+
+
+class ProgramMatch(Generic[CountsT], Shown, Agreement):
+    """How a program compares with the network it came from, over ``samples`` recordings.
+
+    ``reference_prediction`` and ``chip_prediction`` are classes (samples,), or -1 where all scores
+    tie and nothing is predicted; ``labels`` are (samples,) or None. ``helpers`` are populations
+    that a frontend added. ``counts`` are those of each recording, ``counts_by_phase`` those of all
+    recordings, and ``additions`` the float network's operations on paper by phase, over all of them.
+    """
+
+    samples: int
+    events_source: str
+    reference_prediction: IntArray
+    chip_prediction: IntArray
+    labels: IntArray | None
+    by_population: dict[str, PopulationMatch]
+    helpers: dict[str, PopulationMatch]
+    scores: ScoreMatch
+    counts: tuple[CountsT, ...]
+    counts_by_phase: dict[str, CountsT]
+    additions: dict[str, int]
+    first_divergence: Divergence | None
+
+    @property
+    def total_counts(self) -> CountsT:
+        """The counts of all recordings."""
+        return reduce(add, self.counts)
+
+
+def sum_of_batches(
+    network: Network,
+    recordings: Recordings,
+    compare_batch: Callable[[Batch], BatchT],
+    progress: Progress | None,
+) -> BatchT:
+    """Compare recordings of the network's own steps and channels batch by batch, and add up.
+
+    Raises ``InputError`` for labels that are no classes of the network.
+    """
+    check_labels(network, recordings.labels, len(recordings), recordings.source)
+    sums: BatchT | None = None
+    for batch in _batches(recordings):
+        compared = compare_batch(batch)
+        sums = compared if sums is None else sums + compared
+        if progress:
+            progress(batch.first_recording + len(batch.spikes), len(recordings))
+    assert sums is not None  # there is at least one recording
+    return sums
+
+
+def _batches(recordings: Recordings) -> Iterator[Batch]:
+    for rows in batches(len(recordings)):
+        yield Batch(rows.start, recordings.spikes[rows])
+
+
+def match_of_batch(
+    network: Network, reference: ReferenceResult, run: ProgramRun[CountsT], first_recording: int
+) -> BatchMatch[CountsT]:
+    """Compare what both sides did on a batch; the reference has its potentials."""
+    readout = network.readout
+    return BatchMatch(
+        matches=population_matches(network, reference.spikes, run.spikes),
+        scores=ScoreMatch.of(reference.scores, run.scores / run.score_scale),
+        predictions=((readout.decided(reference.scores), readout.decided(run.scores)),),
+        counts=run.counts,
+        counts_by_phase=run.counts_by_phase,
+        additions=network_additions(network, reference.spikes),
+        divergences=_divergences(network, reference, run, first_recording),
+    )
+
+
+def population_matches(
+    network: Network, reference: Mapping[str, ByteArray], chip: Mapping[str, ByteArray]
+) -> dict[str, PopulationMatch]:
+    """Compare spikes (batch, steps, n) by population."""
+    return {
+        population.name: PopulationMatch.of(reference[population.name], chip[population.name])
+        for population in network.populations
+    }
+
+
+def _divergences(
+    network: Network, reference: ReferenceResult, run: ProgramRun[CountsT], first_recording: int
+) -> tuple[Divergence, ...]:
+    """Return the first spike that differs in a batch, if there is any."""
+    place = first_difference(network, reference.spikes, run.spikes)
+    if place is None:
+        return ()
+    name = place.population
+    potential = reference.potential[name][place.recording, place.step, place.neuron]
+    return (
+        Divergence(
+            recording=first_recording + place.recording,
+            population=name,
+            neuron=place.neuron,
+            step=place.step,
+            reference_potential=float(potential),
+            chip_potential=run.potential_at(place),
+            threshold=float(network.population(name).thresholds[place.neuron]),
+        ),
+    )
+
+
+def match_of_all(
+    network: Network, recordings: Recordings, sums: BatchMatch[CountsT]
+) -> ProgramMatch[CountsT]:
+    """Return the match over all recordings from the sums over their batches."""
+    references, chips = zip(*sums.predictions, strict=True)
+    helpers = {population.name for population in network.populations if population.helper}
+    return ProgramMatch(
+        samples=len(recordings),
+        events_source=recordings.source,
+        reference_prediction=np.concatenate(references),
+        chip_prediction=np.concatenate(chips),
+        labels=recordings.labels,
+        by_population={name: match for name, match in sums.matches.items() if name not in helpers},
+        helpers={name: match for name, match in sums.matches.items() if name in helpers},
+        scores=sums.scores,
+        counts=sums.counts,
+        counts_by_phase=sums.counts_by_phase,
+        additions=sums.additions,
+        first_divergence=sums.divergences[0] if sums.divergences else None,
+    )

@@ -1,0 +1,203 @@
+"""Entries of report.json that all chips with an arithmetic of their own share.
+
+No table of their energies is used: what is not known is None, and named as missing.
+"""
+
+from collections.abc import Mapping
+from dataclasses import field
+from typing import Any, Protocol, TypedDict
+
+from locsnn_compile.baselines.operations import ANN_NAMES
+from locsnn_compile.network.network import Network
+from locsnn_compile.own_arithmetic.comparison import ChipCounts, ProgramMatch
+from locsnn_compile.report.figures.document import SCHEMA, GateFigures, ModelFigures
+from locsnn_compile.report.figures.entries import Entry, IfKnown
+from locsnn_compile.report.figures.match import (
+    Accuracy,
+    ChanceFigures,
+    InputFigures,
+    MatchFigures,
+    Overflows,
+    accuracy_figures,
+    binning_figures,
+    chance_figures,
+    match_figures,
+)
+from locsnn_compile.report.figures.operations import (
+    NotDefined,
+    OperationCounts,
+    OperationFigures,
+    PublishedOperations,
+)
+from locsnn_compile.report.figures.resources import ProgramUse, SkippedFigures
+from locsnn_compile.report.grounds import Grounds
+
+
+class EnergyNotKnown(Entry):
+    """``energy``, of which nothing is known; ``not_included`` says why."""
+
+    profile: None = None
+    source: None = None
+    per_sample_pj: None = None
+    breakdown_pj: None = None
+    not_included: tuple[str, ...] = field(kw_only=True)
+
+
+class TimeNotKnown(Entry):
+    """``latency``, of which nothing is known; ``basis`` says why.
+
+    The duration of a recording, in ns, is None if it is not known either.
+    """
+
+    profile: None = None
+    per_sample_ns: None = None
+    per_sample_cycles: None = None
+    critical_core: None = None
+    basis: str = field(kw_only=True)
+    timed: bool = False
+    recording_ns: float | None = None
+
+
+class RecordingTime(Protocol):
+    """``latency`` of any family."""
+
+    @property
+    def per_sample_ns(self) -> float | None:
+        """The time of a recording on the chip; None if it is not known."""
+
+
+class FirstEntries(Entry):
+    """report.json up to the entries of a family; every ``per_sample`` figure is a mean over the recordings."""
+
+    schema: str
+    model: ModelFigures
+    target: str
+    strategy: str
+    weight_bits: int
+    match: MatchFigures
+    accuracy: Accuracy | None
+    operations: OperationFigures
+    energy: EnergyNotKnown
+    latency: RecordingTime
+    resources: ProgramUse
+    ann_comparison: Mapping[str, NotDefined]
+    skipped: SkippedFigures
+    input: InputFigures
+    assumptions: tuple[str, ...]
+    gates: tuple[GateFigures, ...]
+
+    @property
+    def energy_pj(self) -> None:
+        """No energy is known."""
+
+    @property
+    def energy_profile(self) -> None:
+        """No table of energy is known."""
+
+    @property
+    def latency_ns(self) -> float | None:
+        """The time of a recording on the chip; None if it is not known."""
+        return self.latency.per_sample_ns
+
+
+class LastEntries(Entry):
+    """report.json after the entries of a family."""
+
+    strategy_choice: None
+    chance: IfKnown[ChanceFigures]
+    classes: IfKnown[tuple[str, ...]]
+
+
+class CheckEntries(TypedDict):
+    """The entries that follow from a network and its check, whatever the chip."""
+
+    schema: str
+    model: ModelFigures
+    match: MatchFigures
+    accuracy: Accuracy | None
+    operations: OperationFigures
+    ann_comparison: Mapping[str, NotDefined]
+    input: InputFigures
+    assumptions: tuple[str, ...]
+    gates: tuple[GateFigures, ...]
+    strategy_choice: None
+    chance: ChanceFigures | None
+    classes: tuple[str, ...] | None
+
+
+def check_entries(
+    network: Network,
+    match: ProgramMatch[Any],
+    grounds: Grounds,
+    overflows: Overflows,
+    extra_spikes: float | None = None,
+) -> CheckEntries:
+    """Return the entries that follow from a network and its check.
+
+    ``extra_spikes``: per recording, those of a neuron beyond the first in a step, where it can send
+    several.
+    """
+    return CheckEntries(
+        schema=SCHEMA,
+        model=ModelFigures(network.name, network.sha256, ()),
+        match=match_figures(network, match, grounds, overflows),
+        accuracy=accuracy_figures(match.accuracy),
+        operations=_operations(match, extra_spikes),
+        ann_comparison={name: NotDefined() for name in ANN_NAMES},
+        input=InputFigures(0.0, {}),
+        assumptions=tuple(grounds.assumptions),
+        gates=(),
+        strategy_choice=None,
+        chance=chance_figures(match.chance),
+        classes=tuple(network.class_names or ()) or None,
+    )
+
+
+def _operations(match: ProgramMatch[Any], extra_spikes: float | None) -> OperationFigures:
+    samples = match.samples
+    return OperationFigures(
+        per_sample=_per_sample(match.total_counts, samples),
+        by_branch={
+            name: _per_sample(counts, samples) for name, counts in match.counts_by_phase.items()
+        },
+        extra_spikes=extra_spikes,
+        published_method=_published(match),
+    )
+
+
+def _per_sample(counts: ChipCounts, samples: int) -> OperationCounts:
+    return OperationCounts(
+        synaptic_ops=counts.synaptic_ops / samples,
+        neuron_updates=counts.neuron_updates / samples,
+        spikes=counts.spikes / samples,
+        input_events=counts.input_events / samples,
+        transpose_events=counts.transpose_events / samples,
+    )
+
+
+def _published(match: ProgramMatch[Any]) -> PublishedOperations:
+    by_branch = {name: number / match.samples for name, number in match.additions.items()}
+    additions = sum(by_branch.values())
+    transposed = match.total_counts.transpose_events / match.samples
+    return PublishedOperations(additions, by_branch, transposed, additions + transposed)
+
+
+def skipped_entry(
+    grounds: Grounds, *, events_dropped: int, synapses_pruned: int = 0, biases_lost: int = 0
+) -> SkippedFigures:
+    """Return ``skipped`` of a chip that plays every step, and whose program has all neurons."""
+    return SkippedFigures(
+        steps=0,
+        events_dropped=events_dropped,
+        binning=binning_figures(grounds.binned),
+        synapses_pruned=synapses_pruned,
+        biases_lost=biases_lost,
+        compartments_pruned=0,
+    )
+
+
+def recording_ns(network: Network, grounds: Grounds) -> float | None:
+    """Return the duration of a recording, in ns; None if that of a step is not known."""
+    if grounds.step_seconds is None:
+        return None
+    return network.steps * grounds.step_seconds * 1e9
