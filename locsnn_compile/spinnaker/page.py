@@ -1,20 +1,17 @@
-"""The report of a program for SpiNNaker as content without form, in the order of all reports."""
+"""The report of a program for SpiNNaker as content without form."""
 
-from locsnn_compile.report.compose import LONGEST_NAME
-from locsnn_compile.report.content import (
-    Bullets,
-    Cell,
-    Fact,
-    Notice,
-    Report,
-    Section,
-    Table,
-    Verdict,
+from locsnn_compile.own_arithmetic.page import (
+    FamilyPage,
+    compose_page,
+    costs_verdict,
+    fits_verdict,
+    limits_section,
+    numbers_section,
+    operations_section,
+    provenance_section,
 )
-from locsnn_compile.report.figures.entries import keys_of
+from locsnn_compile.report.content import Cell, Fact, Notice, Report, Section, Table, Verdict
 from locsnn_compile.report.figures.match import MatchFigures
-from locsnn_compile.report.figures.operations import OperationFigures
-from locsnn_compile.report.figures.resources import ProgramUse
 from locsnn_compile.report.format import (
     NONE,
     agreed,
@@ -23,12 +20,9 @@ from locsnn_compile.report.format import (
     known,
     plural,
     share,
-    shortened,
     time,
 )
-from locsnn_compile.report.sections import behaviour, build
-from locsnn_compile.report.sections.verdict import fullness, matches, notices
-from locsnn_compile.report.words import words
+from locsnn_compile.report.sections import build
 from locsnn_compile.spinnaker.document import (
     NO_TABLE,
     REAL_TIME,
@@ -70,68 +64,34 @@ _OWN_SCALE = (
 
 def compose_spinnaker(report: SpinnakerFigures) -> Report:
     """Return the whole report."""
-    match = report.match
-    names = (report.model.name, report.target)
-    return Report(
-        kind="locsnn-compile report",
-        title=" on ".join(shortened(name, LONGEST_NAME) for name in names),
-        subtitle=(
-            f"{report.weight_bits}-bit weights, strategy {report.strategy}, "
-            f"{plural(match.samples, 'recording')} of {match.events_source}"
+    page = FamilyPage(
+        lowering=f"strategy {report.strategy}",
+        costs=costs_verdict(
+            report,
+            answer="Energy not known",
+            sentence=f"Energy is not known, because {NO_TABLE}. In time, {REAL_TIME}.",
+            first_facts=(Fact("real time", time(report.latency.per_sample_ns)),),
         ),
-        verdicts=(matches(report), _costs(report), _fits(report)),
-        notices=(*notices(report), *_notices(match)),
+        fits=_fits(report),
+        notices=_notices(report.match),
         sections=(
-            behaviour.agreement(match),
             _integers(report),
-            _operations(report.operations),
-            _resources(report.resources, report.target),
+            operations_section(report.operations, _OPERATIONS),
+            limits_section(report, of_a_core="; of a limit of a core, its fullest core"),
             build.left_out(report),
-            _quantization(report),
+            numbers_section(report.quantization, SpinnakerNumbers, _NUMBERS, _number),
             _own_scale(report),
-            _provenance(report),
-        ),
-        footer="Per recording means the mean over the recordings of the check.",
-        assumptions=report.assumptions,
-    )
-
-
-def _costs(report: SpinnakerFigures) -> Verdict:
-    """How much does a recording take: counted operations and real time, as energy is not known."""
-    per_sample = report.operations.per_sample
-    return Verdict(
-        question="What does it cost?",
-        status="unknown",
-        answer="Energy not known",
-        figure=plural(per_sample.synaptic_ops, "synaptic operation"),
-        figure_label="per recording",
-        sentence=f"Energy is not known, because {NO_TABLE}. In time, {REAL_TIME}.",
-        facts=(
-            Fact("real time", time(report.latency.per_sample_ns)),
-            Fact("neuron updates", count(per_sample.neuron_updates)),
-            Fact("spikes", count(per_sample.spikes)),
+            provenance_section(report, KEEP_IN_MIND),
         ),
     )
+    return compose_page(report, page)
 
 
 def _fits(report: SpinnakerFigures) -> Verdict:
-    limits = report.resources.limits
-    fullest = max(limits, key=lambda name: fullness(limits[name]))
-    use = limits[fullest]
-    cores = f"{count(limits['cores'].used)} of {plural(limits['cores'].limit, 'core')}"
-    full = f"{count(use.used)} of {count(use.limit)} ({share(fullness(use))})"
-    return Verdict(
-        question="Does it fit?",
-        status="yes",
-        answer="Yes",
-        figure=cores,
-        figure_label=f"of {report.target}, besides sources and monitors",
-        sentence=f"The largest phase of the program takes {cores} of {report.target}.",
-        facts=(
-            Fact("fullest limit", f"{words(fullest)}, {full}"),
-            Fact("synapses", count(report.resources.synapses)),
-        ),
-    )
+    limit = report.resources.limits["cores"]
+    cores = f"{count(limit.used)} of {plural(limit.limit, 'core')}"
+    taker = "The largest phase of the program"
+    return fits_verdict(report, cores, taker, besides=", besides sources and monitors")
 
 
 def _notices(match: MatchFigures) -> tuple[Notice, ...]:
@@ -147,32 +107,6 @@ def _notices(match: MatchFigures) -> tuple[Notice, ...]:
         text = f"Ring buffers of 16 bits were full {plural(match.clips, 'time')}, and lost what came on top."
         said.append(Notice("Ring buffers saturated.", text))
     return tuple(said)
-
-
-def _resources(resources: ProgramUse, target: str) -> Section:
-    rows = tuple(
-        (words(name), count(use.used), count(use.limit), share(fullness(use)))
-        for name, use in resources.limits.items()
-    )
-    columns = ("limit", "used", "of", "share")
-    lead = f"How much of {target} the program uses; of a limit of a core, its fullest core."
-    return Section("resources", "Resources", lead, (Table("Limits", columns, rows),))
-
-
-def _quantization(report: SpinnakerFigures) -> Section:
-    table = Table(
-        build.NUMBERS,
-        ("population", *(words(key) for key in keys_of(SpinnakerNumbers))),
-        tuple(_numbers(name, numbers) for name, numbers in report.quantization.items()),
-    )
-    return Section("quantization", build.QUANTISATION, _NUMBERS, (table,))
-
-
-def _numbers(name: str, numbers: SpinnakerNumbers) -> tuple[Cell, ...]:
-    cells: list[Cell] = [name]
-    for key in keys_of(SpinnakerNumbers):
-        cells.append(_number(key, getattr(numbers, key)))
-    return tuple(cells)
 
 
 def _number(key: str, value: object) -> str:
@@ -230,20 +164,4 @@ def _own_row(name: str, own: OwnScale, shifts: tuple[int, int]) -> tuple[Cell, .
         known(own.program_spikes, count, NONE),
         known(own.equal_spikes, count, NONE),
         known(lost, share, NONE),
-    )
-
-
-def _operations(figures: OperationFigures) -> Section:
-    tables = behaviour.operations(figures)
-    return Section(tables.key, tables.title, _OPERATIONS, tables.blocks)
-
-
-def _provenance(report: SpinnakerFigures) -> Section:
-    return Section.of(
-        "provenance",
-        "Provenance",
-        build.PROVENANCE,
-        build.origin(report),
-        build.gates(report.gates),
-        Bullets("Keep in mind", KEEP_IN_MIND),
     )

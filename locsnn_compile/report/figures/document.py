@@ -206,6 +206,10 @@ class SharedFigures(Protocol):
         """When recordings start."""
 
     @property
+    def assumptions(self) -> tuple[str, ...]:
+        """What the figures rest on, in sentences."""
+
+    @property
     def gates(self) -> tuple[GateFigures, ...]:
         """Bounds that the build must keep."""
 
