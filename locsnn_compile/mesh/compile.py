@@ -37,9 +37,7 @@ def fulfil_for_mesh(request: CompileRequest[hw.Chip]) -> CompiledModel:
     check = request.check
     network = with_psi(request.network, check.psi)
     recordings = recordings_for(network, check.events, check.labels)
-    network = network.with_step_of(recordings)
-    if network.any_length:
-        network = replace(network, steps=recordings.spikes.shape[1])
+    network = network.with_steps_of(recordings)
     # Recordings that do not fit are refused before all the work.
     fitted = network.fitted(recordings)
     calibration = calibration_for(network, recordings, request.setting.calibration)

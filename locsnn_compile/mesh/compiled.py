@@ -60,7 +60,7 @@ class CompiledModel(Compiled, Frozen, eq=False, repr=False):
 
     def with_gates(self, gates: tuple[GateFigures, ...]) -> "CompiledModel":
         """Return the same with these gates in the report."""
-        return replace(self, figures=replace(self.figures, gates=gates))
+        return replace(self, figures=self.figures.with_gates(gates))
 
     def program_files(self) -> Files:
         """Return ``program.yaml`` and ``program.npz``."""

@@ -241,12 +241,18 @@ class Network(Shown):
         """Seconds per time step, where no recordings say them."""
         return self.usual_step_seconds if self.step_seconds is None else self.step_seconds
 
-    def with_step_of(self, recordings: Recordings) -> "Network":
-        """Return the network with the step that its program keeps, where its file only states a usual one."""
-        if self.step_seconds is not None or self.usual_step_seconds is None:
-            return self
-        step_seconds = recordings.step_seconds or self.usual_step_seconds
-        return replace(self, step_seconds=step_seconds)
+    def with_steps_of(self, recordings: Recordings) -> "Network":
+        """Return the network as its program plays recordings: with their steps, where it leaves them open.
+
+        Its file may only state a usual length of a step, or take recordings of any number of steps.
+        """
+        network = self
+        if self.step_seconds is None and self.usual_step_seconds is not None:
+            step_seconds = recordings.step_seconds or self.usual_step_seconds
+            network = replace(network, step_seconds=step_seconds)
+        if self.any_length:
+            network = replace(network, steps=recordings.spikes.shape[1])
+        return network
 
     @property
     def known_inputs(self) -> Channels | None:

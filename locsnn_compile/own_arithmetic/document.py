@@ -4,8 +4,8 @@ No table of their energies is used: what is not known is None, and named as miss
 """
 
 from collections.abc import Mapping
-from dataclasses import field
-from typing import Any, Protocol, TypedDict
+from dataclasses import field, replace
+from typing import Any, Protocol, Self, TypedDict
 
 from locsnn_compile.baselines.operations import ANN_NAMES
 from locsnn_compile.network.network import Network
@@ -98,6 +98,10 @@ class FirstEntries(Entry):
     def latency_ns(self) -> float | None:
         """The time of a recording on the chip; None if it is not known."""
         return self.latency.per_sample_ns
+
+    def with_gates(self, gates: tuple[GateFigures, ...]) -> Self:
+        """Return the same with these gates."""
+        return replace(self, gates=gates)
 
 
 class LastEntries(Entry):

@@ -6,11 +6,11 @@ from hw_model.arithmetic import loihi
 from hw_model.mapping.graph import CompartmentGraph, Readout
 from hw_model.spinnaker.chips import SpinnakerChip
 from hw_model.spinnaker.program import SpinnakerProgram
-from hw_model.values import picked
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.quantized import QuantizedNetwork
+from locsnn_compile.own_arithmetic.program_entries import program_entries
 from locsnn_compile.passes.lower_neurons import lower_neurons
 from locsnn_compile.passes.quantize import quantize_by
 from locsnn_compile.passes.rounding.task import FINE
@@ -38,9 +38,7 @@ def fulfil_for_spinnaker(request: CompileRequest[SpinnakerChip]) -> CompiledSpin
     network = with_psi(request.network, request.check.psi)
     recordings = recordings_for(network, request.check.events, request.check.labels)
     calibration = calibration_for(network, recordings, request.setting.calibration)
-    network = network.with_step_of(recordings)
-    if network.any_length:
-        network = replace(network, steps=recordings.spikes.shape[1])
+    network = network.with_steps_of(recordings)
     # Recordings that do not fit are refused before all the work.
     fitted = network.fitted(recordings)
     check_neurons(network)
@@ -57,7 +55,13 @@ def fulfil_for_spinnaker(request: CompileRequest[SpinnakerChip]) -> CompiledSpin
         rounded=quantized.populations,
     )
     figures = spinnaker_figures(quantized, lowered, program, match, grounds)
-    return CompiledSpinnaker(quantized, lowered, program, match, figures)
+    return CompiledSpinnaker(
+        quantized=quantized,
+        lowered=lowered,
+        program=program,
+        match=match,
+        figures=figures,
+    )
 
 
 def _check_asked(request: CompileRequest[SpinnakerChip]) -> None:
@@ -86,14 +90,12 @@ def program_of(
 ) -> SpinnakerProgram:
     """Return the program with all that is known of its network and recordings."""
     network = quantized.network
-    known = picked(network, "name", "step_seconds", "event_threshold", "class_names")
     return SpinnakerProgram(
         chip=chip,
         network=lowered.network,
         readout=readout_in_units(quantized.readout),
         provenance=graph.provenance,
-        **known,
-        **network.numbering_entries,
+        **program_entries(network),
     )
 
 

@@ -1,21 +1,18 @@
 """What compiling for SpiNNaker gives: a program, its network, and the report of their comparison."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cached_property
 
 from hw_model.spinnaker.files import spinnaker_files
 from hw_model.spinnaker.program import SpinnakerProgram
-from hw_model.values import Frozen
 from locsnn_compile.backends.pynn.folder import pynn_folder
-from locsnn_compile.compiled import Compiled
 from locsnn_compile.emitters import Files, ShownRecording
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.quantized import QuantizedNetwork
 from locsnn_compile.network.text import network_text, quantized_text
+from locsnn_compile.own_arithmetic.compiled import CompiledProgram
 from locsnn_compile.own_arithmetic.emitted import EmittedKinds, recording_to_show, text_file
 from locsnn_compile.report.content import Report
-from locsnn_compile.report.figures.document import GateFigures
 from locsnn_compile.spinnaker.comparison import SpinnakerMatch
 from locsnn_compile.spinnaker.document import SpinnakerFigures
 from locsnn_compile.spinnaker.lower import LoweredSpinnaker
@@ -23,7 +20,7 @@ from locsnn_compile.spinnaker.page import compose_spinnaker
 from locsnn_compile.spinnaker.text import program_text
 
 
-class CompiledSpinnaker(Compiled, Frozen, eq=False, repr=False):
+class CompiledSpinnaker(CompiledProgram, eq=False, repr=False):
     """A program for SpiNNaker and its check; ``figures`` are the content of report.json, with types."""
 
     quantized: QuantizedNetwork
@@ -31,8 +28,6 @@ class CompiledSpinnaker(Compiled, Frozen, eq=False, repr=False):
     program: SpinnakerProgram
     match: SpinnakerMatch
     figures: SpinnakerFigures
-    choice: None = None
-    """There is nothing to choose: a neuron is one compartment, and weights have 8 bits."""
 
     @cached_property
     def composed(self) -> Report:
@@ -43,15 +38,6 @@ class CompiledSpinnaker(Compiled, Frozen, eq=False, repr=False):
     def network(self) -> Network:
         """The trained network."""
         return self.quantized.network
-
-    def with_gates(self, gates: tuple[GateFigures, ...]) -> "CompiledSpinnaker":
-        """Return the same with these gates in the report."""
-        return replace(self, figures=replace(self.figures, gates=gates))
-
-    @property
-    def chip_name(self) -> str:
-        """The name of the chip."""
-        return self.program.chip.name
 
     def program_files(self) -> Files:
         """Return ``program.yaml`` and ``program.npz``."""

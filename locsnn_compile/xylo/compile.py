@@ -1,10 +1,8 @@
 """Compile a network for a Xylo, and check it against the float reference."""
 
-from dataclasses import replace
-
-from hw_model.values import picked
 from hw_model.xylo.chips import XyloChip
 from hw_model.xylo.program import NamedPart, XyloProgram
+from locsnn_compile.own_arithmetic.program_entries import program_entries
 from locsnn_compile.report.grounds import grounds_of
 from locsnn_compile.request.compile_request import CompileRequest, check_unpriced
 from locsnn_compile.request.recordings import recordings_for, with_psi
@@ -28,9 +26,7 @@ def fulfil_for_xylo(request: CompileRequest[XyloChip]) -> CompiledXylo:
     _check_asked(request)
     network = with_psi(request.network, request.check.psi)
     recordings = recordings_for(network, request.check.events, request.check.labels)
-    network = network.with_step_of(recordings)
-    if network.any_length:
-        network = replace(network, steps=recordings.spikes.shape[1])
+    network = network.with_steps_of(recordings)
     # Recordings that do not fit are refused before all the work.
     fitted = network.fitted(recordings)
     parts = parts_of(network, chip)
@@ -39,7 +35,12 @@ def fulfil_for_xylo(request: CompileRequest[XyloChip]) -> CompiledXylo:
     match = compare_xylo(quantized, program, fitted, request.check.progress)
     grounds = grounds_of(network, recordings, recordings, registers=None)
     figures = xylo_figures(quantized, program, match, grounds)
-    return CompiledXylo(quantized, program, match, figures)
+    return CompiledXylo(
+        quantized=quantized,
+        program=program,
+        match=match,
+        figures=figures,
+    )
 
 
 def _check_asked(request: CompileRequest[XyloChip]) -> None:
@@ -52,7 +53,6 @@ def _check_asked(request: CompileRequest[XyloChip]) -> None:
 def program_of(parts: XyloParts, quantized: QuantizedXylo, chip: XyloChip) -> XyloProgram:
     """Return the program with all that is known of its network and recordings."""
     network = parts.network
-    known = picked(network, "name", "step_seconds", "event_threshold", "class_names")
     return XyloProgram(
         chip=chip,
         network=quantized.network,
@@ -64,6 +64,5 @@ def program_of(parts: XyloParts, quantized: QuantizedXylo, chip: XyloChip) -> Xy
             "model_sha256": network.sha256,
             "strategy": NATIVE,
         },
-        **known,
-        **network.numbering_entries,
+        **program_entries(network),
     )

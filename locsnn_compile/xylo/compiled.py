@@ -1,20 +1,17 @@
 """What compiling for a Xylo gives: a program, its network, and the report of their comparison."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cached_property
 
-from hw_model.values import Frozen
 from hw_model.xylo.files import xylo_files
 from hw_model.xylo.program import XyloProgram
 from locsnn_compile.backends.xylo.folder import xylo_folder
-from locsnn_compile.compiled import Compiled
 from locsnn_compile.emitters import Files, ShownRecording
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.text import network_text
+from locsnn_compile.own_arithmetic.compiled import CompiledProgram
 from locsnn_compile.own_arithmetic.emitted import EmittedKinds, recording_to_show, text_file
 from locsnn_compile.report.content import Report
-from locsnn_compile.report.figures.document import GateFigures
 from locsnn_compile.xylo.comparison import XyloMatch
 from locsnn_compile.xylo.document import XyloFigures
 from locsnn_compile.xylo.page import compose_xylo
@@ -22,15 +19,13 @@ from locsnn_compile.xylo.quantized import QuantizedXylo
 from locsnn_compile.xylo.text import program_text
 
 
-class CompiledXylo(Compiled, Frozen, eq=False, repr=False):
+class CompiledXylo(CompiledProgram, eq=False, repr=False):
     """A program for a Xylo and its check; ``figures`` are the content of report.json, with types."""
 
     quantized: QuantizedXylo
     program: XyloProgram
     match: XyloMatch
     figures: XyloFigures
-    choice: None = None
-    """There is nothing to choose: neurons leak as the chip's do, and weights have 8 bits."""
 
     @cached_property
     def composed(self) -> Report:
@@ -41,15 +36,6 @@ class CompiledXylo(Compiled, Frozen, eq=False, repr=False):
     def network(self) -> Network:
         """The trained network."""
         return self.quantized.parts.network
-
-    def with_gates(self, gates: tuple[GateFigures, ...]) -> "CompiledXylo":
-        """Return the same with these gates in the report."""
-        return replace(self, figures=replace(self.figures, gates=gates))
-
-    @property
-    def chip_name(self) -> str:
-        """The name of the chip."""
-        return self.program.chip.name
 
     def program_files(self) -> Files:
         """Return ``program.yaml`` and ``program.npz``."""

@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, Protocol
+from dataclasses import replace
+from typing import Annotated, Protocol, Self
 
 from hw_model.description.counts import total
 from hw_model.targets import target_of
@@ -141,6 +142,10 @@ class ReportFigures(Entry):
         """Mean time per recording; None if it is not known."""
         return self.latency.per_sample_ns if self.latency.timed else None
 
+    def with_gates(self, gates: tuple[GateFigures, ...]) -> Self:
+        """Return the same with these gates."""
+        return replace(self, gates=gates)
+
 
 class SharedFigures(Protocol):
     """What the reports of all kinds of targets have."""
@@ -212,6 +217,9 @@ class SharedFigures(Protocol):
     @property
     def gates(self) -> tuple[GateFigures, ...]:
         """Bounds that the build must keep."""
+
+    def with_gates(self, gates: tuple[GateFigures, ...], /) -> Self:
+        """Return the same with these gates."""
 
 
 class Findings(Frozen, eq=False):
