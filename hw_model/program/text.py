@@ -5,7 +5,7 @@ value shows.
 """
 
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
@@ -76,11 +76,18 @@ def routed_text(routed: RoutedGraph) -> str:
 
 def program_text(program: ChipProgram) -> str:
     """Return the text of a ChipProgram: tables of every core."""
-    lines = [f"program {program.name} for {program.chip.name}"]
-    lines += [f"  {key}: {value}" for key, value in program.provenance.items()]
+    lines = program_heading(program.name, program.chip.name, program.provenance)
     for core in program.cores:
         lines += _core(core)
     return ended(lines)
+
+
+def program_heading(name: str, chip: str, provenance: Mapping[str, str]) -> list[str]:
+    """Return the first lines of the text of a program of any arithmetic: what it is, and from where."""
+    return [
+        f"program {name} for {chip}",
+        *(f"  {key}: {value}" for key, value in provenance.items()),
+    ]
 
 
 def _phase(phase: Phase) -> str:

@@ -8,8 +8,10 @@ import numpy as np
 from hw_model.errors import InputError, listed
 from hw_model.targets.families import AnyChip
 from hw_model.values import AnyArray, Frozen
+from locsnn_compile.compiled import Compiled
 from locsnn_compile.emitters import Files, ShownRecording
 from locsnn_compile.network.network import Network
+from locsnn_compile.network.text import network_text
 
 BuildT = TypeVar("BuildT", contravariant=True)
 
@@ -46,6 +48,11 @@ class EmittedKinds(Generic[BuildT], Frozen, eq=False):
 def text_file(name: str, text: str) -> Files:
     """Return a file of text. A name in it may hold characters that UTF-8 cannot: they are escaped."""
     return {name: text.encode(errors="backslashreplace")}
+
+
+def network_file(compiled: Compiled, shown: ShownRecording | None) -> Files:
+    """Return ``network.txt``, the trained network as stable text."""
+    return text_file("network.txt", network_text(compiled.network))
 
 
 def recording_to_show(network: Network, shown: ShownRecording | None) -> AnyArray:

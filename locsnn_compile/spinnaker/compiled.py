@@ -9,9 +9,14 @@ from locsnn_compile.backends.pynn.folder import pynn_folder
 from locsnn_compile.emitters import Files, ShownRecording
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.quantized import QuantizedNetwork
-from locsnn_compile.network.text import network_text, quantized_text
+from locsnn_compile.network.text import quantized_text
 from locsnn_compile.own_arithmetic.compiled import CompiledProgram
-from locsnn_compile.own_arithmetic.emitted import EmittedKinds, recording_to_show, text_file
+from locsnn_compile.own_arithmetic.emitted import (
+    EmittedKinds,
+    network_file,
+    recording_to_show,
+    text_file,
+)
 from locsnn_compile.report.content import Report
 from locsnn_compile.spinnaker.comparison import SpinnakerMatch
 from locsnn_compile.spinnaker.document import SpinnakerFigures
@@ -48,10 +53,6 @@ class CompiledSpinnaker(CompiledProgram, eq=False, repr=False):
         return SPINNAKER_KINDS.files(self, self.program.chip, kinds, shown)
 
 
-def _network_text(compiled: CompiledSpinnaker, shown: ShownRecording | None) -> Files:
-    return text_file("network.txt", network_text(compiled.network))
-
-
 def _quantized_text(compiled: CompiledSpinnaker, shown: ShownRecording | None) -> Files:
     return text_file("quantized.txt", quantized_text(compiled.quantized))
 
@@ -66,7 +67,7 @@ def _pynn(compiled: CompiledSpinnaker, shown: ShownRecording | None) -> Files:
 
 SPINNAKER_KINDS = EmittedKinds(
     writers={
-        "network": _network_text,
+        "network": network_file,
         "quantized": _quantized_text,
         "program": _program_text,
         "pynn": _pynn,

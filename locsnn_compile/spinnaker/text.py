@@ -1,6 +1,6 @@
 """A program for SpiNNaker as stable text, for people to read and for golden tests to compare."""
 
-from hw_model.program.text import array_text
+from hw_model.program.text import array_text, ended, program_heading
 from hw_model.spinnaker.network import SpinnakerPopulation
 from hw_model.spinnaker.program import SpinnakerProgram
 
@@ -8,8 +8,7 @@ from hw_model.spinnaker.program import SpinnakerProgram
 def program_text(program: SpinnakerProgram) -> str:
     """Return the text of a program: phases, inputs, populations, projections."""
     network = program.network
-    lines = [f"program {program.name} for {program.chip.name}"]
-    lines += [f"  {key}: {value}" for key, value in program.provenance.items()]
+    lines = program_heading(program.name, program.chip.name, program.provenance)
     for phase in network.phases:
         steps = "open" if phase.steps is None else phase.steps
         lines.append(f"  phase {phase.name}: axis {phase.axis}, steps {steps}")
@@ -21,7 +20,7 @@ def program_text(program: SpinnakerProgram) -> str:
             lines.append(f"    {projection.called}:")
             lines.append(f"      weight {array_text(projection.weight)}")
             lines.append(f"      delay {array_text(projection.delay)}")
-    return "\n".join(lines) + "\n"
+    return ended(lines)
 
 
 def _population_lines(population: SpinnakerPopulation) -> list[str]:

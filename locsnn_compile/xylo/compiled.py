@@ -8,9 +8,13 @@ from hw_model.xylo.program import XyloProgram
 from locsnn_compile.backends.xylo.folder import xylo_folder
 from locsnn_compile.emitters import Files, ShownRecording
 from locsnn_compile.network.network import Network
-from locsnn_compile.network.text import network_text
 from locsnn_compile.own_arithmetic.compiled import CompiledProgram
-from locsnn_compile.own_arithmetic.emitted import EmittedKinds, recording_to_show, text_file
+from locsnn_compile.own_arithmetic.emitted import (
+    EmittedKinds,
+    network_file,
+    recording_to_show,
+    text_file,
+)
 from locsnn_compile.report.content import Report
 from locsnn_compile.xylo.comparison import XyloMatch
 from locsnn_compile.xylo.document import XyloFigures
@@ -46,10 +50,6 @@ class CompiledXylo(CompiledProgram, eq=False, repr=False):
         return XYLO_KINDS.files(self, self.program.chip, kinds, shown)
 
 
-def _network_text(compiled: CompiledXylo, shown: ShownRecording | None) -> Files:
-    return text_file("network.txt", network_text(compiled.network))
-
-
 def _program_text(compiled: CompiledXylo, shown: ShownRecording | None) -> Files:
     return text_file("program.txt", program_text(compiled.program))
 
@@ -59,7 +59,7 @@ def _rockpool(compiled: CompiledXylo, shown: ShownRecording | None) -> Files:
 
 
 XYLO_KINDS = EmittedKinds(
-    writers={"network": _network_text, "program": _program_text, "xylo": _rockpool},
+    writers={"network": network_file, "program": _program_text, "xylo": _rockpool},
     lacking="compartments, cores or a board",
 )
 """The kinds of ``--emit`` that show what a program for a Xylo has."""

@@ -1,6 +1,6 @@
 """A program for a Xylo as stable text, for people to read and for golden tests to compare."""
 
-from hw_model.program.text import array_text
+from hw_model.program.text import array_text, ended, program_heading
 from hw_model.xylo.network import XyloPopulation
 from hw_model.xylo.program import XyloProgram
 
@@ -8,8 +8,7 @@ from hw_model.xylo.program import XyloProgram
 def program_text(program: XyloProgram) -> str:
     """Return the text of a program: its neurons by name, then its synapses."""
     network = program.network
-    lines = [f"program {program.name} for {program.chip.name}"]
-    lines += [f"  {key}: {value}" for key, value in program.provenance.items()]
+    lines = program_heading(program.name, program.chip.name, program.provenance)
     lines.append(f"  inputs: {program.inputs}")
     for name, place in program.places.items():
         lines.append(f"  hidden {name}: neurons {place.start}..{place.stop - 1}")
@@ -23,7 +22,7 @@ def program_text(program: XyloProgram) -> str:
     )
     for called, weights, shift in groups:
         lines.append(f"  synapses {called}: shift {shift}, weights {array_text(weights)}")
-    return "\n".join(lines) + "\n"
+    return ended(lines)
 
 
 def _population_text(population: XyloPopulation) -> str:
