@@ -1,7 +1,7 @@
 """The float network against a program of another arithmetic, spike by spike, a batch at a time.
 
-A family says what its program does on a batch (:class:`ProgramRun`); everything else is the same for
-all: the match of the batch with the network, the first spike that differs, and the sum over batches.
+A family says what its program does on a batch (:class:`ProgramRun`). Everything else is the same
+for all: the match of the batch with the network, the first spike that differs, the sum over batches.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -76,14 +76,14 @@ class ProgramRun(Generic[CountsT], Frozen, eq=False):
 
 
 class Batch(NamedTuple):
-    """Recordings (batch, steps, channels) that are played at once, and the number of the first one."""
+    """Recordings (batch, steps, channels) played at once, and the number of the first one."""
 
     first_recording: int
     spikes: ByteArray
 
 
 class BatchMatch(Generic[CountsT], Sums, eq=False):
-    """How a program compares with the network on some recordings: the parts of a :class:`ProgramMatch`.
+    """How a program compares with the network on some recordings: parts of :class:`ProgramMatch`.
 
     ``predictions`` are those of the network and of the program, (batch,), of each batch;
     ``divergences`` has the first spike of each batch that differs, if there is one.
@@ -104,7 +104,7 @@ class ProgramMatch(Generic[CountsT], Shown, Agreement):
     ``reference_prediction`` and ``chip_prediction`` are classes (samples,), or -1 where all scores
     tie and nothing is predicted; ``labels`` are (samples,) or None. ``helpers`` are populations
     that a frontend added. ``counts`` are those of each recording, ``counts_by_phase`` those of all
-    recordings, and ``additions`` the float network's operations on paper by phase, over all of them.
+    together; ``additions`` are the float network's operations on paper by phase, over all of them.
     """
 
     samples: int

@@ -67,7 +67,10 @@ class RecordingTime(Protocol):
 
 
 class FirstEntries(Entry):
-    """report.json up to the entries of a family; every ``per_sample`` figure is a mean over the recordings."""
+    """report.json up to the entries of a family.
+
+    Every ``per_sample`` figure is a mean over the recordings of the check.
+    """
 
     schema: str
     model: ModelFigures

@@ -46,7 +46,7 @@ class EmittedKinds(Generic[BuildT], Frozen, eq=False):
 
 
 def text_file(name: str, text: str) -> Files:
-    """Return a file of text. A name in it may hold characters that UTF-8 cannot: they are escaped."""
+    """Return a file of text; characters that UTF-8 cannot hold, as names may have, are escaped."""
     return {name: text.encode(errors="backslashreplace")}
 
 

@@ -1,4 +1,4 @@
-"""The page of a report that all chips with an arithmetic of their own share, in the order of all reports."""
+"""The parts of a report's page that all chips with an arithmetic of their own share."""
 
 from collections.abc import Callable, Mapping
 
@@ -101,7 +101,7 @@ def fits_verdict(report: SharedFigures, taken: str, taker: str, besides: str = "
 
 
 def operations_section(figures: OperationFigures, lead: str, *notes: Block) -> Section:
-    """Counts of the chip by phase, next to those of the published method; ``lead`` says what is counted."""
+    """Counts of the chip by phase, next to those on paper; ``lead`` says what is counted."""
     tables = behaviour.operations(figures)
     return Section(tables.key, tables.title, lead, (*tables.blocks, *notes))
 
@@ -123,7 +123,10 @@ def numbers_section(
     lead: str,
     number: Callable[[str, object], str],
 ) -> Section:
-    """Numbers of the chip by population, entries of one ``kind``; ``number`` writes one, given its key."""
+    """Numbers of the chip by population, entries of one ``kind``.
+
+    ``number`` writes a number, given its key.
+    """
     keys = keys_of(kind)
     rows = []
     for name, numbers in quantization.items():

@@ -15,7 +15,7 @@ class OnlySetting(Frozen, eq=False):
     """How all networks are compiled for a family, and why no value of a dial could change it.
 
     - ``setting``: what is done
-    - ``reasons``: by dial, why another value means nothing, where ``{chip}`` stands for the chip's name
+    - ``reasons``: by dial, why another value means nothing; ``{chip}`` stands for the chip's name
     - ``fixes``: by dial, what to do instead, if it is more than to leave the value out
     """
 

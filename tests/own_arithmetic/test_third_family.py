@@ -1,4 +1,4 @@
-"""A family of chips that was made up, from what families share: its check, its report, what it refuses.
+"""A made-up family of chips, put together from what families share: check, report and refusals.
 
 Its chip computes as the float network does, but loses every spike of neuron 1 of the hidden ones in
 step 3, and counts as told.
@@ -167,7 +167,7 @@ def figures(network, match) -> Figures:
 
 
 def test_spikes_and_predictions_are_counted_over_all_batches(match):
-    """Each of the last two recordings has 2 spikes of each layer; the chip lacks one of the hidden ones.
+    """Each of the last two recordings has 2 spikes of each layer; the chip lacks a hidden one.
 
     An event of step 0 spikes in step 1, and one of step 2 in step 3.
     """
