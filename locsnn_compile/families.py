@@ -36,16 +36,18 @@ class Family(Generic[ChipT]):
       that means nothing here
     - ``fulfil``: compiles a network as requested, and checks it against the float reference
     - ``check_kinds``: refuses kinds of ``--emit`` that show what such a chip does not have
+    - ``bounds_choose``: bounds on what may be lost choose among several settings
     """
 
     chips: type[ChipT]
     setting: Callable[[ChipT, Mapping[str, Value | None]], Setting]
     fulfil: Callable[[CompileRequest[ChipT]], Compiled]
     check_kinds: Callable[[ChipT, Sequence[str]], None]
+    bounds_choose: bool = False
 
 
 FAMILIES: tuple[Family[Any], ...] = (
-    Family(hw.Chip, setting_for, fulfil_for_mesh, check_kinds),
+    Family(hw.Chip, setting_for, fulfil_for_mesh, check_kinds, bounds_choose=True),
     Family(XyloChip, XYLO_SETTING.for_dials, fulfil_for_xylo, XYLO_KINDS.check),
     Family(SpinnakerChip, SPINNAKER_SETTING.for_dials, fulfil_for_spinnaker, SPINNAKER_KINDS.check),
 )

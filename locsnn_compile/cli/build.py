@@ -109,8 +109,12 @@ def _setting_request(
 ) -> SettingRequest:
     """Return what the options ask of the setting."""
     values = picked(args, *(dial.name for dial in DIALS))
-    budget = ErrorBudget(args.min_agreement, args.max_spike_error, args.max_score_error)
-    setting = family_of(target).setting(target, values)
+    family = family_of(target)
+    setting = family.setting(target, values)
+    budget = None
+    # Where there is one setting, bounds are gates of the report alone.
+    if family.bounds_choose:
+        budget = ErrorBudget(args.min_agreement, args.max_spike_error, args.max_score_error)
     return SettingRequest.of(setting, values, budget, calibration)
 
 

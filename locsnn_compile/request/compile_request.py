@@ -97,10 +97,19 @@ class CompileRequest(Generic[TargetT], Frozen, eq=False):
     pricing: PricingRequest = PricingRequest()
 
 
-def check_unpriced(request: CompileRequest[AnyChip], why: str) -> None:
-    """Refuse a profile where no energies are known, and a scheduler where this process plays."""
+def check_only_setting(request: CompileRequest[AnyChip], unpriced: str) -> None:
+    """Refuse what a request cannot ask of a chip that has one setting and no table of energies.
+
+    ``unpriced``: why there is none.
+    """
+    name = request.chip.name
+    if request.setting.budget.given:
+        what = f"there is one setting for {name}, and a budget chooses among several"
+        fix = "Leave it out, and look at the match of the report."
+        raise InputError("budget", what, fix=fix)
     if request.pricing.profile is not None:
-        raise InputError(f"profile {str(request.pricing.profile)!r}", why, fix="Leave it out.")
+        where = f"profile {str(request.pricing.profile)!r}"
+        raise InputError(where, unpriced, fix="Leave it out.")
     if request.check.scheduler is not None:
-        what = f"recordings are played to {request.chip.name} in this process"
+        what = f"recordings are played to {name} in this process"
         raise InputError("scheduler", what, fix="Leave it out.")

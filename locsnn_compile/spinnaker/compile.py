@@ -7,7 +7,6 @@ from hw_model.mapping.graph import CompartmentGraph, Readout
 from hw_model.spinnaker.chips import SpinnakerChip
 from hw_model.spinnaker.program import SpinnakerProgram
 from locsnn_compile.data.recordings import Recordings
-from locsnn_compile.errors import InputError
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.quantized import QuantizedNetwork
 from locsnn_compile.own_arithmetic.program_entries import program_entries
@@ -16,7 +15,7 @@ from locsnn_compile.passes.quantize import quantize_by
 from locsnn_compile.passes.rounding.task import FINE
 from locsnn_compile.reference.evaluate import calibrate
 from locsnn_compile.report.grounds import grounds_of
-from locsnn_compile.request.compile_request import CompileRequest, check_unpriced
+from locsnn_compile.request.compile_request import CompileRequest, check_only_setting
 from locsnn_compile.request.recordings import calibration_for, recordings_for, with_psi
 from locsnn_compile.spinnaker.comparison import compare_spinnaker
 from locsnn_compile.spinnaker.compiled import CompiledSpinnaker
@@ -67,10 +66,7 @@ def fulfil_for_spinnaker(request: CompileRequest[SpinnakerChip]) -> CompiledSpin
 def _check_asked(request: CompileRequest[SpinnakerChip]) -> None:
     """Refuse what means nothing for SpiNNaker."""
     name = request.chip.name
-    check_unpriced(request, f"no table of the energies of {name} was checked")
-    if request.setting.budget.given:
-        what = f"there is one setting for {name}, and bounds choose among several"
-        raise InputError("budget", what, fix="Leave out the bounds, and ask for gates.")
+    check_only_setting(request, f"no table of the energies of {name} was checked")
 
 
 def quantize_for(

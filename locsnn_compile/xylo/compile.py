@@ -4,7 +4,7 @@ from hw_model.xylo.chips import XyloChip
 from hw_model.xylo.program import NamedPart, XyloProgram
 from locsnn_compile.own_arithmetic.program_entries import program_entries
 from locsnn_compile.report.grounds import grounds_of
-from locsnn_compile.request.compile_request import CompileRequest, check_unpriced
+from locsnn_compile.request.compile_request import CompileRequest, check_only_setting
 from locsnn_compile.request.recordings import recordings_for, with_psi
 from locsnn_compile.settings import NATIVE, check_matters
 from locsnn_compile.xylo.comparison import compare_xylo
@@ -45,7 +45,7 @@ def fulfil_for_xylo(request: CompileRequest[XyloChip]) -> CompiledXylo:
 
 def _check_asked(request: CompileRequest[XyloChip]) -> None:
     """Refuse what means nothing for a Xylo."""
-    check_unpriced(request, f"no energies of {request.chip.name} are published")
+    check_only_setting(request, f"no energies of {request.chip.name} are published")
     if request.setting.calibration is not None:
         check_matters(request.network, {"calibration": "calibration"})
 

@@ -137,3 +137,22 @@ def test_options_of_other_programs_are_refused(built, option, capsys):
     assert main(["run", str(built), "--events", TOUCHES, option]) == 2
     name = option.partition("=")[0]
     assert capsys.readouterr().err.startswith(f"{name}: ")
+
+
+def test_bounds_are_gates(tmp_path, capsys):
+    assert compile_hybrid(tmp_path / "out", "--strategy", "reset", "--min-agreement", "0.1") == 0
+    assert compile_hybrid(tmp_path / "out", "--strategy", "reset", "--min-agreement", "0.9") == 3
+    assert capsys.readouterr().err.splitlines()[-1] == (
+        "gate failed: --min-agreement: prediction agreement is 0.2500, below 0.9."
+    )
+
+
+@pytest.mark.parametrize("target", ["spinnaker1", "xylo-audio3"])
+def test_a_budget_that_can_choose_nothing_is_refused(target):
+    network = lc.load(MODEL)
+    with pytest.raises(lc.InputError) as refused:
+        lc.compile(network, target, budget=lc.ErrorBudget(max_spike_error=0.0))
+    assert str(refused.value) == (
+        f"budget: there is one setting for {target}, and a budget chooses among several. "
+        "Leave it out, and look at the match of the report."
+    )
