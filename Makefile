@@ -28,7 +28,7 @@ peers: .venv/installed-dev  ## compare the engine with public simulators, each i
 bench: .venv/installed-dev  ## measure speed and memory next to public simulators; writes docs/research/benchmarks.md (QUICK=1: only tries it; BASE=REV: the command against an earlier commit)
 	$(BIN)/python tests/benchmarks/run.py $(if $(QUICK),--quick) $(if $(BASE),--against $(BASE))
 
-hardware: .venv/installed-dev  ## place the open core on its boards, play recordings to it, and write the tables of docs/reference/hardware.md (ONLY=BOARD or ONLY=core, SEEDS=N)
+hardware: .venv/installed-dev  ## place the open core on its boards, play recordings to it, and write the tables of docs/research/hardware/resources-and-clock.md (ONLY=BOARD or ONLY=core, SEEDS=N)
 	PATH=$(CURDIR)/$(BIN):$$PATH $(BIN)/python tests/hardware/measure.py $(if $(ONLY),--only $(ONLY)) $(if $(SEEDS),--seeds $(SEEDS))
 
 mutants: .venv/installed-dev  ## plant small faults in the code, one at a time: do the tests tell them? writes tests/mutants/results.csv; then all of the core's; an hour on two cores

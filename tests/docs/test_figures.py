@@ -119,7 +119,7 @@ def test_the_readme_has_the_published_figures():
 def test_the_page_on_public_work_has_the_resources_that_were_placed(board):
     placed = next(
         row
-        for row in table(ROOT / "docs/reference/hardware.md", "board | program")
+        for row in table(ROOT / "docs/research/hardware/resources-and-clock.md", "board | program")
         if row[0] == board
     )
     beside = next(
@@ -135,7 +135,7 @@ def test_the_page_on_public_work_has_the_resources_that_were_placed(board):
 def test_the_page_on_boards_has_the_resources_that_were_placed():
     placed = next(
         row
-        for row in table(ROOT / "docs/reference/hardware.md", "board | program")
+        for row in table(ROOT / "docs/research/hardware/resources-and-clock.md", "board | program")
         if row[0] == "ulx3s-25f"
     )
     luts, flip_flops, rams, multipliers = (cell.replace(",", "") for cell in placed[2:6])

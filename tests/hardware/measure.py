@@ -1,4 +1,4 @@
-"""``make hardware``: resources, clock and cycles of the open core, device by device, into docs/reference/hardware.md.
+"""``make hardware``: resources, clock and cycles of the open core, device by device, into docs/research/hardware/resources-and-clock.md.
 
 A board is the core and its serial line; the core is placed by itself as well, out of context: without pins, and without
 what a board's paths to it take.
@@ -33,7 +33,7 @@ ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "tests/benchmarks"))
 from page_section import put_section, section_of  # noqa: E402
 
-PAGE = ROOT / "docs/reference/hardware.md"
+PAGE = ROOT / "docs/research/hardware/resources-and-clock.md"
 ROWS = {
     "ulx3s-25f": ("objects-hybrid-loihi", "native"),
     "ulx3s-85f": ("objects-hybrid", "paired-dendrite"),

@@ -1,4 +1,4 @@
-"""Rows of the table of resources in docs/reference/hardware.md."""
+"""Rows of the table of resources in docs/research/hardware/resources-and-clock.md."""
 
 from __future__ import annotations
 
