@@ -85,8 +85,13 @@ def _pitch(places: Places) -> float:
 BY_PLACE: dict[str, Callable[[Places], Walk]] = {
     walk.__name__: walk for walk in (raster, snake, spiral, hilbert, tour)
 }
-ORDERS = (*LOCATION_ORDERS, *BY_PLACE)
-"""Names of orders: ``loop`` goes by the taxels' numbers, ``arch`` and ``whorl`` are published for NeuTouch."""
+BY_NUMBER: dict[str, Callable[[int], range]] = {
+    "loop": lambda taxels: range(1, taxels + 1),
+    "reverse": lambda taxels: range(taxels, 0, -1),
+}
+ORDERS = (*LOCATION_ORDERS, "reverse", *BY_PLACE)
+"""Names of orders: ``loop`` and ``reverse`` go by the taxels' numbers, upwards and downwards;
+``arch`` and ``whorl`` are published for NeuTouch."""
 
 
 def location_order(text: str, layout: SensorLayout) -> tuple[str, tuple[int, ...]]:
@@ -95,8 +100,8 @@ def location_order(text: str, layout: SensorLayout) -> tuple[str, tuple[int, ...
     Raises ``InputError`` for an unknown name, for one that needs positions which the layout lacks, and for numbers that
     are not a permutation of the taxels.
     """
-    if text == "loop":
-        return text, tuple(range(1, layout.taxels + 1))
+    if text in BY_NUMBER:
+        return text, tuple(BY_NUMBER[text](layout.taxels))
     if text in BY_PLACE:
         places = layout.needed_places(f"location order {text!r}")
         return text, tuple((1 + BY_PLACE[text](places)).tolist())
@@ -104,7 +109,7 @@ def location_order(text: str, layout: SensorLayout) -> tuple[str, tuple[int, ...
         return text, LOCATION_ORDERS[text]
     if text in LOCATION_ORDERS:
         what = "it is a walk over the 39 taxels of a NeuTouch fingertip"
-        fix = f"Use one of: loop, {', '.join(BY_PLACE)}."
+        fix = f"Use one of: {', '.join((*BY_NUMBER, *BY_PLACE))}."
         raise InputError(
             f"location order {text!r}", what, measured=f"sensor {layout.name!r}", fix=fix
         )

@@ -182,6 +182,7 @@ def test_files_that_are_no_layout(document: dict, message: str) -> None:
 
 EXPECTED = {
     "loop": [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12],
+    "reverse": [12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2, 1],
     "raster": [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12],
     "snake": [1, 2, 3, 4, 8, 7, 6, 5, 9, 10, 11, 12],
     "spiral": [7, 6, 1, 2, 3, 4, 8, 12, 11, 10, 9, 5],
@@ -192,6 +193,22 @@ EXPECTED = {
 @pytest.mark.parametrize("name", EXPECTED)
 def test_walks_over_a_grid(name: str) -> None:
     assert location_order(name, GRID) == (name, tuple(EXPECTED[name]))
+
+
+@pytest.mark.parametrize(
+    ("name", "bands"),
+    [
+        pytest.param("loop", [1, 2, 3, 4, 5], id="up"),
+        pytest.param("reverse", [5, 4, 3, 2, 1], id="down"),
+        pytest.param("spiral", [3, 4, 2, 5, 1], id="from the middle"),
+    ],
+)
+def test_walks_over_the_bands_of_a_cochlea(name: str, bands: list[int]) -> None:
+    assert location_order(name, grid_layout("5x1", 2)) == (name, tuple(bands))
+
+
+def test_a_reversed_walk_needs_no_places() -> None:
+    assert location_order("reverse", NOWHERE) == ("reverse", (8, 7, 6, 5, 4, 3, 2, 1))
 
 
 @pytest.mark.parametrize("name", ["hilbert", "snake", "tour"])
@@ -226,7 +243,7 @@ def test_a_file_of_numbers_is_an_order(tmp_path: Path) -> None:
             "arch",
             GRID,
             "location order 'arch': it is a walk over the 39 taxels of a NeuTouch fingertip (sensor 'grid 4x3'). "
-            "Use one of: loop, raster, snake, spiral, hilbert, tour.",
+            "Use one of: loop, reverse, raster, snake, spiral, hilbert, tour.",
             id="arch of a grid",
         ),
         pytest.param(

@@ -96,7 +96,7 @@ def test_orders_by_text(text: str, expected: tuple[str, tuple[int, ...]]) -> Non
         ),
         pytest.param(
             "radial",
-            "location order: 'radial' is not known. Choose one of: arch, hilbert, loop, raster, snake, spiral, tour, whorl.",
+            "location order: 'radial' is not known. Choose one of: arch, hilbert, loop, raster, reverse, snake, spiral, tour, whorl.",
             id="unknown",
         ),
         pytest.param(

@@ -244,7 +244,7 @@ def test_a_run_takes_the_smallest_floats_as_zero_and_leaves_torch_as_it_was() ->
             Recordings(np.zeros((1, 5, 78)), np.zeros(1), None, "x.npy"),
             {"order": "radial"},
             "location order: 'radial' is not known. "
-            "Choose one of: arch, hilbert, loop, raster, snake, spiral, tour, whorl.",
+            "Choose one of: arch, hilbert, loop, raster, reverse, snake, spiral, tour, whorl.",
             id="unknown order",
         ),
         pytest.param(

@@ -42,9 +42,9 @@ def declare(parser: argparse.ArgumentParser) -> None:
         "--order",
         metavar="ORDER",
         help=(
-            "loop (default: as numbered), raster, snake, spiral, hilbert, tour, arch or "
-            "whorl (NeuTouch), or taxel numbers separated by commas, or a .txt file of "
-            "them"
+            "loop (default: as numbered), reverse, raster, snake, spiral, hilbert, tour, "
+            "arch or whorl (NeuTouch), or taxel numbers separated by commas, or a .txt "
+            "file of them"
         ),
     )
     parser.add_argument(
