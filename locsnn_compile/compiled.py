@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from hw_model.io.build_folder import write_build
 from hw_model.io.given import checked
@@ -18,18 +18,27 @@ from locsnn_compile.report.sections.verdict import matches
 from locsnn_compile.report.written import report_files
 from locsnn_compile.request.choose_strategy import Choice
 
+if TYPE_CHECKING:
+    from hw_model.targets.programs import AnyProgram
+
 
 class Compiled(ABC):
     """A program, the network that it came from, and the report of their comparison.
 
     - ``figures``: the content of report.json, with types
     - ``choice``: what ``auto`` compared; None where there was nothing to choose
-
-    Next to what is declared here, it has a ``program`` for its chip.
+    - ``program``: what its chip plays
     """
 
     figures: SharedFigures
     choice: Choice | None
+
+    # To a dataclass that derives from this one, a property would be the default of its field.
+    if TYPE_CHECKING:
+
+        @property
+        def program(self) -> "AnyProgram":
+            """The program, of the kind that its chip plays."""
 
     @property
     @abstractmethod

@@ -7,7 +7,7 @@ row here.
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Any, Generic, Literal, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from hw_model.xylo.files import xylo_arrays, xylo_program_of
 from hw_model.xylo.program import XyloProgram
 
 AnyProgram = ChipProgram | XyloProgram | SpinnakerProgram
+Engine = Literal["fast", "reference"]
 ProgramT = TypeVar("ProgramT", ChipProgram, XyloProgram, SpinnakerProgram)
 
 
@@ -64,39 +65,42 @@ class ProgramKind(Generic[ProgramT]):
     - ``format``: what their files say they are
     - ``program``: their class
     - ``read``: makes one of its files; ``InputError`` for anything missing, damaged or newer
-    - ``play``: plays recordings (batch, steps, channels), each from rest
+    - ``play``: plays recordings (batch, steps, channels), each from rest, in an engine; both give
+      the same
     - ``contents``: what one holds; None for a kind whose cores a report tells in full
     """
 
     format: str
     program: type[ProgramT]
     read: Callable[[SealedPair], ProgramT]
-    play: Callable[[ProgramT, ByteArray], PlayedProgram]
+    play: Callable[[ProgramT, ByteArray, Engine], PlayedProgram]
     contents: Callable[[ProgramT], ProgramContents] | None = None
 
 
 # Reading a program needs no engine.
 
 
-def _play_chip(program: ChipProgram, recordings: ByteArray) -> PlayedProgram:
+def _play_chip(program: ChipProgram, recordings: ByteArray, engine: Engine) -> PlayedProgram:
     from hw_model.simulation import simulate
 
-    result = simulate(program, recordings)
+    result = simulate(program, recordings, engine=engine)
     return PlayedProgram(result.spikes, result.scores)
 
 
-def _play_xylo(program: XyloProgram, recordings: ByteArray) -> PlayedProgram:
+def _play_xylo(program: XyloProgram, recordings: ByteArray, engine: Engine) -> PlayedProgram:
     from hw_model.xylo.playing import play_program
 
-    played = play_program(program, recordings)
+    played = play_program(program, recordings, engine)
     spikes = {name: np.minimum(counts, 1) for name, counts in played.spikes.items()}
     return PlayedProgram(spikes, played.scores)
 
 
-def _play_spinnaker(program: SpinnakerProgram, recordings: ByteArray) -> PlayedProgram:
+def _play_spinnaker(
+    program: SpinnakerProgram, recordings: ByteArray, engine: Engine
+) -> PlayedProgram:
     from hw_model.spinnaker.playing import play_program
 
-    played = play_program(program, recordings)
+    played = play_program(program, recordings, engine)
     return PlayedProgram(played.spikes, played.scores)
 
 

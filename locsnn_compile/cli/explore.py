@@ -15,8 +15,10 @@ setting on the front within --min-agreement, --max-spike-error and --max-score-e
 none is given, the bounds are those of --strategy auto: no more changed predictions than dendrite at 8 bits, at most 1 %
 more spikes that differ, and class scores off by at most 5 % more of their spread.
 
-With several --target, the network is compiled once for each chip, by the settings that are usual there or that are
-given: what each loses and takes, and why others refuse the network, is in explore.csv, explore.json and explore.svg.
+With several --target, or one chip that has a single setting, the network is put on each chip, by what is usual there or
+with every combination of the values given: explore.csv, explore.json and explore.svg say what each loses and takes, and
+why others refuse the network or a value. With bounds, chips that keep them are named (exit code 3 if there is none).
+Engines are timed if --engines names them (timings.csv).
 """
 
 import argparse
@@ -27,6 +29,7 @@ from pathlib import Path
 
 import hw_model as hw
 from hw_model.io.build_folder import check_folder, default_folder, write_build
+from hw_model.targets.families import chip_named
 from locsnn_compile.cli.explore_chips import explore_chips
 from locsnn_compile.cli.explored_inputs import REPORTED, check_explored_places, read_compared
 from locsnn_compile.cli.interrupt import EXIT_INTERRUPTED
@@ -36,9 +39,10 @@ from locsnn_compile.cluster.spread import Spread, spread_over
 from locsnn_compile.errors import InputError
 from locsnn_compile.explore.events import report_events, written
 from locsnn_compile.explore.exploration import Exploration
-from locsnn_compile.explore.point import Study
+from locsnn_compile.explore.point import Point, Study
 from locsnn_compile.explore.result import exploration_files, lines
 from locsnn_compile.explore.sweep import Store, auto_bounds, sweep
+from locsnn_compile.families import family_of
 from locsnn_compile.settings import DIALS, Value, settings, weight_bits_of
 from locsnn_compile.verification.error_bounds import ErrorBudget
 
@@ -60,12 +64,11 @@ def run(args: argparse.Namespace) -> int:
     check_folder(folder, WRITTEN)
     check_explored_places(args, folder, WRITTEN)
     targets = tuple(dict.fromkeys(args.target or (DEFAULT_TARGET,)))
-    if len(targets) > 1:
-        return explore_chips(args, targets, folder)
-    (target,) = targets
     try:
         with spread_over(args.scheduler, args.workers) as spread:
-            found = _explore(args, target, wanted, folder, spread)
+            if not _has_grid(targets):
+                return explore_chips(args, targets, folder, spread)
+            found = _explore(args, targets[0], wanted, folder, spread)
     except KeyboardInterrupt:
         print("Stopped. The same command resumes from here.", file=sys.stderr)
         return EXIT_INTERRUPTED
@@ -79,6 +82,13 @@ def run(args: argparse.Namespace) -> int:
         print(f"gate failed: {found.recommendation.why}.", file=sys.stderr)
         return EXIT_GATE
     return 0
+
+
+def _has_grid(targets: Sequence[str]) -> bool:
+    """Tell whether there is one chip, with several settings to choose from."""
+    if len(targets) > 1:
+        return False
+    return family_of(chip_named(targets[0])).bounds_choose
 
 
 def _explore(
@@ -104,7 +114,7 @@ def _explore(
         compared.calibration,
         engines,
     )
-    store = Store(folder / "points")
+    store = Store(folder / "points", Point)
     with progress_bar("exploring", show=not args.quiet) as progress:
         tried = settings(network, wanted, weight_bits_of(chip, None))
         points = sweep(study, tried, store, spread, progress)

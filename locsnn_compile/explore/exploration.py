@@ -145,7 +145,7 @@ class Exploration(Frozen, eq=False):
         return self._command(setting, self.reported_on) if reported and self.reported_on else None
 
     def report_on(
-        self, events: Chosen, store: Store, spread: Spread, progress: Progress | None
+        self, events: Chosen, store: Store[Point], spread: Spread, progress: Progress | None
     ) -> "Exploration":
         """Return the exploration with the settings on its front also measured on other recordings."""
         study = replace(self.study, recordings=events.recordings, engines=())

@@ -87,7 +87,7 @@ class Study(Frozen, eq=False):
 
     @cached_property
     def _digest(self) -> str:
-        played = [_recordings_digest(self.recordings), _recordings_digest(self.calibration)]
+        played = [recordings_digest(self.recordings), recordings_digest(self.calibration)]
         return digest_of(
             [self.network.name, self.model_digest, self.chip.document, self.engines, played]
         )
@@ -101,7 +101,8 @@ def digest_of(about: object, *contents: bytes) -> str:
     return digest.hexdigest()
 
 
-def _recordings_digest(recordings: Recordings) -> str:
+def recordings_digest(recordings: Recordings) -> str:
+    """Return a hash of recordings: their events, labels and width of a step."""
     spikes, labels = recordings.spikes, recordings.labels
     known = b"" if labels is None else labels.astype("<i8").tobytes()
     return digest_of(

@@ -26,10 +26,10 @@ class OnlySetting(Frozen, eq=False):
     @property
     def accepted(self) -> dict[str, tuple[Value, ...]]:
         """By dial, the values that mean what is done."""
-        return {
-            "strategy": (AUTO, self.setting.strategy),
-            "weight_bits": (self.setting.weight_bits,),
+        done: dict[str, tuple[Value, ...]] = {
+            dial.name: (value,) for dial, value in self.setting.by_dial
         }
+        return {**done, "strategy": (AUTO, self.setting.strategy)}
 
     def for_dials(self, chip: AnyChip, values: Mapping[str, Value | None]) -> Setting:
         """Return the setting for values by dial; ``InputError`` where one asks for another."""

@@ -78,6 +78,6 @@ def _play(program: AnyProgram, recordings: ByteArray) -> _Played:
     if program.readout is None:
         what = "has no readout, so it predicts nothing"
         raise InputError(f"program {program.name!r}", what, fix="Compile a model.")
-    played = kind_of(program).play(program, recordings)
+    played = kind_of(program).play(program, recordings, "fast")
     assert played.scores is not None  # there is a readout
     return _Played(played.spikes, program.readout.decided(played.scores))

@@ -8,7 +8,7 @@ from small_model import explore, figures, lasting, point
 from locsnn_compile.cluster.spread import code_version
 from locsnn_compile.errors import TargetError
 from locsnn_compile.explore import sweep as store_module
-from locsnn_compile.explore.point import Timing, digest_of
+from locsnn_compile.explore.point import Point, Timing, digest_of
 from locsnn_compile.explore.sweep import Store
 from locsnn_compile.settings import Setting
 
@@ -24,7 +24,7 @@ POINTS = {
 @pytest.fixture
 def store(tmp_path, monkeypatch):
     monkeypatch.setattr(store_module, "code_version", lambda: "1+code")
-    return Store(tmp_path / "points")
+    return Store(tmp_path / "points", Point)
 
 
 @pytest.mark.parametrize("kept", POINTS.values(), ids=POINTS)

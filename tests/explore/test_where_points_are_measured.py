@@ -23,7 +23,7 @@ from locsnn_compile.cluster import spread
 from locsnn_compile.cluster.spread import connected, here, packed, spread_over, work_packed
 from locsnn_compile.errors import InputError
 from locsnn_compile.explore.events import choose_events
-from locsnn_compile.explore.point import Study, measure
+from locsnn_compile.explore.point import Point, Study, measure
 from locsnn_compile.explore.sweep import Store, sweep
 from locsnn_compile.settings import DIALS, settings
 
@@ -55,7 +55,7 @@ def grid(study):
 @pytest.fixture(scope="module")
 def points(study, grid, tmp_path_factory):
     """The points of a run in one process."""
-    return sweep(study, grid, Store(tmp_path_factory.mktemp("here")), here)
+    return sweep(study, grid, Store(tmp_path_factory.mktemp("here"), Point), here)
 
 
 def killed_after(first, pids):
@@ -106,7 +106,7 @@ def test_dask_finds_the_same_bytes(model, events, serial, cluster, tmp_path):
 def test_a_process_killed_in_the_middle_takes_nothing_along(study, grid, points, tmp_path):
     progress, killed = killed_after(2, lambda: [multiprocessing.active_children()[0].pid])
     with spread_over(None, 2) as processes:
-        assert sweep(study, grid, Store(tmp_path), processes, progress) == points
+        assert sweep(study, grid, Store(tmp_path, Point), processes, progress) == points
     assert len(killed) == 1
 
 
@@ -119,7 +119,7 @@ def test_dask_workers_killed_in_the_middle_take_nothing_along(
     before = workers_of(cluster)
     progress, killed = killed_after(2, lambda: before[:many])
     with spread_over(cluster.scheduler_address) as workers:
-        assert sweep(study, grid, Store(tmp_path), workers, progress) == points
+        assert sweep(study, grid, Store(tmp_path, Point), workers, progress) == points
     assert killed == before[:many]
     assert len(list(tmp_path.iterdir())) == len(grid)
 
@@ -381,7 +381,7 @@ def test_points_of_other_code_are_not_kept(study, grid, tmp_path):
         yield replace(work(settings[0]), code="0+old")
 
     with pytest.raises(InputError) as caught:
-        sweep(study, grid[:1], Store(tmp_path), elsewhere)
+        sweep(study, grid[:1], Store(tmp_path, Point), elsewhere)
     wanted = "another version of locsnn-compile runs there (0+old against {}). Install the same one everywhere."
     assert str(caught.value) == f"setting {grid[0]}: {wanted.format(spread.code_version())}"
     assert not list(tmp_path.iterdir())

@@ -252,7 +252,7 @@ def test_a_dial_with_another_value_is_refused(values, message):
         fixes={"strategy": "Use strategy native."},
     )
     chip = xylo_chip("xylo-audio3")
-    accepted = {"strategy": "auto", "weight_bits": 8, "split_weights": None}
+    accepted = {"strategy": "auto", "weight_bits": 8, "split_weights": 0.0}
     assert only.for_dials(chip, accepted) == Setting("native", 8)
     with pytest.raises(InputError) as caught:
         only.for_dials(chip, values)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import shlex
 
 import nir
 import numpy as np
@@ -146,10 +147,28 @@ def test_targets_shows_the_file_of_a_chip(capsys):
     assert (shown["hidden"], shown["states"]) == (496, 1)
 
 
+def test_a_network_is_explored_on_chips_with_the_values_that_each_knows(folder, tmp_path, capsys):
+    """A float network without strategies is compiled without recordings to calibrate on."""
+    arguments = ["explore", folder / "small-lif.nir", "--dt", DT, "--reset", "subtract", *SHAPE]
+    arguments += ["--events", folder / "touches.npz", "--weight-bits", 4, 8]
+    arguments += ["--split-weights", "none", "--target", "xylo-audio3", "-o", tmp_path / "out"]
+    assert main([*map(str, arguments), "--quiet"]) == 0
+    document = json.loads((tmp_path / "out" / "explore.json").read_text())
+    refused, able = document["chips"]
+    assert refused["refused"] == (
+        "weight_bits: weights of xylo-audio3 have one width (got 4). Leave it out."
+    )
+    assert able["setting"] == {"weight_bits": 8, "split_weights": 0.0}
+    assert compile_main([*shlex.split(able["command"])[1:], "-o", str(tmp_path / "build")]) == 0
+    capsys.readouterr()
+    report = json.loads((tmp_path / "build" / "report.json").read_text())
+    assert able["figures"]["spike_error"] == 1 - report["match"]["spike_agreement"]
+    assert able["figures"]["energy_pj"] is None
+
+
 @pytest.mark.parametrize(
     "command",
     [
-        ["explore", "{model}", "--dt", "1e-3"],
         ["stress"],
     ],
     ids=lambda command: command[0],

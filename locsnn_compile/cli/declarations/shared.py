@@ -284,6 +284,6 @@ def add_explored(parser: argparse.ArgumentParser, dial: Dial) -> None:
         kind = choice(dial.option, values, read)
     else:
         low, high = dial.bounds
-        kind = {"type": number(dial.option, read, low=low, high=high)}
+        kind = {"type": number(dial.option, dial.read, low=low, high=high)}
     said = f"{dial.tried} to try (default: {', '.join(values)})"
     parser.add_argument(dial.option, metavar="X", nargs="+", help=said, **kind)
