@@ -45,16 +45,14 @@ def play_few(texts: dict[str, str]) -> Counter[str]:
 
 
 @icarus
-def test_the_core_plays_any_phases(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+def test_the_core_plays_any_phases(cores_of_this_run):
     met = play_few(sources())
     assert met["programs"] == len(FEW)
     assert min(met["of several phases"], met["that begin at a touch"]) > 3, met
 
 
 @icarus
-def test_a_core_with_a_fault_does_not(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+def test_a_core_with_a_fault_does_not(cores_of_this_run):
     with pytest.raises(AssertionError):
         play_few(benches.with_fault(sources()))
 

@@ -14,9 +14,10 @@ from hw_model.rtl.cosimulation import ANSWER, END, TICK
 from hw_model.rtl.simulators import sources
 from tests.marks import first_quick
 
-pytestmark = pytest.mark.skipif(
-    shutil.which("iverilog") is None, reason="Icarus Verilog is not installed"
-)
+pytestmark = [
+    pytest.mark.usefixtures("cores_of_this_run"),
+    pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed"),
+]
 
 
 @pytest.fixture(scope="module", params=first_quick([SIZES, LATER]), ids=["plain", "later"])
@@ -28,9 +29,7 @@ def desk(request):
 def play(desk, tmp_path_factory):
     """Return a function that plays beats and gives the answers and the spikes."""
     folder = tmp_path_factory.mktemp("axis")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_CACHE_HOME", str(folder))
-        yield lambda beats, **more: desk.play_axis(folder, beats, sources(), **more)
+    return lambda beats, **more: desk.play_axis(folder, beats, sources(), **more)
 
 
 @pytest.fixture(scope="module")

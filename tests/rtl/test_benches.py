@@ -27,16 +27,12 @@ from hw_model.rtl.images import CoreProgram
 from hw_model.rtl.simulators import sources
 from tests.marks import first_quick, sampled
 
-pytestmark = pytest.mark.skipif(
-    shutil.which("iverilog") is None, reason="Icarus Verilog is not installed"
-)
+pytestmark = [
+    pytest.mark.usefixtures("cores_of_this_run"),
+    pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed"),
+]
 MUTANTS = yaml.safe_load((Path(__file__).parent / "mutants.yaml").read_text())
 benches = cache(all_benches)
-
-
-@pytest.fixture(autouse=True)
-def _cache_of_its_own(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
 
 
 STOPPING = """module clock_gate (input logic clk, input logic enable, output logic gated);

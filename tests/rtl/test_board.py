@@ -29,19 +29,18 @@ from hw_model.rtl.frames import ANSWER as ANSWERED
 from hw_model.rtl.frames import DONE, ERROR, HELLO, LOAD, REPORT, SPIKES, WELCOME, WORDS, framed
 from tests.marks import first_quick
 
-pytestmark = pytest.mark.skipif(
-    shutil.which("iverilog") is None, reason="Icarus Verilog is not installed"
-)
+pytestmark = [
+    pytest.mark.usefixtures("cores_of_this_run"),
+    pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed"),
+]
 LINE, CHECKSUM, SHORT, OVERRUN, SEQUENCE, CUT_OFF, NO_TYPE, FORM, NO_PLACE, BUSY, NO_PROGRAM = (
     range(1, 12)
 )
 
 
 @pytest.fixture(scope="module")
-def desk(tmp_path_factory):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
-        yield Desk()
+def desk(cores_of_this_run):
+    return Desk()
 
 
 @pytest.fixture(scope="module")

@@ -166,8 +166,7 @@ def test_where_no_strategy_fits_the_device_that_holds_it_is_named(tmp_path, caps
 
 
 @NEEDS_ICARUS
-def test_cycles_of_a_target_are_those_of_the_core(small, tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+def test_cycles_of_a_target_are_those_of_the_core(small, cores_of_this_run):
     program, spikes, _ = small
     wanted = hw.cosimulate(program, spikes, simulator="icarus")
     found = latencies(program, spikes, hw.simulate(program, spikes).spikes)
@@ -210,8 +209,7 @@ endmodule
 
 
 @NEEDS_ICARUS
-def test_activity_is_what_the_core_does(small, tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+def test_activity_is_what_the_core_does(small, tmp_path, cores_of_this_run):
     program, spikes, core = small
     texts = dict(simulators.sources())
     counting = COUNTING.replace("COUNTED", str(tmp_path / "counted"))

@@ -13,22 +13,21 @@ from hw_model.rtl.images import CoreProgram, sizes_for
 from hw_model.rtl.memory_words import hex_words
 from hw_model.rtl.simulators import built, run, sources
 
-pytestmark = pytest.mark.skipif(
-    shutil.which("iverilog") is None, reason="Icarus Verilog is not installed"
-)
+pytestmark = [
+    pytest.mark.usefixtures("cores_of_this_run"),
+    pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed"),
+]
 STOP = 3 << 16
 
 
 @pytest.fixture(scope="module")
-def play(tmp_path_factory):
+def play(cores_of_this_run, tmp_path_factory):
     """Return the words of a recording, and a function that plays words and gives the answers."""
     program, spikes = benches.hybrid(22)
     core = CoreProgram(program, spikes.shape[1])
     sizes = sizes_for(core.needs, benches.SIZES)
     folder = tmp_path_factory.mktemp("play")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_CACHE_HOME", str(folder))
-        binary = built("icarus", sizes, sources())
+    binary = built("icarus", sizes, sources())
     (folder / "load").write_bytes(hex_words(core.load_words(sizes)))
 
     def played(words):

@@ -19,9 +19,8 @@ pytestmark = pytest.mark.skipif(
 
 
 @pytest.fixture
-def arguments(tmp_path, monkeypatch):
-    """Return the arguments for a program and a recording of it; what is built is not kept."""
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+def arguments(tmp_path):
+    """Return the arguments for a program and a recording of it."""
     program, spikes = benches.hybrid(22)
     program.save(tmp_path / "program")
     np.save(tmp_path / "spikes.npy", spikes.transpose(0, 2, 1))
@@ -38,7 +37,7 @@ def arguments(tmp_path, monkeypatch):
     ]
 
 
-def test_equal(arguments, capsys):
+def test_equal(cores_of_this_run, arguments, capsys):
     assert locsnn.main(arguments) == 0
     found = json.loads(capsys.readouterr().out)
     keys = [
@@ -55,7 +54,7 @@ def test_equal(arguments, capsys):
     assert found["cycles"] == found["predicted_cycles"]
 
 
-def test_a_fault(arguments, capsys, monkeypatch):
+def test_a_fault(cores_of_this_run, arguments, capsys, monkeypatch):
     texts = benches.with_fault(simulators.sources())
     monkeypatch.setattr(simulators, "sources", lambda: texts)
     assert locsnn.main(arguments) == 3
@@ -86,14 +85,20 @@ def test_a_simulator_is_kept_where_it_can_be(tmp_path, monkeypatch):
     assert simulators.kept("a") == passing
 
 
-def test_a_missing_simulator(arguments, capsys, monkeypatch):
+@pytest.fixture
+def no_core(tmp_path, monkeypatch):
+    """Begin without any core that was built before."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+
+
+def test_a_missing_simulator(no_core, arguments, capsys, monkeypatch):
     monkeypatch.setenv("PATH", "")
     assert locsnn.main(arguments) == 2
     wanted = "simulator 'icarus': iverilog is not installed. Install it with: apt-get install iverilog (Debian).\n"
     assert capsys.readouterr().err == wanted
 
 
-def test_building_the_core_is_named_and_done_once(arguments, caplog):
+def test_building_the_core_is_named_and_done_once(no_core, arguments, caplog):
     caplog.set_level("INFO", logger="locsnn")
     built = "building the core with icarus, once for its sizes: up to a minute"
     assert locsnn.main(arguments) == 0

@@ -15,6 +15,7 @@ from tests.marks import sampled
 
 pytestmark = [
     pytest.mark.slow,
+    pytest.mark.usefixtures("cores_of_this_run"),
     pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed"),
 ]
 FAULTS = [
@@ -71,11 +72,6 @@ FAULTS = [
     ("heads come a word late", "delivery.sv", "if (first1) head2 <= head1;", "if (first2) head2 <= head1;"),
 ]  # fmt: skip
 SIZES = replace(benches.SIZES, step=3, places=64, sums=8)
-
-
-@pytest.fixture(autouse=True)
-def _cache_of_its_own(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
 
 
 def saving() -> dict[str, str]:

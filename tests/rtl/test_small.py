@@ -33,6 +33,7 @@ SMALL = replace(benches.SIZES, join=0, one_port=1, phase_words=8)
 DEVICE = hw.chip("ice40up5k")
 PLAYED = {"objects-hybrid": "touches.npz", "containers-hybrid": "touches-long.npz"}
 """Networks that ship and fit, and a file of recordings for each."""
+pytestmark = pytest.mark.usefixtures("cores_of_this_run")
 NEEDS_ICARUS = pytest.mark.skipif(
     shutil.which("iverilog") is None, reason="Icarus Verilog is not installed"
 )
@@ -49,11 +50,6 @@ FAULTS = [
     ("all phases are the first", "locsnn_core.sv", "PHASE_WORD'({phase, field[2:0]})", "PHASE_WORD'(field[2:0])"),
     ("phases have half their words", "locsnn_core.sv", "$clog2(PHASE_WORDS);", "$clog2(PHASE_WORDS) - 1;"),
 ]  # fmt: skip
-
-
-@pytest.fixture(autouse=True)
-def _cache_of_its_own(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
 
 
 def test_every_fault_fits():

@@ -32,9 +32,8 @@ ASSUMED = (
 
 
 @pytest.fixture
-def desk(tmp_path, monkeypatch):
-    """Return a program; its board needs no line, and what is built is not kept."""
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+def desk(cores_of_this_run, tmp_path, monkeypatch):
+    """Return a program; its board needs no line."""
     desk = Desk()
     desk.program.save(tmp_path / "program")
     np.save(tmp_path / "spikes.npy", np.repeat(desk.spikes, 2, axis=0).transpose(0, 2, 1))
@@ -61,9 +60,10 @@ def run(*more: str, port: str = "/dev/ttyUSB7") -> int:
 
 
 @icarus
-def test_a_program_without_a_readout_gives_counts_and_spikes(tmp_path, monkeypatch, capsys):
+def test_a_program_without_a_readout_gives_counts_and_spikes(
+    cores_of_this_run, tmp_path, monkeypatch, capsys
+):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     b = hw.ProgramBuilder(hw.chip("ecp5-25f"))
     x, y = b.add_input("x", 3), b.add_compartments("y", 2, threshold=1, decay_u=4096, decay_v=100)
     b.connect(x, y, [[20, -4, 4], [6, 2, 8]])

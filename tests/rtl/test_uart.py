@@ -42,8 +42,7 @@ def test_a_wrong_rate_breaks_bytes(tmp_path, host_bit):
 
 
 @pytest.fixture
-def desk(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+def desk(cores_of_this_run):
     return Desk()
 
 
