@@ -14,7 +14,8 @@ from slayer_files import write
 from locsnn_compile.cli.main import main as locsnn
 
 RNG = np.random.default_rng(4)
-ONE = ["--recordings", "1"]
+USUAL_ROUNDING = ["--weight-bits", "8", "--split-weights", "0"]
+"""Of the grid of dials, the point that `compile` takes; recordings are made up before any is tried."""
 
 
 def slayer(folder: Path, channels: int) -> list[str]:
@@ -36,19 +37,23 @@ def graph(folder: Path) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    "written",
+    ("write_model", "grid"),
     [
-        pytest.param(lambda folder: slayer(folder, 20), id="slayerPytorch"),
-        pytest.param(lambda folder: slayer(folder, 78), id="slayerPytorch of a fingertip"),
-        pytest.param(lava_dl, id="lava-dl"),
-        pytest.param(graph, id="NIR"),
+        pytest.param(lambda folder: slayer(folder, 20), USUAL_ROUNDING, id="slayerPytorch"),
+        pytest.param(
+            lambda folder: slayer(folder, 78), USUAL_ROUNDING, id="slayerPytorch of a fingertip"
+        ),
+        pytest.param(lava_dl, [], id="lava-dl"),
+        pytest.param(graph, USUAL_ROUNDING, id="NIR"),
     ],
 )
-def test_what_compile_makes_up_is_explored(written, tmp_path, capsys):
-    model = written(tmp_path)
+def test_what_compile_makes_up_is_explored(write_model, grid, tmp_path, capsys):
+    model = write_model(tmp_path)
     assert locsnn(["compile", *model, "-o", str(tmp_path / "built"), "--json"]) == 0
     compiled = json.loads(capsys.readouterr().out)
-    assert locsnn(["explore", *model, *ONE, "-o", str(tmp_path / "found"), "--json"]) in (0, 3)
+    assert locsnn(
+        ["explore", *model, *grid, "--recordings", "1", "-o", str(tmp_path / "found"), "--json"]
+    ) in (0, 3)
     found = json.loads(capsys.readouterr().out)
     assert found["chosen_on"]["source"] == compiled["match"]["events_source"]
     assert found["chosen_on"]["available"] == compiled["match"]["samples"]
