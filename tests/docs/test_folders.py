@@ -1,4 +1,4 @@
-"""Pages lie in folders, and the table of contents names each of the pages that teach, guide and look up."""
+"""Pages lie in folders, and the table of contents names each page of the manual and for developers."""
 
 from __future__ import annotations
 
@@ -8,7 +8,10 @@ from test_links import links
 
 DOCS = ROOT / "docs"
 LISTED = ("start", "how-to", "reference", "explanation")
-PAGES_OF_MANUAL = sorted(page for folder in LISTED for page in (DOCS / folder).rglob("*.md"))
+PAGES_OF_MANUAL = sorted(
+    [page for folder in LISTED for page in (DOCS / folder).rglob("*.md")]
+    + [*(DOCS / "development").glob("*.md")]
+)
 STUDIES = sorted(set((DOCS / "research").rglob("*.md")) - {DOCS / "research/studies.md"})
 
 
