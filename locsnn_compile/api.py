@@ -14,7 +14,7 @@ from hw_model.xylo.chips import XyloChip, XyloName
 from locsnn_compile.cluster.spread import spread_over
 from locsnn_compile.compiled import Compiled
 from locsnn_compile.errors import InputError, counted, listed
-from locsnn_compile.families import family_of
+from locsnn_compile.families import family_of, setting_of
 from locsnn_compile.frontends import load
 from locsnn_compile.mesh.compile import observed_by
 from locsnn_compile.mesh.compiled import CompiledModel
@@ -130,10 +130,10 @@ def compile(
     check_dials(dials, "compile")
     chip = chip_named(target)
     dials |= {"strategy": strategy, "weight_bits": weight_bits, "split_weights": split_weights}
-    setting = family_of(chip).setting(chip, dials)
+    whole = _one_network(network, weights, calibration)
+    setting = setting_of(chip, whole, dials)
     asked = SettingRequest.of(setting, dials, budget, calibration)
     check = CheckRequest(events, labels, psi, diagnosis, scheduler, progress)
-    whole = _one_network(network, weights, calibration)
     return fulfil(CompileRequest(whole, chip, asked, check, PricingRequest(profile)))
 
 

@@ -15,13 +15,16 @@ from hw_model.xylo.chips import XyloChip
 from locsnn_compile.compiled import Compiled
 from locsnn_compile.emitters import check_kinds
 from locsnn_compile.mesh.compile import fulfil_for_mesh
+from locsnn_compile.network.network import Network
 from locsnn_compile.request.compile_request import CompileRequest
 from locsnn_compile.settings import Setting, Value, setting_for
 from locsnn_compile.spinnaker.compile import fulfil_for_spinnaker
 from locsnn_compile.spinnaker.compiled import SPINNAKER_KINDS
+from locsnn_compile.spinnaker.fits import check_fits_spinnaker
 from locsnn_compile.spinnaker.setting import SPINNAKER_SETTING
 from locsnn_compile.xylo.compile import fulfil_for_xylo
 from locsnn_compile.xylo.compiled import XYLO_KINDS
+from locsnn_compile.xylo.parts import check_fits_xylo
 from locsnn_compile.xylo.setting import XYLO_SETTING
 
 ChipT = TypeVar("ChipT", bound=AnyChip)
@@ -35,6 +38,7 @@ class Family(Generic[ChipT]):
     - ``setting``: the setting for values by dial, None for usual ones; ``InputError`` for a value
       that means nothing here
     - ``fulfil``: compiles a network as requested, and checks it against the float reference
+    - ``check_network``: refuses a network that no setting could compile: ``TargetError``
     - ``check_kinds``: refuses kinds of ``--emit`` that show what such a chip does not have
     - ``bounds_choose``: bounds on what may be lost choose among several settings
     """
@@ -42,17 +46,54 @@ class Family(Generic[ChipT]):
     chips: type[ChipT]
     setting: Callable[[ChipT, Mapping[str, Value | None]], Setting]
     fulfil: Callable[[CompileRequest[ChipT]], Compiled]
+    check_network: Callable[[ChipT, Network], None]
     check_kinds: Callable[[ChipT, Sequence[str]], None]
     bounds_choose: bool = False
 
 
+def _left_to_lowering(chip: hw.Chip, network: Network) -> None:
+    """Refuse nothing: what a mesh can hold depends on how neurons are lowered."""
+
+
 FAMILIES: tuple[Family[Any], ...] = (
-    Family(hw.Chip, setting_for, fulfil_for_mesh, check_kinds, bounds_choose=True),
-    Family(XyloChip, XYLO_SETTING.for_dials, fulfil_for_xylo, XYLO_KINDS.check),
-    Family(SpinnakerChip, SPINNAKER_SETTING.for_dials, fulfil_for_spinnaker, SPINNAKER_KINDS.check),
+    Family(
+        chips=hw.Chip,
+        setting=setting_for,
+        fulfil=fulfil_for_mesh,
+        check_network=_left_to_lowering,
+        check_kinds=check_kinds,
+        bounds_choose=True,
+    ),
+    Family(
+        chips=XyloChip,
+        setting=XYLO_SETTING.for_dials,
+        fulfil=fulfil_for_xylo,
+        check_network=check_fits_xylo,
+        check_kinds=XYLO_KINDS.check,
+    ),
+    Family(
+        chips=SpinnakerChip,
+        setting=SPINNAKER_SETTING.for_dials,
+        fulfil=fulfil_for_spinnaker,
+        check_network=check_fits_spinnaker,
+        check_kinds=SPINNAKER_KINDS.check,
+    ),
 )
 
 
 def family_of(chip: AnyChip) -> Family[Any]:
     """Return the row of a chip."""
     return next(family for family in FAMILIES if isinstance(chip, family.chips))
+
+
+def setting_of(chip: AnyChip, network: Network, values: Mapping[str, Value | None]) -> Setting:
+    """Return the setting of a network for values by dial, None for usual ones.
+
+    A network that the chip can hold by no setting is refused first: it would be no help to hear of
+    a value, leave it out, and hear then that the network does not fit. Raises ``TargetError`` for
+    such a network, and ``InputError`` for a value that means nothing for the chip.
+    """
+    family = family_of(chip)
+    family.check_network(chip, network)
+    setting: Setting = family.setting(chip, values)
+    return setting

@@ -32,7 +32,7 @@ from locsnn_compile.emitters import (
     emitters_of,
 )
 from locsnn_compile.errors import InputError, listed
-from locsnn_compile.families import family_of
+from locsnn_compile.families import family_of, setting_of
 from locsnn_compile.frontends import load
 from locsnn_compile.frontends.format_rows import LoadOptions
 from locsnn_compile.network.network import Network
@@ -61,12 +61,14 @@ def build(args: Namespace) -> int:
     _check_places(args, folder)
     network = _network(args)
     target = chip_named(args.target)
-    family_of(target).check_kinds(target, args.emit)
+    family = family_of(target)
+    family.check_network(target, network)
+    family.check_kinds(target, args.emit)
     recordings, calibration = _recordings(args, network)
     number = recording_of(args.recording, recordings)
     with progress_bar("checking against the trained network", show=not args.quiet) as progress:
         check = CheckRequest(recordings, psi=args.psi, scheduler=args.scheduler, progress=progress)
-        asked = _setting_request(args, target, calibration)
+        asked = _setting_request(args, target, network, calibration)
         pricing = PricingRequest(args.profile)
         compiled = fulfil(CompileRequest(network, target, asked, check, pricing))
     gates = check_gates(compiled.figures, given(args, GATES))
@@ -105,15 +107,14 @@ def build(args: Namespace) -> int:
 
 
 def _setting_request(
-    args: Namespace, target: AnyChip, calibration: Recordings | None
+    args: Namespace, target: AnyChip, network: Network, calibration: Recordings | None
 ) -> SettingRequest:
     """Return what the options ask of the setting."""
     values = picked(args, *(dial.name for dial in DIALS))
-    family = family_of(target)
-    setting = family.setting(target, values)
+    setting = setting_of(target, network, values)
     budget = None
     # Where there is one setting, bounds are gates of the report alone.
-    if family.bounds_choose:
+    if family_of(target).bounds_choose:
         budget = ErrorBudget(args.min_agreement, args.max_spike_error, args.max_score_error)
     return SettingRequest.of(setting, values, budget, calibration)
 

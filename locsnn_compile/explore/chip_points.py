@@ -12,8 +12,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from hw_model.simulation import Engine
-from hw_model.targets.families import AnyChip, chip_named
-from hw_model.targets.families import family_of as chip_family_of
+from hw_model.targets.families import AnyChip, chip_named, family_of
 from hw_model.targets.programs import AnyProgram, PlayedProgram, kind_of
 from hw_model.values import ByteArray, Frozen
 from locsnn_compile.api import fulfil
@@ -22,7 +21,7 @@ from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.errors import InputError, LocsnnError, TargetError
 from locsnn_compile.explore.point import ENGINE_CALLS, Timing, digest_of, recordings_digest
 from locsnn_compile.explore.sweep import Store, measured_points
-from locsnn_compile.families import family_of
+from locsnn_compile.families import setting_of
 from locsnn_compile.network.network import Network
 from locsnn_compile.report.figures.document import SharedFigures
 from locsnn_compile.report.figures.entries import Entry
@@ -177,7 +176,7 @@ class ChipStudy(Frozen, eq=False):
 
     def key(self, setting: ChipSetting) -> str:
         """Return the name of a point: a hash of all that determines it."""
-        document = chip_family_of(setting.target).document(setting.target)
+        document = family_of(setting.target).document(setting.target)
         return digest_of(
             [self._digest, setting.target, document, setting.dials, self.engines, code_version()]
         )
@@ -197,7 +196,7 @@ class ChipStudy(Frozen, eq=False):
     def request(self, setting: ChipSetting) -> CompileRequest[AnyChip]:
         """Return what is asked of the compiler; its report needs no diagnosis."""
         chip = self.chips[setting.target]
-        chosen = family_of(chip).setting(chip, setting.values)
+        chosen = setting_of(chip, self.network, setting.values)
         calibration = self.calibration if self.network.by_strategy else None
         asked = SettingRequest.of(chosen, setting.values, None, calibration)
         check = CheckRequest(self.recordings, diagnosis=False)

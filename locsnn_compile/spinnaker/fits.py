@@ -6,12 +6,20 @@ from hw_model.arithmetic import loihi, loihi_bounds
 from hw_model.arithmetic.spinnaker_inverse import DECAY_U_MIN, DECAY_V_MIN
 from hw_model.errors import TargetError
 from hw_model.mapping.graph import CompartmentGraph, Compartments
+from hw_model.spinnaker.chips import SpinnakerChip
 from hw_model.values import FloatArray
+from locsnn_compile.network.check import check_network
 from locsnn_compile.network.chip_neurons import ChipSrm
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.neurons import SoftCuba
 
 _SHORTER = "Train with a shorter time constant, or take longer steps."
+
+
+def check_fits_spinnaker(chip: SpinnakerChip, network: Network) -> None:
+    """Refuse a network that no setting could lower, by its neurons."""
+    check_network(network)
+    check_neurons(network)
 
 
 def check_neurons(network: Network) -> None:

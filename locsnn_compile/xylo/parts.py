@@ -13,6 +13,7 @@ from hw_model.arithmetic import xylo
 from hw_model.errors import TargetError, counted, listed
 from hw_model.values import BoolArray, FloatArray, Shown
 from hw_model.xylo.chips import XyloChip
+from locsnn_compile.network.check import check_network
 from locsnn_compile.network.network import InputView, Network, Population
 from locsnn_compile.network.neurons import Cuba, Leaky, SoftCuba, SrmAlpha
 from locsnn_compile.network.projections import values_of
@@ -40,6 +41,12 @@ class XyloParts(Shown):
     def on_grid(self) -> bool:
         """Whether its numbers are already the integers of a Xylo."""
         return not self.network.has_float_weights
+
+
+def check_fits_xylo(chip: XyloChip, network: Network) -> None:
+    """Refuse a network that has what a Xylo lacks, or more of it."""
+    check_network(network)
+    parts_of(network, chip)
 
 
 def parts_of(network: Network, chip: XyloChip) -> XyloParts:

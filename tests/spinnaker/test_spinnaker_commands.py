@@ -147,12 +147,11 @@ def test_bounds_are_gates(tmp_path, capsys):
     )
 
 
-@pytest.mark.parametrize("target", ["spinnaker1", "xylo-audio3"])
-def test_a_budget_that_can_choose_nothing_is_refused(target):
+def test_a_budget_that_can_choose_nothing_is_refused():
     network = lc.load(MODEL)
     with pytest.raises(lc.InputError) as refused:
-        lc.compile(network, target, budget=lc.ErrorBudget(max_spike_error=0.0))
+        lc.compile(network, "spinnaker1", budget=lc.ErrorBudget(max_spike_error=0.0))
     assert str(refused.value) == (
-        f"budget: there is one setting for {target}, and a budget chooses among several. "
+        "budget: there is one setting for spinnaker1, and a budget chooses among several. "
         "Leave it out, and look at the match of the report."
     )

@@ -274,6 +274,11 @@ OPTIONS = {
         {"split_weights": 0.5},
         "split_weights: xylo-audio3 has one synapse for a weight (got 0.5). Leave it out.",
     ),
+    "budget": (
+        {"budget": lc.ErrorBudget(max_spike_error=0.0)},
+        "budget: there is one setting for xylo-audio3, and a budget chooses among several. "
+        "Leave it out, and look at the match of the report.",
+    ),
     "profile": (
         {"profile": "loihi-paper"},
         "profile 'loihi-paper': no energies of xylo-audio3 are published. Leave it out.",
