@@ -74,11 +74,12 @@ class FanIn(Frozen, eq=False):
 
 def first_source(graph: CompartmentGraph) -> dict[str, int]:
     """Number all input lines, then all compartments, in network order; return each name's first number."""
-    first, count = {}, 0
+    first_of_name = {}
+    count = 0
     for node in graph.nodes:
-        first[node.name] = count
+        first_of_name[node.name] = count
         count += node.size
-    return first
+    return first_of_name
 
 
 def fan_in(graph: CompartmentGraph, chip: Chip) -> tuple[FanIn, ...]:
@@ -87,22 +88,22 @@ def fan_in(graph: CompartmentGraph, chip: Chip) -> tuple[FanIn, ...]:
     Each is in the narrowest format that holds it. Groups joined to each other are on one core: where they have more
     formats than a core holds, some come to share one, see :func:`share_formats`.
     """
-    first = first_source(graph)
-    rows = [
-        (graph.joins(s.target)[-1], _format(s, graph.group(s.target).size, chip), s)
-        for s in graph.synapses
+    # Groups joined to each other are told by the parent of all of them.
+    roots = [graph.joins(synapses.target)[-1] for synapses in graph.synapses]
+    narrowest = [
+        _format(synapses, graph.group(synapses.target).size, chip) for synapses in graph.synapses
     ]
-    counts: dict[str, Counter[SynapseFormat]] = {root: Counter() for root, *_ in rows}
-    for root, form, synapses in rows:
+    counts: dict[str, Counter[SynapseFormat]] = {root: Counter() for root in roots}
+    for root, form, synapses in zip(roots, narrowest, graph.synapses, strict=True):
         counts[root][form] += len(synapses.mantissa)
-    stored = {
-        root: share_formats(count, chip.limits.synapse_formats_per_core)
-        for root, count in counts.items()
-    }
-    return tuple(
-        _fan_in(i, s, stored[root][form], first[s.source], graph)
-        for i, (root, form, s) in enumerate(rows)
-    )
+    limit = chip.limits.synapse_formats_per_core
+    stored_as = {root: share_formats(count, limit) for root, count in counts.items()}
+    first = first_source(graph)
+    projections = []
+    for number, synapses in enumerate(graph.synapses):
+        form = stored_as[roots[number]][narrowest[number]]
+        projections.append(_fan_in(number, synapses, form, first[synapses.source], graph))
+    return tuple(projections)
 
 
 def share_formats(
@@ -113,41 +114,45 @@ def share_formats(
     Up to ``limit`` formats stay as they are. Of more, the two for which it takes the fewest bits in all share one, and
     so on, until they are few enough or no two can. Only memory is spent: no weight and no delay changes.
     """
-    stored = {form: form for form in synapses}
-    held = Counter(synapses)
-    while len(held) > limit:
-        pairs = [pair for pair in combinations(sorted(held), 2) if pair[0].joins(pair[1])]
+    stored_as = {form: form for form in synapses}
+    count_of = Counter(synapses)
+    while len(count_of) > limit:
+        pairs = [pair for pair in combinations(sorted(count_of), 2) if pair[0].joins(pair[1])]
         if not pairs:
             break
-        pair = min(pairs, key=lambda pair: _bits_added(pair, held))
-        wide = pair[0].widened(pair[1])
-        moved = sum(held.pop(form) for form in pair)
-        held[wide] += moved
-        stored = {form: wide if now in pair else now for form, now in stored.items()}
-    return stored
+        cheapest = min(pairs, key=lambda pair: _bits_added(pair, count_of))
+        wide = cheapest[0].widened(cheapest[1])
+        count_of[wide] += sum(count_of.pop(form) for form in cheapest)
+        for form, stored_form in stored_as.items():
+            if stored_form in cheapest:
+                stored_as[form] = wide
+    return stored_as
 
 
 def _bits_added(
-    pair: tuple[SynapseFormat, SynapseFormat], held: Mapping[SynapseFormat, int]
+    pair: tuple[SynapseFormat, SynapseFormat], count_of: Mapping[SynapseFormat, int]
 ) -> int:
     """Return the bits of memory that it takes to store the synapses of two formats in one."""
     wide = pair[0].widened(pair[1]).bits_per_synapse
-    return sum(held[form] * (wide - form.bits_per_synapse) for form in pair)
+    return sum(count_of[form] * (wide - form.bits_per_synapse) for form in pair)
 
 
 def _fan_in(
     number: int, synapses: Synapses, form: SynapseFormat, first: int, graph: CompartmentGraph
 ) -> FanIn:
-    name = f"{number} {synapses.source} -> {synapses.target}"
+    """Return a projection ordered by target, in a format; ``first`` is the number of its first source."""
     order = np.argsort(synapses.target_index, kind="stable")
-    each = np.bincount(synapses.target_index, minlength=graph.group(synapses.target).size)
-    source, mantissa, delay = (
-        synapses.source_index[order] + first,
-        synapses.mantissa[order],
-        synapses.delay[order],
+    targets = graph.group(synapses.target).size
+    synapses_by_target = np.bincount(synapses.target_index, minlength=targets)
+    return FanIn(
+        name=f"{number} {synapses.source} -> {synapses.target}",
+        target_group=synapses.target,
+        format=form,
+        start=np.append(0, np.cumsum(synapses_by_target)),
+        source=held(synapses.source_index[order] + first),
+        mantissa=held(synapses.mantissa[order]),
+        delay=held(synapses.delay[order]),
     )
-    start = np.append(0, np.cumsum(each))
-    return FanIn(name, synapses.target, form, start, held(source), held(mantissa), held(delay))
 
 
 def _format(synapses: Synapses, targets: int, chip: Chip) -> SynapseFormat:

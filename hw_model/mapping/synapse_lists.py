@@ -40,16 +40,33 @@ def synapse_lists(
 
     ``ends``: the compartment after the last of each population on the core, ascending.
     """
-    of_axon = np.repeat(np.arange(len(list_start) - 1), np.diff(list_start))
-    order = np.lexsort((format_index, of_axon))
-    of_axon, target, form = of_axon[order], target[order], format_index[order]
-    dense = np.array([f.index_bits == 0 for f in formats], dtype=np.bool_)[form]
-    population = np.searchsorted(ends, target, side="right")
-    begins = (np.diff(of_axon) != 0) | (np.diff(form) != 0)
-    begins |= dense[1:] & ((np.diff(target) != 1) | (np.diff(population) != 0))
-    start = np.flatnonzero(np.append(True, begins)[: len(target)])
-    length = np.diff(np.append(start, len(target)))
-    width = np.array([f.bits_per_synapse for f in formats], dtype=np.int64)[form[start]]
+    is_dense = np.array([form.index_bits == 0 for form in formats], dtype=np.bool_)
+    bits = np.array([form.bits_per_synapse for form in formats], dtype=np.int64)
+
+    # Synapses in the order of memory: axon by axon, and of an axon format by format.
+    axon_by_target = np.repeat(np.arange(len(list_start) - 1), np.diff(list_start))
+    order = np.lexsort((format_index, axon_by_target))
+    axon = axon_by_target[order]
+    stored_as = format_index[order]
+    compartment = target[order]
+    population = np.searchsorted(ends, compartment, side="right")
+
+    # A list begins where the synapse before it is not its neighbour.
+    other_axon = np.diff(axon) != 0
+    other_format = np.diff(stored_as) != 0
+    skips_targets = np.diff(compartment) != 1
+    other_population = np.diff(population) != 0
+    ends_dense_list = is_dense[stored_as[1:]] & (skips_targets | other_population)
+    begins = other_axon | other_format | ends_dense_list
+    start = np.flatnonzero(np.append(True, begins)[: len(compartment)])
+    length = np.diff(np.append(start, len(compartment)))
+    width = bits[stored_as[start]]
     return SynapseLists(
-        order, start, length, of_axon[start], width, memory.words(length, width), dense[start]
+        order=order,
+        start=start,
+        length=length,
+        axon=axon[start],
+        width=width,
+        words=memory.words(length, width),
+        dense=is_dense[stored_as[start]],
     )

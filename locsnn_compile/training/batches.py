@@ -31,11 +31,12 @@ def batches(
     order = rng.permutation(len(labels))
     for start in range(0, len(order), config.batch_size):
         rows = order[start : start + config.batch_size]
-        fed = spikes[rows].astype(np.float32)
+        batch = spikes[rows].astype(np.float32)
         if config.mixing:
-            others = [rng.choice(np.flatnonzero(labels == label)) for label in labels[rows]]
-            fed = mix_taxels(fed, spikes[others].astype(np.float32), config.mixing, rng, polarities)
-        yield augmented(fed, config, rng, polarities), labels[rows]
+            same_class = [np.flatnonzero(labels == label) for label in labels[rows]]
+            partners = spikes[[rng.choice(candidates) for candidates in same_class]]
+            batch = mix_taxels(batch, partners.astype(np.float32), config.mixing, rng, polarities)
+        yield augmented(batch, config, rng, polarities), labels[rows]
 
 
 Spikes = Float32Array
@@ -45,7 +46,8 @@ def augmented(
     spikes: Spikes, config: TrainingConfig, rng: np.random.Generator, polarities: int = POLARITIES
 ) -> Spikes:
     """Return spikes with all augmentations that the configuration asks for."""
-    channels, taxels = spikes.shape[2], spikes.shape[2] // polarities
+    channels = spikes.shape[2]
+    taxels = channels // polarities
     spikes = add_events(spikes, config.event_noise, rng)
     spikes = drop(spikes, config.event_dropout, rng)
     spikes = drop(spikes, config.channel_dropout, rng, channels)
@@ -88,19 +90,20 @@ def _kept(
     """Draw what is kept, event by event or part by part; each recording loses with a probability of 0..``largest``."""
     batch, _, channels = spikes.shape
     probability = rng.random((batch, 1, 1), dtype=np.float32) * np.float32(largest)
-    kept = rng.random((batch, 1, parts) if parts else spikes.shape, dtype=np.float32) >= probability
-    return kept.repeat(channels // parts, axis=2) if parts else kept
+    if parts is None:
+        return rng.random(spikes.shape, dtype=np.float32) >= probability
+    parts_kept = rng.random((batch, 1, parts), dtype=np.float32) >= probability
+    return parts_kept.repeat(channels // parts, axis=2)
 
 
 def cut_end(spikes: Spikes, largest: float, rng: np.random.Generator) -> Spikes:
     """Silence the end of each recording, a share of 0..``largest`` of its steps."""
     if largest == 0:
         return spikes
-    kept = 1.0 - rng.random((len(spikes), 1, 1), dtype=np.float32) * np.float32(largest)
+    share_left = 1.0 - rng.random((len(spikes), 1, 1), dtype=np.float32) * np.float32(largest)
     steps = spikes.shape[1]
-    return np.where(
-        np.arange(steps)[np.newaxis, :, np.newaxis] < np.ceil(kept * steps), spikes, np.float32(0)
-    )
+    step = np.arange(steps)[np.newaxis, :, np.newaxis]
+    return np.where(step < np.ceil(share_left * steps), spikes, np.float32(0))
 
 
 def stretch_time(spikes: Spikes, largest: float, rng: np.random.Generator) -> Spikes:
@@ -112,11 +115,11 @@ def stretch_time(spikes: Spikes, largest: float, rng: np.random.Generator) -> Sp
         return spikes
     rate = 1.0 + largest * rng.uniform(-1.0, 1.0, len(spikes))
     sample, step, channel = np.nonzero(spikes)
-    step = np.floor((step + 0.5) * rate[sample]).astype(np.int64)
-    kept = step < spikes.shape[1]
-    moved = np.zeros_like(spikes)
-    moved[sample[kept], step[kept], channel[kept]] = 1
-    return moved
+    new_step = np.floor((step + 0.5) * rate[sample]).astype(np.int64)
+    stays = new_step < spikes.shape[1]
+    stretched = np.zeros_like(spikes)
+    stretched[sample[stays], new_step[stays], channel[stays]] = 1
+    return stretched
 
 
 def shift_in_time(spikes: Spikes, largest: int, rng: np.random.Generator, parts: int = 1) -> Spikes:
@@ -127,10 +130,15 @@ def shift_in_time(spikes: Spikes, largest: int, rng: np.random.Generator, parts:
     if largest == 0:
         return spikes
     batch, steps, channels = spikes.shape
-    by = rng.integers(-largest, largest, size=(batch, parts), endpoint=True)
-    places = np.flatnonzero(spikes != 0)
-    shift = by[places // (steps * channels), places % channels * parts // channels]
-    step = places // channels % steps + shift
-    moved = np.zeros_like(spikes)
-    moved.reshape(-1)[(places + shift * channels)[(step >= 0) & (step < steps)]] = 1
-    return moved
+    shift_of_part = rng.integers(-largest, largest, size=(batch, parts), endpoint=True)
+    # Events are told by their place in the flat array of all recordings, steps and channels.
+    place = np.flatnonzero(spikes != 0)
+    recording = place // (steps * channels)
+    part = place % channels * parts // channels
+    shift = shift_of_part[recording, part]
+    new_step = place // channels % steps + shift
+    stays = (new_step >= 0) & (new_step < steps)
+    new_place = place + shift * channels
+    shifted = np.zeros_like(spikes)
+    shifted.reshape(-1)[new_place[stays]] = 1
+    return shifted

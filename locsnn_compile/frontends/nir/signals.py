@@ -91,17 +91,19 @@ class Signal(Frozen, eq=False):
 
     def delayed(self, steps: IntArray) -> Signal:
         """Return it with each value delayed by its own number of steps, (n,)."""
-        chosen = {late: (steps == late).astype(np.float64) for late in np.unique(steps).tolist()}
-        rows = {late: sparse.diags_array(of_delay) for late, of_delay in chosen.items()}
+        # By a number of steps: 1 for the values that are delayed by so many, else 0.
+        is_late_by = {
+            late: (steps == late).astype(np.float64) for late in np.unique(steps).tolist()
+        }
         terms = tuple(
-            Term(term.source, term.delay + late, own @ term.weights)
+            Term(term.source, term.delay + late, sparse.diags_array(is_late) @ term.weights)
             for term in self.terms
-            for late, own in rows.items()
+            for late, is_late in is_late_by.items()
         )
         constants = [
-            Onset(onset.delay + late, of_delay * onset.values)
+            Onset(onset.delay + late, is_late * onset.values)
             for onset in self.constants
-            for late, of_delay in chosen.items()
+            for late, is_late in is_late_by.items()
         ]
         return Signal(self.size, terms, _summed(constants))
 
@@ -114,14 +116,14 @@ class Signal(Frozen, eq=False):
         """Return the projections of the terms: one per source, unless a connection has several delays."""
         by_source: dict[str, dict[int, Any]] = {}
         for term in self.terms:
-            delays = by_source.setdefault(term.source, {})
-            delays[term.delay] = (
-                delays[term.delay] + term.weights if term.delay in delays else term.weights
-            )
-        rows = (
-            (source, *joined) for source, delays in by_source.items() for joined in _joined(delays)
+            by_delay = by_source.setdefault(term.source, {})
+            before = by_delay.get(term.delay)
+            by_delay[term.delay] = term.weights if before is None else before + term.weights
+        return tuple(
+            Projection(source, target, weights, delay)
+            for source, by_delay in by_source.items()
+            for weights, delay in _joined(by_delay)
         )
-        return tuple(Projection(source, target, weights, delay) for source, weights, delay in rows)
 
 
 def _summed(constants: Iterable[Onset]) -> tuple[Onset, ...]:
@@ -133,29 +135,34 @@ def _summed(constants: Iterable[Onset]) -> tuple[Onset, ...]:
     return tuple(Onset(delay, values) for delay, values in sorted(by_delay.items()) if values.any())
 
 
-def _joined(delays: Mapping[int, Any]) -> list[tuple[Matrix, int | IntArray]]:
+def _joined(by_delay: Mapping[int, Any]) -> list[tuple[Matrix, int | IntArray]]:
     """Return pairs (weights, delay) for one source: a single pair with an array of delays if no connection has two."""
-    held = {delay: _canonical(weights) for delay, weights in delays.items()}
-    held = {delay: weights for delay, weights in held.items() if weights.nnz} or dict(
-        list(held.items())[:1]
-    )
-    merged = _canonical(sum(abs(weights) for weights in held.values()))
-    if len(held) == 1 or merged.nnz != sum(weights.nnz for weights in held.values()):
-        return [(compact(weights), delay) for delay, weights in held.items()]
-    total = matrix(sum(held.values()), np.float64)
+    canonical = {delay: _canonical(weights) for delay, weights in by_delay.items()}
+    connected = {delay: weights for delay, weights in canonical.items() if weights.nnz}
+    if not connected:
+        # A source without a connection still has a projection: one of zeros.
+        delay, weights = next(iter(canonical.items()))
+        return [(compact(weights), delay)]
+    anywhere = _canonical(sum(abs(weights) for weights in connected.values()))
+    has_two_delays = anywhere.nnz != sum(weights.nnz for weights in connected.values())
+    if len(connected) == 1 or has_two_delays:
+        return [(compact(weights), delay) for delay, weights in connected.items()]
+    total = matrix(sum(connected.values()), np.float64)
     # One is added to delays, because a sparse matrix cannot hold a delay of 0 next to entries that are not stored.
-    late = matrix(sum((weights != 0) * (delay + 1) for delay, weights in held.items()), np.int64)
-    return [(total, sealed(late.data - 1))]
+    one_more = sum((weights != 0) * (delay + 1) for delay, weights in connected.items())
+    return [(total, sealed(matrix(one_more, np.int64).data - 1))]
 
 
 def _canonical(weights: Any) -> Any:
-    found = sparse.csr_array(weights, copy=True)
-    found.sum_duplicates()
-    found.eliminate_zeros()
-    return found
+    """Return weights in CSR with one entry for each connection, and none of 0."""
+    copied = sparse.csr_array(weights, copy=True)
+    copied.sum_duplicates()
+    copied.eliminate_zeros()
+    return copied
 
 
 def compact(weights: Any) -> Matrix:
     """Return canonical weights as the levels hold them: dense if most connections exist, else CSR."""
-    small = weights.nnz >= DENSE * weights.shape[0] * weights.shape[1]
-    return matrix(weights.toarray() if small else weights, np.float64)
+    rows, columns = weights.shape
+    is_dense = weights.nnz >= DENSE * rows * columns
+    return matrix(weights.toarray() if is_dense else weights, np.float64)
