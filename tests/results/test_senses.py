@@ -1,0 +1,233 @@
+"""The study of touch, sight and sound: how recordings are divided, and that a study goes on."""
+
+from __future__ import annotations
+
+import sys
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "docs/research/senses"))
+
+import run_senses
+from sense import Sense, balanced
+from summary import TITLES, mean_of, summary
+from trainings import COLUMNS, Task, Training, read_rows, task_of, write_rows
+from views import WHOLE, View, counts, measure, read_figures
+
+from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.training.event_counts import ridge_scores
+
+STUDY = Path(run_senses.__file__).parent
+ROUNDS = Sense(name="made_up", file="made_up.npz", grid="4x1", tie="still", test_share=0.2)
+CLASS_NAMES = np.array(["left", "right", "still"])
+TASK = Task(
+    sense="made_up",
+    purpose="choose",
+    network="tactile-snn",
+    walk="",
+    delays="0 2",
+    hidden=4,
+    options='{"theta": 2.0}',
+    round=1,
+    fold=1,
+    seed=3,
+    epochs=2,
+)
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Sixty recordings: channel and step of the only event of a recording say its number."""
+    folder = tmp_path_factory.mktemp("sets")
+    spikes = np.zeros((60, 8, 10), dtype=np.uint8)
+    for number in range(60):
+        spikes[number, number % 8, number // 8] = 1
+    labels = np.arange(60) % 3
+    np.savez(folder / "made_up.npz", spikes=spikes, labels=labels, class_names=CLASS_NAMES)
+    return folder
+
+
+def numbers(recordings: Recordings) -> list[int]:
+    """Return which recordings these are."""
+    _, step, channel = np.nonzero(recordings.spikes)
+    return sorted((8 * step + channel).tolist())
+
+
+def test_rounds_test_every_recording_once(data: Path) -> None:
+    tested = [numbers(ROUNDS.to_report(data, number).measured) for number in range(1, 6)]
+    assert sorted(chain.from_iterable(tested)) == list(range(60))
+
+
+@pytest.mark.parametrize("round_number", [1, 4])
+def test_networks_are_chosen_without_the_test_part(data: Path, round_number: int) -> None:
+    reported = ROUNDS.to_report(data, round_number)
+    held_out = []
+    for fold in range(1, 5):
+        parts = ROUNDS.to_choose(data, round_number, fold)
+        together = numbers(parts.learned) + numbers(parts.measured)
+        assert sorted(together) == numbers(reported.learned)
+        held_out += numbers(parts.measured)
+    assert sorted(held_out) == numbers(reported.learned)
+
+
+def test_a_share_of_recordings_has_equally_many_of_each_class() -> None:
+    labels = np.repeat([0, 1, 2], [50, 20, 20])
+    recordings = Recordings(np.zeros((90, 2, 2), dtype=np.uint8), labels, None, "made up")
+    assert np.bincount(balanced(recordings, 30).labels).tolist() == [10, 10, 10]
+
+
+def test_an_entry_asks_for_rounds_folds_and_seeds() -> None:
+    entries = [
+        {"sense": "fsdd", "purpose": "choose", "network": "hybrid", "folds": [1, 2], "epochs": 5},
+        {"sense": "fsdd", "purpose": "report", "network": "window-snn", "seeds": [0, 1]},
+    ]
+    asked = [
+        (task.purpose, task.network, task.round, task.fold, task.seed, task.epochs)
+        for task in run_senses.tasks(entries)
+    ]
+    assert asked == [
+        ("choose", "hybrid", 1, 1, 0, 5),
+        ("choose", "hybrid", 1, 2, 0, 5),
+        ("report", "window-snn", 1, 0, 0, 1),
+        ("report", "window-snn", 1, 0, 1, 1),
+    ]
+
+
+def test_training_options_are_those_of_the_task_and_the_set() -> None:
+    assert TASK.config(ROUNDS, Path("sets")) == {
+        "model": "tactile-snn",
+        "seed": 3,
+        "epochs": 2,
+        "validation_fraction": 0.0,
+        "refit": False,
+        "grid": "4x1",
+        "tie": "still",
+        "delays": "0 2",
+        "hidden": 4,
+        "theta": 2.0,
+    }
+
+
+def test_a_row_says_which_task_it_was(tmp_path: Path) -> None:
+    training = Training(TASK, 36, 12, 0.5, 0.25, 0.1, 0.2, 3.5, 1, 0.7)
+    table = tmp_path / "trainings.csv"
+    write_rows(table, [training.row()])
+    (row,) = read_rows(table)
+    assert tuple(row) == COLUMNS
+    assert task_of(row) == TASK
+    assert (row["float_accuracy"], row["chip_accuracy"], row["energy_nj"]) == ("0.5", "0.25", "3.5")
+
+
+def test_a_study_goes_on_from_its_table(
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(run_senses.SENSES, "made_up", ROUNDS)
+    table = tmp_path / "trainings.csv"
+    asked = tmp_path / "tasks.yaml"
+    entry = "- {sense: made_up, purpose: choose, network: tactile-snn, hidden: 4, folds: [1]}\n"
+    asked.write_text(entry)
+    words = f"run_senses --data {data} --work {tmp_path} --table {table} --tasks {asked}".split()
+    monkeypatch.setattr(sys, "argv", [*words, "--senses", "made_up"])
+    run_senses.main()
+    (first,) = read_rows(table)
+    assert (first["learned_from"], first["measured_on"]) == ("36", "12")
+    checkpoints = list(tmp_path.glob("*.pt"))
+    assert len(checkpoints) == 1
+
+    asked.write_text(entry.replace("[1]", "[1, 2]"))
+    checkpoints[0].unlink()
+    run_senses.main()
+    assert [row["fold"] for row in read_rows(table)] == ["1", "2"]
+    assert read_rows(table)[0] == first
+    assert len(list(tmp_path.glob("*.pt"))) == 1  # fold 1 was not trained again
+
+
+def test_every_task_of_the_study_can_be_trained() -> None:
+    from locsnn_compile.training.config import config_from_mapping
+
+    entries = run_senses.entries_of(STUDY / "tasks.yaml")
+    asked = list(run_senses.tasks(entries))
+    assert len(set(asked)) == len(asked)
+    for task in asked:
+        sense = run_senses.SENSES[task.sense]
+        config_from_mapping(task.config(sense, Path("data")))
+
+
+def test_every_row_of_the_table_is_asked_for() -> None:
+    asked = set(run_senses.tasks(run_senses.entries_of(STUDY / "tasks.yaml")))
+    assert {task_of(row) for row in read_rows(STUDY / "trainings.csv")} <= asked
+
+
+@pytest.mark.parametrize(
+    ("view", "expected"),
+    [
+        # Channels 0 to 3 over steps 0 to 2; bins of two steps, then the last step alone.
+        pytest.param(View("time", "", 2), [1, 1, 0, 1, 1, 0, 1, 0], id="channels, coarse steps"),
+        pytest.param(View("time", "", WHOLE), [2, 1, 1, 1], id="channels, all steps"),
+        pytest.param(View("location", "", WHOLE), [1, 2, 2], id="steps, all channels"),
+        # The walk 3, 0, 1, 2: channels 3 and 0 are a bin, channels 1 and 2 another.
+        pytest.param(View("location", "a", 2), [1, 1, 1, 0, 1, 1], id="steps, coarse channels"),
+    ],
+)
+def test_a_view_smears_one_axis(view: View, expected: list[int]) -> None:
+    recording = np.array([[1, 0, 0, 0], [0, 1, 0, 1], [1, 0, 1, 0]], dtype=np.uint8)
+    walk = np.array([3, 0, 1, 2])
+    assert counts(recording[np.newaxis], view, walk).tolist() == [expected]
+
+
+def test_a_view_measures_recordings_that_it_did_not_learn_from(data: Path) -> None:
+    parts = ROUNDS.to_choose(data, 1, 2)
+    figure = measure(ROUNDS, View("location", "reverse", 2), parts, data, 2)
+    walk = [6, 7, 4, 5, 2, 3, 0, 1]
+    known, unknown = (
+        part.spikes[:, :, walk].reshape(len(part), 10, 4, 2).sum(axis=3).transpose(0, 2, 1)
+        for part in (parts.learned, parts.measured)
+    )
+    scores = ridge_scores(
+        known.reshape(len(known), -1).astype(float),
+        parts.learned.labels,
+        unknown.reshape(len(unknown), -1).astype(float),
+    )
+    right = float((scores.argmax(axis=1) == parts.measured.labels).mean())
+    assert (figure.counts, figure.accuracy) == (40, round(right, 4))
+
+
+def test_a_line_of_the_summary_is_over_rounds_folds_and_seeds() -> None:
+    first = Training(TASK, 36, 12, 0.5, 0.25, 0.1, 0.2, 3.5, 1, 0.7).row()
+    second = Training(TASK, 36, 12, 0.7, 0.35, 0.3, 0.4, 4.5, 1, 0.9).row() | {"seed": 4}
+    other = first | {"hidden": 8}
+    rows = [{name: str(value) for name, value in row.items()} for row in (first, second, other)]
+    both, alone = summary(rows)
+    assert both["trainings"] == "2"
+    # The sample deviation of two values is their distance over the root of 2.
+    assert (both["float_accuracy"], both["float_accuracy_sd"]) == ("0.600", "0.141")
+    assert (both["chip_accuracy"], both["chip_accuracy_sd"]) == ("0.300", "0.071")
+    assert (both["counts"], both["energy_nj"], both["cores"]) == ("0.200", "4.0", "1.0")
+    assert (alone["trainings"], alone["float_accuracy_sd"]) == ("1", "")
+
+
+def test_the_summary_is_that_of_the_table() -> None:
+    lines = summary(read_rows(STUDY / "trainings.csv"))
+    assert read_rows(STUDY / "summary.csv") == lines
+
+
+def rows_of_views() -> list[list[str]]:
+    """Return the cells of the page's table of views."""
+    page = (STUDY.parent / "senses.md").read_text("utf-8")
+    _, table = page.split("| set | every channel, all steps |")
+    lines = table.split("\n\n")[0].splitlines()[2:]
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+
+
+@pytest.mark.parametrize("cells", rows_of_views(), ids=lambda cells: f"{cells[0]}, {cells[5]}")
+def test_the_views_of_the_page_are_those_of_the_table(cells: list[str]) -> None:
+    title, *time, steps_alone, words, coarse, fine = cells
+    walk = words.split("`")[1]
+    figures = [row for row in read_figures(STUDY / "views.csv") if TITLES[row["sense"]] == title]
+    expected = [mean_of(figures, "time", "", width) for width in (WHOLE, 20, 5)]
+    expected += [mean_of(figures, "location", "", WHOLE)]
+    expected += [mean_of(figures, "location", walk, width) for width in (20, 5)]
+    assert [*time, steps_alone, coarse, fine] == [f"{figure:.3f}" for figure in expected]
