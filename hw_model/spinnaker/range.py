@@ -1,14 +1,19 @@
-"""How far registers of a population can get, in closed form, if each source spikes once a step.
+"""How far registers of a population can get, in closed form, if each source spikes once in p steps.
 
 Weights are not negative, so that a current lies between 0 and the largest that it can be; V lies
 between the least and the greatest goal, or where it began or was reset to. The bounds are exact
 integers of any size: what they say does not wrap itself.
+
+With p = 1, a source spikes in every step, which no recording exceeds. With longer p, all weights
+still arrive at once at worst, then the current decays for p steps; to round down on the way only
+makes it smaller.
 """
 
 import numpy as np
 
 from hw_model.arithmetic import spinnaker
 from hw_model.arithmetic.spinnaker import EXCITATORY, HALF_SPAN, INHIBITORY, RING_MAX, SPAN
+from hw_model.range_proof import PERIODS
 from hw_model.spinnaker.network import RECEPTORS, SpinnakerNetwork, SpinnakerPopulation
 from hw_model.values import AnyArray, Frozen, IntArray
 
@@ -47,14 +52,46 @@ class Reach(Frozen, eq=False):
         """Whether nothing can saturate or wrap."""
         return not self.saturates and not self.wraps
 
+    @property
+    def ring_share(self) -> float:
+        """The fullest entry of a ring buffer, as a share of what saturates none."""
+        return float(self.ring.max()) / RING_MAX
 
-def reach_of(network: SpinnakerNetwork, name: str) -> Reach:
-    """Return how far the registers of a population can get."""
+    @property
+    def current_share(self) -> float:
+        """The largest current or drive, as a share of where s16.15 ends."""
+        largest = max(int(self.current.max()), int(self.drive.max()))
+        return largest / HALF_SPAN
+
+    @property
+    def potential_share(self) -> float:
+        """The furthest goal, or the longest way to one, as a share of where s16.15 ends."""
+        largest = max(int(self.goal.max()), int(self.distance.max()))
+        return largest / HALF_SPAN
+
+
+def safe_period(network: SpinnakerNetwork, name: str) -> int:
+    """Return the fewest steps between two spikes of a source at which a population fits.
+
+    It is one of :data:`hw_model.range_proof.PERIODS`: 1 if nothing can saturate or wrap whatever the
+    input, 0 if none of them is enough.
+    """
+    for period in PERIODS:
+        if reach_of(network, name, period).fits:
+            return period
+    return 0
+
+
+def reach_of(network: SpinnakerNetwork, name: str, period: int = 1) -> Reach:
+    """Return how far the registers of a population can get.
+
+    Every source spikes at most once in ``period`` steps.
+    """
     population = network.population(name)
     parameters = population.parameters
     ring = _weights_of_a_step(network, population).astype(object)
     shifted_ring = np.minimum(ring, RING_MAX) * 2 ** np.array(population.shifts, dtype=object)
-    current = _largest_current(population, shifted_ring)
+    current = _largest_current(population, shifted_ring, period)
 
     offset = parameters.i_offset.astype(object)
     highest_drive = current[:, EXCITATORY] + offset
@@ -92,13 +129,16 @@ def _weights_of_a_step(network: SpinnakerNetwork, population: SpinnakerPopulatio
     return sums
 
 
-def _largest_current(population: SpinnakerPopulation, shifted_ring: AnyArray) -> AnyArray:
-    """Return the current, (n, receptors), that loses in a step what a step can bring.
+def _largest_current(
+    population: SpinnakerPopulation, shifted_ring: AnyArray, period: int
+) -> AnyArray:
+    """Return the current, (n, receptors), that loses in a period what a step can bring.
 
-    It is the least integer I with I (1 - d) at or above what comes in a step: no current passes it.
+    It is the least integer I with I (1 - d^p) at or above what comes in a step: no current passes it.
     """
     constants = population.constants
     added = constants.synapse_init.astype(object) * shifted_ring // SPAN
-    lost = SPAN - constants.synapse_decay.astype(object)
-    current: AnyArray = -(-added * SPAN // lost)
+    whole = SPAN**period
+    lost = whole - constants.synapse_decay.astype(object) ** period
+    current: AnyArray = -(-added * whole // lost)
     return current

@@ -7,9 +7,10 @@ keeps up: a millisecond a step.
 from collections.abc import Mapping
 
 from hw_model.arithmetic import spinnaker
-from hw_model.spinnaker.network import SpinnakerPopulation
+from hw_model.spinnaker.network import SpinnakerNetwork, SpinnakerPopulation
 from hw_model.spinnaker.playing import SpinnakerCounts
 from hw_model.spinnaker.program import SpinnakerProgram
+from hw_model.spinnaker.range import reach_of, safe_period
 from locsnn_compile.network.network import Network
 from locsnn_compile.network.quantized import QuantizedNetwork
 from locsnn_compile.own_arithmetic.document import (
@@ -26,7 +27,7 @@ from locsnn_compile.report.figures.resources import LimitUse, ProgramUse, Shared
 from locsnn_compile.report.grounds import Grounds
 from locsnn_compile.spinnaker.comparison import SpinnakerMatch
 from locsnn_compile.spinnaker.lower import LoweredSpinnaker, ScaledPopulation
-from locsnn_compile.spinnaker.own_choice import own_shifts
+from locsnn_compile.spinnaker.own_choice import STEPS_PER_SECOND, own_shifts
 
 NO_TABLE = "no table of the energies of this chip was checked"
 STEP_NS = 1e6
@@ -69,6 +70,35 @@ class SpinnakerNumbers(Entry):
     current_decay_error: float
 
 
+class ProvenRange(Entry):
+    """What no input can do to a population, proven from its stored integers.
+
+    ``safe_period`` is the fewest steps between two spikes of a source at which no ring buffer can
+    saturate and no number can wrap: 1 for any input, 0 if nothing is proven. That is up to
+    ``events_per_second`` of each source. The shares are those of the limits that are reached at
+    worst, by spikes in every step; above 1, a number may not fit.
+    """
+
+    safe_period: int
+    events_per_second: float
+    ring_share: float
+    current_share: float
+    potential_share: float
+
+    @classmethod
+    def of(cls, network: SpinnakerNetwork, name: str) -> "ProvenRange":
+        """Prove what can be proven of a population."""
+        reach = reach_of(network, name)
+        period = safe_period(network, name)
+        return cls(
+            safe_period=period,
+            events_per_second=STEPS_PER_SECOND / period if period else 0.0,
+            ring_share=reach.ring_share,
+            current_share=reach.current_share,
+            potential_share=reach.potential_share,
+        )
+
+
 class OwnScale(Entry):
     """The shifts that sPyNNaker would choose for a population, and what the program would do with them.
 
@@ -90,6 +120,7 @@ class _OwnEntries(FirstEntries):
     latency: RealTime
     quantization: Mapping[str, SpinnakerNumbers]
     integers_match: Mapping[str, SpikesCompared]
+    range_proof: Mapping[str, ProvenRange]
     own_scale: Mapping[str, OwnScale]
 
 
@@ -125,6 +156,10 @@ def spinnaker_figures(
             for scaled in lowered.scaled
         },
         integers_match={name: spikes_compared(spikes) for name, spikes in match.integers.items()},
+        range_proof={
+            population.name: ProvenRange.of(program.network, population.name)
+            for population in program.network.populations
+        },
         own_scale=_own_scale(program, match),
     )
 

@@ -1,5 +1,7 @@
 """The report of a program for SpiNNaker as content without form."""
 
+import math
+
 from locsnn_compile.own_arithmetic.page import (
     FamilyPage,
     compose_page,
@@ -27,6 +29,7 @@ from locsnn_compile.spinnaker.document import (
     NO_TABLE,
     REAL_TIME,
     OwnScale,
+    ProvenRange,
     SpinnakerFigures,
     SpinnakerNumbers,
 )
@@ -51,8 +54,15 @@ _NUMBERS = (
     "The network was rounded to integers first; a potential of 1 in the float network is the scale "
     "in registers of these. On SpiNNaker a weight of 1 is the weight unit, and a potential of 1 the "
     "potential unit: the largest powers of two up to 1 at which nothing can wrap while every source "
-    "sends once a step at most. Weights that take more than 16 bits then are stored rounded. Where "
+    "sends once a step at most, as is proven below. Weights that take more than 16 bits then are stored rounded. Where "
     "two numbers are given, they are the smallest and the largest, or excitation and inhibition."
+)
+_RANGE_PROOF = (
+    "Proven from the stored integers of each population, for any input in which a source spikes at "
+    "most so often: no ring buffer can saturate, and no current, drive, goal or potential can wrap. A "
+    "source cannot spike more than once in a step of 1 ms, so 1,000 a second is every input. Shares "
+    "are of the limits, reached at worst. Not proven is that a board keeps up: late spikes and "
+    "dropped synapses are counted by the board alone."
 )
 _OWN_SCALE = (
     "Weights are stored in units of 2^(shift - 15) nA. The program tells sPyNNaker the largest sum of "
@@ -80,6 +90,7 @@ def compose_spinnaker(report: SpinnakerFigures) -> Report:
             limits_section(report, of_a_core="; of a limit of a core, its fullest core"),
             build.left_out(report),
             numbers_section(report.quantization, SpinnakerNumbers, _NUMBERS, _number),
+            _range_proof(report),
             _own_scale(report),
             provenance_section(report, KEEP_IN_MIND),
         ),
@@ -138,6 +149,25 @@ def _integers(report: SpinnakerFigures) -> Section:
     )
     title = "Agreement with its integers"
     return Section("integers", title, _INTEGERS, (Table("Spikes by population", columns, rows),))
+
+
+def _range_proof(report: SpinnakerFigures) -> Section:
+    rows = tuple((name, *_proven_cells(proven)) for name, proven in report.range_proof.items())
+    columns = (
+        "population",
+        *("proven up to, spikes a second", "ring buffer", "current", "potential"),
+    )
+    title = "What cannot overflow"
+    return Section("range-proof", title, _RANGE_PROOF, (Table(title, columns, rows),))
+
+
+def _proven_cells(proven: ProvenRange) -> tuple[Cell, ...]:
+    rate = "nothing"
+    if proven.safe_period:
+        # Rounded down: what is proven for a third of 1,000 is not proven for 334.
+        rate = count(math.floor(proven.events_per_second))
+    shares = (proven.ring_share, proven.current_share, proven.potential_share)
+    return (rate, *map(share, shares))
 
 
 def _own_scale(report: SpinnakerFigures) -> Section:

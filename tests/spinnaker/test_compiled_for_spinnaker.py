@@ -61,7 +61,12 @@ def test_the_report_says_scales_time_and_what_is_not_known(hybrid):
     assert (hidden["weight_unit_na"], hidden["potential_unit_mv"]) == (0.25, 1 / 64)
     assert hidden["ring_shifts"] == [13, 11]
     assert report["resources"]["limits"]["cores"] == {"used": 2, "limit": 856}
+    proven = report["range_proof"]["location_hidden"]
+    assert (proven["safe_period"], proven["events_per_second"]) == (1, 1000.0)
+    # Weights of the heaviest neuron, in units of 2^-2 nA, of which 65,535 fit.
+    assert proven["ring_share"] == hidden["largest_sums_na"][0] * 4 / 65535
     page = hybrid.files()["report.md"].decode()
+    assert "| location_hidden | 1,000 | 38.0 % | 97.7 % | 70.7 % |" in page
     assert "| location_output | 11, 12 | 14, 14 | 937 | 643 | 31.4 % |" in page
     assert "| time_hidden | 99.986 % | 6,910 | 6,910 | 2 |" in page
     assert "Energy is not known, because no table of the energies of this chip was checked." in page

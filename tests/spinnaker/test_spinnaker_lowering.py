@@ -12,7 +12,9 @@ from hw_model.arithmetic import spinnaker
 from hw_model.errors import TargetError
 from hw_model.mapping.graph import CompartmentGraph, Readout
 from hw_model.spinnaker.chips import spinnaker_chip
+from hw_model.spinnaker.fast import play_fast
 from hw_model.spinnaker.network import SpinnakerNetwork
+from hw_model.spinnaker.range import safe_period
 from locsnn_compile.network.neurons import SoftCuba
 from locsnn_compile.passes.lower_neurons import lower_neurons
 from locsnn_compile.passes.quantize import quantize
@@ -188,6 +190,20 @@ def test_random_layers_spike_as_on_loihi():
         assert expected.sum() > 0 or seed
     assert compared > 40_000
     assert differ <= compared / 1000
+
+
+def test_what_is_chosen_is_proven_to_fit_and_no_input_wraps():
+    """Of any decays, with weights up to the heaviest of a format, and a spike on every line and step."""
+    for seed in range(60):
+        random = np.random.default_rng(seed)
+        of, rows = random_layer(random)
+        (part,) = of.synapses
+        heavy = replace(of, synapses=(replace(part, exponent=int(random.integers(0, 8))),))
+        network = lowered(heavy).network
+        assert safe_period(network, "cells") == 1, seed
+        result = play_fast(network, "time", np.ones_like(rows))
+        for event in ("ring_wraps", "current_wraps", "potential_wraps", "saturated_weights"):
+            assert result.events[event] == 0, (seed, event)
 
 
 def random_layer(random: np.random.Generator) -> tuple[CompartmentGraph, np.ndarray]:

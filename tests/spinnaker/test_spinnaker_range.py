@@ -8,7 +8,7 @@ from random_spinnaker import PHASE, random_case
 from small_spinnaker import network, parameters, population, projection
 
 from hw_model.spinnaker.fast import play_fast
-from hw_model.spinnaker.range import reach_of
+from hw_model.spinnaker.range import reach_of, safe_period
 
 SEEDS = range(3000, 3120)
 
@@ -80,3 +80,46 @@ def test_saturations_and_wraps_are_excluded_up_to_the_limit(case):
     reach = reach_of(limited, "cells")
     assert (reach.saturates, reach.wraps) == expected
     assert reach.fits == (expected == (False, False))
+
+
+def test_a_current_comes_to_its_bound_of_rarer_spikes():
+    """A spike in every fourth step: what it brings over what four steps lose."""
+    one = network()
+    rows = np.zeros((400, 1), dtype=np.uint8)
+    rows[::4] = 1
+    result = play_fast(one, "run", rows)
+    constants = one.population("cells").constants
+    kept = int(constants.synapse_decay[0, 0]) / 2**32
+    brought = 1000 * int(constants.synapse_init[0, 0]) / 2**32
+    bound = int(reach_of(one, "cells", 4).current[0, 0])
+    assert bound == pytest.approx(brought / (1 - kept**4), abs=2)
+    highest = int(result.current.max()) / kept
+    assert bound - 8 <= highest <= bound
+
+
+def test_rarer_spikes_wrap_nothing_where_every_step_would():
+    """With tau_syn of 200 ms, a current of 65,536 nA needs 400 nA or so in every step.
+
+    A spike brings 2^11 (init / 2^32) nA, and a step keeps d = 1 - 1/200 of it: the current settles at
+    2^11 init / (2^32 - d^p 2^32) nA, below 65,536 nA from p = 7 on, which rounds up to the period 8.
+    """
+    wide = population(parameters=parameters(c_m=400.0, tau_syn=200.0), shifts=(12, 0))
+    synapses = projection((0, 0, 16384, 1))
+    limited = network(populations=(wide,), projections=(synapses,))
+    constants = limited.population("cells").constants
+    kept = int(constants.synapse_decay[0, 0]) / 2**32
+    brought = 2048 * int(constants.synapse_init[0, 0]) / 2**32
+    settles = {period: brought / (1 - kept**period) for period in (6, 8)}
+    assert settles[6] > 65536 > settles[8]
+    assert safe_period(limited, "cells") == 8
+    for period, wraps in ((1, True), (8, False)):
+        rows = np.zeros((3000, 1), dtype=np.uint8)
+        rows[::period] = 1
+        result = play_fast(limited, "run", rows)
+        assert (result.events["current_wraps"] > 0) == wraps, period
+        assert result.events["potential_wraps"] == 0 or wraps
+
+
+def test_a_ring_buffer_that_one_step_fills_has_no_safe_period():
+    full = network(projections=(projection((0, 0, 40000, 1), (0, 0, 40000, 1)),))
+    assert safe_period(full, "cells") == 0
