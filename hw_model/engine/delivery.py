@@ -51,7 +51,7 @@ def deliver(link, rows_from, rows_to, listed, tables, memory):  # type: ignore[n
 def _deliver_by_lists(link, rows_from, rows_to, listed, tables, memory):  # type: ignore[no-untyped-def]
     """Follow the list of each spike's source."""
     event, base, begin, m = listed
-    nodes, _, links = tables
+    nodes, links = tables.nodes, tables.links
     ahead = np.uint64(1 + links.delay[link])
     rows_touched = np.uint64(links.width[link])
     for r in range(np.uint64(rows_from), np.uint64(rows_to)):
@@ -73,7 +73,7 @@ def _deliver_by_lists(link, rows_from, rows_to, listed, tables, memory):  # type
 def _deliver_by_short_rows(link, rows_from, rows_to, listed, tables, memory):  # type: ignore[no-untyped-def]
     """Add short matrix rows of the spikes of all rows together."""
     _add_short_rows(link, rows_from, rows_to, listed, tables, memory)
-    nodes, _, links = tables
+    nodes, links = tables.nodes, tables.links
     begin, m, touched = listed.begin, listed.node, memory.state.touched
     node, ahead = links.target_node[link], np.uint64(1 + links.delay[link])
     for r in range(np.uint64(rows_from), np.uint64(rows_to)):
@@ -87,7 +87,7 @@ def _deliver_by_short_rows(link, rows_from, rows_to, listed, tables, memory):  #
 def _deliver_by_rows(link, rows_from, rows_to, listed, tables, memory):  # type: ignore[no-untyped-def]
     """Add matrix rows of the spikes of one row after the other."""
     event, base, begin, m = listed
-    nodes, _, links = tables
+    nodes, links = tables.nodes, tables.links
     charge = memory.state.charge
     offset, width, low = links.offset[link], links.width[link], np.uint64(links.target[link])
     ahead = np.uint64(1 + links.delay[link])

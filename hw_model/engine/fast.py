@@ -6,9 +6,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hw_model.engine import packed
 from hw_model.engine.compiled import address, call_at, compiled, entry, inner
 from hw_model.engine.lay_out import fast_layout
 from hw_model.engine.layout import CHARGE_WRAPS, FIELDS, LANES, FastLayout, Tables
+from hw_model.engine.packed import Packed
 from hw_model.engine.state import (
     NOTHING_KEPT,
     Arriving,
@@ -53,7 +55,8 @@ def run_phase(
     trace = PhaseTrace.empty(played, layout.columns, layout.pieces, windows)
     kept = NOTHING_KEPT
     if windows:
-        kept = Kept(True, *(_kept(kind, layout, trace, windows) for kind in REGISTERS))
+        registers = [_kept(kind, layout, trace, windows) for kind in REGISTERS]
+        kept = packed.pack(Kept(True, *registers))
     first, line = join_lists(played.events)
     given = _Given(first, line, played.start, played.stop)
     written = _Trace(trace.spikes, trace.sent, trace.active, trace.events, trace.totals, kept)
@@ -81,7 +84,7 @@ class _Trace(NamedTuple):
     active: AnyArray
     events: AnyArray
     totals: AnyArray
-    kept: Kept
+    kept: Packed[Kept]
 
 
 def _run_part(
@@ -92,17 +95,21 @@ def _run_part(
     try:
         memory = memories.pop()  # of two threads that ask for the last one, one finds none
     except IndexError:
-        memory = Memory(first_state(layout), workspace(layout))
+        memory = packed.pack(Memory(first_state(layout), workspace(layout)))
     if not code:
-        code.append(_machine_code(given, layout.tables, memory, skip, written))
+        code.append(_machine_code(given, layout.packed_tables, memory, skip, written))
     tile_at, loop = code[0]
-    loop(low, high, tile_at, given, layout.tables, memory, skip, written)
+    loop(low, high, tile_at, given, layout.packed_tables, memory, skip, written)
     if layout.columns <= SMALL:
         memories.append(memory)
 
 
 def _machine_code(
-    given: _Given, tables: Tables, memory: Memory, skip: bool, written: _Trace
+    given: _Given,
+    tables: Packed[Tables],
+    memory: Packed[Memory],
+    skip: bool,
+    written: _Trace,
 ) -> tuple[np.int64, Callable[..., Any]]:
     """Return where a tile lies, and the loop over recordings, for arguments of the kinds that a layout always has."""
     tile_at = address(
@@ -117,7 +124,9 @@ def _machine_code(
 
 
 @lru_cache(maxsize=8)
-def _made(layout: FastLayout) -> tuple[list[Memory], list[tuple[np.int64, Callable[..., Any]]]]:
+def _made(
+    layout: FastLayout,
+) -> tuple[list[Packed[Memory]], list[tuple[np.int64, Callable[..., Any]]]]:
     """Return the memories of a layout that no thread is using, whoever takes one resets it, and its machine code."""
     return [], []
 
@@ -151,7 +160,7 @@ def _run(low, high, tile_at, given, tables, memory, skip, written):  # type: ign
     """Run recordings ``low..high`` one after the other, each tile by tile."""
     first, line, start, stop = given
     state = memory.state
-    nodes, chunks, links = tables
+    nodes, chunks, links = tables.nodes, tables.chunks, tables.links
     spikes, sent, active, events, totals, kept = written
     most_rows = len(memory.work.masks)
     for b in range(low, high):

@@ -14,9 +14,11 @@ block
 link
     The synapses from one node to one group: a matrix of weights where that is quicker, else lists.
 
-The named tuples below are records that the compiled loops take.
+The named tuples below are records. Compiled loops are given the address of one, where
+:class:`hw_model.engine.packed.Packed` lays it out.
 """
 
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +26,7 @@ import numpy.typing as npt
 
 from hw_model.arithmetic import loihi
 from hw_model.arithmetic.fixed_point import half_range
+from hw_model.engine import packed
 from hw_model.values import AnyArray, BoolArray, ByteArray, Frozen, Int32Array, IntArray
 
 Lanes = Int32Array | IntArray
@@ -159,6 +162,11 @@ class FastLayout(Frozen, eq=False):
     pieces: int
     tables: Tables
     slot: IntArray
+
+    @cached_property
+    def packed_tables(self) -> packed.Packed[Tables]:
+        """The tables, as compiled loops are given them."""
+        return packed.pack(self.tables)
 
     @property
     def columns(self) -> int:

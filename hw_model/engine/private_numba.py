@@ -21,19 +21,32 @@ from functools import partial
 from inspect import Parameter, Signature
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from llvmlite import ir
+from numba import typeof
 from numba.core import cgutils, event, types
 from numba.core.caching import IndexDataCacheFile
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.runtime import rtsys
-from numba.extending import intrinsic
+from numba.core.typing.templates import AttributeTemplate
+from numba.extending import (
+    NativeValue,
+    infer_getattr,
+    intrinsic,
+    lower_getattr_generic,
+    models,
+    register_model,
+    typeof_impl,
+    unbox,
+)
+from numba.np.numpy_support import from_dtype
 
 from hw_model.engine.ahead import compiled_ahead
 from hw_model.engine.lanes import COUNT, Lanes, Place
+from hw_model.engine.packed import Packed, is_record
 
 _log = logging.getLogger("locsnn")
 
@@ -224,6 +237,126 @@ def call_at(typing: Any, address: Any, arguments: Any) -> Any:
         return returned
 
     return types.int64(address, arguments), generate
+
+
+# Records by address, `hw_model.engine.packed`. Without them each array is an argument of its own:
+# with nothing compiled, a command takes twice as long. How an array lies in memory is not
+# documented, the rest is.
+
+
+WORD = ir.IntType(64)
+DIGITS = 8
+"""Of the checksum that tells kinds of records with one name apart."""
+
+
+class _Field(NamedTuple):
+    """A field of a :class:`_Record`: where it begins, in words, its kind, and whether that is an address."""
+
+    word: int
+    kind: Any
+    is_address: bool
+
+
+class _Record(types.Type):  # type: ignore[misc]
+    """The kind of a :class:`hw_model.engine.packed.Packed`."""
+
+    def __init__(self, name: str, fields: dict[str, _Field]) -> None:
+        self.fields = fields
+        described = ", ".join(f"{field}: {place.kind}" for field, place in fields.items())
+        super().__init__(name=f"{name}({described})")
+        digest = hashlib.sha256(described.encode()).hexdigest()
+        self._short = f"{name}.{digest[:DIGITS]}"
+
+    @property
+    def mangling_args(self) -> tuple[str, tuple[Any, ...]]:
+        """What stands for this kind in names of functions, which occur thousands of times."""
+        return self._short, ()
+
+
+@typeof_impl.register(Packed)  # type: ignore[untyped-decorator]
+def _kind_of_packed(packed: Packed[Any], _: Any) -> _Record:
+    """Return the kind of a packed record."""
+    fields = {field.name: _field(field.value, field.word) for field in packed.fields}
+    return _Record(type(packed.record).__name__, fields)
+
+
+def _field(value: Any, word: int) -> _Field:
+    if isinstance(value, Packed):
+        return _Field(word, typeof(value), is_address=True)
+    if is_record(value):
+        return _Field(word, typeof(Packed(value)), is_address=False)
+    if isinstance(value, np.ndarray):
+        return _Field(word, types.Array(from_dtype(value.dtype), value.ndim, "C"), is_address=False)
+    return _Field(word, typeof(value), is_address=False)
+
+
+@register_model(_Record)  # type: ignore[untyped-decorator]
+class _RecordModel(models.PrimitiveModel):  # type: ignore[misc]
+    """In compiled code a record is the address of its words."""
+
+    def __init__(self, manager: Any, kind: _Record) -> None:
+        super().__init__(manager, kind, WORD.as_pointer())
+
+
+@unbox(_Record)  # type: ignore[untyped-decorator]
+def _unbox(kind: _Record, packed: Any, context: Any) -> Any:
+    """Read the address of a packed record that Python gives to a loop."""
+    api, builder = context.pyapi, context.builder
+    attribute = api.object_getattr_string(packed, "address")
+    address = api.long_as_longlong(attribute)
+    api.decref(attribute)
+    return NativeValue(builder.inttoptr(address, WORD.as_pointer()))
+
+
+@infer_getattr
+class _RecordFields(AttributeTemplate):  # type: ignore[misc]
+    """The kinds of the fields of a record."""
+
+    key = _Record
+
+    def generic_resolve(self, record: _Record, name: str) -> Any:
+        """Return the kind of a field; None where there is none of this name."""
+        return record.fields[name].kind if name in record.fields else None
+
+
+@lower_getattr_generic(_Record)  # type: ignore[untyped-decorator]
+def _read_field(context: Any, builder: Any, record: _Record, address: Any, name: str) -> Any:
+    """Read a field of a record."""
+    field = record.fields[name]
+    kind = field.kind
+
+    def word(number: int, as_type: Any = WORD) -> Any:
+        at = builder.gep(address, [WORD(field.word + number)])
+        value = builder.load(builder.bitcast(at, as_type.as_pointer()))
+        # LLVM may read it again or not, whatever is written meanwhile.
+        value.set_metadata("invariant.load", builder.module.add_metadata([]))
+        return value
+
+    if isinstance(kind, types.Array):
+        data = word(0, context.get_data_type(kind.dtype).as_pointer())
+        shape = [word(1 + axis) for axis in range(kind.ndim)]
+        return _array(context, builder, kind, data, shape)
+    if isinstance(kind, types.BaseTuple):
+        return context.make_tuple(builder, kind, [word(number) for number in range(len(kind))])
+    if not isinstance(kind, _Record):
+        return context.cast(builder, word(0), types.int64, kind)
+    if field.is_address:
+        return word(0, WORD.as_pointer())
+    return builder.gep(address, [WORD(field.word)])
+
+
+def _array(context: Any, builder: Any, kind: Any, data: Any, shape: list[Any]) -> Any:
+    """Return an array in C order, which belongs to no one."""
+    # Only what compiles loads it, for a fifth of a second.
+    from numba.np.arrayobj import populate_array
+
+    array = context.make_array(kind)(context, builder)
+    itemsize = WORD(context.get_abi_sizeof(context.get_data_type(kind.dtype)))
+    strides = [itemsize]
+    for length in shape[:0:-1]:
+        strides.insert(0, builder.mul(strides[0], length, flags=("nsw",)))
+    populate_array(array, data, shape, strides, itemsize, meminfo=None)
+    return array._getvalue()
 
 
 # Kernels, which write instructions for vectors: `intrinsic` is documented, how an array lies in

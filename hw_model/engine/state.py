@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hw_model.engine import packed
 from hw_model.engine.compiled import absorbed, compiled, inner
 from hw_model.engine.layout import BIAS, LANES, FastLayout, aligned
 from hw_model.values import AnyArray
@@ -98,11 +99,11 @@ class Written(NamedTuple):
     sent: AnyArray
     active: AnyArray
     recording: int | np.int64
-    kept: Kept
+    kept: packed.Packed[Kept]
 
 
 NO_REGISTER = KeptRegister(np.empty(0, dtype=np.int64), 0, np.empty((1, 0, 0), dtype=np.int64))
-NOTHING_KEPT = Kept(False, NO_REGISTER, NO_REGISTER, NO_REGISTER)
+NOTHING_KEPT = packed.pack(Kept(False, NO_REGISTER, NO_REGISTER, NO_REGISTER))
 
 
 def first_state(layout: FastLayout, tile: int = TILE) -> State:

@@ -185,7 +185,7 @@ def _echo(k, r, mask, chunks, state):  # type: ignore[no-untyped-def]
 @absorbed
 def _list_spikes(m, low, high, fired, tables, work, written):  # type: ignore[no-untyped-def]
     """Turn the bits of node m in rows ``low..high`` into its lists, into 0 and 1, and into counts."""
-    nodes, chunks, _ = tables
+    nodes, chunks = tables.nodes, tables.chunks
     spikes, sent = written.spikes, written.sent
     masks, event, begin = work.masks, work.event, work.begin
     base, first = work.list_start[m], nodes.first[m]

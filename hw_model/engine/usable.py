@@ -27,7 +27,9 @@ PRIVATE_PARTS = {
     ),
     "numba.core.codegen.JITCodeLibrary": ("_ensure_finalized", "_get_module_for_linking"),
     "numba.core.compiler.Compiler": ("define_pipelines",),
+    "numba.core.datamodel.models.PrimitiveModel": ("get_value_type",),
     "numba.core.runtime.rtsys": ("initialize",),
+    "numba.core.typing.templates.AttributeTemplate": ("resolve",),
 }
 """What the loops use of numba's classes that its documentation does not promise."""
 

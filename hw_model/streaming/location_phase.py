@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hw_model.engine import packed
 from hw_model.engine.chunks import (
     add_multiple,
     advance,
@@ -29,9 +30,11 @@ from hw_model.engine.layout import (
     POTENTIAL,
     WIDE_LIST,
     FastLayout,
+    Tables,
     U,
     aligned,
 )
+from hw_model.engine.packed import Packed
 from hw_model.mapping.graph import Input
 from hw_model.streaming.time_phase import Read
 from hw_model.values import AnyArray, ByteArray, IntArray
@@ -87,6 +90,17 @@ class History(NamedTuple):
     slot: AnyArray
 
 
+class _Phase(NamedTuple):
+    """All that the loop over rows reads and writes; ``registers`` are those of the chunks, in the order of updates."""
+
+    visits: Visits
+    read: Read
+    tables: Packed[Tables]
+    order: Order
+    registers: AnyArray
+    history: History
+
+
 _LANES, _CHUNK, _STATE = np.uint64(LANES), np.uint64(FIELDS * LANES), np.uint64(U * LANES)
 _ONE_MORE, _KEPT = np.uint64(1), np.uint64(KEPT_FIELDS * LANES)
 
@@ -106,11 +120,13 @@ class Replay:
         registers = aligned((chunks.registers.size,), chunks.registers.dtype)
         registers[:] = chunks.registers[chunks.member].reshape(-1)
         order = _order(layout, read)
-        self._played = visits, read, layout.tables, order, registers, self._history
+        self._phase = packed.pack(
+            _Phase(visits, read, layout.packed_tables, order, registers, self._history)
+        )
         # A row without events, and room for what is noted after it.
         self._silence = np.zeros((1, len(visits.step)), dtype=np.uint8)
         self._columns = np.zeros((1, layout.columns), dtype=np.int64)
-        self._push = entry(_push, 0, self._silence, *self._played, self._columns, 0)
+        self._push = entry(_push, 0, self._silence, self._phase, self._columns, 0)
         self.reset()
 
     def reset(self) -> None:
@@ -126,7 +142,7 @@ class Replay:
     def wait(self, rows: ByteArray, counts: IntArray, low: int) -> None:
         """Leave rows out that come before the first one that is played, and note what every column gives so far."""
         self._start += len(rows)
-        self._push(0, np.zeros_like(rows), *self._played, counts, low)
+        self._push(0, np.zeros_like(rows), self._phase, counts, low)
 
     def push(self, before: int, rows: ByteArray, counts: IntArray, low: int) -> None:
         """Add rows from row ``before`` on, (rows, channels), side by side in memory and writeable.
@@ -134,7 +150,7 @@ class Replay:
         Note what every column gives so far after each, its spikes or, if read, largest potential, in ``counts`` (rows,
         columns of all phases), from column ``low`` on.
         """
-        self._push(before - self._start, rows, *self._played, counts, low)
+        self._push(before - self._start, rows, self._phase, counts, low)
 
     @property
     def replayed(self) -> tuple[int, int]:
@@ -217,7 +233,10 @@ def _order(layout: FastLayout, read_columns: Read) -> Order:
 
 
 @compiled
-def _push(before, rows, visits, read, tables, order, registers, history, counts, low):  # type: ignore[no-untyped-def]
+def _push(before, rows, phase, counts, low):  # type: ignore[no-untyped-def]
+    """Add rows from row ``before`` on, and note what every column gives after each in ``counts``."""
+    visits, read, order, history = phase.visits, phase.read, phase.order, phase.history
+    tables, registers = phase.tables, phase.registers
     steps = len(history.masks)
     for row in range(len(rows)):
         time = before + row
@@ -398,7 +417,7 @@ def _pass_flips_on(node, low, high, tables, order, history):  # type: ignore[no-
 
     All of them first, without branches: which steps have any would be guessed wrong too often.
     """
-    nodes, chunks, links = tables
+    nodes, chunks, links = tables.nodes, tables.chunks, tables.links
     found, base = np.int64(0), nodes.first[node]
     for row in range(np.uint64(low), np.uint64(high)):
         for k in range(nodes.chunk[node], nodes.chunk[node + 1]):

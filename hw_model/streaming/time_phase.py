@@ -5,10 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hw_model.engine import state
+from hw_model.engine import packed, state
 from hw_model.engine.compiled import absorbed, address, call_at, compiled, entry
 from hw_model.engine.events import list_row
-from hw_model.engine.layout import CACHE_LINE, FastLayout
+from hw_model.engine.layout import CACHE_LINE, FastLayout, Tables
+from hw_model.engine.packed import Packed
 from hw_model.engine.state import Arriving, Tile, Written
 from hw_model.engine.tiles import run_tile
 from hw_model.values import AnyArray, ByteArray, IntArray
@@ -39,6 +40,17 @@ class Room(NamedTuple):
     largest: AnyArray
 
 
+class _Phase(NamedTuple):
+    """All that the loop over rows reads and writes; ``starts_late`` as in :class:`Live`."""
+
+    room: Room
+    read: Read
+    tables: Packed[Tables]
+    memory: Packed[state.Memory]
+    kept: Packed[state.Kept]
+    starts_late: bool
+
+
 TILE = 8
 """Steps that a session keeps charges for at a time: few rows come at once, and after each push the rest is moved."""
 _NO_END = 1 << 62
@@ -61,8 +73,9 @@ class Live:
         columns_read = len(read.columns)
         potential = np.zeros((1, TILE, columns_read), dtype=np.int64)
         self._room = _room(layout, potential)
-        self._state = state.first_state(layout, TILE)
-        memory = state.Memory(self._state, state.workspace(layout, TILE))
+        first_state = state.first_state(layout, TILE)
+        self._state = packed.pack(first_state)
+        memory = state.Memory(first_state, state.workspace(layout, TILE))
         place = np.full(layout.columns, -1, dtype=np.int64)
         place[read.columns] = np.arange(columns_read)
         kept = state.Kept(
@@ -71,14 +84,22 @@ class Live:
             state.NO_REGISTER,
             state.KeptRegister(place, 0, potential),
         )
-        self._played = self._room, read, layout.tables, memory, kept, np.bool_(starts_late)
+        self._phase = _Phase(
+            self._room,
+            read,
+            layout.packed_tables,
+            packed.pack(memory),
+            packed.pack(kept),
+            starts_late,
+        )
+        self._packed_phase = packed.pack(self._phase)
         self._run = entry(
             _run,
             0,
             0,
             _NO_STEP,
             np.zeros(0, np.uint8),
-            *self._played,
+            self._packed_phase,
             np.zeros((0, 0), np.int64),
             0,
         )
@@ -101,19 +122,22 @@ class Live:
         Note what every column gives so far after each, its spikes or, if read, largest potential, in ``counts`` (rows,
         columns of all phases), from column ``low`` on.
         """
-        self._run(before, self._end, self._tile_at, rows.reshape(-1), *self._played, counts, low)
+        self._run(
+            before, self._end, self._tile_at, rows.reshape(-1), self._packed_phase, counts, low
+        )
 
     @cached_property
     def _tile_at(self) -> np.int64:
         """Return where the code of a tile lies: asked when one is run, since who compiles ahead runs none."""
-        room, _, tables, memory, kept, _ = self._played
+        phase = self._phase
+        room = phase.room
         return address(
             run_tile,
             Tile(_NO_STEP, _NO_STEP, _SKIP),
             Arriving(room.first, room.line),
-            tables,
-            memory,
-            Written(room.spikes, room.sent, room.active, _NO_STEP, kept),
+            phase.tables,
+            phase.memory,
+            Written(room.spikes, room.sent, room.active, _NO_STEP, phase.kept),
         )
 
 
@@ -141,16 +165,12 @@ def _run(  # type: ignore[no-untyped-def]
     end,
     tile_at,
     given,
-    room,
-    read,
-    tables,
-    memory,
-    kept,
-    starts_late,
+    phase,
     counts,
     at,
 ):
     """Play rows, bytes side by side, from step ``before`` up to ``end``; note what every column gives after each."""
+    room, read = phase.room, phase.read
     begin, lasting = room.begin, max(0, min(len(counts), end - before))
     for low in range(0, lasting, TILE):
         rows, many = min(TILE, lasting - low), np.uint64(0)
@@ -162,8 +182,8 @@ def _run(  # type: ignore[no-untyped-def]
                 room.first[row + 1, m] = many
         tile = Tile(_NO_STEP, rows, _SKIP)
         arriving = Arriving(room.first, room.line)
-        written = Written(room.spikes, room.sent, room.active, _NO_STEP, kept)
-        call_at(tile_at, (tile, arriving, tables, memory, written))
+        written = Written(room.spikes, room.sent, room.active, _NO_STEP, phase.kept)
+        call_at(tile_at, (tile, arriving, phase.tables, phase.memory, written))
         for row in range(rows):
             for column in range(len(room.so_far)):
                 room.so_far[column] += room.spikes[row, column]
@@ -171,7 +191,7 @@ def _run(  # type: ignore[no-untyped-def]
             _take_largest(before + low + row, row, room, read)
             _note(room.so_far, counts, low + row, at)
     for row in range(lasting, len(counts)):
-        if starts_late:
+        if phase.starts_late:
             _take_largest(before + row, 0, room, read)  # of room that is 0 between tiles
         _note(room.so_far, counts, row, at)
 

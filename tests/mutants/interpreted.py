@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from hw_model.engine import compiled
+from hw_model.engine import compiled, packed
 
 EXAMPLES = 4
 
@@ -18,6 +18,7 @@ np.seterr(over="ignore")
 for name in ("compiled", "shared", "inner", "absorbed"):
     setattr(compiled, name, lambda given: given)
 compiled.entry = compiled.address = lambda function, *arguments: function
+packed.pack = lambda record: record
 compiled.call_at = lambda function, arguments: function(*arguments)
 
 from hw_model.engine import lanes, private_numba  # noqa: E402
