@@ -14,7 +14,6 @@ from hw_model.io.files import parsing
 from hw_model.io.given import checked
 from hw_model.io.records import AT_LEAST_ONE, NOT_NEGATIVE, POSITIVE, RecordReader, between
 from hw_model.mapping.graph import AXES, Input, Phase, Readout
-from hw_model.mapping.recorded import RecordedChannels
 from hw_model.program.sealed import (
     PROGRAM_NPZ,
     PROGRAM_YAML,
@@ -47,7 +46,6 @@ _OF_RECORDINGS = (
     "columns",
     "channel_order",
     "class_names",
-    "recorded",
 )
 _SYNAPSES = ("source_index", "target_index", "weight", "delay")
 
@@ -122,7 +120,6 @@ class SpinnakerDocument(Frozen):
     columns: Annotated[int | None, AT_LEAST_ONE] = None
     channel_order: Annotated[str | None, CHANNEL_ORDERS] = None
     class_names: tuple[str, ...] | None = None
-    recorded: RecordedChannels | None = None
 
 
 def spinnaker_files(program: SpinnakerProgram) -> dict[str, bytes]:
@@ -146,8 +143,6 @@ def spinnaker_files(program: SpinnakerProgram) -> dict[str, bytes]:
         optional["readout_tie_class"] = program.readout.tie_class
     if optional["class_names"]:
         optional["class_names"] = list(optional["class_names"])
-    if program.recorded is not None:
-        optional["recorded"] = program.recorded.document()
     return sealed_files(
         SPINNAKER_PROGRAM, VERSION, entries | _known(optional), spinnaker_arrays(program.network)
     )

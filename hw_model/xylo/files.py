@@ -14,7 +14,6 @@ from hw_model.io.files import parsing
 from hw_model.io.given import checked
 from hw_model.io.records import AT_LEAST_ONE, NOT_NEGATIVE, POSITIVE, RecordReader, between
 from hw_model.mapping.graph import Readout
-from hw_model.mapping.recorded import RecordedChannels
 from hw_model.program.sealed import (
     PROGRAM_NPZ,
     PROGRAM_YAML,
@@ -40,7 +39,6 @@ _OF_RECORDINGS = (
     "columns",
     "channel_order",
     "class_names",
-    "recorded",
 )
 _SHIFTS = ("shift_in", "shift_hidden", "shift_out")
 _WEIGHTS = ("weights_in", "weights_hidden", "weights_out")
@@ -71,7 +69,6 @@ class XyloDocument(Frozen):
     columns: Annotated[int | None, AT_LEAST_ONE] = None
     channel_order: Annotated[str | None, CHANNEL_ORDERS] = None
     class_names: tuple[str, ...] | None = None
-    recorded: RecordedChannels | None = None
 
 
 def xylo_files(program: XyloProgram) -> dict[str, bytes]:
@@ -98,9 +95,7 @@ def xylo_files(program: XyloProgram) -> dict[str, bytes]:
 
 
 def _plain(value: object) -> object:
-    """Return lists for tuples, and mappings for records, as files hold them."""
-    if isinstance(value, RecordedChannels):
-        return value.document()
+    """Return lists for tuples, as files hold them."""
     if isinstance(value, tuple):
         return [_plain(part) for part in value]
     return value

@@ -1,6 +1,7 @@
 """Compile a network for a mesh of cores or the open core, and check it against the float reference."""
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import hw_model as hw
 from hw_model.engine.ahead import compile_ahead
@@ -16,12 +17,18 @@ from locsnn_compile.report.grounds import grounds_of
 from locsnn_compile.request.choose_strategy import Choice, choose_strategy, lower_or_advise
 from locsnn_compile.request.compile_request import CompileRequest, SettingRequest
 from locsnn_compile.request.recordings import calibration_for, recordings_for, with_psi
-from locsnn_compile.settings import AUTO, NATIVE, STRATEGIES
+from locsnn_compile.request.without_overflows import search_without_overflows, spread_of
+from locsnn_compile.settings import AUTO, NATIVE, STRATEGIES, Setting
 from locsnn_compile.verification.diagnosis import diagnose as find_diagnosis
 from locsnn_compile.verification.excerpt import take_excerpt
 from locsnn_compile.verification.matching import compare
 from locsnn_compile.verification.observation import Observed
 from locsnn_compile.verification.over_time import PSI, over_time
+from locsnn_compile.verification.wide_registers import (
+    compare_wide,
+    matters,
+    overflowing_recordings,
+)
 
 AHEAD_OF_SESSIONS = "hw_model.streaming.ahead"
 """The module that compiles the loops of sessions in a process of its own, without which nothing here imports them."""
@@ -45,12 +52,20 @@ def fulfil_for_mesh(request: CompileRequest[hw.Chip]) -> CompiledModel:
     if check.diagnosis:
         compile_ahead(AHEAD_OF_SESSIONS)
     with spread_over(check.scheduler) as spread:
-        levels, choice = _lower(network, chip, request.setting, fitted_calibration, spread)
+        lowered = _lower(network, chip, request.setting, fitted_calibration, spread)
+        levels = lowered.levels
+        choice = lowered.choice
         observed = observed_by(levels, fitted)
         match = compare(observed, progress=check.progress, spread=spread)
     network = _with_bounds_of(choice, network, request.setting)
-    diagnosis, followed, excerpt = None, None, None
+    wide = compare_wide(observed, match)
+    diagnosis, followed, excerpt, search = None, None, None, None
     if check.diagnosis:
+        if matters(wide):
+            overflowing = spread_of(fitted, overflowing_recordings(match))
+            search = search_without_overflows(
+                network, chip, lowered.setting, fitted_calibration, overflowing
+            )
         diagnosis = find_diagnosis(observed, match.first_divergence)
         followed = over_time(observed, PSI if network.psi is None else network.psi)
         excerpt = take_excerpt(observed, match.first_divergence)
@@ -62,7 +77,7 @@ def fulfil_for_mesh(request: CompileRequest[hw.Chip]) -> CompiledModel:
         chosen=choice is not None,
         rounded=levels.quantized.populations,
     )
-    findings = Findings(diagnosis, followed, choice)
+    findings = Findings(diagnosis, followed, choice, wide, search)
     figures = report_figures(levels, match, grounds, findings)
     return CompiledModel(observed, match, figures, choice, excerpt)
 
@@ -83,27 +98,36 @@ def _with_bounds_of(choice: Choice | None, network: Network, asked: SettingReque
     return replace(network, assumptions=(*network.assumptions, said))
 
 
+class _Lowered(NamedTuple):
+    """A network at every level, the setting that led there, and what it was chosen from, if it was."""
+
+    levels: Levels
+    setting: Setting
+    choice: Choice | None
+
+
 def _lower(
     network: Network,
     chip: hw.Chip,
     asked: SettingRequest,
     calibration: Recordings,
     spread: Spread,
-) -> tuple[Levels, Choice | None]:
+) -> _Lowered:
     """Lower as asked, or by a setting that is chosen; refuse a strategy that no neuron uses."""
     choice = None
     if asked.chooses:
         choice = choose_strategy(network, chip, asked, calibration, spread)
+    setting = asked.setting
     if choice:
         levels = choice.levels
+        setting = choice.taken.setting
     else:
-        setting = asked.setting
         if setting.strategy == AUTO:
             setting = replace(setting, strategy=next(iter(STRATEGIES)))
         calibrated = calibrate(network, calibration, chip.registers)
         levels = lower_or_advise(network, chip, setting, calibrated)
     _check_used(asked.setting.strategy, levels)
-    return levels, choice
+    return _Lowered(levels, setting, choice)
 
 
 def _check_used(strategy: str, levels: Levels) -> None:

@@ -19,6 +19,7 @@ from locsnn_compile.report.figures.entries import Entry, keys_of
 from locsnn_compile.report.figures.operations import OperationFigures
 from locsnn_compile.report.format import count, plural, share, shortened
 from locsnn_compile.report.sections import behaviour, build
+from locsnn_compile.report.sections.registers import registers
 from locsnn_compile.report.sections.verdict import fullness, matches, notices
 from locsnn_compile.report.words import words
 
@@ -48,7 +49,7 @@ def compose_page(report: SharedFigures, page: FamilyPage) -> Report:
         kind="locsnn-compile report",
         title=" on ".join(shortened(name, LONGEST_NAME) for name in names),
         subtitle=f"{report.weight_bits}-bit weights, {page.lowering}, {recordings}",
-        verdicts=(matches(report), page.costs, page.fits),
+        verdicts=(matches(report), page.costs, page.fits, registers(report)),
         notices=(*notices(report), *page.notices),
         sections=(behaviour.agreement(match), *page.sections),
         footer="Per recording means the mean over the recordings of the check.",

@@ -9,6 +9,7 @@ from locsnn_compile.report.sections import accuracy, behaviour, build, cost
 from locsnn_compile.report.sections.cores import cores
 from locsnn_compile.report.sections.over_time import over_time
 from locsnn_compile.report.sections.recording import potential, spikes
+from locsnn_compile.report.sections.registers import overflows, registers
 from locsnn_compile.report.sections.verdict import costs, fits, matches, notices
 from locsnn_compile.report.words import listed
 from locsnn_compile.verification.excerpt import Excerpt
@@ -33,6 +34,7 @@ def compose(report: ReportFigures, excerpt: Excerpt | None = None) -> Report:
         build.resources(report),
         build.left_out(report),
         build.quantization(report),
+        overflows(report.overflows),
         build.ranges(report),
         build.provenance(report),
     )
@@ -45,6 +47,7 @@ def compose(report: ReportFigures, excerpt: Excerpt | None = None) -> Report:
             matches(report),
             cost.cycles(report) if energy is None else costs(report, energy),
             fits(report),
+            registers(report, report.overflows, report.range),
         ),
         notices=notices(report),
         sections=tuple(section for section in sections if section),

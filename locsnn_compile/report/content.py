@@ -1,6 +1,6 @@
 """What a report consists of, apart from its form: sections of text, figures and tables.
 
-    Report -- verdicts (three questions answered) -- notices -- sections -- blocks
+    Report -- verdicts (questions answered) -- notices -- sections -- blocks
 
 The words and numbers are chosen once, in ``verdict.py`` and the section files; ``html.py``, ``markdown.py`` and
 ``terminal.py`` only give them form. Strings are unescaped here; each form escapes all of them.
@@ -201,7 +201,7 @@ class Report(Frozen):
     kind: str
     title: str
     subtitle: str
-    verdicts: tuple[Verdict, Verdict, Verdict]
+    verdicts: tuple[Verdict, ...]
     notices: tuple[Notice, ...]
     sections: tuple[Section, ...]
     footer: str

@@ -32,9 +32,10 @@ from locsnn_compile.verification.observation import Observed
 
 
 class Candidate(Losses):
-    """A setting and what it loses on the calibration recordings."""
+    """A setting and what it loses on some recordings, in which registers wrapped and clipped ``overflows`` times."""
 
     setting: Setting
+    overflows: int = 0
 
     @property
     def strategy(self) -> str:
@@ -75,7 +76,7 @@ def choose_strategy(
     budget = asked.budget
     if not (network.by_strategy or (budget.given and network.has_float_weights)):
         return None
-    trial = _Trial(network, chip, recordings, spread)
+    trial = Trial(network, chip, recordings, spread)
     firsts = first_settings(network, asked.setting)
     usual = [setting for setting in firsts if not setting.is_last_resort] or firsts
     for setting in usual:
@@ -101,7 +102,7 @@ def choose_strategy(
 
 
 def _make_finer(
-    trial: "_Trial", setting: Setting, budget: ErrorBudget, given: Collection[str]
+    trial: "Trial", setting: Setting, budget: ErrorBudget, given: Collection[str]
 ) -> None:
     """Try a setting with finer values, one dial after the other, until it keeps the budget.
 
@@ -119,7 +120,7 @@ def _make_finer(
             candidate = trial.measure(setting)
 
 
-def _make_coarser(trial: "_Trial", asked: Setting, budget: ErrorBudget) -> None:
+def _make_coarser(trial: "Trial", asked: Setting, budget: ErrorBudget) -> None:
     """Try the cheapest setting that keeps the budget with all coarser values: losses may rise and fall."""
     # A few recordings say much about spikes and scores but little about predictions, which alone
     # are not enough to make anything coarser.
@@ -139,19 +140,24 @@ def _cheapest(candidates: Sequence[Candidate], budget: ErrorBudget) -> Candidate
 
 
 @dataclass(eq=False)
-class _Trial:
+class Trial:
     """Compiles and plays settings, each once; recordings have the network's own steps and channels."""
 
     network: Network
     chip: hw.Chip
     recordings: Recordings
     spread: Spread
+    known_calibration: Calibration | None = None
+    """What settings are rounded for; without it, these recordings."""
     candidates: dict[Setting, Candidate] = field(default_factory=dict)
     levels: dict[Setting, Levels] = field(default_factory=dict)
     errors: list[TargetError] = field(default_factory=list)
 
     @cached_property
     def calibration(self) -> Calibration:
+        """What settings are rounded for."""
+        if self.known_calibration is not None:
+            return self.known_calibration
         return calibrate(self.network, self.recordings, self.chip.registers)
 
     @cached_property
@@ -177,7 +183,8 @@ class _Trial:
         observed = Observed(levels, self.recordings.spikes, source=self.recordings.source)
         match = compare(observed, spread=self.spread, explain=False, float_runs=self.float_runs)
         chip = levels.program.chip
-        total_pj = math.fsum(hw.energy_pj(total(match.counts), chip.costs).values())
+        counts = total(match.counts)
+        total_pj = math.fsum(hw.energy_pj(counts, chip.costs).values())
         return Candidate(
             prediction_agreement=match.prediction_agreement,
             spike_agreement=match.spikes.agreement,
@@ -185,6 +192,7 @@ class _Trial:
             energy_pj=total_pj / match.samples if chip.profiles else None,
             chip_time_ns=match.mean_ns,
             setting=setting,
+            overflows=counts.wraps + counts.clips,
         )
 
 

@@ -28,9 +28,6 @@ SENSOR_OPTIONS = (
     "--polarities",
     "--columns",
     "--merge-polarities",
-    "--only-taxels",
-    "--only-polarity",
-    "--merge-channels",
 )
 PYX = ("--channel-order", "pyx")
 

@@ -107,3 +107,44 @@ def over_time() -> dict[str, Any]:
             "profile": "davies2018",
         },
     }
+
+
+def overflows() -> dict[str, Any]:
+    """Four clips in two recordings that change a spike, and a setting without any."""
+    taken = {
+        "strategy": "dendrite",
+        "weight_bits": 8,
+        "split_weights": 0.0,
+        "wraps_and_clips": 4,
+        "prediction_agreement": 1.0,
+        "spike_agreement": 0.9,
+        "score_error": 0.02,
+        "energy_ratio": 1.0,
+        "time_ratio": 1.0,
+    }
+    narrower = {
+        "weight_bits": 6,
+        "wraps_and_clips": 0,
+        "spike_agreement": 0.8,
+        "score_error": 0.05,
+        "energy_ratio": 0.95,
+        "time_ratio": 0.98,
+    }
+    return {
+        "matters": "spikes or scores",
+        "recordings": 2,
+        "not_known": None,
+        "wide_registers": {
+            "spikes_changed": 1,
+            "predictions_changed": 0,
+            "prediction_agreement": 1.0,
+            "spike_agreement": 0.91,
+            "score_error": 0.01,
+        },
+        "settings": {
+            "recordings": 2,
+            "taken": taken,
+            "tried": 3,
+            "without": [{**taken, **narrower}],
+        },
+    }

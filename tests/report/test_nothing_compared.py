@@ -87,7 +87,6 @@ SILENT_PART = """\
   accuracy          not known, because the recordings are made up
   spikes            none on either side
   first difference  –
-  registers         0 wraps, 0 clips
   {first:<17} silent
   {second:<17} silent
 """  # noqa: RUF001
@@ -97,7 +96,6 @@ OUTPUTS_PART = """\
   accuracy          not known, because the recordings are made up
   spikes            100 % at the same neuron and step
   first difference  none, every spike is equal
-  registers         0 wraps, 518 clips (3.0 % of updates)
   time_hidden       ████████████████████████ 100 %
   time_output       silent
 """

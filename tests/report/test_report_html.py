@@ -55,7 +55,7 @@ def test_key_figures_are_on_the_page(document: dict[str, Any]) -> None:
         "in 19 of 20 recordings",
         "85.0 % on the chip, 90.0 % float (−5.00 points)",  # noqa: RUF001
         "90.0 % at the same neuron and step",
-        "0 wraps, 4 clips (0.025 % of updates)",
+        "in 20 recordings; clips are 0.025 % of updates",
         "100 nJ",
         "dynamic energy per recording, profile davies2018",
         "800 pJ to 1.20 µJ, median 90.0 nJ",
@@ -164,11 +164,13 @@ def test_every_string_is_escaped(document: dict[str, Any], excerpt: Excerpt) -> 
     )
     words = document["match"]["reference"], document["match"]["events_origin"]
     read_by, right_is = document["match"]["readout"]["by"], document["over_time"]["right_is"]
+    matters = document["overflows"]["matters"]
     document = _hostile(document)
     # What is one of a few words cannot be another text.
     document["match"] |= {"reference": words[0], "events_origin": words[1]}
     document["match"]["readout"]["by"] = read_by
     document["over_time"]["right_is"] = right_is
+    document["overflows"]["matters"] = matters
     names = [f"{HOSTILE}{item.name}" for item in (*excerpt.inputs, *excerpt.populations)]
     excerpt = replace(
         excerpt,

@@ -94,6 +94,13 @@ def _bare(document: dict[str, Any]) -> dict[str, Any]:
         "events_source": "synthetic touches",
     }
     match["events_origin"] = "made up"
+    document["overflows"] = {
+        "matters": "nothing overflows",
+        "recordings": 0,
+        "not_known": None,
+        "wide_registers": None,
+        "settings": None,
+    }
     document["assumptions"] = ["The recordings are made up.", "How long a step lasts is not known."]
     for found in match["by_population"].values():
         found |= {"spike_agreement": 1.0, "spike_mismatches": 0}

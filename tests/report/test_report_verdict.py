@@ -469,7 +469,7 @@ def test_every_row_has_every_column(document: dict[str, Any]) -> None:
         for block in section.blocks
         if isinstance(block, Table)
     ]
-    assert len(tables) == 33
+    assert len(tables) == 34
     assert all(len(row) == len(table.columns) for table in tables for row in table.rows)
 
 

@@ -1,7 +1,4 @@
-"""Programs out of the tests of the chip model, and networks that ship, are played here, too.
-
-A plan of memories is checked as the study of energy checks it.
-"""
+"""Programs out of the tests of the chip model, and networks that ship, are played here, too."""
 
 import os
 import sys
@@ -9,9 +6,7 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
-FOLDERS = ("tests/hw_model", "tests/hardware", "docs/research/energy-130nm")
-sys.path[:0] = [str(ROOT / folder) for folder in FOLDERS]
+sys.path[:0] = [str(Path(__file__).parents[1] / name) for name in ("hw_model", "hardware")]
 
 
 @pytest.fixture(scope="module")

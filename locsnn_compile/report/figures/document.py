@@ -49,6 +49,7 @@ from locsnn_compile.report.figures.operations import (
     conventional_networks,
     operation_figures,
 )
+from locsnn_compile.report.figures.registers import OverflowFigures, overflow_figures
 from locsnn_compile.report.figures.resources import (
     PopulationNumbers,
     ProgramUse,
@@ -62,9 +63,11 @@ from locsnn_compile.report.figures.resources import (
 )
 from locsnn_compile.report.grounds import Grounds
 from locsnn_compile.request.choose_strategy import Choice
+from locsnn_compile.request.without_overflows import OverflowSearch
 from locsnn_compile.verification.diagnosis import Diagnosis
 from locsnn_compile.verification.matching import Match
 from locsnn_compile.verification.over_time import OverTime
+from locsnn_compile.verification.wide_registers import WideComparison
 
 SCHEMA = "locsnn-report/1"
 
@@ -122,6 +125,7 @@ class ReportFigures(Entry):
     gates: tuple[GateFigures, ...]
     quantization: Mapping[str, PopulationNumbers]
     range: Mapping[str, ProvenRange]
+    overflows: IfKnown[OverflowFigures]
     error_budget: Annotated[BudgetFigures | None, LeftOut(without="margins")]
     margins: IfKnown[MarginFigures]
     over_time: IfKnown[OverTimeFigures | NotFollowed]
@@ -226,12 +230,15 @@ class Findings(Frozen, eq=False):
     """What a check found beyond the match, each None if it was not looked for.
 
     A diagnosis gives the error budget, the margins and the cause of the first divergence;
-    ``followed`` are predictions over time, or why there are none.
+    ``followed`` are predictions over time, or why there are none. ``wide`` is the match with wide
+    registers, or why there is none, and ``search`` what settings do without wraps and clips.
     """
 
     diagnosis: Diagnosis | None = None
     followed: OverTime | str | None = None
     choice: Choice | None = None
+    wide: WideComparison | str | None = None
+    search: OverflowSearch | None = None
 
 
 _NOTHING = Findings()
@@ -274,6 +281,7 @@ def report_figures(
         gates=(),
         quantization=population_numbers(levels.quantized),
         range=proven_ranges(program),
+        overflows=overflow_figures(network, match, findings.wide, findings.search),
         error_budget=None if diagnosis is None else budget_figures(diagnosis),
         margins=None if diagnosis is None else margin_figures(diagnosis),
         over_time=over_time,

@@ -40,7 +40,7 @@ def render_html(report: content.Report) -> str:
 
 
 def render_summary(report: content.Report) -> str:
-    """Return the three verdicts as a table for a notebook, without a style of its own."""
+    """Return the verdicts as a table for a notebook, without a style of its own."""
     rows = "".join(_verdict_row(verdict) for verdict in report.verdicts)
     return (
         f"<p><strong>{text(report.title)}</strong><br>{text(report.subtitle)}</p>"

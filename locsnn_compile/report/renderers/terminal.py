@@ -1,4 +1,4 @@
-"""The summary on the terminal: the three verdicts, and a bar for every population."""
+"""The summary on the terminal: the verdicts, and a bar for every population."""
 
 import re
 import textwrap

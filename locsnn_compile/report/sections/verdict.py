@@ -1,4 +1,4 @@
-"""The three questions that a report answers first, and what to know before believing its figures."""
+"""The questions that a report answers first, and what to know before believing its figures."""
 
 from collections.abc import Iterable, Mapping
 
@@ -73,7 +73,6 @@ def _facts_of_match(report: SharedFigures) -> Facts:
             ),
             "first difference": _first_difference(match),
             "class scores": _scores(match) if match.readout.reads_potentials else "",
-            "registers": _registers(report),
         }
     )
 
@@ -367,16 +366,6 @@ def _first_difference(match: MatchFigures) -> str:
     spike = first.place
     place = f"{spike.population}, neuron {spike.neuron}, step {spike.step} of recording {spike.recording}"
     return f"{place}, by {stage_words(first.cause.largest)}" if first.cause else place
-
-
-def _registers(report: SharedFigures) -> str:
-    """Return wraps and clips, with clips also as a share of all compartment updates."""
-    match = report.match
-    events = f"{plural(match.wraps, 'wrap')}, {plural(match.clips, 'clip')}"
-    updates = report.operations.per_sample.neuron_updates * match.samples
-    if not (match.clips and updates):
-        return events
-    return f"{events} ({share(match.clips / updates)} of updates)"
 
 
 def fullness(use: LimitUse) -> float:

@@ -1,0 +1,130 @@
+"""Entry of report.json on wraps and clips: whether they matter, and which settings have none."""
+
+from typing import Annotated, Literal
+
+from locsnn_compile.network.network import Network
+from locsnn_compile.report.figures.entries import INLINED, Entry
+from locsnn_compile.request.choose_strategy import Candidate
+from locsnn_compile.request.without_overflows import OverflowSearch
+from locsnn_compile.settings import Setting
+from locsnn_compile.verification.matching import Match
+from locsnn_compile.verification.wide_registers import WideComparison, matters
+
+Matters = Literal[
+    "nothing overflows",
+    "no",
+    "as in the network",
+    "spikes or scores",
+    "predictions",
+    "not known",
+]
+"""What wraps and clips change; ``as in the network``: its own integers have the same registers."""
+
+
+class WideFigures(Entry):
+    """What wide registers change in the recordings that overflow, and the match of all recordings with them."""
+
+    spikes_changed: int
+    predictions_changed: int
+    prediction_agreement: float | None
+    spike_agreement: float | None
+    score_error: float | None
+
+
+class SettingFigures(Entry):
+    """What a setting loses and costs; ratios are to the setting of the program, None where that is 0."""
+
+    setting: Annotated[Setting, INLINED]
+    wraps_and_clips: int
+    prediction_agreement: float | None
+    spike_agreement: float | None
+    score_error: float | None
+    energy_ratio: float | None
+    time_ratio: float | None
+
+
+class SearchFigures(Entry):
+    """Settings tried on ``recordings`` of those that overflow; ``without`` are those in which nothing does."""
+
+    recordings: int
+    taken: SettingFigures
+    tried: int
+    without: tuple[SettingFigures, ...]
+
+
+class OverflowFigures(Entry):
+    """``overflows``: whether it matters that registers wrapped or clipped in ``recordings`` recordings."""
+
+    matters: Matters
+    recordings: int
+    not_known: str | None
+    wide_registers: WideFigures | None
+    settings: SearchFigures | None
+
+
+def overflow_figures(
+    network: Network,
+    match: Match,
+    wide: WideComparison | str | None,
+    search: OverflowSearch | None,
+) -> OverflowFigures | None:
+    """Return ``overflows``; None if nobody looked."""
+    if wide is None:
+        return None
+    recordings = sum(counts.wraps + counts.clips > 0 for counts in match.counts)
+    if isinstance(wide, str):
+        return OverflowFigures("not known", recordings, wide, None, None)
+    return OverflowFigures(
+        matters=_matters(network, wide),
+        recordings=recordings,
+        not_known=None,
+        wide_registers=_wide(wide) if recordings else None,
+        settings=None if search is None else _search(search),
+    )
+
+
+def _matters(network: Network, wide: WideComparison) -> Matters:
+    if not wide.recordings:
+        return "nothing overflows"
+    if not matters(wide):
+        return "no"
+    if not network.has_float_weights:
+        return "as in the network"
+    return "predictions" if wide.predictions_changed else "spikes or scores"
+
+
+def _wide(wide: WideComparison) -> WideFigures:
+    return WideFigures(
+        spikes_changed=wide.spikes_changed,
+        predictions_changed=wide.predictions_changed,
+        prediction_agreement=wide.match.prediction_agreement,
+        spike_agreement=wide.match.spikes.agreement,
+        score_error=wide.match.scores.relative_error,
+    )
+
+
+def _search(search: OverflowSearch) -> SearchFigures:
+    return SearchFigures(
+        recordings=search.recordings,
+        taken=_setting(search.taken, search.taken),
+        tried=len(search.others),
+        without=tuple(_setting(candidate, search.taken) for candidate in search.without_overflows),
+    )
+
+
+def _setting(candidate: Candidate, taken: Candidate) -> SettingFigures:
+    energy_ratio = None
+    if candidate.energy_pj is not None and taken.energy_pj:
+        energy_ratio = candidate.energy_pj / taken.energy_pj
+    time_ratio = None
+    if taken.chip_time_ns:
+        time_ratio = candidate.chip_time_ns / taken.chip_time_ns
+    return SettingFigures(
+        setting=candidate.setting,
+        wraps_and_clips=candidate.overflows,
+        prediction_agreement=candidate.prediction_agreement,
+        spike_agreement=candidate.spike_agreement,
+        score_error=candidate.score_error,
+        energy_ratio=energy_ratio,
+        time_ratio=time_ratio,
+    )
