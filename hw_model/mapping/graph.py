@@ -16,6 +16,10 @@ from hw_model.values import AnyArray, ArrayLike, FloatArray, Frozen, IntArray, s
 
 Axis = Literal["time", "location"]
 AXES: tuple[Axis, ...] = get_args(Axis)
+MAX_STEPS = 10_000_000
+"""Most steps of a phase, in programs of all families: far more than a chip is used for."""
+MAX_LINES = 10_000_000
+"""Most lines of an input, likewise."""
 
 
 def read_only(array: object) -> IntArray:

@@ -15,6 +15,7 @@ from hw_model.io.given import checked
 from hw_model.mapping.arrangement import arrange_cores
 from hw_model.mapping.check_graph import check_graph
 from hw_model.mapping.graph import (
+    MAX_LINES,
     CompartmentGraph,
     Compartments,
     Input,
@@ -26,7 +27,6 @@ from hw_model.mapping.graph import (
 from hw_model.mapping.placement import place_cores
 from hw_model.mapping.routing import route_axons
 from hw_model.program.assemble import assemble
-from hw_model.program.check import MAX_LINES
 from hw_model.program.chip_program import ChipProgram
 from hw_model.values import ArrayLike, Frozen, IntArray
 

@@ -14,14 +14,10 @@ from hw_model.description.chip import Chip, Registers
 from hw_model.errors import InputError
 from hw_model.mapping.check_graph import can_start
 from hw_model.mapping.fan_in import SynapseFormat
-from hw_model.mapping.graph import AXES, Input
+from hw_model.mapping.graph import AXES, MAX_LINES, MAX_STEPS, Input
 from hw_model.program.chip_program import ChipProgram, Core
 from hw_model.values import IntArray
 
-MAX_STEPS = 10_000_000
-"""Most steps of a phase: far more than a chip is used for."""
-MAX_LINES = 10_000_000
-"""Most lines of an input."""
 MAX_WEIGHT = 1e100
 """Largest magnitude of a readout's weight: scores and their bounds stay in float64."""
 MAX_FIELD_BITS = 64

@@ -13,7 +13,7 @@ from hw_model.errors import InputError
 from hw_model.io.files import parsing
 from hw_model.io.given import checked
 from hw_model.io.records import AT_LEAST_ONE, NOT_NEGATIVE, POSITIVE, RecordReader, between
-from hw_model.mapping.graph import AXES, Input, Phase, Readout
+from hw_model.mapping.graph import AXES, MAX_LINES, MAX_STEPS, Input, Phase, Readout
 from hw_model.program.sealed import (
     PROGRAM_NPZ,
     PROGRAM_YAML,
@@ -35,10 +35,6 @@ from hw_model.spinnaker.program import SpinnakerProgram
 from hw_model.values import Frozen, IntArray, picked
 
 VERSION = 1
-MAX_STEPS = 10_000_000
-"""The most steps of a phase: a file that says more is damaged or hostile."""
-MAX_LINES = 1 << 20
-"""The most lines of an input, likewise."""
 _OF_RECORDINGS = (
     "step_seconds",
     "event_threshold",

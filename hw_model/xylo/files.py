@@ -13,7 +13,7 @@ from hw_model.errors import InputError
 from hw_model.io.files import parsing
 from hw_model.io.given import checked
 from hw_model.io.records import AT_LEAST_ONE, NOT_NEGATIVE, POSITIVE, RecordReader, between
-from hw_model.mapping.graph import Readout
+from hw_model.mapping.graph import MAX_STEPS, Readout
 from hw_model.program.sealed import (
     PROGRAM_NPZ,
     PROGRAM_YAML,
@@ -62,7 +62,7 @@ class XyloDocument(Frozen):
     provenance: Mapping[str, str]
     readout_tie_class: Annotated[int | None, NOT_NEGATIVE] = None
     aliases: tuple[tuple[int, ...], ...] | None = None
-    steps: Annotated[int | None, between(1, 10_000_000)] = None
+    steps: Annotated[int | None, between(1, MAX_STEPS)] = None
     step_seconds: Annotated[float | None, POSITIVE] = None
     event_threshold: Annotated[int | None, NOT_NEGATIVE] = None
     polarities: Annotated[int | None, AT_LEAST_ONE] = None

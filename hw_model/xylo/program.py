@@ -6,7 +6,7 @@ from typing import Annotated
 
 from hw_model.errors import InputError, check_same
 from hw_model.io.records import AT_LEAST_ONE, NOT_NEGATIVE, POSITIVE, between
-from hw_model.mapping.graph import Readout
+from hw_model.mapping.graph import MAX_STEPS, Readout
 from hw_model.values import Frozen, Shown
 from hw_model.xylo.chips import XyloChip
 from hw_model.xylo.network import XyloNetwork
@@ -32,7 +32,7 @@ class XyloProgram(Shown):
     network: XyloNetwork
     hidden: tuple[NamedPart, ...]
     readout: Readout
-    steps: Annotated[int | None, between(1, 10_000_000)] = None
+    steps: Annotated[int | None, between(1, MAX_STEPS)] = None
     step_seconds: Annotated[float | None, POSITIVE] = None
     event_threshold: Annotated[int | None, NOT_NEGATIVE] = None
     polarities: Annotated[int | None, AT_LEAST_ONE] = None

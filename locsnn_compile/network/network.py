@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from hw_model.io.records import AT_LEAST_ONE, NOT_NEGATIVE, between
-from hw_model.mapping.graph import AXES, Axis, Phase
+from hw_model.mapping.graph import AXES, MAX_LINES, MAX_STEPS, Axis, Phase
 from hw_model.mapping.graph import Readout as Readout
 from hw_model.values import ByteArray, FloatArray, Frozen, IntArray, Shown
 from locsnn_compile.data.channels import Channels, Numbering
@@ -23,8 +23,8 @@ from locsnn_compile.network.first_touch import from_first_touch
 from locsnn_compile.network.neurons import Neuron, SrmAlpha
 from locsnn_compile.network.projections import ChipProjection, Projection
 
-MOST = 10_000_000
-"""Lines, neurons of a population, and steps that a network may have."""
+MOST = min(MAX_LINES, MAX_STEPS)
+"""Lines, neurons of a population, and steps that a network may have: as many as a program."""
 
 
 class InputView(Shown):

@@ -1,6 +1,6 @@
 """What a report rests on besides the model file: the length of a step, and everything that was assumed."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 
 from hw_model.description.chip import Registers
 from hw_model.values import FloatArray, Frozen
@@ -31,7 +31,7 @@ def grounds_of(
     registers: Registers | None,
     *,
     chosen: bool = False,
-    rounded: Iterable[QuantizedPopulation] = (),
+    rounded: Collection[QuantizedPopulation] = (),
 ) -> Grounds:
     """Return the grounds of a check of ``network`` on ``recordings``, its weights rounded on ``calibration``.
 
@@ -47,12 +47,21 @@ def grounds_of(
         *_of_recordings(network, recordings),
         *_of_step(network, recordings, known),
     )
-    # The weights of neurons that no strategy lowers round alike for any recordings.
-    suits = network.by_strategy or chosen
-    last = tuple(_of_calibration(recordings, calibration)) if suits else ()
+    last: tuple[str, ...] = ()
+    if chosen or _is_rounded_for_recordings(network, rounded):
+        last = tuple(_of_calibration(recordings, calibration))
     return Grounds(
         known, recordings.origin, (*network.assumptions, *rest, *last), recordings.binned
     )
+
+
+def _is_rounded_for_recordings(network: Network, rounded: Collection[QuantizedPopulation]) -> bool:
+    """Tell whether other recordings could give other weights.
+
+    Those of neurons that no strategy lowers, and those of strategy ``reset``, round one by one.
+    """
+    strategies = {each.strategy for each in rounded if each.population.neuron.by_strategy}
+    return network.by_strategy and strategies != {"reset"}
 
 
 def _of_registers(network: Network, registers: Registers) -> Iterator[str]:

@@ -36,8 +36,9 @@ def fulfil_for_spinnaker(request: CompileRequest[SpinnakerChip]) -> CompiledSpin
     _check_asked(request)
     network = with_psi(request.network, request.check.psi)
     recordings = recordings_for(network, request.check.events, request.check.labels)
-    calibration = calibration_for(network, recordings, request.setting.calibration)
     network = network.with_steps_of(recordings)
+    # Recordings that are made up have the steps of the network.
+    calibration = calibration_for(network, recordings, request.setting.calibration)
     # Recordings that do not fit are refused before all the work.
     fitted = network.fitted(recordings)
     check_neurons(network)

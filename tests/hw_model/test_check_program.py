@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import hw_model as hw
-from hw_model.mapping.graph import Phase, Readout
-from hw_model.program.check import MAX_LINES, MAX_STEPS, check_program
+from hw_model.mapping.graph import MAX_LINES, MAX_STEPS, Phase, Readout
+from hw_model.program.check import check_program
 from hw_model.program.chip_program import ChipProgram
 
 LOIHI = hw.chip("loihi-sim")

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 import locsnn_compile as lc
 from hw_model.errors import TargetError
 from hw_model.spinnaker.chips import spinnaker_chip
+from locsnn_compile.data.sensor import neutouch
+from locsnn_compile.models.checkpoint import Checkpoint
+from locsnn_compile.models.description import InputLayout, NetworkDescription
 from locsnn_compile.spinnaker.compiled import CompiledSpinnaker
 
 CHIP = spinnaker_chip("spinnaker1")
@@ -73,6 +79,17 @@ def test_the_report_says_scales_time_and_what_is_not_known(hybrid):
     assert "objects-hybrid on spinnaker1" in hybrid.to_html()
 
 
+def test_no_report_says_that_resets_were_calibrated(hybrid):
+    """Their weights are rounded one by one: other recordings give the same program."""
+    sparse = (np.random.default_rng(0).random((2, 250, 78)) < 0.02).astype(np.uint8)
+    network = hybrid.network
+    for target in ("spinnaker1", "loihi-sim"):
+        on_made_up = lc.compile(network, target, "reset", events=TOUCHES)
+        on_others = lc.compile(network, target, "reset", events=TOUCHES, calibration=sparse)
+        assert on_made_up.report["assumptions"] == on_others.report["assumptions"] == []
+        assert on_made_up.files()["program.npz"] == on_others.files()["program.npz"]
+
+
 def test_a_network_of_windows_keeps_every_spike_and_class():
     windows = compiled("containers-window-16")
     assert windows.match.prediction_agreement == 1
@@ -87,6 +104,29 @@ def test_delays_arrive_as_in_the_network():
     assert fingertips.program.network.population("location_hidden").slots == 8
     agreed = [match.agreement for match in fingertips.match.integers.values()]
     assert min(agreed) > 0.999
+
+
+@pytest.mark.parametrize("steps", [20, 160], ids=["shorter", "longer"])
+def test_a_network_of_any_length_takes_the_steps_of_recordings(steps):
+    """Made-up recordings to calibrate on are as long as those of the check, as for ``loihi-sim``."""
+    description = NetworkDescription("tactile-snn", InputLayout(neutouch(1), 40, 0.02), 3, hidden=6)
+    random = np.random.default_rng(0)
+    weights = {
+        name: random.normal(0.5, 2.0, shape).astype(np.float32)
+        for name, shape in description.weight_shapes.items()
+    }
+    network = replace(lc.load(Checkpoint(description, weights)), any_length=True)
+    events = (random.random((3, steps, 78)) < 0.2).astype(np.uint8)
+    spinnaker = lc.compile(network, "spinnaker1", events=events)
+    loihi = lc.compile(network, "loihi-sim", "reset", events=events, diagnosis=False)
+    for name, numbers in loihi.report["quantization"].items():
+        assert spinnaker.report["quantization"][name]["scale"] == numbers["scale"]
+    assert all(
+        np.array_equal(ours.mantissa, theirs.mantissa)
+        for ours, theirs in zip(
+            spinnaker.quantized.projections, loihi.levels.quantized.projections, strict=True
+        )
+    )
 
 
 def test_integers_of_joined_compartments_are_refused():

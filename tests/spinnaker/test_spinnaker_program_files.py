@@ -13,7 +13,7 @@ from small_spinnaker import network, population, projection
 
 from hw_model.errors import InputError
 from hw_model.io.files import pack_arrays
-from hw_model.mapping.graph import Input, Phase, Readout
+from hw_model.mapping.graph import MAX_LINES, MAX_STEPS, Input, Phase, Readout
 from hw_model.spinnaker.chips import spinnaker_chip
 from hw_model.spinnaker.files import load_spinnaker, save_spinnaker, spinnaker_files
 from hw_model.spinnaker.playing import play_program
@@ -74,6 +74,18 @@ def test_random_networks_are_read_back_as_they_were(seed, tmp_path):
         assert np.array_equal(old.delay, new.delay)
     for old, new in zip(of.populations, loaded.populations, strict=True):
         assert all(map(np.array_equal, old.parameters, new.parameters))
+
+
+def test_programs_of_all_families_have_as_many_lines_and_steps(tmp_path):
+    widest = network(
+        phases=(Phase("run", "time", MAX_STEPS),),
+        inputs=(Input("lines", MAX_LINES, "run", "touches"),),
+    )
+    readout = Readout(("cells",), (1.0,))
+    program = replace(small_program(), network=widest, readout=readout, class_names=None)
+    save_spinnaker(program, tmp_path)
+    loaded = load_spinnaker(tmp_path).network
+    assert (loaded.inputs[0].size, loaded.phases[0].steps) == (10_000_000, 10_000_000)
 
 
 @pytest.fixture
