@@ -43,7 +43,7 @@ from locsnn_compile.errors import InputError, counted
 from locsnn_compile.frontends.nir.flat import READOUTS, FlatGraph
 from locsnn_compile.frontends.nir.graph import NirNode
 from locsnn_compile.frontends.nir.signals import Signal
-from locsnn_compile.network.neurons import Cuba, SoftCuba
+from locsnn_compile.network.neurons import Cuba, Rule, SoftCuba
 from locsnn_compile.network.projections import matrix, row_sums
 
 Discretisation = Literal["euler", "exact", "hold"]
@@ -80,13 +80,16 @@ class Stepping(Frozen, eq=False):
 class Reading(Frozen):
     """How a graph is read: the seconds of a step, and what its file does not say.
 
-    ``floor`` is the lowest potential, in the unit of ``v_threshold``; None: there is no floor.
+    ``floor`` is the lowest potential, in the unit of ``v_threshold``; None: there is no floor. ``rule``
+    says whether a neuron spikes above its threshold or already at it; neurons of two compartments, whose
+    potential falls by a subtraction, spike above it.
     """
 
     dt: float
     discretisation: Discretisation
     reset: Reset
     floor: float | None = None
+    rule: Rule = ">"
 
 
 class Stated(Frozen, eq=False):
@@ -132,12 +135,24 @@ def neurons_of(node: NirNode, signal: Signal, size: int, reading: Reading, where
         scaled = scaled.plus(stepping.decay_u * stepping.decay_v * driven)
         blocked, decays = 2 if reset == "late-zero" else 1, picked(stepping, "decay_u", "decay_v")
         made = Cuba.of(
-            size, **decays, threshold=limit - zero, bias=bias, refractory=blocked, floor=floor
+            size,
+            **decays,
+            threshold=limit - zero,
+            bias=bias,
+            refractory=blocked,
+            rule=reading.rule,
+            floor=floor,
         )
         return Stated(made, scaled, nothing, rest - driven, driven)
     drop = _drop(reset, limit - reset_to, stepping.decay_v)
     if floor is None and (stepping.decay_u == 1).all():
-        held = Cuba.of(size, decay_u=stepping.decay_v, decay_v=1.0, threshold=limit - zero)
+        held = Cuba.of(
+            size,
+            decay_u=stepping.decay_v,
+            decay_v=1.0,
+            threshold=limit - zero,
+            rule=reading.rule,
+        )
         return Stated(held, scaled, drop, nothing)
     soft_neurons = SoftCuba(stepping.decay_u, stepping.decay_v, limit - zero, drop, floor)
     return Stated(soft_neurons, scaled, nothing, nothing)

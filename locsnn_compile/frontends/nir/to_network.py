@@ -6,6 +6,7 @@ step t behind k populations comes at step t + k here, where k is the longest pat
 
 import math
 from collections import deque
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, get_args
 
@@ -67,14 +68,34 @@ def load_nir(
     how: Discretisation = _one_of(discretisation or "euler", Discretisation, "discretisation")
     after: Reset = _one_of(reset or "zero", Reset, "reset")
     known_dt = _dt_seconds(dt, graph)
-    seconds = known_dt or DT_SECONDS
-    reading = Reading(seconds, how, after, _checked_floor(floor))
+    reading = Reading(known_dt or DT_SECONDS, how, after, _checked_floor(floor))
     flat = flatten_graph(graph, where)
     if floor is not None and not flat.named(*WITH_FLOOR):
         what = "no neuron of this graph has a potential that a floor would hold"
         raise InputError(f"{where}, --floor", what, fix="Leave it out.")
+    parts, assumed = parts_of(flat, dict.fromkeys(flat.nodes, reading), where, relays=relay_delays)
+    open_questions = (
+        *nir_assumptions(flat, known_dt, reset, discretisation),
+        *integration_assumptions(flat, known_dt, where),
+    )
+    origin = graph if dt is None else graph.with_metadata(dt=np.array(dt))
+    said: dict[str, Any] = {"any_length": True, "origin": origin}
+    said["assumptions"] = (*open_questions, *assumed)
+    said["inputs"] = image_of(flat)
+    usual = _number(graph, "step_seconds")
+    return parts.network_of_file(path, data, parts.views[0].lines, STEPS, usual, **said)
+
+
+def parts_of(
+    flat: FlatGraph, readings: Mapping[str, Reading], where: str, *, relays: bool
+) -> tuple[Parts, tuple[str, ...]]:
+    """Return the parts of a graph's network, and a sentence for each thing that was assumed.
+
+    ``readings`` has how the neurons of each node are read, by its name; all count in the same step.
+    ``relays``: neurons carry delays that are too long for a synapse.
+    """
     view = _input(flat, where)
-    signals = _signals(flat, view, seconds, where)
+    signals = _signals(flat, view, next(iter(readings.values())).dt, where)
     parts, order = Parts([view]), _in_order(flat)
     arriving = {name: _arriving(flat, signals, name, f"{where}, node {name!r}") for name in order}
     paths = Paths(
@@ -85,7 +106,7 @@ def load_nir(
         given = arriving[found].aligned(
             {t.source: paths.late(t.source, found) for t in arriving[found].terms}
         )
-        stated = neurons_of(flat.nodes[found], given, size, reading, place)
+        stated = neurons_of(flat.nodes[found], given, size, readings[found], place)
         parts.populations.append(Population(found, "time", size, stated.neuron))
         parts.projections += _onto(found, stated, paths.depths[found]).projections(found)
     sources = {projection.source for projection in parts.projections}
@@ -98,20 +119,11 @@ def load_nir(
         parts.projections.append(Projection(START, START, matrix(np.array([[-8.0]]), np.float64)))
     outputs = _outputs(flat, where)
     parts.outputs = dict.fromkeys(outputs, _potentials_from(flat, outputs, paths.depths, where))
-    open_questions = (
-        *nir_assumptions(flat, known_dt, reset, discretisation),
-        *integration_assumptions(flat, known_dt, where),
-    )
-    relayed = add_relays(parts) if relay_delays else ()
-    assumptions = (*open_questions, *relayed, *_slow_loops(arriving, paths), *_left_out(flat))
-    origin = graph if dt is None else graph.with_metadata(dt=np.array(dt))
-    said: dict[str, Any] = {"any_length": True, "origin": origin, "assumptions": assumptions}
-    said["inputs"] = _image(flat)
-    usual = _number(graph, "step_seconds")
-    return parts.network_of_file(path, data, view.lines, STEPS, usual, **said)
+    relayed = add_relays(parts) if relays else ()
+    return parts, (*relayed, *_slow_loops(arriving, paths), *_left_out(flat))
 
 
-def _image(flat: FlatGraph) -> Channels | None:
+def image_of(flat: FlatGraph) -> Channels | None:
     """Return the pixels of an Input of shape (C, H, W); None for other shapes, and for several inputs."""
     inputs = flat.named("Input")
     return image_channels(flat.shapes[inputs[0]]) if len(inputs) == 1 else None

@@ -10,7 +10,6 @@ SRMALPHA layers become float neurons with full kernels. LOIHI layers become inte
 it does there.
 """
 
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -25,9 +24,8 @@ from hw_model.values import FloatArray
 from locsnn_compile.data.channels import Channels, image_channels
 from locsnn_compile.data.orders import channel_walk, location_order
 from locsnn_compile.data.sensor import neutouch
-from locsnn_compile.data.tensors import FLOATS, Tensor
 from locsnn_compile.data.torch_file import load_plain
-from locsnn_compile.errors import InputError, check_known, check_most, check_same, counted
+from locsnn_compile.errors import InputError, check_known, check_same, counted
 from locsnn_compile.frontends.parts import (
     STEPS,
     VIEW_NAMES,
@@ -45,6 +43,11 @@ from locsnn_compile.frontends.slayer.config import (
     read_config,
 )
 from locsnn_compile.frontends.slayer.layers import check_kernels, cut, dense_layer, listed_layers
+from locsnn_compile.frontends.state_dict import (
+    SAVE_A_STATE_DICT,
+    WEIGHT_ENDS,
+    state_tensors,
+)
 from locsnn_compile.models.checkpoint import FORMAT
 from locsnn_compile.network import projections
 from locsnn_compile.network.chip_neurons import ChipCuba
@@ -59,18 +62,8 @@ from locsnn_compile.network.projections import (
     with_values,
 )
 
-MAX_WEIGHTS = 50_000_000
 DELAY_MAX = 62
 KERNELS = ("full", "cut")
-
-_STATE_KEYS = ("state_dict", "model_state_dict", "net", "model")
-_WEIGHT = (
-    ".weight",
-    ".weight_g",
-    ".weight_v",
-    *(f".parametrizations.weight.original{i}" for i in range(2)),
-)
-_FIX = "Save net.state_dict() with torch.save."
 
 
 @dataclass(eq=False)
@@ -103,7 +96,7 @@ def load_slayer(
     check_known(f"kernels {kernels!r}", "are not known", kernels, KERNELS)
     where = f"model {path.name!r}"
     data = read_bytes(path, where)
-    held = load_plain(data, where, fix=_FIX)
+    held = load_plain(data, where, fix=SAVE_A_STATE_DICT)
     if isinstance(held, dict) and held.get("format") == FORMAT:
         raise InputError(
             where,
@@ -119,7 +112,7 @@ def load_slayer(
         tails = (
             "The reference has the tails of its kernels, which slayerPytorch cuts in training (--kernels full).",
         )
-    tensors = _tensors(held, where)
+    tensors = state_tensors(held, where)
     check_kernels(tensors, description, where)
     weights = _layer_weights(tensors, where)
     shapes = {name: kernel.shape for name, kernel in weights.items()}
@@ -244,48 +237,16 @@ def _stated(
     return Population(layer.name, axis, size, neuron), projection
 
 
-def _tensors(held: object, where: str) -> dict[str, Any]:
-    """Return the tensors of a state dict as arrays, by name, in order."""
-    if isinstance(held, dict):
-        held = next((held[key] for key in _STATE_KEYS if isinstance(held.get(key), dict)), held)
-    if not isinstance(held, dict) or not held:
-        raise InputError(
-            where, "it is not a state dict", measured=f"a {type(held).__name__}", fix=_FIX
-        )
-    found: dict[str, Any] = {}
-    for key, tensor in held.items():
-        if not isinstance(key, str) or not (isinstance(tensor, Tensor) or key.endswith(_WEIGHT)):
-            continue
-        place = f"{where}, entry {key[:80]!r}"
-        if not isinstance(tensor, Tensor) or not tensor.dense or tensor.dtype not in FLOATS:
-            measured = tensor.dtype if isinstance(tensor, Tensor) else type(tensor).__name__
-            raise InputError(place, "it is not a dense float tensor", measured=measured, fix=_FIX)
-        check_most(
-            len(key), 200, place, "its name is too long", unit="characters", fix="Rename it."
-        )
-        check_most(
-            math.prod(tensor.shape),
-            MAX_WEIGHTS,
-            place,
-            "too many weights",
-            fix="Give a smaller layer.",
-        )
-        with np.errstate(invalid="ignore"):
-            array = np.array(tensor.array(), dtype=np.float64)
-        if not np.isfinite(array).all():
-            raise InputError(place, "a weight is not a finite number", fix="Train again.")
-        found[key.removeprefix("module.")] = array
-    return found
-
-
 def _layer_weights(tensors: Mapping[str, Any], where: str) -> dict[str, FloatArray]:
     """Return the weights of every layer in their own shape, in the order of the checkpoint."""
     names = dict.fromkeys(
-        key.removesuffix(end) for key in tensors for end in _WEIGHT if key.endswith(end)
+        key.removesuffix(end) for key in tensors for end in WEIGHT_ENDS if key.endswith(end)
     )
     weights = {name: _weights(tensors, name, where) for name in names}
     if not weights:
-        raise InputError(where, "it has no weights", measured=f"{list(tensors)[:3]}"[:80], fix=_FIX)
+        raise InputError(
+            where, "it has no weights", measured=f"{list(tensors)[:3]}"[:80], fix=SAVE_A_STATE_DICT
+        )
     return weights
 
 
@@ -352,7 +313,7 @@ def _attach(layers: list[_Layer], key: str, delay: Any, config: SlayerConfig, wh
 
 def _weights(tensors: Mapping[str, Any], name: str, where: str) -> FloatArray:
     """Return a layer's weights in their own shape, with weight normalisation multiplied out."""
-    held = [tensors.get(name + end) for end in _WEIGHT]
+    held = [tensors.get(name + end) for end in WEIGHT_ENDS]
     plain, gains, directions = (
         held[0],
         *(next((t for t in held[i::2] if t is not None), None) for i in (1, 2)),
@@ -360,12 +321,16 @@ def _weights(tensors: Mapping[str, Any], name: str, where: str) -> FloatArray:
     if plain is None:
         if gains is None or directions is None:
             raise InputError(
-                f"{where}, layer {name!r}", "half of its weight normalisation is missing", fix=_FIX
+                f"{where}, layer {name!r}",
+                "half of its weight normalisation is missing",
+                fix=SAVE_A_STATE_DICT,
             )
         norms = np.sqrt((directions**2).sum(axis=tuple(range(1, directions.ndim)), keepdims=True))
         if gains.size != len(directions) or (norms == 0).any():
             raise InputError(
-                f"{where}, layer {name!r}", "its weight normalisation is not valid", fix=_FIX
+                f"{where}, layer {name!r}",
+                "its weight normalisation is not valid",
+                fix=SAVE_A_STATE_DICT,
             )
         plain = gains.reshape(norms.shape) * directions / norms
     return np.asarray(plain, dtype=np.float64)
