@@ -101,7 +101,7 @@ class ModelFormat:
     """A format of model files.
 
     - ``called``: what errors call a file of it
-    - ``helped``: how ``--help`` lists it
+    - ``helped``: how ``--help`` lists it; empty for one that another row names with its own
     - ``offered``: how errors offer it; empty for one that needs more than a file
     - ``suffixes``: endings of its files
     - ``recognises``: tells its files from those of other formats with the same ending

@@ -17,6 +17,13 @@ def _is_described(source: ModelSource) -> bool:
     return source.options.config is not None
 
 
+def _lists_layers(source: ModelSource) -> bool:
+    from locsnn_compile.frontends.torch_layers.to_network import lists_layers
+
+    config = source.options.config
+    return config is not None and lists_layers(Path(config))
+
+
 def _is_undescribed(source: ModelSource) -> bool:
     return source.options.config is None
 
@@ -56,6 +63,16 @@ def _read_slayer(source: ModelSource) -> "Network":
     return load_slayer(source.path, Path(options.config), options.kernels, branches)
 
 
+def _read_torch_layers(source: ModelSource) -> "Network":
+    from locsnn_compile.frontends.torch_layers.to_network import load_torch_layers
+
+    options = source.options
+    assert options.config is not None  # that makes it a state dict with its layers
+    return load_torch_layers(
+        source.path, Path(options.config), relay_delays=bool(options.relay_delays)
+    )
+
+
 def _read_nir(source: ModelSource) -> "Network":
     from locsnn_compile.frontends.nir.to_network import load_nir
 
@@ -78,7 +95,9 @@ def _read_lava_dl(source: ModelSource) -> "Network":
 
 FORMAT_OPTIONS = (
     FormatOption(
-        "config", "YAML file that describes the network of a slayerPytorch checkpoint", "FILE"
+        "config",
+        "YAML file: the layers of a state dict, or the network of a slayerPytorch checkpoint",
+        "FILE",
     ),
     FormatOption(
         "dt",
@@ -105,7 +124,7 @@ FORMAT_OPTIONS = (
     ),
     FormatOption(
         "relay_delays",
-        "NIR, lava-dl: neurons that repeat spikes carry delays above 62 steps",
+        "NIR, lava-dl, state dict: neurons that repeat spikes carry delays above 62 steps",
     ),
     FormatOption(
         "kernels",
@@ -151,8 +170,17 @@ MODEL_FORMATS = (
         options=("relay_delays",),
     ),
     ModelFormat(
+        called="a state dict with its layers",
+        helped="",
+        offered="",
+        suffixes=(".pt", ".pth"),
+        recognises=_lists_layers,
+        read=_read_torch_layers,
+        options=("config", "relay_delays"),
+    ),
+    ModelFormat(
         called="a slayerPytorch checkpoint",
-        helped="with --config, slayerPytorch checkpoint",
+        helped="with --config, a state dict of torch or slayerPytorch",
         offered="",
         suffixes=(".pt", ".pth"),
         recognises=_is_described,
@@ -165,7 +193,7 @@ MODEL_FORMATS = (
 
 def models_in_words() -> str:
     """Return what ``--help`` calls the files that are read."""
-    *formats, last = (row.helped for row in MODEL_FORMATS)
+    *formats, last = (row.helped for row in MODEL_FORMATS if row.helped)
     return f"{', '.join(formats)} or, {last}"
 
 

@@ -28,11 +28,12 @@ def load(
     channel_order: str | None = None,
     relay_delays: bool | None = None,
 ) -> Network:
-    """Read a model: a checkpoint of ``locsnn train`` or slayerPytorch, a NIR graph, or a lava-dl network.
+    """Read a model: a checkpoint of ``locsnn train`` or slayerPytorch, a state dict, a NIR graph or a lava-dl network.
 
     A file of ``locsnn pack`` becomes one network of all that it contains. What ``lc.train`` returned needs no file.
 
-    - A ``.pt`` file is a checkpoint. With ``config``, its YAML description, it is one of slayerPytorch.
+    - A ``.pt`` file is a checkpoint. With ``config``, its YAML description, it is a state dict whose layers the
+      description lists, or a checkpoint of slayerPytorch.
     - HDF5 files are told apart by their content.
     - NIR graph: ``dt`` is the length of a step in seconds (by convention 1e-4), ``reset`` what a spike does to the
       potential (``zero``, ``subtract``, ``late-zero``, ``late-subtract`` or ``none``), and ``discretisation`` is

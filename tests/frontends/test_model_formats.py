@@ -59,7 +59,7 @@ def test_a_row_adds_a_format(with_plain, tmp_path):
 def test_help_and_errors_name_a_format_that_a_row_adds(with_plain, tmp_path):
     assert models_in_words() == (
         "checkpoint (.pt) of `locsnn train`, NIR graph (.nir), lava-dl network (.net), "
-        "plain network (.plain) or, with --config, slayerPytorch checkpoint"
+        "plain network (.plain) or, with --config, a state dict of torch or slayerPytorch"
     )
     with pytest.raises(InputError) as caught:
         lc.load(tmp_path / "m.onnx")

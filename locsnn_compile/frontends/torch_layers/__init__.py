@@ -1,0 +1,1 @@
+"""Reads a state dict of torch with a YAML file that lists its layers."""
