@@ -1,6 +1,7 @@
 """Put the report together: verdicts, notices and sections, in the order in which readers ask."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 from locsnn_compile.report.content import Report, Section
 from locsnn_compile.report.figures.document import ReportFigures
@@ -10,10 +11,28 @@ from locsnn_compile.report.sections.cores import cores
 from locsnn_compile.report.sections.over_time import over_time
 from locsnn_compile.report.sections.recording import potential, spikes
 from locsnn_compile.report.sections.registers import overflows, registers
+from locsnn_compile.report.sections.unknowns import unknowns
 from locsnn_compile.report.sections.verdict import costs, fits, matches, notices
+from locsnn_compile.report.sections.worst_time import worst_time
 from locsnn_compile.report.words import listed
 from locsnn_compile.verification.excerpt import Excerpt
 
+_LOOKED_UP = frozenset(
+    {
+        "activity",
+        "comparison",
+        "cores",
+        "left-out",
+        "margins",
+        "operations",
+        "overflows",
+        "potential",
+        "provenance",
+        "quantization",
+        "range",
+    }
+)
+"""Sections of details, which are folded: what a reader decides by stands before them."""
 LONGEST_NAME = 60
 """Characters of a name in the title; provenance has the names in full."""
 
@@ -22,16 +41,17 @@ def compose(report: ReportFigures, excerpt: Excerpt | None = None) -> Report:
     """Return the whole report as content without form; ``excerpt`` is the part of a recording to show."""
     energy = report.energy
     sections = (
-        *_costs(report),
         behaviour.agreement(report.match),
+        build.resources(report),
+        *_costs(report),
         spikes(report.match, excerpt),
-        potential(report.match, excerpt),
         accuracy.error_budget(report),
-        accuracy.margins(report),
         over_time(report),
+        potential(report.match, excerpt),
+        accuracy.margins(report),
+        _cores(report),
         behaviour.operations(report.operations),
         behaviour.comparison(report),
-        build.resources(report),
         build.left_out(report),
         build.quantization(report),
         overflows(report.overflows),
@@ -45,29 +65,41 @@ def compose(report: ReportFigures, excerpt: Excerpt | None = None) -> Report:
         subtitle=_subtitle(report),
         verdicts=(
             matches(report),
-            cost.cycles(report) if energy is None else costs(report, energy),
-            fits(report),
             registers(report, report.overflows, report.range),
+            fits(report),
+            worst_time(report),
+            cost.cycles(report) if energy is None else costs(report, energy),
+            unknowns(report),
         ),
         notices=notices(report),
-        sections=tuple(section for section in sections if section),
+        sections=tuple(_as_read(section) for section in sections if section),
         footer="Per recording means the mean over the recordings of the check, unless a range is given.",
         assumptions=report.assumptions,
     )
 
 
+def _as_read(section: Section) -> Section:
+    """Fold what is looked up rather than read."""
+    return replace(section, folded=section.key in _LOOKED_UP)
+
+
+def _cores(report: ReportFigures) -> Section | None:
+    if report.energy is None or report.latency.mesh is None:
+        return None
+    return cores(report, report.energy)
+
+
 def _costs(report: ReportFigures) -> Iterator[Section]:
     """Yield the sections on energy and time: those of cores on a mesh, or those of the open core."""
     energy, mesh, activity = report.energy, report.latency.mesh, report.activity
-    if energy is not None:
-        yield cost.energy_section(report, energy)
     if mesh is not None:
         yield cost.latency_section(report, mesh)
-    if mesh is not None and energy is not None:
-        yield cores(report, energy)
+    if activity is not None:
+        yield cost.cycles_section(report)
+    if energy is not None:
+        yield cost.energy_section(report, energy)
     if activity is not None:
         yield cost.activity_section(report, activity)
-        yield cost.cycles_section(report)
 
 
 def _subtitle(report: ReportFigures) -> str:

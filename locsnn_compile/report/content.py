@@ -6,7 +6,7 @@ The words and numbers are chosen once, in ``verdict.py`` and the section files; 
 ``terminal.py`` only give them form. Strings are unescaped here; each form escapes all of them.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, Literal
 
 from hw_model.values import Frozen
@@ -64,12 +64,22 @@ class Bullets(Frozen):
 class Bar(Frozen):
     """A cell that draws ``share`` (0..1, None for no share) of a track; ``label`` says it in words.
 
-    ``pattern`` is that of the same part of a ``Stack``.
+    ``pattern`` is that of the same part of a ``Stack``. With ``full_at``, forms that are fine
+    enough draw what the share lacks of 1, on a track that is full when it lacks ``full_at``: 97
+    and 100 % look alike, 3 and 0 % do not.
     """
 
     share: float | None
     label: str
     pattern: int = 0
+    full_at: float | None = None
+
+    @property
+    def drawn(self) -> float | None:
+        """The part of the track that is filled, 0..1; None for no share."""
+        if self.share is None or self.full_at is None:
+            return self.share
+        return (1.0 - self.share) / self.full_at
 
 
 Cell = str | Bar
@@ -97,11 +107,15 @@ class Stack(Frozen):
 
 
 class Span(Frozen):
-    """Least, median, mean and most of a quantity over the recordings; ``values`` are the same as numbers."""
+    """Least, median, mean and most of a quantity over the recordings, along an axis from 0.
+
+    ``values`` are the same as numbers.
+    """
 
     title: str
     facts: tuple[Fact, ...]
     values: tuple[float, ...]
+    axis: Axis
 
 
 class Curve(Frozen):
@@ -172,24 +186,54 @@ class Mesh(Frozen):
     cores: tuple[MeshCore, ...]
 
 
-Block = str | Facts | Bullets | Table | Stack | Span | Plot | Raster | Mesh
+class Folded(Frozen):
+    """Blocks that a reader opens by their title, in forms that can fold; others show them all."""
+
+    title: str
+    blocks: "tuple[Block, ...]"
+
+    @classmethod
+    def of(cls, title: str, *blocks: "Block | None") -> "Folded | None":
+        """Return the blocks that are there below their title; None without any."""
+        shown = tuple(block for block in blocks if block)
+        return cls(title, shown) if shown else None
+
+
+Block = str | Facts | Bullets | Table | Stack | Span | Plot | Raster | Mesh | Folded
 """What a section consists of; a string is a paragraph."""
 
 MANY_ROWS = 12
 
 
 class Section(Frozen):
-    """A heading, a lead on what is shown below it, and the blocks. ``key`` is its anchor."""
+    """A heading, a lead on what is shown below it, and the blocks. ``key`` is its anchor.
+
+    A ``folded`` section is opened by its heading, in forms that can fold.
+    """
 
     key: str
     title: str
     lead: str
     blocks: tuple[Block, ...]
+    folded: bool = False
 
     @classmethod
     def of(cls, key: str, title: str, lead: str, *blocks: Block | None) -> "Section":
         """Return a section with the blocks that are there: None and empty paragraphs are left out."""
         return cls(key, title, lead, tuple(block for block in blocks if block))
+
+    @property
+    def unfolded(self) -> tuple[Block, ...]:
+        """All blocks in their order, those of ``Folded`` ones in their place."""
+        return tuple(_unfolded(self.blocks))
+
+
+def _unfolded(blocks: Iterable[Block]) -> Iterator[Block]:
+    for block in blocks:
+        if isinstance(block, Folded):
+            yield from _unfolded(block.blocks)
+        else:
+            yield block
 
 
 class Report(Frozen):

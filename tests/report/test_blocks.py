@@ -15,6 +15,7 @@ from locsnn_compile.report.content import (
     Curve,
     Fact,
     Facts,
+    Folded,
     Mesh,
     MeshCore,
     Plot,
@@ -92,7 +93,7 @@ CASES = [
     ),
     pytest.param(
         Table("Wide", tuple("abcdefgh"), (tuple("12345678"),), folded=True),
-        '<details><summary>Wide (1 rows)</summary><div class="scroll" tabindex="0" role="region"'
+        '<details class="long"><summary>Wide (1 rows)</summary><div class="scroll" tabindex="0" role="region"'
         ' aria-label="Wide"><table class="plain wide"><caption><span>Wide</span></caption>'
         f"<thead><tr>{''.join(f'<th scope=%col%>{name}</th>' for name in 'abcdefgh')}</tr></thead>"
         f'<tbody><tr><th scope="row">1</th>{"".join(f"<td>{cell}</td>" for cell in "2345678")}'
@@ -101,6 +102,42 @@ CASES = [
         "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |\n"
         "| 1 | 2 | 3 | 4 | 5 | 6 | 7 | 8 |",
         id="wide-table-folded",
+    ),
+    pytest.param(
+        Table(
+            "Spikes",
+            ("of", "", "equal"),
+            (
+                ("output", Bar(0.97, "97 % equal", full_at=0.05), "97 %"),
+                ("hidden", Bar(1.0, "all equal", full_at=0.05), "100 %"),
+                ("input", Bar(None, "silent", full_at=0.05), "silent"),
+            ),
+        ),
+        '<div class="scroll"><table class="barred"><caption><span>Spikes</span></caption>'
+        '<thead><tr><th scope="col">of</th>'
+        '<th scope="col" class="drawn"><span class="hidden">drawn</span></th>'
+        '<th scope="col">equal</th></tr></thead><tbody>'
+        '<tr><th scope="row">output</th><td class="drawn">'
+        '<svg class="bar lack" width="100%" height="10" role="img" aria-label="97 % equal">'
+        '<rect class="track" width="100%" height="10"/>'
+        '<rect class="part" x="0.00%" width="60.00%" height="10" fill="url(#p0)"/></svg></td>'
+        '<td>97 %</td></tr><tr><th scope="row">hidden</th><td class="drawn">'
+        '<svg class="bar lack" width="100%" height="10" role="img" aria-label="all equal">'
+        '<rect class="track" width="100%" height="10"/></svg></td><td>100 %</td></tr>'
+        '<tr><th scope="row">input</th><td class="drawn">'
+        '<svg class="bar lack" width="100%" height="10" role="img" aria-label="silent">'
+        '<rect class="track" width="100%" height="10"/></svg></td><td>silent</td></tr></tbody>'
+        "</table></div>",
+        "**Spikes**\n\n| of | equal |\n| --- | ---: |\n| output | 97 % |\n| hidden | 100 % |\n"
+        "| input | silent |",
+        id="table-of-what-is-lacking",
+    ),
+    pytest.param(
+        Folded("More & less", ("first", Facts((Fact("spikes", "none"),)))),
+        '<details class="more"><summary>More &amp; less</summary><div class="blocks"><p>first</p>'
+        '<div class="facts"><dl><div><dt>spikes</dt><dd>none</dd></div></dl></div></div></details>',
+        "first\n\n- spikes: none",
+        id="folded",
     ),
     pytest.param(
         Stack("Energy", (Bar(0.25, "a", 0), Bar(None, "b", 1), Bar(0.75, "c & d", 7))),
@@ -119,17 +156,23 @@ CASES = [
                 Fact(name, f"{i} pJ") for i, name in enumerate(("least", "median", "mean", "most"))
             ),
             (0.0, 1.0, 2.0, 4.0),
+            ENDS,
         ),
         "<figure><figcaption>Energy</figcaption>"
-        '<svg class="span" width="100%" height="34" role="img" aria-label="Energy: least 0 pJ,'
+        '<svg class="span" width="100%" height="50" role="img" aria-label="Energy: least 0 pJ,'
         ' median 1 pJ, mean 2 pJ, most 3 pJ; drawn from 0">'
-        '<line class="axis" x1="1%" x2="99%" y1="17" y2="17"/>'
-        '<line class="axis" x1="1%" x2="1%" y1="12" y2="22"/>'
-        '<line class="band" x1="1.00%" x2="99.00%" y1="17" y2="17"/>'
-        '<line class="end" x1="1.00%" x2="1.00%" y1="10" y2="24"/>'
-        '<line class="end" x1="99.00%" x2="99.00%" y1="10" y2="24"/>'
-        '<line class="median" x1="25.50%" x2="25.50%" y1="4" y2="30"/>'
-        '<circle class="mean" cx="50.00%" cy="17" r="5.5"/></svg><dl class="stats">'
+        '<line class="axis" x1="1%" x2="99%" y1="29" y2="29"/>'
+        '<line class="axis" x1="1.00%" x2="1.00%" y1="29" y2="33"/>'
+        '<text class="tick" text-anchor="start" x="1.00%" y="46">0</text>'
+        '<line class="axis" x1="50.00%" x2="50.00%" y1="29" y2="33"/>'
+        '<text class="tick" text-anchor="middle" x="50.00%" y="46">2</text>'
+        '<line class="axis" x1="99.00%" x2="99.00%" y1="29" y2="33"/>'
+        '<text class="tick" text-anchor="end" x="99.00%" y="46">4</text>'
+        '<line class="band" x1="1.00%" x2="99.00%" y1="14" y2="14"/>'
+        '<line class="end" x1="1.00%" x2="1.00%" y1="7" y2="21"/>'
+        '<line class="end" x1="99.00%" x2="99.00%" y1="7" y2="21"/>'
+        '<line class="median" x1="25.50%" x2="25.50%" y1="1" y2="27"/>'
+        '<circle class="mean" cx="50.00%" cy="14" r="5.5"/></svg><dl class="stats">'
         f"<div><dt>{END_MARK}least</dt><dd>0 pJ</dd></div>"
         f"<div><dt>{MEDIAN_MARK}median</dt><dd>1 pJ</dd></div>"
         f"<div><dt>{MEAN_MARK}mean</dt><dd>2 pJ</dd></div>"
@@ -226,6 +269,19 @@ def test_a_block_is_drawn(
     )
 
 
+def test_a_folded_section_is_opened_by_its_heading(document: dict[str, Any]) -> None:
+    section = Section("key", "Title", "Lead", ("text",), folded=True)
+    report = replace(compose(typed(ReportFigures, document)), sections=(section,))
+    page = render_html(report)
+    assert page[page.index("<main") : page.index("</main>")].endswith(
+        '<section class="section folded" aria-labelledby="key"><details><summary>'
+        '<h2 id="key">Title</h2></summary><p class="lead">Lead</p>'
+        '<div class="blocks"><p>text</p></div></details></section>\n'
+    )
+    text = render_markdown(report)
+    assert text[text.index("## Title") :] == "## Title\n\nLead\n\ntext\n"
+
+
 def test_every_kind_of_block_is_drawn() -> None:
     assert {type(case.values[0]) for case in CASES} == set(get_args(Block))
 
@@ -238,7 +294,7 @@ def test_what_was_assumed_stands_below_the_verdicts(document: dict[str, Any]) ->
     )
     assert (
         '</div><div class="notice" role="note"><strong>What was assumed:</strong>'
-        '<ul><li>A step lasts 1&nbsp;ms.</li><li>&lt;b&gt;</li></ul></div><div class="verdicts">'
+        "<ul><li>A step lasts 1&nbsp;ms.</li><li>&lt;b&gt;</li></ul></div></section>"
     ) in render_html(report)
     assert "\n\n**What was assumed:**\n\n- A step lasts 1 ms.\n- &lt;b&gt;\n" in (
         render_markdown(report)

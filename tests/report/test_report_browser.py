@@ -26,6 +26,12 @@ TOO_WIDE = """
   [...document.querySelectorAll('body *')].filter(e => !e.closest('.scroll, .hidden, .skip, .defs')
     && e.getBoundingClientRect().right > document.documentElement.clientWidth + 1).map(e => e.outerHTML.slice(0, 80))
 """
+CUT = """
+  [...document.querySelectorAll('.scroll:not(:has(.wide))')].filter(e => e.scrollWidth > e.clientWidth + 1)
+    .map(e => e.querySelector('caption').textContent)
+"""
+FIRST_SCREEN = 800
+"""Pixels that the browser of a small laptop shows."""
 FAINT = """
   (() => {
     const parts = colour => colour.match(/[\\d.]+/g).map(Number)
@@ -97,6 +103,21 @@ def test_it_is_never_wider_than_the_screen(browser: Chromium, page: Path, width:
         )
         == 0
     )
+
+
+def test_no_table_is_cut_on_a_laptop(browser: Chromium, page: Path) -> None:
+    """The error budget was 87 pixels wider than its place, so that its last column could not be read."""
+    browser.open(page, width=1280)
+    browser.evaluate("document.querySelectorAll('details').forEach(each => each.open = true)")
+    assert browser.evaluate(CUT) == []
+
+
+def test_a_laptop_shows_all_answers_at_once(browser: Chromium, page: Path) -> None:
+    browser.open(page, width=1280)
+    assert browser.evaluate("document.querySelectorAll('.verdict').length") == 6
+    assert browser.evaluate(
+        "document.querySelector('.verdicts').getBoundingClientRect().bottom"
+    ) < (FIRST_SCREEN)
 
 
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])

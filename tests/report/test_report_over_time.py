@@ -19,7 +19,7 @@ def _section(document: dict[str, Any]) -> Section:
 
 
 def _plot(document: dict[str, Any]) -> Plot:
-    return next(block for block in _section(document).blocks if isinstance(block, Plot))
+    return next(block for block in _section(document).unfolded if isinstance(block, Plot))
 
 
 def test_curves_are_drawn_at_their_steps(document: dict[str, Any]) -> None:
@@ -57,7 +57,7 @@ def test_every_curve_has_a_look_of_its_own(document: dict[str, Any]) -> None:
 
 def test_savings_are_of_the_whole(document: dict[str, Any]) -> None:
     table = next(
-        b for b in _section(document).blocks if isinstance(b, Table) and "proven" in b.caption
+        b for b in _section(document).unfolded if isinstance(b, Table) and "proven" in b.caption
     )
     costs = [
         "steps",
@@ -107,7 +107,7 @@ def test_what_was_not_followed_says_why(document: dict[str, Any]) -> None:
     assert section.lead == (
         "Predictions were not followed step by step: phase 'location' mixes transposed inputs with inputs that are played as they come."
     )
-    assert [block.title for block in section.blocks if isinstance(block, Plot)] == [
+    assert [block.title for block in section.unfolded if isinstance(block, Plot)] == [
         "Energy of a step, mean over the recordings, profile davies2018",
         "Time of a step, mean over the recordings, profile davies2018",
     ]
@@ -130,7 +130,7 @@ def test_only_a_bin_that_may_be_short_is_left_out(
     document["energy"]["by_step_pj"] = {"time": course}
     plot = next(
         b
-        for b in _section(document).blocks
+        for b in _section(document).unfolded
         if isinstance(b, Plot) and b.title.startswith("Energy of a step")
     )
     assert plot.placed(plot.curves[0]) == [(pytest.approx(x), y) for x, y in points]

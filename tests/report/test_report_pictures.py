@@ -42,12 +42,14 @@ def _section(key: str, document: dict[str, Any], excerpt: Excerpt | None = None)
 
 def _rasters(document: dict[str, Any], excerpt: Excerpt) -> list[Raster]:
     return [
-        block for block in _section("spikes", document, excerpt).blocks if isinstance(block, Raster)
+        block
+        for block in _section("spikes", document, excerpt).unfolded
+        if isinstance(block, Raster)
     ]
 
 
 def test_spikes_are_sorted_by_side(document: dict[str, Any], excerpt: Excerpt) -> None:
-    _, drawn = _rasters(document, excerpt)
+    drawn, _ = _rasters(document, excerpt)
     assert drawn.title == "time_output: 2 of 36 neurons"
     assert (drawn.columns, drawn.rows, drawn.flag) == (4, 2, (2, 1))
     assert drawn.flag_label == "neuron 3, step 41"
@@ -63,7 +65,7 @@ def test_a_network_in_its_own_integers_is_called_the_network(
     document: dict[str, Any], excerpt: Excerpt
 ) -> None:
     document["match"]["reference"] = "integers"
-    drawn = _rasters(document, excerpt)[1]
+    drawn = _rasters(document, excerpt)[0]
     assert [one.label for one in drawn.strokes] == [
         "3 on both sides",
         "1 only in the network",
@@ -80,21 +82,23 @@ def test_limits_that_a_core_does_not_have_are_left_out(document: dict[str, Any])
         "places": {"used": 1, "limit": 0},
     }
     rows = next(
-        block for block in _section("resources", document, None).blocks if isinstance(block, Table)
+        block
+        for block in _section("resources", document, None).unfolded
+        if isinstance(block, Table)
     ).rows
     assert "places for compartments of a phase of a core" in {row[0] for row in rows}
     assert not any("steps between targets" in str(row[0]) for row in rows)
 
 
 def test_sides_are_told_apart_without_colour(document: dict[str, Any], excerpt: Excerpt) -> None:
-    made = raster(_rasters(document, excerpt)[1])
+    made = raster(_rasters(document, excerpt)[0])
     paths = dict(re.findall(r'<path class="stroke (\w+)"[^>]* d="([^"]*)"/>', made))
     # Rows are 8 units high: a shared spike is 6 long, one of the float network 4 from the top, one of the chip 4 below.
     assert paths == {"equal": "M0 1v6M3 1v6M1 9v6", "reference": "M2 8v4", "chip": "M3 12v4"}
 
 
 def test_lines_share_rows(document: dict[str, Any], excerpt: Excerpt) -> None:
-    drawn, _ = _rasters(document, excerpt)
+    _, drawn = _rasters(document, excerpt)
     assert drawn.title == "Input of the time branch: 5 lines, 2 per row"
     assert [one.label for one in drawn.strokes] == ["4 strokes, each one event or more"]
 
@@ -103,7 +107,7 @@ def test_populations_read_by_potential_are_drawn_only_where_they_spike(
     document: dict[str, Any], excerpt: Excerpt
 ) -> None:
     document["match"]["readout"] |= {"by": "potentials", "populations": ["time_output"]}
-    assert [one.title for one in _rasters(document, excerpt)][1:] == [
+    assert [one.title for one in _rasters(document, excerpt)][:1] == [
         "time_output: 2 of 36 neurons"
     ]
     (item,) = excerpt.populations
@@ -132,7 +136,7 @@ def test_populations_read_by_potential_have_no_margins_drawn_and_no_row_in_the_e
         section = next(
             section for section in compose(figures(document)).sections if section.key == key
         )
-        return [block for block in section.blocks if isinstance(block, kind)]
+        return [block for block in section.unfolded if isinstance(block, kind)]
 
     document["match"]["readout"] |= {"by": "potentials", "populations": ["time_output"]}
     assert [plot.title.split(":")[0] for plot in told("margins", Plot)] == [
@@ -152,7 +156,7 @@ def test_nothing_is_shown_of_nothing(document: dict[str, Any]) -> None:
 
 def test_the_potential_is_drawn_until_it_counts(document: dict[str, Any], excerpt: Excerpt) -> None:
     section = _section("potential", document, excerpt)
-    both, error = (block for block in section.blocks if isinstance(block, Plot))
+    both, error = (block for block in section.unfolded if isinstance(block, Plot))
     assert [curve.label for curve in both.curves] == [
         "float potential",
         "chip potential",
@@ -166,7 +170,7 @@ def test_the_potential_is_drawn_until_it_counts(document: dict[str, Any], excerp
     assert [y for _, y in error.placed(error.curves[0])] == pytest.approx(
         [5.3 / 5.6, 5.3 / 5.6, 0.3 / 5.6]
     )
-    table = next(block for block in section.blocks if isinstance(block, Table))
+    table = next(block for block in section.unfolded if isinstance(block, Table))
     assert table.rows[1:3] == (
         ("40", "10.5", "10.5", "float and chip"),
         ("41", "10.25", "9.75", "float"),
@@ -189,7 +193,7 @@ def test_cores_sit_where_they_are_and_are_as_full_as_their_fullest_limit(
     document: dict[str, Any],
 ) -> None:
     room, energy = (
-        block for block in _section("cores", document).blocks if isinstance(block, Mesh)
+        block for block in _section("cores", document).unfolded if isinstance(block, Mesh)
     )
     # Slot 39 is core 3 of tile (1, 1): of 2 by 2 cores there the last. Three of 16 synapse formats are in use.
     assert [(core.column, core.row, core.share, core.text) for core in room.cores] == [
@@ -245,7 +249,7 @@ def test_the_largest_excerpt_is_a_small_page(document: dict[str, Any], excerpt: 
 
 
 def test_energy_of_a_step_over_the_steps(document: dict[str, Any]) -> None:
-    blocks = _section("over-time", document).blocks
+    blocks = _section("over-time", document).unfolded
     (drawn,) = (
         block
         for block in blocks

@@ -466,7 +466,7 @@ def test_every_row_has_every_column(document: dict[str, Any]) -> None:
     tables = [
         block
         for section in compose(figures(document)).sections
-        for block in section.blocks
+        for block in section.unfolded
         if isinstance(block, Table)
     ]
     assert len(tables) == 34

@@ -18,7 +18,9 @@ AXIS_HEIGHT = 38
 _PATTERNS = 6
 """Patterns that parts are filled with, in turn; :func:`patterns` defines them."""
 _FIRST, _LAST = 1.0, 99.0
-"""Places in percent where the axis of a span begins, at zero, and ends, at the largest value."""
+"""Places in percent where the axis of a span begins, at zero, and ends."""
+_SPAN_AXIS, _TICK_HEIGHT = 29, 21
+"""Pixels from the top of a span to its axis, and of the ticks of an axis with their texts."""
 _PLOT_TOP, _PLOT_HEIGHT = 16, 150
 """Pixels above the curves, and of the curves."""
 _RASTER_TOP = 14
@@ -56,8 +58,10 @@ def patterns() -> str:
 
 
 def bar(cell: Bar) -> str:
-    """Return a track filled up to the cell's share."""
-    return _track("bar", 10, cell.label, _part(0.0, cell, 10))
+    """Return a track filled up to the cell's share, or by what it lacks."""
+    filling = Bar(cell.drawn, cell.label, cell.pattern)
+    kind = "bar" if cell.full_at is None else "bar lack"
+    return _track(kind, 10, cell.label, _part(0.0, filling, 10))
 
 
 def stack(drawn: Stack) -> str:
@@ -90,21 +94,28 @@ def _part(start: float, part: Bar, height: int) -> str:
 
 def span(drawn: Span) -> str:
     """Return an axis from 0, with a band from least to most, a stroke at the median, and a dot at the mean."""
-    top = max(drawn.values)
-    shares = (value / top if top else 0.0 for value in drawn.values)
-    least, median, mean, most = (_percent(_FIRST + (_LAST - _FIRST) * share) for share in shares)
+    places = (_span_place(drawn.axis.place(value)) for value in drawn.values)
+    least, median, mean, most = (_percent(place) for place in places)
+    ticks = "".join(
+        _axis_tick(_span_place(place) / 100, text, _SPAN_AXIS) for place, text in drawn.axis.places
+    )
     facts = ", ".join(f"{fact.label} {fact.value}" for fact in drawn.facts)
     label = _text(f"{drawn.title}: {facts}; drawn from 0")
     return (
-        f'<svg class="span" width="100%" height="34" role="img" aria-label="{label}">'
-        '<line class="axis" x1="1%" x2="99%" y1="17" y2="17"/>'
-        '<line class="axis" x1="1%" x2="1%" y1="12" y2="22"/>'
-        f'<line class="band" x1="{least}" x2="{most}" y1="17" y2="17"/>'
-        f'<line class="end" x1="{least}" x2="{least}" y1="10" y2="24"/>'
-        f'<line class="end" x1="{most}" x2="{most}" y1="10" y2="24"/>'
-        f'<line class="median" x1="{median}" x2="{median}" y1="4" y2="30"/>'
-        f'<circle class="mean" cx="{mean}" cy="17" r="5.5"/></svg>'
+        f'<svg class="span" width="100%" height="{_SPAN_AXIS + _TICK_HEIGHT}" role="img"'
+        f' aria-label="{label}">'
+        f'<line class="axis" x1="1%" x2="99%" y1="{_SPAN_AXIS}" y2="{_SPAN_AXIS}"/>{ticks}'
+        f'<line class="band" x1="{least}" x2="{most}" y1="14" y2="14"/>'
+        f'<line class="end" x1="{least}" x2="{least}" y1="7" y2="21"/>'
+        f'<line class="end" x1="{most}" x2="{most}" y1="7" y2="21"/>'
+        f'<line class="median" x1="{median}" x2="{median}" y1="1" y2="27"/>'
+        f'<circle class="mean" cx="{mean}" cy="14" r="5.5"/></svg>'
     )
+
+
+def _span_place(share: float) -> float:
+    """Return where a share of the axis of a span lies, in percent of its width."""
+    return _FIRST + (_LAST - _FIRST) * share
 
 
 def span_mark(kind: str) -> str:

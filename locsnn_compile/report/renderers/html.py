@@ -67,13 +67,11 @@ def prose(value: str) -> str:
 
 
 def _verdicts(report: content.Report) -> str:
-    """Return what stands first: a sentence a verdict, the assumptions, and the verdicts with facts."""
-    sentences = "".join(f"<p>{prose(verdict.sentence)}</p>" for verdict in report.verdicts)
+    """Return what stands first: a row for each verdict, and the assumptions."""
     verdicts = "".join(_verdict(verdict) for verdict in report.verdicts)
     return (
         '<section aria-labelledby="verdict"><h2 class="hidden" id="verdict">Verdict</h2>'
-        f'<div class="summary">{sentences}</div>{_assumptions(report.assumptions)}'
-        f'<div class="verdicts">{verdicts}</div></section>'
+        f'<div class="verdicts">{verdicts}</div>{_assumptions(report.assumptions)}</section>'
     )
 
 
@@ -87,14 +85,22 @@ def _assumptions(sentences: Sequence[str]) -> str:
 
 
 def _verdict(verdict: content.Verdict) -> str:
+    """Return a row: the question with its answer, the figure, and the sentence above the facts."""
     return (
-        f'<div class="verdict"><h3>{text(verdict.question)}</h3>'
+        f'<div class="verdict"><div><h3>{text(verdict.question)}</h3>'
         f'<p class="status {verdict.status}"><i aria-hidden="true">{SIGNS[verdict.status]}</i>'
-        f"<span>{text(verdict.answer)}</span></p>"
-        f'<p class="figure">{text(verdict.figure)}</p>'
-        f'<p class="figure-label">{text(verdict.figure_label)}</p>'
-        f"<dl>{_facts(verdict.facts)}</dl></div>"
+        f"<span>{text(verdict.answer)}</span></p></div>"
+        f'<div><p class="figure">{text(verdict.figure)}</p>'
+        f'<p class="figure-label">{text(verdict.figure_label)}</p></div>'
+        f"<div><p>{prose(verdict.sentence)}</p>{_facts_behind(verdict)}</div></div>"
     )
+
+
+def _facts_behind(verdict: content.Verdict) -> str:
+    if not verdict.facts:
+        return ""
+    labels = ", ".join(text(fact.label) for fact in verdict.facts)
+    return f"<details><summary>{labels}</summary><dl>{_facts(verdict.facts)}</dl></details>"
 
 
 def _notice(notice: content.Notice) -> str:
@@ -113,6 +119,8 @@ def _contents(report: content.Report) -> str:
 
 
 def _section(section: content.Section) -> str:
+    if section.folded:
+        return _folded_section(section)
     key = text(section.key)
     blocks = "".join(_block(block) for block in section.blocks)
     return (
@@ -120,6 +128,18 @@ def _section(section: content.Section) -> str:
         f'<div><h2 id="{key}">{text(section.title)}</h2>'
         f'<p class="lead">{text(section.lead)}</p></div>'
         f'<div class="blocks">{blocks}</div></section>'
+    )
+
+
+def _folded_section(section: content.Section) -> str:
+    """Return a section that its heading opens; its lead says before what there is to see."""
+    key = text(section.key)
+    blocks = "".join(_block(block) for block in section.blocks)
+    return (
+        f'<section class="section folded" aria-labelledby="{key}"><details>'
+        f'<summary><h2 id="{key}">{text(section.title)}</h2></summary>'
+        f'<p class="lead">{text(section.lead)}</p><div class="blocks">{blocks}</div>'
+        "</details></section>"
     )
 
 
@@ -147,6 +167,12 @@ def _block(block: content.Block) -> str:
         case content.Mesh():
             said = f'<p class="said">{text(block.description)}</p>'
             return _figure(block.title, drawings.mesh(block) + said)
+        case content.Folded():
+            inside = "".join(_block(each) for each in block.blocks)
+            return (
+                f'<details class="more"><summary>{text(block.title)}</summary>'
+                f'<div class="blocks">{inside}</div></details>'
+            )
 
 
 def _facts(facts: Sequence[content.Fact]) -> str:
@@ -202,7 +228,8 @@ def _table(table: content.Table) -> str:
     if row_count <= content.MANY_ROWS and not table.folded:
         return drawn
     return (
-        f"<details><summary>{text(table.caption)} ({row_count} rows{cut})</summary>"
+        '<details class="long">'
+        f"<summary>{text(table.caption)} ({row_count} rows{cut})</summary>"
         f"{drawn}</details>"
     )
 

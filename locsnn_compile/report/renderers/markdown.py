@@ -78,6 +78,8 @@ def _block(block: content.Block) -> str:
             return f"{text(block.title)}:\n\n{_facts(block.facts)}\n"
         case content.Mesh():
             return f"{text(block.title)}: {text(block.description)}.\n\n"
+        case content.Folded():
+            return "".join(_block(each) for each in block.blocks)
         case content.Stack() | content.Plot() | content.Raster():
             return ""
 

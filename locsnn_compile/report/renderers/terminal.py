@@ -30,6 +30,7 @@ _LABEL, _WIDEST_LABEL = 18, 24
 _SHOWN_POPULATIONS = 8
 _HELD = "\u00a0"
 """Replaces the blank between a number and its unit while lines are wrapped, to keep the two together."""
+_BLANKS_AT_ENDS = re.compile(" +$", re.MULTILINE)
 _ASCII = str.maketrans(
     {
         "✓": "+",
@@ -146,7 +147,8 @@ def _line(
         subsequent_indent=" " * hanging,
         break_on_hyphens=False,
     )
-    made = Text(folded.replace(_HELD, " "))
+    # A word that is wider than the line may be cut behind a blank that held it to its unit.
+    made = Text(_BLANKS_AT_ENDS.sub("", folded.replace(_HELD, " ")))
     letters = len(
         "".join(_readable(console, line[:styled]).split())
     )  # wrapping changes only the space around them

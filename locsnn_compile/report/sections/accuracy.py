@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import accumulate
 
-from locsnn_compile.report.content import Bar, Curve, Facts, Plot, Section, Table
+from locsnn_compile.report.content import Bar, Curve, Facts, Folded, Plot, Section, Table
 from locsnn_compile.report.figures.checks import (
     BudgetFigures,
     DeviationFigures,
@@ -29,11 +29,14 @@ from locsnn_compile.report.format import (
 )
 from locsnn_compile.report.pictures.axis import Axis
 from locsnn_compile.report.words import STAGES, listed, stage_words
+from locsnn_compile.verification.error_bounds import within
 
 _DRAWN = 8
 """Populations whose margins are drawn; a table has those of all."""
 _LEAST_SHARE = 1e-5
 """The lower end of the vertical axis of the margins; what lies below it is not drawn."""
+_FULL_BARS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
+"""Shares of spikes that differ at which bars may be full."""
 _OF_INTEGERS = (
     "Nothing was rounded: every number of the network is an integer of the chip. "
     "There is no error to break down."
@@ -72,7 +75,10 @@ def error_budget(report: ReportFigures) -> Section | None:
         _BUDGET,
         _checked(budget),
         _stages(variants, budget),
-        _by_population(variants, that_spike(budget.together.by_population, report.match)),
+        Folded.of(
+            "Each stage by population",
+            _by_population(variants, that_spike(budget.together.by_population, report.match)),
+        ),
         _kernel_tail(budget.kernel_tail),
         _KERNELS_CUT if "tails" in budget.alone else None,
         Facts.of({"recordings": sample_words(budget.sample)}),
@@ -145,8 +151,10 @@ def _checked(budget: BudgetFigures) -> str:
 
 def _stages(variants: Mapping[str, DeviationFigures], budget: BudgetFigures) -> Table:
     without = [agreed(deviation.spikes.spike_agreement) for deviation in budget.all_but.values()]
+    full_at = differing_at_most(deviation.spikes.spike_agreement for deviation in variants.values())
     return Table(
-        f"Each stage alone, over {plural(len(budget.sample.recordings), 'recording')}",
+        f"Each stage alone, over {plural(len(budget.sample.recordings), 'recording')}; "
+        f"{bars_words(full_at)}",
         (
             "stage",
             "",
@@ -159,7 +167,7 @@ def _stages(variants: Mapping[str, DeviationFigures], budget: BudgetFigures) -> 
         tuple(
             (
                 name,
-                compared_bar(deviation.spikes.spike_agreement, SILENT),
+                compared_bar(deviation.spikes.spike_agreement, SILENT, full_at),
                 agreed(deviation.spikes.spike_agreement),
                 count(deviation.spikes.spike_mismatches),
                 count(deviation.predictions_changed),
@@ -172,10 +180,24 @@ def _stages(variants: Mapping[str, DeviationFigures], budget: BudgetFigures) -> 
     )
 
 
-def compared_bar(agreement: float | None, none: str) -> Bar:
-    """Draw the share of equal spikes; nothing is drawn, and ``none`` said, if neither side spikes."""
+def differing_at_most(agreements: Iterable[float | None]) -> float:
+    """Return the least round share that none of the shares of spikes that differ is above."""
+    largest = max((1 - agreement for agreement in agreements if agreement is not None), default=0.0)
+    return next(full for full in _FULL_BARS if within(largest, full))
+
+
+def compared_bar(agreement: float | None, none: str, full_at: float) -> Bar:
+    """Draw the share of spikes that differ, up to ``full_at``.
+
+    Nothing is drawn, and ``none`` said, if neither side spikes.
+    """
     compared = ", no spikes to compare" if agreement is None else " of spikes equal"
-    return Bar(agreement, f"{agreed(agreement, none)}{compared}")
+    return Bar(agreement, f"{agreed(agreement, none)}{compared}", full_at=full_at)
+
+
+def bars_words(full_at: float) -> str:
+    """Return what bars of spikes that differ show."""
+    return f"bars: spikes that differ, full at {share(full_at)}"
 
 
 def no_spikes(readout: ReadoutFigures, population: str) -> str:

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 
-from locsnn_compile.report.content import Bar, Block, Section, Table
+from locsnn_compile.report.content import Bar, Block, Folded, Section, Table
 from locsnn_compile.report.figures.document import ReportFigures
 from locsnn_compile.report.figures.energy import EnergyFigures
 from locsnn_compile.report.figures.match import MatchFigures, SpikesCompared
@@ -24,7 +24,13 @@ from locsnn_compile.report.format import (
     share,
     told_apart,
 )
-from locsnn_compile.report.sections.accuracy import cause, compared_bar, no_spikes
+from locsnn_compile.report.sections.accuracy import (
+    bars_words,
+    cause,
+    compared_bar,
+    differing_at_most,
+    no_spikes,
+)
 from locsnn_compile.report.sections.verdict import defined_anns
 from locsnn_compile.report.words import listed, share_of, words
 
@@ -61,7 +67,9 @@ def agreement(match: MatchFigures) -> Section:
         _scores(match),
         _populations(match),
         _helpers(helpers) if helpers else None,
-        _wraps_and_clips(match.wraps_and_clips_by_population),
+        Folded.of(
+            "Wraps and clips by compartments", _wraps_and_clips(match.wraps_and_clips_by_population)
+        ),
     )
 
 
@@ -176,24 +184,27 @@ def _scores(match: MatchFigures) -> str:
 
 
 def _populations(match: MatchFigures) -> Table:
+    compared = {**match.by_population, "all": match.spikes}
+    full_at = differing_at_most(spikes.spike_agreement for spikes in compared.values())
     rows = [
-        _spikes_row(name, spikes, no_spikes(match.readout, name))
-        for name, spikes in match.by_population.items()
+        _spikes_row(name, spikes, no_spikes(match.readout, name), full_at)
+        for name, spikes in compared.items()
     ]
-    rows.append(_spikes_row("all", match.spikes, no_spikes(match.readout, "all")))
     side = "network" if match.reference == "integers" else "float"
     return Table(
-        f"Spikes over {plural(match.samples, 'recording')}",
+        f"Spikes over {plural(match.samples, 'recording')}; {bars_words(full_at)}",
         ("population", "", "spikes equal", f"{side} spikes", "chip spikes", "only on one side"),
         tuple(rows),
         total=True,
     )
 
 
-def _spikes_row(name: str, spikes: SpikesCompared, none: str) -> tuple[str | Bar, ...]:
+def _spikes_row(
+    name: str, spikes: SpikesCompared, none: str, full_at: float
+) -> tuple[str | Bar, ...]:
     return (
         name,
-        compared_bar(spikes.spike_agreement, none),
+        compared_bar(spikes.spike_agreement, none, full_at),
         agreed(spikes.spike_agreement, none),
         count(spikes.reference_spikes),
         count(spikes.chip_spikes),
@@ -260,18 +271,26 @@ def _which_side_fires(reference: float, chip: float, threshold: float) -> str:
 
 
 def _interval(match: MatchFigures) -> str:
-    """Return the Wilson interval of the prediction agreement: few recordings prove little."""
+    """Say how much the recordings of the check prove: few of them prove little."""
+    agreement, interval = match.prediction_agreement, agreement_interval(match)
+    if agreement is None or interval is None:
+        return "No prediction was compared: all class scores tie in every recording, on both sides."
+    compared = match.samples - match.tied_predictions
+    low, high = interval
+    return (
+        f"Predictions are the same in {share(agreement)} of {plural(compared, 'recording')}. For "
+        f"recordings of this kind in general, this suggests an agreement between {100 * low:.1f} "
+        f"and {100 * high:.1f} % (95 % confidence)."
+    )
+
+
+def agreement_interval(match: MatchFigures) -> tuple[float, float] | None:
+    """Return the Wilson interval (95 %) of the prediction agreement; None if nothing was compared."""
     p = match.prediction_agreement
     if p is None:
-        return "No prediction was compared: all class scores tie in every recording, on both sides."
+        return None
     n = match.samples - match.tied_predictions
     z2 = _SCORE * _SCORE
     centre = (p + z2 / (2 * n)) / (1 + z2 / n)
     half = _SCORE / (1 + z2 / n) * math.sqrt(p * (1 - p) / n + z2 / (4 * n * n))
-    low = 100 * max(0.0, centre - half)
-    high = 100 * min(1.0, centre + half)
-    return (
-        f"Predictions are the same in {share(p)} of {plural(n, 'recording')}. For recordings of this "
-        f"kind in general, this suggests an agreement between {low:.1f} and {high:.1f} % "
-        "(95 % confidence)."
-    )
+    return max(0.0, centre - half), min(1.0, centre + half)

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 
 from locsnn_compile.network.quantized import KernelFit
-from locsnn_compile.report.content import Bar, Bullets, Facts, Section, Table
+from locsnn_compile.report.content import Bar, Bullets, Facts, Folded, Section, Table
 from locsnn_compile.report.figures.checks import CandidateFigures, ChoiceFigures
 from locsnn_compile.report.figures.document import GateFigures, ReportFigures, SharedFigures
 from locsnn_compile.report.figures.entries import keys_of
@@ -72,7 +72,7 @@ def resources(report: ReportFigures) -> Section:
         f"How much of {report.target} the program uses.",
         Facts.of(facts),
         _limits(figures.limits),
-        _by_core(figures.by_core),
+        Folded.of("What each core holds", _by_core(figures.by_core)),
     )
 
 

@@ -5,7 +5,17 @@ For the open core cycles are exact, and activity stands in for energy that is no
 
 from collections.abc import Mapping, Sequence
 
-from locsnn_compile.report.content import Bar, Cell, Fact, Facts, Section, Stack, Table, Verdict
+from locsnn_compile.report.content import (
+    Bar,
+    Block,
+    Cell,
+    Fact,
+    Facts,
+    Folded,
+    Section,
+    Table,
+    Verdict,
+)
 from locsnn_compile.report.figures.document import ReportFigures
 from locsnn_compile.report.figures.energy import EnergyFigures, NotIncluded, StaticEnergy
 from locsnn_compile.report.figures.latency import (
@@ -35,6 +45,7 @@ from locsnn_compile.report.sections.cost_tables import (
     time_cost,
 )
 from locsnn_compile.report.sections.verdict import against_anns, against_real_time, pace
+from locsnn_compile.report.sections.worst_time import slowest_step
 from locsnn_compile.report.words import share_of, words
 
 _ENERGY = (
@@ -62,35 +73,46 @@ _CYCLES = (
 def energy_section(report: ReportFigures, figures: EnergyFigures) -> Section:
     """Energy per recording: spread, breakdowns, profiles, static energy, constants, and what is not included."""
     cost = energy_cost(figures, report.classes)
-    static = figures.static
     return Section.of(
         "energy",
         "Energy",
         _ENERGY,
         cost.span(),
         Facts.of(cost.facts()),
-        *_breakdowns(figures),
-        cost.by_class(),
-        *(() if static is None else (_about_static(static), _static(static))),
-        _not_included(figures.not_included_bounds),
-        *(constants(name, profile) for name, profile in figures.profiles.items()),
+        stack(figures.breakdown_pj, f"Where the energy goes, profile {figures.profile}"),
+        _by_operation(figures),
+        Folded.of(
+            "Energy by branch, population, core and class", *_by_place(figures), cost.by_class()
+        ),
+        Folded.of(
+            "Static energy, and what is not included",
+            *_static(figures.static),
+            _not_included(figures.not_included_bounds),
+        ),
+        Folded.of(
+            "Constants of the profiles, with their sources",
+            *(constants(name, profile) for name, profile in figures.profiles.items()),
+        ),
     )
 
 
-def _breakdowns(figures: EnergyFigures) -> tuple[Stack | Table, ...]:
-    """Return the energy by operation, branch, population and core."""
-    profile, breakdown = figures.profile, figures.breakdown_pj
+def _by_operation(figures: EnergyFigures) -> Table:
+    caption = f"Energy by operation, mean per recording, profile {figures.profile}"
+    operations = [(words(name), pj) for name, pj in figures.breakdown_pj.items()]
+    return shares("operation", caption, operations, patterned=True)
+
+
+def _by_place(figures: EnergyFigures) -> tuple[Table, ...]:
+    """Return the energy by branch, population and core."""
+    profile = figures.profile
     mean = f"mean per recording, profile {profile}"
     columns = {profile: figures.by_branch_pj, **figures.other_profiles_by_branch_pj}
     elsewhere = []
     if figures.elsewhere_pj:
         elsewhere.append(("outside the cores", figures.elsewhere_pj))
-    operations = [(words(name), pj) for name, pj in breakdown.items()]
     populations = [(name, used.pj) for name, used in figures.by_population_pj.items()]
     cores = [(core_words(core.place), core.pj) for core in figures.by_core_pj]
     return (
-        stack(breakdown, f"Where the energy goes, profile {profile}"),
-        shares("operation", f"Energy by operation, {mean}", operations, patterned=True),
         by_branch(columns, "Energy by branch and profile, mean per recording", energy),
         shares(
             "population",
@@ -109,8 +131,10 @@ def _about_static(static: StaticEnergy) -> str:
     )
 
 
-def _static(static: StaticEnergy) -> Table:
-    return Table(
+def _static(static: StaticEnergy | None) -> tuple[Block, ...]:
+    if static is None:
+        return ()
+    table = Table(
         "Static energy per recording",
         ("how long", "energy"),
         (
@@ -118,6 +142,7 @@ def _static(static: StaticEnergy) -> Table:
             ("while the sensor records", known(static.at_real_time_pj, energy, "not known")),
         ),
     )
+    return _about_static(static), table
 
 
 def _not_included(bounds: Sequence[NotIncluded]) -> Table | None:
@@ -152,13 +177,18 @@ def latency_section(report: ReportFigures, mesh: MeshTimes) -> Section:
         cost.span(),
         real_time(figures),
         Facts.of(_facts_of_latency(figures, cost.facts())),
-        by_branch(
-            _parts(mesh), f"Time by branch and part, mean per recording, profile {profile}", time
+        Folded.of(
+            "Time by branch, core, link and class",
+            by_branch(
+                _parts(mesh),
+                f"Time by branch and part, mean per recording, profile {profile}",
+                time,
+            ),
+            _critical_paths(mesh.critical_paths, mean_ns),
+            _cores(mesh.by_core, mean_ns) if mesh.by_core else None,
+            _links(mesh.links),
+            cost.by_class(),
         ),
-        _critical_paths(mesh.critical_paths, mean_ns),
-        _cores(mesh.by_core, mean_ns) if mesh.by_core else None,
-        _links(mesh.links),
-        cost.by_class(),
     )
 
 
@@ -173,11 +203,8 @@ def _facts_of_latency(figures: LatencyFigures, spread: Mapping[str, str]) -> dic
         facts["critical core"] = f"{core}, which finished last for the largest share of the time"
     if after is not None:
         facts["after the last row"] = f"{time(after.mean)}, at most {time(after.max)}"
-    if real is not None and real.slowest_step_ns and real.slowest_step_factor:
-        facts["slowest step of a row"] = (
-            f"{time(real.slowest_step_ns)} of the {time(real.step_ns)} between two rows, "
-            f"{ratio(real.slowest_step_factor)} times faster"
-        )
+    if real is not None:
+        facts["slowest step of a row"] = slowest_step(real)
     return facts
 
 
@@ -312,5 +339,5 @@ def cycles_section(report: ReportFigures) -> Section:
         cost.span(),
         real_time(figures),
         Facts.of(facts),
-        cost.by_class(),
+        Folded.of("Time by class", cost.by_class()),
     )

@@ -16,7 +16,7 @@ from locsnn_compile.report.figures.spread import (
     RecordingCost,
 )
 from locsnn_compile.report.format import NONE, count, energy, share, time
-from locsnn_compile.report.pictures.axis import Axis, round_numbers
+from locsnn_compile.report.pictures.axis import Axis, linear_axis, round_numbers
 from locsnn_compile.report.words import share_of, words
 
 Shown = Callable[[float], str]
@@ -52,7 +52,9 @@ class Cost(Frozen):
             "most": spread.max,
         }
         facts = tuple(Fact(label, self.shown(value)) for label, value in ends.items())
-        return Span(f"{self.name} per recording{self._by_profile}", facts, tuple(ends.values()))
+        values = tuple(ends.values())
+        axis = linear_axis(values, self.shown)
+        return Span(f"{self.name} per recording{self._by_profile}", facts, values, axis)
 
     def facts(self) -> dict[str, str]:
         """Return the range of the mean and the costliest recordings in words."""

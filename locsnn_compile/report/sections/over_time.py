@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from locsnn_compile.report.content import Bar, Cell, Curve, Facts, Plot, Section, Table
+from locsnn_compile.report.content import Bar, Cell, Curve, Facts, Folded, Plot, Section, Table
 from locsnn_compile.report.figures.checks import NotFollowed, OverTimeFigures
 from locsnn_compile.report.figures.document import ReportFigures
 from locsnn_compile.report.format import count, energy, share, short, time
@@ -33,12 +33,15 @@ def over_time(report: ReportFigures) -> Section:
         _TITLE,
         _LEAD,
         _plot(figures),
-        _table(figures),
-        _time_weighted(figures.psi) if "time_weighted" in figures.right else None,
         _stop(figures.proven_stop),
         _proven_stop(figures.proven_stop),
-        Facts.of({"recordings": sample_words(figures.sample, named=False)}),
-        *costs,
+        Folded.of(
+            "In figures, and how branches are weighted",
+            _table(figures),
+            _time_weighted(figures.psi) if "time_weighted" in figures.right else None,
+            Facts.of({"recordings": sample_words(figures.sample, named=False)}),
+        ),
+        Folded.of("Energy and time of a step", *costs),
     )
 
 

@@ -1,12 +1,13 @@
 """Sections on one recording: its input, the spikes of both sides, and the potential that differs first."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 
 from hw_model.values import ByteArray
-from locsnn_compile.report.content import Curve, Plot, Raster, Section, Strokes, Table
+from locsnn_compile.report.content import Curve, Folded, Plot, Raster, Section, Strokes, Table
 from locsnn_compile.report.figures.match import MatchFigures, ReadoutFigures
 from locsnn_compile.report.format import NONE, SILENT, count, plural, told_apart
 from locsnn_compile.report.pictures.axis import Axis, step_axis, value_axis
@@ -36,9 +37,27 @@ def spikes(match: MatchFigures, excerpt: Excerpt | None) -> Section | None:
         rasters += [
             _population(item, excerpt, side) for item in excerpt.populations if item.phase == phase
         ]
+    at_first_sight = _with_flag_or_last(rasters)
+    others = [raster for raster in rasters if raster is not at_first_sight]
     return Section.of(
-        "spikes", "Spikes", _SPIKES, _shown(excerpt), *rasters, _spike_table(excerpt, side)
+        "spikes",
+        "Spikes",
+        _SPIKES,
+        _shown(excerpt),
+        at_first_sight,
+        Folded.of(
+            "Inputs, other populations, and the spikes in figures",
+            *others,
+            _spike_table(excerpt, side),
+        ),
     )
+
+
+def _with_flag_or_last(rasters: Sequence[Raster]) -> Raster | None:
+    """Return the raster of the first spike that differs, or the last one, which is an output."""
+    flagged = [raster for raster in rasters if raster.flag is not None]
+    candidates = flagged or rasters
+    return candidates[-1] if candidates else None
 
 
 def _side(match: MatchFigures) -> str:
@@ -190,7 +209,7 @@ def potential(match: MatchFigures, excerpt: Excerpt | None) -> Section | None:
         lead,
         _potentials(shown, side, at),
         _difference(shown, side, at),
-        _around(shown, side, at),
+        Folded.of("Potentials in figures", _around(shown, side, at)),
     )
 
 

@@ -1,0 +1,64 @@
+"""How fast is the program at worst? The slowest recording and step of the check."""
+
+from locsnn_compile.report.content import Facts, Verdict
+from locsnn_compile.report.figures.document import ReportFigures
+from locsnn_compile.report.figures.latency import LatencyFigures, RealTime
+from locsnn_compile.report.format import plural, ratio, time
+from locsnn_compile.report.sections.verdict import counts_cores, pace
+
+QUESTION = "How fast at worst?"
+
+
+def worst_time(report: ReportFigures) -> Verdict:
+    """Say how long the slowest recording takes, and by what its time is known."""
+    latency = report.latency
+    if not latency.timed:
+        return Verdict(
+            question=QUESTION,
+            status="unknown",
+            answer="Not known",
+            figure="not known",
+            figure_label=f"profile {latency.profile} has no times of operations",
+            sentence="No operation has a time, so the time of a recording is not known.",
+            facts=(),
+        )
+    slowest = time(latency.over_samples_ns.max)
+    answer = "Cycles exact, on these recordings"
+    if counts_cores(report):
+        answer = "Modelled, on these recordings"
+    return Verdict(
+        question=QUESTION,
+        status="modelled",
+        answer=answer,
+        figure=slowest,
+        figure_label=f"the slowest of {plural(report.match.samples, 'recording')}",
+        sentence=f"The slowest recording takes {slowest}{_against_recorded(latency)}.",
+        facts=_facts(latency).facts,
+    )
+
+
+def _against_recorded(latency: LatencyFigures) -> str:
+    if latency.recording_ns is None:
+        return ""
+    return f", {pace(latency.over_samples_ns.max, latency.recording_ns)}"
+
+
+def _facts(latency: LatencyFigures) -> Facts:
+    after = latency.after_last_row_ns
+    return Facts.of(
+        {
+            "worst recording": f"recording {latency.worst_recording.recording}",
+            "answer": None if after is None else f"at most {time(after.max)} after the last row",
+            "slowest step": None if latency.real_time is None else slowest_step(latency.real_time),
+        }
+    )
+
+
+def slowest_step(real: RealTime) -> str | None:
+    """Compare the slowest step with the time between two rows of the sensor; None if it takes none."""
+    if not (real.slowest_step_ns and real.slowest_step_factor):
+        return None
+    return (
+        f"{time(real.slowest_step_ns)} of the {time(real.step_ns)} between two rows, "
+        f"{ratio(real.slowest_step_factor)} times faster"
+    )
