@@ -11,6 +11,7 @@ from hw_model.description.chip import Chip
 from hw_model.io.given import checked
 from hw_model.mapping.graph import Input, Phase, Readout
 from hw_model.mapping.placement import Slice
+from hw_model.mapping.recorded import RecordedChannels
 from hw_model.mapping.routing import AxonTables, InputRoute
 from hw_model.values import Frozen, IntArray, Shown
 
@@ -135,6 +136,8 @@ class ChipProgram(Shown):
     """The seconds of events at which step 0 begins, or ``first``: at the first event; None if unknown."""
     time_unit: str | None = None
     """The unit of times of events whose format has none: ns, us, ms or s; None if unknown."""
+    recorded: RecordedChannels | None = None
+    """The sensor of the training, where only some of its channels, or merged ones, are inputs."""
 
     def cores_of(self, phase: str) -> tuple[Core, ...]:
         """Return the cores that run in a phase."""

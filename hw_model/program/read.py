@@ -15,6 +15,7 @@ from hw_model.io.given import checked
 from hw_model.mapping.fan_in import SynapseFormat
 from hw_model.mapping.graph import Input, Phase, Readout, held
 from hw_model.mapping.placement import Slice
+from hw_model.mapping.recorded import recorded_of
 from hw_model.mapping.routing import AxonTables, InputRoute
 from hw_model.program.check import OF_SYNAPSES, check_program
 from hw_model.program.chip_program import ChipProgram, CompartmentProfile, Core
@@ -116,6 +117,7 @@ def _program(document: Mapping[str, Any], arrays: dict[str, IntArray]) -> ChipPr
         channel_order=_channel_order(document.get("channel_order")),
         start=_start(document.get("start")),
         time_unit=_time_unit(document.get("time_unit")),
+        recorded=recorded_of("program.yaml", document.get("recorded")),
     )
 
 

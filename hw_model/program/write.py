@@ -67,6 +67,7 @@ def program_document(program: ChipProgram) -> dict[str, Any]:
         **({"channel_order": program.channel_order} if program.channel_order else {}),
         **({} if program.start is None else {"start": program.start}),
         **({"time_unit": program.time_unit} if program.time_unit else {}),
+        **({"recorded": program.recorded.document()} if program.recorded else {}),
         **({"class_names": list(program.class_names)} if program.class_names else {}),
         "phases": [_given(asdict(phase)) for phase in program.phases],
         "inputs": [

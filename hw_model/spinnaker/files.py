@@ -14,6 +14,7 @@ from hw_model.io.files import parsing
 from hw_model.io.given import checked
 from hw_model.io.records import AT_LEAST_ONE, NOT_NEGATIVE, POSITIVE, RecordReader, between
 from hw_model.mapping.graph import AXES, MAX_LINES, MAX_STEPS, Input, Phase, Readout
+from hw_model.mapping.recorded import RecordedChannels
 from hw_model.program.sealed import (
     PROGRAM_NPZ,
     PROGRAM_YAML,
@@ -42,6 +43,7 @@ _OF_RECORDINGS = (
     "columns",
     "channel_order",
     "class_names",
+    "recorded",
 )
 _SYNAPSES = ("source_index", "target_index", "weight", "delay")
 
@@ -116,6 +118,7 @@ class SpinnakerDocument(Frozen):
     columns: Annotated[int | None, AT_LEAST_ONE] = None
     channel_order: Annotated[str | None, CHANNEL_ORDERS] = None
     class_names: tuple[str, ...] | None = None
+    recorded: RecordedChannels | None = None
 
 
 def spinnaker_files(program: SpinnakerProgram) -> dict[str, bytes]:
@@ -139,6 +142,8 @@ def spinnaker_files(program: SpinnakerProgram) -> dict[str, bytes]:
         optional["readout_tie_class"] = program.readout.tie_class
     if optional["class_names"]:
         optional["class_names"] = list(optional["class_names"])
+    if program.recorded is not None:
+        optional["recorded"] = program.recorded.document()
     return sealed_files(
         SPINNAKER_PROGRAM, VERSION, entries | _known(optional), spinnaker_arrays(program.network)
     )

@@ -8,6 +8,7 @@ from typing import Annotated
 from hw_model.errors import InputError, check_known, check_same
 from hw_model.io.records import AT_LEAST_ONE, NOT_NEGATIVE, POSITIVE
 from hw_model.mapping.graph import Input, Readout
+from hw_model.mapping.recorded import RecordedChannels
 from hw_model.spinnaker.chips import SpinnakerChip
 from hw_model.spinnaker.network import SpinnakerNetwork
 from hw_model.values import Shown
@@ -31,6 +32,7 @@ class SpinnakerProgram(Shown):
     columns: Annotated[int | None, AT_LEAST_ONE] = None
     channel_order: str | None = None
     class_names: tuple[str, ...] | None = None
+    recorded: RecordedChannels | None = None
     provenance: Mapping[str, str] = field(default_factory=dict)
     """Texts that a saved program carries: where it came from and how it was made."""
 

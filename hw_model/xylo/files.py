@@ -14,6 +14,7 @@ from hw_model.io.files import parsing
 from hw_model.io.given import checked
 from hw_model.io.records import AT_LEAST_ONE, NOT_NEGATIVE, POSITIVE, RecordReader, between
 from hw_model.mapping.graph import MAX_STEPS, Readout
+from hw_model.mapping.recorded import RecordedChannels
 from hw_model.program.sealed import (
     PROGRAM_NPZ,
     PROGRAM_YAML,
@@ -39,6 +40,7 @@ _OF_RECORDINGS = (
     "columns",
     "channel_order",
     "class_names",
+    "recorded",
 )
 _SHIFTS = ("shift_in", "shift_hidden", "shift_out")
 _WEIGHTS = ("weights_in", "weights_hidden", "weights_out")
@@ -69,6 +71,7 @@ class XyloDocument(Frozen):
     columns: Annotated[int | None, AT_LEAST_ONE] = None
     channel_order: Annotated[str | None, CHANNEL_ORDERS] = None
     class_names: tuple[str, ...] | None = None
+    recorded: RecordedChannels | None = None
 
 
 def xylo_files(program: XyloProgram) -> dict[str, bytes]:
@@ -95,7 +98,9 @@ def xylo_files(program: XyloProgram) -> dict[str, bytes]:
 
 
 def _plain(value: object) -> object:
-    """Return lists for tuples, as files hold them."""
+    """Return lists for tuples, and mappings for records, as files hold them."""
+    if isinstance(value, RecordedChannels):
+        return value.document()
     if isinstance(value, tuple):
         return [_plain(part) for part in value]
     return value

@@ -7,6 +7,7 @@ from typing import Annotated
 from hw_model.errors import InputError, check_same
 from hw_model.io.records import AT_LEAST_ONE, NOT_NEGATIVE, POSITIVE, between
 from hw_model.mapping.graph import MAX_STEPS, Readout
+from hw_model.mapping.recorded import RecordedChannels
 from hw_model.values import Frozen, Shown
 from hw_model.xylo.chips import XyloChip
 from hw_model.xylo.network import XyloNetwork
@@ -39,6 +40,7 @@ class XyloProgram(Shown):
     columns: Annotated[int | None, AT_LEAST_ONE] = None
     channel_order: str | None = None
     class_names: tuple[str, ...] | None = None
+    recorded: RecordedChannels | None = None
     provenance: Mapping[str, str] = field(default_factory=dict)
     """Texts that a saved program carries: where it came from and how it was made."""
 

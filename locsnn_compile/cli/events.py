@@ -13,7 +13,6 @@ No option restores the names of classes: a line says that they are left out.
 
 import argparse
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 from hw_model.io.files import replace_file
@@ -23,6 +22,7 @@ from locsnn_compile.cli.shell import say
 from locsnn_compile.cli.step_options import asked_reading, asked_sensor, assumption_lines
 from locsnn_compile.data.read import read_recordings, recording_parts
 from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.data.selection import asked_selection, selected_layout
 from locsnn_compile.data.sensor import SensorLayout
 from locsnn_compile.data.statistics import event_statistics
 from locsnn_compile.data.write import write_recordings
@@ -58,7 +58,7 @@ def _laid_out(args: argparse.Namespace) -> SensorLayout | None:
     sensor = asked_sensor(args)
     if sensor is None or not sensor.laid_out:
         return None
-    return replace(sensor, polarities=1) if args.merge_polarities else sensor
+    return selected_layout(sensor, asked_selection(args))
 
 
 def statistics_lines(found: Mapping[str, Any], binning: str | None) -> list[str]:

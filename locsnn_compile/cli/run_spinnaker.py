@@ -68,6 +68,7 @@ def expected_by(program: SpinnakerProgram) -> Expected:
         class_names=program.class_names,
         inputs=flat_channels(channels, program.polarities, program.columns, numbering, whose),
         numbering=numbering,
+        recorded=program.recorded,
     )
 
 

@@ -62,4 +62,5 @@ def expected_by(program: XyloProgram) -> Expected:
         class_names=program.class_names,
         inputs=flat_channels(channels, program.polarities, program.columns, numbering, whose),
         numbering=numbering,
+        recorded=program.recorded,
     )

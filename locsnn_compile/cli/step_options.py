@@ -11,7 +11,8 @@ from locsnn_compile.cli.options import given
 from locsnn_compile.data.channels import Channels, flat_channels, parse_numbering
 from locsnn_compile.data.read import read_in_chunks, read_recordings
 from locsnn_compile.data.recordings import BATCH, EventTimes, Expected, Recordings
-from locsnn_compile.data.sensor import SensorLayout, asked_layout
+from locsnn_compile.data.selection import SELECTING, asked_selection, selected_layout
+from locsnn_compile.data.sensor import POLARITIES, SensorLayout, asked_layout
 from locsnn_compile.errors import InputError, check_most, counted
 
 if TYPE_CHECKING:
@@ -30,6 +31,9 @@ FILE_OPTIONS = (
     "--polarities",
     "--columns",
     "--merge-polarities",
+    "--only-taxels",
+    "--only-polarity",
+    "--merge-channels",
 )
 """The options that say how files are read."""
 STEP_OPTIONS = ("--step-seconds", "--steps")
@@ -62,7 +66,7 @@ def reading_arguments(
 def file_reading(args: argparse.Namespace) -> dict[str, Any]:
     """Return what the options say of files and the sensor, as arguments of ``read_recordings``."""
     of_events = picked(args, "start", "time_unit", "max_steps", "classes")
-    reading = of_events | picked(args, "axes", "merge_polarities")
+    reading = of_events | picked(args, "axes", *SELECTING)
     sensor = asked_sensor(args)
     if sensor is not None:
         return reading | {"sensor": sensor}
@@ -72,9 +76,11 @@ def file_reading(args: argparse.Namespace) -> dict[str, Any]:
 def asked_sensor(args: argparse.Namespace) -> SensorLayout | None:
     """Return the sensor that the options describe, None if they do not.
 
-    Where polarities are merged there are two of them, unless the options say otherwise.
+    Where polarities are merged, or one is picked, there are two, unless the options say otherwise.
     """
-    polarities = 2 if args.polarities is None and args.merge_polarities else args.polarities
+    polarities = args.polarities
+    if polarities is None and (args.merge_polarities or args.only_polarity is not None):
+        polarities = POLARITIES
     if args.grid is None and args.layout is None and args.channels is None:
         return None
     return asked_layout(args.grid, polarities, args.channels, args.layout, args.columns)
@@ -183,6 +189,7 @@ def expected_by(program: hw.ChipProgram) -> Expected:
         _inputs_of(program),
         parse_numbering(program.channel_order),
         event_times=EventTimes(program.start, program.time_unit),
+        recorded=program.recorded,
     )
 
 
@@ -225,6 +232,7 @@ def on_sensor(network: "Network", args: argparse.Namespace) -> "Network":
     sensor = asked_sensor(args)
     if sensor is None or sensor.inputs is None or network.channel_order is None:
         return network
-    polarities = 1 if args.merge_polarities else sensor.polarities
-    inputs = replace(sensor.inputs, polarities=polarities, numbering=network.channel_order)
+    inputs = selected_layout(sensor, asked_selection(args)).inputs
+    assert inputs is not None  # its channels are known before some of them are selected
+    inputs = replace(inputs, numbering=network.channel_order)
     return replace(network, inputs=inputs) if inputs.count == network.channels else network

@@ -16,6 +16,7 @@ import numpy as np
 
 from hw_model.io.files import near, read_bytes
 from hw_model.io.given import checked
+from hw_model.mapping.recorded import ChannelSelection, RecordedChannels
 from hw_model.values import Frozen, IntArray
 from locsnn_compile.data.archives import archive_parts, is_archive, read_archive
 from locsnn_compile.data.arrays import labels_beside, read_arrays
@@ -26,7 +27,8 @@ from locsnn_compile.data.formats import event_format, read_suffixes
 from locsnn_compile.data.joining import described, join_channels, merged
 from locsnn_compile.data.members import PARTS
 from locsnn_compile.data.recordings import MAX_ELEMENTS, MAX_STEPS, OPEN, Expected, Recordings
-from locsnn_compile.data.sensor import SensorLayout, asked_layout
+from locsnn_compile.data.selection import selected, selected_count
+from locsnn_compile.data.sensor import POLARITIES, SensorLayout, asked_layout
 from locsnn_compile.data.sets import holds_sets, read_sets
 from locsnn_compile.errors import InputError, check_known, check_range
 
@@ -177,6 +179,9 @@ def read_recordings(
     grid: str | None = None,
     sensor: SensorLayout | None = None,
     merge_polarities: bool | None = None,
+    only_taxels: str | None = None,
+    only_polarity: int | None = None,
+    merge_channels: int | None = None,
     test_share: float | None = None,
     fold: int | None = None,
     classes: str | None = None,
@@ -206,7 +211,10 @@ def read_recordings(
       ``model``, or of the file, or else a known one: numbers, number words, or by name.
     - The sensor: ``sensor``, or ``grid`` (columns x rows, such as ``34x34``), or ``channels`` with ``columns`` if they
       are those of a grid, and ``polarities``, those that the sensor has. Other channels are refused.
-    - ``merge_polarities``: events and bins of both polarities of a pixel become one channel.
+    - ``merge_polarities``: events and bins of both polarities of a pixel become one channel. ``only_taxels``,
+      ``only_polarity`` and ``merge_channels`` pick and merge channels: see
+      :class:`hw_model.mapping.recorded.ChannelSelection`. Without any of them, recordings of the sensor on which
+      ``model`` was trained are read as its training read them.
 
     Raises ``InputError`` for anything that cannot be used, and for an option that contradicts the model or the file.
     """
@@ -217,11 +225,16 @@ def read_recordings(
         sensor = asked_layout(grid, polarities, channels, None)
     of_events = {"threshold": threshold, "start": start, "time_unit": time_unit}
     counts = of_events | {"polarities": polarities, "columns": columns}
+    selection = ChannelSelection(only_taxels, only_polarity, bool(merge_polarities), merge_channels)
+    trained = _as_trained(selection, sensor, model)
+    if trained is not None:
+        selection = trained.selection
+        sensor = sensor or _sensor_of(trained)
     if sensor is not None:
         channels, polarities, columns = sensor.channels, sensor.polarities, sensor.columns
     if channels is not None:
         counts = of_events
-    merge = bool(merge_polarities)
+    merge = selection.merge_polarities
     if merge and channels is not None and polarities is None:
         polarities = 2
     order = None if axes is None else parse_axes(axes, "axes")
@@ -242,17 +255,21 @@ def read_recordings(
     said = {"step_seconds": asked.step_seconds, "threshold": asked.threshold}
     agreed = model.agreed(**said, steps=steps) | {"steps": steps}
     if sensor is not None:
-        _check_sensor(sensor, model, merge=merge)
-    elif not merge:
+        _check_sensor(sensor, model, selection)
+    elif selection == ChannelSelection():
         model.agreed(channels=channels)
     divided = division.divides(path)
+    # What is picked or merged later is not yet in the channels of the model.
+    read_for = model
+    if not selection.merges_polarities_at_most:
+        read_for = replace(model, channels=None, inputs=None)
     binning = replace(
         asked,
         **agreed,
-        channels=_channels_of_events(asked, model, merge=merge),
+        channels=_channels_of_events(asked, read_for, merge=merge),
         most_steps=model.steps,
-        model_channels=model.channels,
-        model_inputs=model.inputs,
+        model_channels=read_for.channels,
+        model_inputs=read_for.inputs,
         merge_polarities=merge,
         usual_step_seconds=model.usual_step_seconds,
         usual_times=model.event_times,
@@ -272,18 +289,54 @@ def read_recordings(
                 f"{found.source!r} holds bins, not single events to count",
                 fix="Leave it out.",
             )
-    if channels is not None and (found.threshold is None or found.channels is None):
-        found = described(found, sensor or _layout(asked))
-    if merge:
-        found = merged(found)
+    if trained is None or not _has_inputs_of(model, found):
+        if channels is not None and (found.threshold is None or found.channels is None):
+            found = described(found, sensor or _layout(asked))
+        if merge:
+            found = merged(found)
+        found = selected(found, selection, polarities or POLARITIES)
+        if trained is not None:
+            found = found.assuming(_as_in_training(trained))
     model.check(found)
     found = join_channels(found, model)
     return found if steps is None else found.with_steps(steps)
 
 
-def _check_sensor(sensor: SensorLayout, model: Expected, *, merge: bool) -> None:
-    """Refuse a sensor with another number of channels than the model; ``merge``: both polarities become one."""
-    channels = sensor.channels // (sensor.polarities if merge else 1)
+def _as_trained(
+    selection: ChannelSelection, sensor: SensorLayout | None, model: Expected
+) -> RecordedChannels | None:
+    """Return how the training read its sensor, if the options leave that open; else None.
+
+    A ``sensor`` that has the channels of the model itself was read so before.
+    """
+    recorded = model.recorded
+    if recorded is None or selection not in (ChannelSelection(), recorded.selection):
+        return None
+    if sensor is not None and sensor.channels == model.channels:
+        return None
+    return recorded
+
+
+def _sensor_of(recorded: RecordedChannels) -> SensorLayout:
+    """Return the layout of a sensor of which the number of taxels is known."""
+    taxels = recorded.columns * recorded.rows
+    columns = recorded.columns if recorded.rows > 1 else None
+    return SensorLayout("of the training", taxels, recorded.polarities, columns=columns)
+
+
+def _has_inputs_of(model: Expected, recordings: Recordings) -> bool:
+    """Tell whether recordings in bins have the channels of a model already."""
+    return recordings.threshold is None and recordings.spikes.shape[2] == model.channels
+
+
+def _as_in_training(recorded: RecordedChannels) -> str:
+    """Return the sentence that says how channels were picked and merged."""
+    return f"Channels were read as in the training ({recorded.selection.options})."
+
+
+def _check_sensor(sensor: SensorLayout, model: Expected, selection: ChannelSelection) -> None:
+    """Refuse a sensor that has another number of channels than the model once they are selected."""
+    channels = selected_count(sensor.channels, sensor.polarities, selection)
     if model.channels is not None and channels != model.channels:
         what, measured = f"{model.whose} has other channels", f"{channels} against {model.channels}"
         fix = "Describe the sensor that it was made for."
@@ -357,7 +410,8 @@ def read_in_chunks(path: str, many: int, *, model: Expected, **asked: Any) -> It
     Other files are read at once, because their longest recording decides the length of all. A faulty recording is found
     when its turn comes.
     """
-    chunks = _chunks(Path(path), many, model) if {*asked.values()} == {None} else None
+    as_they_are = {*asked.values()} == {None} and model.recorded is None
+    chunks = _chunks(Path(path), many, model) if as_they_are else None
     return iter([read_recordings(path, model=model, **asked)]) if chunks is None else chunks
 
 

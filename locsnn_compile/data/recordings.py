@@ -11,6 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from hw_model.io.records import Must
+from hw_model.mapping.recorded import RecordedChannels
 from hw_model.values import AnyArray, ByteArray, Frozen, IntArray, Shown, picked, sealed
 from locsnn_compile.data.channels import Channels, Numbering
 from locsnn_compile.errors import InputError, check_same, counted
@@ -82,6 +83,7 @@ class Recordings(Shown):
     - ``class_names``: from class 0 on, if the classes have names
     - ``channels``: the pixels that the channels are, None if nothing says so
     - ``assumed``: what was taken where nothing said it, as sentences
+    - ``recorded``: the sensor, if the channels are some of its own, or merged
 
     Raises ``InputError`` for anything else.
     """
@@ -96,6 +98,7 @@ class Recordings(Shown):
     class_names: tuple[str, ...] | None = None
     channels: Channels | None = None
     assumed: tuple[str, ...] = ()
+    recorded: RecordedChannels | None = None
 
     def __post_init__(self) -> None:
         where = f"recordings {self.source!r}"
@@ -261,6 +264,7 @@ class Expected(Frozen):
     - ``steps``: length of a recording, None if any length will do; ``channels``
     - ``inputs``: the pixels that its channels are, and their ``numbering``, if only that is known; ``class_names``
     - ``event_times``: how events are timed where neither an option nor their format says it
+    - ``recorded``: the sensor that it was trained on, if its channels are some of the sensor's, or merged
     """
 
     whose: str
@@ -273,6 +277,7 @@ class Expected(Frozen):
     numbering: Numbering | None = None
     usual_step_seconds: float | None = None
     event_times: EventTimes = EventTimes()
+    recorded: RecordedChannels | None = None
 
     @property
     def kind(self) -> str:

@@ -115,7 +115,7 @@ def network_of(checkpoint: Checkpoint) -> Network:
         description.input, "channels", "steps", "step_seconds", "sensor", "event_threshold"
     )
     said |= picked(description, "name", "class_names") | picked(checkpoint, "sha256", "recordings")
-    said["event_times"] = checkpoint.event_times
+    said |= picked(checkpoint, "event_times", "recorded")
     if chip := checkpoint.chip:
         said["trained_on"] = {chip.target: astuple(chip.registers)}
     return parts.network(**said, psi=_psi(checkpoint))

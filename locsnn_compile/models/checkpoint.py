@@ -47,9 +47,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from hw_model.io.files import replace_file
+from hw_model.mapping.recorded import RecordedChannels
 from hw_model.values import AnyArray, Float32Array, Shown
 from locsnn_compile.data.event_stream import FIRST, TIME_UNITS
 from locsnn_compile.data.recordings import EventTimes, Recordings
+from locsnn_compile.data.selection import recorded_in
 from locsnn_compile.data.sensor import neutouch
 from locsnn_compile.data.torch_file import torch_bytes
 from locsnn_compile.errors import InputError
@@ -115,6 +117,11 @@ class Checkpoint(Shown):
         if known_start is None and known_unit is None:
             return None
         return EventTimes(known_start, known_unit)
+
+    @property
+    def recorded(self) -> RecordedChannels | None:
+        """The sensor of the recordings that it was trained on, where it got some of its channels, or merged ones."""
+        return recorded_in(self.training, self.description.input.channels)
 
     @property
     def float_weights(self) -> dict[str, Float32Array]:

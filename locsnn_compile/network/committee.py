@@ -25,6 +25,7 @@ _SHARED = (
     "inputs",
     "channel_order",
     "event_times",
+    "recorded",
 )
 """What members must agree on, unless it is None."""
 MOST_APART = 1_000_000

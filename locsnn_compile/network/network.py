@@ -14,6 +14,7 @@ import numpy as np
 from hw_model.io.records import AT_LEAST_ONE, NOT_NEGATIVE, between
 from hw_model.mapping.graph import AXES, MAX_LINES, MAX_STEPS, Axis, Phase
 from hw_model.mapping.graph import Readout as Readout
+from hw_model.mapping.recorded import RecordedChannels
 from hw_model.values import ByteArray, FloatArray, Frozen, IntArray, Shown
 from locsnn_compile.data.channels import Channels, Numbering
 from locsnn_compile.data.recordings import STEP_SECONDS, EventTimes, Expected, Recordings
@@ -185,6 +186,8 @@ class Network(Shown):
     """How its channels are numbered, if its user says so of a file that does not."""
     event_times: EventTimes | None = None
     """How the events that it was trained on were timed, if its file says so."""
+    recorded: RecordedChannels | None = None
+    """The sensor that it was trained on, where its channels are some of the sensor's, or merged."""
 
     def population(self, name: str) -> Population:
         """Return a population by name."""
@@ -234,7 +237,8 @@ class Network(Shown):
         usual = self.usual_step_seconds
         inputs = self.known_inputs, self.numbering
         expected = Expected(f"model {self.name!r}", *own, *inputs, usual_step_seconds=usual)
-        return replace(expected, event_times=self.event_times or EventTimes())
+        times = self.event_times or EventTimes()
+        return replace(expected, event_times=times, recorded=self.recorded)
 
     @property
     def stated_step_seconds(self) -> float | None:
@@ -275,6 +279,8 @@ class Network(Shown):
         if (known := self.known_inputs) is not None:
             entries["polarities"] = known.polarities
             entries["columns"] = known.columns if known.is_grid else None
+        if self.recorded is not None:
+            entries["recorded"] = self.recorded
         return entries
 
     def steps_of(self, phase: str) -> int:

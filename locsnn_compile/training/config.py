@@ -1,7 +1,6 @@
 """All options of a training run, in one frozen value that a YAML file can hold."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -11,6 +10,7 @@ from hw_model.io.yaml_text import read_mapping
 from hw_model.values import Frozen, Shown
 from locsnn_compile.data.event_stream import TIME_UNITS
 from locsnn_compile.data.recordings import MOST_STEPS
+from locsnn_compile.data.selection import asked_selection, selected_layout
 from locsnn_compile.data.sensor import MAX_CHANNELS, POLARITIES, SensorLayout, asked_layout
 from locsnn_compile.data.taxel_graph import GRAPHS
 from locsnn_compile.errors import InputError
@@ -152,8 +152,10 @@ class TrainingConfig(Shown, Checked, eq=True):
       prediction turns to the location branch; the checkpoint keeps it (None: not stated).
     - The sensor, by default NeuTouch: ``grid`` (columns x rows, such as 16x16), ``channels`` (with ``columns`` if they
       are those of a grid) or ``layout`` (a YAML file), with ``polarities`` (default: 2 for a grid, 1 for channels); see
-      :class:`locsnn_compile.data.sensor.SensorLayout`. ``merge_polarities``: the network gets one channel for both
-      polarities of a pixel. ``axes``: the order of the axes of arrays, if it is not that of files.
+      :class:`locsnn_compile.data.sensor.SensorLayout`. ``only_taxels``, ``only_polarity``, ``merge_polarities`` and
+      ``merge_channels`` select what the network gets of it: see
+      :class:`hw_model.mapping.recorded.ChannelSelection`. ``axes``: the order of the axes of arrays, if it is not
+      that of files.
     - ``align_events``: recordings start at the first step with at least this many events (None: at their first step).
       ``split``: the share of every class to test on, if recordings have no parts; ``fold``: its round, or the round of
       files of rows (None: 1). ``classes``: the names of classes from class 0 on, separated by commas.
@@ -234,6 +236,9 @@ class TrainingConfig(Shown, Checked, eq=True):
     layout: str | None = None
     columns: Annotated[int | None, between(1, MAX_CHANNELS)] = None
     merge_polarities: bool | None = None
+    only_taxels: str | None = None
+    only_polarity: Annotated[int | None, between(0, 1)] = None
+    merge_channels: Annotated[int | None, between(1, MAX_CHANNELS)] = None
     axes: str | None = None
     align_events: Annotated[int | None, between(1, 20_000), SPIKING] = None
     split: Annotated[float | None, between(0.001, 0.9)] = None
@@ -281,15 +286,17 @@ class TrainingConfig(Shown, Checked, eq=True):
     @property
     def recorded(self) -> SensorLayout | None:
         """The sensor of the recordings that is asked for; None for NeuTouch."""
-        merged = self.merge_polarities and self.polarities is None
-        polarities = POLARITIES if merged and self._describes_sensor else self.polarities
+        polarities = self.polarities
+        has_both = self.merge_polarities or self.only_polarity is not None
+        if polarities is None and has_both and self._describes_sensor:
+            polarities = POLARITIES
         return asked_layout(self.grid, polarities, self.channels, self.layout, self.columns)
 
     @property
     def sensor(self) -> SensorLayout | None:
-        """The sensor of the network, with one polarity if they are merged; None for NeuTouch."""
+        """The sensor of the network: of those channels that are read; None for NeuTouch."""
         recorded = self.recorded
-        return replace(recorded, polarities=1) if recorded and self.merge_polarities else recorded
+        return None if recorded is None else selected_layout(recorded, asked_selection(self))
 
     @property
     def _describes_sensor(self) -> bool:

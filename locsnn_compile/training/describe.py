@@ -7,11 +7,11 @@ from typing import Any
 from hw_model.values import picked
 from locsnn_compile.data.orders import location_order, order_text
 from locsnn_compile.data.recordings import MAX_STEPS, Recordings
+from locsnn_compile.data.selection import SELECTING
 from locsnn_compile.data.sensor import (
     POLARITIES,
     TAXELS,
     SensorLayout,
-    asked_layout,
     grid_layout,
     neutouch,
 )
@@ -28,7 +28,7 @@ from locsnn_compile.models.description import (
     XyloParameters,
 )
 from locsnn_compile.models.graph_and_windows import GraphParameters, WindowParameters
-from locsnn_compile.training.config import LOCATION_CONSTANTS, TrainingConfig
+from locsnn_compile.training.config import LOCATION_CONSTANTS, TrainingConfig, config_from_mapping
 
 
 def describe(
@@ -150,11 +150,14 @@ def fixed_by(start: NetworkDescription) -> dict[str, Any]:
     return found
 
 
+_OF_SENSOR = ("grid", "polarities", "channels", "layout", "columns", *SELECTING)
+"""Options that say what the sensor is, and what the network gets of it."""
+
+
 def check_fits_start(values: Mapping[str, Any], start: NetworkDescription) -> None:
     """Raise ``InputError`` for a given option that contradicts the network to start from."""
-    asked = asked_layout(
-        *(values.get(name) for name in ("grid", "polarities", "channels", "layout", "columns"))
-    )
+    of_sensor = {name: value for name, value in values.items() if name in _OF_SENSOR}
+    asked = config_from_mapping(of_sensor).sensor
     own = start.input.sensor
     if asked is not None and asked != own:
         what = "the network to start from has another layout"

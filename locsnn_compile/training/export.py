@@ -8,6 +8,7 @@ import numpy as np
 from hw_model.values import Frozen, IntArray, picked
 from locsnn_compile.data.read import stratified_split
 from locsnn_compile.data.recordings import Recordings
+from locsnn_compile.data.selection import recorded_entries
 from locsnn_compile.errors import counted
 from locsnn_compile.models.checkpoint import Checkpoint, Plain
 from locsnn_compile.training.chosen import Chosen
@@ -164,6 +165,8 @@ def export_checkpoint(
     pool = recordings if test is None else test
     kept = pool.subset(carried_rows(pool.labels, len(pool), carried)) if carried > 0 else None
     training = training_entry(result, config, recordings, test, confused, comparison)
+    if recordings.recorded is not None:
+        training |= recorded_entries(recordings.recorded)
     if chosen is not None and chosen.reasons:
         training |= {"chosen": chosen.text}
     if start is not None:

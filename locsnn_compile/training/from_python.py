@@ -18,6 +18,7 @@ from locsnn_compile.data.class_names import in_order_of
 from locsnn_compile.data.joining import on_one_sensor
 from locsnn_compile.data.read import read_recordings, recording_parts
 from locsnn_compile.data.recordings import OPEN, EventTimes, Expected, Recordings, same
+from locsnn_compile.data.selection import SELECTING
 from locsnn_compile.errors import InputError, check_same
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
@@ -31,6 +32,8 @@ from locsnn_compile.training.config import (
 
 _OF_FILES = ("classes", "time_unit", "max_steps")
 """Options that say how files are read."""
+_PICKING = ("only_taxels", "only_polarity", "merge_channels")
+"""Options that pick and merge channels of what is read."""
 
 
 def read_parts(
@@ -48,11 +51,12 @@ def read_parts(
             own.sensor.inputs,
             "yxp",
             event_times=start.event_times or EventTimes(),
+            recorded=start.recorded,
         )
     parts = [
         part for part in ("train", "test") if part in recording_parts(data, test_share=config.split)
     ]
-    asked = picked(config, "step_seconds", "steps", "axes", "merge_polarities", "fold", *_OF_FILES)
+    asked = picked(config, "step_seconds", "steps", "axes", "fold", *SELECTING, *_OF_FILES)
     asked["sensor"] = config.recorded
     asked["start"] = config.start_at
     asked |= {"threshold": config.event_threshold, "test_share": config.split, "model": model}
@@ -91,7 +95,7 @@ def all_classes(recordings: Recordings, test: Recordings | None) -> int | None:
 def _as_asked(part: Recordings, config: TrainingConfig) -> Recordings:
     """Return recordings in memory in the length asked for; ``InputError`` for options that only a file can follow."""
     theirs = {"step_seconds": part.step_seconds, "event_threshold": part.threshold}
-    for name in ("split", "fold", "axes", *_OF_FILES, *theirs):
+    for name in ("split", "fold", "axes", *_PICKING, *_OF_FILES, *theirs):
         asked, own = getattr(config, name), theirs.get(name)
         if asked is None or (name == "step_seconds" if own is None else same(asked, own)):
             continue

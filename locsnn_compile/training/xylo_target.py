@@ -40,7 +40,9 @@ def xylo_numbers(config: TrainingConfig, description: NetworkDescription) -> Xyl
 
 def _check_sizes(chip: XyloChip, description: NetworkDescription) -> None:
     """Refuse a network that is larger than its chip, before it learns."""
-    merge = "Merge polarities (--merge-polarities), or add up neighbouring channels."
+    merge = (
+        f"Merge polarities (--merge-polarities), or neighbours (--merge-channels {chip.inputs})."
+    )
     for what, count, limit, fix in (
         ("inputs", description.input.channels, chip.inputs, merge),
         ("hidden neurons", description.hidden, chip.hidden, "Give fewer (--hidden)."),

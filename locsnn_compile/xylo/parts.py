@@ -236,7 +236,7 @@ def _check_sizes(parts: XyloParts, chip: XyloChip) -> None:
     if inputs > chip.inputs:
         fix = (
             "Train on fewer channels: merge polarities (--merge-polarities), "
-            "or add up neighbouring channels."
+            f"or neighbours (--merge-channels {chip.inputs})."
         )
         raise TargetError(
             chip.name,

@@ -28,6 +28,9 @@ SENSOR_OPTIONS = (
     "--polarities",
     "--columns",
     "--merge-polarities",
+    "--only-taxels",
+    "--only-polarity",
+    "--merge-channels",
 )
 PYX = ("--channel-order", "pyx")
 

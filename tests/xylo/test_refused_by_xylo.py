@@ -229,7 +229,7 @@ REFUSED = {
     "17 inputs": (
         with_inputs(17),
         "xylo-audio3: too many inputs (17 against 16). Train on fewer channels: merge polarities "
-        "(--merge-polarities), or add up neighbouring channels.",
+        "(--merge-polarities), or neighbours (--merge-channels 16).",
     ),
     "a large convolution": (
         with_hidden(1000),

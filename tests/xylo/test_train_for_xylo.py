@@ -272,7 +272,7 @@ def test_recordings_of_too_many_channels_are_refused_before_training():
         lc.train(spikes, OPTIONS | {"channels": 17}, labels=[0, 1, 0, 1])
     assert str(error.value) == (
         "target 'xylo-imu': too many inputs (17 against 16). Merge polarities (--merge-polarities), or "
-        "add up neighbouring channels."
+        "neighbours (--merge-channels 16)."
     )
 
 

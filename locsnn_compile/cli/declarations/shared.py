@@ -129,6 +129,23 @@ def add_sensor(parser: argparse.ArgumentParser) -> None:
         default=None,
         help="make one channel of both polarities of a pixel",
     )
+    parser.add_argument(
+        "--only-taxels",
+        metavar="NUMBERS",
+        help="read these taxels alone, such as 13-24 or 1,5,9",
+    )
+    parser.add_argument(
+        "--only-polarity",
+        metavar="N",
+        type=number("--only-polarity", int, low=0, high=1),
+        help="read this polarity alone: 0 (rising) or 1 (falling)",
+    )
+    parser.add_argument(
+        "--merge-channels",
+        metavar="N",
+        type=number("--merge-channels", int, low=1),
+        help="make N channels of neighbouring ones, each 1 where any of them is",
+    )
 
 
 def add_numbering(parser: argparse.ArgumentParser) -> None:
