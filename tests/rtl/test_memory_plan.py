@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
+from plan_check import check
 from shipped import example_files, model_file
 
 import hw_model as hw
@@ -15,7 +16,6 @@ from hw_model.rtl.images import CoreProgram
 from hw_model.rtl.memory_needs import arrays_of, repeats
 from hw_model.rtl.memory_plan import Array, Piece, plan
 from locsnn_compile.cli.compile import main as compile_main
-from tests.energy.plan_check import check
 
 CHIP = hw.chip("locsnn-130nm")
 MACROS = {

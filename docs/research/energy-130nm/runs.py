@@ -27,7 +27,7 @@ from hw_model.engine.playing import read_streams
 from hw_model.rtl.cosimulation import words_of
 from hw_model.rtl.images import SIMULATED, CoreProgram, Sizes, sizes_for
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 LIBRARY = ROOT.parent / "shared/data/ihp-sg13g2"
 RECORDINGS = ROOT.parent / "shared/data/neutouch"
 CELLS = "sg13g2_stdcell_typ_1p20V_25C.lib"

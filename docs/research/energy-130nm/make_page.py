@@ -25,7 +25,7 @@ from locsnn_compile.report.pictures.chart import Curve, Panel, draw
 TEMPLATE = Path(__file__).parent / "page.txt"
 PAGE = runs.ROOT / "docs/research/energy-130nm.md"
 FRONT = runs.ROOT / "docs/research/images/energy-130nm-memories.svg"
-SEARCH = runs.ROOT / "docs/research/energy-130nm-memories.csv"
+SEARCH = runs.ROOT / "docs/research/energy-130nm/memories.csv"
 PRICES = (0.0, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 20.0, 50.0)
 ENDS = ("none", "modelled", "flat")
 """No wires, those of modules that are placed as blocks, and those of a flat layout."""

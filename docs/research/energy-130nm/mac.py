@@ -1,5 +1,7 @@
 """Picojoules of an 8-bit multiply-accumulate in the same cells and macros, with the memories that feed it."""
 
+from pathlib import Path
+
 import gates
 import netlist
 import numpy as np
@@ -89,7 +91,7 @@ def measure(files: runs.Library) -> dict[str, float]:
     folder = runs.KEPT / "mac"
     if not (folder / "netlist.json").exists():
         netlist.synthesise_module(
-            folder, "mac", [runs.ROOT / "tests/energy/mac.sv"], files.folder / runs.CELLS
+            folder, "mac", [Path(__file__).parent / "mac.sv"], files.folder / runs.CELLS
         )
     found = gates.circuit(netlist.load(folder / "netlist.json", "mac"), files.cells, {})
     area = sum(files.cells[i.type].area for i in found.netlist.instances)

@@ -1,6 +1,6 @@
 """Make the energy profile of `locsnn-130nm` from the libraries and gate-level activity, and check it on other recordings.
 
-make profile          # writes hw_model/chips/locsnn-130nm.yaml and docs/research/energy-130nm-check.csv
+make profile          # writes hw_model/chips/locsnn-130nm.yaml and docs/research/energy-130nm/check.csv
 """
 
 import argparse
@@ -22,7 +22,7 @@ import hw_model as hw
 from hw_model.rtl.images import layouts
 
 CHIP = runs.ROOT / "hw_model/chips/locsnn-130nm.yaml"
-CHECK = runs.ROOT / "docs/research/energy-130nm-check.csv"
+CHECK = runs.ROOT / "docs/research/energy-130nm/check.csv"
 SETS = {"Objects": "objects-hybrid-loihi", "Containers": "containers-hybrid-loihi"}
 MADE_FROM, QUIET, CHECKED_ON = 24, 8, 20
 SUPPLY = "1.2 V, 25 C, typical"

