@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import oracle
@@ -10,20 +10,42 @@ import oracle
 import hw_model as hw
 from hw_model.mapping.graph import CompartmentGraph
 
+Recordings = Mapping[str, np.ndarray]
+"""Recordings (batch, rows, channels) by stream."""
+
+
+def play_all(
+    graph: CompartmentGraph, chip: hw.Chip, spikes: Recordings, steps: int | None
+) -> list[oracle.Played]:
+    """Let the oracle play each recording."""
+    batch = len(next(iter(spikes.values())))
+    recordings = [{name: array[b] for name, array in spikes.items()} for b in range(batch)]
+    return [oracle.play(graph, chip, recording, steps) for recording in recordings]
+
 
 def check_oracle(
     program: hw.ChipProgram,
     graph: CompartmentGraph,
-    spikes: Mapping[str, np.ndarray],
+    spikes: Recordings,
     steps: int | None,
     engine: str,
 ) -> None:
-    """Play recordings (batch, rows, channels) by stream to a program, and to the graph that it was made of."""
+    """Play recordings to a program, and to the graph that it was made of."""
+    check_played(program, spikes, steps, engine, play_all(graph, program.chip, spikes, steps))
+
+
+def check_played(
+    program: hw.ChipProgram,
+    spikes: Recordings,
+    steps: int | None,
+    engine: str,
+    expected: Sequence[oracle.Played],
+) -> None:
+    """Play recordings to a program, of which the oracle has played the graph."""
     result = hw.simulate(program, spikes, steps, engine=engine, probe=oracle.KINDS)
+    assert len(result.per_recording) == len(expected)
     events: dict[str, dict[str, int]] = {}
-    for b, counts in enumerate(result.per_recording):
-        recording = {name: array[b] for name, array in spikes.items()}
-        wanted = oracle.play(graph, program.chip, recording, steps)
+    for b, (counts, wanted) in enumerate(zip(result.per_recording, expected, strict=True)):
         for kind in oracle.KINDS:
             for name, array in getattr(result, kind).items():
                 assert np.array_equal(array[b], wanted.arrays[kind][name]), (kind, name, b)

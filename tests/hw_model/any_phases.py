@@ -7,7 +7,9 @@ step; readouts of any populations with weights whose sums depend on their order.
 
 from __future__ import annotations
 
+from copy import deepcopy
 from dataclasses import dataclass, replace
+from functools import cache, lru_cache
 from typing import Any
 
 import any_program
@@ -59,9 +61,15 @@ class Case:
         return [name for name, kind in kinds.items() if len(kind) == 2]
 
 
+@cache
+def _file_of_loihi() -> dict[str, Any]:
+    """The chip file that others are drawn from, read once: YAML in Python takes longer than a short recording."""
+    return yaml.safe_load(any_program.LOIHI.document)
+
+
 def _chip(r: np.random.Generator, plain: bool) -> hw.Chip:
     """A chip as its file would give it; with ``plain`` it has the registers that the open core has."""
-    text = yaml.safe_load(any_program.LOIHI.document)
+    text = deepcopy(_file_of_loihi())
     text["limits"] |= {"compartment_profiles_per_core": 1024, "threshold_profiles_per_core": 1024}
     text["limits"]["synapse_formats_per_core"] = 256
     if r.random() < 0.5:
@@ -191,7 +199,13 @@ def _readout(r: np.random.Generator, names: list[str], plain: bool) -> Readout:
     return Readout(tuple(read), tuple(weights.tolist()), first)
 
 
+@lru_cache(maxsize=64)
 def case(seed: int, plain: bool = False) -> Case:
+    """Return :func:`drawn`, and keep it: several tests play the same seeds, and to draw one takes longer than to play."""
+    return drawn(seed, plain)
+
+
+def drawn(seed: int, plain: bool = False) -> Case:
     """A program of several phases and up to nine recordings for it; with ``plain`` mostly one that the open core has."""
     r = np.random.default_rng(seed)
     chip = _chip(r, plain)

@@ -114,8 +114,11 @@ def test_engines_and_totals(seed, tmp_path):
 @pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize("seed", QUICK)
 def test_a_batch_after_one_recording(seed):
-    """Machine code is kept for the kinds of arrays that one recording has; a batch must have the same."""
-    case = any_phases.case(seed)
+    """Machine code is kept for the kinds of arrays that one recording has; a batch must have the same.
+
+    No other test has played this program: what the engine lays out for it is kept, too.
+    """
+    case = any_phases.drawn(seed)
     one = {name: array[:1] for name, array in case.spikes.items()}
     several = {name: np.concatenate([array] * 2) for name, array in case.spikes.items()}
     for given in (one, several):
