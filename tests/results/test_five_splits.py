@@ -12,6 +12,7 @@ import pytest
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.training.config import TrainingConfig
 
+STUDY = Path(__file__).parents[2] / "docs/research/results"
 CLASSES = 20
 TRAIN_OF_CLASS = 12
 TEST_OF_CLASS = 3
@@ -20,7 +21,7 @@ CHANNELS = 10
 
 @pytest.fixture(autouse=True)
 def own_folder(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.syspath_prepend(str(Path(__file__).parent))
+    monkeypatch.syspath_prepend(str(STUDY))
 
 
 def numbered(numbers: range, of_class: int, source: str) -> Recordings:

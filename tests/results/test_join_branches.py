@@ -18,12 +18,14 @@ from locsnn_compile.training.export import export_checkpoint, training_entry
 from locsnn_compile.training.measure import class_scores
 from locsnn_compile.training.train import train
 
+STUDY = Path(__file__).parents[2] / "docs/research/results"
+
 
 @pytest.mark.parametrize("scales", [(1.0,), (1.0, 5.0)], ids=["one network of windows", "two"])
 def test_the_sum_is_that_of_log_probabilities(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, scales: tuple[float, ...]
 ) -> None:
-    monkeypatch.syspath_prepend(str(Path(__file__).parent))
+    monkeypatch.syspath_prepend(str(STUDY))
     from join_branches import main
 
     made = synthetic_touches(12, steps=40, classes=3, seed=2)
@@ -55,7 +57,7 @@ def test_the_sum_is_that_of_log_probabilities(
 def test_a_hybrid_on_the_chips_integers_keeps_them(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.syspath_prepend(str(Path(__file__).parent))
+    monkeypatch.syspath_prepend(str(STUDY))
     from join_branches import main
 
     made = synthetic_touches(12, steps=40, classes=3, seed=2)

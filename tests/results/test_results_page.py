@@ -16,12 +16,12 @@ import pytest
 from locsnn_compile.cli.shell import add_command
 from locsnn_compile.data.read import read_recordings
 
-HERE = Path(__file__).parent
+STUDY = Path(__file__).parents[2] / "docs/research/results"
 
 
 @pytest.fixture(autouse=True)
 def own_folder(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.syspath_prepend(str(HERE))
+    monkeypatch.syspath_prepend(str(STUDY))
 
 
 def figures(**own: Any) -> dict[str, Any]:
@@ -203,7 +203,7 @@ def test_the_pages_are_those_of_their_tables_and_templates(tmp_path: Path) -> No
     from results_page import pages, write_tables
     from tables import kept
 
-    docs = HERE.parents[1] / "docs/research"
+    docs = STUDY.parent
     shutil.copytree(docs / "results", tmp_path / "results")
     splits = kept(docs / "results/splits.csv")
     found = pages(write_tables({}, tmp_path / "results"), splits)
@@ -220,7 +220,7 @@ def test_long_tables_are_files_next_to_the_page(work: Path) -> None:
     assert {path.stem for path in (work / "results").iterdir()} == {*TABLES}
     written = (work / "results/confusions.csv").read_text(encoding="utf-8")
     assert written.splitlines()[1] == '"Hybrid, lambda 1, loop, Containers",2,2 taken for 1: 2'
-    kept = HERE.parents[1] / "docs/research/results"
+    kept = STUDY
     tried = {"tried-hybrid", "tried-training", "tried-windows"}
     assert {path.stem for path in kept.glob("*.csv")} == {
         *TABLES,
@@ -308,7 +308,7 @@ def test_commands_of_a_joined_row_train_its_parts_on_the_whole_train_part(
         assert args.from_model == ("hybrid.pt" if part == row.further else None)
     assert (
         joined
-        == f"python tests/results/join_branches.py {files} -o {name}.pt --test Ev-Objects.zip"
+        == f"python docs/research/results/join_branches.py {files} -o {name}.pt --test Ev-Objects.zip"
     )
 
 
@@ -334,7 +334,7 @@ def test_slip_recordings_are_written_where_the_commands_look(tmp_path: Path) -> 
     from measure_run import parts
     from result_rows import DATASETS
 
-    subprocess.run([sys.executable, HERE / "slip_recordings.py"], cwd=tmp_path, check=True)
+    subprocess.run([sys.executable, STUDY / "slip_recordings.py"], cwd=tmp_path, check=True)
     for name, wanted in zip(
         ("slip.npz", "slip-test.npz"), parts(tmp_path, DATASETS["slip"]), strict=True
     ):

@@ -12,12 +12,12 @@ import pytest
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.synthetic import synthetic_touches
 
-HERE = Path(__file__).parent
+STUDY = Path(__file__).parents[2] / "docs/research/results"
 
 
 @pytest.fixture(autouse=True)
 def own_folder(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.syspath_prepend(str(HERE))
+    monkeypatch.syspath_prepend(str(STUDY))
 
 
 @pytest.mark.parametrize("per_class", [12, 13])
@@ -38,7 +38,7 @@ def test_every_recording_is_held_out_once_and_classes_are_spread(per_class: int)
 def test_ways_are_ones_that_train(dataset: str) -> None:
     from ways import Coarse, Committee, Distilled, Setting, settings_of
 
-    known = settings_of(HERE / "tried_settings.yaml")
+    known = settings_of(STUDY / "tried_settings.yaml")
     for way in known.values():
         if isinstance(way, Committee):
             assert set(way.members) <= set(known)

@@ -21,7 +21,7 @@ from locsnn_compile.training.config import TrainingConfig, config_from_mapping, 
 from locsnn_compile.training.measure import class_scores
 from locsnn_compile.training.train import train
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 FOLDS = 4
 Floats = NDArray[np.float64]
 Rows = NDArray[np.int64]

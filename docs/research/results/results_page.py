@@ -262,7 +262,7 @@ def pages(tables: Mapping[str, Table], splits: Table | None) -> dict[str, str]:
         for key, label in short.items()
         for name in ("objects", "containers")
     }
-    return {name: _filled(f"{name}_template.md", values) for name in ("results", "operations")}
+    return {name: _filled(f"{name}_page.txt", values) for name in ("results", "operations")}
 
 
 def _on_page(table: Table) -> Table:

@@ -1,6 +1,6 @@
 """The paper's hybrid on five splits of all recordings: `docs/research/results/splits.csv`.
 
-    python tests/results/five_splits.py --data FOLDER
+    python docs/research/results/five_splits.py --data FOLDER
 
 The paper divides all of its recordings five times (80/20) and trains one network on each split. Here the train part and
 the test part of a public set are joined and divided in five rounds, as ``locsnn train --split 0.2 --fold 1`` to ``5``
@@ -26,7 +26,7 @@ from locsnn_compile.data.read import Division
 from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 TEST_SHARE = 0.2
 ROUNDS = range(1, 6)
 RECORDED = ("objects", "containers")

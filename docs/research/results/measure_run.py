@@ -26,7 +26,7 @@ from locsnn_compile.training.train import train
 from locsnn_compile.verification.observation import Observed
 from locsnn_compile.verification.over_time import OverTime, over_time
 
-CONFIGS = Path(__file__).parents[2] / "examples/configs"
+CONFIGS = Path(__file__).parents[3] / "examples/configs"
 
 
 def parts(data: Path, dataset: Dataset) -> tuple[Recordings, Recordings]:

@@ -1,6 +1,6 @@
 """Train the thirteen made-up sensors with default options, and write the table of docs/research/first-try.md.
 
-    python tests/results/first_try.py RECORDINGS docs/research/results/first-try.csv --seeds 0 1 2
+    python docs/research/results/first_try.py RECORDINGS docs/research/results/first-try.csv --seeds 0 1 2
 
 RECORDINGS is what ``thirteen_sensors.py`` wrote. A row that the table has is not trained again, so a run that was
 stopped goes on. The test part is played once, to the program of the chip; nothing is chosen by it.

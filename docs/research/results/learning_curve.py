@@ -1,6 +1,6 @@
 """How accuracy grows with the recordings to learn from: `docs/research/results/learning-curve.csv`, and its picture.
 
-    python tests/results/learning_curve.py --data FOLDER
+    python docs/research/results/learning_curve.py --data FOLDER
 
 The recipe of the best network of windows of each set learns from shares of three stratified folds of the train part, and is
 measured on the fourth after its last epoch. **The test part is never read.** A smaller share is part of the larger ones. Figures

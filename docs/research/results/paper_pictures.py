@@ -1,6 +1,6 @@
 """Pictures and the table of the published paper that need no network, or only figures that are there.
 
-    python tests/results/paper_pictures.py --data FOLDER
+    python docs/research/results/paper_pictures.py --data FOLDER
 
 The orders drawn on the taxels, operations as bars, confusions with containers and fill levels apart, how training went, energy
 against accuracy, learning curves, and a table of the data. What a picture needs and is not there leaves it as it is.
@@ -30,7 +30,7 @@ from locsnn_compile.data.orders import location_order
 from locsnn_compile.data.read import read_recordings
 from locsnn_compile.data.sensor import TAXEL_COORDINATES_MM, neutouch
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 BLUE, ORANGE, GREEN, VIOLET = "#2f81c7", "#d98324", "#3f9c5a", "#8a4fbf"
 ORDERS = ("loop", "arch", "whorl")
 CONTAINERS, LEVELS = 4, 5

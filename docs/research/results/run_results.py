@@ -1,6 +1,6 @@
 """Everything that ``make results`` does: train and measure every row of the results over five seeds, then write the pages.
 
-    python tests/results/run_results.py --data FOLDER
+    python docs/research/results/run_results.py --data FOLDER
 
 ``FOLDER`` holds Ev-Objects.zip and Ev-Containers.zip. Every network and its figures are files under ``--work``: what is
 there is not made again, and a killed training goes on, so the script takes up where it was stopped. All of it takes many
@@ -19,7 +19,7 @@ from result_rows import DATASETS, ROW_NAMES, ROWS, SEEDS
 from results_page import pages, read, write_tables
 from tables import kept
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 
 
 def main() -> None:

@@ -1,6 +1,6 @@
 """What the results page says beyond accuracy: broken sensors, answers before the end, and energy against accuracy.
 
-    python tests/results/chip_studies.py --data FOLDER [--only robustness]
+    python docs/research/results/chip_studies.py --data FOLDER [--only robustness]
 
 Everything is played on the chip's integers with the test part, by the networks that ship and those of ``run_results.py``. Nothing
 is chosen here; only networks that hold a validation part back, for margins, are trained. Figures and networks are files under

@@ -2,7 +2,7 @@
 
     locsnn train --data Ev-Objects.zip --config examples/configs/objects-hybrid.yaml --validation-fraction 0 -o hybrid.pt
     locsnn train --data Ev-Objects.zip --config examples/configs/objects-window-snn.yaml --validation-fraction 0 -o windows.pt
-    python tests/results/join_branches.py hybrid.pt windows.pt -o joined.pt
+    python docs/research/results/join_branches.py hybrid.pt windows.pt -o joined.pt
 
 Each network's class scores, times the `count_scale` of its training, are logarithms of probabilities. The joined network adds
 them: the potentials of the windows are brought to the units of spikes. Several networks of windows are averaged first, which makes

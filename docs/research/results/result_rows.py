@@ -275,7 +275,10 @@ def command(row: Row, dataset: Dataset, seed: int) -> str:
             joined[0] = row.further
         files = " ".join(f"{part}.pt" for part in joined)
         return " && ".join(
-            [*made, f"python tests/results/join_branches.py {files} -o {row.name}.pt --test {data}"]
+            [
+                *made,
+                f"python docs/research/results/join_branches.py {files} -o {row.name}.pt --test {data}",
+            ]
         )
     flags = [f"{FLAGS[name]} {value}" for name, value in row.options.items()]
     return " ".join(

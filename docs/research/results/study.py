@@ -16,7 +16,7 @@ import locsnn_compile as lc
 from locsnn_compile.data.read import read_recordings
 from locsnn_compile.data.recordings import Recordings
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 MODELS = ROOT / "examples/models"
 
 

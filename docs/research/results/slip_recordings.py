@@ -1,6 +1,6 @@
 """Write the synthetic slip recordings of the results, ``slip.npz`` to learn from and ``slip-test.npz``, here.
 
-python tests/results/slip_recordings.py
+python docs/research/results/slip_recordings.py
 """
 
 from __future__ import annotations

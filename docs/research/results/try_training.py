@@ -1,6 +1,6 @@
 """Compare ways of training on the train parts of the recordings: what `docs/research/results/tried-training.csv` holds.
 
-    python tests/results/try_training.py --data FOLDER --dataset containers --repeats 2 --names base near
+    python docs/research/results/try_training.py --data FOLDER --dataset containers --repeats 2 --names base near
 
 The train part is divided into four stratified folds, ``--repeats`` times. Each way of ``tried_settings.yaml`` learns from three of
 them and is measured on the fourth after its last epoch, so that nothing is chosen on what measures. **The test part is never read.**
