@@ -213,10 +213,10 @@ def recorded_entries(recorded: RecordedChannels) -> dict[str, Any]:
 
 def recorded_in(training: Mapping[str, Any], channels: int) -> RecordedChannels | None:
     """Return what the entries of a training say; None where they do not make so many channels."""
-    sizes = {name: training.get(f"recorded_{name}") for name in _SIZES}
+    sizes: dict[str, Any] = {name: training.get(f"recorded_{name}") for name in _SIZES}
     if None in sizes.values():
         return None
-    values = {name: training.get(name) for name in SELECTING}
+    values: dict[str, Any] = {name: training.get(name) for name in SELECTING}
     values["merge_polarities"] = values["merge_polarities"] is True
     # A checkpoint is a file of a stranger, and its training is only what it says of itself.
     try:

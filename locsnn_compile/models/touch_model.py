@@ -94,6 +94,10 @@ class TouchModel(nn.Module):
     def begin(self, spikes: ByteArray) -> None:
         """Note what must be known about the recordings (samples, steps, channels) before learning from them."""
 
+    def rate_shares(self) -> dict[str, float]:
+        """Return, by name, the share of the learning rate at which weights learn that learn at another than all."""
+        return {}
+
     def hidden_spikes(self, activity: Mapping[str, Tensor]) -> list[Tensor]:
         """Return the spikes (batch, steps, n) of every hidden population, given the result of ``forward``."""
         return []

@@ -9,8 +9,9 @@ every spike and every register is the chip's. Backward, with charges in threshol
     ds(t) / dv(t) = exp(-(1 - v(t)) / window) below the threshold, and 1 above it
 
 Rounding passes the gradient straight through (Bengio et al. 2013). Above the threshold a neuron sends a spike for each
-threshold of potential, so a slope of 1 is that of the staircase. What a spike takes from the potential counts as
-constant: otherwise a neuron above its threshold would pass no gradient on to earlier steps.
+threshold of potential, so a slope of 1 is that of the staircase. What a spike takes from the potential is not there in
+later steps, and the gradient says so too: a charge makes so many spikes, once. Were it taken as constant, a charge
+would seem to make spikes in all the steps that a potential lasts, dozens of times too many.
 """
 
 from collections.abc import Mapping
@@ -30,8 +31,11 @@ from locsnn_compile.models.xylo_entry import XyloNumbers, XyloSynapses
 
 INTO_HIDDEN, AMONG_HIDDEN, ONTO_OUTPUTS = "time_hidden", "time_recurrent", "time_output"
 """The names of the three groups of synapses."""
-RECURRENT_SHARE = 0.2
+RECURRENT_SHARE = 0.1
 """Weights among hidden neurons start at this share of the others, so that activity does not feed itself."""
+RECURRENT_RATE = 0.05
+"""They also learn at this share of the rate, for the same reason. Each step of the optimizer moves all weights by as
+much; there are as many onto a hidden neuron as hidden neurons, and a spike comes back through them."""
 
 
 def rounded(weight: Tensor, synapses: XyloSynapses) -> Tensor:
@@ -142,11 +146,12 @@ def _back_through(
     di = torch.zeros_like(of_spikes[:, 0])
     dv = torch.zeros_like(di)
     next_charge = torch.zeros_like(di)
+    left_by_spikes = kept_v * (1.0 - slope)
     for t in range(of_spikes.shape[1] - 1, -1, -1):
         ds = of_spikes[:, t]
         if recurrent is not None:
             ds = ds + next_charge @ recurrent
-        dv = ds * slope[:, t] + kept_v * dv
+        dv = ds * slope[:, t] + left_by_spikes[:, t] * dv
         di = dv + kept_i * di
         # A charge decays in the very step in which it arrives.
         next_charge = kept_i * di
@@ -247,6 +252,10 @@ class XyloSnn(TouchModel):
     def scores(self, activity: Mapping[str, Tensor]) -> dict[str, Tensor]:
         """Return spikes a class, (batch, classes)."""
         return {"time": activity[ONTO_OUTPUTS].sum(dim=1)}
+
+    def rate_shares(self) -> dict[str, float]:
+        """Return the share at which weights among hidden neurons learn."""
+        return {AMONG_HIDDEN: RECURRENT_RATE}
 
     def hidden_spikes(self, activity: Mapping[str, Tensor]) -> list[Tensor]:
         """Return the spikes of hidden neurons."""

@@ -9,10 +9,11 @@ from copy import deepcopy
 from dataclasses import asdict, replace
 from itertools import chain
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from hw_model.io.files import replace_file
 from hw_model.values import ByteArray, Float32Array, Frozen, IntArray
@@ -64,6 +65,8 @@ from locsnn_compile.training.xylo_target import xylo_numbers
 
 MOMENTUM = 0.9
 """Momentum of the optimizer sgd."""
+RATE_SHARE = "rate_share"
+"""Where a group of the optimizer keeps its share of the learning rate."""
 _PHASES = {"select": 1, "refit": 2}
 
 
@@ -265,7 +268,7 @@ class _Phase:
         if run.config.optimizer == PROTOTYPES:
             return self.compute(epoch)
         for group in self.optimizer.param_groups:
-            group["lr"] = rate
+            group["lr"] = rate * group.get(RATE_SHARE, 1.0)
         total = 0.0
         for x, y in self.drawn(epoch):
             placed, of_them = (torch.from_numpy(values).to(run.config.device) for values in (x, y))
@@ -344,12 +347,23 @@ def _weights(network: TouchModel) -> dict[str, Tensor]:
 
 
 def _optimizer(network: TouchModel, config: TrainingConfig) -> torch.optim.Optimizer:
-    weights, rate, decay = network.parameters(), config.learning_rate, config.weight_decay
+    weights = _learning_together(network)
+    rate = config.learning_rate
+    decay = config.weight_decay
     if config.optimizer == "adamw":
         return torch.optim.AdamW(weights, lr=rate, weight_decay=decay, fused=True)
     if config.optimizer == "sgd":
         return torch.optim.SGD(weights, lr=rate, momentum=MOMENTUM, weight_decay=decay)
     return torch.optim.RMSprop(weights, lr=rate, weight_decay=decay, foreach=True)
+
+
+def _learning_together(network: TouchModel) -> list[dict[str, Any]]:
+    """Return the weights that learn at the same share of the rate, share by share."""
+    shares = network.rate_shares()
+    weights_of_share: dict[float, list[nn.Parameter]] = {}
+    for name, weight in network.named_parameters():
+        weights_of_share.setdefault(shares.get(name, 1.0), []).append(weight)
+    return [{"params": own, RATE_SHARE: share} for share, own in weights_of_share.items()]
 
 
 @contextmanager

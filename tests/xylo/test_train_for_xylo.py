@@ -12,6 +12,7 @@ from xylo_oracle import play
 
 import locsnn_compile as lc
 from hw_model.xylo.playing import rows_of
+from locsnn_compile.data.recordings import Recordings
 from locsnn_compile.data.sensor import SensorLayout
 from locsnn_compile.models.checkpoint import Checkpoint
 from locsnn_compile.models.checkpoint_reader import read_checkpoint
@@ -20,6 +21,8 @@ from locsnn_compile.models.networks import build_network
 from locsnn_compile.models.xylo_entry import XyloNumbers, XyloSynapses
 from locsnn_compile.models.xylo_network import XyloSnn, network_of_integers
 from locsnn_compile.network.network import Network
+from locsnn_compile.training.config import config_from_mapping
+from locsnn_compile.training.train import train
 
 CHANNELS = 7
 STEPS = 24
@@ -117,9 +120,11 @@ def by_equations(
         oi = out_i * (oi + s @ onto.T)
         ov = out_v * ov + oi
         output = ov * slope_at(played.output_potential[:, t], model.neuron.window)
+        ov = ov - output
         i = kept_i * (i + played.rows[:, t] @ into.T + s @ among.T)
         v = kept_v * v + i
         drive = v * slope_at(played.hidden_potential[:, t], model.neuron.window)
+        v = v - drive
         # The value is the chip's, and the gradient that of the drive.
         s = played.hidden[:, t] + drive - drive.detach()
         loss = loss + (s * of_hidden[:, t]).sum() + (output * of_outputs[:, t]).sum()
@@ -184,6 +189,21 @@ def test_a_network_learns_in_the_integers_of_a_xylo(trained):
     checkpoint = read_checkpoint(trained)
     assert checkpoint.description.architecture == "xylo-snn"
     assert checkpoint.training["validation_accuracy"] == 1.0
+
+
+def test_weights_among_hidden_neurons_learn_at_a_twentieth_of_the_rate(tmp_path):
+    spikes, labels = bands(8)
+    config = config_from_mapping(OPTIONS | {"epochs": 2, "schedule": "constant", "refit": False})
+
+    state_path = tmp_path / "run.state"
+    train(Recordings(spikes, labels, 0.01, "bands"), config, state_path=state_path, save_every=1)
+
+    groups = torch.load(state_path, weights_only=True)["optimizer"]["param_groups"]
+    # Onto hidden neurons and outputs at the rate itself, among hidden neurons more slowly.
+    assert [(group["lr"], len(group["params"])) for group in groups] == [
+        (0.03, 2),
+        (pytest.approx(0.0015), 1),
+    ]
 
 
 def test_the_program_has_the_integers_of_the_checkpoint(trained):
