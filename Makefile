@@ -21,9 +21,9 @@ soak: .venv/installed-dev  ## the tests on new examples: in every other run, hyp
 floors: .venv/installed-dev  ## the main job with the lowest and the newest versions of all that it needs (QUICK=1: the lowest alone)
 	$(BIN)/python tests/floors/play.py $(if $(QUICK),--lowest)
 
-peers: .venv/installed-dev  ## compare the engine with public simulators, each in an environment of its own
-	$(BIN)/python tests/peers/make_environments.py
-	$(BIN)/pytest tests/peers -m peers
+peers: .venv/installed-dev  ## compare the engines with public simulators, each in an environment of its own (ONLY="NAME ...": those alone)
+	$(BIN)/python tests/peers/make_environments.py $(ONLY)
+	$(BIN)/pytest tests/peers -m peers --capture=no
 
 bench: .venv/installed-dev  ## measure speed and memory next to public simulators; writes docs/research/benchmarks.md (QUICK=1: only tries it; BASE=REV: the command against an earlier commit)
 	$(BIN)/python tests/benchmarks/run.py $(if $(QUICK),--quick) $(if $(BASE),--against $(BASE))

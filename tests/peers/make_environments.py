@@ -1,7 +1,7 @@
 """Make one environment for each peer under ``.peers/``, or write down why it cannot be made.
 
 The peers' requirements exclude each other's and ours, so none is ever imported by this project. Running this again
-makes only what is missing or has another recipe. A patch is a line of a peer that a later Python refuses; the file is
+makes only what is missing or has another recipe; with names, only these. A patch is a line of a peer that a later Python refuses; the file is
 known by its hash, and another one is left alone.
 """
 
@@ -127,5 +127,5 @@ def _note(name: str) -> Path:
 
 
 if __name__ == "__main__":
-    for environment in RECIPES:
+    for environment in sys.argv[1:] or RECIPES:
         print(f"{environment}: {make(environment) or 'ready'}", flush=True)

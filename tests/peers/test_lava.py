@@ -10,30 +10,24 @@ import os
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 from make_environments import python_of, why_missing
+from recorded_sets import RECORDINGS, few_recordings, shipped_network
 
 import hw_model as hw
 import locsnn_compile as lc
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "lava"))
 from lava_folders import arrays_of, cases, differences, write_folder
-from lava_programs import Case
 from record_lava import DRIVER, ask_lava
 
 pytestmark = pytest.mark.peers
 
-ROOT = Path(__file__).parents[2]
 PROGRAMS = int(os.environ.get("LOCSNN_LAVA_PROGRAMS", "60"))
 PROGRAMS_OF_MODELS = int(os.environ.get("LOCSNN_LAVA_MODELS", "1000"))
 MODELS = Path(__file__).parent / "drive_lava_models.py"
-SHIPPED = {
-    "objects-hybrid": "touches.npz",
-    "containers-hybrid": "touches.npz",
-    "two-fingertips": "two-fingertips.npz",
-}
-"""The shipped networks that Lava can play, lowered by ``reset``, with recordings for their channels."""
+SHIPPED = ("objects-hybrid", "containers-hybrid", "two-fingertips")
+"""The shipped networks that Lava can play, lowered by ``reset``."""
 
 
 @pytest.fixture(autouse=True)
@@ -73,21 +67,22 @@ def test_random_programs_and_edges_play_as_in_lava(driver, count, tmp_path):
     assert spikes > 50 * count
 
 
-def shipped_case(model: str, recordings: str, number: int) -> Case:
-    """Return a shipped network as compiled, and one recording."""
-    network = lc.load(ROOT / "examples/models" / f"{model}.pt")
-    compiled = lc.compile(network, strategy="reset", diagnosis=False)
+@pytest.mark.parametrize(
+    ("driver", "most"),
+    [
+        pytest.param(DRIVER, 2, id="Lava as a whole"),
+        pytest.param(MODELS, RECORDINGS, id="its models in one process"),
+    ],
+)
+@pytest.mark.parametrize("model", SHIPPED)
+def test_shipped_networks_play_as_in_lava(model, driver, most, tmp_path):
+    recordings = few_recordings(model)
+    compiled = lc.compile(shipped_network(model), strategy="reset", diagnosis=False)
     program = compiled.program
     assert isinstance(program, hw.ChipProgram)
-    spikes = lc.read_recordings(ROOT / "examples/recordings" / recordings).spikes
-    return program, np.asarray(spikes[number])
-
-
-@pytest.mark.parametrize("model", SHIPPED)
-def test_shipped_networks_play_as_in_lava(model, tmp_path):
-    for number in range(2):
-        case = shipped_case(model, SHIPPED[model], number)
-        write_folder(tmp_path / "folders" / str(number), case)
-    compared, spikes = compare(tmp_path / "folders")
-    print(f"\nlava: {model}, {compared:,} values, 0 differ ({spikes:,} spikes)")
+    for number, recording in enumerate(recordings.spikes[:most]):
+        write_folder(tmp_path / "folders" / str(number), (program, recording))
+    compared, spikes = compare(tmp_path / "folders", driver)
+    played = f"{min(most, len(recordings))} recordings, {compared:,} values, 0 differ"
+    print(f"\nlava: {model}, {played} ({spikes:,} spikes)")
     assert spikes > 100
