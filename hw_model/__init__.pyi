@@ -2,6 +2,7 @@ from .accounting.activity import StepActivity as StepActivity
 from .accounting.cost import Latency as Latency
 from .accounting.cost import energy_pj as energy_pj
 from .accounting.cost import latency as latency
+from .accounting.worst_case import WorstCase as WorstCase
 from .description.chip import Chip as Chip
 from .description.chip import chip as chip
 from .description.chip import chip_names as chip_names
@@ -29,4 +30,6 @@ from .streaming.early_stop import timestep_scores as timestep_scores
 from .streaming.outcomes import StepScores as StepScores
 from .streaming.outcomes import Stops as Stops
 from .streaming.session import Session as Session
+from .worst_case import sustained_events as sustained_events
+from .worst_case import worst_case as worst_case
 from .xylo.chips import XyloChip as XyloChip

@@ -72,6 +72,19 @@ def prove_range(program: ChipProgram) -> tuple[CoreRange, ...]:
     return tuple(_prove_core(core, program.chip.registers) for core in program.cores)
 
 
+def can_spike(program: ChipProgram, phase: str) -> BoolArray:
+    """Mark the compartments of a phase that some input may bring above their threshold, (columns,)."""
+    proven = prove_range(program)
+
+    def of_core(core: Core) -> IntArray:
+        highest = np.minimum(proven[core.number].v.high, core.vmax)
+        is_free = core.setting("joined") == 0
+        reaches: IntArray = (is_free & (highest > core.threshold_voltage)).astype(np.int64)
+        return reaches
+
+    return program.by_column(phase, of_core) > 0
+
+
 def _prove_core(core: Core, registers: Registers) -> CoreRange:
     charge = charges(core)
     charge_fits = charge.within(-registers.half_charge, registers.half_charge - 1)

@@ -114,6 +114,26 @@ def count_steps(
     return activity
 
 
+def busiest_activity(program: ChipProgram, phase: str, sent: ByteArray) -> StepActivity:
+    """Count what spikes (steps, lines + columns) do in steps in which every compartment has work.
+
+    It is for bounds: the spikes need not be those of any recording.
+    """
+    pieces = pieces_of(program, phase)
+    counts = _effects_of_spikes(program, phase).of(sent)
+    every_compartment = np.tile(pieces.size, (len(sent), 1))
+    counts["neuron_updates"] = every_compartment
+    counts["neuron_updates_active"] = every_compartment
+    return StepActivity(
+        pieces=pieces,
+        routes=routes_of(program, phase),
+        by_piece={name: counts[name] for name in BY_CORE},
+        packets=counts["packets"],
+        input_packets=counts["input_packets"],
+        buffered=counts["buffered"][:, 0],
+    )
+
+
 class _Effects(Frozen, eq=False):
     """What a spike of each source (input lines, then columns) adds to a table of counts, a row a step.
 

@@ -40,9 +40,9 @@ def core_cycles(core: CoreProgram, recording: ByteArray, spikes: Mapping[str, By
         compartments = range(core.ends[index - 1] if index else 0, end)
         numbers = np.sort(core.numbers[phase.name])
         fired = [numbers[row].tolist() for row in fired_in_order(core, phase, recording, spikes)]
-        words = _transposed(core, phase, recording) if index else _streamed(core, recording)
+        words = transposed_words(core, phase, recording) if index else _streamed(core, recording)
         clock.play(words, compartments, fired)
-    return clock.consumed + _readout(core) + 2
+    return clock.consumed + readout_cycles(core) + 2
 
 
 def predicted_cycles(
@@ -170,7 +170,7 @@ def _streamed(core: CoreProgram, recording: ByteArray) -> Iterator[Word]:
     yield 1, LAST
 
 
-def _transposed(core: CoreProgram, phase: CorePhase, recording: ByteArray) -> Iterator[Word]:
+def transposed_words(core: CoreProgram, phase: CorePhase, recording: ByteArray) -> Iterator[Word]:
     """Yield words as the scan of the buffer finds them.
 
     A channel of a row takes a cycle, a visit four and one for every word of its rows.
@@ -201,7 +201,7 @@ def _transposed(core: CoreProgram, phase: CorePhase, recording: ByteArray) -> It
     yield wait, LAST
 
 
-def _readout(core: CoreProgram) -> int:
+def readout_cycles(core: CoreProgram) -> int:
     """Return the cycles of the readout: a bit of a weight per cycle."""
     readout = core.program.readout
     if not readout:

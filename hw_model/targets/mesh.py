@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from hw_model.accounting.activity import StepActivity
 from hw_model.accounting.cost import Latency
 from hw_model.accounting.usage import PhaseUsage, measure
+from hw_model.accounting.worst_case import WorstCase, worst_case
 from hw_model.description.chip import Chip
 from hw_model.errors import counted
 from hw_model.program.chip_program import ChipProgram
@@ -90,3 +91,7 @@ class MeshTarget(Target):
     ) -> tuple[list[Latency], dict[str, PhaseUsage]]:
         """Return times by the chip's first profile, and the use of cores and links."""
         return measure(program, activity, self.chip.costs)
+
+    def worst_case(self, program: ChipProgram, rows: int, events_per_step: int) -> WorstCase:
+        """Return bounds by the chip's first profile."""
+        return worst_case(program, rows, events_per_step)

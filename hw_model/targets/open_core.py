@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from hw_model.accounting.activity import StepActivity
 from hw_model.accounting.cost import Latency
 from hw_model.accounting.usage import PhaseUsage, measure
+from hw_model.accounting.worst_case import WorstCase
 from hw_model.description.chip import Chip
 from hw_model.description.counts import Counts
 from hw_model.description.open_core import Sizes
@@ -98,6 +99,12 @@ class OpenCoreTarget(Target):
 
         _, usage = measure(program, activity, self.chip.costs)
         return latencies(program, recordings, spikes), usage
+
+    def worst_case(self, program: ChipProgram, rows: int, events_per_step: int) -> WorstCase:
+        """Return bounds on the exact cycles."""
+        from hw_model.rtl.worst_case import worst_case_on_core
+
+        return worst_case_on_core(program, rows, events_per_step)
 
     def memory_accesses(
         self, program: ChipProgram, rows: int, counts: Counts, recordings: int

@@ -7,6 +7,7 @@ from typing import ClassVar, NamedTuple
 from hw_model.accounting.activity import StepActivity
 from hw_model.accounting.cost import Latency
 from hw_model.accounting.usage import PhaseUsage
+from hw_model.accounting.worst_case import WorstCase
 from hw_model.description.chip import Chip
 from hw_model.description.counts import Counts
 from hw_model.program.chip_program import ChipProgram
@@ -95,6 +96,10 @@ class Target(Frozen, ABC):
         ``recordings`` are (batch, steps, channels); ``activity`` and ``spikes`` are those of their
         simulation.
         """
+
+    @abstractmethod
+    def worst_case(self, program: ChipProgram, rows: int, events_per_step: int) -> WorstCase:
+        """Bound the time of any recording of ``rows`` rows with so many events in a row at most."""
 
     def memory_accesses(
         self, program: ChipProgram, rows: int, counts: Counts, recordings: int

@@ -88,6 +88,7 @@ def values(compiled):
         "Session": hw.Session(program),
         "Latency": compiled.match.latencies[0],
         "CoreRange": hw.prove_range(program)[0],
+        "WorstCase": hw.worst_case(program, spikes.shape[1], 1),
     }
 
 

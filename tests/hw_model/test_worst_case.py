@@ -1,0 +1,121 @@
+"""Bounds on time, queues and the buffer: by hand, and on programs of any phases with hostile recordings."""
+
+from __future__ import annotations
+
+import any_phases
+import cost_programs
+import numpy as np
+import pytest
+
+import hw_model as hw
+from hw_model.accounting.usage import measure
+
+UPDATES = 2 * 8.4
+WITHIN_TILE = 2.1
+SYNAPSE = 3.5
+BARRIER = 113.0
+
+
+@pytest.mark.parametrize(
+    ("events", "step_ns"),
+    [
+        pytest.param(0, UPDATES + WITHIN_TILE + SYNAPSE + BARRIER, id="inner spikes alone"),
+        pytest.param(1, UPDATES + WITHIN_TILE + 2 * SYNAPSE + BARRIER, id="and an event"),
+        pytest.param(9, UPDATES + WITHIN_TILE + 2 * SYNAPSE + BARRIER, id="no more than channels"),
+    ],
+)
+def test_a_chain_takes_at_most_what_it_takes_by_hand(events: int, step_ns: float) -> None:
+    """x -> a -> b on one core: both are active and spike, a sends a packet within the tile."""
+    bound = hw.worst_case(cost_programs.chain().program, 4, events)
+    assert bound.slowest_step_ns == pytest.approx(step_ns)
+    assert bound.answer_ns == pytest.approx(step_ns)
+    assert bound.recording_ns == pytest.approx(4 * step_ns)
+    assert (bound.queued_packets, bound.buffered_events) == (0, 0)
+
+
+def test_what_cannot_reach_its_threshold_sends_nothing() -> None:
+    builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
+    touch = builder.add_input("touch", 1)
+    forgets = {"decay_u": 4096, "decay_v": 4096}
+    first = builder.add_compartments("first", 1, threshold=20, **forgets)
+    second = builder.add_compartments("second", 1, threshold=10, **forgets)
+    builder.connect(touch, first, [[20]])
+    builder.connect(first, second, [[20]])
+    bound = hw.worst_case(builder.build(), 4, 1)
+    # A charge of 20 units does not exceed a threshold of 20.
+    assert bound.slowest_step_ns == pytest.approx(UPDATES + SYNAPSE + BARRIER)
+
+
+def test_the_sustained_rate_is_the_largest_that_fits_the_step() -> None:
+    program = rows_of_many(7)
+    steps_ns = [hw.worst_case(program, 5, events).slowest_step_ns for events in range(8)]
+    assert all(np.diff(steps_ns) > 0)
+    for events, step_ns in enumerate(steps_ns):
+        assert hw.sustained_events(program, 5, step_ns) == events
+        assert hw.sustained_events(program, 5, step_ns + 0.01) == events
+    assert hw.sustained_events(program, 5, steps_ns[0] - 0.01) is None
+    assert hw.sustained_events(program, 5, 1e9) == 7
+
+
+def rows_of_many(channels: int) -> hw.ChipProgram:
+    """Channel k has k + 1 synapses."""
+    builder = hw.ProgramBuilder(hw.chip("loihi-sim"))
+    touch = builder.add_input("touch", channels)
+    neuron = builder.add_compartments("neuron", channels, decay_u=0, decay_v=0, threshold=10)
+    builder.connect(touch, neuron, np.triu(np.full((channels, channels), 2)))
+    return builder.build()
+
+
+def test_the_dearest_events_are_those_of_the_bound() -> None:
+    program = rows_of_many(7)
+    most = [hw.worst_case(program, 5, events).slowest_step_ns for events in range(8)]
+    synapses = [7, 6, 5, 4, 3, 2, 1]
+    assert np.diff(most) == pytest.approx(np.array(synapses) * SYNAPSE)
+
+
+def hostile(
+    program: hw.ChipProgram, rows: int, spikes: dict[str, np.ndarray], seed: int
+) -> dict[str, np.ndarray]:
+    """The recordings of a case, and others: every channel always, in turns, in one burst, at random rates."""
+    r = np.random.default_rng(seed)
+    batches = {}
+    for name, channels in program.streams.items():
+        full = np.ones((1, rows, channels), dtype=np.uint8)
+        turns = full.copy()
+        turns[:, ::2] = 0
+        burst = np.zeros_like(full)
+        burst[:, : max(1, rows // 3)] = 1
+        random = (r.random((4, rows, channels)) < r.random((4, 1, 1))).astype(np.uint8)
+        batches[name] = np.concatenate((spikes[name], full, turns, burst, random))
+    return batches
+
+
+def check_mesh(seed: int) -> int:
+    """Check the bounds of a case at the rate of each of its recordings; return how many there were."""
+    case = any_phases.case(seed)
+    program = case.program
+    if not case.rows or case.steps is not None:
+        return 0
+    recordings = hostile(program, case.rows, case.spikes, seed)
+    events_of_row = sum(array.sum(axis=2, dtype=np.int64) for array in recordings.values())
+    activity = hw.simulate(program, recordings, probe=("activity",)).activity
+    for i, most_events in enumerate(events_of_row.max(axis=1).tolist()):
+        of_recording = {phase: [items[i]] for phase, items in activity.items()}
+        (latency,), usage = measure(program, of_recording, program.chip.costs)
+        bound = hw.worst_case(program, case.rows, most_events)
+        slack = 1 + 1e-9
+        assert latency.slowest_step_ns <= bound.slowest_step_ns * slack
+        assert latency.after_last_row_ns <= bound.answer_ns * slack
+        assert latency.total_ns <= bound.recording_ns * slack
+        for used in usage.values():
+            assert used.link_most.max(initial=0) <= bound.queued_packets
+    return len(events_of_row)
+
+
+def test_bounds_hold_on_programs_of_any_phases() -> None:
+    assert sum(check_mesh(seed) for seed in range(24)) > 80
+
+
+@pytest.mark.slow
+def test_bounds_hold_on_many_programs_of_any_phases() -> None:
+    assert sum(check_mesh(seed) for seed in range(24, 1500)) > 5_000

@@ -1,0 +1,73 @@
+"""Bounds on the cycles of the open core: on programs of any phases with hostile recordings, and by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import any_phases
+import numpy as np
+import pytest
+from test_worst_case import hostile
+
+import hw_model as hw
+from hw_model.accounting.worst_case import buffered_events
+from hw_model.rtl.cycles import predicted_cycles
+from hw_model.rtl.images import SIMULATED, CoreProgram
+from hw_model.rtl.worst_case import core_costs
+
+SIZES = (
+    SIMULATED,
+    replace(SIMULATED, later=1, slots=16),
+    replace(SIMULATED, groups=1),
+    replace(SIMULATED, places=1024),
+)
+"""As it is; both phases at once; rows of the buffer together; places that phases share."""
+
+
+def check_cores(seed: int) -> int:
+    """Check the bounds of a case at the rate of each of its recordings, on cores of all sizes; return how many."""
+    case = any_phases.case(seed, plain=True)
+    program = case.program
+    if not case.rows or case.steps is not None:
+        return 0
+    recordings = hostile(program, case.rows, case.spikes, seed)
+    spikes = hw.simulate(program, recordings).spikes
+    together = np.concatenate(list(recordings.values()), axis=2)
+    most_events = together.sum(axis=2, dtype=np.int64).max(axis=1)
+    checked = 0
+    for sizes in SIZES:
+        try:
+            core = CoreProgram(program, case.rows, None, sizes)
+        except hw.TargetError:
+            continue
+        costs = core_costs(core)
+        cycles = predicted_cycles(core, together, spikes)
+        for taken, events in zip(cycles, most_events.tolist(), strict=True):
+            assert taken <= costs.recording(events), sizes
+        checked += len(cycles)
+    return checked
+
+
+def test_bounds_hold_on_programs_of_any_phases() -> None:
+    assert sum(check_cores(seed) for seed in range(24)) > 100
+
+
+@pytest.mark.slow
+def test_bounds_hold_on_many_programs_of_any_phases() -> None:
+    assert sum(check_cores(seed) for seed in range(24, 1500)) > 5_000
+
+
+def test_the_buffer_holds_no_more_than_the_rate_brings() -> None:
+    for seed in range(60):
+        case = any_phases.case(seed)
+        if not case.rows:
+            continue
+        turned = {i.stream for i in case.program.inputs if i.positions is not None}
+        events = 0
+        for name in turned:
+            kept = max(
+                i.rows for i in case.program.inputs if i.stream == name and i.positions is not None
+            )
+            events += int(case.spikes[name][0, :kept].sum())
+        of_row = sum(array[0].sum(axis=1) for array in case.spikes.values())
+        assert events <= buffered_events(case.program, case.rows, int(of_row.max()))
